@@ -1,5 +1,6 @@
 # make demo: identify joints, write reports.   make test: every test that this machine has data and tools for.
-# Both set everything up by themselves.
+# make nightly: tests, and what takes too long for every run: the blocks of every tutorial, and every proof.
+# Each sets everything up by itself.
 PYTHON ?= python3
 VENV   ?= .venv
 DEMO   ?= demo
@@ -11,7 +12,7 @@ PYTEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n au
 NUMERIC = tests/property tests/real $(shell grep -lE 'pellucid\.(fit|estimators|signals|assessment)' tests/unit/test_*.py)
 CORE   := $(wildcard include/pellucid/*.hpp bindings/*.cpp bindings/*.hpp) CMakeLists.txt pyproject.toml
 
-.PHONY: demo test core-test numeric-test fuzz bench evidence clean
+.PHONY: demo test nightly core-test numeric-test fuzz bench evidence clean
 
 demo: $(VENV)/.installed
 	$(BIN)/pellucid demo --out $(DEMO)
@@ -19,6 +20,9 @@ demo: $(VENV)/.installed
 test: $(VENV)/.installed core-test
 	$(BIN)/ruff check .
 	$(PYTEST)
+
+nightly: test
+	$(PYTEST) -m nightly
 
 numeric-test: $(VENV)/.installed
 	$(PYTEST) -q -m 'not slow' $(NUMERIC)

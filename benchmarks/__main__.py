@@ -1,56 +1,32 @@
-"""Run every benchmark, print a table, write benchmarks.json."""
+"""Run the benchmarks named, or every one; print a table, write benchmarks.json.
+
+A benchmark is a file of this folder named after what it times, with `run()`, which returns rows of name, value, unit
+and note.
+"""
 
 import json
 import platform
 import sys
 from pathlib import Path
 
-from pellucid._atomic import write_text_atomically
+from ._runner import names_in, read_arguments, run_all
 
-from . import (
-    arm,
-    calibration,
-    commands,
-    elbow,
-    emg_estimator,
-    export,
-    hill,
-    identification,
-    kinematic_tree,
-    laws,
-    muscle_calibration,
-    people,
-    plant,
-    transfer_function,
-)
-
-MODULES = (
-    identification,
-    plant,
-    elbow,
-    emg_estimator,
-    transfer_function,
-    hill,
-    muscle_calibration,
-    kinematic_tree,
-    arm,
-    people,
-    laws,
-    export,
-    commands,
-    calibration,
-)
+NAMES = names_in(Path(__file__).parent)
 
 
 def main() -> None:
-    rows = [row for module in MODULES for row in module.run()]
-    width = max(len(row["name"]) for row in rows)
+    names, out = read_arguments("benchmarks", NAMES, "benchmarks.json")
+    rows, failed = run_all("benchmarks", names, lambda module: module.run())
+    from pellucid._atomic import write_text_atomically
+
+    width = max((len(row["name"]) for row in rows), default=0)
     for row in rows:
         print(f"{row['name']:<{width}}  {row['value']:>12.4g} {row['unit']:<6} {row['note']}")
-    out = Path(sys.argv[1]) if len(sys.argv) > 1 else Path("benchmarks.json")
     machine = f"{platform.machine()}, Python {platform.python_version()}"
     write_text_atomically(out, json.dumps({"machine": machine, "figures": rows}, indent=2) + "\n")
     print(f"written to {out}")
+    if failed:
+        sys.exit(f"failed: {', '.join(failed)}")
 
 
 if __name__ == "__main__":

@@ -14,15 +14,16 @@ from pathlib import Path
 
 import numpy as np
 
-from pellucid import datasets
-from pellucid._errors import PellucidError
 from pellucid.estimators.families.linear import PENALTIES
 from pellucid.estimators.features import LAGS, FeatureSet, features
 from pellucid.procedures.emg_torque.trial_sources import moment_trials
 
+from ._size import sized
+from ._walking import walking_study
 from .commands import COMMAND_LINE, processor_seconds
 
-DATASET, CEINMS, REPEATS = "lower_limb_walking", 208.0, 3
+CEINMS = 208.0
+REPEATS = sized(3, smallest=1)
 OURS = """
 import sys
 import numpy as np
@@ -53,10 +54,7 @@ print(made.fit(told["x"], told["y"]).best_params_, -made.best_score_)
 def run() -> list[dict]:
     """One row for the whole command by the clock and by processors, and the ridge regressions beside scikit-learn's."""
     with tempfile.TemporaryDirectory() as folder:
-        try:
-            study = datasets.init(Path(folder) / "walking", dataset=DATASET)
-        except PellucidError:
-            return []
+        study = walking_study(Path(folder) / "walking")
         trial = next(t for t in moment_trials(study, "knee") if not t.heldout)
         seen = features(trial, FeatureSet(neighbours=True, velocities=True, lags=LAGS))
         arrays = Path(folder) / "ridge.npz"

@@ -19,9 +19,10 @@ import numpy as np
 from pellucid.procedures.joint.aligned_motions import motions
 from pellucid.signals.effort import drive_model
 
+from ._size import sized
 from .identification import study_at
 
-REPEATS = 5
+REPEATS = sized(5, smallest=1)
 COMMANDS = ("check", "identify", "report")
 COMMAND_LINE = "from pellucid.cli import main; main()"
 PLAIN = """

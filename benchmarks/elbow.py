@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy import optimize
 
-from pellucid.fit.slider.coherent_body import LOAD_START, fit_coherent
+from pellucid.fit.slider.coherent_body import FIRST_LOAD_COEFFICIENT, fit_coherent
 from pellucid.fit.slider.three_steps import three_steps
 from pellucid.lab.elbow.instruments import play, read_all
 from pellucid.lab.elbow.rig import able_elbow
@@ -21,18 +21,19 @@ from pellucid.lab.study import record_in_memory
 from pellucid.models.directional_slider import VELOCITY_WIDTH
 from pellucid.models.joint import GRAVITY
 from pellucid.models.slider_joint import SliderJointModel
-from pellucid.procedures.slider.identify_slider import STEPS, fit_slider
+from pellucid.procedures.slider.identify_slider import STEP_PROTOCOLS, fit_slider
 from pellucid.signals.markers import slider_geometry
-from pellucid.signals.slider_motion import STRIDE, SliderMotion, slider_motions
+from pellucid.signals.slider_motion import REGRESSION_STRIDE, SliderMotion, slider_motions
 
+from ._size import sized
 from .identification import _row, interleaved
 
-REPEATS = 5
+REPEATS = sized(5, smallest=1)
 
 
 def plain_fit(motions: list[SliderMotion], mass: float, start: np.ndarray, bounds: tuple) -> np.ndarray:
     """Inertia, moment, gravity, frictions by direction and by load, with NumPy and SciPy alone."""
-    target = np.concatenate([m.effort[np.flatnonzero(m.scored)[::STRIDE]] for m in motions])
+    target = np.concatenate([m.effort[np.flatnonzero(m.scored)[::REGRESSION_STRIDE]] for m in motions])
     known = [
         (m, m.slider, np.sin(m.position), np.cos(m.position), np.tanh(m.velocity / VELOCITY_WIDTH), m.velocity > 0.0)
         for m in motions
@@ -46,7 +47,7 @@ def plain_fit(motions: list[SliderMotion], mass: float, start: np.ndarray, bound
             share = np.where(body * sign > 0.0, p[8], p[9])
             dry = np.where(up, p[4], p[5]) + share * np.abs(body)
             made = body + m.smooth(dry * sign + np.where(up, p[6], p[7]) * m.velocity)
-            parts.append(made[np.flatnonzero(m.scored)[::STRIDE]])
+            parts.append(made[np.flatnonzero(m.scored)[::REGRESSION_STRIDE]])
         return np.concatenate(parts) - target
 
     return optimize.least_squares(
@@ -74,10 +75,10 @@ def run() -> list[dict]:
     note = f"{len(protocol)} recordings, {played:.0f} s of motion"
     geometry = slider_geometry(recordings)
     motions = slider_motions(recordings, config, geometry)
-    steps = [m for m in motions if m.split == "fitted" and m.protocol in STEPS]
+    steps = [m for m in motions if m.split == "fitted" and m.protocol in STEP_PROTOCOLS]
     mass, rail = config.rig.slider.mass, (config.rig.slider.low, config.rig.slider.high)
     model = SliderJointModel("load", {"carriage_mass": mass})
-    start = np.array([LOAD_START if n.startswith("load") else 0.1 for n in model.names])
+    start = np.array([FIRST_LOAD_COEFFICIENT if n.startswith("load") else 0.1 for n in model.names])
     lower, upper = model.bounds()
     rows = [
         _row("elbow: identification, six models", seconds(lambda: fit_slider(config, recordings)), "s", note),

@@ -16,17 +16,21 @@ from pellucid.deployment.estimator_folder import write_estimator_folder
 from pellucid.deployment.microcontroller import measure, missing_tools
 from pellucid.estimators.live_torque import LiveTorque
 from pellucid.models.emg_estimator import EmgEstimatorCard, EstimatorChannel, EstimatorJoint, EstimatorMuscle
-from pellucid.models.hill import QUANTITIES
+from pellucid.models.hill import MUSCLE_QUANTITIES
 from pellucid.models.muscle_geometry import muscle_table
-from pellucid.models.muscle_surface import surface_of
+from pellucid.models.muscle_surface import surface_from_geometry
 
+from ._size import sized
 from .identification import _row
 
 KNEE = (
     "rectus_femoris", "vastus_medialis", "vastus_intermedius", "vastus_lateralis", "biceps_femoris_long",
     "biceps_femoris_short", "semimembranosus", "semitendinosus", "gastrocnemius_medialis", "gastrocnemius_lateralis",
 )  # fmt: skip
-SAMPLES, STEPS, REPEATS, PERIOD = 20_000, 2_000, 7, 1e-3
+SAMPLES = sized(20_000, smallest=2_000)
+STEPS = sized(2_000, smallest=200)
+REPEATS = sized(7, smallest=1)
+PERIOD = 1e-3
 
 
 def card() -> EmgEstimatorCard:
@@ -35,9 +39,9 @@ def card() -> EmgEstimatorCard:
     muscles = tuple(
         EstimatorMuscle(
             name,
-            dict(zip(QUANTITIES, map(float, table.constants[name].vector()), strict=True)),
+            dict(zip(MUSCLE_QUANTITIES, map(float, table.constants[name].vector()), strict=True)),
             {name: 1.0},
-            surface_of(table.geometry[name]),
+            surface_from_geometry(table.geometry[name]),
         )
         for name in KNEE
     )

@@ -9,8 +9,8 @@ medians.
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Callable
+from types import ModuleType
 
 import numpy as np
 from scipy import optimize
@@ -19,9 +19,12 @@ from pellucid import _core
 from pellucid.models.hill import FreeParameter, HillData, HillModel
 from pellucid.models.muscle_geometry import muscle_table
 
+from ._peers import peer
+from ._size import sized
 from .identification import _row, interleaved
 
-SAMPLES, PERIOD = 50_000, 1e-3
+SAMPLES = sized(50_000, smallest=2_000)
+PERIOD = 1e-3
 NAMES = ("rectus_femoris", "vastus_lateralis", "vastus_medialis")
 TRUTH = np.array([-1.6, 1.06, 0.11, 0.9, 1.25])
 START = np.array([-1.0, 1.0, 0.15, 1.0, 1.0])
@@ -123,12 +126,14 @@ def run() -> list[dict]:
 
     passes = {"core": lambda: model.normal(data, START, measured), "NumPy and differences": differences}
     fits = {"core": ours, "SciPy and differences": scipys("SciPy and differences", plain)}
-    if importlib.util.find_spec("jax") is not None:
-        residual, jacobian = with_jax(rest, measured)
+    jax = peer("hill", "jax")
+    if jax is not None:
+        residual, jacobian = with_jax(jax, rest, measured)
         passes["JAX, jacfwd"] = lambda: (residual(START), jacobian(START))
         fits["JAX, jacfwd"] = scipys("JAX, jacfwd", residual, jacobian)
-    if importlib.util.find_spec("casadi") is not None:
-        both = with_casadi(rest)
+    casadi = peer("hill", "casadi")
+    if casadi is not None:
+        both = with_casadi(casadi, rest)
         passes["CasADi"] = lambda: both(START)
         fits["CasADi"] = scipys("CasADi", lambda p: both(p)[0] - measured, lambda p: both(p)[1])
 
@@ -153,10 +158,9 @@ def neural_activation(model: HillModel, data: HillData) -> np.ndarray:
     return _core.hill_states(table, *data.arrays[:3], period=PERIOD)[0]
 
 
-def with_jax(rest: tuple, measured: np.ndarray) -> tuple[Callable, Callable]:
+def with_jax(jax: ModuleType, rest: tuple, measured: np.ndarray) -> tuple[Callable, Callable]:
     """Residual and Jacobian, compiled."""
-    import jax
-    import jax.numpy as jnp
+    jnp = jax.numpy
 
     jax.config.update("jax_enable_x64", True)
 
@@ -167,9 +171,8 @@ def with_jax(rest: tuple, measured: np.ndarray) -> tuple[Callable, Callable]:
     return lambda p: np.asarray(compiled(p)), lambda p: np.asarray(jacobian(p))
 
 
-def with_casadi(rest: tuple) -> Callable:
+def with_casadi(casadi: ModuleType, rest: tuple) -> Callable:
     """Torque and Jacobian of one sample, mapped over all."""
-    import casadi
 
     class Symbols:
         """The few functions of an array library, on CasADi's columns."""

@@ -1,8 +1,9 @@
 """How long an identification takes: Pellucid beside the same method in plain NumPy and SciPy, on the EMPS recording.
 
 Two methods, each against what a user would write: filtered least squares with NumPy, and the fit of the simulated
-closed loop with SciPy's least squares and finite differences, around a plant compiled by Numba. Without the recording
-(``PELLUCID_DATA``) a virtual joint's stands in. What is compared runs interleaved; figures are medians.
+closed loop with SciPy's least squares and finite differences, around a plant compiled by Numba. Without Numba the
+second rival is left out. Without the recording (``PELLUCID_DATA``) a virtual joint's stands in. What is compared runs
+interleaved; figures are medians.
 """
 
 from __future__ import annotations
@@ -32,7 +33,11 @@ from pellucid.procedures.joint.identify_joint import machine_of
 from pellucid.recordings.study import Study
 from pellucid.signals.effort import drive_model
 
-REPEATS = 7
+from ._peers import peer
+from ._size import sized
+
+REPEATS = sized(7, smallest=1)
+"""Runs of each call that count."""
 
 
 def study_at(folder: Path) -> Study:
@@ -65,9 +70,11 @@ def plain_least_squares(study: Study) -> np.ndarray:
     return np.linalg.lstsq(np.concatenate(rows), np.concatenate(targets), rcond=None)[0]
 
 
-def plain_simulation() -> Callable:
-    """The closed loop with smooth friction, compiled by Numba."""
-    import numba
+def plain_simulation() -> Callable | None:
+    """The closed loop with smooth friction, compiled by Numba; None where Numba is not installed."""
+    numba = peer("identification", "numba")
+    if numba is None:
+        return None
 
     @numba.njit
     def run(values, reference, period, substeps, kp, kv, limit, span, gain, width, q, v, out):
@@ -103,7 +110,7 @@ def plain_output_error(study: Study, start: np.ndarray, run: Callable) -> np.nda
             period = 1.0 / m.fs
             settings = (loop.kp, loop.kv, loop.limit, loop.velocity_span, gain, width)
             run(values, m.reference, period, substeps_for(period), *settings, *m.initial, out)
-            parts.append(signal.decimate((out - m.effort)[m.inner], m.decimate, zero_phase=True))
+            parts.append(signal.decimate((out - m.effort)[m.inner], m.filtering.decimate, zero_phase=True))
         return np.concatenate(parts)
 
     return optimize.least_squares(residual, np.ones(len(start)), x_scale="jac", xtol=1e-6, max_nfev=40).x * start
@@ -142,32 +149,31 @@ def run() -> list[dict]:
         order += [model.names.index("gravity")] if "gravity" in model.names else []
         compiled = plain_simulation()
         ours, theirs = interleaved(least_squares, lambda: plain_least_squares(study))
-        fit_ours, fit_theirs = interleaved(
-            lambda: solve_output_error(model, data, machine, first),
-            lambda: plain_output_error(study, first.values[order], compiled),
-        )
-        apart = solve_output_error(model, data, machine, first).values[order] / plain_output_error(
-            study, first.values[order], compiled
-        )
-    rows = []
-    for name, a, b, note in (
-        ("least squares", ours, theirs, "NumPy and SciPy"),
-        ("output error", fit_ours, fit_theirs, "SciPy least_squares, finite differences, Numba plant"),
-    ):
-        ratio = [y / x for x, y in zip(a, b, strict=True)]
-        rows.append(_row(f"{study.name}: {name}", a, "s", "Pellucid"))
-        rows.append(_row(f"{study.name}: {name}, plain", b, "s", note))
-        rows.append(_row(f"{study.name}: {name}, plain over Pellucid", ratio, "1", "pair by pair"))
-    worst = float(np.max(np.abs(apart - 1.0)))
-    rows.append(
-        {
-            "name": f"{study.name}: output error, largest difference",
-            "value": worst,
-            "unit": "1",
-            "note": "of any parameter",
-        }
-    )
-    return rows
+        rows = beside(f"{study.name}: least squares", ours, theirs, "NumPy and SciPy")
+
+        def output_error() -> np.ndarray:
+            return solve_output_error(model, data, machine, first).values[order]
+
+        name = f"{study.name}: output error"
+        if compiled is None:
+            return [*rows, _row(name, *interleaved(output_error), "s", "Pellucid")]
+
+        def plain() -> np.ndarray:
+            return plain_output_error(study, first.values[order], compiled)
+
+        rows += beside(name, *interleaved(output_error, plain), "SciPy least_squares, finite differences, Numba plant")
+        apart = float(np.max(np.abs(output_error() / plain() - 1.0)))
+    return [*rows, {"name": f"{name}, largest difference", "value": apart, "unit": "1", "note": "of any parameter"}]
+
+
+def beside(name: str, ours: list[float], theirs: list[float], note: str) -> list[dict]:
+    """Rows of what Pellucid and the plain method took [s], and of their ratio pair by pair."""
+    ratio = [y / x for x, y in zip(ours, theirs, strict=True)]
+    return [
+        _row(name, ours, "s", "Pellucid"),
+        _row(f"{name}, plain", theirs, "s", note),
+        _row(f"{name}, plain over Pellucid", ratio, "1", "pair by pair"),
+    ]
 
 
 def _row(name: str, values: list[float], unit: str, note: str) -> dict:

@@ -14,10 +14,12 @@ import numpy as np
 from pellucid import _core
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
 
+from ._peers import peer
+from ._size import sized
 from .identification import _row, interleaved
 
-SAMPLES = 45_000
-SECONDS = 0.5
+SAMPLES = sized(45_000, smallest=500)
+SECONDS = sized(0.5, smallest=0.05)
 PERIOD, SUBSTEPS = 1e-3, 4
 FRICTION, ROTOR = 0.5, 0.02
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -40,9 +42,8 @@ def chain(axes: str, rng: np.random.Generator) -> Tree:
 
 def in_pinocchio(tree: Tree):
     """The same in Pinocchio and its module, or None where it is not installed."""
-    try:
-        import pinocchio
-    except ImportError:
+    pinocchio = peer("kinematic_tree", "pinocchio")
+    if pinocchio is None:
         return None
     model = pinocchio.Model()
     model.gravity.linear = np.array(tree.gravity)
@@ -63,9 +64,8 @@ def words(numbers: Iterable[float]) -> str:
 
 def in_mujoco(tree: Tree) -> Callable[[np.ndarray], None] | None:
     """The same with dry friction in MuJoCo, a call a period; None where it is not installed."""
-    try:
-        import mujoco
-    except ImportError:
+    mujoco = peer("kinematic_tree", "mujoco")
+    if mujoco is None:
         return None
     text, body = "", {link.name: link for link in tree.links}
     for one in tree.order:

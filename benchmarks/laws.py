@@ -21,13 +21,14 @@ from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.models.simulate import substeps_for
 
+from ._plain_laws import PLAIN
+from ._size import sized
 from .export import elbow_card
 from .identification import _row
-from .plain_laws import PLAIN
 
 LAWS = {"FC": "fc", "PCFr": "pcfr", "CLPC": "clpc", "best": "transparent", "best with force sensor": "force_sensor"}
-TURNS = 7
-STEPS = 20_000
+TURNS = sized(7, smallest=1)
+STEPS = sized(20_000, smallest=2_000)
 """Of each side in a turn."""
 
 SAME = 1e-9
@@ -46,7 +47,7 @@ def worn(law: ControlLaw) -> Callable[[int, float], tuple[np.ndarray, ...]]:
     noise[:, 2] *= robot["encoder"]["noise"]
     arm = _core.WornElbow(
         person.vector(rig), np.zeros(5), position0=here, robot=robot.plant(person.slider(rig)),
-        strap=[rig["robot"]["strap_stiffness"], rig["robot"]["strap_damping"]],
+        strap=rig.strap,
         # One newton metre per ampere, and no limit of the current: the torque is what the law asked for.
         drive=[1.0, 1e3, motor["ripple_amplitude"], motor["ripple_wave_number"], robot.quantum],
         law=law.kind, law_parameters=law.parameters, emg_gains=[1.0, 1.0], substeps=substeps_for(rig.period),

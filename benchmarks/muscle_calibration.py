@@ -10,17 +10,19 @@ from __future__ import annotations
 import numpy as np
 from scipy import optimize
 
-from pellucid.fit.muscles.muscle_calibration import MuscleProblem, MuscleSamples, calibrate_muscles
+from pellucid.fit.muscles.muscle_calibration import MuscleProblem, MuscleSamples, solve_calibration
 from pellucid.models.hill import HillData
 from pellucid.models.muscle_geometry import muscle_table
 
+from ._size import sized
 from .identification import _row, interleaved
 
 MUSCLES = (
     "rectus_femoris", "vastus_medialis", "vastus_intermedius", "vastus_lateralis", "biceps_femoris_long",
     "biceps_femoris_short", "semimembranosus", "semitendinosus", "gastrocnemius_medialis", "gastrocnemius_lateralis",
 )  # fmt: skip
-SAMPLES, PERIOD = 500, 0.01
+SAMPLES = sized(500, smallest=100)
+PERIOD = 0.01
 
 
 def problem() -> MuscleProblem:
@@ -63,10 +65,10 @@ def run() -> list[dict]:
     """Rows of name, value, unit, note."""
     asked = problem()
     one, three, theirs = interleaved(
-        lambda: calibrate_muscles(asked, starts=1), lambda: calibrate_muscles(asked), lambda: plain(asked)
+        lambda: solve_calibration(asked, starts=1), lambda: solve_calibration(asked), lambda: plain(asked)
     )
     ratio = [b / a for a, b in zip(one, theirs, strict=True)]
-    ours, other = calibrate_muscles(asked, starts=1).cost, float(plain(asked).cost)
+    ours, other = solve_calibration(asked, starts=1).cost, float(plain(asked).cost)
     name = "calibrating ten muscles, 55 parameters"
     return [
         _row(name, one, "s", "Pellucid, from anatomy"),

@@ -17,14 +17,22 @@ from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import PointingRig, elbow_participants, elbow_people
 from pellucid.lab.pointing.session import CONTROL, point
 
+from ._size import sized
+
 EXPONENTS = (-0.5, -0.5)
 """Of equation 8, as five people chose them on most robots."""
+PEOPLE = sized(6, smallest=1)
+"""People of each rig, the first of those whom the rig draws."""
+REPETITIONS = sized(None, smallest=1)
+"""Movements of each amplitude and direction; None: as many as the rig states."""
 
 
 def study_seconds(rigs: tuple[PointingRig, ...], conditions: Conditions, seed: int = 1) -> np.ndarray:
     """CPU seconds of all movements of each rig's people in each condition, session by session by turns, shape
     (rigs, conditions)."""
-    people = [draw_people(rig, np.random.default_rng(seed)) for rig in rigs]
+    people = [draw_people(rig, np.random.default_rng(seed))[:PEOPLE] for rig in rigs]
+    if REPETITIONS is not None:
+        rigs = tuple(rig.changed({"pointing.repetitions": REPETITIONS}) for rig in rigs)
     n = len(rigs)
     taken = np.zeros((n, len(conditions)))
     for i, same in enumerate(zip(*people, strict=True)):

@@ -16,10 +16,14 @@ import numpy as np
 
 from pellucid import _core
 
+from ._peers import peer
+from ._size import sized
+
 PERIOD, SUBSTEPS, KP, KV, LIMIT = 1e-3, 10, 20.0, 3.0, 8.0
 INERTIA, GRAVITY, COULOMB, VISCOUS, WIDTH = 0.05, 1.5, 0.3, 0.1, 0.02
-ROWS = 64
-GEARED_ROWS, GEARED_SUBSTEPS, GEARED_KP, GEARED_KV, GEARED_LIMIT = 60, 4, 20.0, 8.0, 30.0
+ROWS = sized(64, smallest=8)
+GEARED_ROWS = sized(60, smallest=8)
+GEARED_SUBSTEPS, GEARED_KP, GEARED_KV, GEARED_LIMIT = 4, 20.0, 8.0, 30.0
 GEARED = {
     "link_inertia": 0.15,
     "gravity_sine": 8.0,
@@ -46,7 +50,7 @@ GEARED = {
     "bearing_viscous": 0.02,
 }
 RIPPLE, RIPPLE_WAVES = 0.05, 14.0
-REPEATS = 9
+REPEATS = sized(9, smallest=1)
 
 MUJOCO_MODEL = f"""
 <mujoco>
@@ -82,9 +86,12 @@ def reference(seconds: float) -> np.ndarray:
     return np.sin(2 * t) + 0.3 * np.sin(13 * t)
 
 
-def in_numba() -> tuple[Callable, Callable]:
-    """The same plant, compiled by Numba as anyone would write it: one joint, and many one after another."""
-    import numba
+def in_numba() -> tuple[Callable, Callable] | None:
+    """The same plant, compiled by Numba as anyone would write it: one joint, and many one after another; None where
+    Numba is not installed."""
+    numba = peer("plant", "numba")
+    if numba is None:
+        return None
 
     @numba.njit
     def run(reference, inertia, gravity, coulomb, viscous, width, out):
@@ -109,9 +116,12 @@ def in_numba() -> tuple[Callable, Callable]:
     return run, run_many
 
 
-def geared_in_numba() -> Callable:
-    """The geared plant as `_core.simulate_geared` runs it, compiled by Numba, one row after another."""
-    import numba
+def geared_in_numba() -> Callable | None:
+    """The geared plant as `_core.simulate_geared` runs it, compiled by Numba, one row after another; None where Numba
+    is not installed."""
+    numba = peer("plant", "numba")
+    if numba is None:
+        return None
 
     @numba.njit
     def dry(swung, rise, torque, up, p):
@@ -168,7 +178,8 @@ def geared_in_numba() -> Callable:
 
 
 def geared_cases() -> dict[str, tuple[float, Callable[[], object]]]:
-    """The geared plant: one row, many, on one thread and on two, and in Numba; checked to be the same motion."""
+    """The geared plant: one row, many, on one thread and on two, and where it is installed in Numba; checked to be the
+    same motion."""
     r = reference(5.0)
     rows = np.tile([GEARED[name] for name in _core.GEARED_PARAMETER_NAMES], (GEARED_ROWS, 1))
     rows[:, :2] *= np.linspace(0.7, 1.3, GEARED_ROWS)[:, None]  # a slider: inertia and gravity of the link
@@ -176,15 +187,20 @@ def geared_cases() -> dict[str, tuple[float, Callable[[], object]]]:
         reference=r, period=PERIOD, substeps=GEARED_SUBSTEPS, loop="cascade", kp=GEARED_KP, kv=GEARED_KV,
         limit=GEARED_LIMIT, ripple_amplitude=RIPPLE, ripple_wave_number=RIPPLE_WAVES,
     )  # fmt: skip
+    cases = {
+        "geared": (5.0, lambda: _core.simulate_geared(rows[:1], **settings)),
+        "geared batch": (5.0 * GEARED_ROWS, lambda: _core.simulate_geared(rows, **settings)),
+        "geared batch threads": (5.0 * GEARED_ROWS, lambda: _core.simulate_geared(rows, threads=2, **settings)),
+    }
     run = geared_in_numba()
+    if run is None:
+        return cases
     out, outs = np.empty((7, 1, r.size)), np.empty((7, GEARED_ROWS, r.size))
     run(r, rows[:1], out)
     for got, wanted in zip(_core.simulate_geared(rows[:1], **settings), out, strict=True):
         np.testing.assert_allclose(got, wanted, rtol=0, atol=1e-6 * np.max(np.abs(wanted)))
     return {
-        "geared": (5.0, lambda: _core.simulate_geared(rows[:1], **settings)),
-        "geared batch": (5.0 * GEARED_ROWS, lambda: _core.simulate_geared(rows, **settings)),
-        "geared batch threads": (5.0 * GEARED_ROWS, lambda: _core.simulate_geared(rows, threads=2, **settings)),
+        **cases,
         "geared numba": (5.0, lambda: run(r, rows[:1], out)),
         "geared numba batch": (5.0 * GEARED_ROWS, lambda: run(r, rows, outs)),
     }
@@ -192,9 +208,8 @@ def geared_cases() -> dict[str, tuple[float, Callable[[], object]]]:
 
 def in_mujoco() -> Callable | None:
     """The same joint in MuJoCo, its loop in Python, ten steps a call; None where MuJoCo is not installed."""
-    try:
-        import mujoco
-    except ImportError:
+    mujoco = peer("plant", "mujoco")
+    if mujoco is None:
         return None
     model = mujoco.MjModel.from_xml_string(MUJOCO_MODEL)
     data = mujoco.MjData(model)
@@ -232,13 +247,15 @@ def run() -> list[dict]:
         "core batch": (2.0 * ROWS, lambda: _core.simulate_batch(rows, reference=short, **loop)),
         "core stiction": (20.0, lambda: _core.simulate(p, reference=long, stiction=True, **loop)),
     }
-    one, many = in_numba()
-    out, outs = np.empty((6, long.size)), np.empty((ROWS, 6, short.size))
-    arguments = (INERTIA, GRAVITY, COULOMB, VISCOUS, WIDTH)
-    cases["numba"] = (20.0, lambda: one(long, *arguments, out))
-    cases["numba batch"] = (2.0 * ROWS, lambda: many(short, rows, outs))
-    one(long, *arguments, out)
-    np.testing.assert_allclose(out, _core.simulate(p, reference=long, **loop), rtol=1e-6, atol=1e-6)
+    compiled = in_numba()
+    if compiled is not None:
+        one, many = compiled
+        out, outs = np.empty((6, long.size)), np.empty((ROWS, 6, short.size))
+        arguments = (INERTIA, GRAVITY, COULOMB, VISCOUS, WIDTH)
+        cases["numba"] = (20.0, lambda: one(long, *arguments, out))
+        cases["numba batch"] = (2.0 * ROWS, lambda: many(short, rows, outs))
+        one(long, *arguments, out)
+        np.testing.assert_allclose(out, _core.simulate(p, reference=long, **loop), rtol=1e-6, atol=1e-6)
     mujoco = in_mujoco()
     if mujoco is not None:
         cases["mujoco"] = (2.0, lambda: mujoco(short))
@@ -279,7 +296,7 @@ def run() -> list[dict]:
             "note": "ratio of the medians of one run",
         }
         for a, b in pairs
-        if b in rate
+        if a in rate and b in rate
     ]
     return rows_out
 

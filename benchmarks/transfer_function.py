@@ -10,15 +10,18 @@ from __future__ import annotations
 import numpy as np
 from scipy import optimize, signal
 
-from pellucid.fit.transfer.transfer_function_fit import fit_transfer_function
+from pellucid.fit.transfer.transfer_function_fit import fit_records
 from pellucid.models.transfer_function import TransferFunction
 from pellucid.signals.input_output import InputOutput
 
+from ._size import sized
 from .identification import _row, interleaved
 
 TRUE = TransferFunction((20.0,), (1.0, 0.8, 27.0))
 START = TransferFunction((14.0,), (1.0, 1.4, 21.0))
 INITIAL = (0.2, -0.5)
+RECORDS = sized(((2_000, 50.0), (10_000, 500.0)), smallest=((2_000, 50.0),))
+"""Samples and sampling rate [Hz] of the records that are fitted."""
 
 
 def record(*, samples: int, rate: float) -> InputOutput:
@@ -47,15 +50,15 @@ def plain_output_error(data: InputOutput) -> np.ndarray:
 def run() -> list[dict]:
     """Rows of name, value, unit, note."""
     rows = []
-    for samples, rate in ((2_000, 50.0), (10_000, 500.0)):
+    for samples, rate in RECORDS:
         data = record(samples=samples, rate=rate)
 
         def ours(data: InputOutput = data) -> np.ndarray:
-            found = fit_transfer_function([data], 2, hold="first", start=START)
+            found = fit_records([data], 2, hold="first", start=START)
             return np.array([p.value for p in found.parameters])
 
         def unaided(data: InputOutput = data) -> object:
-            return fit_transfer_function([data], 2, hold="first")
+            return fit_records([data], 2, hold="first")
 
         def theirs(data: InputOutput = data) -> np.ndarray:
             return plain_output_error(data)

@@ -1,6 +1,7 @@
 // A person who reaches with a robot strapped to the forearm: the whole loop in the core, movement by movement.
 #include "elbow.hpp"
 
+#include "drive_reading.hpp"
 #include "single_fault.hpp"
 
 #include <array>
@@ -41,7 +42,9 @@ person : str
 sensor_delay : int
     Periods by which the force sensor is late, 0 to 63.
 supervisor : (m,), optional
-    In the order of SUPERVISOR_FIELDS, SI; left out: a supervisor that holds nothing against anybody.)";
+    In the order of SUPERVISOR_FIELDS, SI; left out: a supervisor that holds nothing against anybody.
+drive_reading : (4,), optional
+    How the drive measures its own effort, in the order of DRIVE_READING_NAMES, SI; left out: exactly.)";
 
 constexpr const char* move_doc = R"(One movement to a target, and holding it.
 
@@ -95,6 +98,8 @@ longest : int
     The most periods.
 seed : int
     Of what the fault draws.
+drive_noise : (n,), optional
+    Noise of the drive's own measurement [N m]; after n periods it begins again.
 
 Returns
 -------
@@ -105,7 +110,17 @@ dict
     the limb from onset to safe [N m]; impulse: of the drive from the onset to safe [N m s]; speed:
     largest of the limb from onset to safe [rad/s]; onset_speed: least of the motor in the 5 periods
     before the onset [rad/s]; periods; how near it came to a fault before there was one: lasting, push,
-    contradiction, burst, excess [N m], spent [J], ringing [N m], and the work of the test [J].)";
+    contradiction, burst, excess [N m], spent [J], ringing [N m], surplus of the drive [J]; and the work of the
+    test [J].)";
+
+constexpr const char* drive_reading_doc = R"(What a drive's own measurement makes of the effort that it gives.
+
+Parameters
+----------
+parameters : (4,)
+    In the order of DRIVE_READING_NAMES, SI.
+period : float
+    [s].)";
 
 template <class S> p::ExpectedLoad<S> read_load(nb::handle load) {
   const Array v = read_array("load", load);
@@ -149,13 +164,13 @@ class WornElbow {
  public:
   WornElbow(nb::handle parameters, nb::handle load, double position0, nb::handle robot, nb::handle strap,
             nb::handle drive, const char* law, nb::handle law_parameters, nb::handle emg_gains, nb::handle substeps,
-            const std::string& person, nb::handle sensor_delay, nb::handle supervisor) {
+            const std::string& person, nb::handle sensor_delay, nb::handle supervisor, nb::handle drive_reading) {
     bool known = false;
     for_each_person([&](auto i) {
       if (person != person_models[i]) return;
       known = true;
       strap_on(arm_.emplace<i>(), parameters, load, position0, robot, strap, drive, law, law_parameters, emg_gains,
-               substeps, sensor_delay, supervisor);
+               substeps, sensor_delay, supervisor, drive_reading);
     });
     if (known) return;
     std::string names;
@@ -204,7 +219,7 @@ class WornElbow {
 
   nb::dict live(nb::handle tasks, nb::handle noise, nb::handle sensor_error, bool emg, nb::handle tremor,
                 nb::handle stops, const std::string& fault, double onset, double seconds, nb::handle longest,
-                std::uint64_t seed) {
+                std::uint64_t seed, nb::handle drive_noise) {
     if (!std::holds_alternative<Reaching>(arm_)) throw nb::value_error("person: expected \"reaching\" where faults are");
     const Array t = read_array("tasks", tasks), z = read_array("noise", noise), shake = read_array("tremor", tremor),
                 halts = read_array("stops", stops);
@@ -215,9 +230,12 @@ class WornElbow {
     const bool sensed = !sensor_error.is_none();
     const Array error = sensed ? read_array("sensor_error", sensor_error) : z;
     if (sensed) error.expect(same_length("noise", z.shape[0]), {z.shape[0]});
+    const bool noisy = !drive_noise.is_none();
+    const Array disturbed = noisy ? read_array("drive_noise", drive_noise) : halts;
+    if (disturbed.shape.size() != 1) disturbed.fail("(n,)");
     const auto most = static_cast<std::size_t>(read_integer("longest", longest, 1, 1000000000));
     const Life life{{t.data, t.shape[0]}, {z.data, z.shape[0]}, sensed ? error.data : nullptr, emg, {shake.data[0], shake.data[1]},
-                    {halts.data, halts.shape[0]}, onset, seconds, most};
+                    {halts.data, halts.shape[0]}, {disturbed.data, noisy ? disturbed.shape[0] : 0}, onset, seconds, most};
     Lived lived;
     SingleFault wrong(fault, onset, seed);
     {
@@ -263,7 +281,8 @@ class WornElbow {
   template <class Arm>
   static void strap_on(Arm& arm, nb::handle parameters, nb::handle load, double position0, nb::handle robot,
                        nb::handle strap, nb::handle drive, const char* law, nb::handle law_parameters,
-                       nb::handle emg_gains, nb::handle substeps, nb::handle sensor_delay, nb::handle supervisor) {
+                       nb::handle emg_gains, nb::handle substeps, nb::handle sensor_delay, nb::handle supervisor,
+                       nb::handle drive_reading) {
     const auto params = read_params<typename Arm::Model, double>("parameters", parameters);
     if (!(params.period > 0 && std::isfinite(params.period)))
       throw nb::value_error("parameters: expected a period above 0");
@@ -292,6 +311,7 @@ class WornElbow {
     arm.emg_gain[0] = g.data[0];
     arm.emg_gain[1] = g.data[1];
     arm.sensor_delay = static_cast<std::uint32_t>(read_integer("sensor_delay", sensor_delay, 0, 63));
+    arm.reading = read_drive_reading(drive_reading, params.period);
     arm.plant = p::coefficients(plant);
     arm.state = p::balanced(arm.plant, position0);
     arm.reach = p::holding(arm.person, position0, read_load<double>(load));
@@ -300,6 +320,17 @@ class WornElbow {
     arm.level[0] = arm.reach.torque > 0 ? arm.reach.torque : 0;
     arm.level[1] = arm.reach.torque < 0 ? -arm.reach.torque : 0;
   }
+};
+
+/// One drive's measurement, a period at a time.
+class DriveReading {
+ public:
+  DriveReading(nb::handle parameters, double period) : reading_(read_drive_reading(parameters, period)) {}
+  double step(double effort, double noise) { return p::step(reading_, state_, effort, noise); }
+
+ private:
+  p::DriveReadingCoefficients<double> reading_;
+  p::DriveReadingState<double> state_{};
 };
 
 constexpr const char* optimal_policy_doc = R"(What a person who reaches by optimal feedback settles before a movement.
@@ -359,15 +390,15 @@ void add_elbow(nb::module_& m) {
   m.attr("PERSON_MODELS") = nb::tuple(models);
   nb::class_<WornElbow>(m, "WornElbow", worn_elbow_doc)
       .def(nb::init<nb::handle, nb::handle, double, nb::handle, nb::handle, nb::handle, const char*, nb::handle,
-                    nb::handle, nb::handle, const std::string&, nb::handle, nb::handle>(),
+                    nb::handle, nb::handle, const std::string&, nb::handle, nb::handle, nb::handle>(),
            nb::arg("parameters"), nb::arg("load"), nb::kw_only(), nb::arg("position0"), nb::arg("robot").none() = nb::none(),
            nb::arg("strap"), nb::arg("drive"), nb::arg("law") = "none", nb::arg("law_parameters").none() = nb::none(),
            nb::arg("emg_gains"), nb::arg("substeps"), nb::arg("person") = "reaching", nb::arg("sensor_delay") = 0,
-           nb::arg("supervisor").none() = nb::none(),
+           nb::arg("supervisor").none() = nb::none(), nb::arg("drive_reading").none() = nb::none(),
            nb::sig("def __init__(self, parameters: ArrayLike, load: ArrayLike, *, position0: float, robot: ArrayLike | "
                    "None = None, strap: ArrayLike, drive: ArrayLike, law: str = 'none', law_parameters: ArrayLike | "
                    "None = None, emg_gains: ArrayLike, substeps: int, person: str = 'reaching', sensor_delay: int = 0, "
-                   "supervisor: ArrayLike | None = None) -> None"))
+                   "supervisor: ArrayLike | None = None, drive_reading: ArrayLike | None = None) -> None"))
       .def("move", &WornElbow::move, nb::kw_only(), nb::arg("target"), nb::arg("amplitude"), nb::arg("duration"),
            nb::arg("reaction"), nb::arg("load"), nb::arg("tolerance"), nb::arg("hold"), nb::arg("noise"), nb::arg("longest"),
            nb::arg("sensor_error").none() = nb::none(), nb::arg("emg") = false,
@@ -377,14 +408,21 @@ void add_elbow(nb::module_& m) {
            move_doc)
       .def("live", &WornElbow::live, nb::kw_only(), nb::arg("tasks"), nb::arg("noise"), nb::arg("sensor_error").none(),
            nb::arg("emg"), nb::arg("tremor"), nb::arg("stops"), nb::arg("fault"), nb::arg("onset"), nb::arg("seconds"),
-           nb::arg("longest"), nb::arg("seed"),
+           nb::arg("longest"), nb::arg("seed"), nb::arg("drive_noise").none() = nb::none(),
            nb::sig("def live(self, *, tasks: ArrayLike, noise: ArrayLike, sensor_error: ArrayLike | None, emg: bool, "
                    "tremor: ArrayLike, stops: ArrayLike, fault: str, onset: float, seconds: float, longest: int, seed: "
-                   "int) -> dict"),
+                   "int, drive_noise: ArrayLike | None = None) -> dict"),
            live_doc)
       .def_prop_ro("lasting", &WornElbow::lasting, nb::sig("def lasting(self) -> dict"),
                    "What of a person outlasts a movement, and how the last went; empty where the model has nothing.")
       .def_prop_ro("fault", &WornElbow::fault, "Why its supervisor has stopped; 'none' while all is well.");
+  m.attr("DRIVE_READING_NAMES") = names_of<p::DriveReadingParams<double>>();
+  nb::class_<DriveReading>(m, "DriveReading", drive_reading_doc)
+      .def(nb::init<nb::handle, double>(), nb::arg("parameters").none(), nb::arg("period"),
+           nb::sig("def __init__(self, parameters: ArrayLike | None, period: float) -> None"))
+      .def("step", &DriveReading::step, nb::arg("effort"), nb::arg("noise") = 0.0,
+           nb::sig("def step(self, effort: float, noise: float = 0.0) -> float"),
+           "The reading [N m] at the end of a period in which the drive gave `effort` [N m]; `noise` [N m].");
   m.def("optimal_policy", optimal_policy, nb::arg("parameters"), nb::arg("load"), nb::kw_only(), nb::arg("amplitude"),
         nb::arg("target"), nb::arg("duration"), nb::arg("variance"),
         nb::sig("def optimal_policy(parameters: ArrayLike, load: ArrayLike, *, amplitude: float, target: float, duration: "

@@ -37,6 +37,7 @@ template <class P> nb::list fields_of() {
     one["infinite"] = f.bounds.infinite;
     one["count"] = std::is_integral<std::remove_reference_t<decltype(number)>>::value;
     one["sentence"] = f.sentence;
+    if (f.resists.at_all) one["resists"] = nb::make_tuple(f.resists.speed, f.resists.load, f.resists.one_way);
     list.append(one);
   });
   return list;

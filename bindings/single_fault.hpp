@@ -240,14 +240,14 @@ struct Life {
   const double* sensor_error;
   bool emg;
   double tremor[2];
-  Doubles stops;
+  Doubles stops, drive_noise;
   double onset, seconds;
   std::size_t longest;
 };
 
 /// How near a healthy life came to each threshold that follows from a model: largest so far.
 struct Nearest {
-  double lasting = 0, push = 0, contradiction = 0, burst = 0, excess = -1e9, spent = 0, ringing = 0, answer = 0;
+  double lasting = 0, push = 0, contradiction = 0, burst = 0, excess = -1e9, spent = 0, ringing = 0, answer = 0, surplus = 0;
   template <class S> void take(const pellucid::SupervisorState<S>& s) {
     if (pellucid::mode_of(s) == pellucid::Mode::start_up) return;
     const auto& body = s.body;
@@ -258,6 +258,7 @@ struct Nearest {
     excess = std::max(excess, body.excess);
     spent = std::max(spent, s.budget.spent);
     ringing = std::max(ringing, static_cast<double>(s.ringing.size));
+    surplus = std::max(surplus, static_cast<double>(s.drive.surplus));
     if (answer == 0) answer = s.test.middle;
   }
 };
@@ -289,6 +290,7 @@ struct Lived {
     d["excess"] = nearest.excess;
     d["spent"] = nearest.spent;
     d["ringing"] = nearest.ringing;
+    d["surplus"] = nearest.surplus;
     d["answer"] = nearest.answer;
     Result result({energy.size()});
     std::copy(energy.begin(), energy.end(), result.data);
@@ -333,7 +335,8 @@ template <class Params> Lived live_with(WornArm<Params>& arm, const Life& life, 
       if (deep > 0) fault.lean(-blocked_way * p::clamp(onto, 0.0, 60.0));
     }
     const std::size_t at = k % life.noise.count;
-    arm.period(life.noise.data + 5 * at, life.sensor_error != nullptr ? life.sensor_error + at : nullptr, life.emg, row, fault);
+    arm.period(life.noise.data + 5 * at, life.sensor_error != nullptr ? life.sensor_error + at : nullptr, life.emg, row, fault,
+               life.drive_noise.count > 0 ? life.drive_noise.data[k % life.drive_noise.count] : 0);
     ++lived.periods;
     if (arm.out.fault == p::SafetyFault::none) of_law(arm.law, 0, [&](auto& one) { return lived.nearest.take(one.state), 0; });
     const bool acted = arm.out.fault != p::SafetyFault::none;

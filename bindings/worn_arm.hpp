@@ -3,6 +3,7 @@
 
 #include "laws.hpp"
 
+#include <pellucid/drive_reading.hpp>
 #include <pellucid/optimal_reaching.hpp>
 #include <pellucid/postural_reaching.hpp>
 #include <pellucid/reaching.hpp>
@@ -44,15 +45,18 @@ template <class Params> struct WornArm {
   AnySupervised<double> law;
   pellucid::SupervisorOutput<double> out{};
   pellucid::Watchdog watchdog{};
+  pellucid::DriveReadingCoefficients<double> reading{};
+  pellucid::DriveReadingState<double> reading_state{};
   double limb_torque = 0, drive_torque = 0, drive_measured = 0, gain = 1, limit = 0, smoothing = 0, emg_gain[2] = {1, 1}, level[2] = {0, 0},
          sensor[64] = {};
   std::uint64_t ticks = 0;
   std::uint32_t sensor_delay = 0, off = 0;
 
-  /// One period; what the drive gives is `drive_torque`. The row has what `WornElbow.move` returns.
+  /// One period; what the drive gives is `drive_torque`. The row has what `WornElbow.move` returns. `reading_noise` is
+  /// that of the drive's own measurement [N m].
   /// Everything inlined: a quarter of a study's time goes into calls between functions of a line or two.
   template <class Fault> [[gnu::flatten]] void period(const double* noise, const double* sensor_error, bool emg, double* row,
-                                                      Fault& fault) {
+                                                      Fault& fault, double reading_noise = 0) {
     namespace p = pellucid;
     const p::StrapPull<double> strap = p::interaction(plant, state);
     const double torque_now = strap.robot;
@@ -84,7 +88,7 @@ template <class Params> struct WornArm {
     off = power ? 0 : off + 1;
     const double asked = gain * current;
     drive_torque = off >= DriveWatch::off_periods ? 0.0 : fault.given(asked);
-    drive_measured = fault.measured(drive_torque);
+    drive_measured = fault.measured(p::step(reading, reading_state, drive_torque, reading_noise));
     const p::ReachingOutput<double> muscles =
         p::step(person, reach, state.limb_position, state.limb_velocity, noise[0], noise[1]);
     listen(muscles, noise + 3);

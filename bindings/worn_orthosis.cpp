@@ -2,6 +2,7 @@
 #include "worn_orthosis.hpp"
 
 #include "coupled_plant.hpp"
+#include "drive_reading.hpp"
 #include "single_fault.hpp"
 
 namespace bindings {
@@ -20,7 +21,10 @@ law : str
 law_parameters : (k,)
     In the order of the law's names, SI.
 supervisor : (m,)
-    In the order of SUPERVISOR_FIELDS, SI.)";
+    In the order of SUPERVISOR_FIELDS, SI.
+drive_reading : (4,), optional
+    How the torque of the spring is measured for the supervisor, in the order of DRIVE_READING_NAMES, SI; left out:
+    exactly. The law reads it exactly.)";
 
 constexpr const char* step_doc = R"(One control period.
 
@@ -30,6 +34,8 @@ muscle_torque : float
     On the limb, held over the period [N m].
 emg : float
     What the law's EMG chain makes of it [N m]; NaN: nothing.
+reading_noise : float
+    Noise of the measurement that the supervisor reads [N m].
 
 Returns
 -------
@@ -40,8 +46,9 @@ tuple of float
 class WornOrthosis {
  public:
   WornOrthosis(nb::handle parameters, double period, nb::handle substeps, nb::handle delay, nb::handle torque_span,
-               double position0, const char* law, nb::handle law_parameters, nb::handle supervisor)
-      : period_(period) {
+               double position0, const char* law, nb::handle law_parameters, nb::handle supervisor,
+               nb::handle drive_reading)
+      : reading_(read_drive_reading(drive_reading, period)), period_(period) {
     auto params = read_coupled_plant(parameters, period, substeps, delay, torque_span);
     on_ = p::coefficients(params);
     state_ = p::balanced(on_, position0, 0.0);
@@ -58,7 +65,7 @@ class WornOrthosis {
     seal();
   }
 
-  nb::object step(double muscle_torque, double emg) {
+  nb::object step(double muscle_torque, double emg, double reading_noise) {
     const double time = period_ * static_cast<double>(ticks_);
     const auto now = static_cast<std::int64_t>(std::llround(1e6 * time));
     fault_.at(time, period_, 0);
@@ -67,12 +74,13 @@ class WornOrthosis {
     samples.position = {seen.position, 0, 0, true};
     samples.torque = {seen.torque, 0, 0, true};
     samples.muscle = {emg, 0, 0, std::isfinite(emg)};
+    const double measured = p::step(reading_, reading_state_, seen.torque, reading_noise);
     if (!fault_.hangs()) {
       of_law(law_, 0, [&](auto& one) {
         p::Samples<double> read = p::stamped(one, samples, now);
         const p::Sample<double> stamp = read.position;
         p::Feedback<double> back;
-        back.drive = {fault_.measured(seen.torque), stamp.time, stamp.sequence, true};
+        back.drive = {fault_.measured(measured), stamp.time, stamp.sequence, true};
         back.joint = {seen.motor_position, stamp.time, stamp.sequence, true};
         std::int64_t clock = now;
         fault_.samples(one, read, back, clock);
@@ -103,6 +111,8 @@ class WornOrthosis {
   p::CoupledPlantState<double> state_;
   AnySupervised<double> law_;
   p::Watchdog watchdog_{};
+  p::DriveReadingCoefficients<double> reading_;
+  p::DriveReadingState<double> reading_state_{};
   SingleFault fault_{"none", 0, 0};
   double period_;
   std::uint64_t ticks_ = 0;
@@ -112,13 +122,17 @@ class WornOrthosis {
 
 void add_worn_orthosis(nb::module_& m) {
   nb::class_<WornOrthosis>(m, "WornOrthosis", class_doc)
-      .def(nb::init<nb::handle, double, nb::handle, nb::handle, nb::handle, double, const char*, nb::handle, nb::handle>(),
+      .def(nb::init<nb::handle, double, nb::handle, nb::handle, nb::handle, double, const char*, nb::handle, nb::handle,
+                    nb::handle>(),
            nb::arg("parameters"), nb::kw_only(), nb::arg("period"), nb::arg("substeps"), nb::arg("delay"),
            nb::arg("torque_span"), nb::arg("position0"), nb::arg("law"), nb::arg("law_parameters"), nb::arg("supervisor"),
+           nb::arg("drive_reading").none() = nb::none(),
            nb::sig("def __init__(self, parameters: ArrayLike, *, period: float, substeps: int, delay: int, torque_span: "
-                   "int, position0: float, law: str, law_parameters: ArrayLike, supervisor: ArrayLike) -> None"))
-      .def("step", &WornOrthosis::step, nb::arg("muscle_torque"), nb::arg("emg"),
-           nb::sig("def step(self, muscle_torque: float, emg: float) -> tuple[float, ...]"), step_doc)
+                   "int, position0: float, law: str, law_parameters: ArrayLike, supervisor: ArrayLike, drive_reading: "
+                   "ArrayLike | None = None) -> None"))
+      .def("step", &WornOrthosis::step, nb::arg("muscle_torque"), nb::arg("emg"), nb::arg("reading_noise") = 0.0,
+           nb::sig("def step(self, muscle_torque: float, emg: float, reading_noise: float = 0.0) -> tuple[float, ...]"),
+           step_doc)
       .def("begin", &WornOrthosis::begin, nb::arg("fault"), nb::arg("seed"),
            nb::sig("def begin(self, fault: str, seed: int) -> None"), "A fault of `single_faults` from the next period on.")
       .def("copy", [](const WornOrthosis& one) { return WornOrthosis(one); }, nb::sig("def copy(self) -> WornOrthosis"),

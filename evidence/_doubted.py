@@ -11,13 +11,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pellucid.assessment.certificate import PASS, Doubt, joined
+from pellucid.assessment.certificate import PASS, Doubt, certificate_from_tests
 from pellucid.assessment.crossover import period_effect
 from pellucid.assessment.curves import compare_curves
 from pellucid.assessment.equivalence import Margin, equivalence
 from pellucid.assessment.lasting_bounds import lasting_bounds
 from pellucid.assessment.learning import thirds
-from pellucid.assessment.measured import Lasted
+from pellucid.assessment.measured import MovementDuration
 from pellucid.assessment.mixed_model import mixed_model
 from pellucid.assessment.signed_rank import signed_rank
 
@@ -55,7 +55,7 @@ def of_period(studies: int, change: float, per_period: float, first: int) -> tup
         d = change + per_period * later + SPREAD * rng.standard_normal(PEOPLE)
         own, told = equivalence(d, MARGIN), period_effect(d, later, MARGIN)
         doubts = {"duration": (Doubt("period", told.p_value, told.without, always=True),)}
-        said += joined({"duration": own}, 0.05, doubts).verdict == PASS
+        said += certificate_from_tests({"duration": own}, 0.05, doubts).verdict == PASS
         plain += own.verdict == "within"
     return said / studies, plain / studies
 
@@ -77,7 +77,7 @@ def of_learning(studies: int, mean: float, end: float) -> tuple[float, float]:
         p = signed_rank(drift[1] - drift[0]).p_value
         test = equivalence(d, MARGIN)
         doubt = Doubt("learning", p, equivalence(d + late[1] - late[0], MARGIN))
-        said += joined({"duration": test}, 0.05, {"duration": (doubt,)}).verdict == PASS
+        said += certificate_from_tests({"duration": test}, 0.05, {"duration": (doubt,)}).verdict == PASS
         plain += test.verdict == "within"
     return said / studies, plain / studies
 
@@ -104,10 +104,10 @@ def of_failures(studies: int, cap: float | None) -> tuple[float, float]:
                     hidden = condition == "FC" and s > slow
                     shown = min(s, slow) if hidden else s
                     if cap is None and hidden:
-                        failed.append(Lasted(who[i], condition, (None, "up"), float("inf"), False))
+                        failed.append(MovementDuration(who[i], condition, (None, "up"), float("inf"), False))
                     else:
-                        seen.append(Lasted(person, condition, (None, "up"), shown, not hidden))
-                        naive.append(Lasted(person, condition, (None, "up"), shown, True))
+                        seen.append(MovementDuration(person, condition, (None, "up"), shown, not hidden))
+                        naive.append(MovementDuration(person, condition, (None, "up"), shown, True))
         setting = who, ("Ctrl", "FC"), "Ctrl", "FC", change
         low, high = lasting_bounds(seen, *setting)
         test = equivalence(low, MARGIN, upper=high)
@@ -115,7 +115,7 @@ def of_failures(studies: int, cap: float | None) -> tuple[float, float]:
         if failed:
             low, high = lasting_bounds(seen + failed, *setting)
             doubts["duration"] = (Doubt("left out", 0.0, equivalence(low, MARGIN, upper=high), always=True),)
-        said += joined({"duration": test}, 0.05, doubts).verdict == PASS
+        said += certificate_from_tests({"duration": test}, 0.05, doubts).verdict == PASS
         plain += equivalence(lasting_bounds(naive, *setting)[0], MARGIN).verdict == "within"
     return said / studies, plain / studies
 

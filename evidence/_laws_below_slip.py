@@ -11,10 +11,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
+from benchmarks._size import sized
 
 from pellucid._processes import in_order
 from pellucid.control.control_law import ControlLaw
-from pellucid.control.elbow_controllers import BEST, DITHERED_BODY, transparent_and
+from pellucid.control.elbow_controllers import BEST_CONTROLLER, DITHERED_BODY, transparent_and
 from pellucid.control.transparent_laws import with_dither
 from pellucid.lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from pellucid.lab.pointing.conditions import TUNING_SEED, chosen_exponents, condition_of, identified_cards, offered
@@ -25,20 +26,25 @@ from pellucid.models.slider_card import SliderCard
 from pellucid.papers.able.law_comparison import REFERENCE, TORQUE_SEED, LawOnRobot, try_law
 from pellucid.recordings.results import ResultRow
 
-TRAVELS = {"0mrad": 0.0, "0_3mrad": 0.3e-3, "1mrad": 1e-3, "3mrad": 3e-3}
+TRAVELS = sized({"0mrad": 0.0, "0_3mrad": 0.3e-3, "1mrad": 1e-3, "3mrad": 3e-3}, smallest={"0_3mrad": 0.3e-3})
 """By the end of the id [rad]."""
 
 LAWS = (
-    "clpc", "pcfr", REFERENCE, "without_friction", "transparent", "emg", "oscillator", BEST, "zero_impedance",
-    "disturbance_observer", "force_sensor", "residual",
+    "clpc", "pcfr", REFERENCE, "without_friction", "transparent", "emg", "oscillator", BEST_CONTROLLER,
+    "zero_impedance", "disturbance_observer", "force_sensor", "residual",
 )  # fmt: skip
+
+TRIED_LAWS = sized(LAWS, smallest=(REFERENCE, "transparent", "force_sensor"))
+"""Laws that are tried."""
 
 ANYWAY: Mapping[str, float] = {"dithered_anyway": 1000.0, "dithered_slowly": 600.0}
 """Dither whatever the travel, at a frequency [rad/s]."""
 
 UNPOWERED = "unpowered"
 
-ROBOTS, PEOPLE, REPETITIONS = 5, 3, 1
+ROBOTS = sized(5, smallest=1)
+PEOPLE = sized(3, smallest=1)
+REPETITIONS = 1
 
 
 def rows(robots: int = ROBOTS) -> Iterator[ResultRow]:
@@ -74,7 +80,7 @@ def tried(robot: ElbowRig, travel: float) -> tuple[float, dict[str, LawOnRobot]]
     exponents = chosen_exponents(rig, cards)[0]
     people = draw_people(rig, np.random.default_rng([TORQUE_SEED, TUNING_SEED]), count=PEOPLE)
     found = {}
-    for name in (*LAWS, *ANYWAY, UNPOWERED):
+    for name in (*TRIED_LAWS, *ANYWAY, UNPOWERED):
         laws = [Unpowered()] * PEOPLE
         if name in ANYWAY:
             laws = [_anyway(cards["load"], person.slider(rig), ANYWAY[name]) for person in people]
@@ -82,7 +88,7 @@ def tried(robot: ElbowRig, travel: float) -> tuple[float, dict[str, LawOnRobot]]
             build = condition_of(cards, offered(cards, name), exponents=exponents)
             laws = [build(person, person.slider(rig)) for person in people]
         one = try_law(rig, people, laws, TORQUE_SEED, REPETITIONS)
-        found[name] = replace(one, refused=offered(cards, name) != name if name in LAWS else False)
+        found[name] = replace(one, refused=offered(cards, name) != name if name in TRIED_LAWS else False)
     return cards["load"].presliding_travel.value, found
 
 

@@ -16,11 +16,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from benchmarks._size import sized
 
 from pellucid._processes import in_order
 from pellucid.control.tree_laws import with_measured_drives
 from pellucid.control.tree_stability import (
-    LIMBS,
+    DRAWN_LIMBS,
     LinearShares,
     TreeCoupling,
     at_joints,
@@ -51,13 +52,19 @@ from pellucid.papers.able.arm_identification import (
 from pellucid.papers.able.arm_worn import BEST, LAWS, PUBLISHED, arms_worn, wearers_of
 from pellucid.procedures.tree_excitation import tree_information
 from pellucid.protocols.step_by_step import step_by_step
-from pellucid.protocols.tree_fourier import optimised_tree_fourier, random_tree_fourier, within
+from pellucid.protocols.tree_fourier import optimised_tree_fourier, random_tree_fourier, shrink_within_limits
 from pellucid.recordings.results import ResultRow
 
-FAULTY = 4  # of the drawn arms, with single faults: as many as joints, so that every one is every joint's once
-ARMS, SEEDS = 5, 3  # drawn arms beside the rig itself; seeds of it
+FAULTY = sized(4, smallest=1)
+"""Drawn arms that have single faults: as many as joints, so that every fault is every joint's once."""
+ARMS = sized(5, smallest=1)
+"""Drawn arms beside the rig itself."""
+SEEDS = sized(3, smallest=1)
+"""Seeds with which the rig itself is recorded."""
+JOINT_COUNTS = sized((1, 2, 3, 4), smallest=(1, 2))
+"""Numbers of joints that move where sets by directions are compared with one body."""
 FUNDAMENTAL, HARMONICS, PERIODS = 0.1, 5, 4  # of the motions compared
-RANDOM = 3  # random motions that an optimised one is compared with
+RANDOM = sized(3, smallest=1)  # random motions that an optimised one is compared with
 SHORTER = {"angles": 10, "hold": 1.0, "velocities": 5, "slow": 2, "sweep": 25.0}  # than published: holds tell gravity
 
 
@@ -67,8 +74,8 @@ def rows(arms: int = ARMS, seeds: int = SEEDS) -> Iterator[ResultRow]:
     drawn = drawn_arms(rig, arms)
     found = identified_many([*((rig, s) for s in range(1, seeds + 1)), *((one, 1) for one in drawn)])
     yield from identified_rows(found)
-    counts = (1, 2, 3, 4)
-    yield from directional_rows(dict(zip(counts, directional_many([(rig, 1, n) for n in counts]), strict=True)))
+    made = directional_many([(rig, 1, n) for n in JOINT_COUNTS])
+    yield from directional_rows(dict(zip(JOINT_COUNTS, made, strict=True)))
     yield from excitation_rows(rig)
     yield from margin_rows(found[0].best)
     yield from worn_rows(drawn)
@@ -158,7 +165,9 @@ def asked(rig: ArmRig, name: str, seed: int) -> Asked:
                 information, limits, rng, fundamental=FUNDAMENTAL, harmonics=HARMONICS
             ).series
         else:
-            series = within(random_tree_fourier(limits, rng, fundamental=FUNDAMENTAL, harmonics=HARMONICS), limits)
+            series = shrink_within_limits(
+                random_tree_fourier(limits, rng, fundamental=FUNDAMENTAL, harmonics=HARMONICS), limits
+            )
         path = series.motion(np.arange(round(PERIODS * series.period * rate)) / rate)[0]
     trial = ArmTrial(name, name, "fit", reference=path, slider=rig["slider"]["clamped"])
     fitted = motions_of(rig, [trial], seed)
@@ -261,10 +270,11 @@ def margin_rows(estimate: TreeEstimate) -> Iterator[ResultRow]:
     person = Person("wearer")
     couplings = {name: worn_about(estimate, person, at) for name, at in POSTURES.items()}
     width = WIDTH * np.array([2.0, 2.2, 3.5, 3.5])
-    said = f"linear, {len(couplings)} postures, {len(LIMBS[::2])} limbs from limp to tense, at 0.5 rad/s; cables stiff"
+    limbs = f"{len(DRAWN_LIMBS[::2])} limbs from limp to tense"
+    said = f"linear, {len(couplings)} postures, {limbs}, at 0.5 rad/s; cables stiff"
     for law, shares in SHARES.items():
         controllers = {name: linear_law(one, shares, PERIOD, width=width, speed=0.5) for name, one in couplings.items()}
-        found = list(margins_over(couplings, controllers, PERIOD, limbs=LIMBS[::2], speed=0.5))
+        found = list(margins_over(couplings, controllers, PERIOD, limbs=DRAWN_LIMBS[::2], speed=0.5))
         least = least_margins(found)
         yield row(f"stability.{law}.stable", 100.0 * np.mean([f.margins.stable for f in found]), "%", said)
         for k, joint in enumerate(JOINTS):

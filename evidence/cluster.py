@@ -11,13 +11,16 @@ import time
 from collections.abc import Iterator
 
 import numpy as np
+from benchmarks._size import sized
 
 from pellucid.assessment.cluster import cluster
 from pellucid.lab.pointing.prediction import Prediction, predict_effects
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.recordings.results import ResultRow
 
-PEOPLE, ROBOTS, MOVEMENTS = 10, 10, 12
+PEOPLE = sized(10, smallest=1)
+ROBOTS = sized(10, smallest=2)
+MOVEMENTS = sized(12, smallest=4)
 LAW = {"CLPC": "clpc"}
 WORKERS = (1, 2)
 

@@ -25,13 +25,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from benchmarks._size import sized
 
 import pellucid as pl
 from pellucid._processes import in_order
 from pellucid.datasets.init import init
 from pellucid.fit.parameter import Parameter
-from pellucid.fit.slider.coherent_body import LOAD_START, fit_coherent
-from pellucid.fit.slider.three_steps import STEPS
+from pellucid.fit.slider.coherent_body import FIRST_LOAD_COEFFICIENT, fit_coherent
+from pellucid.fit.slider.three_steps import STEP_PROTOCOLS
 from pellucid.lab.bench.rig import BenchRig, bench_joint
 from pellucid.lab.elbow.protocol import trials
 from pellucid.lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
@@ -42,9 +43,11 @@ from pellucid.recordings.results import ResultRow
 from pellucid.signals.markers import slider_geometry
 from pellucid.signals.slider_motion import SliderMotion, slider_motions
 
-RIGS, SEEDS, BENCHES = 120, (1, 2), 40
+RIGS = sized(120, smallest=1)
+SEEDS = sized((1, 2), smallest=(1,))
+BENCHES = sized(40, smallest=1)
 BENCH_SEED = 20261121
-DATA_SETS = ("emps", "sydney_pendulum", "bam_xl330", "modexo_joint")
+DATA_SETS = sized(("emps", "sydney_pendulum", "bam_xl330", "modexo_joint"), smallest=("sydney_pendulum",))
 QUANTILE = 1.959964
 POOLED = {
     "inertia": ("inertia",),
@@ -85,7 +88,7 @@ def _row(name: str, value: float, unit: str, note: str, split: str = "simulated"
 
 def identified(rig: ElbowRig, seed: int) -> Elbow:
     """Record a rig and identify it, in memory."""
-    made = tuple(t for t in trials(rig) if t.protocol in STEPS and t.use == "fit")
+    made = tuple(t for t in trials(rig) if t.protocol in STEP_PROTOCOLS and t.use == "fit")
     config, recordings, _ = record_in_memory(rig, made, seed=seed)
     motions = slider_motions(recordings, config, slider_geometry(recordings))
     slider, mass = config.rig.slider, config.rig.moving_mass
@@ -93,7 +96,7 @@ def identified(rig: ElbowRig, seed: int) -> Elbow:
     plain = fit_coherent(SliderJointModel("consistent"), motions, rail=rail, mass=mass)
     model = SliderJointModel("load", {"carriage_mass": slider.mass})
     first = dict(zip(plain.model.names, plain.values, strict=True))
-    start = np.array([first.get(n, LOAD_START) for n in model.names])
+    start = np.array([first.get(n, FIRST_LOAD_COEFFICIENT) for n in model.names])
     found = fit_coherent(model, motions, rail=rail, mass=mass, start=start)
     parameters = {p.name: p for p in found.parameters}
     exceeds, share = compensated(rig, motions, parameters)

@@ -16,6 +16,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from benchmarks._size import sized
+from benchmarks._walking import DATASET as WALKING
+from benchmarks._walking import walking_study
 from scipy import signal
 
 from pellucid.datasets import init
@@ -44,21 +47,30 @@ from pellucid.recordings.readers.osim_paths import read_paths
 from pellucid.recordings.results import ResultRow
 
 SEED = 20261123
-WALKING = "lower_limb_walking"
 FITTED = (19.0, 24.0)  # s, of the walking study
 STUCK_ANEW, FLOOR, GAIN = "soleus", 0.062, 2.6
 EXCHANGED = ("tibialis_anterior", "semimembranosus")
 RESCALED = 3.0  # s
-DRAWN, STRETCH = 300, 10.0  # spoilings; seconds of each stretch spoilt
-MENDED = 60  # spoilings whose torque is predicted
+DRAWN = sized(300, smallest=3)
+"""Drawn spoilings."""
+STRETCH = 10.0
+"""Length of each stretch that is spoilt [s]."""
+CHOICE_SETS = sized(("nmsm", "walking", "uci"), smallest=("walking",))
+"""Sets on which the estimator that is named is held against the best."""
+CHOICE_JOINTS = sized(("knee", "ankle"), smallest=("ankle",))
+"""Joints of walking and running on which it is."""
+MENDED = sized(60, smallest=1)  # spoilings whose torque is predicted
 CHAIN, CHAIN_RATE = "hill", 2000.0  # Before the muscles that are exported, Hz
-LIVE, WATCHED = 60, 10.0  # spoilings while recording; seconds before each, and within which it is to be named
+LIVE = sized(60, smallest=1)
+"""Spoilings while recording."""
+WATCHED = 10.0
+"""Time before each of them, and within which it is to be named [s]."""
 
 
 def rows() -> Iterator[ResultRow]:
     """Every figure."""
     with tempfile.TemporaryDirectory() as folder:
-        study = init(Path(folder) / "walking", dataset=WALKING)
+        study = walking_study(Path(folder) / "walking")
         yield from changed_rows(study, Path(folder) / "spoilt")
         yield from drawn_rows(study)
         yield from faster_rows(study)
@@ -319,7 +331,10 @@ def live_rows(study: Study) -> Iterator[ResultRow]:
 
 # --- raw EMG --------------------------------------------------------------------------------------------------------
 
-RAW, PER_KIND = "uci_lower_limb", 40  # recordings of seven people; spoilings of each kind
+RAW = "uci_lower_limb"
+"""Recordings of seven people."""
+PER_KIND = sized(40, smallest=1)
+"""Spoilings of each kind."""
 
 
 def worn_otherwise(x: np.ndarray, other: np.ndarray, kind: str, fs: float, rng: np.random.Generator) -> np.ndarray:
@@ -422,14 +437,14 @@ def choice_rows() -> Iterator[ResultRow]:
     the tests on people who extend their legs nothing was looked at.
     """
     with tempfile.TemporaryDirectory() as folder:
-        walking = init(Path(folder) / "walking", dataset=WALKING)
+        walking = walking_study(Path(folder) / "walking")
         sets = {
-            "nmsm": init(Path(folder) / "nmsm", dataset="nmsm_knee_emg"),
-            "walking": running_study(walking, Path(folder) / "running", joints=("knee", "ankle")) or walking,
-            "uci": init(Path(folder) / "uci", dataset="uci_lower_limb"),
+            "nmsm": lambda: init(Path(folder) / "nmsm", dataset="nmsm_knee_emg"),
+            "walking": lambda: running_study(walking, Path(folder) / "running", CHOICE_JOINTS) or walking,
+            "uci": lambda: init(Path(folder) / "uci", dataset="uci_lower_limb"),
         }
-        for name, study in sets.items():
-            yield from over_best(name, calibrate(study))
+        for name in CHOICE_SETS:
+            yield from over_best(name, calibrate(sets[name]()))
 
 
 def over_best(name: str, result: CalibrationResult) -> Iterator[ResultRow]:
@@ -470,7 +485,7 @@ def export_rows() -> Iterator[ResultRow]:
     """What was calibrated, in C: ten muscles of walking, played through a motion that was not fitted."""
     found = Calibrated()
     with tempfile.TemporaryDirectory() as folder:
-        study = init(Path(folder) / "walking", dataset=WALKING)
+        study = walking_study(Path(folder) / "walking")
         trials = moment_trials(study, "knee")
         found.causal["knee", "hill"] = fit = fit_torque_map([t for t in trials if not t.heldout], "hill", causal=True)
         (card,) = estimator_cards(study, found).values()

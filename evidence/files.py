@@ -26,6 +26,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from benchmarks._size import sized
 
 from pellucid.recordings.results import ResultRow, read_rows, write_rows
 
@@ -33,10 +34,20 @@ from ._forked import Outcome, tried
 from ._healthy import healthy, muscle_study, pointing_study
 from ._mutations import damaged, damaged_json, damaged_toml
 
-RECORDINGS, STUDIES, RIGS, CARDS, MUSCLES = 3010, 500, 400, 400, 300
-"""Damaged files of each kind; recordings over all formats."""
-
-KILLS, ROUNDS = 30, 40
+RECORDINGS = sized(3010, smallest=14)
+"""Damaged recordings over all formats."""
+STUDIES = sized(500, smallest=4)
+"""Damaged files study.toml."""
+RIGS = sized(400, smallest=14)
+"""Damaged rig files over all rigs."""
+CARDS = sized(400, smallest=4)
+"""Damaged cards."""
+MUSCLES = sized(300, smallest=4)
+"""Damaged files of muscles over both formats."""
+KILLS = sized(30, smallest=2)
+"""Kills of each command."""
+ROUNDS = sized(40, smallest=1)
+"""Rounds of four commands at once."""
 
 MUSCLE_FILES = {
     "leg.osim": """<?xml version="1.0"?><OpenSimDocument Version="40000"><Model name="leg"><ForceSet><objects>
@@ -247,8 +258,8 @@ def damage_to_muscles(scratch: Path) -> list[Outcome]:
 
 # --- kills and full disks -------------------------------------------------------------------------------------------
 
-COMMANDS = ("simulate", "identify", "calibrate", "assess", "report", "export")
-FULL = (0.02, 0.5, 0.95)
+COMMANDS = sized(("simulate", "identify", "calibrate", "assess", "report", "export"), smallest=("simulate", "identify"))
+FULL = sized((0.02, 0.5, 0.95), smallest=(0.5,))
 """Largest size of a file on a full disk, over that of the largest that a command writes."""
 
 

@@ -13,6 +13,7 @@ one joint. No constant of either was chosen by these figures.
 from collections.abc import Iterator
 
 import numpy as np
+from benchmarks._size import sized
 
 from pellucid._errors import PellucidError
 from pellucid._processes import in_order
@@ -22,7 +23,7 @@ from pellucid.lab.arm.rig import able_arm, drawn_arms
 from pellucid.lab.arm.wearer import drawn_people
 from pellucid.recordings.results import ResultRow
 
-ARMS = 5
+ARMS = sized(5, smallest=1)
 
 
 def rows(arms: int = ARMS) -> Iterator[ResultRow]:

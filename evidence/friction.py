@@ -28,6 +28,7 @@ from math import pi
 from pathlib import Path
 
 import numpy as np
+from benchmarks._size import sized
 
 from pellucid import _core
 from pellucid._processes import in_order
@@ -49,13 +50,18 @@ from pellucid.signals.motion import Filtering, Motion, motion_of
 
 from .coverage import drawn_benches
 
-BENCHES, BENCH_SEED = 20, 20261122
-TRAVELS = (0.0, 3e-4, 1e-3, 3e-3)
+BENCHES = sized(20, smallest=1)
+BENCH_SEED = 20261122
+TRAVELS = sized((0.0, 3e-4, 1e-3, 3e-3), smallest=(0.0, 1e-3))
 BRISTLE = 1.39  # travels to a bristle's length: nearest over a reversal from slip
-FILES, DURATION, RATE = 3, 20.0, 1000.0
+FILES = 3
+DURATION = sized(20.0, smallest=10.0)
+RATE = 1000.0
 FILTERING = Filtering(20.0, 4, 25, 0.0, 100)
 SUBSTEPS, DEAD_BAND = 4, 0.02  # of a period; rad/s
-BAM_TRAVELS = (0.0, *np.geomspace(1e-3, 8e-2, 14))
+BAM_FAMILIES = sized(("symmetric", "directional", "load", "stribeck", "combined"), smallest=("symmetric", "load"))
+"""Families tried on a servo."""
+BAM_TRAVELS = (0.0, *np.geomspace(1e-3, 8e-2, sized(14, smallest=2)))
 
 
 def rows(benches: int = BENCHES) -> Iterator[ResultRow]:
@@ -203,7 +209,7 @@ def bam_rows() -> Iterator[ResultRow]:
     fitted, held = ([m for m in motions if m.split == s] for s in ("fitted", "heldout"))
     top = max(float(np.abs(m.velocity[m.inner]).max()) for m in fitted)
     models = {f: joint_model(f, motion="rotary", effort_unit=unit, gravity=gravity, velocity_range=top)
-              for f in ("symmetric", "directional", "load", "stribeck", "combined")}  # fmt: skip
+              for f in BAM_FAMILIES}  # fmt: skip
     best = {name: _opened(m, 0.0, fitted, held, machine) for name, m in models.items()}
     family = min(best, key=lambda name: best[name][0])  # on what was fitted
     said = f"BAM servo, family {family}, the best of five where fitted"

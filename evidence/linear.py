@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from benchmarks._size import sized
 from scipy.signal import butter, csd, lfilter, welch
 
 from pellucid.fit.transfer.best_linear_approximation import BestLinearApproximation, best_linear_approximation
@@ -24,11 +25,12 @@ from pellucid.lab.bench.rig import bench_joint
 from pellucid.protocols.random_phase_multisine import RandomPhaseMultisine, random_phase_multisine
 from pellucid.recordings.results import ResultRow
 
-EXPERIMENTS = 20
+EXPERIMENTS = sized(20, smallest=1)
 REALISATIONS = 7
-TRUE_REALISATIONS, TRUE_REPETITIONS = 300, 60
+TRUE_REALISATIONS = sized(300, smallest=4)
+TRUE_REPETITIONS = sized(60, smallest=4)
 TRUE_SEED = 20261122  # judged are 1 to EXPERIMENTS
-LINEAR = 200
+LINEAR = sized(200, smallest=2)
 """Experiments on a linear system."""
 GROUPS = 3
 NOISY = 20.0

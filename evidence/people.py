@@ -19,6 +19,7 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
+from benchmarks._size import sized
 from benchmarks.people import EXPONENTS, study_seconds
 
 from pellucid.datasets.motions import motions_of
@@ -40,8 +41,12 @@ SET_BY, TRIED = (1, 3, 5), {2: (1, 3), 4: (3, 5)}
 """Instructions that set a person, and those that try one, each with its neighbours."""
 JUDGED = {"time": 0, "spread": 1}
 """Of `MEASURED`."""
-COUNT, ROUNDS = 256, 2
+COUNT = sized(256, smallest=16)
+ROUNDS = sized(2, smallest=1)
 """Movements that are simulated of a person under an instruction, and how often what is found is simulated."""
+LAB_PEOPLE = sized(24, smallest=2)
+"""People of the lab whose medians are held against those of real ones."""
+
 EYES = MovementRule(lowpass=10.0, order=2)
 """How movements in the robot are cut: from the first to the last sample above 5 % of the peak speed."""
 
@@ -179,7 +184,7 @@ def population_medians(amplitude: float) -> np.ndarray:
     """The lab's people, without a robot, over an amplitude [rad]: medians of `QUANTITIES`, shape (3,)."""
     rig = elbow_people()
     made = []
-    people = draw_people(rig, np.random.default_rng(SEED), count=24)
+    people = draw_people(rig, np.random.default_rng(SEED), count=LAB_PEOPLE)
     for person, rng in zip(people, np.random.default_rng(SEED).spawn(len(people)), strict=True):
         session = point(rig, person, CONTROL, None, rng, np.full(8, amplitude))
         motion, stretches = true_motion(session, EYES)

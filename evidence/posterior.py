@@ -26,6 +26,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from benchmarks._size import sized
 from scipy.special import chdtrc
 
 import pellucid as pl
@@ -35,7 +36,7 @@ from pellucid.fit.posterior.ensemble import drawn
 from pellucid.fit.posterior.marginal_likelihood import MarginalLikelihood, Noise, Prior
 from pellucid.fit.posterior.muscle_posterior import ForceGrid, offset_interval, offset_posterior
 from pellucid.fit.posterior.posterior import DrawnParameter
-from pellucid.fit.posterior.straight import Straight
+from pellucid.fit.posterior.straight import LinearisedModel
 from pellucid.lab.bench.rig import BenchRig
 from pellucid.lab.knee.drawn import drawn_rig
 from pellucid.lab.knee.rig import knee_orthosis
@@ -46,7 +47,10 @@ from pellucid.recordings.results import ResultRow
 
 from .coverage import bench_targets, drawn_benches
 
-TRUTHS, BENCHES, MUSCLES, WEARERS = 80, 24, 24, 12
+TRUTHS = sized(80, smallest=2)
+BENCHES = sized(24, smallest=1)
+MUSCLES = sized(24, smallest=1)
+WEARERS = sized(12, smallest=1)
 SEED = 20261122
 SECONDS = 4.0
 """Of each recording of a bench; two are fitted."""
@@ -115,7 +119,7 @@ def ranks(seed: int) -> list[float]:
     left = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
     noise = Noise(float(left @ left) / 11.0, 11.0)
     at = np.array([0.5, 0.0])
-    straight = Straight(at, w, y - w @ at, columns, np.ones(3), np.zeros(3))
+    straight = LinearisedModel(at, w, y - w @ at, columns, np.ones(3), np.zeros(3))
     likelihood: MarginalLikelihood = replace(straight.likelihood(prior, noise), scale_prior=(0.0, 0.5))
     found = drawn(likelihood, likelihood.start(at, np.eye(2)), seed=seed, most=1000)
     return [float(np.mean(found.values[:, i] < t)) for i, t in enumerate((*truth, log_v, log_s))]

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from benchmarks._size import sized
 
 from pellucid._processes import in_order
 from pellucid.lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
@@ -24,7 +25,9 @@ from pellucid.papers.able.law_comparison import REFERENCE, TORQUE_SEED, try_law
 from pellucid.papers.knee.wearers import drawn_from, identify_bench, identify_straps
 from pellucid.recordings.results import ResultRow
 
-ROBOTS, PEOPLE, REPETITIONS, SEED = 3, 3, 1, 1
+ROBOTS = sized(3, smallest=1)
+PEOPLE = sized(3, smallest=1)
+REPETITIONS, SEED = 1, 1
 LAWS = ("clpc", REFERENCE, "transparent", "dithered", "force_sensor")
 UNPOWERED = "unpowered"
 
@@ -72,7 +75,11 @@ WORDS: Mapping[str, tuple[str, str]] = {
 """Unit and meaning of each figure."""
 
 
-def rows(robots: int = ROBOTS, names: tuple[str, ...] = tuple(LINES)) -> Iterator[ResultRow]:
+NAMES = sized(tuple(LINES), smallest=("all",))
+"""Lines that are played."""
+
+
+def rows(robots: int = ROBOTS, names: tuple[str, ...] = NAMES) -> Iterator[ResultRow]:
     """Every figure on every line."""
     travels = sorted({LINES[name].travel for name in names})
     of_travel = {travel: tuple(n for n in names if LINES[n].travel == travel) for travel in travels}

@@ -14,6 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from benchmarks._size import sized
 
 from pellucid import _core
 from pellucid.control.supervised import SupervisedLaw
@@ -25,9 +26,17 @@ from pellucid.lab.safety.worn_knee import knee_table
 from pellucid.lab.safety.worn_robot import LAWS, WornRobot
 from pellucid.recordings.results import ResultRow
 
-ROBOTS, HOURS, KNEE_HOURS = 20, 10.5, 2.0
-CYCLES = 104_000_000
+ROBOTS = sized(20, smallest=1)
+HOURS = sized(10.5, smallest=0.02)
+KNEE_HOURS = sized(2.0, smallest=0.02)
+CYCLES = sized(104_000_000, smallest=100_000)
 """Of nonsense, over all laws, each with and without its supervisor, in double and in float."""
+
+READING_ROBOTS = sized(8, smallest=1)
+"""Robots and knees whose drives measure as inaccurately as stated: one for each of the eight worst readings."""
+
+READING_HOURS = sized(2.24, smallest=0.02)
+"""Hours of healthy use of robots, and as many of knees, with such measurements."""
 
 MOVING = 0.6
 """From which on an encoder is said to freeze in motion [rad/s]."""
@@ -62,6 +71,8 @@ def rows() -> Iterator[ResultRow]:
     """Every figure."""
     yield from fault_rows(measured())
     yield from knee_rows(worn_knees())
+    yield from reading_rows("elbow", fault_table(READING_ROBOTS, READING_HOURS, inexact=True))
+    yield from reading_rows("knee", knee_table(READING_ROBOTS, READING_HOURS, inexact=True))
     robot = drawn_robot(0)
     yield from overspeed_rows(robot)
     yield from fuzz_rows(robot)
@@ -147,6 +158,24 @@ def knee_rows(table: FaultTable) -> Iterator[ResultRow]:
     alarms |= {(t.robot, t.law) for t in table.trials if t.early}
     hours = sum(life.hours for life in table.healthy)
     yield row("safety.knee.false_alarms", len(alarms), "1", f"{hours:.3g} h of swinging; one life a wearer and law")
+
+
+def reading_rows(name: str, table: FaultTable) -> Iterator[ResultRow]:
+    """Yield the figures of robots by `name` whose drives measure as inaccurately as stated."""
+    alarms = {(life.robot, life.law) for life in table.healthy if life.alarm != "none"}
+    alarms |= {(t.robot, t.law) for t in table.trials if t.early}
+    note = "gain 5 %, offset and noise 1 % of the limit, lag 0.3 or 2 ms"
+    yield row(f"safety.drive_reading.{name}.false_alarms", len(alarms), "1", note)
+    hours = sum(life.hours for life in table.healthy)
+    yield row(f"safety.drive_reading.{name}.healthy_hours", hours, "h", f"{len(table.healthy)} stretches")
+    hidden = {kind.name for kind in FAULT_KINDS if kind.hidden}
+    drives = [t for t in table.trials if group_of(t.kind) == "drive" and t.kind not in hidden and not t.early]
+    missed = [t for t in drives if np.isnan(t.found)]
+    which = ", ".join(sorted({t.kind for t in missed})) or "none"
+    yield row(f"safety.drive_reading.{name}.missed", len(missed), "1", f"of {len(drives)} faults of drives: {which}")
+    worst = max(missed, key=lambda t: t.excess, default=None)
+    yield row(f"safety.drive_reading.{name}.missed_energy", worst.excess if worst else 0.0, "J",
+              f"in 10 s; {worst.kind}, {worst.law}" if worst else "nothing was missed")  # fmt: skip
 
 
 def group_of(kind: str) -> str:

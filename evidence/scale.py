@@ -18,12 +18,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from benchmarks._size import sized
 
 from pellucid._atomic import write_text_atomically
 from pellucid.lab.bench.rig import BenchRig, bench_joint
 from pellucid.lab.rig import Trial
 from pellucid.lab.study_text import study_text
-from pellucid.models.joint import USUAL
+from pellucid.models.joint import DEFAULT_FAMILIES
 from pellucid.procedures.registry import open_study
 from pellucid.protocols.excitation import multisine, point_to_point
 from pellucid.recordings.results import ResultRow
@@ -31,10 +32,10 @@ from pellucid.recordings.study import STUDY_FILE
 from pellucid.signals.effort import drive_model
 
 SEED = 20261121
-HOURS = 2.0
-SHORT = 100.0  # s
-SHARE = 6  # of the long one is identified too
-REPEATS = 3  # of the short one
+HOURS = sized(2.0, smallest=0.1)
+SHORT = sized(100.0, smallest=60.0)  # s
+SHARE = sized(6, smallest=2)  # of the long one is identified too
+REPEATS = sized(3, smallest=1)  # of the short one
 COMMAND_LINE = "from pellucid.cli import main; main()"
 START_UP = "import pellucid.cli, pellucid.procedures.run, pellucid.procedures.joint.identify_joint, scipy.optimize"
 PLAIN = """
@@ -76,7 +77,7 @@ def record(folder: Path, seconds: float) -> Path:
     columns = np.column_stack([read["time"], read["position"][0], read["current"][0]])
     said = rig.study([rig.record(Trial("long", reference=reference[:1000]), rng)])
     del said["channels"]["reference"], said["rig"]["loop"]
-    said["model"]["families"] = list(USUAL)
+    said["model"]["families"] = list(DEFAULT_FAMILIES)
     path = folder / said["recordings"][0]["file"]
     path.parent.mkdir(parents=True)
     with path.open("w", encoding="utf-8") as file:
@@ -141,7 +142,7 @@ def rows() -> Iterator[ResultRow]:
         started = [used("-c", START_UP)[1] for _ in range(REPEATS)]
         taken = [identified(short)[1] for _ in range(REPEATS)]
         shorter = identified(part)
-    told = f"{HOURS:g} h at 1 kHz, CSV of {size / 1e6:.0f} MB, {len(USUAL)} families with intervals"
+    told = f"{HOURS:g} h at 1 kHz, CSV of {size / 1e6:.0f} MB, {len(DEFAULT_FAMILIES)} families with intervals"
     rival = "over numpy.loadtxt, sosfiltfilt and lstsq of one family"
     wall = statistics.median(taken) - statistics.median(started)
     beside = f"beside {theirs[2]:.0f} MB of NumPy"

@@ -23,13 +23,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from benchmarks._size import sized
 
 from pellucid._errors import PellucidError
 from pellucid._processes import in_order
 from pellucid.fit.parameter import Parameter
 from pellucid.fit.strap.coupled_impedance import fit_coupling
 from pellucid.fit.strap.identified_strap import identify_strap
-from pellucid.fit.strap.limb_imu import limb_by_imu, turning_of
+from pellucid.fit.strap.limb_imu import find_joint_axis, limb_angle_by_imu
 from pellucid.fit.strap.orthosis_alone import fit_orthosis
 from pellucid.fit.strap.strap_torque import Orthosis, StrappedSwing, from_orthosis
 from pellucid.lab.knee.drawn import drawn_rig
@@ -41,9 +42,15 @@ from pellucid.recordings.results import ResultRow
 from pellucid.signals.inertial import inertial
 from pellucid.signals.input_output import input_output
 
-WEARERS, SEEDS, ORTHOSES = 120, (1, 2), 6
-ALONE, PLAIN, CREEPING = 20, 60, 12
-"""Straps with one feature alone, of each; a spring and a damper; straps that creep as no model does."""
+WEARERS = sized(120, smallest=1)
+SEEDS = sized((1, 2), smallest=(1,))
+ORTHOSES = sized(6, smallest=1)
+ALONE = sized(20, smallest=1)
+"""Straps with one feature alone, of each feature."""
+PLAIN = sized(60, smallest=1)
+"""Straps that are a spring and a damper."""
+CREEPING = sized(12, smallest=1)
+"""Straps that creep as no model does."""
 WEARER_SEED, ORTHOSIS_SEED = 90001, 99001
 FEATURES = {"hardening": "hardening", "slack": "slack", "maxwell": "relaxing"}
 """As the rows call them, and as models and rigs do."""
@@ -130,8 +137,8 @@ def identified(
         made, turning = [], None
         for r in recordings:
             record, imu = input_output(r, ("torque", "position")), inertial(r.stream("imu"), "imu", magnetometer=True)
-            turning = turning or turning_of(imu, record)
-            time, angle = limb_by_imu(imu, turning, method="vqf", axes=9)
+            turning = turning or find_joint_axis(imu, record)
+            time, angle = limb_angle_by_imu(imu, turning, method="vqf", axes=9)
             made.append(StrappedSwing(r.name, "fitted", record.time, record.output, record.input, time, angle))
         torques = [from_orthosis(s, orthosis) for s in made]
         swings, steps = slice(None, 2), slice(2, None)

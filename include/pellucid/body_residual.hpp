@@ -7,14 +7,14 @@
 // what lies beyond.
 #pragma once
 
-#include "fields.hpp"
+#include "friction.hpp"
 #include "sample.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 template <class S> struct BodyResidualParams {
-  S inertia{}, gravity_sine{}, gravity_cosine{}, offset{}, coulomb{}, load{}, viscous{}, width = S(0.1),
+  S inertia{}, gravity_sine{}, gravity_cosine{}, offset{}, coulomb{}, load{}, viscous{}, square_root{}, width = S(0.1),
     bandwidth = S(40), slow = S(5), wearer_torque = S(std::numeric_limits<S>::infinity()),
     wearer_push = wearer_torque, force_tolerance = wearer_torque, force_burst = wearer_torque,
     force_excess = wearer_torque;
@@ -27,6 +27,7 @@ template <class S> struct BodyResidualParams {
     visit(p.coulomb, {"body_coulomb", unit::effort, at_least(0), "friction's level, its rise towards rest included"});
     visit(p.load, {"body_load", unit::one, share(), "friction per load"});
     visit(p.viscous, {"body_viscous", unit::viscous, at_least(0), "friction per velocity"});
+    visit(p.square_root, {"body_square_root", unit::root_viscous, at_least(0), "friction per root of the speed"});
     visit(p.width, {"body_width", unit::velocity, above(0), "over which friction changes its sign"});
     visit(p.bandwidth, {"residual_bandwidth", unit::rate, above(0), "w of the observer; times the period below 1"});
     visit(p.slow, {"residual_slow", unit::rate, above(0), "of what counts as lasting; times the period below 1"});
@@ -79,7 +80,8 @@ template <class S> struct BodyResidualState {
   S burst{};             ///< r less that [N m]
   S contradiction{};     ///< its slow part [N m]
   S excess{};            ///< by how much the sensor is too loud, over seconds [N m]
-  S level{};             ///< friction at most, now [N m]
+  S level{};             ///< friction at most, at rest under this load [N m]
+  S drag{};              ///< friction at most, at this speed under this load [N m]
   S open{};              ///< of it what is not known, its slow part [N m]
   S weight{};            ///< gravity effort, now [N m]
   bool started = false;  ///< false until the first sample
@@ -93,7 +95,11 @@ template <class S> void step(const BodyResidualCoefficients<S>& c, BodyResidualS
   s.weight = p.gravity_sine * at.sin + p.gravity_cosine * at.cos + p.offset;
   s.level = p.coulomb + p.load * abs(s.weight);
   const S direction = clamp(velocity * c.inverse_width, S(-1), S(1));
-  const S resisted = s.level * direction + p.viscous * velocity;
+  const S speed = abs(velocity);
+  S sliding = p.viscous * speed;
+  if (p.square_root > S(0)) sliding = sliding + p.square_root * sqrt(speed);
+  const S resisted = s.level * direction + (velocity < S(0) ? -sliding : sliding);
+  s.drag = s.level + sliding;
   if (!s.started) {
     s.momentum = p.inertia * velocity;
     s.open = s.level;

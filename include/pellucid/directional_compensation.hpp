@@ -21,8 +21,9 @@ template <class S> struct DirectionTerms {
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.gravity_sine, {"gravity_sine", unit::effort, any_number(), "g_s, gravity effort per sin q"});
     visit(p.gravity_cosine, {"gravity_cosine", unit::effort, any_number(), "g_c, gravity effort per cos q"});
-    visit(p.coulomb, {"coulomb", unit::effort, any_number(), "F; may be negative, as published tables are"});
-    visit(p.viscous, {"viscous", unit::viscous, any_number(), "nu"});
+    visit(p.coulomb, {"coulomb", unit::effort, any_number(), "F; may be negative, as published tables are",
+                       by::level.only_one_way()});
+    visit(p.viscous, {"viscous", unit::viscous, any_number(), "nu", by::speed.only_one_way()});
     visit(p.inertia, {"inertia", unit::inertia, any_number(), "J"});
     visit(p.exponent, {"exponent", unit::one, any_number(), "k, of |v| in the term that stands in for inertia"});
   }

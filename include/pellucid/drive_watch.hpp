@@ -2,9 +2,16 @@
 //
 // The measurement of this period answers the command of the last. A drive follows within a share of the command, a
 // tolerance, and the last change of the command, which it may still be making; longer than a few periods outside is a
-// fault, named by what it looks like. However small the difference, a drive may lose of the energy that it was asked for,
-// to friction that its own loop does not make up for, but not add to it. A slow torque loop is held to what it was asked
-// for a while ago: where the command turns with the motion, as at the end of a strap's slack, being late alone adds energy.
+// fault, named by what it looks like.
+//
+// A drive may lose energy, to friction that its own loop does not make up for, but not add to what it was asked for.
+// With due effort d, given effort g and velocity v, the energy that it adds beyond the accuracy of its measurement is
+//
+//   S' = (g - d) v - (gain |d| + offset) |v| - S/T,   S >= 0,
+//
+// so that an error of the measurement within `gain` and `offset` never accumulates, whatever the motion. What its noise
+// and its lag add is forgotten with the time constant T. A slow torque loop is held to what it was asked for a while ago:
+// where the command turns with the motion, as at the end of a strap's slack, being late alone adds energy.
 #pragma once
 
 #include "fields.hpp"
@@ -16,7 +23,7 @@ inline namespace PELLUCID_ABI {
 template <class S> struct DriveWatchParams {
   std::uint32_t expected = 0, cycles = 4;
   S tolerance = S(std::numeric_limits<S>::infinity()), relative = S(0.15), limit = tolerance,
-    surplus = tolerance, late{};
+    surplus = tolerance, late{}, gain{}, offset{}, forget{};
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.expected, {"drive_expected", unit::one, between(0, 1), "1: the drive measures its effort, and must say so"});
@@ -28,6 +35,11 @@ template <class S> struct DriveWatchParams {
                       "energy that it may give beyond what it was asked for; infinite: any"});
     visit(p.late, {"drive_late", unit::one, share(),
                    "share of what it was asked for that a period leaves to its torque loop; 0: it has none"});
+    visit(p.gain, {"drive_gain", unit::one, share(),
+                   "share of its own value by which its measurement may be wrong without adding to the surplus"});
+    visit(p.offset, {"drive_offset", unit::effort, at_least(0),
+                     "offset of its measurement that does not add to the surplus"});
+    visit(p.forget, {"drive_forget", unit::one, share(), "share of the surplus that a period forgets; 0: none"});
   }
 };
 
@@ -36,7 +48,7 @@ template <class S> struct DriveWatchState {
   S asked_before{};           ///< the time before [N m]
   S due{};                    ///< asked for, as late as its loop [N m]
   S given{};                  ///< when it was first outside [N m]
-  S surplus{};                ///< energy given beyond what was asked for [J]
+  S surplus{};                ///< energy given beyond what was asked for and the measurement's accuracy [J]
   std::uint32_t outside = 0;  ///< periods in a row
   std::uint32_t silent = 0;   ///< periods in a row
 };
@@ -55,7 +67,8 @@ template <class S> SafetyFault step(const DriveWatchParams<S>& p, DriveWatchStat
   s.silent = 0;
   const S asked = clamp(s.asked, -p.limit, p.limit);
   s.due = asked + p.late * (s.due - asked);
-  s.surplus = max(s.surplus + (given - s.due) * moved, S(0));
+  const S accuracy = p.gain * abs(s.due) + p.offset;
+  s.surplus = max((S(1) - p.forget) * s.surplus + (given - s.due) * moved - accuracy * abs(moved), S(0));
   if (!(s.surplus <= p.surplus)) {
     s.surplus = S(0);
     return SafetyFault::drive_effort;

@@ -31,12 +31,13 @@ template <class S> struct EnergyBudgetState {
   S spent{};  ///< of the store [J]
 };
 
-/// One period of an effort at a velocity, of a body that weighs `weight` and whose friction takes up to `level` [N m].
+/// One period of an effort at a velocity, of a body whose `weight` the effort carries and whose friction takes up to
+/// `drag` [N m].
 template <class S> SafetyFault step(const EnergyBudgetParams<S>& p, EnergyBudgetState<S>& s, const S& period,
-                                    const S& effort, const S& velocity, const S& weight, const S& level) noexcept {
+                                    const S& effort, const S& velocity, const S& weight, const S& drag) noexcept {
   const S pushed = effort - weight;
-  s.spent = max(s.spent + period * (pushed * velocity - level * abs(velocity) - p.steady), S(0));
-  if (!(abs(pushed) - level <= p.push_limit)) return SafetyFault::push;
+  s.spent = max(s.spent + period * (pushed * velocity - drag * abs(velocity) - p.steady), S(0));
+  if (!(abs(pushed) - drag <= p.push_limit)) return SafetyFault::push;
   if (!(s.spent <= p.store)) return SafetyFault::energy;
   return abs(effort * velocity) <= p.power_limit ? SafetyFault::none : SafetyFault::power;
 }

@@ -60,12 +60,30 @@ constexpr Bounds at_least(double lower) noexcept { return {lower, std::numeric_l
 constexpr Bounds between(double lower, double upper) noexcept { return {lower, upper}; }
 constexpr Bounds share() noexcept { return between(0, 1); }
 
+/// How a coefficient of friction resists a motion at speed |v| under a load |y|: by |v|^speed |y|^load per unit.
+struct Resists {
+  bool at_all = false;    ///< false: the number is no coefficient of friction
+  float speed = 0;        ///< power of the speed
+  float load = 0;         ///< power of the load
+  bool one_way = false;   ///< true: it acts in one of two directions, and another number acts in the other
+
+  constexpr Resists only_one_way() const noexcept { return {at_all, speed, load, true}; }
+};
+
+namespace by {
+constexpr Resists level{true, 0, 0};
+constexpr Resists speed{true, 1, 0};
+constexpr Resists root_of_speed{true, 0.5f, 0};
+constexpr Resists load{true, 0, 1};
+}  // namespace by
+
 /// One number of a Params.
 struct Field {
   const char* name;         ///< as arrays, C and Python have it, between what a walk around this one puts there
   Unit unit;                ///< SI
   Bounds bounds;            ///< where it may lie
   const char* sentence;     ///< what it is
+  Resists resists{};        ///< how it resists, if it is a coefficient of friction
   const char* before = "";  ///< begins the name
   const char* after = "";   ///< ends the name
 };
@@ -81,7 +99,7 @@ template <class V> struct Renamed {
   const char* before;
   const char* after;
   template <class T> constexpr void operator()(T& number, const Field& f) noexcept {
-    visit(number, Field{f.name, f.unit, f.bounds, f.sentence, before, after});
+    visit(number, Field{f.name, f.unit, f.bounds, f.sentence, f.resists, before, after});
   }
 };
 template <class V> constexpr Renamed<V> prefixed(V& visit, const char* before) noexcept { return {visit, before, ""}; }

@@ -19,27 +19,30 @@ template <class S> struct FrictionParams {
       load_motoring{}, load_generating{}, velocity_width{};
   S square_root{};
 
-  /// What resists: all but the width of the sign.
+  /// What resists, and the velocity of its rise: all but the width of the sign.
   template <class P, class V> static constexpr void resisting(P& p, V& visit) noexcept {
-    visit(p.coulomb_positive, {"coulomb_positive", unit::effort, at_least(0), "F_c+, level while v > 0"});
-    visit(p.coulomb_negative, {"coulomb_negative", unit::effort, at_least(0), "F_c-, level while v < 0"});
-    visit(p.viscous_positive, {"viscous_positive", unit::viscous, at_least(0), "F_v+, slope while v > 0"});
-    visit(p.viscous_negative, {"viscous_negative", unit::viscous, at_least(0), "F_v-, slope while v < 0"});
-    visit(p.stribeck, {"stribeck", unit::effort, at_least(0), "F_s, extra level at rest"});
+    visit(p.coulomb_positive, {"coulomb_positive", unit::effort, at_least(0), "F_c+, level while v > 0", by::level.only_one_way()});
+    visit(p.coulomb_negative, {"coulomb_negative", unit::effort, at_least(0), "F_c-, level while v < 0", by::level.only_one_way()});
+    visit(p.viscous_positive, {"viscous_positive", unit::viscous, at_least(0), "F_v+, slope while v > 0", by::speed.only_one_way()});
+    visit(p.viscous_negative, {"viscous_negative", unit::viscous, at_least(0), "F_v-, slope while v < 0", by::speed.only_one_way()});
+    visit(p.stribeck, {"stribeck", unit::effort, at_least(0), "F_s, extra level at rest", by::level});
     visit(p.stribeck_velocity, {"stribeck_velocity", unit::velocity, at_least(0),
                                 "v_s, where the extra level has fallen to 1/e; below 1e-9: no extra level"});
     visit(p.load_motoring, {"load_motoring", unit::one, between(0, 5),
-                            "alpha_m, friction per load while power flows from motor to load"});
+                            "alpha_m, friction per load while power flows from motor to load",
+                            by::load.only_one_way()});
     visit(p.load_generating, {"load_generating", unit::one, between(0, 0.9),
-                              "alpha_g, friction per load while the load drives the motor"});
-    visit(p.square_root, {"square_root", unit::root_viscous, at_least(0), "F_r, friction per root of the speed"});
+                              "alpha_g, friction per load while the load drives the motor",
+                              by::load.only_one_way()});
+    visit(p.square_root, {"square_root", unit::root_viscous, at_least(0), "F_r, friction per root of the speed",
+                          by::root_of_speed});
   }
   /// Of a bearing, the same both ways.
   template <class P, class V> static constexpr void bearing(P& p, V& visit) noexcept {
     both_are(visit, p.coulomb_positive, p.coulomb_negative,
-             {"bearing_coulomb", unit::effort, at_least(0), "level of the bearing's friction"});
+             {"bearing_coulomb", unit::effort, at_least(0), "level of the bearing's friction", by::level});
     both_are(visit, p.viscous_positive, p.viscous_negative,
-             {"bearing_viscous", unit::viscous, at_least(0), "slope of the bearing's friction"});
+             {"bearing_viscous", unit::viscous, at_least(0), "slope of the bearing's friction", by::speed});
   }
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     resisting(p, visit);

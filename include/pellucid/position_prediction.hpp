@@ -20,7 +20,7 @@ template <class S> struct PositionPredictionParams {
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.gravity_sine, {"gravity_sine", unit::effort, any_number(), "g_s, gravity effort per sin q"});
     visit(p.gravity_cosine, {"gravity_cosine", unit::effort, any_number(), "g_c, gravity effort per cos q"});
-    visit(p.coulomb, {"coulomb", unit::effort, at_least(0), "F, of both directions"});
+    visit(p.coulomb, {"coulomb", unit::effort, at_least(0), "F, of both directions", by::level});
     visit(p.stiffness, {"stiffness", unit::stiffness, at_least(0), "K, of the loop"});
     visit(p.dead_band, {"dead_band", unit::velocity, at_least(0).or_infinite(), "speeds below are rest"});
     pellucid::walk(p.speed, visit);

@@ -24,9 +24,9 @@ template <class S> struct CoupledBodies {
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.orthosis_inertia, {"orthosis_inertia", unit::inertia, above(0), "I_e"});
-    visit(p.orthosis_viscous, {"orthosis_viscous", unit::viscous, at_least(0), "b_e"});
+    visit(p.orthosis_viscous, {"orthosis_viscous", unit::viscous, at_least(0), "b_e", by::speed});
     visit(p.orthosis_gravity, {"orthosis_gravity", unit::effort, any_number(), "G_e = m g l"});
-    visit(p.coulomb, {"coulomb", unit::effort, at_least(0), "F, between spring and orthosis"});
+    visit(p.coulomb, {"coulomb", unit::effort, at_least(0), "F, between spring and orthosis", by::level});
     visit(p.friction_width, {"friction_width", unit::velocity, above(0),
                              "w, over which friction changes its sign in the observer"});
     visit(p.limb_inertia, {"limb_inertia", unit::inertia, above(0), "I_k"});
@@ -45,8 +45,8 @@ template <class S> struct ActuatorResidual {
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.inertia, {"actuator_inertia", unit::inertia, at_least(0), "J_a"});
-    visit(p.viscous, {"actuator_viscous", unit::viscous, at_least(0), "b_a"});
-    visit(p.coulomb, {"actuator_coulomb", unit::effort, at_least(0), "F_a"});
+    visit(p.viscous, {"actuator_viscous", unit::viscous, at_least(0), "b_a", by::speed});
+    visit(p.coulomb, {"actuator_coulomb", unit::effort, at_least(0), "F_a", by::level});
     visit(p.leak, {"actuator_leak", unit::rate, at_least(0), "rate at which the loop's integral forgets them"});
   }
 };
@@ -91,7 +91,7 @@ template <class S> struct ResidualParams {
     visit(p.swing_angle, {"swing_angle", unit::coordinate, any_number(), "where the middle of a swing is"});
     visit(p.swing_rate, {"swing_rate", unit::velocity, above(0), "angular frequency of a swing"});
     for (std::size_t i = 0; i < swing_phases; ++i)
-      visit(p.phase_gain[i], {"phase_gain", unit::one, any_number(), "of the whole torque at this phase of a swing", "",
+      visit(p.phase_gain[i], {"phase_gain", unit::one, any_number(), "of the whole torque at this phase of a swing", {}, "",
                               phases[i]});
     pellucid::walk(p.gate, visit);
   }

@@ -28,7 +28,7 @@ template <class S> struct RuleTableParams {
     for (std::size_t i = 0; i < rule_angles; ++i)
       for (std::size_t j = 0; j < rule_speeds; ++j)
         visit(p.torque[i][j], {angles[i], unit::effort, any_number(), "that this rule says, from fast down to fast up",
-                               "", speeds[j]});
+                               {}, "", speeds[j]});
   }
 };
 

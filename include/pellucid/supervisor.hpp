@@ -303,17 +303,20 @@ SafetyFault observe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, c
   if ((s.steps & 1u) == 0) return found;
   const S velocity = S(0.5) * (s.encoder.velocity + other);
   const S effort = S(0.5) * (s.drive.asked + s.drive.asked_before);
+  // Before and after a law carries the robot the wearer does, or whatever holds it.
+  const Mode now = mode_of(s);
+  const bool carries = now == Mode::running || now == Mode::degraded;
   if (c.body.checks && s.encoder.heard > 2) {
     step(c.body, s.body, s.encoder.position, velocity, effort, samples.interaction.value,
          p.force.expected != 0 && is_heard(samples.interaction));
-    // Before and after a law carries the robot the wearer does. What the force sensor contradicts has its turn later.
+    // What the force sensor contradicts has its turn later.
     s.residual = shown(c.body, s.body);
-    const Mode now = mode_of(s);
-    const bool carries = now == Mode::running || now == Mode::degraded;
     if (s.residual == SafetyFault::unexplained && carries) found = first_of(found, s.residual);
   }
-  found = first_of(found, step(p.budget, s.budget, S(2) * c.period, effort, velocity, s.body.weight, s.body.level));
-  if ((s.steps & 2u) == 0) return found;
+  const S weight = carries ? s.body.weight : S(0);
+  found = first_of(found, step(p.budget, s.budget, S(2) * c.period, effort, velocity, weight, s.body.drag));
+  // The wave at start-up is no loop that rings, however slow a heavy machine makes it.
+  if ((s.steps & 2u) == 0 || now == Mode::start_up) return found;
   return first_of(found, step(c.ringing, s.ringing, effort));
 }
 
@@ -429,6 +432,7 @@ template <class L, class S> SupervisorOutput<S> step(Supervised<L>& s, const Sam
     const S wanted = clamp(wave, -c.effort_limit, c.effort_limit);
     const S last = least_of(state);
     state.output = clamp(wanted, last - c.max_change, last + c.max_change);
+    state.test.pushed = state.output;
     if (done) {
       const SafetyFault said = shown(c.params.test, state.test);
       s.controller.state.gate.output = state.output;

@@ -280,7 +280,7 @@ TreeFault observe(TreeSupervised<L>& s, const TreeSamples<S, N>& samples, const 
     const S weight = s.controller.state.weight[k];
     const S level = c.joint[k].level + c.joint[k].load * abs(weight);
     say(step(c.joint[k].params.budget, state.joint[k].budget, S(2) * c.period, state.output[k], velocity[k],
-             weight + law.drives.joint[k].offset, level),
+             weight + law.drives.joint[k].offset, max(level, abs(friction(law.drives.joint[k].friction, velocity[k], weight)))),
         k);
     if (!(abs(s.controller.state.observer.residual[k]) <= c.joint[k].params.outside_limit + level))
       say(SafetyFault::unexplained, k);

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from . import datasets
+    from ._errors import PellucidError as PellucidError
+    from .assessment.certify import certify as certify
     from .assessment.comparison import compare_conditions as compare_conditions
     from .assessment.movement_indices import movement_indices as movement_indices
     from .assessment.power import power_curve as power_curve
@@ -23,16 +25,19 @@ if TYPE_CHECKING:
     from .control.supervised import supervised as supervised
     from .demonstration.demo import demo as demo
     from .deployment.export import export as export
+    from .estimators.calibrate_muscles import calibrate_muscles as calibrate_muscles
     from .estimators.torque_regressor import TorqueRegressor as TorqueRegressor
     from .fit.joint.fit_joint import fit_joint as fit_joint
+    from .fit.strap.fit_strap import fit_strap as fit_strap
     from .fit.transfer.fit_transfer_function import fit_transfer_function as fit_transfer_function
+    from .fit.tree.fit_robot import fit_robot as fit_robot
     from .lab.init import init as init
     from .lab.predict import predict as predict
     from .lab.simulate import simulate as simulate
     from .models.muscle import Muscle as Muscle
     from .papers.reproduce import reproduce as reproduce
     from .procedures.compare import compare as compare
-    from .procedures.registry import open_study as open
+    from .procedures.registry import open_study as open  # noqa: F401 - an attribute that __all__ leaves to the builtin
     from .procedures.run import activations as activations
     from .procedures.run import assess as assess
     from .procedures.run import calibrate as calibrate
@@ -43,9 +48,17 @@ if TYPE_CHECKING:
     from .procedures.run import report as report
     from .procedures.run import synergies as synergies
     from .recordings.readers import read_columns as read
+    from .recordings.readers.urdf import read_robot as read_robot
     from .signals.envelope import envelope as envelope
+    from .signals.fit_hinge import fit_hinge as fit_hinge
 
 _WHERE = {
+    "PellucidError": ("_errors", "PellucidError"),
+    "calibrate_muscles": ("estimators.calibrate_muscles", "calibrate_muscles"),
+    "certify": ("assessment.certify", "certify"),
+    "fit_hinge": ("signals.fit_hinge", "fit_hinge"),
+    "fit_robot": ("fit.tree.fit_robot", "fit_robot"),
+    "fit_strap": ("fit.strap.fit_strap", "fit_strap"),
     "open": ("procedures.registry", "open_study"),
     "assess": ("procedures.run", "assess"),
     "check": ("procedures.run", "check"),
@@ -76,17 +89,21 @@ _WHERE = {
     "envelope": ("signals.envelope", "envelope"),
     "movement_indices": ("assessment.movement_indices", "movement_indices"),
     "power_curve": ("assessment.power", "power_curve"),
+    "read_robot": ("recordings.readers.urdf", "read_robot"),
     "read": ("recordings.readers", "read_columns"),
 }
 
 __all__ = [
     "Limits",
     "Muscle",
+    "PellucidError",
     "TorqueRegressor",
     "__version__",
     "activations",
     "assess",
     "calibrate",
+    "calibrate_muscles",
+    "certify",
     "check",
     "cocontraction",
     "compare",
@@ -97,22 +114,26 @@ __all__ = [
     "demo",
     "envelope",
     "export",
+    "fit_hinge",
     "fit_joint",
+    "fit_robot",
+    "fit_strap",
     "fit_transfer_function",
     "identify",
     "init",
     "movement_indices",
     "onset",
-    "open",
     "power_curve",
     "predict",
     "read",
+    "read_robot",
     "report",
     "reproduce",
     "simulate",
     "supervised",
     "synergies",
 ]
+# ``pellucid.open`` is public too. It is not listed: ``from pellucid import *`` would replace Python's own open.
 
 
 def __getattr__(name: str):
@@ -121,7 +142,7 @@ def __getattr__(name: str):
 
         return version("pellucid")
     if name not in _WHERE:
-        raise AttributeError(f"module 'pellucid' has no attribute {name!r}; it has {', '.join(__all__)}")
+        raise AttributeError(f"module 'pellucid' has no attribute {name!r}; it has {', '.join(__dir__())}")
     from importlib import import_module
 
     module, attribute = _WHERE[name]
@@ -130,4 +151,4 @@ def __getattr__(name: str):
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return sorted({*__all__, *_WHERE})

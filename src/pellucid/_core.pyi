@@ -949,6 +949,8 @@ class WornElbow:
         Periods by which the force sensor is late, 0 to 63.
     supervisor : (m,), optional
         In the order of SUPERVISOR_FIELDS, SI; left out: a supervisor that holds nothing against anybody.
+    drive_reading : (4,), optional
+        How the drive measures its own effort, in the order of DRIVE_READING_NAMES, SI; left out: exactly.
     """
 
     def __init__(
@@ -967,6 +969,7 @@ class WornElbow:
         person: str = "reaching",
         sensor_delay: int = 0,
         supervisor: ArrayLike | None = None,
+        drive_reading: ArrayLike | None = None,
     ) -> None: ...
     def move(
         self,
@@ -1026,6 +1029,7 @@ class WornElbow:
         seconds: float,
         longest: int,
         seed: int,
+        drive_noise: ArrayLike | None = None,
     ) -> dict:
         """
         Minutes or hours of reaching, healthy or with one single fault, of a person who is "reaching".
@@ -1053,6 +1057,8 @@ class WornElbow:
             The most periods.
         seed : int
             Of what the fault draws.
+        drive_noise : (n,), optional
+            Noise of the drive's own measurement [N m]; after n periods it begins again.
 
         Returns
         -------
@@ -1063,7 +1069,8 @@ class WornElbow:
             the limb from onset to safe [N m]; impulse: of the drive from the onset to safe [N m s]; speed:
             largest of the limb from onset to safe [rad/s]; onset_speed: least of the motor in the 5 periods
             before the onset [rad/s]; periods; how near it came to a fault before there was one: lasting, push,
-            contradiction, burst, excess [N m], spent [J], ringing [N m], and the work of the test [J].
+            contradiction, burst, excess [N m], spent [J], ringing [N m], surplus of the drive [J]; and the work of the
+            test [J].
         """
 
     @property
@@ -1075,6 +1082,26 @@ class WornElbow:
     @property
     def fault(self) -> str:
         """Why its supervisor has stopped; 'none' while all is well."""
+
+DRIVE_READING_NAMES: tuple = ("gain", "offset", "lag", "quantum")
+
+class DriveReading:
+    """
+    What a drive's own measurement makes of the effort that it gives.
+
+    Parameters
+    ----------
+    parameters : (4,)
+        In the order of DRIVE_READING_NAMES, SI.
+    period : float
+        [s].
+    """
+
+    def __init__(self, parameters: ArrayLike | None, period: float) -> None: ...
+    def step(self, effort: float, noise: float = 0.0) -> float:
+        """
+        The reading [N m] at the end of a period in which the drive gave `effort` [N m]; `noise` [N m].
+        """
 
 def optimal_policy(
     parameters: ArrayLike, load: ArrayLike, *, amplitude: float, target: float, duration: float, variance: float
@@ -1404,6 +1431,9 @@ class WornOrthosis:
         In the order of the law's names, SI.
     supervisor : (m,)
         In the order of SUPERVISOR_FIELDS, SI.
+    drive_reading : (4,), optional
+        How the torque of the spring is measured for the supervisor, in the order of DRIVE_READING_NAMES, SI; left out:
+        exactly. The law reads it exactly.
     """
 
     def __init__(
@@ -1418,8 +1448,9 @@ class WornOrthosis:
         law: str,
         law_parameters: ArrayLike,
         supervisor: ArrayLike,
+        drive_reading: ArrayLike | None = None,
     ) -> None: ...
-    def step(self, muscle_torque: float, emg: float) -> tuple[float, ...]:
+    def step(self, muscle_torque: float, emg: float, reading_noise: float = 0.0) -> tuple[float, ...]:
         """
         One control period.
 
@@ -1429,6 +1460,8 @@ class WornOrthosis:
             On the limb, held over the period [N m].
         emg : float
             What the law's EMG chain makes of it [N m]; NaN: nothing.
+        reading_noise : float
+            Noise of the measurement that the supervisor reads [N m].
 
         Returns
         -------

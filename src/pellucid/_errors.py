@@ -2,7 +2,29 @@
 
 
 class PellucidError(ValueError):
-    """Base of every error a user can cause or meet; the command line prints it without a traceback."""
+    """Base of every error a user can cause or meet; the command line prints it without a traceback.
+
+    Examples
+    --------
+    >>> import pellucid as pl
+    >>> try:
+    ...     pl.identify("no-such-folder")
+    ... except pl.PellucidError as error:
+    ...     print("refused:", "no-such-folder" in str(error))
+    refused: True
+    """
+
+
+def missing_package(part: str, package: str, extra: str) -> PellucidError:
+    """Return the error that a library which one part alone needs is not installed, with how to install it."""
+    return PellucidError(
+        f"{part}: found no package {package}, expected it: in the clone of Pellucid, {install_command(extra)}"
+    )
+
+
+def install_command(extra: str) -> str:
+    """Return the command that installs the libraries of an extra of pyproject.toml, run in the clone of Pellucid."""
+    return f'pip install ".[{extra}]"'
 
 
 class StudyError(PellucidError):
@@ -11,6 +33,10 @@ class StudyError(PellucidError):
 
 class RecordingError(PellucidError):
     """A recording is missing, unreadable, or not fit to be used."""
+
+
+class UnfitRecordingError(RecordingError):
+    """Recordings were read, and `check` refuses them; the command line ends with the same status as `check` does."""
 
 
 class DatasetError(PellucidError):

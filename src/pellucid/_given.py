@@ -44,6 +44,17 @@ def require_inside(path: Path, folder: Path, allowed: bool, where: str) -> Path:
     return path
 
 
+def require_folder(path: Path, expected: str, error: type[PellucidError] = PellucidError) -> Path:
+    """Return `path` again, if it is a folder or could be made one; where it is a file, or lies in one, an `error` says
+    what was `expected`."""
+    for place in (path, *path.absolute().parents):
+        if place.is_dir():
+            break
+        if place.exists():
+            raise error(f"{seen(str(place))}: found a file, expected {expected}")
+    return path
+
+
 def seen(text: str) -> str:
     """A text with what cannot be seen, or turns a terminal or a line around, in the open."""
     return _UNSEEN.sub("\N{REPLACEMENT CHARACTER}", text)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ._errors import PellucidError
+from ._errors import PellucidError, UnfitRecordingError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -46,6 +46,10 @@ Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the study
 Json = Annotated[bool, typer.Option("--json", help="Print the figures as JSON instead of tables.")]
 Outside = Annotated[
     bool, typer.Option("--allow-outside", help="Files that it names or links to may lie outside its folder.")
+]
+Stale = Annotated[
+    bool,
+    typer.Option("--accept-stale", help="Use cards that were made from something else than the study as it is now."),
 ]
 Out = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Folder to write to, where the study's own cannot be.")
@@ -164,7 +168,7 @@ def check(folder: Folder, allow_outside: Outside = False) -> None:
     command = asked(study)[0].command
     if warned:
         where = ", ".join(dict.fromkeys(f"{f.channel} of {f.file}" for f in warned))
-        _say(out, f"Not as what is to be fitted: {where}. Next: pellucid {command} {folder} says what that costs.")
+        _say(out, f"Fit to {command} from, but see the warnings: {where}. Next: pellucid {command} {folder}")
         return
     _say(out, f"Fit to {command} from. Next: pellucid {command} {folder}")
 
@@ -213,11 +217,13 @@ def _several(folders: list[Path], families: list[str] | None, allow_outside: boo
 
 
 @app.command()
-def calibrate(folder: Folder, json: Json = False, out: Out = None, allow_outside: Outside = False) -> None:
+def calibrate(
+    folder: Folder, json: Json = False, out: Out = None, allow_outside: Outside = False, accept_stale: Stale = False
+) -> None:
     """Torque from EMG by several methods, judged held out."""
     from .procedures.run import calibrate as run
 
-    _found(_opened(folder, out, allow_outside), "calibrate", json, run)
+    _found(_opened(folder, out, allow_outside, accept_stale), "calibrate", json, run)
 
 
 @app.command()
@@ -288,24 +294,26 @@ def synergies(folder: Folder, json: Json = False, out: Out = None, allow_outside
 
 
 @app.command()
-def activations(folder: Folder, json: Json = False, out: Out = None, allow_outside: Outside = False) -> None:
+def activations(
+    folder: Folder, json: Json = False, out: Out = None, allow_outside: Outside = False, accept_stale: Stale = False
+) -> None:
     """Muscles' activations near EMG, by a measured torque."""
     from .procedures.run import activations as run
 
-    _found(_opened(folder, out, allow_outside), "activations", json, run)
+    _found(_opened(folder, out, allow_outside, accept_stale), "activations", json, run)
 
 
 @app.command()
-def report(folder: Folder, out: Out = None, allow_outside: Outside = False) -> None:
+def report(folder: Folder, out: Out = None, allow_outside: Outside = False, accept_stale: Stale = False) -> None:
     """Write the report: one HTML page, figures as SVG and PDF."""
     from .procedures.run import report as run
 
-    study = _opened(folder, out, allow_outside)
+    study = _opened(folder, out, allow_outside, accept_stale)
     with _progress() as tell:
         page = run(study, on_progress=tell)
-    if page.parent != study.report_dir:
-        typer.echo(f"pellucid: {study.report_dir} could not be written; the report is elsewhere", err=True)
     _say(_console(), f"Report: {page}")
+    if page.parent != study.report_dir:
+        _complain(f"{study.report_dir} could not be written; the report is elsewhere", 1)
 
 
 @app.command()
@@ -313,13 +321,15 @@ def compare(
     a: Annotated[Path, typer.Argument(metavar="A", help="Study that was identified, or model card.")],
     b: Annotated[Path, typer.Argument(metavar="B", help="The later one.")],
     family: Annotated[str | None, typer.Option(metavar="NAME", help="Friction family to compare.")] = None,
+    allow_outside: Outside = False,
+    accept_stale: Stale = False,
 ) -> None:
     """Did this joint change? Two studies, parameter by parameter."""
     from .pages.quantities import number, unit_text, units_in
     from .procedures.compare import compare as run
     from .procedures.print_result import plain_table
 
-    found = run(a, b, family=family)
+    found = run(a, b, family=family, allow_outside=allow_outside, accept_stale=accept_stale)
     table = plain_table("parameter", ">A", ">B", ">B − A", "unit", ">p", "")
     for row in found.rows:
         table.add_row(
@@ -426,6 +436,10 @@ def export(
     ] = None,
     period: Annotated[float | None, typer.Option(metavar="S", help="Of the controller [s].")] = None,
     allow_outside: Outside = False,
+    accept_stale: Stale = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace another controller's files, or somebody's own.")
+    ] = False,
 ) -> None:
     """Write the controller as C, or muscles for other programs."""
     from .deployment.export import export as run
@@ -436,7 +450,10 @@ def export(
     with _progress() as tell:
         tell("building the controller", 0.1)
         asked = {"participant": participant, "card": card, "slider": slider, "controller": controller}
-        made = run(study, to, out, **asked, exponents=exponents, period=period, allow_outside=allow_outside)
+        made = run(
+            study, to, out, **asked, exponents=exponents, period=period, allow_outside=allow_outside,
+            accept_stale=accept_stale, overwrite=overwrite,
+        )  # fmt: skip
         muscles = made.is_file()
         absent = missing_tools()
         if not muscles:
@@ -602,12 +619,15 @@ def datasets_path(name: Annotated[str, typer.Argument(metavar="NAME")]) -> None:
 
 
 def main() -> None:
-    """Run the command line; what a user can cause or mend ends as one message and exit status 2."""
+    """Run the command line; what a user can cause or mend ends as one message and exit status 2, recordings that
+    `check` refuses with its status 1."""
     # The matrices are small: threads over them would only wait for each other. Read once, when NumPy is loaded.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _speak_what_the_terminal_can()
     try:
         app()
+    except UnfitRecordingError as error:
+        _complain(str(error), 1)
     except PellucidError as error:
         _complain(str(error))
     except OSError as error:
@@ -715,10 +735,10 @@ def _now_and_then(seconds: float = 5.0) -> Callable[[str, float], None]:
     return tell
 
 
-def _opened(folder: Path, out: Path | None, allow_outside: bool) -> Study:
+def _opened(folder: Path, out: Path | None, allow_outside: bool, accept_stale: bool = False) -> Study:
     from .procedures.registry import open_study
 
-    return open_study(folder, out=out, allow_outside=allow_outside)
+    return open_study(folder, out=out, allow_outside=allow_outside, accept_stale=accept_stale)
 
 
 def _found(study: Study, command: str, json: bool, run: Callable[[Study, Callable], Result]) -> None:
@@ -734,14 +754,17 @@ def _found(study: Study, command: str, json: bool, run: Callable[[Study, Callabl
         # Minutes of work are not lost for want of a place: here they are.
         _print_json(result)
         _complain(f"nothing could be written: {error.strerror or error}; what was found is printed above")
-    if elsewhere:
-        typer.echo(f"pellucid: {elsewhere}", err=True)
     if json:
         _print_json(result)
+    else:
+        out = _console()
+        print_result(out, result)
+        _say(out, f"{result.written(study)}, every figure in {study.results_path}.")
+    if elsewhere:
+        # What follows with && would take the study's own cards, which are older.
+        _complain(elsewhere, 1)
+    if json:
         return
-    out = _console()
-    print_result(out, result)
-    _say(out, f"{result.written(study)}, every figure in {study.results_path}.")
     later = [p.command for p in asked(study)]
     following = [c for c in later[later.index(command) + 1 :] if c != command]
     _say(out, f"Next: pellucid {following[0] if following else 'report'} {study.folder}")

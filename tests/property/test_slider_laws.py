@@ -15,7 +15,7 @@ from pellucid import _core
 from pellucid.fit.slider.coherent_body import fit_coherent
 from pellucid.fit.slider.three_steps import all_at_once, three_steps
 from pellucid.models.directional_slider import UNITS, DirectionalSliderModel, columns
-from pellucid.models.joint import GRAVITY, INDEX
+from pellucid.models.joint import GRAVITY, PARAMETER_INDEX
 from pellucid.models.slider_joint import SliderJointModel
 
 SLOW = ("constant_velocity",)
@@ -61,10 +61,12 @@ def test_spread_is_what_one_unit_of_a_parameter_adds(rng, name):
         values = rng.uniform(0.0, 1.0, len(model.names))
         zero = model.vector(np.zeros(len(values)), x)
         assert model.vector(values, x) == pytest.approx(model.selection(x) @ values + zero, rel=1e-14, abs=1e-300)
-        assert zero[INDEX["gravity_sine"]] == pytest.approx(GRAVITY * x * model.known.get("carriage_mass", 0.0))
+        assert zero[PARAMETER_INDEX["gravity_sine"]] == pytest.approx(
+            GRAVITY * x * model.known.get("carriage_mass", 0.0)
+        )
         vector = model.vector(values, x, 0.02)
-        assert vector[INDEX["velocity_width"]] == 0.02
-        assert vector[INDEX["inertia"]] == pytest.approx(float(model.inertia(values, np.array(x))), rel=1e-13)
+        assert vector[PARAMETER_INDEX["velocity_width"]] == 0.02
+        assert vector[PARAMETER_INDEX["inertia"]] == pytest.approx(float(model.inertia(values, np.array(x))), rel=1e-13)
         q = np.linspace(-3.0, 3.0, 11)
         held = np.asarray(_core.load(vector, q, np.zeros(11)))
         assert held == pytest.approx(model.gravity(values, np.array(x), q), rel=1e-12, abs=1e-14)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pellucid.fit.transfer.transfer_function_fit import evaluated, fit_records
+from pellucid.fit.transfer.transfer_function_fit import evaluate_transfer_function, fit_records
 from pellucid.models.transfer_function import TransferFunction
 from pellucid.signals.input_output import InputOutput
 
@@ -96,7 +96,9 @@ def test_held_out_fits_are_no_better_than_the_noise_allows():
         whole = uneven_record(rng, system, "zero", noise=0.2)
         found = fit_records([whole.part(0, 750, "fitted")], 2, hold="zero")
         inside.append(found.responses[0].fit)
-        outside.append(evaluated(found.transfer_function, whole.part(750, 1500, "heldout"), hold="zero").fit)
+        outside.append(
+            evaluate_transfer_function(found.transfer_function, whole.part(750, 1500, "heldout"), hold="zero").fit
+        )
     # Noise of a fifth of the response leaves about 80 % at best, fitted or not.
     assert np.mean(inside) == pytest.approx(80.4, abs=1.5)
     assert np.mean(outside) == pytest.approx(80.0, abs=2.0)

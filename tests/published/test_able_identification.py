@@ -13,8 +13,8 @@ from pellucid.lab.elbow.rig import able_elbow
 from pellucid.lab.study import record_in_memory, write_study
 from pellucid.models.energy import cycle_energy
 from pellucid.models.joint import GRAVITY
-from pellucid.procedures.slider.identify_slider import STEPS, fit_slider
-from pellucid.protocols.reversals import REVERSALS
+from pellucid.procedures.slider.identify_slider import STEP_PROTOCOLS, fit_slider
+from pellucid.protocols.reversals import REVERSALS_NAME
 
 SEED = 1
 THREADS = min(2, os.cpu_count() or 1)
@@ -58,12 +58,14 @@ def true_gravity(rig, x, q):
 
 
 def steps_of(fit):
-    return [m for m in fit.motions if m.split == "fitted" and m.protocol in STEPS]
+    return [m for m in fit.motions if m.split == "fitted" and m.protocol in STEP_PROTOCOLS]
 
 
 def test_sliders_are_found_within_a_millimetre(fit, known):
     off = [abs(p.slider - known["sliders"][p.recording]) for p in fit.geometry.placements]
-    assert len(off) == sum(not name.startswith(REVERSALS) for name in known["sliders"])  # those tell of friction alone
+    assert len(off) == sum(
+        not name.startswith(REVERSALS_NAME) for name in known["sliders"]
+    )  # those tell of friction alone
     assert max(off) < 1e-3
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pellucid.control.elbow_controllers import BEST, BEST_SENSED
+from pellucid.control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER
 from pellucid.control.transparent_laws import with_force_sensor
 from pellucid.lab.elbow.rig import able_elbow
 from pellucid.lab.pointing.conditions import condition_of, identified_cards, interaction_rms, published_laws
@@ -48,7 +48,7 @@ def test_a_force_sensor_halves_the_torque_and_nothing_drives(cards):
     rig = elbow_participants()
     people = draw_people(rig, np.random.default_rng(21), count=2)
     laws = {"Ctrl": None, "FC": published_laws(cards, (0.0, -0.5))["FC"]}
-    laws |= {"best": condition_of(cards, BEST), "best_sensed": condition_of(cards, BEST_SENSED)}
+    laws |= {"best": condition_of(cards, BEST_CONTROLLER), "best_sensed": condition_of(cards, BEST_SENSED_CONTROLLER)}
     made = sessions(rig, people, laws, 3)
     torque = {
         name: np.mean([interaction_rms(s) for s in made if s.condition == name]) for name in laws if name != "Ctrl"
@@ -68,7 +68,7 @@ def test_a_force_sensor_halves_the_torque_and_nothing_drives(cards):
 def test_a_loop_without_margin_is_found_to_cycle_or_stopped(cards):
     rig = elbow_participants()
     person = draw_people(rig, np.random.default_rng(21), count=1)[0]
-    law = condition_of(cards, BEST_SENSED)(person, person.slider(rig))
+    law = condition_of(cards, BEST_SENSED_CONTROLLER)(person, person.slider(rig))
     assert hold_still(rig, person, law) == 0.0
     assert hold_still(rig, person, with_force_sensor(law, proportional=8.0)) > 0.1
 
@@ -76,7 +76,7 @@ def test_a_loop_without_margin_is_found_to_cycle_or_stopped(cards):
 def test_a_strap_that_hangs_loose_at_rest_is_no_lost_sensor(cards):
     rig = elbow_participants().strapped({"slack": 0.02})
     person = draw_people(rig, np.random.default_rng(21), count=1)[0]
-    assert hold_still(rig, person, condition_of(cards, BEST_SENSED)(person, person.slider(rig))) == 0.0
+    assert hold_still(rig, person, condition_of(cards, BEST_SENSED_CONTROLLER)(person, person.slider(rig))) == 0.0
 
 
 def test_what_would_slow_people_by_a_fifth():

@@ -10,9 +10,9 @@ import pytest
 from scipy import signal
 
 from pellucid.fit.searches.adam import adam
-from pellucid.fit.swing.leg_balance import torque_of_a_bare_leg
-from pellucid.fit.swing.loaded_swing import as_published, corrected, fit_swings, swing
-from pellucid.fit.swing.swing_information import better_swing, swing_information
+from pellucid.fit.swing.leg_balance import bare_leg_torque
+from pellucid.fit.swing.loaded_swing import corrected_form, fit_swings, published_form, swing
+from pellucid.fit.swing.swing_information import optimise_swing, swing_information
 from pellucid.papers.hill.recomputed import (
     GRAVITY,
     SUBJECTS,
@@ -54,7 +54,7 @@ def test_c1_the_pendulum_stands_on_its_head():
     assert np.abs(hangs.real).max() == pytest.approx(0.0, abs=1e-12)
     # Three zeros of theta are named. Fitted to a leg that hangs, only counting from above gives a weight.
     data = [swung(BOTH, two_sines(0.3))]
-    down, up, straight = (fit_swings(data, as_published(z)) for z in (0.0, np.pi, np.radians(85.0)))
+    down, up, straight = (fit_swings(data, published_form(z)) for z in (0.0, np.pi, np.radians(85.0)))
     assert down.weight_moment.value == pytest.approx(-BOTH["q"], rel=2e-3)
     assert up.weight_moment.value == pytest.approx(BOTH["q"], rel=2e-3)
     assert up.inertia.value == pytest.approx(BOTH["p"], rel=2e-2)
@@ -106,7 +106,7 @@ def test_c3_the_swing_cannot_show_p():
     leg = np.hypot(shown.inertia_sd, swing_information(series, EMPTY["p"], EMPTY["q"], **about).inertia_sd)
     assert 1.96 * leg > 0.19
     # Other frequencies within the same angles and with less torque.
-    better = better_swing(
+    better = optimise_swing(
         BOTH["p"], BOTH["q"], reach=max(-low, high), peak_torque=shown.peak_torque, rng=np.random.default_rng(3)
     )
     richer = swing_information(better, BOTH["p"], BOTH["q"], **about)
@@ -128,7 +128,7 @@ def test_c4_the_reference_of_step_three_is_off_by_more_than_the_errors():
 def test_c5_the_difference_is_of_a_bare_leg():
     series = two_sines(0.3)
     empty, loaded = (
-        fit_swings([swung(body, series)], corrected(viscous=False, friction=False, offset=False))
+        fit_swings([swung(body, series)], corrected_form(viscous=False, friction=False, offset=False))
         for body in (EMPTY, BOTH)
     )
     fast = two_sines(0.2, frequency=0.4)
@@ -139,7 +139,7 @@ def test_c5_the_difference_is_of_a_bare_leg():
     motion = swung(BOTH, fast, human=human)
     assert np.abs(motion.torque).max() < 1e-9
     truth = swing(time, position, human, lowpass=20.0, trim=50).torque
-    literal = torque_of_a_bare_leg(empty, loaded, motion).torque
+    literal = bare_leg_torque(empty, loaded, motion).torque
     missing = swing(
         time, position, EMPTY["p"] * acceleration + EMPTY["q"] * GRAVITY * np.sin(position), lowpass=20.0, trim=50
     ).torque

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pellucid.control.elbow_controllers import BEST, BEST_SENSED
+from pellucid.control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER
 from pellucid.lab.elbow.rig import able_elbow, drawn_rigs
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.lab.strap_options import without
@@ -37,8 +37,8 @@ def test_the_best_laws_leave_far_less_torque_and_nothing_drives_or_cycles(change
     found = try_laws(drawn_rigs(able_elbow(), 1)[0], seed=5, count=1, repetitions=1)
     assert set(found) == {*CONTROLLERS, UNPOWERED, *OTHER_INERTIAS}
     torque = found["fc"].torque
-    assert found[BEST].torque < best * torque
-    assert found[BEST_SENSED].torque < 0.4 * torque
+    assert found[BEST_CONTROLLER].torque < best * torque
+    assert found[BEST_SENSED_CONTROLLER].torque < 0.4 * torque
     assert found["transparent"].torque < torque < found["pcfr"].torque < found[UNPOWERED].torque
     assert found["fc"].given > 0.1
     # What drives is equation 8 with the robot's own inertia: without it FC hardly does, with the paper's J it brakes.

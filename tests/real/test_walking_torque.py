@@ -5,12 +5,15 @@ R² of 0.75 (knee) and 0.81 (ankle) on the same windows.
 """
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from pellucid import datasets
 from pellucid.estimators.cross_validation import score
+from pellucid.estimators.emg_session import FittedSession
+from pellucid.estimators.session_watch import SessionWatch
 from pellucid.estimators.torque_map import fit_torque_map
 from pellucid.procedures.emg_torque.evaluated import Calibrated
 from pellucid.procedures.emg_torque.sessions import session_faults
@@ -80,6 +83,58 @@ def test_channels_that_changed_after_the_fitted_seconds_are_named_and_no_others(
         ("changed_channel", "emg.semimembranosus"),
     }  # fmt: skip
     assert all("emgFilt.sto (recording rest)" in f.message for f in found)
+
+
+def at_pace(trial, pace, gain):
+    """The walk played faster, every envelope larger by a gain of its own."""
+    at = np.arange(trial.time[0], trial.time[-1], pace / trial.fs)
+
+    def played(x):
+        return np.interp(at, trial.time, x)
+
+    return replace(
+        trial, name=f"pace_{pace:g}", time=np.arange(len(at)) / trial.fs, torque=played(trial.torque), lead={},
+        muscles=None, envelopes={m: gain[m] * played(x) for m, x in trial.envelopes.items()},
+        angles={j: played(q) for j, q in trial.angles.items()},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("paces", [(1.0,), (0.8, 1.2), (0.8, 1.0, 1.2), (0.6, 1.0, 1.6)], ids=str)
+def test_walks_that_were_fitted_at_several_speeds_pass_their_own_watch(study, paces):
+    walk = next(t for t in moment_trials(study, "knee") if t.name == "judged")
+    rng = np.random.default_rng(3)
+    exponent = {muscle: rng.uniform(0.5, 3.0) for muscle in walk.envelopes}
+    # At 0.8 and 1.2 of the speed every envelope is 20 % smaller and larger, and more by what is the muscle's own.
+    trials = [at_pace(walk, p, {m: p ** (1.0 + exponent[m]) for m in walk.envelopes}) for p in paces]
+    session = FittedSession.of(trials)
+    for trial in trials:
+        found = session.compared(trial)
+        assert (found.changes, found.holds) == ((), True)
+        watch = SessionWatch(session, tuple(trial.angles), trial.fs)
+        for i in range(len(trial)):
+            said = watch.step({m: x[i] for m, x in trial.envelopes.items()}, {j: q[i] for j, q in trial.angles.items()})
+            assert said == ()
+            assert watch.compared is None or watch.compared.holds
+
+
+def test_walking_passes_where_running_was_fitted_too(study, data_folder, tmp_path):
+    folder = tmp_path / "both"
+    shutil.copytree(study.folder, folder)
+    for name in ("ik", "emgFilt", "id"):
+        file = data_folder / "lower_limb_walking" / f"run81_{name}.sto"
+        if not file.is_file():
+            pytest.skip(f"{file.name} is not here")
+        shutil.copyfile(file, folder / "recordings" / file.name)
+    with (folder / "study.toml").open("a", encoding="utf-8") as text:
+        text.write(
+            '\n[[recordings]]\nname = "run81"\nfile = "recordings/run81_ik.sto"\nprotocol = "running"\n'
+            'streams = { emg = "recordings/run81_emgFilt.sto", moments = "recordings/run81_id.sto" }\nuse = "fit"\n'
+        )
+    walk, *held, run = moment_trials(open_study(folder), "ankle")
+    session = FittedSession.of([walk, run])
+    for trial in (walk, run, *held):
+        found = session.compared(trial)
+        assert (found.changes, found.holds) == ((), True)
 
 
 def test_one_set_of_muscles_moves_knee_and_ankle(study):

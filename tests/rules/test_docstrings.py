@@ -61,10 +61,11 @@ def described(section: str) -> set[str]:
 def _api() -> set[tuple[str, str]]:
     """File and name of everything that a user calls, and of the classes of what a user is given."""
     found = set()
-    for thing in (getattr(pellucid, name) for name in pellucid.__all__):
+    for thing in (getattr(pellucid, name) for name in dir(pellucid)):
         if callable(thing):
             module = sys.modules[thing.__module__]
-            returned = re.findall(r"\w+", str(inspect.signature(thing).return_annotation))
+            is_error = isinstance(thing, type) and issubclass(thing, Exception)
+            returned = [] if is_error else re.findall(r"\w+", str(inspect.signature(thing).return_annotation))
             given = [getattr(module, name, None) for name in returned]
             for each in (thing, *(g for g in given if isinstance(g, type))):
                 if each.__module__.startswith("pellucid."):

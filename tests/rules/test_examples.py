@@ -8,7 +8,7 @@ import pytest
 
 import pellucid
 
-NAMES = [name for name in pellucid.__all__ if name not in ("__version__", "datasets")]
+NAMES = [name for name in dir(pellucid) if name not in ("__version__", "datasets")]
 IN_TURN = ("open", "check", "identify", "report", "compare", "export")
 """Verbs on one study, in the order in which each finds what the one before it left."""
 STUDY = """

@@ -10,37 +10,39 @@ import pellucid
 
 ROOT = Path(pellucid.__file__).parent
 
-BASE = {"_atomic", "_errors", "_given", "_processes", "units"}
+BASE = {"_atomic", "_errors", "_given", "_processes", "_tabular", "units"}
 PHYSICS = BASE | {"models", "_core"}
 UP_TO_SIGNALS = BASE | {"recordings", "signals", "protocols"}
 JUDGING = {"fit", "control", "estimators", "assessment", "pages", "procedures"}
-EVERYTHING = UP_TO_SIGNALS | PHYSICS - {"_core"} | JUDGING | {"lab", "datasets"}
+EVERYTHING = UP_TO_SIGNALS | PHYSICS - {"_core"} | JUDGING | {"drawing", "lab", "datasets"}
 # The order of the flow; a layer may import what its entry names, and itself.
 ALLOWED = {
     "_atomic": set(),
     "_errors": set(),
     "_given": {"_errors"},
     "_processes": set(),
+    "_tabular": {"_errors"},
     "units": {"_errors"},
     "recordings": BASE | {"models"},  # study.toml names their families
     "datasets": BASE | {"recordings", "procedures"},
     "signals": BASE | {"recordings", "_core"},
     "protocols": BASE | {"recordings", "signals"},
     "models": BASE | {"_core"},  # physics knows no data
-    "fit": BASE | PHYSICS | {"recordings.recording", "signals", "protocols"},  # arrays in, estimates out: no study
+    "fit": BASE | PHYSICS | {"drawing", "recordings.recording", "signals", "protocols"},  # arrays alone
     "control": PHYSICS,
     "estimators": BASE | PHYSICS | {"signals", "fit"},  # arrays; procedures read studies
     "assessment": BASE | {"signals"},  # arrays; procedures read studies
-    "pages": BASE | {"models", "fit"},  # words, tables, drawings: of nobody's procedure
-    "procedures": UP_TO_SIGNALS | PHYSICS | {"fit", "control", "estimators", "assessment", "pages"},
-    "lab": UP_TO_SIGNALS | PHYSICS | {"fit", "control", "assessment", "procedures", "datasets"},
+    "drawing": BASE,  # figures' common shapes
+    "pages": BASE | {"models", "fit", "drawing"},  # words, tables, drawings: of nobody's procedure
+    "procedures": UP_TO_SIGNALS | PHYSICS | {"drawing", "fit", "control", "estimators", "assessment", "pages"},
+    "lab": UP_TO_SIGNALS | PHYSICS | {"drawing", "fit", "control", "assessment", "procedures", "datasets"},
     "deployment": UP_TO_SIGNALS | PHYSICS | {"fit", "control", "procedures"},
     "papers": EVERYTHING,
     "demonstration": EVERYTHING | {"deployment"},
     "ranking": EVERYTHING | {"papers"},
     "cli": EVERYTHING | {"deployment", "papers", "demonstration", "ranking"},
 }  # fmt: skip
-PLOTTING = {"pages"}
+PLOTTING = {"drawing", "pages"}
 CORE_USERS = {"models", "signals", "fit", "estimators", "procedures", "control", "lab", "deployment"}
 DRAWER = re.compile(r"utils?|helpers?|misc|common|tools|stuff")
 
@@ -110,7 +112,7 @@ def test_only_the_layers_that_compute_reach_into_the_core():
         (
             "signals/a.py",
             "def f():\n    import matplotlib.pyplot",
-            "only ['pages'] and files of figures may import matplotlib",
+            "only ['drawing', 'pages'] and files of figures may import matplotlib",
         ),
         ("pages/a.py", "from .. import _core", "pages may not import _core"),
         ("helpful/a.py", "", "the layer 'helpful' has no entry"),

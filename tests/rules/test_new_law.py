@@ -76,10 +76,10 @@ template <class S> struct GravityShare {
 BUILDER = '''
 
 from .control_law import LAWS, gate_values
-from .elbow_laws import ELBOW_LIMITS, PERIOD
+from .elbow_laws import ELBOW_LIMITS, PUBLISHED_PERIOD_S
 
 
-def gravity_share(card, slider, *, limits=ELBOW_LIMITS, period=PERIOD):
+def gravity_share(card, slider, *, limits=ELBOW_LIMITS, period=PUBLISHED_PERIOD_S):
     """A share of gravity carried, of a coherent body whose carriage is at `slider` [m]."""
     from .joint_compensation import carried_body
 

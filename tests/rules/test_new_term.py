@@ -1,4 +1,5 @@
-"""A friction term is added in its header and in its family: what fits, steps and exports a joint then knows it."""
+"""A friction term is added in its header and in its family: what fits, carries, watches and exports a joint then knows
+it, whatever its name begins with."""
 
 import json
 import shutil
@@ -13,16 +14,17 @@ from copied_package import run_copied
 ROOT = Path(__file__).parents[2]
 HEADER = {
     "load_motoring{}, load_generating{}, velocity_width{};": "load_motoring{}, load_generating{}, velocity_width{}, "
-    "quadratic{};",
+    "windage{};",
     '"w, of the smooth sign tanh(v / w); below 1e-9: the true sign"});\n': '"w, of the smooth sign tanh(v / w); below '
-    '1e-9: the true sign"});\n    visit(p.quadratic, {"quadratic", {1, -2, 2}, at_least(0), "F_q, drag per v |v|"});\n',
-    "  S stribeck{};                   ///< F_s [N m], 0": "  S quadratic{};  ///< F_q [N m s^2/rad^2]\n"
+    '1e-9: the true sign"});\n    visit(p.windage, {"windage", {1, -2, 2}, at_least(0), "F_q, drag per v |v|", '
+    "Resists{true, 2, 0}});\n",
+    "  S stribeck{};                   ///< F_s [N m], 0": "  S windage{};  ///< F_q [N m s^2/rad^2]\n"
     "  S stribeck{};                   ///< F_s [N m], 0",
-    "  c.stribeck = select": "  c.quadratic = params.quadratic;\n  c.stribeck = select",
-    "viscous(c, direction) * velocity;": "viscous(c, direction) * velocity + c.quadratic * velocity * abs(velocity);",
+    "  c.stribeck = select": "  c.windage = params.windage;\n  c.stribeck = select",
+    "viscous(c, direction) * velocity;": "viscous(c, direction) * velocity + c.windage * velocity * abs(velocity);",
 }
 FAMILY = {
-    'str, ...]] = {"stribeck"': 'str, ...]] = {"drag": ("quadratic",), "stribeck"',
+    'str, ...]] = {"stribeck"': 'str, ...]] = {"drag": ("windage",), "stribeck"',
     '    "combined": frozenset': '    "drag": frozenset({"drag"}),\n    "combined": frozenset',
 }
 DISPATCH = """
@@ -45,6 +47,7 @@ import json, sys
 from pathlib import Path
 import numpy as np
 import pellucid as pl
+from pellucid._errors import PellucidError
 from pellucid.control.control_law import LAWS
 from pellucid.deployment.c_folder import check_here, write_c_folder
 from pellucid.deployment.controller_values import ControllerValues
@@ -54,11 +57,21 @@ q = sum(a * np.sin(2 * np.pi * f * t + p) for a, f, p in parts)
 v = sum(a * 2 * np.pi * f * np.cos(2 * np.pi * f * t + p) for a, f, p in parts)
 acc = -sum(a * (2 * np.pi * f) ** 2 * np.sin(2 * np.pi * f * t + p) for a, f, p in parts)
 effort = 0.05 * acc + 1.5 * np.sin(q) + 0.3 * np.sign(v) + 0.08 * v + 0.07 * v * np.abs(v)
+effort += 0.01 * np.random.default_rng(1).standard_normal(len(t))
 fit = pl.fit_joint(t, q, effort, friction="drag", lowpass=10.0, decimate=5)
 law = pl.controller(fit, limits=pl.Limits(effort=5.0, rate=500.0, velocity=10.0, position=(-2.0, 2.0)))
+safe = pl.supervised(law)
+known = next(p.carried for p in fit.card().parameters if p.name == "windage")
+try:
+    pl.fit_joint(t, q, effort, friction="drag", lowpass=10.0, known={"windage": -1.0})
+    negative = "taken"
+except PellucidError as error:
+    negative = str(error)
 folder = write_c_folder("new", ControllerValues("joint", law.values, {}, ("joint.json",), {}), Path(sys.argv[1]))
-print(json.dumps({"value": fit["quadratic"].value, "unit": fit["quadratic"].unit, "carried": law.values["quadratic"],
-                  "header": "float quadratic;" in (folder / "pellucid_controller.h").read_text(),
+print(json.dumps({"value": fit["windage"].value, "unit": fit["windage"].unit,
+                  "carried": law.values["windage"], "known": known, "negative": negative,
+                  "watched": safe.supervision["body_viscous"] - law.values["viscous_positive"],
+                  "header": "float windage;" in (folder / "pellucid_controller.h").read_text(),
                   "exported": check_here(folder), "names": [f.name for f in LAWS["joint"].fields][:15]}))
 """
 
@@ -109,7 +122,10 @@ def test_a_friction_term_is_its_header_and_its_family(tmp_path):
     said = json.loads(run.stdout.splitlines()[-1])
     assert said["value"] == pytest.approx(0.07, rel=0.05)
     assert said["unit"] == "N*m*s^2/rad^2"
-    assert 0.0 < said["carried"] <= said["value"]
+    # Less than was found is carried; limits and supervisor count it, and no prior makes it drive.
+    assert said["carried"] == said["known"] < said["value"]
+    assert said["watched"] == pytest.approx(10.0 * said["carried"])
+    assert "known: found windage = -1, expected 0 to" in said["negative"]
     assert said["header"]
     assert said["exported"][1] == 0
-    assert "quadratic" in said["names"]
+    assert "windage" in said["names"]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pellucid import _core
-from pellucid.models.joint import INDEX, NAMES
+from pellucid.models.joint import NAMES, PARAMETER_INDEX
 from pellucid.signals.motion import Filtering, Motion
 
 TRUTH = {
@@ -20,7 +20,7 @@ TRUTH = {
 def vector_of(**changes):
     vector = np.zeros(len(NAMES))
     for name, value in (TRUTH | changes).items():
-        vector[INDEX[name]] = value
+        vector[PARAMETER_INDEX[name]] = value
     return vector
 
 

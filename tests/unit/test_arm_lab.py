@@ -22,7 +22,7 @@ from pellucid.lab.arm.worn_trial import run
 from pellucid.lab.known_rigs import parse_rig, shipped_rig
 from pellucid.lab.study import record_in_memory, study_config
 from pellucid.lab.study_text import study_text
-from pellucid.models.kinematic_tree import BODY
+from pellucid.models.kinematic_tree import BODY_QUANTITIES
 
 
 class Carried:
@@ -99,7 +99,7 @@ def test_bodies_are_bodies_in_every_drawn_arm(rig):
                 about = 0.5 * np.trace(inertia) * np.eye(3) - inertia
                 pseudo = np.block([[about, h[:, None]], [h[None], np.array([[mass]])]])
                 assert np.linalg.eigvalsh(pseudo).min() > 0.0, (arm.name, link.name)
-    assert len(BODY) == 10
+    assert len(BODY_QUANTITIES) == 10
     first, again = drawn_arms(rig, 2), drawn_arms(rig, 2)
     assert [a.tables for a in first] == [a.tables for a in again]
     assert first[0].tables != first[1].tables

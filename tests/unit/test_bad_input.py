@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from pellucid._errors import DatasetError, PellucidError, RecordingError, StudyError
+from pellucid._errors import DatasetError, PellucidError, RecordingError, StudyError, UnfitRecordingError
 from pellucid.datasets import init
 from pellucid.procedures.registry import open_study
 from pellucid.recordings import read_rows, require_sound
@@ -66,14 +66,14 @@ BAD_COLUMNS = {
 def test_bad_samples(make_study, name):
     changes, message = BAD_COLUMNS[name]
     kind, text = complaint(with_columns(make_study, **changes))
-    assert kind is RecordingError
+    assert kind is UnfitRecordingError
     assert text.startswith("sweep.csv (recording sweep)")
     assert message in text
 
 
 def test_too_few_samples(make_study):
     kind, text = complaint(make_study(make_study.swing(120)))
-    assert kind is RecordingError
+    assert kind is UnfitRecordingError
     assert text == (
         "sweep.csv (recording sweep), channel time: found 120 samples (0.6 s), "
         "expected at least 290: 50 are to be left after trim = 20 and decimate = 5"

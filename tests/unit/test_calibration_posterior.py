@@ -7,10 +7,10 @@ from made_muscles import across, trial
 from pellucid.estimators.hill_together import fit_together
 from pellucid.estimators.muscle_trials import driven_muscles, muscle_samples
 from pellucid.fit.muscles.coupled_priors import Timing
-from pellucid.fit.muscles.muscle_calibration import MuscleProblem, calibrate_muscles
+from pellucid.fit.muscles.muscle_calibration import MuscleProblem, solve_calibration
 from pellucid.fit.posterior import calibration_posterior as draws_of_muscles
 from pellucid.fit.posterior import hamiltonian
-from pellucid.fit.posterior.calibration_posterior import COMMON, calibration_posterior
+from pellucid.fit.posterior.calibration_posterior import SHARED_QUANTITIES, calibration_posterior
 from pellucid.fit.posterior.hamiltonian import drawn_by_gradients
 from pellucid.fit.posterior.marginal_likelihood import Noise
 
@@ -30,7 +30,7 @@ def strengths(seed=0, noise=NOISE):
     made = trial(seed=seed, seconds=6.0, noise=noise, true=TRUE)
     muscles = driven_muscles([made])
     samples, _ = muscle_samples([made], muscles=[m.name for m in muscles])
-    return calibrate_muscles(MuscleProblem(muscles, samples, quantities=("strength",), passive=False, weight=0.01))
+    return solve_calibration(MuscleProblem(muscles, samples, quantities=("strength",), passive=False, weight=0.01))
 
 
 @pytest.fixture(scope="module")
@@ -76,10 +76,10 @@ def test_draws_of_a_known_density_have_its_covariance():
 
 @pytest.mark.slow
 def test_draws_hold_what_the_recording_tells_and_no_bound_is_passed(monkeypatch):
-    monkeypatch.setattr(hamiltonian, "ROUND", 120)
+    monkeypatch.setattr(hamiltonian, "STEPS_PER_ROUND", 120)
     fit = strengths()
     posterior = calibration_posterior(fit, most=120)
-    assert set(COMMON) <= set(posterior)
+    assert set(SHARED_QUANTITIES) <= set(posterior)
     for name, value in TRUE.items():
         low, high = posterior.interval(name)
         assert low < value < high
@@ -96,7 +96,7 @@ def test_draws_hold_what_the_recording_tells_and_no_bound_is_passed(monkeypatch)
 
 
 def test_few_steps_do_not_settle(made, monkeypatch):
-    monkeypatch.setattr(hamiltonian, "ROUND", 15)
+    monkeypatch.setattr(hamiltonian, "STEPS_PER_ROUND", 15)
     posterior = calibration_posterior(made.fit, most=15)
     assert posterior.unsettled
     assert all("has not settled" in p.refused for p in posterior.parameters)

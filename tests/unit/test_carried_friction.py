@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pellucid.models.carried_friction import SteadyStates, carried_friction, drawn_normal, is_friction
+from pellucid.models.carried_friction import SteadyStates, carried_friction, draw_normal, is_friction
 
 NAMES = ("coulomb", "viscous", "load_friction")
 VALUES = np.array([0.3, 0.1, 0.1])
@@ -24,7 +24,7 @@ def test_it_exceeds_the_true_friction_in_one_case_of_twenty(steady):
     for _ in range(400):
         # The truth stands still, and identifications are drawn.
         found = VALUES + ROOT @ rng.standard_normal(3)
-        carried = carried_friction(NAMES, found, terms, drawn_normal(found, ROOT @ ROOT.T) @ terms.T)
+        carried = carried_friction(NAMES, found, terms, draw_normal(found, ROOT @ ROOT.T) @ terms.T)
         made = terms @ np.array(list(carried.values()))
         exceeds.append(np.any(made > terms @ VALUES))
         share.append(np.mean(made / (terms @ VALUES)))
@@ -35,7 +35,7 @@ def test_it_exceeds_the_true_friction_in_one_case_of_twenty(steady):
 def test_each_lower_end_alone_would_leave_more(steady):
     terms = steady.terms(NAMES)
     carried = np.array(
-        list(carried_friction(NAMES, VALUES, terms, drawn_normal(VALUES, ROOT @ ROOT.T) @ terms.T).values())
+        list(carried_friction(NAMES, VALUES, terms, draw_normal(VALUES, ROOT @ ROOT.T) @ terms.T).values())
     )
     ends = np.maximum(VALUES - 1.96 * np.sqrt(np.diag(ROOT @ ROOT.T)), 0.0)
     assert np.all(carried <= VALUES)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import StudyError
-from pellucid.procedures.assessment.certified_rows import certificate_rows, certificate_sentences
+from pellucid.procedures.assessment.certified_rows import certificate_remarks, certificate_rows, certificate_sentences
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import assess
 
@@ -118,3 +118,71 @@ def test_two_conditions_in_one_period_are_refused(ordered):
     margins = 'duration_median = "40 %"'
     with pytest.raises(StudyError, match="period = 1 of P1"):
         assess(with_margins(ordered, margins, change=lambda told: told.replace("period = 2", "period = 1", 1)))
+
+
+def lost_markers(person, condition, time, angle, target, muscle_time):
+    """Every fifth movement in FC passes where the cameras see nothing."""
+    if condition == "FC":
+        steps = np.flatnonzero(np.diff(target)) + 1
+        for step in steps[::5]:
+            angle[step + 40 : step + 80] = np.nan
+    return time, angle, target, muscle_time
+
+
+@pytest.fixture(scope="module")
+def with_losses(tmp_path_factory):
+    return made_pointing.study(tmp_path_factory.mktemp("losses"), conditions=("Ctrl", "FC"), change=lost_markers)
+
+
+WIDE = 'duration_median = "60 %"\nvmax = "60 %"\ntorque_rms = "0.6 N*m"'
+
+
+def test_no_certificate_is_granted_where_many_movements_are_lost(with_losses):
+    (fc,) = (found := assess(with_margins(with_losses, WIDE))).certified
+    assert fc.certificate.verdict == "cannot say"
+    assert fc.lost["vmax"] == {"Ctrl": (0, 120), "FC": (24, 120)}
+    (said,) = certificate_sentences(found)
+    assert "24 of 120 movements in FC" in said
+    assert "more than the 10 % that max_left_out allows" in said
+    row = {r.id.partition(".certificate.fc.")[2]: r for r in certificate_rows(found, None)}
+    assert row["transparent"].value == 0.5
+    assert row["vmax.left_out.fc"].value == pytest.approx(20.0)
+    assert row["vmax.left_out.ctrl"].value == 0.0
+
+
+def allowing(share):
+    return lambda told: told.replace('control = "Ctrl"', f'control = "Ctrl"\nmax_left_out = {share}', 1)
+
+
+def test_a_study_can_state_how_many_movements_may_be_lost(with_losses, tmp_path):
+    study = made_pointing.study(tmp_path, conditions=("Ctrl", "FC"), change=lost_markers)
+    found = assess(with_margins(study, WIDE, change=allowing(0.25)))
+    assert found.certified[0].certificate.verdict == "transparent"
+    # What was lost is said even so.
+    assert any("24 of 120 movements in FC" in text for text in certificate_remarks(found))
+
+
+def test_a_claim_of_harm_stands_where_movements_are_lost(with_losses):
+    margins = 'duration_median = "60 %"\ntorque_rms = "0.05 N*m"'
+    (fc,) = assess(with_margins(with_losses, margins)).certified
+    assert fc.certificate.verdict == "not transparent"
+    assert fc.certificate.said_of("duration_median") == "undecided"
+
+
+def test_movements_that_the_median_duration_counts_are_not_lost_to_it(ordered):
+    (fc,) = (each for each in assess(ordered).certified if each.condition == "FC")
+    assert fc.lost["duration_median"]["FC"] == (0, 60)
+    assert fc.lost["torque_rms"]["FC"] == fc.lost["velocity curve"]["FC"] == (2, 60)
+
+
+def test_the_sentence_says_what_was_assumed_of_people(pointing):
+    by_ranks = certificate_sentences(assess(with_margins(pointing, WIDE)))[0]
+    assert "at most 5 % of studies if people's changes are spread symmetrically" in by_ranks
+    assert "pseudo-median" in by_ranks
+    assert "the mean of skewed changes may lie beyond" in by_ranks
+    by_model = certificate_sentences(
+        assess(with_margins(pointing, WIDE, change=lambda told: told.replace(
+            'control = "Ctrl"', 'control = "Ctrl"\nequivalence = "mixed_model"', 1)))
+    )[0]  # fmt: skip
+    assert "mean change" in by_model
+    assert "normally distributed" in by_model

@@ -8,6 +8,7 @@ from made_muscles import trial
 
 from pellucid._errors import IdentificationError
 from pellucid.estimators.condition_choice import MOST, Examined, candidate, condition_tests, examined, named
+from pellucid.estimators.families import ESTIMATORS
 from pellucid.estimators.torque_map import fit_torque_map
 
 
@@ -27,8 +28,15 @@ def test_the_least_mean_square_is_named_unless_the_tests_cannot_tell():
 
 
 def test_what_is_told_the_torque_or_sees_no_emg_or_chose_nothing_is_not_named():
-    names = ("hill", "nmco", "nmcoa", "ridge", "motion", "linear", "boost", "boost_published")
-    assert [name for name in names if candidate(name)] == ["hill", "nmco", "ridge", "boost"]
+    names = ("hill", "nmcoa", "ridge", "motion", "linear", "boost", "boost_published")
+    assert [name for name in names if candidate(name)] == ["hill", "ridge", "boost"]
+
+
+def test_a_reconstruction_of_a_paper_is_compared_with_and_never_named():
+    rebuilt = [name for name, family in ESTIMATORS.items() if "reconstruction" in family.words]
+    assert rebuilt == ["nmco", "nmcoa", "nmnc", "mbp"]
+    published = [name for name in ESTIMATORS if name.endswith("_published")]
+    assert [name for name in (*rebuilt, *published) if candidate(name)] == []
 
 
 def test_several_recordings_are_left_out_whole_and_many_together_by_speed():

@@ -13,13 +13,13 @@ from pellucid.fit.tree.inertia_prior import entropic, fit_with_prior
 from pellucid.fit.tree.tree_regression import TreeModel, fit_rows, tree_rows
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
 from pellucid.models.pseudo_inertia import (
-    LEAST,
-    bodies_of,
+    MIN_EIGENVALUE,
+    bodies_from_pseudo_inertia,
     consistency,
     least_eigenvalue,
     pseudo_inertia,
-    scaled,
-    triangle,
+    scaled_pseudo_inertia,
+    triangle_matrix,
 )
 from pellucid.models.robot import Robot
 from pellucid.signals.tree_motion import TreeMotion
@@ -28,9 +28,9 @@ BAR = Link.about_centre("bar", 2.0, (0.1, 0.0, -0.2), (0.03, 0.0, 0.0, 0.03, 0.0
 
 
 def test_the_pseudo_inertia_tells_bodies_from_numbers():
-    np.testing.assert_allclose(bodies_of(pseudo_inertia(BAR.numbers)), BAR.numbers, atol=1e-15)
-    triangles = triangle() @ BAR.numbers
-    assert triangles @ triangles == pytest.approx(np.sum(scaled(BAR.numbers) ** 2))
+    np.testing.assert_allclose(bodies_from_pseudo_inertia(pseudo_inertia(BAR.numbers)), BAR.numbers, atol=1e-15)
+    triangles = triangle_matrix() @ BAR.numbers
+    assert triangles @ triangles == pytest.approx(np.sum(scaled_pseudo_inertia(BAR.numbers) ** 2))
     # A point's pseudo-inertia has rank 1, a body's as many ways as it has mass in.
     point = Link.about_centre("point", 3.0, (0.2, 0.1, 0.0), (0.0,) * 6)
     assert abs(least_eigenvalue(point.numbers)) < 1e-15
@@ -67,13 +67,13 @@ def test_the_least_is_that_of_a_search_over_bodies_alone(seed):
     assert not found.free
     assert found.held[0]
     assert found.at_bound[10]
-    assert least_eigenvalue(found.values[:10]) >= LEAST
+    assert least_eigenvalue(found.values[:10]) >= MIN_EIGENVALUE
 
     def squares(x):
         # Cholesky factors are exactly the pseudo-inertias; a root of friction.
         low = np.zeros((4, 4))
         low[np.tril_indices(4)] = x[:10]
-        theta = np.append(bodies_of(low @ low.T), x[10] ** 2)
+        theta = np.append(bodies_from_pseudo_inertia(low @ low.T), x[10] ** 2)
         return float(np.sum((target - ways @ theta) ** 2))
 
     searched = min(
@@ -91,7 +91,9 @@ def test_a_weight_draws_towards_the_preferred_bodies(rng):
     other = Link.about_centre("other", 1.0, (0.0, 0.0, -0.1), (0.01, 0.0, 0.0, 0.01, 0.0, 0.01)).numbers
     apart = [
         np.linalg.norm(
-            scaled(consistent_inertias(normal, projected, 1, nearest=other[None], weight=w).values[:10] - other)
+            scaled_pseudo_inertia(
+                consistent_inertias(normal, projected, 1, nearest=other[None], weight=w).values[:10] - other
+            )
         )
         for w in (1.0, 1e3, 1e9)
     ]
@@ -144,7 +146,7 @@ def test_a_robot_of_true_bodies_is_found_again(identified):
     np.testing.assert_allclose(made.matrix[: len(model.base.names), : len(model.base.members)] @ np.append(
         robot.tree.parameters, [0.0, 0.0]), found.parameters[: len(model.base.names)], atol=0.02)  # fmt: skip
     estimate = fit_consistent(model, rows, start=start, nearest=made.maker)
-    assert least_eigenvalue(estimate.links()[:, 12:]).min() >= LEAST
+    assert least_eigenvalue(estimate.links()[:, 12:]).min() >= MIN_EIGENVALUE
     motion = played(robot, np.random.default_rng(6), noise=0.0)
     rms = np.sqrt(np.mean((motion.effort - estimate.effort(motion))[motion.moving] ** 2))
     assert rms < 0.01
@@ -161,7 +163,7 @@ def test_every_leave_one_out_is_consistent(identified):
     whole = found.equations.total()
     for s in range(len(found.equations.count)):
         fit = found.solver(found.spread, whole.minus(found.equations.segment(s)), found.sd)
-        assert least_eigenvalue(fit.values[:20].reshape(2, 10)).min() >= LEAST
+        assert least_eigenvalue(fit.values[:20].reshape(2, 10)).min() >= MIN_EIGENVALUE
         assert np.all(fit.values[20:22] >= 0.0)
 
 
@@ -178,7 +180,7 @@ def test_a_right_prior_is_believed_where_the_motion_shows_little(distance):
     estimate, choice = fit_with_prior(model, rows, distance=distance)
     assert choice.weight > min(choice.missed)
     assert choice.missed[choice.weight] < choice.missed[min(choice.missed)]
-    assert least_eigenvalue(estimate.links()[:, 12:]).min() >= LEAST
+    assert least_eigenvalue(estimate.links()[:, 12:]).min() >= MIN_EIGENVALUE
     plain = fit_consistent(model, rows)
     judged = played(robot, np.random.default_rng(9), noise=0.0)
     missed = [np.linalg.norm(judged.effort - e.effort(judged)) for e in (estimate, plain)]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pellucid.assessment.certificate import PASS, Doubt, certificate, joined
+from pellucid.assessment.certificate import PASS, Doubt, certificate, certificate_from_tests
 from pellucid.assessment.crossover import carry_over, period_effect
 from pellucid.assessment.equivalence import Margin
 from pellucid.assessment.learning import thirds
@@ -96,6 +96,9 @@ def test_a_doubt_takes_a_claim_away_and_never_makes_one(rng):
     own, other = plain.end_points["duration"], far.end_points["duration"]
     assert plain.verdict == PASS
     for p, without, said in ((0.01, other, "undecided"), (0.01, own, "within"), (0.2, other, "within")):
-        doubted = joined({"duration": own}, 0.05, {"duration": (Doubt("learning", p, without),)})
+        doubted = certificate_from_tests({"duration": own}, 0.05, {"duration": (Doubt("learning", p, without),)})
         assert doubted.said_of("duration") == said
-    assert joined({"duration": other}, 0.05, {"duration": (Doubt("period", 0.01, own),)}).verdict == "cannot say"
+    assert (
+        certificate_from_tests({"duration": other}, 0.05, {"duration": (Doubt("period", 0.01, own),)}).verdict
+        == "cannot say"
+    )

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from pellucid._errors import PellucidError
-from pellucid.assessment.curves import compare_curves, normalised
+from pellucid.assessment.curves import compare_curves, resample_movement
 from pellucid.assessment.equivalence import Margin
 
 
@@ -98,5 +98,5 @@ def test_more_people_than_signs_are_counted_for_are_drawn_alike(rng):
 
 def test_a_movements_time_runs_from_its_start_to_its_end():
     time = np.arange(0.0, 2.0, 0.01)
-    curve = normalised(time, np.sin(np.pi * (time - 0.5)), 0.5, 1.0)
+    curve = resample_movement(time, np.sin(np.pi * (time - 0.5)), 0.5, 1.0)
     assert curve == pytest.approx(np.sin(np.pi * np.linspace(0.0, 1.0, 101)), abs=1e-3)

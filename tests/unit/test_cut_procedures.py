@@ -8,7 +8,7 @@ import pytest
 
 from pellucid._errors import RecordingError
 from pellucid.datasets import init
-from pellucid.fit.swing.loaded_swing import corrected, fit_swings
+from pellucid.fit.swing.loaded_swing import corrected_form, fit_swings
 from pellucid.procedures.assessment.pointing import pointing_record
 from pellucid.procedures.emg_torque.procedure import EmgTorqueProcedure
 from pellucid.procedures.isolated_muscle.isolated_muscle import isolated_muscle
@@ -68,7 +68,7 @@ SWINGS = '\n[loaded_swing]\nlowpass = "10 Hz"\n'
 @pytest.mark.parametrize(("where", "value"), [SPIKE, NAN])
 def test_a_loaded_swing(make_study, where, value):
     def bodies(study):
-        return fit_swings(swings_of(study.recording("sweep"), 10.0), corrected(0.0))
+        return fit_swings(swings_of(study.recording("sweep"), 10.0), corrected_form(0.0))
 
     clean = bodies(make_study(None, TORQUE, CHANNEL, append=SWINGS))
     study = spoilt(make_study, where, value, TORQUE, CHANNEL, append=SWINGS)

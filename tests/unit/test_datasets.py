@@ -8,6 +8,7 @@ import re
 import threading
 import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -229,9 +230,21 @@ def test_an_incomplete_folder_is_not_used(toy, tmp_path, monkeypatch):
     assert datasets.path("toy") == tmp_path / "cache" / "toy"
 
 
-def test_no_code_knows_a_data_set_by_name():
-    from pathlib import Path
+def test_folders_that_are_read_are_data_sets_or_explained():
+    """A page may cite what `pellucid datasets` knows; of anything else CONTRIBUTING.md says where it is from."""
+    root = Path(__file__).parents[2]
+    sources = [path for folder in ("tests", "evidence", "benchmarks") for path in (root / folder).rglob("*.py")]
+    read = {
+        name
+        for path in sources
+        for name in re.findall(r"(?:data_folder|data\(\)) / \"(\w+)\"", path.read_text(encoding="utf-8"))
+    }
+    explained = set(re.findall(r"^\| `(\w+)` \|", (root / "CONTRIBUTING.md").read_text(encoding="utf-8"), re.MULTILINE))
+    assert {"human_pointing", "hug_mp"} <= read
+    assert read <= {*datasets.names(), *registry.motion_names(), *explained}
 
+
+def test_no_code_knows_a_data_set_by_name():
     import pellucid
 
     root = Path(pellucid.__file__).parent

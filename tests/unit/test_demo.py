@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import PellucidError
-from pellucid.control.elbow_controllers import BEST_SENSED, ELBOW_CONTROLLERS
+from pellucid.control.elbow_controllers import BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
 from pellucid.datasets.registry import info, shipped
 from pellucid.demonstration import demo as module
 from pellucid.demonstration.story import told
@@ -84,7 +84,7 @@ def test_the_page_says_what_few_people_cannot_show(made):
 
 def test_people_wear_what_the_cards_say_and_that_is_exported(made):
     assert made.findings.conditions == ("Ctrl", *module.WORN)
-    named = ELBOW_CONTROLLERS[BEST_SENSED]
+    named = ELBOW_CONTROLLERS[BEST_SENSED_CONTROLLER]
     law = named.build(read_slider_card(made.elbow.models_dir / named.card), sum(made.fit.rail) / 2)
     constants = (made.controller / "pellucid_constants.h").read_text(encoding="utf-8")
     for name in ("gravity_sine", "coulomb_positive", "proportional"):
@@ -101,7 +101,7 @@ def test_the_story_is_told_with_its_figures(made):
     torque = made.findings.assessed["torque_rms"].table
     for condition in module.WORN:
         assert f"{number(torque.column(condition).mean(), digits=2)} under {condition}" in said["Worn"]
-    assert torque.column(BEST_SENSED).mean() < torque.column("clpc").mean()
+    assert torque.column(BEST_SENSED_CONTROLLER).mean() < torque.column("clpc").mean()
     if made.played is not None:
         assert made.played[0] > 500
         assert made.played[1] == 0
@@ -142,7 +142,7 @@ def test_what_is_no_demo_is_not_deleted(tmp_path):
     (tmp_path / "elbow" / "study.toml").write_text("", encoding="utf-8")
     (tmp_path / "people").mkdir()
     (tmp_path / "people" / "thesis.tex").write_text("years of work", encoding="utf-8")
-    with pytest.raises(PellucidError, match="not empty and not a study"):
+    with pytest.raises(PellucidError, match="found something that no demo made"):
         module.demo(tmp_path)
     assert (tmp_path / "people" / "thesis.tex").is_file()
     assert (tmp_path / "elbow" / "study.toml").is_file()

@@ -6,7 +6,7 @@ import pytest
 from pellucid._errors import IdentificationError
 from pellucid.fit.tree.directional_sets import closed_paths, compare_directional, fit_directional
 from pellucid.fit.tree.tree_regression import tree_rows
-from pellucid.models.held_joints import held_at
+from pellucid.models.held_joints import hold_joints
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
 from pellucid.models.robot import Robot
 from pellucid.signals.tree_motion import TreeMotion
@@ -46,7 +46,7 @@ def reaching(robot, seed, n=3000, noise=0.02):
 
 def test_held_joints_leave_the_others_as_they_were(arm):
     posture = {"flexion": 0.7}
-    held = held_at(arm, posture)
+    held = hold_joints(arm, posture)
     assert held.names == ("abduction", "elbow")
     rng = np.random.default_rng(2)
     q, v, a = rng.normal(size=(3, 20, 3))
@@ -54,9 +54,9 @@ def test_held_joints_leave_the_others_as_they_were(arm):
     whole = arm.tree.core.inverse_dynamics(q, v, a)[:, [0, 2]]
     np.testing.assert_allclose(held.tree.core.inverse_dynamics(*(x[:, [0, 2]] for x in (q, v, a))), whole, atol=1e-12)
     with pytest.raises(IdentificationError, match="found no joint 'wrist' that moves, expected some of abduction"):
-        held_at(arm, {"wrist": 0.0})
+        hold_joints(arm, {"wrist": 0.0})
     with pytest.raises(IdentificationError, match="found every joint held"):
-        held_at(arm, dict.fromkeys(NAMES, 0.0))
+        hold_joints(arm, dict.fromkeys(NAMES, 0.0))
 
 
 @pytest.mark.parametrize(("coupling", "others"), [("own", (0, 0, 0)), ("one side", (2, 1, 0)), ("all", (2, 2, 2))])
@@ -95,7 +95,7 @@ def test_one_body_with_load_friction_predicts_what_sets_do_not(arm):
 
 
 def test_a_single_joint_is_the_case_where_both_agree(arm):
-    elbow = held_at(arm, {"abduction": 0.2, "flexion": 0.4})
+    elbow = hold_joints(arm, {"abduction": 0.2, "flexion": 0.4})
     load, plain, own = compare_directional(elbow, [reaching(elbow, 1)], [reaching(elbow, 5)])
     assert own.sets == 2
     assert own.mean == pytest.approx(load.mean, rel=0.2)

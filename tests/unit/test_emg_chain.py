@@ -6,7 +6,7 @@ from made_emg import FS, raw_emg
 from scipy import signal
 
 from pellucid._errors import RecordingError
-from pellucid.signals.emg_chain import CHAINS, FILTERS, EmgChain, Stage, emg_chain
+from pellucid.signals.emg_chain import EMG_CHAINS, FILTER_STAGES, EmgChain, Stage, emg_chain
 from pellucid.signals.envelope_delay import group_delay
 
 
@@ -28,10 +28,10 @@ def test_chains_have_the_published_stages(name, kinds):
     assert [stage.kind for stage in emg_chain(name).stages] == kinds
 
 
-@pytest.mark.parametrize("name", CHAINS)
+@pytest.mark.parametrize("name", EMG_CHAINS)
 def test_every_filter_has_its_gain_at_its_edges(name):
-    for stage in CHAINS[name].stages:
-        if stage.kind in FILTERS:
+    for stage in EMG_CHAINS[name].stages:
+        if stage.kind in FILTER_STAGES:
             _, h = signal.freqz_sos(stage.sections(FS), np.array(stage.cutoff), fs=FS)
             expected = 0.0 if stage.kind == "notch" else np.sqrt(0.5)
             assert np.abs(h) == pytest.approx(expected, abs=1e-6)
@@ -48,7 +48,7 @@ def test_a_causal_2_hz_lowpass_removes_the_lead_of_emg(order, late):
 @pytest.mark.parametrize("frequency", [0.0, 1.0, 60.0, 300.0])
 @pytest.mark.parametrize("name", ["knee", "hill"])
 def test_group_delay_is_scipys(name, frequency):
-    sos = CHAINS[name].stages[-2 if name == "hill" else -1].sections(FS)
+    sos = EMG_CHAINS[name].stages[-2 if name == "hill" else -1].sections(FS)
     _, expected = signal.group_delay(signal.sos2tf(sos), w=[frequency], fs=FS)
     assert group_delay(sos, frequency, FS) == pytest.approx(expected[0] / FS, abs=2e-6)
 
@@ -67,19 +67,19 @@ def aligning_lag(chain: EmgChain, seconds: float) -> float:
 @pytest.mark.parametrize("name", ["knee", "hill"])
 def test_the_aligning_lag_is_near_the_delay(name):
     """A low-pass delays what it still passes somewhat less or more than at DC."""
-    delay = CHAINS[name].delay(FS).filters
-    assert aligning_lag(CHAINS[name], 60.0) == pytest.approx(delay, rel=0.3)
+    delay = EMG_CHAINS[name].delay(FS).filters
+    assert aligning_lag(EMG_CHAINS[name], 60.0) == pytest.approx(delay, rel=0.3)
 
 
 def test_an_advance_is_the_lag_it_says():
     assert aligning_lag(emg_chain("able"), 30.0) == pytest.approx(0.1, abs=0.004)
 
 
-@pytest.mark.parametrize("name", CHAINS)
+@pytest.mark.parametrize("name", EMG_CHAINS)
 def test_a_stream_equals_the_array(name):
     _, raw = bursts()
-    whole = CHAINS[name].causal(raw, FS, maximum=2e-4)
-    stream = CHAINS[name].stream(FS, maximum=2e-4)
+    whole = EMG_CHAINS[name].causal(raw, FS, maximum=2e-4)
+    stream = EMG_CHAINS[name].stream(FS, maximum=2e-4)
     cuts = np.array([5, 5, 9, 1000, 4096])
     parts = [stream.filter(part) for part in np.split(raw[:-50], cuts)]
     last = [stream.step(x) for x in raw[-50:]]
@@ -91,7 +91,7 @@ def test_a_stream_equals_the_array(name):
 @pytest.mark.parametrize("name", ["knee", "hill"])
 def test_without_delay_the_envelope_lies_on_the_amplitude(name):
     amplitude, raw = bursts(8.0)
-    envelope = CHAINS[name].zero_phase(raw, FS)
+    envelope = EMG_CHAINS[name].zero_phase(raw, FS)
     a, e = amplitude - amplitude.mean(), envelope - envelope.mean()
     lag = np.argmax(signal.correlate(e, a, method="fft")) - (len(a) - 1)
     assert abs(lag) / FS < 0.02
@@ -147,3 +147,73 @@ def test_an_impossible_chain_is_refused():
         emg_chain("able").with_lowpass(order=4)
     with pytest.raises(RecordingError, match="expected one of able, knee, hill"):
         emg_chain("elbow")
+
+
+def broken_effort(seconds: float, seed: int = 5) -> np.ndarray:
+    """EMG of a muscle that is switched on and off, at intervals that never repeat, with some mains in it [V]."""
+    t = np.arange(int(seconds * FS)) / FS
+    on = (t * 0.9 + 0.25 * np.sin(0.7 * t)) % 1.0 < 0.4
+    return raw_emg(1e-4 * (0.02 + on), np.random.default_rng(seed)) + 1e-5 * np.sin(2.0 * np.pi * 50.0 * t)
+
+
+@pytest.mark.parametrize("name", EMG_CHAINS)
+def test_an_envelope_is_never_negative(name):
+    raw, chain = broken_effort(8.0), EMG_CHAINS[name]
+    for x in (raw, raw[3000:7000], raw[: 40 + round(0.1 * FS)]):
+        assert chain.zero_phase(x, FS, maximum=1.0).min() >= 0.0
+        assert chain.causal(x, FS, maximum=1.0).min() >= 0.0
+        assert chain.stream(FS, maximum=1.0).filter(x).min() >= 0.0
+
+
+@pytest.mark.parametrize("name", EMG_CHAINS)
+@pytest.mark.parametrize("causal", [False, True])
+def test_a_part_is_filtered_with_what_lies_around_it(name, causal):
+    raw, chain = broken_effort(12.0), EMG_CHAINS[name]
+    run = chain.causal if causal else chain.zero_phase
+    whole = run(raw, FS, maximum=1.0)
+    for start, stop in ((9000, 13000), (0, 3000), (len(raw) - 3000, len(raw)), (7000, 7400)):
+        part = run(raw, FS, maximum=1.0, inside=slice(start, stop))
+        assert part.shape == (stop - start,)
+        # The mean that "able" takes off is that of the part and its surroundings.
+        assert np.max(np.abs(part - whole[start:stop])) < (3e-3 if name == "able" else 1e-4) * whole.max()
+
+
+def test_what_lies_beyond_a_missing_sample_is_not_seen_by_a_part():
+    raw, chain = broken_effort(8.0), emg_chain("hill")
+    holed = raw.copy()
+    holed[[5900, 12100]] = np.nan
+    part = chain.zero_phase(holed, FS, maximum=1.0, inside=slice(6000, 12000))
+    alone = chain.zero_phase(raw[5901:12100], FS, maximum=1.0)[99:-100]
+    np.testing.assert_array_equal(part, alone)
+    with pytest.raises(RecordingError, match="1 missing samples"):
+        chain.zero_phase(holed, FS, inside=slice(5000, 8000))
+    assert chain.zero_phase(raw, FS, inside=slice(6000, 12000)).max() == 1.0
+
+
+@pytest.mark.parametrize("name", ["knee", "hill"])
+def test_where_a_file_ends_envelopes_err_by_little(name):
+    """Files of two seconds against the same seconds of a recording that goes on."""
+    chain, length, shown = EMG_CHAINS[name], round(2.0 * FS), round(0.25 * FS)
+    t = np.arange(int(60.0 * FS)) / FS
+    effort = 0.05 + np.clip(np.sin(5.0 * t) + 0.3 * np.sin(10.7 * t + 1.0), 0.0, None)
+    raw = raw_emg(1e-4 * effort, np.random.default_rng(2))
+    whole = chain.zero_phase(raw, FS, maximum=1.0)
+    typical, worst = [], []
+    for start in np.random.default_rng(3).integers(int(FS), len(raw) - 2 * length, 24):
+        own = slice(start, start + length)
+        error = np.abs(chain.zero_phase(raw[own], FS, maximum=1.0) - whole[own]) / whole.max()
+        for end in (error[:shown], error[-shown:]):
+            typical.append(np.median(end))
+            worst.append(np.max(end))
+    assert np.median(typical) < 0.02
+    assert np.median(worst) < 0.08
+
+
+def test_padding_follows_from_how_long_a_filter_rings():
+    for name, seconds in (("hill", 2.7), ("knee", 1.2)):
+        assert EMG_CHAINS[name].settling(FS) / FS == pytest.approx(seconds, rel=0.15)
+    for stage in EMG_CHAINS["hill"].stages:
+        if stage.kind in FILTER_STAGES:
+            impulse = signal.sosfilt(stage.sections(FS), np.eye(1, 40 * stage.settling(FS))[0])
+            left = np.sqrt(np.sum(impulse[2 * stage.settling(FS) :] ** 2) / np.sum(impulse**2))
+            assert left < 1e-4

@@ -8,6 +8,7 @@ from pellucid._errors import RecordingError
 from pellucid.signals.emg_chain import emg_chain
 from pellucid.signals.emg_quality import (
     contrast_faults,
+    find_mains,
     hum_share,
     inspect_emg,
     relaxed_faults,
@@ -106,3 +107,35 @@ def test_swapped_electrodes_are_found():
     wrong = {"hamstring": push, "rectus": pull}
     assert swapped_faults(recording, "hamstring", "rectus", right, torque) == []
     assert [f.kind for f in swapped_faults(recording, "hamstring", "rectus", wrong, torque)] == ["swapped_channels"]
+
+
+def humming(mains: float, rng: np.random.Generator) -> np.ndarray:
+    """EMG with the mains and its third harmonic in more than half of its power [V]."""
+    t = np.arange(len(SOUND)) / FS
+    hum = np.sin(2.0 * np.pi * mains * t + 0.3) + 0.3 * np.sin(6.0 * np.pi * mains * t)
+    return SOUND + 1.6 * SOUND.std() * hum + 1e-7 * rng.standard_normal(len(SOUND))
+
+
+@pytest.mark.parametrize("mains", [50.0, 60.0])
+def test_hum_is_found_at_either_frequency_of_the_mains_and_its_key_is_named(mains, rng):
+    recording = emg_recording("hum", biceps=humming(mains, rng))
+    (fault,) = inspect_emg(recording, has_notch=True)
+    assert (fault.severity, fault.kind) == ("note", "mains_hum")
+    assert f"mains' {mains:g} Hz" in fault.found
+    assert f'mains = "{mains:g} Hz"' in fault.message
+    assert find_mains(recording) == mains
+
+
+@pytest.mark.parametrize("mains", [50.0, 60.0])
+def test_the_notch_lies_where_the_mains_is(mains, rng):
+    t = np.arange(len(SOUND)) / FS
+    hum = 1e-4 * np.sin(2.0 * np.pi * mains * t)
+    printed, own = emg_chain("hill"), emg_chain("hill", mains=mains)
+    sound = own.zero_phase(SOUND, FS, maximum=1.0)
+    assert np.median(np.abs(own.zero_phase(SOUND + hum, FS, maximum=1.0) - sound)) < 0.02 * sound.max()
+    if mains != 50.0:
+        assert np.median(np.abs(printed.zero_phase(SOUND + hum, FS, maximum=1.0) - sound)) > 0.1 * sound.max()
+    else:
+        assert own == printed
+    with pytest.raises(RecordingError, match="found no notch"):
+        emg_chain("knee", mains=60.0)

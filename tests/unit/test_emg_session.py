@@ -8,11 +8,81 @@ from made_walking import MUSCLES, TOPS, changed, walking
 
 from pellucid._errors import IdentificationError
 from pellucid.estimators.emg_session import FittedSession
+from pellucid.estimators.session_watch import SessionWatch
 
 
 @pytest.fixture(scope="module")
 def session():
     return FittedSession.of([walking(0, seconds=6.0)])
+
+
+def at_paces(paces, seed=0):
+    """Walking at several cadences: faster, each muscle works more by a factor of its own, and its floor rises."""
+    rng = np.random.default_rng(seed)
+    exponent = dict(zip(MUSCLES, rng.uniform(0.5, 5.0, len(MUSCLES)), strict=True))
+    trials = []
+    for i, pace in enumerate(paces):
+        trial = walking(10 * seed + i, seconds=12.0 / pace, cadence=0.9 * pace)
+        gain = {m: pace ** exponent[m] for m in MUSCLES}
+        floor = {m: 0.3 * max(pace - 1.0, 0.0) * np.max(x) for m, x in trial.envelopes.items()}
+        trials.append(changed(trial, **{m: gain[m] * (x + floor[m]) for m, x in trial.envelopes.items()}))
+    return trials
+
+
+PACES = [(1.0,), (0.8, 1.2), (0.8, 1.0, 1.2), (0.7, 1.6), (0.6, 1.0, 1.7)]
+
+
+@pytest.mark.parametrize("paces", PACES, ids=str)
+@pytest.mark.parametrize("seed", range(4))
+def test_what_was_fitted_passes_the_comparison_with_itself(paces, seed):
+    trials = at_paces(paces, seed)
+    own = FittedSession.of(trials)
+    for trial in trials:
+        found = own.compared(trial)
+        assert found.changes == ()
+        assert found.holds
+
+
+@pytest.mark.parametrize("paces", PACES, ids=str)
+def test_what_was_fitted_passes_a_watch_of_it(paces):
+    trials = at_paces(paces, seed=5)
+    own = FittedSession.of(trials)
+    for trial in trials:
+        watch = SessionWatch(own, tuple(trial.angles), trial.fs)
+        rows = list(zip(*trial.envelopes.values(), strict=True)), list(zip(*trial.angles.values(), strict=True))
+        for envelopes, angles in zip(*rows, strict=True):
+            said = watch.step(dict(zip(MUSCLES, envelopes, strict=True)), dict(zip(trial.angles, angles, strict=True)))
+            assert said == ()
+            assert watch.compared is None or watch.compared.holds
+
+
+@pytest.mark.parametrize("pace", [0.7, 0.9, 1.1])
+def test_a_pace_between_those_fitted_is_the_same_session(pace):
+    own = FittedSession.of(at_paces((0.6, 1.0, 1.2), seed=1))
+    (trial,) = at_paces((pace,), seed=1)
+    found = own.compared(trial)
+    assert found.changes == ()
+    assert found.holds
+
+
+@pytest.mark.parametrize("pace", [0.7, 1.0, 1.6])
+def test_a_channel_that_changed_is_named_beside_several_paces(pace):
+    own = FittedSession.of(at_paces((0.7, 1.0, 1.6), seed=2))
+    (trial,) = at_paces((pace,), seed=2)
+    x = trial.envelopes
+    spoilt = changed(trial, soleus=40.0 * x["soleus"])
+    assert own.compared(spoilt).changed == ("soleus",)
+    spoilt = changed(trial, tibialis=x["hamstring"], hamstring=x["tibialis"])
+    assert set(own.compared(spoilt).changed) == {"tibialis", "hamstring"}
+
+
+def test_a_channel_is_brought_back_to_the_trial_whose_other_channels_it_is_like():
+    trials = at_paces((0.7, 1.6), seed=2)
+    own = FittedSession.of(trials)
+    for trial in trials:
+        x = trial.envelopes["soleus"]
+        back = own.rescaled(changed(trial, soleus=30.0 * x + 1.0), 6.0, ["soleus"]).envelopes["soleus"]
+        np.testing.assert_allclose(np.ptp(back), np.ptp(x), rtol=0.5)
 
 
 @pytest.mark.parametrize("seed", range(1, 9))

@@ -9,10 +9,10 @@ from scipy import stats
 from pellucid._errors import PellucidError
 from pellucid.assessment.certificate import CANNOT_SAY, FAIL, PASS, certificate
 from pellucid.assessment.equivalence import METHODS, Margin, equivalence, interval_bayes_factor
-from pellucid.assessment.equivalence_power import equivalence_needed, equivalence_power
+from pellucid.assessment.equivalence_power import equivalence_power, find_equivalence_participants
 from pellucid.assessment.group_sequential import looks
 from pellucid.assessment.lasting_bounds import lasting_bounds
-from pellucid.assessment.measured import Lasted
+from pellucid.assessment.measured import MovementDuration
 
 
 @pytest.fixture
@@ -133,11 +133,11 @@ def test_power_is_that_of_the_tests_themselves(rng):
 
 def test_participants_needed_grow_with_spread_and_with_end_points():
     one = [Margin.of_ratio(0.1)]
-    needed = [equivalence_needed(np.diag([s**2]), one, studies=500) for s in (0.02, 0.06, 0.1)]
+    needed = [find_equivalence_participants(np.diag([s**2]), one, studies=500) for s in (0.02, 0.06, 0.1)]
     assert needed == sorted(needed)
     assert needed[0] == 5  # fewer have no test
-    assert equivalence_needed(0.06**2 * np.eye(3), one * 3, studies=500) > needed[1]
-    assert equivalence_needed(np.diag([9.0]), one, studies=200) is None
+    assert find_equivalence_participants(0.06**2 * np.eye(3), one * 3, studies=500) > needed[1]
+    assert find_equivalence_participants(np.diag([9.0]), one, studies=200) is None
 
 
 def test_boundaries_are_the_published_ones():
@@ -197,7 +197,7 @@ def test_bounds_claim_nothing_that_what_is_hidden_might_not_be(rng):
 
 def test_a_median_that_was_not_reached_is_a_bound():
     def lasted(condition, seconds, settled):
-        return [Lasted("P1", condition, (None, "up"), s, k) for s, k in zip(seconds, settled, strict=True)]
+        return [MovementDuration("P1", condition, (None, "up"), s, k) for s, k in zip(seconds, settled, strict=True)]
 
     seen = lasted("Ctrl", [1.0, 1.1, 1.2], [True] * 3)
     slow = lasted("FC", [1.0, 5.0, 6.0], [True, False, False])
@@ -206,7 +206,7 @@ def test_a_median_that_was_not_reached_is_a_bound():
     low, high = lasting_bounds(seen + slow, ["P1"], ["Ctrl", "FC"], "FC", "Ctrl", lambda own, base: np.log(own / base))
     assert (low[0], high[0]) == (-np.inf, pytest.approx(np.log(1.1 / 6.0)))
     # One that gave no movement counts as longer than any, and moves a median by one place.
-    stuck = [Lasted("P1", "FC", (None, "up"), np.inf, False)]
+    stuck = [MovementDuration("P1", "FC", (None, "up"), np.inf, False)]
     quick = lasted("FC", [1.0, 1.1, 1.2], [True] * 3)
     both = lasting_bounds(seen + quick + stuck, ["P1"], ["Ctrl", "FC"], "Ctrl", "FC", lambda own, base: own - base)
     assert both[0][0] == both[1][0] == pytest.approx(0.0, abs=1e-12)

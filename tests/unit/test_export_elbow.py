@@ -10,7 +10,7 @@ from exported import Loaded, nonsense
 import pellucid
 from pellucid._errors import PellucidError
 from pellucid.control.control_law import LAWS
-from pellucid.control.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
+from pellucid.control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
 from pellucid.control.elbow_laws import PUBLISHED_EXPONENTS
 from pellucid.deployment.elbow_values import elbow_values
 from pellucid.deployment.microcontroller import measure, missing_tools
@@ -190,7 +190,7 @@ def test_what_is_exported_is_what_virtual_people_wear(study):
     """The same numbers under the same name, but for the limits that the study sets."""
     person = draw_people(elbow_participants(), np.random.default_rng(1), count=1)[0]
     cards = {c.method: read_slider_card(study.models_dir / c.card) for c in ELBOW_CONTROLLERS.values()}
-    for controller in (BEST, BEST_SENSED):
+    for controller in (BEST_CONTROLLER, BEST_SENSED_CONTROLLER):
         there = elbow_values(study, controller, slider=0.2).numbers
         here = condition_of(cards, controller)(person, 0.2).values
         differ = {name for name in here if here[name] != there[name]}

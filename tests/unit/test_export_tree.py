@@ -90,6 +90,7 @@ def test_numbers_are_the_cards(folder, values):
 def test_a_study_without_a_card_or_with_another_law_is_told(values, tmp_path):
     class Study:
         name = "arm"
+        accept_stale = True
 
         def card(self, name):
             return tmp_path / name

@@ -5,7 +5,7 @@ import pytest
 
 from pellucid.protocols.excitation import multisine
 from pellucid.protocols.fourier import (
-    CRITERIA,
+    EXCITATION_CRITERIA,
     FourierSeries,
     excitation_cost,
     optimised_fourier,
@@ -45,7 +45,7 @@ def assert_within(position, fs, velocity, acceleration):
     assert np.abs(np.diff(position, 2) * fs**2).max() <= acceleration * (1 + 1e-6)
 
 
-@pytest.fixture(scope="module", params=CRITERIA)
+@pytest.fixture(scope="module", params=EXCITATION_CRITERIA)
 def criterion(request):
     return request.param
 
@@ -133,7 +133,7 @@ def test_condition_is_half_that_of_random_motions_and_beats_a_multisine():
 
 
 def test_each_criterion_improves_what_it_optimises(best, criterion):
-    other = optimised(criterion=next(c for c in CRITERIA if c != criterion))
+    other = optimised(criterion=next(c for c in EXCITATION_CRITERIA if c != criterion))
     assert cost(best, criterion) < min(cost(random_series(s), criterion) for s in range(100))
     assert cost(best, criterion) < cost(other, criterion)
 

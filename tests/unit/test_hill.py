@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pellucid.models.hill import FREE, QUANTITIES, FreeParameter, HillData, HillModel, HillMuscle
+from pellucid.models.hill import FREE_QUANTITIES, MUSCLE_QUANTITIES, FreeParameter, HillData, HillModel, HillMuscle
 
 MUSCLES = (
     HillMuscle("vastus_lateralis", 0.084, 0.157, 1871.0, 0.087),
@@ -37,9 +37,9 @@ def data(rng):
 
 
 def test_quantities_are_the_cores():
-    assert QUANTITIES[:11] == FREE
-    assert MUSCLES[0].vector()[QUANTITIES.index("max_isometric_force")] == 1871.0
-    assert [getattr(MUSCLES[0], q) for q in QUANTITIES] == MUSCLES[0].vector().tolist()
+    assert MUSCLE_QUANTITIES[:11] == FREE_QUANTITIES
+    assert MUSCLES[0].vector()[MUSCLE_QUANTITIES.index("max_isometric_force")] == 1871.0
+    assert [getattr(MUSCLES[0], q) for q in MUSCLE_QUANTITIES] == MUSCLES[0].vector().tolist()
 
 
 def test_free_values_drive_what_they_name():

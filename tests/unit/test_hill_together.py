@@ -9,8 +9,15 @@ from made_muscles import across
 from pellucid._errors import IdentificationError
 from pellucid.estimators.cross_validation import score
 from pellucid.estimators.hill_together import fit_together
-from pellucid.fit.muscles.coupled_priors import ALIKE, LONGEST, SHORTEST, TIMINGS, Timing, coupled_priors
-from pellucid.fit.muscles.muscle_information import bounds_told_as_estimates, covariance, muscle_parameters
+from pellucid.fit.muscles.coupled_priors import (
+    GROUP_STRENGTH_CORRELATION,
+    MAX_TOTAL_DELAY_S,
+    MIN_TOTAL_DELAY_S,
+    TIMING_CANDIDATES,
+    Timing,
+    coupled_priors,
+)
+from pellucid.fit.muscles.muscle_information import count_bounds_reported_as_estimates, covariance, muscle_parameters
 
 TRUE = {
     "strength.gastrocnemius_medialis": 1.4,
@@ -86,7 +93,7 @@ def test_intervals_hold_people_drawn_from_what_people_are():
         made = fitted_to(across(seed=seed, seconds=6.0, true=person(seed)), weights=(0.01,))
         sd, free = np.sqrt(np.diag(covariance(made.fit))), ~made.fit.at_bound
         inside.append((np.abs(person(seed)(made.fit.problem) - made.fit.z) <= 1.96 * sd)[free])
-        assert bounds_told_as_estimates(made.fit, muscle_parameters(made.fit)) == 0
+        assert count_bounds_reported_as_estimates(made.fit, muscle_parameters(made.fit)) == 0
     assert 0.9 < np.mean(np.concatenate(inside)) <= 1.0
 
 
@@ -104,7 +111,7 @@ def test_the_streams_offset_is_found_with_its_interval(early):
 def test_no_muscle_takes_longer_than_muscles_do():
     """The stream runs 0.12 s ahead, and nobody asked for its offset: the delay ends on its bound, undetermined."""
     made = fitted_to(across(seed=3, true=TRUE, early=0.12))
-    assert SHORTEST <= made.delays.min() <= made.delays.max() <= LONGEST
+    assert MIN_TOTAL_DELAY_S <= made.delays.min() <= made.delays.max() <= MAX_TOTAL_DELAY_S
     delay = next(p for p in made.parameters if p.name == "delay")
     assert delay.at_bound
     assert not delay.identifiable
@@ -113,11 +120,11 @@ def test_no_muscle_takes_longer_than_muscles_do():
 
 
 @pytest.mark.parametrize("period", [1e-3, 1e-2])
-@pytest.mark.parametrize("timing", TIMINGS)
+@pytest.mark.parametrize("timing", TIMING_CANDIDATES)
 def test_every_way_to_share_the_delay_stays_between_10_and_100_ms(found, timing, period):
     muscles = found.fit.problem.model.muscles
     priors, hold = coupled_priors(muscles, timing, period)
-    for bound, end in (("lower", SHORTEST), ("upper", LONGEST)):
+    for bound, end in (("lower", MIN_TOTAL_DELAY_S), ("upper", MAX_TOTAL_DELAY_S)):
         of = {p.free.quantity: getattr(p.free, bound) for p in priors}
         each = replace(
             muscles[0], delay=of["delay"], time_constant_1=of["time_constant"], time_constant_2=of["time_constant"]
@@ -127,7 +134,7 @@ def test_every_way_to_share_the_delay_stays_between_10_and_100_ms(found, timing,
     inverse = np.linalg.inv(hold)
     names = [p.free.name for p in priors]
     pair = names.index("strength.vastus_lateralis"), names.index("strength.vastus_medialis")
-    assert inverse[pair] == pytest.approx(ALIKE)
+    assert inverse[pair] == pytest.approx(GROUP_STRENGTH_CORRELATION)
     assert inverse[pair[0], names.index("strength.soleus")] == pytest.approx(0.0, abs=1e-12)
 
 

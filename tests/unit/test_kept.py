@@ -1,7 +1,10 @@
 """What is kept comes back as it was, or not at all; nothing in the file can run."""
 
 import json
+import tracemalloc
 from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,8 +12,8 @@ import pytest
 from pellucid.fit.parameter import Parameter, Verdict
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.result import FigureTable, ParameterTable, Result
-from pellucid.recordings import keepers_mark
-from pellucid.recordings.keepers_mark import mark
+from pellucid.recordings import keepers_mark, kept, kept_columns
+from pellucid.recordings.keepers_mark import SEAL_LENGTH, mark, seal
 from pellucid.recordings.kept import TREE, keep, read_kept
 from pellucid.recordings.results import ResultRow
 
@@ -110,7 +113,7 @@ def test_arrays_keep_bits_and_are_stored_once(tmp_path):
 def packed(path, tree):
     """A file with a tree of somebody's own, under this user's mark."""
     np.savez(path, **{TREE: np.frombuffer(tree.encode(), np.uint8)})
-    path.write_bytes(path.read_bytes() + mark(path.read_bytes()))
+    path.write_bytes(path.read_bytes() + seal(path.read_bytes()))
     return path
 
 
@@ -139,6 +142,55 @@ def test_a_damaged_file_is_none(tmp_path):
         assert read_kept(path, "fresh") is None
     path.write_bytes(b"x" + whole[1:])
     assert read_kept(path, "fresh") is None
+
+
+def peak_memory(call):
+    tracemalloc.start()
+    try:
+        assert call() is None
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("own_end", [False, True])
+def test_a_large_file_of_somebody_else_is_not_read(tmp_path, own_end):
+    """Neither one without a seal, nor one that ends in the seal of a smaller file of one's own."""
+    path = tmp_path / "a.npz"
+    end = keep(path, "fresh", result()).read_bytes()[-SEAL_LENGTH:] if own_end else b""
+    with path.open("wb") as file:
+        file.truncate(300_000_000)
+        file.seek(0, 2)
+        file.write(end)
+    assert peak_memory(lambda: read_kept(path, "fresh")) < 1_000_000
+
+
+def test_large_columns_of_somebody_else_are_not_read(tmp_path):
+    path = tmp_path / "a.columns"
+    with path.open("wb") as file:
+        file.truncate(300_000_000)  # without any end of a line
+    assert peak_memory(lambda: kept_columns._kept(path, tmp_path / "a.csv")) < 1_000_000
+
+
+def test_another_core_and_other_libraries_make_another_fingerprint(tmp_path, monkeypatch):
+    def fingerprint():
+        kept.code_fingerprint.cache_clear()
+        return kept.code_fingerprint()
+
+    before = fingerprint()
+    assert fingerprint() == before
+    monkeypatch.setattr(kept, "version", lambda name: "0" if name == "scipy" else version(name))
+    assert fingerprint() != before
+    monkeypatch.undo()
+    core = Path(kept.import_module("pellucid._core").__file__)
+    other = tmp_path / core.name
+    other.write_bytes(core.read_bytes() + b"\0")
+    monkeypatch.setattr(kept.import_module("pellucid._core"), "__file__", str(other))
+    assert fingerprint() != before
+    monkeypatch.undo()
+    assert fingerprint() == before
+    assert {"numpy", "scipy", "scikit-learn"} <= set(kept.library_versions())
+    assert not {"pytest", "ruff", "pellucid"} & set(kept.library_versions())
 
 
 def test_a_result_is_a_table_of_parameters():

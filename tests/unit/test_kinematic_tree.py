@@ -7,7 +7,7 @@ import pytest
 
 from pellucid._errors import IdentificationError
 from pellucid.models.joint import GRAVITY
-from pellucid.models.kinematic_tree import BODY, Link, Tree, TreeJoint
+from pellucid.models.kinematic_tree import BODY_QUANTITIES, Link, Tree, TreeJoint
 
 X, Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -36,7 +36,7 @@ def test_a_hanging_arm():
     np.testing.assert_allclose(made, tree.core.inverse_dynamics(q, 0 * q, a), atol=1e-12)
     assert tree.parameter_names[0] == "upper.mass"
     assert tree.parameter_names[-1] == "lower.inertia_zz"
-    assert len(tree.parameter_names) == 2 * len(BODY)
+    assert len(tree.parameter_names) == 2 * len(BODY_QUANTITIES)
 
 
 def test_order_of_joints_does_not_matter():

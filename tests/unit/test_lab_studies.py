@@ -17,7 +17,7 @@ from pellucid.lab.strap_options import OPTIONS, without
 from pellucid.lab.study import study_config
 from pellucid.lab.study_text import study_text
 from pellucid.procedures.registry import open_study
-from pellucid.protocols.reversals import REVERSALS
+from pellucid.protocols.reversals import REVERSALS_NAME
 
 KEPT = Path(__file__).parents[1] / "data" / "5239fe4" / "lab"
 """Each rig's file and the study.toml that `simulate` wrote of it with seed 1, as of that commit."""
@@ -55,7 +55,7 @@ def test_a_study_says_what_it_said_when_it_was_written_by_hand(name):
     rig = load_rig(name)
     before = open_study(KEPT / name).config
     # Reversals came later.
-    said = rig.study([taken for taken in pretended(rig) if taken.trial.protocol != REVERSALS])
+    said = rig.study([taken for taken in pretended(rig) if taken.trial.protocol != REVERSALS_NAME])
     text = study_text(said, rig.comments)
     assert study_config(tomllib.loads(text)) == before
     assert study_config(said) == before

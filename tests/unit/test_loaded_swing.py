@@ -7,15 +7,15 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.swing.leg_balance import leg_alone, torque_in_a_worn_exoskeleton, torque_of_a_bare_leg
+from pellucid.fit.swing.leg_balance import bare_leg_torque, leg_alone, worn_exoskeleton_torque
 from pellucid.fit.swing.loaded_swing import (
     adam_swings,
-    as_published,
-    corrected,
+    corrected_form,
     fit_swings,
+    published_form,
     swing,
 )
-from pellucid.fit.swing.swing_information import better_swing, swing_information
+from pellucid.fit.swing.swing_information import optimise_swing, swing_information
 from pellucid.models.joint import GRAVITY
 from pellucid.protocols.two_sines import two_sines
 
@@ -27,7 +27,7 @@ REACH = np.radians(35.0)
 
 @pytest.fixture(scope="module")
 def rich():
-    return better_swing(0.45, 1.34, reach=REACH, peak_torque=8.0, rng=np.random.default_rng(8))
+    return optimise_swing(0.45, 1.34, reach=REACH, peak_torque=8.0, rng=np.random.default_rng(8))
 
 
 def balance(body, position, velocity, acceleration, hanging=0.0):
@@ -55,7 +55,7 @@ def recorded(series, body, *, rng=None, noise=0.3, duration=60.0, hanging=0.0, h
 
 
 def test_the_corrected_form_finds_the_body(rich, rng):
-    fit = fit_swings([recorded(rich, LOADED, rng=rng)], corrected(), mass_bound=8.0)
+    fit = fit_swings([recorded(rich, LOADED, rng=rng)], corrected_form(), mass_bound=8.0)
     for found in fit.parameters:
         assert abs(found.value - LOADED[found.name]) < 3.0 * found.standard_error, found
     assert fit.inertia.standard_error < 0.1 * 0.45
@@ -66,8 +66,8 @@ def test_the_corrected_form_finds_the_body(rich, rng):
 
 
 def test_difference_with_the_better_swing_is_the_leg(rich, rng):
-    empty = fit_swings([recorded(rich, EMPTY, rng=rng)], corrected())
-    loaded = fit_swings([recorded(rich, LOADED, rng=rng)], corrected())
+    empty = fit_swings([recorded(rich, EMPTY, rng=rng)], corrected_form())
+    loaded = fit_swings([recorded(rich, LOADED, rng=rng)], corrected_form())
     inertia, moment = leg_alone(empty, loaded)
     assert inertia.value == pytest.approx(0.40, rel=0.10)
     assert moment.value == pytest.approx(1.04, rel=0.02)
@@ -81,13 +81,13 @@ def test_difference_with_the_better_swing_is_the_leg(rich, rng):
 
 def test_the_angle_of_rest_is_found_where_it_is_not_known(rng):
     # A wide swing, for a cosine is nearly an offset in a narrow one.
-    wide = better_swing(0.45, 1.34, reach=1.2, peak_torque=14.0, rng=np.random.default_rng(8))
-    fit = fit_swings([recorded(wide, LOADED, rng=rng, hanging=0.1)], corrected(None))
+    wide = optimise_swing(0.45, 1.34, reach=1.2, peak_torque=14.0, rng=np.random.default_rng(8))
+    fit = fit_swings([recorded(wide, LOADED, rng=rng, hanging=0.1)], corrected_form(None))
     found = {p.name: p for p in fit.parameters}
     assert list(found) == ["inertia", "weight_moment", "hanging", "viscous", "coulomb", "offset"]
     assert abs(found["hanging"].value - 0.1) < 3.0 * found["hanging"].standard_error
     assert abs(found["weight_moment"].value - 1.34) < 3.0 * found["weight_moment"].standard_error
-    assert fit_swings([recorded(wide, LOADED, hanging=0.1)], corrected(0.1)).weight_moment.value == pytest.approx(
+    assert fit_swings([recorded(wide, LOADED, hanging=0.1)], corrected_form(0.1)).weight_moment.value == pytest.approx(
         1.34, rel=1e-3
     )
 
@@ -96,7 +96,7 @@ def test_intervals_cover(rich):
     inside = 0
     for seed in range(40):
         draw = np.random.default_rng(seed)
-        fit = fit_swings([recorded(rich, LOADED, rng=draw, duration=30.0)], corrected())
+        fit = fit_swings([recorded(rich, LOADED, rng=draw, duration=30.0)], corrected_form())
         low, high = fit.inertia.interval()
         inside += low <= LOADED["inertia"] <= high
     # 95 % of 40 is 38; fewer than 33 has a chance below 1 in 100.
@@ -105,7 +105,7 @@ def test_intervals_cover(rich):
 
 def test_a_body_that_cannot_be_is_held_to_its_bound(rng):
     poor = recorded(two_sines(np.radians(20.0)), LOADED, rng=rng)
-    form = corrected(viscous=False)
+    form = corrected_form(viscous=False)
     free = fit_swings([poor], form)
     # More mass than this the fit would need: it is given less.
     bound = 0.8 * free.mass
@@ -135,14 +135,14 @@ def test_a_body_that_cannot_be_is_held_to_its_bound(rng):
 
 def test_friction_is_never_negative():
     frictionless = {**LOADED, "viscous": -0.05, "coulomb": -0.1}
-    fit = fit_swings([recorded(two_sines(np.radians(20.0)), frictionless)], corrected())
+    fit = fit_swings([recorded(two_sines(np.radians(20.0)), frictionless)], corrected_form())
     found = {p.name: p for p in fit.others}
     assert found["coulomb"].value == pytest.approx(0.0, abs=1e-9)
     assert found["coulomb"].at_bound
     assert not found["coulomb"].identifiable
 
 
-@pytest.mark.parametrize("form", [as_published(np.pi), corrected()])
+@pytest.mark.parametrize("form", [published_form(np.pi), corrected_form()])
 def test_adam_with_a_falling_rate_ends_where_the_closed_form_does(rich, rng, form):
     data = [recorded(rich, LOADED, rng=rng)]
     exact = fit_swings(data, form).coefficients
@@ -151,7 +151,7 @@ def test_adam_with_a_falling_rate_ends_where_the_closed_form_does(rich, rng, for
 
 
 def test_a_fixed_rate_wanders_only_where_gradients_are_of_parts(rng):
-    data, form = [recorded(two_sines(np.radians(20.0)), LOADED, rng=rng)], as_published(np.pi)
+    data, form = [recorded(two_sines(np.radians(20.0)), LOADED, rng=rng)], published_form(np.pi)
     exact = fit_swings(data, form).coefficients
     settings = {"rate": 0.05, "iterations": 6000}
     whole = adam_swings(data, form, **settings)
@@ -171,12 +171,12 @@ def test_the_better_swing_shows_more_with_less_torque(rich):
     low, high, _, _ = rich.peaks()
     assert max(-low, high) <= REACH * 1.0001
     with pytest.raises(IdentificationError, match="expected at most 1 N"):
-        better_swing(0.45, 1.34, reach=REACH, peak_torque=1.0, rng=np.random.default_rng(1))
+        optimise_swing(0.45, 1.34, reach=REACH, peak_torque=1.0, rng=np.random.default_rng(1))
 
 
 def test_expected_spread_is_the_observed_one():
     # p and q alone, so that the formula's terms are the fit's.
-    series, form = two_sines(np.radians(20.0)), corrected(friction=False, viscous=False, offset=False)
+    series, form = two_sines(np.radians(20.0)), corrected_form(friction=False, viscous=False, offset=False)
     plain = {**LOADED, "viscous": 0.0, "coulomb": 0.0, "offset": 0.0}
     found = [
         fit_swings([recorded(series, plain, rng=np.random.default_rng(seed), duration=64.0)], form).inertia.value
@@ -187,25 +187,25 @@ def test_expected_spread_is_the_observed_one():
 
 
 def test_the_wearer_s_torque_depends_on_what_the_exoskeleton_does(rich):
-    empty, loaded = (fit_swings([recorded(rich, body)], corrected()) for body in (EMPTY, LOADED))
+    empty, loaded = (fit_swings([recorded(rich, body)], corrected_form()) for body in (EMPTY, LOADED))
     leg = {name: LOADED[name] - EMPTY[name] for name in LOADED}
     time = np.arange(round(20 * FS)) / FS
     position, velocity, acceleration = two_sines(0.3, frequency=0.3).motion(time)
     bare = swing(time, position, balance(leg, position, velocity, acceleration), lowpass=6.0, every=4)
-    by_difference = torque_of_a_bare_leg(empty, loaded, bare)
+    by_difference = bare_leg_torque(empty, loaded, bare)
     assert np.abs(by_difference.torque - bare.torque).max() < 0.08  # where friction turns over
     # Worn passive: the wearer moves the exoskeleton too, and the motor gives nothing.
     worn = balance(LOADED, position, velocity, acceleration) - LOADED["offset"]
     motion = swing(time, position, np.full(len(time), LOADED["offset"]), lowpass=6.0, every=4)
     truth = swing(time, position, worn, lowpass=6.0, every=4).torque
-    by_balance = torque_in_a_worn_exoskeleton(loaded, motion)
+    by_balance = worn_exoskeleton_torque(loaded, motion)
     assert np.abs(by_balance.torque - truth).max() < 0.08
-    wrong = torque_of_a_bare_leg(empty, loaded, motion)
+    wrong = bare_leg_torque(empty, loaded, motion)
     assert np.abs(wrong.torque - truth).max() > 0.5
     assert np.all(by_balance.standard_error >= 0.0)
-    other = replace(empty, form=corrected(0.1))
+    other = replace(empty, form=corrected_form(0.1))
     with pytest.raises(IdentificationError, match="expected one form for both"):
-        torque_of_a_bare_leg(other, loaded, motion)
+        bare_leg_torque(other, loaded, motion)
 
 
 def test_what_cannot_be_fitted_is_told():
@@ -214,6 +214,6 @@ def test_what_cannot_be_fitted_is_told():
     with pytest.raises(
         IdentificationError, match="rest: inertia and weight_moment and viscous and coulomb cannot be identified"
     ):
-        fit_swings([still], corrected())
+        fit_swings([still], corrected_form())
     with pytest.raises(IdentificationError, match="short: found 60 samples, expected more than"):
         swing(time[:60], time[:60], time[:60], lowpass=6.0, recording="short")

@@ -27,8 +27,8 @@ def recorded(seconds=240.0):
 
 def test_pieces_hold_what_one_pass_holds(monkeypatch):
     time, q, effort = recorded()
-    monkeypatch.setattr(long_motion, "OVERSAMPLED", np.inf)  # nothing is thinned
-    monkeypatch.setattr(long_motion, "PIECE", 20_000)
+    monkeypatch.setattr(long_motion, "MIN_SAMPLES_PER_PERIOD", np.inf)  # nothing is thinned
+    monkeypatch.setattr(long_motion, "PIECE_SAMPLES", 20_000)
     made = list(pieces(time, q, effort, FILTERING, fs=FS))
     whole = motion_of(time, q, effort, FILTERING, fs=FS)
     assert len(made) > 3
@@ -75,7 +75,7 @@ def test_thinning_leaves_what_the_low_pass_lets_through(filtering, samples, thin
 @pytest.mark.parametrize("family", ["symmetric", "load", "stribeck", "combined"])
 def test_steps_from_a_part_end_where_a_search_on_everything_does(monkeypatch, family):
     time, q, effort = recorded()
-    monkeypatch.setattr(long_motion, "PIECE", 20_000)
+    monkeypatch.setattr(long_motion, "PIECE_SAMPLES", 20_000)
     data = stack(list(pieces(time, q, effort, FILTERING, fs=FS)))
     top = max(np.abs(m.velocity).max() for m in data.motions)
     model = joint_model(family, motion="rotary", effort_unit="N*m", gravity="sine", velocity_range=top)

@@ -67,7 +67,7 @@ def test_without_control_the_level_is_the_change(rng):
 
 def test_no_answer_is_told_and_decides_nothing(rng, monkeypatch):
     value, who, under, _ = movements(rng)
-    monkeypatch.setattr("pellucid.assessment.mixed_model.OPTIMISERS", ())
+    monkeypatch.setattr("pellucid.assessment.mixed_model.OPTIMISER_SEQUENCE", ())
     found = mixed_model(value, who, under, {})
     assert "did not come to rest" in found.trouble
     assert found.equivalence(Margin.either_way(9.0)).verdict == "undecided"

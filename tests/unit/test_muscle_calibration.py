@@ -10,15 +10,15 @@ from pellucid._errors import IdentificationError
 from pellucid.estimators.cross_validation import score
 from pellucid.estimators.hill import fit_hill
 from pellucid.estimators.muscle_trials import driven_muscles, muscle_samples
-from pellucid.fit.muscles.muscle_calibration import MuscleProblem, calibrate_muscles
-from pellucid.fit.muscles.muscle_freedom import STAGES
+from pellucid.fit.muscles.muscle_calibration import MuscleProblem, solve_calibration
+from pellucid.fit.muscles.muscle_freedom import CALIBRATION_STAGES
 from pellucid.fit.muscles.muscle_information import (
-    bounds_told_as_estimates,
+    cost_profile,
+    count_bounds_reported_as_estimates,
     covariance,
     information,
     muscle_parameters,
     muscle_verdicts,
-    profile,
     reported_covariance,
 )
 
@@ -40,7 +40,7 @@ def problem(*, seconds=12.0, noise=0.3, weight=0.003, true=TRUE, **asked):
 
 @pytest.fixture(scope="module")
 def fitted():
-    return calibrate_muscles(problem(), iterations=300)
+    return solve_calibration(problem(), iterations=300)
 
 
 def test_the_gradient_is_exact():
@@ -90,16 +90,16 @@ def test_a_parameter_on_its_bound_is_told():
     """A torque that comes 0.12 s later than any muscle of this delay gives it."""
     late = problem(true={"delay": 0.08})
     late.samples.torque[:] = np.concatenate((np.full(12, late.samples.torque[0]), late.samples.torque[:-12]))
-    found = calibrate_muscles(late, iterations=300)
+    found = solve_calibration(late, iterations=300)
     reported = muscle_parameters(found)
     delay = next(p for p in reported if p.name == "delay")
     assert delay.at_bound
     assert not delay.identifiable
     assert not delay.trusted
     assert np.isnan(delay.standard_error)
-    assert bounds_told_as_estimates(found, reported) == 0
+    assert count_bounds_reported_as_estimates(found, reported) == 0
     as_before = [replace(p, standard_error=0.0, refused="", identifiable=True) for p in reported]
-    assert bounds_told_as_estimates(found, as_before) == found.at_bound.sum() > 0
+    assert count_bounds_reported_as_estimates(found, as_before) == found.at_bound.sum() > 0
     spread = reported_covariance(found)
     assert np.array_equal(np.isnan(spread), found.at_bound | found.at_bound[:, None])
     said = muscle_verdicts(found, "knee")[0]
@@ -109,7 +109,7 @@ def test_a_parameter_on_its_bound_is_told():
 
 
 def test_a_profile_is_lowest_where_the_fit_is(fitted):
-    drawn = profile(fitted, "delay", np.array([0.02, fitted.values["delay"], 0.095]))
+    drawn = cost_profile(fitted, "delay", np.array([0.02, fitted.values["delay"], 0.095]))
     assert drawn.costs[1] <= drawn.costs[0]
     assert drawn.costs[1] <= drawn.costs[2]
     assert drawn.costs[1] == pytest.approx(fitted.cost, rel=2e-2)
@@ -117,23 +117,23 @@ def test_a_profile_is_lowest_where_the_fit_is(fitted):
 
 @pytest.mark.parametrize("method", ["adam", "adam_fixed", "swarm", "descent"])
 def test_every_way_down_comes_near(fitted, method):
-    other = calibrate_muscles(fitted.problem, method=method)
+    other = solve_calibration(fitted.problem, method=method)
     assert other.cost < 0.2 * fitted.problem.cost(np.zeros(len(fitted.z)))
     assert other.cost > 0.95 * fitted.cost
 
 
 def test_stages_freeze_what_is_not_theirs(fitted):
-    staged = calibrate_muscles(fitted.problem, stages=STAGES[:1], starts=1)
+    staged = solve_calibration(fitted.problem, stages=CALIBRATION_STAGES[:1], starts=1)
     lengths = ["tendon" in n or "fibre" in n for n in staged.problem.names]
     assert np.all(staged.z[lengths] == 0.0)
-    whole = calibrate_muscles(fitted.problem, stages=STAGES, iterations=300)
+    whole = solve_calibration(fitted.problem, stages=CALIBRATION_STAGES, iterations=300)
     assert whole.cost < 1.2 * fitted.cost
 
 
 def test_positive_samples_alone_can_be_fitted(fitted):
     samples = fitted.problem.samples
     part = samples.only(samples.torque > 0.0)
-    found = calibrate_muscles(MuscleProblem(fitted.problem.model.muscles, part, weight=0.003))
+    found = solve_calibration(MuscleProblem(fitted.problem.model.muscles, part, weight=0.003))
     counted = part.weight > 0.0
     assert score(samples.torque[counted], found.predict(samples)[counted]).rmse < 0.6
     assert counted.sum() < (samples.weight > 0.0).sum()
@@ -147,7 +147,7 @@ def test_a_torque_that_does_not_change_is_refused(fitted):
 
 def test_an_unknown_way_down_is_refused(fitted):
     with pytest.raises(IdentificationError, match="'guess'"):
-        calibrate_muscles(fitted.problem, method="guess")
+        solve_calibration(fitted.problem, method="guess")
 
 
 def test_torque_of_another_trial_and_its_interval():

@@ -183,6 +183,23 @@ def test_a_study_exports_by_command(walking):
     assert read_subject(folder / "subject" / "walker.xml").joints["knee_angle"] == ("coupled",)
 
 
+@pytest.mark.parametrize("to", ["osim", "ceinms"])
+def test_a_file_that_no_export_of_the_study_wrote_stays(walking, tmp_path, to):
+    import pellucid
+
+    study = pellucid.open(walking[0])
+    path = tmp_path / f"leg.{'osim' if to == 'osim' else 'xml'}"
+    path.write_bytes(LEG.read_bytes())
+    with pytest.raises(PellucidError, match="found a file that no export of walker wrote"):
+        pellucid.export(study, to, path)
+    assert path.read_bytes() == LEG.read_bytes()
+    assert pellucid.export(study, to, path, overwrite=True) == path
+    assert pellucid.export(study, to, path) == path  # its own
+    other = replace(study, config=study.config.model_copy(update={"name": "runner"}))
+    with pytest.raises(PellucidError, match="found a file that no export of runner wrote"):
+        pellucid.export(other, to, path)
+
+
 def test_what_an_export_of_muscles_needs_is_said(walking):
     import pellucid
 

@@ -9,7 +9,7 @@ import pytest
 
 from pellucid._errors import RecordingError
 from pellucid.estimators.muscle_source import MuscleSource
-from pellucid.models.muscle_polynomial import fitted_polynomial
+from pellucid.models.muscle_polynomial import fit_muscle_polynomial
 from pellucid.procedures.emg_torque.procedure import EmgTorqueTable
 from pellucid.recordings.muscle_polynomials import model_muscles, read_polynomials, write_polynomials
 from pellucid.recordings.readers.osim_paths import read_paths
@@ -45,7 +45,7 @@ def test_a_polynomial_finds_a_polynomial():
         a, b = angles["hip"], angles["knee"]
         return 0.3 + 0.02 * a - 0.04 * b + 0.01 * a * b**2, np.array([-0.02 - 0.01 * b**2, 0.04 - 0.02 * a * b])
 
-    found = fitted_polynomial("rectus", {"hip": (-0.5, 1.0), "knee": (-2.0, 0.2)}, path)
+    found = fit_muscle_polynomial("rectus", {"hip": (-0.5, 1.0), "knee": (-2.0, 0.2)}, path)
     assert found.powers.sum(axis=1).max() == 3
     assert found.error.length < 1e-12
     assert found.error.arm_most < 1e-11

@@ -106,7 +106,7 @@ def test_an_unknown_joint_is_refused_where_a_muscle_needs_it(tmp_path):
 
 
 def test_opensim_says_the_same():
-    opensim = pytest.importorskip("opensim", reason='opensim is not there: pip install "pellucid[opensim]"')
+    opensim = pytest.importorskip("opensim", reason='opensim is not there: pip install ".[opensim]"')
     opensim.Logger.setLevelString("error")
     model = opensim.Model(str(DATA / "leg_3.osim"))
     state = model.initSystem()

@@ -7,9 +7,9 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from pellucid.pages.drawing import draw
+from pellucid.drawing.drawing import draw
+from pellucid.drawing.style import COLOURS
 from pellucid.pages.page import Page, Section, Tile, write_page
-from pellucid.pages.style import COLOURS
 from pellucid.pages.tables import Row, Table
 from pellucid.procedures.slider import direction_figures as figures
 

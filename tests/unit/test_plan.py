@@ -8,7 +8,7 @@ import pytest
 
 from pellucid._errors import PellucidError, StudyError
 from pellucid.assessment.equivalence import Margin
-from pellucid.assessment.equivalence_power import equivalence_needed, needed_for_changes
+from pellucid.assessment.equivalence_power import find_equivalence_participants, participants_for_changes
 from pellucid.procedures.assessment.plan import plan
 from pellucid.procedures.registry import open_study
 
@@ -42,7 +42,7 @@ def test_it_is_the_search_of_the_certificate(study):
     margins = [Margin.of_ratio(0.1), Margin.either_way(np.radians(2.0))]
     spread = np.array([np.log1p(0.06), np.radians(1.2)])
     third = np.array([margin.high for margin in margins]) / 3.0
-    needed = equivalence_needed(np.diag(spread**2), margins, change=third, studies=300)
+    needed = find_equivalence_participants(np.diag(spread**2), margins, change=third, studies=300)
     assert found.heads[3:] == ("Median dur.", "End error")
     rows = {row[0]: row[1:] for row in found.rows}
     assert rows["a third"][0] == needed
@@ -74,4 +74,4 @@ def test_without_margins_there_is_nothing_to_plan(study):
     with pytest.raises(StudyError, match=r"no \[assessment.margins\]"):
         plan(study("", STUDY.partition("[assessment.margins]")[0]))
     with pytest.raises(PellucidError, match="expected one above 0"):
-        needed_for_changes([0.1], [], (0.0,), (0.0,))
+        participants_for_changes([0.1], [], (0.0,), (0.0,))

@@ -145,7 +145,7 @@ def test_ensembles_that_stay_apart_are_refused_in_words():
 
 def test_too_few_steps_are_refused_in_words():
     walk = np.cumsum(np.random.default_rng(10).standard_normal((400, 8, 1)), axis=0)
-    assert "steps at a memory of" in settled([walk, walk + 1.0]).unsettled
+    assert "steps with an autocorrelation time of" in settled([walk, walk + 1.0]).unsettled
 
 
 def test_walkers_that_never_move_are_refused_in_words():
@@ -155,7 +155,7 @@ def test_walkers_that_never_move_are_refused_in_words():
 
 def test_without_the_sampler_it_is_said_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "emcee", None)
-    with pytest.raises(PellucidError, match=r"found no package emcee.*pellucid\[posterior\]"):
+    with pytest.raises(PellucidError, match=r"found no package emcee.*\[posterior\]"):
         drawn(lambda places: -np.sum(places**2, axis=1), lambda rng, walkers: rng.standard_normal((walkers, 2)))
 
 

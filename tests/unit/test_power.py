@@ -9,7 +9,7 @@ from scipy import stats
 
 from pellucid._errors import PellucidError
 from pellucid.assessment.cluster import cluster
-from pellucid.assessment.power import needed_for_effects, participants_needed, power_curve
+from pellucid.assessment.power import participants_for_effects, participants_needed, power_curve
 
 
 def pilot(n=200, spread=0.1, seed=3):
@@ -94,10 +94,10 @@ def test_misuse_is_refused(call, said):
 
 def test_effects_are_found_by_as_many_whoever_simulates_them():
     effects = (0.4, 1.0, 2.0)
-    found = needed_for_effects(effects, comparisons=3, studies=300)
+    found = participants_for_effects(effects, comparisons=3, studies=300)
     assert found[0] > found[1] > found[2] == 7
     with ThreadPoolExecutor(2) as executor:
-        assert needed_for_effects(effects, comparisons=3, studies=300, executor=executor) == found
+        assert participants_for_effects(effects, comparisons=3, studies=300, executor=executor) == found
     # The same as for a pilot in whom the change is as many standard deviations.
     values = pilot()
     change = (values[:, 1] - values[:, 0]).std(ddof=1)
@@ -114,15 +114,15 @@ def test_a_dask_cluster_gives_what_one_machine_gives():
         ) as made,
         cluster(made.scheduler_address) as executor,
     ):
-        found = needed_for_effects((1.0, 2.0), studies=300, executor=executor)
-    assert found == needed_for_effects((1.0, 2.0), studies=300)
+        found = participants_for_effects((1.0, 2.0), studies=300, executor=executor)
+    assert found == participants_for_effects((1.0, 2.0), studies=300)
 
 
 def test_a_scheduler_that_nobody_answers_for_is_refused(monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("pellucid.assessment.cluster.PATIENCE", 0.5)
+    monkeypatch.setattr("pellucid.assessment.cluster.SCHEDULER_TIMEOUT_S", 0.5)
     with (
-        pytest.raises(PellucidError, match=r"nobody who answers at tcp://127\.0\.0\.1:9"),
+        pytest.raises(PellucidError, match=r"found no answer at tcp://127\.0\.0\.1:9"),
         cluster("tcp://127.0.0.1:9"),
     ):
         pass

@@ -374,3 +374,23 @@ def test_a_robots_file_is_read_within_the_study(tmp_path):
     (tmp_path / "study.toml").write_text(text, encoding="utf-8")
     with pytest.raises(PellucidError, match=r"arm\.urdf"):
         robot_of(open_study(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (
+            {"[tree]": '[tree]\ngains = "payload"'},
+            '[tree] gains = "payload" and no recording with a payload and use = "fit"',
+        ),
+        (
+            {'use = "validate"': 'use = "fit"', 'window = ["0 s"': 'use = "validate"\nwindow = ["0 s"'},
+            'no recording with use = "fit" and without a payload',
+        ),
+    ],
+)
+def test_what_may_be_fitted_must_be_marked_so(tmp_path, changes, said):
+    text = STUDY
+    for before, after in changes.items():
+        text = text.replace(before, after)
+    assert said in "\n".join(fault.message for fault in check(written(tmp_path, text=text)))

@@ -8,13 +8,14 @@ import fabricate
 import numpy as np
 import pytest
 
+from pellucid.drawing.drawing import draw
+from pellucid.drawing.line_points import broken, outline
+from pellucid.drawing.style import COLOURS, css_variables
 from pellucid.fit.parameter import Parameter
 from pellucid.models.friction import friction_curve
 from pellucid.models.joint import joint_model
-from pellucid.pages.drawing import draw
 from pellucid.pages.quantities import number, parameter_interval, percent, prose, relative_sd, unit_text
-from pellucid.pages.series import broken, busiest, outline, running_median, whole
-from pellucid.pages.style import COLOURS, css_variables
+from pellucid.pages.series import busiest, running_median, whole
 from pellucid.procedures.joint import joint_figures as figures
 from pellucid.procedures.run import report as write_report
 

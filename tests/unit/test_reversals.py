@@ -5,7 +5,7 @@ import pytest
 
 from pellucid import _core
 from pellucid._errors import PellucidError
-from pellucid.fit.slider.reversals import BAND, presliding_travel, turns
+from pellucid.fit.slider.reversals import TURN_BAND_RAD, find_turns, presliding_travel
 from pellucid.lab.elbow.protocol import trials
 from pellucid.lab.elbow.rig import able_elbow
 from pellucid.lab.pointing.conditions import identified_cards, offered, study_conditions
@@ -27,9 +27,9 @@ def recording(travel, rng, noise=0.02, periods=4):
 
 def test_turns_are_found_and_the_first_is_left_out():
     t = np.arange(8000) / FS
-    found = turns(0.15 * np.cos(2 * np.pi * t / 10))
+    found = find_turns(0.15 * np.cos(2 * np.pi * t / 10))
     assert [round(turn / FS) for _, turn, _ in found] == [10, 15, 20, 25, 30, 35]
-    assert turns(0.4 * BAND * np.cos(t)) == []
+    assert find_turns(0.4 * TURN_BAND_RAD * np.cos(t)) == []
 
 
 @pytest.mark.parametrize("travel", [3e-4, 1e-3, 3e-3])

@@ -5,8 +5,8 @@ import pytest
 from made_walking import FS, changed, walking
 
 from pellucid._errors import RecordingError
-from pellucid.estimators.emg_session import FittedSession
-from pellucid.estimators.session_watch import FIRST, SessionWatch
+from pellucid.estimators.emg_session import MIN_WATCH_S, FittedSession
+from pellucid.estimators.session_watch import SessionWatch
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def test_the_words_are_those_of_the_recording(session):
     trial = changed(trial, soleus=2.6 * trial.envelopes["soleus"] + 0.06)
     watch = SessionWatch(session, tuple(trial.angles), FS, seconds=10.0)
     said = played(watch, trial)
-    assert said[round(FIRST * FS) - 2] == ()
+    assert said[round(MIN_WATCH_S * FS) - 2] == ()
     assert said[-1] == session.compared(trial).changes
     assert watch.compared.holds
     assert {c.muscle for c in said[-1]} == {"soleus"}

@@ -9,9 +9,9 @@ from two_bodies import FS
 
 from pellucid.fit.parameter import Parameter
 from pellucid.fit.strap.coupled_impedance import CouplingFit, Instrument
-from pellucid.fit.strap.identified_strap import GAIN, identify_strap
-from pellucid.fit.strap.strap_fit import StrapRecord, fit_strap
-from pellucid.fit.strap.strap_model import FEATURES, FULL, KELVIN_VOIGT, StrapModel
+from pellucid.fit.strap.identified_strap import PRIOR_IMU_GAIN, identify_strap
+from pellucid.fit.strap.strap_fit import StrapRecord, fit_strap_model
+from pellucid.fit.strap.strap_model import FULL_MODEL, KELVIN_VOIGT, STRAP_FEATURES, StrapModel
 from pellucid.fit.strap.strap_torque import StrappedSwing, StrapTorque
 
 TRUE = {
@@ -24,7 +24,7 @@ SHIFT = 0.12
 def straps(features, count=2, seconds=30.0, seed=1, noise=0.004):
     """Swings whose strap has some features, written out in plain NumPy: what instruments saw, and its torque."""
     rng = np.random.default_rng(seed)
-    p = {n: v if n in {c.name for f in features for c in FEATURES[f]} else 0.0 for n, v in TRUE.items()}
+    p = {n: v if n in {c.name for f in features for c in STRAP_FEATURES[f]} else 0.0 for n, v in TRUE.items()}
     p |= {"stiffness": TRUE["stiffness"], "damping": TRUE["damping"]}
     swings, torques = [], []
     t = np.arange(round(seconds * FS)) / FS
@@ -59,7 +59,7 @@ def begun(count):
     return CouplingFit("orthosis", k, b, zero, None, np.eye(2), (Instrument(SHIFT + 0.02, 0.3),) * count, ())
 
 
-@pytest.mark.parametrize("features", [(), ("hardening",), ("slack",), ("relaxing",), ("askew",), tuple(FEATURES)])
+@pytest.mark.parametrize("features", [(), ("hardening",), ("slack",), ("relaxing",), ("askew",), tuple(STRAP_FEATURES)])
 def test_a_strap_is_named_for_what_it_does(features):
     swings, torques = straps(features)
     found = identify_strap(swings, torques, begun(len(swings)))
@@ -106,27 +106,27 @@ def test_physics_that_no_model_has_is_missed():
 
 
 def test_derivatives_of_the_fit_are_those_of_differences():
-    swings, torques = straps(tuple(FEATURES), count=1, seconds=12.0)
+    swings, torques = straps(tuple(STRAP_FEATURES), count=1, seconds=12.0)
     record = StrapRecord(swings[0], torques[0], SHIFT, 0.0)
-    values = {c.name: TRUE[c.name] * 1.1 for c in FULL.coefficients}
-    at = fit_strap(FULL, [record], gain=GAIN, noise=0.0, start=values)
-    core = FULL.core(at.values)
+    values = {c.name: TRUE[c.name] * 1.1 for c in FULL_MODEL.coefficients}
+    at = fit_strap_model(FULL_MODEL, [record], gain=PRIOR_IMU_GAIN, noise=0.0, start=values)
+    core = FULL_MODEL.core(at.values)
     assert len(core) == 11
-    _, _, slopes = record.response(FULL, at.values)
-    for i, c in enumerate(FULL.coefficients):
+    _, _, slopes = record.response(FULL_MODEL, at.values)
+    for i, c in enumerate(FULL_MODEL.coefficients):
         if c.name == "slack":
             continue  # a step at each change of side
         sought = c.sought(at.values[c.name])
         step = 1e-5 * max(abs(sought), 1e-3)
-        ends = [record.response(FULL, {**at.values, c.name: c.value(sought + s * step)})[0] for s in (1.0, -1.0)]
+        ends = [record.response(FULL_MODEL, {**at.values, c.name: c.value(sought + s * step)})[0] for s in (1.0, -1.0)]
         slope = (ends[0] - ends[1]) / (2.0 * step)
         assert np.abs(slopes[:, i] - slope).max() < 2e-3 * np.abs(slope).max(), c.name
 
 
 def test_models_are_named_by_their_features():
     assert KELVIN_VOIGT.name == "kelvin_voigt"
-    assert FULL.name == "hardening_slack_relaxing_askew"
-    assert FULL.without("slack") == StrapModel(("hardening", "relaxing", "askew"))
+    assert FULL_MODEL.name == "hardening_slack_relaxing_askew"
+    assert FULL_MODEL.without("slack") == StrapModel(("hardening", "relaxing", "askew"))
     assert [c.name for c in StrapModel(("slack",)).coefficients] == ["stiffness", "damping", "slack"]
-    assert "slack" in FULL.words
+    assert "slack" in FULL_MODEL.words
     assert "spring" in KELVIN_VOIGT.words

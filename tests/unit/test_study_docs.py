@@ -95,7 +95,8 @@ def test_every_key_is_explained(table):
 
 def test_the_assessment_s_tutorial_is_a_valid_study(tmp_path):
     page = (PAGE.parent / "tutorial-assess.md").read_text(encoding="utf-8")
-    (tmp_path / "study.toml").write_text(re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[0], encoding="utf-8")
+    whole = next(lines for lines in re.findall(r"```toml\n(.*?)```", page, re.DOTALL) if "[[recordings]]" in lines)
+    (tmp_path / "study.toml").write_text(whole, encoding="utf-8")
     study = open_study(tmp_path).config
     assert study.assessment.control == study.recordings[0].condition
     assert study.recordings[1].channels["interaction"].si_unit == "N*m"

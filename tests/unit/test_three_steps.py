@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.slider.three_steps import STEPS, all_at_once, static_set, three_steps
+from pellucid.fit.slider.three_steps import STEP_PROTOCOLS, all_at_once, static_set, three_steps
 from pellucid.signals.slider_motion import SliderMotion
 
 PLACES = (0.12, 0.18, 0.24)
@@ -37,13 +37,13 @@ def motion(protocol, slider, *, acceleration=1.0, position=1.0):
     ("dissociated", "idle"), [(False, INERTIA), (True, "a0_up and a1_up and a2_up and a0_down and a1_down and a2_down")]
 )
 def test_sweeps_that_do_not_accelerate(dissociated, idle):
-    made = [motion(p, x, acceleration=0.1 if p == STEPS[0] else 0.0) for p in STEPS for x in PLACES]
+    made = [motion(p, x, acceleration=0.1 if p == STEP_PROTOCOLS[0] else 0.0) for p in STEP_PROTOCOLS for x in PLACES]
     with pytest.raises(IdentificationError, match=rf"swept sines: {idle} cannot be identified"):
         three_steps(made, dissociated=dissociated)
 
 
 def test_constant_velocities_along_gravity():
-    made = [motion(p, x, acceleration=0.1, position=0.0) for p in STEPS for x in PLACES]
+    made = [motion(p, x, acceleration=0.1, position=0.0) for p in STEP_PROTOCOLS for x in PLACES]
     with pytest.raises(IdentificationError) as said:
         three_steps(made, dissociated=True)
     idle = "moment_slope_up and moment_up and moment_slope_down and moment_down"

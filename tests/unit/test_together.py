@@ -117,7 +117,7 @@ def few(found):
     """Draws too few to settle."""
     pytest.importorskip("emcee")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(hamiltonian, "ROUND", 15)
+        patch.setattr(hamiltonian, "STEPS_PER_ROUND", 15)
         return calibration_posterior(found.fits["hill"].fit, most=15)
 
 

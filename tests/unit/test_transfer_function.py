@@ -7,10 +7,10 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from pellucid._errors import IdentificationError, RecordingError
-from pellucid.fit.transfer.pendulum_fit import evaluated_pendulum, fit_pendulum
+from pellucid.fit.transfer.pendulum_fit import evaluate_pendulum, fit_pendulum
 from pellucid.fit.transfer.transfer_function_fit import (
     coefficient_units,
-    evaluated,
+    evaluate_transfer_function,
     fit_percent,
     fit_records,
 )
@@ -158,7 +158,7 @@ def test_records_of_one_system_are_fitted_together_and_one_is_held_out():
     alone = fit_records(parts[:1], 2, hold="zero")
     assert found["a0"].standard_error < alone["a0"].standard_error
     assert [r.recording for r in found.responses] == ["r", "r"]
-    out = evaluated(found.transfer_function, whole.part(800, 1200, "heldout"), hold="zero")
+    out = evaluate_transfer_function(found.transfer_function, whole.part(800, 1200, "heldout"), hold="zero")
     assert out.split == "heldout"
     assert out.fit > 90.0
     assert out.fit == pytest.approx(fit_percent(out.measured, out.simulated))
@@ -329,7 +329,7 @@ def test_the_grey_box_finds_every_parameter():
     assert found["inertia"].value == pytest.approx(VALUES[0], rel=0.01)
     assert found.reasons == {}
     assert found.converged
-    out = evaluated_pendulum(found, records[0].part(1000, 3000, "heldout"))
+    out = evaluate_pendulum(found, records[0].part(1000, 3000, "heldout"))
     assert out.fit > 98.0
 
 

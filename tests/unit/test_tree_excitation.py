@@ -7,7 +7,7 @@ import pellucid
 from pellucid._errors import PellucidError
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
 from pellucid.procedures.tree_excitation import tree_protocol
-from pellucid.protocols.capsules import BASE, Capsule, Capsules, along_links, segment_distance
+from pellucid.protocols.capsules import BASE_LINK, Capsule, Capsules, capsules_along_links, segment_distance
 from pellucid.protocols.step_by_step import step_by_step
 from pellucid.protocols.tree_fourier import information_cost, optimised_tree_fourier, random_tree_fourier
 from pellucid.protocols.tree_limits import TreeLimits
@@ -29,8 +29,10 @@ def arm(axes: str = "yxy") -> Tree:
 def limits():
     """Of three joints beside a post that the last link can reach."""
     tree = arm()
-    shape = along_links([BASE, 0, 1], np.array([j.place for j in tree.order]), np.array([[0, 0, -0.3]] * 3), 0.04)
-    post = Capsule(BASE, (0.35, 0.0, -0.6), (0.35, 0.0, 0.2), 0.05)
+    shape = capsules_along_links(
+        [BASE_LINK, 0, 1], np.array([j.place for j in tree.order]), np.array([[0, 0, -0.3]] * 3), 0.04
+    )
+    post = Capsule(BASE_LINK, (0.35, 0.0, -0.6), (0.35, 0.0, 0.2), 0.05)
     shape = Capsules((*shape.parts, post), (*shape.pairs, (len(shape.parts) - 1, len(shape.parts))))
 
     def effort(q, v, a):
@@ -132,7 +134,7 @@ def test_distance_of_segments_is_the_least_of_their_points():
 def test_neighbours_are_not_compared_and_a_bound_holds_between_samples():
     tree = arm("yyyy")
     places = np.array([j.place for j in tree.order])
-    shape = along_links([BASE, 0, 1, 2], places, np.array([[0, 0, -0.3]] * 4), 0.05)
+    shape = capsules_along_links([BASE_LINK, 0, 1, 2], places, np.array([[0, 0, -0.3]] * 4), 0.05)
     named = {(shape.parts[i].link, shape.parts[j].link) for i, j in shape.pairs}
     assert named == {(0, 2), (0, 3), (1, 3)}  # link 0 is a point, where link 1 begins and the rest can fold back to
     q = np.linspace([0.0, 0.0, 0.2, 0.2], [0.0, 0.0, 2.4, 2.4], 2001)

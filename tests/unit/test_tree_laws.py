@@ -243,6 +243,32 @@ def test_a_healthy_arm_is_not_stopped_and_one_joint_stops_all():
     assert running.log[0][1] == "jump"
 
 
+def swung_with(gain, lag=0.0, noise=0.0, seconds=12.0, **changes):
+    """Why an arm's supervised law stops while all joints swing and every drive's measurement has the same errors."""
+    law = tree_laws.with_measured_drives(tree_laws.carried(arm()))
+    law = replace(law, watches=tuple({**watch, **changes} for watch in law.watches))
+    running, rng = law.supervised(), np.random.default_rng(3)
+    offset = 0.01 * law.shares[0]["effort_limit"] * np.array([1.0, -1.0, 1.0, -1.0])
+    meters = [_core.DriveReading([gain, x if noise else 0.0, lag, 0.0], PERIOD) for x in offset]
+    phase, errors, said = np.arange(M), noise * rng.standard_normal((1000, M)), np.zeros(M)
+    for i in range(round(seconds / PERIOD)):
+        given = running.step(PERIOD * i, 0.5 * np.sin(3.0 * PERIOD * i + phase), drive=said)
+        if running.fault != "none":
+            return running.fault
+        said = np.array([one.step(*now) for one, *now in zip(meters, given, errors[i % 1000], strict=True)])
+    return "none"
+
+
+@pytest.mark.parametrize(("gain", "lag"), [(0.95, 0.3e-3), (1.05, 0.3e-3), (1.05, 2e-3)])
+def test_drives_measured_as_accurately_as_stated_do_not_stop_an_arm(gain, lag):
+    assert swung_with(gain, lag, noise=0.12) == "none"
+
+
+def test_drives_that_say_that_they_add_energy_stop_an_arm():
+    assert swung_with(1.02, drive_gain=0.0, drive_offset=0.0, drive_forget=0.0) == "drive_effort"
+    assert swung_with(1.13) == "drive_effort"
+
+
 def test_a_bit_lost_in_memory_takes_all_power_off():
     running = tree_laws.carried(arm()).supervised(single=True)
     running.step(0.0, np.zeros(M))

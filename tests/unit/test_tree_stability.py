@@ -10,7 +10,7 @@ from pellucid.control.coupling import Coupling
 from pellucid.control.residual_compensator import Law, design
 from pellucid.control.stability import LinearSystem, closed_loop, margins, radius, sampled, worn_orthosis
 from pellucid.control.tree_stability import (
-    LIMBS,
+    DRAWN_LIMBS,
     TreeCoupling,
     closed_tree,
     least_margins,
@@ -133,11 +133,11 @@ def test_a_robot_without_a_law_is_passive_and_one_that_is_driven_is_not():
 
 def test_the_least_over_limbs_is_no_more_than_with_each():
     both, controller = pair(apart=False), proportional(np.diag([3.0, 3.0]))
-    rows = list(margins_over({"down": both}, {"down": controller}, PERIOD, limbs=LIMBS[:3]))
+    rows = list(margins_over({"down": both}, {"down": controller}, PERIOD, limbs=DRAWN_LIMBS[:3]))
     least = least_margins(rows)
     assert all((least.gain_db <= row.margins.gain_db).all() for row in rows)
     assert least.delay_together == min(row.margins.delay_together for row in rows)
-    stiff = with_limb(both, LIMBS[4])
+    stiff = with_limb(both, DRAWN_LIMBS[4])
     assert (np.diag(stiff.limb_slope) == np.diag(both.limb_slope) + 40.0).all()
 
 

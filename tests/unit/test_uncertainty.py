@@ -126,3 +126,34 @@ def test_student_s_quantile_is_scipy_s(freedom):
     from scipy.special import ndtri, stdtrit
 
     assert student_over_normal(freedom) == pytest.approx(stdtrit(freedom, 0.975) / ndtri(0.975), rel=2e-6)
+
+
+@pytest.mark.parametrize(
+    "residual",
+    [np.full(100, value) for value in (0.0, 1.0, np.nan, np.inf, 1e-300, 1e300)],
+    ids=["zero", "constant", "nan", "infinite", "tiny", "huge"],
+)
+def test_every_residual_gets_an_answer(residual, rng):
+    w = rng.standard_normal((100, 2))
+    assert correlation_time(residual, [100]) == 0.5
+    assert np.isnan(whiteness(residual, [100]).effective_share)
+    assert sandwich(w, residual, [100]).shape == (2, 2)
+    assert block_bootstrap(w, residual, np.zeros(2), [100], rng=rng, repetitions=20).shape == (2, 2)
+    assert long_run_covariance(w * residual[:, None], residual, [100]).shape == (2, 2)
+
+
+@pytest.mark.parametrize("rows", [np.zeros((100, 2)), np.ones((100, 2)), np.zeros((0, 2)), np.ones((1, 2))])
+def test_parameters_that_rows_do_not_tell_apart_have_infinite_intervals(rows, rng):
+    residual, lengths = np.ones(len(rows)), [len(rows)]
+    covariance = sandwich(rows, residual, lengths)
+    assert np.all(np.isinf(np.diag(covariance)))
+    intervals = block_bootstrap(rows, residual, np.zeros(2), lengths, rng=rng, repetitions=20)
+    assert np.array_equal(intervals, [[-np.inf, np.inf]] * 2)
+
+
+def test_nothing_to_go_by_is_an_answer_too():
+    assert correlation_time(np.zeros(0), []) == 0.5
+    assert block_length(np.nan, 100) == block_length(0.5, 100)
+    assert student_over_normal(0.0) == student_over_normal(np.nan) == np.inf
+    assert np.array_equal(long_run_covariance(np.zeros((0, 2)), np.zeros(0), []), np.zeros((2, 2)))
+    assert np.array_equal(sandwich(np.ones((5, 2)), np.ones(5), [5], free=np.zeros(2, bool)), np.zeros((2, 2)))

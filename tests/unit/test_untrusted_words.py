@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from pellucid._errors import PellucidError, RecordingError
 from pellucid._given import seen, words_in_csv
-from pellucid.pages.drawing import Drawing, draw
+from pellucid.drawing.drawing import Drawing, draw
 from pellucid.pages.page import Page, Section, write_page
 from pellucid.procedures.assessment.paper_tables import csv_text, latex
 from pellucid.procedures.result import FigureTable

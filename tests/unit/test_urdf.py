@@ -8,7 +8,7 @@ import pytest
 
 import pellucid
 from pellucid._errors import IdentificationError, PellucidError, RecordingError, StudyError
-from pellucid.models.welded import turned_as
+from pellucid.models.welded import roll_pitch_yaw
 from pellucid.recordings.readers.urdf import read_urdf
 
 BRANCHED = """<?xml version="1.0"?>
@@ -120,7 +120,7 @@ def test_roll_pitch_and_yaw_are_exact_at_right_angles():
     rng = np.random.default_rng(3)
     for pitch in (np.pi / 2, -np.pi / 2, np.pi / 2 - 1e-9, 0.3):
         turn = rotation((rng.normal(), pitch, rng.normal())) @ np.eye(3)
-        np.testing.assert_allclose(rotation(turned_as(turn)), turn, atol=1e-14)
+        np.testing.assert_allclose(rotation(roll_pitch_yaw(turn)), turn, atol=1e-14)
 
 
 LINK = '<link name="{}"><inertial><mass value="{}"/><inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial></link>'

@@ -7,7 +7,7 @@ import pytest
 from two_bodies import Pair, record, swing
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.strap.strap_model import NAMES
+from pellucid.fit.strap.strap_model import CORE_NAMES
 from pellucid.fit.strap.strap_slip import find_slip
 from pellucid.fit.strap.wearer_coupling import identify_wearer
 from pellucid.fit.transfer.transfer_function_fit import fit_percent
@@ -57,10 +57,10 @@ def test_the_limb_s_side_is_worse_and_the_verdict_says_so(found):
 
 
 def test_the_core_is_given_the_strap_as_it_is_else_the_spring_and_the_damper(found):
-    named = dict(zip(NAMES, found.core, strict=True))
+    named = dict(zip(CORE_NAMES, found.core, strict=True))
     assert named["strap_stiffness"] == found.strap.stiffness.value
     assert named["strap_damping"] == found.strap.damping.value
-    alone = dict(zip(NAMES, replace(found, strap=None).core, strict=True))
+    alone = dict(zip(CORE_NAMES, replace(found, strap=None).core, strict=True))
     assert alone["strap_stiffness"] == found.orthosis_side.stiffness.value != named["strap_stiffness"]
     assert sum(value != 0.0 for value in alone.values()) == 2
 

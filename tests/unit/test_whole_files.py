@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 import pellucid
 from pellucid._errors import PellucidError
-from pellucid.pages.drawing import Drawing
+from pellucid.drawing.drawing import Drawing
 from pellucid.pages.page import Page, Section, write_page
 from pellucid.recordings import ResultRow, lock, read_rows, write_rows
 
@@ -109,6 +109,22 @@ def test_who_waits_too_long_is_told_why(tmp_path, monkeypatch):
         write_rows(path, "export", [])
     assert path.read_bytes() == before
     write_rows(path, "identify", [row])
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_lock_that_is_a_link_is_refused_and_its_target_stays(tmp_path, there):
+    path, target = tmp_path / "results.json", tmp_path / "precious.txt"
+    if there:
+        target.write_text("precious")
+    (tmp_path / ".results.json.lock").symlink_to(target)
+    with pytest.raises(PellucidError, match=r"\.results\.json\.lock: found a symbolic link, expected the lock file"):
+        write_rows(path, "identify", [])
+    assert target.exists() == there
+    assert not there or target.read_text() == "precious"
+    (tmp_path / ".results.json.lock").unlink()
+    (tmp_path / ".results.json.lock").mkdir()
+    with pytest.raises(PellucidError, match="found no regular file"):
+        write_rows(path, "identify", [])
 
 
 HOLDER = """

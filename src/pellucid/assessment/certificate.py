@@ -25,38 +25,45 @@ import numpy as np
 from .._errors import PellucidError
 from .comparison import holm
 from .curves import CurveComparison
-from .equivalence import BEYOND, UNDECIDED, WITHIN, Equivalence, Margin, Method, equivalence
+from .equivalence import BEYOND_MARGIN, UNDECIDED, WITHIN_MARGIN, Equivalence, Margin, Method, equivalence
 
-PASS, FAIL, CANNOT_SAY = "transparent", "not transparent", "cannot say"
+PASS = "transparent"
+"""Verdict if every end point lies within its margin."""
+
+FAIL = "not transparent"
+"""Verdict if at least one end point lies beyond its margin, after the correction of Holm."""
+
+CANNOT_SAY = "cannot say"
+"""Verdict if the data support neither of the other two."""
 
 
 @dataclass(frozen=True)
 class Doubt:
-    """What else may have changed an end point, and what it says without that."""
+    """Another possible cause of a change, and the equivalence test of the end point without that cause."""
 
-    what: str  # ``"period"``, ``"carry-over"``, ``"learning"`` or ``"left out"``
-    p_value: float  # That it is chance
-    without: Equivalence
-    always: bool = False  # Whether both must say the same even where it is not seen
+    what: str  # cause: ``"period"``, ``"carry-over"``, ``"learning"`` or ``"left out"``
+    p_value: float  # p value of the test that the cause has no effect
+    without: Equivalence  # test of the end point with the effect of the cause removed
+    always: bool = False  # True: both tests must agree even if the cause is not significant
 
     def weighs(self, alpha: float) -> bool:
-        """Whether it is to be reckoned with: seen beyond chance, at an alpha that is not corrected, or always."""
+        """Return whether the doubt counts: its p value is at most `alpha`, uncorrected, or it counts always."""
         return self.always or self.p_value <= alpha
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """What end points together say of one condition."""
+    """Result of the joint test of all end points under one condition."""
 
     end_points: Mapping[str, Equivalence]
-    beyond: Mapping[str, float]  # p that each lies beyond its margin, corrected after Holm
+    beyond: Mapping[str, float]  # p values of "beyond the margin" by end point, corrected after Holm
     alpha: float
-    doubts: Mapping[str, tuple[Doubt, ...]] = field(default_factory=dict)  # By end point
-    curves: Mapping[str, CurveComparison] = field(default_factory=dict)  # With margins; as end points are
+    doubts: Mapping[str, tuple[Doubt, ...]] = field(default_factory=dict)  # doubts by end point
+    curves: Mapping[str, CurveComparison] = field(default_factory=dict)  # curves with margins, judged as end points
 
     @property
     def p_value(self) -> float:
-        """That all lie within: the largest of theirs."""
+        """p value of the claim that all end points lie within their margins: the largest single one."""
         return max(each.p_within for each in self._all.values())
 
     @property
@@ -67,24 +74,24 @@ class Certificate:
     def verdict(self) -> str:
         """``"transparent"``, ``"not transparent"`` or ``"cannot say"``."""
         said = [self.said_of(name) for name in self._all]
-        if BEYOND in said:
+        if BEYOND_MARGIN in said:
             return FAIL
-        return PASS if set(said) == {WITHIN} else CANNOT_SAY
+        return PASS if set(said) == {WITHIN_MARGIN} else CANNOT_SAY
 
     def tested(self, name: str) -> str:
-        """``"within"``, ``"beyond"`` or ``"undecided"`` by one end point's test, beyond after the correction."""
+        """Return ``"within"``, ``"beyond"`` (corrected after Holm) or ``"undecided"`` by the test of one end point."""
         if self._all[name].p_within <= self.alpha:
-            return WITHIN
-        return BEYOND if self.beyond[name] <= self.alpha else UNDECIDED
+            return WITHIN_MARGIN
+        return BEYOND_MARGIN if self.beyond[name] <= self.alpha else UNDECIDED
 
     def contradicted(self, name: str) -> tuple[Doubt, ...]:
-        """Doubts that weigh and without which the end point would not say what it says."""
+        """Return the doubts that count and that contradict the test of an end point."""
         said = self.tested(name)
         own = self.doubts.get(name, ()) if said != UNDECIDED else ()
         return tuple(doubt for doubt in own if doubt.weighs(self.alpha) and doubt.without.verdict != said)
 
     def said_of(self, name: str) -> str:
-        """What is tested of one end point, and undecided where a doubt contradicts it."""
+        """Return the result of one end point's test; a doubt that contradicts it makes it ``"undecided"``."""
         return UNDECIDED if self.contradicted(name) else self.tested(name)
 
 
@@ -104,7 +111,8 @@ def certificate(
     margins : mapping of str to Margin
         One for each end point.
     alpha : float
-        Chance of a false "transparent".
+        Chance of a false "transparent". By signed ranks it holds for the pseudo-median of differences that are spread
+        symmetrically, by the other methods for the mean; a skewed distribution makes the chance for the mean larger.
     method : str
         ``"signed_rank"``, ``"t"`` or ``"bootstrap"``.
 
@@ -136,16 +144,19 @@ def certificate(
     made = {
         name: equivalence(differences[name], margin, alpha=alpha, method=method) for name, margin in margins.items()
     }
-    return joined(made, alpha)
+    return certificate_from_tests(made, alpha)
 
 
-def joined(
+def certificate_from_tests(
     end_points: Mapping[str, Equivalence],
     alpha: float,
     doubts: Mapping[str, tuple[Doubt, ...]] | None = None,
     curves: Mapping[str, CurveComparison] | None = None,
 ) -> Certificate:
-    """End points and curves that are tested already, each at level `alpha`, with what casts doubt on them."""
+    """Return the certificate of end points and curves that were tested already, each at level `alpha`.
+
+    `doubts` holds the other possible causes of each end point's change.
+    """
     every = {**end_points, **(curves or {})}
     beyond = dict(zip(every, holm([each.p_beyond for each in every.values()]), strict=True))
     return Certificate(end_points, beyond, alpha, doubts or {}, curves or {})

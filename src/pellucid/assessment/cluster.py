@@ -6,29 +6,25 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from .._errors import PellucidError
+from .._errors import PellucidError, missing_package
 
-PATIENCE = 30
-"""Seconds within which a scheduler has to answer."""
+SCHEDULER_TIMEOUT_S = 30
+"""A scheduler must answer within this time. Otherwise the address is reported as wrong."""
 
 
 @contextmanager
 def cluster(address: str | None) -> Iterator[Any]:
-    """The workers of a Dask scheduler as an executor of the standard library's kind; None without an address."""
+    """Yield the workers of a Dask scheduler as a `concurrent.futures` executor; None without an address."""
     if not address:
         yield None
         return
     try:
         from distributed import Client
     except ImportError:
-        raise PellucidError(
-            'scheduler: found no package distributed, expected it: pip install "pellucid[distributed]"'
-        ) from None
+        raise missing_package("scheduler", "distributed", "distributed") from None
     try:
-        client = Client(address, timeout=PATIENCE)
+        client = Client(address, timeout=SCHEDULER_TIMEOUT_S)
     except (OSError, ValueError) as error:
-        raise PellucidError(
-            f"scheduler: found nobody who answers at {address} ({error}), expected a Dask scheduler"
-        ) from None
+        raise PellucidError(f"scheduler: found no answer at {address} ({error}), expected a Dask scheduler") from None
     with client:
         yield client.get_executor()

@@ -25,16 +25,16 @@ from scipy import stats
 
 from .._errors import RecordingError
 
-BLOCK = 1.0
-"""Shortest block that is left out for an interval [s]."""
+MIN_BLOCK_S = 1.0
+"""Each block of time that the jackknife leaves out is at least this long [s]."""
 
-BLOCKS = (4, 20)
-"""Fewest and most of them."""
+BLOCK_COUNT_BOUNDS = (4, 20)
+"""Number of jackknife blocks: with fewer than the first no interval is given, and no more than the second are used."""
 
 
 @dataclass(frozen=True)
 class CocontractionIndex:
-    """An index with its interval; that is None in a recording too short to have one."""
+    """A co-contraction index with its confidence interval; None if the recording is too short for an interval."""
 
     value: float  # [%]
     interval: tuple[float, float] | None
@@ -42,14 +42,17 @@ class CocontractionIndex:
 
 @dataclass(frozen=True)
 class Cocontraction:
-    """Both indices of a pair over one stretch."""
+    """Both co-contraction indices of a pair of muscles over one stretch of time."""
 
-    common: CocontractionIndex  # After Falconer and Winter
-    weighed: CocontractionIndex  # After Rudolph
+    common: CocontractionIndex  # index of Falconer and Winter
+    weighed: CocontractionIndex  # index of Rudolph
 
 
 def cocontraction(time: np.ndarray, first: np.ndarray, second: np.ndarray, *, level: float = 0.95) -> Cocontraction:
-    """Indices of two envelopes, (n,) [1], over `time`, (n,) [s]; intervals leave out block after block of time."""
+    """Return both indices of two envelopes, (n,) [1], over `time`, (n,) [s].
+
+    The intervals are those of a jackknife that leaves out one block of time after the other.
+    """
     first, second = (np.asarray(x, float) for x in (first, second))
     for x in (first, second):
         if not np.isfinite(x).all():
@@ -64,16 +67,18 @@ def cocontraction(time: np.ndarray, first: np.ndarray, second: np.ndarray, *, le
     weighed = np.where(high > 0.0, low / np.where(high > 0.0, high, 1.0), 0.0) * both
     steps = np.gradient(np.asarray(time, float))
     span = float(np.sum(steps))
-    blocks = int(min(span / BLOCK, BLOCKS[1]))
+    blocks = int(min(span / MIN_BLOCK_S, BLOCK_COUNT_BOUNDS[1]))
     edges = np.linspace(0, len(time), max(blocks, 1) + 1).astype(int)[:-1]
     sums = np.array([np.add.reduceat(x * steps, edges) for x in (2.0 * low, both, weighed, np.ones_like(low))])
-    return Cocontraction(_index(sums[0], sums[1], level, blocks), _index(sums[2], sums[3], level, blocks))
+    return Cocontraction(
+        _index_with_interval(sums[0], sums[1], level, blocks), _index_with_interval(sums[2], sums[3], level, blocks)
+    )
 
 
-def _index(above: np.ndarray, below: np.ndarray, level: float, blocks: int) -> CocontractionIndex:
+def _index_with_interval(above: np.ndarray, below: np.ndarray, level: float, blocks: int) -> CocontractionIndex:
     value = 100.0 * float(above.sum() / below.sum())
     rest = below.sum() - below
-    if blocks < BLOCKS[0] or not (rest > 0.0).all():
+    if blocks < BLOCK_COUNT_BOUNDS[0] or not (rest > 0.0).all():
         return CocontractionIndex(value, None)
     without = 100.0 * (above.sum() - above) / rest
     error = float(np.sqrt((blocks - 1) / blocks * np.sum((without - without.mean()) ** 2)))

@@ -28,34 +28,34 @@ from .._errors import PellucidError
 from .friedman import FriedmanTest, friedman, nemenyi
 from .signed_rank import signed_rank
 
-RESAMPLES = 10_000
-"""Of the bootstrap."""
+BOOTSTRAP_RESAMPLES = 10_000
+"""Number of bootstrap resamples of an interval."""
 
 
 @dataclass(frozen=True)
-class AgainstControl:
-    """One condition against the control."""
+class ControlComparison:
+    """Comparison of one condition with the control."""
 
     condition: str
-    change: float  # Mean over participants of the difference from control, in the index's unit
-    interval: tuple[float, float]  # Of `change`; NaN with fewer than 3 participants
-    relative: float | None  # Change of the mean, as a share of control's mean; None where that mean is 0 or below
-    p_value: float  # p_value, holm: Of the signed ranks, counted, alone and corrected
-    holm: float
-    rank_biserial: float  # rank_biserial, cliff: -1 to 1
-    cliff: float
-    standardised: float  # Mean over standard deviation of the differences (Cohen's d of pairs)
-    deviation: float  # Standard deviation of the differences, n - 1
+    change: float  # mean over participants of the difference from control, in the index's unit
+    interval: tuple[float, float]  # confidence interval of `change`; NaN with fewer than 3 participants
+    relative: float | None  # change of the mean as a share of control's mean; None if that mean is 0 or less
+    p_value: float  # exact p value of the signed-rank test, not corrected
+    holm: float  # the same p value, corrected after Holm
+    rank_biserial: float  # matched rank-biserial correlation, -1 to 1
+    cliff: float  # Cliff's delta, -1 to 1
+    standardised: float  # mean over standard deviation of the differences (Cohen's d of pairs)
+    deviation: float  # standard deviation of the differences, with n - 1
 
     @property
     def p(self) -> float:
-        """Corrected for all comparisons with the control (Holm)."""
+        """p value corrected for all comparisons with the control (Holm)."""
         return self.holm
 
 
 @dataclass(frozen=True, eq=False)
 class ConditionComparison:
-    """What participants' values say of conditions.
+    """Comparison of conditions over participants.
 
     Attributes
     ----------
@@ -67,10 +67,10 @@ class ConditionComparison:
     kendall : float
         W; NaN without a test.
     nemenyi : ndarray, shape (k, k), or None
-    against_control : tuple of AgainstControl
+    against_control : tuple of ControlComparison
         Empty where the control is none of the conditions, or there are fewer than 2 participants.
     confidence : float
-        Of the intervals.
+        Confidence level of the intervals.
     left_out : tuple of int
         Rows of participants who lacked a value.
     """
@@ -80,12 +80,12 @@ class ConditionComparison:
     friedman: FriedmanTest | None
     kendall: float
     nemenyi: np.ndarray | None
-    against_control: tuple[AgainstControl, ...]
+    against_control: tuple[ControlComparison, ...]
     confidence: float = 0.95
     left_out: tuple[int, ...] = ()
 
     @property
-    def pairwise(self) -> Mapping[str, AgainstControl]:
+    def pairwise(self) -> Mapping[str, ControlComparison]:
         """Each other condition against the control, by its name."""
         return {each.condition: each for each in self.against_control}
 
@@ -105,7 +105,7 @@ class ConditionComparison:
 
     @property
     def headline(self) -> str:
-        """What was compared, and Friedman's test of it, in a line."""
+        """One line with the numbers of participants and conditions, and Friedman's test."""
         n, k = self.values.shape
         said = f"{n} participants, {k} conditions"
         said += f", {len(self.left_out)} left out for missing values" if self.left_out else ""
@@ -171,17 +171,17 @@ def compare_conditions(
     values : array_like, shape (n, k)
         One row a participant, one column a condition, in any one unit.
     conditions : sequence of str
-        Of the columns.
+        Names of the columns.
     control : str, optional
-        The one to compare the others with.
+        Name of the condition with which the others are compared.
     against_zero : bool
         Values are changes from a control that is not among them, and are compared with 0.
     confidence : float
-        Of the intervals, in (0, 1).
+        Confidence level of the intervals, in (0, 1).
     missing : str
         What to do with a participant who lacks a value (NaN): ``"refuse"``, or ``"leave out"`` of everything.
     rng : numpy.random.Generator, optional
-        Of the bootstrap; left out, one of the same seed each time.
+        Generator of the bootstrap; by default one with a fixed seed.
 
     Returns
     -------
@@ -243,10 +243,10 @@ def compare_conditions(
     if (against_zero or control is not None) and n > 1:
         base = np.zeros(n) if against_zero else values[:, conditions.index(control)]
         others = [(j, name) for j, name in enumerate(conditions) if against_zero or name != control]
-        found = [_against(values[:, j], base, name, confidence, rng) for j, name in others]
+        found = [_compare_with_control(values[:, j], base, name, confidence, rng) for j, name in others]
         corrected = holm([each[1] for each in found])
         found = [
-            AgainstControl(name, *rest[:3], p, c, *rest[3:])
+            ControlComparison(name, *rest[:3], p, c, *rest[3:])
             for (name, p, *rest), c in zip(found, corrected, strict=True)
         ]
     return ConditionComparison(
@@ -254,7 +254,7 @@ def compare_conditions(
     )
 
 
-def _against(own: np.ndarray, control: np.ndarray, name: str, confidence: float, rng) -> tuple:
+def _compare_with_control(own: np.ndarray, control: np.ndarray, name: str, confidence: float, rng) -> tuple:
     d = own - control
     test = signed_rank(d)
     deviation = float(np.std(d, ddof=1))
@@ -270,20 +270,21 @@ def _against(own: np.ndarray, control: np.ndarray, name: str, confidence: float,
 
 
 def mean_interval(samples: np.ndarray, confidence: float, rng: np.random.Generator) -> tuple[float, float]:
-    """Bootstrap interval of the mean of `samples`, shape (n,), at a `confidence`, widened for few; NaN with fewer than
-    3.
+    """Return the bootstrap interval of the mean of `samples`, shape (n,), at a `confidence` level.
+
+    The interval is widened for small samples, and NaN with fewer than 3.
     """
     n = len(samples)
     if n < 3:
         return float("nan"), float("nan")
-    means = rng.choice(np.asarray(samples, float), (RESAMPLES, n)).mean(axis=1)
+    means = rng.choice(np.asarray(samples, float), (BOOTSTRAP_RESAMPLES, n)).mean(axis=1)
     tail = float(stats.norm.cdf(-np.sqrt(n / (n - 1.0)) * stats.t.ppf(0.5 + 0.5 * confidence, n - 1)))
     low, high = np.quantile(means, (tail, 1.0 - tail))
     return float(low), float(high)
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """p values corrected together, in the same order; at most 1."""
+    """Return p values corrected together after Holm, in the same order; at most 1."""
     p = np.asarray(p_values, float)
     order = np.argsort(p, kind="stable")
     corrected = np.minimum(np.maximum.accumulate(p[order] * (len(p) - np.arange(len(p)))), 1.0)

@@ -33,17 +33,19 @@ from ..signals.filters import runs
 from ..signals.resampling import linear
 from .equivalence import Margin
 
-COUNTED = 12
-"""Participants up to whom every sign is counted; beyond, so many signs are drawn:"""
-DRAWN = 4096
+MAX_EXACT_PARTICIPANTS = 12
+"""Up to this many participants the permutation test counts all 2^n combinations of signs."""
 
-POINT = 0.05
-"""Point-wise level, two-sided, beyond which times belong to a cluster."""
+SIGN_DRAW_COUNT = 4096
+"""Number of sign combinations that are drawn at random for more participants."""
+
+CLUSTER_LEVEL = 0.05
+"""Two-sided point-wise level of Student's t: times with a smaller p value belong to a cluster."""
 
 
 @dataclass(frozen=True)
 class Cluster:
-    """A run of times, first and last index, with its mass, and how often chance has a larger one."""
+    """A run of significant times: first and last index, mass (sum of abs(t)), and the p value of that mass."""
 
     first: int
     last: int
@@ -53,17 +55,17 @@ class Cluster:
 
 @dataclass(frozen=True, eq=False)
 class CurveComparison:
-    """What participants' differences of curves say."""
+    """Comparison of participants' curves in two conditions."""
 
-    mean: np.ndarray  # mean, t, low, high: (m,) The mean difference, Student's t, and the band
-    t: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
+    mean: np.ndarray  # (m,) mean difference
+    t: np.ndarray  # (m,) Student's t
+    low: np.ndarray  # (m,) lower end of the confidence band
+    high: np.ndarray  # (m,) upper end of the confidence band
     clusters: tuple[Cluster, ...]
-    critical: float  # |t| that the largest over time passes by chance in 5 % of signs
+    critical: float  # threshold that the largest |t| over time exceeds by chance in 5 % of sign combinations
     margin: Margin | None
-    p_within: float  # That the whole curve lies within the margin; NaN without one
-    p_beyond: float  # That it lies beyond somewhere
+    p_within: float  # p value of the claim that the whole curve lies within the margin; NaN without a margin
+    p_beyond: float  # p value of the claim that the curve lies beyond the margin somewhere
     alpha: float
     pairs: int
 
@@ -89,13 +91,13 @@ def compare_curves(
     Parameters
     ----------
     differences : ndarray, shape (n, m)
-        A curve a participant, the condition less control, at m times.
+        One curve for each participant, the condition less control, at m times.
     margin : Margin, optional
-        Within which the whole mean curve is to lie, in the same unit.
+        Margin for the whole mean curve, in the same unit.
     alpha : float
-        Chance of a false "within", and of a false "beyond"; the band's confidence is 1 - 2 alpha.
+        Probability of a false "within", and of a false "beyond"; the band's confidence level is 1 - 2 alpha.
     rng : numpy.random.Generator, optional
-        Of the signs, where they are drawn; left out, one of the same seed each time.
+        Generator of random signs; by default one with a fixed seed.
 
     Returns
     -------
@@ -120,19 +122,19 @@ def compare_curves(
     if d.ndim != 2 or len(d) < 3 or not np.isfinite(d).all():
         raise PellucidError(f"curves: found differences of shape {d.shape}, expected (n, m) finite numbers, n >= 3")
     n = len(d)
-    signs = _signs(n, np.random.default_rng(0) if rng is None else rng)
-    t = _t(d)
-    drawn = _t_of_signs(d, signs)
-    point = float(stats.t.isf(0.5 * POINT, n - 1))
-    largest = np.array([max((mass for *_, mass in _clusters(row, point)), default=0.0) for row in drawn])
+    signs = _sign_flips(n, np.random.default_rng(0) if rng is None else rng)
+    t = _student_t(d)
+    drawn = _student_t_by_signs(d, signs)
+    point = float(stats.t.isf(0.5 * CLUSTER_LEVEL, n - 1))
+    largest = np.array([max((mass for *_, mass in _find_clusters(row, point)), default=0.0) for row in drawn])
     clusters = tuple(
         Cluster(first, last, mass, float(np.mean(largest >= mass * (1.0 - 1e-12))))
-        for first, last, mass in _clusters(t, point)
+        for first, last, mass in _find_clusters(t, point)
     )
-    critical = float(np.quantile(np.abs(drawn).max(axis=1), 1.0 - POINT, method="higher"))
-    about = _t_of_signs(d - d.mean(axis=0), signs)
+    critical = float(np.quantile(np.abs(drawn).max(axis=1), 1.0 - CLUSTER_LEVEL, method="higher"))
+    about = _student_t_by_signs(d - d.mean(axis=0), signs)
     error = np.std(d, axis=0, ddof=1) / np.sqrt(n)
-    # About their mean n curves scatter less than about the truth, and t of them is heavier in its tails.
+    # n curves scatter less about their own mean than about the true one, so the band is never narrower than Student's.
     reach = max(
         float(np.quantile(np.abs(about).max(axis=1), 1.0 - 2.0 * alpha, method="higher")),
         float(stats.t.isf(alpha, n - 1)),
@@ -150,31 +152,33 @@ def compare_curves(
     return CurveComparison(mean, t, mean - reach, mean + reach, clusters, critical, margin, within, beyond, alpha, n)
 
 
-def _signs(n: int, rng: np.random.Generator) -> np.ndarray:
-    """Signs of curves, (k, n): every combination, or drawn ones and the one that was seen."""
-    if n <= COUNTED:
+def _sign_flips(n: int, rng: np.random.Generator) -> np.ndarray:
+    """Return combinations of signs of n curves, (k, n): all of them, or random ones and the observed one."""
+    if n <= MAX_EXACT_PARTICIPANTS:
         return 1.0 - 2.0 * ((np.arange(2**n)[:, None] >> np.arange(n)) & 1)
-    drawn = rng.choice((-1.0, 1.0), (DRAWN, n))
+    drawn = rng.choice((-1.0, 1.0), (SIGN_DRAW_COUNT, n))
     drawn[0] = 1.0
     return drawn
 
 
-def _t(d: np.ndarray) -> np.ndarray:
-    """Student's t along time, (m,), of curves (n, m); 0 where all are 0."""
-    return _t_of_signs(d, np.ones((1, len(d))))[0]
+def _student_t(d: np.ndarray) -> np.ndarray:
+    """Return Student's t along time, (m,), of curves (n, m); 0 where all curves are 0."""
+    return _student_t_by_signs(d, np.ones((1, len(d))))[0]
 
 
-def _t_of_signs(d: np.ndarray, signs: np.ndarray) -> np.ndarray:
-    """The same for each row of signs (k, n); (k, m). Squares keep theirs, so a product with the signs is all it
-    takes."""
+def _student_t_by_signs(d: np.ndarray, signs: np.ndarray) -> np.ndarray:
+    """Return Student's t along time, (k, m), for each row of signs (k, n) of the curves.
+
+    Squares do not depend on signs, so one matrix product with the signs suffices.
+    """
     n = len(d)
     mean, square = signs @ d / n, np.mean(d * d, axis=0)
     variance = np.maximum(square - mean**2, 0.0) * n / (n - 1.0)
     return np.divide(mean, np.sqrt(variance / n), out=np.zeros_like(mean), where=variance > 1e-14 * square)
 
 
-def _clusters(t: np.ndarray, point: float) -> list[tuple[int, int, float]]:
-    """Runs of times beyond the point-wise level, with the sum of |t| in them."""
+def _find_clusters(t: np.ndarray, point: float) -> list[tuple[int, int, float]]:
+    """Return the runs of times with |t| beyond `point`: first index, last index, and the sum of |t|."""
     found = []
     for side in (t, -t):
         if side.max() > point:
@@ -182,7 +186,8 @@ def _clusters(t: np.ndarray, point: float) -> list[tuple[int, int, float]]:
     return sorted(found)
 
 
-def normalised(time: np.ndarray, samples: np.ndarray, start: float, duration: float, points: int = 101) -> np.ndarray:
-    """A signal (n,) at `time` (n,) [s] from a movement's start to its end, at evenly spaced shares of its
-    `duration`."""
+def resample_movement(
+    time: np.ndarray, samples: np.ndarray, start: float, duration: float, points: int = 101
+) -> np.ndarray:
+    """Return a signal, (n,) at `time` (n,) [s], resampled at evenly spaced shares of a movement's `duration` [s]."""
     return linear(time, samples, start + duration * np.linspace(0.0, 1.0, points))

@@ -28,18 +28,18 @@ class Activity:
     """Rectified EMG of one recording, advanced."""
 
     time: np.ndarray  # (m,) [s]
-    # (m,) By muscle, as many times the amplifier's unit; sample at t is what the motion at t follows
+    # Rectified EMG by muscle, (m,), in the amplifier's unit; the sample at t causes the motion at t
     rectified: Mapping[str, np.ndarray]
-    largest: Mapping[str, float]  # By muscle
+    largest: Mapping[str, float]  # largest value by muscle
 
     def later(self, seconds: float) -> Activity:
-        """The same, by so much later."""
+        """Return the same activity, delayed by `seconds`."""
         return replace(self, time=self.time + seconds)
 
     def level(self, muscles: Sequence[str], maxima: Mapping[str, float], start: float, end: float) -> float:
-        """Mean over `muscles` of the RMS of their activity from `start` to `end` [s], relative to the `maxima`.
+        """Return the mean over `muscles` of the RMS activity from `start` to `end` [s], relative to the `maxima`.
 
-        NaN beyond the record.
+        The value is NaN outside the record.
         """
         first, last = np.searchsorted(self.time, (start, end))
         if start < self.time[0] or end > self.time[-1] or last - first < 2:
@@ -48,7 +48,10 @@ class Activity:
         return float(np.mean([np.sqrt(max(s, 0.0)) / maxima[m] for m, s in zip(muscles, squares, strict=True)]))
 
     def envelope(self, muscles: Sequence[str], maxima: Mapping[str, float], at: np.ndarray, width: float) -> np.ndarray:
-        """The same about each time `at`, (k,) [s], over a `width` [s]; (k,), NaN beyond the record."""
+        """Return the level in a window of a `width` [s] about each time `at`, (k,) [s]; (k,), NaN outside the record.
+
+        The level is that of `level`.
+        """
         first, last = (np.searchsorted(self.time, at + side * 0.5 * width) for side in (-1.0, 1.0))
         inside = (at - 0.5 * width >= self.time[0]) & (at + 0.5 * width <= self.time[-1]) & (last - first >= 2)
         count = np.maximum(last - first, 1)
@@ -58,12 +61,12 @@ class Activity:
 
     @cached_property
     def _sums(self) -> dict[str, np.ndarray]:
-        """Sums of squares from the start, by muscle: any stretch's RMS is then two look-ups."""
+        """Cumulative sums of squares by muscle, so that the RMS of any stretch takes two look-ups."""
         return {m: np.concatenate(([0.0], np.cumsum(np.square(each)))) for m, each in self.rectified.items()}
 
 
 def maxima(activities: Sequence[Activity]) -> dict[str, float]:
-    """Largest activity of every muscle over all recordings of a participant."""
+    """Return the largest activity of every muscle over all recordings of a participant."""
     found = {m: max(each.largest[m] for each in activities) for m in activities[0].largest} if activities else {}
     silent = [muscle for muscle, top in found.items() if not top > 0.0]
     if silent:
@@ -72,5 +75,5 @@ def maxima(activities: Sequence[Activity]) -> dict[str, float]:
 
 
 def emg_per_acceleration(level: float, acceleration: float) -> float:
-    """Relative activity `level` over the largest `acceleration` [s^2/rad]: eq. 9's ratio before control divides it."""
+    """Return the activity `level` divided by the largest `acceleration` [s^2/rad]: eq. 9 without the control's C."""
     return level / acceleration if acceleration > 0.0 else float("nan")

@@ -19,8 +19,9 @@ from ..signals.movements import Kinematics, Movement
 
 
 def target_zero(made: Sequence[tuple[Kinematics, Movement]]) -> float:
-    """Angle of a target at 0 [rad], by where one participant's movements under control end: the mean of both
-    directions' medians; 0 where one of them has no movement to a target.
+    """Return the angle at which a target at 0 lies [rad], from the ends of one participant's control movements.
+
+    It is the mean of the medians of both directions; 0 if a direction has no movement to a target.
     """
     ends: dict[int, list[float]] = {1: [], -1: []}
     for motion, movement in made:
@@ -32,8 +33,9 @@ def target_zero(made: Sequence[tuple[Kinematics, Movement]]) -> float:
 
 
 def end_error(motion: Kinematics, movement: Movement, zero: float) -> dict[str, float]:
-    """Signed and absolute error of a `movement`'s end, ``end_error`` and ``end_absolute`` [rad], where a target at 0 is
-    at `zero`; empty where nobody knows where it was to end. `motion` holds its angle.
+    """Return the signed and the absolute error of a `movement`'s end, ``end_error`` and ``end_absolute`` [rad].
+
+    `motion` holds the angle, and a target at 0 lies at `zero`. The result is empty if the target is not known.
     """
     if movement.goal is not None:
         error = movement.direction * (float(motion.angle[movement.last]) - movement.goal - zero)

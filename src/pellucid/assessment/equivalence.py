@@ -42,18 +42,26 @@ from .signed_rank import sign_distribution
 Method = Literal["signed_rank", "t", "bootstrap"]
 METHODS = ("signed_rank", "t", "bootstrap")
 
-WITHIN, BEYOND, UNDECIDED = "within", "beyond", "undecided"
+WITHIN_MARGIN = "within"
+"""Verdict if the change lies within its margin at level alpha."""
 
-RESAMPLES = 10_000
-"""Of the bootstrap."""
+BEYOND_MARGIN = "beyond"
+"""Verdict if the change lies beyond its margin at level alpha."""
+
+UNDECIDED = "undecided"
+"""Verdict if neither is significant."""
+
+BOOTSTRAP_RESAMPLES = 10_000
+"""Number of bootstrap resamples of a test."""
 
 PRIOR_SCALE = 0.5**0.5
-"""Of the Cauchy prior on the standardised change."""
+"""Scale of the Cauchy prior on the standardised change."""
 
 
 @dataclass(frozen=True)
 class Margin:
-    """How far a change may go: `low` and `high`, in the unit of the differences; one of them may be infinite."""
+    """Largest change that does not matter: from `low` to `high`, in the unit of the differences; one may be
+    infinite."""
 
     low: float
     high: float
@@ -64,43 +72,43 @@ class Margin:
 
     @classmethod
     def either_way(cls, size: float) -> Margin:
-        """As far up as down."""
+        """Return the margin from -`size` to `size`."""
         return cls(-abs(size), abs(size))
 
     @classmethod
     def of_ratio(cls, share: float) -> Margin:
-        """Of logarithms of ratios: up to `share` more, and down to 1/(1 + share)."""
+        """Return the margin for logarithms of ratios: from 1/(1 + share) to 1 + share."""
         return cls.either_way(float(np.log1p(share)))
 
 
 @dataclass(frozen=True, eq=False)
 class Equivalence:
-    """What paired differences say of a margin."""
+    """Result of the test of paired differences against a margin."""
 
     margin: Margin
     pairs: int
-    estimate: float  # Middle of the differences, in their unit: Hodges and Lehmann's, or the mean
-    interval: tuple[float, float]  # Of confidence 1 - 2 alpha; infinite ends where there are too few pairs
-    p_within: float  # Of the larger of the two one-sided tests that it lies within
-    p_beyond: float  # Of the smaller of the two that it lies beyond
+    estimate: float  # location of the differences, in their unit: the Hodges-Lehmann estimate, or the mean
+    interval: tuple[float, float]  # interval at level 1 - 2 alpha; infinite ends with too few pairs
+    p_within: float  # p value of "within": the larger of the two one-sided tests
+    p_beyond: float  # p value of "beyond": the smaller of the two one-sided tests
     alpha: float
     method: str
-    differences: np.ndarray = field(repr=False)  # (n,); where bounded, the lower bounds; empty where a model was fitted
-    bounded: int = 0  # Of the differences, how many are known by bounds alone
+    differences: np.ndarray = field(repr=False)  # (n,); lower bounds if bounded; empty if a model was fitted
+    bounded: int = 0  # number of differences that are known by bounds alone
 
     @property
     def bayes_factor(self) -> float:
-        """Of within against beyond; NaN of a model, and where differences are known by bounds alone."""
+        """Bayes factor of "within" against "beyond"; NaN for a model, and if differences are known by bounds alone."""
         if self.bounded or len(self.differences) < 2:
             return nan
         return interval_bayes_factor(self.differences, self.margin)
 
     @property
     def verdict(self) -> str:
-        """``"within"``, ``"beyond"`` or ``"undecided"``, each at level alpha and for itself."""
+        """``"within"``, ``"beyond"`` or ``"undecided"``, each tested by itself at level alpha."""
         if self.p_within <= self.alpha:
-            return WITHIN
-        return BEYOND if self.p_beyond <= self.alpha else UNDECIDED
+            return WITHIN_MARGIN
+        return BEYOND_MARGIN if self.p_beyond <= self.alpha else UNDECIDED
 
 
 def equivalence(
@@ -117,18 +125,18 @@ def equivalence(
     Parameters
     ----------
     differences : array_like, shape (n,)
-        One a participant, in any one unit.
+        One difference for each participant, in any one unit.
     margin : Margin
-        In the same unit.
+        Margin in the same unit.
     upper : array_like, shape (n,), optional
-        Where differences are known by bounds: the upper ones, `differences` being the lower; infinite where there is
-        none. Signed ranks alone take them.
+        Upper bounds, if the differences are known by bounds alone and `differences` are the lower ones; infinite if
+        there is no bound. Only ``"signed_rank"`` accepts them.
     alpha : float
         Level of each one-sided test, in (0, 0.5).
     method : str
         ``"signed_rank"``, ``"t"`` or ``"bootstrap"``.
     rng : numpy.random.Generator, optional
-        Of the bootstrap; left out, one of the same seed each time.
+        Generator of the bootstrap; by default one with a fixed seed.
 
     Returns
     -------
@@ -165,11 +173,11 @@ def equivalence(
         error = float(np.std(d, ddof=1)) / np.sqrt(len(d))
         return equivalence_of_estimate(float(d.mean()), error, len(d) - 1, margin, alpha=alpha, differences=d)
     if method == "signed_rank":
-        p_above, interval = _by_ranks(d, high, alpha)
+        p_above, interval = _test_by_ranks(d, high, alpha)
         known = d if np.isfinite(d).all() else high
         middle = float(np.median(walsh_averages(known))) if np.isfinite(known).all() else nan
     else:
-        p_above, interval = _by_bootstrap(d, alpha, np.random.default_rng(0) if rng is None else rng)
+        p_above, interval = _test_by_bootstrap(d, alpha, np.random.default_rng(0) if rng is None else rng)
         middle = float(d.mean())
     within = max(p_above(margin.low, d), p_above(-margin.high, -high))
     beyond = min(p_above(-margin.low, -high), p_above(margin.high, d))
@@ -187,8 +195,10 @@ def equivalence_of_estimate(
     pairs: int = 0,
     differences: np.ndarray | None = None,
 ) -> Equivalence:
-    """Two one-sided tests of any `estimate` with its standard `error` and `degrees` of freedom, by Student's t; of
-    `differences` (n,) or of so many `pairs`."""
+    """Return the two one-sided t tests of an `estimate` with its standard `error` and `degrees` of freedom.
+
+    The estimate is that of `differences`, (n,), or of a number of `pairs`.
+    """
     own = np.empty(0) if differences is None else differences
 
     def p_above(gap: float) -> float:
@@ -204,65 +214,64 @@ def equivalence_of_estimate(
     )  # fmt: skip
 
 
-def nothing_known(margin: Margin, pairs: int, method: str, alpha: float = 0.05) -> Equivalence:
-    """What is said of a margin where a method gave no answer: anything is possible."""
+def unknown_equivalence(margin: Margin, pairs: int, method: str, alpha: float = 0.05) -> Equivalence:
+    """Return the undecided result of a method that failed: its interval is infinite and its p values are 1."""
     return Equivalence(margin, pairs, nan, (-inf, inf), 1.0, 1.0, alpha, method, np.empty(0))
 
 
 def walsh_averages(differences: np.ndarray) -> np.ndarray:
-    """Means of all pairs of differences (n,), each with itself too; shape (n (n + 1)/2,), sorted."""
+    """Return the means of all pairs of differences (n,), each with itself too; shape (n (n + 1)/2,), sorted."""
     i, j = np.triu_indices(len(differences))
     return np.sort(0.5 * (differences[i] + differences[j]))
 
 
-def least_rank_sum(pairs: int, alpha: float) -> int | None:
-    """The smallest W+ of so many pairs that is reached by chance in at most alpha of all cases; None where even the
-    largest is likelier."""
+def critical_rank_sum(pairs: int, alpha: float) -> int | None:
+    """Return the smallest W+ of a number of `pairs` whose one-sided p value is at most `alpha`; None without one."""
     chance = sign_distribution(np.arange(1, pairs + 1))
     tail = np.cumsum(chance[::-1])[::-1]
     enough = np.flatnonzero(tail <= alpha * (1.0 + 1e-12))
     return int(enough[0]) if len(enough) else None
 
 
-def _by_ranks(d: np.ndarray, high: np.ndarray, alpha: float):
+def _test_by_ranks(d: np.ndarray, high: np.ndarray, alpha: float):
     tail = np.cumsum(sign_distribution(np.arange(1, len(d) + 1))[::-1])[::-1]
 
     def p_above(margin: float, d: np.ndarray) -> float:
         if margin == -inf:
             return float(tail[-1])
-        # An average on the margin is none above it: ties are no evidence.
+        # A Walsh average equal to the margin does not count as above it: ties are no evidence.
         return 1.0 if margin == inf else float(tail[int(np.sum(walsh_averages(d) > margin))])
 
-    needed = least_rank_sum(len(d), alpha)
+    needed = critical_rank_sum(len(d), alpha)
     if needed is None:
         return p_above, (-inf, inf)
     return p_above, (float(walsh_averages(d)[-needed]), float(walsh_averages(high)[needed - 1]))
 
 
-def _by_bootstrap(d: np.ndarray, alpha: float, rng: np.random.Generator):
+def _test_by_bootstrap(d: np.ndarray, alpha: float, rng: np.random.Generator):
     n = len(d)
-    means = rng.choice(d, (RESAMPLES, n)).mean(axis=1)
-    # Widened for few, as the intervals of `comparison` are.
+    means = rng.choice(d, (BOOTSTRAP_RESAMPLES, n)).mean(axis=1)
+    # The interval is widened for small samples, as those of `comparison` are.
     stretched = d.mean() + (means - d.mean()) * np.sqrt(n / (n - 1.0)) * stats.t.isf(alpha, n - 1) / stats.norm.isf(
         alpha
     )
 
     def p_above(margin: float, own: np.ndarray) -> float:
         drawn = stretched if own is d else -stretched
-        return (1.0 + float(np.sum(drawn <= margin))) / (RESAMPLES + 1.0)
+        return (1.0 + float(np.sum(drawn <= margin))) / (BOOTSTRAP_RESAMPLES + 1.0)
 
     low, high = np.quantile(stretched, (alpha, 1.0 - alpha))
     return p_above, (float(low), float(high))
 
 
 def interval_bayes_factor(differences: np.ndarray, margin: Margin) -> float:
-    """Odds that the standardised change lies within the margin, after the data over before; NaN where all are alike."""
+    """Return the Bayes factor of "within" against "beyond" the margin; NaN if all differences are equal."""
     n, spread = len(differences), float(np.std(differences, ddof=1))
     if spread == 0.0:
         return nan
     t = float(np.mean(differences)) / spread * np.sqrt(n)
     low, high = margin.low / spread, margin.high / spread
-    # On the angle of the Cauchy prior every effect has a place of the same weight.
+    # The grid is uniform in the quantiles of the Cauchy prior, so that all points have the same prior weight.
     angle = (np.arange(4000) + 0.5) / 4000.0
     effect = PRIOR_SCALE * np.tan(np.pi * (angle - 0.5))
     log_likelihood = (

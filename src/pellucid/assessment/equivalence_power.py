@@ -13,12 +13,20 @@ import numpy as np
 from scipy import stats
 
 from .._errors import PellucidError
-from .equivalence import Margin, Method, least_rank_sum
-from .power import TRIED, Here, Power, fewest, root_of, run_parts, simulated_power
+from .equivalence import Margin, Method, critical_rank_sum
+from .power import (
+    SEARCH_DRAWS_PER_STUDY,
+    InlineExecutor,
+    Power,
+    covariance_root,
+    find_fewest,
+    run_parts,
+    simulated_power,
+)
 from .signed_rank import rank_sums
 
-SIZES = (5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 96, 128)
-"""Numbers of participants that are tried first; more than the last are not looked for."""
+CANDIDATE_SIZES = (5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 96, 128)
+"""Numbers of participants that the search tries first. It does not look for more than the last."""
 
 
 def equivalence_power(
@@ -33,28 +41,28 @@ def equivalence_power(
     seed: int = 1,
     executor: Any = None,
 ) -> Power:
-    """Chance that all end points are found within their margins, for studies of several sizes.
+    """Return the probability that all end points are found within their margins, for studies of several sizes.
 
     Parameters
     ----------
     covariance : ndarray, shape (m, m)
-        Of participants' changes, over end points, in the squared units of the margins.
+        Covariance of participants' changes over end points, in the squared units of the margins.
     margins : sequence of Margin, length m
-        Of the end points.
+        Margins of the end points.
     participants : sequence of int
         Sizes to try, each at least 2.
     change : sequence of float, length m, optional
-        Changes that are supposed to be true; left out, none.
+        True changes that are assumed; by default 0.
     alpha : float
         Level of each one-sided test.
     method : str
         ``"signed_rank"`` or ``"t"``.
     studies : int
-        Drawn for each size.
+        Number of simulated studies for each size.
     seed : int
-        Of the draws.
+        Seed of the simulation.
     executor : concurrent.futures.Executor, optional
-        Where parts run, such as a Dask client's; left out, large runs use every core.
+        Executor of the parts, such as a Dask client's; by default large runs use every core.
 
     Returns
     -------
@@ -85,22 +93,24 @@ def equivalence_power(
     if min(participants) < 2:
         raise PellucidError(f"equivalence power: found {min(participants)} participants, expected at least 2")
     ends = np.array([(margin.low, margin.high) for margin in margins])
-    settings = moved, root_of(covariance), ends, alpha, method
-    return simulated_power("equivalence", _within, settings, participants, studies, seed, executor, m)
+    settings = moved, covariance_root(covariance), ends, alpha, method
+    return simulated_power(
+        "equivalence", _count_transparent_studies, settings, participants, studies, seed, executor, m
+    )
 
 
-def equivalence_needed(
+def find_equivalence_participants(
     covariance: np.ndarray, margins: Sequence[Margin], *, power: float = 0.9, **options
 ) -> int | None:
-    """The fewest participants with whom the certificate's power is reached; None where more than the most tried."""
+    """Return the fewest participants that reach the certificate's `power`; None if the largest size does not."""
 
     def enough(n: int) -> bool:
         return equivalence_power(covariance, margins, (n,), **options).power[0] >= power
 
-    return fewest(SIZES, enough, 1)
+    return find_fewest(CANDIDATE_SIZES, enough, 1)
 
 
-def needed_for_changes(
+def participants_for_changes(
     spreads: Sequence[float],
     margins: Sequence[Margin],
     shares: Sequence[float],
@@ -112,9 +122,12 @@ def needed_for_changes(
     seed: int = 1,
     executor: Any = None,
 ) -> tuple[list[list[int | None]], list[list[int | None]]]:
-    """The fewest participants for all end points together, by true change (as a share of every margin's upper end) and
-    by correlation of people's changes over end points; and the same of each end point alone. `spreads` (m,): standard
-    deviations of people's changes. Each search is a job of its own, on every core or through the `executor`."""
+    """Return the fewest participants for all end points together, and for each end point alone.
+
+    Rows are true changes, as `shares` of every margin's upper end. Columns are `correlations` of people's changes over
+    end points, or single end points. `spreads`, (m,), are standard deviations of people's changes. Each search is a job
+    of its own, on every core or through the `executor`.
+    """
     if len(spreads) != len(margins) or not margins or not all(s > 0.0 for s in spreads):
         raise PellucidError(
             f"plan: found {len(spreads)} spreads, expected one above 0 for each of {len(margins)} margins"
@@ -128,38 +141,47 @@ def needed_for_changes(
         for i, margin in enumerate(margins):
             jobs.append((spread[i : i + 1, None] ** 2, [margin], share * ends[i : i + 1]))
     arguments = [(*job, power, alpha, studies, seed) for job in jobs]
-    found = run_parts(_needed, arguments, executor, TRIED * studies * len(jobs) * len(margins))
+    found = run_parts(
+        _search_participants, arguments, executor, SEARCH_DRAWS_PER_STUDY * studies * len(jobs) * len(margins)
+    )
     rows = [
         found[i : i + len(correlations) + len(margins)] for i in range(0, len(found), len(correlations) + len(margins))
     ]
     return [row[: len(correlations)] for row in rows], [row[len(correlations) :] for row in rows]
 
 
-def _needed(covariance, margins, change, power, alpha, studies, seed) -> int | None:
-    return equivalence_needed(
-        covariance, margins, power=power, change=change, alpha=alpha, studies=studies, seed=seed, executor=Here()
+def _search_participants(covariance, margins, change, power, alpha, studies, seed) -> int | None:
+    return find_equivalence_participants(
+        covariance,
+        margins,
+        power=power,
+        change=change,
+        alpha=alpha,
+        studies=studies,
+        seed=seed,
+        executor=InlineExecutor(),
     )
 
 
-def _within(n, studies, seed, change, factor, ends, alpha, method) -> int:
-    """How many of so many simulated studies say "transparent"."""
+def _count_transparent_studies(n, studies, seed, change, factor, ends, alpha, method) -> int:
+    """Return how many simulated studies end with the verdict "transparent"."""
     rng = np.random.default_rng(seed)
     drawn = change + rng.standard_normal((studies, n, len(change))) @ factor.T
     within = np.ones(studies, bool)
     for j, (low, high) in enumerate(ends):
         for inner in (drawn[:, :, j] - low, high - drawn[:, :, j]):
             if np.isfinite(inner).all():
-                within &= _above_zero(inner, alpha, method)
+                within &= _is_above_zero(inner, alpha, method)
     return int(within.sum())
 
 
-def _above_zero(differences: np.ndarray, alpha: float, method: str) -> np.ndarray:
-    """Which rows, (studies, n), are found above 0."""
+def _is_above_zero(differences: np.ndarray, alpha: float, method: str) -> np.ndarray:
+    """Return whether each row of differences, (studies, n), is significantly above 0; shape (studies,)."""
     n = differences.shape[1]
     if method == "t":
         spread = np.std(differences, axis=1, ddof=1) / np.sqrt(n)
         return differences.mean(axis=1) >= stats.t.isf(alpha, n - 1) * spread
-    needed = least_rank_sum(n, alpha)
+    needed = critical_rank_sum(n, alpha)
     if needed is None:
         return np.zeros(len(differences), bool)
     return rank_sums(differences) >= needed

@@ -33,32 +33,32 @@ from scipy import stats
 
 from .._errors import PellucidError
 
-LARGEST_COUNTED = 6
-"""Conditions whose orders the exact distribution will list."""
+MAX_EXACT_CONDITIONS = 6
+"""Largest number of conditions for the exact distribution, which lists all orders of the conditions."""
 
-LARGEST_TABLE = 5_000_000
-"""Rank sums times orders that one step of the exact distribution may list; beyond, memory runs out."""
+MAX_EXACT_TABLE_SIZE = 5_000_000
+"""One step of the exact distribution lists at most this many rank sums times orders, which bounds its memory."""
 
 
 @dataclass(frozen=True)
 class FriedmanTest:
     """The outcome of a Friedman test."""
 
-    statistic: float  # Chi-squared, corrected for ties
+    statistic: float  # chi-squared, corrected for ties
     degrees_of_freedom: int  # k - 1
-    p_value: float  # From the chi-squared distribution: for many participants
-    exact_p_value: float | None  # Counted over all orders of each participant's ranks; None where it was not asked for
-    rank_sums: tuple[float, ...]  # R_j, one a condition; the smallest values have the lowest ranks
+    p_value: float  # p value from the chi-squared distribution, valid for many participants
+    exact_p_value: float | None  # p value over all orders of each participant's ranks; None if not requested
+    rank_sums: tuple[float, ...]  # R_j for each condition; the smallest values have the lowest ranks
     participants: int  # n
 
     @property
     def p(self) -> float:
-        """Counted where it was, otherwise from the chi-squared distribution."""
+        """Exact p value if it was computed, otherwise that of the chi-squared distribution."""
         return self.p_value if self.exact_p_value is None else self.exact_p_value
 
 
 def friedman(data: np.ndarray, *, exact: bool = False) -> FriedmanTest:
-    """Friedman's test on participants' values. `data` (n, k)."""
+    """Return Friedman's test of participants' values. `data` (n, k)."""
     ranks = _ranks(data)
     n, k = ranks.shape
     sums = ranks.sum(axis=0)
@@ -66,29 +66,29 @@ def friedman(data: np.ndarray, *, exact: bool = False) -> FriedmanTest:
     if spread == 0.0:
         raise PellucidError("Friedman: every participant's values are all equal, so nothing is ranked")
     statistic = (k - 1) * float(np.sum((sums - 0.5 * n * (k + 1)) ** 2)) / float(spread)
-    p_exact = _chance_of_spread(ranks, sums) if exact else None
-    return _outcome(statistic, sums, n, p_exact)
+    p_exact = _exact_p_value(ranks, sums) if exact else None
+    return _friedman_test(statistic, sums, n, p_exact)
 
 
 def friedman_from_rank_sums(rank_sums: Sequence[float], participants: int, *, exact: bool = False) -> FriedmanTest:
-    """Friedman's test where only the rank sums are known, and no participant had ties."""
+    """Return Friedman's test from rank sums alone, if no participant had ties."""
     sums = _checked_sums(rank_sums, participants)
     k = len(sums)
     statistic = 12.0 / (participants * k * (k + 1)) * float(np.sum((sums - 0.5 * participants * (k + 1)) ** 2))
     p_exact = None
     if exact:
-        p_exact = _chance_of_spread(np.tile(np.arange(1.0, k + 1.0), (participants, 1)), sums)
-    return _outcome(statistic, sums, participants, p_exact)
+        p_exact = _exact_p_value(np.tile(np.arange(1.0, k + 1.0), (participants, 1)), sums)
+    return _friedman_test(statistic, sums, participants, p_exact)
 
 
 def nemenyi(data: np.ndarray) -> np.ndarray:
-    """Nemenyi's p of every pair of conditions. `data` (n, k); gives (k, k)."""
+    """Return Nemenyi's p value of every pair of conditions, (k, k). `data` (n, k)."""
     ranks = _ranks(data)
     return _nemenyi(ranks.sum(axis=0), len(ranks))
 
 
 def nemenyi_from_rank_sums(rank_sums: Sequence[float], participants: int) -> np.ndarray:
-    """Nemenyi's p of every pair of conditions where only the rank sums are known. Gives (k, k)."""
+    """Return Nemenyi's p value of every pair of conditions, (k, k), from rank sums alone."""
     return _nemenyi(_checked_sums(rank_sums, participants), participants)
 
 
@@ -102,7 +102,7 @@ def _nemenyi(sums: np.ndarray, n: int) -> np.ndarray:
 
 
 def _ranks(data: np.ndarray) -> np.ndarray:
-    """Rank within each row, shape (n, k); ties share their mean rank."""
+    """Return the ranks within each row, shape (n, k); ties share their mean rank."""
     data = np.asarray(data, float)
     if data.ndim != 2 or min(data.shape) < 2:
         raise PellucidError(
@@ -125,23 +125,23 @@ def _checked_sums(rank_sums: Sequence[float], n: int) -> np.ndarray:
     return sums
 
 
-def _outcome(statistic: float, sums: np.ndarray, n: int, p_exact: float | None) -> FriedmanTest:
+def _friedman_test(statistic: float, sums: np.ndarray, n: int, p_exact: float | None) -> FriedmanTest:
     df = len(sums) - 1
     return FriedmanTest(
         statistic, df, float(stats.chi2.sf(statistic, df)), p_exact, tuple(float(s) for s in sums), participants=n
     )
 
 
-def _chance_of_spread(ranks: np.ndarray, sums: np.ndarray) -> float:
-    """Chance of rank sums as far from even as `sums` or further, when each row's ranks come in any order.
+def _exact_p_value(ranks: np.ndarray, sums: np.ndarray) -> float:
+    """Return the probability of rank sums at least as uneven as `sums`, if each row's ranks come in any order.
 
-    Sums are counted in half ranks, so that ties too are integers and nothing hangs on rounding. Which condition has
-    which sum is of no account, neither to the statistic nor to the orders that follow, so sums are kept sorted.
+    Sums are counted in half ranks, so that ties too are integers and rounding plays no part. The statistic does not
+    depend on the order of the conditions, so sums are kept sorted.
     """
     n, k = ranks.shape
-    if k > LARGEST_COUNTED:
+    if k > MAX_EXACT_CONDITIONS:
         raise PellucidError(
-            f"Friedman: {k} conditions are too many for the exact distribution; up to {LARGEST_COUNTED}"
+            f"Friedman: {k} conditions are too many for the exact distribution; up to {MAX_EXACT_CONDITIONS}"
         )
     doubled = np.rint(2.0 * ranks).astype(np.int64)
     place = (2 * n * k + 1) ** np.arange(k, dtype=np.int64)
@@ -149,13 +149,13 @@ def _chance_of_spread(ranks: np.ndarray, sums: np.ndarray) -> float:
     reached, chance = np.zeros((1, k), np.int64), np.ones(1)
     for row in doubled:
         orders = row[every]
-        if len(reached) * len(orders) > LARGEST_TABLE:
+        if len(reached) * len(orders) > MAX_EXACT_TABLE_SIZE:
             raise PellucidError(f"Friedman: {n} participants, {k} conditions: too many for the exact distribution")
         ahead = np.sort((reached[:, None, :] + orders[None, :, :]).reshape(-1, k), axis=1)
         _, first, where = np.unique(ahead @ place, return_index=True, return_inverse=True)
         chance = np.bincount(where.ravel(), np.repeat(chance / len(orders), len(orders)))
         reached = ahead[first]
-    middle = n * (k + 1)  # of doubled rank sums
+    middle = n * (k + 1)  # mean of the doubled rank sums
     spread = np.sum((reached - middle) ** 2, axis=1)
     seen = np.sum((np.rint(2.0 * sums).astype(np.int64) - middle) ** 2)
     return float(min(1.0, chance[spread >= seen].sum()))

@@ -20,36 +20,41 @@ from scipy import optimize, stats
 
 from .._errors import PellucidError
 
-SPENDING: dict[str, Callable[[np.ndarray, float], np.ndarray]] = {
+SPENDING_FUNCTIONS: dict[str, Callable[[np.ndarray, float], np.ndarray]] = {
     "obrien_fleming": lambda t, alpha: 2.0 * stats.norm.sf(stats.norm.isf(0.5 * alpha) / np.sqrt(t)),
     "pocock": lambda t, alpha: alpha * np.log(1.0 + (np.e - 1.0) * t),
     "linear": lambda t, alpha: alpha * t,
 }
-"""Lan and DeMets': little at first and nearly everything at the end; about as much at each look; in proportion."""
+"""Spending functions of Lan and DeMets by name: share t of the participants and alpha to the alpha spent so far.
 
-NODES, REACH = 801, 8.0
-"""Of the integration over the statistic, to so many standard deviations."""
+``obrien_fleming`` spends little at first, ``pocock`` about as much at each look, ``linear`` in proportion to t."""
+
+INTEGRATION_NODE_COUNT = 801
+"""Number of nodes of the numerical integration over the statistic."""
+
+INTEGRATION_REACH_SD = 8.0
+"""The integration over the statistic reaches this many standard deviations to either side."""
 
 
 @dataclass(frozen=True)
 class Looks:
     """One-sided boundaries of a study that is looked at several times."""
 
-    share: tuple[float, ...]  # Of the participants in
-    boundary: tuple[float, ...]  # Of the standardised statistic
-    level: tuple[float, ...]  # One-sided, of the test at each look
-    spent: tuple[float, ...]  # Of alpha, up to and with each look
+    share: tuple[float, ...]  # share of the participants at each look
+    boundary: tuple[float, ...]  # boundary of the standardised statistic at each look
+    level: tuple[float, ...]  # one-sided level of the test at each look
+    spent: tuple[float, ...]  # alpha spent up to and including each look
 
 
 def looks(share: Sequence[float], alpha: float = 0.05, spending: str = "obrien_fleming") -> Looks:
-    """Levels for looks when such shares of the participants are in.
+    """Return the levels of interim looks at given shares of the participants.
 
     Parameters
     ----------
     share : sequence of float
-        Rising, in (0, 1].
+        Increasing shares of the participants, in (0, 1].
     alpha : float
-        One-sided, in (0, 0.5).
+        One-sided level of the whole study, in (0, 0.5).
     spending : str
         ``"obrien_fleming"``, ``"pocock"`` or ``"linear"``.
 
@@ -70,11 +75,11 @@ def looks(share: Sequence[float], alpha: float = 0.05, spending: str = "obrien_f
     t = np.asarray(share, float)
     if t.ndim != 1 or not len(t) or not (np.diff(t, prepend=0.0) > 0.0).all() or t[-1] > 1.0 + 1e-12:
         raise PellucidError(f"looks: found the shares {list(share)}, expected some that rise, above 0 and up to 1")
-    if spending not in SPENDING:
-        raise PellucidError(f"looks: found the spending {spending!r}, expected one of {', '.join(SPENDING)}")
+    if spending not in SPENDING_FUNCTIONS:
+        raise PellucidError(f"looks: found the spending {spending!r}, expected one of {', '.join(SPENDING_FUNCTIONS)}")
     if not 0.0 < alpha < 0.5:
         raise PellucidError(f"looks: found the level {alpha!r}, expected one between 0 and 0.5")
-    spent = SPENDING[spending](np.minimum(t, 1.0), alpha)
+    spent = SPENDING_FUNCTIONS[spending](np.minimum(t, 1.0), alpha)
     boundaries: list[float] = []
     grid = density = None
     for k, new in enumerate(np.diff(spent, prepend=0.0)):
@@ -86,11 +91,15 @@ def looks(share: Sequence[float], alpha: float = 0.05, spending: str = "obrien_f
                 return float(stats.norm.sf(z))
             return float(np.trapezoid(density * stats.norm.sf((bound - grid) / np.sqrt(step)), grid))
 
-        z = float(optimize.brentq(lambda z, new=new: crossing(z) - new, -REACH, REACH)) if new > 1e-14 else REACH
+        z = (
+            float(optimize.brentq(lambda z, new=new: crossing(z) - new, -INTEGRATION_REACH_SD, INTEGRATION_REACH_SD))
+            if new > 1e-14
+            else INTEGRATION_REACH_SD
+        )
         boundaries.append(z)
-        # What goes on: the density of the sum below the boundary.
+        # The study goes on with the density of the sum below the boundary.
         bound = z * np.sqrt(t[k])
-        onward = np.linspace(-REACH * np.sqrt(t[k]), bound, NODES)
+        onward = np.linspace(-INTEGRATION_REACH_SD * np.sqrt(t[k]), bound, INTEGRATION_NODE_COUNT)
         if grid is None:
             density = stats.norm.pdf(onward, scale=np.sqrt(step))
         else:

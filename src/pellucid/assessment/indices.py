@@ -12,32 +12,32 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..units import COORDINATES, Coordinate
-from .measured import DOWN, UP, Lasted, Measured
+from .measured import DIRECTION_DOWN, DIRECTION_UP, MeasuredMovement, MovementDuration
 from .survival import survival
 
 
 @dataclass(frozen=True)
 class Index:
-    """One index."""
+    """One index of transparency."""
 
-    name: str  # In ids
-    words: str  # words, short, unit: What it is, in full and as narrow tables call it
-    short: str
+    name: str  # name in ids
+    words: str  # full name
+    short: str  # short name for narrow tables
     unit: str
-    of: str  # Which of a movement's values
+    of: str  # key of the movement's value from which the index is made
     direction: str = ""  # ``"up"`` or ``"down"``; ``""`` for both
-    over_control: bool = False  # Whether it is a share of control's ratio less 1, and thus 0 for control
-    spread: bool = False  # Whether it is the standard deviation of movements that are alike, in place of their mean
-    lasting: bool = False  # Whether it is of how long movements lasted, those that never settled too
+    over_control: bool = False  # True: the ratio to the control's value less 1, which is 0 for control
+    spread: bool = False  # True: standard deviation of similar movements instead of their mean
+    lasting: bool = False  # True: made from how long movements lasted, including those that never settled
 
     @property
     def scaled(self) -> bool:
-        """Whether a change in % says something: its values are above 0."""
+        """Whether a change in % is meaningful because all values are above 0."""
         return self.name not in ("sparc", "ldlj", "end_error", "unsettled") and not self.over_control
 
     @property
     def shown(self) -> tuple[float, str]:
-        """Factor and unit with which tables and figures show it."""
+        """Factor and unit of the index in tables and figures."""
         if self.name == "unsettled":
             return 100.0, "%"
         along = COORDINATES.get(self.unit)
@@ -51,15 +51,24 @@ INDICES = {
         Index("vmax", "Peak velocity", "Peak vel.", "rad/s", "vmax"),
         Index("vmean", "Mean velocity", "Mean vel.", "rad/s", "vmean"),
         Index("acceleration", "Peak acceleration", "Acc.", "rad/s^2", "acceleration"),
-        Index("peak_time_up", "Relative time to peak velocity upwards", "Peak time, up", "1", "peak_time", UP),
-        Index("peak_time_down", "Relative time to peak velocity downwards", "Peak time, down", "1", "peak_time", DOWN),
+        Index(
+            "peak_time_up", "Relative time to peak velocity upwards", "Peak time, up", "1", "peak_time", DIRECTION_UP
+        ),
+        Index(
+            "peak_time_down",
+            "Relative time to peak velocity downwards",
+            "Peak time, down",
+            "1",
+            "peak_time",
+            DIRECTION_DOWN,
+        ),
         Index("end_error", "Signed end-point error", "End bias", "rad", "end_error"),
         Index("end_absolute", "Absolute end-point error", "End error", "rad", "end_absolute"),
         Index("end_spread", "Variable end-point error", "End spread", "rad", "end_error", spread=True),
         Index("sparc", "Spectral arc length", "SPARC", "1", "sparc"),
         Index("ldlj", "Log dimensionless jerk", "LDLJ", "1", "ldlj"),
         Index("emg_level", "EMG level", "EMG level", "1", "emg_level"),
-        Index("emgacc", "EMG/Acc", "EMG/Acc", "1", "emg_per_acc", UP, True),
+        Index("emgacc", "EMG/Acc", "EMG/Acc", "1", "emg_per_acc", DIRECTION_UP, True),
         Index("torque_rms", "RMS interaction torque", "Torque RMS", "N*m", "torque_rms"),
         Index("torque_peak", "Peak interaction torque", "Torque peak", "N*m", "torque_peak"),
         Index("work", "Work against the robot", "Work", "J", "work"),
@@ -71,7 +80,7 @@ INDICES = {
 
 
 def indices_along(along: Coordinate) -> Mapping[str, Index]:
-    """The same of an angle or of a place: names stay, units and words follow."""
+    """Return all indices along an angle or a position; names stay, units and words change."""
     if along.unit == "rad":
         return INDICES
     units = {"N*m": along.effort}
@@ -90,23 +99,24 @@ def indices_along(along: Coordinate) -> Mapping[str, Index]:
 
 @dataclass(frozen=True, eq=False)
 class IndexTable:
-    """Values of one index."""
+    """Values of one index by participant and condition."""
 
     index: Index
-    participants: tuple[str, ...]  # participants, conditions: Participants with a value in all of these conditions
+    participants: tuple[str, ...]  # participants with a value in all of `conditions`
     conditions: tuple[str, ...]
     values: np.ndarray  # (n, k)
 
     def column(self, condition: str) -> np.ndarray:
-        """Values in one condition, shape (n,)."""
+        """Return the values in one condition, shape (n,)."""
         return self.values[:, self.conditions.index(condition)]
 
 
 def cell_means(
-    movements: Sequence[Measured], of: str, direction: str = "", *, spread: bool = False
+    movements: Sequence[MeasuredMovement], of: str, direction: str = "", *, spread: bool = False
 ) -> dict[tuple, float]:
-    """Means by (participant, condition, cell) of the value `of` movements that are alike, in one `direction` or both
-    (""); with `spread` their standard deviations (n - 1), which a single movement has not.
+    """Return the mean value `of` similar movements by (participant, condition, cell), in one `direction` or both ("").
+
+    With `spread` the result holds their standard deviations (n - 1), without cells of a single movement.
     """
     sums: dict[tuple, list[float]] = {}
     for m in movements:
@@ -118,11 +128,13 @@ def cell_means(
     return {key: float(np.mean(each)) for key, each in sums.items()}
 
 
-def lasting_cells(lasted: Sequence[Lasted], name: str) -> dict[tuple, float]:
-    """By (participant, condition, cell) the median duration [s] of movements that are alike, or the share of them that
-    never settled; of a median that was not reached the longest time seen. Empty where every movement settled and `name`
-    is "unsettled"."""
-    cells: dict[tuple, list[Lasted]] = {}
+def lasting_cells(lasted: Sequence[MovementDuration], name: str) -> dict[tuple, float]:
+    """Return the median duration [s] of similar movements, or their share that never settled, by cell.
+
+    Keys are (participant, condition, cell). A median that was not reached is replaced by the longest time seen. The
+    result is empty if `name` is "unsettled" and every movement settled.
+    """
+    cells: dict[tuple, list[MovementDuration]] = {}
     for each in lasted:
         cells.setdefault((each.participant, each.condition, each.cell), []).append(each)
     if name == "unsettled" and all(each.settled for each in lasted):
@@ -135,24 +147,24 @@ def lasting_cells(lasted: Sequence[Lasted], name: str) -> dict[tuple, float]:
 
 
 def index_table(
-    movements: Sequence[Measured],
+    movements: Sequence[MeasuredMovement],
     index: Index,
     participants: Sequence[str],
     conditions: Sequence[str],
     control: str,
-    lasted: Sequence[Lasted] = (),
+    lasted: Sequence[MovementDuration] = (),
 ) -> IndexTable | None:
-    """Values of `index` of those `participants` who have it under all `conditions`; None where nobody has.
+    """Return the values of `index` of the `participants` who have it under all `conditions`; None if nobody has.
 
-    One over `control` does not have that as a column, nor does one that needs a robot. `movements` are all there
-    are, and `lasted` how long each was seen.
+    An index over `control` has no column for control, nor has one that needs a robot. `movements` holds all movements,
+    and `lasted` how long each was seen.
     """
     if index.lasting:
         means = lasting_cells(lasted, index.name)
     else:
         means = cell_means(movements, index.of, index.direction, spread=index.spread)
     recorded = [c for c in conditions if any(key[1] == c for key in means)]
-    # Without a robot there is no interaction: a condition that nobody has it in is no column.
+    # Without a robot there is no interaction: a condition in which nobody has a value is no column.
     if not recorded or (index.over_control and (control not in recorded or len(recorded) < 2)):
         return None
     rows, people = [], []
@@ -176,32 +188,32 @@ def index_table(
 
 @dataclass(frozen=True)
 class Isochrony:
-    """Straight lines through amplitude and mean velocity, and through amplitude and duration."""
+    """Straight lines of mean velocity and of duration over amplitude."""
 
     condition: str
     direction: str
     participants: tuple[str, ...]
-    velocity_r2: tuple[float, ...]  # Of each participant's own line, over the means of each amplitude
-    # velocity_slope, velocity_intercept: Of the line through the means over participants [1/s], [rad/s]
-    velocity_slope: float
-    velocity_intercept: float
-    group_r2: float  # Of that line
-    duration_r2: tuple[float, ...]
-    duration_slope: float  # duration_slope, duration_intercept: [s/rad], [s]
-    duration_intercept: float
-    points: tuple[tuple[float, float, float], ...]  # Means over participants
-    people: tuple[tuple[tuple[float, float, float], ...], ...]  # Each participant's own points
-    unit: str = "rad"  # Or "m": all that is [rad] here is then [m]
+    velocity_r2: tuple[float, ...]  # R^2 of each participant's own line through the means of each amplitude
+    velocity_slope: float  # slope of the line through the means over participants [1/s]
+    velocity_intercept: float  # intercept of that line [rad/s]
+    group_r2: float  # R^2 of that line
+    duration_r2: tuple[float, ...]  # R^2 of each participant's own line of duration
+    duration_slope: float  # slope of the line of duration through the means over participants [s/rad]
+    duration_intercept: float  # intercept of that line [s]
+    points: tuple[tuple[float, float, float], ...]  # amplitude, mean velocity and duration, averaged over participants
+    people: tuple[tuple[tuple[float, float, float], ...], ...]  # the same of each participant
+    unit: str = "rad"  # unit of amplitudes, "rad" or "m"; with "m" every [rad] above is [m]
 
 
 def isochrony(
-    movements: Sequence[Measured],
+    movements: Sequence[MeasuredMovement],
     participants: Sequence[str],
     conditions: Sequence[str],
     along: Coordinate = COORDINATES["rad"],
 ) -> tuple[Isochrony, ...]:
-    """Isochrony of every condition and direction with at least three amplitudes; `movements` of `participants` under
-    `conditions`, `along` an angle or a place.
+    """Return the isochrony of every condition and direction with at least three amplitudes.
+
+    `movements` are those of `participants` under `conditions`, `along` an angle or a position.
     """
 
     def si(amplitudes: Sequence[float]) -> np.ndarray:
@@ -210,7 +222,7 @@ def isochrony(
     velocity, duration = cell_means(movements, "vmean"), cell_means(movements, "duration")
     found = []
     for condition in conditions:
-        for direction in (UP, DOWN):
+        for direction in (DIRECTION_UP, DIRECTION_DOWN):
             each = [_person_line(person, condition, direction, velocity, duration) for person in participants]
             each = [(person, *line) for person, line in zip(participants, each, strict=True) if line is not None]
             if not each:
@@ -238,7 +250,7 @@ def isochrony(
 
 
 def _person_line(person, condition, direction, velocity: Mapping, duration: Mapping):
-    """Amplitudes [deg or mm] with the person's mean velocity and duration; None with fewer than three."""
+    """Return a person's amplitudes [deg or mm] with mean velocity and duration; None with fewer than three."""
     cells = [
         key[2] for key in velocity
         if key[:2] == (person, condition) and key[2][1] == direction and key[2][0] is not None
@@ -252,9 +264,7 @@ def _person_line(person, condition, direction, velocity: Mapping, duration: Mapp
 
 
 def affine(x: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
-    """Slope, intercept and R² of a straight line by least squares through x and y, each of shape (n,); R² is NaN where
-    y is constant.
-    """
+    """Return slope, intercept and R² of the least-squares line through x and y, (n,); R² is NaN if y is constant."""
     slope, intercept = np.polyfit(x, y, 1)
     spread = float(np.sum((y - y.mean()) ** 2))
     rest = float(np.sum((y - slope * x - intercept) ** 2))

@@ -15,16 +15,16 @@ from .._errors import RecordingError
 
 @dataclass(frozen=True)
 class Interaction:
-    """Torque between robot and person over one movement."""
+    """Torque and work between robot and person over one movement."""
 
-    rms: float  # rms, peak: [N m]
-    peak: float
-    resisted: float  # Work the person did against the robot [J]
-    assisted: float  # Work the robot did on the person [J]
+    rms: float  # RMS of the torque [N m]
+    peak: float  # largest absolute torque [N m]
+    resisted: float  # work of the person against the robot [J]
+    assisted: float  # work of the robot on the person [J]
 
 
 def interaction(torque: np.ndarray, velocity: np.ndarray, fs: float) -> Interaction:
-    """Interaction over one movement. `torque` (n,) [N m]; `velocity` (n,) [rad/s]; `fs` [Hz]."""
+    """Return the interaction over one movement. `torque` (n,) [N m]; `velocity` (n,) [rad/s]; `fs` [Hz]."""
     torque, velocity = np.asarray(torque, float), np.asarray(velocity, float)
     if torque.shape != velocity.shape or torque.ndim != 1 or not len(torque) or not np.isfinite(torque).all():
         raise RecordingError(

@@ -11,21 +11,24 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from .measured import Lasted
+from .measured import MovementDuration
 from .survival import survival
 
 
 def lasting_bounds(
-    lasted: Sequence[Lasted],
+    lasted: Sequence[MovementDuration],
     participants: Sequence[str],
     conditions: Sequence[str],
     control: str,
     compared: str,
     change: Callable[[np.ndarray, np.ndarray], np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Lower and upper bounds of the `change` of median durations, (n,) each: a function of those [s] in `compared` and
-    in `control`, of movements alike in all `conditions`. None where nothing is alike."""
-    cells: dict[tuple, list[Lasted]] = {}
+    """Return lower and upper bounds of the change of median durations, (n,) each; None without shared cells.
+
+    `change` maps the medians [s] in `compared` and in `control` to the change. Only cells of movements that occur in
+    all `conditions` count.
+    """
+    cells: dict[tuple, list[MovementDuration]] = {}
     for each in lasted:
         cells.setdefault((each.participant, each.condition, each.cell), []).append(each)
     longest = max((each.seconds for each in lasted if np.isfinite(each.seconds)), default=0.0)
@@ -35,7 +38,7 @@ def lasting_bounds(
         if not shared:
             return None
         found = [
-            [_median(cells[person, condition, cell], longest) for cell in sorted(shared, key=str)]
+            [_bounded_median(cells[person, condition, cell], longest) for cell in sorted(shared, key=str)]
             for condition in (control, compared)
         ]
         values.append([np.mean([value for value, _ in own]) for own in found])
@@ -45,8 +48,11 @@ def lasting_bounds(
     return np.where(base_known, seen, -np.inf), np.where(own_known, seen, np.inf)
 
 
-def _median(own: Sequence[Lasted], longest: float) -> tuple[float, bool]:
-    """Of movements that are alike [s], and whether it was reached; what failed lasted longer than the longest."""
+def _bounded_median(own: Sequence[MovementDuration], longest: float) -> tuple[float, bool]:
+    """Return the median duration of similar movements [s], and whether it was reached.
+
+    A movement that never settled counts as longer than the longest one.
+    """
     seconds = np.minimum([each.seconds for each in own], longest)
     curve = survival(seconds, np.array([each.settled for each in own]))
     return curve.bounded_median, bool(np.isfinite(curve.median))

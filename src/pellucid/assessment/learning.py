@@ -13,28 +13,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
-FEWEST = 9
-"""Movements of a condition without which thirds say nothing."""
+MIN_MOVEMENTS = 9
+"""Thirds are compared only if a condition has at least this many movements, three in each third."""
 
 
 @dataclass(frozen=True)
 class Thirds:
-    """What a participant's movements of one condition were early and late, less what they are in the mean."""
+    """Means of the first and the last third of a participant's movements, less the mean of similar movements."""
 
     first: float
     last: float
 
     @property
     def drift(self) -> float:
-        """From the first third to the last."""
+        """Change from the first third to the last."""
         return self.last - self.first
 
 
 def thirds(values: Sequence[float], cells: Sequence[Hashable]) -> Thirds | None:
-    """Of `values` in the order in which they were made, (n,), each of the cell of movements alike to it; None with too
-    few of them."""
+    """Return the first and the last third of `values`, (n,), in the order of recording; None with too few.
+
+    `cells` assigns each value to its cell of similar movements.
+    """
     y = np.asarray(values, float)
-    if len(y) < FEWEST:
+    if len(y) < MIN_MOVEMENTS:
         return None
     kinds = {cell: i for i, cell in enumerate(dict.fromkeys(cells))}
     which = np.array([kinds[cell] for cell in cells])

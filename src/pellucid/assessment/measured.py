@@ -1,4 +1,4 @@
-"""One movement of a participant under a condition, with its indices: what tables of indices are made from."""
+"""One movement of a participant under a condition, with its indices. Tables of indices are made from these."""
 
 from __future__ import annotations
 
@@ -7,30 +7,33 @@ from dataclasses import dataclass
 
 from ..signals.movements import Movement
 
-UP, DOWN = "up", "down"
-"""Along the angle, which is 0 where the segment hangs, and back."""
+DIRECTION_UP = "up"
+"""Direction of increasing angle, which is 0 where the segment hangs."""
+
+DIRECTION_DOWN = "down"
+"""Direction of decreasing angle."""
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredMovement:
     """One movement and its indices."""
 
     participant: str
     condition: str
     recording: str
     movement: Movement
-    # Labelled amplitude [deg, of a place mm] (None where there is none, or too many) and direction: movements that are
-    # alike
+    # Cell of similar movements: labelled amplitude [deg, or mm for a position], None if there is none or too many, and
+    # direction
     cell: tuple[float | None, str]
-    values: Mapping[str, float]  # By index, in SI; NaN where it could not be had
+    values: Mapping[str, float]  # values by index, in SI; NaN if a value could not be computed
 
 
 @dataclass(frozen=True)
-class Lasted:
-    """How long one movement was seen, and whether it had settled by then; those without an index too."""
+class MovementDuration:
+    """How long one movement was seen, and whether it had settled by then; includes movements without indices."""
 
     participant: str
     condition: str
-    cell: tuple[float | None, str]  # As of `Measured`
-    seconds: float  # Infinite where it never set out, or turned round: it gave no movement
+    cell: tuple[float | None, str]  # cell as in `MeasuredMovement`
+    seconds: float  # time seen; infinite if the person never set out or turned round
     settled: bool

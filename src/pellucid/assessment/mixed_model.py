@@ -29,15 +29,15 @@ from math import nan
 import numpy as np
 from scipy import stats
 
-from .._errors import PellucidError
-from .equivalence import Equivalence, Margin, equivalence_of_estimate, nothing_known
+from .._errors import PellucidError, missing_package
+from .equivalence import Equivalence, Margin, equivalence_of_estimate, unknown_equivalence
 
-FEWEST = 3
-"""Participants without whom changes of their own cannot be told from scatter."""
+MIN_PARTICIPANTS = 3
+"""The model needs this many participants: with fewer, their own changes cannot be separated from scatter."""
 
-OPTIMISERS = ("lbfgs", "powell")
-"""Tried in turn: gradients first; where a variance is 0 these often do not come to rest, and a search without them
-does."""
+OPTIMISER_SEQUENCE = ("lbfgs", "powell")
+"""Optimisers in the order in which they are tried. Gradients often fail to converge if a variance is 0; Powell's search
+without gradients then converges."""
 
 
 @dataclass(frozen=True)
@@ -45,39 +45,39 @@ class Coefficient:
     """One fixed effect, in the unit of the values over that of its covariate."""
 
     value: float
-    error: float
-    p_value: float  # That it is 0, two-sided
+    error: float  # standard error
+    p_value: float  # two-sided p value of the test against 0
 
 
 @dataclass(frozen=True)
 class MixedModel:
-    """What movements say of a condition's change."""
+    """Fitted linear mixed model of a condition's change."""
 
     participants: int
     movements: int
-    change: float  # Of the condition, in the unit of the values; NaN where there is `trouble`
-    error: float  # Its standard error
-    spread: float  # Standard deviation of participants' own changes
-    scatter: float  # And of movements
+    change: float  # change by the condition, in the unit of the values; NaN if there is `trouble`
+    error: float  # standard error of the change
+    spread: float  # standard deviation of participants' own changes
+    scatter: float  # standard deviation of movements
     covariates: Mapping[str, Coefficient]
-    trouble: str = ""  # Why there is no answer
+    trouble: str = ""  # reason why the fit failed
 
     @property
     def degrees(self) -> int:
-        """Of freedom: one fewer than participants."""
+        """Degrees of freedom: one fewer than participants."""
         return self.participants - 1
 
     def equivalence(self, margin: Margin, alpha: float = 0.05) -> Equivalence:
-        """The change against a margin in its unit."""
+        """Return the test of the change against a margin in its unit."""
         if self.trouble:
-            return nothing_known(margin, self.participants, "mixed_model", alpha)
+            return unknown_equivalence(margin, self.participants, "mixed_model", alpha)
         return equivalence_of_estimate(
             self.change, self.error, self.degrees, margin, alpha=alpha, method="mixed_model", pairs=self.participants
         )
 
 
-def no_model(participants: int, movements: int, trouble: str) -> MixedModel:
-    """What is left of a model that could not be fitted, and why."""
+def failed_model(participants: int, movements: int, trouble: str) -> MixedModel:
+    """Return the result of a model that could not be fitted, with the reason as `trouble`."""
     return MixedModel(participants, movements, nan, nan, nan, nan, {}, trouble)
 
 
@@ -92,14 +92,14 @@ def mixed_model(
     Parameters
     ----------
     values : ndarray, shape (n,)
-        Of movements, in any one unit.
+        Values of movements, in any one unit.
     participant : ndarray, shape (n,)
-        Whose each is: any labels.
+        Label of each movement's participant.
     condition : ndarray of bool, shape (n,), or None
-        Whether it is under the condition, or under control; None: all are under the condition, and "change" is the
-        level.
+        True for movements under the condition, False under control; None: all are under the condition, and "change" is
+        the level.
     covariates : mapping of str to ndarray, shape (n,) each
-        What else acts. Those that are constant, or combinations of others, are left out.
+        Covariates of the movements. Constant ones, and linear combinations of others, are left out.
 
     Returns
     -------
@@ -131,19 +131,19 @@ def mixed_model(
         there[who, under.astype(int)] = True
         if not there.all():
             raise PellucidError("mixed model: found a participant without control or condition, expected both")
-    if people < FEWEST:
-        return no_model(people, len(y), f"found {people} participants, expected at least {FEWEST}")
+    if people < MIN_PARTICIPANTS:
+        return failed_model(people, len(y), f"found {people} participants, expected at least {MIN_PARTICIPANTS}")
     slope = np.ones(len(y)) if under is None else under - 0.5
     heads = [slope] if under is None else [np.ones(len(y)), slope]
-    kept = _independent(heads, covariates)
+    kept = _independent_covariates(heads, covariates)
     design = np.column_stack([*heads, *kept.values()])
     start = np.linalg.lstsq(design, y, rcond=None)[0]
     scale = float(np.std(y - design @ start))
     if scale == 0.0:
-        return no_model(people, len(y), "found no scatter at all")
-    fitted, trouble = _fitted(y / scale, design, who, np.column_stack(heads), start / scale)
+        return failed_model(people, len(y), "found no scatter at all")
+    fitted, trouble = _fit_restricted_likelihood(y / scale, design, who, np.column_stack(heads), start / scale)
     if fitted is None:
-        return no_model(people, len(y), trouble)
+        return failed_model(people, len(y), trouble)
     at = len(heads) - 1
     value, error = scale * np.asarray(fitted.fe_params), scale * np.asarray(fitted.bse_fe)
     told = {
@@ -157,8 +157,8 @@ def mixed_model(
     return MixedModel(people, len(y), float(value[at]), float(error[at]), spread, scatter, told)
 
 
-def _independent(heads: list[np.ndarray], covariates: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Covariates about their mean and of size 1, without those that others make up."""
+def _independent_covariates(heads: list[np.ndarray], covariates: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the covariates about their mean, without those that are linear combinations of others."""
     kept: dict[str, np.ndarray] = {}
     basis = np.linalg.qr(np.column_stack([np.ones(len(heads[0])), *heads[1:]]))[0]
     for name, each in covariates.items():
@@ -171,16 +171,18 @@ def _independent(heads: list[np.ndarray], covariates: Mapping[str, np.ndarray]) 
     return kept
 
 
-def _fitted(y, design, who, random, start):
-    """Statsmodels' fit, or None and why there is none."""
-    from statsmodels.regression.mixed_linear_model import MixedLM, MixedLMParams
-
+def _fit_restricted_likelihood(y, design, who, random, start):
+    """Return the fit of statsmodels and "", or None and the reason of the failure."""
+    try:
+        from statsmodels.regression.mixed_linear_model import MixedLM, MixedLMParams
+    except ModuleNotFoundError:
+        return None, str(missing_package("mixed model", "statsmodels", "statistics"))
     k = random.shape[1]
     begin = MixedLMParams.from_components(fe_params=start, cov_re=np.diag([0.5, 0.1][:k]))
     model = MixedLM(y, design, groups=who, exog_re=random)
-    for optimiser in OPTIMISERS:
+    for optimiser in OPTIMISER_SEQUENCE:
         try:
-            # A fit tells its state by warnings alone; it is asked for it below.
+            # Warnings are silenced, because convergence is checked below.
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 found = model.fit(reml=True, method=[optimiser], start_params=begin)
@@ -189,4 +191,4 @@ def _fitted(y, design, who, random, start):
             continue
         if found.converged and np.isfinite(errors).all() and (errors > 0.0).all():
             return found, ""
-    return None, f"did not come to rest ({' and '.join(OPTIMISERS)} were tried)"
+    return None, f"did not come to rest ({' and '.join(OPTIMISER_SEQUENCE)} were tried)"

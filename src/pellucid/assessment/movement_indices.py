@@ -27,11 +27,11 @@ UNITS = {
     "start": "s", "duration": "s", "direction": "1", "travel": "rad", "peak_velocity": "rad/s",
     "mean_velocity": "rad/s", "peak_acceleration": "rad/s^2", "peak_time": "1", "sparc": "1", "ldlj": "1",
 }  # fmt: skip
-"""Of every index that an angle alone gives."""
+"""Unit of every index that needs the angle alone."""
 
 
 def smoothness(motion: Kinematics, movement: Movement) -> dict[str, float]:
-    """SPARC and LDLJ of a movement, ``sparc`` and ``ldlj``."""
+    """Return SPARC and LDLJ of a movement, as ``sparc`` and ``ldlj``."""
     velocity = motion.velocity[movement.first : movement.last + 1]
     return {
         "sparc": spectral_arc_length(velocity, motion.fs),
@@ -41,7 +41,7 @@ def smoothness(motion: Kinematics, movement: Movement) -> dict[str, float]:
 
 @dataclass(frozen=True, eq=False)
 class MovementIndices(Mapping[str, np.ndarray]):
-    """Indices of every movement of a record, by name; each an array with one value a movement.
+    """Indices of every movement of a record by name; each is an array with one value for each movement.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class MovementIndices(Mapping[str, np.ndarray]):
         start, duration [s], direction (1 along the angle, -1 against it), travel [rad], peak_velocity, mean_velocity
         [rad/s], peak_acceleration [rad/s^2], peak_time (of peak velocity, as a share of the duration), sparc, ldlj.
     left_out : Mapping of str to int
-        How many stretches of the record gave no movement, by the reason.
+        Number of stretches of the record without a movement, by reason.
     """
 
     columns: Mapping[str, np.ndarray]
@@ -66,7 +66,7 @@ class MovementIndices(Mapping[str, np.ndarray]):
 
     @property
     def count(self) -> int:
-        """Movements."""
+        """Number of movements."""
         return len(self.columns["start"])
 
     def _table(self) -> list[list[str]]:

@@ -24,11 +24,11 @@ from .._errors import PellucidError
 from .._processes import processes
 from .signed_rank import rank_sums, sign_distribution
 
-PART = 500
-"""Studies drawn in one part."""
+STUDIES_PER_PART = 500
+"""Number of studies that one part of a simulation draws. Each part has a seed of its own."""
 
-INLINE = 5_000_000
-"""Participants drawn in all below which starting processes takes longer than drawing them."""
+MAX_INLINE_DRAWS = 5_000_000
+"""A simulation of at most this many drawn participants runs in this process; starting others would take longer."""
 
 Test = Literal["friedman", "nemenyi", "signed_rank"]
 
@@ -44,7 +44,7 @@ class Power:
     power : tuple of float
         Share of the simulated studies that were significant.
     standard_error : tuple of float
-        Of `power`, from the number of studies.
+        Standard error of `power`, from the number of simulated studies.
     """
 
     test: str
@@ -53,7 +53,7 @@ class Power:
     standard_error: tuple[float, ...]
 
     def needed(self, power: float = 0.8) -> int | None:
-        """The fewest participants from which on the power is reached; None where it is not reached at all."""
+        """Return the fewest participants from which on the power is reached; None if it is not reached."""
         enough = [p >= power for p in self.power]
         for i, n in enumerate(self.participants):
             if all(enough[i:]):
@@ -75,29 +75,30 @@ def power_curve(
     seed: int = 1,
     executor: Any = None,
 ) -> Power:
-    """Power of a test for studies of several sizes.
+    """Return the power of a test for studies of several sizes.
 
     Parameters
     ----------
     pilot : ndarray, shape (n, k)
-        Participants' values of a study that was made, one column a condition, in any one unit.
+        Participants' values of a pilot study, one column for each condition, in any one unit.
     participants : sequence of int
         Sizes to try, each at least 2.
     test : str
         ``"friedman"``: do conditions differ at all; ``"nemenyi"`` or ``"signed_rank"``: does `compared` differ from
         control.
     control, compared : int
-        Columns.
+        Columns of the control and of the condition that is compared with it.
     change : float, optional
-        Difference from control that `compared` (with ``"friedman"``, every other condition) is to have, in the pilot's
-        unit; left out, that of the pilot.
+        True difference from control of `compared` (with ``"friedman"``, of every other condition), in the pilot's unit;
+        by default that of the pilot.
     comparisons : int
-        Among which `alpha` is divided, for ``"signed_rank"``.
+        Number of comparisons among which `alpha` is divided, for ``"signed_rank"``.
     alpha : float
-        Chance of a false alarm.
+        Probability of a false alarm.
     studies : int
-        Drawn for each size.
+        Number of simulated studies for each size.
     seed : int
+        Seed of the simulation.
     executor : object, optional
         With a method ``submit(function, *arguments)`` whose outcome has ``result()``: a `concurrent.futures.Executor`,
         or a Dask client.
@@ -134,9 +135,9 @@ def power_curve(
     if change is not None:
         moved = [j for j in range(pilot.shape[1]) if j != control] if test == "friedman" else [compared]
         mean[moved] = mean[control] + change
-    factor = root_of(np.cov(pilot, rowvar=False))
+    factor = covariance_root(np.cov(pilot, rowvar=False))
     settings = mean, factor, test, control, compared, alpha / comparisons
-    return simulated_power(test, _significant, settings, participants, studies, seed, executor)
+    return simulated_power(test, _count_significant_studies, settings, participants, studies, seed, executor)
 
 
 def simulated_power(
@@ -149,10 +150,13 @@ def simulated_power(
     executor: Any,
     numbers: int = 1,
 ) -> Power:
-    """Power for studies of several sizes, `count(n, studies, seed, *settings)` of which are found in each part; what a
-    participant gives is so many `numbers`."""
-    parts = [(n, i) for n in participants for i in range(-(-studies // PART))]
-    arguments = [(n, min(PART, studies - i * PART), (seed, n, i), *settings) for n, i in parts]
+    """Return the power for studies of several sizes.
+
+    `count(n, studies, seed, *settings)` returns the number of significant studies of one part. `numbers` is how many
+    values each participant has.
+    """
+    parts = [(n, i) for n in participants for i in range(-(-studies // STUDIES_PER_PART))]
+    arguments = [(n, min(STUDIES_PER_PART, studies - i * STUDIES_PER_PART), (seed, n, i), *settings) for n, i in parts]
     counts = run_parts(count, arguments, executor, studies * sum(participants) * numbers)
     hits = dict.fromkeys(participants, 0)
     for (n, _), found in zip(parts, counts, strict=True):
@@ -162,28 +166,31 @@ def simulated_power(
     return Power(test, tuple(participants), share, spread)
 
 
-SIZES = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96)
-"""Numbers of participants that are tried first; more than the last are not looked for."""
+CANDIDATE_SIZES = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96)
+"""Numbers of participants that the search tries first. It does not look for more than the last."""
 
-TRIED = 60
-"""Participants that a search draws a study, about: it stops at the first size that is enough."""
+SEARCH_DRAWS_PER_STUDY = 60
+"""Approximate number of participants that a search draws for each simulated study; used to estimate its cost."""
 
-EFFECTS = (0.5, 0.8, 1.0, 1.25, 1.5, 2.0, 3.0)
-"""Changes over the standard deviation of changes for which participants needed are given whatever the index."""
+STANDARDISED_CHANGES = (0.5, 0.8, 1.0, 1.25, 1.5, 2.0, 3.0)
+"""Standardised changes (mean over standard deviation) for which plans list the number of participants."""
 
 
 def participants_needed(pilot: np.ndarray, *, power: float = 0.8, **options) -> int | None:
-    """The fewest participants with whom a test has enough power. `pilot` (n, k)."""
+    """Return the fewest participants with whom a test reaches the `power`. `pilot` (n, k)."""
 
     def enough(n: int) -> bool:
         return power_curve(pilot, (n,), **options).power[0] >= power
 
-    return fewest(SIZES, enough, 2)
+    return find_fewest(CANDIDATE_SIZES, enough, 2)
 
 
-def fewest(sizes: Sequence[int], enough: Callable[[int], bool], too_few: int) -> int | None:
-    """The least number that is enough, between the first of `sizes` that is and the one before it; None without one.
-    Nothing up to `too_few` is tried."""
+def find_fewest(sizes: Sequence[int], enough: Callable[[int], bool], too_few: int) -> int | None:
+    """Return the smallest number that is enough; None if none of `sizes` is.
+
+    The search halves the range between the first of `sizes` that is enough and the one before it. Numbers up to
+    `too_few` are not tried.
+    """
     last = too_few
     for size in sizes:
         if enough(size):
@@ -196,7 +203,7 @@ def fewest(sizes: Sequence[int], enough: Callable[[int], bool], too_few: int) ->
     return None
 
 
-def needed_for_effects(
+def participants_for_effects(
     effects: Sequence[float],
     *,
     comparisons: int = 1,
@@ -205,47 +212,47 @@ def needed_for_effects(
     seed: int = 1,
     executor: Any = None,
 ) -> list[int | None]:
-    """The fewest participants in whom signed ranks find effects of these sizes in 8 of 10 studies.
-
-    How much people differ and how large the change is enter together, as their ratio.
-    """
+    """Return the fewest participants with whom the signed-rank test finds standardised `effects` in 8 of 10 studies."""
     arguments = [(abs(effect), comparisons, alpha, studies, seed) for effect in effects]
-    return run_parts(_needed_for, arguments, executor, TRIED * studies * len(effects))
+    return run_parts(_participants_for_effect, arguments, executor, SEARCH_DRAWS_PER_STUDY * studies * len(effects))
 
 
-def _needed_for(effect: float, comparisons: int, alpha: float, studies: int, seed: int) -> int | None:
-    # Three people whose differences have mean 0 and standard deviation 1.
+def _participants_for_effect(effect: float, comparisons: int, alpha: float, studies: int, seed: int) -> int | None:
+    # The pilot holds three people with differences of mean 0 and standard deviation 1.
     pilot = np.array([[0.0, -1.0], [0.0, 0.0], [0.0, 1.0]])
     return participants_needed(
         pilot, test="signed_rank", compared=1, change=effect, comparisons=comparisons, alpha=alpha, studies=studies,
-        seed=seed, executor=Here(),
+        seed=seed, executor=InlineExecutor(),
     )  # fmt: skip
 
 
-class Here:
-    """An executor that runs what it is given at once: a task on a worker starts no others."""
+class InlineExecutor:
+    """Executor that runs each task at once, in the calling process; for tasks that already run on a worker."""
 
     def submit(self, function, *arguments):
-        """A future that is done."""
+        """Run the function and return a future that is done."""
         outcome: Future = Future()
         outcome.set_result(function(*arguments))
         return outcome
 
 
 def run_parts(function: Callable, arguments: list[tuple], executor: Any, size: int) -> list:
-    """What `function` gives for each of `arguments`, in order: here if their `size` is small, else in processes."""
-    if executor is None and size <= INLINE:
+    """Return the results of `function` for each of `arguments`, in order.
+
+    They run in this process if the `size` is small, otherwise in the `executor` or in worker processes.
+    """
+    if executor is None and size <= MAX_INLINE_DRAWS:
         return [function(*each) for each in arguments]
     with processes() if executor is None else nullcontext(executor) as used:
         return [future.result() for future in [used.submit(function, *each) for each in arguments]]
 
 
-def _significant(n, studies, seed, mean, factor, test, control, compared, alpha) -> int:
-    """How many of so many simulated studies are significant."""
+def _count_significant_studies(n, studies, seed, mean, factor, test, control, compared, alpha) -> int:
+    """Return how many simulated studies are significant."""
     rng = np.random.default_rng(seed)
     values = mean + rng.standard_normal((studies, n, len(mean))) @ factor.T
     if test == "signed_rank":
-        return int(np.sum(_signed_ranks(values[:, :, compared] - values[:, :, control], alpha)))
+        return int(np.sum(_has_significant_ranks(values[:, :, compared] - values[:, :, control], alpha)))
     k = len(mean)
     sums = (np.argsort(np.argsort(values, axis=2), axis=2) + 1.0).sum(axis=1)
     if test == "friedman":
@@ -255,8 +262,11 @@ def _significant(n, studies, seed, mean, factor, test, control, compared, alpha)
     return int(np.sum(np.abs(sums[:, compared] - sums[:, control]) > least))
 
 
-def _signed_ranks(differences: np.ndarray, alpha: float) -> np.ndarray:
-    """Which rows' counted p is below alpha; differences of real numbers are neither tied nor 0."""
+def _has_significant_ranks(differences: np.ndarray, alpha: float) -> np.ndarray:
+    """Return whether the exact p value of each row of differences, (studies, n), is below `alpha`; (studies,).
+
+    Differences of random real numbers are neither tied nor 0.
+    """
     n = differences.shape[1]
     above = rank_sums(differences)
     chance = np.cumsum(sign_distribution(np.arange(1, n + 1)))
@@ -264,7 +274,7 @@ def _signed_ranks(differences: np.ndarray, alpha: float) -> np.ndarray:
     return 2.0 * chance[below] < alpha
 
 
-def root_of(covariance: np.ndarray) -> np.ndarray:
-    """A square root of a covariance, which with few participants need not have full rank."""
+def covariance_root(covariance: np.ndarray) -> np.ndarray:
+    """Return a square root of a covariance, (k, k), which need not have full rank."""
     values, vectors = np.linalg.eigh(covariance)
     return vectors * np.sqrt(np.maximum(values, 0.0))

@@ -21,17 +21,16 @@ from .._errors import PellucidError
 
 @dataclass(frozen=True)
 class SignedRankTest:
-    """The outcome of a signed-rank test: W+, the two-sided `p_value`, counted, the matched `rank_biserial` correlation
-    and how many `pairs` differed at all."""
+    """The outcome of a signed-rank test."""
 
-    statistic: float
-    p_value: float
-    rank_biserial: float
-    pairs: int
+    statistic: float  # W+
+    p_value: float  # exact two-sided p value
+    rank_biserial: float  # matched rank-biserial correlation, -1 to 1
+    pairs: int  # number of pairs that differ
 
 
 def signed_rank(differences: np.ndarray) -> SignedRankTest:
-    """Do paired differences lean to one side?. `differences` (n,)."""
+    """Return the signed-rank test of paired `differences`, (n,), against 0."""
     d = np.asarray(differences, float)
     if d.ndim != 1 or not len(d) or not np.isfinite(d).all():
         raise PellucidError(f"signed ranks: found differences of shape {d.shape}, expected (n,) finite numbers")
@@ -42,14 +41,15 @@ def signed_rank(differences: np.ndarray) -> SignedRankTest:
     above = float(ranks[d > 0.0].sum())
     total = float(ranks.sum())
     chance = sign_distribution(np.rint(2.0 * ranks).astype(int))
-    # In half ranks, so that ties are integers.
+    # Sums are counted in half ranks, so that ties are integers.
     far = np.abs(np.arange(len(chance)) - total) >= abs(2.0 * above - total) - 1e-9
     return SignedRankTest(above, float(min(1.0, chance[far].sum())), (2.0 * above - total) / total, len(d))
 
 
 def sign_distribution(weights: np.ndarray) -> np.ndarray:
-    """Chance of every sum of `weights` (integers above 0), each taken or left as by a coin; shape (sum of weights +
-    1,).
+    """Return the probability of every sum of `weights` if each is included with probability 1/2.
+
+    `weights` are integers above 0; the result has shape (sum of weights + 1,).
     """
     chance = np.zeros(int(np.sum(weights)) + 1)
     chance[0] = 1.0
@@ -61,11 +61,11 @@ def sign_distribution(weights: np.ndarray) -> np.ndarray:
 
 
 def rank_sums(differences: np.ndarray) -> np.ndarray:
-    """W+ of many samples of differences, (k, n), neither tied nor 0; shape (k,), integers."""
+    """Return W+ of each row of differences, (k, n), which are neither tied nor 0; shape (k,), integers."""
     ranks = np.argsort(np.argsort(np.abs(differences), axis=1), axis=1) + 1
     return np.sum(ranks * (differences > 0.0), axis=1)
 
 
 def smallest_p(pairs: int) -> float:
-    """The smallest p that so many pairs can give: all differ to one side."""
+    """Return the smallest p value that a number of `pairs` can give: all differ to one side."""
     return min(1.0, 2.0 ** (1 - pairs))

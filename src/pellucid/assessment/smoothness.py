@@ -25,14 +25,14 @@ import numpy as np
 
 from .._errors import RecordingError
 
-FINENESS = 4
-"""The spectrum is sampled two to this power times finer than the movement's own length would."""
+SPECTRUM_OVERSAMPLING_POWER = 4
+"""The spectrum is sampled 2 to this power times finer than the movement's own length gives (zero padding)."""
 
 
 def spectral_arc_length(speed: np.ndarray, fs: float, *, highest: float = 10.0, least: float = 0.05) -> float:
-    """SPARC of one movement. `speed` (n,); `fs` [Hz]; `highest` [Hz]."""
+    """Return the SPARC of one movement. `speed` (n,); `fs` [Hz]; `highest` frequency [Hz]; `least` spectrum [1]."""
     speed = _checked(speed)
-    n = 2 ** (int(np.ceil(np.log2(len(speed)))) + FINENESS)
+    n = 2 ** (int(np.ceil(np.log2(len(speed)))) + SPECTRUM_OVERSAMPLING_POWER)
     spectrum = np.abs(np.fft.rfft(speed, n))
     frequency = np.fft.rfftfreq(n, 1.0 / fs)
     spectrum = (spectrum / spectrum.max())[frequency <= highest]
@@ -42,11 +42,11 @@ def spectral_arc_length(speed: np.ndarray, fs: float, *, highest: float = 10.0, 
 
 
 def log_dimensionless_jerk(speed: np.ndarray, fs: float) -> float:
-    """LDLJ of one movement. `speed` (n,); `fs` [Hz]."""
+    """Return the LDLJ of one movement. `speed` (n,); `fs` [Hz]."""
     speed = _checked(speed)
     duration = (len(speed) - 1) / fs
     jerk = np.diff(speed, 2) * fs**2
-    # Between the samples that have a second difference; what is left out at either end is a sample wide.
+    # The integral covers the samples that have a second difference: one sample at either end is missing.
     power = float(np.sum(jerk**2)) / fs
     if power == 0.0:
         raise RecordingError("smoothness: found a speed without jerk, expected a movement")

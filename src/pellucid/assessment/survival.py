@@ -26,29 +26,29 @@ from .._errors import PellucidError
 
 @dataclass(frozen=True, eq=False)
 class Survival:
-    """Share that has not ended, a step at each time at which one did."""
+    """Kaplan-Meier curve: the share that has not ended, with a step at each time at which one ended."""
 
-    time: np.ndarray  # (k,) [s]
-    share: np.ndarray  # (k,) After each
-    low: np.ndarray  # low, high: (k,) Its interval
-    high: np.ndarray
-    longest: float  # [s] of all, ended or cut off
-    cut: float  # Share that was cut off
+    time: np.ndarray  # (k,) times at which durations ended [s]
+    share: np.ndarray  # (k,) share that has not ended after each time
+    low: np.ndarray  # (k,) lower end of the interval of the share
+    high: np.ndarray  # (k,) upper end of the interval of the share
+    longest: float  # longest duration, ended or cut off [s]
+    cut: float  # share of durations that were cut off
 
     @property
     def median(self) -> float:
-        """Time by which half have ended [s]; infinite where fewer did."""
+        """Time by which half have ended [s]; infinite if fewer did."""
         below = np.flatnonzero(self.share <= 0.5 + 1e-12)
         return float(self.time[below[0]]) if len(below) else float("inf")
 
     @property
     def bounded_median(self) -> float:
-        """The same, or the longest time seen [s], which is then below it."""
+        """Median, or the longest time seen [s] as its lower bound if the median was not reached."""
         return min(self.median, self.longest)
 
 
 def survival(duration: np.ndarray, ended: np.ndarray, confidence: float = 0.95) -> Survival:
-    """Kaplan and Meier's curve of durations, (n,) [s], of which those that have not `ended`, (n,), were cut off."""
+    """Return the Kaplan-Meier curve of durations, (n,) [s]; those that have not `ended`, (n,), were cut off."""
     duration, ended = np.asarray(duration, float), np.asarray(ended, bool)
     if duration.ndim != 1 or ended.shape != duration.shape or not len(duration) or not np.isfinite(duration).all():
         raise PellucidError(

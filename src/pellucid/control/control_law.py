@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import _core
 from .._errors import PellucidError
-from ..models.fields import Field, described, unit_of
+from ..models.fields import Field, fields_from_core, unit_of
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,11 @@ class LawKind:
 
 LAWS: Mapping[str, LawKind] = {
     law["name"]: LawKind(
-        **law | {"sensors": tuple(LawSensor(**sensor) for sensor in law["sensors"]), "fields": described(law["fields"])}
+        **law
+        | {
+            "sensors": tuple(LawSensor(**sensor) for sensor in law["sensors"]),
+            "fields": fields_from_core(law["fields"]),
+        }
     )
     for law in _core.laws()
 }
@@ -204,7 +208,7 @@ class ControlLaw:
 
 
 def safety_gate(limits, period: float) -> _core.SafetyGate:
-    """That gate by itself, open."""
+    """Make the gate that every law passes through, by itself and open."""
     return _core.SafetyGate(**gate_values(limits, period) | {"max_repeats": 2})
 
 

@@ -35,7 +35,7 @@ def _compensation(found: object, **settings: object) -> ControlLaw:
     return compensation(_card(found), **settings)
 
 
-CONTROLLERS: Mapping[str, NamedController] = {
+CONTROLLER_BUILDERS: Mapping[str, NamedController] = {
     "compensation": NamedController("a joint's gravity and friction carried", _compensation),
     **{name: NamedController(one.title, partial(_of_elbow, name)) for name, one in ELBOW_CONTROLLERS.items()},
 }
@@ -55,7 +55,7 @@ def controllers() -> tuple[str, ...]:
     >>> "compensation" in pl.controllers()
     True
     """
-    return tuple(CONTROLLERS)
+    return tuple(CONTROLLER_BUILDERS)
 
 
 def controller(
@@ -110,11 +110,11 @@ def controller(
     >>> law.fault
     'not_finite'
     """
-    if name not in CONTROLLERS:
-        raise PellucidError(f'found the controller "{name}", expected one of {", ".join(CONTROLLERS)}')
+    if name not in CONTROLLER_BUILDERS:
+        raise PellucidError(f'found the controller "{name}", expected one of {", ".join(CONTROLLER_BUILDERS)}')
     if limits is not None:
         settings["limits"] = limits
-    return CONTROLLERS[name].build(found, period=period, **settings)
+    return CONTROLLER_BUILDERS[name].build(found, period=period, **settings)
 
 
 def _card(found: object) -> Card:

@@ -53,8 +53,8 @@ class Coupling:
     def __post_init__(self):
         for field in fields(self):
             value = getattr(self, field.name)
-            if not np.isfinite(value) or (value <= 0 if field.name in POSITIVE else value < 0):
-                bound = "> 0" if field.name in POSITIVE else ">= 0"
+            if not np.isfinite(value) or (value <= 0 if field.name in POSITIVE_NUMBERS else value < 0):
+                bound = "> 0" if field.name in POSITIVE_NUMBERS else ">= 0"
                 raise PellucidError(f"Coupling: {field.name} is {value:g}, expected a number {bound}.")
 
     @classmethod
@@ -67,7 +67,7 @@ class Coupling:
                 if name in merged and merged[name] != float(card[name]):
                     raise PellucidError(f"Coupling: two cards give {name}, {merged[name]:g} and {float(card[name]):g}.")
                 merged[name] = float(card[name])
-        missing = sorted(POSITIVE | {"coulomb", "orthosis_viscous", "limb_viscous"} - set(merged))
+        missing = sorted(POSITIVE_NUMBERS | {"coulomb", "orthosis_viscous", "limb_viscous"} - set(merged))
         missing = [name for name in missing if name not in merged]
         if missing:
             raise PellucidError(f"Coupling: no card gives {', '.join(missing)}.")
@@ -90,7 +90,7 @@ class Coupling:
         return replace(self, **{name: getattr(self, name) * factor for name, factor in factors.items()})
 
 
-POSITIVE = {
+POSITIVE_NUMBERS = {
     "orthosis_inertia", "orthosis_gravity", "limb_inertia", "limb_gravity", "strap_stiffness", "strap_damping",
     "actuator_frequency", "actuator_damping",
 }  # fmt: skip

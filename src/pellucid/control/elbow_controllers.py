@@ -42,16 +42,22 @@ SENSED_BODY: Mapping[str, float] = {
 }
 """What of the body is compensated where a force sensor sees to the rest."""
 
-SENSOR = partial(with_force_sensor, proportional=1.5, lowpass=550.0)
-OBSERVER = partial(with_disturbance_observer, share=0.5, lowpass=60.0)
+DEFAULT_FORCE_SENSOR = partial(with_force_sensor, proportional=1.5, lowpass=550.0)
+DEFAULT_OBSERVER = partial(with_disturbance_observer, share=0.5, lowpass=60.0)
 
-DITHER = partial(with_dither, share=2.0, frequency=1000.0)
+"""Disturbance observer with the gains that were chosen on tuning robots."""
 
-BEST, BEST_SENSED = "dithered", "force_sensor"
-"""The controllers with the smallest interaction torque, with an encoder alone and with a force sensor."""
+DEFAULT_DITHER = partial(with_dither, share=2.0, frequency=1000.0)
+"""Dither with the amplitude and frequency that were chosen on tuning robots."""
 
-UNDITHERED = "transparent"
-"""What takes the place of dither where it is refused."""
+BEST_CONTROLLER = "dithered"
+"""Controller with the smallest interaction torque among those that need an encoder only."""
+
+BEST_SENSED_CONTROLLER = "force_sensor"
+"""Controller with the smallest interaction torque among those with a force sensor."""
+
+UNDITHERED_CONTROLLER = "transparent"
+"""Controller that replaces the dithered one where dither is refused."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +65,7 @@ class ElbowController:
     """A law with its settings, under a name."""
 
     title: str  # What it does, in a few words
-    method: str  # Of the identification whose card it takes
+    method: str  # Identification whose card it takes
     # Takes the card, the place of the carriage [m] and settings of the law; gives an `ControlLaw`
     build: Callable[..., ControlLaw]
     wearer: bool = False  # Whether `build` also needs the wearer's `limb`, a `Segment`
@@ -101,7 +107,7 @@ def dithered(card: SliderCard, slider: float, *, limb: Segment | None = None, **
     """The transparent law with dither; refused where the travel of friction was not measured, or is too long. `slider`
     [m]."""
     known_travel(card)
-    return transparent_and(DITHER, **DITHERED_BODY)(card, slider, limb=limb, **settings)
+    return transparent_and(DEFAULT_DITHER, **DITHERED_BODY)(card, slider, limb=limb, **settings)
 
 
 ELBOW_CONTROLLERS: Mapping[str, ElbowController] = {
@@ -130,18 +136,18 @@ ELBOW_CONTROLLERS: Mapping[str, ElbowController] = {
     ),
     "force_sensor": ElbowController(
         "one coherent body compensated, and the measured interaction torque driven to zero", "load",
-        transparent_and(SENSOR, **SENSED_BODY),
+        transparent_and(DEFAULT_FORCE_SENSOR, **SENSED_BODY),
     ),
     "disturbance_observer": ElbowController(
         "one coherent body compensated, and what resists beyond it as a force sensor shows", "load",
-        transparent_and(OBSERVER, **SENSED_BODY),
+        transparent_and(DEFAULT_OBSERVER, **SENSED_BODY),
     ),
     "zero_impedance": ElbowController(
         "the measured interaction torque driven to zero, no more", "load", zero_impedance
     ),
     "residual": ElbowController(
         "the measured interaction torque driven to zero, and the body carried as EMG foresees it", "load",
-        transparent_and(SENSOR, emg_share=0.5, **SENSED_BODY), wearer=True,
+        transparent_and(DEFAULT_FORCE_SENSOR, emg_share=0.5, **SENSED_BODY), wearer=True,
     ),
     "amplification": ElbowController("the wearer's torque amplified", "load", sensitivity_amplification),
 }  # fmt: skip

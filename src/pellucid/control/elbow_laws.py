@@ -21,16 +21,16 @@ from ..models.slider_card import SliderCard
 from .control_law import ControlLaw, gate_values
 from .limits import Limits
 
-PERIOD = 1e-3
-"""Of the control panel that the laws are published for [s]."""
+PUBLISHED_PERIOD_S = 1e-3
+"""Period of the control panel for which the laws are published."""
 
 ELBOW_LIMITS = Limits(effort=10.0, rate=1000.0, velocity=8.0, position=(0.0, 2.6))
 
 LOOP_BANDWIDTH = 100.0
-"""Of the loop of position control, whose stiffness is the inertia times its square [rad/s]."""
+"""Bandwidth of the position loop, whose stiffness is the inertia times its square [rad/s]."""
 
 PUBLISHED_EXPONENTS = (-1.0, -1.9)
-"""k of equation 8, upwards and downwards, as five people chose it on the paper's robot."""
+"""Exponents k of equation 8, upwards and downwards, as five people chose them on the paper's robot."""
 
 
 def position_control(
@@ -41,7 +41,7 @@ def position_control(
     speed_span: int = 8,
     dead_band: float = 0.02,
     limits: Limits = ELBOW_LIMITS,
-    period: float = PERIOD,
+    period: float = PUBLISHED_PERIOD_S,
 ) -> ControlLaw:
     """The constructor's closed-loop position control (CLPC): sent each period to where it would be in one. `slider`
     [m]; `bandwidth` [rad/s]; `dead_band` [rad/s]; `period` [s]."""
@@ -69,7 +69,7 @@ def full_compensation(
     acceleration: float = 8.0,
     inertia: tuple[float, float] | None = None,
     limits: Limits = ELBOW_LIMITS,
-    period: float = PERIOD,
+    period: float = PUBLISHED_PERIOD_S,
 ) -> ControlLaw:
     r"""Open-loop compensation by direction, with friction (FC).
 

@@ -8,28 +8,34 @@ import numpy as np
 
 from .._errors import PellucidError
 from ..models.card import Card, CardParameter, ModelCard
-from ..models.carried_friction import RESISTING, is_friction
-from ..models.joint import NAMES, SYMBOLS
+from ..models.carried_friction import is_friction
+from ..models.fields import largest_friction
+from ..models.joint import NAMES, SYMBOLS_BY_NAME
 from ..models.slider_card import SliderCard
 from ..models.slider_joint import SliderJointModel
 from .control_law import LAWS, ControlLaw, gate_values
 from .limits import Limits
 
 WIDTH_SHARE = 0.02
-"""Velocity over which friction changes its sign, as a share of the largest speed seen [1]."""
+"""Width of the smooth sign of velocity in compensated friction, as a share of the largest recorded speed [1]."""
 
-PERIOD = 1e-3
-"""Where nothing else is asked for [s]."""
+DEFAULT_PERIOD_S = 1e-3
+"""Default control period."""
 
-RISE = 0.02
-"""In which the effort may go from 0 to its limit [s]."""
+EFFORT_RISE_S = 0.02
+"""Time in which the effort may rise from 0 to its limit, which sets the default rate limit."""
 
 SLIDER_SPEED = 3.0
-"""Of a joint with a carriage, whose card names no range of speeds [rad/s]."""
+"""Default velocity limit of a joint with a carriage, whose card states no range of speeds [rad/s]."""
 
 
 def compensation(
-    card: Card, *, slider: float | None = None, limits: Limits | None = None, period: float = PERIOD, **settings: float
+    card: Card,
+    *,
+    slider: float | None = None,
+    limits: Limits | None = None,
+    period: float = DEFAULT_PERIOD_S,
+    **settings: float,
 ) -> ControlLaw:
     """Gravity of a joint carried, and four fifths of its friction, so that nothing is driven.
 
@@ -59,7 +65,7 @@ def carried_body(card: Card, slider: float | None = None) -> dict[str, float]:
             raise PellucidError("found a place of a carriage, expected none: this joint has no carriage")
         body = dict.fromkeys(NAMES, 0.0)
         for name, value in (*card.known.items(), *((p.name, carried(p)) for p in card.parameters)):
-            for target in SYMBOLS[name].targets:
+            for target in SYMBOLS_BY_NAME[name].targets:
                 body[target] = value
     return body | {"velocity_width": WIDTH_SHARE * speed}
 
@@ -76,12 +82,9 @@ def suggested_limits(card: Card, slider: float | None = None) -> Limits:
     """The most that compensation asks at a speed it knows, half more than that speed, and no stops."""
     body, law, speed = carried_body(card, slider), LAWS["joint"].defaults, known_speed(card)
     weight = float(np.hypot(body["gravity_sine"], body["gravity_cosine"]))
-    level = max(body["coulomb_positive"], body["coulomb_negative"]) + body["stribeck"]
-    slope = max(body["viscous_positive"], body["viscous_negative"])
-    load = max(body["load_motoring"], body["load_generating"])
-    friction = level + slope * speed + body["square_root"] * np.sqrt(speed) + load * weight
-    effort = law["gravity_share"] * (weight + abs(body["offset"])) + law["friction_share"] * friction
-    return Limits(effort, effort / RISE, 1.5 * speed, (-np.inf, np.inf), 0.0)
+    friction = largest_friction(LAWS["joint"].fields, body, speed, weight)
+    effort = float(law["gravity_share"] * (weight + abs(body["offset"])) + law["friction_share"] * friction)
+    return Limits(effort, effort / EFFORT_RISE_S, 1.5 * speed, (-np.inf, np.inf), 0.0)
 
 
 def place_on_rail(card: SliderCard, slider: float | None) -> float:
@@ -94,8 +97,11 @@ def place_on_rail(card: SliderCard, slider: float | None) -> float:
 
 
 def carried(parameter: CardParameter) -> float:
-    """Of friction what the identification says may be carried, so that a wrong estimate does not drive, or of an old
-    card the lower end of its interval; of all else the value."""
+    """The value of a parameter that a law may use.
+
+    Of friction it is the part that the identification says may be carried, so that a wrong estimate does not drive the
+    joint; on an old card it is the lower end of the interval.
+    """
     if not is_friction(parameter.name):
         return parameter.value
     return max(parameter.interval[0], 0.0) if parameter.carried is None else parameter.carried
@@ -109,8 +115,8 @@ def identified_remarks(card: Card) -> Mapping[str, str]:
         said = f"identified as {p.value:.6g}, {low:.6g} to {high:.6g}"
         if carried(p) != p.value:
             said += "; the lower end is carried" if p.carried is None else f"; {carried(p):.6g} is carried"
-        if isinstance(card, SliderCard) and not p.name.startswith(RESISTING):
+        if isinstance(card, SliderCard) and not is_friction(p.name):
             said = "identified, at the place of the carriage"
-        for target in SYMBOLS[p.name].targets if p.name in SYMBOLS else ():
+        for target in SYMBOLS_BY_NAME[p.name].targets if p.name in SYMBOLS_BY_NAME else ():
             remarks[target] = said
     return remarks

@@ -19,8 +19,8 @@ class Noise:
     """How far each thing is to be believed, from which the observer's gains follow."""
 
     encoder: float = 2e-4  # Standard deviation of the encoder's angle [rad]
-    orthosis_torque: float = 0.2  # Of what the orthosis's model misses, white over a period [N m]
-    limb_torque: float = 1.0  # Of what the limb's model misses, white over a period [N m]
+    orthosis_torque: float = 0.2  # Torque that the orthosis's model misses, white over a period [N m]
+    limb_torque: float = 1.0  # Torque that the limb's model misses, white over a period [N m]
     emg_drift: float = 8.0  # How fast the error of the EMG torque wanders [N m/sqrt(s)]
 
 
@@ -51,8 +51,8 @@ class ResidualDesign:
     coupling: Coupling  # What it was built for
     period: float  # [s]
     law: Law = field(default_factory=Law)  # Its shares and gains
-    noise: Noise = field(default_factory=Noise)  # From which the observer follows
-    limits: Limits = field(default_factory=Limits)  # Of the gate
+    noise: Noise = field(default_factory=Noise)  # Noise from which the observer's gains follow
+    limits: Limits = field(default_factory=Limits)  # Limits of the gate
     correction: tuple[float, ...] = ()  # The observer's gains
     # width, assist_width: Velocity over which friction changes its sign, in the observer and in what is carried [rad/s]
     width: float = 0.05
@@ -103,7 +103,8 @@ class ResidualDesign:
         slope = friction_slope(speed, m.coulomb, self.width)
         row = np.eye(7)
         correct = np.append(self.correction, (0.0, 0.0))
-        seen = np.hstack([row - np.outer(correct, row[0]), np.outer(correct, [1.0]), np.zeros((7, 1))])  # of x, q, tau
+        # Columns of the rows: the state x, the angle q and the torque tau.
+        seen = np.hstack([row - np.outer(correct, row[0]), np.outer(correct, [1.0]), np.zeros((7, 1))])
         q, v, mismatch, rate, missing, slow, integral = seen
         spring = np.zeros(9)
         spring[8] = 1
@@ -220,7 +221,10 @@ def bears_all(
 def first_failing(
     made: ResidualDesign, cases: Sequence[tuple[Coupling, float, float]], *, gain_db: float, delay: float
 ) -> int | None:
-    """Which case does not bear the margins wanted. `cases` [rad/s]; `gain_db`, `delay` [dB], [s]."""
+    """Return the index of the first case that does not bear the margins wanted, or None.
+
+    `cases` are plants, speeds [rad/s] and shares of EMG; `gain_db` and `delay` are the margins in dB and s.
+    """
     loops: dict[tuple[float, float], LinearSystem] = {}
     for i, (plant, *at) in enumerate(cases):
         if tuple(at) not in loops:

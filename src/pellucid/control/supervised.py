@@ -1,8 +1,9 @@
-"""A law under the core's supervisor: limits of raw data, sensors, drive, energy and memory, by rules stated here.
+"""Put a law under the core's supervisor: rules for the thresholds on raw data, sensors, drive, energy and memory.
 
-Every threshold follows from the law's own numbers (the card's body, the limits) and the specification of the sensors.
-The constants below were chosen on robots and wearers that the fault table is not judged on: those of false alarms are
-what let all of these live without one, and a fifth more, but for the force sensor's gain.
+Every threshold follows from the law's own numbers (the card's body and the limits) and from the specification of the
+sensors. The constants below were chosen on robots and wearers that do not enter the fault table of docs/safety.md.
+Thresholds against false alarms are the smallest values at which all of these ran without an alarm, plus a fifth; the
+tolerance for the force sensor's gain has no such margin.
 """
 
 from __future__ import annotations
@@ -16,57 +17,126 @@ import numpy as np
 
 from .. import _core
 from .._errors import PellucidError
-from ..models.fields import model_fields
-from .control_law import ControlLaw
+from ..models.fields import friction_coefficients, model_fields
+from .control_law import LAWS, ControlLaw
 from .elbow_laws import LOOP_BANDWIDTH
 
-ALONE = 0.1
-"""Of the inertia, what the drive may speed up alone, behind its transmission [1]."""
+MIN_DRIVEN_INERTIA_SHARE = 0.1
+"""Smallest share of the inertia that the drive may accelerate by itself, behind its transmission [1]."""
 
-RANGE_MARGIN = 0.15
-"""Beyond a stop of the law, which a wearer may overrun where the machine has none [rad or m]."""
+POSITION_RANGE_MARGIN = 0.15
+"""Distance beyond the law's position limits at which a position is a fault: a wearer may overrun a limit [rad or m]."""
 
-HARDEST_STOP = 500.0
-"""Of a joint in somebody's grip [rad/s^2 or m/s^2]."""
+MAX_GRIP_DECELERATION = 500.0
+"""Largest deceleration of a joint that somebody grips [rad/s^2 or m/s^2]."""
 
-FREEZE, QUIET, TEST, REST = 0.02, 0.05, 0.032, 0.1
-"""How long a value must not change to be a frozen encoder's and a silent sensor's; half a wave of the test, and the
-rest before it [s]."""
+ENCODER_FREEZE_S = 0.02
+"""An encoder is frozen if its value has not changed for this time although the joint moves."""
 
-WEARER_TORQUE, WEARER_PUSH = 0.15, 0.8
-"""The most that a wearer gives a robot that is carried, lastingly and at once, of the law's limit of effort [1]."""
+SENSOR_QUIET_S = 0.05
+"""A force or EMG sensor is silent if its value has not changed for this time."""
 
-FORCE_TOLERANCE, FORCE_BURST, FORCE_EXCESS, LEFT_SHARE = 0.066, 0.66, 0.022, 0.2
-"""By which a force sensor may differ from model and motion: lastingly, at once, by its gain, of the
-law's limit of effort; and of the weight that the wearer carries [1]."""
+TEST_HALF_WAVE_S = 0.032
+"""Duration of half a wave of the start-up test."""
 
-DRIVE_TOLERANCE = 0.05
-"""Of what a drive gives, of the law's limit of effort [1]."""
+TEST_REST_S = 0.1
+"""The joint must rest for this time before the start-up test."""
 
-DRIVE_SURPLUS = 0.005
-"""That a drive may give beyond what it was asked for: a way, under the law's limit of effort [rad or m]."""
+TEST_SAMPLE_BOUNDS = (8, 200)
+"""Smallest and largest number of periods in half a wave of the test that the core accepts."""
+
+WEARER_TORQUE_SHARE = 0.15
+"""Largest lasting torque of a wearer on a robot that is carried, as a share of the law's effort limit [1]."""
+
+WEARER_PUSH_SHARE = 0.8
+"""Largest momentary torque of a wearer, as a share of the law's effort limit [1]."""
+
+WEARER_ACCELERATION_TIMES_S = (0.5, 0.1)
+"""Times in which a wearer may accelerate the robot alone to its velocity limit, by a lasting and by a momentary
+torque."""
+
+FORCE_TOLERANCE_SHARE = 0.066
+"""Largest lasting difference between force sensor and model, as a share of the law's effort limit [1]."""
+
+FORCE_BURST_SHARE = 0.66
+"""Largest momentary difference between force sensor and model, as a share of the law's effort limit [1]."""
+
+FORCE_EXCESS_SHARE = 0.022
+"""Largest difference due to a wrong gain of the force sensor, as a share of the law's effort limit [1]."""
+
+FORCE_WEIGHT_SHARE = 0.2
+"""Share of the weight that the wearer carries which is added to both tolerances of the force sensor [1]."""
+
+DRIVE_TOLERANCE_SHARE = 0.05
+"""Largest error of the drive's measured effort, as a share of the law's effort limit [1]."""
+
+DRIVE_SURPLUS_TRAVEL = 0.005
+"""Energy that a drive may give beyond its command: the work of the effort limit over this distance [rad or m]."""
+
+DRIVE_GAIN_ERROR = 0.05
+"""Default of `Instruments.drive_gain_error`: the accuracy of uncalibrated current sensors and torque constants [1]."""
+
+DRIVE_OFFSET_SHARE = 0.01
+"""Default of `Instruments.drive_offset_share`, as a share of the law's limit of effort [1]."""
+
+DRIVE_FORGET_S = 10.0
+"""Time constant with which the energy that a drive gave beyond its command is forgotten."""
 
 TEST_ACCELERATION = 30.0
-"""Of the wave of the test, beyond friction [rad/s^2 or m/s^2]."""
+"""Acceleration that the wave of the start-up test causes beyond friction [rad/s^2 or m/s^2]."""
 
-TEST_LEAST, TEST_MOST = 0.1, 2.2
-"""Of the work that a wave does by its middle on the robot alone: with an arm on it it moves less [1]."""
+MIN_TEST_WORK_SHARE = 0.1
+"""Half a wave must do at least this share of the smallest work on the robot alone; with an arm the robot moves less
+[1]."""
 
-ANSWERS = (0.2, 1.8)
-"""Of the work that the wave did when the robot was commissioned, on whomever wears it [1]."""
+MAX_TEST_WORK_RATIO = 2.2
+"""Half a wave may do at most this multiple of the work on the robot without friction [1]."""
 
-RINGING = 0.115
-"""Mean size of what the effort may do faster than people move, of the law's limit of effort [1]."""
+KNOWN_FRICTION_SHARE = 0.7
+"""The body's friction is at least this share of the true friction of a moving joint, as the core assumes [1]."""
 
-STORE_SPEED, STORE_LIFT = 0.575, 0.66
-"""Of the velocity limit, whose kinetic energy in robot and limb is what a command may give beyond its due [1]; and by
-how far it may lift what the wearer carries [rad or m]."""
+TEST_GROWTH_FACTOR = 1.1
+"""Effort and duration of the wave grow by this factor until the encoder resolves the motion that it causes [1]."""
 
-BUDGET_POWER = 0.01
-"""That a command may give beyond its due all the time, of effort times velocity at their limits [1]."""
+MIN_TEST_TRAVEL_READINGS = 4.0
+"""The wave must move a robot with the largest believable friction by this many errors of one encoder reading [1]."""
 
-HOLD = 0.05
-"""Damping of a stop, of what would halve the velocity in two periods [1]."""
+FRICTION_POWERS: Mapping[str, tuple[float, float]] = {
+    "coulomb": (0.0, 0.0), "load": (0.0, 1.0), "viscous": (1.0, 0.0), "square_root": (0.5, 0.0),
+}  # fmt: skip
+"""Powers of speed and load in each friction term of the supervisor's body."""
+
+COMMISSIONED_WORK_BOUNDS = (0.2, 1.8)
+"""Bounds of the test's work relative to its work at commissioning, for any wearer [1]."""
+
+RINGING_LIMIT_SHARE = 0.115
+"""Largest mean effort at frequencies above those of human motion, as a share of the law's effort limit [1]."""
+
+REVERSAL_SPEED_SHARE = 0.1
+"""Speeds up to this share of the velocity limit count as a reversal, where friction changes within the ringing band
+[1]."""
+
+REVERSAL_RINGING_SHARE = 0.22
+"""Mean effort in the ringing band due to compensated friction, relative to the effort's change at a reversal [1].
+
+The joint reverses four times a second: 4/s (1/20 - 1/100) s, and a third more for the variation around the mean.
+"""
+
+ENERGY_STORE_SPEED_SHARE = 0.575
+"""Size of the energy budget: the kinetic energy of robot and limb at this share of the velocity limit [1]."""
+
+ENERGY_STORE_LIFT = 0.66
+"""Added to the energy budget: the energy to lift the load that the wearer carries by this angle or distance [rad or
+m]."""
+
+POWER_LIMIT_SHARE = 0.5
+"""Largest power of a command, as a share of effort limit times velocity limit [1]."""
+
+ENERGY_BUDGET_POWER_SHARE = 0.01
+"""Rate at which the energy budget refills, as a share of effort limit times velocity limit [1]."""
+
+HOLD_DAMPING_SHARE = 0.05
+"""Damping of a stop, as a share of the damping that would halve the velocity in two periods [1]."""
 
 SUPERVISOR_NAMES: tuple[str, ...] = tuple(field.name for field in model_fields("supervisor"))
 """The supervisor's numbers, in the core's order."""
@@ -74,15 +144,17 @@ SUPERVISOR_NAMES: tuple[str, ...] = tuple(field.name for field in model_fields("
 
 @dataclass(frozen=True)
 class Instruments:
-    """What a robot measures beside what its law reads, and how well."""
+    """A robot's instruments and their accuracy."""
 
-    encoder_resolution: float = 4e-4  # Error of one reading [rad or m]
-    joint_encoder: bool = False  # Whether there is a second one, behind the transmission
-    joint_tolerance: float = 0.05  # By which the two may differ while all is well: twist and backlash [rad or m]
-    drive: bool = False  # Whether the drive measures its current or torque
-    drive_limit: float = math.inf  # The most that it can give [N m or N]
-    force_range: float = math.inf  # Of the force sensor [N m or N]
-    emg_range: float = 40.0  # Largest torque that the EMG calibration knows [N m]
+    encoder_resolution: float = 4e-4  # error of one encoder reading [rad or m]
+    joint_encoder: bool = False  # whether there is a second encoder, behind the transmission
+    joint_tolerance: float = 0.05  # largest difference of both encoders without a fault: twist and backlash [rad or m]
+    drive: bool = False  # whether the drive measures its current or torque
+    drive_limit: float = math.inf  # largest effort of the drive [N m or N]
+    force_range: float = math.inf  # range of the force sensor [N m or N]
+    emg_range: float = 40.0  # largest torque in the EMG calibration [N m]
+    drive_gain_error: float = DRIVE_GAIN_ERROR  # relative error of the drive's measurement [1]
+    drive_offset_share: float = DRIVE_OFFSET_SHARE  # offset of that measurement, as a share of the effort limit [1]
 
 
 @dataclass(frozen=True)
@@ -122,12 +194,12 @@ class SupervisedLaw:
 
     @property
     def kind(self) -> str:
-        """Of the law, one of `LAWS`."""
+        """Kind of the law, one of `LAWS`."""
         return self.law.kind
 
     @property
     def parameters(self) -> np.ndarray:
-        """Of the law, shape (k,), in the core's order."""
+        """Parameters of the law, shape (k,), in the core's order."""
         return self.law.parameters
 
     @property
@@ -249,32 +321,35 @@ def supervised(
     answer: float | None = None,
     **supervision: float,
 ) -> SupervisedLaw:
-    """A law under a supervisor whose thresholds follow from the law's body and limits, and from its sensors.
+    """Put a law under a supervisor whose thresholds follow from the law's body, limits and instruments.
 
-    While all is well the law's effort passes to the bit. A single fault of sensor, drive, wearer, clock or memory is
-    answered by a law without the lost sensor, by a damped stop, or by no effort and no power (see docs/safety.md).
+    Without a fault the law's effort passes bit for bit. The supervisor answers a single fault of sensor, drive, wearer,
+    clock or memory with a law that does without the lost sensor, a damped stop, or no effort and no power
+    (docs/safety.md).
 
     Parameters
     ----------
     law : ControlLaw
-        Of `controller`.
+        A law that `controller` returned.
     instruments : Instruments or None
-        What the robot measures beside; None: nothing, and encoders of ordinary resolution.
+        Further instruments of the robot; None: none, and encoders of ordinary resolution.
     body : mapping of str to float or None
-        The robot alone: inertia, gravity_sine, gravity_cosine, offset, coulomb, load, viscous, SI; None: what the law's
-        own numbers say of it. An inertia of 0 leaves out what needs a model.
+        The robot without a wearer: inertia, gravity_sine, gravity_cosine, offset, coulomb, load, viscous, square_root,
+        SI; missing numbers are 0. None takes the body from the law's own numbers. An inertia of 0 switches off the
+        watches that need a model.
     start_up : bool
-        Whether polarity and gain are tested at first, by a small wave of effort.
+        Whether a small wave of effort tests polarity and gain at start-up. There is no test where the law's effort
+        limit is too small to move the joint; the supervisor's number ``test_effort`` is then 0.
     answer : float or None
-        The work of that wave when the robot was commissioned, with a drive known to be right [J]; None: bounds that
-        any robot keeps, between which a gain may be wrong by up to three.
+        Work of that wave at commissioning, with a drive known to be right [J]. None uses bounds for any robot, which
+        allow a gain that is wrong by a factor of up to three.
     **supervision : float
-        Numbers of the supervisor to be others than the rules make them, by name, SI.
+        Numbers of the supervisor that replace those of the rules, by name, SI.
 
     Returns
     -------
     SupervisedLaw
-        At rest.
+        The supervised law, at rest.
 
     Raises
     ------
@@ -294,56 +369,128 @@ def supervised(
     """
     made = supervision_of(law, instruments or Instruments(), dict(body_of(law) if body is None else body), start_up)
     if answer is not None:
-        made |= {"test_least": ANSWERS[0] * answer, "test_most": ANSWERS[1] * answer}
+        made |= {"test_least": COMMISSIONED_WORK_BOUNDS[0] * answer, "test_most": COMMISSIONED_WORK_BOUNDS[1] * answer}
     return SupervisedLaw(law, made).changed(**supervision)
 
 
 def body_of(law: ControlLaw) -> dict[str, float]:
-    """The robot alone as a law's numbers have it, SI: inertia, gravity_sine, gravity_cosine, offset, coulomb, load,
-    viscous; what they do not say is 0."""
-    v = law.values
+    """Return the robot without a wearer from a law's numbers, SI; numbers that the law lacks are 0.
 
-    def largest(*names: str) -> float:
-        return max((abs(v[name]) for name in names if name in v), default=0.0)
+    The body has inertia, gravity_sine, gravity_cosine, offset, and the friction terms of `FRICTION_POWERS`.
+    """
+    v = law.values
 
     def mean(name: str) -> float:
         both = [v[n] for n in (name, f"{name}_up", f"{name}_down", f"orthosis_{name}") if n in v]
         return sum(both) / len(both) if both else 0.0
 
     gravity = "orthosis_gravity" if "orthosis_gravity" in v else None
-    # A loop's stiffness is inertia times bandwidth squared where there is nothing else that tells of the inertia.
+    # A law of position control has no inertia, but its stiffness is the inertia times the squared bandwidth.
     inertia = max(mean("inertia"), 0.0) or v.get("stiffness", 0.0) / LOOP_BANDWIDTH**2
-    return {
+    body = {
         "inertia": inertia + v.get("actuator_inertia", 0.0),
         "gravity_sine": v[gravity] if gravity else mean("gravity_sine"),
         "gravity_cosine": mean("gravity_cosine"),
         "offset": v.get("offset", 0.0),
-        "coulomb": largest("coulomb", "coulomb_positive", "coulomb_negative", "coulomb_up", "coulomb_down")
-        + v.get("stribeck", 0.0) + v.get("actuator_coulomb", 0.0),
-        "load": min(largest("load_motoring", "load_generating"), 1.0),
-        "viscous": largest("viscous_positive", "viscous_negative", "viscous_up", "viscous_down", "orthosis_viscous")
-        + v.get("actuator_viscous", 0.0),
-    }  # fmt: skip
+    }
+    return body | body_friction(law, weight_of(body))
+
+
+def weight_of(body: Mapping[str, float]) -> float:
+    """Return the largest effort of a body's gravity and offset, SI."""
+    return math.hypot(body["gravity_sine"], body["gravity_cosine"]) + abs(body["offset"])
+
+
+def body_friction(law: ControlLaw, weight: float) -> dict[str, float]:
+    """Return the friction in a law's numbers, by the terms of `FRICTION_POWERS`, SI.
+
+    A term with other powers is added to the term with the next lower power of speed, with its value at the velocity
+    limit and under the whole `weight` [effort], so that friction is never underestimated.
+    """
+    made, fastest = dict.fromkeys(FRICTION_POWERS, 0.0), law.values["velocity_limit"]
+    for (speed, load), value in friction_coefficients(LAWS[law.kind].fields, law.values).items():
+        name = next((name for name, powers in FRICTION_POWERS.items() if powers == (speed, load)), None)
+        if name is None and value > 0.0:
+            if not math.isfinite(fastest):
+                raise PellucidError(
+                    f"supervisor: found friction with speed^{speed:g} and no velocity limit, expected a velocity limit"
+                )
+            lower = {n: power for n, (power, loaded) in FRICTION_POWERS.items() if power <= speed and loaded == 0.0}
+            name = max(lower, key=lower.__getitem__)
+            value = value * weight**load * fastest ** (speed - lower[name])
+        if name is not None:
+            made[name] += float(value)
+    return made | {"load": min(made["load"], 1.0)}
+
+
+@dataclass(frozen=True)
+class StartUpWave:
+    """The wave of effort that tests polarity and gain at start-up."""
+
+    effort: float  # amplitude; 0 for no test [N m or N]
+    samples: int  # number of periods in half a wave
+    least: float  # smallest work of half a wave with the right polarity [J]
+    most: float  # largest work of half a wave with the right gain [J]
+
+
+def start_up_wave(
+    inertia: float, friction: float, resolution: float, *, limit: float, rate: float, period: float
+) -> StartUpWave:
+    """Return the wave of the start-up test for a robot's `inertia` and its known `friction` at rest, SI.
+
+    `limit` and `rate` limit the effort and its rate. The wave has no effort if the limit cannot move the robot by more
+    than the encoder's `resolution` shows.
+    """
+    fewest, most = TEST_SAMPLE_BOUNDS
+    effort = min(friction + TEST_ACCELERATION * inertia, limit)
+    samples = max(fewest, min(most, round(TEST_HALF_WAVE_S / period)))
+    largest = friction / KNOWN_FRICTION_SHARE
+    work, travel = _half_wave(effort, samples, period, rate, largest, inertia)
+    while travel < MIN_TEST_TRAVEL_READINGS * resolution and (effort < limit or samples < most):
+        effort, samples = min(TEST_GROWTH_FACTOR * effort, limit), min(math.ceil(TEST_GROWTH_FACTOR * samples), most)
+        work, travel = _half_wave(effort, samples, period, rate, largest, inertia)
+    frictionless = 2.0 * (effort * samples * period / math.pi) ** 2 / inertia
+    if travel < MIN_TEST_TRAVEL_READINGS * resolution:
+        return StartUpWave(0.0, samples, MIN_TEST_WORK_SHARE * frictionless, MAX_TEST_WORK_RATIO * frictionless)
+    return StartUpWave(effort, samples, MIN_TEST_WORK_SHARE * work, MAX_TEST_WORK_RATIO * frictionless)
+
+
+def _half_wave(
+    effort: float, samples: int, period: float, rate: float, friction: float, inertia: float
+) -> tuple[float, float]:
+    """Work [J] and way [rad or m] of half a wave on a robot at rest whose friction stands against it."""
+    pushed = speed = work = travel = 0.0
+    for i in range(samples):
+        wanted = effort * math.sin(math.pi * (i + 1) / samples)
+        pushed += max(-rate * period, min(rate * period, wanted - pushed))
+        speed = max(speed + period * (pushed - friction) / inertia, 0.0)
+        work += period * pushed * speed
+        travel += period * speed
+    return work, travel
 
 
 def supervision_of(
     law: ControlLaw, instruments: Instruments, body: Mapping[str, float], start_up: bool
 ) -> dict[str, float]:
-    """The supervisor's numbers by name, SI, by the rules of this file."""
+    """Return the supervisor's numbers by name, SI, by the rules of this file."""
     v, known = law.values, {field.name: field.default for field in model_fields("supervisor")}
     period, effort, speed = v["period"], v["effort_limit"], v["velocity_limit"]
     inertia = body["inertia"]
-    weight = math.hypot(body["gravity_sine"], body["gravity_cosine"]) + abs(body["offset"])
+    weight = weight_of(body)
     friction = body["coulomb"] + body["load"] * weight
-    left = (1.0 - v.get("gravity_share", 1.0)) * weight  # of the weight, which the wearer carries
-    samples = max(8, min(200, round(TEST / period)))
+    carried_share, reversing = v.get("friction_share", 1.0), friction
+    if math.isfinite(speed):
+        slow = REVERSAL_SPEED_SHARE * speed
+        reversing += body["viscous"] * slow + body.get("square_root", 0.0) * math.sqrt(slow)
+    # Weight that the law leaves to the wearer, because of its share of gravity or its effort limit.
+    left = max(weight - min(v.get("gravity_share", 1.0) * weight, effort), 0.0)
     made = {
         "raw_speed_limit": speed,
-        "range_min": v["position_min"] - RANGE_MARGIN,
-        "range_max": v["position_max"] + RANGE_MARGIN,
+        "range_min": v["position_min"] - POSITION_RANGE_MARGIN,
+        "range_max": v["position_max"] + POSITION_RANGE_MARGIN,
         "encoder_resolution": instruments.encoder_resolution,
-        "freeze_speed": HARDEST_STOP * period,
-        "freeze_samples": max(2.0, round(FREEZE / period)),
+        "freeze_speed": MAX_GRIP_DECELERATION * period,
+        "freeze_samples": max(2.0, round(ENCODER_FREEZE_S / period)),
         "joint_expected": float(instruments.joint_encoder),
         "joint_tolerance": instruments.joint_tolerance,
         **{f"body_{name}": value for name, value in body.items()},
@@ -351,40 +498,55 @@ def supervision_of(
         "residual_slow": min(known["residual_slow"], 0.05 / period),
         "force_expected": float(law.sensed),
         "force_range": instruments.force_range,
-        "force_quiet_samples": max(2.0, round(QUIET / period)),
+        "force_quiet_samples": max(2.0, round(SENSOR_QUIET_S / period)),
         "muscle_expected": float(law.emg),
         "muscle_range": instruments.emg_range,
-        "muscle_quiet_samples": max(2.0, round(QUIET / period)),
+        "muscle_quiet_samples": max(2.0, round(SENSOR_QUIET_S / period)),
         "drive_expected": float(instruments.drive),
-        "drive_tolerance": DRIVE_TOLERANCE * effort,
+        "drive_tolerance": DRIVE_TOLERANCE_SHARE * effort,
         "drive_limit": instruments.drive_limit,
-        "drive_surplus": DRIVE_SURPLUS * effort,
-        "push_limit": effort,
-        "ringing_limit": RINGING * effort,
+        "drive_surplus": DRIVE_SURPLUS_TRAVEL * effort,
+        "drive_gain": instruments.drive_gain_error,
+        "drive_offset": instruments.drive_offset_share * effort,
+        "drive_forget": -math.expm1(-period / DRIVE_FORGET_S),
+        "push_limit": effort + left,
+        "ringing_limit": max(
+            RINGING_LIMIT_SHARE * effort, REVERSAL_RINGING_SHARE * 2.0 * min(carried_share * reversing, effort)
+        ),
         **{f"ringing_{name}": min(known[f"ringing_{name}"], 0.2 / period) for name in ("slowest", "fastest", "memory")},
-        "power_limit": effort * speed / 2.0,
-        "budget_power": BUDGET_POWER * effort * speed if math.isfinite(speed) else 0.0,
-        "test_rest": max(2.0, round(REST / period)),
+        "power_limit": effort * speed,
+        "budget_power": 0.0,
+        "test_rest": max(2.0, round(TEST_REST_S / period)),
         "degrades": float(v.get("gravity_share", 1.0) > 0.5),
     }
-    if inertia > 0.0:
-        pushed = friction + TEST_ACCELERATION * inertia
-        answer = 2.0 * (pushed * samples * period / math.pi) ** 2 / inertia
+    if math.isfinite(speed):
+        # The law may always use the power that carries weight and friction at the velocity limit.
+        moving = friction + body["viscous"] * speed + body.get("square_root", 0.0) * math.sqrt(speed)
+        due = min(effort, weight - left + moving)
         made |= {
-            "raw_acceleration_limit": effort / (ALONE * inertia),
-            "wearer_torque": WEARER_TORQUE * effort + left,
-            "wearer_push": WEARER_PUSH * effort + left,
-            "force_tolerance": FORCE_TOLERANCE * effort + LEFT_SHARE * left,
-            "budget_store": inertia * (STORE_SPEED * speed) ** 2 + STORE_LIFT * left
+            "power_limit": max(POWER_LIMIT_SHARE * effort, due) * speed,
+            "budget_power": ENERGY_BUDGET_POWER_SHARE * effort * speed,
+        }
+    if inertia > 0.0:
+        wave = start_up_wave(
+            inertia, friction, instruments.encoder_resolution, limit=effort, rate=v["rate_limit"], period=period
+        )
+        speeds_up = inertia * speed if math.isfinite(speed) else 0.0
+        made |= {
+            "raw_acceleration_limit": effort / (MIN_DRIVEN_INERTIA_SHARE * inertia),
+            "wearer_torque": max(WEARER_TORQUE_SHARE * effort, speeds_up / WEARER_ACCELERATION_TIMES_S[0]) + left,
+            "wearer_push": max(WEARER_PUSH_SHARE * effort, speeds_up / WEARER_ACCELERATION_TIMES_S[1]) + left,
+            "force_tolerance": FORCE_TOLERANCE_SHARE * effort + FORCE_WEIGHT_SHARE * left,
+            "budget_store": inertia * (ENERGY_STORE_SPEED_SHARE * speed) ** 2 + ENERGY_STORE_LIFT * left
             if math.isfinite(speed)
             else math.inf,
-            "force_burst": FORCE_BURST * effort + LEFT_SHARE * left,
-            "force_excess": FORCE_EXCESS * effort,
-            "hold_damping": HOLD * inertia / period,
+            "force_burst": FORCE_BURST_SHARE * effort + FORCE_WEIGHT_SHARE * left,
+            "force_excess": FORCE_EXCESS_SHARE * effort,
+            "hold_damping": HOLD_DAMPING_SHARE * inertia / period,
             "hold_limit": min(effort, 1.5 * weight + friction),
-            "test_effort": min(pushed, effort) if start_up else 0.0,
-            "test_samples": float(samples),
-            "test_least": TEST_LEAST * answer,
-            "test_most": TEST_MOST * answer,
+            "test_effort": wave.effort if start_up else 0.0,
+            "test_samples": float(wave.samples),
+            "test_least": wave.least,
+            "test_most": wave.most,
         }
     return known | {name: float(value) for name, value in made.items()}

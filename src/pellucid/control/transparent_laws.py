@@ -19,7 +19,7 @@ from ..models.joint import NAMES
 from ..models.slider_card import SliderCard
 from ..models.slider_joint import SliderJointModel
 from .control_law import LAWS, ControlLaw, gate_values
-from .elbow_laws import ELBOW_LIMITS, PERIOD
+from .elbow_laws import ELBOW_LIMITS, PUBLISHED_PERIOD_S
 from .joint_compensation import carried
 from .limits import Limits
 
@@ -35,7 +35,7 @@ def transparent(
     bandwidth: float = 100.0,
     acceleration: float = 25.0,
     limits: Limits = ELBOW_LIMITS,
-    period: float = PERIOD,
+    period: float = PUBLISHED_PERIOD_S,
 ) -> ControlLaw:
     """Compensation of one coherent body whose friction, by direction or by load, never drives.
 

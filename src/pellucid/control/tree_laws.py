@@ -18,32 +18,38 @@ import numpy as np
 from .. import _core
 from .._errors import PellucidError
 from ..models.anthropometry import Segment
-from ..models.fields import model_fields
+from ..models.fields import largest_friction, model_fields
 from ..models.tree_card import COLUMNS, TreeCard
 from .control_law import gate_values
-from .joint_compensation import PERIOD, RISE, WIDTH_SHARE
+from .joint_compensation import DEFAULT_PERIOD_S, EFFORT_RISE_S, WIDTH_SHARE
 from .limits import Limits
 from .supervised import (
-    ALONE,
-    BUDGET_POWER,
-    DRIVE_SURPLUS,
-    DRIVE_TOLERANCE,
-    HARDEST_STOP,
-    HOLD,
-    RANGE_MARGIN,
-    RINGING,
-    STORE_SPEED,
+    DRIVE_FORGET_S,
+    DRIVE_GAIN_ERROR,
+    DRIVE_OFFSET_SHARE,
+    DRIVE_SURPLUS_TRAVEL,
+    DRIVE_TOLERANCE_SHARE,
+    ENERGY_BUDGET_POWER_SHARE,
+    ENERGY_STORE_SPEED_SHARE,
+    HOLD_DAMPING_SHARE,
+    MAX_GRIP_DECELERATION,
+    MIN_DRIVEN_INERTIA_SHARE,
+    POSITION_RANGE_MARGIN,
+    RINGING_LIMIT_SHARE,
 )
 from .transparent_laws import DITHER_TRAVEL
 
 MOST_LINKS = 12
-"""That a law may have."""
+"""Largest number of links of a law."""
 
-POSTURES, SEED = 400, 20261122
-"""Drawn within the ranges of joints, to know the most that a weight asks and the least that an inertia is."""
+POSTURE_COUNT = 400
+"""Number of postures drawn within the joints' ranges, to find the largest weight and the smallest inertia."""
+
+POSTURE_SEED = 20261122
+"""Seed of these postures."""
 
 STORE_SPEED_OF_OWN = 2.0
-"""Up to which the energy observer lets a joint's own inertia be sped up at once [rad/s or m/s]."""
+"""Speed up to which the energy observer allows a joint's own inertia to be accelerated at once [rad/s or m/s]."""
 
 
 def _defaults(model: str) -> dict[str, float]:
@@ -58,7 +64,7 @@ class Reach:
     friction: np.ndarray  # At known speed, under that weight
     inertia: np.ndarray  # Smallest of the joint alone, others held [kg m^2; kg]
     speed: np.ndarray  # Largest while fitting, else what is allowed [rad/s; m/s]
-    end_speed: float  # Of the end point with every joint at that speed, at most [m/s]
+    end_speed: float  # Largest speed of the end point with every joint at that speed [m/s]
 
 
 @dataclass(frozen=True)
@@ -149,7 +155,7 @@ def carried(
     *,
     friction_share: float = 0.8,
     limits: Sequence[Limits] | None = None,
-    period: float = PERIOD,
+    period: float = DEFAULT_PERIOD_S,
     end: str | None = None,
     end_point: tuple[float, float, float] = (0.0, 0.0, 0.0),
     wearer: Sequence[float] | None = None,
@@ -296,25 +302,20 @@ def reach_of(card: TreeCard, link: int | None = None, point: Sequence[float] = (
         if not found:
             raise PellucidError(f"card {card.family}: found no speed of {name}, expected seen_velocity or velocity")
         speed[k] = found
-    postures = np.random.default_rng(SEED).uniform(low, high, (POSTURES, m))
+    postures = np.random.default_rng(POSTURE_SEED).uniform(low, high, (POSTURE_COUNT, m))
     weight = np.abs(tree.gravity(postures)).max(axis=0)
     matrices = tree.mass_matrix(postures)
     inertia = np.maximum(np.einsum("nkk->nk", matrices).min(axis=0), 1e-6)
     column = {name: np.array([row[i] for row in card.joints]) for i, name in enumerate(COLUMNS["joints"])}
-    friction = (
-        np.maximum(column["coulomb_positive"], column["coulomb_negative"]) + column["stribeck"]
-        + np.maximum(column["viscous_positive"], column["viscous_negative"]) * speed
-        + column["square_root"] * np.sqrt(speed)
-        + np.maximum(column["load_motoring"], column["load_generating"]) * weight + np.abs(column["offset"])
-    )  # fmt: skip
+    friction = largest_friction(model_fields("tree_joint"), column, speed, weight) + np.abs(column["offset"])
     jacobian = tree.jacobian(postures, len(card.links) - 1 if link is None else link, point)[:, :3]
     end_speed = float(np.linalg.norm(np.abs(jacobian) @ speed, axis=1).max())
     return Reach(weight, friction, inertia, speed, end_speed)
 
 
 def suggested_limits(card: TreeCard, reach: Reach) -> tuple[Limits, ...]:
-    """Of each joint what the card allows, else the most that compensation asks at a speed it knows, half more than that
-    speed, and no stops."""
+    """Limits for each joint: what the card allows. Where the card is silent, they are the most that compensation asks
+    at a speed it knows, half more than that speed, and no stops."""
     made = []
     for k, known in enumerate(card.ranges):
         effort = known.effort or float(reach.weight[k] + reach.friction[k])
@@ -322,7 +323,9 @@ def suggested_limits(card: TreeCard, reach: Reach) -> tuple[Limits, ...]:
             raise PellucidError(f"{card.names[k]}: found neither weight nor friction, expected an effort of its range")
         stops = (-math.inf if known.low is None else known.low, math.inf if known.high is None else known.high)
         margin = 0.02 * (stops[1] - stops[0]) if math.isfinite(stops[1] - stops[0]) else 0.0
-        made.append(Limits(effort, effort / RISE, known.velocity or 1.5 * float(reach.speed[k]), stops, margin))
+        made.append(
+            Limits(effort, effort / EFFORT_RISE_S, known.velocity or 1.5 * float(reach.speed[k]), stops, margin)
+        )
     return tuple(made)
 
 
@@ -332,18 +335,21 @@ def _watch(limits: Limits, reach: Reach, k: int, period: float) -> dict[str, flo
     effort, speed, inertia = limits.effort, limits.velocity, float(reach.inertia[k])
     return known | {
         "raw_speed_limit": speed,
-        "raw_acceleration_limit": effort / (ALONE * inertia),
-        "range_min": limits.position[0] - RANGE_MARGIN,
-        "range_max": limits.position[1] + RANGE_MARGIN,
-        "freeze_speed": HARDEST_STOP * period,
-        "drive_tolerance": DRIVE_TOLERANCE * effort,
-        "drive_surplus": DRIVE_SURPLUS * effort,
+        "raw_acceleration_limit": effort / (MIN_DRIVEN_INERTIA_SHARE * inertia),
+        "range_min": limits.position[0] - POSITION_RANGE_MARGIN,
+        "range_max": limits.position[1] + POSITION_RANGE_MARGIN,
+        "freeze_speed": MAX_GRIP_DECELERATION * period,
+        "drive_tolerance": DRIVE_TOLERANCE_SHARE * effort,
+        "drive_surplus": DRIVE_SURPLUS_TRAVEL * effort,
+        "drive_gain": DRIVE_GAIN_ERROR,
+        "drive_offset": DRIVE_OFFSET_SHARE * effort,
+        "drive_forget": -math.expm1(-period / DRIVE_FORGET_S),
         "push_limit": effort,
         "power_limit": effort * speed,
-        "budget_store": inertia * (STORE_SPEED * speed) ** 2 + float(reach.weight[k]),
-        "budget_power": BUDGET_POWER * effort * speed,
-        "ringing_limit": RINGING * effort,
-        "hold_damping": HOLD * inertia / period,
+        "budget_store": inertia * (ENERGY_STORE_SPEED_SHARE * speed) ** 2 + float(reach.weight[k]),
+        "budget_power": ENERGY_BUDGET_POWER_SHARE * effort * speed,
+        "ringing_limit": RINGING_LIMIT_SHARE * effort,
+        "hold_damping": HOLD_DAMPING_SHARE * inertia / period,
         "hold_limit": min(effort, 1.5 * float(reach.weight[k]) + float(reach.friction[k])),
     }
 

@@ -30,8 +30,11 @@ from .._errors import PellucidError
 from .coupling import friction_slope
 from .stability import LinearSystem, crossings, radius
 
-MOST_GAIN = 40.0  # dB; where a search ends
-_POINTS = 800  # frequencies of a loop's response
+MOST_GAIN = 40.0
+"""The search for a gain margin ends at this gain [dB]."""
+
+_FREQUENCY_POINT_COUNT = 800
+"""Number of frequencies at which a loop's response is computed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,14 +43,14 @@ class TreeCoupling:
 
     mass: np.ndarray
     viscous: np.ndarray
-    slope: np.ndarray  # of gravity, by position
+    slope: np.ndarray  # derivative of gravity by position
     coulomb: np.ndarray
     limb_mass: np.ndarray
     limb_viscous: np.ndarray  # (m, m)
-    limb_slope: np.ndarray  # of gravity and of muscles that hold a posture
+    limb_slope: np.ndarray  # derivative of the limb's gravity, and of the muscles that hold a posture, by position
     cuff_stiffness: np.ndarray  # (m, m)
     cuff_damping: np.ndarray
-    drive_frequency: np.ndarray  # of the lag from the effort wanted to the effort given [rad/s]
+    drive_frequency: np.ndarray  # natural frequency of the lag from commanded to actual effort [rad/s]
     drive_damping: np.ndarray  # [1]
     delay: float = 0.0  # before it; the loop's own sample and hold is not part of it [s]
     # What a torque loop around a series spring does not cancel of motor and gear, and the rate at which its integral
@@ -86,15 +89,15 @@ class TreeCoupling:
 
 @dataclass(frozen=True)
 class Limb:
-    """What a limb is, beside its masses."""
+    """How heavy, stiff and damped a limb is."""
 
     name: str
-    mass: float  # times the limb's own
-    stiffness: float  # beyond what holds the posture, at each joint that turns [N m/rad]
-    damping: float  # of critical, with that stiffness and the joint's own mass
+    mass: float  # factor of the limb's own mass
+    stiffness: float  # stiffness beyond that which holds the posture, at each rotary joint [N m/rad]
+    damping: float  # damping ratio with that stiffness and the joint's own mass
 
 
-LIMBS: tuple[Limb, ...] = (
+DRAWN_LIMBS: tuple[Limb, ...] = (
     Limb("limp", 1.0, 1.0, 0.1),
     Limb("light and limp", 0.5, 1.0, 0.1),
     Limb("heavy and limp", 2.0, 1.0, 0.1),
@@ -122,14 +125,14 @@ def with_limb(coupling: TreeCoupling, limb: Limb) -> TreeCoupling:
 
 @dataclass(frozen=True, eq=False)
 class TreeMargins:
-    """What a loop of m joints bears; 0 where it is unstable as it is, infinite where the search found no end."""
+    """Stability margins of a loop of m joints: 0 if the loop is unstable, infinite if the search found no limit."""
 
     stable: bool
-    radius: float  # Largest magnitude of the closed loop's eigenvalues [1]
-    gain_db: np.ndarray  # (m,) of one joint alone, the others' loops closed [dB]
-    delay: np.ndarray  # (m,) [s]
-    gain_together_db: float  # of all commands at once
-    delay_together: float
+    radius: float  # largest magnitude of the closed loop's eigenvalues [1]
+    gain_db: np.ndarray  # (m,) gain margin of one joint with the others' loops closed [dB]
+    delay: np.ndarray  # (m,) delay margin of one joint with the others' loops closed [s]
+    gain_together_db: float  # gain margin of all commands together [dB]
+    delay_together: float  # delay margin of all commands together [s]
 
 
 @dataclass(frozen=True)
@@ -225,7 +228,7 @@ def tree_margins(
     own = radius(closed_tree(held, controller))
     if own >= 1.0:
         return TreeMargins(False, own, np.zeros(m), np.zeros(m), 0.0, 0.0)
-    omega = np.geomspace(1e-2, 0.999 * np.pi / period, _POINTS)
+    omega = np.geomspace(1e-2, 0.999 * np.pi / period, _FREQUENCY_POINT_COUNT)
     loop = _response(held, omega, period)
     law = _response(controller, omega, period)
     loop = law @ loop  # (points, m, m); 1 - L = 0 is the verge
@@ -403,7 +406,7 @@ class LinearShares:
     friction: np.ndarray | float = 0.8
     inertia: np.ndarray | float = 0.0
     friction_lead: np.ndarray | float = 0.0  # s
-    bandwidth: np.ndarray | float = 100.0  # of the motion's estimator [rad/s]
+    bandwidth: np.ndarray | float = 100.0  # bandwidth of the motion's estimator [rad/s]
     proportional: np.ndarray | float = 0.0  # on the interaction
     integral: np.ndarray | float = 0.0  # 1/s
     leak: np.ndarray | float = 0.0  # 1/s
@@ -469,7 +472,7 @@ def _estimator_gains(bandwidth: float, period: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class MarginRow:
-    """Of the table: the least over some limbs."""
+    """A row of the table of margins: one posture with one limb."""
 
     posture: str
     limb: str
@@ -481,10 +484,10 @@ def margins_over(
     controllers: Mapping[str, LinearSystem],
     period: float,
     *,
-    limbs: Sequence[Limb] = LIMBS,
+    limbs: Sequence[Limb] = DRAWN_LIMBS,
     speed: float = 1.0,
 ) -> Iterator[MarginRow]:
-    """Of a law at each posture, by its name, with each limb. `period` [s]; `speed` [rad/s]."""
+    """Yield the margins of a law at each posture, by name, with each limb; `period` [s], `speed` [rad/s]."""
     for name, coupling in couplings.items():
         for limb in limbs:
             made = tree_margins(with_limb(coupling, limb), controllers[name], period, speed=speed)

@@ -11,8 +11,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from .._atomic import write_text_atomically
 from .._errors import PellucidError
-from ..control.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
+from .._given import require_folder
+from ..control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
 from ..datasets import init
 from ..datasets.registry import names, shipped
 from ..deployment.c_folder import check_here
@@ -31,8 +33,8 @@ from ..procedures.assessment.assessment_result import AssessmentResult
 from ..procedures.joint.joint_result import JointResult
 from ..procedures.run import assess, identify
 from ..procedures.run import report as write_report
-from ..recordings.results import ResultRow, write_rows
-from ..recordings.study import STUDY_FILE, Study
+from ..recordings.results import ResultRow, read_rows, write_rows
+from ..recordings.study import RESULTS_FILE, STUDY_FILE, Study
 from .coverage import Coverage, coverage
 from .demonstration import Demonstration
 from .story import write_story
@@ -43,7 +45,7 @@ SEED = 11
 ELBOW, PEOPLE = "elbow", "people"
 """Folders of the virtual chapters, and names of their studies."""
 
-WORN = ("clpc", BEST, BEST_SENSED)
+WORN = ("clpc", BEST_CONTROLLER, BEST_SENSED_CONTROLLER)
 """Controllers that people wear: the maker's as published, the toolkit's best without and with a force sensor."""
 
 COUNT, REPETITIONS = 3, 2
@@ -54,6 +56,11 @@ RECORDED = 100
 
 JUDGED_PLACES = 2
 """Of the carriage, at which trials are recorded that are never fitted."""
+
+DEMO_FILE = "demo.txt"
+"""File that says of a folder that a demo may replace its studies."""
+
+DEMO_TEXT = "The folders beside this file were made by: pellucid demo. The next demo in this folder replaces them.\n"
 
 Tell = Callable[[str, float], None]
 
@@ -83,18 +90,18 @@ def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:
     >>> made = pl.demo("a-demonstration")                                    # doctest: +SKIP
     """
     tell = on_progress or (lambda text, share: None)
-    out, robot, notes = Path(out), able_elbow(), []
+    out, robot, notes = require_folder(Path(out), "a folder for the demo's studies"), able_elbow(), []
     real_name = next(name for name in names() if shipped(name) is not None)
     folders = {name: out / name for name in (real_name, ELBOW, PEOPLE)}
-    _cleared(tuple(folders.values()))
+    _cleared(tuple(folders.values()), out)
     real, real_fit = _identified_machine(folders[real_name], real_name, _part(tell, 0.0, 0.2))
     elbow, fit = _identified_elbow(folders[ELBOW], robot, _part(tell, 0.2, 0.4))
     people, findings = _assessed_people(folders[PEOPLE], robot, elbow, _part(tell, 0.4, 0.78))
-    tell(f"its controller {BEST_SENSED} leaves the PC", 0.78)
-    controller = export(elbow, controller=BEST_SENSED)
+    tell(f"its controller {BEST_SENSED_CONTROLLER} leaves the PC", 0.78)
+    controller = export(elbow, controller=BEST_SENSED_CONTROLLER)
     played, absent = check_here(controller), missing_tools()
     cost = None if absent else measure(controller)
-    save_measured(elbow, controller, cost, controller=BEST_SENSED)
+    save_measured(elbow, controller, cost, controller=BEST_SENSED_CONTROLLER)
     if absent:
         notes.append(f"The exported controller was not run on a Cortex-M4F: {', '.join(absent)} not installed.")
     coverages = []
@@ -189,12 +196,18 @@ def _coverage_row(found: Coverage) -> ResultRow:
     )
 
 
-def _cleared(folders: Sequence[Path]) -> None:
-    """Remove what an earlier demo left in them; where one holds anything else, it is refused and none is touched."""
+def _cleared(folders: Sequence[Path], out: Path) -> None:
+    """Remove what an earlier demo left in them; where `out` is of no demo, they are refused and none is touched."""
     found = [folder for folder in folders if folder.exists()]
+    results = out / RESULTS_FILE
+    made = (out / DEMO_FILE).is_file() or (results.is_file() and any(r.command == COMMAND for r in read_rows(results)))
     for folder in found:
-        if not folder.is_dir() or (any(folder.iterdir()) and not (folder / STUDY_FILE).is_file()):
-            raise PellucidError(f"{folder}: not empty and not a study; name another folder with --out")
+        if not folder.is_dir() or (any(folder.iterdir()) and not (made and (folder / STUDY_FILE).is_file())):
+            raise PellucidError(
+                f"{folder}: found something that no demo made, expected nothing or an earlier demo's study; name "
+                "another folder with --out"
+            )
+    write_text_atomically(out / DEMO_FILE, DEMO_TEXT)
     for folder in found:
         shutil.rmtree(folder)
     for folder in folders:

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..control.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
+from ..control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
 from ..datasets.registry import info
-from ..pages.drawing import draw
+from ..drawing.drawing import draw
 from ..pages.page import Page, Section, Tile, write_page
 from ..pages.quantities import number, parameter_interval, percent, prose, unit_text
 from ..pages.tables import Row, Table
@@ -72,7 +72,7 @@ def told(made: Demonstration) -> list[tuple[str, str]]:
 
 
 def _left(made: Demonstration) -> str:
-    head, cost = f"The controller {BEST_SENSED} left the PC as C", made.cost
+    head, cost = f"The controller {BEST_SENSED_CONTROLLER} left the PC as C", made.cost
     if cost is not None:
         same = f"and {cost.wrong} answers differ from here" if cost.wrong else "with the same bits as here"
         return f"{head}: on a Cortex-M4F in QEMU a step takes {cost.instructions:.0f} instructions, {same}."
@@ -107,10 +107,15 @@ def _signed(share: float) -> str:
 
 def _tiles(made: Demonstration) -> tuple[Tile, ...]:
     torque = _means(made.findings, "torque_rms")
-    others = ", ".join(f"{c} {number(x, digits=2)}" for c, x in torque.items() if c != BEST_SENSED)
+    others = ", ".join(f"{c} {number(x, digits=2)}" for c, x in torque.items() if c != BEST_SENSED_CONTROLLER)
     tiles = [
         Tile("Gravity against the truth", percent(100.0 * _gravity_error(made)), "% off", "a virtual elbow"),
-        Tile(f"Interaction torque, {BEST_SENSED}", number(torque[BEST_SENSED], digits=2), "N·m RMS", others),
+        Tile(
+            f"Interaction torque, {BEST_SENSED_CONTROLLER}",
+            number(torque[BEST_SENSED_CONTROLLER], digits=2),
+            "N·m RMS",
+            others,
+        ),
     ]
     if made.cost is not None:
         count, size = f"{made.cost.instructions:.0f}", f"Cortex-M4F, {made.cost.bytes} bytes"
@@ -163,8 +168,10 @@ def _controllers(made: Demonstration) -> Section:
         "Its cards make controllers",
         (
             "Each controller takes its numbers from a model card and the place of the carriage, nothing else, and ends "
-            f"in the same safety gate: limits on torque, rate, speed and position, and faults that latch. {BEST} has "
-            f"the encoder alone, as clpc has; {BEST_SENSED} also reads the torque at the strap, with the sensor's "
+            "in the same safety gate: limits on torque, rate, speed and position, and faults that latch. "
+            f"{BEST_CONTROLLER} has "
+            f"the encoder alone, as clpc has; {BEST_SENSED_CONTROLLER} also reads the torque at the strap, with the "
+            "sensor's "
             "noise, offset, drift and delay.",
         ),
         (Table(("Controller", "What it does", "Card"), rows, wide=True),),
@@ -178,7 +185,8 @@ def _people(made: Demonstration) -> Section:
     torque, changes = _means(findings, "torque_rms"), _changes(findings)
     cut = {each.condition: f"{100.0 * each.curve.cut:.0f} %" for each in findings.settling}
     rows = tuple(
-        Row((c, _signed(changes[c]), cut[c], number(x, digits=3)), c == BEST_SENSED) for c, x in torque.items()
+        Row((c, _signed(changes[c]), cut[c], number(x, digits=3)), c == BEST_SENSED_CONTROLLER)
+        for c, x in torque.items()
     )
     heads = ("Condition", f"Duration against {findings.control}", "Never settled", "Interaction torque, RMS (N·m)")
     drawn = {name: findings.assessed[name] for name in SHOWN if name in findings.assessed}
@@ -210,7 +218,8 @@ def _people(made: Demonstration) -> Section:
 def _exported(made: Demonstration) -> Section:
     cost, tables = made.cost, ()
     said = [
-        f"The controller {BEST_SENSED} as a folder of C and C++: the core's own headers, the identified constants, "
+        f"The controller {BEST_SENSED_CONTROLLER} as a folder of C and C++: the core's own headers, the identified "
+        "constants, "
         "three functions to call, and a test vector with a motion and every fault."
     ]
     if cost is not None:

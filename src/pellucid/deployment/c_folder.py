@@ -17,7 +17,7 @@ from .. import _core
 from .._atomic import remove_leftovers, write_text_atomically
 from .._errors import PellucidError
 from ..control.control_law import LAWS, LawSensor
-from ..models.fields import COORDINATE, Field, model_fields
+from ..models.fields import COORDINATE_UNITS, Field, model_fields
 from .controller_values import ControllerValues
 from .replay_vector import VARIANTS, replay_vector
 
@@ -51,7 +51,9 @@ def core_headers() -> Path:
     for folder in (package / "include", package.parents[1] / "include"):
         if (folder / "pellucid" / "math.hpp").is_file():
             return folder
-    raise PellucidError(f"{package}: found no headers of the core, expected include/pellucid; install pellucid again")
+    raise PellucidError(
+        f"{package}: found no headers of the core, expected include/pellucid: run make demo again in the clone"
+    )
 
 
 def needed_headers(header: str) -> list[str]:
@@ -90,7 +92,7 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
         "vector": vector,
         "headers": headers,
         "unit": unit,
-        "coordinate": COORDINATE[values.motion],
+        "coordinate": COORDINATE_UNITS[values.motion],
         "effort_unit": values.effort_unit,
         "literal": literal,
     }

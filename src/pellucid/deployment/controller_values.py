@@ -10,6 +10,11 @@ from ..control.control_law import ControlLaw
 from ..control.supervised import SupervisedLaw, supervised
 from ..control.worn import watched_worn
 
+NO_TEST = (
+    "The limit of effort is too small for a test at start-up: a wave of that size might not move the joint. Polarity "
+    "and gain of the drive are not tested: test them by hand, or set a larger effort in [rig.limits] and export again."
+)
+
 
 @dataclass(frozen=True)
 class ControllerValues:
@@ -25,6 +30,14 @@ class ControllerValues:
     speed: float = 3.0  # Largest speed that the model was fitted on, that of the test vector [rad/s or m/s]
     notes: tuple[str, ...] = field(default=())  # What an engineer must know before switching on
     uses: frozenset[str] = frozenset()  # Of the law's optional sensors, those that it makes use of
+
+    @property
+    def all_notes(self) -> tuple[str, ...]:
+        """The notes, and whether the supervisor has no test at start-up."""
+        supervision = self.supervised.supervision
+        if self.law == "worn" or supervision["test_effort"] > 0.0 or not supervision["body_inertia"] > 0.0:
+            return self.notes
+        return (*self.notes, NO_TEST)
 
     @cached_property
     def supervised(self) -> SupervisedLaw:

@@ -6,19 +6,20 @@ from collections.abc import Iterator, Mapping
 from hashlib import sha256
 
 from .._errors import PellucidError
-from ..control.control_law import ControlLaw
+from ..control.control_law import LAWS, ControlLaw
 from ..control.elbow_controllers import ELBOW_CONTROLLERS, ElbowController
 from ..control.elbow_laws import ELBOW_LIMITS, PUBLISHED_EXPONENTS
-from ..control.joint_compensation import PERIOD, SLIDER_SPEED, identified_remarks, place_on_rail
+from ..control.joint_compensation import DEFAULT_PERIOD_S, SLIDER_SPEED, identified_remarks, place_on_rail
 from ..models.anthropometry import Segment, forearm
 from ..models.slider_card import SliderCard, read_slider_card
+from ..procedures.card_sources import require_fresh, source_notes
 from ..recordings.study import Study
 from .controller_values import ControllerValues
 from .joint_values import drive_notes
 from .study_limits import limits_of
 
-BY_CARD = ("inertia", "gravity", "coulomb", "viscous", "stribeck", "load", "offset", "stiffness", "energy_store")
-"""What the names of parameters begin with that follow from the card; all others are chosen."""
+BY_CARD = ("inertia", "gravity", "stribeck_velocity", "offset", "stiffness", "energy_store")
+"""What the names of parameters begin with that follow from the card beside friction; all others are chosen."""
 
 LIMITED = {
     "effort_limit": "effort",
@@ -50,7 +51,7 @@ def elbow_values(
         raise PellucidError(
             f'export of {study.name}: found the controller "{controller}", expected none: this joint has no carriage'
         )
-    card = read_slider_card(path)
+    card = require_fresh(study, path, read_slider_card(path))
     if card.effort_unit != "N*m":
         raise PellucidError(
             f"{path}: found efforts in {card.effort_unit}, expected N*m: this law's limits are torques; "
@@ -61,7 +62,7 @@ def elbow_values(
     except PellucidError as error:
         raise PellucidError(f"{path.name}: {error}") from None
     limits, notes = limits_of(study, ELBOW_LIMITS)
-    settings: dict[str, object] = {"limits": limits, "period": PERIOD if period is None else period}
+    settings: dict[str, object] = {"limits": limits, "period": DEFAULT_PERIOD_S if period is None else period}
     if named.wearer or participant is not None:
         settings |= _limb(study, controller, named, participant)
     if exponents is not None:
@@ -76,6 +77,7 @@ def elbow_values(
         said = "chosen" if exponents else "chosen by five people on another robot"
         remarks |= dict.fromkeys(("exponent_up", "exponent_down"), said)
     notes += tuple(_notes(law, named, card, controller, exponents, place))
+    notes += source_notes(named.card, card)
     return ControllerValues(
         law=law.kind,
         numbers=law.values,
@@ -109,9 +111,10 @@ def _limb(study: Study, controller: str, named: ElbowController, participant: st
 
 def _remarks(study: Study, law: ControlLaw, card: str) -> Mapping[str, str]:
     given = study.rig.limits
+    friction = {field.name for field in LAWS[law.kind].fields if field.resists is not None}
     remarks = {}
     for name, value in law.values.items():
-        if name.startswith(BY_CARD) and not name.endswith("_share"):
+        if name in friction or (name.startswith(BY_CARD) and not name.endswith("_share")):
             remarks[name] = f"from {card}"
         elif name in LIMITED and getattr(given, LIMITED[name]) == value:
             remarks[name] = "from [rig.limits]"

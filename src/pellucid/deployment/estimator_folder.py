@@ -13,6 +13,7 @@ from .. import _core
 from .._errors import PellucidError
 from ..models.emg_estimator import EmgEstimatorCard, read_estimator_card
 from ..models.fields import model_fields
+from ..procedures.card_sources import require_fresh
 from ..recordings.study import Study
 from .c_folder import (
     HEADERS,
@@ -79,7 +80,7 @@ def chosen_card(
         raise PellucidError(f'export: found the controller "{controller}", expected one of {", ".join(ESTIMATORS)}')
     if card is not None:
         path = Path(card) if allow_outside and Path(card).is_absolute() else study.card(card)
-        return read_estimator_card(path)
+        return require_fresh(study, path, read_estimator_card(path))
     who = (*((participant,) if participant else ()), *study.config.emg_torque.joints, "together")
     names = [f"emg_{what}_{kind}.json" for what in who for kind in ([controller] if controller else ESTIMATORS)]
     found = next((path for path in map(study.card, names) if path.is_file()), None)
@@ -88,7 +89,7 @@ def chosen_card(
             f"export of {study.name}: found none of the cards {', '.join(names)} in {study.models_dir}, expected one; "
             f"use: pellucid calibrate {study.folder}. Recordings without one held out, and the chain able, give none"
         )
-    return read_estimator_card(found)
+    return require_fresh(study, found, read_estimator_card(found))
 
 
 def write_estimator_folder(

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from .._errors import PellucidError
 from ..procedures.registry import asked
 from ..recordings.study import Study
-from .c_folder import write_c_folder
+from .c_folder import HEADERS, TEMPLATES, place_of, write_c_folder
 from .controller_values import ControllerValues
 from .elbow_values import elbow_values
 from .estimator_folder import chosen_card, write_estimator_folder
 from .joint_values import joint_values
+from .owned_folder import mark_own_folder, require_own_folder
 from .subject import ENDINGS, export_subject
 from .tree_folder import write_tree_folder
 from .tree_values import tree_values
@@ -33,6 +36,8 @@ def export(
     exponents: tuple[float, float] | None = None,
     period: float | None = None,
     allow_outside: bool = False,
+    accept_stale: bool = False,
+    overwrite: bool = False,
 ) -> Path:
     """Write the controller that the study's model cards make possible, ready to be compiled for a robot; or a person's
     calibrated muscles, for a program that knows muscles.
@@ -66,6 +71,11 @@ def export(
         Of the controller [s]; None: 1 ms, or that of the recordings of an orthosis, of EMG, or of a CEINMS subject.
     allow_outside : bool
         Whether `card` may lie outside the study's folder.
+    accept_stale : bool
+        Whether a card is exported that was made from something else than the study as it is now: an old one, or one
+        of another study.
+    overwrite : bool
+        Whether files are replaced that this export did not write: another controller's, or somebody's own.
 
     Returns
     -------
@@ -75,8 +85,8 @@ def export(
     Raises
     ------
     PellucidError
-        If `to` is no language known, a card is missing or outside, or the study has no controller that can be
-        exported.
+        If `to` is no language known, a card is missing, outside or stale, the study has no controller that can be
+        exported, or the folder holds another one.
 
     Examples
     --------
@@ -87,29 +97,53 @@ def export(
     >>> folder.name
     'controller'
     """
+    if accept_stale:
+        study = replace(study, accept_stale=True)
     if to in ENDINGS:
         given = {"slider": slider, "participant": participant, "controller": controller, "exponents": exponents}
         _require_none(f"export to {to} of {study.name}", given, "muscles have none")
-        return export_subject(study, to, out, card=card, period=period)
+        return export_subject(study, to, out, card=card, period=period, overwrite=overwrite)
     place = study.place("controller") if out is None else Path(out)
     if study.config.tree is not None:
         refused = {"slider": slider, "participant": participant, "exponents": exponents}
         _require_language(study, to, period, refused, "this robot has several joints")
         given = {} if period is None else {"period": period}
         values = tree_values(study, card=card, controller=controller, allow_outside=allow_outside, **given)
-        return write_tree_folder(study.name, values, place)
+        with _owned(place, study, controller or "carried", values.cards, overwrite=overwrite):
+            return write_tree_folder(study.name, values, place)
     if _steps_emg(study, card):
         refused = {"slider": slider, "exponents": exponents}
         _require_language(study, to, period, refused, "torque from EMG has none")
         found = chosen_card(
             study, card=card, controller=controller, participant=participant, allow_outside=allow_outside
         )
-        return write_estimator_folder(study.name, found, place, period=period)
+        with _owned(place, study, "torque from EMG", (f"{found.name}.json",), overwrite=overwrite):
+            return write_estimator_folder(study.name, found, place, period=period)
     values = values_for(
         study, to, card=card, slider=slider, participant=participant, controller=controller, exponents=exponents,
         period=period, allow_outside=allow_outside,
     )  # fmt: skip
-    return write_c_folder(study.name, values, place)
+    worn = study.config.coupling is not None  # its wearer is named by the cards
+    named = controller or ("residual compensator" if worn else "compensation")
+    with _owned(place, study, named, values.cards, None if worn else participant, overwrite=overwrite):
+        return write_c_folder(study.name, values, place)
+
+
+@contextmanager
+def _owned(
+    place: Path, study: Study, controller: str, cards: Sequence[str], participant: str | None = None, *, overwrite: bool
+) -> Iterator[None]:
+    """Refuse a folder that holds another controller or somebody's files, and mark it once it holds this one."""
+    owner = {
+        "controller": controller,
+        "participant": participant or "",
+        "study": study.name,
+        "cards": ", ".join(cards),
+    }
+    names = {Path(place_of(name)).parts[0] for name in TEMPLATES} | {Path(HEADERS).parts[0]}
+    require_own_folder(place, owner, names, overwrite=overwrite)
+    yield
+    mark_own_folder(place, owner)
 
 
 def _steps_emg(study: Study, card: str | None) -> bool:

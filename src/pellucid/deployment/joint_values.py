@@ -7,8 +7,8 @@ from hashlib import sha256
 
 from .._errors import PellucidError
 from ..control.joint_compensation import (
-    PERIOD,
-    RISE,
+    DEFAULT_PERIOD_S,
+    EFFORT_RISE_S,
     WIDTH_SHARE,
     compensation,
     identified_remarks,
@@ -18,6 +18,7 @@ from ..control.joint_compensation import (
 )
 from ..models.card import Card, read_card, read_table
 from ..models.slider_card import SliderCard, read_slider_card
+from ..procedures.card_sources import require_fresh, source_notes
 from ..recordings.study import Study
 from .controller_values import ControllerValues
 
@@ -30,7 +31,7 @@ def joint_values(
     *,
     card: str | None = None,
     slider: float | None = None,
-    period: float = PERIOD,
+    period: float = DEFAULT_PERIOD_S,
     allow_outside: bool = False,
 ) -> ControllerValues:
     """Compensation of gravity and friction by a card that `identify` wrote.
@@ -42,7 +43,8 @@ def joint_values(
         study = replace(study, allow_outside=True)
     name = card or next((n for n in CARDS if study.card(n).is_file()), CARDS[study.rig.slider is not None])
     path = study.card(name)
-    found = (read_slider_card if read_table(path).get("kind") == "slider" else read_card)(path)
+    read = read_slider_card if read_table(path).get("kind") == "slider" else read_card
+    found = require_fresh(study, path, read(path))
     given = study.rig.limits
     try:
         usual = suggested_limits(found, slider)
@@ -51,7 +53,7 @@ def joint_values(
         limits = replace(
             usual,
             effort=effort,
-            rate=effort / RISE,
+            rate=effort / EFFORT_RISE_S,
             velocity=usual.velocity if given.velocity is None else given.velocity,
             position=tuple(u if x is None else x for x, u in zip(stops, usual.position, strict=True)),
             stop_margin=0.0 if None in stops else 0.02 * (stops[1] - stops[0]),
@@ -66,7 +68,7 @@ def joint_values(
         "gravity_share": "chosen",
         "friction_share": "chosen: what is left resists, so that nothing is driven",
         "bandwidth": "chosen",
-        "rate_limit": f"chosen: from 0 to the limit in {1e3 * RISE:g} ms",
+        "rate_limit": f"chosen: from 0 to the limit in {1e3 * EFFORT_RISE_S:g} ms",
         "max_age": "chosen: five periods",
         "max_repeats": "chosen",
     }
@@ -77,7 +79,7 @@ def joint_values(
         "position_max": (given.position_max, "none known: set yours"),
     }
     remarks |= {key: why if value is None else "from [rig.limits]" for key, (value, why) in chosen.items()}
-    notes = ()
+    notes = source_notes(name, found)
     if isinstance(found, SliderCard):
         place = place_on_rail(found, slider)
         notes += (f"The carriage is at {place:.4g} m: inertia and gravity hold there only.",)

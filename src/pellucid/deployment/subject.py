@@ -7,13 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from .._errors import PellucidError, RecordingError
-from ..models.hill import QUANTITIES
+from .._given import require_folder
+from ..models.hill import MUSCLE_QUANTITIES
 from ..models.muscle_card import CARD_KIND, CalibratedMuscles, calibrated_muscles
 from ..models.muscle_geometry import muscle_table
 from ..models.parameter_card import ParameterCard, read_parameter_card
+from ..procedures.card_sources import require_fresh
 from ..procedures.emg_torque.known_muscles import muscle_source
 from ..recordings.ceinms_writer import write_subject
-from ..recordings.muscle_remark import MuscleRemark, read_calibrated
+from ..recordings.muscle_remark import MuscleRemark, exported_study, read_calibrated
 from ..recordings.osim_writer import write_osim
 from ..recordings.study import Study
 from ..recordings.study_muscles import study_coordinates
@@ -26,12 +28,18 @@ TOGETHER = "muscles_together"
 
 
 def export_subject(
-    study: Study, to: str, out: Path | None = None, *, card: str | None = None, period: float | None = None
+    study: Study,
+    to: str,
+    out: Path | None = None,
+    *,
+    card: str | None = None,
+    period: float | None = None,
+    overwrite: bool = False,
 ) -> Path:
     """Write the study's calibrated muscles to a file, ``"osim"`` or ``"ceinms"``.
 
     `out` is a folder, or a file by its ending; `period` of a subject's recursion [s], None: that of the recordings.
-    `study` [emg_torque].
+    `study` [emg_torque]. A file that no export of this study wrote is replaced only if `overwrite`.
     """
     if study.config.emg_torque is None:
         raise PellucidError(f"export of {study.name}: found no [emg_torque], expected the study of muscles for {to}")
@@ -40,18 +48,25 @@ def export_subject(
     kept = calibrated_muscles(_card(study, card))
     folder = study.place("subject") if out is None else Path(out)
     path = folder if folder.suffix.lower() == ENDINGS[to] else folder / f"{study.name}{ENDINGS[to]}"
+    require_folder(path.parent, "a folder to write to")
+    if path.exists() and not overwrite and exported_study(path) != study.name:
+        raise PellucidError(
+            f"{path}: found a file that no export of {study.name} wrote, expected one that did, or nothing. "
+            "Name another with --out, or let it be replaced: --overwrite (overwrite=True)"
+        )
     path.parent.mkdir(parents=True, exist_ok=True)
     if to == "osim":
-        return write_osim(path, _model(study), MuscleRemark(kept, _names(study, kept)))
+        return write_osim(path, _model(study), MuscleRemark(kept, _names(study, kept), study=study.name))
     step = period or float(np.median([1.0 / r.fs for r in study.recordings()]))
-    return write_subject(path, MuscleRemark(kept, _names(study, kept), step), _moved(study, kept))
+    return write_subject(path, MuscleRemark(kept, _names(study, kept), step, study.name), _moved(study, kept))
 
 
 def _card(study: Study, name: str | None) -> ParameterCard:
     if name is not None:
-        return read_parameter_card(study.card(name))
-    found = [read_parameter_card(path) for path in study.cards("muscles_*.json")]
-    found = [card for card in found if card.kind == CARD_KIND]
+        path = study.card(name)
+        return require_fresh(study, path, read_parameter_card(path))
+    read = {path: read_parameter_card(path) for path in study.cards("muscles_*.json")}
+    found = [card for card in read.values() if card.kind == CARD_KIND]
     if not found:
         raise PellucidError(
             f"{study.models_dir}: found no card of muscles, expected one: pellucid calibrate {study.folder}"
@@ -66,7 +81,7 @@ def _card(study: Study, name: str | None) -> ParameterCard:
             f"export of {study.name}: found the cards {', '.join(c.name for c in widest)}, expected one: say which by "
             f"--card {widest[0].name}.json"
         )
-    return widest[0]
+    return next(require_fresh(study, path, card) for path, card in read.items() if card is widest[0])
 
 
 def _model(study: Study) -> Path:
@@ -108,7 +123,7 @@ def muscles_said(path: Path, to: str) -> str:
     lacking += ["delays"] if any(m.delay for m in kept.muscles) else []
     lacking += ["the share of a maximal contraction"] if kept.effort != 1.0 else []
     lacking += ["activation and curves, which are its own"] if to == "osim" else []
-    shared = ("optimal_length_shift", "damping", *QUANTITIES[-4:], "force_length_width", "passive_scale")
+    shared = ("optimal_length_shift", "damping", *MUSCLE_QUANTITIES[-4:], "force_length_width", "passive_scale")
     if to == "ceinms" and any(len({getattr(m, q) for m in kept.muscles}) > 1 for q in shared):
         lacking.append("curves of each muscle: it has the mean's")
     end = f" Kept as a remark alone: {', '.join(lacking)}." if lacking else ""

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 
 from .._errors import PellucidError
-from ..control.joint_compensation import PERIOD
+from ..control.joint_compensation import DEFAULT_PERIOD_S
 from ..control.tree_laws import TreeLaw, carried, full_compensation, transparent
 from ..models.tree_card import TreeCard, read_tree_card
+from ..procedures.card_sources import require_fresh, source_notes
 from ..recordings.study import Study
 
 CARDS = ("tree.best.json", "tree.consistent.json", "tree.base.json")
@@ -38,7 +39,7 @@ def tree_values(
     *,
     card: str | None = None,
     controller: str | None = None,
-    period: float = PERIOD,
+    period: float = DEFAULT_PERIOD_S,
     allow_outside: bool = False,
 ) -> TreeValues:
     """The law of a robot's joints by a card that `identify` wrote: its file name in the models folder, or the first of
@@ -49,9 +50,10 @@ def tree_values(
         study = replace(study, allow_outside=True)
     name = card or next((n for n in CARDS if study.card(n).is_file()), CARDS[0])
     path = study.card(name)
-    found = read_tree_card(path)
+    found = require_fresh(study, path, read_tree_card(path))
     law = LAWS[controller or "carried"](found, period=period)
-    return TreeValues(law, (name,), {name: sha256(path.read_bytes()).hexdigest()}, notes_of(found))
+    notes = (*notes_of(found), *source_notes(name, found))
+    return TreeValues(law, (name,), {name: sha256(path.read_bytes()).hexdigest()}, notes)
 
 
 def notes_of(card: TreeCard) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from ..control.coupling import Coupling
 from ..control.limits import Limits
 from ..control.residual_compensator import design, within
 from ..models.parameter_card import read_parameter_card
+from ..procedures.card_sources import require_fresh, source_notes
 from ..procedures.coupling.actuator_card import CHANNELS, NAME, actuator_card
 from ..recordings.study import Study
 from .controller_values import ControllerValues
@@ -44,7 +45,7 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
     wearer = _wearer(study, participant)
     names = {"orthosis": "orthosis.json", "limb": f"{wearer}.limb.json", "coupling": f"{wearer}.coupling.json"}
     paths = {kind: study.card(name) for kind, name in names.items()}
-    cards = {kind: read_parameter_card(path) for kind, path in paths.items()}
+    cards = {kind: require_fresh(study, path, read_parameter_card(path)) for kind, path in paths.items()}
     actuator, sampled = _actuator(study)
     coupling = Coupling.of_cards(cards["orthosis"], cards["limb"], cards["coupling"], actuator)
     straps = [coupling.scaled(strap_stiffness=k, strap_damping=b) for k in UNCERTAIN for b in UNCERTAIN]
@@ -60,6 +61,7 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
     remarks |= {name: "from recordings of the orthosis alone" for name in actuator if name in remarks}
     remarks |= {name: "of the steady-state Kalman filter" for name in remarks if name.startswith("correct_")}
     gain, delay = f"{GAIN_DB:g} dB", f"{1e3 * DELAY:g} ms"
+    told = [note for kind, name in names.items() for note in source_notes(name, cards[kind])]
     notes = (
         f"For the wearer {wearer} alone: limb and strap are theirs.",
         f"The loop keeps {gain} and {delay} on straps {1 - UNCERTAIN[0]:.0%} softer and stiffer than identified.",
@@ -73,7 +75,7 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
         remarks=remarks,
         cards=tuple(names.values()),
         checksums={name: sha256(paths[kind].read_bytes()).hexdigest() for kind, name in names.items()},
-        notes=(*notes, *stops),
+        notes=(*notes, *stops, *told),
     )
 
 
@@ -93,7 +95,10 @@ def _actuator(study: Study) -> tuple[dict[str, float], float]:
     """By the names of `Coupling`, and the sampling period [s]; the card of a study identified before there was one is
     made of its recordings."""
     path = study.card(f"{NAME}.json")
-    card = read_parameter_card(path) if path.is_file() else actuator_card(study.name, study.recordings("fit"))
+    if path.is_file():
+        card = require_fresh(study, path, read_parameter_card(path))
+    else:
+        card = actuator_card(study.name, study.recordings("fit"))
     if card is None:
         raise PellucidError(
             f'export of {study.name}: found no recording of protocol "sine_tracking" with {", ".join(CHANNELS)} that '

@@ -30,7 +30,7 @@ import numpy as np
 
 from .. import _core
 from ..fit.muscles.muscle_calibration import MuscleSamples
-from ..models.hill import QUANTITIES, HillMuscle
+from ..models.hill import MUSCLE_QUANTITIES, HillMuscle
 
 LINEARISED = 4
 """Times that forces are linearised about the activations found."""
@@ -70,7 +70,7 @@ class AssistedMuscles:
         """Force of each muscle at activations (m, n) [N]."""
         table = np.array([muscle.vector() for muscle in self.muscles])
         for quantity, value in AT_ONCE.items():
-            table[:, QUANTITIES.index(quantity)] = value
+            table[:, MUSCLE_QUANTITIES.index(quantity)] = value
         data = self.samples.data
         held = np.ascontiguousarray(activation)
         return _core.hill_states(table, held, data.length, data.rate, period=data.period, starts=data.starts)[1]

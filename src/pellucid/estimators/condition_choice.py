@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from .._errors import IdentificationError
-from ..fit.muscles.muscle_calibration import MuscleProblem, calibrate_muscles
+from ..fit.muscles.muscle_calibration import MuscleProblem, solve_calibration
 from .families import ESTIMATORS
 from .features import derivatives, features
 from .hill import HillMap
@@ -75,9 +75,10 @@ class Examined:
 
 
 def candidate(name: str) -> bool:
-    """Whether an estimator may be named: it sees EMG, is not told the torque, and has no fixed settings."""
+    """Whether an estimator may be named: it sees EMG, is not told the torque, rebuilds no paper's and has settings."""
     family = ESTIMATORS[name]
-    return family.muscles and not family.told and (family.whole is not None or len(family.settings) > 1)
+    own = not family.told and not family.reconstruction
+    return family.muscles and own and (family.whole is not None or len(family.settings) > 1)
 
 
 def named(found: Mapping[str, Examined]) -> str:
@@ -224,6 +225,6 @@ def _of_muscles(fit: HillMap | UncoupledMap, trials: Sequence[TorqueTrial]) -> C
             problem.model.muscles, samples.only(at[test.fitted]), priors=problem.priors, passive=problem.passive,
             weight=problem.weight,
         )  # fmt: skip
-        return calibrate_muscles(again, method=fit.fit.method).predict(samples)[at[test.judged]]
+        return solve_calibration(again, method=fit.fit.method).predict(samples)[at[test.judged]]
 
     return predict

@@ -2,12 +2,18 @@
 
 An electrode that is stuck on anew, a cable in another socket or another gain changes one channel; another speed or load
 changes nearly all of them. Neither shows in the torque of a map, which goes on as if nothing had happened.
+
+Trials that were fitted may differ in speed and load. Floors and ranges are therefore kept for each fitted trial and for
+each stretch of it that is as long as a watch compares. The ranges of all channels together tell which of these a
+recording is most like, and ranges are held against that one; floors may lie anywhere between the lowest and the highest
+that was fitted. Whatever was fitted so passes its own comparison.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -63,6 +69,24 @@ ELSEWHERE = 0.25
 PENALTY = 10.0
 """Of a pattern's ridge regression, for standardised terms."""
 
+MIN_WATCH_S = 5.0
+"""Seconds of samples before a watch says anything: the quantiles of fewer are those of a single stride."""
+
+COMPARISON_INTERVAL_S = 1.0
+"""Seconds between two comparisons of a watch."""
+
+WINDOW_S = 6.0
+"""Seconds of samples that a watch compares: nearly all of them must have a raised floor before it counts as one."""
+
+BETWEEN_SHARES = (0.25, 0.5, 0.75)
+"""Places between two fitted trials, as shares of the way from the one with less effort to the other in logarithms."""
+
+MAX_LOG_DISTANCE = 10.0
+"""Distance of the logarithms of two ranges of which only one is 0."""
+
+MAX_STRETCH_COUNT = 300
+"""Stretches of a fitted trial that are kept at most: those of five minutes, or evenly spaced ones of a longer trial."""
+
 
 @dataclass(frozen=True)
 class ChannelChange:
@@ -102,14 +126,23 @@ class FittedSession:
     """What the channels of fitted trials were."""
 
     muscles: tuple[str, ...]
-    floor: np.ndarray  # floor, span: (k,) in the envelopes' unit
+    trials: int  # How many were fitted
+    floor: np.ndarray  # floor, span: (k,) of all fitted trials together, in the envelopes' unit
     span: np.ndarray
+    # floors, spans: (s, k) the same of each fitted trial, then of every stretch of each that a watch compares
+    floors: np.ndarray = field(repr=False)
+    spans: np.ndarray = field(repr=False)
     low: np.ndarray = field(repr=False)  # low, high: (2 angles,) ends of angles [rad] and their rates [rad/s]
     high: np.ndarray = field(repr=False)
     patterns: tuple[Ridge, ...] = field(repr=False)  # Of each envelope, by angles and rates
-    repeats: np.ndarray  # (k,) Whether the pattern of one half of what was fitted is that of the other
+    repeats: np.ndarray  # (k,) Whether the pattern of each trial's first half is that of its second
     others: tuple[Ridge, ...] = field(repr=False)  # Of each envelope, by the other envelopes
-    together: np.ndarray = field(repr=False)  # (k, k) Fisher's z of every two envelopes
+    together: np.ndarray = field(repr=False)  # (k, k) Largest Fisher's z of every two envelopes within what was fitted
+    # (k, k) Largest log-likelihood ratio within what was fitted by which channel k goes with the pattern of muscle i
+    # rather than with its own, at least 0
+    own_doubt: np.ndarray = field(repr=False)
+    # (k, k) Largest log-likelihood ratio within what was fitted for an exchange of two channels, at least 0
+    swap_doubt: np.ndarray = field(repr=False)
 
     @classmethod
     def of(cls, trials: Sequence[TorqueTrial]) -> FittedSession:
@@ -123,33 +156,60 @@ class FittedSession:
         floor, top = np.quantile(x, (FLOOR, TOP), axis=0)
         everything = tuple(range(moved.shape[1]))
         patterns = tuple(Ridge(PENALTY, everything).fit(moved, x[:, k]) for k in range(len(muscles)))
-        half = len(x) // 2
-        earlier = (Ridge(PENALTY, everything).fit(moved[:half], x[:half, k]) for k in range(len(muscles)))
-        made = np.column_stack([pattern.predict(moved[half:]) for pattern in earlier])
-        repeats = np.diag(_correlations(made, x[half:])) > CLEAR
         others = ()
         if len(muscles) > 1:
             others = tuple(Ridge(PENALTY).fit(np.delete(x, k, axis=1), x[:, k]) for k in range(len(muscles)))
-        return cls(muscles, floor, top - floor, moved.min(axis=0), moved.max(axis=0), patterns, repeats, others,
-                   _together(x))  # fmt: skip
+        parts = [*trials, *(part for trial in trials for part in _watched_stretches(trial))]
+        stretches = [_stacked([part]) for part in parts]
+        quantiles = np.array([np.quantile(each, (FLOOR, TOP), axis=0) for each, _ in stretches])
+        moves = [moves for _, moves in stretches]
+        none = np.zeros((len(muscles), len(muscles)))
+        made = cls(
+            muscles,
+            len(trials),
+            floor,
+            top - floor,
+            quantiles[:, 0],
+            quantiles[:, 1] - quantiles[:, 0],
+            np.min([each.min(axis=0) for each in moves], axis=0),
+            np.max([each.max(axis=0) for each in moves], axis=0),
+            patterns,
+            _repeating(trials),
+            others,
+            np.max([_together(each) for each, _ in stretches], axis=0),
+            none,
+            none,
+        )
+        return made._with_doubts(stretches)
+
+    def _with_doubts(self, stretches: Sequence[tuple[np.ndarray, np.ndarray]]) -> FittedSession:
+        """The same with what its own `stretches`, envelopes (n, k) and motion (n, 2 angles), say against themselves."""
+        own, swap = self.own_doubt, self.swap_doubt
+        for x, moved in stretches:
+            goes_with = self._correlations(x, moved)
+            own = np.maximum(own, _rather_than_own(goes_with))
+            now = np.diff(np.quantile(x, (FLOOR, TOP), axis=0), axis=0)[0]
+            found = self._swap_scores(now, now, goes_with)
+            swap = np.maximum(swap, np.where(np.isfinite(found), found, 0.0))
+        return replace(self, own_doubt=own, swap_doubt=swap)
 
     def compared(self, trial: TorqueTrial) -> Compared:
         """A trial's channels against those fitted."""
         x, moved = _stacked([trial])
         floor, top = np.quantile(x, (FLOOR, TOP), axis=0)
-        span = np.where(self.span > 0.0, self.span, np.inf)
-        risen, level = (floor - self.floor) / span, (top - floor) / span
+        now = top - floor
+        like = self._span_like(now)
+        level = _level(now, like)
+        risen = floor - np.clip(floor, self.floors.min(axis=0), self.floors.max(axis=0))
+        risen = risen / np.where(like > 0.0, like, np.inf)
         many = bool(np.sum((level > LEVEL) | (level < 1.0 / LEVEL)) > max(2, 0.5 * len(self.muscles)))
         margin = np.maximum(BEYOND * (self.high - self.low), np.tile(HELD, len(self.low) // 2))
         away = ((moved < self.low - margin) | (moved > self.high + margin)).any(axis=1)
         goes_with = self._correlations(x, moved) if np.mean(away) <= ELSEWHERE else None
-        changes = [] if many else self._changes(floor, risen, level / _common(level), goes_with, _together(x))
+        changes = [] if many else self._changes(floor, risen, now, like, goes_with, _together(x))
         named = {change.muscle for change in changes}
-        loud = [
-            (x[:, k] > self.floor[k] + (1.0 + 2.0 * BEYOND) * self.span[k])
-            for k, muscle in enumerate(self.muscles)
-            if muscle not in named
-        ]
+        loudest = (self.floors + (1.0 + 2.0 * BEYOND) * self.spans).max(axis=0)
+        loud = [x[:, k] > loudest[k] for k, muscle in enumerate(self.muscles) if muscle not in named]
         away |= np.sum(loud, axis=0) >= max(2, 0.25 * len(self.muscles))
 
         def by_muscle(values: np.ndarray) -> dict[str, float]:
@@ -176,12 +236,30 @@ class FittedSession:
         """The trial with floor and range of some muscles brought to those fitted, by its first `seconds` [s] alone."""
         first = trial.time <= trial.time[0] + seconds
         made = dict(trial.envelopes)
+        floor, top = np.quantile([made[muscle][first] for muscle in self.muscles], (FLOOR, TOP), axis=1)
+        like = self._most_alike(top - floor, [k for k, muscle in enumerate(self.muscles) if muscle not in muscles])
         for k, muscle in enumerate(self.muscles):
             if muscle in muscles:
-                floor, top = np.quantile(made[muscle][first], (FLOOR, TOP))
-                scale = self.span[k] / (top - floor) if top > floor else 1.0
-                made[muscle] = np.maximum(self.floor[k] + scale * (made[muscle] - floor), 0.0)
+                scale = self.spans[like, k] / (top[k] - floor[k]) if top[k] > floor[k] else 1.0
+                made[muscle] = np.maximum(self.floors[like, k] + scale * (made[muscle] - floor[k]), 0.0)
         return replace(trial, envelopes=made, lead={})
+
+    def _most_alike(self, now: np.ndarray, kept: Sequence[int]) -> int:
+        """The fitted trial whose ranges are most like those `now`, (k,), by the channels `kept`, all if there is none.
+
+        A slow trial's channel is brought to what it was in slow trials, not to the range over all speeds.
+        """
+        channels = list(kept) or list(range(len(self.muscles)))
+        return _most_alike(now[channels], self.spans[: self.trials, channels])
+
+    def _span_like(self, now: np.ndarray) -> np.ndarray:
+        """Ranges of the fitted stretch, or of what lies between two fitted trials, most like those `now`; all (k,)."""
+        whole = self.spans[: self.trials]
+        # Trials in the order of their effort; between two neighbours lie others that nobody recorded.
+        whole = whole[np.argsort(np.prod(np.where(whole > 0.0, whole, 1.0) ** (1.0 / whole.shape[1]), axis=1))]
+        between = [a ** (1.0 - share) * b**share for a, b in pairwise(whole) for share in BETWEEN_SHARES]
+        spans = np.vstack([self.spans, *between])
+        return spans[_most_alike(now, spans)]
 
     def without(self, trial: TorqueTrial, muscles: Collection[str]) -> TorqueTrial:
         """The trial with some envelopes replaced by what the others made of them when the estimator was fitted."""
@@ -206,12 +284,18 @@ class FittedSession:
         self,
         floor: np.ndarray,
         risen: np.ndarray,
-        level: np.ndarray,
+        now: np.ndarray,
+        like: np.ndarray,
         goes_with: np.ndarray | None,
         together: np.ndarray,
     ) -> list[ChannelChange]:
-        found, swapped = [], self._swapped(level, goes_with)
+        """What changed, by floors, their rise, ranges, fitted ones, all (k,), and correlations, both (k, k)."""
+        level = _level(now, like)
+        level = level / _common(level)
+        found, swapped = [], self._swapped(level * like, like, goes_with)
         copies = self._copies(level, goes_with, together)
+        rather_than_own = None if goes_with is None else _rather_than_own(goes_with) - self.own_doubt
+        lowest, highest = self.floors.min(axis=0), self.floors.max(axis=0)
         for k, muscle in enumerate(self.muscles):
             if k in swapped:
                 other = self.muscles[swapped[k]]
@@ -221,7 +305,8 @@ class FittedSession:
                 )  # fmt: skip
                 continue
             if abs(risen[k]) > RISEN:
-                expected = f"{self.floor[k]:.2g}, within {100 * RISEN:g} % of its range, as fitted"
+                ends = dict.fromkeys((f"{lowest[k]:.2g}", f"{highest[k]:.2g}"))
+                expected = f"{' to '.join(ends)}, within {100 * RISEN:g} % of its range, as fitted"
                 found.append(ChannelChange(muscle, "floor", f"a floor of {floor[k]:.2g}", expected))
             if not 1.0 / LEVEL <= level[k] <= LEVEL:
                 said = f"{level[k]:.2g} times the range as fitted, what all changed by taken off"
@@ -234,8 +319,8 @@ class FittedSession:
             elif goes_with is not None:
                 best = int(np.argmax(goes_with[:, k]))
                 known = self.repeats[k] and self.repeats[best]
-                rather = _unexplained(goes_with[k, k]) - _unexplained(goes_with[best, k])
-                if known and goes_with[k, k] < OWN and goes_with[best, k] > CLEAR and rather > PATTERN:
+                clear = goes_with[k, k] < OWN and goes_with[best, k] > CLEAR
+                if known and clear and rather_than_own[best, k] > PATTERN:
                     other = self.muscles[best]
                     said = f"the pattern of {other} (correlation {goes_with[best, k]:.2f})"
                     found.append(ChannelChange(muscle, "pattern", said, f"its own ({goes_with[k, k]:.2f})", other))
@@ -253,27 +338,89 @@ class FittedSession:
             if any(unlike[k] >= unlike[i] for i in np.flatnonzero(close[k]))
         }
 
-    def _swapped(self, level: np.ndarray, goes_with: np.ndarray | None) -> dict[int, int]:
-        """Pairs of channels that stand for each other, the clearest first, by the likelihood of pattern and range."""
+    def _swapped(self, now: np.ndarray, like: np.ndarray, goes_with: np.ndarray | None) -> dict[int, int]:
+        """Pairs of channels that stand for each other, the clearest first, by ranges (k,), fitted ones and patterns."""
         if goes_with is None:
             return {}
+        scores = self._swap_scores(now, like, goes_with) - self.swap_doubt
+        pairs: dict[int, int] = {}
+        for _, i, k in sorted(((scores[i, k], i, k) for i, k in np.argwhere(scores > RATHER)), reverse=True):
+            if i not in pairs and k not in pairs:
+                pairs |= {int(i): int(k), int(k): int(i)}
+        return pairs
+
+    def _swap_scores(self, now: np.ndarray, like: np.ndarray, goes_with: np.ndarray) -> np.ndarray:
+        """Log-likelihood ratio for an exchange of channels i and k > i, by pattern and range; (k, k), elsewhere -inf.
+
+        `now` (k,) are the channels' ranges, `like` (k,) fitted ones; `goes_with` (k, k) as `_correlations` gives it.
+        """
         unexplained = _unexplained(goes_with)
         with np.errstate(divide="ignore", invalid="ignore"):
-            # Of range as channel k against that of muscle i as fitted.
-            off = np.log(level[None, :] * self.span[None, :] / self.span[:, None]) ** 2 / (2.0 * SPREAD**2)
-        scores = []
-        for i in range(len(self.muscles)):
-            for k in range(i + 1, len(self.muscles)):
+            # Row i: the range of each channel k against that of muscle i.
+            off = np.log(now[None, :] / like[:, None]) ** 2 / (2.0 * SPREAD**2)
+        scores = np.full((len(now), len(now)), -np.inf)
+        for i in range(len(now)):
+            for k in range(i + 1, len(now)):
                 rather = min(off[i, i], GAIN) + min(off[k, k], GAIN) - off[i, k] - off[k, i]
                 if self.repeats[i] and self.repeats[k]:
                     rather += unexplained[i, i] + unexplained[k, k] - unexplained[i, k] - unexplained[k, i]
-                if np.isfinite(rather) and rather > RATHER:
-                    scores.append((rather, i, k))
-        pairs: dict[int, int] = {}
-        for _, i, k in sorted(scores, reverse=True):
-            if i not in pairs and k not in pairs:
-                pairs |= {i: k, k: i}
-        return pairs
+                if np.isfinite(rather):
+                    scores[i, k] = rather
+        return scores
+
+
+def _watched_stretches(trial: TorqueTrial) -> list[TorqueTrial]:
+    """The stretches of a trial that a watch compares, at most `MAX_STRETCH_COUNT`, evenly spaced."""
+    every, window = max(1, round(COMPARISON_INTERVAL_S * trial.fs)), round(WINDOW_S * trial.fs)
+    first = -(-round(MIN_WATCH_S * trial.fs) // every) * every
+    ends = range(first, len(trial) + 1, every)
+    if len(ends) > MAX_STRETCH_COUNT:
+        ends = np.linspace(first, len(trial), MAX_STRETCH_COUNT).astype(int).tolist()
+    parts = [slice(max(0, end - window), end) for end in ends]
+    return [
+        replace(
+            trial, time=trial.time[part], torque=trial.torque[part], lead={}, muscles=None,
+            envelopes={m: x[part] for m, x in trial.envelopes.items()},
+            angles={j: q[part] for j, q in trial.angles.items()},
+        )
+        for part in parts
+    ]  # fmt: skip
+
+
+def _repeating(trials: Sequence[TorqueTrial]) -> np.ndarray:
+    """Whether the pattern of the trials' first halves is, in the median trial, that of its second half, (k,)."""
+    each = [_stacked([trial]) for trial in trials]
+    halves = [len(x) // 2 for x, _ in each]
+    x, moved = (np.vstack([both[i][:half] for both, half in zip(each, halves, strict=True)]) for i in (0, 1))
+    everything = tuple(range(moved.shape[1]))
+    patterns = [Ridge(PENALTY, everything).fit(moved, x[:, k]) for k in range(x.shape[1])]
+    found = [
+        np.diag(_correlations(np.column_stack([pattern.predict(moved[half:]) for pattern in patterns]), x[half:]))
+        for (x, moved), half in zip(each, halves, strict=True)
+    ]
+    return np.median(found, axis=0) > CLEAR
+
+
+def _rather_than_own(goes_with: np.ndarray) -> np.ndarray:
+    """Log-likelihood ratio by which channel k goes with the pattern of muscle i rather than with its own, (k, k)."""
+    unexplained = _unexplained(goes_with)
+    return np.diag(unexplained)[None, :] - unexplained
+
+
+def _level(now: np.ndarray, like: np.ndarray) -> np.ndarray:
+    """Ranges `now` over fitted ones, both (k,); 1 of a channel that never ranged, 0 of one that ranges only now."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(like > 0.0, now / like, np.where(now > 0.0, 0.0, 1.0))
+
+
+def _most_alike(now: np.ndarray, spans: np.ndarray) -> int:
+    """Which of `spans`, (s, k), is nearest to `now`, (k,), by the sum of the logarithms' distances.
+
+    A single channel that changed hardly moves such a sum from one to another.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        apart = np.abs(np.log(now / spans))
+    return int(np.argmin(np.nan_to_num(apart, nan=0.0, posinf=MAX_LOG_DISTANCE).sum(axis=1)))
 
 
 def _common(level: np.ndarray) -> float:

@@ -10,8 +10,8 @@ from scipy.special import ndtri
 
 from .. import _core
 from .._errors import IdentificationError
-from ..fit.muscles.muscle_calibration import MuscleFit, MuscleProblem, MuscleSamples, calibrate_muscles
-from ..fit.muscles.muscle_freedom import USUAL
+from ..fit.muscles.muscle_calibration import MuscleFit, MuscleProblem, MuscleSamples, solve_calibration
+from ..fit.muscles.muscle_freedom import DEFAULT_QUANTITIES
 from ..models.hill import HillModel, HillMuscle
 from .cross_validation import Fold, Score, block_folds, grouped_folds, score
 from .muscle_trials import driven_muscles, muscle_samples
@@ -89,7 +89,7 @@ def fit_hill(
     name: str = "hill",
     causal: bool = False,
     weights: Sequence[float] = WEIGHTS,
-    quantities: Sequence[str] = USUAL,
+    quantities: Sequence[str] = DEFAULT_QUANTITIES,
     method: str = "least_squares",
 ) -> HillMap:
     """Calibrate muscles on trials; the weight of anatomy is chosen by cross-validation within them."""
@@ -111,14 +111,14 @@ def fit_hill(
         for fitted, scored in folds:
             problem = MuscleProblem(muscles, samples.only(fitted), quantities=quantities, weight=weight)
             # Choosing asks only which weight is better: one start.
-            predicted[scored] = calibrate_muscles(problem, starts=1).predict(samples)[scored]
+            predicted[scored] = solve_calibration(problem, starts=1).predict(samples)[scored]
         reached = score(samples.torque[counted], predicted[counted])
         tried[weight] = reached.rmse
         if best[0] is None or reached.rmse < best[0].rmse:
             best = reached, weight
     reached, weight = best
     problem = MuscleProblem(muscles, samples, quantities=quantities, weight=weight)
-    fit = calibrate_muscles(problem, method=method)
+    fit = solve_calibration(problem, method=method)
     words = f"{len(muscles)} muscles, {len(problem.names)} parameters; weight of anatomy {weight:g}"
     missed = reached or score(samples.torque[counted], fit.predict(samples)[counted])
     first = trials[0]

@@ -14,9 +14,9 @@ import numpy as np
 from scipy.special import ndtri, stdtrit
 
 from .._errors import IdentificationError
-from ..fit.muscles.coupled_priors import LONGEST, SHORTEST, TIMINGS, Timing, coupled_priors
-from ..fit.muscles.muscle_calibration import MuscleFit, MuscleProblem, MuscleSamples, calibrate_muscles
-from ..fit.muscles.muscle_information import covariance, muscle_parameters, told_by_recording
+from ..fit.muscles.coupled_priors import MAX_TOTAL_DELAY_S, MIN_TOTAL_DELAY_S, TIMING_CANDIDATES, Timing, coupled_priors
+from ..fit.muscles.muscle_calibration import MuscleFit, MuscleProblem, MuscleSamples, solve_calibration
+from ..fit.muscles.muscle_information import covariance, muscle_parameters, recording_information
 from ..fit.parameter import Parameter
 from ..fit.posterior.calibration_posterior import CalibrationPosterior
 from ..models.hill import HillMuscle
@@ -98,7 +98,7 @@ class HillTogether:
 
     def _half(self, unsure: np.ndarray, level: float) -> dict[str, np.ndarray]:
         """With what the muscles do not know, (j, n) [N^2 m^2]."""
-        freedom = told_by_recording(self.fit)[2]
+        freedom = recording_information(self.fit)[2]
         missed = np.array([[self.choice.scores[joint].rmse] for joint in self.joints])
         half = float(stdtrit(freedom, 0.5 + level / 2.0)) * np.sqrt(missed**2 + unsure)
         return dict(zip(self.joints, half, strict=True))
@@ -131,7 +131,7 @@ class HillTogether:
             return None
         delay = next(p for p in self.parameters if p.name == "delay")
         error = 0.0 if np.isnan(delay.standard_error) else delay.standard_error
-        low, high = float(self.delays.max()) - LONGEST, float(self.delays.min()) - SHORTEST
+        low, high = float(self.delays.max()) - MAX_TOTAL_DELAY_S, float(self.delays.min()) - MIN_TOTAL_DELAY_S
         half = float(ndtri(0.975)) * error
         return StreamOffset(0.5 * (low + high), low - half, high + half)
 
@@ -164,7 +164,7 @@ def fit_together(
     *,
     offset: bool = False,
     weights: Sequence[float] = WEIGHTS,
-    timings: Sequence[Timing] = TIMINGS,
+    timings: Sequence[Timing] = TIMING_CANDIDATES,
 ) -> HillTogether:
     """Calibrate the muscles of all joints on the same recordings' trials at each; how the delay is shared out, and the
     weight of anatomy, are chosen by cross-validation within them."""
@@ -188,7 +188,7 @@ def fit_together(
         made = np.full(samples.torque.shape, np.nan)
         for i, (fitted, scored) in enumerate(folds):
             problem = MuscleProblem(muscles, samples.only(fitted), priors=priors, hold=hold, weight=weight)
-            found = calibrate_muscles(problem, starts=1, near=last.get(i))
+            found = solve_calibration(problem, starts=1, near=last.get(i))
             last[i] = found.z
             made[:, scored] = found.predict(samples)[:, scored]
         off = (made - samples.torque) / np.std(samples.torque[:, counted], axis=1, keepdims=True)
@@ -209,7 +209,7 @@ def fit_together(
             tried[timing, weight] = left_out(timing, weight)
     weight = min(weights, key=lambda w: tried[timing, w].missed)
     priors, hold = coupled_priors(muscles, timing, samples.data.period)
-    fit = calibrate_muscles(MuscleProblem(muscles, samples, priors=priors, hold=hold, weight=weight))
+    fit = solve_calibration(MuscleProblem(muscles, samples, priors=priors, hold=hold, weight=weight))
     choice = TogetherChoice(
         weight, timing, tried[timing, weight].scores,
         {f"{t.words}, weight {w:g}": each.missed for (t, w), each in tried.items()},

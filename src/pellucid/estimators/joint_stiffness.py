@@ -24,8 +24,8 @@ import numpy as np
 
 from ..fit.muscles.muscle_calibration import MuscleFit
 from ..fit.muscles.muscle_information import covariance
-from ..models.emg_estimator import GAMMA_SPREAD, EmgEstimatorCard
-from ..models.hill import QUANTITIES
+from ..models.emg_estimator import SHORT_RANGE_STIFFNESS_ERROR_SHARE, EmgEstimatorCard
+from ..models.hill import MUSCLE_QUANTITIES
 from .torque_trial import TorqueTrial
 
 TENDON_SPREAD = 0.3
@@ -92,7 +92,7 @@ def joint_stiffness(card: EmgEstimatorCard, fit: MuscleFit, trial: TorqueTrial) 
     slopes = np.array(
         [(run(_moved(card, fit, i, h))[1] - run(_moved(card, fit, i, -h))[1]) / (2.0 * h) for i, h in enumerate(steps)]
     )
-    known = np.array([GAMMA_SPREAD, TENDON_SPREAD])
+    known = np.array([SHORT_RANGE_STIFFNESS_ERROR_SHARE, TENDON_SPREAD])
     apart = np.array(
         [
             (run(replace(card, **{name: (1.0 + h) * x}))[1] - run(replace(card, **{name: (1.0 - h) * x}))[1])
@@ -135,7 +135,7 @@ def _moved(card: EmgEstimatorCard, fit: MuscleFit, i: int, by: float) -> EmgEsti
     values[:count] = np.clip(values[:count], np.minimum(low, 0.5 * np.abs(low)), high + np.abs(high))
     muscles = {m.name: m for m in fit.problem.model.with_values(values[:count])}
     made = tuple(
-        replace(m, numbers=dict(zip(QUANTITIES, map(float, muscles[m.name].vector()), strict=True)))
+        replace(m, numbers=dict(zip(MUSCLE_QUANTITIES, map(float, muscles[m.name].vector()), strict=True)))
         for m in card.muscles
     )
     tissue = dict(zip(("offset", "stiffness", "damping"), map(float, values[count:]), strict=False))

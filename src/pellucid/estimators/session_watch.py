@@ -7,17 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from .._errors import RecordingError
-from .emg_session import ChannelChange, Compared, FittedSession
+from .emg_session import COMPARISON_INTERVAL_S, MIN_WATCH_S, WINDOW_S, ChannelChange, Compared, FittedSession
 from .torque_trial import TorqueTrial
-
-FIRST = 5.0
-"""Seconds before anything is said: a quantile of fewer is a stride's."""
-
-EVERY = 1.0
-"""Seconds between comparisons."""
-
-KEPT = 6.0
-"""Seconds that are compared: a floor that rose is one once nearly all of them have it."""
 
 
 class SessionWatch:
@@ -26,12 +17,12 @@ class SessionWatch:
     What it says of the samples kept is what `FittedSession.compared` says of a recording of them, to the word.
     """
 
-    def __init__(self, session: FittedSession, joints: tuple[str, ...], fs: float, *, seconds: float = KEPT):
+    def __init__(self, session: FittedSession, joints: tuple[str, ...], fs: float, *, seconds: float = WINDOW_S):
         """`fs` [Hz]; `seconds` [s] that are compared."""
-        if not fs > 0.0 or seconds < FIRST:
+        if not fs > 0.0 or seconds < MIN_WATCH_S:
             raise RecordingError(
                 f"channels watched: found {fs:g} Hz and {seconds:g} s to be compared, expected a rate above 0 and at "
-                f"least {FIRST:g} s"
+                f"least {MIN_WATCH_S:g} s"
             )
         if 2 * len(joints) != len(session.low):
             raise RecordingError(
@@ -63,7 +54,7 @@ class SessionWatch:
             return self.changes
         self._rows[self._count % len(self._rows)] = row
         self._count += 1
-        if self._count >= FIRST * self._fs and self._count % max(1, round(EVERY * self._fs)) == 0:
+        if self._count >= MIN_WATCH_S * self._fs and self._count % max(1, round(COMPARISON_INTERVAL_S * self._fs)) == 0:
             self._known = self._session.compared(self._kept())
         return self.changes
 

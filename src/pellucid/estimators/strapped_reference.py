@@ -19,8 +19,8 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from .. import _core
-from ..fit.strap.strap_fit import SETTLING
-from ..fit.strap.strap_model import NAMES, StrapModel
+from ..fit.strap.strap_fit import REVERSAL_MARGIN_S
+from ..fit.strap.strap_model import CORE_NAMES, StrapModel
 from ..fit.strap.strap_torque import Limb, Orthosis, StrappedSwing, from_orthosis
 from ..signals.filters import central_difference, zero_phase_lowpass
 
@@ -55,7 +55,7 @@ def strapped_torque(
     limb_position, _, against, _ = _core.strap_response(
         strap, position, from_orthosis(trial, orthosis).torque, period=1.0 / trial.fs, still=0.0, active=[]
     )
-    if strap[NAMES.index("strap_slack")] > 0.0:
+    if strap[CORE_NAMES.index("strap_slack")] > 0.0:
         limb_position = position + _through_the_gap(limb_position - position, against, trial.fs)
     angle, through = zero_phase_lowpass(np.column_stack([limb_position, against]), lowpass, 4, trial.fs).T
     velocity = central_difference(angle, trial.fs)
@@ -65,7 +65,7 @@ def strapped_torque(
 
 def _through_the_gap(ahead: np.ndarray, against: np.ndarray, fs: float) -> np.ndarray:
     """How far the limb is ahead, what lies between the flanks of a gap led through it; (n,) [rad]."""
-    reach = max(1, round(SETTLING * fs))
+    reach = max(1, round(REVERSAL_MARGIN_S * fs))
     free = np.convolve(np.abs(against) <= STILL * np.std(against), np.ones(2 * reach + 1), "same") > 0.5
     on_flank = np.flatnonzero(~free)
     if not free.any() or len(on_flank) < 2:

@@ -99,12 +99,14 @@ class SynergyCount:
         return int(self.numbers[int(np.argmax(self.left_out))])
 
 
-def find_synergies(envelopes: np.ndarray, muscles: Sequence[str], number: int) -> Synergies:
+def find_synergies(
+    envelopes: np.ndarray, muscles: Sequence[str], number: int, *, min_muscles: int = FEWEST
+) -> Synergies:
     """Factor envelopes, (n, m) [1], into a `number` of synergies."""
     from sklearn.decomposition import NMF
     from sklearn.exceptions import ConvergenceWarning
 
-    e = require_envelopes(envelopes, muscles)
+    e = require_envelopes(envelopes, muscles, min_muscles)
     if not 1 <= number <= len(muscles):
         raise IdentificationError(f"synergies: found {number}, expected 1 to {len(muscles)}, as many as muscles")
     model = NMF(number, init="nndsvda", solver="cd", max_iter=SWEEPS, tol=1e-4, random_state=SEED)
@@ -122,19 +124,25 @@ def find_synergies(envelopes: np.ndarray, muscles: Sequence[str], number: int) -
 
 
 def count_synergies(
-    envelopes: np.ndarray, time: np.ndarray, muscles: Sequence[str], heldout: np.ndarray | None = None, most: int = 8
+    envelopes: np.ndarray,
+    time: np.ndarray,
+    muscles: Sequence[str],
+    heldout: np.ndarray | None = None,
+    most: int = 8,
+    *,
+    min_muscles: int = FEWEST,
 ) -> SynergyCount:
     """What each number of synergies explains of envelopes (n, m) that were not fitted: those `heldout`, (k, m), or
     where there are none blocks of `time`, (n,) [s], in turn."""
-    e = require_envelopes(envelopes, muscles)
+    e = require_envelopes(envelopes, muscles, min_muscles)
     if heldout is not None and len(heldout):
-        parts = [(e, require_envelopes(heldout, muscles))]
+        parts = [(e, require_envelopes(heldout, muscles, min_muscles))]
     else:
         parts = [(e[fitted], e[judged]) for fitted, judged in block_folds(time, FOLDS, GAP)]
     numbers = np.arange(1, min(most, len(muscles) - 1) + 1)
     rows = []
     for number in numbers:
-        own = [find_synergies(fitted, muscles, int(number)) for fitted, _ in parts]
+        own = [find_synergies(fitted, muscles, int(number), min_muscles=min_muscles) for fitted, _ in parts]
         truth = np.concatenate([judged for _, judged in parts])
         rebuilt = np.concatenate([s.rebuilt(judged) for s, (_, judged) in zip(own, parts, strict=True)])
         filled = np.concatenate(
@@ -143,7 +151,7 @@ def count_synergies(
                 for s, (_, judged) in zip(own, parts, strict=True)
             ]
         )
-        chance = [find_synergies(shifted(fitted), muscles, int(number)) for fitted, _ in parts]
+        chance = [find_synergies(shifted(fitted), muscles, int(number), min_muscles=min_muscles) for fitted, _ in parts]
         apart = [shifted(judged) for _, judged in parts]
         rows.append(
             (
@@ -214,13 +222,13 @@ def non_negative(a: np.ndarray, b: np.ndarray, ridge: float = 0.0) -> np.ndarray
     return x
 
 
-def require_envelopes(envelopes: np.ndarray, muscles: Sequence[str]) -> np.ndarray:
+def require_envelopes(envelopes: np.ndarray, muscles: Sequence[str], min_muscles: int = FEWEST) -> np.ndarray:
     """Envelopes, (n, m), as they may be factored; an error that says why not."""
     e = np.asarray(envelopes, float)
-    if len(muscles) < FEWEST:
+    if len(muscles) < min_muscles:
         raise IdentificationError(
-            f"synergies: found {len(muscles)} muscles ({', '.join(muscles)}), expected at least {FEWEST}: of two there "
-            "is nothing to group"
+            f"synergies: found {len(muscles)} muscles ({', '.join(muscles)}), expected at least {min_muscles}: "
+            "fewer cannot be grouped"
         )
     if e.ndim != 2 or e.shape[1] != len(muscles):
         raise IdentificationError(f"synergies: found envelopes of shape {e.shape}, expected (n, {len(muscles)})")

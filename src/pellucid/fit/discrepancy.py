@@ -30,7 +30,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..models.carried_friction import SEED, SteadyStates, carried_friction, drawn_normal, is_friction
+from ..models.carried_friction import NORMAL_DRAW_SEED, SteadyStates, carried_friction, draw_normal, is_friction
 from ..signals.motion import SLOW_SHARE
 from .regression import Stack
 
@@ -239,7 +239,7 @@ def discrepancy_of(
     friction = _Friction.of(names, values, states)
 
     def nothing() -> Discrepancy:
-        certain = drawn_normal(values, statistical)[:, friction.at] @ friction.terms.T
+        certain = draw_normal(values, statistical)[:, friction.at] @ friction.terms.T
         return Discrepancy(tuple(names), np.zeros((p, p)), ("",) * p, friction.carried(certain))
 
     lacks = neglected(names, values, jacobian, residual, states, statistical)
@@ -265,13 +265,13 @@ def discrepancy_of(
     moved = np.column_stack([moved, shift - moved.sum(axis=1)])
     words = (*words, STICKING)
     cause = iter(np.argmax(np.abs(moved), axis=1))
-    steps = drawn_normal(found, posterior)
+    steps = draw_normal(found, posterior)
     drawn = np.tile(values, (len(steps), 1))
     drawn[:, free] += steps[:, :count] / scale
     rubbing = friction.beside(words[:-1]) * sizes
     forces = drawn[:, friction.at] @ friction.terms.T + steps[:, count:] @ rubbing.T
     # What least squares leaves over may all be friction.
-    forces += size * np.random.default_rng(SEED + 1).standard_normal(forces.shape)
+    forces += size * np.random.default_rng(NORMAL_DRAW_SEED + 1).standard_normal(forces.shape)
     causes = tuple(words[next(cause)] if f else "" for f in free)
     return Discrepancy(tuple(names), covariance, causes, friction.carried(forces))
 

@@ -1,15 +1,21 @@
-"""What every fit returns: estimates by name, with their covariance, printed as a table."""
+"""The result of every fit: parameters by name with their covariance, as text, table, data frame and figure."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from html import escape
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .._tabular import data_frame, html_table, text_table
 from ..models.card import named
 from .parameter import Parameter
+
+if TYPE_CHECKING:
+    import pandas
+
+    from ..drawing.drawing import Figure
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -19,13 +25,13 @@ class Estimates(Mapping[str, Parameter]):
     Attributes
     ----------
     parameters : tuple of Parameter
-        In the order of the covariance.
+        Parameters in the order of the covariance.
     covariance : ndarray, shape (p, p)
-        SI.
+        Covariance of the parameters, SI.
     title : str
-        What was estimated, in a few words.
+        Name of the estimated object, in a few words.
     confidence : float
-        Of the intervals that are printed.
+        Confidence level of the printed intervals.
     """
 
     parameters: tuple[Parameter, ...]
@@ -35,7 +41,7 @@ class Estimates(Mapping[str, Parameter]):
 
     @property
     def every(self) -> tuple[Parameter, ...]:
-        """The parameters, then what follows from them."""
+        """The parameters, then quantities derived from them."""
         return self.parameters
 
     @property
@@ -44,7 +50,7 @@ class Estimates(Mapping[str, Parameter]):
         return np.array([p.value for p in self.parameters])
 
     def interval(self, name: str, level: float | None = None) -> tuple[float, float]:
-        """Confidence interval of the parameter `name` at `level`, by default at `confidence`; in its unit."""
+        """Return the confidence interval of a parameter in its unit, at `level` or by default at `confidence`."""
         return self[name].interval(self.confidence if level is None else level)
 
     def __getitem__(self, name: str) -> Parameter:
@@ -63,28 +69,63 @@ class Estimates(Mapping[str, Parameter]):
         return "", "value", f"{100.0 * self.confidence:g} % interval", "unit", ""
 
     def _facts(self) -> tuple[str, ...]:
-        """Sentences below the table: how good the fit is."""
+        """Sentences on the quality of the fit, printed below the table."""
         return ()
 
+    def to_frame(self, level: float | None = None) -> pandas.DataFrame:
+        """Return the parameters as a data frame with one row each, in SI units.
+
+        Parameters
+        ----------
+        level : float, optional
+            Confidence level of the columns ``low`` and ``high``; `confidence` by default.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Indexed by name; columns ``value``, ``standard_error``, ``low``, ``high``, ``unit``, ``identifiable``,
+            ``at_bound`` and ``refused``.
+
+        Raises
+        ------
+        PellucidError
+            If pandas is not installed.
+        """
+        ends = [self.interval(p.name, level) for p in self.every]
+        columns = {
+            "value": [p.value for p in self.every],
+            "standard_error": [p.standard_error for p in self.every],
+            "low": [low for low, _ in ends],
+            "high": [high for _, high in ends],
+            "unit": [p.unit for p in self.every],
+            "identifiable": [p.identifiable for p in self.every],
+            "at_bound": [p.at_bound for p in self.every],
+            "refused": [p.refused for p in self.every],
+        }
+        return data_frame(columns, [p.name for p in self.every])
+
+    def plot(self) -> Figure:
+        """Draw the parameters with their intervals, relative to their values, in the colours of the report.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        from .parameter_figures import parameters
+
+        return parameters(self).figure
+
     def __str__(self) -> str:
-        table = [self._head(), *self._rows()]
-        widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-        lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in table]
-        return "\n".join(filter(None, (self.title, *lines, *self._facts())))
+        return "\n".join(filter(None, (self.title, text_table(self._head(), self._rows()), *self._facts())))
 
     __repr__ = __str__
 
     def _repr_html_(self) -> str:
-        def row(cells: tuple[str, ...], tag: str) -> str:
-            return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"
-
-        rows = row(self._head(), "th") + "".join(row(cells, "td") for cells in self._rows())
-        facts = "".join(f"<p>{escape(fact)}</p>" for fact in self._facts())
-        return f"<table><caption>{escape(self.title)}</caption>{rows}</table>{facts}"
+        return html_table(self.title, self._head(), self._rows(), self._facts())
 
 
 def _shown(parameter: Parameter, level: float) -> tuple[str, str]:
-    """Value and interval with as many digits as two of the standard error."""
+    """Return value and interval as text, rounded to two digits of the standard error."""
     value, error = parameter.value, parameter.standard_error
     low, high = parameter.interval(level)
     if not (np.isfinite(error) and error > 0.0) or parameter.refused:

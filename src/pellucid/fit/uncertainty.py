@@ -18,6 +18,9 @@ what nearly equal columns share from cancelling. Scores sum to nothing, so that 
 what blocks vary by; k, Student's quantile for 1.5 m/b degrees of freedom over the normal one, allows for how few blocks
 there are. Blocks never reach across two stretches. For white residuals S tends to the textbook's.
 
+Every function here is total. A residual that is zero or holds no finite number has no memory to speak of and gives no
+test of whiteness; parameters that the rows do not tell apart have infinite variances and intervals.
+
 .. [1] M. S. Meketon, B. Schmeiser, "Overlapping batch means: something for nothing?", Proc. Winter Simulation
    Conference, 1984.
 .. [2] H. R. Kuensch, "The jackknife and the bootstrap for general stationary observations", Ann. Statist. 17, 1989.
@@ -64,9 +67,12 @@ def _stretches(lengths: Sequence[int]) -> Iterator[slice]:
         end += n
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def correlation_time(residual: np.ndarray, lengths: Sequence[int]) -> float:
     """Samples over which a residual, (m,), remembers itself: half the sum of its autocorrelations over all lags, up to
-    five such times; 1/2 of white noise, and of what alternates."""
+    five such times; 1/2 of white noise, of what alternates, and of a residual without rows or with a missing number."""
+    if not len(residual) or not np.isfinite(residual).all():
+        return 0.5
     centred = residual - np.mean(residual)
     total = np.zeros(max(lengths))
     for rows in _stretches(lengths):
@@ -81,16 +87,23 @@ def correlation_time(residual: np.ndarray, lengths: Sequence[int]) -> float:
 
 
 def block_length(time: float, rows: int) -> int:
-    """Rows of one block: ten correlation times, or as many as leave the fewest blocks."""
+    """Rows of one block: ten correlation times, or as many as leave the fewest blocks; of a time that is no number, as
+    many as of white noise."""
+    time = time if np.isfinite(time) else 0.5
     return int(np.clip(round(CORRELATION_TIMES * time), 1, max(1, rows // FEWEST_BLOCKS)))
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def long_run_covariance(
     scores: np.ndarray, residual: np.ndarray, lengths: Sequence[int], memory: float | None = None
 ) -> np.ndarray:
     """Sum of all autocovariances of `scores`, (m, p), times their number, by blocks as long as the `residual`'s memory,
     (m,), asks, a correlation time in samples if it is known; gives (p, p)."""
     m, p = scores.shape
+    if m == 0 or p == 0:
+        return np.zeros((p, p))
+    if not np.isfinite(scores).all():
+        return np.full((p, p), np.nan)
     block = block_length(correlation_time(residual, lengths) if memory is None else memory, m)
     # Where a bound holds a parameter its scores have a mean, which is no noise.
     centred = scores - scores.mean(axis=0)
@@ -117,18 +130,21 @@ def long_run_covariance(
 
 def freedom_of(block: int, rows: int) -> float:
     """Degrees of freedom of a variance by overlapping blocks, each of `block` of so many `rows` [1]."""
-    return 1.5 * rows / block
+    return 1.5 * rows / max(block, 1)
 
 
 def student_over_normal(freedom: float) -> float:
-    """Ratio of the 97.5 % quantiles, to 2e-6 from 12 degrees of freedom on [5]_: SciPy's takes a third of a second to
-    load."""
+    """Ratio of the 97.5 % quantiles, to 2e-6 from 12 degrees of freedom on [5]_, infinite without any: SciPy's takes a
+    third of a second to load."""
+    if not freedom > 0.0:
+        return float("inf")
     x, terms = NORMAL, 0.0
     for powers, divisor in STUDENT:
         terms = terms / freedom + sum(c * x**k for k, c in powers.items()) / divisor
     return 1.0 + terms / (freedom * x)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def sandwich(
     jacobian: np.ndarray,
     residual: np.ndarray,
@@ -138,13 +154,16 @@ def sandwich(
     memory: float | None = None,
 ) -> np.ndarray:
     """Covariance of an estimate that solves Z^T rho = 0. `jacobian` (m, p); `residual` (m,) and its `memory` in
-    samples, if known; `instruments` (m, p); `free` (p,); gives (p, p)."""
+    samples, if known; `instruments` (m, p); `free` (p,); gives (p, p), of parameters that the rows do not tell apart
+    infinite variances."""
     p = jacobian.shape[1]
     free = np.ones(p, bool) if free is None else free
     w = jacobian[:, free]
     z = w if instruments is None else instruments[:, free]
     scale = np.linalg.norm(w, axis=0)
-    bread = np.linalg.inv((z / scale).T @ (w / scale))
+    bread = _inverse(z, w, scale)
+    if bread is None:
+        return np.diag(np.where(free, np.inf, 0.0))
     meat = long_run_covariance((z / scale) * residual[:, None], residual, lengths, memory)
     correction = len(residual) / max(len(residual) - int(free.sum()), 1)
     covariance = np.zeros((p, p))
@@ -152,6 +171,18 @@ def sandwich(
     return covariance
 
 
+def _inverse(left: np.ndarray, right: np.ndarray, scale: np.ndarray) -> np.ndarray | None:
+    """Inverse of the product of `left`, (m, p), and `right`, (m, p), their columns divided by `scale`, (p,); None where
+    there is none."""
+    if not np.all(scale > 0.0):
+        return None
+    try:
+        return np.linalg.inv((left / scale).T @ (right / scale))
+    except np.linalg.LinAlgError:
+        return None
+
+
+@np.errstate(over="ignore", invalid="ignore")
 def block_bootstrap(
     jacobian: np.ndarray,
     residual: np.ndarray,
@@ -167,6 +198,8 @@ def block_bootstrap(
     motions as they were. `jacobian` (m, p); `residual` (m,) and its `memory` in samples, if known; `values` (p,);
     gives (p, 2)."""
     scale = np.linalg.norm(jacobian, axis=0)
+    if not np.isfinite(residual).all() or _inverse(jacobian, jacobian, scale) is None:
+        return np.tile([-np.inf, np.inf], (len(values), 1))
     w = jacobian / scale
     scores = w * residual[:, None]
     scores -= scores.mean(axis=0)
@@ -192,17 +225,21 @@ def block_bootstrap(
     return values[:, None] + (np.percentile(steps, [tail, 100.0 - tail], axis=0) / scale).T
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def whiteness(residual: np.ndarray, lengths: Sequence[int], lags: int = 20) -> Whiteness:
-    """Ljung-Box test of the residual, pooled over stretches. `residual` (m,)."""
+    """Ljung-Box test of the residual, pooled over stretches, NaN where nothing is left to test. `residual` (m,)."""
     from scipy.special import chdtrc
 
     ends = np.cumsum(lengths)
     parts = [residual[e - n : e] for e, n in zip(ends, lengths, strict=True) if n > lags + 1]
-    if not parts:
-        return Whiteness(float("nan"), float("nan"), float("nan"), lags, float("nan"))
+    nothing = Whiteness(float("nan"), float("nan"), float("nan"), lags, float("nan"))
+    if not parts or not all(np.isfinite(p).all() for p in parts):
+        return nothing
     mean = np.mean(np.concatenate(parts))
     parts = [p - mean for p in parts]
     power = sum(float(p @ p) for p in parts)
+    if not power > 0.0:
+        return nothing
     n = sum(len(p) for p in parts)
     rho = np.array([sum(float(p[k:] @ p[:-k]) for p in parts) / power for k in range(1, lags + 1)])
     statistic = float(n * (n + 2) * np.sum(rho**2 / (n - np.arange(1, lags + 1))))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..protocols.random_phase_multisine import NAME, random_phase_multisine
+from ..protocols.random_phase_multisine import MULTISINE_NAME, random_phase_multisine
 from .rig import Rig, Taken
 
 
@@ -27,7 +27,7 @@ def multisine_references(rig: Rig, rate: float, seed: int) -> list[tuple[str, st
 
 def multisine_study(rig: Rig, made: Sequence[Taken], channels: tuple[str, str]) -> dict[str, Any]:
     """What study.toml asks of what was `made`, if that is a first look: a transfer function between two `channels`."""
-    if not any(taken.trial.protocol == NAME for taken in made):
+    if not any(taken.trial.protocol == MULTISINE_NAME for taken in made):
         return {}
     said = rig["multisine"]
     asked = {"input": channels[0], "output": channels[1], "reference": "reference"}

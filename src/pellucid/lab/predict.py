@@ -8,7 +8,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .._errors import StudyError
+from .._errors import PellucidError, StudyError
 from ..control.elbow_controllers import ELBOW_CONTROLLERS
 from ..procedures.result import FigureTable, Result
 from ..recordings.results import ResultRow, write_rows
@@ -104,6 +104,7 @@ def predict(
     >>> low, middle, high = found.studies.interval("vmax", "CLPC")                   # doctest: +SKIP
     """
     rigs = [_rig(Path(each)) for each in (folder, *others)]
+    _require_counts(len(rigs), people=people, robots=robots, movements=movements, participants=participants, seed=seed)
     unknown = [name for name in controllers or () if name not in ELBOW_CONTROLLERS]
     if unknown:
         raise StudyError(
@@ -118,6 +119,22 @@ def predict(
     found = _found(study_name(Path(folder)), made, studies, participants)
     write_rows(Path(folder) / PREDICTION_FILE, "predict", found.rows)
     return found
+
+
+def _require_counts(folders: int, *, people: int, robots: int, movements: int, participants: int, seed: int) -> None:
+    """Raise a PellucidError for numbers with which no study can be drawn, before anything is simulated."""
+    if seed < 0:
+        raise PellucidError(f"predict: found the seed {seed}, expected 0 or more")
+    if participants < 1 or people < participants:
+        raise PellucidError(
+            f"predict: found {people} people and {participants} participants of a study, expected 1 participant or "
+            "more "
+            "and at least as many people"
+        )
+    if robots < folders:
+        raise PellucidError(f"predict: found {robots} robots for {folders} models of people, expected one for each")
+    if movements < 2 or movements % 2:
+        raise PellucidError(f"predict: found {movements} movements, expected an even number: there and back")
 
 
 def _rig(folder: Path) -> PointingRig:

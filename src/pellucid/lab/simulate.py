@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .._errors import PellucidError, StudyError
+from .._given import require_folder
 from ..recordings.study import STUDY_FILE, Study
 from .init import RIG_FILE
 from .known_rigs import parse_rig, text_of_rig
@@ -77,6 +78,8 @@ def simulate(
     True
     """
     folder, tell = Path(folder), on_progress or (lambda text, share: None)
+    if seed < 0:
+        raise StudyError(f"simulate: found the seed {seed}, expected 0 or more")
     path = rig_file(folder)
     if (folder / STUDY_FILE).exists() and not (folder / TRUTH_FILE).exists():
         raise StudyError(f"{folder}: found a study that was not simulated, which simulate would overwrite")
@@ -96,6 +99,7 @@ def simulate(
 
 def rig_file(folder: Path) -> Path:
     """Where a folder's rig is said; a StudyError if nowhere."""
+    require_folder(folder, f"a folder with {RIG_FILE} in it", StudyError)
     path = folder / RIG_FILE
     if not path.is_file():
         raise StudyError(f"{path}: no such file; make one with: pellucid init {folder} --rig NAME")

@@ -53,7 +53,7 @@ HEEL_TO_ANKLE = 0.25
 
 
 @dataclass(frozen=True)
-class Shares:
+class DeLevaShares:
     """One sex's row of de Leva's table, the shank from knee to ankle centre."""
 
     shank_length: float  # shank_length, foot_length: Shares of the standing height
@@ -67,10 +67,10 @@ class Shares:
     foot_gyration: float
 
 
-DE_LEVA: Mapping[str, Shares] = MappingProxyType(
+DE_LEVA: Mapping[str, DeLevaShares] = MappingProxyType(
     {
-        "female": Shares(0.4386 / 1.735, 0.2283 / 1.735, 0.0481, 0.0129, 0.4352, 0.4014, 0.263, 0.279),
-        "male": Shares(0.4403 / 1.741, 0.2581 / 1.741, 0.0433, 0.0137, 0.4395, 0.4415, 0.246, 0.245),
+        "female": DeLevaShares(0.4386 / 1.735, 0.2283 / 1.735, 0.0481, 0.0129, 0.4352, 0.4014, 0.263, 0.279),
+        "male": DeLevaShares(0.4403 / 1.741, 0.2581 / 1.741, 0.0433, 0.0137, 0.4395, 0.4415, 0.246, 0.245),
     }
 )
 

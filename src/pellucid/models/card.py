@@ -13,13 +13,13 @@ import numpy as np
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
 from .._given import read_given
-from .card_schema import LARGEST, fields_of, require_between, require_sound
-from .joint import FAMILIES, SYMBOLS, JointModel
+from .card_schema import MAX_CARD_NUMBER, fields_of, require_between, require_sound
+from .joint import FAMILIES, SYMBOLS_BY_NAME, JointModel
 
-FORMAT = 1
+CARD_FORMAT = 1
 """Version of the card's layout; a reader refuses a newer one."""
 
-EFFORTS: Mapping[str, tuple[str, ...]] = {"rotary": ("N*m", "A", "V"), "prismatic": ("N", "A", "V")}
+EFFORT_UNITS: Mapping[str, tuple[str, ...]] = {"rotary": ("N*m", "A", "V"), "prismatic": ("N", "A", "V")}
 """Units that an effort may have, by motion."""
 
 
@@ -36,11 +36,11 @@ class CardParameter:
     identifiable: bool = True
     statistical_error: float | None = None  # What coloured residuals alone make; None of old cards
     refused: str = ""  # Why the interval should not be read
-    carried: float | None = None  # Of friction, what a compensation carries; None of old cards
+    carried: float | None = None  # friction coefficient that a compensation uses; None in old cards
 
 
 def named(parameters: Iterable[Any], name: str, where: str) -> Any:
-    """Which of `parameters` has this `name`; messages say `where` they are."""
+    """Return the one of `parameters` that has this `name`; messages begin with `where`."""
     known = {parameter.name: parameter for parameter in parameters}
     if name not in known:
         raise KeyError(f"{where} has no parameter {name!r}; it has {', '.join(known)}")
@@ -62,6 +62,8 @@ class Card:
     known: Mapping[str, float]  # Parameters that were fixed beforehand, SI
     # What of it coloured residuals alone make, and two identifications of one joint differ by; () of old cards
     statistical: tuple[tuple[float, ...], ...] = field(default=(), kw_only=True)
+    # Checksums of what it was made from, by name; empty of old cards, and of those of no study
+    made_from: Mapping[str, str] = field(default_factory=dict, kw_only=True)
 
     @classmethod
     def from_table(cls, table: Mapping, path: Path) -> Self:
@@ -69,19 +71,19 @@ class Card:
         try:
             card = cls(**fields_of(cls, table))
             for name, x in (*card.known.items(), *card.drive.items()):
-                require_between(name, x, -LARGEST, LARGEST)
+                require_between(name, x, -MAX_CARD_NUMBER, MAX_CARD_NUMBER)
         except ValueError as error:
-            raise PellucidError(f"{path}: not a model card of format {FORMAT}: {error}") from None
+            raise PellucidError(f"{path}: not a model card of format {CARD_FORMAT}: {error}") from None
         require_sound(path, card)
         return card
 
     def __post_init__(self):
         # A card may be a stranger's, and its units reach pages and source.
-        if self.motion not in EFFORTS:
-            raise ValueError(f"found the motion {self.motion!r}, expected one of {', '.join(EFFORTS)}")
-        if self.effort_unit not in EFFORTS[self.motion]:
+        if self.motion not in EFFORT_UNITS:
+            raise ValueError(f"found the motion {self.motion!r}, expected one of {', '.join(EFFORT_UNITS)}")
+        if self.effort_unit not in EFFORT_UNITS[self.motion]:
             raise ValueError(
-                f"found the effort_unit {self.effort_unit!r}, expected one of {', '.join(EFFORTS[self.motion])}"
+                f"found the effort_unit {self.effort_unit!r}, expected one of {', '.join(EFFORT_UNITS[self.motion])}"
             )
 
     @property
@@ -128,12 +130,12 @@ class ModelCard(Card):
     pellucid: str
     joint: str = "joint"
     purpose: str = ""
-    format: int = field(default=FORMAT)
+    format: int = field(default=CARD_FORMAT)
     presliding_travel: CardParameter | None = None
 
     def model(self) -> JointModel:
         """The joint model whose free symbols the card's parameters are."""
-        symbols = tuple(SYMBOLS[p.name] for p in self.parameters)
+        symbols = tuple(SYMBOLS_BY_NAME[p.name] for p in self.parameters)
         return JointModel(self.family, symbols, self.motion, self.effort_unit, dict(self.known))
 
 
@@ -146,7 +148,7 @@ def read_card(path: Path) -> ModelCard:
     """Read a card."""
     card = ModelCard.from_table(read_table(path), path)
     named = {p.name: p.value for p in card.parameters}
-    unknown = [name for name in (*named, *card.known) if name not in SYMBOLS]
+    unknown = [name for name in (*named, *card.known) if name not in SYMBOLS_BY_NAME]
     if unknown:
         raise PellucidError(f"{path}: unknown parameters {', '.join(unknown)}")
     try:
@@ -154,9 +156,14 @@ def read_card(path: Path) -> ModelCard:
             raise ValueError(f"found the family {card.family!r}, expected one of {', '.join(FAMILIES)}")
         require_between("velocity_range", card.velocity_range, 1e-9, 1e6)
         for name, value in (named | dict(card.known)).items():
-            require_between(name, value, max(SYMBOLS[name].lower, -LARGEST), min(SYMBOLS[name].upper, LARGEST))
+            require_between(
+                name,
+                value,
+                max(SYMBOLS_BY_NAME[name].lower, -MAX_CARD_NUMBER),
+                min(SYMBOLS_BY_NAME[name].upper, MAX_CARD_NUMBER),
+            )
         for p in card.parameters:
-            unit = SYMBOLS[p.name].unit(card.motion, card.effort_unit)
+            unit = SYMBOLS_BY_NAME[p.name].unit(card.motion, card.effort_unit)
             if p.unit != unit:
                 raise ValueError(f'{p.name}: found the unit "{p.unit}", expected "{unit}"')
     except ValueError as error:
@@ -177,6 +184,6 @@ def read_table(path: Path) -> dict:
     version = table.get("format") if isinstance(table, dict) else None
     if not isinstance(version, int):
         raise PellucidError(f"{path}: not a model card: no integer 'format'")
-    if version > FORMAT:
-        raise PellucidError(f"{path}: a model card of format {version}; this version reads up to {FORMAT}")
+    if version > CARD_FORMAT:
+        raise PellucidError(f"{path}: a model card of format {version}; this version reads up to {CARD_FORMAT}")
     return table

@@ -14,14 +14,17 @@ from .. import _given
 from .._errors import PellucidError
 from ..units import to_si_factor
 
-LARGEST = 1e9
-"""Of any number of a card that is no variance, in SI."""
+MAX_CARD_NUMBER = 1e9
+"""Largest absolute value of any number of a card, variances excepted, in SI."""
 
-VARIANCE = 1e30
-"""Largest, of a parameter that was not determined."""
+MAX_CARD_VARIANCE = 1e30
+"""Largest absolute value of a variance. That of a parameter that was not determined is huge."""
 
-LONGEST, MOST = 2000, 10_000
-"""Characters of a text, entries of a list."""
+MAX_TEXT_LENGTH = 2000
+"""Largest number of characters of a text in a card."""
+
+MAX_ENTRY_COUNT = 10_000
+"""Largest number of entries of a list or an object in a card."""
 
 
 def fields_of(kind: type, table: Any, *, missing: bool = False) -> dict[str, Any]:
@@ -46,7 +49,7 @@ def _typed(hint: Any, x: Any, where: str, missing: bool) -> Any:
         if x is None and type(None) in within:
             return None
         kinds = [k for k in within if k is not type(None)]
-        # Of several plain types the one that it is; an integer may stand for a float.
+        # The value's own type is chosen among several; an integer may stand for a float.
         chosen = next((k for k in kinds if type(x) is k), float if type(x) is int and float in kinds else kinds[0])
         return _typed(chosen, x, where, missing)
     if is_dataclass(hint):
@@ -55,30 +58,30 @@ def _typed(hint: Any, x: Any, where: str, missing: bool) -> Any:
         except ValueError as error:
             raise ValueError(f"{where}: {error}") from None
     if origin is tuple:
-        if not isinstance(x, list) or len(x) > MOST:
-            raise ValueError(f"{where}: found {_short(x)}, expected a list of at most {MOST}")
+        if not isinstance(x, list) or len(x) > MAX_ENTRY_COUNT:
+            raise ValueError(f"{where}: found {_short(x)}, expected a list of at most {MAX_ENTRY_COUNT}")
         if within[-1] is not Ellipsis and len(x) != len(within):
             raise ValueError(f"{where}: found {len(x)} entries, expected {len(within)}")
         each = [within[0]] * len(x) if within[-1] is Ellipsis else within
         return tuple(_typed(k, y, f"{where}[{i}]", missing) for i, (k, y) in enumerate(zip(each, x, strict=True)))
     if origin is not None:
-        if not isinstance(x, Mapping) or len(x) > MOST:
-            raise ValueError(f"{where}: found {_short(x)}, expected an object with at most {MOST} keys")
+        if not isinstance(x, Mapping) or len(x) > MAX_ENTRY_COUNT:
+            raise ValueError(f"{where}: found {_short(x)}, expected an object with at most {MAX_ENTRY_COUNT} keys")
         return {
             _typed(str, k, where, missing): _typed(within[1], y, f"{where}.{k[:50]}", missing) for k, y in x.items()
         }
     if hint is float:
         if x is None and missing:
             return math.nan
-        if isinstance(x, bool) or not isinstance(x, (int, float)) or not abs(x) <= VARIANCE:
+        if isinstance(x, bool) or not isinstance(x, (int, float)) or not abs(x) <= MAX_CARD_VARIANCE:
             raise ValueError(f"{where}: found {_short(x)}, expected a number")
         return float(x)
     if type(x) is not hint:
         raise ValueError(f"{where}: found {_short(x)}, expected {hint.__name__}")
-    if hint is int and abs(x) > LARGEST:
-        raise ValueError(f"{where}: found {_short(x)}, expected at most {LARGEST:g}")
-    if hint is str and (len(x) > LONGEST or _given.seen(x) != x):
-        raise ValueError(f"{where}: found {_short(x)}, expected at most {LONGEST} characters that can be seen")
+    if hint is int and abs(x) > MAX_CARD_NUMBER:
+        raise ValueError(f"{where}: found {_short(x)}, expected at most {MAX_CARD_NUMBER:g}")
+    if hint is str and (len(x) > MAX_TEXT_LENGTH or _given.seen(x) != x):
+        raise ValueError(f"{where}: found {_short(x)}, expected at most {MAX_TEXT_LENGTH} characters that can be seen")
     return x
 
 
@@ -110,7 +113,7 @@ def _require_sound_parameters(parameters: Iterable[Any]) -> None:
         if re.fullmatch(r"[\w .:^*+-]{1,100}", p.name) is None or p.name in seen:
             raise ValueError(f"found the parameter {_short(p.name)}, expected a name, each once")
         seen.add(p.name)
-        require_between(p.name, p.value, -LARGEST, LARGEST)
+        require_between(p.name, p.value, -MAX_CARD_NUMBER, MAX_CARD_NUMBER)
         if p.standard_error < 0.0:
             raise ValueError(f"{p.name}: found the standard error {p.standard_error:g}, expected 0 or more")
         if p.interval is None:

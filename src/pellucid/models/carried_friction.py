@@ -19,22 +19,37 @@ from dataclasses import dataclass
 
 import numpy as np
 
-RESISTING = ("coulomb", "viscous", "stribeck", "load", "square_root")
-"""What the names of friction begin with."""
+from .. import _core
+from .joint import PARAMETER_FIELDS, PARAMETER_INDEX, SYMBOLS_BY_NAME
 
-EXCEEDED = 0.05
-"""Share of cases in which what is carried may exceed the true friction somewhere."""
+EXCEEDANCE_PROBABILITY = 0.05
+"""Probability with which the carried friction may exceed the true friction somewhere."""
 
-SPEEDS, LOADS, DRAWS, SEED = 9, 5, 2000, 20261122
+SPEED_GRID_COUNT = 9
+"""Number of speeds at which friction is compared."""
+
+LOAD_GRID_COUNT = 5
+"""Number of loads at which friction is compared."""
+
+NORMAL_DRAW_COUNT = 2000
+"""Number of draws of the true friction."""
+
+NORMAL_DRAW_SEED = 20261122
+"""Seed of these draws, so that equal fits carry equal friction."""
+
+PROBE_COEFFICIENT = 0.5
+"""Value at which a coefficient's friction per unit is asked of the core: within the bounds of every one."""
 
 
 def is_friction(name: str) -> bool:
     """Whether a parameter is a coefficient of friction."""
-    return name.startswith(RESISTING) and name != "stribeck_velocity"
+    return name in SYMBOLS_BY_NAME and any(
+        PARAMETER_FIELDS[target].resists is not None for target in SYMBOLS_BY_NAME[name].targets
+    )
 
 
-REACH = (0.01, 0.99)
-"""Between which shares of the speeds and loads that were recorded, ordered by size, friction is known."""
+RECORDED_QUANTILES = (0.01, 0.99)
+"""Quantiles of the recorded speeds and loads between which friction counts as known."""
 
 
 @dataclass(frozen=True)
@@ -47,26 +62,29 @@ class SteadyStates:
     @classmethod
     def within(cls, velocity: np.ndarray, load: np.ndarray) -> SteadyStates:
         """Over the speeds and loads of a recording, each (m,) [rad/s or m/s], [effort]."""
-        speeds, loads = (np.quantile(np.abs(x), REACH) for x in (velocity, load))
+        speeds, loads = (np.quantile(np.abs(x), RECORDED_QUANTILES) for x in (velocity, load))
         v, y, direction, side = np.meshgrid(
-            np.linspace(*speeds, SPEEDS), np.linspace(*loads, LOADS), (1.0, -1.0), (1.0, -1.0), indexing="ij"
+            np.linspace(*speeds, SPEED_GRID_COUNT),
+            np.linspace(*loads, LOAD_GRID_COUNT),
+            (1.0, -1.0),
+            (1.0, -1.0),
+            indexing="ij",
         )
         return cls((v * direction).ravel(), (y * side).ravel())
 
     def terms(self, names: Sequence[str], stribeck_velocity: float = 0.0) -> np.ndarray:
-        """What resists, per unit of the coefficients `names`, (k, p)."""
-        v, driven = np.abs(self.velocity), self.velocity * self.load > 0.0
-        boundary = np.exp(-((v / stribeck_velocity) ** 2)) if stribeck_velocity > 0.0 else np.zeros(len(v))
-        size = {"coulomb": np.ones(len(v)), "viscous": v, "stribeck": boundary, "load": np.abs(self.load)}
-        size["square"] = np.sqrt(v)
-        only = {
-            "positive": self.velocity > 0.0, "negative": self.velocity < 0.0, "motoring": driven, "generating": ~driven,
-        }  # fmt: skip
-        columns = [np.zeros((len(v), 0))]
-        for name in names:
-            kind, _, which = name.partition("_")
-            columns.append((size[kind] * only.get(which, 1.0))[:, None])
-        return np.hstack(columns)
+        """What resists, per unit of the coefficients `names`, (k, p), as the core's own friction has it."""
+        direction = np.copysign(1.0, self.velocity)
+        velocity = direction * np.maximum(np.abs(self.velocity), np.finfo(float).tiny)
+        made, still = np.zeros((len(velocity), len(names))), np.zeros(len(velocity))
+        for column, name in enumerate(names):
+            vector = np.zeros(len(PARAMETER_INDEX))
+            # An inertia of 1 makes the load the acceleration.
+            vector[PARAMETER_INDEX["inertia"]], vector[PARAMETER_INDEX["stribeck_velocity"]] = 1.0, stribeck_velocity
+            vector[[PARAMETER_INDEX[target] for target in SYMBOLS_BY_NAME[name].targets]] = PROBE_COEFFICIENT
+            effort = _core.inverse_dynamics(vector, still, velocity, self.load)
+            made[:, column] = (effort - self.load) * direction / PROBE_COEFFICIENT
+        return made
 
 
 def carried_friction(
@@ -84,15 +102,15 @@ def carried_friction(
     least = middle
     if unsure.any():
         beyond = np.max((middle - drawn)[:, unsure] / spread[unsure], axis=1)
-        least = middle - np.quantile(beyond, 1.0 - EXCEEDED) * spread
+        least = middle - np.quantile(beyond, 1.0 - EXCEEDANCE_PROBABILITY) * spread
     bounds = [(0.0, x) for x in found]
     made = linprog(-terms.sum(axis=0), A_ub=terms, b_ub=np.maximum(least, 0.0), bounds=bounds, method="highs")
     carried = np.zeros(len(names)) if made.x is None else np.clip(made.x, 0.0, found)
     return dict(zip(names, map(float, carried), strict=True))
 
 
-def drawn_normal(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+def draw_normal(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Draws of a normal vector, (n, p), the same every time."""
     spread, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
     root = vectors * np.sqrt(np.maximum(spread, 0.0))
-    return mean + np.random.default_rng(SEED).standard_normal((DRAWS, len(mean))) @ root.T
+    return mean + np.random.default_rng(NORMAL_DRAW_SEED).standard_normal((NORMAL_DRAW_COUNT, len(mean))) @ root.T

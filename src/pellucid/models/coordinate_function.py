@@ -41,7 +41,7 @@ class Linear:
 
 @dataclass(frozen=True)
 class Polynomial:
-    """Of one coordinate, coefficients from the highest power down."""
+    """Polynomial of one coordinate, with coefficients from the highest power down."""
 
     coefficients: tuple[float, ...]
 
@@ -50,7 +50,7 @@ class Polynomial:
 
 
 @dataclass(frozen=True)
-class Scaled:
+class ScaledFunction:
     """A function times a factor, as scaling a model to a person leaves it."""
 
     function: CoordinateFunction
@@ -62,7 +62,7 @@ class Scaled:
 
 
 @dataclass(frozen=True)
-class Chords:
+class PiecewiseLinear:
     """Straight from point to point, and on beyond the last."""
 
     x: tuple[float, ...]

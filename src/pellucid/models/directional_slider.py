@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .filtered_dynamics import regressor
-from .joint import GRAVITY, INDEX, NAMES
+from .joint import GRAVITY, NAMES, PARAMETER_INDEX
 
 UNITS: Mapping[str, str] = {
     "moment_slope": "kg",
@@ -32,7 +32,14 @@ UNITS: Mapping[str, str] = {
 }
 """Parameters of one set, in the order of every array, and their units."""
 
-GRAVITY_TERMS, FRICTION_TERMS, INERTIA_TERMS = slice(0, 3), slice(3, 5), slice(5, 8)
+GRAVITY_TERMS = slice(0, 3)
+"""Places of the gravity parameters in a set."""
+
+FRICTION_TERMS = slice(3, 5)
+"""Places of the friction parameters in a set."""
+
+INERTIA_TERMS = slice(5, 8)
+"""Places of the inertia parameters in a set."""
 
 VELOCITY_WIDTH = 0.01  # rad/s: of the smooth sign, a twentieth of the slowest commanded velocity
 
@@ -52,7 +59,7 @@ def selection(slider: float) -> np.ndarray:
     matrix = np.zeros((len(NAMES), len(UNITS)))
     for column, name in enumerate(UNITS):
         for target, gain in one[name].items():
-            matrix[INDEX[target], column] = gain
+            matrix[PARAMETER_INDEX[target], column] = gain
     return matrix
 
 

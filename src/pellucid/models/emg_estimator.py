@@ -16,25 +16,30 @@ import numpy as np
 from .. import _core
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
-from .card import FORMAT, CardParameter, read_table
-from .card_schema import LARGEST, fields_of, require_between, require_sound
-from .hill import QUANTITIES
+from .card import CARD_FORMAT, CardParameter, read_table
+from .card_schema import MAX_CARD_NUMBER, fields_of, require_between, require_sound
+from .hill import MUSCLE_QUANTITIES
 from .muscle_surface import MuscleSurface
 
 KIND = "emg_estimator"
 
-PATIENCE = 0.05
-"""That a channel or an angle keeps its last value before it is lost [s]."""
+DEFAULT_PATIENCE_S = 0.05
+"""A channel or an angle keeps its last value for this time before it counts as lost [s]."""
 
-GAMMA, GAMMA_SPREAD = 23.4, 0.15
-"""Short-range stiffness of a fibre in its force over l_o, and its standard error's share: one number for six muscles of
-cats, within 30 % (Cui et al. 2008)."""
+SHORT_RANGE_STIFFNESS = 23.4
+"""Short-range stiffness of a fibre, in its force over l_o: one number for six muscles of cats (Cui et al. 2008)."""
+
+SHORT_RANGE_STIFFNESS_ERROR_SHARE = 0.15
+"""Standard error of that stiffness as a share of it. Single muscles lie within 30 % (Cui et al. 2008)."""
 
 TENDON_STRAIN = 0.033
-"""Of a tendon under F_0."""
+"""Strain of a tendon under the force F_0 [1]."""
 
-MOST_DELAY, MOST_LAG = 509, 511
-"""Samples that the core's module has room for."""
+MAX_DELAY_SAMPLES = 509
+"""Longest electromechanical delay that the core's module has room for [samples]."""
+
+MAX_LAG_SAMPLES = 511
+"""Longest lag of an envelope that the core's module has room for [samples]."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +47,7 @@ class EstimatorChannel:
     """One channel of EMG."""
 
     name: str
-    scale: float  # Of the envelope that the chain makes, or that is given
+    scale: float  # scale of the envelope that the chain makes, or that is given
     rest: float  # Envelope of a channel that is lost
     ceiling: float  # Above it no muscle's, cut off there
 
@@ -52,8 +57,8 @@ class EstimatorMuscle:
     """One muscle."""
 
     name: str
-    numbers: Mapping[str, float]  # Of `QUANTITIES`, SI
-    shares: Mapping[str, float]  # Of each channel's envelope in its excitation
+    numbers: Mapping[str, float]  # value of each of `MUSCLE_QUANTITIES`, SI
+    shares: Mapping[str, float]  # share of each channel's envelope in the muscle's excitation
     surface: MuscleSurface
 
 
@@ -74,7 +79,7 @@ class EstimatorJoint:
     offset: float  # [N m]
     stiffness: float  # [N m/rad]
     damping: float  # [N m s/rad]
-    limit: float  # Of |torque| [N m]
+    limit: float  # largest |torque| [N m]
     terms: tuple[EstimatorTerm, ...] = ()
 
 
@@ -91,21 +96,22 @@ class EmgEstimatorCard:
     period: float  # From one step to the next [s]
     motion_lowpass: float  # On angles before they are differentiated, order 2 [Hz]
     lags: tuple[float, ...] = ()  # How much earlier a map sees envelopes too [s]
-    patience: float = PATIENCE  # [s]
+    patience: float = DEFAULT_PATIENCE_S  # [s]
     chain: str = "none"  # From raw EMG to the envelope; none: envelopes are given
-    emg_rate: float = 0.0  # Of raw EMG [Hz]
+    emg_rate: float = 0.0  # sampling rate of raw EMG [Hz]
     before: tuple[tuple[float, ...], ...] = ()  # before, after: Second-order sections of the chain at this rate
     after: tuple[tuple[float, ...], ...] = ()
-    gamma: float = GAMMA
+    gamma: float = SHORT_RANGE_STIFFNESS
     tendon_strain: float = TENDON_STRAIN
     notes: tuple[str, ...] = ()
     checksums: Mapping[str, str] = field(default_factory=dict)
     pellucid: str = ""
+    made_from: Mapping[str, str] = field(default_factory=dict)  # Checksums of what it was made from, by name
     kind: str = KIND
     parameters: tuple[CardParameter, ...] = ()
     covariance: tuple[tuple[float, ...], ...] = ()
     confidence: float = 0.95
-    format: int = FORMAT
+    format: int = CARD_FORMAT
 
     @property
     def features(self) -> tuple[str, ...]:
@@ -133,8 +139,8 @@ class EmgEstimatorCard:
         return {
             "channels": np.array([(c.scale, c.rest, c.ceiling) for c in self.channels]).reshape(-1, 3),
             "angles": len(self.angles),
-            "muscles": np.array([[m.numbers[q] for q in QUANTITIES] for m in self.muscles]).reshape(
-                -1, len(QUANTITIES)
+            "muscles": np.array([[m.numbers[q] for q in MUSCLE_QUANTITIES] for m in self.muscles]).reshape(
+                -1, len(MUSCLE_QUANTITIES)
             ),
             "shares": np.array([[m.shares.get(n, 0.0) for n in names] for m in self.muscles]).reshape(-1, len(names)),
             "axes": np.array([m.surface.rows(self.angles) for m in self.muscles]).reshape(-1, 2, 6),
@@ -195,12 +201,14 @@ def _require_estimator(card: EmgEstimatorCard) -> None:
         if len(set(all_of)) != len(all_of):
             raise ValueError(f"{kind}: found a name twice, expected each once")
     for m in card.muscles:
-        if set(m.numbers) != set(QUANTITIES) or not set(m.shares) <= set(names):
-            raise ValueError(f"{m.name}: found other numbers or channels than {', '.join((*QUANTITIES, *names))}")
+        if set(m.numbers) != set(MUSCLE_QUANTITIES) or not set(m.shares) <= set(names):
+            raise ValueError(
+                f"{m.name}: found other numbers or channels than {', '.join((*MUSCLE_QUANTITIES, *names))}"
+            )
         if {a.angle for a in m.surface.axes} - angles - {""}:
             raise ValueError(f"{m.name}: found a surface over other angles than {', '.join(card.angles)}")
         for x in m.surface.coefficients:
-            require_between(f"{m.name}, surface", x, -LARGEST, LARGEST)
+            require_between(f"{m.name}, surface", x, -MAX_CARD_NUMBER, MAX_CARD_NUMBER)
     for joint in card.joints:
         wrong = {x for t in joint.terms for x in (t.first, t.second)} - set(card.features) - {""}
         if joint.name not in angles or wrong:

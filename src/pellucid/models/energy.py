@@ -16,8 +16,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-SAMPLES = 4096
-"""Of one cycle: a multiple of four, so that the motion's turning points are among them."""
+CYCLE_SAMPLE_COUNT = 4096
+"""Number of samples of one cycle. It is a multiple of four, so that the turning points are among them."""
 
 
 def net_energy(torque: np.ndarray, velocity: np.ndarray, period: float) -> float:
@@ -35,7 +35,7 @@ def cycle_energy(
     """Work of a torque over one sine of position. `torque_of` (n,) [N*m]; `amplitude`, `centre` [rad]; `frequency`
     [Hz]; gives [J]."""
     w = 2.0 * np.pi * frequency
-    phase = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
+    phase = 2.0 * np.pi * np.arange(CYCLE_SAMPLE_COUNT) / CYCLE_SAMPLE_COUNT
     q = centre + amplitude * np.sin(phase)
     v, a = amplitude * w * np.cos(phase), -amplitude * w**2 * np.sin(phase)
     return net_energy(torque_of(q, v, a), v, 1.0 / frequency)

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 
+import numpy as np
+
 from .. import _core
 
-COORDINATE: Mapping[str, str] = {"rotary": "rad", "prismatic": "m"}
+COORDINATE_UNITS: Mapping[str, str] = {"rotary": "rad", "prismatic": "m"}
+
+
+@dataclass(frozen=True)
+class Resists:
+    """How a coefficient of friction resists a motion: by ``|v|**speed * |y|**load`` per unit, y the load."""
+
+    speed: float  # power of the speed
+    load: float  # power of the load
+    one_way: bool  # Whether it acts in one of two directions, and another number in the other
 
 
 @dataclass(frozen=True)
@@ -25,6 +36,7 @@ class Field:
     infinite: bool
     count: bool
     sentence: str
+    resists: Resists | None = None  # None: the number is no coefficient of friction
 
     def unit(self, motion: str = "rotary", effort_unit: str = "N*m") -> str:
         """SI unit as plain text, "1" for none."""
@@ -46,7 +58,7 @@ def unit_of(dimension: tuple[float, float, float] | str, motion: str, effort_uni
     """
     if isinstance(dimension, str):
         return dimension
-    q = COORDINATE[motion]
+    q = COORDINATE_UNITS[motion]
     si = (effort_unit, q) in (("N*m", "rad"), ("N", "m"))
     if si and dimension == (1, -1, 2):
         return "kg*m^2" if q == "rad" else "kg"
@@ -63,12 +75,44 @@ def _power(base: str, power: float) -> str:
     return base if power == 1 else f"{base}^{power:g}"
 
 
-def described(rows: list[dict]) -> tuple[Field, ...]:
+def fields_from_core(rows: list[dict]) -> tuple[Field, ...]:
     """Fields of what the core says, in the order of its arrays."""
-    return tuple(Field(**row) for row in rows)
+    return tuple(Field(**row | {"resists": Resists(*row["resists"]) if "resists" in row else None}) for row in rows)
 
 
 @cache
 def model_fields(model: str) -> tuple[Field, ...]:
     """Fields of a model of the core, by the name that `_core.model_fields` has for it."""
-    return described(_core.model_fields()[model])
+    return fields_from_core(_core.model_fields()[model])
+
+
+def friction_coefficients(
+    fields: Iterable[Field], values: Mapping[str, np.ndarray | float]
+) -> dict[tuple[float, float], np.ndarray | float]:
+    """Return the most that friction resists by: coefficients by the powers of speed and load that they multiply.
+
+    Of numbers that act in one direction each the larger counts; all others add up. `values` by name, SI; names that are
+    no friction are passed over.
+    """
+    both: dict[tuple[float, float], np.ndarray | float] = {}
+    larger: dict[tuple[float, float], np.ndarray | float] = {}
+    for each in fields:
+        if each.resists is None or each.name not in values:
+            continue
+        powers, size = (each.resists.speed, each.resists.load), np.abs(values[each.name])
+        if each.resists.one_way:
+            larger[powers] = np.maximum(larger.get(powers, 0.0), size)
+        else:
+            both[powers] = both.get(powers, 0.0) + size
+    return {powers: both.get(powers, 0.0) + larger.get(powers, 0.0) for powers in {**larger, **both}}
+
+
+def largest_friction(
+    fields: Iterable[Field],
+    values: Mapping[str, np.ndarray | float],
+    speed: np.ndarray | float,
+    load: np.ndarray | float,
+) -> np.ndarray | float:
+    """Return the most that friction resists by at a `speed` [rad/s or m/s] under a `load` [effort], in that unit."""
+    terms = friction_coefficients(fields, values)
+    return sum(value * speed**power * load**loaded for (power, loaded), value in terms.items())

@@ -20,8 +20,8 @@ SMOOTH_TERMS = tuple(
 )
 """Core parameters whose effort is smooth in the states; the others multiply the sign of velocity."""
 
-SLOWEST = 1e-9  # rad/s or m/s: of a direction without a velocity
-KEPT = 50_000  # samples of a motion whose regressor is kept
+MIN_SLIP_SPEED = 1e-9  # rad/s or m/s: of a direction without a velocity
+MAX_CACHED_SAMPLES = 50_000  # samples of a motion whose regressor is kept
 
 JUMPING_TERMS = tuple(_NAMES.index(name) for name in ("coulomb_positive", "coulomb_negative"))
 """Those that multiply nothing but the sign of velocity: with the smooth ones, all that are linear."""
@@ -62,8 +62,8 @@ def regressor(
 
 def filtered_effort(vector: np.ndarray, motion: FilteredMotion, smooth: tuple[int, ...] = SMOOTH_TERMS) -> np.ndarray:
     """Effort, (n,), that a core `vector`, (13,), takes along a `motion`; `smooth` terms are not filtered again."""
-    direct = _direct(motion)[:, : len(smooth)] @ vector[list(smooth)]
-    if _bent(motion):
+    direct = _smooth_regressor(motion)[:, : len(smooth)] @ vector[list(smooth)]
+    if _has_presliding_direction(motion):
         return filtered_jacobian(vector, np.zeros((len(vector), 0)), motion, smooth)[0]
     whole = _core.inverse_dynamics(vector, motion.position, motion.velocity, motion.acceleration)
     return direct + motion.smooth(whole - direct)
@@ -74,14 +74,14 @@ def filtered_jacobian(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The same with its derivative, (n, p), by p values of which `selection`, (13, p), makes the core's vector."""
     active = np.flatnonzero(selection.any(axis=1))
-    bent, velocity = _bent(motion), motion.velocity
+    bent, velocity = _has_presliding_direction(motion), motion.velocity
     if bent:  # as it slips in the direction of s, times |s|
-        velocity = np.copysign(np.maximum(np.abs(velocity), SLOWEST), motion.direction)
+        velocity = np.copysign(np.maximum(np.abs(velocity), MIN_SLIP_SPEED), motion.direction)
     effort, jacobian = _core.inverse_dynamics_jacobian(vector, motion.position, velocity, motion.acceleration, active)
     whole = np.column_stack([effort, jacobian @ selection[active]])
     terms = list(smooth)
     made = np.column_stack([vector, selection])[terms]
-    filtered = _direct(motion)[:, : len(terms)] @ made
+    filtered = _smooth_regressor(motion)[:, : len(terms)] @ made
     if bent:
         slipping = whole - regressor(motion.position, velocity, motion.acceleration, smooth) @ made
         jumps = np.abs(motion.direction)[:, None] * slipping
@@ -95,7 +95,7 @@ def filtered_jacobian(
 def filtered_rows(vector: np.ndarray, selection: np.ndarray, motion: FilteredMotion) -> tuple[np.ndarray, np.ndarray]:
     """What `filtered_jacobian` gives, at the rows that a regression uses: effort (m,), derivative (m, p). What is
     linear is filtered once and kept with the motion; only what is not is filtered again."""
-    if _bent(motion):
+    if _has_presliding_direction(motion):
         effort, jacobian = filtered_jacobian(vector, selection, motion)
         return motion.rows(effort), motion.rows(jacobian)
     kept = vars(motion)
@@ -130,13 +130,13 @@ def filtered_rows(vector: np.ndarray, selection: np.ndarray, motion: FilteredMot
     return effort + added[:, 0], rows
 
 
-def _bent(motion: FilteredMotion) -> bool:
+def _has_presliding_direction(motion: FilteredMotion) -> bool:
     return getattr(motion, "direction", None) is not None
 
 
-def _direct(motion: FilteredMotion) -> np.ndarray:
+def _smooth_regressor(motion: FilteredMotion) -> np.ndarray:
     """The regressor of `SMOOTH_TERMS`, (n, 6), kept with a motion that is not long: it depends on no parameter."""
-    if len(motion.position) > KEPT:
+    if len(motion.position) > MAX_CACHED_SAMPLES:
         return regressor(motion.position, motion.velocity, motion.acceleration, SMOOTH_TERMS)
     kept = vars(motion)
     if "_smooth_regressor" not in kept:

@@ -12,7 +12,7 @@ from .kinematic_tree import Tree, TreeJoint
 from .robot import Robot
 
 
-def held_at(robot: Robot, posture: Mapping[str, float]) -> Robot:
+def hold_joints(robot: Robot, posture: Mapping[str, float]) -> Robot:
     """The robot with the joints of `posture` welded there [rad; m]; motors that turned with them turn with the rest."""
     unknown = sorted(set(posture) - set(robot.names))
     if unknown:

@@ -23,14 +23,14 @@ import numpy as np
 
 from .. import _core
 
-QUANTITIES: tuple[str, ...] = tuple(_core.MUSCLE_PARAMETER_NAMES)
-"""What a muscle is, in the core's order."""
+MUSCLE_QUANTITIES: tuple[str, ...] = tuple(_core.MUSCLE_PARAMETER_NAMES)
+"""Quantities that describe a muscle, in the core's order."""
 
-FREE: tuple[str, ...] = QUANTITIES[:11]
-"""What identification may free."""
+FREE_QUANTITIES: tuple[str, ...] = MUSCLE_QUANTITIES[:11]
+"""Quantities that identification may change."""
 
-TWINS: Mapping[str, tuple[str, ...]] = {"time_constant": ("time_constant_1", "time_constant_2")}
-"""One number for both lags: which of two is which, no recording says."""
+TWIN_QUANTITIES: Mapping[str, tuple[str, ...]] = {"time_constant": ("time_constant_1", "time_constant_2")}
+"""Names that stand for two quantities with one value. Recordings cannot tell the two lags apart."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class HillMuscle:
 
     def vector(self) -> np.ndarray:
         """Its numbers in the core's order, shape (18,), SI."""
-        return np.array([getattr(self, quantity) for quantity in QUANTITIES], float)
+        return np.array([getattr(self, quantity) for quantity in MUSCLE_QUANTITIES], float)
 
 
 @dataclass(frozen=True)
@@ -67,8 +67,8 @@ class FreeParameter:
     """A number that identification may change, and what it drives."""
 
     name: str
-    quantity: str  # One of `FREE`, or of `TWINS`
-    muscles: tuple[str, ...]  # Whose quantity it is; several share it
+    quantity: str  # One of `FREE_QUANTITIES`, or of `TWIN_QUANTITIES`
+    muscles: tuple[str, ...]  # muscles that share the quantity
     lower: float  # lower, upper: Bounds of the number
     upper: float
     # Whether the number multiplies what each muscle has (a share of 1), or is the quantity itself (SI)
@@ -106,17 +106,21 @@ class HillModel:
         names = [m.name for m in self.muscles]
         if len(set(names)) < len(names):
             raise ValueError(f"muscles: found {names}, expected each name once")
-        self._base = np.array([m.vector() for m in self.muscles]).reshape(len(names), len(QUANTITIES))
-        self._column = np.full((len(names), len(FREE)), -1)
+        self._base = np.array([m.vector() for m in self.muscles]).reshape(len(names), len(MUSCLE_QUANTITIES))
+        self._column = np.full((len(names), len(FREE_QUANTITIES)), -1)
         for j, parameter in enumerate(self.free):
-            driven = TWINS.get(parameter.quantity, (parameter.quantity,))
-            if not set(driven) <= set(FREE) or not set(parameter.muscles) <= set(names) or not parameter.muscles:
+            driven = TWIN_QUANTITIES.get(parameter.quantity, (parameter.quantity,))
+            if (
+                not set(driven) <= set(FREE_QUANTITIES)
+                or not set(parameter.muscles) <= set(names)
+                or not parameter.muscles
+            ):
                 raise ValueError(
                     f"{parameter.name}: found {parameter.quantity} of {', '.join(parameter.muscles) or 'nothing'}, "
-                    f"expected one of {', '.join(FREE)} of some of {', '.join(names)}"
+                    f"expected one of {', '.join(FREE_QUANTITIES)} of some of {', '.join(names)}"
                 )
             for muscle, quantity in product(parameter.muscles, driven):
-                at = names.index(muscle), FREE.index(quantity)
+                at = names.index(muscle), FREE_QUANTITIES.index(quantity)
                 if self._column[at] >= 0:
                     other = self.free[self._column[at]].name
                     raise ValueError(f"{parameter.name}: {other} drives {quantity} of {muscle} already")
@@ -126,11 +130,11 @@ class HillModel:
         self._gain = np.ones(self._column.shape)
         if relative.any():
             scaled = driven & relative[np.where(driven, self._column, 0)]
-            self._gain[scaled] = self._base[:, : len(FREE)][scaled]
+            self._gain[scaled] = self._base[:, : len(FREE_QUANTITIES)][scaled]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the free parameters."""
+        """Names of the free parameters."""
         return tuple(p.name for p in self.free)
 
     @property
@@ -142,7 +146,7 @@ class HillModel:
     def start(self) -> np.ndarray:
         """What the muscles have, shape (k,): 1 of what is relative, the mean of what several share."""
         mean = [
-            1.0 if p.relative else np.mean(self._base[:, : len(FREE)][self._column == j])
+            1.0 if p.relative else np.mean(self._base[:, : len(FREE_QUANTITIES)][self._column == j])
             for j, p in enumerate(self.free)
         ]
         return np.array(mean, float)
@@ -152,7 +156,7 @@ class HillModel:
         table = self._base.copy()
         if values is not None and self.free:
             driven = self._column >= 0
-            block = table[:, : len(FREE)]
+            block = table[:, : len(FREE_QUANTITIES)]
             block[driven] = self._gain[driven] * np.asarray(values, float)[self._column[driven]]
         return table
 
@@ -160,12 +164,12 @@ class HillModel:
         """The muscles with free `values`, shape (k,), put in."""
         rows = self.parameters(values)
         return tuple(
-            replace(m, **dict(zip(QUANTITIES, map(float, row), strict=True)))
+            replace(m, **dict(zip(MUSCLE_QUANTITIES, map(float, row), strict=True)))
             for m, row in zip(self.muscles, rows, strict=True)
         )
 
     def torque(self, data: HillData, values: np.ndarray | None = None) -> np.ndarray:
-        """Of all muscles, shape (n,) or (j, n) [N m], for free `values`, shape (k,)."""
+        """Return the torque of all muscles, (n,) or (j, n) [N m], for free `values`, (k,)."""
         return _core.hill_torque(self.parameters(values), *data.arrays, period=data.period, starts=data.starts)
 
     def jacobian(self, data: HillData, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -24,13 +24,13 @@ from scipy.signal import lfilter
 from .hill import HillMuscle
 from .muscle_geometry import MuscleGeometry
 
-CURVATURE = 0.25
+FORCE_VELOCITY_CURVATURE = 0.25
 """A_fv."""
-LARGEST = 1.5
+MAX_ECCENTRIC_FORCE = 1.5
 """g_max."""
-WIDTH = 0.45
+FORCE_LENGTH_WIDTH = 0.45
 """gamma of f_l."""
-GAMMAS = (0.5, 0.5)
+RECURSION_COEFFICIENTS = (0.5, 0.5)
 """gamma_1 and gamma_2, fixed in the paper: poles at -gamma."""
 
 
@@ -75,13 +75,13 @@ def fibre_line(
     )  # fmt: skip
 
 
-def recursion(gammas: Sequence[float] = GAMMAS) -> tuple[np.ndarray, np.ndarray]:
+def recursion(gammas: Sequence[float] = RECURSION_COEFFICIENTS) -> tuple[np.ndarray, np.ndarray]:
     """Numerator and denominator, shapes (1,) and (3,), of the filter of eqs. 16 and 17."""
     beta_1, beta_2 = sum(gammas), float(np.prod(gammas))
     return np.array([1.0 + beta_1 + beta_2]), np.array([1.0, beta_1, beta_2])
 
 
-def neural_activation(envelope: np.ndarray, gammas: Sequence[float] = GAMMAS) -> np.ndarray:
+def neural_activation(envelope: np.ndarray, gammas: Sequence[float] = RECURSION_COEFFICIENTS) -> np.ndarray:
     """u of an envelope, each of shape (n,), from a beginning of zeros (eq. 16, without its delay)."""
     return lfilter(*recursion(gammas), np.asarray(envelope, float))
 
@@ -94,9 +94,11 @@ def activation(neural: np.ndarray, shape: float, largest: float) -> np.ndarray:
 def force_velocity(velocity: np.ndarray) -> np.ndarray:
     """f_v over the normalised velocity, each of shape (n,); positive is shortening, as eq. 24 has it (eq. 25)."""
     v = np.asarray(velocity, float)
-    c = CURVATURE * (LARGEST - 1.0) / (CURVATURE + 1.0)
+    c = FORCE_VELOCITY_CURVATURE * (MAX_ECCENTRIC_FORCE - 1.0) / (FORCE_VELOCITY_CURVATURE + 1.0)
     slow, fast = np.minimum(v, 0.0), np.maximum(v, 0.0)
-    return np.where(v <= 0.0, (1.0 + slow) / (1.0 - slow / CURVATURE), (LARGEST * fast + c) / (fast + c))
+    return np.where(
+        v <= 0.0, (1.0 + slow) / (1.0 - slow / FORCE_VELOCITY_CURVATURE), (MAX_ECCENTRIC_FORCE * fast + c) / (fast + c)
+    )
 
 
 def moment_arm(muscle: PublishedMuscle, fibre: np.ndarray, k_s: float) -> np.ndarray:
@@ -122,7 +124,7 @@ def torque(
         a = activation(u, p.A, p.k_r * most)
         fibre = p.k_s * (muscle.intercept + muscle.slope * np.asarray(angle, float))
         optimal = muscle.optimal_fibre_length * (p.lambda_ * (a - 1.0) + 1.0)
-        f_l = np.exp(-((fibre / optimal - 1.0) ** 2) / WIDTH)
+        f_l = np.exp(-((fibre / optimal - 1.0) ** 2) / FORCE_LENGTH_WIDTH)
         v = -p.k_s * muscle.slope * np.asarray(velocity, float) / (10.0 * muscle.optimal_fibre_length * p.k_v)
         cosine = np.sqrt(1.0 - (muscle.optimal_fibre_length * np.sin(muscle.pennation) / fibre) ** 2)
         force = a * f_l * force_velocity(v) * muscle.max_isometric_force * cosine

@@ -18,16 +18,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .._errors import IdentificationError
-from .fields import COORDINATE, Field, model_fields
+from .fields import COORDINATE_UNITS, Field, model_fields
 from .filtered_dynamics import FilteredMotion, filtered_effort, filtered_jacobian, filtered_rows
 
-FIELDS: Mapping[str, Field] = {field.name: field for field in model_fields("joint")}
+PARAMETER_FIELDS: Mapping[str, Field] = {field.name: field for field in model_fields("joint")}
 """What the core says of its parameters, in its order."""
 
-NAMES: tuple[str, ...] = tuple(FIELDS)
+NAMES: tuple[str, ...] = tuple(PARAMETER_FIELDS)
 """The core's parameters, in its order."""
 
-INDEX: Mapping[str, int] = {name: i for i, name in enumerate(NAMES)}
+PARAMETER_INDEX: Mapping[str, int] = {name: i for i, name in enumerate(NAMES)}
+"""Position of each parameter in the core's vector."""
 
 
 @dataclass(frozen=True)
@@ -41,22 +42,22 @@ class Symbol:
     @property
     def lower(self) -> float:
         """Physical bound, in SI (or per ampere, per volt): the tightest of its targets."""
-        return max(FIELDS[target].lower for target in self.targets)
+        return max(PARAMETER_FIELDS[target].lower for target in self.targets)
 
     @property
     def upper(self) -> float:
         """Physical bound, in SI (or per ampere, per volt): the tightest of its targets."""
-        return min(FIELDS[target].upper for target in self.targets)
+        return min(PARAMETER_FIELDS[target].upper for target in self.targets)
 
     def unit(self, motion: str = "rotary", effort_unit: str = "N*m") -> str:
         """SI unit, as plain text."""
-        return FIELDS[self.targets[0]].unit(motion, effort_unit)
+        return PARAMETER_FIELDS[self.targets[0]].unit(motion, effort_unit)
 
 
-NONLINEAR = frozenset({"stribeck_velocity", "load_motoring", "load_generating", "velocity_width"})
+NONLINEAR_PARAMETERS = frozenset({"stribeck_velocity", "load_motoring", "load_generating", "velocity_width"})
 """Parameters of the core that effort is not proportional to."""
 
-TIED: Mapping[str, tuple[str, ...]] = {
+TIED_PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "gravity": ("gravity_sine",),
     "viscous": ("viscous_positive", "viscous_negative"),
     "coulomb": ("coulomb_positive", "coulomb_negative"),
@@ -65,13 +66,13 @@ TIED: Mapping[str, tuple[str, ...]] = {
 }
 """Parameters that are reported under a name of their own."""
 
-SYMBOLS: Mapping[str, Symbol] = {
-    name: Symbol(name, targets, not NONLINEAR & set(targets))
-    for name, targets in ({name: (name,) for name in NAMES} | TIED).items()
+SYMBOLS_BY_NAME: Mapping[str, Symbol] = {
+    name: Symbol(name, targets, not NONLINEAR_PARAMETERS & set(targets))
+    for name, targets in ({name: (name,) for name in NAMES} | TIED_PARAMETERS).items()
 }
 """Every parameter of the core as it is, and those that are tied."""
 
-STRIBECK_SHARE = 0.25
+MAX_STRIBECK_SHARE = 0.25
 GRAVITY = 9.80665  # m/s^2
 
 TERMS: Mapping[str, tuple[str, ...]] = {"stribeck": ("stribeck", "stribeck_velocity"), "root": ("square_root",)}
@@ -87,12 +88,12 @@ FAMILIES: Mapping[str, frozenset[str]] = {
 }
 """Friction families, as the features each adds to symmetric Coulomb and viscous friction."""
 
-USUAL: tuple[str, ...] = tuple(name for name in FAMILIES if name != "root")
+DEFAULT_FAMILIES: tuple[str, ...] = tuple(name for name in FAMILIES if name != "root")
 """What is compared unless a study names families: not the root of speed, which few joints of one axis show."""
 
 
 UNITS: Mapping[str, Mapping[str, str]] = {
-    motion: {"position": q, "velocity": f"{q}/s", "acceleration": f"{q}/s^2"} for motion, q in COORDINATE.items()
+    motion: {"position": q, "velocity": f"{q}/s", "acceleration": f"{q}/s^2"} for motion, q in COORDINATE_UNITS.items()
 }
 
 
@@ -113,13 +114,13 @@ class JointModel:
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Physical lower and upper bounds of the free symbols, each shape (p,), SI.
 
-        A Stribeck velocity above `STRIBECK_SHARE` of the speeds seen would bend the whole curve instead of its start,
-        and could not be told from Coulomb and viscous friction.
+        A Stribeck velocity above `MAX_STRIBECK_SHARE` of the speeds seen would bend the whole curve instead of its
+        start, and could not be told from Coulomb and viscous friction.
         """
         lower = np.array([s.lower for s in self.symbols])
         upper = np.array([s.upper for s in self.symbols])
         if "stribeck_velocity" in self.names:
-            upper[self.names.index("stribeck_velocity")] = STRIBECK_SHARE * self.velocity_range
+            upper[self.names.index("stribeck_velocity")] = MAX_STRIBECK_SHARE * self.velocity_range
         return lower, upper
 
     @property
@@ -134,7 +135,7 @@ class JointModel:
 
     def unit(self, name: str) -> str:
         """SI unit of a symbol, as plain text."""
-        return SYMBOLS[name].unit(self.motion, self.effort_unit)
+        return SYMBOLS_BY_NAME[name].unit(self.motion, self.effort_unit)
 
     @property
     def label(self) -> str:
@@ -158,7 +159,7 @@ class JointModel:
         matrix = np.zeros((len(NAMES), len(self.symbols)))
         for j, symbol in enumerate(self.symbols):
             for target in symbol.targets:
-                matrix[INDEX[target], j] = 1.0
+                matrix[PARAMETER_INDEX[target], j] = 1.0
         return matrix
 
     def vector(self, values: np.ndarray, velocity_width: float = 0.0) -> np.ndarray:
@@ -168,9 +169,9 @@ class JointModel:
         """
         vector = self.selection() @ np.asarray(values, float)
         for name, value in self.known.items():
-            for target in SYMBOLS[name].targets:
-                vector[INDEX[target]] = value
-        vector[INDEX["velocity_width"]] = velocity_width
+            for target in SYMBOLS_BY_NAME[name].targets:
+                vector[PARAMETER_INDEX[target]] = value
+        vector[PARAMETER_INDEX["velocity_width"]] = velocity_width
         return vector
 
     def loaded(self, vector: np.ndarray, mass: float, distance: float) -> np.ndarray:
@@ -180,8 +181,8 @@ class JointModel:
             return vector
         vector = vector.copy()
         rotary = self.motion == "rotary"
-        vector[INDEX["inertia"]] += self.payload_scale * mass * (distance**2 if rotary else 1.0)
-        vector[INDEX["gravity_sine"]] += self.payload_scale * mass * distance * GRAVITY * rotary
+        vector[PARAMETER_INDEX["inertia"]] += self.payload_scale * mass * (distance**2 if rotary else 1.0)
+        vector[PARAMETER_INDEX["gravity_sine"]] += self.payload_scale * mass * distance * GRAVITY * rotary
         return vector
 
 
@@ -213,5 +214,5 @@ def joint_model(
     if "load" in features:
         names += ["load_motoring", "load_generating"] if separate_load else ["load_friction"]
     known = dict(known or {})
-    symbols = tuple(SYMBOLS[n] for n in names if n not in known)
+    symbols = tuple(SYMBOLS_BY_NAME[n] for n in names if n not in known)
     return JointModel(family, symbols, motion, effort_unit, known, velocity_range)

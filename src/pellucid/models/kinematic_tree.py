@@ -21,13 +21,13 @@ from .._errors import IdentificationError
 from .fields import model_fields
 from .joint import GRAVITY
 
-MOST_LINKS = 32
+MAX_LINKS = 32
 KINDS = ("fixed", "revolute", "prismatic")
-BODY = tuple(f.name for f in model_fields("link"))[-10:]
+BODY_QUANTITIES = tuple(f.name for f in model_fields("link"))[-10:]
 """Ten numbers of a body, in the order of the regressor's columns."""
 
-LONGEST = 10.0
-"""Beyond it a place is taken for millimetres [m]."""
+MAX_PLACE_M = 10.0
+"""A larger distance between frames is refused as probably given in millimetres [m]."""
 
 Vector = tuple[float, float, float]
 
@@ -59,7 +59,7 @@ class Link:
 
     @property
     def numbers(self) -> np.ndarray:
-        """Shape (10,), in the order of `BODY`."""
+        """Shape (10,), in the order of `BODY_QUANTITIES`."""
         return np.array([self.mass, *self.moment, *self.inertia], float)
 
 
@@ -74,7 +74,7 @@ class TreeJoint:
     axis: Vector | None = None  # In the joint's frame, of length 1; of a fixed joint: None
     place: Vector = (0.0, 0.0, 0.0)  # m
     turned: Vector = (0.0, 0.0, 0.0)  # Roll, pitch and yaw about the parent's x, y, z, in this order [rad]
-    rotor_inertia: float = 0.0  # Of the rotor, at the joint [kg m^2; kg]
+    rotor_inertia: float = 0.0  # inertia of the rotor, at the joint [kg m^2; kg]
 
 
 @dataclass(frozen=True)
@@ -98,10 +98,10 @@ class Tree:
 
     def _outwards(self) -> tuple[TreeJoint, ...]:
         """The joints, each after the one that carries its parent."""
-        where, order = self.source, outwards(self.joints, self.links, self.source)
-        if len(order) > MOST_LINKS:
+        where, order = self.source, order_outwards(self.joints, self.links, self.source)
+        if len(order) > MAX_LINKS:
             raise IdentificationError(
-                f"{where}: found {len(order)} links, expected at most {MOST_LINKS}; weld what does not move into one"
+                f"{where}: found {len(order)} links, expected at most {MAX_LINKS}; weld what does not move into one"
             )
         if all(joint.kind == "fixed" for joint in order):
             raise IdentificationError(f"{where}: found no joint that moves, expected at least one")
@@ -150,10 +150,10 @@ class Tree:
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of theta: link, then which of its ten."""
-        return tuple(f"{joint.child}.{name}" for joint in self.order for name in BODY)
+        return tuple(f"{joint.child}.{name}" for joint in self.order for name in BODY_QUANTITIES)
 
 
-def outwards(joints: Sequence[TreeJoint], links: Sequence[Link], where: str) -> tuple[TreeJoint, ...]:
+def order_outwards(joints: Sequence[TreeJoint], links: Sequence[Link], where: str) -> tuple[TreeJoint, ...]:
     """The joints, each after the one that carries its parent; an IdentificationError, which begins with `where`, of
     what hangs together otherwise."""
     if not joints:
@@ -227,9 +227,9 @@ def _check_joint(joint: TreeJoint, where: str) -> None:
     for what, values, unit in (("place", joint.place, "m"), ("turned", joint.turned, "rad")):
         if not _finite(values, 3):
             raise IdentificationError(f"{at}: found {what} {values!r}, expected three finite numbers [{unit}]")
-    if max(map(abs, joint.place)) > LONGEST:
+    if max(map(abs, joint.place)) > MAX_PLACE_M:
         raise IdentificationError(
-            f"{at}: found place {tuple(joint.place)} m, expected at most {LONGEST:g} m: are these millimetres?"
+            f"{at}: found place {tuple(joint.place)} m, expected at most {MAX_PLACE_M:g} m: are these millimetres?"
         )
     if not (_finite((joint.rotor_inertia,), 1) and joint.rotor_inertia >= 0.0):
         raise IdentificationError(f"{at}: found rotor inertia {joint.rotor_inertia!r}, expected >= 0")
@@ -244,10 +244,10 @@ def _check_masses(order: list[TreeJoint], links: dict[str, Link], where: str) ->
             raise IdentificationError(f"{where}: link {link.name!r}: expected ten finite numbers, found {link}")
         if link.mass < 0.0:
             raise IdentificationError(f"{where}: link {link.name!r}: found mass {link.mass:g} kg, expected >= 0")
-        if link.mass > 0.0 and np.linalg.norm(link.moment) > LONGEST * link.mass:
+        if link.mass > 0.0 and np.linalg.norm(link.moment) > MAX_PLACE_M * link.mass:
             raise IdentificationError(
                 f"{where}: link {link.name!r}: found its centre of mass {np.linalg.norm(link.moment) / link.mass:g} m "
-                f"from its frame, expected at most {LONGEST:g} m: are these millimetres?"
+                f"from its frame, expected at most {MAX_PLACE_M:g} m: are these millimetres?"
             )
         if joint.kind != "fixed" and carried[link.name] == 0.0 and joint.rotor_inertia == 0.0:
             raise IdentificationError(

@@ -12,13 +12,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from .._errors import PellucidError
-from .hill import QUANTITIES, HillMuscle
+from .hill import MUSCLE_QUANTITIES, HillMuscle
 from .parameter_card import ParameterCard
 
 CARD_KIND = "muscles"
 
-TISSUE = ("offset", "stiffness", "damping")
-"""Of a joint's own tissue: torque = offset - stiffness * angle - damping * speed [N m], [N m/rad], [N m s/rad]."""
+TISSUE_QUANTITIES = ("offset", "stiffness", "damping")
+"""Numbers of a joint's own tissue: torque = offset - stiffness * angle - damping * speed, in N m, rad and s."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class CalibratedMuscles:
 
     muscles: tuple[HillMuscle, ...]  # SI; one set, whatever joints they move
     driven: Mapping[str, tuple[str, ...]]  # EMG channels by muscle, whose mean is its excitation
-    tissue: Mapping[str, tuple[float, float, float]]  # By joint, in the order of `TISSUE`
+    tissue: Mapping[str, tuple[float, float, float]]  # By joint, in the order of `TISSUE_QUANTITIES`
     effort: float = 1.0  # Share of a maximal contraction that an envelope of 1 stands for
 
     @property
@@ -46,10 +46,10 @@ class CalibratedMuscles:
             said[f"driven.{muscle.name}"] = ", ".join(self.driven[muscle.name])
             said |= {
                 f"muscle.{muscle.name}.{quantity}": float(x)
-                for quantity, x in zip(QUANTITIES, muscle.vector(), strict=True)
+                for quantity, x in zip(MUSCLE_QUANTITIES, muscle.vector(), strict=True)
             }
         for joint, numbers in self.tissue.items():
-            said |= {f"tissue.{joint}.{name}": float(x) for name, x in zip(TISSUE, numbers, strict=True)}
+            said |= {f"tissue.{joint}.{name}": float(x) for name, x in zip(TISSUE_QUANTITIES, numbers, strict=True)}
         return said
 
 
@@ -65,9 +65,9 @@ def calibrated_muscles(card: ParameterCard) -> CalibratedMuscles:
 
     names, joints = _names(asked("muscles")), _names(asked("joints"))
     return CalibratedMuscles(
-        tuple(HillMuscle(name, **{q: float(asked(f"muscle.{name}.{q}")) for q in QUANTITIES}) for name in names),
+        tuple(HillMuscle(name, **{q: float(asked(f"muscle.{name}.{q}")) for q in MUSCLE_QUANTITIES}) for name in names),
         {name: _names(asked(f"driven.{name}")) for name in names},
-        {joint: tuple(float(asked(f"tissue.{joint}.{number}")) for number in TISSUE) for joint in joints},
+        {joint: tuple(float(asked(f"tissue.{joint}.{number}")) for number in TISSUE_QUANTITIES) for joint in joints},
         float(asked("effort")),
     )
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from .hill import HillMuscle
 
-_DATA = Path(__file__).parent / "data"
+_DATA_FOLDER = Path(__file__).parent / "data"
 
 
 class LengthOverAngles:
@@ -40,7 +40,7 @@ class LengthOverAngles:
         raise NotImplementedError
 
     def length(self, angles: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Of muscle and tendon. `angles` (n,) [rad]; gives (n,) [m]."""
+        """Return the length of muscle and tendon, (n,) [m]. `angles` (n,) [rad]."""
         inside, beyond = self._split(angles)
         result = self._inside(inside)
         for k in range(len(self.angles)):
@@ -113,9 +113,9 @@ class MuscleTable:
 @lru_cache(maxsize=4)
 def muscle_table(model: str = "gait2392") -> MuscleTable:
     """Muscles of one of the models that ship with the package."""
-    path = _DATA / f"{model}.json"
+    path = _DATA_FOLDER / f"{model}.json"
     if not path.is_file():
-        known = ", ".join(sorted(p.stem for p in _DATA.glob("*.json")))
+        known = ", ".join(sorted(p.stem for p in _DATA_FOLDER.glob("*.json")))
         raise ValueError(f"model: found {model!r}, expected one of {known}")
     raw = json.loads(path.read_text(encoding="utf-8"))
     geometry, constants = {}, {}

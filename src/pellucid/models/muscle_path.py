@@ -16,11 +16,14 @@ import numpy as np
 
 from .._errors import PellucidError
 from .coordinate_function import CoordinateFunction
-from .skeleton import Placed, Skeleton, followed
-from .wrapping import INSIDE, MAY, MUST, NONE, Surface
+from .skeleton import PlacedBody, Skeleton, follow_coordinates
+from .wrapping import ENDS_INSIDE, MAY_WRAP, MUST_WRAP, NO_WRAP, Surface
 
-PASSES, SETTLED = 40, 1e-8
-"""How often wraps of a path are gone through at most, and the change of length [m] below which they are settled."""
+MAX_WRAP_PASSES = 40
+"""The surfaces of a path are gone through at most this often."""
+
+LENGTH_TOLERANCE_M = 1e-8
+"""Wrapping has converged when the path's length changes by less than this in a pass [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,12 +109,12 @@ class MusclePath:
         length, derivative = nodes.length()
         return length, -derivative
 
-    def _points(self, skeleton, placed: Mapping[str, Placed], values, count, along):
+    def _points(self, skeleton, placed: Mapping[str, PlacedBody], values, count, along):
         where, carried, active = [], [], np.ones((count, len(self.points)), bool)
         for i, point in enumerate(self.points):
             local, moving = np.broadcast_to(point.place, (count, 3)), None
             if point.moves:
-                made = [followed(f, [values[c] for c in own], count, along) for f, own in point.moves]
+                made = [follow_coordinates(f, [values[c] for c in own], count, along) for f, own in point.moves]
                 local = np.stack([x for x, _ in made], axis=1)
                 moving = np.stack([dx for _, dx in made], axis=2)
             x, dx = placed[point.body].point(local, moving)
@@ -123,14 +126,14 @@ class MusclePath:
                 active[:, i] = (q >= low - 1e-5) & (q <= high + 1e-5)
         return np.stack(where, axis=1), np.stack(carried, axis=2), active
 
-    def _wrap(self, nodes: _Nodes, placed: Mapping[str, Placed], active: np.ndarray) -> None:
+    def _wrap(self, nodes: _Nodes, placed: Mapping[str, PlacedBody], active: np.ndarray) -> None:
         """Go through the surfaces until the way is settled, in OpenSim's order."""
         count, many = len(active), len(self.surfaces)
         frames = [placed[s.body].at @ s.frame for s in self.surfaces]
         order = np.tile(np.arange(many), (count, 1))
         last_length, open_ = np.full(count, np.inf), np.ones(count, bool)
-        for attempt in range(PASSES if many > 1 else 1):
-            codes = np.full((count, many), NONE)
+        for attempt in range(MAX_WRAP_PASSES if many > 1 else 1):
+            codes = np.full((count, many), NO_WRAP)
             for turn in range(many):
                 for w, surface in enumerate(self.surfaces):
                     rows = np.flatnonzero(open_ & (order[:, turn] == w))
@@ -138,10 +141,10 @@ class MusclePath:
                         codes[rows, turn] = nodes.wrap(w, surface, frames[w], placed[surface.body], rows, active)
             length, _ = nodes.length(derivative=False)
             if attempt == 0 and many > 1:
-                swap = (codes[:, 0] == NONE) & (codes[:, 1] == INSIDE)
+                swap = (codes[:, 0] == NO_WRAP) & (codes[:, 1] == ENDS_INSIDE)
                 order[swap, :2] = order[swap, 1::-1]
                 nodes.drop(0, np.flatnonzero(swap))
-            open_ &= np.abs(length - last_length) >= SETTLED
+            open_ &= np.abs(length - last_length) >= LENGTH_TOLERANCE_M
             last_length = length
             if not open_.any():
                 break
@@ -164,12 +167,12 @@ class _Nodes:
         """Take a surface's points off the way."""
         self.rank[np.ix_(rows, [self.fixed + 2 * w, self.fixed + 2 * w + 1])] = np.inf
 
-    def wrap(self, w: int, surface: PathSurface, frame, placed: Placed, rows: np.ndarray, active) -> np.ndarray:
+    def wrap(self, w: int, surface: PathSurface, frame, placed: PlacedBody, rows: np.ndarray, active) -> np.ndarray:
         """Wrap the best stretch of each of some poses around a surface; gives what it did."""
         self.drop(w, rows)
         order, ranks = self._ordered(rows)
         within = self._within(surface, rows, active)
-        result = np.full(len(rows), NONE)
+        result = np.full(len(rows), NO_WRAP)
         best, least, locked = np.full(len(rows), -1), np.full(len(rows), np.inf), np.zeros(len(rows), bool)
         kept = [np.zeros((len(rows), 3)), np.zeros((len(rows), 3)), np.zeros(len(rows))]
         to_local = np.linalg.inv(frame[rows])
@@ -189,9 +192,9 @@ class _Nodes:
             result[at] = found.code
             way = np.linalg.norm(found.first - ends[0], axis=1) + np.linalg.norm(found.last - ends[1], axis=1)
             change = way + found.length - np.linalg.norm(ends[1] - ends[0], axis=1)
-            take = (found.code == MUST) | ((found.code == MAY) & (change < least[at]))
+            take = (found.code == MUST_WRAP) | ((found.code == MAY_WRAP) & (change < least[at]))
             chosen = at[take]
-            least[chosen], best[chosen], locked[chosen] = change[take], slot, (found.code == MUST)[take]
+            least[chosen], best[chosen], locked[chosen] = change[take], slot, (found.code == MUST_WRAP)[take]
             for to, source in zip(kept, (found.first, found.last, found.length), strict=True):
                 to[chosen] = source[take]
         chosen = np.flatnonzero(best >= 0)
@@ -199,10 +202,12 @@ class _Nodes:
         low, high = ranks[chosen, slot], ranks[chosen, slot + 1]
         poses = rows[chosen]
         self.arc[poses, w] = kept[2][chosen]
-        on = Placed(placed.at[poses], placed.along[:, poses])
+        on = PlacedBody(placed.at[poses], placed.along[:, poses])
         for k in (0, 1):
             node = self.fixed + 2 * w + k
-            local = np.einsum("nij,nj->ni", np.linalg.inv(placed.at[poses]) @ frame[poses], _ones(kept[k][chosen]))
+            local = np.einsum(
+                "nij,nj->ni", np.linalg.inv(placed.at[poses]) @ frame[poses], _homogeneous(kept[k][chosen])
+            )
             where, carried = on.point(local[:, :3])
             self.where[poses, node], self.carried[:, poses, node] = where, carried
             self.rank[poses, node] = low + (high - low) * (k + 1) / 3.0
@@ -223,7 +228,7 @@ class _Nodes:
         return order, np.take_along_axis(self.rank[rows], order, axis=1)
 
     def length(self, derivative: bool = True) -> tuple[np.ndarray, np.ndarray]:
-        """Of the whole way (n,), and its derivatives (k, n)."""
+        """Return the length of the whole way, (n,), and its derivatives, (k, n)."""
         rows = np.arange(self.count)
         order, ranks = self._ordered(slice(None))
         total, slopes = np.zeros(self.count), np.zeros((len(self.carried), self.count))
@@ -244,5 +249,5 @@ class _Nodes:
         return total, slopes
 
 
-def _ones(x: np.ndarray) -> np.ndarray:
+def _homogeneous(x: np.ndarray) -> np.ndarray:
     return np.column_stack((x, np.ones(len(x))))

@@ -19,15 +19,18 @@ import numpy as np
 
 from .muscle_geometry import LengthOverAngles
 
-LENGTH, ARM = 1e-4, 5e-4
-"""Root mean square errors of length and of moment arm that count alike [m]; half of both is good enough."""
+LENGTH_ERROR_SCALE_M = 1e-4
+"""RMS error of length that counts as much as `ARM_ERROR_SCALE_M` [m]. The fit stops at half of both."""
 
-DEGREES = range(2, 13)
-MOST_TERMS = 220
-POSES = (0, 300, 1200, 2400)
-"""Over one, two and three angles; two in seven judge."""
+ARM_ERROR_SCALE_M = 5e-4
+"""RMS error of a moment arm that counts as much as `LENGTH_ERROR_SCALE_M` [m]."""
 
-PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29)
+POLYNOMIAL_DEGREES = range(2, 13)
+MAX_TERMS = 220
+POSE_COUNTS = (0, 300, 1200, 2400)
+"""Number of poses of a fit over 0, 1, 2 and 3 angles; two in seven are held out."""
+
+HALTON_BASES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29)
 
 
 @dataclass(frozen=True)
@@ -59,10 +62,10 @@ class MusclePolynomial(LengthOverAngles):
 
     def _inside(self, points: np.ndarray, *derivatives: int) -> np.ndarray:
         x = (points - np.array(self.middle)) / np.array(self.half)
-        return _terms(x, self.powers, np.array(self.half), derivatives) @ self.coefficients
+        return _monomials(x, self.powers, np.array(self.half), derivatives) @ self.coefficients
 
 
-def fitted_polynomial(
+def fit_muscle_polynomial(
     muscle: str,
     ranges: Mapping[str, tuple[float, float]],
     path: Callable[[Mapping[str, np.ndarray]], tuple[np.ndarray, np.ndarray]],
@@ -71,24 +74,24 @@ def fitted_polynomial(
     names = tuple(ranges)
     low, high = np.array(list(ranges.values()), float).T
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    count = POSES[min(len(names), len(POSES) - 1)]
+    count = POSE_COUNTS[min(len(names), len(POSE_COUNTS) - 1)]
     # A little beyond the ends, and back onto them: errors are largest there.
-    x = np.clip(1.04 * (2.0 * _spread(count, len(names)) - 1.0), -1.0, 1.0)
+    x = np.clip(1.04 * (2.0 * _halton_points(count, len(names)) - 1.0), -1.0, 1.0)
     length, arms = path(dict(zip(names, (middle + half * x).T, strict=True)))
     judged = np.arange(count) % 7 >= 5  # no multiple of a base: those would judge one corner
     best = None
-    for degree in DEGREES:
+    for degree in POLYNOMIAL_DEGREES:
         powers = np.array([p for p in product(range(degree + 1), repeat=len(names)) if sum(p) <= degree])
-        if len(powers) > MOST_TERMS:
+        if len(powers) > MAX_TERMS:
             break
-        rows = [_terms(x, powers, half)] + [-_terms(x, powers, half, (k,)) for k in range(len(names))]
-        told, scales = [length, *arms], [LENGTH] + [ARM] * len(names)
+        rows = [_monomials(x, powers, half)] + [-_monomials(x, powers, half, (k,)) for k in range(len(names))]
+        told, scales = [length, *arms], [LENGTH_ERROR_SCALE_M] + [ARM_ERROR_SCALE_M] * len(names)
         matrix = np.concatenate([r[~judged] / s for r, s in zip(rows, scales, strict=True)])
         right = np.concatenate([t[~judged] / s for t, s in zip(told, scales, strict=True)])
         coefficients = np.linalg.lstsq(matrix, right, rcond=None)[0]
         missed = [r[judged] @ coefficients - t[judged] for r, t in zip(rows, told, strict=True)]
-        error = _error(missed)
-        worst = max(error.length / LENGTH, error.arm / ARM)
+        error = _polynomial_error(missed)
+        worst = max(error.length / LENGTH_ERROR_SCALE_M, error.arm / ARM_ERROR_SCALE_M)
         # More terms have to be worth it.
         if best is None or worst < 0.9 * best[0]:
             found = MusclePolynomial(
@@ -100,10 +103,10 @@ def fitted_polynomial(
     return best[1]
 
 
-def _spread(count: int, dimensions: int) -> np.ndarray:
+def _halton_points(count: int, dimensions: int) -> np.ndarray:
     """Points evenly spread over the unit cube: Halton's, each number written backwards behind the point; (n, k)."""
     made = np.zeros((count, dimensions))
-    for column, base in zip(made.T, PRIMES, strict=False):
+    for column, base in zip(made.T, HALTON_BASES, strict=False):
         left, share = np.arange(1, count + 1), 1.0 / base
         while left.any():
             column += share * (left % base)
@@ -111,13 +114,13 @@ def _spread(count: int, dimensions: int) -> np.ndarray:
     return made
 
 
-def _error(missed: Sequence[np.ndarray]) -> PolynomialError:
+def _polynomial_error(missed: Sequence[np.ndarray]) -> PolynomialError:
     squares = [float(np.sqrt(np.mean(e**2))) for e in missed]
     most = [float(np.abs(e).max()) for e in missed]
     return PolynomialError(squares[0], max(squares[1:]), most[0], max(most[1:]))
 
 
-def _terms(x: np.ndarray, powers: np.ndarray, half: np.ndarray, derivatives: Sequence[int] = ()) -> np.ndarray:
+def _monomials(x: np.ndarray, powers: np.ndarray, half: np.ndarray, derivatives: Sequence[int] = ()) -> np.ndarray:
     """Each term at `x` (n, k), or its derivative along angles, (n, t)."""
     made = np.ones((len(x), len(powers)))
     for k in range(x.shape[1]):

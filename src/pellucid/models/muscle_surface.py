@@ -15,16 +15,16 @@ import numpy as np
 from .. import _core
 from .muscle_geometry import LengthOverAngles, MuscleGeometry
 
-CELLS = (10, 4)
-"""Of a surface that is fitted: along a joint's own angle, and along a neighbour's."""
+FITTED_CELL_COUNTS = (10, 4)
+"""Number of cells of a fitted surface along a joint's own angle, and along a neighbour's."""
 
-BEYOND = 0.05
+RANGE_MARGIN_SHARE = 0.05
 """A fitted surface goes on beyond the angles seen by this share of their range."""
 
-SAMPLED = 12
+SAMPLED_CELL_COUNT = 12
 """Cells along each angle of a surface through another function's values."""
 
-ROUGHNESS = 1e-6
+ROUGHNESS_WEIGHT = 1e-6
 """Weight of a fitted surface's bending: what angles seen leave open is straight."""
 
 
@@ -72,7 +72,7 @@ class MuscleSurface:
         return replace(self, axes=axes)
 
 
-def surface_of(geometry: MuscleGeometry, signs: Mapping[str, float] | None = None) -> MuscleSurface:
+def surface_from_geometry(geometry: MuscleGeometry, signs: Mapping[str, float] | None = None) -> MuscleSurface:
     """The same function as a geometry whose knots are even; `signs` of its angles."""
     coefficients, axes = geometry.coefficients, []
     for k, (angle, knots) in enumerate(zip(geometry.angles, geometry.knots, strict=True)):
@@ -80,7 +80,7 @@ def surface_of(geometry: MuscleGeometry, signs: Mapping[str, float] | None = Non
         start, step = float(knots[0]), float(knots[-1] - knots[0]) / cells
         if not np.allclose(knots[3:-3], start + step * np.arange(cells + 1), atol=1e-9):
             raise ValueError(f"{geometry.muscle}, {angle}: found knots that are not even, expected even ones")
-        change = _to_even(knots, start, step, cells)
+        change = _even_knots_matrix(knots, start, step, cells)
         coefficients = np.moveaxis(np.tensordot(change, coefficients, axes=(1, k)), 0, k)
         axes.append(SurfaceAxis(angle, (signs or {}).get(angle, 1.0), 0.0, start, step, cells))
     return MuscleSurface(tuple(axes), tuple(coefficients.ravel().tolist()))
@@ -91,9 +91,13 @@ def sampled_surface(path: LengthOverAngles, moved: Sequence[str], held: Mapping[
     axes, at = [], []
     for angle in moved:
         low, high = path.range(angle)
-        step = (high - low) / SAMPLED
-        axes.append(SurfaceAxis(angle, 1.0, 0.0, low, step, SAMPLED))
-        at.append(np.sort(np.concatenate((np.linspace(low, high, SAMPLED + 1), [low + 0.5 * step, high - 0.5 * step]))))
+        step = (high - low) / SAMPLED_CELL_COUNT
+        axes.append(SurfaceAxis(angle, 1.0, 0.0, low, step, SAMPLED_CELL_COUNT))
+        at.append(
+            np.sort(
+                np.concatenate((np.linspace(low, high, SAMPLED_CELL_COUNT + 1), [low + 0.5 * step, high - 0.5 * step]))
+            )
+        )
     grid = np.meshgrid(*at, indexing="ij")
     every = {a: q.ravel() for a, q in zip(moved, grid, strict=True)}
     every |= {a: np.full(grid[0].size, held[a]) for a in path.angles if a not in moved}
@@ -104,7 +108,7 @@ def sampled_surface(path: LengthOverAngles, moved: Sequence[str], held: Mapping[
     return MuscleSurface(tuple(axes), tuple(coefficients.ravel().tolist()))
 
 
-def fitted_surface(
+def fit_muscle_surface(
     length: np.ndarray, angles: Mapping[str, np.ndarray], arms: Mapping[str, np.ndarray]
 ) -> tuple[MuscleSurface, float, float]:
     """The surface nearest to lengths (n,) [m] and arms by joint (n,) [m] that were recorded with angles (n,) [rad].
@@ -116,19 +120,21 @@ def fitted_surface(
         raise ValueError(f"found arms about {', '.join(own) or 'no joint'}, expected one or two joints with angles")
     best = None
     for others in ((), *((name,) for name in angles if len(own) == 1 and name not in own)):
-        found = _fitted(length, {n: angles[n] for n in (*own, *others)}, arms)
+        found = _fit_surface(length, {n: angles[n] for n in (*own, *others)}, arms)
         if best is None or found[1] + found[2] < 0.8 * (best[1] + best[2]):
             best = found
     return best
 
 
-def _fitted(
+def _fit_surface(
     length: np.ndarray, angles: Mapping[str, np.ndarray], arms: Mapping[str, np.ndarray]
 ) -> tuple[MuscleSurface, float, float]:
     axes = []
-    for (name, q), cells in zip(angles.items(), CELLS if len(arms) == 1 else CELLS[:1] * 2, strict=False):
+    for (name, q), cells in zip(
+        angles.items(), FITTED_CELL_COUNTS if len(arms) == 1 else FITTED_CELL_COUNTS[:1] * 2, strict=False
+    ):
         low, high = float(q.min()), float(q.max())
-        more = BEYOND * max(high - low, 0.1)
+        more = RANGE_MARGIN_SHARE * max(high - low, 0.1)
         axes.append(SurfaceAxis(name, 1.0, 0.0, low - more, (high - low + 2.0 * more) / cells, cells))
     bases = [_basis(a, angles[a.angle]) for a in axes]
 
@@ -146,7 +152,7 @@ def _fitted(
     if len(axes) == 2:
         first, second = (np.eye(a.cells + 3) for a in axes)
         smooth = [np.kron(smooth[0], second), np.kron(first, smooth[1])]
-    weight = np.sqrt(ROUGHNESS * len(length))
+    weight = np.sqrt(ROUGHNESS_WEIGHT * len(length))
     a = np.vstack([*rows, *(weight * s for s in smooth)])
     b = np.concatenate([*told, np.zeros(sum(len(s) for s in smooth))])
     coefficients = np.linalg.lstsq(a, b, rcond=None)[0]
@@ -164,7 +170,7 @@ def _basis(axis: SurfaceAxis, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return spline(q), spline(q, 1)
 
 
-def _to_even(knots: np.ndarray, start: float, step: float, cells: int) -> np.ndarray:
+def _even_knots_matrix(knots: np.ndarray, start: float, step: float, cells: int) -> np.ndarray:
     """What turns coefficients of a spline with repeated knots at its ends into those of even knots, (n, n)."""
     from scipy.interpolate import BSpline
 

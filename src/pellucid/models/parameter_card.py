@@ -11,7 +11,7 @@ import numpy as np
 
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
-from .card import FORMAT, CardParameter, named, read_table
+from .card import CARD_FORMAT, CardParameter, named, read_table
 from .card_schema import fields_of, require_sound
 
 
@@ -44,6 +44,8 @@ class ParameterCard:
         Version that wrote it.
     joint : str
         Which one of the machine's it is of; empty where that is not said.
+    made_from : Mapping[str, str]
+        Checksums of what it was made from, by name; empty of old cards.
     """
 
     kind: str
@@ -57,6 +59,7 @@ class ParameterCard:
     checksums: Mapping[str, str] = field(default_factory=dict)
     pellucid: str = ""
     joint: str = ""
+    made_from: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def values(self) -> dict[str, float]:
@@ -69,7 +72,7 @@ class ParameterCard:
 
 def write_parameter_card(path: Path, card: ParameterCard) -> Path:
     """Write a card, whole or not at all; a number that is not finite becomes null."""
-    text = json.dumps(_plain({"format": FORMAT, **asdict(card)}), indent=1, ensure_ascii=False)
+    text = json.dumps(_plain({"format": CARD_FORMAT, **asdict(card)}), indent=1, ensure_ascii=False)
     return write_text_atomically(path, text + "\n")
 
 

@@ -21,25 +21,25 @@ from .. import _core
 from .._errors import IdentificationError
 from .filtered_dynamics import regressor
 from .linear_recursion import march
-from .transfer_function import HOLDS, time_steps
+from .transfer_function import INPUT_HOLDS, time_steps
 
 NAMES = ("inertia", "damping", "coulomb", "gravity", "stiffness", "offset")
 """I, b, c, m (mass times g times distance), k and tau_0, in this order everywhere."""
 
 UNITS = ("kg*m^2", "N*m*s/rad", "N*m", "N*m", "N*m/rad", "N*m")
 
-SETTLED = 1e-10
+NEWTON_TOLERANCE = 1e-10
 """Largest change of the motion, over its size, at which Newton's iteration stops."""
 
-MAX_NEWTON = 30
+MAX_NEWTON_ITERATIONS = 30
 
-PIECE = 256
-"""Steps that are found together where the whole motion cannot be."""
+PIECE_STEPS = 256
+"""Number of steps that are solved together if Newton's method fails for the whole motion."""
 
-SHORTEST = 4
-"""Where so few cannot be found either, the motion diverges."""
+MIN_PIECE_STEPS = 4
+"""The motion counts as diverging if even this many steps cannot be solved."""
 
-FARTHEST = 1e4
+MAX_END_SHIFT_RAD = 1e4
 """Radians by which a motion's end would move, to first order, if a parameter or the start were twice what it is: beyond
 that, as after turns over the top, nothing can be fitted to it."""
 
@@ -61,15 +61,15 @@ class PendulumDrive:
     steps: np.ndarray  # (m,) [s]
     torque: np.ndarray  # (m, 3) At the start, the middle and the end of every step [N*m]
     substeps: int  # Steps between samples
-    width: float  # Of the smooth sign of velocity [rad/s]
+    width: float  # width of the smooth sign of velocity [rad/s]
 
 
 def pendulum_drive(
     time: np.ndarray, torque: np.ndarray, *, hold: str, width: float, substeps: int = 1
 ) -> PendulumDrive:
     """Torque at the instants that the integration needs. `time`, `torque` (n,) [s], [N*m]; `width` [rad/s]."""
-    if hold not in HOLDS:
-        raise IdentificationError(f"hold: found {hold!r}, expected one of {', '.join(HOLDS)}")
+    if hold not in INPUT_HOLDS:
+        raise IdentificationError(f"hold: found {hold!r}, expected one of {', '.join(INPUT_HOLDS)}")
     if not width > 0.0:
         raise IdentificationError(f"width: found {width:g} rad/s, expected more than 0")
     steps = time_steps(time)
@@ -84,24 +84,24 @@ def simulate_pendulum(
     values: np.ndarray, initial: np.ndarray, drive: PendulumDrive, guess: np.ndarray
 ) -> PendulumMotion:
     """Simulate a motion from its initial state. `values` (6,); `initial` (2,); `guess` (m + 1, 2)."""
-    states = _newton(values, initial, drive, guess)
+    states = _solve_whole_motion(values, initial, drive, guess)
     if states is None:
-        states = _piecewise(values, initial, drive)
+        states = _solve_piecewise(values, initial, drive)
     if not np.isfinite(states).all():
         raise IdentificationError("the simulated pendulum diverges")
-    _, slopes = _step(values, states[:-1], drive, parameters=True)
+    _, slopes = _integrate_steps(values, states[:-1], drive, parameters=True)
     start = np.zeros((2, 8))
     start[:, 6:] = np.eye(2)
     forcing = np.concatenate([slopes[:, :, 2:], np.zeros((len(slopes), 2, 2))], axis=2)
     spread = march(slopes[:, :, :2], forcing, start)
     weight = np.maximum(np.abs(np.concatenate([values, initial])), 1e-3)
-    if not np.abs(spread[-1, 0] * weight).max() < FARTHEST:
+    if not np.abs(spread[-1, 0] * weight).max() < MAX_END_SHIFT_RAD:
         raise IdentificationError("the simulated pendulum diverges: its end follows no more from its start")
     samples = slice(None, None, drive.substeps)
     return PendulumMotion(states[samples, 0], states[samples, 1], spread[samples, 0], states)
 
 
-_SELECTION = np.zeros((len(_core.PARAMETER_NAMES), 5))
+_CORE_SELECTION = np.zeros((len(_core.PARAMETER_NAMES), 5))
 """Core parameters of a unit of damping, Coulomb friction, gravity and offset, and of cos q, the slope of sin q."""
 for _column, _targets in enumerate(
     (
@@ -113,13 +113,13 @@ for _column, _targets in enumerate(
     )
 ):
     for _target in _targets:
-        _SELECTION[_core.PARAMETER_NAMES.index(_target), _column] = 1.0
-_ACTIVE = tuple(np.flatnonzero(_SELECTION.any(axis=1)))
+        _CORE_SELECTION[_core.PARAMETER_NAMES.index(_target), _column] = 1.0
+_ACTIVE_PARAMETERS = tuple(np.flatnonzero(_CORE_SELECTION.any(axis=1)))
 
 
 def resistance(q: np.ndarray, v: np.ndarray, width: float) -> np.ndarray:
     """Torque that a unit of damping, Coulomb friction, gravity and offset takes, and cos q, shape (m, 5)."""
-    return regressor(q, v, np.zeros(len(q)), _ACTIVE, width) @ _SELECTION[list(_ACTIVE)]
+    return regressor(q, v, np.zeros(len(q)), _ACTIVE_PARAMETERS, width) @ _CORE_SELECTION[list(_ACTIVE_PARAMETERS)]
 
 
 def _acceleration(
@@ -135,7 +135,7 @@ def _acceleration(
     return a, by_q, by_v, columns
 
 
-def _step(
+def _integrate_steps(
     values: np.ndarray, states: np.ndarray, drive: PendulumDrive, *, parameters: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """All steps at once: states after, shape (m, 2), and their derivatives by the states before and by parameters."""
@@ -164,39 +164,41 @@ def _step(
     return after, np.moveaxis(seed + sixth[:, None] * total, 0, 1)
 
 
-def _newton(values: np.ndarray, initial: np.ndarray, drive: PendulumDrive, guess: np.ndarray) -> np.ndarray | None:
+def _solve_whole_motion(
+    values: np.ndarray, initial: np.ndarray, drive: PendulumDrive, guess: np.ndarray
+) -> np.ndarray | None:
     """States at every step, shape (m + 1, 2); None where the iteration does not settle."""
     states = np.array(guess, float)
     states[0] = initial
     with np.errstate(over="ignore", invalid="ignore"):
-        for _ in range(MAX_NEWTON):
-            after, slopes = _step(values, states[:-1], drive, parameters=False)
+        for _ in range(MAX_NEWTON_ITERATIONS):
+            after, slopes = _integrate_steps(values, states[:-1], drive, parameters=False)
             if not (np.isfinite(after).all() and np.isfinite(slopes).all()):
                 return None
             change = march(slopes, (after - states[1:])[:, :, None], np.zeros((2, 1)))[:, :, 0]
             states = states + change
             if not np.isfinite(states).all():
                 return None
-            if np.abs(change).max() <= SETTLED * (1.0 + np.abs(states).max()):
+            if np.abs(change).max() <= NEWTON_TOLERANCE * (1.0 + np.abs(states).max()):
                 return states
     return None
 
 
-def _piecewise(values: np.ndarray, initial: np.ndarray, drive: PendulumDrive) -> np.ndarray:
+def _solve_piecewise(values: np.ndarray, initial: np.ndarray, drive: PendulumDrive) -> np.ndarray:
     """The same from no guess: piece after piece, each started at rest where the last one ended."""
     states = np.empty((len(drive.steps) + 1, 2))
     states[0] = initial
-    begin, length = 0, PIECE
+    begin, length = 0, PIECE_STEPS
     while begin < len(drive.steps):
         end = min(begin + length, len(drive.steps))
         part = PendulumDrive(drive.steps[begin:end], drive.torque[begin:end], 1, drive.width)
-        found = _newton(values, states[begin], part, np.tile(states[begin], (end - begin + 1, 1)))
-        if found is None and length <= SHORTEST:
+        found = _solve_whole_motion(values, states[begin], part, np.tile(states[begin], (end - begin + 1, 1)))
+        if found is None and length <= MIN_PIECE_STEPS:
             states[begin:] = np.nan
             break
         if found is None:
             length //= 4
             continue
         states[begin : end + 1] = found
-        begin, length = end, PIECE
+        begin, length = end, PIECE_STEPS
     return states

@@ -21,11 +21,11 @@ from functools import cache
 
 import numpy as np
 
-LENGTH = 0.1
-"""By which masses and first moments are made comparable with moments of inertia [m]; no verdict hangs on it."""
+SCALING_LENGTH_M = 0.1
+"""Length that makes masses and first moments comparable with moments of inertia [m]; no verdict depends on it."""
 
-LEAST = 1e-8
-"""Eigenvalue that a consistent body's pseudo-inertia has at least, with `LENGTH` [kg m^2]: 1 mg at 10 cm."""
+MIN_EIGENVALUE = 1e-8
+"""Eigenvalue that a consistent body's pseudo-inertia has at least, with `SCALING_LENGTH_M` [kg m^2]: 1 mg at 10 cm."""
 
 
 def pseudo_inertia(bodies: np.ndarray) -> np.ndarray:
@@ -36,7 +36,7 @@ def pseudo_inertia(bodies: np.ndarray) -> np.ndarray:
     return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
-def bodies_of(pseudo: np.ndarray) -> np.ndarray:
+def bodies_from_pseudo_inertia(pseudo: np.ndarray) -> np.ndarray:
     """The ten numbers whose pseudo-inertia this is, (..., 4, 4); gives (..., 10)."""
     p = np.asarray(pseudo, float)
     trace = p[..., 0, 0] + p[..., 1, 1] + p[..., 2, 2]
@@ -45,29 +45,32 @@ def bodies_of(pseudo: np.ndarray) -> np.ndarray:
     return np.stack([p[..., 3, 3], p[..., 0, 3], p[..., 1, 3], p[..., 2, 3], *moments], axis=-1)
 
 
-def scaled(bodies: np.ndarray) -> np.ndarray:
-    """P with masses times `LENGTH`^2 and first moments times `LENGTH`, (..., 4, 4) [kg m^2]."""
-    scale = np.array([1.0, 1.0, 1.0, LENGTH])
+def scaled_pseudo_inertia(bodies: np.ndarray) -> np.ndarray:
+    """P with masses times `SCALING_LENGTH_M`^2 and first moments times `SCALING_LENGTH_M`, (..., 4, 4) [kg m^2]."""
+    scale = np.array([1.0, 1.0, 1.0, SCALING_LENGTH_M])
     return pseudo_inertia(bodies) * np.outer(scale, scale)
 
 
 @cache
-def triangle() -> np.ndarray:
-    """Of the ten numbers, the upper triangle of `scaled` column by column, what is off the diagonal times the root of
-    2, so that lengths are Frobenius': shape (10, 10)."""
+def triangle_matrix() -> np.ndarray:
+    """Return the matrix from the ten numbers to the upper triangle of `scaled_pseudo_inertia`, shape (10, 10).
+
+    The triangle is read column by column. Entries off the diagonal are multiplied by the root of 2, so that the norm of
+    the result is the Frobenius norm.
+    """
     column, row = np.tril_indices(4)
     root = np.where(row == column, 1.0, np.sqrt(2.0))
-    return np.stack([scaled(unit)[row, column] * root for unit in np.eye(10)], axis=-1)
+    return np.stack([scaled_pseudo_inertia(unit)[row, column] * root for unit in np.eye(10)], axis=-1)
 
 
 def least_eigenvalue(bodies: np.ndarray) -> np.ndarray:
-    """Of `scaled`, below 0 where no body has these numbers: (..., 10) to (...,) [kg m^2]."""
-    return np.linalg.eigvalsh(scaled(bodies))[..., 0]
+    """Return the least eigenvalue of `scaled_pseudo_inertia`, (...,) [kg m^2]; below 0 no body has these numbers."""
+    return np.linalg.eigvalsh(scaled_pseudo_inertia(bodies))[..., 0]
 
 
 @dataclass(frozen=True)
 class Consistency:
-    """Which links could be bodies: `eigenvalues`, the least of each link's pseudo-inertia [kg m^2]."""
+    """Physical consistency of links: `eigenvalues` are the least of each link's pseudo-inertia [kg m^2]."""
 
     names: tuple[str, ...]
     eigenvalues: np.ndarray
@@ -80,12 +83,14 @@ class Consistency:
     @property
     def wrong(self) -> tuple[str, ...]:
         """Names of links that no body can be; a body of one point, or none, is just allowed."""
-        return tuple(n for n, value in zip(self.names, self.eigenvalues, strict=True) if not value > -ROUNDING)
+        return tuple(
+            n for n, value in zip(self.names, self.eigenvalues, strict=True) if not value > -EIGENVALUE_TOLERANCE
+        )
 
 
-ROUNDING = 1e-12  # kg m^2
+EIGENVALUE_TOLERANCE = 1e-12  # kg m^2
 
 
 def consistency(names: Sequence[str], bodies: np.ndarray) -> Consistency:
-    """Of links by their ten numbers, shape (links, 10)."""
+    """Return the consistency of links from their ten numbers, shape (links, 10)."""
     return Consistency(tuple(names), least_eigenvalue(bodies))

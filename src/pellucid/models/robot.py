@@ -9,7 +9,7 @@ import numpy as np
 from .._errors import IdentificationError
 from .kinematic_tree import Tree
 
-SINGULAR = 1e6
+MAX_TURNS_CONDITION = 1e6
 """Condition of `turns` from which on motors do not tell the joints' motion."""
 
 
@@ -35,7 +35,7 @@ class Robot:
                 f"{where}: found {turns[i, i]:g} of the motor of {self.names[i]} by its own joint, expected 1: gears "
                 "are taken out"
             )
-        if not np.linalg.cond(turns) < SINGULAR:
+        if not np.linalg.cond(turns) < MAX_TURNS_CONDITION:
             raise IdentificationError(
                 f"{where}: found rows that hang on one another, expected each motor to tell a joint"
             )
@@ -43,17 +43,17 @@ class Robot:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the joints that move, in the order of coordinates."""
+        """Names of the joints that move, in the order of coordinates."""
         return tuple(joint.name for joint in self.tree.moving)
 
     @property
     def prismatic(self) -> tuple[bool, ...]:
-        """Of each joint that moves: whether it slides [m, N] or turns [rad, N m]."""
+        """For each joint that moves, whether it slides [m, N] or turns [rad, N m]."""
         return tuple(joint.kind == "prismatic" for joint in self.tree.moving)
 
     @property
     def units(self) -> tuple[tuple[str, str], ...]:
-        """Of each joint that moves: its coordinate's unit, and its effort's."""
+        """For each joint that moves, the units of its coordinate and of its effort."""
         return tuple(("m", "N") if slides else ("rad", "N*m") for slides in self.prismatic)
 
     @property

@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import _core
 
-SUBSTEP = 2.5e-4  # s; longest substep: halving it moves the position error of a 25 s open-loop run by 0.5 %
+MAX_SUBSTEP_S = 2.5e-4  # s; longest substep: halving it moves the position error of a 25 s open-loop run by 0.5 %
 MAX_SUBSTEPS = 40
 
 
@@ -42,8 +42,8 @@ class JointTrace:
 
 
 def substeps_for(period: float) -> int:
-    """Substeps of one sampling period, so that none is longer than `SUBSTEP`."""
-    return int(np.clip(np.ceil(period / SUBSTEP), 1, MAX_SUBSTEPS))
+    """Substeps of one sampling period, so that none is longer than `MAX_SUBSTEP_S`."""
+    return int(np.clip(np.ceil(period / MAX_SUBSTEP_S), 1, MAX_SUBSTEPS))
 
 
 def simulate(

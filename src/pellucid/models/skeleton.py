@@ -20,7 +20,7 @@ import numpy as np
 from .._errors import PellucidError
 from .coordinate_function import CoordinateFunction
 
-GROUND = "ground"
+GROUND_BODY = "ground"
 
 
 @dataclass(frozen=True)
@@ -67,15 +67,17 @@ class Coupling:
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class PlacedBody:
     """A body at n poses."""
 
     at: np.ndarray  # (n, 4, 4) From the body's frame to the ground's
     along: np.ndarray  # (k, n, 4, 4) Its derivatives along k coordinates
 
     def point(self, local: np.ndarray, moving: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Of points `local` (n, 3) on the body: where (n, 3), and derivatives (k, n, 3); `moving` (k, n, 3) on the body
-        itself."""
+        """Return positions (n, 3) and derivatives (k, n, 3) of points `local` (n, 3) on the body.
+
+        `moving` (k, n, 3) are derivatives of the points on the body itself.
+        """
         where = np.einsum("nij,nj->ni", self.at[:, :3, :3], local) + self.at[:, :3, 3]
         carried = np.einsum("knij,nj->kni", self.along[:, :, :3, :3], local) + self.along[:, :, :3, 3]
         if moving is not None:
@@ -94,7 +96,7 @@ class Skeleton:
     def chain(self, body: str) -> list[SkeletonJoint]:
         """Joints from the ground to a body."""
         found: list[SkeletonJoint] = []
-        while body != GROUND:
+        while body != GROUND_BODY:
             if body not in self.joints or len(found) > len(self.joints):
                 raise PellucidError(f"body {body}: found no joint that leads from it to the ground, expected one")
             found.append(self.joints[body])
@@ -131,7 +133,9 @@ class Skeleton:
                 if name in self.couplings:
                     self.sources(name)
                     coupling = self.couplings[name]
-                    made[name] = followed(coupling.function, [value(c) for c in coupling.independent], count, along)
+                    made[name] = follow_coordinates(
+                        coupling.function, [value(c) for c in coupling.independent], count, along
+                    )
                 else:
                     q = np.asarray(given.get(name, np.full(count, self.coordinates[name].default)), float)
                     made[name] = q, np.outer([float(name == other) for other in along], np.ones(count))
@@ -141,25 +145,27 @@ class Skeleton:
             value(name)
         return made
 
-    def placed(self, bodies: Sequence[str], values: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> dict[str, Placed]:
+    def placed(
+        self, bodies: Sequence[str], values: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    ) -> dict[str, PlacedBody]:
         """Bodies at the poses of `values`."""
         q, dq = next(iter(values.values()))
         count, k = len(q), len(dq)
-        made = {GROUND: Placed(np.broadcast_to(np.eye(4), (count, 4, 4)), np.zeros((k, count, 4, 4)))}
+        made = {GROUND_BODY: PlacedBody(np.broadcast_to(np.eye(4), (count, 4, 4)), np.zeros((k, count, 4, 4)))}
         for body in bodies:
             for joint in self.chain(body):
                 if joint.child in made:
                     continue
                 if joint.refused:
                     raise PellucidError(f"joint {joint.name}: {joint.refused}")
-                at, along = _displaced(joint, values, count, k)
+                at, along = _joint_transform(joint, values, count, k)
                 before, after = made[joint.parent], np.linalg.inv(joint.child_frame)
                 base, base_along = before.at @ joint.parent_frame, before.along @ joint.parent_frame
-                made[joint.child] = Placed(base @ at @ after, (base_along @ at + base @ along) @ after)
+                made[joint.child] = PlacedBody(base @ at @ after, (base_along @ at + base @ along) @ after)
         return made
 
 
-def followed(
+def follow_coordinates(
     function: CoordinateFunction, sources: Sequence[tuple[np.ndarray, np.ndarray]], count: int, along: Sequence[str]
 ) -> tuple[np.ndarray, np.ndarray]:
     """A function of coordinates and its derivatives, (n,) and (k, n), by the chain rule."""
@@ -172,10 +178,10 @@ def followed(
 
 
 def rotation(angles: Sequence[float]) -> np.ndarray:
-    """Of turns about x, y and z in turn, each about the axis as it lies after those before, (3, 3)."""
+    """Return the rotation (3, 3) by angles about x, y and z in turn, each about the axis as already turned."""
     made = np.eye(3)
     for axis, angle in zip(np.eye(3), angles, strict=True):
-        made = made @ _turned(axis, np.array([angle]))[0][0]
+        made = made @ _rotation_about(axis, np.array([angle]))[0][0]
     return made
 
 
@@ -186,7 +192,7 @@ def frame(translation: Sequence[float], orientation: Sequence[float]) -> np.ndar
     return made
 
 
-def _turned(axis: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _rotation_about(axis: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A rotation (n, 3, 3), and the constant matrix (3, 3) that makes its derivative from it."""
     x, y, z = axis
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -194,20 +200,20 @@ def _turned(axis: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return np.eye(3) + sine * skew + versine * (skew @ skew), skew
 
 
-def _displaced(
+def _joint_transform(
     joint: SkeletonJoint, values: Mapping[str, tuple[np.ndarray, np.ndarray]], count: int, k: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """What a joint does, (n, 4, 4), and its derivatives, (k, n, 4, 4)."""
     at = np.broadcast_to(np.eye(4), (count, 4, 4)).copy()
     along = np.zeros((k, count, 4, 4))
     for axis in joint.turns:
-        angle, slope = followed(axis.function, [values[c] for c in axis.coordinates], count, range(k))
-        turn, skew = _turned(axis.direction, angle)
+        angle, slope = follow_coordinates(axis.function, [values[c] for c in axis.coordinates], count, range(k))
+        turn, skew = _rotation_about(axis.direction, angle)
         along[:, :, :3, :3] = along[:, :, :3, :3] @ turn
         at[:, :3, :3] = at[:, :3, :3] @ turn
         along[:, :, :3, :3] += slope[:, :, None, None] * (at[:, :3, :3] @ skew)
     for axis in joint.shifts:
-        way, slope = followed(axis.function, [values[c] for c in axis.coordinates], count, range(k))
+        way, slope = follow_coordinates(axis.function, [values[c] for c in axis.coordinates], count, range(k))
         at[:, :3, 3] += way[:, None] * axis.direction
         along[:, :, :3, 3] += slope[:, :, None] * axis.direction
     return at, along

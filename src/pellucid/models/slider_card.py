@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from .._errors import PellucidError
-from .card import FORMAT, Card, CardParameter, read_table
+from .card import CARD_FORMAT, Card, CardParameter, read_table
 from .directional_slider import DirectionalSliderModel
-from .slider_joint import FRICTIONS, SliderJointModel
+from .slider_joint import FRICTION_FAMILIES, SliderJointModel
 
-SETS = 8  # parameters of one direction
+SET_SIZE = 8  # parameters of one direction
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class SliderCard(Card):
     heldout_error: float | None  # Mean absolute current error over the trials held out [A]
     residual_sd: float  # [N*m]
     processing: str
-    confidence: float  # Of the intervals
+    confidence: float  # confidence level of the intervals
     notes: tuple[str, ...]
     checksums: Mapping[str, str]  # SHA-256 of the files it came from, by recording
     pellucid: str  # Version that wrote it
@@ -34,13 +34,13 @@ class SliderCard(Card):
     # Way from rest over which friction builds up before it slips [rad]; None where no recording showed it
     presliding_travel: CardParameter | None = None
     kind: str = field(default="slider")
-    format: int = field(default=FORMAT)
+    format: int = field(default=CARD_FORMAT)
 
     def model(self) -> DirectionalSliderModel | SliderJointModel:
         """The model whose free parameters the card's are; a directional one holds its values itself."""
-        if self.family in FRICTIONS:
+        if self.family in FRICTION_FAMILIES:
             return SliderJointModel(self.family, dict(self.known))
-        return DirectionalSliderModel(up=self.values[:SETS], down=self.values[-SETS:])
+        return DirectionalSliderModel(up=self.values[:SET_SIZE], down=self.values[-SET_SIZE:])
 
 
 def read_slider_card(path: Path) -> SliderCard:
@@ -58,9 +58,9 @@ def read_slider_card(path: Path) -> SliderCard:
             found_travel = card.presliding_travel.value
             raise ValueError(f"presliding_travel: found {found_travel:g} rad, expected 0 to 0.1")
         # A directional model has a set of parameters for each direction.
-        names = card.model().names if card.family in FRICTIONS else None
-        if names is None and found not in (SETS, 2 * SETS):
-            raise ValueError(f"found {found} parameters, expected {SETS} or {2 * SETS}")
+        names = card.model().names if card.family in FRICTION_FAMILIES else None
+        if names is None and found not in (SET_SIZE, 2 * SET_SIZE):
+            raise ValueError(f"found {found} parameters, expected {SET_SIZE} or {2 * SET_SIZE}")
         if names is not None and tuple(p.name for p in card.parameters) != tuple(names):
             raise ValueError(f"found {found} parameters, expected {', '.join(names)}")
     except ValueError as error:

@@ -20,9 +20,9 @@ import numpy as np
 
 from .directional_slider import VELOCITY_WIDTH
 from .filtered_dynamics import BODY_TERMS, FilteredMotion, filtered_effort, filtered_jacobian
-from .joint import GRAVITY, INDEX, NAMES, SYMBOLS
+from .joint import GRAVITY, NAMES, PARAMETER_INDEX, SYMBOLS_BY_NAME
 
-BODY = {
+BODY_UNITS = {
     "inertia": "kg*m^2",
     "carriage_moment": "kg*m",
     "carriage_mass": "kg",
@@ -31,7 +31,7 @@ BODY = {
 }
 """Parameters of the moving body, and their units."""
 
-FRICTIONS: Mapping[str, tuple[str, ...]] = {
+FRICTION_FAMILIES: Mapping[str, tuple[str, ...]] = {
     "consistent": ("coulomb_positive", "coulomb_negative", "viscous_positive", "viscous_negative"),
     "load": (
         "coulomb_positive",
@@ -54,23 +54,23 @@ class SliderJointModel:
     known: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self):
-        if self.family not in FRICTIONS:
-            raise ValueError(f"unknown family {self.family!r}; known: {', '.join(FRICTIONS)}")
+        if self.family not in FRICTION_FAMILIES:
+            raise ValueError(f"unknown family {self.family!r}; known: {', '.join(FRICTION_FAMILIES)}")
 
     @property
     def names(self) -> tuple[str, ...]:
         """Free parameters, in the order of every array and covariance."""
-        friction = FRICTIONS[self.family]
+        friction = FRICTION_FAMILIES[self.family]
         if self.family == "load" and "carriage_mass" not in self.known:
             # Nothing else has a known weight, and then only the sum of both shares shows.
             friction = (*friction[:-2], "load_friction")
-        return tuple(n for n in (*BODY, *friction) if n not in self.known)
+        return tuple(n for n in (*BODY_UNITS, *friction) if n not in self.known)
 
     def unit(self, name: str) -> str:
         """SI unit of a parameter, as plain text."""
-        if name in BODY:
-            return BODY[name]
-        return SYMBOLS[name].unit()
+        if name in BODY_UNITS:
+            return BODY_UNITS[name]
+        return SYMBOLS_BY_NAME[name].unit()
 
     @property
     def linear(self) -> bool:
@@ -81,7 +81,12 @@ class SliderJointModel:
         """Physical lower and upper bounds of the free parameters, each shape (p,), SI."""
         free = {"carriage_moment", "gravity", "gravity_cosine"}
         lower = np.array([-np.inf if n in free else 0.0 for n in self.names])
-        upper = np.array([SYMBOLS[n].upper if n in SYMBOLS and not SYMBOLS[n].linear else np.inf for n in self.names])
+        upper = np.array(
+            [
+                SYMBOLS_BY_NAME[n].upper if n in SYMBOLS_BY_NAME and not SYMBOLS_BY_NAME[n].linear else np.inf
+                for n in self.names
+            ]
+        )
         return lower, upper
 
     @property
@@ -109,7 +114,7 @@ class SliderJointModel:
         vector = self.selection(slider) @ np.asarray(values, float)
         for name, value in self.known.items():
             vector += value * _column(name, slider)
-        vector[INDEX["velocity_width"]] = velocity_width
+        vector[PARAMETER_INDEX["velocity_width"]] = velocity_width
         return vector
 
     def value(self, values: np.ndarray, name: str) -> float:
@@ -159,11 +164,11 @@ def _column(name: str, slider: float) -> np.ndarray:
     """What one unit of a parameter adds to the core's vector, shape (13,)."""
     column = np.zeros(len(NAMES))
     if name == "carriage_moment":
-        column[INDEX["inertia"]] = 2.0 * slider
+        column[PARAMETER_INDEX["inertia"]] = 2.0 * slider
     elif name == "carriage_mass":
-        column[INDEX["inertia"]] = slider**2
-        column[INDEX["gravity_sine"]] = GRAVITY * slider
+        column[PARAMETER_INDEX["inertia"]] = slider**2
+        column[PARAMETER_INDEX["gravity_sine"]] = GRAVITY * slider
     else:
-        for target in SYMBOLS[name].targets:
-            column[INDEX[target]] = 1.0
+        for target in SYMBOLS_BY_NAME[name].targets:
+            column[PARAMETER_INDEX[target]] = 1.0
     return column

@@ -24,13 +24,13 @@ import numpy as np
 from .._errors import IdentificationError
 from .linear_recursion import march
 
-HOLDS = ("zero", "first")
+INPUT_HOLDS = ("zero", "first")
 """What the input does between samples: stay, or go straight to the next one."""
 
 STEP_RESOLUTION = 1e-9
 """Time steps that differ by less than this share of the median step are one step: a clock's last bits are no jitter."""
 
-TERMS = 14
+EXPONENTIAL_TERMS = 14
 """Terms of a matrix exponential's series."""
 
 
@@ -192,8 +192,8 @@ class _Chain:
     """Integrators with the companion matrix of A, discretised for one time axis and hold; time scaled by A's roots."""
 
     def __init__(self, denominator: Sequence[float], time: np.ndarray, hold: str, *, double: bool = False):
-        if hold not in HOLDS:
-            raise IdentificationError(f"hold: found {hold!r}, expected one of {', '.join(HOLDS)}")
+        if hold not in INPUT_HOLDS:
+            raise IdentificationError(f"hold: found {hold!r}, expected one of {', '.join(INPUT_HOLDS)}")
         a = np.asarray(denominator, float)
         n = len(a) - 1
         powers = np.arange(1, n + 1)
@@ -248,7 +248,7 @@ class _Chain:
         return np.pad(x, ((0, 0), (1, 0))) * self.rate ** -np.arange(-1.0, self.order)
 
     def both(self, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Of the input and of an impulse, last axis: s^n/A ... 1/A, and s^{2n-1}/A^2 ... 1/A^2."""
+        """Return s^n/A ... 1/A and s^{2n-1}/A^2 ... 1/A^2 of the input and of an impulse (last axis)."""
         n = self.order
         two = np.column_stack([signal, np.zeros(self.count)])
         initial = np.zeros((2 * n, 2))
@@ -273,9 +273,9 @@ def _exponentials(matrices: np.ndarray) -> np.ndarray:
     largest = float(np.abs(matrices).sum(axis=2).max())
     halvings = max(0, int(np.ceil(np.log2(2.0 * largest))))
     scaled = matrices / 2.0**halvings
-    # Of norm a half at most, fourteen terms leave less than the last bit.
-    made = np.eye(matrices.shape[1]) + scaled / TERMS
-    for k in range(TERMS - 1, 0, -1):
+    # For a norm of at most a half, fourteen terms leave less than the last bit.
+    made = np.eye(matrices.shape[1]) + scaled / EXPONENTIAL_TERMS
+    for k in range(EXPONENTIAL_TERMS - 1, 0, -1):
         made = np.eye(matrices.shape[1]) + scaled @ made / k
     for _ in range(halvings):
         made = made @ made

@@ -15,12 +15,12 @@ import numpy as np
 from .. import _core, _given
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
-from .card import FORMAT, CardParameter, named, read_table
-from .card_schema import LARGEST, fields_of, require_between, require_sound
+from .card import CARD_FORMAT, CardParameter, named, read_table
+from .card_schema import MAX_CARD_NUMBER, fields_of, require_between, require_sound
 from .fields import model_fields
-from .kinematic_tree import MOST_LINKS
+from .kinematic_tree import MAX_LINKS
 
-EFFORTS = ("N*m", "N", "A", "V")
+JOINT_EFFORT_UNITS = ("N*m", "N", "A", "V")
 """Units that a joint's effort may have: its own, or its drive's where the gain is not known."""
 
 COLUMNS: Mapping[str, tuple[str, ...]] = {
@@ -37,11 +37,11 @@ Rows = tuple[tuple[float, ...], ...]
 class JointRange:
     """What a joint may do, and what it did while it was identified; None where nothing is said."""
 
-    low: float | None = None  # Of position, as study.toml or the robot's file limits it [rad; m]
+    low: float | None = None  # lower limit of position, from study.toml or the robot's file [rad; m]
     high: float | None = None
     velocity: float | None = None  # Largest allowed [rad/s; m/s]
     effort: float | None = None  # Largest allowed [N m; N]
-    seen_low: float | None = None  # Of position while fitting: beyond it the model is a guess [rad; m]
+    seen_low: float | None = None  # lowest position while fitting; outside the model extrapolates [rad; m]
     seen_high: float | None = None
     seen_velocity: float | None = None  # Largest while fitting [rad/s; m/s]
 
@@ -67,10 +67,10 @@ class TreeCard:
     """
 
     study: str
-    family: str  # Which model: "base", "best", "consistent"
+    family: str  # kind of model: "base", "best", "consistent"
     method: str  # The same in words
-    names: tuple[str, ...]  # Of the m joints that move
-    bodies: tuple[str, ...]  # Of the l links, each after the one that carries it
+    names: tuple[str, ...]  # names of the m joints that move
+    bodies: tuple[str, ...]  # names of the l links, each after the one that carries it
     links: Rows  # (l, 22)
     gravity: tuple[float, float, float]  # In the base's frame [m/s^2]
     joints: Rows  # (m, 12)
@@ -87,15 +87,16 @@ class TreeCard:
     covariance: Rows  # In the order of the parameters, SI; () where none was estimated
     heldout_error: tuple[float | None, ...]  # (m,) effort error on what was not fitted [%]; () without any
     processing: str
-    confidence: float  # Of the intervals
+    confidence: float  # confidence level of the intervals
     notes: tuple[str, ...]
     checksums: Mapping[str, str]  # SHA-256 of the files it came from, by recording
     pellucid: str  # Version that wrote it
     ripples: tuple[Ripple, ...] = ()
     known: Mapping[str, float] = field(default_factory=dict)  # Numbers fixed beforehand: the maker's, a payload's
     statistical: Rows = ()  # What of the covariance coloured residuals alone make
+    made_from: Mapping[str, str] = field(default_factory=dict)  # Checksums of what it was made from, by name
     kind: str = field(default="tree")
-    format: int = field(default=FORMAT)
+    format: int = field(default=CARD_FORMAT)
 
     @property
     def values(self) -> np.ndarray:
@@ -104,17 +105,17 @@ class TreeCard:
 
     @property
     def motion(self) -> str:
-        """Of its joints, "r" for each that turns and "p" for each that slides: what two robots must share."""
+        """One letter for each joint, "r" if it turns and "p" if it slides. Compared robots must have the same."""
         return "".join("rp"[int(row[1]) == 2] for row in self.links if row[1])
 
     @property
     def effort_unit(self) -> str:
-        """Of its joints, in a word."""
+        """Effort units of the joints, each once."""
         return " ".join(dict.fromkeys(self.effort_units))
 
     @property
     def velocity_width(self) -> np.ndarray:
-        """Over which friction turns with velocity, (m,) [rad/s; m/s]."""
+        """Velocity over which friction changes its sign, (m,) [rad/s; m/s]."""
         return np.array(self.joints)[:, COLUMNS["joints"].index("velocity_width")]
 
     @cached_property
@@ -159,8 +160,8 @@ def read_tree_card(path: Path) -> TreeCard:
 
 def _rows(key: str, given: Any, columns: tuple[str, ...]) -> list[list[float]]:
     """Rows in the core's order; a number that a file does not have is the core's default."""
-    if not isinstance(given, list) or len(given) > MOST_LINKS:
-        raise ValueError(f"{key}: found {_given.seen(repr(given))[:100]}, expected a list of at most {MOST_LINKS}")
+    if not isinstance(given, list) or len(given) > MAX_LINKS:
+        raise ValueError(f"{key}: found {_given.seen(repr(given))[:100]}, expected a list of at most {MAX_LINKS}")
     made = []
     for i, row in enumerate(given):
         if not isinstance(row, Mapping):
@@ -181,8 +182,8 @@ def _rows(key: str, given: Any, columns: tuple[str, ...]) -> list[list[float]]:
 def _bounds(key: str) -> dict[str, tuple[float, float, float]]:
     """Lower, upper and default of each of the core's numbers of a row."""
     fields = model_fields("link") if key == "links" else (*model_fields("joint"), *model_fields("presliding"))
-    known = {f.name: (max(f.lower, -LARGEST), min(f.upper, LARGEST), f.default) for f in fields}
-    return {name: known.get(name, (0.0, LARGEST, 0.0)) for name in COLUMNS[key]}
+    known = {f.name: (max(f.lower, -MAX_CARD_NUMBER), min(f.upper, MAX_CARD_NUMBER), f.default) for f in fields}
+    return {name: known.get(name, (0.0, MAX_CARD_NUMBER, 0.0)) for name in COLUMNS[key]}
 
 
 def _require_tree(card: TreeCard) -> None:
@@ -213,10 +214,12 @@ def _require_tree(card: TreeCard) -> None:
         texts = getattr(card, what)
         _require_names(what, texts)
     for unit in (*card.effort_units, *card.drive_units):
-        if unit not in EFFORTS:
-            raise ValueError(f"found the unit {_given.seen(repr(unit))[:100]}, expected one of {', '.join(EFFORTS)}")
+        if unit not in JOINT_EFFORT_UNITS:
+            raise ValueError(
+                f"found the unit {_given.seen(repr(unit))[:100]}, expected one of {', '.join(JOINT_EFFORT_UNITS)}"
+            )
     for name, gain in zip(card.names, card.gains, strict=True):
-        if not 1e-9 <= abs(gain) <= LARGEST:
+        if not 1e-9 <= abs(gain) <= MAX_CARD_NUMBER:
             raise ValueError(f"gains: found {gain:g} of {name}, expected a number that is not 0")
     for name, seen in zip(card.names, card.ranges, strict=True):
         for low, high in ((seen.low, seen.high), (seen.seen_low, seen.seen_high)):
@@ -224,14 +227,14 @@ def _require_tree(card: TreeCard) -> None:
                 raise ValueError(f"ranges: {name}: found {low:g} to {high:g}, expected the lower first")
         for x in (seen.velocity, seen.effort, seen.seen_velocity):
             if x is not None:
-                require_between(f"ranges: {name}", x, 0.0, LARGEST)
+                require_between(f"ranges: {name}", x, 0.0, MAX_CARD_NUMBER)
     for ripple in card.ripples:
         if ripple.joint not in card.names:
             raise ValueError(f"ripples: found the joint {_given.seen(repr(ripple.joint))[:100]}, expected one of names")
         for x in (ripple.order, ripple.cosine, ripple.sine):
-            require_between("ripples", x, -LARGEST, LARGEST)
+            require_between("ripples", x, -MAX_CARD_NUMBER, MAX_CARD_NUMBER)
     for name, x in card.known.items():
-        require_between(_given.seen(name)[:100], x, -LARGEST, LARGEST)
+        require_between(_given.seen(name)[:100], x, -MAX_CARD_NUMBER, MAX_CARD_NUMBER)
     card.driven(1e-3)  # links in a loop, an axis of no length, turns that hang on one another
 
 

@@ -7,59 +7,59 @@ from dataclasses import replace
 
 import numpy as np
 
-from .kinematic_tree import Link, TreeJoint, Vector, outwards, rotation
+from .kinematic_tree import Link, TreeJoint, Vector, order_outwards, rotation
 
 Pose = tuple[np.ndarray, np.ndarray]
 """Rotation (3, 3) and place (3,) [m] of a frame in another."""
 
-HERE: Pose = (np.eye(3), np.zeros(3))
+IDENTITY_POSE: Pose = (np.eye(3), np.zeros(3))
 
 
-def welded(
+def weld_fixed_joints(
     joints: Sequence[TreeJoint], links: Sequence[Link], where: str
 ) -> tuple[tuple[TreeJoint, ...], tuple[Link, ...], Mapping[str, tuple[str, Pose]]]:
     """Joints that move and the links behind them, each with what is welded to it; and of every link by its name the one
     that carries it, and where on that it is."""
     on: dict[str, tuple[str, Pose]] = {}
     kept, bodies = [], {link.name: link for link in links}
-    for joint in outwards(joints, links, where):
-        carrier, pose = on.setdefault(joint.parent, (joint.parent, HERE))
+    for joint in order_outwards(joints, links, where):
+        carrier, pose = on.setdefault(joint.parent, (joint.parent, IDENTITY_POSE))
         if joint.kind == "fixed":
-            on[joint.child] = carrier, composed(pose, pose_of(joint))
+            on[joint.child] = carrier, compose_poses(pose, joint_pose(joint))
             if carrier in bodies and joint.child in bodies:
-                bodies[carrier] = joined(bodies[carrier], bodies.pop(joint.child), on[joint.child][1])
+                bodies[carrier] = join_links(bodies[carrier], bodies.pop(joint.child), on[joint.child][1])
             continue
-        on[joint.child] = joint.child, HERE
+        on[joint.child] = joint.child, IDENTITY_POSE
         if carrier != joint.parent:
-            turn, place = composed(pose, pose_of(joint))
-            joint = replace(joint, parent=carrier, place=_vector(place), turned=turned_as(turn))
+            turn, place = compose_poses(pose, joint_pose(joint))
+            joint = replace(joint, parent=carrier, place=_vector(place), turned=roll_pitch_yaw(turn))
         kept.append(joint)
     moving = [joint.child for joint in kept]
     return tuple(kept), tuple(bodies[name] for name in moving), on
 
 
-def held(joint: TreeJoint, coordinate: float) -> TreeJoint:
+def hold_joint(joint: TreeJoint, coordinate: float) -> TreeJoint:
     """A joint that moves, fixed at its coordinate [rad; m]."""
-    turn, place = pose_of(joint)
+    turn, place = joint_pose(joint)
     axis = np.asarray(joint.axis, float)
     if joint.kind == "prismatic":
         place = place + turn @ axis * coordinate
     else:
-        turn = turn @ _about(axis, coordinate)
-    return replace(joint, kind="fixed", axis=None, place=_vector(place), turned=turned_as(turn), rotor_inertia=0.0)
+        turn = turn @ _rotation_about(axis, coordinate)
+    return replace(joint, kind="fixed", axis=None, place=_vector(place), turned=roll_pitch_yaw(turn), rotor_inertia=0.0)
 
 
-def pose_of(joint: TreeJoint) -> Pose:
-    """Of a joint's frame in its parent's."""
+def joint_pose(joint: TreeJoint) -> Pose:
+    """Return the pose of a joint's frame in its parent's."""
     return rotation(joint.turned), np.asarray(joint.place, float)
 
 
-def composed(outer: Pose, inner: Pose) -> Pose:
+def compose_poses(outer: Pose, inner: Pose) -> Pose:
     """A pose in a frame that has one itself."""
     return outer[0] @ inner[0], outer[1] + outer[0] @ inner[1]
 
 
-def joined(body: Link, other: Link, pose: Pose) -> Link:
+def join_links(body: Link, other: Link, pose: Pose) -> Link:
     """A link with another welded to it at a pose."""
     turn, place = pose
     moment = turn @ np.asarray(other.moment)
@@ -75,7 +75,7 @@ def joined(body: Link, other: Link, pose: Pose) -> Link:
     )
 
 
-def turned_as(turn: np.ndarray) -> Vector:
+def roll_pitch_yaw(turn: np.ndarray) -> Vector:
     """Roll, pitch and yaw [rad] of a rotation (3, 3); exact where pitch is a right angle too."""
     yaw = np.arctan2(turn[1, 0], turn[0, 0])
     s, c = np.sin(yaw), np.cos(yaw)
@@ -84,7 +84,7 @@ def turned_as(turn: np.ndarray) -> Vector:
     return float(roll), float(pitch), float(yaw)
 
 
-def _about(axis: np.ndarray, angle: float) -> np.ndarray:
+def _rotation_about(axis: np.ndarray, angle: float) -> np.ndarray:
     x, y, z = axis / np.linalg.norm(axis)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross

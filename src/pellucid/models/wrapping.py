@@ -18,24 +18,36 @@ from typing import Protocol
 
 import numpy as np
 
-NONE, MAY, MUST, INSIDE = 0, 1, 2, 3
-"""What a stretch does on a surface: it passes, it may wrap, it hits and must wrap, it begins or ends within."""
+NO_WRAP = 0
+"""Code of a stretch that passes the surface."""
+
+MAY_WRAP = 1
+"""Code of a stretch that wraps if that is shortest."""
+
+MUST_WRAP = 2
+"""Code of a stretch that hits the surface and must wrap."""
+
+ENDS_INSIDE = 3
+"""Code of a stretch that begins or ends inside the surface."""
 
 METHODS = ("hybrid", "midpoint")
-"""Of an ellipsoid: the main plane blended with the fan, or the middle of what the straight line passes through."""
+"""Methods for the plane on an ellipsoid: main plane blended with the fan, or middle of the straight line's chord."""
 
-BLEND = (0.7073, 0.9)
+FAN_BLEND_COSINES = (0.7073, 0.9)
 """Cosines with an ellipsoid's axis between which its fan of nearest points gives way to the one on the main plane."""
 
-EDGE, BLADES = 0.3, 300
-"""Of a stretch within an ellipsoid, near whose ends the main plane is trusted less; samples of its fan."""
+EDGE_SHARE = 0.3
+"""The main plane is trusted less within this share of a stretch from the ends of its chord in an ellipsoid."""
 
-ARC = np.polynomial.legendre.leggauss(24)
+FAN_SAMPLE_COUNT = 300
+"""Number of samples of the fan of nearest points."""
+
+ARC_QUADRATURE = np.polynomial.legendre.leggauss(24)
 """Nodes and weights of an arc's length."""
 
 
 @dataclass(frozen=True, eq=False)
-class Wrapped:
+class WrapResult:
     """What n stretches do on a surface, in the surface's frame."""
 
     code: np.ndarray  # (n,) NONE, MAY, MUST or INSIDE
@@ -47,7 +59,7 @@ class Wrapped:
 class Surface(Protocol):
     """What a stretch may wrap around."""
 
-    def wrapped(self, p: np.ndarray, q: np.ndarray) -> Wrapped:
+    def wrapped(self, p: np.ndarray, q: np.ndarray) -> WrapResult:
         """From points `p` to points `q`, (n, 3), in the surface's frame."""
         ...
 
@@ -72,19 +84,19 @@ class Cylinder:
     length: float
     side: Side = Side()
 
-    def wrapped(self, p: np.ndarray, q: np.ndarray) -> Wrapped:
+    def wrapped(self, p: np.ndarray, q: np.ndarray) -> WrapResult:
         """See `Surface`."""
         inside = (np.hypot(p[:, 0], p[:, 1]) < self.radius) | (np.hypot(q[:, 0], q[:, 1]) < self.radius)
-        p, q = _outside(p, self.radius, inside), _outside(q, self.radius, inside)
+        p, q = _replace_inside(p, self.radius, inside), _replace_inside(q, self.radius, inside)
         way = q - p
         flat = np.sum(way[:, :2] ** 2, axis=1)
         share = -np.sum(p[:, :2] * way[:, :2], axis=1) / np.where(flat > 0.0, flat, 1.0)
         near = p + share[:, None] * way
         hit = (np.hypot(near[:, 0], near[:, 1]) < self.radius) & (share > 0.0) & (share < 1.0)
-        ways = [_around(p[:, :2], q[:, :2], self.radius, s) for s in (1.0, -1.0)]
+        ways = [_tangent_angles(p[:, :2], q[:, :2], self.radius, s) for s in (1.0, -1.0)]
         if self.side.axis < 0:
             clockwise = ways[1][2] < ways[0][2]
-            code = np.where(hit, MUST, NONE)
+            code = np.where(hit, MUST_WRAP, NO_WRAP)
         else:
             clockwise, code = self._sided(p, q, near, hit, ways)
         a, b, arc = (np.where(clockwise, right, left) for left, right in zip(*ways, strict=True))
@@ -95,18 +107,18 @@ class Cylinder:
         first = np.column_stack((first, p[:, 2] + rise * ends[0]))
         last = np.column_stack((last, q[:, 2] - rise * ends[1]))
         beyond = (np.abs(first[:, 2]) > 0.5 * self.length) & (np.abs(last[:, 2]) > 0.5 * self.length)
-        code = np.where(inside, INSIDE, np.where(beyond, NONE, code))
-        return Wrapped(code, first, last, np.hypot(turn, rise * turn))
+        code = np.where(inside, ENDS_INSIDE, np.where(beyond, NO_WRAP, code))
+        return WrapResult(code, first, last, np.hypot(turn, rise * turn))
 
     def _sided(self, p, q, near, hit, ways) -> tuple[np.ndarray, np.ndarray]:
         """Whether to go clockwise so as to pass on the side, and whether stretches wrap at all."""
         has = self.side.has
         own = has(p) | has(q)
         over = (has(p) != has(q)) & ~has(near)
-        code = np.where(own, np.where(hit, MUST, np.where(over, MAY, NONE)), MAY)
+        code = np.where(own, np.where(hit, MUST_WRAP, np.where(over, MAY_WRAP, NO_WRAP)), MAY_WRAP)
         (a, b, _), (a_, b_, _) = ways
         on = {k: has(_circle(x, self.radius)) for k, x in (("a", a), ("b", b), ("a_", a_), ("b_", b_))}
-        wide = np.abs(_folded(b - a)) > np.abs(_folded(b_ - a_))
+        wide = np.abs(_fold_angle(b - a)) > np.abs(_fold_angle(b_ - a_))
         neither = np.where(on["b_"], True, np.where(on["b"], False, ~wide))
         clockwise = np.where(on["a"] & on["a_"], on["b_"], np.where(on["a"], False, np.where(on["a_"], True, neither)))
         return clockwise, code
@@ -119,18 +131,18 @@ class Sphere:
     radius: float
     side: Side = Side()
 
-    def wrapped(self, p: np.ndarray, q: np.ndarray) -> Wrapped:
+    def wrapped(self, p: np.ndarray, q: np.ndarray) -> WrapResult:
         """See `Surface`."""
         unit = np.ones(3) * self.radius
-        hit, inside = _struck(p, q, unit)
-        p, q = _outside(p, self.radius, inside, 3), _outside(q, self.radius, inside, 3)
+        hit, inside = _hits_ellipsoid(p, q, unit)
+        p, q = _replace_inside(p, self.radius, inside, 3), _replace_inside(q, self.radius, inside, 3)
         x = p / np.linalg.norm(p, axis=1)[:, None]
         normal = np.cross(p, q)
         size = np.linalg.norm(normal, axis=1)
         hit &= size > 1e-12
-        y = np.cross(np.where(size[:, None] > 1e-12, normal / np.maximum(size, 1e-12)[:, None], _across(x)), x)
+        y = np.cross(np.where(size[:, None] > 1e-12, normal / np.maximum(size, 1e-12)[:, None], _perpendicular(x)), x)
         planar = [np.stack([np.sum(v * x, 1), np.sum(v * y, 1)], axis=1) for v in (p, q)]
-        ways = [_around(*planar, self.radius, s) for s in (1.0, -1.0)]
+        ways = [_tangent_angles(*planar, self.radius, s) for s in (1.0, -1.0)]
         space = [[c[:, :1] * x + c[:, 1:] * y for c in (_circle(w[k], self.radius) for k in (0, 1))] for w in ways]
         clockwise = ways[1][2] < ways[0][2]
         if self.side.axis >= 0:
@@ -142,8 +154,8 @@ class Sphere:
             clockwise = np.where(constrained, under ^ flip, clockwise)
         first, last = (np.where(clockwise[:, None], space[1][k], space[0][k]) for k in (0, 1))
         arc = np.where(clockwise, ways[1][2], ways[0][2])
-        code = np.where(inside, INSIDE, np.where(hit, MUST, NONE))
-        return Wrapped(code, first, last, self.radius * arc)
+        code = np.where(inside, ENDS_INSIDE, np.where(hit, MUST_WRAP, NO_WRAP))
+        return WrapResult(code, first, last, self.radius * arc)
 
 
 @dataclass(frozen=True)
@@ -154,18 +166,20 @@ class Ellipsoid:
     side: Side = Side()
     method: str = METHODS[0]  # How the plane of the way is found
 
-    def wrapped(self, p: np.ndarray, q: np.ndarray) -> Wrapped:
+    def wrapped(self, p: np.ndarray, q: np.ndarray) -> WrapResult:
         """See `Surface`."""
         radii = np.array(self.radii)
-        hit, inside = _struck(p, q, radii)
+        hit, inside = _hits_ellipsoid(p, q, radii)
         far = 1.0 - np.sum(p * q, 1) / (np.linalg.norm(p, axis=1) * np.linalg.norm(q, axis=1)) < 1e-4
         hit &= ~far
         count = len(p)
-        blank = Wrapped(np.where(inside, INSIDE, NONE), np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count))
+        blank = WrapResult(
+            np.where(inside, ENDS_INSIDE, NO_WRAP), np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count)
+        )
         if not hit.any():
             return blank
         made = self._way(p[hit], q[hit], radii)
-        blank.code[hit], blank.first[hit], blank.last[hit], blank.length[hit] = MUST, *made
+        blank.code[hit], blank.first[hit], blank.last[hit], blank.length[hit] = MUST_WRAP, *made
         return blank
 
     def _way(self, p, q, radii):
@@ -183,8 +197,8 @@ class Ellipsoid:
         # The way passes on the crest's side of the straight line.
         side = _cross(b2 - a2, c2 - a2)
         sense = -np.sign(side)
-        one, two, arc = _around(a2, b2, radius, sense)
-        nodes, weights = ARC
+        one, two, arc = _tangent_angles(a2, b2, radius, sense)
+        nodes, weights = ARC_QUADRATURE
         angle = one[:, None] + sense[:, None] * arc[:, None] * 0.5 * (1.0 + nodes)
         step = (-np.sin(angle)[..., None] * x[:, None] + np.cos(angle)[..., None] * y[:, None]) * radii
         length = radius * 0.5 * arc * (np.linalg.norm(step, axis=2) @ weights)
@@ -200,7 +214,7 @@ class Ellipsoid:
         middle = near + 0.5 * chord
         fan_share = np.ones(len(p))
         if self.method == "midpoint":
-            crest = _closest(middle, radii)
+            crest = _nearest_points(middle, radii)
         else:
             mu = np.abs(q - p) / np.linalg.norm(q - p, axis=1)[:, None]
             best, row = np.argmax(mu, axis=1), np.arange(len(p))
@@ -208,29 +222,29 @@ class Ellipsoid:
             t = -near[row, best] / chord[row, best]
             start = near + t[:, None] * chord
             start[row, best] = 0.0
-            flat = _closest_in_plane(start, radii, best)
-            low, high = BLEND
-            trust = np.clip(np.minimum(t, 1.0 - t) / EDGE, 0.0, 1.0)
+            flat = _nearest_points_in_plane(start, radii, best)
+            low, high = FAN_BLEND_COSINES
+            trust = np.clip(np.minimum(t, 1.0 - t) / EDGE_SHARE, 0.0, 1.0)
             mu = np.where(mu > low, low + trust * (mu - low), mu)
             fan_share = 1.0 - np.clip((mu - low) / (high - low), 0.0, 1.0)
-            points = near + (np.arange(1, BLADES - 1) / BLADES)[:, None, None] * chord
-            blade = _closest(points.reshape(-1, 3), radii).reshape(points.shape) - points
+            points = near + (np.arange(1, FAN_SAMPLE_COUNT - 1) / FAN_SAMPLE_COUNT)[:, None, None] * chord
+            blade = _nearest_points(points.reshape(-1, 3), radii).reshape(points.shape) - points
             blade /= np.maximum(np.linalg.norm(blade, axis=2), 1e-300)[..., None]
             total = blade.sum(axis=0)
             total /= np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
-            fan = _closest(middle + total, radii)
+            fan = _nearest_points(middle + total, radii)
             mixed = (1.0 - fan_share)[:, None] * flat + fan_share[:, None] * fan
             inner = (fan_share > 0.0) & (fan_share < 1.0)
-            crest = np.where(inner[:, None], _closest(mixed, radii), mixed)
+            crest = np.where(inner[:, None], _nearest_points(mixed, radii), mixed)
         if self.side.axis >= 0:
             k = self.side.axis
             turned = crest.copy()
             turned[:, k] = -crest[:, k] * (1.0 - fan_share)
-            crest = np.where(self.side.has(crest)[:, None], crest, _closest(turned, radii))
+            crest = np.where(self.side.has(crest)[:, None], crest, _nearest_points(turned, radii))
         return crest / scale
 
 
-def _around(p: np.ndarray, q: np.ndarray, radius, sense) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _tangent_angles(p: np.ndarray, q: np.ndarray, radius, sense) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Angles of the tangent points around a circle, and the arc between them; `p`, `q` (n, 2)."""
     angles = []
     for x, way in ((p, sense), (q, -np.asarray(sense))):
@@ -243,7 +257,7 @@ def _circle(angle: np.ndarray, radius) -> np.ndarray:
     return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
 
 
-def _folded(angle: np.ndarray) -> np.ndarray:
+def _fold_angle(angle: np.ndarray) -> np.ndarray:
     return np.mod(angle + np.pi, 2.0 * np.pi) - np.pi
 
 
@@ -251,14 +265,14 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
-def _across(x: np.ndarray) -> np.ndarray:
+def _perpendicular(x: np.ndarray) -> np.ndarray:
     """Some unit vector at right angles to each of `x` (n, 3)."""
     least = np.eye(3)[np.argmin(np.abs(x), axis=1)]
     made = np.cross(x, least)
     return made / np.linalg.norm(made, axis=1)[:, None]
 
 
-def _outside(x: np.ndarray, radius: float, inside: np.ndarray, dimensions: int = 2) -> np.ndarray:
+def _replace_inside(x: np.ndarray, radius: float, inside: np.ndarray, dimensions: int = 2) -> np.ndarray:
     """Points where no root is taken of what is negative; those `inside` are answered for already."""
     safe = np.zeros(3)
     safe[: dimensions - 1] = 2.0 * radius
@@ -267,12 +281,12 @@ def _outside(x: np.ndarray, radius: float, inside: np.ndarray, dimensions: int =
 
 def _crossings(p: np.ndarray, q: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Where straight lines enter and leave an ellipsoid."""
-    enter, leave, _ = _shares(p, q, radii)
+    enter, leave, _ = _crossing_shares(p, q, radii)
     way = q - p
     return p + enter[:, None] * way, p + leave[:, None] * way
 
 
-def _shares(p: np.ndarray, q: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _crossing_shares(p: np.ndarray, q: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     way, start = (q - p) / radii, p / radii
     aa, bb, cc = np.sum(way * way, 1), 2.0 * np.sum(way * start, 1), np.sum(start * start, 1) - 1.0
     under = bb * bb - 4.0 * aa * cc
@@ -281,14 +295,14 @@ def _shares(p: np.ndarray, q: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray
     return (-bb - root) / (2.0 * aa), (-bb + root) / (2.0 * aa), under
 
 
-def _struck(p: np.ndarray, q: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _hits_ellipsoid(p: np.ndarray, q: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Whether stretches pass through an ellipsoid, and whether one of their ends is in it."""
     inside = (np.sum((p / radii) ** 2, 1) < 0.9999) | (np.sum((q / radii) ** 2, 1) < 0.9999)
-    enter, leave, under = _shares(p, q, radii)
+    enter, leave, under = _crossing_shares(p, q, radii)
     return ~inside & (under > 0.0) & (enter > 0.0) & (leave < 1.0), inside
 
 
-def _closest(x: np.ndarray, radii: np.ndarray) -> np.ndarray:
+def _nearest_points(x: np.ndarray, radii: np.ndarray) -> np.ndarray:
     """Nearest points of an ellipsoid to points (n, 3), by the one root of its secular equation that is nearest."""
     square = radii**2
     signs = np.where(x >= 0.0, 1.0, -1.0)
@@ -307,7 +321,7 @@ def _closest(x: np.ndarray, radii: np.ndarray) -> np.ndarray:
     return signs * square * y / (t[:, None] + square)
 
 
-def _closest_in_plane(x: np.ndarray, radii: np.ndarray, axis: np.ndarray) -> np.ndarray:
+def _nearest_points_in_plane(x: np.ndarray, radii: np.ndarray, axis: np.ndarray) -> np.ndarray:
     """Nearest points within the main plane across each point's `axis`."""
     made = np.zeros_like(x)
     for k in range(3):
@@ -315,6 +329,6 @@ def _closest_in_plane(x: np.ndarray, radii: np.ndarray, axis: np.ndarray) -> np.
         if rows.any():
             flat = x[rows].copy()
             flat[:, k] = 0.0
-            made[rows] = _closest(flat, radii)
+            made[rows] = _nearest_points(flat, radii)
             made[rows, k] = 0.0
     return made

@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 
-from .drawing import Drawing
+from ..drawing.drawing import Drawing
 
 STYLE = (
     "<style>.rests { display: none } @media (prefers-reduced-motion: reduce), print "

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from .drawing import Drawing, Head, heads, key, line, tidy
-from .style import FIGURE_WIDTH, colour
+from ..drawing.drawing import Drawing, Head, heads, key, line, tidy
+from ..drawing.style import FIGURE_WIDTH, colour
 
 
 @dataclass(frozen=True)

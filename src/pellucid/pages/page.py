@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .._atomic import remove_leftovers, write_text_atomically
-from .drawing import Drawing
+from ..drawing.drawing import Drawing
 from .tables import Table
 from .templates import render
 

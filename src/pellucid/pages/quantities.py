@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from ..fit.parameter import Parameter
-from ..models.joint import SYMBOLS
+from ..models.joint import SYMBOLS_BY_NAME
 
 MINUS = "\N{MINUS SIGN}"
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -151,7 +151,7 @@ def parameter_interval(parameter: Parameter, level: float) -> str:
     if parameter.refused:
         return "refused"
     low, high = parameter.interval(level)
-    symbol = SYMBOLS.get(parameter.name)
+    symbol = SYMBOLS_BY_NAME.get(parameter.name)
     if parameter.at_bound and symbol is not None:
         low, high = max(low, symbol.lower), min(high, symbol.upper)
     return interval(low, high, parameter.standard_error)

@@ -1,4 +1,4 @@
-"""What a figure draws of a signal: breaks where samples are missing, outlines of long lines, windows, medians.
+"""Series that figures of joints draw: recordings joined, the busiest window, running medians.
 
 Arrays in, arrays out; nothing here knows a figure.
 """
@@ -12,9 +12,6 @@ import numpy as np
 from ..fit.joint.evaluation import Prediction
 from ..fit.joint.replay import Simulation
 from .quantities import Reading
-
-LINE_POINTS = 900
-"""A line keeps at most about so many points: the extremes of every stretch, so that no peak is lost."""
 
 
 def by_recording(parts: Sequence[Prediction] | Sequence[Simulation]) -> list[list]:
@@ -61,38 +58,6 @@ def pooled_error(group: Sequence[Prediction]) -> float:
     """Effort error of several stretches together [%]."""
     residual = np.concatenate([p.residual for p in group])
     return 100.0 * float(np.linalg.norm(residual) / np.linalg.norm(np.concatenate([p.effort for p in group])))
-
-
-def broken(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A NaN wherever samples are missing, so that no line bridges what was not scored."""
-    steps = np.diff(time)
-    known = steps[np.isfinite(steps)]
-    if not len(known):
-        return time, values
-    gaps = np.flatnonzero(steps > 3.5 * np.median(known)) + 1
-    return np.insert(time, gaps, np.nan), np.insert(values, gaps, np.nan)
-
-
-def outline(time: np.ndarray, values: np.ndarray, points: int = LINE_POINTS) -> tuple[np.ndarray, np.ndarray]:
-    """Of `time` and `values`, the least and the largest sample of each of `points` / 2 stretches; breaks stay."""
-    if len(time) <= points:
-        return time, values
-    keep = {0, len(time) - 1, *np.flatnonzero(~np.isfinite(time) | ~np.isfinite(values)).tolist()}
-    for part in np.array_split(np.arange(len(time)), points // 2):
-        good = part[np.isfinite(values[part])]
-        if len(good):
-            keep.update((int(good[np.argmin(values[good])]), int(good[np.argmax(values[good])])))
-    index = np.array(sorted(keep))
-    return time[index], values[index]
-
-
-def every(points: int, *arrays: np.ndarray) -> tuple[np.ndarray, ...]:
-    """About `points` samples of each array, evenly spaced; breaks in the first one stay."""
-    step = max(1, len(arrays[0]) // points)
-    keep = np.zeros(len(arrays[0]), bool)
-    keep[::step] = True
-    keep |= ~np.isfinite(arrays[0])
-    return tuple(a[keep] for a in arrays)
 
 
 def busiest(time: np.ndarray, values: np.ndarray, share: float = 0.035) -> tuple[float, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib.metadata import version
 
-from .style import SANS, css_variables
+from ..drawing.style import SANS, css_variables
 
 
 def render(template: str, **content: object) -> str:

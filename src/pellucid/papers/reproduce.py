@@ -6,7 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from .._given import require_folder
 from ..pages.page import write_page
+from ..recordings.results import require_own_page
 from .figure import Figures, Reproduced, write_figures
 from .paper import Paper
 from .paper import paper as paper_named
@@ -49,10 +51,12 @@ def reproduce(
     >>> import pellucid as pl
     >>> made = pl.reproduce("able", "able-again")                            # doctest: +SKIP
     """
-    out = Path(out)
+    out = require_folder(Path(out), "a folder for the page and its files")
     made = paper_named(paper)() if isinstance(paper, str) else paper
+    command = f"reproduce {made.name}"
+    require_own_page(out, command)
     figures = Figures(made.figures(on_progress or (lambda text, share: None)))
-    write_figures(out, f"reproduce {made.name}", tuple(figures.values()), made.split)
+    write_figures(out, command, tuple(figures.values()), made.split)
     made.write_more(out)
     page = write_page(out, made.page(figures))
     return Reproduction(page, tuple(_sentence(row) for row in figures.values() if made.is_main(row.id)), figures)

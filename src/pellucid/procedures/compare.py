@@ -13,6 +13,9 @@ from ..fit.parameter import Verdict
 from ..models.card import Card, read_card
 from ..models.slider_card import read_slider_card
 from ..models.tree_card import TreeCard, read_tree_card
+from ..recordings.study import STUDY_FILE
+from .card_sources import require_fresh
+from .registry import open_study
 
 SURE = 2.8  # standard errors: a change of this size is found in 80 % of comparisons at the 5 % level
 
@@ -42,7 +45,15 @@ class Comparison:
     verdicts: tuple[Verdict, ...]
 
 
-def compare(a: Path | str, b: Path | str, *, family: str | None = None, level: float = 0.95) -> Comparison:
+def compare(
+    a: Path | str,
+    b: Path | str,
+    *,
+    family: str | None = None,
+    level: float = 0.95,
+    allow_outside: bool = False,
+    accept_stale: bool = False,
+) -> Comparison:
     """Compare two studies of the same joint, or two model cards.
 
     Parameters
@@ -53,6 +64,11 @@ def compare(a: Path | str, b: Path | str, *, family: str | None = None, level: f
         Friction family to compare; the first card's best one, where both studies have it.
     level : float
         Confidence of the tests, over all parameters together.
+    allow_outside : bool
+        Whether recordings of the studies may lie outside their folders.
+    accept_stale : bool
+        Whether cards of a study are compared that were made from something else than the study as it is now. A card
+        that is named itself is compared as it is.
 
     Returns
     -------
@@ -63,7 +79,7 @@ def compare(a: Path | str, b: Path | str, *, family: str | None = None, level: f
     IdentificationError
         If the two cards are not of the same kind of joint, drive unit and family.
     PellucidError
-        If a card is missing or unreadable.
+        If a card is missing, unreadable or stale.
 
     Examples
     --------
@@ -74,8 +90,8 @@ def compare(a: Path | str, b: Path | str, *, family: str | None = None, level: f
     >>> any(parameter.changed for parameter in compared.rows)
     False
     """
-    one = _card(Path(a), family)
-    two = _card(Path(b), family or one.family)
+    one = _fresh_card(Path(a), family, allow_outside, accept_stale)
+    two = _fresh_card(Path(b), family or one.family, allow_outside, accept_stale)
     for what in ("names", "motion", "effort_unit", "family"):
         first, second = (getattr(card, what, None) for card in (one, two))
         if first != second:
@@ -101,6 +117,15 @@ def compare(a: Path | str, b: Path | str, *, family: str | None = None, level: f
     statistic = float(difference[free] @ np.linalg.pinv(covariance[np.ix_(free, free)]) @ difference[free])
     joint_p = float(chdtrc(max(int(free.sum()), 1), statistic))
     return Comparison(one.family, rows, statistic, joint_p, _sentences(rows, joint_p, level))
+
+
+def _fresh_card(path: Path, family: str | None, allow_outside: bool, accept_stale: bool) -> Card | TreeCard:
+    """Return the card of a study, if the study still is what it was made from, or the card of that path."""
+    card = _card(path, family)
+    if not (path / STUDY_FILE).is_file():
+        return card
+    study = open_study(path, allow_outside=allow_outside, accept_stale=accept_stale)
+    return require_fresh(study, path / "models", card)
 
 
 def _card(path: Path, family: str | None) -> Card | TreeCard:

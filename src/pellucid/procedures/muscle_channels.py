@@ -19,7 +19,7 @@ ENVELOPE_RATE = 100.0
 """At which envelopes are kept, at least [Hz]: nothing in them is faster than their low-pass."""
 
 SETTLING = 0.25
-"""Taken off either end of a recording whose envelopes a chain made [s]: its filters know nothing beyond."""
+"""Seconds that are left out where a file begins or ends: the filters of a chain know nothing beyond."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,13 +50,24 @@ def emg_stream(recording: Recording, table: MuscleTable) -> Recording:
     stream = recording.streams.get(table.emg, recording)
     if stream is recording:
         return recording
-    step = 1.0 / stream.fs
-    inside = (stream.time > recording.time[0] - 0.5 * step) & (stream.time < recording.time[-1] + 0.5 * step)
-    if inside.all():
+    inside = _within(stream, recording)
+    if inside == slice(0, len(stream)):
         return stream
-    return replace(
-        stream, channels={name: replace(c, samples=c.samples[inside]) for name, c in stream.channels.items()}
-    )
+    channels = {name: replace(c, samples=c.samples[inside]) for name, c in stream.channels.items()}
+    return replace(stream, channels=channels, uncut=stream)
+
+
+def _within(whole: Recording, recording: Recording) -> slice:
+    """Samples of a whole file within a recording's time."""
+    half = 0.5 / whole.fs
+    return slice(*map(int, np.searchsorted(whole.time, (recording.time[0] - half, recording.time[-1] + half))))
+
+
+def raw_around(stream: Recording, muscle: str) -> tuple[np.ndarray, slice]:
+    """Raw EMG of a muscle in the whole file, (n,) [V], and which of it is the stream's own."""
+    raw_channel(stream, muscle)
+    whole = stream.uncut or stream
+    return whole[f"emg.{muscle}"], _within(whole, stream)
 
 
 def with_emg(study: Study, table: MuscleTable) -> list[Recording]:
@@ -86,7 +97,7 @@ def emg_faults(study: Study, table: MuscleTable) -> list[Fault]:
         stream = emg_stream(recording, table)
         wanted = {f"emg.{muscle}" for muscle in muscles_of(stream, table)} | {"time"}
         only = replace(stream, channels={n: c for n, c in stream.channels.items() if n in wanted})
-        found += inspect_emg(only)
+        found += inspect_emg(only, has_notch=isinstance(table, EnvelopeTable))
     return found
 
 
@@ -160,8 +171,9 @@ def _envelopes(stream: Recording, table: EnvelopeTable) -> tuple[np.ndarray, dic
     every = slice(None, None, max(1, int(stream.fs / ENVELOPE_RATE)))
     if table.chain == "none":
         return stream.time[every], {m: _recorded(stream, m)[every] for m in muscles_of(stream, table)}
-    chain = _unscaled(emg_chain(table.chain))
+    chain = _unscaled(emg_chain(table.chain, table.mains))
     settling = round(SETTLING * stream.fs)
+    kept = slice(None)
     if len(stream) < 4 * settling:
         raise RecordingError(
             f"{stream.path.name} (recording {stream.name}): found {len(stream) / stream.fs:.3g} s of EMG, expected at "
@@ -174,12 +186,15 @@ def _envelopes(stream: Recording, table: EnvelopeTable) -> tuple[np.ndarray, dic
                 f"{where(stream, muscle)}: found the unit {stream.channels[f'emg.{muscle}'].unit}, expected V for the "
                 f'chain {chain.name}; use chain = "none" where envelopes were recorded'
             )
+        samples, inside = raw_around(stream, muscle)
+        # Only where the file itself begins or ends nothing is known beyond.
+        first, last = max(settling - inside.start, 0), max(settling - (len(samples) - inside.stop), 0)
+        kept = slice(first, inside.stop - inside.start - last)
         try:
-            whole = chain.zero_phase(raw_channel(stream, muscle), stream.fs)
+            made[muscle] = chain.zero_phase(samples, stream.fs, inside=inside)[kept][every]
         except PellucidError as error:
             raise RecordingError(f"{where(stream, muscle)}: {error}") from None
-        made[muscle] = whole[settling:-settling][every]
-    return stream.time[settling:-settling][every], made
+    return stream.time[kept][every], made
 
 
 def _recorded(stream: Recording, muscle: str) -> np.ndarray:

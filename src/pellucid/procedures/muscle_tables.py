@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from ..recordings.study_fields import ProcedureTable, Word
+from ..recordings.study_fields import ProcedureTable, Word, quantity
 
 
 class MuscleTable(ProcedureTable):
@@ -35,6 +35,9 @@ class EnvelopeTable(MuscleTable):
     ----------
     chain : str
         From raw EMG to envelopes: ``"hill"``, ``"knee"``, or ``"none"`` where envelopes were recorded.
+    mains : float or None
+        Where the notch of the chain ``"hill"`` lies [Hz]; left out: at 50 Hz, as published.
     """
 
     chain: Literal["hill", "knee", "none"] = "hill"
+    mains: quantity("Hz", gt=0) | None = None

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ..pages.drawing import Drawing
+from ..drawing.drawing import Drawing
+from ..drawing.style import FIGURE_WIDTH, colour
 from ..pages.quantities import label, unit_text
-from ..pages.style import FIGURE_WIDTH, colour
 from .posterior_beside import Beside
 
 BARS = 25

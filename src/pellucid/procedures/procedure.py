@@ -51,6 +51,9 @@ class Procedure(ABC):
     whole: ClassVar[bool] = False
     """Whether it needs recordings without a break; those with a cut are left out, and named."""
 
+    uses_limits: ClassVar[bool] = False
+    """Whether its cards hold the limits of joints; those of others are a controller's, and may be set later."""
+
     def asked(self, study: Study) -> bool:
         """Whether this study asks for it; nobody else looks at that."""
         return getattr(study.config, self.name, None) is not None

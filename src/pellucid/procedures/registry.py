@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -59,7 +60,11 @@ def study_model() -> type[StudyFile]:
 
 
 def open_study(
-    folder: str | os.PathLike, *, out: str | os.PathLike | None = None, allow_outside: bool = False
+    folder: str | os.PathLike,
+    *,
+    out: str | os.PathLike | None = None,
+    allow_outside: bool = False,
+    accept_stale: bool = False,
 ) -> Study:
     """Open a study's folder; recordings are read when they are asked for.
 
@@ -71,6 +76,8 @@ def open_study(
         Folder to write to instead of the study's own, which may be read-only.
     allow_outside : bool
         Whether files outside the study's folder are read where study.toml names them, or a link leads there.
+    accept_stale : bool
+        Whether model cards are used that were made from something else than the study as it is now.
 
     Returns
     -------
@@ -94,4 +101,5 @@ def open_study(
     """
     from ..recordings.study import open_folder
 
-    return open_folder(folder, study_model(), out=out, allow_outside=allow_outside)
+    study = open_folder(folder, study_model(), out=out, allow_outside=allow_outside)
+    return replace(study, accept_stale=True) if accept_stale else study

@@ -20,6 +20,7 @@ from ..models.tree_card import TreeCard, write_tree_card
 from ..recordings.kept import keep, read_kept
 from ..recordings.lock import locked
 from ..recordings.results import ResultRow, replace_rows
+from .card_sources import card_sources
 
 if TYPE_CHECKING:
     from ..recordings.study import Study
@@ -128,6 +129,11 @@ class Result:
         return f"<p>{escape(self.headline)}</p>{html_tables(self)}<ul>{said}</ul>"
 
     @property
+    def each(self) -> tuple[Result, ...]:
+        """The results that it is made of, one of each procedure."""
+        return (self,)
+
+    @property
     def prose(self) -> str:
         """What was found in sentences for a paper; empty, mostly."""
         return ""
@@ -170,9 +176,10 @@ class Result:
             for name, card in self.cards.items():
                 _write(study.models_dir / f"{name}.json", card)
             replace_rows(study.results_path, self.command, self.rows)
-            self.save_more(study)
-            if self.made_from:
-                keep(study.kept_path(self.procedure), self.made_from, self.for_page())
+            for part in self.each:
+                part.save_more(study)
+                if part.made_from:
+                    keep(study.kept_path(part.procedure), part.made_from, part.for_page())
         return self.rows
 
     def save_somewhere(self, study: Study) -> tuple[Study, str]:
@@ -235,9 +242,11 @@ def fingerprint(study: Study, procedure: Procedure) -> str:
 
 
 def found_by(procedure: Procedure, study: Study, result: Result) -> Result:
-    """A result with what it was made from and by, its verdicts worst first."""
+    """A result, and its cards, with what it was made from and by, its verdicts worst first."""
+    sources = card_sources(study, procedure) if result.cards else {}
     return replace(
         result,
+        cards={name: replace(card, made_from=sources) for name, card in result.cards.items()},
         verdicts=ranked(result.verdicts),
         procedure=procedure.name,
         command=procedure.command,

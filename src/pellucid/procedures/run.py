@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import replace
@@ -10,17 +11,27 @@ from pathlib import Path
 from tempfile import gettempdir, mkdtemp
 from typing import TYPE_CHECKING
 
-from .._errors import IdentificationError, RecordingError
-from ..fit.parameter import KINDS, Verdict
+import numpy as np
+
+from .._errors import IdentificationError, PellucidError, RecordingError, UnfitRecordingError
+from ..fit.parameter import KINDS, Verdict, ranked
 from ..recordings.duplicates import duplicates
 from ..recordings.fault import Fault, grouped
 from ..recordings.study import Study
+from .combined_result import CombinedResult
 from .procedure import Procedure, Progress, quiet
 from .registry import PROCEDURES, asked
 from .result import Result, found_by
+from .subject import as_study, is_study
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from ..assessment.assess_table import TableAssessment
+    from ..assessment.cocontraction import Cocontraction
+    from ..estimators.envelope_synergies import FoundSynergies
     from ..pages.page import Page
+    from ..signals.emg_onset import Activations
 
 
 def check(study: Study) -> list[Fault]:
@@ -47,6 +58,7 @@ def check(study: Study) -> list[Fault]:
     >>> [fault.message for fault in pl.check(pl.open("my-elbow")) if fault.severity == "refuse"]
     []
     """
+    study = as_study(study, "check")
     faults = duplicates(study.recordings())
     for procedure in reversed(asked(study)):
         try:
@@ -82,7 +94,8 @@ def identify(
     Returns
     -------
     Result
-        ``result["inertia"]`` is a parameter with its interval; ``result.save(study)`` writes cards and rows.
+        ``result["inertia"]`` is a parameter with its interval; ``result.save(study)`` writes cards and rows. Where
+        study.toml asks for several procedures, all of them run, and ``result.parts`` has the result of each.
 
     Raises
     ------
@@ -103,12 +116,11 @@ def identify(
     True
     >>> _ = result.save(study)
     """
-    procedure = _only(study, "identify")
-    if procedure.name == "joint":
-        return _run(procedure, study, on_progress, families=families, thorough=thorough)
-    if families:
+    study = as_study(study, "identify")
+    procedures = _required(study, "identify")
+    if families and all(procedure.name != "joint" for procedure in procedures):
         raise IdentificationError("this study is identified by methods of its own; leave out --family")
-    return _run(procedure, study, on_progress)
+    return _run_all(study, "identify", on_progress, joint={"families": families, "thorough": thorough})
 
 
 def calibrate(study: Study, on_progress: Callable[[str, float], None] | None = None) -> Result:
@@ -138,32 +150,39 @@ def calibrate(study: Study, on_progress: Callable[[str, float], None] | None = N
     >>> result = pl.calibrate(pl.open("my-leg"))                             # doctest: +SKIP
     >>> print(result)                                                        # doctest: +SKIP
     """
-    return _run(_only(study, "calibrate"), study, on_progress)
+    return _run_all(as_study(study, "calibrate"), "calibrate", on_progress)
 
 
 def assess(
-    study: Study,
+    subject: Study | str | os.PathLike | object,
     on_progress: Callable[[str, float], None] | None = None,
     *,
     studies: int = 1000,
     executor: Executor | None = None,
-) -> Result:
-    """Do conditions change how people move? Indices, tests, effect sizes and how many participants it takes.
+    **table: object,
+) -> Result | TableAssessment:
+    """Compare how people move under several conditions: indices, tests, effect sizes and participants needed.
 
     Parameters
     ----------
-    study : Study
-        With a table ``[assessment]``.
+    subject : Study, path-like, or data frame
+        A study with a table ``[assessment]``; or a data frame (or a mapping of columns) with one row for each movement
+        or participant, the columns ``participant`` and ``condition``, and one column for each index.
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
     studies : int
-        Simulated to plan the next one.
+        Number of simulated studies for the power of the next one.
     executor : Executor, optional
-        That simulates them, a cluster for instance.
+        Runs the simulated studies, on a cluster for instance.
+    **table
+        For a data frame: ``control``, the name of the control condition, and optionally ``indices``, ``participant``,
+        ``condition`` (names of columns), ``margins`` (largest relative change of each index that does not matter) and
+        ``alpha``.
 
     Returns
     -------
-    Result
+    Result or TableAssessment
+        Of a study its result; of a data frame a mapping from index to comparison, with ``.certificates``.
 
     Raises
     ------
@@ -171,104 +190,190 @@ def assess(
         If the study asks for no assessment, or nobody took part in all conditions.
     RecordingError
         If a recording is not fit to be used.
+    PellucidError
+        If the subject is neither a study nor a table, or a column is missing.
 
     Examples
     --------
     >>> import pellucid as pl
-    >>> result = pl.assess(pl.open("my-people"))                             # doctest: +SKIP
-    >>> print(result)                                                        # doctest: +SKIP
+    >>> result = pl.assess("my-people")                                      # doctest: +SKIP
+    >>> rows = {
+    ...     "participant": ["A", "A", "B", "B", "C", "C"],
+    ...     "condition": ["free", "worn"] * 3,
+    ...     "duration": [1.0, 1.1, 0.9, 1.0, 1.2, 1.4],
+    ... }
+    >>> found = pl.assess(rows, control="free")
+    >>> round(found["duration"].pairwise["worn"].change, 2)
+    0.13
     """
-    return _run(_only(study, "assess"), study, on_progress, studies=studies, executor=executor)
+    if not is_study(subject):
+        from ..assessment.assess_table import assess_table
+
+        if "control" not in table:
+            raise PellucidError(
+                f"assess: found {type(subject).__name__}, expected a study, or a data frame with control=NAME of the "
+                "control condition"
+            )
+        return assess_table(subject, **table)
+    if table:
+        raise PellucidError(f"assess: found {', '.join(table)} with a study, expected them in its study.toml")
+    if studies < 1:
+        raise IdentificationError(f"assess: found {studies} studies to simulate, expected 1 or more")
+    study = as_study(subject, "assess")
+    return _run_all(study, "assess", on_progress, assessment={"studies": studies, "executor": executor})
 
 
-def onset(study: Study, on_progress: Callable[[str, float], None] | None = None) -> Result:
-    """When muscles become active: bursts of raw EMG, each beginning and end with its interval.
+def onset(
+    subject: Study | str | os.PathLike | Mapping[str, ArrayLike] | ArrayLike,
+    on_progress: Callable[[str, float], None] | None = None,
+    **options: object,
+) -> Result | Activations | dict[str, Activations]:
+    """Find when muscles become active: bursts of raw EMG, each onset and end with its interval.
 
     Parameters
     ----------
-    study : Study
-        With a table ``[onset]``.
+    subject : Study, path-like, array_like of shape (n,), or mapping of str to array_like
+        A study with a table ``[onset]``; or raw EMG of one muscle or of several by name [V].
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
+    **options
+        For arrays: ``fs``, the sampling rate [Hz], and optionally ``rest``, the beginning and end of a stretch of rest
+        [s], ``level``, the intervals' probability, ``height``, ``shortest`` and ``pause``.
 
     Returns
     -------
-    Result
+    Result, Activations, or dict of str to Activations
 
     Raises
     ------
     IdentificationError
         If the study asks for no onsets.
     RecordingError
-        If no recording has raw EMG with rest and activity in it.
+        If there is no raw EMG with rest and activity.
+    PellucidError
+        If the subject is neither a study nor an array, or `fs` is missing.
 
     Examples
     --------
+    >>> import numpy as np
     >>> import pellucid as pl
-    >>> result = pl.onset(pl.open("my-leg"))                                 # doctest: +SKIP
-    >>> print(result)                                                        # doctest: +SKIP
+    >>> result = pl.onset("my-leg")                                          # doctest: +SKIP
+    >>> t = np.arange(0.0, 4.0, 1e-3)
+    >>> emg = np.random.default_rng(0).standard_normal(t.size) * np.where((t > 1.0) & (t < 2.0), 1.0, 0.02)
+    >>> found = pl.onset(emg, fs=1000.0)
+    >>> round(found.bursts[0].onset.time, 1)
+    1.0
     """
-    return _run(_only(study, "onset"), study, on_progress)
+    if is_study(subject):
+        _require_no_options("onset", options)
+        return _run_all(as_study(subject, "onset"), "onset", on_progress)
+    from ..signals.onset import onset as onset_of_arrays
+
+    return onset_of_arrays(subject, **_array_options("onset", subject, options))
 
 
-def cocontraction(study: Study, on_progress: Callable[[str, float], None] | None = None) -> Result:
-    """How much antagonists work against each other: indices of every pair, with intervals.
+def cocontraction(
+    subject: Study | str | os.PathLike | ArrayLike,
+    second: ArrayLike | Callable[[str, float], None] | None = None,
+    *,
+    on_progress: Callable[[str, float], None] | None = None,
+    **options: object,
+) -> Result | Cocontraction:
+    """Return how much antagonists work against each other: indices of co-contraction with intervals.
 
     Parameters
     ----------
-    study : Study
-        With a table ``[cocontraction]``.
+    subject : Study, path-like, or array_like of shape (n,)
+        A study with a table ``[cocontraction]``; or the envelope of the first muscle [1].
+    second : array_like, shape (n,), optional
+        Envelope of the second muscle, for arrays [1].
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
+    **options
+        For arrays: ``fs``, the sampling rate [Hz], and optionally ``level``, the confidence level.
 
     Returns
     -------
-    Result
+    Result or Cocontraction
 
     Raises
     ------
     IdentificationError
         If the study asks for no co-contraction.
     RecordingError
-        If a pair is not in every recording, or its EMG is not fit to be used.
+        If a pair is not in every recording, its EMG is not fit to be used, or arrays do not fit together.
+    PellucidError
+        If the subject is neither a study nor an array, or `fs` is missing.
 
     Examples
     --------
+    >>> import numpy as np
     >>> import pellucid as pl
-    >>> result = pl.cocontraction(pl.open("my-leg"))                         # doctest: +SKIP
-    >>> print(result)                                                        # doctest: +SKIP
+    >>> result = pl.cocontraction("my-leg")                                  # doctest: +SKIP
+    >>> t = np.arange(0.0, 10.0, 0.01)
+    >>> found = pl.cocontraction(0.5 + 0.4 * np.sin(t), 0.5 + 0.4 * np.sin(t + 1.0), fs=100.0)
+    >>> round(found.common.value)
+    78
     """
-    return _run(_only(study, "cocontraction"), study, on_progress)
+    if is_study(subject):
+        _require_no_options("cocontraction", options)
+        tell = second if callable(second) else on_progress
+        return _run_all(as_study(subject, "cocontraction"), "cocontraction", tell)
+    from ..assessment.envelope_cocontraction import cocontraction as cocontraction_of_arrays
+
+    given = _array_options("cocontraction", subject, options)
+    if second is None or callable(second):
+        raise PellucidError("cocontraction: found one envelope, expected a second one of the antagonist")
+    return cocontraction_of_arrays(subject, second, **given)
 
 
-def synergies(study: Study, on_progress: Callable[[str, float], None] | None = None) -> Result:
-    """Groups of muscles that move together: how many, which, and whether people and conditions share them.
+def synergies(
+    subject: Study | str | os.PathLike | Mapping[str, ArrayLike] | ArrayLike,
+    on_progress: Callable[[str, float], None] | None = None,
+    **options: object,
+) -> Result | FoundSynergies:
+    """Find groups of muscles that are active together: how many, which, and how much of the EMG they explain.
 
     Parameters
     ----------
-    study : Study
-        With a table ``[synergies]``.
+    subject : Study, path-like, mapping of str to array_like, or array_like of shape (n, m)
+        A study with a table ``[synergies]``; or envelopes by muscle [1].
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
+    **options
+        For arrays: ``fs``, the sampling rate [Hz], and optionally ``muscles`` (names of the columns), ``number`` of
+        synergies and ``heldout`` envelopes.
 
     Returns
     -------
-    Result
+    Result or FoundSynergies
 
     Raises
     ------
     IdentificationError
-        If the study asks for no synergies, or has fewer than three muscles.
+        If the study asks for no synergies, or there are too few muscles.
     RecordingError
         If a muscle is not in every recording, or its EMG is not fit to be used.
+    PellucidError
+        If the subject is neither a study nor envelopes, or `fs` is missing.
 
     Examples
     --------
+    >>> import numpy as np
     >>> import pellucid as pl
-    >>> result = pl.synergies(pl.open("my-leg"))                         # doctest: +SKIP
-    >>> print(result)                                                        # doctest: +SKIP
+    >>> result = pl.synergies("my-leg")                                      # doctest: +SKIP
+    >>> t = np.arange(0.0, 20.0, 0.01)
+    >>> push, pull = np.clip(np.sin(t), 0.0, None), np.clip(-np.sin(t), 0.0, None)
+    >>> found = pl.synergies({"a": push, "b": 0.5 * push + 0.1 * pull, "c": pull, "d": 0.8 * pull}, fs=100.0)
+    >>> found.weights.shape
+    (2, 4)
     """
-    return _run(_only(study, "synergies"), study, on_progress)
+    if is_study(subject):
+        _require_no_options("synergies", options)
+        return _run_all(as_study(subject, "synergies"), "synergies", on_progress)
+    from ..estimators.envelope_synergies import synergies as synergies_of_arrays
+
+    return synergies_of_arrays(subject, **_array_options("synergies", subject, options))
 
 
 def activations(study: Study, on_progress: Callable[[str, float], None] | None = None) -> Result:
@@ -298,7 +403,7 @@ def activations(study: Study, on_progress: Callable[[str, float], None] | None =
     >>> result = pl.activations(pl.open("my-leg"))                           # doctest: +SKIP
     >>> print(result)                                                        # doctest: +SKIP
     """
-    return _run(_only(study, "activations"), study, on_progress)
+    return _run_all(as_study(study, "activations"), "activations", on_progress)
 
 
 def report(
@@ -334,12 +439,14 @@ def report(
     >>> pl.report(study, pl.identify(study, families=["symmetric"], thorough=False)).name
     'index.html'
     """
+    study = as_study(study, "report")
     from ..pages.page import write_page
 
     tell, procedures, pages = on_progress or quiet, asked(study), []
     for i, procedure in enumerate(procedures):
-        given = result is not None and result.procedure == procedure.name
-        found = result if given else Result.kept(study, procedure)
+        parts = () if result is None else [part for part in result.each if part.procedure == procedure.name]
+        given = bool(parts)
+        found = parts[0] if given else Result.kept(study, procedure)
         if found is not None:
             tell("drawing", (i + 0.8) / len(procedures))
             try:
@@ -364,26 +471,57 @@ def report(
         raise
 
 
+def _array_options(caller: str, subject: object, options: dict[str, object]) -> dict[str, object]:
+    """Return the options of an array function; PellucidError where the subject is no array or the rate is missing."""
+    if not isinstance(subject, (Mapping, np.ndarray, list, tuple)) and not hasattr(subject, "__array__"):
+        raise PellucidError(
+            f"{caller}: found {type(subject).__name__}, expected a study (a path, or what pellucid.open "
+            "returns) or arrays"
+        )
+    if "fs" not in options:
+        raise PellucidError(f"{caller}: found arrays without a sampling rate, expected fs= in Hz")
+    return options
+
+
+def _require_no_options(caller: str, options: Mapping[str, object]) -> None:
+    if options:
+        raise PellucidError(f"{caller}: found {', '.join(options)} with a study, expected them in its study.toml")
+
+
 def _run(procedure: Procedure, study: Study, on_progress: Progress | None, **options) -> Result:
     tell = on_progress or quiet
     twice = duplicates(study.recordings())
     if twice:
-        raise RecordingError("\n".join(fault.message for fault in twice))
+        raise UnfitRecordingError("\n".join(fault.message for fault in twice))
     found = procedure.run(procedure.taken(study), tell, **options)
-    cut = tuple(Verdict("note", text) for text in grouped(procedure.cut(study)))
-    found = found_by(procedure, study, replace(found, verdicts=found.verdicts + cut))
+    told = procedure.cut(study)
+    warned = [Verdict("warning", text) for text in grouped([fault for fault in told if fault.severity == "warn"])]
+    cut = [Verdict("note", text) for text in grouped([fault for fault in told if fault.severity != "warn"])]
+    found = found_by(procedure, study, replace(found, verdicts=(*ranked((*found.verdicts, *warned)), *cut)))
     tell("done", 1.0)
     return found
 
 
-def _only(study: Study, command: str) -> Procedure:
-    """What the study asks of a command."""
+def _run_all(study: Study, command: str, on_progress: Progress | None, **options: Mapping[str, object]) -> Result:
+    """Run every procedure that the study asks of a command; `options` of a procedure by its name."""
+    tell, procedures, found = on_progress or quiet, _required(study, command), []
+    for i, procedure in enumerate(procedures):
+
+        def tell_part(text: str, share: float, i: int = i) -> None:
+            tell(text, (i + share) / len(procedures))
+
+        found.append(_run(procedure, study, tell_part, **options.get(procedure.name, {})))
+    return found[0] if len(found) == 1 else CombinedResult.from_parts(found)
+
+
+def _required(study: Study, command: str) -> tuple[Procedure, ...]:
+    """Return the procedures that the study asks of a command, at least one; IdentificationError if there is none."""
     found = asked(study, command)
     whole = any(p.table is not None and p.table.several for p in found)
     if command == "identify" and len(study.rig.joints) > 1 and not whole:
         raise IdentificationError(study.rig.refusal)
     if found:
-        return found[0]
+        return found
     tables = [f"[{p.name}]" for p in PROCEDURES if p.command == command and p.table is not None]
     wanted = ["[rig.drive]"] if command == "identify" else tables
     others = ", ".join(dict.fromkeys(p.command for p in asked(study)))

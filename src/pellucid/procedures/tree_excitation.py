@@ -13,7 +13,7 @@ import numpy as np
 from .._errors import PellucidError, StudyError
 from ..fit.tree.base_parameters import base_parameters
 from ..models.robot import Robot
-from ..protocols.capsules import Capsules, along_links
+from ..protocols.capsules import Capsules, capsules_along_links
 from ..protocols.protocol import write_references
 from ..protocols.step_by_step import StepByStep, step_by_step
 from ..protocols.tree_fourier import Excitation, Information, optimised_tree_fourier
@@ -111,7 +111,7 @@ def shape_of(robot: Robot, radius: float, clearance: float = 0.0) -> Capsules:
         for j in order
     ])  # fmt: skip
     parents = [number.get(joint.parent, -1) for joint in order]
-    return along_links(parents, np.array([joint.place for joint in order], float), tips, radius, clearance)
+    return capsules_along_links(parents, np.array([joint.place for joint in order], float), tips, radius, clearance)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,20 +14,21 @@ from itertools import combinations
 
 import numpy as np
 
-BASE = -1
-"""The number of what does not move, as links are numbered from 0."""
+BASE_LINK = -1
+"""Link number of the base, which does not move. Moving links are numbered from 0."""
 
-_SHORT = 1e-9  # m; a segment this long is a point
+_MIN_SEGMENT_LENGTH_M = 1e-9
+"""A segment of at most this length counts as a point [m]."""
 
 
 @dataclass(frozen=True)
 class Capsule:
-    """Part of a link; ends in the link's own frame."""
+    """All points within a radius of a segment of a link; the segment's ends are in the link's own frame."""
 
-    link: int  # From 0, or BASE
-    start: tuple[float, float, float]  # m
-    end: tuple[float, float, float]  # m
-    radius: float  # m
+    link: int  # number of the link from 0, or BASE_LINK
+    start: tuple[float, float, float]  # [m]
+    end: tuple[float, float, float]  # [m]
+    radius: float  # [m]
 
     def __post_init__(self):
         if not (np.isfinite([*self.start, *self.end]).all() and np.isfinite(self.radius) and self.radius > 0.0):
@@ -36,13 +37,13 @@ class Capsule:
 
 @dataclass(frozen=True)
 class Capsules:
-    """An arm's shape, and which parts of it may come to touch."""
+    """Shape of an arm, and the pairs of its parts that may touch."""
 
     parts: tuple[Capsule, ...]
-    pairs: tuple[tuple[int, int], ...]  # Of `parts`
+    pairs: tuple[tuple[int, int], ...]  # pairs of indices into `parts` that are compared
 
     def distance(self, placements: np.ndarray) -> np.ndarray:
-        """How far the nearest two are apart, (n,) [m]; below 0 they overlap. `placements` (n, l, 3, 4) of the links."""
+        """Return the distance of the nearest pair, (n,) [m], below 0 if it overlaps. `placements` (n, l, 3, 4)."""
         if not self.pairs:
             return np.full(len(placements), np.inf)
         ends = self.ends(placements)
@@ -52,15 +53,17 @@ class Capsules:
         return (apart - radius[first] - radius[second]).min(axis=1)
 
     def ends(self, placements: np.ndarray) -> np.ndarray:
-        """Both ends of every capsule in the base's frame, (n, parts, 2, 3) [m]."""
+        """Return both ends of every capsule in the base's frame, (n, parts, 2, 3) [m]."""
         still = np.broadcast_to(np.eye(3, 4), (len(placements), 1, 3, 4))
         frames = np.concatenate([placements, still], axis=1)[:, [part.link for part in self.parts]]
         own = np.array([[part.start, part.end] for part in self.parts])
         return np.einsum("npij,pej->npei", frames[..., :3], own) + frames[..., None, :, 3]
 
     def least(self, placements: np.ndarray) -> float:
-        """A bound from below for the distance at every instant of a path of which `placements` (n, l, 3, 4) are near
-        samples: between two of them no part moves further than its ends do, half of it from the nearer sample [m]."""
+        """Return a lower bound of the distance along a whole path [m], from its samples `placements` (n, l, 3, 4).
+
+        Between two samples no part moves further than its ends do, and at most half of that from the nearer sample.
+        """
         apart = self.distance(placements)
         if len(apart) < 2 or not self.pairs:
             return float(apart.min())
@@ -71,29 +74,29 @@ class Capsules:
 
 
 def segment_distance(p0: np.ndarray, p1: np.ndarray, q0: np.ndarray, q1: np.ndarray) -> np.ndarray:
-    """Least distance of segments p0 p1 and q0 q1, each (..., 3); gives (...) [m]."""
+    """Return the least distance of segments p0 p1 and q0 q1, (...) [m]; each end is (..., 3)."""
     u, v, w = p1 - p0, q1 - q0, p0 - q0
     a, b, c = (np.einsum("...i,...i->...", x, y) for x, y in ((u, u), (u, v), (v, v)))
     d, e = (np.einsum("...i,...i->...", x, w) for x in (u, v))
-    a, c = np.maximum(a, _SHORT**2), np.maximum(c, _SHORT**2)
+    a, c = np.maximum(a, _MIN_SEGMENT_LENGTH_M**2), np.maximum(c, _MIN_SEGMENT_LENGTH_M**2)
     s = np.clip((b * e - c * d) / np.maximum(a * c - b * b, 1e-12 * a * c), 0.0, 1.0)
     t = np.clip((b * s + e) / c, 0.0, 1.0)
-    s = np.clip((b * t - d) / a, 0.0, 1.0)  # the nearest to that t; nearly parallel ones need a second turn
+    s = np.clip((b * t - d) / a, 0.0, 1.0)  # nearest point for that t; nearly parallel segments need this second step
     t = np.clip((b * s + e) / c, 0.0, 1.0)
     return np.linalg.norm(w + s[..., None] * u - t[..., None] * v, axis=-1)
 
 
-def along_links(
+def capsules_along_links(
     parents: Sequence[int],
     places: np.ndarray,
     tips: np.ndarray,
     radius: float | Sequence[float],
     clearance: float = 0.0,
 ) -> Capsules:
-    """A capsule from each joint to each that hangs on its link, and to the tip of a link on which none hangs.
+    """Return a capsule from each joint to each joint that its link carries, or to the tip of a last link.
 
-    Two that could not part further than a `clearance` [m] whatever the joints do, as the way between them along the arm
-    is no longer than that and both radii, are not compared.
+    A pair is not compared if the way between its parts along the arm is at most a `clearance` [m] plus both radii.
+    Such parts are always near each other, whatever the joints do.
 
     `parents` (l,), BASE where a link hangs on what does not move; `places` (l, 3) of each link's frame in its parent's
     [m]; `tips` (l, 3) in the link's own [m]; `radius` [m], one or (l,).
@@ -102,34 +105,38 @@ def along_links(
     thick = np.broadcast_to(np.asarray(radius, float), count)
     origin = (0.0, 0.0, 0.0)
     parts: list[Capsule] = []
-    for link in range(BASE, count):
+    for link in range(BASE_LINK, count):
         ends = [tuple(places[k]) for k in range(count) if parents[k] == link]
-        if link != BASE and not ends:
+        if link != BASE_LINK and not ends:
             ends = [tuple(tips[link])]
         parts += [
             Capsule(link, origin, end, float(thick[max(link, 0)]))
             for end in ends
-            if np.linalg.norm(end) > _SHORT or (link != BASE and not any(p.link == link for p in parts))
+            if np.linalg.norm(end) > _MIN_SEGMENT_LENGTH_M
+            or (link != BASE_LINK and not any(p.link == link for p in parts))
         ]
     pairs, apart = [], clearance + 1e-9
     for one, other in combinations(range(len(parts)), 2):
         first, second = parts[one], parts[other]
-        if first.link != second.link and _way(first, second, parents, places) > apart + first.radius + second.radius:
+        if (
+            first.link != second.link
+            and _arm_length_between(first, second, parents, places) > apart + first.radius + second.radius
+        ):
             pairs.append((one, other))
     return Capsules(tuple(parts), tuple(pairs))
 
 
-def _way(first: Capsule, second: Capsule, parents: Sequence[int], places: np.ndarray) -> float:
-    """How long the arm is between two of its parts, at their nearest ends [m]."""
+def _arm_length_between(first: Capsule, second: Capsule, parents: Sequence[int], places: np.ndarray) -> float:
+    """Return the length of the arm between two of its parts, from nearest end to nearest end [m]."""
 
     def chain(link: int) -> list[int]:
-        return [link] if link == BASE else [link, *chain(parents[link])]
+        return [link] if link == BASE_LINK else [link, *chain(parents[link])]
 
     one, other = chain(first.link), chain(second.link)
     shared = next(link for link in one if link in other)
     up = [links[: links.index(shared)] for links in (one, other)]  # links between, each part's own first
     length = sum(float(np.linalg.norm(places[link])) for links in up for link in links[:-1])
-    # Where each branch leaves the shared link; a part that is of it leaves it anywhere along itself.
+    # Each branch leaves the shared link at a joint. A part of the shared link itself may leave it anywhere.
     leaves = [
         (places[links[-1]],) * 2 if links else (part.start, part.end)
         for links, part in zip(up, (first, second), strict=True)

@@ -24,7 +24,7 @@ def multisine(
     centre: float,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    r"""A periodic position, shape (n,): harmonics with random phases and amplitudes falling as 1 / harmonic.
+    r"""Return a periodic position, shape (n,): harmonics with random phases and amplitudes falling as 1 / harmonic.
 
     .. math::  q(t) = q_0 + \sum_k \frac{A}{k} \sin(2\pi k f_0 t + \phi_k)
 
@@ -53,7 +53,7 @@ def point_to_point(
     dwell: float,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """A position, shape (n,), that runs between random targets with trapezoidal velocity and rests at each.
+    """Return a position, shape (n,), that moves between random targets with trapezoidal velocity and rests at each.
 
     `duration`, `fs` [s], [Hz]; `low`, `high` [rad or m]; `velocity`, `acceleration` [rad/s or m/s; per second];
     `dwell` [s]; gives (n,) [rad or m].
@@ -73,7 +73,7 @@ def point_to_point(
 
 
 def trapezoid(distance: float, velocity: float, acceleration: float, fs: float) -> np.ndarray:
-    """A way with constant velocity between constant accelerations, from rest to rest, (n,) [rad or m].
+    """Return a move from rest to rest with constant velocity between constant accelerations, (n,) [rad or m].
 
     `distance` [rad or m]; `velocity`, `acceleration` [rad/s or m/s; per second]; `fs` [Hz].
     """

@@ -19,14 +19,23 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 
-CRITERIA = ("condition", "determinant")
+EXCITATION_CRITERIA = ("condition", "determinant")
+"""Criteria of an excitation: condition number of the regressor, or determinant of the parameters' covariance."""
 
-# Evaluations a search may spend, all restarts together: counted, not timed, so that equal seeds give equal motions.
-_EVALUATIONS = 6000
-_DEPENDENT = 1e6  # the cost of dependent columns in a search: finite, so that a line search can pass them
-_STARTS = 10  # random shapes drawn per restart, of which the best is refined
-_LOWEST_GRID = 1024  # points per period on which peaks are sought
-_EASES = np.arange(1.0, 4.01, 0.25)  # periods; how long easing may take where it is chosen here
+_MAX_EVALUATIONS = 6000
+"""Evaluations of a search in all restarts. They are counted, not timed, so that equal seeds give equal motions."""
+
+_DEPENDENT_COLUMNS_COST = 1e6
+"""Cost of linearly dependent columns in a search. It is finite, so that a line search can pass such shapes."""
+
+_SHAPES_PER_RESTART = 10
+"""Random shapes drawn at each restart; the best one is refined."""
+
+_MIN_GRID_POINTS = 1024
+"""Peaks are sought on at least this many points per period."""
+
+_EASE_PERIODS = np.arange(1.0, 4.01, 0.25)
+"""Easing times that are tried if none is given, in periods."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +48,8 @@ class FourierSeries:
 
     fundamental: float  # f_0 [Hz], > 0
     centre: float  # q_0, the mean over a period [rad]
-    a: np.ndarray  # a, b: (h,) [rad/s]
-    b: np.ndarray
+    a: np.ndarray  # (h,) cosine coefficients of the velocity [rad/s]
+    b: np.ndarray  # (h,) sine coefficients of the velocity [rad/s]
 
     def __post_init__(self):
         _require_positive(fundamental=self.fundamental)
@@ -56,19 +65,21 @@ class FourierSeries:
 
     @property
     def period(self) -> float:
-        """[s]."""
+        """Duration of one period [s]."""
         return 1.0 / self.fundamental
 
     def motion(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Position, velocity and acceleration, differentiated in closed form. `time` (n,) [s]; gives `position`,
-        `velocity`, `acceleration` (n,) [rad], [rad/s], [rad/s^2]."""
+        """Return position [rad], velocity [rad/s] and acceleration [rad/s^2], (n,) each, at `time` (n,) [s].
+
+        The derivatives are exact.
+        """
         position, velocity, acceleration = fourier_basis(time, self.fundamental, len(self.a)) @ np.concatenate(
             [self.a, self.b]
         )
         return self.centre + position, velocity, acceleration
 
     def peaks(self) -> tuple[float, float, float, float]:
-        """Lowest and highest position, and largest speed and acceleration: bounds for every instant.
+        """Return bounds of the whole motion: lowest and highest position, largest speed and acceleration.
 
         A trigonometric polynomial of degree h exceeds its largest value on N evenly spaced points at most by the factor
         1 / cos(pi h / N) [3]_, here less than 1.002; the bounds include it.
@@ -92,8 +103,10 @@ def scaled_to_limits(
     velocity: float,
     acceleration: float,
 ) -> FourierSeries:
-    """The largest motion of a given shape that keeps all limits, its extremes centred between `low` and `high`. `a`,
-    `b` (h,); `fundamental` [Hz]; `low`, `high` [rad]; `velocity`, `acceleration` [rad/s], [rad/s^2]."""
+    """Return the largest motion of a given shape within all limits, its extremes centred between `low` and `high`.
+
+    `a`, `b` (h,); `fundamental` [Hz]; `low`, `high` [rad]; `velocity`, `acceleration` [rad/s], [rad/s^2].
+    """
     _require_limits(fundamental, low, high, velocity, acceleration)
     shape = FourierSeries(fundamental, 0.0, a, b)
     lowest, highest, speed, change = shape.peaks()
@@ -105,7 +118,7 @@ def scaled_to_limits(
 
 
 def excitation_cost(matrix: np.ndarray, criterion: str = "condition", *, scales: np.ndarray | None = None) -> float:
-    r"""How badly a motion shows the parameters: less is better. `matrix` (n, p); `scales` (p,)."""
+    r"""Return the cost of an excitation; less is better. `matrix` is the regressor (n, p); `scales` (p,)."""
     _require_criterion(criterion)
     matrix = np.asarray(matrix, dtype=float)
     if matrix.ndim != 2 or not 0 < matrix.shape[1] <= len(matrix):
@@ -130,7 +143,7 @@ def optimised_fourier(
     samples: int = 200,
     restarts: int = 8,
 ) -> FourierSeries:
-    """The Fourier series that shows a regressor's parameters best within a joint's limits [1]_.
+    """Return the Fourier series that excites a regressor's parameters best within a joint's limits [1]_.
 
     Every candidate shape is scaled until it touches the limit that binds first (`scaled_to_limits`), so that the search
     is without constraints: the best of a few random shapes is refined by Powell's method, `restarts` times. The search
@@ -157,7 +170,7 @@ def optimised_fourier(
         position = middle + size * (position[::every] - 0.5 * (lowest + highest))
         return position, size * speed[::every], size * change[::every]
 
-    start = rng.standard_normal((restarts, _STARTS, 2 * harmonics))
+    start = rng.standard_normal((restarts, _SHAPES_PER_RESTART, 2 * harmonics))
     first = np.asarray(regressor(*motion(start[0, 0])), dtype=float)
     if first.ndim != 2 or len(first) != samples or not 0 < first.shape[1] <= samples:
         raise ValueError(
@@ -170,10 +183,10 @@ def optimised_fourier(
         if not np.isfinite(matrix).all():
             raise ValueError("the regressor gives values that are not finite within the limits")
         value = _cost(matrix, criterion, scales)
-        return min(float(np.log(value)) if criterion == "condition" else value, _DEPENDENT)
+        return min(float(np.log(value)) if criterion == "condition" else value, _DEPENDENT_COLUMNS_COST)
 
-    best, least = None, _DEPENDENT
-    allowed = max(_EVALUATIONS // restarts - _STARTS, 2 * harmonics + 1)
+    best, least = None, _DEPENDENT_COLUMNS_COST
+    allowed = max(_MAX_EVALUATIONS // restarts - _SHAPES_PER_RESTART, 2 * harmonics + 1)
     for shapes in start:
         costs = [cost(s) for s in shapes]
         chosen = int(np.argmin(costs))
@@ -200,7 +213,7 @@ def play(
     velocity: float | None = None,
     acceleration: float | None = None,
 ) -> np.ndarray:
-    """A series as a position to follow that starts and ends at rest at the series' centre.
+    """Return a series as a position to follow, starting and ending at rest at the series' centre.
 
     The excursion from the centre is multiplied by a quintic that rises from 0 to 1 while easing in and falls back while
     easing out; position, velocity and acceleration are continuous. The multiplier never exceeds 1 and the centre lies
@@ -218,22 +231,22 @@ def play(
         _require_positive(ease=ease)
     n = round(duration * fs)
     end = (n - 1) / fs
-    eases = _EASES * series.period if ease is None else np.array([ease])
+    eases = _EASE_PERIODS * series.period if ease is None else np.array([ease])
     fitting = eases[2.0 * eases <= end]
     if not len(fitting):
         raise ValueError(
             f"easing in and out takes {2.0 * eases[0]:g} s; the samples span {max(end, 0.0):g} s: play it for longer"
         )
 
-    fine = np.linspace(0.0, end, max(n, int(np.ceil(end * series.fundamental * _points(len(series.a))))) + 1)
+    fine = np.linspace(0.0, end, max(n, int(np.ceil(end * series.fundamental * _grid_points(len(series.a))))) + 1)
     motion = series.motion(fine)
     reached = []
     for trial in fitting:
-        _, speeds, changes = _eased(series.centre, motion, fine, end, trial)
+        _, speeds, changes = _ease_motion(series.centre, motion, fine, end, trial)
         reached.append((np.abs(speeds).max(), np.abs(changes).max()))
         if reached[-1][0] <= velocity * (1.0 + 1e-9) and reached[-1][1] <= acceleration * (1.0 + 1e-9):
             time = np.arange(n) / fs
-            return _eased(series.centre, series.motion(time), time, end, trial)[0]
+            return _ease_motion(series.centre, series.motion(time), time, end, trial)[0]
     speed, change = min(reached, key=lambda r: max(r[0] / velocity, r[1] / acceleration))
     raise ValueError(
         f"eased over {' or '.join(f'{e:g}' for e in fitting)} s the motion reaches {speed:.4g} rad/s and "
@@ -242,7 +255,7 @@ def play(
 
 
 def fourier_basis(time: np.ndarray, fundamental: float, harmonics: int) -> np.ndarray:
-    """Shape (3, n, 2 h): position, velocity and acceleration per coefficient, those of a before those of b."""
+    """Return position, velocity and acceleration per unit of each coefficient, (3, n, 2 h), a before b."""
     rate = 2.0 * np.pi * fundamental * np.arange(1, harmonics + 1)
     angle = np.asarray(time, dtype=float)[..., None] * rate
     sine, cosine = np.sin(angle), np.cos(angle)
@@ -255,13 +268,16 @@ def fourier_basis(time: np.ndarray, fundamental: float, harmonics: int) -> np.nd
     )
 
 
-def _points(harmonics: int) -> int:
-    return max(_LOWEST_GRID, 64 * harmonics)
+def _grid_points(harmonics: int) -> int:
+    return max(_MIN_GRID_POINTS, 64 * harmonics)
 
 
 def _grid(fundamental: float, harmonics: int, multiple: int) -> tuple[np.ndarray, float]:
-    """Instants of one period, a multiple of a number of them, and by how much peaks between them may be higher."""
-    n = -(-_points(harmonics) // multiple) * multiple
+    """Return instants of one period, and the factor by which peaks between them may be higher.
+
+    The number of instants is a multiple of `multiple`.
+    """
+    n = -(-_grid_points(harmonics) // multiple) * multiple
     return np.arange(n) / (n * fundamental), float(1.0 / np.cos(np.pi * harmonics / n))
 
 
@@ -282,8 +298,8 @@ def _cost(matrix: np.ndarray, criterion: str, scales: np.ndarray | None) -> floa
     return float(singular[0] / singular[-1]) if singular[-1] > 0.0 else np.inf
 
 
-def _eased(centre, motion, time, end, ease):
-    """The motion with its excursion multiplied by the quintics of easing in and out; they do not overlap."""
+def _ease_motion(centre, motion, time, end, ease):
+    """Return the motion with its excursion multiplied by the quintics of easing in and out, which do not overlap."""
     position, velocity, acceleration = motion
     rising = time < 0.5 * end
     u = np.clip(np.where(rising, time, end - time) / ease, 0.0, 1.0)
@@ -317,8 +333,8 @@ def _require_limits(fundamental: float, low: float, high: float, velocity: float
 
 
 def _require_criterion(criterion: str) -> None:
-    if criterion not in CRITERIA:
-        raise ValueError(f"criterion is {criterion!r}; expected one of {', '.join(CRITERIA)}")
+    if criterion not in EXCITATION_CRITERIA:
+        raise ValueError(f"criterion is {criterion!r}; expected one of {', '.join(EXCITATION_CRITERIA)}")
 
 
 def _checked_scales(scales: np.ndarray | None, columns: int) -> np.ndarray | None:

@@ -1,4 +1,4 @@
-"""The least of a function that is infinite outside what is allowed, looked for from inside."""
+"""Minimisation of a function that is infinite outside its feasible set, from a feasible start."""
 
 from __future__ import annotations
 
@@ -6,28 +6,35 @@ from collections.abc import Callable
 
 import numpy as np
 
-_APART = 1e-6  # of a difference quotient, where variables are of the order of 1
-_ENOUGH = 1e-4  # of the decrease that the slope promises
-_HALVINGS = 30
+_DIFFERENCE_STEP = 1e-6
+"""Step of difference quotients. Variables are of the order of 1."""
+
+_MIN_DECREASE_SHARE = 1e-4
+"""A step must gain at least this share of the decrease that the slope predicts (Armijo's rule)."""
+
+_MAX_HALVINGS = 30
+"""A step is halved at most this often before the search ends."""
 
 
 def interior_search(
     cost: Callable[[np.ndarray], float], start: np.ndarray, *, steps: int, least: float = 0.0
 ) -> np.ndarray:
-    """Quasi-Newton steps (BFGS), each made shorter until it is allowed and better, until two in turn gain less than
-    `least`. `start` (k,), where the cost is finite; gives (k,)."""
+    """Minimise a cost by quasi-Newton steps (BFGS), each halved until it is feasible and better; gives (k,).
+
+    The search ends when two successive steps gain less than `least`. The cost must be finite at the `start`, (k,).
+    """
     x, here = np.array(start, float), cost(start)
     if not np.isfinite(here):
-        raise ValueError("the search begins outside what is allowed; expected a start of finite cost")
-    inverse, slope, slow = np.eye(len(x)), _slope(cost, x, here), 0
+        raise ValueError("the search begins outside the feasible set; expected a start of finite cost")
+    inverse, slope, slow = np.eye(len(x)), _difference_gradient(cost, x, here), 0
     for taken in range(steps):
         way = -inverse @ slope
         if not way @ slope < 0.0:
             inverse, way = np.eye(len(x)), -slope
         length = 1.0 if taken else min(1.0, 0.1 / max(np.abs(way).max(), 1e-300))
-        for _ in range(_HALVINGS):
+        for _ in range(_MAX_HALVINGS):
             there = cost(x + length * way)
-            if there <= here + _ENOUGH * length * (way @ slope):
+            if there <= here + _MIN_DECREASE_SHARE * length * (way @ slope):
                 break
             length *= 0.5
         else:
@@ -37,7 +44,7 @@ def interior_search(
         x, here = x + moved, there
         if slow == 2:
             return x
-        slope = _slope(cost, x, here)
+        slope = _difference_gradient(cost, x, here)
         change = slope - before
         if moved @ change > 1e-12:
             if not taken:
@@ -48,17 +55,17 @@ def interior_search(
     return x
 
 
-def _slope(cost: Callable[[np.ndarray], float], x: np.ndarray, here: float) -> np.ndarray:
-    """Forward differences; backward ones where a limit is in the way, (k,)."""
+def _difference_gradient(cost: Callable[[np.ndarray], float], x: np.ndarray, here: float) -> np.ndarray:
+    """Return the gradient by forward differences, or backward ones where a limit is in the way, (k,)."""
     made = np.empty(len(x))
     for i in range(len(x)):
         other = x.copy()
-        other[i] += _APART
+        other[i] += _DIFFERENCE_STEP
         value = cost(other)
         if np.isfinite(value):
-            made[i] = (value - here) / _APART
+            made[i] = (value - here) / _DIFFERENCE_STEP
             continue
-        other[i] = x[i] - _APART
+        other[i] = x[i] - _DIFFERENCE_STEP
         value = cost(other)
-        made[i] = (here - value) / _APART if np.isfinite(value) else 0.0
+        made[i] = (here - value) / _DIFFERENCE_STEP if np.isfinite(value) else 0.0
     return made

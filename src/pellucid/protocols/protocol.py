@@ -10,14 +10,14 @@ import numpy as np
 
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
-from .random_phase_multisine import NAME, RandomPhaseMultisine, random_phase_multisine
-from .reversals import REVERSALS, reversals
+from .random_phase_multisine import MULTISINE_NAME, RandomPhaseMultisine, random_phase_multisine
+from .reversals import REVERSALS_NAME, reversals
 
-NEEDED: Mapping[str, tuple[str, ...]] = {
-    NAME: ("low", "high", "resolution", "rms"),
-    REVERSALS: ("smallest", "largest", "around"),
+REQUIRED_OPTIONS: Mapping[str, tuple[str, ...]] = {
+    MULTISINE_NAME: ("low", "high", "resolution", "rms"),
+    REVERSALS_NAME: ("smallest", "largest", "around"),
 }
-"""Motions that can be written, as `protocol` of a recording in study.toml, and what each must be told."""
+"""Options that each motion requires. Its name is the `protocol` of a recording in study.toml."""
 
 
 def protocol(
@@ -44,17 +44,19 @@ def protocol(
     unit: str = "rad",
     seed: int = 1,
 ) -> tuple[RandomPhaseMultisine | np.ndarray, list[Path]]:
-    """Write each realisation of a motion to a `folder` as CSV of time [s] and reference; the rest as
-    `random_phase_multisine` takes it, or `reversals` (`around` are its centres), sizes in the `unit` that files
-    name."""
-    if name not in NEEDED:
-        raise PellucidError(f"unknown motion {name!r}; known: {', '.join(NEEDED)}")
+    """Write each realisation of a motion to a `folder` as CSV of time [s] and reference.
+
+    The other options are those of `random_phase_multisine` or `reversals` (`around` are its centres). Sizes are in the
+    `unit` that the files name.
+    """
+    if name not in REQUIRED_OPTIONS:
+        raise PellucidError(f"unknown motion {name!r}; known: {', '.join(REQUIRED_OPTIONS)}")
     told = {"low": low, "high": high, "resolution": resolution, "rms": rms}
     told |= {"smallest": smallest, "largest": largest, "around": around or None}
-    missing = [key for key in NEEDED[name] if told[key] is None]
+    missing = [key for key in REQUIRED_OPTIONS[name] if told[key] is None]
     if missing:
-        raise PellucidError(f"{name}: found no {', '.join(missing)}, expected {', '.join(NEEDED[name])}")
-    if name == REVERSALS:
+        raise PellucidError(f"{name}: found no {', '.join(missing)}, expected {', '.join(REQUIRED_OPTIONS[name])}")
+    if name == REVERSALS_NAME:
         path = reversals(duration, rate, smallest=smallest, largest=largest, frequency=frequency, centres=around)
         return path, [write_references(Path(folder) / f"{name}.csv", rate, {"reference": (path, unit)})]
     motion = random_phase_multisine(

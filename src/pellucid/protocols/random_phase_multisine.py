@@ -1,4 +1,4 @@
-r"""Sums of sines with random phases: what a linear model can explain, what noise does, and what is not linear [1]_.
+r"""Sums of sines with random phases, which separate linear response, noise and non-linear distortion [1]_.
 
 .. math::  r_m(t) = c + \sum_{k \in L} A_k \cos(2\pi k t / T + \phi_{mk}), \qquad \phi_{mk} \sim U[0, 2\pi)
 
@@ -17,44 +17,44 @@ import numpy as np
 
 from .._errors import PellucidError
 
-NAME = "random_phase_multisine"
-"""What study.toml calls it, as the `protocol` of a recording."""
+MULTISINE_NAME = "random_phase_multisine"
+"""Name of this motion in study.toml, as the `protocol` of a recording."""
 
-LINES = ("full", "odd", "odd_random")
-"""All harmonics in the band; the odd ones; the odd ones, of which one in each group is left out by chance."""
+LINE_CHOICES = ("full", "odd", "odd_random")
+"""Excited lines: all harmonics in the band, the odd ones, or the odd ones less a random one of each group."""
 
-GROUP = 4
-"""Odd lines of which one is left out."""
+LINE_GROUP_SIZE = 4
+"""Number of odd lines in a group; with ``"odd_random"`` one of each group is left out."""
 
-FINER = 4
-"""Points between samples at which peaks are sought."""
+PEAK_OVERSAMPLING = 4
+"""Peaks are sought on a grid this many times finer than the samples."""
 
 
 @dataclass(frozen=True, eq=False)
 class RandomPhaseMultisine:
     """Periodic references that differ in their phases alone."""
 
-    rate: float  # [Hz]
-    samples: int  # N, of one period
-    lines: np.ndarray  # (k,) Excited harmonics of the period
-    amplitude: np.ndarray  # (k,) Of the sines, in the reference's unit
+    rate: float  # sampling rate [Hz]
+    samples: int  # number of samples N of one period
+    lines: np.ndarray  # (k,) excited harmonics of the period
+    amplitude: np.ndarray  # (k,) amplitudes of the sines, in the reference's unit
     phases: np.ndarray  # (m, k) [rad]
-    periods: int  # That are measured
-    settle: int  # Periods before those, in which motion is eased in and transients die away
+    periods: int  # number of measured periods
+    settle: int  # number of periods before those, for easing in and transients
 
     @property
     def period(self) -> float:
-        """[s]."""
+        """Duration of one period [s]."""
         return self.samples / self.rate
 
     @property
     def realisations(self) -> int:
-        """How many there are."""
+        """Number of realisations."""
         return len(self.phases)
 
     @property
     def frequency(self) -> np.ndarray:
-        """Of the excited lines, (k,) [Hz]."""
+        """Frequencies of the excited lines, (k,) [Hz]."""
         return self.lines / self.period
 
     @property
@@ -63,11 +63,11 @@ class RandomPhaseMultisine:
         return np.setdiff1d(np.arange(self.lines[0], self.lines[-1] + 1), self.lines)
 
     def one_period(self, realisation: int) -> np.ndarray:
-        """Shape (N,), about 0."""
+        """Return one period of a realisation about 0, shape (N,)."""
         return self._waves(realisation, self.samples)
 
     def reference(self, realisation: int, centre: float = 0.0) -> np.ndarray:
-        """What is to be followed: from rest at `centre` into `settle` periods, then `periods` of them, shape (n,)."""
+        """Return the reference to follow, (n,): rest at `centre`, `settle` periods, then `periods` measured ones."""
         wave = np.tile(self.one_period(realisation), self.settle + self.periods)
         if self.settle:
             u = np.minimum(np.arange(len(wave)) / self.samples, 1.0)
@@ -81,8 +81,10 @@ class RandomPhaseMultisine:
 
     @property
     def peak(self) -> float:
-        """Largest excursion of all realisations, between samples too."""
-        return max(float(np.abs(self._waves(m, FINER * self.samples)).max()) for m in range(self.realisations))
+        """Largest excursion of all realisations, also between samples."""
+        return max(
+            float(np.abs(self._waves(m, PEAK_OVERSAMPLING * self.samples)).max()) for m in range(self.realisations)
+        )
 
 
 def random_phase_multisine(
@@ -102,9 +104,9 @@ def random_phase_multisine(
 ) -> RandomPhaseMultisine:
     """Draw references from a band, an RMS and a seed.
 
-    `rate` of whoever plays them, `low` to `high` the band, `resolution` one over the period [Hz]; `rms` of the
-    excursion and `peak`, which no realisation exceeds: then the RMS of all is lowered; amplitudes fall with frequency
-    to the power `fall`.
+    `rate` is the sampling rate, `low` to `high` the band, and `resolution` one over the period [Hz]. `rms` is that of
+    the excursion; it is lowered if a realisation would exceed `peak`. Amplitudes fall with frequency to the power
+    `fall`.
     """
     for name, value in {"rate": rate, "resolution": resolution, "rms": rms}.items():
         if not (np.isfinite(value) and value > 0.0):
@@ -113,22 +115,22 @@ def random_phase_multisine(
         raise PellucidError(f"multisine: found a band of {low:g} to {high:g} Hz at {rate:g} Hz, expected it below half")
     if peak is not None and not peak > 0.0:
         raise PellucidError(f"multisine: found peak {peak}, expected a number > 0")
-    if lines not in LINES:
-        raise PellucidError(f"multisine: found lines {lines!r}, expected one of {', '.join(LINES)}")
+    if lines not in LINE_CHOICES:
+        raise PellucidError(f"multisine: found lines {lines!r}, expected one of {', '.join(LINE_CHOICES)}")
     if realisations < 1 or periods < 2 or settle < 0:
         raise PellucidError(
             f"multisine: found {realisations} realisations, {periods} periods, {settle} to settle; expected at least "
             "1, 2 and 0: noise shows from period to period"
         )
     samples = round(rate / resolution)
-    # Rounded outwards by less than a line: 0.1 Hz at a resolution of 0.1 Hz is line 1.
+    # The band is rounded outwards by less than a line: 0.1 Hz at a resolution of 0.1 Hz is line 1.
     every = np.arange(np.ceil(low * samples / rate - 1e-6), np.floor(high * samples / rate + 1e-6) + 1).astype(int)
     every = every[every >= 1]
     rng = np.random.default_rng(seed)
     chosen = every if lines == "full" else every[every % 2 == 1]
     if lines == "odd_random":
-        groups = [chosen[i : i + GROUP] for i in range(0, len(chosen), GROUP)]
-        out = [group[rng.integers(GROUP)] for group in groups if len(group) == GROUP]
+        groups = [chosen[i : i + LINE_GROUP_SIZE] for i in range(0, len(chosen), LINE_GROUP_SIZE)]
+        out = [group[rng.integers(LINE_GROUP_SIZE)] for group in groups if len(group) == LINE_GROUP_SIZE]
         chosen = np.setdiff1d(chosen, out)
     if len(chosen) < 2:
         raise PellucidError(

@@ -1,4 +1,4 @@
-r"""Small slow reversals of growing size: the motion that shows what friction does before it slips.
+r"""Small slow reversals of growing size: the motion that shows presliding friction.
 
 Contacts that give before they slip look like springs in strokes shorter than their travel, and like friction in longer
 ones. A ladder of strokes from the one to the other, around several angles, shows both and where one becomes the other
@@ -20,10 +20,11 @@ import numpy as np
 
 from .._errors import IdentificationError
 
-REVERSALS = "reversals"
-"""What study.toml calls it, as the `protocol` of a recording."""
+REVERSALS_NAME = "reversals"
+"""Name of this motion in study.toml, as the `protocol` of a recording."""
 
-MOVE = 1.0  # s to the next centre, of which it rests the last fifth
+MOVE_DURATION_S = 1.0
+"""Time for the move to the next centre, including a rest in its last fifth [s]."""
 
 
 def reversals(
@@ -35,13 +36,14 @@ def reversals(
     frequency: float,
     centres: Sequence[float],
 ) -> np.ndarray:
-    """A position, or an effort, of shape (n,): around each of the `centres` in turn one whole sine after another, each
-    larger than the last by the same factor.
+    """Return a position or an effort, (n,): whole sines around each of the `centres` in turn.
+
+    Each sine is larger than the last by the same factor.
 
     `duration`, `fs` [s], [Hz]; `smallest`, `largest` amplitude and `centres` [rad or m]; `frequency` [Hz]; gives (n,).
     """
     share = duration / max(len(centres), 1)
-    strokes = int((share - MOVE) * frequency)
+    strokes = int((share - MOVE_DURATION_S) * frequency)
     if len(centres) == 0 or strokes < 3 or not 0.0 < smallest < largest:
         raise IdentificationError(
             f"reversals: found {strokes} strokes from {smallest:g} to {largest:g} around {len(centres)} centres, "
@@ -52,8 +54,8 @@ def reversals(
     pieces, here = [], centres[0]
     for centre, first, last in zip(centres, ends, ends[1:], strict=False):
         time = np.arange(last - first) / fs
-        ease = np.clip(time / (0.8 * MOVE), 0.0, 1.0)
-        turns = np.maximum(time - MOVE, 0.0) * frequency
+        ease = np.clip(time / (0.8 * MOVE_DURATION_S), 0.0, 1.0)
+        turns = np.maximum(time - MOVE_DURATION_S, 0.0) * frequency
         size = np.append(sizes, 0.0)[np.minimum(turns.astype(int), strokes)]
         moved = (centre - here) * ease**3 * (10.0 - 15.0 * ease + 6.0 * ease**2)
         pieces.append(here + moved + size * np.sin(2.0 * np.pi * turns))

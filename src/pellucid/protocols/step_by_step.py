@@ -23,38 +23,50 @@ from .._errors import PellucidError
 from .excitation import trapezoid
 from .tree_limits import TreeLimits
 
-KINDS = ("hold", "constant", "slow", "sweep", "coupling")
+STEP_KINDS = ("hold", "constant", "slow", "sweep", "coupling")
+"""Kinds of steps of the protocol, in their order."""
 
-_RESERVE = 0.95  # of each limit
-_STATES = 41  # places at which a joint's way is looked at
-_CHECKED = 200.0  # Hz, at most, at which limits are verified along a step
-_WEAKER = 0.85  # of a step's vigour, after it passed a limit
-_TRIES = 20
-_EASE = 2.0  # s, in which a sweep grows and fades
+_LIMIT_SHARE = 0.95
+"""Steps use this share of each limit."""
+
+_RANGE_SAMPLE_COUNT = 41
+"""Number of positions at which a joint's free range is checked."""
+
+_MAX_CHECK_RATE_HZ = 200.0
+"""Limits along a step are verified at most at this rate [Hz]."""
+
+_VIGOUR_FACTOR = 0.85
+"""A step that exceeds a limit is tried again with its vigour multiplied by this factor."""
+
+_MAX_TRIES = 20
+"""A step is left out after this many tries."""
+
+_EASE_DURATION_S = 2.0
+"""Time in which a sweep grows at its start and fades at its end [s]."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """Part of the protocol."""
+    """One step of the protocol."""
 
-    kind: str  # one of KINDS
-    joints: tuple[int, ...]  # that move
-    first: int  # samples, the last one left out
-    last: int
+    kind: str  # one of STEP_KINDS
+    joints: tuple[int, ...]  # joints that move
+    first: int  # first sample
+    last: int  # sample after the last one
 
 
 @dataclass(frozen=True, eq=False)
 class StepByStep:
-    """The whole, from one rest to the next."""
+    """The whole protocol, from rest to rest."""
 
-    rate: float  # Hz
+    rate: float  # sampling rate [Hz]
     position: np.ndarray  # (n, m) [rad; m]
     steps: tuple[Step, ...]
-    left_out: tuple[str, ...]  # Steps that no vigour lets pass, and why
+    left_out: tuple[str, ...]  # steps that exceed a limit at every vigour, with the limit
 
     @property
     def duration(self) -> float:
-        """[s]."""
+        """Duration of the protocol [s]."""
         return len(self.position) / self.rate
 
 
@@ -87,48 +99,48 @@ def step_by_step(
     left_out: list[str] = []
 
     def add(kind: str, joints: tuple[int, ...], made: Callable[[float], np.ndarray]) -> None:
-        """`made` gives how far the joints are from the posture, (n, joints), with a vigour of 0 to 1."""
+        """Append a step; `made` returns the joints' offsets from the posture, (n, joints), for a vigour of 0 to 1."""
         vigour, passed = 1.0, None
-        for _ in range(_TRIES):
+        for _ in range(_MAX_TRIES):
             path = np.tile(at, (len(moved := made(vigour)), 1))
             path[:, joints] += moved
-            passed = _passed(path, limits, rate)
+            passed = _first_passed_limit(path, limits, rate)
             if passed is None:
                 first = sum(map(len, pieces))
                 pieces.append(path)
                 steps.append(Step(kind, joints, first, first + len(path)))
                 return
-            vigour *= _WEAKER
+            vigour *= _VIGOUR_FACTOR
         left_out.append(f"{kind} of {' and '.join(limits.names[k] for k in joints)}: {passed}")
 
-    ways = [_way(limits, at, k) for k in range(count)]
+    ways = [_free_range(limits, at, k) for k in range(count)]
     for k in range(count):
         low, high = ways[k] - at[k]
-        speed, change = _RESERVE * limits.velocity[k], _RESERVE * limits.acceleration[k]
-        go = _Going(rate, speed, change)
+        speed, change = _LIMIT_SHARE * limits.velocity[k], _LIMIT_SHARE * limits.acceleration[k]
+        go = _JointTravel(rate, speed, change)
         places = np.linspace(low, high, angles) if angles else np.zeros(0)
         add("hold", (k,), lambda w, go=go, places=places: go.at(w).visiting(w * places, hold))
         speeds = np.geomspace(speed / ratio, speed, velocities)
         add("constant", (k,), lambda w, go=go, a=low, b=high, s=speeds: go.at(w).up_and_down(w * a, w * b, w * s))
         slowest = np.full(slow, speed / ratio)
         add("slow", (k,), lambda w, go=go, a=low, b=high, s=slowest: go.at(w).up_and_down(w * a, w * b, w * s))
-        add("sweep", (k,), lambda w, k=k: _swept(limits, at, ways, (k,), rate, sweep, frequencies, w))
+        add("sweep", (k,), lambda w, k=k: _sweep_joints(limits, at, ways, (k,), rate, sweep, frequencies, w))
     for pair in combinations(range(count), 2):
-        add("coupling", pair, lambda w, p=pair: _swept(limits, at, ways, p, rate, sweep, frequencies, w))
+        add("coupling", pair, lambda w, p=pair: _sweep_joints(limits, at, ways, p, rate, sweep, frequencies, w))
     pieces.append(np.tile(at, (max(round(rate), 1), 1)))
     return StepByStep(rate, np.concatenate(pieces), tuple(steps), tuple(left_out))
 
 
 @dataclass(frozen=True)
-class _Going:
-    """Ways of one joint, from where it is to where it is, in trapezoids of velocity."""
+class _JointTravel:
+    """Moves of one joint from the posture and back, with trapezoidal velocity."""
 
     rate: float
     speed: float
     change: float
 
-    def at(self, vigour: float) -> _Going:
-        return _Going(self.rate, vigour * self.speed, vigour * self.change)
+    def at(self, vigour: float) -> _JointTravel:
+        return _JointTravel(self.rate, vigour * self.speed, vigour * self.change)
 
     def to(self, here: float, there: float, speed: float | None = None) -> np.ndarray:
         if abs(there - here) < 1e-9:
@@ -136,7 +148,7 @@ class _Going:
         return here + trapezoid(there - here, speed or self.speed, self.change, self.rate)
 
     def visiting(self, places: np.ndarray, hold: float) -> np.ndarray:
-        """Each place in turn, held there; gives (n, 1)."""
+        """Return a motion that visits each place in turn and holds it, (n, 1)."""
         made, here = [np.zeros(0)], 0.0
         for place in [*places, 0.0]:
             made += [self.to(here, place), np.full(round(hold * self.rate) if len(places) else 0, place)]
@@ -144,7 +156,7 @@ class _Going:
         return np.concatenate(made)[:, None]
 
     def up_and_down(self, low: float, high: float, speeds: np.ndarray) -> np.ndarray:
-        """To the lower end, then up and down at each speed, a fifth of a second of rest at each turn; (n, 1)."""
+        """Return a motion to the lower end, then up and down at each speed, resting 0.2 s at each turn; (n, 1)."""
         rest = round(0.2 * self.rate)
         made = [self.to(0.0, low)]
         for speed in speeds:
@@ -154,7 +166,7 @@ class _Going:
         return np.concatenate(made)[:, None]
 
 
-def _swept(
+def _sweep_joints(
     limits: TreeLimits,
     at: np.ndarray,
     ways: list[np.ndarray],
@@ -164,10 +176,10 @@ def _swept(
     frequencies: tuple[float, float],
     vigour: float,
 ) -> np.ndarray:
-    """Sines about the posture, the first joint's ever faster, the second's ever slower, (n, joints)."""
+    """Return swept sines about the posture, (n, joints): the first joint from slow to fast, the second reversed."""
     time = np.arange(round(duration * rate)) / rate
     slow, fast = frequencies
-    ease = np.clip(np.minimum(time, time[-1] - time) / min(_EASE, 0.25 * duration), 0.0, 1.0)
+    ease = np.clip(np.minimum(time, time[-1] - time) / min(_EASE_DURATION_S, 0.25 * duration), 0.0, 1.0)
     ease = ease**3 * (10.0 - 15.0 * ease + 6.0 * ease**2)
     made = []
     for i, k in enumerate(joints):
@@ -175,30 +187,30 @@ def _swept(
         phase = (first + 0.5 * (last - first) * time / duration) * time
         room = min(at[k] - ways[k][0], ways[k][1] - at[k])
         size = min(room, limits.velocity[k] / fast, limits.acceleration[k] / fast**2)
-        made.append(_RESERVE * vigour * size * ease * np.sin(phase))
+        made.append(_LIMIT_SHARE * vigour * size * ease * np.sin(phase))
     return np.stack(made, axis=1)
 
 
-def _way(limits: TreeLimits, at: np.ndarray, joint: int) -> np.ndarray:
-    """Between which places a joint may rest, the others in the posture, (2,)."""
+def _free_range(limits: TreeLimits, at: np.ndarray, joint: int) -> np.ndarray:
+    """Return the range in which a joint may rest while the others keep the posture, (2,)."""
     middle = 0.5 * (limits.low[joint] + limits.high[joint])
-    half = 0.5 * _RESERVE * (limits.high[joint] - limits.low[joint])
+    half = 0.5 * _LIMIT_SHARE * (limits.high[joint] - limits.low[joint])
     ends = []
     for end in (min(middle - half, at[joint]), max(middle + half, at[joint])):
-        places = np.tile(at, (_STATES, 1))
-        places[:, joint] = np.linspace(at[joint], end, _STATES)
+        places = np.tile(at, (_RANGE_SAMPLE_COUNT, 1))
+        places[:, joint] = np.linspace(at[joint], end, _RANGE_SAMPLE_COUNT)
         free = (limits.slacks(places, np.zeros_like(places), np.zeros_like(places)) > 0.0).all(axis=1)
         blocked = np.flatnonzero(~free)
-        last = blocked[0] - 1 if blocked.size else _STATES - 1
+        last = blocked[0] - 1 if blocked.size else _RANGE_SAMPLE_COUNT - 1
         ends.append(places[max(last, 0), joint])
     return np.array(ends)
 
 
-def _passed(path: np.ndarray, limits: TreeLimits, rate: float) -> str | None:
-    """What a path passes, by differences of its samples."""
+def _first_passed_limit(path: np.ndarray, limits: TreeLimits, rate: float) -> str | None:
+    """Return the first limit that a path exceeds, from differences of its samples; None without one."""
     if len(path) < 3:
         return "no room to move"
     velocity = np.gradient(path, 1.0 / rate, axis=0)
     acceleration = np.gradient(velocity, 1.0 / rate, axis=0)
-    every = max(1, int(rate / _CHECKED))
+    every = max(1, int(rate / _MAX_CHECK_RATE_HZ))
     return limits.passed(path[::every], velocity[::every], acceleration[::every])

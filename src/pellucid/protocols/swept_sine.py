@@ -23,9 +23,10 @@ from .._errors import PellucidError
 def swept_sine(
     duration: float, fs: float, *, amplitude: float, start: float, growth: float, literal: bool = False
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Position A sin(phi), velocity and acceleration, by analytic derivatives. `duration` [s]; `fs` [Hz];
-    `amplitude` [rad or m]; `start`, `growth` [rad/s]; gives `position`, `velocity`, `acceleration` (n,) [rad or
-    m]."""
+    """Return position A sin(phi), velocity and acceleration, (n,) each, [rad or m] and per second.
+
+    `duration` [s]; `fs` [Hz]; `amplitude` [rad or m]; `start`, `growth` [rad/s]. The derivatives are analytic.
+    """
     if not duration > 0.0 or not fs > 0.0:
         raise PellucidError(f"swept sine: duration {duration} s at {fs} Hz; both must be positive")
     time = np.arange(round(duration * fs)) / fs

@@ -25,63 +25,80 @@ from .fourier import fourier_basis
 from .interior_search import interior_search
 from .tree_limits import TreeLimits
 
-CRITERIA = ("D", "A")
+INFORMATION_CRITERIA = ("D", "A")
+"""Criteria of an excitation: determinant (D) or trace (A) of the parameters' covariance."""
 
 Information = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-"""Position, velocity, acceleration (n, m) to the information of p parameters that n samples bear, (p, p)."""
+"""Function from position, velocity and acceleration, (n, m) each, to the information matrix of p parameters, (p, p)."""
 
-_SAMPLES = 40  # per period of the highest harmonic, in a search
-_FINE = 8  # times as many where limits are verified
-_DRAWN = 60  # random motions of which a search refines the best
-_RESERVE = 0.97  # of each limit, in a search: peaks between samples, and efforts have higher harmonics than motions
-_BARRIERS = (0.1, 0.01, 0.001)  # weights of the limits, in shares of the number of parameters
-_STEPS = 30  # of each barrier's search
-_LEAST = 0.02  # that two steps must gain; of a determinant of thirty parameters, a thousandth of an interval
+_SAMPLES_PER_HARMONIC = 40
+"""Samples of a search per period of the highest harmonic."""
+
+_VERIFICATION_OVERSAMPLING = 8
+"""Limits are verified on a grid this many times finer than that of a search."""
+
+_DEFAULT_DRAW_COUNT = 60
+"""Number of random motions that are drawn; a search refines the best ones."""
+
+_LIMIT_SHARE = 0.97
+"""A search uses this share of each limit. Peaks lie between samples, and efforts have higher harmonics than motions."""
+
+_BARRIER_WEIGHTS = (0.1, 0.01, 0.001)
+"""Weights of the limits' barriers in successive searches, as shares of the number of parameters."""
+
+_MAX_STEPS = 30
+"""Steps of the search with each barrier weight, at most."""
+
+_MIN_GAIN = 0.02
+"""A search ends when two steps gain less. For 30 parameters it is a thousandth of a confidence interval."""
 
 
 @dataclass(frozen=True, eq=False)
 class TreeFourier:
     """A periodic motion of m joints in h harmonics, at rest at the ends of every period."""
 
-    fundamental: float  # Hz
-    centre: np.ndarray  # (m,) the mean over a period [rad; m]
-    a: np.ndarray  # a, b: (m, h) of the velocity's cosines and sines [rad/s; m/s]
-    b: np.ndarray
+    fundamental: float  # fundamental frequency [Hz]
+    centre: np.ndarray  # (m,) mean over a period [rad; m]
+    a: np.ndarray  # (m, h) cosine coefficients of the velocity [rad/s; m/s]
+    b: np.ndarray  # (m, h) sine coefficients of the velocity [rad/s; m/s]
 
     @property
     def period(self) -> float:
-        """[s]."""
+        """Duration of one period [s]."""
         return 1.0 / self.fundamental
 
     def motion(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Position, velocity, acceleration, (n, m) each, in closed form. `time` (n,) [s]."""
+        """Return position, velocity and acceleration, (n, m) each, in closed form. `time` (n,) [s]."""
         basis = fourier_basis(time, self.fundamental, self.a.shape[1])
         position, velocity, acceleration = basis @ np.concatenate([self.a, self.b], axis=1).T
         return self.centre + position, velocity, acceleration
 
     def smaller(self, share: float) -> TreeFourier:
-        """The same shape about the same centre."""
+        """Return the same shape about the same centre, multiplied by `share`."""
         return TreeFourier(self.fundamental, self.centre, share * self.a, share * self.b)
 
     def one_period(self) -> np.ndarray:
-        """Instants of a period on which limits are verified, its end with it, (n,) [s]."""
-        return np.linspace(0.0, self.period, _FINE * _SAMPLES * self.a.shape[1] + 1)
+        """Return the instants of a period, its end included, on which limits are verified, (n,) [s]."""
+        return np.linspace(0.0, self.period, _VERIFICATION_OVERSAMPLING * _SAMPLES_PER_HARMONIC * self.a.shape[1] + 1)
 
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """A motion, and how well it shows the parameters."""
+    """An optimised motion with its cost."""
 
     series: TreeFourier
-    cost: float  # Less is better; a difference of D's costs is that of log determinants
-    drawn: np.ndarray  # Costs of the random motions within the same limits, in order
+    cost: float  # cost, less is better; differences of D's costs are those of log determinants
+    drawn: np.ndarray  # costs of the random motions within the same limits, in ascending order
 
 
 def information_cost(information: np.ndarray, criterion: str = "D", scales: np.ndarray | None = None) -> float:
-    """Log of what is to be small: D: the determinant of the covariance; A: the sum of variances, each in shares of its
-    parameter's `scales` (p,) squared. `information` (p, p); infinite where a parameter does not show."""
-    if criterion not in CRITERIA:
-        raise PellucidError(f"criterion: found {criterion!r}, expected one of {', '.join(CRITERIA)}")
+    """Return the log of the determinant of the covariance (D), or of the sum of variances (A).
+
+    `information` (p, p). With A each variance is divided by its parameter's `scales`, (p,), squared. The cost is
+    infinite if a parameter cannot be estimated.
+    """
+    if criterion not in INFORMATION_CRITERIA:
+        raise PellucidError(f"criterion: found {criterion!r}, expected one of {', '.join(INFORMATION_CRITERIA)}")
     size = np.sqrt(np.diag(information))
     if not (np.isfinite(size).all() and (size > 0.0).all()):
         return np.inf
@@ -98,9 +115,9 @@ def information_cost(information: np.ndarray, criterion: str = "D", scales: np.n
 def random_tree_fourier(
     limits: TreeLimits, rng: np.random.Generator, *, fundamental: float, harmonics: int
 ) -> TreeFourier:
-    """A random shape about a random place, as large as the limits of the joints allow, then smaller until all hold."""
-    at_rest = _at_rest(harmonics)
-    time = np.arange(_SAMPLES * harmonics) / (_SAMPLES * harmonics * fundamental)
+    """Return a random shape about a random position, as large as the joints' limits allow, reduced until all hold."""
+    at_rest = _rest_basis(harmonics)
+    time = np.arange(_SAMPLES_PER_HARMONIC * harmonics) / (_SAMPLES_PER_HARMONIC * harmonics * fundamental)
     basis = fourier_basis(time, fundamental, harmonics) @ at_rest
     count = len(limits.names)
     for _ in range(200):
@@ -110,7 +127,7 @@ def random_tree_fourier(
             (limits.high - limits.low) / np.ptp(position, axis=0),
             limits.velocity / np.abs(velocity).max(axis=0),
             limits.acceleration / np.abs(acceleration).max(axis=0),
-        ]) * (_RESERVE**2)  # fmt: skip
+        ]) * (_LIMIT_SHARE**2)  # fmt: skip
         room_below = limits.low - (size * position).min(axis=0)
         room_above = limits.high - (size * position).max(axis=0)
         centre = room_below + (room_above - room_below) * rng.uniform(0.05, 0.95, count)
@@ -138,10 +155,10 @@ def optimised_tree_fourier(
     harmonics: int = 5,
     criterion: str = "D",
     scales: np.ndarray | None = None,
-    drawn: int = _DRAWN,
+    drawn: int = _DEFAULT_DRAW_COUNT,
     refined: int = 1,
 ) -> Excitation:
-    """The best of `drawn` random motions within the limits, the best `refined` of them each improved from inside them.
+    """Return the best motion within the limits: the best `refined` of `drawn` random ones, each improved by a search.
 
     A search is bounded by counts, not by the clock, so that equal seeds give equal motions.
 
@@ -149,8 +166,8 @@ def optimised_tree_fourier(
     """
     if harmonics < 2:
         raise PellucidError(f"harmonics: found {harmonics}, expected at least 2: one cannot start and end at rest")
-    at_rest = _at_rest(harmonics)
-    count, free, samples = len(limits.names), at_rest.shape[1], _SAMPLES * harmonics
+    at_rest = _rest_basis(harmonics)
+    count, free, samples = len(limits.names), at_rest.shape[1], _SAMPLES_PER_HARMONIC * harmonics
     time = np.arange(samples) / (samples * fundamental)
     basis = fourier_basis(time, fundamental, harmonics) @ at_rest
     half = 0.5 * (limits.high - limits.low)
@@ -170,10 +187,10 @@ def optimised_tree_fourier(
 
     def aim(x: np.ndarray, weight: float) -> float:
         moved = motion(x)
-        left = limits.slacks(*moved) - (1.0 - _RESERVE)
+        left = limits.slacks(*moved) - (1.0 - _LIMIT_SHARE)
         if not (left > 0.0).all():
             return np.inf
-        # A slack of a whole range and more does not pull.
+        # A slack of a whole range or more has no effect on the barrier.
         barrier = -np.log(np.minimum(left, 1.0)).mean(axis=0).sum()
         return information_cost(information(*moved), criterion, scales) + weight * barrier
 
@@ -187,18 +204,18 @@ def optimised_tree_fourier(
     best, least = tried[0][2], tried[0][0]
     parameters = len(information(*best.motion(time)))
     for _, _, series in tried[:refined]:
-        x = numbers(_inside(series, limits, time))
-        for share in _BARRIERS:
-            x = interior_search(lambda y, w=share * parameters: aim(y, w), x, steps=_STEPS, least=_LEAST)
+        x = numbers(_shrink_inside_limits(series, limits, time))
+        for share in _BARRIER_WEIGHTS:
+            x = interior_search(lambda y, w=share * parameters: aim(y, w), x, steps=_MAX_STEPS, least=_MIN_GAIN)
         a, b = np.split(speed[:, None] * (x[count:].reshape(count, free) @ at_rest.T), 2, axis=1)
-        found = within(TreeFourier(fundamental, limits.low + half * (1.0 + x[:count]), a, b), limits)
+        found = shrink_within_limits(TreeFourier(fundamental, limits.low + half * (1.0 + x[:count]), a, b), limits)
         if cost(found) < least:
             best, least = found, cost(found)
-    return Excitation(within(best, limits), least, np.array([one[0] for one in tried]))
+    return Excitation(shrink_within_limits(best, limits), least, np.array([one[0] for one in tried]))
 
 
-def within(series: TreeFourier, limits: TreeLimits) -> TreeFourier:
-    """A series made smaller until it keeps every limit between the samples of a search too."""
+def shrink_within_limits(series: TreeFourier, limits: TreeLimits) -> TreeFourier:
+    """Return a series reduced until it keeps every limit, also between the samples of a search."""
     time = series.one_period()
     for _ in range(200):
         passed = limits.passed(*series.motion(time))
@@ -208,17 +225,17 @@ def within(series: TreeFourier, limits: TreeLimits) -> TreeFourier:
     raise PellucidError(f"excitation: {passed}, however small the motion is")
 
 
-def _inside(series: TreeFourier, limits: TreeLimits, time: np.ndarray) -> TreeFourier:
-    """A series small enough that a barrier can be seen from it."""
-    while not (limits.slacks(*series.motion(time)) > 1.5 * (1.0 - _RESERVE)).all():
+def _shrink_inside_limits(series: TreeFourier, limits: TreeLimits, time: np.ndarray) -> TreeFourier:
+    """Return a series reduced until every limit has some slack, so that barriers are finite."""
+    while not (limits.slacks(*series.motion(time)) > 1.5 * (1.0 - _LIMIT_SHARE)).all():
         series = series.smaller(0.95)
         if np.abs(series.a).max() + np.abs(series.b).max() < 1e-9:
             raise PellucidError("excitation: found a place that is at a limit even at rest, expected room around it")
     return series
 
 
-def _at_rest(harmonics: int) -> np.ndarray:
-    """Coefficients, those of a before those of b, of series at rest where a period begins, (2 h, 2 h - 2)."""
+def _rest_basis(harmonics: int) -> np.ndarray:
+    """Return a basis of the coefficients (a, then b) of series at rest at a period's start, (2 h, 2 h - 2)."""
     order = np.arange(1.0, harmonics + 1.0)
     still = np.concatenate([np.ones(harmonics), np.zeros(harmonics)])
     unhurried = np.concatenate([np.zeros(harmonics), order / harmonics])

@@ -1,4 +1,4 @@
-"""What a motion of several joints may do: places, speeds, accelerations, efforts, and how near an arm may come to
+"""Limits of a motion of several joints: positions, speeds, accelerations, efforts, and the clearance of an arm from
 itself."""
 
 from __future__ import annotations
@@ -11,22 +11,22 @@ import numpy as np
 from .._errors import PellucidError
 
 Effort = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-"""Position, velocity and acceleration (n, m) to effort (n, m) [N m; N]."""
+"""Function from position, velocity and acceleration, (n, m) each, to effort, (n, m) [N m; N]."""
 
 
 @dataclass(frozen=True, eq=False)
 class TreeLimits:
-    """Of m joints; what is infinite does not bind."""
+    """Limits of m joints; an infinite limit does not bind."""
 
     names: tuple[str, ...]
     low: np.ndarray  # (m,) [rad; m]
     high: np.ndarray
     velocity: np.ndarray  # [rad/s; m/s]
     acceleration: np.ndarray  # [rad/s^2; m/s^2]
-    effort: np.ndarray | None = None  # [N m; N]; what the drives may give
-    effort_of: Effort | None = None  # What a motion takes, as far as it is known
-    distance: Callable[[np.ndarray], np.ndarray] | None = None  # Position (n, m) to how far the arm is from itself [m]
-    clearance: float = 0.02  # m; how far it must be
+    effort: np.ndarray | None = None  # largest effort of the drives [N m; N]
+    effort_of: Effort | None = None  # effort that a motion needs, if it is known
+    distance: Callable[[np.ndarray], np.ndarray] | None = None  # distance of the arm from itself at a position [m]
+    clearance: float = 0.02  # smallest such distance that is allowed [m]
 
     def __post_init__(self):
         count = len(self.names)
@@ -52,19 +52,19 @@ class TreeLimits:
                                 "found one without the other")  # fmt: skip
 
     def slacks(self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
-        """What is left to each limit, in shares of it, (n, limits): below 0 one is passed. All (n, m)."""
+        """Return the slack of each limit as a share of it, (n, limits), below 0 if it is exceeded. Inputs (n, m)."""
         half = 0.5 * (self.high - self.low)
         left = [(position - self.low) / half, (self.high - position) / half,
                 1.0 - np.abs(velocity) / self.velocity, 1.0 - np.abs(acceleration) / self.acceleration]  # fmt: skip
         if self.effort_of is not None:
             left.append(1.0 - np.abs(self.effort_of(position, velocity, acceleration)) / self.effort)
         if self.distance is not None:
-            # In tenths of a metre: a share of the clearance itself would forbid what is merely near.
+            # The slack is in tenths of a metre: as a share of the clearance it would repel arms that are merely near.
             left.append(10.0 * (self.distance(position) - self.clearance)[:, None])
         return np.concatenate(left, axis=1)
 
     def passed(self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> str | None:
-        """Which limit a motion passes first of all, in words; None if none. All (n, m)."""
+        """Return a message about the first limit that a motion exceeds; None if it keeps all. Inputs (n, m)."""
         checks = [("place", position, self.low, self.high),
                   ("velocity", velocity, -self.velocity, self.velocity),
                   ("acceleration", acceleration, -self.acceleration, self.acceleration)]  # fmt: skip

@@ -10,11 +10,13 @@ import numpy as np
 from .fourier import FourierSeries
 
 PUBLISHED_FREQUENCY = 0.1
-"""f [Hz]."""
+"""Fundamental frequency f that the paper prints [Hz]."""
 
 
 def two_sines(amplitude: float, *, centre: float = 0.0, frequency: float = PUBLISHED_FREQUENCY) -> FourierSeries:
-    """Two sines of one amplitude, at a frequency and at twice that. `amplitude` [rad]; `centre` [rad]; `frequency`
-    [Hz]."""
+    """Return two sines of one amplitude, at a frequency and at twice that.
+
+    `amplitude` [rad]; `centre` [rad]; `frequency` [Hz].
+    """
     omega = 2.0 * np.pi * frequency
     return FourierSeries(frequency, centre, amplitude * omega * np.array([1.0, 2.0]), np.zeros(2))

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..control.control_law import ControlLaw
-from ..control.elbow_controllers import BEST
+from ..control.elbow_controllers import BEST_CONTROLLER
 from ..control.law_fuzz import step_times
 from ..control.transparent_laws import sensitivity_amplification
 from ..lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
@@ -79,7 +79,7 @@ def elbow_laws(robot: ElbowRig, rig: PointingRig, person: Person) -> tuple[dict[
             return learnt_compensation(cards["load"], place, rules)
         if name == "amplification":
             return sensitivity_amplification(cards["load"], place, amplification=AMPLIFICATION)
-        chosen = offered(cards, name) if name == BEST else name
+        chosen = offered(cards, name) if name == BEST_CONTROLLER else name
         return condition_of(cards, chosen, exponents=exponents)(person, place)
 
     return {name: make(name) for name in of_task(ELBOW)}, cards

@@ -10,9 +10,10 @@ import numpy as np
 from scipy import stats
 
 from .._errors import PellucidError
+from .._given import require_folder
 from .._processes import in_order
 from ..assessment.friedman import FriedmanTest, friedman, nemenyi
-from ..recordings.results import ResultRow, write_rows
+from ..recordings.results import ResultRow, require_own_page, write_rows
 from .elbow import elbow_pair
 from .knee import knee_pair
 from .strategies import RIVALS, TASKS, of_task
@@ -107,6 +108,8 @@ def rank(
 
     if pairs < 1 or seed < 1:
         raise PellucidError(f"rank: found {pairs} pairs and seed {seed}, expected 1 or more of either")
+    out = require_folder(Path(out), "a folder for the page")
+    require_own_page(out, COMMAND)
     tell = on_progress or (lambda text, share: None)
     tell("identifying robots and wearers, and wearing every controller", 0.0)
     # What takes longest first; whether anybody sways takes as long as all else, and is tried where time was given.
@@ -117,7 +120,6 @@ def rank(
     )
     tried = [one for made in found for one in made]
     tasks = tuple(rank_task(task, [one for one in tried if one.task == task]) for task in TASKS)
-    out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     write_rows(out / "results.json", COMMAND, [row for task in tasks for row in rows_of(task)])
     return Ranked(tasks, pairs, seed, write_ranking(out, tasks, pairs, seed))

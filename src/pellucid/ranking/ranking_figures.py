@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..pages.drawing import Drawing, one_panel
-from ..pages.style import colour
+from ..drawing.drawing import Drawing, one_panel
+from ..drawing.style import colour
 
 
 @dataclass(frozen=True)

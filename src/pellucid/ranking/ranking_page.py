@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..pages.drawing import draw
+from ..drawing.drawing import draw
 from ..pages.page import Page, Section, write_page
 from ..pages.tables import Row, Table, number_table
 from .rank import LEVEL, TaskRanking

@@ -16,14 +16,14 @@ class Fault:
         ``"refuse"``: nothing may be identified from it; ``"cut"``: used, but without it; ``"warn"``: used, and what is
         found there is not to be believed as it is; ``"note"``: told, and used.
     kind : str
-        ``"missing_channel"``, ``"missing_samples"``, ``"time_order"``, ``"sampling_jitter"``, ``"gap"``, ``"rate"``,
-        ``"too_few_samples"``, ``"spike"``, ``"dropout"``, ``"clipped"``, ``"frozen_encoder"``, ``"excluded"``,
-        ``"too_much_cut"``, ``"duplicate"``, ``"wrap"`` or ``"magnitude"``; of a joint's drive ``"delay"``, of a joined
-        file ``"clock"``, of a recorded velocity ``"velocity_mismatch"``, ``"velocity_sign"``, ``"velocity_scale"`` or
-        ``"velocity_delay"``; of a robot of several joints ``"robot"``, ``"payload"``, ``"gains"``, ``"lengths"``,
-        ``"velocity"``, ``"resting_joint"``, ``"joined_joints"``, ``"sign"`` or ``"limits"``; of markers also
-        ``"lost_marker"`` and ``"overlap"``; of EMG beside what is to be fitted ``"changed_channel"`` and
-        ``"another_condition"``.
+        ``"missing_channel"``, ``"missing_samples"``, ``"time_order"``, ``"sampling_jitter"``, ``"repeated_packets"``,
+        ``"gap"``, ``"rate"``, ``"too_few_samples"``, ``"spike"``, ``"dropout"``, ``"clipped"``, ``"frozen_encoder"``,
+        ``"excluded"``, ``"too_much_cut"``, ``"duplicate"``, ``"wrap"`` or ``"magnitude"``; of a joint's drive
+        ``"dead_effort"``, ``"copied_effort"`` or ``"delay"``, of a joined file ``"clock"``, of a recorded velocity
+        ``"velocity_mismatch"``, ``"velocity_sign"``, ``"velocity_scale"`` or ``"velocity_delay"``; of a robot of
+        several joints ``"robot"``, ``"payload"``, ``"gains"``, ``"lengths"``, ``"velocity"``, ``"resting_joint"``,
+        ``"joined_joints"``, ``"sign"`` or ``"limits"``; of markers also ``"lost_marker"`` and ``"overlap"``; of EMG
+        beside what is to be fitted ``"changed_channel"`` and ``"another_condition"``.
     file, channel : str
         Where; of a motion capture's file, the marker or ``"time"``.
     found, expected : str

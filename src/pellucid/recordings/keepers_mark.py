@@ -25,6 +25,31 @@ def mark(content: bytes | memoryview) -> bytes:
     return blake2b(content, key=_key(settings()), digest_size=LENGTH).digest()
 
 
+SEAL_LENGTH = 8 + 2 * LENGTH
+"""Bytes of a seal: a content's size, its checksum, and the mark of both."""
+
+
+def seal(content: bytes | memoryview, context: bytes = b"") -> bytes:
+    """Return the seal of a content, `SEAL_LENGTH` bytes; a `context`, such as a file's name, is part of what it marks.
+
+    A seal is believed before the content is read: whoever reads asks for no more bytes than the keeper wrote.
+    """
+    note = len(content).to_bytes(8, "little") + blake2b(content, digest_size=LENGTH).digest()
+    return note + mark(context + note)
+
+
+def sealed_size(found: bytes, context: bytes = b"") -> int | None:
+    """Return how many bytes a seal that was `found` is of; None if it is not this user's own."""
+    note, marked = found[:-LENGTH], found[-LENGTH:]
+    own = len(found) == SEAL_LENGTH and bears(context + note, marked)
+    return int.from_bytes(note[:8], "little") if own else None
+
+
+def is_sealed(content: bytes | memoryview, found: bytes) -> bool:
+    """Return whether a content is the one that a seal, whose `sealed_size` is known, was made of."""
+    return found[8:-LENGTH] == blake2b(content, digest_size=LENGTH).digest()
+
+
 def bears(content: bytes | memoryview, found: bytes) -> bool:
     """Whether a mark that was `found` is this user's own of the content."""
     return compare_digest(mark(content), found)

@@ -1,28 +1,30 @@
 """Results kept beside a study: one file of numbers, which bears its keeper's mark and is believed by nobody else.
 
 A result is a tree of the package's own frozen dataclasses, mappings, tuples and arrays. Arrays are stored once each,
-the tree as JSON; what is read back may only be such dataclasses, whatever the file says. The mark follows the archive,
-which NumPy reads all the same.
+the tree as JSON; what is read back may only be such dataclasses, whatever the file says. A seal follows the archive,
+which NumPy reads all the same. The seal is read first: it tells how large the keeper's archive is.
 """
 
 from __future__ import annotations
 
 import json
+import re
 import zipfile
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from functools import cache
 from hashlib import blake2b, sha256
 from importlib import import_module
-from importlib.metadata import version
-from io import BytesIO
+from importlib.metadata import PackageNotFoundError, requires, version
+from io import SEEK_END, BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from .._atomic import write_bytes_atomically
-from .keepers_mark import LENGTH, bears, mark
+from .keepers_mark import SEAL_LENGTH, is_sealed, seal, sealed_size
 
 PACKAGE = __name__.partition(".")[0]
 TREE, FRESH = "tree", "made_from"
@@ -44,7 +46,7 @@ def keep(path: Path, made_from: str, result: Any) -> Path | None:
     stored[TREE] = np.frombuffer(tree.encode(), np.uint8)
     content = BytesIO()
     np.savez(content, **stored)
-    content.write(mark(content.getbuffer()))
+    content.write(seal(content.getbuffer()))
     return write_bytes_atomically(path, content.getbuffer())
 
 
@@ -53,10 +55,10 @@ def read_kept(path: Path, made_from: str) -> Any:
     if not path.is_file():
         return None
     try:
-        content = memoryview(path.read_bytes())
-        if not bears(content[:-LENGTH], content[-LENGTH:]):
+        content = _sealed_content(path)
+        if content is None:
             return None
-        with np.load(BytesIO(content[:-LENGTH]), allow_pickle=False) as stored:
+        with np.load(BytesIO(content), allow_pickle=False) as stored:
             tree = json.loads(stored[TREE].tobytes().decode())
             if tree[FRESH] != made_from:
                 return None
@@ -66,14 +68,44 @@ def read_kept(path: Path, made_from: str) -> Any:
         return None  # another version's, or somebody's own
 
 
+def _sealed_content(path: Path) -> bytes | None:
+    """Return the archive of a kept file; None, before it is read, if this user did not keep one of its size."""
+    with path.open("rb") as file:
+        size = file.seek(0, SEEK_END) - SEAL_LENGTH
+        if size < 0:
+            return None
+        file.seek(size)
+        found = file.read(SEAL_LENGTH)
+        if sealed_size(found) != size:
+            return None
+        file.seek(0)
+        content = file.read(size)
+    return content if is_sealed(content, found) else None
+
+
 @cache
 def code_fingerprint() -> str:
-    """SHA-256 of the version and of the package's own sources: another code may find something else."""
+    """Return the SHA-256 of everything that computes: the package's sources, its compiled core, and the versions of the
+    libraries that it requires. Another of them may find something else."""
     root = Path(import_module(PACKAGE).__file__).parent
     digest = sha256(version(PACKAGE).encode())
-    for source in sorted(root.rglob("*.py")):
+    core = Path(import_module(f"{PACKAGE}._core").__file__)
+    for source in (*sorted(root.rglob("*.py")), core):
         digest.update(source.read_bytes())
+    digest.update(json.dumps(library_versions()).encode())
     return digest.hexdigest()
+
+
+def library_versions() -> dict[str, str]:
+    """Return the versions of the libraries that the package computes with, by name; those of its optional extras where
+    they are installed."""
+    found = {}
+    for requirement in requires(PACKAGE) or ():
+        name = re.match(r"[\w.-]+", requirement)[0]
+        if name != PACKAGE and not re.search(r"extra == ['\"](test|benchmark)['\"]", requirement):
+            with suppress(PackageNotFoundError):
+                found[name] = version(name)
+    return found
 
 
 class _Arrays:

@@ -1,8 +1,8 @@
 """Columns of long files, kept beside a study as numbers: text is parsed once.
 
-A kept file is named after the checksum of the file it came from and of the readers; it is its keeper's mark, a line of
+A kept file is named after the checksum of the file it came from and of the readers; it is its keeper's seal, a line of
 JSON (names, what the file says of units, lengths, checksums) and the columns after each other, little-endian float64.
-Only columns that are asked for are read. One without this user's mark is somebody else's, and written anew. Nothing is
+Only columns that are asked for are read. One without this user's seal is somebody else's, and written anew. Nothing is
 kept where the folder cannot be written, and no more than `MOST` of all.
 """
 
@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from .._atomic import atomically
-from .keepers_mark import LENGTH, bears, mark
+from .keepers_mark import SEAL_LENGTH, is_sealed, seal, sealed_size
 from .readers import Columns, read_columns
 
 FROM = 4_000_000  # bytes of a file that is worth keeping
@@ -67,10 +67,12 @@ def kept_columns(folder: Path, source: Path, digest: str) -> Columns:
 def _kept(path: Path, source: Path) -> Columns | None:
     try:
         with path.open("rb") as file:
-            marked, line = file.read(LENGTH), file.readline()
-        if not bears(_marked(path, line), marked):
+            found = file.read(SEAL_LENGTH)
+            size = sealed_size(found, path.name.encode())
+            line = b"" if size is None else file.read(size)
+        if size is None or not is_sealed(line, found):
             return None
-        head, start = json.loads(line), LENGTH + len(line)
+        head, start = json.loads(line), SEAL_LENGTH + len(line)
         for entry in head["columns"].values():
             # Of a file that was cut, less than there was.
             if not isinstance(entry, str) and start + entry[0] + entry[1] * STORED.itemsize > path.stat().st_size:
@@ -98,24 +100,19 @@ def _keep(path: Path, columns: Columns) -> Columns:
     line = text + b" " * (-(len(text) + 1) % STORED.itemsize) + b"\n"  # numbers lie where a processor wants them
     try:
         with atomically(path) as file:
-            file.write(mark(_marked(path, line)) + line)
+            file.write(seal(line, path.name.encode()) + line)
             for x in columns.values.values():
                 if not isinstance(x, str):
                     file.write(np.ascontiguousarray(x, STORED))
         _forget(path)
     except OSError:
         return columns  # the folder cannot be written, or is full
-    kept = KeptColumns(path, LENGTH + len(line), entries, columns.path)
+    kept = KeptColumns(path, SEAL_LENGTH + len(line), entries, columns.path)
     return Columns(columns.path, kept, columns.angle_unit, columns.units)
 
 
 def _checksum(column: np.ndarray) -> str:
     return blake2b(column, digest_size=16).hexdigest()
-
-
-def _marked(path: Path, line: bytes) -> bytes:
-    """What the mark is of: the columns by their checksums, and whose they are."""
-    return path.name.encode() + line
 
 
 def _forget(but: Path) -> None:

@@ -20,7 +20,12 @@ def locked(path: str | os.PathLike, patience: float | None = None) -> Iterator[N
 
     path, patience = Path(path), PATIENCE if patience is None else patience
     path.parent.mkdir(parents=True, exist_ok=True)
-    lock = FileLock(path.with_name(f".{path.name}.lock"), patience, poll_interval=0.02)
+    place = path.with_name(f".{path.name}.lock")
+    # A lock is opened for writing: through a link, the file that it leads to would be emptied.
+    if place.is_symlink() or (place.exists() and not place.is_file()):
+        found = "a symbolic link" if place.is_symlink() else "no regular file"
+        raise PellucidError(f"{place}: found {found}, expected the lock file of {path.name} or nothing; remove it")
+    lock = FileLock(place, patience, poll_interval=0.02)
     try:
         lock.acquire()
     except Timeout:

@@ -17,7 +17,7 @@ import numpy as np
 from .._atomic import write_text_atomically
 from .._errors import PellucidError, RecordingError
 from .._given import read_given, seen
-from ..models.muscle_polynomial import MusclePolynomial, PolynomialError, fitted_polynomial
+from ..models.muscle_polynomial import MusclePolynomial, PolynomialError, fit_muscle_polynomial
 from .muscle_constants import MuscleConstants, require_physical
 from .readers.osim import read_model
 from .readers.osim_paths import MuscleModel, read_paths
@@ -118,7 +118,7 @@ def _polynomial(
         return length, arms * np.array([[sign[joint]] for joint in joints])
 
     others = [name for name in moving if name not in plain.values()]
-    return fitted_polynomial(ours, ranges, path), others
+    return fit_muscle_polynomial(ours, ranges, path), others
 
 
 def write_polynomials(path: Path, muscles: ModelMuscles) -> Path:

@@ -36,10 +36,12 @@ class MuscleRemark:
     muscles: CalibratedMuscles
     names: Mapping[str, str]  # The file's name of each muscle
     period: float = 0.0  # Of the recursion of a CEINMS subject [s]
+    study: str = ""  # Name of the study that was exported; empty in files of earlier versions
 
     def text(self) -> str:
         """As XML."""
-        said = json.dumps({"names": dict(self.names), "period": self.period, "settings": self.muscles.settings()})
+        table = {"names": dict(self.names), "period": self.period, "settings": self.muscles.settings()}
+        said = json.dumps({**table, "study": self.study})
         # Two hyphens end a remark, and tags in it would confuse who looks for them.
         for plain, escaped in (("--", "-\\u002d"), ("<", "\\u003c"), (">", "\\u003e")):
             said = said.replace(plain, escaped)
@@ -112,7 +114,7 @@ def _read_remark(path: Path) -> MuscleRemark:
             raise ValueError("a number is not finite")
         muscles = calibrated_muscles(ParameterCard(CARD_KIND, "", path.stem, (), settings=settings))
         names = {str(k): str(v) for k, v in table["names"].items()}
-        period = float(table["period"])
+        period, study = float(table["period"]), str(table.get("study", ""))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         said = error if isinstance(error, PellucidError) else repr(error)
         raise RecordingError(
@@ -123,7 +125,15 @@ def _read_remark(path: Path) -> MuscleRemark:
             path,
             MuscleConstants(m.name, m.max_isometric_force, m.optimal_fibre_length, m.tendon_slack_length, m.pennation),
         )
-    return MuscleRemark(muscles, names, period)
+    return MuscleRemark(muscles, names, period, study)
+
+
+def exported_study(path: Path) -> str | None:
+    """Return the name of the study whose muscles an exported file has; None if no export with a name wrote it."""
+    try:
+        return _read_remark(path).study or None
+    except PellucidError:
+        return None
 
 
 def _of_model(muscle: HillMuscle, found: MuscleConstants) -> HillMuscle:

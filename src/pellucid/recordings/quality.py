@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .._errors import RecordingError
+from .._errors import UnfitRecordingError
 from .cut import JITTER_SHARE, sound_samples
 from .defects import clipped
 from .defects.find import MOST_CLIPPED, bridgeable, find, kinds, watched
@@ -66,7 +66,7 @@ def inspect(recording: Recording, study: Study) -> list[Fault]:
         _check_clipped(looked, add)
         _check_wrap(looked, study.specs_of(recording), add)
     _check_magnitude(looked, study, add)
-    faults += share_faults(recording, study)
+    faults += share_faults(recording, study) + clock_faults(recording, study)
     if recording.optical is not None:
         faults += optical_faults(recording)
     return sorted(faults, key=lambda fault: fault.severity != "refuse")
@@ -83,18 +83,39 @@ def cut_faults(recording: Recording) -> list[Fault]:
     return faults
 
 
-def jitter_fault(recording: Recording, study: Study) -> Fault | None:
-    """That a clock jitters, and what is made of it; None where it does not."""
+def clock_faults(recording: Recording, study: Study) -> list[Fault]:
+    """What was made of the clocks of a recording and its streams: packets delivered twice, stamps that jitter."""
+    repeated = (_repeat_fault(each) for each in (recording, *recording.streams.values()))
+    return [fault for fault in (*repeated, _jitter_fault(recording, study)) if fault is not None]
+
+
+def _repeat_fault(recording: Recording) -> Fault | None:
+    if not recording.repeats:
+        return None
+    rows = len(recording) + recording.repeats
+    found = f"{recording.repeats} of {rows} rows that repeat the samples of the row before, at its time or just after"
+    where = f"{recording.path.name} (recording {recording.name}), channel time"
+    message = f"{where}: found {found}, expected each packet once; the repeated rows are left out"
+    return Fault("warn", "repeated_packets", recording.path.name, "time", found, "each packet once", message)
+
+
+def _jitter_fault(recording: Recording, study: Study) -> Fault | None:
     if not recording.advances or recording.jitter <= JITTER_SHARE:
         return None
-    rate, step = study.processing_of(recording).resample or recording.fs, 1.0 / recording.fs
+    clock, smoothed, step = recording.clock, recording.stamped_evenly, 1.0 / recording.fs
+    own_rate = 1.0 / float(np.median(np.diff(clock.time))) if smoothed else recording.fs
+    rate = study.processing_of(recording).resample or own_rate
     found = f"irregular steps, off by {100 * recording.jitter:.3g} % of {step:.4g} s in 1 of 100 samples (jitter)"
     way = f"interpolated to {rate:.6g} Hz"
-    if study.processing_of(recording).resample is None and recording.stamped_evenly:
-        way = f"taken as even at {rate:.6g} Hz, over which the position is smoother"
+    if smoothed:
+        way = (
+            f"stamps smoothed over {clock.window} samples, over which the position is smoother: they moved by "
+            f"{1e3 * clock.moved:.3g} ms RMS, {1e3 * clock.farthest:.3g} ms at most; then {way}"
+        )
     where = f"{recording.path.name} (recording {recording.name}), channel time"
     message = f"{where}: found {found}, expected an even clock; {way}"
-    return Fault("note", "sampling_jitter", recording.path.name, "time", found, f"an even clock; {way}", message)
+    severity = "warn" if smoothed else "note"
+    return Fault(severity, "sampling_jitter", recording.path.name, "time", found, f"an even clock; {way}", message)
 
 
 def share_faults(recording: Recording, study: Study) -> list[Fault]:
@@ -139,7 +160,7 @@ def require_sound(recording: Recording, study: Study) -> None:
     """Do nothing for a recording without a refusing fault."""
     refused = [fault.message for fault in inspect(recording, study) if fault.severity == "refuse"]
     if refused:
-        raise RecordingError("\n".join(refused))
+        raise UnfitRecordingError("\n".join(refused))
 
 
 def _check_channels(recording: Recording, joint: JointTable, ending: str, add: Add) -> None:
@@ -171,12 +192,7 @@ def _check_missing(looked: Watched, add: Add) -> None:
 def _check_time(recording: Recording, study: Study, add: Add) -> bool:
     """Whether time advances, so that the other checks mean something."""
     even = recording.advances and recording.steps_within(recording.longest_step)
-    if not even and not _check_steps(recording, study, add):
-        return False
-    jitter = jitter_fault(recording, study)
-    if jitter is not None:
-        add(jitter.severity, jitter.kind, jitter.channel, jitter.found, jitter.expected)
-    return True
+    return even or _check_steps(recording, study, add)
 
 
 def _check_steps(recording: Recording, study: Study, add: Add) -> bool:

@@ -11,6 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from .._errors import RecordingError
+from .clock import SampleClock, sample_clock
 from .cut import BEYOND_JITTER, GAP_STEPS, Cut, sound_samples, spans_between
 from .optical import OpticalRecording
 
@@ -101,6 +102,11 @@ class Recording:
         window.
     cuts : tuple of Cut
         What was found in it that nothing is to be made of, and what study.toml excludes, by time.
+    repeats : int
+        Rows of the file, or of its window, that were left out because a packet was delivered twice.
+    uncut : Recording or None
+        Time and EMG of the whole file, where the recording is a window of a file that has EMG: filters need what lies
+        around a window.
 
     Raises
     ------
@@ -125,6 +131,8 @@ class Recording:
     repetition: int | None = None
     period: int | None = None
     cuts: tuple[Cut, ...] = ()
+    repeats: int = 0
+    uncut: Recording | None = field(default=None, repr=False)
 
     def __post_init__(self):
         if "time" not in self.channels:
@@ -272,20 +280,19 @@ class Recording:
         return float(np.quantile(np.abs(steps * self.fs - 1.0), 0.99)) if steps.size else 0.0
 
     @cached_property
+    def clock(self) -> SampleClock:
+        """When samples were taken: stamps smoothed over neighbours where positions then lie more smoothly, which shows
+        that a stamp says when a sample arrived; the stamps themselves elsewhere."""
+        names = [name for name in self.channels if name.partition(".")[0] in ("position", "motor_position")]
+        if not names or len(self) < 3 or not self.advances or not np.isfinite(self.time).all():
+            return SampleClock(self.time)
+        near = np.diff(self.time) <= self.longest_step
+        return sample_clock(self.time, np.column_stack([self[name] for name in names]), self.spans, near)
+
+    @property
     def stamped_evenly(self) -> bool:
-        """Whether positions lie more smoothly over an even clock than over the recorded times: these then say when a
-        sample was written down, not when it was taken."""
-        names = [name for name in self.channels if name.partition(".")[0] == "position"]
-        if not names or len(self) < 3:
-            return False
-        time, q = self.time, np.column_stack([self[name] for name in names])
-        near = np.diff(time) <= self.longest_step
-        inner = near[1:] & near[:-1] & self.sound[1:-1]
-        share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
-        recorded, even = (
-            np.abs(q[1:-1] - q[:-2] - s[:, None] * (q[2:] - q[:-2]))[inner] for s in (share, np.full(len(q) - 2, 0.5))
-        )
-        return bool(np.nanmean(even) < np.nanmean(recorded)) if np.isfinite(recorded).any() else False
+        """Whether positions lie more smoothly over smoothed stamps than over the recorded ones."""
+        return self.clock.window > 0
 
     @cached_property
     def enabled(self) -> np.ndarray:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from .._atomic import write_text_atomically
-from .._errors import RecordingError
+from .._errors import PellucidError, RecordingError
 from .._given import read_given
 from .lock import locked
 
@@ -79,6 +79,19 @@ def replace_rows(path: Path, command: str, rows: Iterable[ResultRow]) -> tuple[R
     text = json.dumps({"figures": [as_table(row) for row in both]}, indent=1, ensure_ascii=False, allow_nan=False)
     write_text_atomically(path, text + "\n")
     return both
+
+
+def require_own_page(folder: Path, command: str, page: str = "index.html") -> None:
+    """Raise a PellucidError if a folder holds a page, and no figures that `command` wrote beside it."""
+    if not (folder / page).exists():
+        return
+    path = folder / "results.json"
+    found = sorted({row.command for row in read_rows(path)}) if path.is_file() else []
+    if command not in found:
+        raise PellucidError(
+            f"{folder}: found {page} of {', '.join(found) or 'something else'}, expected none, or that of an earlier "
+            f"'{command}'; name another folder with --out"
+        )
 
 
 def as_table(row: ResultRow) -> dict[str, Any]:

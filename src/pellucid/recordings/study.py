@@ -12,20 +12,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .._errors import RecordingError
-from .._given import require_inside
+from .._errors import RecordingError, StudyError
+from .._given import require_folder, require_inside
+from .clock import first_deliveries
 from .cut import Cut
 from .defects.find import cut_out
 from .delay import led, moved
 from .joined_stream import first_offset, joined
 from .optical import OpticalRecording, read_optical
 from .recording import Channel, Payload, Recording
+from .results import ResultRow, read_rows
 
 if TYPE_CHECKING:
     from .readers import Columns
     from .study_file import ChannelSpec, JointTable, Model, Processing, RecordingEntry, SeveralJoints, StudyFile
 
 STUDY_FILE = "study.toml"
+RESULTS_FILE = "results.json"
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +45,8 @@ class Study:
         Folder that everything is written to instead of the study's own, which may be read-only.
     allow_outside : bool
         Whether files outside the study's folder are read where study.toml names them, or a link leads there.
+    accept_stale : bool
+        Whether a model card is used that was made from something else than the study as it is now.
     """
 
     folder: Path
@@ -53,6 +58,7 @@ class Study:
     _left_out: frozenset[str] = field(default=frozenset(), repr=False)
     out: Path | None = None
     allow_outside: bool = False
+    accept_stale: bool = False
 
     @property
     def name(self) -> str:
@@ -87,7 +93,7 @@ class Study:
     @property
     def results_path(self) -> Path:
         """Every figure the commands printed."""
-        return self.made / "results.json"
+        return self.made / RESULTS_FILE
 
     @property
     def report_dir(self) -> Path:
@@ -144,7 +150,7 @@ class Study:
 
         digests = {}
         for path in (self.folder / STUDY_FILE, *self.files()):
-            digests[path] = self._digest(path)
+            digests[path] = self.digest(path)
         # Cards are written anew while a study is open; its recordings are read once.
         digests |= {path: checksum(path) if path.is_file() else "" for path in more}
         parts = [code_fingerprint()]
@@ -239,7 +245,7 @@ class Study:
         if name in self._loaded:
             return self._loaded[name]
         columns, digest = self._read_once(path, files)
-        channels = _channels(columns, self.config.channels_of(entry), entry.window)
+        channels, repeats = _delivered_once(_channels(columns, self.config.channels_of(entry), entry.window))
         payload = Payload(entry.payload.mass, entry.payload.distance) if entry.payload else None
         recording = Recording(
             name=name,
@@ -262,12 +268,22 @@ class Study:
                 *_excluded(entry, path, channels["time"].samples),
                 *_cut_row(path, channels["time"].samples, entry.window),
             ),
+            repeats=repeats,
+            uncut=self._uncut_emg(entry, name, path, columns, digest),
         )
         specs = self.config.channels_of(entry)
         recording = _in_time(self._without_defects(recording, specs, entry.processing or self.config.processing), specs)
         self._apart[name] = recording
         self._loaded[name] = self._joined(recording, entry, {})
         return self._loaded[name]
+
+    def _uncut_emg(self, entry, name, path, columns, digest) -> Recording | None:
+        """Time and EMG of the whole file, where a recording is a window of it; None without either."""
+        specs = {n: s for n, s in self.config.channels_of(entry).items() if n == "time" or n.startswith("emg.")}
+        if entry.window is None or len(specs) < 2:
+            return None
+        channels, _ = _delivered_once(_channels(columns, specs, None))
+        return _in_time(Recording(name, path, digest, entry.use, channels, entry.protocol, entry.participant), specs)
 
     def apart(self, name: str) -> Recording:
         """A recording before streams were joined."""
@@ -292,12 +308,12 @@ class Study:
     def _read_once(self, path: Path, files: dict[Path, Columns]) -> tuple[Columns, str]:
         from .kept_columns import kept_columns
 
-        digest = self._digest(path)
+        digest = self.digest(path)
         if path not in files:
             files[path] = kept_columns(self.place("kept"), path, digest)
         return files[path], digest
 
-    def _digest(self, path: Path) -> str:
+    def digest(self, path: Path) -> str:
         """SHA-256 of a file, taken once."""
         if path not in self._digests:
             try:
@@ -322,9 +338,9 @@ class Study:
         path = self._beside(entry, entry.streams[stream], f"the stream {stream}")
         columns, digest = self._read_once(path, files)
         specs = self.config.streams[stream].channels
-        channels = _channels(columns, specs, None)
+        channels, repeats = _delivered_once(_channels(columns, specs, None))
         made = Recording(f"{name}.{stream}", path, digest, entry.use, channels, entry.protocol, entry.participant)
-        made = replace(made, cuts=_cut_row(path, made.time))
+        made = replace(made, cuts=_cut_row(path, made.time), repeats=repeats)
         return _in_time(self._without_defects(made, specs, entry.processing or self.config.processing, stream), specs)
 
     def _without_defects(
@@ -362,9 +378,36 @@ def open_folder(
     from .study_file import StudyFile, parse_study_file
 
     folder = Path(folder)
+    require_folder(folder, f"a study: the folder with a {STUDY_FILE} in it", StudyError)
+    if out is not None:
+        require_folder(Path(out), "a folder to write to")
     path = require_inside(folder / STUDY_FILE, folder, allow_outside, str(folder))
     config = parse_study_file(path, model or StudyFile)
+    if out is not None:
+        _require_own_results(Path(out), folder, config.name)
     return Study(folder, config, out=None if out is None else Path(out), allow_outside=allow_outside)
+
+
+def _require_own_results(out: Path, folder: Path, name: str) -> None:
+    """Refuse a folder to write to that is another study's, or holds its results: cards of both have the same names."""
+    if out.resolve() == folder.resolve():
+        return
+    if (out / STUDY_FILE).exists():
+        raise StudyError(f"{out}: found a study of its own, expected a folder for what is found of {folder}")
+    others = {row.id.partition(".")[0] for row in _rows_in(out / RESULTS_FILE)} - {name}
+    if others:
+        raise StudyError(
+            f"{out}: found results of {', '.join(sorted(others)[:5])}, expected those of {name} or none; name another "
+            "folder to write to"
+        )
+
+
+def _rows_in(path: Path) -> list[ResultRow]:
+    """Rows of a results.json; none where there is no such file, or none that can be read."""
+    try:
+        return read_rows(path) if path.is_file() else []
+    except RecordingError:
+        return []
 
 
 def _in_time(recording: Recording, specs: Mapping[str, ChannelSpec]) -> Recording:
@@ -413,6 +456,16 @@ def _channels(columns: Columns, specs: dict[str, ChannelSpec], window) -> dict[s
     for samples in values.values():
         samples.flags.writeable = False  # nobody else has them: a channel needs no copy
     return {name: Channel(name, values[name], spec.si_unit, spec.column) for name, spec in specs.items()}
+
+
+def _delivered_once(channels: dict[str, Channel]) -> tuple[dict[str, Channel], int]:
+    """The channels without rows that are a packet's second delivery, and how many rows those were."""
+    samples = {name: channel.samples for name, channel in channels.items() if name != "time"}
+    first = first_deliveries(channels["time"].samples, samples)
+    repeats = int(np.sum(~first))
+    if not repeats:
+        return channels, 0
+    return {name: replace(channel, samples=channel.samples[first]) for name, channel in channels.items()}, repeats
 
 
 def _of_columns(columns: Columns, name: str, spec: ChannelSpec) -> np.ndarray:

@@ -24,7 +24,7 @@ from pydantic import (
 
 from .._errors import StudyError
 from .._given import read_given
-from ..models.joint import FAMILIES, USUAL
+from ..models.joint import DEFAULT_FAMILIES, FAMILIES, SYMBOLS_BY_NAME
 from ..units import parse_quantity, si_text, to_si_factor
 from .study_fields import DERIVED, NAME, Place, ProcedureTable, Said, StudyTable, Word, quantity
 from .toml_place import explain
@@ -726,7 +726,7 @@ class Model(StudyTable):
         Whether a posterior is drawn beside the intervals.
     """
 
-    families: tuple[Literal[tuple(FAMILIES)], ...] = USUAL
+    families: tuple[Literal[tuple(FAMILIES)], ...] = DEFAULT_FAMILIES
     gravity: Literal["none", "sine", "sine+cosine"]
     known: dict[str, float] = Field({})
     purpose: Literal["torque", "simulation"] = "torque"
@@ -756,10 +756,10 @@ class Model(StudyTable):
         values = {name: parse_quantity(text, parameter_units(name, units), name) for name, text in known.items()}
         for name, value in values.items():
             kind, found = name.split("_")[0], f'{name}: found "{known[name]}", expected'
-            if value < 0.0 and kind in ("viscous", "coulomb", "stribeck", "load"):
-                raise ValueError(f"{found} 0 or more: friction takes energy")
             if value <= 0.0 and kind in ("inertia", "mass"):
                 raise ValueError(f"{found} more than 0: every body has inertia")
+            if name in SYMBOLS_BY_NAME and value < SYMBOLS_BY_NAME[name].lower:
+                raise ValueError(f"{found} {SYMBOLS_BY_NAME[name].lower:g} or more: friction takes energy")
             if abs(value) > MOST_KNOWN:
                 raise ValueError(f"{found} at most {MOST_KNOWN:g} in SI: no such machine has more")
         return values

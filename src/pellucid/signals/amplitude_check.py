@@ -15,26 +15,26 @@ from scipy.stats import rankdata
 
 from ..units import COORDINATES, Coordinate
 
-OWN = 0.01
-"""A label is a movement's own within this [rad]: it may have been rounded."""
+LABEL_TOLERANCE_RAD = 0.01
+"""A label matches a movement's amplitude within this tolerance, because labels may be rounded."""
 
-RANDOM = 12
-"""With more amplitudes than this they were random: they lie too close for a movement to be taken for another's."""
+MAX_AMPLITUDE_COUNT = 12
+"""With more amplitudes than this they were drawn at random, and lie too close together to tell exchanged labels."""
 
-MISTAKEN = 0.1
-"""Share of a recording's movements that may end nearer to another label than to their own, or hit another."""
+MAX_MISTAKEN_SHARE = 0.1
+"""Largest share of a recording's movements that may end nearer to another label than to their own."""
 
-HIT = 1 / 3
-"""Share of the way to the border between two labels within which a movement hit one."""
+HIT_DISTANCE_SHARE = 1 / 3
+"""A movement hit a label if it ends within this share of the distance to the border between two labels."""
 
-HITS = 0.6
-"""Share of hits among movements nearer to another label from which on they were aimed there."""
+MIN_HIT_SHARE = 0.6
+"""Movements nearer to another label were aimed at it if at least this share of them hit it."""
 
-WHOLE = 0.8
-"""Share of a label's movements from which on all of them went to another."""
+MIN_MOVED_LABEL_SHARE = 0.8
+"""A label was exchanged as a whole if at least this share of its movements went to another label."""
 
-ORDERED = 0.5
-"""Rank correlation of labelled and measured amplitudes below which they have nothing to do with each other."""
+MIN_RANK_CORRELATION = 0.5
+"""Labelled and measured amplitudes are unrelated if their rank correlation is below this."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,8 @@ def strays(reach: np.ndarray, label: np.ndarray, labels: np.ndarray, along: Coor
     """Movements nearer to another label than to their own, and whether that is the labels' fault. `reach`, `label`
     (n,) [rad]; `labels` (k,) [rad]."""
     nearest = labels[np.argmin(np.abs(reach[:, None] - labels[None, :]), axis=1)]
-    wrong = np.abs(nearest - label) > OWN * along.radian
-    if len(labels) > RANDOM:
+    wrong = np.abs(nearest - label) > LABEL_TOLERANCE_RAD * along.radian
+    if len(labels) > MAX_AMPLITUDE_COUNT:
         wrong[:] = False
         return Strays(wrong, nearest, _disordered(reach, label), along)
     said = _whole_label(reach, label, labels, along) or _aimed(reach, label, labels, along)
@@ -74,21 +74,21 @@ def _to_labels(
     scaled = reach / np.median(reach / label)
     at = np.argmin(np.abs(scaled[:, None] - labels[None, :]), axis=1)
     gap = np.array([np.min(np.abs(np.delete(labels, i) - each)) for i, each in enumerate(labels)])
-    hit = np.abs(scaled - labels[at]) < HIT * 0.5 * gap[at]
+    hit = np.abs(scaled - labels[at]) < HIT_DISTANCE_SHARE * 0.5 * gap[at]
     return labels[at], np.abs(labels[at] - label) > own, hit
 
 
 def _whole_label(reach: np.ndarray, label: np.ndarray, labels: np.ndarray, along: Coordinate) -> str:
     if len(labels) < 2:
         return ""
-    nearest, wrong, hit = _to_labels(reach, label, labels, OWN * along.radian)
+    nearest, wrong, hit = _to_labels(reach, label, labels, LABEL_TOLERANCE_RAD * along.radian)
     for own in labels:
-        of = np.abs(label - own) <= OWN * along.radian
+        of = np.abs(label - own) <= LABEL_TOLERANCE_RAD * along.radian
         if of.sum() < 2:
             continue
         for other in labels:
             there = of & wrong & (nearest == other)
-            if there.sum() >= WHOLE * of.sum() and np.mean(hit[there]) >= 0.5:
+            if there.sum() >= MIN_MOVED_LABEL_SHARE * of.sum() and np.mean(hit[there]) >= 0.5:
                 said, went = (f"{along.factor * each:.4g} {along.shown}" for each in (own, other))
                 return f"{there.sum()} of {of.sum()} movements labelled {said} go {went}"
     return ""
@@ -97,9 +97,9 @@ def _whole_label(reach: np.ndarray, label: np.ndarray, labels: np.ndarray, along
 def _aimed(reach: np.ndarray, label: np.ndarray, labels: np.ndarray, along: Coordinate) -> str:
     if len(labels) < 2:
         return ""
-    _, wrong, hit = _to_labels(reach, label, labels, OWN * along.radian)
+    _, wrong, hit = _to_labels(reach, label, labels, LABEL_TOLERANCE_RAD * along.radian)
     aimed = int((wrong & hit).sum())
-    if aimed >= 2 and aimed > MISTAKEN * len(reach) and aimed > HITS * wrong.sum():
+    if aimed >= 2 and aimed > MAX_MISTAKEN_SHARE * len(reach) and aimed > MIN_HIT_SHARE * wrong.sum():
         return f"{aimed} of {len(reach)} movements exactly as far as another label says"
     return ""
 
@@ -108,4 +108,8 @@ def _disordered(reach: np.ndarray, label: np.ndarray) -> str:
     if len(reach) < 10:
         return ""
     order = float(np.corrcoef(rankdata(reach), rankdata(label))[0, 1])
-    return f"a rank correlation of {order:.2f} between labelled and measured amplitudes" if order < ORDERED else ""
+    return (
+        f"a rank correlation of {order:.2f} between labelled and measured amplitudes"
+        if order < MIN_RANK_CORRELATION
+        else ""
+    )

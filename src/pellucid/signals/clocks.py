@@ -12,7 +12,8 @@ from scipy.optimize import least_squares
 from .._errors import RecordingError
 from .correlation_length import correlation_length
 
-FEWEST = 20  # samples that both records must share
+MIN_SHARED_SAMPLES = 20
+"""Two records are aligned only if they overlap by at least this many samples."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ def best_delay(
     *,
     span: tuple[float, float] = (-np.inf, np.inf),
     either_sense: bool = True,
-    fewest: int = FEWEST,
+    fewest: int = MIN_SHARED_SAMPLES,
 ) -> float | None:
     """The one of `delays`, (k,) [s], at which `other`, of times, correlates best with a `signal`, (n,), at `time` [s]
     and so much later; of either sense or of one; the other is known within `span` [s]. None without an overlap of
@@ -67,9 +68,10 @@ def align(
     `time`, `rate` (n,) [s]; `other_time`, `other_rate` (m,); `longest` [s].
     """
     inside = (time >= other_time[0] + longest) & (time <= other_time[-1] - longest) & np.isfinite(rate)
-    if inside.sum() < FEWEST:
+    if inside.sum() < MIN_SHARED_SAMPLES:
         raise RecordingError(
-            f"alignment: the records share {inside.sum()} samples at every delay up to {longest:g} s, expected {FEWEST}"
+            f"alignment: the records share {inside.sum()} samples at every delay up to {longest:g} s, expected "
+            f"{MIN_SHARED_SAMPLES}"
         )
     t, y = time[inside], rate[inside]
     if np.std(y) == 0.0 or np.std(other_rate) == 0.0:

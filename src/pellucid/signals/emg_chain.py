@@ -2,10 +2,19 @@
 
 A chain says what is done in which order and nothing of the rate: that comes with the samples. Filters are second-order
 sections throughout; the direct form of order 4 loses its accuracy where the cut-off is a thousandth of the rate.
+
+What a chain guarantees:
+
+- An envelope is never negative. A low-pass of rectified samples undershoots behind a burst, and is cut off at 0.
+- A part of a recording (`inside`) is filtered together with the samples on either side of it, as far as the filters
+  remember, and cut out afterwards: its ends are as good as its middle.
+- Where a file begins or ends, filters that run both ways see the samples mirrored there, for as long as they take to
+  settle. Rectified samples are mirrored as they are, which keeps their level; raw ones about the last sample.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,8 +24,13 @@ from .. import _core
 from .._errors import RecordingError
 from .envelope_delay import ChainDelay, group_delay
 
-FILTERS = ("notch", "highpass", "lowpass", "bandpass")
-KINDS = (*FILTERS, "centre", "rectify", "normalise", "advance")
+FILTER_STAGES = ("notch", "highpass", "lowpass", "bandpass")
+"""Stages that are linear filters."""
+
+STAGE_KINDS = (*FILTER_STAGES, "centre", "rectify", "normalise", "advance")
+
+SETTLED_SHARE = 1e-4
+"""Share of a filter's impulse response that is left when the filter counts as settled."""
 
 
 @dataclass(frozen=True)
@@ -28,14 +42,14 @@ class Stage:
     # compared with a motion that comes later)
     kind: str
     cutoff: tuple[float, ...] = ()  # -3 dB frequencies of one pass, or the notch's centre [Hz]
-    order: int = 2  # Of one pass, as filter design functions take it: a band-pass then has twice as many poles
-    quality: float = 30.0  # Of the notch: its centre over its width [1]
-    seconds: float = 0.0  # By which EMG is taken earlier than the motion it goes with [s]
+    order: int = 2  # order of one pass, as filter design functions take it: a band-pass then has twice as many poles
+    quality: float = 30.0  # quality factor of the notch: centre frequency divided by width
+    seconds: float = 0.0  # time by which EMG is shifted to match the motion that follows it [s]
 
     def __post_init__(self):
         expected = {"notch": 1, "highpass": 1, "lowpass": 1, "bandpass": 2}.get(self.kind, 0)
-        if self.kind not in KINDS:
-            raise RecordingError(f"EMG chain: found the stage {self.kind!r}, expected one of {', '.join(KINDS)}")
+        if self.kind not in STAGE_KINDS:
+            raise RecordingError(f"EMG chain: found the stage {self.kind!r}, expected one of {', '.join(STAGE_KINDS)}")
         if (
             len(self.cutoff) != expected
             or any(c <= 0.0 for c in self.cutoff)
@@ -53,10 +67,14 @@ class Stage:
         """Second-order sections at a rate of `fs` [Hz]; shape (k, 6), none for what is no filter."""
         if self.kind == "notch":
             return signal.tf2sos(*signal.iirnotch(self.cutoff[0], self.quality, fs=fs))
-        if self.kind in FILTERS:
+        if self.kind in FILTER_STAGES:
             edges = self.cutoff if self.kind == "bandpass" else self.cutoff[0]
             return signal.butter(self.order, edges, self.kind, fs=fs, output="sos")
         return np.empty((0, 6))
+
+    def settling(self, fs: float) -> int:
+        """Samples at `fs` [Hz] until the filter's impulse response has settled, by its slowest pole; 0 of no filter."""
+        return settling_samples(self.sections(fs))
 
 
 @dataclass(frozen=True)
@@ -66,6 +84,16 @@ class EmgChain:
     name: str
     stages: tuple[Stage, ...]
     source: str = ""  # Where it was published, and what had to be decided where that is silent
+
+    def with_mains(self, mains: float) -> EmgChain:
+        """Return the same chain with its notch at the frequency of the `mains` [Hz]."""
+        if not any(stage.kind == "notch" for stage in self.stages):
+            raise RecordingError(
+                f"EMG chain {self.name}: found no notch, expected one to put at the mains' {mains:g} Hz: use the chain "
+                f'"hill", or leave mains out'
+            )
+        stages = tuple(replace(s, cutoff=(float(mains),)) if s.kind == "notch" else s for s in self.stages)
+        return replace(self, stages=stages)
 
     def with_lowpass(self, cutoff: float | None = None, order: int | None = None) -> EmgChain:
         """The same chain with another last low-pass. `cutoff` [Hz]."""
@@ -77,33 +105,74 @@ class EmgChain:
         stages = (*self.stages[: places[-1]], new, *self.stages[places[-1] + 1 :])
         return replace(self, stages=stages)
 
-    def zero_phase(self, samples: np.ndarray, fs: float, *, maximum: float | None = None) -> np.ndarray:
+    def settling(self, fs: float) -> int:
+        """Samples at `fs` [Hz] by which the whole chain remembers or waits."""
+        return sum(stage.settling(fs) + round(stage.seconds * fs) for stage in self.stages)
+
+    def zero_phase(
+        self, samples: np.ndarray, fs: float, *, maximum: float | None = None, inside: slice | None = None
+    ) -> np.ndarray:
         """Envelope for analysis: every filter runs forwards and backwards, so that nothing is late. `samples` (n,)
-        [V]; `fs` [Hz]; gives (n,)."""
-        x = self._checked(samples, fs)
+        [V]; `fs` [Hz]; gives (n,), or the part `inside`, filtered with what lies around it."""
+        return self._of_part(self._zero_phase, samples, fs, maximum, inside, causal=False)
+
+    def causal(
+        self, samples: np.ndarray, fs: float, *, maximum: float | None = None, inside: slice | None = None
+    ) -> np.ndarray:
+        """Envelope as it is had in real time: late by what `delay` says, from filters at rest. `samples` (n,) [V];
+        `fs` [Hz]; gives (n,), or the part `inside`, filtered with what comes before it."""
+        return self._of_part(self._causal, samples, fs, maximum, inside, causal=True)
+
+    def _of_part(
+        self,
+        run: Callable[[np.ndarray, float, float | None], np.ndarray],
+        samples: np.ndarray,
+        fs: float,
+        maximum: float | None,
+        inside: slice | None,
+        *,
+        causal: bool,
+    ) -> np.ndarray:
+        if inside is None:
+            return run(self._checked(samples, fs), fs, maximum)
+        self.require_rate(fs)
+        part = with_surroundings(samples, inside, self.settling(fs), later=not causal)
+        x = self._checked(samples[part], fs)
+        own = slice(inside.start - part.start, inside.stop - part.start)
+        if maximum is not None or causal or not any(stage.kind == "normalise" for stage in self.stages):
+            return run(x, fs, maximum)[own]
+        # The largest value is that of the part itself.
+        made = run(x, fs, 1.0)[own]
+        return self._plain(Stage("normalise"), made, fs, None, causal=False)
+
+    def _zero_phase(self, x: np.ndarray, fs: float, maximum: float | None) -> np.ndarray:
+        rectified = False
         for stage in self.stages:
-            if stage.kind in FILTERS:
-                sos = stage.sections(fs)
-                padding = 3 * (2 * len(sos) + 1)
-                if len(x) <= padding:
-                    raise RecordingError(
-                        f"EMG chain {self.name}: found {len(x)} samples, expected more than {padding} for the "
-                        f"{stage.kind} of order {stage.order} run both ways"
-                    )
-                x = signal.sosfiltfilt(sos, x)
-            else:
+            rectified = rectified or stage.kind == "rectify"
+            if stage.kind not in FILTER_STAGES:
                 x = self._plain(stage, x, fs, maximum, causal=False)
+                continue
+            sos = stage.sections(fs)
+            fewest = 3 * (2 * len(sos) + 1)
+            if len(x) <= fewest:
+                raise RecordingError(
+                    f"EMG chain {self.name}: found {len(x)} samples, expected more than {fewest} for the "
+                    f"{stage.kind} of order {stage.order} run both ways"
+                )
+            padding = min(stage.settling(fs), len(x) - 1)
+            x = signal.sosfiltfilt(sos, x, padtype="even" if rectified else "odd", padlen=padding)
+            x = np.maximum(x, 0.0) if rectified else x
         return x
 
-    def causal(self, samples: np.ndarray, fs: float, *, maximum: float | None = None) -> np.ndarray:
-        """Envelope as it is had in real time: late by what `delay` says, from filters at rest. `samples` (n,) [V];
-        `fs` [Hz]; gives (n,)."""
-        x = self._checked(samples, fs)
+    def _causal(self, x: np.ndarray, fs: float, maximum: float | None) -> np.ndarray:
+        rectified = False
         for stage in self.stages:
-            if stage.kind in FILTERS:
-                x = signal.sosfilt(stage.sections(fs), x)
-            else:
+            rectified = rectified or stage.kind == "rectify"
+            if stage.kind not in FILTER_STAGES:
                 x = self._plain(stage, x, fs, maximum, causal=True)
+                continue
+            x = signal.sosfilt(stage.sections(fs), x)
+            x = np.maximum(x, 0.0) if rectified else x
         return x
 
     def stream(self, fs: float, *, maximum: float | None = None) -> EmgStream:
@@ -179,9 +248,11 @@ class EmgStream:
 
     def __init__(self, chain: EmgChain, fs: float, maximum: float | None):
         self._steps: list = []
-        for stage in chain.stages:
-            if stage.kind in FILTERS:
+        for i, stage in enumerate(chain.stages):
+            if stage.kind in FILTER_STAGES:
                 self._steps.append(_core.Biquads(stage.sections(fs)))
+                if any(earlier.kind == "rectify" for earlier in chain.stages[:i]):
+                    self._steps.append(_not_below_zero)
             elif stage.kind == "advance":
                 self._steps.append(_Wait(round(stage.seconds * fs)))
             elif stage.kind == "rectify":
@@ -207,6 +278,28 @@ class EmgStream:
                 step.reset()
 
 
+def settling_samples(sections: np.ndarray) -> int:
+    """Samples until the impulse response of second-order `sections`, (k, 6), has settled, by their slowest pole."""
+    slowest = max((abs(root) for section in sections for root in np.roots(section[3:])), default=0.0)
+    return int(np.ceil(np.log(SETTLED_SHARE) / np.log(slowest))) if slowest > 0.0 else 0
+
+
+def with_surroundings(samples: np.ndarray, inside: slice, reach: int, *, later: bool = True) -> slice:
+    """The part `inside` of samples, (n,), and at most `reach` more on either side, or before it alone.
+
+    What lies beyond a missing sample (NaN) is left out.
+    """
+    start, stop = inside.start, inside.stop
+    first, last = max(0, start - reach), min(len(samples), stop + (reach if later else 0))
+    before, after = (np.flatnonzero(~np.isfinite(x)) for x in (samples[first:start], samples[stop:last]))
+    return slice(first + int(before[-1]) + 1 if before.size else first, stop + int(after[0]) if after.size else last)
+
+
+def _not_below_zero(x: np.ndarray) -> np.ndarray:
+    """An envelope (n,) without the undershoot of a low-pass; NaN stays."""
+    return np.maximum(x, 0.0)
+
+
 class _Wait:
     """A delay line, zeros at first."""
 
@@ -230,7 +323,7 @@ class _Share:
         return x / self._maximum
 
 
-CHAINS = {
+EMG_CHAINS = {
     chain.name: chain
     for chain in (
         EmgChain(
@@ -268,8 +361,8 @@ CHAINS = {
 """The three papers' chains, as published; what a paper leaves open is in `source`."""
 
 
-def emg_chain(name: str) -> EmgChain:
-    """One of the published chains."""
-    if name not in CHAINS:
-        raise RecordingError(f"EMG chain: found {name!r}, expected one of {', '.join(CHAINS)}")
-    return CHAINS[name]
+def emg_chain(name: str, mains: float | None = None) -> EmgChain:
+    """One of the published chains, its notch at the frequency of the `mains` [Hz]; None: where the paper has it."""
+    if name not in EMG_CHAINS:
+        raise RecordingError(f"EMG chain: found {name!r}, expected one of {', '.join(EMG_CHAINS)}")
+    return EMG_CHAINS[name] if mains is None else EMG_CHAINS[name].with_mains(mains)

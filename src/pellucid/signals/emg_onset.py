@@ -27,7 +27,7 @@ interval. The end of a burst is the onset of the same samples backwards.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -35,84 +35,85 @@ from scipy import signal
 from scipy.fft import irfft, next_fast_len, rfft
 
 from .._errors import RecordingError
+from .emg_chain import settling_samples, with_surroundings
 from .filters import runs
 
-BAND = (30.0, 300.0)
-"""Of the band-pass before the energy [Hz], as published."""
+BANDPASS_HZ = (30.0, 300.0)
+"""Band of the band-pass before the energy operator, as published."""
 
-SMOOTHED = 50.0
+ENERGY_LOWPASS_HZ = 50.0
 """Cut-off of the zero-phase low-pass on the energy [Hz], as published."""
 
-HEIGHT = 15.0
-"""Standard deviations of rest above its mean, where nobody says how many."""
+DEFAULT_HEIGHT = 15.0
+"""Default threshold of the energy, in standard deviations of rest above its mean."""
 
-SHORTEST = 0.025
-"""Time above the level that makes a burst [s]."""
+MIN_BURST_S = 0.025
+"""The energy must stay above its threshold for at least this time to count as a burst."""
 
-PAUSE = 0.1
-"""Of a muscle [s]; shorter ones are within one burst."""
+MIN_PAUSE_S = 0.1
+"""Shorter pauses belong to one burst."""
 
-BEGUN = 0.05
-"""A burst that passes so soon in a recording [s] had begun before it."""
+MIN_FIRST_ONSET_S = 0.05
+"""A burst that crosses the threshold earlier than this in a recording began before it."""
 
-REST = 0.5
-"""Of the quietest stretch that stands for rest where nobody says which one does [s]."""
+REST_LENGTH_S = 0.5
+"""Length of the quietest stretch, which stands for rest by default."""
 
-CONTRAST = 2.0
-"""RMS of activity over that of rest, below which there is no rest, or no activity."""
+MIN_ACTIVITY_CONTRAST = 2.0
+"""Smallest ratio of the RMS of activity to that of rest; below it a recording has no rest, or no activity."""
 
-REACH = 0.2
-"""How far from the energy's beginning the change is looked for [s]."""
+ONSET_SEARCH_REACH_S = 0.2
+"""The change point is searched within this distance of the threshold crossing."""
 
-RISES = (0.0, 0.02, 0.04, 0.07, 0.1, 0.13, 0.16, 0.2, 0.25, 0.32)
-"""Times that activity may take to rise [s]."""
+RISE_TIMES_S = (0.0, 0.02, 0.04, 0.07, 0.1, 0.13, 0.16, 0.2, 0.25, 0.32)
+"""Rise times over which the change point's posterior is summed."""
 
-PLATEAUS = np.geomspace(0.7, 1.4, 4)
-"""Activity after the rise that is looked at, over the burst's RMS."""
+PLATEAU_FACTORS = np.geomspace(0.7, 1.4, 4)
+"""Levels after the rise over which the posterior is summed, relative to the burst's RMS."""
 
-FLOORS = 4
-"""Levels before the rise that are looked at, from that of rest to half the burst's: between two bursts a muscle may
-hold what it did not hold at rest."""
+FLOOR_COUNT = 4
+"""Number of levels before the rise over which the posterior is summed, from that of rest to half the burst's. A muscle
+may be more active between two bursts than at rest."""
 
 
 @dataclass(frozen=True)
 class ChangePoint:
-    """When something begins, and between which times with a stated probability."""
+    """The time of an onset or end, with its interval."""
 
-    time: float  # time, low, high: [s]
-    low: float
-    high: float
+    time: float  # median of the posterior [s]
+    low: float  # lower end of the interval [s]
+    high: float  # upper end of the interval [s]
 
 
 @dataclass(frozen=True)
 class Burst:
-    """One stretch of activity."""
+    """One burst of muscle activity."""
 
     onset: ChangePoint
     end: ChangePoint
-    crossed: float  # When the energy passed its level [s]
-    rms: float  # Of the band-passed samples within [V]
-    seen: bool = True  # Whether its beginning is: not where the recording begins within it
+    crossed: float  # time at which the energy crossed its threshold [s]
+    rms: float  # RMS of the band-passed samples in the burst [V]
+    seen: bool = True  # whether the onset lies in the recording; False where the recording begins within the burst
 
     @property
     def duration(self) -> float:
-        """[s]"""
+        """Time from onset to end [s]."""
         return self.end.time - self.onset.time
 
 
 @dataclass(frozen=True, eq=False)
 class Activations:
-    """What one muscle's raw EMG does over one recording."""
+    """Bursts of one muscle in one recording of raw EMG."""
 
     bursts: tuple[Burst, ...]
-    rest: tuple[float, float]  # Stretch that stood for rest [s]
-    rest_rms: float  # Of the band-passed samples there [V]
-    energy: np.ndarray  # (n,) Smoothed [V^2]
-    level: float  # That it has to pass [V^2]
+    rest: tuple[float, float]  # stretch that was used as rest [s]
+    rest_rms: float  # RMS of the band-passed samples at rest [V]
+    energy: np.ndarray = field(repr=False)  # (n,) smoothed energy [V^2]
+    level: float  # threshold of the energy [V^2]
 
     @property
     def active(self) -> float:
-        """Seconds of activity in all."""
+        """Total duration of all bursts [s]."""
         return float(sum(burst.duration for burst in self.bursts))
 
 
@@ -121,18 +122,27 @@ def activations(
     samples: np.ndarray,
     *,
     rest: tuple[float, float] | None = None,
-    height: float = HEIGHT,
-    shortest: float = SHORTEST,
-    pause: float = PAUSE,
+    height: float = DEFAULT_HEIGHT,
+    shortest: float = MIN_BURST_S,
+    pause: float = MIN_PAUSE_S,
     level: float = 0.95,
+    inside: slice | None = None,
 ) -> Activations:
-    """Bursts of raw EMG. `time` (n,) [s]; `samples` (n,) [V]; `rest` [s]; `level` is the intervals' probability."""
+    """Bursts of raw EMG. `time` (n,) [s]; `samples` (n,) [V]; `rest` [s]; `level` is the intervals' probability;
+    bursts are those `inside`, with what lies around it filtered as well."""
     time, samples = np.asarray(time, float), np.asarray(samples, float)
-    fs = (len(time) - 1) / (time[-1] - time[0])
-    _require(time, samples, fs)
-    passed = signal.sosfiltfilt(signal.butter(3, BAND, "bandpass", fs=fs, output="sos"), samples - samples.mean())
-    smoothing = signal.butter(2, SMOOTHED, fs=fs, output="sos")
-    energy = signal.sosfiltfilt(smoothing, np.abs(teager_kaiser(passed)))
+    inside = slice(0, len(time)) if inside is None else inside
+    part = time[inside]
+    fs = (len(part) - 1) / (part[-1] - part[0])
+    _require(part, samples[inside], fs)
+    band = signal.butter(3, BANDPASS_HZ, "bandpass", fs=fs, output="sos")
+    smoothing = signal.butter(2, ENERGY_LOWPASS_HZ, fs=fs, output="sos")
+    around = with_surroundings(samples, inside, settling_samples(band) + settling_samples(smoothing))
+    own = slice(inside.start - around.start, inside.stop - around.start)
+    raw, time = samples[around] - samples[inside].mean(), part
+    passed = _both_ways(band, raw, "odd")
+    energy = np.maximum(_both_ways(smoothing, np.abs(teager_kaiser(passed)), "even"), 0.0)[own]
+    passed, samples = passed[own], samples[inside]
     still = _stretch(time, rest) if rest is not None else _quietest(energy, fs)
     rest_rms = float(np.sqrt(np.mean(passed[still] ** 2)))
     spread = float(np.std(energy[still]))
@@ -140,12 +150,13 @@ def activations(
     busy = float(np.sqrt(np.quantile(_mean_square(passed, fs), 0.95)))
     if not rest_rms > 0.0 or np.ptp(samples[still]) == 0.0:
         raise RecordingError("found a rest without any signal, expected an amplifier's own noise there at least")
-    if busy < CONTRAST * rest_rms:
+    if busy < MIN_ACTIVITY_CONTRAST * rest_rms:
         raise RecordingError(
             f"found activity of {busy / rest_rms:.3g} times the RMS of rest ({time[still][0]:.4g} to "
-            f"{time[still][-1]:.4g} s), expected at least {CONTRAST:g} times: a recording with rest and with activity"
+            f"{time[still][-1]:.4g} s), expected at least {MIN_ACTIVITY_CONTRAST:g} times: a recording with rest and "
+            "with activity"
         )
-    both = _one_way(samples - samples.mean(), fs, still)
+    both = _one_way(raw, fs, own, still)
     crossed = _bursts(energy > passes, fs, shortest, pause)
     # A beginning lies behind the end of the burst before, an end before the beginning of the next.
     edges = [0, *(round(0.5 * (a[1] + b[0])) for a, b in pairwise(crossed)), len(time) - 1]
@@ -171,13 +182,14 @@ def _require(time: np.ndarray, samples: np.ndarray, fs: float) -> None:
             f"found {missing.size} missing samples (NaN), the first at {time[missing[0]]:.6g} s, expected a number in "
             "every sample"
         )
-    if not fs > 2.0 * BAND[1]:
+    if not fs > 2.0 * BANDPASS_HZ[1]:
         raise RecordingError(
-            f"found a rate of {fs:.4g} Hz, expected raw EMG at more than {2.0 * BAND[1]:g} Hz: onset is found between "
-            f"{BAND[0]:g} and {BAND[1]:g} Hz"
+            f"found a rate of {fs:.4g} Hz, expected raw EMG at more than {2.0 * BANDPASS_HZ[1]:g} Hz: onset is found "
+            "between "
+            f"{BANDPASS_HZ[0]:g} and {BANDPASS_HZ[1]:g} Hz"
         )
-    if time[-1] - time[0] < 2.0 * REST:
-        raise RecordingError(f"found {time[-1] - time[0]:.3g} s, expected at least {2.0 * REST:g} s")
+    if time[-1] - time[0] < 2.0 * REST_LENGTH_S:
+        raise RecordingError(f"found {time[-1] - time[0]:.3g} s, expected at least {2.0 * REST_LENGTH_S:g} s")
     if np.min(samples) >= 0.0:
         raise RecordingError("found no sample below 0, as in an envelope, expected raw EMG")
 
@@ -193,10 +205,10 @@ def _stretch(time: np.ndarray, rest: tuple[float, float]) -> slice:
 
 
 def _quietest(energy: np.ndarray, fs: float) -> slice:
-    """Where the largest energy within `REST` is least: a mean would forgive a twitch."""
+    """Where the largest energy within `REST_LENGTH_S` is least: a mean would forgive a twitch."""
     from scipy.ndimage import maximum_filter1d
 
-    n = round(REST * fs)
+    n = round(REST_LENGTH_S * fs)
     most = maximum_filter1d(energy, n)[n // 2 : len(energy) - n + n // 2 + 1]
     first = int(np.argmin(most))
     return slice(first, first + n)
@@ -218,11 +230,17 @@ def _bursts(above: np.ndarray, fs: float, shortest: float, pause: float) -> list
     return [(first, last) for first, last in joined if last - first + 1 >= shortest * fs]
 
 
-def _one_way(samples: np.ndarray, fs: float, still: slice) -> tuple[np.ndarray, np.ndarray]:
-    """Samples over the RMS of rest, passed forwards, and the same backwards from the end: a filter that runs both ways
-    would bring a beginning forward, by its ringing."""
-    sos = signal.butter(1, BAND, "bandpass", fs=fs, output="sos")
-    made = signal.sosfilt(sos, samples), signal.sosfilt(sos, samples[::-1])[::-1]
+def _both_ways(sections: np.ndarray, samples: np.ndarray, padtype: str) -> np.ndarray:
+    """Run samples, (n,), through a filter both ways, extended at both ends for as long as it takes to settle."""
+    padding = min(settling_samples(sections), len(samples) - 1)
+    return signal.sosfiltfilt(sections, samples, padtype=padtype, padlen=padding)
+
+
+def _one_way(samples: np.ndarray, fs: float, own: slice, still: slice) -> tuple[np.ndarray, np.ndarray]:
+    """The `own` samples over the RMS of rest, passed forwards, and the same backwards from the end: a filter that runs
+    both ways would bring a beginning forward, by its ringing."""
+    sos = signal.butter(1, BANDPASS_HZ, "bandpass", fs=fs, output="sos")
+    made = signal.sosfilt(sos, samples)[own], signal.sosfilt(sos, samples[::-1])[::-1][own]
     forward, backward = (x / np.sqrt(np.mean(x[still] ** 2)) for x in made)
     return forward, backward[::-1]
 
@@ -246,27 +264,27 @@ def _burst(
         ChangePoint(float(ends[1]), float(ends[2]), float(ends[0])),
         float(time[first]),
         rms,
-        bool(first > BEGUN * fs),
+        bool(first > MIN_FIRST_ONSET_S * fs),
     )
 
 
 def _change(x: np.ndarray, before: int, first: int, last: int, fs: float, level: float) -> np.ndarray:
     """Lower quantile, median and upper one of where `x`, in RMS of rest, changes, in samples: near `first`, not ahead
     of `before`."""
-    reach = round(REACH * fs)
+    reach = round(ONSET_SEARCH_REACH_S * fs)
     low = max(before, first - reach)
-    end = min(len(x), max(min(last + 1, first + 2 * reach), first + round(SHORTEST * fs)))
+    end = min(len(x), max(min(last + 1, first + 2 * reach), first + round(MIN_BURST_S * fs)))
     places = np.arange(min(first + reach, end - 1) - low)
     squares, n = x[low:end] ** 2, end - low
     burst = float(np.sqrt(np.mean(x[first:end] ** 2)))
-    floors = np.geomspace(1.0, max(0.5 * burst, 1.0), FLOORS)
+    floors = np.geomspace(1.0, max(0.5 * burst, 1.0), FLOOR_COUNT)
     size = next_fast_len(2 * n, real=True)
     spectrum = rfft(squares, size)
     logs = []
-    for rise in RISES:
+    for rise in RISE_TIMES_S:
         ramp = np.clip(np.arange(1, n + 1) / max(rise * fs, 1.0), 0.0, 1.0)
         for floor in floors:
-            plateaus = np.maximum(PLATEAUS * burst, floor)[:, None]
+            plateaus = np.maximum(PLATEAU_FACTORS * burst, floor)[:, None]
             sigma = floor + (plateaus - floor) * ramp
             # Less what the floor would have said of the same samples: of all places at once.
             gain, cost = 0.5 * (1.0 / floor**2 - 1.0 / sigma**2), np.log(sigma / floor)

@@ -12,8 +12,14 @@ from ..recordings.fault import Fault
 from ..recordings.recording import Recording
 from .filters import runs
 
-SILENT = 0.3e-6
-"""RMS [V] below which not even an amplifier's own noise is there: nothing is connected, or the channel is off."""
+MAINS_HZ = (50.0, 60.0)
+"""Frequencies of the mains in the world."""
+
+MAINS_SEARCH_S = 4.0
+"""Seconds of a recording that tell 50 from 60 Hz."""
+
+MIN_SIGNAL_RMS_V = 0.3e-6
+"""A channel with a smaller RMS lacks even an amplifier's noise: it is off, or nothing is connected."""
 
 HUM_SHARE = 0.3
 """Share of the power that may be the mains' before the notch has to take out more than the muscle."""
@@ -21,11 +27,11 @@ HUM_SHARE = 0.3
 DETACHED_SHARE = 0.8
 """Share of the power above which the mains is all there is: an electrode is an antenna then."""
 
-AERIAL = 20e-6
-"""RMS of the mains [V] that an attached electrode stays below: of a muscle at rest, little hum is most of the power."""
+MAX_ATTACHED_MAINS_V = 20e-6
+"""An attached electrode has less mains hum than this (RMS). At rest even little hum is most of the power."""
 
-AUDIBLE = 5e-6
-"""RMS of the mains [V] below which it is not worth a word, whatever its share."""
+MIN_REPORTED_MAINS_V = 5e-6
+"""Mains hum with a smaller RMS is not reported, whatever its share of the power."""
 
 CLIPPED_RUN = 3
 """Samples in a row at the very largest value that no muscle makes."""
@@ -33,8 +39,8 @@ CLIPPED_RUN = 3
 CLIPPED_SHARE = 1e-3
 """Share of the samples that may be in such runs."""
 
-CONTRAST = 2.0
-"""Envelope of activity over that of rest that a muscle at work exceeds."""
+MIN_WORK_CONTRAST = 2.0
+"""A muscle is at work if its envelope exceeds that of rest by this factor."""
 
 ABOVE_MAXIMUM = 1.2
 """Relative envelope above which the maximal contraction was none."""
@@ -58,8 +64,20 @@ def require_rate(recording: Recording, channel: str, declared: float) -> None:
         )
 
 
-def inspect_emg(recording: Recording, *, mains: float = 50.0) -> list[Fault]:
-    """Find what is wrong with the EMG channels of one file, the refusing faults first. `mains` [Hz]."""
+def find_mains(recording: Recording) -> float:
+    """Return the frequency of the mains [Hz] that a recording's raw EMG shows more of, with its harmonics."""
+    part = slice(0, round(MAINS_SEARCH_S * recording.fs))
+    raw = [c.samples[part] for n, c in recording.channels.items() if n.startswith("emg.") and c.unit == "V"]
+    sound = [x for x in raw if np.isfinite(x).all()]
+    return max(MAINS_HZ, key=lambda f: max((hum_share(x, recording.fs, f) for x in sound), default=0.0))
+
+
+def inspect_emg(recording: Recording, *, mains: float | None = None, has_notch: bool = False) -> list[Fault]:
+    """Find what is wrong with the EMG channels of one file, the refusing faults first.
+
+    `mains` [Hz]; None: that of `find_mains`. `has_notch`: whether study.toml can ask for a notch, which is then told.
+    """
+    mains = find_mains(recording) if mains is None else mains
     faults: list[Fault] = []
     for name, channel in recording.channels.items():
         if not name.startswith("emg."):
@@ -75,7 +93,7 @@ def inspect_emg(recording: Recording, *, mains: float = 50.0) -> list[Fault]:
                 )
             )  # fmt: skip
         elif channel.unit == "V":
-            faults += _raw_faults(recording, name, x, mains)
+            faults += _raw_faults(recording, name, x, mains, has_notch)
         else:
             faults += _relative_faults(recording, name, x)
     return sorted(faults, key=lambda fault: fault.severity != "refuse")
@@ -88,11 +106,11 @@ def contrast_faults(recording: Recording, envelopes: Mapping[str, np.ndarray]) -
     for muscle, envelope in envelopes.items():
         rest, active = np.quantile(envelope, (0.05, 0.95))
         ratio = active / rest if rest > 0.0 else np.inf
-        if ratio < CONTRAST:
+        if ratio < MIN_WORK_CONTRAST:
             found.append(
                 _fault(
                     "note", "low_contrast", recording, f"emg.{muscle}",
-                    f"an envelope at work {ratio:.3g} times that at rest", f"at least {CONTRAST:g} times",
+                    f"an envelope at work {ratio:.3g} times that at rest", f"at least {MIN_WORK_CONTRAST:g} times",
                 )
             )  # fmt: skip
     return found
@@ -148,12 +166,12 @@ def swapped_faults(
     ]  # fmt: skip
 
 
-def _raw_faults(recording: Recording, name: str, x: np.ndarray, mains: float) -> list[Fault]:
+def _raw_faults(recording: Recording, name: str, x: np.ndarray, mains: float, has_notch: bool) -> list[Fault]:
     x = x - x.mean()
     rms = float(np.sqrt(np.mean(x**2)))
-    if rms < SILENT:
+    if rms < MIN_SIGNAL_RMS_V:
         found = f"{1e6 * rms:.2g} µV rms"
-        expected = f"at least an amplifier's noise, {1e6 * SILENT:g} µV"
+        expected = f"at least an amplifier's noise, {1e6 * MIN_SIGNAL_RMS_V:g} µV"
         return [_fault("refuse", "detached_electrode", recording, name, found, expected)]
     faults = []
     ends = runs((x == x.max()) | (x == x.min()))
@@ -163,12 +181,14 @@ def _raw_faults(recording: Recording, name: str, x: np.ndarray, mains: float) ->
         faults.append(_fault("refuse", "clipped", recording, name, found, "an amplifier's range that EMG stays within"))
     share = hum_share(x, recording.fs, mains)
     hum = np.sqrt(share) * rms
-    if share > DETACHED_SHARE and hum > AERIAL:
+    if share > DETACHED_SHARE and hum > MAX_ATTACHED_MAINS_V:
         found, expected = f"{100.0 * share:.3g} % of the power at the mains' {mains:g} Hz", "a muscle's signal"
         faults.append(_fault("refuse", "detached_electrode", recording, name, found, expected))
-    elif share > HUM_SHARE and hum > AUDIBLE:
+    elif share > HUM_SHARE and hum > MIN_REPORTED_MAINS_V:
         found, expected = f"{100.0 * share:.3g} % of the power at the mains' {mains:g} Hz", f"{100 * HUM_SHARE:g} %"
-        faults.append(_fault("note", "mains_hum", recording, name, found, f"at most {expected}; use a notch"))
+        notch = f'chain = "hill" with mains = "{mains:g} Hz" in study.toml takes it out'
+        remedy = notch if has_notch else "look at electrodes and cables"
+        faults.append(_fault("note", "mains_hum", recording, name, found, f"at most {expected}; {remedy}"))
     return faults
 
 

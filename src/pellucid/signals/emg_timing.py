@@ -11,72 +11,73 @@ from scipy import signal, stats
 from .filters import zero_phase_lowpass
 from .movements import Kinematics
 
-LEAD = (-0.1, 0.4)
-"""By how much [s] activity may lead the motion, at least and at most: an electromechanical delay, a burst's length,
-and what noise may add."""
+PLAUSIBLE_LEAD_S = (-0.1, 0.4)
+"""Leads of activity over motion that are physiologically plausible: the electromechanical delay, the length of a burst,
+and the error of the estimate."""
 
-SEARCHED = 3.0
-"""Leads looked for, either way [s]."""
+MAX_SEARCHED_LEAD_S = 3.0
+"""Leads are searched up to this time in either direction."""
 
-RATE = 50.0
-"""Of the comparison [Hz]."""
+COMPARISON_RATE_HZ = 50.0
+"""Rate at which activity and motion are compared."""
 
-CLEAR = 0.2
-"""Correlation from which on a lead counts as found ..."""
+MIN_LEAD_CORRELATION = 0.2
+"""Smallest correlation at which a lead counts as found in a long record."""
 
-CHANCE = 3.0
-"""... in a long record; in one of T seconds the square root of this over T: noise was found to reach 0.27 in 24 s."""
+CHANCE_CORRELATION_TIME_S = 3.0
+"""In a record of T seconds the correlation must also exceed the square root of this time over T. Noise alone reached
+0.27 in 24 s."""
 
-CLEAR_PART = 0.3
-"""Of a short part of a record, next to what the others say."""
+MIN_PART_CORRELATION = 0.3
+"""Smallest correlation at which a lead counts as found in a short part of a record."""
 
-BETTER = 1.3
-"""How many times better than any lead within `LEAD` another has to be to be believed."""
+MIN_IMPLAUSIBLE_GAIN = 1.3
+"""An implausible lead is reported only if its correlation exceeds that of every plausible lead by this factor."""
 
-SLOW = 1.0
-"""Seconds over which a running mean is taken away: what a limb's weight costs at rest follows its angle."""
+RUNNING_MEAN_S = 1.0
+"""Length of the running mean that is subtracted, because the effort that holds a limb's weight follows its angle."""
 
-PART = 20.0
-"""Seconds in which a lead is looked for, to see it change: a handful of movements ..."""
+PART_LENGTH_S = 20.0
+"""Length of the parts in which leads are searched to find a drift: a few movements each."""
 
-NEAR = 0.2
-"""... each within this [s] of what a straight line over the record says."""
+MAX_PART_DEVIATION_S = 0.2
+"""The lead of a part may differ from a straight line over the record by at most this time."""
 
-FASTEST = 0.02
-"""Drifts looked for, either way [s/s]."""
+MAX_SEARCHED_DRIFT = 0.02
+"""Drifts are searched up to this size in either direction [s/s]."""
 
-PARTED = 0.1
-"""Clocks that part by less than this [s] over a record are one: EMG's advance, as published."""
+MIN_TOTAL_DRIFT_S = 0.1
+"""Clocks that drift apart by less than this over a record count as one: the published advance of EMG."""
 
 
 @dataclass(frozen=True)
 class EmgLead:
-    """By how much activity leads the motion."""
+    """The time by which muscle activity leads the motion."""
 
-    lead: float  # Positive where EMG comes first [s]
-    correlation: float  # Between activity and what motion explains of it, at that lead
-    plausible: bool  # False where the signals agree clearly, and clearly better at a lead that no muscle has
+    lead: float  # positive where EMG comes first [s]
+    correlation: float  # correlation between activity and its regression on motion, at that lead
+    plausible: bool  # False where the signals agree clearly better at an implausible lead
 
 
 @dataclass(frozen=True)
 class EmgDrift:
-    """How EMG's clock runs apart from the motion's."""
+    """Drift of the EMG's clock against the clock of the motion."""
 
-    drift: float  # drift, error: By how much the lead grows, and its standard error [s/s]
-    error: float
-    seconds: float  # That both recorded
-    parts: int  # In which a lead was seen
+    drift: float  # change of the lead per time [s/s]
+    error: float  # standard error of the drift [s/s]
+    seconds: float  # duration that both recorded [s]
+    parts: int  # number of parts in which a lead was found
 
     @property
     def total(self) -> float:
-        """By how much the clocks part over what both recorded [s]."""
+        """Total drift over the duration that both recorded [s]."""
         return self.drift * self.seconds
 
     @property
     def clear(self) -> bool:
-        """Whether it is more than one in a thousand records shows by chance, and enough to matter."""
+        """Whether the drift is significant (p < 0.001) and large enough to matter."""
         beyond = float(stats.t.isf(0.5e-3, self.parts - 2)) * self.error
-        return abs(self.drift) > beyond and abs(self.total) > PARTED
+        return abs(self.drift) > beyond and abs(self.total) > MIN_TOTAL_DRIFT_S
 
 
 def emg_lead(time: np.ndarray, activity: np.ndarray, motion: Kinematics) -> EmgLead | None:
@@ -85,13 +86,17 @@ def emg_lead(time: np.ndarray, activity: np.ndarray, motion: Kinematics) -> EmgL
     if both is None:
         return None
     x, y = both
-    longest = int(min(SEARCHED, 0.25 * len(x) / RATE) * RATE)
+    longest = int(min(MAX_SEARCHED_LEAD_S, 0.25 * len(x) / COMPARISON_RATE_HZ) * COMPARISON_RATE_HZ)
     scores = np.sqrt(_explained(x, y, longest))
-    leads = np.arange(-longest, longest + 1) / RATE
+    leads = np.arange(-longest, longest + 1) / COMPARISON_RATE_HZ
     best = int(np.argmax(scores))
-    inside = (leads >= LEAD[0]) & (leads <= LEAD[1])
-    clear = max(CLEAR, np.sqrt(CHANCE * RATE / len(x)))
-    elsewhere = not inside[best] and scores[best] > clear and scores[best] > BETTER * max(scores[inside].max(), 0.0)
+    inside = (leads >= PLAUSIBLE_LEAD_S[0]) & (leads <= PLAUSIBLE_LEAD_S[1])
+    clear = max(MIN_LEAD_CORRELATION, np.sqrt(CHANCE_CORRELATION_TIME_S * COMPARISON_RATE_HZ / len(x)))
+    elsewhere = (
+        not inside[best]
+        and scores[best] > clear
+        and scores[best] > MIN_IMPLAUSIBLE_GAIN * max(scores[inside].max(), 0.0)
+    )
     return EmgLead(float(leads[best]), float(scores[best]), not elsewhere)
 
 
@@ -102,28 +107,28 @@ def emg_drift(time: np.ndarray, activity: np.ndarray, motion: Kinematics) -> Emg
     the largest sum is made finer by the best lag of every part next to it.
     """
     both = _compared(time, activity, motion)
-    if both is None or len(both[0]) < 120.0 * RATE:
+    if both is None or len(both[0]) < 120.0 * COMPARISON_RATE_HZ:
         return None
     x, y = both
-    count = int(min(len(x) / RATE / PART, 24))
+    count = int(min(len(x) / COMPARISON_RATE_HZ / PART_LENGTH_S, 24))
     edges = np.linspace(0, len(x), count + 1).astype(int)
-    longest = int(SEARCHED * RATE)
+    longest = int(MAX_SEARCHED_LEAD_S * COMPARISON_RATE_HZ)
     parts = np.array([_explained(x[a:b], y[a:b], longest) for a, b in pairwise(edges)])
-    middle = 0.5 * (edges[:-1] + edges[1:]) / RATE
-    at, seconds = middle - middle.mean(), len(x) / RATE
-    steepest = min(FASTEST, 2.0 / seconds)
-    most = int(np.ceil(0.5 * steepest * seconds * RATE)) + 1
+    middle = 0.5 * (edges[:-1] + edges[1:]) / COMPARISON_RATE_HZ
+    at, seconds = middle - middle.mean(), len(x) / COMPARISON_RATE_HZ
+    steepest = min(MAX_SEARCHED_DRIFT, 2.0 / seconds)
+    most = int(np.ceil(0.5 * steepest * seconds * COMPARISON_RATE_HZ)) + 1
     wide = np.pad(parts, ((0, 0), (most, most)))
     lags, rows = np.arange(-longest, longest + 1), np.arange(count)[:, None]
     best = (-np.inf, 0.0, 0.0)
-    for drift in np.arange(-steepest, steepest, 1.0 / RATE / seconds):
-        shift = np.rint(drift * at * RATE).astype(int)
+    for drift in np.arange(-steepest, steepest, 1.0 / COMPARISON_RATE_HZ / seconds):
+        shift = np.rint(drift * at * COMPARISON_RATE_HZ).astype(int)
         total = wide[rows, lags + longest + most + shift[:, None]].sum(axis=0)
         top = int(np.argmax(total))
-        best = max(best, (float(total[top]), drift, lags[top] / RATE))
+        best = max(best, (float(total[top]), drift, lags[top] / COMPARISON_RATE_HZ))
     _, drift, lead = best
     found = [_best_near(part, lead + drift * t, longest) for part, t in zip(parts, at, strict=True)]
-    seen = np.array([height > CLEAR_PART**2 for _, height in found])
+    seen = np.array([height > MIN_PART_CORRELATION**2 for _, height in found])
     if seen.sum() < max(4, 0.5 * count):
         return None
     lag = np.array([each for each, _ in found])[seen]
@@ -135,14 +140,14 @@ def emg_drift(time: np.ndarray, activity: np.ndarray, motion: Kinematics) -> Emg
 
 
 def _compared(time: np.ndarray, activity: np.ndarray, motion: Kinematics) -> tuple[np.ndarray, np.ndarray] | None:
-    """Envelopes, shape (n, g), and what moves them, shape (n, 5), at `RATE` and without what is slow."""
+    """Envelopes, shape (n, g), and what moves them, shape (n, 5), at `COMPARISON_RATE_HZ` and without what is slow."""
     low = max(time[0], motion.time[0])
     high = min(time[-1], motion.time[-1])
     if high - low < 10.0:
         return None
     activity = activity.reshape(len(time), -1)
     fs = (len(time) - 1) / (time[-1] - time[0])
-    even = np.arange(low, high, 1.0 / RATE)
+    even = np.arange(low, high, 1.0 / COMPARISON_RATE_HZ)
     # Thinned by block means first: an envelope needs no anti-aliasing sharper than that.
     block = max(int(fs / 200.0), 1)
     n = len(activity) // block * block
@@ -174,8 +179,9 @@ def _explained(x: np.ndarray, y: np.ndarray, longest: int) -> np.ndarray:
 
 
 def _best_near(part: np.ndarray, lead: float, longest: int) -> tuple[float, float]:
-    """Lag of the highest share within `NEAR` of a lead [s], between samples by a parabola, and its height."""
-    centre, reach = round(lead * RATE) + longest, int(NEAR * RATE)
+    """Lag of the highest share within `MAX_PART_DEVIATION_S` of a lead [s], between samples by a parabola, and its
+    height."""
+    centre, reach = round(lead * COMPARISON_RATE_HZ) + longest, int(MAX_PART_DEVIATION_S * COMPARISON_RATE_HZ)
     low, high = max(centre - reach, 1), min(centre + reach + 1, len(part) - 1)
     if high <= low:
         return lead, -np.inf
@@ -183,11 +189,11 @@ def _best_near(part: np.ndarray, lead: float, longest: int) -> tuple[float, floa
     before, here, after = part[top - 1 : top + 2]
     bend = before - 2.0 * here + after
     between = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
-    return (top - longest + float(np.clip(between, -1.0, 1.0))) / RATE, float(here)
+    return (top - longest + float(np.clip(between, -1.0, 1.0))) / COMPARISON_RATE_HZ, float(here)
 
 
 def _without_slow(x: np.ndarray) -> np.ndarray:
-    n = int(SLOW * RATE)
+    n = int(RUNNING_MEAN_S * COMPARISON_RATE_HZ)
     padded = np.pad(x, (n // 2, n - n // 2), mode="edge")
     sums = np.concatenate(([0.0], np.cumsum(padded)))
     return x - (sums[n:] - sums[:-n])[: len(x)] / n

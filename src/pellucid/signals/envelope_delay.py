@@ -1,4 +1,4 @@
-"""How late a causal EMG chain is, by its coefficients."""
+"""Delay of a causal EMG chain, computed from its filters' coefficients."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import numpy as np
 
 @dataclass(frozen=True)
 class ChainDelay:
-    """Where a causal chain's delay comes from."""
+    """Parts of a causal chain's delay."""
 
-    carrier: float  # Of the filters before rectification, at the carrier's frequency [s]
-    envelope: float  # Of the filters after it, for slow changes [s]
-    advance: float  # By which EMG is taken early on purpose [s]
+    carrier: float  # delay of the filters before rectification, at the carrier's frequency [s]
+    envelope: float  # delay of the filters after rectification, for slow changes [s]
+    advance: float  # time by which EMG is shifted on purpose [s]
 
     @property
     def filters(self) -> float:
-        """What filtering costs [s]."""
+        """Delay of all filters [s]."""
         return self.carrier + self.envelope
 
 
 def group_delay(sos: np.ndarray, frequency: float, fs: float) -> float:
-    """Group delay of second-order sections at one frequency, in closed form.
+    """Return the group delay of second-order sections at one frequency [s], in closed form.
 
     Each polynomial p(z) = p0 + p1/z + p2/z² has the delay Re(sum k pk z^-k / sum pk z^-k); a numerator counts, a
     denominator counts against.

@@ -22,13 +22,26 @@ from .correlation_length import correlation_length
 from .filters import runs
 from .inertial import Inertial
 
-SLOWEST = 0.2  # RMS rate about the hinge below which nothing can be found [rad/s]
-REST = 0.5  # a gyroscope's offset is read where the sensor rests for so long [s]
-REST_SPREAD = 0.03  # rates of a sensor at rest scatter by less [rad/s]
-OFFSET_SPREAD = 0.01  # what is left of a MEMS gyroscope's offset after that: the fit's prior [rad/s]
-ARM_SPREAD = 1.0  # distances of a sensor from a limb's joint: the fit's prior [m]
-SIGN_RATIO = 2.0  # the wrong sense of one axis must fit the motion worse by this factor, in sums of squares
-START_NOISE = (0.3, 0.03)  # of acceleration [m/s^2] and rate [rad/s], for the first of two passes
+MIN_HINGE_RATE = 0.2
+"""A hinge can be found only if it turns at least this fast, RMS [rad/s]."""
+
+MIN_REST_S = 0.5
+"""A gyroscope's offset is estimated where the sensor rests for at least this time."""
+
+REST_SPREAD = 0.03
+"""Largest standard deviation of the rates of a sensor at rest [rad/s]."""
+
+OFFSET_SPREAD = 0.01
+"""Prior standard deviation of a MEMS gyroscope's remaining offset [rad/s]."""
+
+ARM_SPREAD = 1.0
+"""Prior standard deviation of a sensor's distance from the joint [m]."""
+
+SIGN_RATIO = 2.0
+"""The wrong direction of an axis must have a sum of squares larger by at least this factor."""
+
+START_NOISE = (0.3, 0.03)
+"""Noise of acceleration [m/s^2] and rate [rad/s] that the first of two passes assumes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,11 +74,11 @@ def find_hinge(proximal: Inertial, distal: Inertial) -> Hinge:
     rates = [imu.angular_velocity - offset for imu, offset in zip((proximal, distal), offsets, strict=True)]
     axes = hinge_axes(*rates)
     speed = min(float(np.sqrt(np.mean((rates[1] @ (s * axes[1]) - rates[0] @ axes[0]) ** 2))) for s in (1.0, -1.0))
-    if speed < SLOWEST:
+    if speed < MIN_HINGE_RATE:
         raise RecordingError(
             f"hinge: the joint turns at {np.degrees(speed):.2g} deg/s RMS in the "
             f"{proximal.period * len(proximal):.3g} s given, "
-            f"expected at least {np.degrees(SLOWEST):.2g} deg/s: axis and centre cannot be found"
+            f"expected at least {np.degrees(MIN_HINGE_RATE):.2g} deg/s: axis and centre cannot be found"
         )
     motions = [_Motion.of(imu, offset) for imu, offset in zip((proximal, distal), offsets, strict=True)]
     arms = hinge_arms(motions[0], motions[1], axes)
@@ -170,7 +183,8 @@ class _Model:
         return tilted / np.linalg.norm(tilted, axis=1, keepdims=True), x[4:10].reshape(2, 3), x[10], x[11]
 
     def misfits(self, x):
-        """Of the joint's acceleration, shape (n, 3) [m/s^2], and of rates across the hinge, shape (n, 2) [rad/s]."""
+        """Return the misfits of the joint's acceleration, (n, 3) [m/s^2], and of the rates across the hinge, (n, 2)
+        [rad/s]."""
         axes, arms, start, drift = self.unpack(x)
         first, second = self.motions
         angle = start + second.turned @ axes[1] - first.turned @ axes[0] - drift * first.time
@@ -221,7 +235,7 @@ def _first_angle(motions: list[_Motion], axes: np.ndarray, arms: np.ndarray) -> 
 
 def _rest_offset(imu: Inertial) -> np.ndarray | None:
     """Mean rate over the first stretch in which the sensor rests; None where it never does."""
-    length = max(round(REST / imu.period), 3)
+    length = max(round(MIN_REST_S / imu.period), 3)
     rate = imu.angular_velocity
     if len(rate) < length:
         return None

@@ -11,11 +11,12 @@ from .clocks import Alignment, align
 from .correlation_length import correlation_length
 from .filters import zero_phase_lowpass
 from .inertial import Inertial
-from .orientation import FILTERS, orientation
+from .orientation import ORIENTATION_FILTERS, orientation
 from .quaternion import conjugate, multiply, twist
 from .resampling import resample
 
-BAND = 0.4  # of the IMU's rate: what both instruments see alike of a motion
+COMMON_BAND_SHARE = 0.4
+"""IMU and encoder are compared below this share of the IMU's rate, where both see a motion alike."""
 
 
 def principal_axis(angular_velocity: np.ndarray) -> tuple[np.ndarray, float]:
@@ -107,7 +108,7 @@ def compare_filters(
     axis, _ = principal_axis(start.angular_velocity)
     alignment = align_encoder(start, axis, time[early], encoder[early], longest=longest_delay)
     errors = []
-    for method in FILTERS:
+    for method in ORIENTATION_FILTERS:
         for axes in (6, 9) if imu.magnetic_field is not None else (6,):
             turns = orientation(imu, method, axes=axes)
             for inputs, raw in (("axis", segment_angle(turns, axis)), ("outputs", euler_angles(turns))):
@@ -126,7 +127,7 @@ def align_encoder(
     """Delay of an encoder's clock against an IMU's, from the rate both see. `axis` (3,); `time`, `encoder` (m,) [s],
     [rad]; `longest` [s]."""
     fs = (len(time) - 1) / float(time[-1] - time[0])
-    cutoff = BAND / imu.period
+    cutoff = COMMON_BAND_SHARE / imu.period
     rate = np.gradient(encoder, time)
     if cutoff < 0.5 * fs:
         rate = zero_phase_lowpass(rate, cutoff, 4, fs)

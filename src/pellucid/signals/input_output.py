@@ -12,8 +12,8 @@ from ..recordings.cut import GAP_STEPS
 from ..recordings.recording import Recording
 from .filters import runs
 
-HELD = 5
-"""Samples in a row that may be lost: a simulation bridges them by what the input was before."""
+MAX_LOST_SAMPLES = 5
+"""At most this many consecutive samples may be lost; a simulation holds the input over them."""
 
 
 @dataclass(frozen=True)
@@ -58,10 +58,10 @@ def input_output(recording: Recording, channels: Sequence[str]) -> InputOutput:
     if not finite.all():
         notes.append(f"{_samples(int((~finite).sum()))} with a missing number left out")
     lost = [run.stop - run.start for run in runs(~known)]
-    if max(lost, default=0) > HELD:
+    if max(lost, default=0) > MAX_LOST_SAMPLES:
         # What drove it meanwhile is not known, and a simulation cannot go on over it.
-        starts = [0, *(r.stop for r in runs(~known) if r.stop - r.start > HELD), len(known)]
-        ends = [*(r.start for r in runs(~known) if r.stop - r.start > HELD), len(known)]
+        starts = [0, *(r.stop for r in runs(~known) if r.stop - r.start > MAX_LOST_SAMPLES), len(known)]
+        ends = [*(r.start for r in runs(~known) if r.stop - r.start > MAX_LOST_SAMPLES), len(known)]
         begin, end = max(zip(starts, ends, strict=False), key=lambda part: part[1] - part[0])
         notes.append(f"a stretch of {max(lost)} samples lost: the longest part beside it kept, {end - begin} samples")
         known[:begin] = False

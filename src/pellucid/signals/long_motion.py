@@ -15,14 +15,14 @@ import numpy as np
 from .filters import decimation_memory, lowpass_memory
 from .motion import Filtering, Motion, motion_of
 
-LONG = 60_000
-"""Samples from which on a stretch is taken in pieces."""
+MIN_LONG_SAMPLES = 60_000
+"""Longer stretches are processed in pieces."""
 
-PIECE = 1 << 17
-"""Samples of a piece, about: few enough to stay near the processor, many beside its borders."""
+PIECE_SAMPLES = 1 << 17
+"""Approximate number of samples of a piece: few enough for the processor's cache, many compared with its borders."""
 
-OVERSAMPLED = 4.0
-"""Samples per period of the low-pass's cut-off that thinning leaves at least."""
+MIN_SAMPLES_PER_PERIOD = 4.0
+"""Thinning leaves at least this many samples per period of the low-pass's cut-off."""
 
 MOST_ROWS = 2_000_000
 """Rows of a regression that a stretch gives at most."""
@@ -30,7 +30,7 @@ MOST_ROWS = 2_000_000
 
 def thinned(filtering: Filtering, fs: float, samples: int) -> Filtering:
     """The `filtering` of `samples` at `fs` [Hz] with as much thinning as its low-pass allows, and few enough rows."""
-    most = 1 if filtering.lowpass is None else max(1, int(fs / (OVERSAMPLED * filtering.lowpass)))
+    most = 1 if filtering.lowpass is None else max(1, int(fs / (MIN_SAMPLES_PER_PERIOD * filtering.lowpass)))
     thin = max(k for k in range(1, most + 1) if filtering.decimate == 1 or filtering.decimate % k == 0)
     decimate = max(filtering.decimate, thin)
     fewer = -(-samples // (decimate * MOST_ROWS))
@@ -54,7 +54,7 @@ def pieces(
     settled = 0 if f.lowpass is None else lowpass_memory(f.order, f.lowpass, fs)
     border = f.trim + f.decimate * (margin + max(0, -(-(settled - f.trim) // f.decimate)))
     rows = (len(time) - 2 * border) // f.decimate
-    count = max(1, round(rows * f.decimate / max(PIECE, 20 * border)))
+    count = max(1, round(rows * f.decimate / max(PIECE_SAMPLES, 20 * border)))
     edges = [border + f.decimate * (i * rows // count) for i in range(count + 1)]
     own = replace(f, trim=border, margin=margin)
     for first, last in pairwise(edges):

@@ -28,7 +28,7 @@ def settled(sections: np.ndarray) -> np.ndarray:
     states, level = np.empty((len(sections), 2)), 1.0
     for state, section in zip(states, sections, strict=True):
         b, (_, a1, a2) = section[:3], section[3:]
-        gain = b.sum() / (1.0 + a1 + a2)  # of poles near 1 the sums from the left are exact, a solver's pivots are not
+        gain = b.sum() / (1.0 + a1 + a2)  # for poles near 1 this sum is exact, unlike the pivots of a linear solver
         state[:] = level * (gain - b[0]), level * (b[2] - a2 * gain)
         level *= gain
     return states

@@ -20,38 +20,41 @@ from ..recordings.optical_faults import MIN_FRAMES, MIN_SEEN
 from ..recordings.recording import Recording
 from ..recordings.study_file import Slider
 
-SEARCHED = 0.25
-"""Largest delay between the clocks that is looked for, either way [s]."""
+MAX_SEARCHED_DELAY_S = 0.25
+"""Delays between the clocks are searched up to this time in either direction."""
 
 COARSE_STEP = 0.025
 """Delays are first tried this far apart [s]: a tenth of the fastest joint's quarter period."""
 
-COARSE_FRAMES, FINE_FRAMES = 1500, 6000
-"""Frames, evenly picked, that the first and the final search use: more cost time and gain microseconds."""
+COARSE_FRAMES = 1500
+"""Number of evenly picked frames in the first search."""
 
-MOVE_LEAST = 0.1
-"""A joint that turns by less than this [rad] shows neither its axis nor the delay between two clocks."""
+FINE_FRAMES = 6000
+"""Number of evenly picked frames in the final search. More would improve the delay by microseconds only."""
 
-DELAY_ERROR_MOST = 0.003
-"""Standard error of a delay [s] beyond which two clocks are not aligned: half a frame."""
+MIN_TURN_RAD = 0.1
+"""A joint must turn by at least this to show its axis and the delay between two clocks."""
 
-DRIFT_ERROR_MOST = 10e-6
-"""Standard error of a drift beyond which it is taken for 0: quartz clocks differ by a few times as much."""
+MAX_DELAY_ERROR_S = 0.003
+"""Two clocks are aligned only if the standard error of their delay is below this: half a frame."""
 
-RESIDUAL_MOST = 0.003
-"""Residual of a marker [m rms] beyond which it did not turn with the segment: ten times a motion capture's noise."""
+MAX_DRIFT_ERROR = 10e-6
+"""A drift with a larger standard error is set to 0; quartz clocks differ by a few times this value."""
 
-STILL = 0.005
-"""A marker whose circle is smaller than this [m] is fixed to the room and tells nothing of the axis."""
+MAX_MARKER_RESIDUAL_M = 0.003
+"""A marker with a larger RMS residual did not turn with the segment: ten times a motion capture's noise."""
 
-MOVED = 0.005
-"""A marker this far [m] from where it sits in the other recordings was moved, or bears another one's name."""
+MIN_CIRCLE_RADIUS_M = 0.005
+"""A marker on a smaller circle is fixed to the room and carries no information on the axis."""
 
-DELAY_TOLD = 0.003
-"""Delays above this [s] are told: half a frame."""
+MIN_MOVED_DISTANCE_M = 0.005
+"""A marker further than this from its place in the other recordings was moved, or has another marker's name."""
 
-UPRIGHT_LEAST = 0.17
-"""Least share of gravity in the plane of rotation (10 degrees): below it, hanging is no direction."""
+MIN_REPORTED_DELAY_S = 0.003
+"""Delays above this are reported: half a frame."""
+
+MIN_GRAVITY_SHARE = 0.17
+"""Smallest share of gravity in the plane of rotation (10 degrees); below it the hanging direction is undefined."""
 
 
 @dataclass(frozen=True)
@@ -76,10 +79,9 @@ class Axis:
 
     direction: np.ndarray  # (3,) Of length 1; a growing angle turns about it by the right hand
     origin: np.ndarray  # (3,) Point on it nearest to the mean of the markers [m]
-    # direction_se, origin_se: Standard errors: of a tilt [rad], and along either direction across the axis [m]
-    direction_se: float
-    origin_se: float
-    residual: float  # Of all markers that were used, each coordinate [m rms]
+    direction_se: float  # standard error of the direction, as a tilt [rad]
+    origin_se: float  # standard error of the origin in either direction across the axis [m]
+    residual: float  # RMS residual of all markers that were used, each coordinate [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +131,7 @@ class Geometry:
     axis: np.ndarray
     origin_se: float  # origin_se, axis_se: Standard errors across the axis [m], and of its tilt [rad]
     axis_se: float
-    residual: float  # Of all used markers against rotation about the axis, each coordinate [m rms]
+    residual: float  # RMS residual of all used markers against rotation about the axis, each coordinate [m]
     placements: tuple[Placement, ...]  # One for each recording, in their order
     carriage: str  # The marker on the carriage
 
@@ -157,11 +159,13 @@ def clock_offset(
     """
     known = np.isfinite(time) & np.isfinite(angle)
     time, angle = time[known], angle[known]
-    if len(time) < 2 or np.ptp(angle) < MOVE_LEAST:
+    if len(time) < 2 or np.ptp(angle) < MIN_TURN_RAD:
         turned = np.ptp(angle) if len(angle) else 0.0
-        return _unknown(f"the joint turns by {turned:.3g} rad, expected at least {MOVE_LEAST:g} rad")
+        return _unknown(f"the joint turns by {turned:.3g} rad, expected at least {MIN_TURN_RAD:g} rad")
     own = optical_time - optical_time[0]
-    inside = np.flatnonzero((optical_time >= time[0] + SEARCHED) & (optical_time <= time[-1] - SEARCHED))
+    inside = np.flatnonzero(
+        (optical_time >= time[0] + MAX_SEARCHED_DELAY_S) & (optical_time <= time[-1] - MAX_SEARCHED_DELAY_S)
+    )
     if len(inside) < MIN_FRAMES // 4:
         return _unknown(f"only {len(inside)} frames stand well within the robot's time")
     picked = inside[:: max(1, len(inside) // COARSE_FRAMES)]
@@ -172,11 +176,11 @@ def clock_offset(
     found = _fine_delay(
         time, angle, optical_time[picked], own[picked], {m: p[picked] for m, p in markers.items()}, delay
     )
-    if not abs(found.delay) <= SEARCHED:
-        return _unknown(f"no delay within {SEARCHED:g} s makes the markers follow the joint")
-    if not found.delay_se <= DELAY_ERROR_MOST:
+    if not abs(found.delay) <= MAX_SEARCHED_DELAY_S:
+        return _unknown(f"no delay within {MAX_SEARCHED_DELAY_S:g} s makes the markers follow the joint")
+    if not found.delay_se <= MAX_DELAY_ERROR_S:
         return _unknown(
-            f"the delay is only known to {1e3 * found.delay_se:.2g} ms, expected {1e3 * DELAY_ERROR_MOST:g} ms"
+            f"the delay is only known to {1e3 * found.delay_se:.2g} ms, expected {1e3 * MAX_DELAY_ERROR_S:g} ms"
         )
     return found
 
@@ -259,7 +263,7 @@ def geometry_faults(geometry: Geometry, rail: Slider | None = None) -> list[Faul
         _clock_fault(placement, add)
         _marker_faults(placement, geometry.carriage, add)
         if rail is not None:
-            slack = MOVED + 3.0 * (placement.slider_se if placement.optical else 0.0)
+            slack = MIN_MOVED_DISTANCE_M + 3.0 * (placement.slider_se if placement.optical else 0.0)
             if not rail.low - slack <= placement.slider <= rail.high + slack:
                 found = f"the carriage at {1e3 * placement.slider:.1f} mm"
                 expected = f"{1e3 * rail.low:.0f} mm to {1e3 * rail.high:.0f} mm as [rig.slider] says"
@@ -273,7 +277,7 @@ def _clock_fault(placement: Placement, add) -> None:
     if not placement.aligned:
         taken = f"a delay of {1e3 * placement.delay:.1f} ms is taken"
         add("note", "clock", "time", f"no delay: {placement.reason}", f"a motion that aligns the clocks; {taken}")
-    elif abs(placement.delay) > DELAY_TOLD:
+    elif abs(placement.delay) > MIN_REPORTED_DELAY_S:
         way = "later" if placement.delay > 0 else "earlier"
         drift = f", {1e6 * placement.drift:+.0f} ppm" if placement.drift else ""
         found = (
@@ -285,18 +289,28 @@ def _clock_fault(placement: Placement, add) -> None:
 
 def _marker_faults(placement: Placement, carriage: str, add) -> None:
     for marker, residual in placement.residuals.items():
-        if residual > RESIDUAL_MOST:
+        if residual > MAX_MARKER_RESIDUAL_M:
             found = f"it {1e3 * residual:.1f} mm rms off a rotation about the axis"
             severity = "refuse" if marker == carriage else "note"
-            expected = f"at most {1e3 * RESIDUAL_MOST:g} mm: markers that swapped names, or one that came loose"
+            expected = f"at most {1e3 * MAX_MARKER_RESIDUAL_M:g} mm: markers that swapped names, or one that came loose"
             add(severity, "marker", marker, found, expected)
     for marker, distance in placement.moved.items():
         if marker == carriage:
             add("refuse", "marker", marker, "it where another marker sits in the other recordings", "its own place")
         else:
             found = f"it {1e3 * distance:.1f} mm from where it sits in the other recordings"
-            add("note", "marker", marker, found, f"at most {1e3 * MOVED:g} mm: it was moved, or bears another's name")
-    if placement.optical and placement.ruler is not None and abs(placement.slider - placement.ruler) > MOVED:
+            add(
+                "note",
+                "marker",
+                marker,
+                found,
+                f"at most {1e3 * MIN_MOVED_DISTANCE_M:g} mm: it was moved, or bears another's name",
+            )
+    if (
+        placement.optical
+        and placement.ruler is not None
+        and abs(placement.slider - placement.ruler) > MIN_MOVED_DISTANCE_M
+    ):
         found = f"the carriage at {1e3 * placement.slider:.1f} mm"
         add("note", "place", carriage, found, f"{1e3 * placement.ruler:.1f} mm as the ruler says")
 
@@ -307,7 +321,7 @@ def _unknown(reason: str) -> ClockOffset:
 
 def _coarse_delay(time, angle, optical_time, markers, direction) -> float | None:
     """The delay among a few that leaves least, all tried at once."""
-    half = round(SEARCHED / COARSE_STEP)
+    half = round(MAX_SEARCHED_DELAY_S / COARSE_STEP)
     delays = COARSE_STEP * np.arange(-half, half + 1)
     q = np.interp(optical_time - delays[:, None], time, angle)
     basis = np.stack([np.ones_like(q), np.cos(q), np.sin(q)], axis=2)
@@ -369,13 +383,13 @@ def _fine_delay(time, angle, optical_time, own, markers, delay) -> ClockOffset:
             move = np.array([slope[0] / curvature[0, 0], 0.0])
             # A drift is looked for where it can be told, once the delay is found.
             if abs(move[0]) < 1e-4 or step == 4:
-                drifting = _drift_error(curvature, variance) < DRIFT_ERROR_MOST
+                drifting = _drift_error(curvature, variance) < MAX_DRIFT_ERROR
                 if drifting:
                     move = np.linalg.solve(curvature, slope)
         else:
             move = np.linalg.solve(curvature, slope)
         delay, drift = delay + float(move[0]), drift + float(move[1])
-        if not abs(delay) < 2 * SEARCHED:
+        if not abs(delay) < 2 * MAX_SEARCHED_DELAY_S:
             break
         if abs(move[0]) < 1e-7 and abs(move[1]) < 1e-8:
             break
@@ -418,7 +432,7 @@ class _Circle:
     normal: np.ndarray  # (3, 3): of 1, cos q, sin q
     moments: np.ndarray  # (3, 3): the same with the coordinates
     swing: np.ndarray  # (2, 3): a and b [m]
-    variance: float  # of what the free fit leaves, each coordinate [m^2]
+    variance: float  # residual variance of the free fit, each coordinate [m^2]
 
 
 class _Track:
@@ -429,7 +443,7 @@ class _Track:
         within = np.isfinite(self.angle)
         self.basis = np.column_stack([np.ones(len(within)), np.cos(self.angle), np.sin(self.angle)])
         turned = float(np.ptp(self.angle[within])) if within.any() else 0.0
-        self.moves = turned >= MOVE_LEAST
+        self.moves = turned >= MIN_TURN_RAD
         self.frames = {m: _one_stretch(within & np.isfinite(p[:, 0])) for m, p in markers.items()}
         self.circles = [c for m in markers if (c := self._circle(m)) is not None]
 
@@ -459,11 +473,18 @@ def _one_stretch(frames: np.ndarray) -> np.ndarray | slice:
 
 
 def _axis(tracks: Sequence[_Track]) -> Axis:
-    circles = [c for t in tracks if t.moves for c in t.circles if np.hypot(*np.linalg.norm(c.swing, axis=1)) > STILL]
-    sound = [c for c in circles if c.variance < RESIDUAL_MOST**2] or circles
+    circles = [
+        c
+        for t in tracks
+        if t.moves
+        for c in t.circles
+        if np.hypot(*np.linalg.norm(c.swing, axis=1)) > MIN_CIRCLE_RADIUS_M
+    ]
+    sound = [c for c in circles if c.variance < MAX_MARKER_RESIDUAL_M**2] or circles
     if not sound:
         raise RecordingError(
-            f"found no recording in which the joint turns by {MOVE_LEAST:g} rad and a marker with it, with both clocks "
+            f"found no recording in which the joint turns by {MIN_TURN_RAD:g} rad and a marker with it, with both "
+            "clocks "
             "aligned; expected one at least, to show the joint's axis"
         )
     swings, sense = np.zeros((3, 3)), np.zeros(3)
@@ -531,8 +552,8 @@ def _rests(tracks, wanted: set[int], basis, origin) -> list[np.ndarray]:
 
 @dataclass(frozen=True)
 class _Place:
-    at: np.ndarray  # (3,): x, d, and along the axis [m]
-    se: float  # of x, and as large of d [m]
+    at: np.ndarray  # (3,) x, d, and the coordinate along the axis [m]
+    se: float  # standard error of x, and of d [m]
     residual: float
     frames: int
 
@@ -554,7 +575,7 @@ def _hanging(direction: np.ndarray, optical: OpticalRecording) -> tuple[np.ndarr
     """Where a hanging segment points, and where it goes when it is lifted, each shape (3,)."""
     x0 = optical.down - (optical.down @ direction) * direction
     share = float(np.linalg.norm(x0))
-    if share < UPRIGHT_LEAST:
+    if share < MIN_GRAVITY_SHARE:
         raise RecordingError(
             f"{optical.path.name}: found an axis within {np.degrees(np.arcsin(share)):.2g} degrees of [optical] down, "
             "expected one across it: no angle of the joint hangs"
@@ -633,11 +654,11 @@ def _usual_places(places: Sequence[Mapping[str, _Place]], carriages: set[str]) -
 
 def _moved(place: Mapping[str, _Place], usually: Mapping[str, np.ndarray], carriage: str) -> dict[str, float]:
     distances = {m: float(np.linalg.norm(place[m].at - at)) for m, at in usually.items() if m in place}
-    moved = {m: distance for m, distance in sorted(distances.items()) if distance > MOVED}
+    moved = {m: distance for m, distance in sorted(distances.items()) if distance > MIN_MOVED_DISTANCE_M}
     for marker, at in usually.items():
         # The carriage on another marker's place, while that one is elsewhere: they have swapped names.
         distance = float(np.linalg.norm(place[carriage].at - at))
-        if distance < MOVED and marker in moved:
+        if distance < MIN_MOVED_DISTANCE_M and marker in moved:
             moved[carriage] = distance
     return moved
 

@@ -18,14 +18,12 @@ class Filtering:
     """What is done to position and effort alike before a regression."""
 
     lowpass: float | None  # Cut-off of the zero-phase Butterworth low-pass [Hz]; None for none
-    order: int = 4  # Of one pass
-    decimate: int = 1  # One sample in so many enters a regression
-    dead_band: float = 0.0  # Slower samples do not [rad/s or m/s]
-    trim: int = 0  # Samples dropped at either border, where a filter has not settled
-    # Of a piece of a long motion. thin: what has passed the low-pass is thinned by so many before it is decimated, for
-    # nothing above half that rate is left; margin: rows beyond the trimmed borders that only settle the decimation
-    thin: int = 1
-    margin: int = 0
+    order: int = 4  # order of one pass of the filter
+    decimate: int = 1  # one sample in this many enters a regression
+    dead_band: float = 0.0  # slower samples are excluded [rad/s or m/s]
+    trim: int = 0  # samples dropped at either border, where the filter has not settled
+    thin: int = 1  # for a piece of a long motion: factor of thinning between the low-pass and the decimation
+    margin: int = 0  # for a piece of a long motion: rows beyond the trimmed borders that only settle the decimation
 
     def sentence(self, unit: str) -> str:
         """The same in words, for notes and cards; `unit` is the velocity's."""

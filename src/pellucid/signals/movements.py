@@ -25,27 +25,27 @@ from ..units import COORDINATES
 from .even_times import even_times
 from .filters import central_difference, runs, zero_phase_lowpass
 
-FEWEST = 8
-"""Samples that a movement must have between its ends: fewer do not show where its speed is largest."""
+MIN_MOVEMENT_SAMPLES = 8
+"""A movement must have at least this many samples, so that its largest speed can be located."""
 
-RIVAL = 0.8
-"""A second peak of the speed at least this high, relative to the largest, rivals it ..."""
+MIN_RIVAL_PEAK_SHARE = 0.8
+"""A second peak of the speed counts as a rival if it reaches this share of the largest."""
 
-VALLEY = 0.5
-"""... where the speed falls below this share of the largest in between: then no peak is clear."""
+MAX_VALLEY_SHARE = 0.5
+"""Two rival peaks are separate if the speed between them falls below this share of the largest. Then no peak is
+clear."""
 
-LEAST_TRAVEL = 0.5
-"""Share of what a movement was to cover below which nobody moved, or moved the other way."""
+MIN_TRAVEL_SHARE = 0.5
+"""A stretch with less than this share of the intended travel contains no movement, or one in the other direction."""
 
-REST = 0.15
-"""Rests shorter than this [s] do not divide movements where there is no target."""
+MIN_REST_S = 0.15
+"""Shorter rests do not separate movements where there is no target."""
 
-BRIDGED = 0.1
-"""Missing samples for up to this long [s] are bridged by a straight line; a movement that touches a longer loss is
-left out."""
+MAX_BRIDGED_GAP_S = 0.1
+"""Missing samples for up to this time are interpolated; a movement that touches a longer loss is excluded."""
 
-MERGED = 0.05
-"""Target steps closer than this [s] are one: a screen or a filter drew the step out."""
+MAX_MERGED_STEP_S = 0.05
+"""Target steps closer together than this are one step, which a screen or a filter spread out."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,8 @@ class MovementRule:
     """How an angle record becomes movements."""
 
     lowpass: float = 3.0  # Cut-off of the zero-phase Butterworth filter [Hz]
-    order: int = 4  # Of one pass
-    threshold: float = 0.05  # Share of the largest speed that begins and ends a movement
+    order: int = 4  # order of one pass of the filter
+    threshold: float = 0.05  # share of the largest speed at which a movement begins and ends
     # ``"all"``: first and last sample above it, as published; ``"peak"``: the run of samples above it that holds the
     # largest
     ends: Literal["all", "peak"] = "all"
@@ -106,7 +106,7 @@ class Movement:
     peak_acceleration: float  # Largest along its direction [rad/s^2]
     goal: float | None = None  # The target's angle [rad]
     lasted: float = 0.0  # [s] as seen: `duration`, and where it had not `settled` until its stretch was over
-    settled: bool = True  # Whether it had been at rest for `REST` when its stretch was over
+    settled: bool = True  # Whether it had been at rest for `MIN_REST_S` when its stretch was over
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ class NoMovement:
     kind: str
     found: str
     expected: str
-    lasted: float = float("nan")  # Of an unfinished movement: from its start until its stretch was over [s]
+    lasted: float = float("nan")  # time from the start of an unfinished movement to the end of its stretch [s]
 
 
 def kinematics(
@@ -141,7 +141,7 @@ def kinematics(
     at = np.searchsorted(time[seen], even, side="right")
     padded = np.concatenate(([-np.inf], time[seen], [np.inf]))
     gap = padded[np.minimum(at + 1, len(padded) - 1)] - padded[at]
-    lost = (gap > BRIDGED + 1.5 / fs) & (np.abs(even - padded[at]) > 0.5 / fs)
+    lost = (gap > MAX_BRIDGED_GAP_S + 1.5 / fs) & (np.abs(even - padded[at]) > 0.5 / fs)
     try:
         smooth = zero_phase_lowpass(filled, rule.lowpass, rule.order, fs)
     except ValueError as error:
@@ -158,7 +158,7 @@ def target_stretches(time: np.ndarray, target: np.ndarray) -> list[Stretch]:
     at = np.flatnonzero(np.diff(target) != 0.0) + 1
     if not len(at):
         return []
-    groups = np.split(at, np.flatnonzero(np.diff(time[at]) > MERGED) + 1)
+    groups = np.split(at, np.flatnonzero(np.diff(time[at]) > MAX_MERGED_STEP_S) + 1)
     begins = [float(time[group[0]]) for group in groups]
     heights = [float(target[group[-1]] - target[group[0] - 1]) for group in groups]
     goals = [float(target[group[-1]]) for group in groups]
@@ -172,7 +172,7 @@ def rest_stretches(
     """Stretches between rests, where no target was recorded.
 
     A movement is a run of speeds above the rule's share of the record's largest, in one direction; runs less than
-    `REST` apart in the same direction are one, and what covers less than `least` is none.
+    `MIN_REST_S` apart in the same direction are one, and what covers less than `least` is none.
 
     `least` [rad]; `amplitude` [rad].
     """
@@ -186,7 +186,7 @@ def rest_stretches(
     found.sort()
     joined: list[list] = []
     for start, stop, sign in found:
-        if joined and joined[-1][2] == sign and (start - joined[-1][1]) / motion.fs < REST:
+        if joined and joined[-1][2] == sign and (start - joined[-1][1]) / motion.fs < MIN_REST_S:
             joined[-1][1] = stop
         else:
             joined.append([start, stop, sign])
@@ -221,14 +221,14 @@ def movements(
 
 def _movement(motion: Kinematics, stretch: Stretch, rule: MovementRule) -> Movement | NoMovement:
     low, high = np.searchsorted(motion.time, (stretch.begin - 1e-9, stretch.end - 1e-9))
-    if high - low < FEWEST:
-        return NoMovement(stretch, "too_few_samples", f"{high - low} samples", f"at least {FEWEST}")
+    if high - low < MIN_MOVEMENT_SAMPLES:
+        return NoMovement(stretch, "too_few_samples", f"{high - low} samples", f"at least {MIN_MOVEMENT_SAMPLES}")
     went = motion.angle[high - 1] - motion.angle[low]
     direction = int(np.sign(stretch.amplitude if stretch.amplitude is not None else went)) or 1
     speed = direction * motion.velocity[low:high]
     peak = int(np.argmax(speed))
     top = speed[peak]
-    if stretch.amplitude is not None and direction * went < LEAST_TRAVEL * abs(stretch.amplitude):
+    if stretch.amplitude is not None and direction * went < MIN_TRAVEL_SHARE * abs(stretch.amplitude):
         kind = "direction" if direction * went < -0.2 * abs(stretch.amplitude) else "still"
         along = COORDINATES[motion.unit]
         moved = f"{along.factor * direction * went:.3g} {along.shown} towards the target"
@@ -245,8 +245,8 @@ def _movement(motion: Kinematics, stretch: Stretch, rule: MovementRule) -> Movem
     if motion.lost[low + first : low + last + 1].any():
         n = int(motion.lost[low + first : low + last + 1].sum())
         return NoMovement(stretch, "lost", f"{n} missing samples in a movement", "an angle throughout")
-    if last - first + 1 < FEWEST:
-        return NoMovement(stretch, "too_few_samples", f"{last - first + 1} samples", f"at least {FEWEST}")
+    if last - first + 1 < MIN_MOVEMENT_SAMPLES:
+        return NoMovement(stretch, "too_few_samples", f"{last - first + 1} samples", f"at least {MIN_MOVEMENT_SAMPLES}")
     if last == high - low - 1 and speed[-1] > 2.0 * rule.threshold * top:
         share = 100.0 * speed[-1] / top
         lasted = (last - first) / motion.fs
@@ -255,12 +255,12 @@ def _movement(motion: Kinematics, stretch: Stretch, rule: MovementRule) -> Movem
     second, valley = _rival(speed, peak)
     if peak in (0, len(speed) - 1):
         return NoMovement(stretch, "no_peak", "the largest speed at its border", "a speed that rises and falls")
-    if second > RIVAL and valley < VALLEY:
+    if second > MIN_RIVAL_PEAK_SHARE and valley < MAX_VALLEY_SHARE:
         said = f"a second peak of {100 * second:.0f} % with {100 * valley:.0f} % in between"
         return NoMovement(stretch, "no_peak", said, "one clear peak of the speed")
     duration, rest = (last - first) / motion.fs, (high - 1 - low - last) / motion.fs
     # What rests divide has settled; where targets do, the next may come before it has.
-    settled = stretch.goal is None or rest >= REST
+    settled = stretch.goal is None or rest >= MIN_REST_S
     travel = direction * (motion.angle[low + last] - motion.angle[low + first])
     return Movement(
         first=low + first,
@@ -291,15 +291,15 @@ def _told_of_loss(motion: Kinematics, none: NoMovement) -> NoMovement:
 
 
 def _rival(speed: np.ndarray, peak: int) -> tuple[float, float]:
-    """Height of the highest other local maximum that rivals the peak across a valley below `VALLEY`, and that valley,
-    relative to the peak; 0 and 1 where there is none."""
+    """Height of the highest other local maximum that rivals the peak across a valley below `MAX_VALLEY_SHARE`, and that
+    valley, relative to the peak; 0 and 1 where there is none."""
     inner = np.flatnonzero((speed[1:-1] >= speed[:-2]) & (speed[1:-1] > speed[2:])) + 1
-    inner = inner[(speed[inner] / speed[peak] > RIVAL) & (inner != peak)]
+    inner = inner[(speed[inner] / speed[peak] > MIN_RIVAL_PEAK_SHARE) & (inner != peak)]
     best, valley = 0.0, 1.0
     for other in inner:
         low, high = sorted((other, peak))
         between = float(speed[low : high + 1].min() / speed[peak])
         height = float(speed[other] / speed[peak])
-        if between < VALLEY and height > best:
+        if between < MAX_VALLEY_SHARE and height > best:
             best, valley = height, between
     return best, valley

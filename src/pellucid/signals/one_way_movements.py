@@ -20,17 +20,17 @@ from .filters import central_difference, runs, zero_phase_lowpass
 class OneWayRule:
     """How a record of one coordinate [m] becomes one-way movements between a start line and a target line."""
 
-    left: float = 0.030  # A movement comes from below this place [m] ...
-    reached: float = 0.110  # ... to beyond this one [m] ...
-    back: float = 0.090  # ... and is over at the latest when the pointer is below this one again [m]
-    rate: float = 200.0  # Of the grid that the record is brought to [Hz]
-    gap: float = 0.060  # Longest time without a sample in a movement [s]
-    lowpass: float = 10.0  # Cut-off of the zero-phase Butterworth filter [Hz]
-    order: int = 2  # Of one pass
-    threshold: float = 0.05  # Share of the peak speed that is the onset
-    still: float = 0.005  # Speed below which the pointer rests [m/s] ...
-    rest: float = 0.050  # ... for at least this long [s]
-    longest: float = 6.0  # Of a movement [s]
+    left: float = 0.030  # place below which a movement starts [m]
+    reached: float = 0.110  # place that a movement must pass [m]
+    back: float = 0.090  # place below which the pointer ends the movement at the latest [m]
+    rate: float = 200.0  # rate to which the record is resampled [Hz]
+    gap: float = 0.060  # longest time without a sample in a movement [s]
+    lowpass: float = 10.0  # cut-off of the zero-phase Butterworth filter [Hz]
+    order: int = 2  # order of one pass of the filter
+    threshold: float = 0.05  # share of the peak speed at the onset
+    still: float = 0.005  # speed below which the pointer rests [m/s]
+    rest: float = 0.050  # shortest rest [s]
+    longest: float = 6.0  # longest movement [s]
 
 
 @dataclass(frozen=True)
@@ -125,5 +125,5 @@ def _movement(
 
 
 def robust_spread(values: np.ndarray) -> float:
-    """Of values (n,): 1.48 times the median absolute deviation, in their unit."""
+    """Return 1.48 times the median absolute deviation of values, shape (n,), in their unit."""
     return 1.48 * float(np.median(np.abs(values - np.median(values))))

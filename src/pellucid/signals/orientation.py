@@ -14,7 +14,9 @@ from .._errors import RecordingError
 from .inertial import Inertial
 from .quaternion import continuous
 
-FILTERS = ("madgwick", "vqf")
+ORIENTATION_FILTERS = ("madgwick", "vqf")
+"""Orientation filters that `orientation` offers."""
+
 AXES = (6, 9)
 GRAVITY = 9.80665  # [m/s^2] in one g, imufusion's unit of acceleration
 
@@ -29,9 +31,10 @@ def orientation(
 ) -> np.ndarray:
     """From the sensor's frame to one with z up: x east and y north with nine axes, of free heading with six. `gain`
     [rad/s]; gives (n, 4)."""
-    if method not in FILTERS or axes not in AXES:
+    if method not in ORIENTATION_FILTERS or axes not in AXES:
         raise RecordingError(
-            f"orientation: found method {method!r} with {axes!r} axes, expected one of {', '.join(FILTERS)} with 6 or 9"
+            f"orientation: found method {method!r} with {axes!r} axes, expected one of "
+            f"{', '.join(ORIENTATION_FILTERS)} with 6 or 9"
         )
     if axes == 9 and imu.magnetic_field is None:
         raise RecordingError("orientation: nine axes need a magnetometer, found none; six axes do without")

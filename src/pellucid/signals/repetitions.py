@@ -10,14 +10,17 @@ import numpy as np
 from .._errors import RecordingError
 from .filters import runs, zero_phase_lowpass
 
-LOWPASS = 3.0
-"""Cut-off ahead of the search [Hz]: tremor and a goniometer's steps are no repetitions."""
+SEARCH_LOWPASS_HZ = 3.0
+"""Cut-off of the low-pass before the search, so that tremor and a goniometer's steps are not taken for repetitions."""
 
-AWAY, BACK = 0.5, 0.25
-"""Shares of the whole range: a repetition goes beyond the one and comes back below the other."""
+MIN_AWAY_SHARE = 0.5
+"""A repetition goes beyond this share of the whole range."""
 
-STILL = np.radians(8.0)
-"""Slower than this [rad/s] is at rest."""
+MAX_BACK_SHARE = 0.25
+"""A repetition comes back below this share of the whole range."""
+
+MAX_REST_SPEED = np.radians(8.0)
+"""Speeds below this count as rest [rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +81,7 @@ def find_repetitions(
             f"{where}: found {len(missing)} missing samples (NaN), the first at index {missing[0]}, expected a number "
             "in every sample; choose a window without them"
         )
-    smooth = zero_phase_lowpass(angle, LOWPASS, 2, fs)
+    smooth = zero_phase_lowpass(angle, SEARCH_LOWPASS_HZ, 2, fs)
     low, high = np.percentile(smooth, [2.0, 98.0])
     if high - low < smallest:
         raise RecordingError(
@@ -91,10 +94,11 @@ def find_repetitions(
     trips, unfinished = _trips(share)
     if not trips:
         raise RecordingError(
-            f"{where}: found no movement that leaves {np.degrees(base):.3g} deg by {np.degrees(abs(way)) * AWAY:.3g} "
+            f"{where}: found no movement that leaves {np.degrees(base):.3g} deg by "
+            f"{np.degrees(abs(way)) * MIN_AWAY_SHARE:.3g} "
             "deg and comes back, expected at least one"
         )
-    settled = (np.abs(np.gradient(smooth, 1.0 / fs)) < STILL) & (share < BACK)
+    settled = (np.abs(np.gradient(smooth, 1.0 / fs)) < MAX_REST_SPEED) & (share < MAX_BACK_SHARE)
     at_rest = float(np.median(angle[settled])) if np.any(settled) else float(base)
     ends = [trip.stop for trip in trips]
     starts = [trip.start for trip in trips[1:]] + ([unfinished.start] if unfinished else [])
@@ -110,7 +114,7 @@ def find_repetitions(
 
 def _trips(share: np.ndarray) -> tuple[list[slice], slice | None]:
     """Stretches away from rest that go far enough and come back, and a last one that does not come back."""
-    found = [run for run in runs(share > BACK) if share[run].max() > AWAY]
+    found = [run for run in runs(share > MAX_BACK_SHARE) if share[run].max() > MIN_AWAY_SHARE]
     # One that is away at the very beginning did not begin here.
     found = [run for run in found if run.start > 0]
     if found and found[-1].stop == len(share):

@@ -6,8 +6,8 @@ import numpy as np
 
 from .._errors import RecordingError
 
-UNEVEN = 0.05
-"""Share of the mean step by which one may differ from it where samples must be even."""
+MAX_STEP_DEVIATION_SHARE = 0.05
+"""Where samples must be even, a time step may differ from the mean step by at most this share."""
 
 
 def sampled(where: str, time: np.ndarray, *, least: int = 2, even: bool = True, **signals) -> tuple[np.ndarray, ...]:
@@ -35,7 +35,7 @@ def sampled(where: str, time: np.ndarray, *, least: int = 2, even: bool = True, 
             "expected time that increases with every sample"
         )
     mean = float(t[-1] - t[0]) / max(len(steps), 1)
-    if even and np.abs(steps - mean).max() > UNEVEN * mean:
+    if even and np.abs(steps - mean).max() > MAX_STEP_DEVIATION_SHARE * mean:
         raise RecordingError(
             f"{where}: time: found steps of {steps.min():.3g} to {steps.max():.3g} s, expected even ones; "
             "interpolate to an even grid first"

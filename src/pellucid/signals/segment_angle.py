@@ -8,8 +8,8 @@ from .._errors import RecordingError
 from ..recordings.optical import OpticalRecording
 from .movements import NoAngle
 
-LEANING = 0.1
-"""Mean horizontal share of the segment's direction below which it has no side to point to."""
+MIN_HORIZONTAL_SHARE = 0.1
+"""Smallest mean horizontal share of the segment's direction; below it the sign of the angle is undefined."""
 
 
 def segment_angle(optical: OpticalRecording, proximal: str, distal: str) -> np.ndarray:
@@ -37,10 +37,10 @@ def segment_angle(optical: OpticalRecording, proximal: str, distal: str) -> np.n
     mean = direction[seen].mean(axis=0)
     level = mean - (mean @ optical.down) * optical.down
     share = float(np.linalg.norm(level))
-    if share < LEANING:
+    if share < MIN_HORIZONTAL_SHARE:
         raise RecordingError(
             f"{where}: found a segment that points {100 * share:.2g} % to a side on average, expected at least "
-            f"{100 * LEANING:.0f} %: without a side its angle has no sign"
+            f"{100 * MIN_HORIZONTAL_SHARE:.0f} %: without a side its angle has no sign"
         )
     angle = np.full(len(length), np.nan)
     angle[seen] = np.unwrap(np.arctan2(direction[seen] @ (level / share), direction[seen] @ optical.down))

@@ -14,15 +14,20 @@ from .effort import command_of, drive_model
 from .filters import runs, zero_phase_lowpass
 from .markers import Geometry
 
-OVERSAMPLING = 20.0
-"""Samples kept per period of the low-pass: what is left between them is below 1e-4 of the signal."""
+SAMPLES_PER_LOWPASS_PERIOD = 20.0
+"""Samples kept per period of the low-pass's cut-off. The signal between them is interpolated to 1e-4."""
 
-STRIDE = 5
-"""One kept sample in so many enters a regression: neighbours say the same through the filter."""
+REGRESSION_STRIDE = 5
+"""One kept sample in this many enters a regression, because the filter makes neighbours nearly equal."""
 
-STILL = 0.01  # rad/s: slower than this a joint holds
-HOLD_LEAST = 2.0  # s: a shorter rest is no hold
-HOLD_SHARE = 0.6  # of a hold, its end: it has settled by then
+MAX_HOLD_SPEED = 0.01
+"""A slower joint holds its position [rad/s]."""
+
+MIN_HOLD_S = 2.0
+"""Shorter rests are not used as holds."""
+
+SETTLED_HOLD_SHARE = 0.6
+"""Last share of a hold that is averaged, after the joint has settled."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +56,7 @@ class SliderMotion:
 
     def rows(self, samples: np.ndarray) -> np.ndarray:
         """The samples, (n,) or (n, k), that a regression uses."""
-        return samples[np.flatnonzero(self.scored)[::STRIDE]]
+        return samples[np.flatnonzero(self.scored)[::REGRESSION_STRIDE]]
 
     def smooth(self, samples: np.ndarray) -> np.ndarray:
         """The low-pass that effort went through, for what a model makes of the sign of velocity; (n,) or (n, k)."""
@@ -60,10 +65,10 @@ class SliderMotion:
     def holds(self) -> list[slice]:
         """Settled parts of the stretches in which the joint holds still."""
         found = []
-        for rest in runs(np.abs(self.velocity) < STILL):
+        for rest in runs(np.abs(self.velocity) < MAX_HOLD_SPEED):
             length = rest.stop - rest.start
-            if length >= HOLD_LEAST * self.fs:
-                found.append(slice(rest.stop - int(HOLD_SHARE * length), rest.stop))
+            if length >= MIN_HOLD_S * self.fs:
+                found.append(slice(rest.stop - int(SETTLED_HOLD_SHARE * length), rest.stop))
         return found
 
 
@@ -88,7 +93,7 @@ def _ready(recording: Recording, effort: np.ndarray, slider: float, processing: 
     if cutoff is None:
         raise RecordingError('study.toml: [processing] states no lowpass; expected one such as "5 Hz"')
     recorded = (recording["velocity"],) if processing.velocity == "recorded" else ()
-    thin = max(int(fs / (OVERSAMPLING * cutoff)), 1)
+    thin = max(int(fs / (SAMPLES_PER_LOWPASS_PERIOD * cutoff)), 1)
     samples, rate = np.column_stack([recording["position"], effort, *recorded]), fs / thin
     spans = [span for span in recording.spans if span.stop - span.start >= 60 * thin]
     if not spans:

@@ -13,14 +13,14 @@ from ..recordings.study_file import PayloadSpec
 from .filters import central_difference, decimate, runs
 from .motion import Filtering, lowpassed
 
-PARTS = 10
-"""Equal parts of a recording whose joints do not stop together."""
+DEFAULT_PART_COUNT = 10
+"""A recording whose joints do not stop together is divided into this many equal parts."""
 
-FEWEST_STOPS = 4
-"""Common stops that divide a recording; with fewer it is divided into equal parts."""
+MIN_COMMON_STOPS = 4
+"""A recording is divided at its common stops if there are at least this many, otherwise into equal parts."""
 
-FEWEST_ROWS = 20
-"""Rows in which something moves, of a segment; shorter ones go with the one before."""
+MIN_SEGMENT_ROWS = 20
+"""A segment must have at least this many rows with motion; shorter ones are joined to the one before."""
 
 
 @dataclass(frozen=True)
@@ -45,10 +45,10 @@ class TreeMotion:
     drive: np.ndarray | None = None
     gain: np.ndarray | None = None
     drive_units: tuple[str, ...] = ()  # "A", "V", "N*m" or "N", of each motor
-    gain_known: tuple[bool, ...] = ()  # Of each motor; otherwise its effort is in its drive's unit
+    gain_known: tuple[bool, ...] = ()  # whether each motor's gain is known; else its effort is in its drive's unit
     desired: np.ndarray | None = None  # (n, m) the controller's own rigid-body effort, where it was recorded [N m; N]
     desired_drive: np.ndarray | None = None  # (n, m) the drive that the controller asked for, in the drive's unit
-    rate: float = float("nan")  # Of the rows [Hz]
+    rate: float = float("nan")  # rate of the rows [Hz]
 
     def __len__(self) -> int:
         return len(self.time)
@@ -139,7 +139,7 @@ def moving_rows(velocity: np.ndarray, dead_band: np.ndarray, turns: np.ndarray) 
 def segments_of(
     time: np.ndarray, moving: np.ndarray, still: np.ndarray, asked: int | Sequence[float] | None = None
 ) -> np.ndarray:
-    """Which segment each row, (n,), belongs to, from 0; -1 for none. `moving`, `still` (n, m) bool."""
+    """Return the segment of each row, shape (n,), counted from 0; -1 for none. `moving` and `still` are (n, m) bool."""
     if asked is not None and not isinstance(asked, int):
         ends = np.asarray(asked, float)
         found = np.searchsorted(ends, time, side="right")
@@ -147,9 +147,9 @@ def segments_of(
     if asked is None:
         stops = runs(still.all(axis=1))
         within = [stop for stop in stops if stop.start > 0 and stop.stop < len(time)]
-        if len(within) >= FEWEST_STOPS:
+        if len(within) >= MIN_COMMON_STOPS:
             return _between(stops, moving.any(axis=1))
-    parts = min(asked or PARTS, max(len(time) // FEWEST_ROWS, 1))
+    parts = min(asked or DEFAULT_PART_COUNT, max(len(time) // MIN_SEGMENT_ROWS, 1))
     return np.arange(len(time)) * parts // max(len(time), 1)
 
 
@@ -161,11 +161,11 @@ def _between(stops: list[slice], moves: np.ndarray) -> np.ndarray:
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
         if start == stop:
             continue
-        if gathered >= FEWEST_ROWS:
+        if gathered >= MIN_SEGMENT_ROWS:
             number, gathered = number + 1, 0
         segment[start:stop] = number
         gathered += int(moves[start:stop].sum())
-    if 0 < gathered < FEWEST_ROWS and number > 0:
+    if 0 < gathered < MIN_SEGMENT_ROWS and number > 0:
         segment[segment == number] = number - 1
     return segment
 

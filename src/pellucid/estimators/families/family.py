@@ -39,6 +39,8 @@ class Family:
     lags: bool | None = None  # Whether it sees earlier envelopes; None: cross-validation decides
     muscles: bool = True  # Whether it sees EMG at all
     told: bool = False  # Whether it is told the torque measured so far, which others are not: no peer of theirs
+    # Whether it rebuilds what another paper says of its own method: it is compared with, and never named first
+    reconstruction: bool = False
     fixed: FeatureSet | None = None  # The only features it sees, where they are not to be chosen
     every: bool = False  # Every pair of features and settings is tried; otherwise features first, then settings
     # Settings with which features are chosen, where that is done first; None: the first of `settings`

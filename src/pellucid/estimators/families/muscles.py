@@ -33,6 +33,7 @@ FAMILIES = {
             rank=rank,
             reach=1,
             told=name == "nmcoa",
+            reconstruction=True,
         )
         for rank, name, words in (
             (60, "nmco", "NM-CO, muscles by swarm and conjugate gradients"),

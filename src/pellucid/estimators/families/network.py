@@ -22,6 +22,7 @@ FAMILIES = {
         network,
         tuple({"penalty": a} for a in (0.01, 0.1, 1.0)),
         fixed=FeatureSet(velocities=True),
+        reconstruction=True,
         smoothing=0.0,
         rank=70,
     ),

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...models.joint import SYMBOLS, JointModel
+from ...models.joint import SYMBOLS_BY_NAME, JointModel
 from ...signals.motion import Motion
 from ..block_test import contest
 from ..crossed_residuals import crossed_residuals
@@ -44,7 +44,7 @@ def has_weight(model: JointModel) -> bool:
 
 def with_free_zero(model: JointModel) -> JointModel:
     """The same family with both terms of gravity free."""
-    free = tuple(SYMBOLS[n] for n in ("gravity", "gravity_cosine"))
+    free = tuple(SYMBOLS_BY_NAME[n] for n in ("gravity", "gravity_cosine"))
     rest = tuple(s for s in model.symbols if s not in free)
     return replace(model, symbols=(rest[0], *free, *rest[1:]))
 

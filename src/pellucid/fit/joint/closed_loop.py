@@ -26,11 +26,9 @@ from ..._errors import IdentificationError
 from ...models.joint import JointModel
 from ...signals.motion import Motion, differentiate
 from ..regression import Solution, Stack, at_bounds, last_call, linearised
-from .replay import Machine, replay
+from .replay import Machine, is_bounded, replay
 
 TOLERANCE = 1e-4  # RMS effort of any one value's change, over the RMS effort, at which iterations stop
-DIVERGED = 1e100
-"""From here on a simulated response, or its derivative, is none; squares of it still are numbers."""
 MAX_ITERATIONS = 30
 
 
@@ -42,7 +40,7 @@ def simulated_motions(
     made = []
     for motion in motions:
         trace = replay(model, values, motion, machine, closed=True)
-        if not np.all(np.isfinite(trace.position)):
+        if not is_bounded(trace.position):
             raise IdentificationError(f"recording '{motion.recording}': the simulated closed loop diverges")
         position, velocity, acceleration = differentiate(trace.position, motion.fs, motion.filtering)
         made.append(replace(motion, position=position, velocity=velocity, acceleration=acceleration))
@@ -116,17 +114,18 @@ def solve_output_error(model: JointModel, data: Stack, machine: Machine, first: 
     closed = all(machine.can_close(m) for m in data.motions)
     signal = "effort" if closed else "position"
     measured = [getattr(m, signal) for m in data.motions]
+    size = sum(len(m.reduce(x)) for m, x in zip(data.motions, measured, strict=True))
 
     @last_call
     def at(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         traces = [replay(model, values, m, machine, closed=closed, differentiate=signal) for m in data.motions]
+        # A trial step that diverges must look bad, not break the solver or a filter.
+        if not all(is_bounded(getattr(t, signal)) and is_bounded(t.jacobians[signal]) for t in traces):
+            return np.full(size, 1e6), np.zeros((size, len(values)))
         # A simulation speaks of every sample, those at rest too.
         off = [m.reduce(getattr(t, signal) - x) for m, t, x in zip(data.motions, traces, measured, strict=True)]
         residual = np.concatenate(off)
         jacobian = np.concatenate([m.reduce(t.jacobians[signal]) for m, t in zip(data.motions, traces, strict=True)])
-        # A trial step that diverges must look bad, not break the solver.
-        if not (np.all(np.abs(residual) < DIVERGED) and np.all(np.abs(jacobian) < DIVERGED)):
-            return np.full(len(residual), 1e6), np.zeros((len(residual), len(values)))
         return residual, jacobian
 
     lower, upper = model.bounds()

@@ -1,11 +1,13 @@
 r"""The drive constant from recordings with known payloads.
 
-A payload of mass m at distance l adds a known effort :math:`\tau_p`. In the drive's own unit u (ampere or volt)
+A payload of mass m at distance l adds :math:`m l^2` to the inertia and :math:`m g l` to the gravity of its recording.
+In the drive's own unit u (ampere or volt)
 
-.. math::  u = W \beta' + \tau_p / k
+.. math::  u = u(\beta', c), \qquad c = 1/k
 
-so that 1/k is one more coefficient of the regression, with its interval. It needs recordings whose payloads differ:
-otherwise :math:`\tau_p` is proportional to columns of W.
+where c multiplies what the payload adds: one more parameter of the regression, with its interval. It needs recordings
+whose payloads differ: otherwise the payload's column is proportional to columns of the joint. A `model` with load
+friction sees what the payload loses too; without that term load friction counts as gravity of the joint.
 """
 
 from __future__ import annotations
@@ -15,19 +17,18 @@ from dataclasses import replace
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...models.joint import GRAVITY, JointModel
-from ...signals.motion import Motion
+from ...models.filtered_dynamics import filtered_jacobian
+from ...models.joint import JointModel
 from ..parameter import Parameter
-from ..regression import Stack, linearised
+from ..regression import Stack, least_squares_within
 from ..uncertainty import sandwich
+from .friction_solver import solve_family
 
+MAX_STEPS = 30
+"""Gauss-Newton steps; a model without load friction needs two."""
 
-def payload_effort(motion: Motion, rotary: bool) -> np.ndarray:
-    """Effort that a known payload takes, shape (n,): m l^2 a + m g l sin q (rotary) or m a (prismatic) [N*m or N]."""
-    mass, distance = motion.payload
-    if rotary:
-        return mass * distance * (distance * motion.acceleration + GRAVITY * np.sin(motion.position))
-    return mass * motion.acceleration
+STEP_TOLERANCE = 1e-7
+"""The search ends when a step changes the effort by less than this share of it."""
 
 
 def drive_constant(model: JointModel, data: Stack) -> Parameter:
@@ -37,17 +38,21 @@ def drive_constant(model: JointModel, data: Stack) -> Parameter:
             "the drive constant needs recordings with at least two different payloads (none counts as one); "
             f"found {data.motions[0].payload[0]:g} kg in all"
         )
-    model = replace(model, payload_scale=0.0)
-    zero = np.zeros(len(model.symbols))
-    efforts, regressors = linearised(model, zero, data.motions)
-    known = data.reduced([payload_effort(m, model.motion == "rotary") for m in data.motions])
-    w = np.column_stack([data.reduced(regressors), known])
-    norms = np.linalg.norm(w, axis=0)
-    if np.linalg.cond(w / norms) > 1e6:
-        raise IdentificationError("the payload's effort cannot be told from the joint's own in these recordings")
-    target = data.target - data.reduced(efforts)
-    values = np.linalg.lstsq(w, target, rcond=None)[0]
-    covariance = sandwich(w, target - w @ values, data.lengths)
+    lower, upper = (np.append(bound, end) for bound, end in zip(model.bounds(), (-np.inf, np.inf), strict=True))
+    # The first step finds the payload's share of the effort.
+    values = np.append(solve_family(replace(model, payload_scale=0.0), data).values, 0.0)
+    size = float(np.linalg.norm(data.target))
+    for _ in range(MAX_STEPS):
+        w, residual = _rows_with_payload(model, values, data)
+        norms = np.linalg.norm(w, axis=0)
+        if np.linalg.cond(w / np.maximum(norms, np.finfo(float).tiny)) > 1e6:
+            raise IdentificationError("the payload's effort cannot be told from the joint's own in these recordings")
+        step = least_squares_within(w, residual, lower - values, upper - values)
+        values = values + step
+        if np.linalg.norm(w @ step) < STEP_TOLERANCE * size:
+            break
+    w, residual = _rows_with_payload(model, values, data)
+    covariance = sandwich(w, residual, data.lengths)
     inverse, sd = values[-1], float(np.sqrt(covariance[-1, -1]))
     if not inverse > 3.0 * sd:
         raise IdentificationError(
@@ -56,3 +61,19 @@ def drive_constant(model: JointModel, data: Stack) -> Parameter:
         )
     unit = f"{'N*m' if model.motion == 'rotary' else 'N'}/{model.effort_unit}"
     return Parameter("drive_constant", unit, float(1.0 / inverse), float(sd / inverse**2))
+
+
+def _rows_with_payload(model: JointModel, values: np.ndarray, data: Stack) -> tuple[np.ndarray, np.ndarray]:
+    """Regressor (m, p + 1) of the free parameters and of the payload's scale, and residual (m,), at `values`, (p + 1,),
+    the last one being the scale."""
+    scaled = replace(model, payload_scale=float(values[-1]))
+    columns, efforts = [], []
+    for motion in data.motions:
+        own = scaled.vector(values[:-1])
+        one = np.zeros_like(own)
+        payload = replace(model, payload_scale=1.0).loaded(one, *motion.payload)
+        selection = np.column_stack([model.selection(), payload])
+        effort, jacobian = filtered_jacobian(scaled.loaded(own, *motion.payload), selection, motion)
+        columns.append(motion.rows(jacobian))
+        efforts.append(motion.rows(effort))
+    return np.concatenate(columns), data.target - np.concatenate(efforts)

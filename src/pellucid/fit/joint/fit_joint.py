@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...models.joint import SYMBOLS, joint_model
+from ...models.joint import SYMBOLS_BY_NAME, joint_model
 from ...signals.motion import Filtering, motion_of, shortest
 from ...signals.sampled import sampled
 from ..regression import stack
@@ -117,9 +117,12 @@ def fit_joint(
         raise IdentificationError(
             f"fit_joint: effort_unit: found {own!r}, expected one of {units[motion]}, A, V for a {motion} joint"
         )
-    for name in known or {}:
-        if name not in SYMBOLS:
-            raise IdentificationError(f"fit_joint: known: found {name!r}, expected any of {', '.join(SYMBOLS)}")
+    for name, value in (known or {}).items():
+        if name not in SYMBOLS_BY_NAME:
+            raise IdentificationError(f"fit_joint: known: found {name!r}, expected any of {', '.join(SYMBOLS_BY_NAME)}")
+        low, high = SYMBOLS_BY_NAME[name].lower, SYMBOLS_BY_NAME[name].upper
+        if not low <= value <= high:
+            raise IdentificationError(f"fit_joint: known: found {name} = {value:g}, expected {low:g} to {high:g}")
     for name, value, least in (("decimate", decimate, 1), ("order", order, 1), ("trim", trim or 0, 0)):
         if value != int(value) or value < least:
             raise IdentificationError(f"fit_joint: {name}: found {value}, expected an integer of {least} or more")

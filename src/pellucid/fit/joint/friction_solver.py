@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...models.joint import STRIBECK_SHARE, JointModel
+from ...models.joint import MAX_STRIBECK_SHARE, JointModel
 from ..regression import Solution, Stack, at_bounds, least_squares_within, require_full_rank, rows_of, solve
 
 LOAD_START = 0.05
@@ -101,7 +101,7 @@ def _profiled(model: JointModel, data: Stack, w: np.ndarray, consistent: bool, a
     at = model.names.index("stribeck_velocity")
     top = float(model.bounds()[1][at])
     if not np.isfinite(top):
-        top = STRIBECK_SHARE * max(float(np.abs(m.velocity).max()) for m in data.motions)
+        top = MAX_STRIBECK_SHARE * max(float(np.abs(m.velocity).max()) for m in data.motions)
     previous = (
         None
         if after is None

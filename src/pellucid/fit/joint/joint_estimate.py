@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ... import _core
+from ..._errors import IdentificationError
 from ...models.card import ModelCard
 from ...models.joint import UNITS, JointModel
 from ...signals.motion import Filtering, motion_of
@@ -170,6 +171,9 @@ def estimated(
     `notes`; `instruments`, (m, p), of an instrumental-variable estimate; `lengths` of stretches, if not the stack's;
     `discrepancy` of least squares, whose own is estimated here."""
     lengths = data.lengths if lengths is None else lengths
+    size = np.linalg.norm(data.target)
+    if not size > 0.0:
+        raise IdentificationError("found an effort of 0 in every row, expected one that changes as the joint moves")
     w, rho = found.jacobian * found.weights[:, None], found.residual * found.weights
     norms = np.linalg.norm(found.jacobian, axis=0)
     # A Stribeck velocity without a Stribeck level has no effect at all: no interval can be given.
@@ -196,7 +200,6 @@ def estimated(
         for i in held
         if not any(note.startswith(names[i]) for note in notes)
     )
-    size = np.linalg.norm(data.target)
     plain = parameters_of(
         names, [model.unit(n) for n in names], found.values, covariance, found.at_bound, idle, statistical, causes
     )

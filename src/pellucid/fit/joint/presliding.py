@@ -26,7 +26,7 @@ import numpy as np
 
 from ... import _core
 from ...models.filtered_dynamics import SMOOTH_TERMS, regressor
-from ...models.joint import INDEX, NAMES, UNITS, JointModel
+from ...models.joint import NAMES, PARAMETER_FIELDS, PARAMETER_INDEX, UNITS, JointModel
 from ...signals.motion import Motion
 from ..block_test import LEVEL, p_of_worse
 from ..parameter import Parameter
@@ -153,17 +153,34 @@ def presliding(
 def _stroke(model: JointModel, values: np.ndarray, motion: Motion) -> _Stroke:
     motion = whole(motion)
     every = regressor(motion.position, motion.velocity, motion.acceleration, SMOOTH_TERMS)
-    payload = model.loaded(np.zeros(len(INDEX)), *motion.payload)[list(SMOOTH_TERMS)]
+    payload = model.loaded(np.zeros(len(PARAMETER_INDEX)), *motion.payload)[list(SMOOTH_TERMS)]
     targets = ALWAYS | {t for s in model.symbols for t in s.targets} | ({"gravity_sine"} & set(model.known))
     used = [i for i, term in enumerate(SMOOTH_TERMS) if NAMES[term] in targets]
     vector = model.loaded(model.vector(values), *motion.payload)
-    levels, velocity = [np.ones(len(motion.position))], vector[INDEX["stribeck_velocity"]]
+    levels, velocity = [np.ones(len(motion.position))], vector[PARAMETER_INDEX["stribeck_velocity"]]
     if any(name.startswith("load_") for name in model.names):
         levels.append(np.abs(_core.load(vector, motion.position, motion.acceleration)))
     if "stribeck" in model.names and velocity > 0.0:
         levels.append(np.exp(-np.square(motion.velocity / velocity)))
     levels = np.column_stack(levels)
-    return _Stroke(motion, motion.rows(every[:, used]), motion.rows(motion.effort - every @ payload), levels)
+    fixed = np.hstack([motion.rows(every[:, used]), _drag(model, motion)])
+    return _Stroke(motion, fixed, motion.rows(motion.effort - every @ payload), levels)
+
+
+def _drag(model: JointModel, motion: Motion) -> np.ndarray:
+    """Friction per unit of each coefficient that grows with the speed otherwise than in proportion, (m, k)."""
+    curved = [
+        target
+        for target in dict.fromkeys(target for symbol in model.symbols for target in symbol.targets)
+        if PARAMETER_FIELDS[target].resists is not None and PARAMETER_FIELDS[target].resists.speed not in (0.0, 1.0)
+    ]
+    still, columns = np.zeros(len(motion.velocity)), [np.zeros((len(motion.rows(motion.velocity)), 0))]
+    for target in curved:
+        vector = np.zeros(len(PARAMETER_INDEX))
+        vector[PARAMETER_INDEX[target]] = 1.0
+        friction = _core.inverse_dynamics(vector, still, motion.velocity, still)
+        columns.append(motion.rows(motion.smooth(friction))[:, None])
+    return np.hstack(columns)
 
 
 def _columns(strokes: Sequence[_Stroke], travel: float) -> tuple[np.ndarray, np.ndarray]:

@@ -15,6 +15,9 @@ from ...signals.motion import Motion, differentiate
 SIGNALS = ("position", "velocity", "acceleration", "effort")
 SMOOTHING = 0.01  # width of the smooth sign of velocity, as a share of a recording's largest speed
 
+DIVERGED = 1e100
+"""From here on a simulated response, or its derivative, is none; squares of it still are numbers."""
+
 
 @dataclass(frozen=True)
 class Machine:
@@ -82,7 +85,15 @@ def replay(
     )
     if trace.jacobians is None:
         return trace
-    return replace(trace, jacobians={differentiate: trace.jacobians[differentiate] @ selection[active]})
+    jacobian, free = trace.jacobians[differentiate], selection[active]
+    # A product of numbers near the largest is infinite, and infinities of either sign make none: both would warn.
+    reduced = jacobian @ free if is_bounded(jacobian) else np.full((len(jacobian), free.shape[1]), np.nan)
+    return replace(trace, jacobians={differentiate: reduced})
+
+
+def is_bounded(response: np.ndarray) -> bool:
+    """Return whether a simulated response or its derivative has not diverged; False where it is no number."""
+    return bool(np.all(np.abs(response) < DIVERGED))
 
 
 def simulation_of(
@@ -92,7 +103,7 @@ def simulation_of(
     slips [rad or m], the joint a `model` with `values`, (p,), and compare, measured and simulated signals filtered
     alike."""
     trace = replay(model, values, motion, machine, closed=closed, travel=travel)
-    if not (np.all(np.isfinite(trace.acceleration)) and np.all(np.isfinite(trace.effort))):
+    if not (is_bounded(trace.acceleration) and is_bounded(trace.effort)):
         raise IdentificationError(f"recording '{motion.recording}': the simulated joint diverges")
     inner = motion.inner
     made = (*differentiate(trace.position, motion.fs, motion.filtering), motion.smooth(trace.effort))

@@ -1,17 +1,17 @@
-r"""Calibration of muscles of Hill's type on a person: from envelopes and geometry to the torque that was measured.
+r"""Calibrate Hill-type muscles to a person: from EMG envelopes and muscle geometry to the measured joint torque.
 
-With what is free written as :math:`z = (x - \bar x)/\sigma`, in standard deviations from its anatomical value (of
-logarithms where a factor is meant), the cost is
+The free parameters are :math:`z = (x - \bar x)/\sigma`, standard deviations from the anatomical value (of the logarithm
+for factors). The cost is
 
 .. math::
    C(z) = \frac{1}{2 n s^2} \sum_t w_t \, (\tau_t(z) - \tau^{ref}_t)^2 + \frac{\lambda^2}{2} \, z^T z, \qquad
    \tau = \sum_m r_m F_m + c - k q - b \dot q
 
-with s the reference's standard deviation; the last three terms are the joint's own tissue. Several joints have one set
-of muscles: each joint's errors are relative to its own s, and n counts the samples of all. Where muscles are coupled,
-what is in z pulls together (`coupled_priors`). Derivatives are exact (the core's). Bounded least squares is the
-default; Adam and a particle swarm with conjugate gradients are there to be compared. Envelopes are relative to a
-maximal contraction [1]_.
+with s the standard deviation of the reference torque. The last three terms are the joint's passive tissue. Several
+joints share one set of muscles: each joint's errors are divided by its own s, and n counts the samples of all joints.
+For coupled priors a quadratic form replaces :math:`z^T z` (`coupled_priors`). The core computes exact derivatives. The
+default method is bounded least squares; Adam and a particle swarm with conjugate gradients are offered for comparison.
+Envelopes are relative to a maximal contraction [1]_.
 
 .. [1] D. G. Lloyd, T. F. Besier, "An EMG-driven musculoskeletal model to estimate muscle forces and knee joint moments
    in vivo", J. Biomech. 36, 2003.
@@ -32,48 +32,50 @@ from ...models.hill import HillData, HillModel, HillMuscle
 from ..searches.adam import adam
 from ..searches.bounded_least_squares import Descent, bounded_least_squares
 from ..searches.swarm import conjugate_gradient, swarm_with_gradients
-from .muscle_freedom import USUAL, Prior, muscle_priors
+from .muscle_freedom import DEFAULT_QUANTITIES, Prior, muscle_priors
 
-METHODS = ("least_squares", "adam", "adam_fixed", "swarm", "descent")
-"""Bounded least squares; Adam with a rate that falls, and a fixed one; swarm with conjugate gradients; those alone."""
+CALIBRATION_METHODS = ("least_squares", "adam", "adam_fixed", "swarm", "descent")
+"""Bounded least squares; Adam with a decaying and with a fixed rate; swarm with conjugate gradients; these alone."""
 
-STARTS = 3
-"""Where least squares begins: at the anatomical values, and at as many draws less one."""
+DEFAULT_START_COUNT = 3
+"""Number of starting points of least squares: the anatomical values, and random draws for the rest."""
 
-SCREENED = 15
-"""Evaluations after which the best of several starts goes on alone."""
+SCREENING_EVALUATIONS = 15
+"""After this many evaluations only the best of several starts is continued."""
 
-TOLERANCE = 1e-3
-"""Of the cost's relative fall, below which least squares ends: far less than what a recording can tell."""
+COST_TOLERANCE = 1e-3
+"""Least squares stops when a step would reduce the cost by less than this share. The recording cannot resolve smaller
+changes."""
 
-SEED = 160214
-"""Of the draws."""
+START_SEED = 160214
+"""Seed of the random starting points."""
 
-PASSIVE = (("offset", "N*m", -20.0, 20.0, 5.0), ("stiffness", "N*m/rad", 0.0, 40.0, 10.0),
+PASSIVE_TISSUE_PARAMETERS = (("offset", "N*m", -20.0, 20.0, 5.0), ("stiffness", "N*m/rad", 0.0, 40.0, 10.0),
            ("damping", "N*m*s/rad", 0.0, 3.0, 0.5))  # fmt: skip
-"""The joint's own tissue: name, unit, bounds, and standard deviation about 0."""
+"""Parameters of the joint's passive tissue: name, unit, lower and upper bound, and prior standard deviation around
+0."""
 
-NEAR = 0.01
-"""A parameter this close to a bound, in standard deviations among people, is on it."""
+AT_BOUND_DISTANCE = 0.01
+"""A parameter closer to a bound than this, in standard deviations among people, counts as held by it."""
 
-WEIGHT = 0.01
-"""Of anatomy, lambda, where none is given."""
+DEFAULT_ANATOMY_WEIGHT = 0.01
+"""Default of lambda, the weight of anatomy."""
 
 
 @dataclass(frozen=True, eq=False)
 class MuscleSamples:
-    """What muscles are calibrated on."""
+    """Samples that muscles are calibrated to."""
 
-    data: HillData  # Of m muscles, n samples
-    torque: np.ndarray  # (n,) The reference [N m]; like the next three (j, n) of several joints
-    angle: np.ndarray  # angle, speed: (n,) Of the joint, torque positive along them [rad] and [rad/s]
-    speed: np.ndarray
-    weight: np.ndarray  # (n,) By which squared errors count; 0 leaves a sample out, its envelopes stay in the lags
-    joints: tuple[str, ...] = ("joint",)  # What each row is called; a single one is no row
+    data: HillData  # envelopes and geometry of m muscles, n samples
+    torque: np.ndarray  # (n,) reference torque [N m]; this and the next three are (j, n) for several joints
+    angle: np.ndarray  # (n,) joint angle, positive in the direction of the torque [rad]
+    speed: np.ndarray  # (n,) joint velocity [rad/s]
+    weight: np.ndarray  # (n,) weight of the squared error; 0 excludes a sample, but its envelope still enters the lags
+    joints: tuple[str, ...] = ("joint",)  # name of each joint; arrays of a single joint have no row axis
 
     @cached_property
     def passive(self) -> np.ndarray:
-        """d torque / d offset, stiffness, damping of each joint; shape (3, n), or (3 j, j, n) of several."""
+        """Derivatives of the torque by each joint's passive offset, stiffness and damping, (3, n) or (3 j, j, n)."""
         each = np.stack((np.ones_like(self.angle), -self.angle, -self.speed))
         if self.torque.ndim == 1:
             return each
@@ -81,23 +83,23 @@ class MuscleSamples:
         return (own * each.swapaxes(0, 1)[:, :, None]).reshape(-1, *self.torque.shape)
 
     def only(self, counted: np.ndarray) -> MuscleSamples:
-        """The same, with errors at the samples `counted` alone (indices or mask)."""
+        """Return the same samples with nonzero weight only where `counted` (indices or mask)."""
         weight = np.zeros_like(self.weight)
         weight[..., counted] = self.weight[..., counted]
         return replace(self, weight=weight)
 
 
 class MuscleProblem:
-    """Cost, gradient and normal equations of a calibration, in standard deviations from anatomy."""
+    """Cost, gradient and normal equations of a calibration, as functions of z, standard deviations from anatomy."""
 
     def __init__(
         self,
         muscles: Sequence[HillMuscle],
         samples: MuscleSamples,
         *,
-        quantities: Sequence[str] = USUAL,
+        quantities: Sequence[str] = DEFAULT_QUANTITIES,
         passive: bool = True,
-        weight: float = WEIGHT,
+        weight: float = DEFAULT_ANATOMY_WEIGHT,
         priors: Sequence[Prior] | None = None,
         hold: np.ndarray | None = None,
     ):
@@ -106,9 +108,9 @@ class MuscleProblem:
         self.model = HillModel(muscles, [p.free for p in self.priors])
         self.passive = passive
         low, high = self.model.bounds
-        tissue = PASSIVE if passive else ()
+        tissue = PASSIVE_TISSUE_PARAMETERS if passive else ()
         tissue *= len(samples.joints)
-        own = [joint for joint in samples.joints for _ in PASSIVE] if passive else []
+        own = [joint for joint in samples.joints for _ in PASSIVE_TISSUE_PARAMETERS] if passive else []
         self.names = (*self.model.names, *(f"{j}.{row[0]}" for j, row in zip(own, tissue, strict=True)))
         self.units = (*(p.unit for p in self.priors), *(row[1] for row in tissue))
         self.expected = np.array([*(p.expected for p in self.priors), *(0.0 for _ in tissue)])
@@ -116,7 +118,7 @@ class MuscleProblem:
         self._log = np.array([*(p.logarithm for p in self.priors), *(False for _ in tissue)], bool)
         self.lower = self.deviations(np.array([*low, *(row[2] for row in tissue)]))
         self.upper = self.deviations(np.array([*high, *(row[3] for row in tissue)]))
-        # What anatomy pulls by, beside its weight squared: the inverse of how z spreads among people.
+        # `hold` is the prior's precision matrix: the inverse of the correlations of z among people.
         self.hold = np.eye(len(self.names))
         if hold is not None:
             self.hold[: len(hold), : len(hold)] = hold
@@ -138,30 +140,30 @@ class MuscleProblem:
         self._tissue = (samples.passive * self.root).reshape(-1, samples.torque.size) if passive else None
 
     def held_by(self, weight: float) -> MuscleProblem:
-        """The same with another weight of anatomy."""
+        """Return the same problem with another weight of anatomy."""
         made = copy(self)
         made.weight = weight
         return made
 
     def values(self, z: np.ndarray) -> np.ndarray:
-        """Parameters for z, shape (..., p), in their units."""
+        """Convert z, shape (..., p), to parameters in their units."""
         moved = self.spread * np.asarray(z, float)
         return np.where(self._log, self.expected * np.exp(np.where(self._log, moved, 0.0)), self.expected + moved)
 
     def gains(self, z: np.ndarray) -> np.ndarray:
-        """d parameter / d z, shape (p,)."""
+        """Return the derivatives of the parameters with respect to z, shape (p,)."""
         return self._gains(self.values(z))
 
     def _gains(self, x: np.ndarray) -> np.ndarray:
         return self.spread * np.where(self._log, x, 1.0)
 
     def deviations(self, values: np.ndarray) -> np.ndarray:
-        """z for parameters in their units, shape (p,)."""
+        """Convert parameters in their units to z, shape (p,)."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(self._log, np.log(values / self.expected), values - self.expected) / self.spread
 
     def torque(self, z: np.ndarray, samples: MuscleSamples | None = None) -> np.ndarray:
-        """Torque for z, shape (n,) or (j, n) [N m]; of other samples where given."""
+        """Predict the torque for z, shape (n,) or (j, n) [N m], of the problem's or of other `samples`."""
         samples, x = samples or self.samples, self.values(z)
         return self._with_tissue(self.model.torque(samples.data, x[: self._muscles]), x, samples)
 
@@ -171,7 +173,7 @@ class MuscleProblem:
         return torque + (x[self._muscles :] @ samples.passive.reshape(-1, torque.size)).reshape(torque.shape)
 
     def jacobian(self, z: np.ndarray, samples: MuscleSamples | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Torque, shape (n,) or (j, n), and its derivatives by z, shape (p, n) or (p, j, n)."""
+        """Return the torque, shape (n,) or (j, n), and its derivatives by z, shape (p, n) or (p, j, n)."""
         samples, x = samples or self.samples, self.values(z)
         torque, slopes = self.model.jacobian(samples.data, x[: self._muscles])
         torque = self._with_tissue(torque, x, samples)
@@ -179,12 +181,13 @@ class MuscleProblem:
         return torque, slopes * self._gains(x).reshape(-1, *(1,) * torque.ndim)
 
     def weighed(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Errors as the cost counts them, shape (n,) or (j, n), and their derivatives by z, (p, n) or (p, j, n)."""
+        """Return the weighted errors, shape (n,) or (j, n), and their derivatives by z, (p, n) or (p, j, n)."""
         torque, slopes = self.jacobian(z)
         return (torque - self.samples.torque) * self.root, slopes * self.root
 
     def _rows(self, z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Cost, weighed errors, their derivatives by parameters, those by z, and the pull of anatomy on each."""
+        """Return cost, weighted errors, their derivatives by the parameters, the parameters' by z, and the prior's
+        gradient."""
         x = self.values(z)
         torque, slopes = self.model.jacobian(self.samples.data, x[: self._muscles])
         error = ((self._with_tissue(torque, x, self.samples) - self.samples.torque) * self.root).ravel()
@@ -196,18 +199,18 @@ class MuscleProblem:
         return 0.5 * float(error @ error) + 0.5 * float(z @ pulled), error, rows, self._gains(x), pulled
 
     def equations(self, z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """Cost, gradient and normal matrix, anatomy included."""
+        """Return cost, gradient and normal matrix, with the prior included."""
         cost, error, rows, gains, pulled = self._rows(z)
         normal = gains[:, None] * (rows @ rows.T) * gains + self.weight**2 * self.hold
         return cost, gains * (rows @ error) + pulled, normal
 
     def cost(self, z: np.ndarray) -> float:
-        """Cost alone."""
+        """Return the cost."""
         error = ((self.torque(z) - self.samples.torque) * self.root).ravel()
         return 0.5 * float(error @ error) + 0.5 * self.weight**2 * float(z @ self.hold @ z)
 
     def cost_and_gradient(self, z: np.ndarray) -> tuple[float, np.ndarray]:
-        """Cost and gradient."""
+        """Return the cost and its gradient."""
         cost, error, rows, gains, pulled = self._rows(z)
         return cost, gains * (rows @ error) + pulled
 
@@ -217,13 +220,13 @@ class MuscleFit:
     """Calibrated muscles."""
 
     problem: MuscleProblem = field(repr=False)
-    z: np.ndarray = field(repr=False)  # (p,) Standard deviations from anatomy
-    normal: np.ndarray = field(repr=False)  # (p, p) J'J there, anatomy included
+    z: np.ndarray = field(repr=False)  # (p,) estimate in standard deviations from anatomy
+    normal: np.ndarray = field(repr=False)  # (p, p) J'J at the estimate, with the prior included
     cost: float
     method: str
-    costs: tuple[float, ...]  # Of each start, when the best was chosen
-    evaluations: int  # Of the cost, in all
-    seconds: float  # It took, all starts included
+    costs: tuple[float, ...]  # cost of each start when the best was chosen
+    evaluations: int  # number of evaluations of the cost, over all starts
+    seconds: float  # duration of the calibration, all starts included [s]
 
     @property
     def values(self) -> dict[str, float]:
@@ -232,46 +235,53 @@ class MuscleFit:
 
     @property
     def muscles(self) -> tuple[HillMuscle, ...]:
-        """As calibrated."""
+        """The calibrated muscles."""
         return self.problem.model.with_values(self.problem.values(self.z)[: len(self.problem.priors)])
 
     @property
     def passive(self) -> tuple[float, float, float]:
-        """Offset [N m], stiffness [N m/rad] and damping [N m s/rad] of the joint's own tissue."""
+        """Offset [N m], stiffness [N m/rad] and damping [N m s/rad] of the first joint's passive tissue."""
         return next(iter(self.tissue.values()))
 
     @property
     def tissue(self) -> dict[str, tuple[float, float, float]]:
-        """The same of each joint."""
+        """Offset, stiffness and damping of the passive tissue, by joint."""
         joints = self.problem.samples.joints
         if not self.problem.passive:
             return dict.fromkeys(joints, (0.0, 0.0, 0.0))
-        own = self.problem.values(self.z)[len(self.problem.priors) :].reshape(len(joints), len(PASSIVE))
+        own = self.problem.values(self.z)[len(self.problem.priors) :].reshape(
+            len(joints), len(PASSIVE_TISSUE_PARAMETERS)
+        )
         return {joint: tuple(map(float, row)) for joint, row in zip(joints, own, strict=True)}
 
     @property
     def at_bound(self) -> np.ndarray:
-        """Which parameters ended on a bound, or so near it that no descent tells the two apart, shape (p,)."""
-        return (self.z <= self.problem.lower + NEAR) | (self.z >= self.problem.upper - NEAR)
+        """Whether each parameter ended on a bound, or too close to it to be distinguished from it, shape (p,)."""
+        return (self.z <= self.problem.lower + AT_BOUND_DISTANCE) | (self.z >= self.problem.upper - AT_BOUND_DISTANCE)
 
     def predict(self, samples: MuscleSamples) -> np.ndarray:
-        """Torque of other samples, shape (n,) or (j, n) [N m]; their own torque is not looked at."""
+        """Predict the torque of other samples, shape (n,) or (j, n) [N m]; their own torque is not used."""
         return self.problem.torque(self.z, samples)
 
 
-def calibrate_muscles(
+def solve_calibration(
     problem: MuscleProblem,
     *,
     method: str = "least_squares",
-    starts: int = STARTS,
+    starts: int = DEFAULT_START_COUNT,
     stages: Sequence[Sequence[str]] | None = None,
-    seed: int = SEED,
+    seed: int = START_SEED,
     iterations: int | None = None,
     near: np.ndarray | None = None,
 ) -> MuscleFit:
-    """Find the muscles that give the torque that was measured; least squares begins `near` a z, (p,), where given."""
-    if method not in METHODS:
-        raise IdentificationError(f"calibration: found the method {method!r}, expected one of {', '.join(METHODS)}")
+    """Calibrate muscles to a measured torque by one of `CALIBRATION_METHODS`.
+
+    Least squares starts from `near`, a z of shape (p,), if it is given, and from random draws for further `starts`.
+    """
+    if method not in CALIBRATION_METHODS:
+        raise IdentificationError(
+            f"calibration: found the method {method!r}, expected one of {', '.join(CALIBRATION_METHODS)}"
+        )
     began, rng = time.perf_counter(), np.random.default_rng(seed)
     low, high = problem.lower, problem.upper
     if method == "least_squares":
@@ -279,7 +289,7 @@ def calibrate_muscles(
         begin = [first, *(rng.normal(0.0, 0.7, len(low)) for _ in range(starts - 1))]
         begin = [np.clip(z, low, high) for z in begin]
         most = iterations or 60
-        found = [_descend(problem, z, stages, SCREENED if starts > 1 else most) for z in begin]
+        found = [_descend(problem, z, stages, SCREENING_EVALUATIONS if starts > 1 else most) for z in begin]
         evaluations, costs = sum(end.evaluations for end in found), tuple(end.cost for end in found)
         end = found[int(np.argmin(costs))]
         if starts > 1 and not end.converged:
@@ -312,17 +322,17 @@ def calibrate_muscles(
 def _descend(
     problem: MuscleProblem, start: np.ndarray, stages: Sequence[Sequence[str]] | None, iterations: int
 ) -> Descent:
-    """From one start through all stages."""
+    """Run bounded least squares from one start through all stages."""
     z, spent = start, 0
-    for frozen in _frozen(problem, stages):
+    for frozen in _frozen_by_stage(problem, stages):
         low, high = np.where(frozen, z, problem.lower), np.where(frozen, z, problem.upper)
-        end = bounded_least_squares(problem.equations, z, low, high, iterations=iterations, tolerance=TOLERANCE)
+        end = bounded_least_squares(problem.equations, z, low, high, iterations=iterations, tolerance=COST_TOLERANCE)
         z, spent = end.x, spent + end.evaluations
     return replace(end, evaluations=spent)
 
 
-def _frozen(problem: MuscleProblem, stages: Sequence[Sequence[str]] | None) -> list[np.ndarray]:
-    """Which parameters rest in each stage; the joint's own tissue never does."""
+def _frozen_by_stage(problem: MuscleProblem, stages: Sequence[Sequence[str]] | None) -> list[np.ndarray]:
+    """Return which parameters are fixed in each stage; those of the passive tissue never are."""
     tissue = np.zeros(len(problem.names) - len(problem.priors), bool)
     if stages is None:
         return [np.zeros(len(problem.names), bool)]

@@ -1,8 +1,8 @@
-"""What a calibration may change of muscles: bounds from physiology, and how far people differ from an anatomical model.
+"""Quantities of muscles that a calibration may change: physiological bounds and the variation between people.
 
-An EMG envelope and a joint's torque do not determine every number of every muscle. What a recording says little of is
-held near the anatomical value, in units of how far people spread about it; what it says much of moves freely within
-bounds.
+EMG envelopes and a joint's torque do not determine every parameter of every muscle. Each parameter therefore has a
+prior: its anatomical value, with the standard deviation among people. A parameter that the recording determines moves
+freely within its bounds; any other stays near its anatomical value.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from ...models.hill import FreeParameter, HillModel, HillMuscle
 
 @dataclass(frozen=True)
 class Freedom:
-    """One quantity that calibration frees."""
+    """Bounds and prior of one quantity that a calibration may free."""
 
-    quantity: str  # One of `pellucid.models.hill.FREE` or ``TWINS``
-    shared: bool  # One number for all muscles, instead of one for each
-    relative: bool  # Whether bounds and spread are shares of what each muscle has, or SI
+    quantity: str  # name in `pellucid.models.hill`
+    shared: bool  # whether all muscles share one value
+    relative: bool  # whether bounds and spread are factors of each muscle's anatomical value instead of SI
     lower: float
     upper: float
-    spread: float  # Standard deviation among people about the anatomical value
-    logarithm: bool = False  # Whether spread is that of the logarithm: half and twice are equally far away
+    spread: float  # standard deviation among people around the anatomical value
+    logarithm: bool = False  # whether the spread is that of the logarithm, so that half and double are equally far
 
 
-FREEDOMS: Mapping[str, Freedom] = {
+QUANTITY_FREEDOMS: Mapping[str, Freedom] = {
     freedom.quantity: freedom
     for freedom in (
         Freedom("strength", False, True, 0.3, 3.0, 0.4, logarithm=True),
@@ -41,25 +41,35 @@ FREEDOMS: Mapping[str, Freedom] = {
         Freedom("optimal_length_shift", True, False, 0.0, 0.25, 0.1),
     )
 }
-"""Everything that can be freed, by quantity; the published bounds on activation (A in [-3, 0], delay up to 100 ms)."""
+"""All quantities that can be freed, by name. The bounds on activation (A in [-3, 0], delay up to 100 ms) are
+published."""
 
-USUAL = ("strength", "tendon_slack_length", "optimal_fibre_length", "passive_scale", "shape", "time_constant", "delay")
-"""What is freed if nothing else is asked."""
+DEFAULT_QUANTITIES = (
+    "strength",
+    "tendon_slack_length",
+    "optimal_fibre_length",
+    "passive_scale",
+    "shape",
+    "time_constant",
+    "delay",
+)
+"""Quantities that are freed by default."""
 
-UNITS: Mapping[str, str] = {"time_constant": "s", "delay": "s", "max_velocity": "1/s"}
-"""Of quantities that are no factors and have one."""
+QUANTITY_UNITS: Mapping[str, str] = {"time_constant": "s", "delay": "s", "max_velocity": "1/s"}
+"""Units of the quantities that are not dimensionless."""
 
-STAGES: tuple[tuple[str, ...], ...] = (
+CALIBRATION_STAGES: tuple[tuple[str, ...], ...] = (
     ("strength",),
     ("strength", "shape", "time_constant", "delay"),
-    USUAL,
+    DEFAULT_QUANTITIES,
 )
-"""What is free in each stage of a staged calibration: what torque says most of comes first."""
+"""Quantities that are free in each stage of a staged calibration: those that the torque determines best come first."""
 
 
 @dataclass(frozen=True)
 class Prior:
-    """A free parameter with what anatomy says of it: a mean and a standard deviation, of its logarithm if so said."""
+    """A free parameter with its anatomical prior: mean and standard deviation, the latter of the logarithm if so
+    stated."""
 
     free: FreeParameter
     expected: float
@@ -68,16 +78,16 @@ class Prior:
 
     @property
     def unit(self) -> str:
-        """Of the number: a factor has none."""
-        return "1" if self.free.relative else UNITS.get(self.free.quantity, "1")
+        """Unit of the parameter; "1" for a factor."""
+        return "1" if self.free.relative else QUANTITY_UNITS.get(self.free.quantity, "1")
 
 
-def muscle_priors(muscles: Sequence[HillMuscle], quantities: Sequence[str] = USUAL) -> tuple[Prior, ...]:
-    """Free parameters of some muscles, with their priors."""
+def muscle_priors(muscles: Sequence[HillMuscle], quantities: Sequence[str] = DEFAULT_QUANTITIES) -> tuple[Prior, ...]:
+    """Return the free parameters of some muscles with their priors."""
     names = tuple(m.name for m in muscles)
     free = []
     for quantity in quantities:
-        f = FREEDOMS[quantity]
+        f = QUANTITY_FREEDOMS[quantity]
         for group in (names,) if f.shared else tuple((name,) for name in names):
             name = quantity if f.shared else f"{quantity}.{group[0]}"
             free.append(FreeParameter(name, quantity, group, f.lower, f.upper, f.relative))
@@ -86,8 +96,8 @@ def muscle_priors(muscles: Sequence[HillMuscle], quantities: Sequence[str] = USU
         Prior(
             parameter,
             float(expected),
-            FREEDOMS[parameter.quantity].spread,
-            FREEDOMS[parameter.quantity].logarithm,
+            QUANTITY_FREEDOMS[parameter.quantity].spread,
+            QUANTITY_FREEDOMS[parameter.quantity].logarithm,
         )
         for parameter, expected in zip(free, start, strict=True)
     )

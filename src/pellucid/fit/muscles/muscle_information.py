@@ -1,13 +1,14 @@
-r"""What a recording says of muscles, and what it does not: information, covariance, profiles, and verdicts.
+r"""Information that a recording contains on calibrated muscles: covariance, cost profiles and verdicts.
 
-With J the Jacobian of the errors in the cost, S the long-run covariance of the scores (errors are coloured), anatomy
-pulling by :math:`\lambda^2`, an estimate differs from the truth by what noise pushes and by what anatomy pulls away:
+With J the Jacobian of the errors in the cost, S the long-run covariance of the scores (errors are coloured) and
+:math:`\lambda` the weight of anatomy, the covariance of an estimate is the sum of the effects of noise and of the
+prior:
 
 .. math::
    C = H^{-1} (S + \lambda^4 I) H^{-1}, \qquad H = J^T J + \lambda^2 I
 
-in standard deviations among people squared: 1 is what is known without a recording. Where priors are coupled, the
-inverse of their correlations stands for I.
+in squared standard deviations among people, so that 1 is the variance without any recording. For coupled priors the
+inverse of their correlation matrix replaces I.
 """
 
 from __future__ import annotations
@@ -23,35 +24,35 @@ from ..searches.bounded_least_squares import bounded_least_squares
 from ..uncertainty import block_length, correlation_time, freedom_of, long_run_covariance
 from .muscle_calibration import MuscleFit
 
-KNOWN = 0.7
-"""A parameter whose standard error is more than this share of the spread among people is not identified."""
+MAX_IDENTIFIED_SPREAD_SHARE = 0.7
+"""A parameter is not identified if its standard error exceeds this share of the standard deviation among people."""
 
-MOST_NAMED = 6
-"""Parameters that a verdict lists where there are more than twice as many."""
+MAX_NAMED_PARAMETERS = 6
+"""A verdict names at most this many parameters where there are more than twice as many."""
 
-BOUND = "on a physiological bound: not identifiable"
-"""Why a parameter that ended on one has no standard error: another bound would have been another number."""
+AT_BOUND_REFUSAL = "on a physiological bound: not identifiable"
+"""Reason why a parameter on a bound has no standard error: its value follows from the choice of the bound."""
 
 
 @dataclass(frozen=True, eq=False)
 class CostProfile:
-    """How the cost rises as one parameter is held and all others are found again."""
+    """Profile of the cost along one parameter, with all others refitted."""
 
     name: str
-    values: np.ndarray  # (k,) Of the parameter, in its unit
-    costs: np.ndarray  # (k,) The lowest with it held
+    values: np.ndarray  # (k,) values at which the parameter was fixed, in its unit
+    costs: np.ndarray  # (k,) lowest cost at each of them
 
 
 def information(fit: MuscleFit) -> np.ndarray:
-    """Fisher information of the recording alone, per squared standard deviation among people. Gives (p, p)."""
-    data, scores, _ = told_by_recording(fit)
+    """Return the Fisher information of the recording alone, per squared standard deviation among people, (p, p)."""
+    data, scores, _ = recording_information(fit)
     inverse = np.linalg.pinv(scores, hermitian=True, rcond=1e-10)
     return data @ inverse @ data
 
 
 def covariance(fit: MuscleFit) -> np.ndarray:
-    """Covariance of the estimate, in standard deviations among people. Gives (p, p)."""
-    _, scores, _ = told_by_recording(fit)
+    """Return the covariance of the estimate in squared standard deviations among people, shape (p, p)."""
+    _, scores, _ = recording_information(fit)
     pull = fit.problem.weight**2
     free = np.flatnonzero(~fit.at_bound)
     inverse = np.linalg.inv(fit.normal[np.ix_(free, free)])
@@ -62,12 +63,13 @@ def covariance(fit: MuscleFit) -> np.ndarray:
 
 
 def muscle_parameters(fit: MuscleFit) -> tuple[Parameter, ...]:
-    """Parameters with standard errors; unidentifiable ones are marked, and one on a bound has none."""
+    """Return the parameters with standard errors; unidentified ones are marked, and those on a bound have none."""
     sd, gains, values = np.sqrt(np.diag(covariance(fit))), fit.problem.gains(fit.z), fit.problem.values(fit.z)
     return tuple(
         Parameter(
-            name, unit, float(x), float("nan" if b else s * g), bool(b), bool(s < KNOWN and not b),
-            refused=BOUND if b else "",
+            name, unit, float(x), float("nan" if b else s * g), bool(b),
+            identifiable=bool(s < MAX_IDENTIFIED_SPREAD_SHARE and not b),
+            refused=AT_BOUND_REFUSAL if b else "",
         )
         for name, unit, x, s, g, b in zip(
             fit.problem.names, fit.problem.units, values, sd, gains, fit.at_bound, strict=True
@@ -76,13 +78,13 @@ def muscle_parameters(fit: MuscleFit) -> tuple[Parameter, ...]:
 
 
 def reported_covariance(fit: MuscleFit) -> np.ndarray:
-    """Covariance in the parameters' units, (p, p); NaN in rows and columns of what ended on a bound."""
+    """Return the covariance in the parameters' units, (p, p); NaN in rows and columns of parameters on a bound."""
     gains = np.where(fit.at_bound, np.nan, fit.problem.gains(fit.z))
     return covariance(fit) * np.outer(gains, gains)
 
 
-def bounds_told_as_estimates(fit: MuscleFit, reported: Sequence[Parameter]) -> int:
-    """How many of the parameters `reported` stand on a bound of the fit and are given as if they had been found."""
+def count_bounds_reported_as_estimates(fit: MuscleFit, reported: Sequence[Parameter]) -> int:
+    """Count the parameters among `reported` that ended on a bound and are reported as if they had been estimated."""
     found = {p.name: p for p in reported}
     return sum(
         found[name].identifiable or found[name].trusted or bool(np.isfinite(found[name].standard_error))
@@ -90,8 +92,8 @@ def bounds_told_as_estimates(fit: MuscleFit, reported: Sequence[Parameter]) -> i
     )
 
 
-def profile(fit: MuscleFit, name: str, values: np.ndarray) -> CostProfile:
-    """Hold one parameter at one value after another and find all others again. `values` (k,)."""
+def cost_profile(fit: MuscleFit, name: str, values: np.ndarray) -> CostProfile:
+    """Fix one parameter at each of `values`, shape (k,), and refit all others."""
     problem, i = fit.problem, fit.problem.names.index(name)
     costs = []
     for value in np.asarray(values, float):
@@ -104,7 +106,7 @@ def profile(fit: MuscleFit, name: str, values: np.ndarray) -> CostProfile:
 
 
 def muscle_verdicts(fit: MuscleFit, what: str) -> tuple[Verdict, ...]:
-    """Sentences on what a recording does not show."""
+    """Return the verdicts on parameters that the recording does not determine; `what` names the calibration."""
     found = muscle_parameters(fit)
     bound = [p for p in found if p.at_bound]
     unknown = [p for p in found if not p.at_bound and not p.identifiable]
@@ -132,15 +134,15 @@ def muscle_verdicts(fit: MuscleFit, what: str) -> tuple[Verdict, ...]:
 
 
 def _listed(names: Sequence[str]) -> str:
-    """Parameters by name, the first of them where they are too many to be read."""
-    if len(names) <= 2 * MOST_NAMED:
+    """Join parameters' names, only the first ones where they are too many to be read."""
+    if len(names) <= 2 * MAX_NAMED_PARAMETERS:
         return ", ".join(names)
-    return f"{', '.join(names[:MOST_NAMED])} and {len(names) - MOST_NAMED} more"
+    return f"{', '.join(names[:MAX_NAMED_PARAMETERS])} and {len(names) - MAX_NAMED_PARAMETERS} more"
 
 
-def told_by_recording(fit: MuscleFit) -> tuple[np.ndarray, np.ndarray, float]:
-    """J'J of the recording alone, the long-run covariance of its scores, each (p, p), and the degrees of freedom of
-    that."""
+def recording_information(fit: MuscleFit) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return J'J of the recording alone, the long-run covariance of its scores, each (p, p), and its degrees of
+    freedom."""
     problem = fit.problem
     error, slopes = problem.weighed(fit.z)
     weight = np.atleast_2d(problem.samples.weight)
@@ -148,7 +150,7 @@ def told_by_recording(fit: MuscleFit) -> tuple[np.ndarray, np.ndarray, float]:
     starts = (*problem.samples.data.starts, weight.shape[1])
     lengths = [n for n in (int(counted[a:b].sum()) for a, b in pairwise(starts)) if n]
     rows = np.atleast_2d(error)
-    # Joints err at the same time: their scores are one sum, which remembers as long as the slowest of them.
+    # Errors of several joints are correlated, so their scores are summed, and the longest correlation time is used.
     scores = (slopes * error).reshape(len(slopes), len(rows), -1).sum(axis=1)[:, counted].T
     memory = max(correlation_time(row[counted], lengths) for row in rows)
     flat = slopes.reshape(len(slopes), -1)

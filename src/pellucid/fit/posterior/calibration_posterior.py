@@ -1,20 +1,20 @@
-r"""Calibrated muscles as draws: what a recording leaves open of them within what anatomy holds.
+r"""Posterior of calibrated muscles: the anatomical prior combined with one person's recordings.
 
-Parameters are z, standard deviations from anatomy, within bounds and coupled as `coupled_priors` has them. Rows are the
-calibration's own, each joint's errors over its reference's spread; they count for as little as their colour asks, which
-scores say without any inverse: :math:`\hat v = \operatorname{median}_i S_{ii}/(J^T J)_{ii}`. Unlike a calibration,
-whose weight of anatomy is chosen by what it predicts, anatomy holds here for what it is: people differ by so much. What
-calibrations leave as it is of all muscles (`COMMON`) is free too.
+The parameters z are standard deviations from anatomy, within bounds and coupled by `coupled_priors`. The rows are those
+of the calibration: each joint's error divided by the standard deviation of its reference. Their variance is enlarged
+for autocorrelation by :math:`\hat v = \operatorname{median}_i S_{ii}/(J^T J)_{ii}`, with S the scores' covariance. A
+calibration chooses the weight of anatomy by cross-validation; here anatomy has its own weight, the variation between
+people. The quantities that all muscles share (`SHARED_QUANTITIES`), which a calibration keeps fixed, are free too.
 
-Most parameters are hardly told by a recording, and many would end on a bound. So draws are of u, with z the quantile,
-within the bounds, of the normal distribution that u has by itself:
+A recording hardly determines most parameters, and many would end on a bound. Therefore the sampler draws u, and z is
+the quantile of the bounded normal distribution that corresponds to u:
 
 .. math::
    z = \Phi^{-1}\left(\Phi(a) + (\Phi(b) - \Phi(a))\,\Phi(u)\right)
 
-What anatomy says of each alone is then a standard normal distribution without bounds, and about its mode the density is
-nearly normal, by the Jacobian that muscles have anyway. :math:`q` of ``marginal_likelihood`` counts the parameters that
-the recording tells: those that anatomy tells take no freedom from the rows.
+The prior of each u is then a standard normal distribution without bounds, and the posterior is nearly normal around its
+mode. The number :math:`q` of ``marginal_likelihood`` counts only the parameters that the recording determines: those
+that anatomy determines use up no degrees of freedom.
 """
 
 from __future__ import annotations
@@ -24,29 +24,29 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from ..muscles.muscle_calibration import MuscleFit, MuscleProblem, MuscleSamples, calibrate_muscles
+from ..muscles.muscle_calibration import MuscleFit, MuscleProblem, MuscleSamples, solve_calibration
 from ..muscles.muscle_freedom import muscle_priors
-from ..muscles.muscle_information import told_by_recording
+from ..muscles.muscle_information import recording_information
 from ..searches.bounded_least_squares import bounded_least_squares
 from .hamiltonian import drawn_by_gradients
-from .marginal_likelihood import WEAK, MarginalLikelihood, Noise, Prior
+from .marginal_likelihood import PRIOR_LOG_VARIANCE_SPREAD, MarginalLikelihood, Noise, Prior
 from .posterior import Posterior, summary
 
-COMMON = ("max_velocity", "force_length_width", "optimal_length_shift")
-"""One number each of all muscles, which calibrations leave as anatomy has it."""
+SHARED_QUANTITIES = ("max_velocity", "force_length_width", "optimal_length_shift")
+"""Quantities with one value for all muscles. A calibration keeps them at their anatomical values."""
 
-HARDLY = 1e-5
-"""A weight of anatomy that only chooses among what a recording cannot tell apart."""
+WEAK_ANATOMY_WEIGHT = 1e-5
+"""A weight of anatomy so small that it only selects among parameters that fit the recording equally well."""
 
-PREDICTED = 200
-"""Draws whose torques are asked for."""
+PREDICTED_DRAW_COUNT = 200
+"""Torques are computed for about this many of the draws."""
 
-FLAT = 6.0
-"""Standard deviations of u beyond which z is told from its bound by rounding alone."""
+MAX_NORMAL_DEVIATION = 6.0
+"""Beyond this many standard deviations of u, z differs from its bound by rounding errors only."""
 
 
 class _Anatomy(Prior):
-    """A prior of z whose muscles are coupled, and whose intervals are in the parameters' units."""
+    """The prior of z with coupled muscles. Its intervals are in the parameters' own units."""
 
     def __init__(self, problem: MuscleProblem):
         p = len(problem.names)
@@ -62,25 +62,25 @@ class _Anatomy(Prior):
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class CalibrationPosterior(Posterior):
-    """Calibrated muscles, each number with its draws.
+    """Posterior of calibrated muscles.
 
     Attributes
     ----------
     problem : MuscleProblem
-        What was calibrated, with what all muscles have in common free too.
+        The calibration problem, in which the quantities that all muscles share are free too.
     """
 
     problem: MuscleProblem = field(repr=False)
 
     def torques(self, samples: MuscleSamples) -> np.ndarray:
-        """Of some of the draws, (k, n) or (k, j, n) [N m]; the samples' own torque is not looked at."""
-        some = self.draws[:: max(1, len(self.draws) // PREDICTED)]
+        """Predict the torque of some draws, shape (k, n) or (k, j, n) [N m]; the samples' own torque is not used."""
+        some = self.draws[:: max(1, len(self.draws) // PREDICTED_DRAW_COUNT)]
         return np.array([self.problem.torque(z, samples) for z in map(self.problem.deviations, some)])
 
 
 @dataclass(frozen=True, eq=False)
 class _Bounded:
-    """Between z within bounds, (..., p), and u without."""
+    """The conversion between z within bounds, shape (..., p), and u without bounds."""
 
     lower: np.ndarray  # (p,)
     upper: np.ndarray
@@ -96,15 +96,15 @@ class _Bounded:
 
     def u(self, z: np.ndarray) -> np.ndarray:
         low, wide = self._ends
-        return np.clip(ndtri(np.clip((ndtr(z) - low) / wide, 0.0, 1.0)), -FLAT, FLAT)
+        return np.clip(ndtri(np.clip((ndtr(z) - low) / wide, 0.0, 1.0)), -MAX_NORMAL_DEVIATION, MAX_NORMAL_DEVIATION)
 
     def log_slope(self, u: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Of z by u."""
+        """Return the logarithm of the derivative of z with respect to u."""
         return np.log(self._ends[1]) + 0.5 * (z**2 - u**2)
 
 
 class _Density:
-    """Of u and log v, with its gradient."""
+    """The posterior density of (u, log v), with its gradient."""
 
     def __init__(self, problem: MuscleProblem, likelihood: MarginalLikelihood):
         self.problem, self.likelihood = problem, likelihood
@@ -113,7 +113,7 @@ class _Density:
 
     def __call__(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         off = np.abs(places[:, -1] - np.log(self.likelihood.noise.variance))
-        good = np.isfinite(places).all(axis=1) & (off < 10.0 * WEAK)
+        good = np.isfinite(places).all(axis=1) & (off < 10.0 * PRIOR_LOG_VARIANCE_SPREAD)
         logs, slopes = np.full(len(places), -np.inf), np.zeros(places.shape)
         if good.any():
             logs[good], slopes[good] = self._inside(places[good])
@@ -129,16 +129,16 @@ class _Density:
         none = np.zeros((len(places), 0))
         here = replace(self.likelihood, misfit=lambda _: (square, none, np.zeros((0, 0))))
         logs = here(np.hstack([z, log_v])) + np.sum(steep, axis=1)
-        # What u has by itself is normal: anatomy's own pull and the turn's slope make -u of it.
+        # The prior of u alone is standard normal, so the gradients of the prior and of the conversion add up to -u.
         by_u = -u - np.exp(steep) * (z @ self.coupled + moment / np.exp(log_v))
         noise, q = self.likelihood.noise, self.likelihood.columns
         missed = noise.freedom * noise.variance + square - self.likelihood.least
         by_v = -0.5 * (noise.freedom + q) + 0.5 * missed / np.exp(log_v[:, 0])
-        by_v -= (log_v[:, 0] - np.log(noise.variance)) / WEAK**2
+        by_v -= (log_v[:, 0] - np.log(noise.variance)) / PRIOR_LOG_VARIANCE_SPREAD**2
         return logs, np.column_stack([by_u, by_v])
 
     def about_mode(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Its mode, about a fit's z, (p,), and its covariance there by the muscles' Jacobian."""
+        """Return the density's mode near a fit's z, shape (p,), and its covariance there by the muscles' Jacobian."""
         p, noise, bounded, coupled = len(z), self.likelihood.noise, self.bounded, self.coupled
 
         def equations(u: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
@@ -150,7 +150,7 @@ class _Density:
             cost = 0.5 * float(error @ error) / noise.variance + 0.5 * float(u @ u + at @ coupled @ at)
             return cost, rows @ error / noise.variance + u + gain * (coupled @ at), normal
 
-        far = np.full(p, FLAT)
+        far = np.full(p, MAX_NORMAL_DEVIATION)
         end = bounded_least_squares(equations, np.clip(bounded.u(z), -2.0, 2.0), -far, far)
         covariance = np.zeros((p + 1, p + 1))
         covariance[:p, :p] = np.linalg.inv(end.normal)
@@ -159,11 +159,11 @@ class _Density:
 
 
 def calibration_posterior(fit: MuscleFit, *, level: float = 0.95, title: str = "", **sampling) -> CalibrationPosterior:
-    """Draws of calibrated muscles, in their units; `sampling` is what `drawn_by_gradients` takes."""
+    """Return the posterior of calibrated muscles, in their units; `sampling` is passed to `drawn_by_gradients`."""
     problem, z = _with_common(fit)
-    # The least that any parameters leave over: a weight of anatomy would hold back from it.
-    least = calibrate_muscles(problem.held_by(HARDLY), starts=1, near=z).z
-    data, scores, freedom = told_by_recording(fit)
+    # R is the smallest residual over all parameters; the full weight of anatomy would prevent the fit from reaching it.
+    least = solve_calibration(problem.held_by(WEAK_ANATOMY_WEIGHT), starts=1, near=z).z
+    data, scores, freedom = recording_information(fit)
     told = np.diag(data) > 0.0
     variance = float(np.median(np.diag(scores)[told] / np.diag(data)[told]))
     known = np.linalg.eigvalsh(data)
@@ -175,16 +175,16 @@ def calibration_posterior(fit: MuscleFit, *, level: float = 0.95, title: str = "
     found = drawn_by_gradients(density, *density.about_mode(z), **sampling)
     found = replace(found, values=problem.values(density.bounded.z(found.values[:, :-1])))
     made = summary(problem.names, problem.units, found, likelihood.prior, level=level, title=title)
-    # Factors of what anatomy has are not to be told from 0.
+    # These parameters are factors of anatomical values, so "differs from zero" is replaced by "determined by the data".
     told_apart = tuple(replace(x, identifiable=not x.told_by_prior) for x in made.parameters)
     own = {f.name: getattr(made, f.name) for f in fields(made)}
     return CalibrationPosterior(**{**own, "parameters": told_apart}, problem=problem)
 
 
 def _with_common(fit: MuscleFit) -> tuple[MuscleProblem, np.ndarray]:
-    """The problem with what is common to all muscles free too, and the fit's z in it."""
+    """Return the problem in which the shared quantities are free too, and the fit's z in it."""
     old = fit.problem
-    common = [q for q in COMMON if q not in {p.free.quantity for p in old.priors}]
+    common = [q for q in SHARED_QUANTITIES if q not in {p.free.quantity for p in old.priors}]
     k = len(old.priors)
     priors = (*old.priors, *muscle_priors(old.model.muscles, common))
     problem = MuscleProblem(

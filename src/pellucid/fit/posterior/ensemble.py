@@ -1,8 +1,9 @@
-r"""Draws from a density by ensembles of walkers, and whether they have settled.
+r"""Sample a density with ensembles of walkers, and test whether the sampler has converged.
 
-Walkers move along differences of others (differential evolution [1]_), so that how parameters are scaled or correlated
-does not matter; two ensembles start apart. Judged are, over all parameters, the longest autocorrelation time :math:`t`
-[2]_, the number of independent draws that leaves, and how far halves of either ensemble differ [3]_,
+Each walker moves along the difference of two others (differential evolution [1]_), so the scaling and correlation of
+the parameters do not matter. Two ensembles start independently. Convergence is judged by three quantities: the longest
+autocorrelation time of any parameter [2]_, the effective number of independent draws, and the disagreement between the
+halves of both ensembles [3]_,
 
 .. math::
    \hat R = \sqrt{1 + \frac{\operatorname{var}(\text{means of the four halves})}{\text{mean variance within a half}}}
@@ -20,65 +21,72 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..._errors import PellucidError
+from ..._errors import missing_package
 
 SEED = 20261122
-ENSEMBLES = 2
-WALKERS = 8
-"""For each dimension: more are moved in one call at little cost."""
 
-ROUND = 500
-"""Steps between two looks at whether draws have settled."""
+ENSEMBLE_COUNT = 2
+"""Number of ensembles that start independently, so that their disagreement can be measured."""
 
-MOST_STEPS = 8000
-BURNT = 0.25
-"""Share of the steps that is thrown away, from the beginning."""
+WALKERS_PER_DIMENSION = 8
+"""Walkers of an ensemble for each parameter. One call moves all of them, so more walkers cost little."""
 
-TIMES = 20.0
-"""Autocorrelation times that what is kept of a walker must last."""
+STEPS_PER_ROUND = 500
+"""Number of steps between two tests of convergence."""
 
-FEWEST = 1000
-"""Independent draws: 2.5 % quantiles of fewer move from seed to seed."""
+DEFAULT_MAX_STEPS = 8000
+"""The sampler gives up after this many steps and reports that it has not converged."""
 
-APART = 1.005
-"""Of `apart`, the most."""
+BURN_IN_SHARE = 0.25
+"""The first quarter of the steps is discarded as burn-in."""
 
+MIN_AUTOCORRELATION_TIMES = 20.0
+"""The steps kept after burn-in must span at least this many autocorrelation times."""
 
-FEWEST_WEIGHED = 0.2
-"""Share of draws that must count where they were weighed by another density than they came from."""
+MIN_INDEPENDENT_DRAWS = 1000
+"""Smallest effective sample size. With fewer draws the 2.5 % quantiles depend on the seed."""
+
+MAX_R_HAT = 1.005
+"""Largest Gelman-Rubin statistic of a converged sampler."""
+
+MIN_WEIGHTED_SHARE = 0.2
+"""Smallest effective share of draws after reweighting to another density."""
 
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """What an ensemble drew, (n, d), and how well it had settled."""
+    """Draws of all walkers, shape (n, d), with the evidence for their convergence."""
 
     values: np.ndarray
-    steps: int  # Of each walker
-    memory: float  # The longest autocorrelation time, in steps
-    independent: float  # Draws that are worth something by themselves
-    apart: float  # 1 where halves of the ensembles agree
-    weighed: float = 1.0  # Share that counts, where they were weighed by another density
+    steps: int  # number of steps of each walker
+    memory: float  # longest autocorrelation time of any parameter, in steps
+    independent: float  # effective sample size
+    apart: float  # Gelman-Rubin statistic; 1 where the halves of the ensembles agree
+    weighed: float = 1.0  # effective share of the draws after reweighting; 1 where they were not reweighted
 
     @property
     def unsettled(self) -> str:
-        """Why the draws should not be read, in words; empty where they may be."""
+        """The reasons why the draws must not be used; empty if the sampler converged."""
         said = []
-        if not self.apart < APART:
-            said.append(f"halves of the ensembles disagree (R-hat {self.apart:.3f}, expected below {APART})")
-        if not self.independent >= FEWEST:
-            said.append(f"{self.independent:.0f} independent draws, expected {FEWEST}")
-        if not self.steps * (1.0 - BURNT) >= TIMES * self.memory:
-            said.append(f"{self.steps} steps at a memory of {self.memory:.0f}, expected {TIMES:.0f} times as many")
-        if not self.weighed >= FEWEST_WEIGHED:
-            said.append(f"{100 * self.weighed:.0f} % of the draws count, expected {100 * FEWEST_WEIGHED:.0f} %")
+        if not self.apart < MAX_R_HAT:
+            said.append(f"halves of the ensembles disagree (R-hat {self.apart:.3f}, expected below {MAX_R_HAT})")
+        if not self.independent >= MIN_INDEPENDENT_DRAWS:
+            said.append(f"{self.independent:.0f} independent draws, expected {MIN_INDEPENDENT_DRAWS}")
+        if not self.steps * (1.0 - BURN_IN_SHARE) >= MIN_AUTOCORRELATION_TIMES * self.memory:
+            said.append(
+                f"{self.steps} steps with an autocorrelation time of {self.memory:.0f}, expected "
+                f"{MIN_AUTOCORRELATION_TIMES:.0f} times as many steps after burn-in"
+            )
+        if not self.weighed >= MIN_WEIGHTED_SHARE:
+            said.append(f"{100 * self.weighed:.0f} % of the draws count, expected {100 * MIN_WEIGHTED_SHARE:.0f} %")
         return "; ".join(said)
 
     @property
     def sentence(self) -> str:
-        """How well they have settled."""
+        """A sentence on the sampler's convergence, with its figures."""
         said = (
-            f"{ENSEMBLES} ensembles, {self.independent:.0f} independent draws, autocorrelation time {self.memory:.0f} "
-            f"of {self.steps} steps, R-hat {self.apart:.4f}"
+            f"{ENSEMBLE_COUNT} ensembles, {self.independent:.0f} independent draws, autocorrelation time "
+            f"{self.memory:.0f} of {self.steps} steps, R-hat {self.apart:.4f}"
         )
         return (
             said
@@ -92,38 +100,41 @@ def drawn(
     start: Callable[[np.random.Generator, int], np.ndarray],
     *,
     seed: int = SEED,
-    most: int = MOST_STEPS,
+    most: int = DEFAULT_MAX_STEPS,
 ) -> Draws:
-    """Draws from a density whose logarithm takes an ensemble at once, (w, d) to (w,); `start` gives so many places with
-    some density, (w, d), and `most` steps are taken."""
+    """Sample a density until the sampler converges, or for `most` steps.
+
+    `log_density` takes all walkers at once, from shape (w, d) to (w,). `start` returns w starting points of positive
+    density, shape (w, d).
+    """
     emcee = require_sampler()
     rng = np.random.default_rng(seed)
     d = start(rng, 1).shape[1]
     moves = [(emcee.moves.DEMove(), 0.9), (emcee.moves.DESnookerMove(), 0.1)]
     ensembles, states = [], []
-    for number in range(ENSEMBLES):
-        sampler = emcee.EnsembleSampler(WALKERS * d, d, log_density, moves=moves, vectorize=True)
+    for number in range(ENSEMBLE_COUNT):
+        sampler = emcee.EnsembleSampler(WALKERS_PER_DIMENSION * d, d, log_density, moves=moves, vectorize=True)
         sampler.random_state = np.random.RandomState(seed + number).get_state()
         ensembles.append(sampler)
-        states.append(start(rng, WALKERS * d))
+        states.append(start(rng, WALKERS_PER_DIMENSION * d))
     found = None
     while found is None or (found.unsettled and found.steps < most):
         for number, sampler in enumerate(ensembles):
-            states[number] = sampler.run_mcmc(states[number], ROUND)
+            states[number] = sampler.run_mcmc(states[number], STEPS_PER_ROUND)
         found = settled([sampler.get_chain() for sampler in ensembles])
     return found
 
 
 def settled(chains: list[np.ndarray]) -> Draws:
-    """Draws of several ensembles, each (steps, walkers, d), without their beginnings, and how well they had settled."""
+    """Return the draws of several chains, each of shape (steps, walkers, d), without burn-in, and their convergence."""
     time = require_sampler().autocorr.integrated_time
     steps = len(chains[0])
-    kept = [chain[round(BURNT * steps) :] for chain in chains]
+    kept = [chain[round(BURN_IN_SHARE * steps) :] for chain in chains]
     together = np.concatenate(kept, axis=1)
     if any(np.any(np.ptp(chain, axis=0).max(axis=0) == 0.0) for chain in kept):  # no walker ever moved
         return Draws(together.reshape(-1, together.shape[2]), steps, np.inf, 0.0, np.inf)
     memory = float(np.max(time(together, tol=0, quiet=True)))
-    # Walkers lead each other: an ensemble's mean may remember longer than any of them.
+    # Walkers of one ensemble depend on each other, so their mean may have a longer memory than any single walker.
     means = np.stack([chain.mean(axis=1) for chain in kept], axis=1)
     spread = together.var(axis=(0, 1)) / np.mean(means.var(axis=0), axis=0)
     led = float(np.min(len(kept) * len(means) * spread / time(means, tol=0, quiet=True)))
@@ -137,11 +148,9 @@ def settled(chains: list[np.ndarray]) -> Draws:
 
 
 def require_sampler():
-    """The package that draws; a PellucidError that says what to install where it is missing."""
+    """Return the sampling package emcee, or raise a PellucidError that says what to install."""
     try:
         import emcee
     except ModuleNotFoundError:
-        raise PellucidError(
-            'posterior: found no package emcee, expected it: pip install "pellucid[posterior]"'
-        ) from None
+        raise missing_package("posterior", "emcee", "posterior") from None
     return emcee

@@ -1,15 +1,15 @@
-r"""Draws by gradients: for densities of many parameters, most of which a recording hardly tells.
+r"""Hamiltonian Monte Carlo: sample a density of many parameters along its gradient.
 
-A walker has a momentum p, drawn anew for every step, and runs along the density as a body would along its potential
-[1]_,
+A walker at x has a momentum p that is drawn anew for every step. It moves through the density as a body moves through a
+potential [1]_,
 
 .. math::
    \dot x = \Sigma p, \qquad \dot p = \nabla\log\pi(x), \qquad p \sim N(0, \Sigma^{-1}),
 
-by leapfrog, with the density's covariance about its mode for :math:`\Sigma`. What leapfrog gains or loses of the energy
-decides whether the walker stays where it came to. Ensembles of walkers that move along each other's differences
-(``ensemble``) need several walkers for each parameter and hundreds of steps for a new draw: at sixty parameters this
-takes a tenth of their time. The stride is set while steps are taken that are thrown away.
+integrated by leapfrog, with the density's covariance around its mode as :math:`\Sigma`. The energy error of leapfrog
+decides whether the new place is accepted. The ensemble sampler (``ensemble``) needs several walkers for each parameter
+and hundreds of steps for an independent draw; at sixty parameters this method takes a tenth of its time. The stride is
+adapted during burn-in only.
 
 .. [1] R. M. Neal, "MCMC using Hamiltonian dynamics", Handbook of Markov Chain Monte Carlo, ch. 5, 2011.
 """
@@ -20,42 +20,48 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .ensemble import ENSEMBLES, SEED, Draws, require_sampler, settled
+from .ensemble import ENSEMBLE_COUNT, SEED, Draws, require_sampler, settled
 
-WALKERS = 4
-"""Of each ensemble; they do not know of each other."""
+WALKERS_PER_ENSEMBLE = 4
+"""Number of walkers in each ensemble. They move independently of each other."""
 
-ROUND = 200
-"""Steps between two looks at whether draws have settled."""
+STEPS_PER_ROUND = 200
+"""Number of steps between two tests of convergence."""
 
-MOST_STEPS = 4000
-STRIDE = 0.5
-"""Of leapfrog at first, in standard deviations."""
+DEFAULT_MAX_STEPS = 4000
+"""The sampler gives up after this many steps and reports that it has not converged."""
 
-LONGEST = 6
-"""Strides of one step: as many are drawn, so that none of the density's own periods is met each time."""
+FIRST_STRIDE = 0.5
+"""Leapfrog stride before adaptation, in standard deviations of the density."""
 
-JITTER = (0.5, 1.1)
-"""By which each step's stride is multiplied: where the density is narrow some steps are short enough."""
+MAX_STRIDES_PER_STEP = 6
+"""A step makes a random number of leapfrog strides, up to this many, so that it never resonates with a period of the
+density."""
 
-ACCEPTED = 0.8
-"""Share of steps that are to be taken, by which the stride is set."""
+STRIDE_JITTER_BOUNDS = (0.5, 1.1)
+"""Each step multiplies the stride by a random factor in this range, so that some steps are short enough where the
+density is narrow."""
+
+TARGET_ACCEPTANCE_SHARE = 0.8
+"""The stride is adapted until this share of the steps is accepted."""
 
 Density = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""Logarithm of a density, (w,), and its gradient, (w, d), at places (w, d)."""
+"""A function from places, shape (w, d), to the logarithm of a density, (w,), and its gradient, (w, d)."""
 
 
 def drawn_by_gradients(
-    density: Density, mode: np.ndarray, covariance: np.ndarray, *, seed: int = SEED, most: int = MOST_STEPS
+    density: Density, mode: np.ndarray, covariance: np.ndarray, *, seed: int = SEED, most: int = DEFAULT_MAX_STEPS
 ) -> Draws:
-    """Draws from a `density` about its `mode`, (d,), where its `covariance` is nearly this, (d, d); `most` steps are
-    taken."""
-    require_sampler()  # its autocorrelation times judge
+    """Sample a `density` until the sampler converges, or for `most` steps.
+
+    Walkers start around its `mode`, shape (d,), with `covariance`, (d, d), its approximate covariance there.
+    """
+    require_sampler()  # the package that computes autocorrelation times
     rng = np.random.default_rng(seed)
     root = np.linalg.cholesky(covariance)
-    x = mode + rng.standard_normal((ENSEMBLES * WALKERS, len(mode))) @ root.T
-    x, stride, seen = _run(density, rng, x, root, STRIDE, adapt=True)
-    # Far from the mode the density may be wider than it is there.
+    x = mode + rng.standard_normal((ENSEMBLE_COUNT * WALKERS_PER_ENSEMBLE, len(mode))) @ root.T
+    x, stride, seen = _run(density, rng, x, root, FIRST_STRIDE, adapt=True)
+    # The density may be wider far from its mode, so the covariance of the first round is mixed in.
     root = np.linalg.cholesky(0.5 * covariance + 0.5 * np.cov(seen.reshape(-1, len(mode)).T))
     x, stride, _ = _run(density, rng, x, root, stride, adapt=True)
     taken, found = [], None
@@ -63,14 +69,16 @@ def drawn_by_gradients(
         x, stride, seen = _run(density, rng, x, root, stride)
         taken.append(seen)
         chain = np.concatenate(taken)
-        found = settled([chain[:, i * WALKERS : (i + 1) * WALKERS] for i in range(ENSEMBLES)])
+        found = settled(
+            [chain[:, i * WALKERS_PER_ENSEMBLE : (i + 1) * WALKERS_PER_ENSEMBLE] for i in range(ENSEMBLE_COUNT)]
+        )
     return found
 
 
 def _run(
     density: Density, rng: np.random.Generator, x: np.ndarray, root: np.ndarray, stride: float, adapt: bool = False
 ) -> tuple[np.ndarray, float, np.ndarray]:
-    """Walkers after a round, (w, d), the stride, and where they were, (`ROUND`, w, d)."""
+    """Run one round; return the walkers' places, (w, d), the stride, and all places, (`STEPS_PER_ROUND`, w, d)."""
 
     def pulled(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         logs, slopes = density(at)
@@ -78,12 +86,12 @@ def _run(
         return np.where(good, logs, -np.inf), np.where(good[:, None], slopes @ root, 0.0)
 
     logs, pull = pulled(x)
-    seen = np.empty((ROUND, *x.shape))
-    for i in range(ROUND):
+    seen = np.empty((STEPS_PER_ROUND, *x.shape))
+    for i in range(STEPS_PER_ROUND):
         momentum = rng.standard_normal(x.shape)
         energy = logs - 0.5 * np.sum(momentum**2, axis=1)
-        at, high, steep, step = x, logs, pull, stride * rng.uniform(*JITTER)
-        for _ in range(rng.integers(1, LONGEST + 1)):
+        at, high, steep, step = x, logs, pull, stride * rng.uniform(*STRIDE_JITTER_BOUNDS)
+        for _ in range(rng.integers(1, MAX_STRIDES_PER_STEP + 1)):
             momentum = momentum + 0.5 * step * steep
             at = at + step * momentum @ root.T
             high, steep = pulled(at)
@@ -94,5 +102,5 @@ def _run(
         logs = np.where(stays, high, logs)
         seen[i] = x
         if adapt:
-            stride *= np.exp(0.1 * (kept.mean() - ACCEPTED))
+            stride *= np.exp(0.1 * (kept.mean() - TARGET_ACCEPTANCE_SHARE))
     return x, stride, seen

@@ -1,4 +1,4 @@
-"""A joint's parameters as draws: least squares' own rows, physics that its family lacks, bounds that hold."""
+"""Posterior of a joint's parameters: its least-squares rows, the physics that its family neglects, and bounds."""
 
 from __future__ import annotations
 
@@ -11,24 +11,26 @@ from ..regression import Stack, effort_rows, rows_of
 from ..uncertainty import block_length, correlation_time, freedom_of, student_over_normal
 from .marginal_likelihood import Noise, Prior
 from .posterior import Posterior, summary
-from .straight import Straight
+from .straight import LinearisedModel
 
-WEAK_EFFORT = 10.0
-"""Standard deviation of what a parameter makes, in efforts as large as the recorded one, before any data."""
+PRIOR_EFFORT_SPREAD = 10.0
+"""Prior standard deviation of the effort that one parameter produces, divided by the recorded effort."""
 
-MOST_SAMPLES = 200_000
-"""Of recordings from which draws of a family that is not linear are weighed: a posterior is for small data."""
+MAX_NONLINEAR_SAMPLES = 200_000
+"""A nonlinear family is sampled only up to this many samples: reweighting computes every sample for every draw."""
 
 
 def joint_posterior(estimate: JointEstimate, data: Stack, **sampling) -> Posterior:
-    """Draws of a least-squares `estimate`'s parameters from the rows it was found from; `sampling` is what `drawn`
-    takes."""
+    """Return the posterior of a least-squares `estimate`, from the rows that it was fitted to.
+
+    `sampling` is passed on to `drawn`.
+    """
     model, values, lengths = estimate.model, estimate.array, data.lengths
     samples = sum(len(m.effort) for m in data.motions)
-    if not model.linear and samples > MOST_SAMPLES:
+    if not model.linear and samples > MAX_NONLINEAR_SAMPLES:
         raise IdentificationError(
-            f"{samples} samples were fitted, expected at most {MOST_SAMPLES}: a posterior is for small data, and "
-            f"{model.family} friction is not linear in its parameters"
+            f"{samples} samples were fitted, expected at most {MAX_NONLINEAR_SAMPLES}: a posterior is for small data, "
+            f"and {model.family} friction is not linear in its parameters"
         )
     jacobian, effort = rows_of(model, values, data)
     residual = data.target - effort
@@ -36,15 +38,15 @@ def joint_posterior(estimate: JointEstimate, data: Stack, **sampling) -> Posteri
     lacks = neglected(model.names, values, jacobian, residual, states, estimate.statistical)
     if lacks is None:
         raise IdentificationError("too few samples move, or nothing is left over, to tell the noise")
-    # Parameters in units of the effort that they make.
+    # Parameters are scaled to the effort that they produce.
     free, scale = np.flatnonzero(lacks.free), lacks.scale
     lower, upper = (bound[free] * scale for bound in model.bounds())
-    weak = np.full(len(free), WEAK_EFFORT * float(np.linalg.norm(data.target)))
+    weak = np.full(len(free), PRIOR_EFFORT_SPREAD * float(np.linalg.norm(data.target)))
     prior = Prior(lower, upper, np.zeros(len(free)), weak)
     freedom = freedom_of(block_length(correlation_time(residual, lengths), len(residual)), len(residual))
-    # Student's tails come with the freedom here, not with the variance.
+    # The degrees of freedom already widen the tails here, so the factor in the variance is taken out.
     noise = Noise(lacks.noise / student_over_normal(freedom) ** 2, freedom)
-    straight = Straight(
+    straight = LinearisedModel(
         values[free] * scale, lacks.own, lacks.target, lacks.columns, np.ones(len(lacks.words)), lacks.tied
     )
 

@@ -1,21 +1,21 @@
-r"""The density of parameters behind coloured residuals and physics that their model lacks.
+r"""Posterior density of parameters, given coloured residuals and effects that the model neglects.
 
 .. math::
    y = f(\beta) + \sum_k c_k\varphi_k + e, \qquad c_k \sim N(0, a_k s^2 + t_k), \qquad
    e \sim N(0, v), \qquad \nu\hat v / v \sim \chi^2_\nu
 
-:math:`v` is a row's variance as large as its colour makes it count, :math:`\hat v` what blocks of scores say of it and
-:math:`\nu` how many blocks there are (``fit/uncertainty.py``): rows count for less, and no frequency is weighed
-otherwise than least squares does. Whitening by an autoregression would, and give most weight where filters left the
-least and derivatives carry the most noise. The :math:`c_k` are integrated out:
+:math:`v` is the variance of a row, enlarged to allow for the residuals' autocorrelation. :math:`\hat v` is its estimate
+from blocks of scores and :math:`\nu` the number of blocks (``fit/uncertainty.py``). Every row counts for less, but all
+frequencies keep the weights of least squares. Whitening by an autoregression would change these weights: it would
+favour the frequencies that filters removed, where derivatives carry the most noise. The :math:`c_k` are integrated out:
 
 .. math::
    \log p = -\frac{\nu + q}{2}\log v - \frac{\nu\hat v}{2v} - \frac{r^T r - R}{2v} + \frac{1}{2} u^T A^{-1} u
    - \frac{1}{2}\log|A|, \qquad A = I + D^{1/2}\Phi^T\Phi D^{1/2}/v, \quad u = D^{1/2}\Phi^T r/v
 
-with r what parameters leave over, R the least that any parameters and c leave, q how many of both there are, and D the
-variances of c. The posterior stays close to least squares where the data tell everything, and keeps to bounds where
-they do not.
+with r the residual of the parameters, R the smallest residual sum of squares over all parameters and c, q the number of
+parameters and c together, and D the diagonal matrix of the variances of c. The posterior is close to least squares
+where the data determine the parameters, and respects their bounds where the data do not.
 """
 
 from __future__ import annotations
@@ -27,16 +27,17 @@ import numpy as np
 
 from ..uncertainty import block_length, correlation_time, freedom_of, sandwich, student_over_normal
 
-SHARES = (0.01, 1.0)
-"""Range of s, in units of what least squares leaves over: even in the logarithm."""
+DISCREPANCY_SCALE_BOUNDS = (0.01, 1.0)
+"""Range of s, the size of the neglected effects divided by the least-squares residual. The prior is uniform in log
+s."""
 
-WEAK = 3.0
-"""Standard deviation of log v about that of the blocks, before any data."""
+PRIOR_LOG_VARIANCE_SPREAD = 3.0
+"""Prior standard deviation of log v around the estimate from the blocks."""
 
 
 @dataclass(frozen=True)
 class Prior:
-    """What is held of p parameters beforehand: normal about `centre` with `spread`, within bounds; each (p,), SI."""
+    """Prior of p parameters: normal around `centre` with standard deviation `spread`, cut at bounds; each (p,), SI."""
 
     lower: np.ndarray
     upper: np.ndarray
@@ -44,15 +45,15 @@ class Prior:
     spread: np.ndarray
 
     def inside(self, values: np.ndarray) -> np.ndarray:
-        """Which of an ensemble, (w, p), lie within the bounds, (w,)."""
+        """Return which places, shape (w, p), lie within the bounds, shape (w,)."""
         return np.all((values >= self.lower) & (values <= self.upper), axis=1)
 
     def log_density(self, values: np.ndarray) -> np.ndarray:
-        """Of an ensemble within the bounds, (w,), up to a constant."""
+        """Return the log density at places within the bounds, shape (w,), up to a constant."""
         return -0.5 * np.sum(((values - self.centre) / self.spread) ** 2, axis=1)
 
     def interval(self, level: float) -> np.ndarray:
-        """What it alone would say, (p, 2)."""
+        """Return the prior's own interval at `level` with equal tails, shape (p, 2)."""
         from scipy.special import ndtr, ndtri
 
         low, high = (ndtr((end - self.centre) / self.spread) for end in (self.lower, self.upper))
@@ -61,36 +62,40 @@ class Prior:
 
 
 class Misfit(Protocol):
-    """What parameters leave over, of an ensemble at once, (w, p): r^T r (w,), Phi^T r (w, c), Phi^T Phi (c, c) or
-    (w, c, c)."""
+    """A function from parameters, shape (w, p), to r^T r (w,), Phi^T r (w, c) and Phi^T Phi, (c, c) or (w, c, c)."""
 
     def __call__(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Variance of a row as large as its colour makes it count, and the degrees of freedom with which it is known."""
+    """Variance of a row, enlarged for autocorrelation, and the degrees of freedom of its estimate."""
 
     variance: float
     freedom: float
 
     @classmethod
     def of(cls, jacobian: np.ndarray, residual: np.ndarray, lengths: list[int]) -> Noise:
-        """As much as makes the textbook's errors those of blocks of scores, by their median over parameters.
-        `jacobian` (m, p) and `residual` (m,) at the least-squares solution, in stretches of `lengths`."""
+        """Estimate the noise at a least-squares solution.
+
+        The variance is chosen so that ordinary standard errors equal those from blocks of scores, by the median over
+        the parameters. `jacobian`, shape (m, p), and `residual`, (m,), are made of stretches of `lengths` rows.
+        """
         memory = correlation_time(residual, lengths)
         freedom = freedom_of(block_length(memory, len(residual)), len(residual))
         error = np.diag(sandwich(jacobian, residual, lengths, memory=memory))
         scale = np.linalg.norm(jacobian, axis=0)
         textbook = np.diag(np.linalg.inv((jacobian / scale).T @ (jacobian / scale))) / scale**2
-        # Student's tails come with the freedom here, not with the variance.
+        # The degrees of freedom already widen the tails here, so the factor in the variance is taken out.
         return cls(float(np.median(error / textbook)) / student_over_normal(freedom) ** 2, freedom)
 
 
 @dataclass(frozen=True)
 class MarginalLikelihood:
-    """The posterior's logarithm, of an ensemble at once. A place is (p parameters, log v, log s), without the last
-    where s has no part in anything."""
+    """Log density of the posterior, for all walkers at once.
+
+    A place is (p parameters, log v, log s). It has no log s where no neglected effect is scaled by s.
+    """
 
     misfit: Misfit
     prior: Prior
@@ -99,20 +104,22 @@ class MarginalLikelihood:
     columns: int  # q
     shares: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (c,) a_k, 0 or more
     known: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (c,) t_k
-    scale_prior: tuple[float, float] | None = None  # Of log v: mean and standard deviation; weak if None
+    scale_prior: tuple[float, float] | None = None  # prior mean and standard deviation of log v; None: a weak prior
 
     @property
     def scaled(self) -> bool:
-        """Whether s is drawn."""
+        """Whether s is among the sampled parameters."""
         return bool(np.any(self.shares > 0.0))
 
     def __call__(self, places: np.ndarray) -> np.ndarray:
-        """Logarithm of the density, (w,), at places (w, d)."""
+        """Return the log density, shape (w,), at places of shape (w, d)."""
         p = len(self.prior.lower)
         log_v = places[:, p]
-        good = self.prior.inside(places[:, :p]) & (np.abs(log_v - np.log(self.noise.variance)) < 10.0 * WEAK)
+        good = self.prior.inside(places[:, :p]) & (
+            np.abs(log_v - np.log(self.noise.variance)) < 10.0 * PRIOR_LOG_VARIANCE_SPREAD
+        )
         if self.scaled:
-            ends = np.log(SHARES)
+            ends = np.log(DISCREPANCY_SCALE_BOUNDS)
             good &= (places[:, p + 1] >= ends[0]) & (places[:, p + 1] <= ends[1])
         found = np.full(len(places), -np.inf)
         if good.any():
@@ -124,7 +131,9 @@ class MarginalLikelihood:
         values, log_v = places[:, :p], places[:, p]
         v = np.exp(log_v)
         square, moment, gram = self.misfit(values)
-        mean, spread = (np.log(self.noise.variance), WEAK) if self.scale_prior is None else self.scale_prior
+        mean, spread = (
+            (np.log(self.noise.variance), PRIOR_LOG_VARIANCE_SPREAD) if self.scale_prior is None else self.scale_prior
+        )
         found = self.prior.log_density(values) - 0.5 * ((log_v - mean) / spread) ** 2
         found -= 0.5 * (self.noise.freedom + self.columns) * log_v
         found -= 0.5 * (self.noise.freedom * self.noise.variance + square - self.least) / v
@@ -139,7 +148,7 @@ class MarginalLikelihood:
         return found
 
     def start(self, values: np.ndarray, covariance: np.ndarray):
-        """Where walkers begin: about `values`, (p,), with their `covariance`, (p, p), inside the bounds."""
+        """Return a function that draws starting points around `values`, (p,), with `covariance`, (p, p), in bounds."""
         error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         error = np.where(error > 0.0, error, self.prior.spread)
         correlation = covariance / np.outer(error, error)
@@ -148,13 +157,14 @@ class MarginalLikelihood:
 
         def begin(rng: np.random.Generator, walkers: int) -> np.ndarray:
             at = values + error * (rng.standard_normal((walkers, len(values))) @ root.T)
-            # What falls outside is put back evenly: all on a bound, walkers would have no differences to move along.
+            # Starting points beyond a bound are redrawn uniformly within it. Clipped to the bound they would all be
+            # equal, and the ensemble moves along differences.
             low = np.maximum(self.prior.lower, values - 2.0 * error)
             high = np.minimum(self.prior.upper, values + 2.0 * error)
             evenly = low + (high - low) * rng.random(at.shape)
             at = np.where((at > self.prior.lower) & (at < self.prior.upper), at, evenly)
             log_v = np.log(self.noise.variance) + 0.3 * rng.standard_normal((walkers, 1))
-            log_s = rng.uniform(*np.log(SHARES), (walkers, 1))[:, : int(self.scaled)]
+            log_s = rng.uniform(*np.log(DISCREPANCY_SCALE_BOUNDS), (walkers, 1))[:, : int(self.scaled)]
             return np.hstack([at, log_v, log_s])
 
         return begin

@@ -1,4 +1,4 @@
-"""What is known of parameters, as draws: intervals of any shape, pairs that trade off, how well the draws settled."""
+"""Posterior draws of a fit's parameters: credible intervals, pairs that trade off, and the sampler's convergence."""
 
 from __future__ import annotations
 
@@ -12,49 +12,54 @@ from ..parameter import Parameter
 from .ensemble import Draws, drawn
 from .marginal_likelihood import MarginalLikelihood, Prior
 
-KEPT = 2000
-"""Draws that are kept, evenly thinned."""
+MAX_KEPT_DRAWS = 2000
+"""A posterior keeps at most this many draws, evenly thinned."""
 
-TRADE_OFF = 0.9
-"""Correlation from which on two parameters are named as a pair."""
+MIN_TRADE_OFF_CORRELATION = 0.9
+"""Two parameters are reported as a pair that trades off when their correlation exceeds this."""
 
-PRIOR_SHARE = 0.5
-"""Of the prior's width: an interval as wide tells more of the prior than of the data."""
+MAX_PRIOR_SHARE = 0.5
+"""A credible interval wider than this share of the prior's interval says more about the prior than about the data."""
 
+MIN_DISTANCE_FROM_ZERO = 0.1
+"""A parameter differs from zero only if its 95 % interval ends at least this share of the median away from zero.
 
-FROM_ZERO = 0.1
-"""Of the median: where the interval's end towards 0 is closer, draws pile up there, as two standard errors would."""
+Draws of a parameter with a bound at zero never cross it, so the sign alone would not be a test.
+"""
 
 
 @dataclass(frozen=True)
 class DrawnParameter(Parameter):
-    """A parameter known by `draws`, (n,): its value is their median, its standard error their spread, its interval
-    between their quantiles. `prior_share`: how wide it is, over what was held beforehand."""
+    """A parameter described by posterior `draws`, shape (n,).
+
+    The value is their median, the standard error their standard deviation, and the interval lies between their
+    quantiles. `prior_share` is the width of that interval divided by the width of the prior's.
+    """
 
     draws: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False, compare=False)
     prior_share: float = 0.0
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
-        """Credible interval at `level`, as likely missed on either side, in the parameter's unit."""
+        """Return the credible interval at `level`, with equal tails, in the parameter's unit."""
         low, high = np.quantile(self.draws, [0.5 * (1.0 - level), 0.5 * (1.0 + level)])
         return float(low), float(high)
 
     @property
     def told_by_prior(self) -> bool:
-        """Whether the data add little to what was held beforehand."""
-        return self.prior_share > PRIOR_SHARE
+        """Whether the interval is determined by the prior rather than by the data."""
+        return self.prior_share > MAX_PRIOR_SHARE
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Posterior(Estimates):
-    """Parameters by name, each with its draws.
+    """Posterior of all parameters: a mapping from name to `DrawnParameter`.
 
     Attributes
     ----------
     settled : str
-        How well the draws have settled, in words.
+        A sentence on the convergence of the sampler.
     unsettled : str
-        Why none of it should be read; empty where it may be.
+        The reasons why the draws must not be used; empty if the sampler converged.
     """
 
     settled: str = ""
@@ -62,12 +67,12 @@ class Posterior(Estimates):
 
     @property
     def draws(self) -> np.ndarray:
-        """Of all parameters together, shape (n, p), SI."""
+        """The joint draws of all parameters, shape (n, p), SI."""
         return np.column_stack([p.draws for p in self.parameters])
 
     @property
     def pairs(self) -> tuple[tuple[str, str, float], ...]:
-        """Parameters that trade off, two and two, with their correlation, the closest first."""
+        """Pairs of parameters that trade off, as (name, name, correlation), the strongest correlation first."""
         names = [p.name for p in self.parameters]
         spread = np.sqrt(np.diag(self.covariance))
         correlation = self.covariance / np.maximum(np.outer(spread, spread), np.finfo(float).tiny)
@@ -75,7 +80,7 @@ class Posterior(Estimates):
             (a, b, float(correlation[i, j]))
             for i, a in enumerate(names)
             for j, b in enumerate(names[:i])
-            if abs(correlation[i, j]) > TRADE_OFF
+            if abs(correlation[i, j]) > MIN_TRADE_OFF_CORRELATION
         ]
         return tuple(sorted(found, key=lambda pair: -abs(pair[2])))
 
@@ -95,8 +100,11 @@ def posterior_of(
     title: str = "",
     **sampling,
 ) -> Posterior:
-    """Draw from a `likelihood` whose parameters are `scale`, (p,), times those `names` in `units`, starting about
-    `values`, (p,), with their `covariance`, (p, p), in the likelihood's own scale; `sampling` is what `drawn` takes."""
+    """Sample a `likelihood` and return the posterior of the parameters `names` in `units`.
+
+    The likelihood's parameters are `scale`, shape (p,), times the reported ones. Walkers start around `values`, (p,),
+    with `covariance`, (p, p), both in the likelihood's scale. `sampling` is passed on to `drawn`.
+    """
     found = drawn(likelihood, likelihood.start(values, covariance), **sampling)
     return summary(names, units, found, likelihood.prior, scale=scale, level=level, title=title)
 
@@ -111,11 +119,11 @@ def summary(
     level: float = 0.95,
     title: str = "",
 ) -> Posterior:
-    """The parameters that were drawn; arguments as of `posterior_of`."""
+    """Summarise draws as a `Posterior`; the arguments are those of `posterior_of`."""
     p = len(names)
     scale = np.ones(p) if scale is None else scale
-    # A stride that divides the number of walkers would keep some of them and drop the others.
-    at = np.linspace(0, len(found.values) - 1, min(KEPT, len(found.values))).round().astype(int)
+    # Thinning uses evenly spaced indices: a stride that divides the number of walkers would drop whole walkers.
+    at = np.linspace(0, len(found.values) - 1, min(MAX_KEPT_DRAWS, len(found.values))).round().astype(int)
     draws = found.values[at, :p]
     wide = np.ptp(np.quantile(draws, [0.5 * (1.0 - level), 0.5 * (1.0 + level)], axis=0), axis=0)
     share = wide / np.ptp(prior.interval(level), axis=1)
@@ -145,6 +153,6 @@ def summary(
 
 
 def _told_from_zero(draws: np.ndarray) -> bool:
-    """Whether draws, (n,), leave 0 out; of what a bound keeps above 0, whether they leave the bound."""
+    """Return whether draws, shape (n,), exclude zero, or keep clear of it where a bound lies at zero."""
     low, middle, high = np.quantile(np.sign(np.median(draws)) * draws, [0.025, 0.5, 0.975])
-    return bool(low > FROM_ZERO * middle and high > 0.0)
+    return bool(low > MIN_DISTANCE_FROM_ZERO * middle and high > 0.0)

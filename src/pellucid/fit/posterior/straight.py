@@ -1,4 +1,4 @@
-"""Draws about a least-squares solution: a model taken as straight there, and draws weighed again where it bends."""
+"""Posterior draws of a model linearised at its least-squares solution, reweighted where the model is not linear."""
 
 from __future__ import annotations
 
@@ -10,14 +10,18 @@ import numpy as np
 from .ensemble import SEED, Draws, drawn
 from .marginal_likelihood import MarginalLikelihood, Noise, Prior
 
-CHECKED = 1000
-"""Draws of a model that bends whose residual is computed as it is, and by which they are weighed."""
+CHECKED_DRAW_COUNT = 1000
+"""Number of draws of a nonlinear model whose exact residual is computed to reweight them by importance sampling."""
 
 
 @dataclass(frozen=True, eq=False)
-class Straight:
-    """A model at its least-squares solution: parameters, (p,), their `jacobian`, (m, p), what is left over, (m,), and
-    columns of what it lacks or does not know, (m, c), with the variances a_k and t_k of their coefficients."""
+class LinearisedModel:
+    """A model linearised at its least-squares solution.
+
+    It holds the parameters, shape (p,), their Jacobian (m, p) and the residual (m,). `columns`, (m, c), are the effects
+    that the model neglects. Their coefficients have the variances a_k s^2 + t_k, where `shares` is a_k and `known` is
+    t_k.
+    """
 
     values: np.ndarray
     jacobian: np.ndarray
@@ -27,7 +31,7 @@ class Straight:
     known: np.ndarray
 
     def likelihood(self, prior: Prior, noise: Noise) -> MarginalLikelihood:
-        """The posterior's density with a `prior` of the parameters and so much `noise`."""
+        """Return the posterior density for a `prior` on the parameters and a level of `noise`."""
         x, y, p = np.hstack([self.jacobian, self.columns]), self.residual, len(self.values)
         gram, along, square = x.T @ x, x.T @ y, float(y @ y)
         left = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
@@ -46,18 +50,21 @@ class Straight:
         bent: Callable[[np.ndarray], np.ndarray] | None = None,
         **sampling,
     ) -> Draws:
-        """Draws of a `likelihood`, beginning with the `covariance`, (p, p), of the solution; weighed by what a model
-        that is `bent` leaves over at values, (p,) to (m,). `sampling` is what `drawn` takes."""
+        """Sample a `likelihood`, starting from the solution with its `covariance`, shape (p, p).
+
+        `bent` is the exact residual of a nonlinear model, a function from (p,) to (m,). Where it is given, the draws
+        are reweighted by it. `sampling` is passed on to `drawn`.
+        """
         found = drawn(likelihood, likelihood.start(self.values, covariance), **sampling)
         if bent is None or found.unsettled:
             return found
         rng = np.random.default_rng(SEED)
-        some = found.values[rng.choice(len(found.values), CHECKED, replace=False)]
+        some = found.values[rng.choice(len(found.values), CHECKED_DRAW_COUNT, replace=False)]
         left = np.array([bent(place[: len(self.values)]) for place in some])
         gram = self.columns.T @ self.columns
         exact = replace(likelihood, misfit=lambda _: (np.sum(left**2, axis=1), left @ self.columns, gram))
         logs = exact(some) - likelihood(some)
         weights = np.exp(logs - logs.max())
-        share = float(weights.sum() ** 2 / np.sum(weights**2) / CHECKED)
-        chosen = some[rng.choice(CHECKED, CHECKED, p=weights / weights.sum())]
+        share = float(weights.sum() ** 2 / np.sum(weights**2) / CHECKED_DRAW_COUNT)
+        chosen = some[rng.choice(CHECKED_DRAW_COUNT, CHECKED_DRAW_COUNT, p=weights / weights.sum())]
         return replace(found, values=chosen, weighed=share)

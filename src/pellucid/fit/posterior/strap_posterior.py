@@ -1,16 +1,16 @@
-r"""A strap's stiffness and damping as draws: with what it does beside both, and bodies that are not exactly known.
+r"""Posterior of a strap's stiffness and damping, with neglected effects of the strap and uncertain bodies.
 
-About the identified strap a further torque :math:`\psi` of its stretch D changes the limb's angle by
-:math:`-g H\psi`, with H the strap's own answer to a torque. Four are what straps are known to do and a spring with a
-damper does not,
+Around the identified strap, an additional torque :math:`\psi` of its stretch D changes the limb's angle by
+:math:`-g H\psi`, with H the strap's response to a torque. Real straps have four effects that a spring with a damper
+neglects,
 
 .. math::
    \psi = D^3, \qquad w\tanh(D/w), \qquad \dot D_T + D_T/T = \dot D, \qquad \ddot D
 
-it hardens, has a slack of some w, a branch of it relaxes, or something turns with it. Each is as large beside the
-strap's own span as what is left over, or half of the strap's own torque if that is less, times s. The bodies'
-parameters, whose balance gave the torque, enter with their own covariance. The angle is all but straight in 1/k and
-b/k: draws are of these, and the prior is of k and b.
+hardening, slack of width w, a branch that relaxes with time constant T, and additional inertia. Outside the space that
+stiffness and damping span, each is scaled to the size of the residual times s, but to at most half of the strap's
+torque. The strap's torque follows from a balance of the bodies, whose parameters enter with their covariance. The angle
+is nearly linear in 1/k and b/k, so these are sampled; the prior is stated for k and b.
 """
 
 from __future__ import annotations
@@ -23,38 +23,49 @@ from scipy.signal import lfilter
 
 from ..._errors import IdentificationError
 from ..parameter import Parameter
-from ..strap.coupled_impedance import DECAY, CouplingFit
+from ..strap.coupled_impedance import MAX_DECAY_TIME_CONSTANTS, CouplingFit
 from ..strap.strap_search import Spectrum, StrapPoint, StrapProblem, StrapTrial
 from ..strap.strap_torque import StrappedSwing, StrapTorque
-from .ensemble import FEWEST_WEIGHED
+from .ensemble import MIN_WEIGHTED_SHARE
 from .marginal_likelihood import Noise, Prior
 from .posterior import Posterior, summary
-from .straight import Straight
+from .straight import LinearisedModel
 
 NAMES = ("stiffness", "damping", "gain")
 UNITS = ("N*m/rad", "N*m*s/rad", "1")
-STIFF, DAMPED, GAIN = 100.0, 10.0, 0.05
-"""Standard deviations before any data, of stiffness and damping above 0 and of an IMU's gain about 1: a strap of 100
-N m/rad holds a swing within 5 degrees."""
+"""Units of `NAMES`, in their order."""
 
-CLOCK, MOUNTING = 1.0, 1.0
-"""The same of an IMU's clock [s] and mounting [rad], about what was found."""
+PRIOR_STIFFNESS_SPREAD = 100.0
+"""Prior standard deviation of the stiffness above 0 [N m/rad]. A strap this stiff holds a swing within 5 degrees."""
 
-SLACK = 0.5
-"""Width of a slack, over the stretch's spread."""
+PRIOR_DAMPING_SPREAD = 10.0
+"""Prior standard deviation of the damping above 0 [N m s/rad]."""
 
-RELAXATION = 1.0
-"""Time in which a branch relaxes [s]."""
+PRIOR_GAIN_SPREAD = 0.05
+"""Prior standard deviation of the IMU's gain around 1 [1]."""
 
-MOST = 0.5
-"""Of the strap's own torque that each of these may make, at one standard deviation, where s is 1."""
+PRIOR_CLOCK_SPREAD_S = 1.0
+"""Prior standard deviation of the IMU's clock offset around its estimate [s]."""
 
-OWN = 0.02
-"""Share of a column beside the strap's own span below which it cannot be told from it, and is left to the strap."""
+PRIOR_MOUNTING_SPREAD_RAD = 1.0
+"""Prior standard deviation of the IMU's mounting angle around its estimate [rad]."""
+
+SLACK_WIDTH_SHARE = 0.5
+"""Width w of the neglected slack, divided by the standard deviation of the stretch."""
+
+RELAXATION_TIME_S = 1.0
+"""Time constant T of the neglected branch that relaxes [s]."""
+
+MAX_NEGLECTED_TORQUE_SHARE = 0.5
+"""Largest standard deviation of one neglected effect, divided by the strap's torque, where s is 1."""
+
+MIN_COLUMN_REMAINDER = 0.02
+"""A neglected effect is used only if its column keeps at least this share of its norm after projection on the strap's
+own columns. Otherwise it cannot be distinguished from stiffness and damping."""
 
 
 class _ByCompliance(Prior):
-    """A prior of stiffness, damping and others, of places that begin with 1/k and b/k."""
+    """The prior of k, b and further parameters, evaluated at places that begin with 1/k and b/k."""
 
     def log_density(self, values: np.ndarray) -> np.ndarray:
         return super().log_density(_turned(values)) - 3.0 * np.log(values[:, 0])
@@ -64,12 +75,13 @@ class _ByCompliance(Prior):
 
 
 def _turned(values: np.ndarray) -> np.ndarray:
-    """k and b of 1/k and b/k, and the other way round; places (w, p)."""
+    """Convert places, shape (w, p), from 1/k and b/k to k and b, or back: the conversion is its own inverse."""
     return np.column_stack([1.0 / values[:, 0], values[:, 1] / values[:, 0], values[:, 2:]])
 
 
 def _turn(values: np.ndarray) -> np.ndarray:
-    """Derivative of k, b and the others by places that begin with 1/k and b/k, (p, p), at one of them, (p,)."""
+    """Return the Jacobian, shape (p, p), of (k, b, further parameters) with respect to (1/k, b/k, further
+    parameters)."""
     k, lag = 1.0 / values[0], values[1]
     turn = np.eye(len(values))
     turn[:2, :2] = [[-(k**2), 0.0], [-lag * k**2, k]]
@@ -77,7 +89,7 @@ def _turn(values: np.ndarray) -> np.ndarray:
 
 
 def _point(values: np.ndarray) -> StrapPoint:
-    """The strap and its instruments of such a place, (p,)."""
+    """Return the strap and its instruments at a place, shape (p,), that begins with 1/k and b/k."""
     stiffness, damping, gain, *clocks = _turned(values[None])[0]
     return StrapPoint(stiffness, damping, 0.0, gain, np.array(clocks[::2]), np.array(clocks[1::2]))
 
@@ -91,13 +103,15 @@ def strap_posterior(
     level: float = 0.95,
     **sampling,
 ) -> Posterior:
-    """Draws of an identified strap from the swings that it was fitted on; `gain` of the IMU as known before, if it is;
-    `sampling` is what `drawn` takes."""
+    """Return the posterior of an identified strap, from the swings that it was fitted to.
+
+    `gain` is the IMU's gain if a calibration has determined it. `sampling` is passed on to `drawn`.
+    """
     if fit.stiffness.at_bound or fit.damping.at_bound:
         raise IdentificationError("the strap was stopped at a bound: about it there is nothing to draw")
     trials = [StrapTrial(s, t) for s, t in zip(swings, torques, strict=True)]
     problem = StrapProblem(trials, None, True)
-    problem.leave_out(DECAY * fit.damping.value / fit.stiffness.value)
+    problem.leave_out(MAX_DECAY_TIME_CONSTANTS * fit.damping.value / fit.stiffness.value)
     shifts, offsets = (np.array([getattr(i, name) for i in fit.instruments]) for name in ("shift", "offset"))
     point = StrapPoint(fit.stiffness.value, fit.damping.value, 0.0, fit.instruments[0].gain, shifts, offsets)
     residual, jacobian, bodies = problem.about(point)
@@ -105,20 +119,24 @@ def strap_posterior(
     lengths = [len(b) for b in bodies]
     lacking = np.concatenate([_lacking(t, point, i) for i, t in enumerate(trials)])
     lacking, size = _beside(lacking, jacobian, float(np.sqrt(np.mean(residual**2))))
-    # In units of their standard errors, the bodies' parameters are columns of a known size.
+    # The parameters of the bodies, scaled by their standard errors, are further columns with coefficients of variance
+    # 1.
     turned, vectors = np.linalg.eigh(torques[0].covariance)
     known = np.concatenate(bodies) @ (vectors * np.sqrt(np.maximum(turned, 0.0)))
     columns = np.hstack([lacking * size, known])
     shares = np.array([1.0] * lacking.shape[1] + [0.0] * known.shape[1])
-    about = (1.0, GAIN) if gain is None else (gain.value, gain.standard_error)
-    spread = np.array([STIFF, DAMPED, about[1]] + [CLOCK, MOUNTING] * len(trials))
+    about = (1.0, PRIOR_GAIN_SPREAD) if gain is None else (gain.value, gain.standard_error)
+    spread = np.array(
+        [PRIOR_STIFFNESS_SPREAD, PRIOR_DAMPING_SPREAD, about[1]]
+        + [PRIOR_CLOCK_SPREAD_S, PRIOR_MOUNTING_SPREAD_RAD] * len(trials)
+    )
     centre = np.concatenate([[0.0, 0.0, about[0]], values[3:]])
     lower = np.concatenate([[0.0, 0.0], np.full(len(values) - 2, -np.inf)])
     prior = Prior(lower, np.full(len(values), np.inf), centre, spread)
     values = _turned(values[None])[0]
     jacobian = jacobian @ _turn(values)
     prior = _ByCompliance(prior.lower, prior.upper, prior.centre, prior.spread)
-    straight = Straight(values, jacobian, residual, columns, shares, 1.0 - shares)
+    straight = LinearisedModel(values, jacobian, residual, columns, shares, 1.0 - shares)
     noise = Noise.of(jacobian, residual, lengths)
     likelihood = straight.likelihood(prior, noise)
     noise = Noise(noise.variance * min(1.0, likelihood.least / float(residual @ residual)), noise.freedom)
@@ -130,11 +148,11 @@ def strap_posterior(
     weak = noise.variance / np.concatenate([[np.inf, np.inf], spread[2:]]) ** 2
     covariance = noise.variance * np.linalg.inv(jacobian.T @ jacobian + np.diag(weak))
     found = straight.draws(likelihood, covariance, left_over, **sampling)
-    if found.weighed < FEWEST_WEIGHED:
-        # About where the draws lie, far from least squares, it is straighter.
+    if found.weighed < MIN_WEIGHTED_SHARE:
+        # Too few draws count after reweighting: linearise again at their median, which is far from least squares.
         values = np.median(found.values[:, : len(values)], axis=0)
         residual, jacobian, _ = problem.about(_point(values), at=point)
-        straight = Straight(values, jacobian @ _turn(values), residual, columns, shares, 1.0 - shares)
+        straight = LinearisedModel(values, jacobian @ _turn(values), residual, columns, shares, 1.0 - shares)
         likelihood = replace(straight.likelihood(prior, noise), least=likelihood.least)
         found = straight.draws(likelihood, covariance, left_over, **sampling)
     found = replace(found, values=_turned(found.values))
@@ -143,15 +161,17 @@ def strap_posterior(
 
 
 def _lacking(trial: StrapTrial, point: StrapPoint, number: int) -> np.ndarray:
-    """What four kinds of neglected physics, each as large as the spring's torque, do to the limb's angle at the IMU's
-    samples that count, (m, 4)."""
+    """Return the limb's angle that each of the four neglected effects would cause, shape (m, 4).
+
+    Each effect is scaled to the spring's torque; rows are the IMU's samples that are used.
+    """
     k, b = point.stiffness, point.damping
     stretch = trial.forcing.response(k, b, 0.0)[:, 0]
     stretch = stretch - stretch.mean()
     period, spread = 1.0 / trial.fs, max(float(np.std(stretch)), 1e-9)
     rate = np.gradient(stretch, period)
-    relaxed = lfilter([1.0, -1.0], [1.0, -np.exp(-period / RELAXATION)], stretch)
-    width = SLACK * spread
+    relaxed = lfilter([1.0, -1.0], [1.0, -np.exp(-period / RELAXATION_TIME_S)], stretch)
+    width = SLACK_WIDTH_SHARE * spread
     torque = np.column_stack([stretch**3, width * np.tanh(stretch / width), relaxed, np.gradient(rate, period)])
     torque *= k * spread / np.std(torque, axis=0)
     answer = Spectrum(torque, trial.fs).response(k, b, 0.0)
@@ -160,9 +180,12 @@ def _lacking(trial: StrapTrial, point: StrapPoint, number: int) -> np.ndarray:
 
 
 def _beside(columns: np.ndarray, own: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
-    """Columns that are more than a strap's own, (m, c), and what makes each as large beside these as `size`, `MOST` at
-    most, (c,)."""
+    """Return the columns that stiffness and damping cannot replace, shape (m, c), and their scales, (c,).
+
+    A scale makes the part of the column outside the span of `own` as large as `size` (root mean square), and is limited
+    by `MAX_NEGLECTED_TORQUE_SHARE`.
+    """
     basis = np.linalg.qr(own / np.linalg.norm(own, axis=0))[0]
     beside = np.linalg.norm(columns - basis @ (basis.T @ columns), axis=0)
-    some = beside > OWN * np.linalg.norm(columns, axis=0)
-    return columns[:, some], np.minimum(size * np.sqrt(len(columns)) / beside[some], MOST)
+    some = beside > MIN_COLUMN_REMAINDER * np.linalg.norm(columns, axis=0)
+    return columns[:, some], np.minimum(size * np.sqrt(len(columns)) / beside[some], MAX_NEGLECTED_TORQUE_SHARE)

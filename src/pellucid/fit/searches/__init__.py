@@ -1,1 +1,1 @@
-"""Searches over many parameters that know nothing of what they search for."""
+"""General-purpose optimisers: Adam, bounded least squares, particle swarm and conjugate gradients."""

@@ -1,16 +1,16 @@
-r"""Adam [1]_ with a fixed rate and with one that falls linearly, on any cost that has a gradient.
+r"""Adam [1]_ with a fixed or a linearly decaying learning rate, for any cost with a gradient.
 
 .. math::
     m_t &= \beta_1 m_{t-1} + (1-\beta_1) g_t, \qquad v_t = \beta_2 v_{t-1} + (1-\beta_2) g_t^2 \\
     x_{t+1} &= x_t - \eta_t \frac{m_t / (1-\beta_1^t)}{\sqrt{v_t / (1-\beta_2^t)} + \epsilon}, \qquad
     \eta_t = \eta_0 - (\eta_0 - \eta_{end}) \, t / T
 
-A step does not shrink with the gradient, because it is divided by the gradient's own recent size. With a fixed rate
-parameters therefore go on wandering near the minimum: always where the gradient is noisy, and in fits and starts where
-it is not. A rate that falls ends that.
+A step does not shrink with the gradient, because it is divided by the gradient's recent size. With a fixed rate the
+parameters therefore keep moving near the minimum, always if the gradient is noisy and intermittently if it is not. A
+decaying rate ends this.
 
-A factor on the cost cancels, but for epsilon: whether errors are summed or averaged, the steps are the same. Costs here
-are means nevertheless, so that they can be compared between recordings.
+A factor on the cost cancels except for epsilon, so summed and averaged errors give the same steps. Costs are means
+here, so that recordings of different length can be compared.
 
 .. [1] D. P. Kingma, J. L. Ba, "Adam: a method for stochastic optimization", ICLR, 2015.
 """
@@ -25,23 +25,23 @@ import numpy as np
 from ..._errors import IdentificationError
 
 CostAndGradient = Callable[[np.ndarray], tuple[float, np.ndarray]]
-"""From parameters of shape (p,) to a cost and its gradient of shape (p,)."""
+"""A function from parameters of shape (p,) to a cost and its gradient of shape (p,)."""
 
-LAST = 100
-"""Iterations over which what is left of the wandering is judged."""
+FINAL_ITERATIONS = 100
+"""Convergence is judged on this many final iterations."""
 
-SETTLED = 0.05
-"""Share of its whole way within which a parameter has to stay to have converged."""
+CONVERGED_SHARE = 0.05
+"""A parameter has converged once it stays within this share of its total change from its final value."""
 
 
 @dataclass(frozen=True, eq=False)
 class AdamPath:
-    """Where Adam went."""
+    """Parameters and costs of all iterations of Adam."""
 
-    values: np.ndarray = field(repr=False)  # (iterations + 1, p) Parameters at each iteration, the start first
-    costs: np.ndarray = field(repr=False)  # (iterations + 1,) Of them
-    rates: np.ndarray = field(repr=False)  # (iterations,) Learning rate of each iteration
-    evaluations: int  # Of the cost, each with its gradient
+    values: np.ndarray = field(repr=False)  # (iterations + 1, p) parameters at each iteration, the start first
+    costs: np.ndarray = field(repr=False)  # (iterations + 1,) cost at each iteration
+    rates: np.ndarray = field(repr=False)  # (iterations,) learning rate of each iteration
+    evaluations: int  # number of evaluations of the cost with its gradient
 
     @property
     def last(self) -> np.ndarray:
@@ -53,30 +53,29 @@ class AdamPath:
         """Parameters of the lowest cost, shape (p,)."""
         return self.values[int(np.argmin(self.costs))]
 
-    def spread(self, last: int = LAST) -> np.ndarray:
-        """Standard deviation of each parameter over the last iterations. Gives (p,)."""
+    def spread(self, last: int = FINAL_ITERATIONS) -> np.ndarray:
+        """Return the standard deviation of each parameter over the `last` iterations, shape (p,)."""
         return np.std(self.values[-last:], axis=0)
 
-    def converged_at(self, share: float = SETTLED) -> np.ndarray:
-        """Iteration from which on each parameter stays near where it ends.
+    def converged_at(self, share: float = CONVERGED_SHARE) -> np.ndarray:
+        """Return the iteration after which each parameter stays close to its final value, shape (p,).
 
-        Where it ends is its median over the last `LAST` iterations; near is within `share` of the way there from the
-        start. A parameter that leaves this band in the last iterations has not converged.
-
-        Gives (p,).
+        The final value is the median over the last `FINAL_ITERATIONS` iterations. Close means within `share` of the
+        distance between start and final value. A parameter that leaves this band in the last iterations has not
+        converged.
         """
-        end = np.median(self.values[-LAST:], axis=0)
+        end = np.median(self.values[-FINAL_ITERATIONS:], axis=0)
         outside = np.abs(self.values - end) > share * np.abs(end - self.values[0])
         count = len(self.values)
         return np.where(outside.any(axis=0), count - np.argmax(outside[::-1], axis=0), 0)
 
     def order(self, names: tuple[str, ...]) -> tuple[str, ...]:
-        """Names of the parameters by when they converged, the first one first."""
+        """Return the parameters' names in the order in which they converged."""
         return tuple(names[i] for i in np.argsort(self.converged_at(), kind="stable"))
 
 
 def linear_decay(first: float, last: float, iterations: int) -> np.ndarray:
-    """The rate of every iteration, falling linearly (eq. 1 of the paper `hill`). Gives (iterations,)."""
+    """Return linearly decaying learning rates (eq. 1 of the paper `hill`), shape (iterations,)."""
     return first - (first - last) * np.arange(iterations) / iterations
 
 
@@ -93,7 +92,10 @@ def adam(
     lower: np.ndarray | None = None,
     upper: np.ndarray | None = None,
 ) -> AdamPath:
-    """Minimise a cost by Adam. `start` (p,); `scale` (p,); `lower`, `upper` (p,)."""
+    """Minimise a cost by Adam.
+
+    `start`, `scale`, `lower` and `upper` have shape (p,). The rate decays linearly if `final_rate` is given.
+    """
     if not rate > 0.0 or (final_rate is not None and final_rate < 0.0) or iterations < 1:
         raise IdentificationError(
             f"found the rates {rate} and {final_rate} and {iterations} iterations, expected a first rate above 0, a "

@@ -4,9 +4,10 @@ Each step solves
 
 .. math::  (J^T J + \mu \, \mathrm{diag}(J^T J)) \, s = -J^T r
 
-for the parameters that are not held by a bound; what it would push beyond one ends there. :math:`\mu` falls where the
-cost fell as the linear model promised, and rises where it did not [2]_. A parameter on a bound that the gradient pushes
-against rests until the gradient turns. No Jacobian has to be stored: the sums may come from one pass over samples.
+for the parameters that are not held by a bound; a step beyond a bound is shortened to it. The damping :math:`\mu`
+decreases when the cost falls as the linear model predicts and increases otherwise [2]_. A parameter on a bound is held
+as long as the gradient points outwards. No Jacobian has to be stored: its products may be summed in one pass over the
+samples.
 
 .. [1] D. W. Marquardt, "An algorithm for least-squares estimation of nonlinear parameters", J. SIAM 11, 1963.
 .. [2] K. Madsen, H. B. Nielsen, O. Tingleff, "Methods for non-linear least squares problems", 2nd ed., DTU, 2004.
@@ -22,22 +23,25 @@ import numpy as np
 from ..._errors import IdentificationError
 
 NormalEquations = Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]]
-"""From parameters of shape (p,) to half the sum of squares, J'r of shape (p,), and J'J of shape (p, p)."""
+"""A function from parameters (p,) to half the sum of squares, J'r of shape (p,), and J'J of shape (p, p)."""
 
 _FIRST_DAMPING = 0.1
-_MOST_DAMPING = 1e12
+"""Damping of the first step."""
+
+_MAX_DAMPING = 1e12
+"""The search stops when no step reduces the cost up to this damping."""
 
 
 @dataclass(frozen=True, eq=False)
 class Descent:
-    """Where a descent ended."""
+    """Result of a bounded least-squares search."""
 
-    x: np.ndarray  # (p,)
-    cost: float  # Half the sum of squares there
-    gradient: np.ndarray = field(repr=False)  # (p,)
+    x: np.ndarray  # (p,) parameters
+    cost: float  # half the sum of squares
+    gradient: np.ndarray = field(repr=False)  # (p,) J'r
     normal: np.ndarray = field(repr=False)  # (p, p) J'J
-    evaluations: int = 0  # Of the normal equations
-    converged: bool = True  # Whether no step promised more than the tolerance
+    evaluations: int = 0  # number of evaluations of the normal equations
+    converged: bool = True  # whether no further step would reduce the cost by more than the tolerance
 
 
 def bounded_least_squares(
@@ -49,7 +53,7 @@ def bounded_least_squares(
     iterations: int = 60,
     tolerance: float = 1e-5,
 ) -> Descent:
-    """Minimise a sum of squares within bounds. `start` (p,); `lower`, `upper` (p,)."""
+    """Minimise a sum of squares within bounds; `start`, `lower` and `upper` have shape (p,)."""
     lower, upper = np.asarray(lower, float), np.asarray(upper, float)
     if not np.all(lower <= upper):
         raise IdentificationError(f"found the bounds {lower} and {upper}, expected no lower one above its upper one")
@@ -65,7 +69,7 @@ def bounded_least_squares(
         step = _step(gradient, normal, damping, lower - x, upper - x, ~rests)
         promise = -float(gradient @ step) - 0.5 * float(step @ normal @ step)
         if promise <= tolerance * cost:
-            # A heavily damped step promises little anywhere, and a cut-off one may promise nothing.
+            # A heavily damped or shortened step predicts little decrease anywhere, so this is no sign of convergence.
             if promise >= 0.0 and damping <= 1.0:
                 return Descent(x, cost, gradient, normal, evaluations)
             damping, rise = (damping / 10.0, 2.0) if promise >= 0.0 else (damping * 10.0, 2.0)
@@ -81,13 +85,13 @@ def bounded_least_squares(
             rise = 2.0
         else:
             damping, rise = damping * rise, 2.0 * rise
-            if damping > _MOST_DAMPING:
+            if damping > _MAX_DAMPING:
                 return Descent(x, cost, gradient, normal, evaluations)
     return Descent(x, cost, gradient, normal, evaluations, converged=False)
 
 
 def _step(gradient, normal, damping, lowest, highest, free) -> np.ndarray:
-    """A damped step; what it would push beyond a bound ends on it, and the others are solved for again."""
+    """Return a damped step. Parameters that would leave their bounds end on them, and the others are solved again."""
     scale = np.diag(normal)
     damped = normal + np.diag(damping * np.maximum(scale, 1e-12 * scale.max(initial=1e-300)))
     step, free = np.zeros(len(gradient)), free.copy()

@@ -1,12 +1,12 @@
-r"""Stochastic particle swarm and conjugate gradients, by turns: a global search that ends in a local one.
+r"""Stochastic particle swarm and conjugate gradients in alternation: a global search refined by a local one.
 
-The swarm has no velocities [1]_: each particle moves by
+The particles have no velocities [1]_; each moves by
 
 .. math::  x_i \leftarrow x_i + c_1 r_1 (p_i - x_i) + c_2 r_2 (p_g - x_i)
 
-towards the best place it has seen and the best of all, and the one that holds the best of all is drawn anew anywhere
-within the bounds, so that no place is never visited. From the best place conjugate gradients [2]_ go down to the
-bottom, and the swarm takes over from there.
+towards its own best place and the swarm's best place. The particle at the swarm's best place is redrawn uniformly
+within the bounds, so that the search reaches every place eventually. Conjugate gradients [2]_ descend from the best
+place, and the swarm continues from there.
 
 .. [1] Z. Cui, J. Zeng, "A guaranteed global convergence particle swarm optimizer", RSCTC, 2004.
 .. [2] E. Polak, G. Ribiere, "Note sur la convergence de methodes de directions conjuguees", RIRO 3, 1969.
@@ -23,36 +23,44 @@ from ..._errors import IdentificationError
 from .adam import CostAndGradient
 
 Cost = Callable[[np.ndarray], float]
-"""From parameters of shape (p,) to a cost."""
+"""A function from parameters of shape (p,) to a cost."""
 
-_DECREASE = 1e-4  # share of the slope's promise that a step has to keep
-_SHRINK = (0.1, 0.5)  # how much shorter the next try of a line search may be
-_TRIES = 30
-_EXACT, _COARSE = 0.01, 0.1
-"""How near to the bottom of its parabola a step of conjugate gradients ends, as a share of the step: coarse ones take
-fewer evaluations each, but their directions do not stay conjugate, and round-off then says how many follow. Between
-two swarms, which move on anyway, coarse ones do."""
+_MIN_DECREASE_SHARE = 1e-4
+"""A step must reduce the cost by at least this share of the decrease that the slope predicts (Armijo's condition)."""
+
+_SHRINK_BOUNDS = (0.1, 0.5)
+"""After a failed try, a line search shortens the step by a factor within these bounds."""
+
+_MAX_LINE_SEARCH_TRIES = 30
+"""A line search gives up after this many tries."""
+
+_FINE_LINE_TOLERANCE = 0.01
+"""A fine line search ends within this share of the step from the minimum of its parabola."""
+
+_COARSE_LINE_TOLERANCE = 0.1
+"""A coarse line search, used between two swarms, ends within this share of the step. It needs fewer evaluations, but
+its directions do not stay conjugate."""
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Where a search ended and what it took."""
+    """Result of a search, with its effort."""
 
-    best: np.ndarray  # (p,)
-    cost: float  # There
-    evaluations: int  # Of the cost, those with a gradient included
-    gradients: int  # Of the gradient
-    # (k, 2) Evaluations spent, and the lowest cost found with them, whenever it fell
+    best: np.ndarray  # (p,) parameters of the lowest cost
+    cost: float  # lowest cost
+    evaluations: int  # number of evaluations of the cost, with or without gradient
+    gradients: int  # number of evaluations of the gradient
+    # (k, 2) number of evaluations and lowest cost so far, each time the lowest cost fell
     trail: np.ndarray = field(repr=False)
 
     def evaluations_until(self, cost: float) -> int | None:
-        """Evaluations spent until the cost was at most this; None where it never was."""
+        """Return the number of evaluations until the cost was at most `cost`; None if it never was."""
         reached = np.flatnonzero(self.trail[:, 1] <= cost)
         return int(self.trail[reached[0], 0]) if len(reached) else None
 
 
-class _Counted:
-    """A cost that counts how often it was asked, and keeps the best answer."""
+class _CountedCost:
+    """A cost function that counts its evaluations and keeps the best parameters."""
 
     def __init__(self, cost: Cost | None, with_gradient: CostAndGradient | None):
         self._cost, self._with_gradient = cost, with_gradient
@@ -75,7 +83,7 @@ class _Counted:
         if found < self.lowest:
             self.lowest, self.best = found, np.array(x)
             self.trail.append((self.evaluations, found))
-        # What is not a number is no better than anything.
+        # A cost that is not finite counts as infinite, so it is never the best.
         return found if np.isfinite(found) else np.inf
 
     def search(self) -> Search:
@@ -96,9 +104,9 @@ def particle_swarm(
     pull: tuple[float, float] = (1.8, 1.8),
     start: np.ndarray | None = None,
 ) -> Search:
-    """Search within bounds by a stochastic particle swarm [1]_. `lower`, `upper` (p,); `start` (p,)."""
+    """Search within bounds by a stochastic particle swarm [1]_; `lower`, `upper` and `start` have shape (p,)."""
     low, high = _bounds(lower, upper)
-    counted = _Counted(cost, None)
+    counted = _CountedCost(cost, None)
     _swarm(counted, low, high, rng, particles, iterations, pull, start)
     return counted.search()
 
@@ -113,20 +121,19 @@ def conjugate_gradient(
     iterations: int = 200,
     tolerance: float = 1e-8,
 ) -> Search:
-    """Go down by Polak-Ribiere conjugate gradients [2]_ with a line search that stays within bounds.
+    """Descend by Polak-Ribiere conjugate gradients [2]_ with a line search that stays within bounds.
 
-    Parameters on a bound that the gradient pushes against rest; wherever that set changes, or a direction leads up, the
-    search begins again with the gradient. Line searches ask for `value`, the cost alone, where it is given.
-
-    `start` (p,); `lower`, `upper` (p,).
+    A parameter on a bound is held as long as the gradient points outwards. When the set of held parameters changes, or
+    a direction leads upwards, the search restarts along the gradient. Line searches use `value`, the cost without
+    gradient, if it is given. `start`, `lower` and `upper` have shape (p,).
     """
     start = np.asarray(start, dtype=float)
     low, high = _bounds(
         np.full(start.shape, -np.inf) if lower is None else lower,
         np.full(start.shape, np.inf) if upper is None else upper,
     )
-    counted = _Counted(value, cost)
-    _descend(counted, start, low, high, iterations, tolerance, _EXACT)
+    counted = _CountedCost(value, cost)
+    _descend(counted, start, low, high, iterations, tolerance, _FINE_LINE_TOLERANCE)
     return counted.search()
 
 
@@ -143,13 +150,13 @@ def swarm_with_gradients(
     descent: int = 50,
     pull: tuple[float, float] = (1.8, 1.8),
 ) -> Search:
-    """Swarm and conjugate gradients by turns, each beginning where the other ended. `lower`, `upper` (p,)."""
+    """Alternate swarm and conjugate gradients, each starting from the other's best place; bounds have shape (p,)."""
     low, high = _bounds(lower, upper)
-    counted = _Counted(cost, cost_and_gradient)
+    counted = _CountedCost(cost, cost_and_gradient)
     for _ in range(rounds):
         _swarm(counted, low, high, rng, particles, iterations, pull, counted.best)
         if counted.best is not None:
-            _descend(counted, counted.best, low, high, descent, 1e-8, _COARSE)
+            _descend(counted, counted.best, low, high, descent, 1e-8, _COARSE_LINE_TOLERANCE)
     return counted.search()
 
 
@@ -192,7 +199,7 @@ def _descend(counted, start, low, high, iterations, tolerance, near) -> None:
             return
         fresh = direction is None or not np.array_equal(rests, resting)
         if not fresh:
-            # Never below 0, which begins again with the gradient.
+            # The factor is at least 0; at 0 the search restarts along the gradient.
             share = max(float(gradient @ (gradient - before)) / max(float(before @ before), np.finfo(float).tiny), 0.0)
             direction = down + share * np.where(rests, 0.0, direction)
             fresh = float(direction @ gradient) >= 0.0
@@ -212,17 +219,17 @@ def _descend(counted, start, low, high, iterations, tolerance, near) -> None:
 
 
 def _line_search(counted, x, value, gradient, direction, step, low, high, near):
-    """Point, step, cost and gradient of a step that keeps the slope's promise; None where no step does."""
+    """Return point, step, cost and gradient after a step that satisfies Armijo's condition; None if none does."""
     slope, best, length = float(gradient @ direction), None, step
-    for _ in range(_TRIES):
+    for _ in range(_MAX_LINE_SEARCH_TRIES):
         point = np.clip(x + length * direction, low, high)
         found = counted.value(point)
         promise = float(gradient @ (point - x))
-        if found <= value + _DECREASE * promise and promise < 0.0:
+        if found <= value + _MIN_DECREASE_SHARE * promise and promise < 0.0:
             if best is not None and found >= best[1]:
                 break
             best = (length, found)
-            # The parabola through what is known says whether to go further.
+            # The parabola through both costs and the slope predicts the minimum; go on if it lies further away.
             curve = found - value - slope * length
             ahead = -slope * length**2 / (2.0 * curve) if curve > 0.0 else 4.0 * length
             if abs(ahead - length) <= near * length:
@@ -233,7 +240,7 @@ def _line_search(counted, x, value, gradient, direction, step, low, high, near):
         else:
             curve = found - value - slope * length
             ahead = -slope * length**2 / (2.0 * curve) if np.isfinite(curve) and curve > 0.0 else 0.0
-            length = float(np.clip(ahead, _SHRINK[0] * length, _SHRINK[1] * length))
+            length = float(np.clip(ahead, _SHRINK_BOUNDS[0] * length, _SHRINK_BOUNDS[1] * length))
     if best is None:
         return None
     point = np.clip(x + best[0] * direction, low, high)

@@ -1,1 +1,1 @@
-"""A joint that carries a movable mass: the published three steps, and one body in their place."""
+"""Identify a joint with a movable carriage: by the published three steps, and as one physically consistent body."""

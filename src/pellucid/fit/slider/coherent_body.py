@@ -1,4 +1,4 @@
-"""One coherent body with a carriage, fitted in one regression: physical bounds, pseudo-inertia, friction by load."""
+"""Fit one physically consistent body with a carriage: bounded parameters, pseudo-inertia, load-dependent friction."""
 
 from __future__ import annotations
 
@@ -16,8 +16,11 @@ from ..uncertainty import sandwich
 from .slider_fit import SliderEstimate
 from .three_steps import require_both_directions, require_places
 
-LOAD_START = 0.05
-ROUNDS = 12  # relinearisations under the consistency conditions
+FIRST_LOAD_COEFFICIENT = 0.05
+"""First value of the load-friction coefficients in the search."""
+
+MAX_RELINEARISATIONS = 12
+"""Largest number of relinearisations under the consistency conditions."""
 
 
 def fit_coherent(
@@ -28,18 +31,23 @@ def fit_coherent(
     mass: float | None = None,
     start: np.ndarray | None = None,
 ) -> SliderEstimate:
-    """Bounded least squares of a `model` over `motions`, moved to the nearest body that could exist where it is none:
-    on a `rail` [m], of at most `mass` [kg]; `start`, (p,), is where a family that is not linear starts."""
+    """Fit a `model` to `motions` by bounded least squares.
+
+    If no body could have the estimated inertia and gravity, the nearest consistent parameters are taken: for a carriage
+    on a `rail` [m] and a mass of at most `mass` [kg]. `start`, shape (p,), is the first value of a nonlinear family.
+    """
 
     require_both_directions(motions)
     require_places(motions)
     if start is None:
-        start = np.array([LOAD_START if n.startswith("load") else 0.1 if n == "inertia" else 0.0 for n in model.names])
+        start = np.array(
+            [FIRST_LOAD_COEFFICIENT if n.startswith("load") else 0.1 if n == "inertia" else 0.0 for n in model.names]
+        )
     data = stack(motions)
     found = solve(model, data, start=start)
     values, held, notes = found.values, found.at_bound, []
     if np.min(model.gaps(values, rail, mass)) < 0.0:
-        values = _possible(model, values, data, rail, mass)
+        values = _nearest_possible_body(model, values, data, rail, mass)
         notes.append("inertia and gravity are held where a body of these masses can have them")
     w, effort = rows_of(model, values, data)
     residual = data.target - effort
@@ -72,14 +80,14 @@ def fit_coherent(
     )
 
 
-def _possible(model: SliderJointModel, values, data: Stack, rail, mass) -> np.ndarray:
-    """The nearest values that meet the conditions of consistency, in the metric of their own residuals."""
+def _nearest_possible_body(model: SliderJointModel, values, data: Stack, rail, mass) -> np.ndarray:
+    """Return the nearest consistent parameters, in the metric of the residuals."""
 
     lower, upper = model.bounds()
     best = None
-    for _ in range(1 if model.linear else ROUNDS):
+    for _ in range(1 if model.linear else MAX_RELINEARISATIONS):
         w, effort = rows_of(model, values, data)
-        inside = _heavy_enough(model, np.clip(values, lower, upper), rail, mass)
+        inside = _consistent_start(model, np.clip(values, lower, upper), rail, mass)
         unit = model.inertia(inside, np.array(rail)).max()
         found, said = nearest(
             w,
@@ -95,7 +103,7 @@ def _possible(model: SliderJointModel, values, data: Stack, rail, mass) -> np.nd
             best, least = found, _misfit(model, found, data)
         else:
             step, misfit = 1.0, _misfit(model, found, data)
-            while misfit > least and step > 1e-3:  # the possible bodies are a convex set: halves stay in it
+            while misfit > least and step > 1e-3:  # consistent bodies form a convex set, so shorter steps stay in it
                 step *= 0.5
                 misfit = _misfit(model, best + step * (found - best), data)
             if misfit >= least:
@@ -110,8 +118,8 @@ def _misfit(model: SliderJointModel, values: np.ndarray, data: Stack) -> float:
     return float(np.sum((data.target - effort) ** 2))
 
 
-def _heavy_enough(model, values, rail, mass) -> np.ndarray:
-    """The same values with so much inertia, and some mass of the carriage, that they meet the conditions: a start."""
+def _consistent_start(model, values, rail, mass) -> np.ndarray:
+    """Return a consistent starting point: the values with more inertia and at least some mass of the carriage."""
     values = values.copy()
     if "carriage_mass" in model.names:
         at = model.names.index("carriage_mass")

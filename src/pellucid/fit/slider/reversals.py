@@ -1,13 +1,14 @@
-r"""Over what way friction builds up before a joint slips, from slow motions that turn round.
+r"""Estimate the presliding travel, over which friction builds up before a joint slips, from slow reversals.
 
-While a joint turns round, its friction goes from one level to the other over twice the travel, along the curve of
-``presliding.hpp``, and everything else hardly changes:
+While a joint reverses, its friction changes from one level to the other over twice the travel, along the curve of
+``presliding.hpp``. All other terms hardly change:
 
 .. math::
     \tau = c + g\,(q - q_t) + b\,\dot q + F_+ \max(s, 0) + F_- \min(s, 0),  \qquad  s = s(q;\,x_s)
 
-with the turning point :math:`q_t`. Of each turn the travel :math:`x_s` that leaves least is sought; the rest is linear.
-Their median is the travel: where a joint jumps as it breaks away, one turn says little.
+with the turning point :math:`q_t`. For each reversal the travel :math:`x_s` with the smallest residual is searched; the
+other parameters are linear. The estimate is the median over reversals, because a joint that jumps as it breaks away
+makes single reversals unreliable.
 """
 
 from __future__ import annotations
@@ -20,25 +21,43 @@ from ... import _core
 from ...signals.filters import zero_phase_lowpass
 from ..parameter import Parameter
 
-LOWPASS = 15.0  # Hz: a joint that breaks away does so within a tenth of a second
-BAND = 12e-3  # rad: of the motion on either side of a turn; the largest travel is less than half of it
-LEAST, MOST, TRIED = 2e-5, 4.8e-3, 25  # rad: travels that are tried, from less than most encoders count
-KEPT = 0.6  # of the band before a turn: by there every contact has been dragged along
-FEWEST = 6  # turns, for an interval of the median at 95 %
+LOWPASS_HZ = 15.0
+"""Cut-off of the low-pass on position and effort. A joint breaks away within a tenth of a second."""
+
+TURN_BAND_RAD = 12e-3
+"""Range of motion on either side of a reversal that is used. The largest travel is less than half of it."""
+
+MIN_TRAVEL_RAD = 2e-5
+"""Smallest travel that is tried, below the resolution of most encoders."""
+
+MAX_TRAVEL_RAD = 4.8e-3
+"""Largest travel that is tried."""
+
+TRAVEL_CANDIDATE_COUNT = 25
+"""Number of travels that are tried before the search is refined."""
+
+KEPT_BAND_SHARE = 0.6
+"""Last share of the band before a reversal that is fitted. Before it, some contacts are not yet dragged along."""
+
+MIN_TURN_COUNT = 6
+"""Smallest number of reversals, from which the median has a 95 % interval."""
 
 
-def turns(position: np.ndarray) -> list[tuple[int, int, int]]:
-    """Where a motion, shape (n,) [rad], turns round for more than the band: the sample that begins the band, the turn,
-    and the sample that ends it. What comes before the first is left out: nobody knows how contacts were bent."""
+def find_turns(position: np.ndarray) -> list[tuple[int, int, int]]:
+    """Find the reversals of a motion, shape (n,) [rad], that move by more than the band on either side.
+
+    Each is given by three samples: start of the band, turning point, end of the band. The first reversal is excluded,
+    because the deflection of the contacts before it is unknown.
+    """
     found, far, up = [], 0, None
     for k, here in enumerate(position):
         if up is None:
-            if abs(here - position[0]) > BAND:
+            if abs(here - position[0]) > TURN_BAND_RAD:
                 far, up = k, here > position[0]
         elif (here > position[far]) == up:
             far = k
-        elif abs(here - position[far]) > BAND:
-            before = np.flatnonzero(np.abs(position[:far] - position[far]) > BAND)
+        elif abs(here - position[far]) > TURN_BAND_RAD:
+            before = np.flatnonzero(np.abs(position[:far] - position[far]) > TURN_BAND_RAD)
             if len(before):
                 found.append((int(before[-1]), far, k))
             far, up = k, not up
@@ -46,9 +65,11 @@ def turns(position: np.ndarray) -> list[tuple[int, int, int]]:
 
 
 def travel_of_turn(position: np.ndarray, velocity: np.ndarray, effort: np.ndarray, turn: int) -> float:
-    """The travel that explains one turn best [rad], of position, velocity and effort around it, each shape (n,), which
-    begin where contacts are dragged along, and the turn's sample."""
-    kept = (np.abs(position - position[turn]) < KEPT * BAND) | (np.arange(len(position)) > turn)
+    """Return the travel that explains one reversal best [rad].
+
+    `position`, `velocity` and `effort`, each of shape (n,), are the samples around it, and `turn` is its sample.
+    """
+    kept = (np.abs(position - position[turn]) < KEPT_BAND_SHARE * TURN_BAND_RAD) | (np.arange(len(position)) > turn)
     plain = np.column_stack([np.ones(len(position)), position - position[turn], velocity])
 
     def left(travel: float) -> float:
@@ -58,34 +79,36 @@ def travel_of_turn(position: np.ndarray, velocity: np.ndarray, effort: np.ndarra
 
     from scipy.optimize import minimize_scalar
 
-    tried = np.geomspace(LEAST, MOST, TRIED)
+    tried = np.geomspace(MIN_TRAVEL_RAD, MAX_TRAVEL_RAD, TRAVEL_CANDIDATE_COUNT)
     best = int(np.argmin([left(x) for x in tried]))
-    ends = np.log(tried[[max(best - 1, 0), min(best + 1, TRIED - 1)]])
+    ends = np.log(tried[[max(best - 1, 0), min(best + 1, TRAVEL_CANDIDATE_COUNT - 1)]])
     return float(np.exp(minimize_scalar(lambda x: left(np.exp(x)), bounds=tuple(ends), method="bounded").x))
 
 
 def presliding_travel(recorded: Sequence[tuple[np.ndarray, np.ndarray, float]]) -> Parameter | None:
-    """The travel of slow reversals, each recording a position [rad], an effort, both shape (n,), and a rate [Hz]; None
-    where they turn round too seldom."""
+    """Estimate the presliding travel from slow reversals; None if there are too few of them.
+
+    Each recording is a position [rad] and an effort, both of shape (n,), with their rate [Hz].
+    """
     found = []
     for position, effort, fs in recorded:
-        thin = max(int(fs / (13.0 * LOWPASS)), 1)
-        q, tau = (zero_phase_lowpass(x, LOWPASS, 2, fs)[::thin] for x in (position, effort))
+        thin = max(int(fs / (13.0 * LOWPASS_HZ)), 1)
+        q, tau = (zero_phase_lowpass(x, LOWPASS_HZ, 2, fs)[::thin] for x in (position, effort))
         velocity = np.gradient(q) * (fs / thin)
-        for first, turn, last in turns(q):
+        for first, turn, last in find_turns(q):
             part = slice(first, last)
             found.append(travel_of_turn(q[part], velocity[part], tau[part], turn - first))
-    if len(found) < FEWEST:
+    if len(found) < MIN_TURN_COUNT:
         return None
     low, high = _median_interval(np.sort(found))
     value = float(np.median(found))
-    # On a card an interval is symmetric: as wide as the wider half, so that no law takes the travel for smaller.
+    # A card's interval is symmetric. The wider half of the interval is used, so that no law underestimates the travel.
     error = max(high - value, value - low) / 1.959964
-    return Parameter("presliding_travel", "rad", value, error, at_bound=value < 2.0 * LEAST)
+    return Parameter("presliding_travel", "rad", value, error, at_bound=value < 2.0 * MIN_TRAVEL_RAD)
 
 
 def _median_interval(ordered: np.ndarray) -> tuple[float, float]:
-    """The interval at 95 % that order alone gives a median."""
+    """Return the distribution-free 95 % interval of the median of `ordered`, from order statistics."""
     from scipy.stats import binom
 
     n = len(ordered)

@@ -1,4 +1,4 @@
-"""What the identification of a joint with a carriage returns: models, their parameters, their errors trial by trial."""
+"""Result of identifying a joint with a carriage: models, their parameters, and their errors in each trial."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ...signals.markers import Geometry
 from ...signals.slider_motion import SliderMotion
 from ..parameter import Parameter, Verdict
 
-METHODS: Mapping[str, str] = {
+SLIDER_METHODS: Mapping[str, str] = {
     "pooled": "three steps, one set of parameters",
     "dissociated": "three steps, one set for each direction",
     "pooled_at_once": "all at once, one set",
@@ -22,22 +22,23 @@ METHODS: Mapping[str, str] = {
     "consistent": "one coherent body, friction by direction",
     "load": "one coherent body, friction by direction and load",
 }
-"""What is fitted, in the order of every table: the published model four ways, and two that a body could have."""
+"""Methods in the order of every table: the published model fitted in four ways, and two physically consistent
+models."""
 
 
 @dataclass(frozen=True)
 class SliderEstimate:
-    """One method's model of the joint."""
+    """The model of the joint that one method estimates."""
 
-    method: str  # One of `METHODS`
+    method: str  # one of `SLIDER_METHODS`
     model: DirectionalSliderModel | SliderJointModel
-    values: np.ndarray  # (p,) Free parameters, SI
-    parameters: tuple[Parameter, ...]  # The same with their standard errors
+    values: np.ndarray  # (p,) free parameters, SI
+    parameters: tuple[Parameter, ...]  # the same parameters with their standard errors
     covariance: np.ndarray  # (p, p)
-    samples: int  # Rows of the regression
-    residual_sd: float  # [N*m]
-    notes: tuple[str, ...] = ()  # Active bounds
-    # (p, p) What of the covariance coloured residuals alone make; None where there is no more to it
+    samples: int  # number of rows of the regression
+    residual_sd: float  # standard deviation of the residual [N*m]
+    notes: tuple[str, ...] = ()  # sentences on active bounds
+    # (p, p) part of the covariance due to coloured residuals alone; None if there is no other part
     statistical: np.ndarray | None = None
 
     def __getitem__(self, name: str) -> Parameter:
@@ -46,16 +47,16 @@ class SliderEstimate:
 
 @dataclass(frozen=True)
 class TrialError:
-    """How far one method's torque is from the measured one in one trial."""
+    """Prediction errors of one method in one trial."""
 
     recording: str
     protocol: str
     split: str
-    slider: float  # [m]
-    current: float  # Mean absolute error, equation 6 [A]
-    torque: float  # The same at the joint [N*m]
-    torque_rms: float  # [N*m]
-    bias: float  # Mean error of the prediction [N*m]
+    slider: float  # position of the carriage [m]
+    current: float  # mean absolute error of the current, equation 6 [A]
+    torque: float  # mean absolute error of the torque at the joint [N*m]
+    torque_rms: float  # root mean square error of the torque [N*m]
+    bias: float  # mean error of the torque [N*m]
 
 
 @dataclass(frozen=True)
@@ -64,38 +65,39 @@ class SliderFit:
 
     study: str
     lifts: str
-    gain: float  # Torque at the joint per ampere [N*m/A]
-    rail: tuple[float, float]  # [m]
+    gain: float  # torque at the joint per ampere [N*m/A]
+    rail: tuple[float, float]  # ends of the rail [m]
     geometry: Geometry = field(repr=False)
-    static: tuple[Parameter, ...]  # The static set: gravity and what sticks
-    estimates: Mapping[str, SliderEstimate]  # By method
-    errors: Mapping[str, tuple[TrialError, ...]] = field(repr=False)  # By method, every moving recording
+    static: tuple[Parameter, ...]  # gravity and mean torque of sticking, from static trials
+    estimates: Mapping[str, SliderEstimate]  # estimates by method
+    errors: Mapping[str, tuple[TrialError, ...]] = field(repr=False)  # errors by method, for every moving recording
     motions: tuple[SliderMotion, ...] = field(repr=False)
     verdicts: tuple[Verdict, ...]
     filter_note: str
     checksums: Mapping[str, str] = field(repr=False, default_factory=dict)
-    travel: Parameter | None = None  # Over which friction builds up before it slips; None where nothing shows it
+    travel: Parameter | None = None  # presliding travel; None where the recordings do not show it
 
     def __getitem__(self, method: str) -> SliderEstimate:
         return self.estimates[method]
 
     @property
     def evaluated_split(self) -> str:
-        """What methods are judged on: "heldout" where any held-out trial has an error, else "fitted"."""
+        """Split on which methods are evaluated: "heldout" if any held-out trial has an error, else "fitted"."""
         held = any(e.split == "heldout" and np.isfinite(e.current) for errors in self.errors.values() for e in errors)
         return "heldout" if held else "fitted"
 
     def evaluated(self, method: str) -> tuple[TrialError, ...]:
-        """A method's errors in the trials it is judged on; a trial in which nothing moved has none."""
+        """Return a method's errors in the trials of `evaluated_split`; trials without motion have none."""
         split = self.evaluated_split
         return tuple(e for e in self.errors[method] if e.split == split and np.isfinite(e.current))
 
     def evaluated_error(self, method: str) -> float:
-        """Mean over those trials of the mean absolute current error [A]; NaN without any."""
+        """Return the mean over those trials of the mean absolute current error [A]; NaN if there are none."""
         return float(np.mean([e.current for e in self.evaluated(method)] or [np.nan]))
 
     def mean_error(self, method: str, recordings: tuple[str, ...] | None = None) -> float:
-        """Mean over trials of the mean absolute current error [A]: of those named, or of all held out."""
+        """Return the mean over trials of the mean absolute current error [A], over `recordings` or all held-out
+        ones."""
         chosen = [
             e.current
             for e in self.errors[method]

@@ -4,10 +4,10 @@ Each step is linear in what it fits [1]_:
 
 1. held still: gravity and what sticks;
 2. constant velocities: gravity again, dry and viscous friction;
-3. the swept sine, less what step 2 explains: inertia.
+3. the swept sine, minus the torque that step 2 explains: inertia.
 
-Dissociated by direction, every column of a step comes twice, masked by the sign of velocity. Both sides of each
-regression pass the same zero-phase filter, which the paper's moving averages did not (docs/errata.md, A12).
+With a set of parameters for each direction, every column appears twice, masked by the sign of velocity. Both sides of
+each regression pass the same zero-phase filter, unlike the paper's moving averages (docs/errata.md, A12).
 
 .. [1] D. Verdel et al., "An identification-based method improving the transparency of a robotic upper limb
    exoskeleton", Robotica 39, 2021, section 3.3.
@@ -29,25 +29,33 @@ from ...models.directional_slider import (
     columns,
 )
 from ...models.joint import GRAVITY
-from ...signals.slider_motion import STRIDE, SliderMotion
+from ...signals.slider_motion import REGRESSION_STRIDE, SliderMotion
 from ..parameter import Parameter
 from ..regression import least_squares_within, parameters_of, require_full_rank
 from ..uncertainty import sandwich
 from .slider_fit import SliderEstimate
 
-STEPS = ("constant_velocity", "swept_sine")
-"""Protocols that steps 2 and 3 fit, and the coherent body too."""
+STEP_PROTOCOLS = ("constant_velocity", "swept_sine")
+"""Protocols that steps 2 and 3 are fitted to; the coherent body is fitted to both."""
 
-STEADY = 0.5  # rad/s^2: below this a velocity counts as constant
+MAX_STEADY_ACCELERATION = 0.5
+"""Below this acceleration a velocity counts as constant [rad/s^2]."""
 
-NAMES = tuple(UNITS)
-LOWER = np.array([0.0 if name in ("coulomb", "viscous") else -np.inf for name in NAMES])
-DIRECTIONS = ("up", "down")
+PARAMETER_NAMES = tuple(UNITS)
+"""Names of the model's parameters, in its order."""
+
+LOWER_BOUNDS = np.array([0.0 if name in ("coulomb", "viscous") else -np.inf for name in PARAMETER_NAMES])
+"""Lower bounds of the parameters: friction is not negative."""
+
+DIRECTION_NAMES = ("up", "down")
+"""Suffixes of the parameters where there is a set for each direction."""
 
 
 def static_set(motions: Sequence[SliderMotion]) -> tuple[Parameter, ...]:
-    """Step 1: gravity, and the mean torque that sticking adds, from the means of all holds. Gives [kg], [kg*m],
-    [N*m]."""
+    """Run step 1: estimate gravity and the mean torque of sticking from the means of all holds.
+
+    The parameters' units are [kg], [kg*m], [kg*m] and [N*m].
+    """
     at = [(m, rest) for m in motions for rest in m.holds()]
     if len(at) < 8:
         raise IdentificationError(
@@ -70,13 +78,13 @@ def static_set(motions: Sequence[SliderMotion]) -> tuple[Parameter, ...]:
 def three_steps(
     motions: Sequence[SliderMotion], *, dissociated: bool, solver: str = "linear", method: str = ""
 ) -> SliderEstimate:
-    """Steps 2 and 3 of the published identification."""
-    steady, swept = ([m for m in motions if m.protocol == step] for step in STEPS)
+    """Run steps 2 and 3 of the published identification."""
+    steady, swept = ([m for m in motions if m.protocol == step] for step in STEP_PROTOCOLS)
     require_both_directions(steady)
     require_places(steady)
     copies = 2 if dissociated else 1
     moving = slice(GRAVITY_TERMS.start, FRICTION_TERMS.stop)
-    w, effort, lengths = _rows(steady, dissociated, lambda m: np.abs(m.acceleration) < STEADY)
+    w, effort, lengths = _rows(steady, dissociated, lambda m: np.abs(m.acceleration) < MAX_STEADY_ACCELERATION)
     found2, cov2 = _solve(_terms(w, moving), effort, lengths, moving, solver, "constant velocities")
     samples = len(effort)
     w, effort, lengths = _rows(swept, dissociated)
@@ -95,17 +103,17 @@ def three_steps(
 def all_at_once(
     motions: Sequence[SliderMotion], *, dissociated: bool, solver: str = "linear", method: str = ""
 ) -> SliderEstimate:
-    """The same model in one regression over any motion that excites everything."""
+    """Fit the same model in one regression over motions that excite all of its terms."""
     require_both_directions(motions)
     require_places(motions)
     copies = 2 if dissociated else 1
     w, effort, lengths = _rows(motions, dissociated)
-    values, covariance = _solve(w, effort, lengths, slice(0, len(NAMES)), solver, "all at once")
+    values, covariance = _solve(w, effort, lengths, slice(0, len(PARAMETER_NAMES)), solver, "all at once")
     return _estimate(method, np.split(values, copies), covariance, len(effort), effort - w @ values)
 
 
 def require_both_directions(motions: Sequence[SliderMotion]) -> None:
-    """Do nothing where both directions are there."""
+    """Refuse motions that do not move in both directions."""
     if not motions:
         raise IdentificationError(
             'no recording of protocol "constant_velocity" or "swept_sine" is marked use = "fit"; the three steps need '
@@ -123,7 +131,7 @@ def require_both_directions(motions: Sequence[SliderMotion]) -> None:
 
 
 def require_places(motions: Sequence[SliderMotion], least: float = 0.02) -> None:
-    """Do nothing where the terms in x and its square can be told apart. `least` [m]."""
+    """Refuse carriage positions that do not separate the terms in x and x squared; `least` is their range [m]."""
     places = np.array([m.slider for m in motions])
     distinct = np.unique(np.round(places / 0.005)).size
     if distinct < 3 or np.ptp(places) < least:
@@ -134,27 +142,25 @@ def require_places(motions: Sequence[SliderMotion], least: float = 0.02) -> None
 
 
 def directional_columns(motion: SliderMotion) -> np.ndarray:
-    """Torque per unit of each parameter of the up set, then of the down set, filtered as the effort was.
+    """Return the torque per unit of each parameter of the up set, then of the down set, shape (n, 16).
 
-    States are filtered already, and so are terms smooth in them: only what jumps with the direction passes the filter.
-    Twice the same set is then the model without directions, and no term of it is filtered twice.
-
-    Gives (n, 16).
+    The states are already filtered, so terms that are smooth in them are not filtered again. Only the terms that jump
+    with the direction pass the filter of the effort. Equal sets for both directions give the model without directions.
     """
     whole = columns(motion.position, motion.velocity, motion.acceleration, motion.slider)
     jumps = motion.smooth(whole * np.where(motion.velocity > 0.0, 1.0, -1.0)[:, None])
-    whole[:, 3] = motion.smooth(whole[:, 3])  # dry friction jumps in either set
+    whole[:, 3] = motion.smooth(whole[:, 3])  # dry friction jumps in both sets
     return 0.5 * np.column_stack([whole + jumps, whole - jumps])
 
 
 def _rows(motions, dissociated, also=None) -> tuple[np.ndarray, np.ndarray, list[int]]:
-    """Filtered regressor of one set or two, and effort, of the scored samples, and how many each motion gave."""
+    """Return the filtered regressor of one or two sets, the effort, and the number of samples of each motion."""
     w, y, lengths = [], [], []
     for m in motions:
         filtered = directional_columns(m)
         if not dissociated:
             filtered = np.add(*np.split(filtered, 2, axis=1))
-        at = np.flatnonzero(m.scored if also is None else m.scored & also(m))[::STRIDE]
+        at = np.flatnonzero(m.scored if also is None else m.scored & also(m))[::REGRESSION_STRIDE]
         w.append(filtered[at])
         y.append(m.effort[at])
         lengths.append(len(at))
@@ -162,8 +168,8 @@ def _rows(motions, dissociated, also=None) -> tuple[np.ndarray, np.ndarray, list
 
 
 def _terms(w: np.ndarray, terms: slice) -> np.ndarray:
-    """Columns of some of the parameters, of every set there is."""
-    sets = np.split(w, w.shape[1] // len(NAMES), axis=1)
+    """Return the columns of some parameters, from every set."""
+    sets = np.split(w, w.shape[1] // len(PARAMETER_NAMES), axis=1)
     return np.hstack([part[:, terms] for part in sets])
 
 
@@ -171,8 +177,8 @@ def _solve(w, y, lengths, terms, solver, where) -> tuple[np.ndarray, np.ndarray]
     from scipy.optimize import least_squares
 
     copies = w.shape[1] // (terms.stop - terms.start)
-    names = [name + suffix for suffix in _suffixes(copies) for name in NAMES[terms]]
-    lower, upper = np.tile(LOWER[terms], copies), np.full(w.shape[1], np.inf)
+    names = [name + suffix for suffix in _suffixes(copies) for name in PARAMETER_NAMES[terms]]
+    lower, upper = np.tile(LOWER_BOUNDS[terms], copies), np.full(w.shape[1], np.inf)
     require_full_rank(names, w, where)
     if solver == "linear":
         values = least_squares_within(w, y, lower, upper, method="bvls")
@@ -193,17 +199,17 @@ def _solve(w, y, lengths, terms, solver, where) -> tuple[np.ndarray, np.ndarray]
 
 
 def _suffixes(copies: int) -> tuple[str, ...]:
-    """What follows a parameter's name: its direction, where there is a set for each."""
-    return tuple(f"_{d}" for d in DIRECTIONS) if copies == 2 else ("",)
+    """Return the suffixes of the parameters' names: the direction, if there is a set for each."""
+    return tuple(f"_{d}" for d in DIRECTION_NAMES) if copies == 2 else ("",)
 
 
 def _estimate(method, sets, covariance, samples, residual) -> SliderEstimate:
     model = DirectionalSliderModel(up=sets[0], down=sets[-1])
     values = np.concatenate(sets)
     suffixes = _suffixes(len(sets))
-    names = [name + suffix for suffix in suffixes for name in NAMES]
+    names = [name + suffix for suffix in suffixes for name in PARAMETER_NAMES]
     near = 1e-3 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    held = values - np.tile(LOWER, len(sets)) <= near
+    held = values - np.tile(LOWER_BOUNDS, len(sets)) <= near
     notes = [f"{name} is held at its physical bound, 0" for name, bound in zip(names, held, strict=True) if bound]
     for direction, values_ in zip(suffixes, sets, strict=True):
         if values_[7] < 0.0:

@@ -1,18 +1,18 @@
-r"""Stiffness and damping of the strap between wearer and orthosis, from its torque and the mismatch that it makes.
+r"""Stiffness and damping of the strap between wearer and orthosis, from its torque and the mismatch of the angles.
 
-One body's balance tells the strap's torque (``strap_torque``); the mismatch D of the two angles answers it:
+The balance of one body gives the strap's torque (``strap_torque``), to which the mismatch D of the two angles responds:
 
 .. math::
     D(s) = \frac{\tau_c(s)}{I_c s^2 + b_c s + k_c}, \qquad
     y(t_i) = o + g\,\bigl[\theta_e(t_i + \delta) + D(t_i + \delta)\bigr] + e_i
 
-y is the limb's angle as the IMU tells it. Its errors are on the output, so the output's error is minimised; how it was
-strapped on (o), its scale (g) and its clock (delta) are estimated with the strap, because a late clock looks like
-damping. A strap has no inertia: k_c and b_c are fitted with I_c = 0, and I_c is then fitted too, as a test.
+y is the limb's angle by the IMU. Its errors are on the output, so the output error is minimised. The IMU's mounting
+angle o, gain g and clock delta are estimated together with the strap, because a late clock looks like damping. A strap
+has no inertia: k_c and b_c are fitted with I_c = 0, and I_c is then freed as a test.
 
-The response is computed by Fourier transform over the whole trial: the bounded answer, whatever the signs of the
-coefficients, so that I_c may come out on either side of 0. The ends, where a start unknown to it still shows, are left
-out.
+The response is computed by a Fourier transform over the whole trial. This gives the bounded response for any signs of
+the coefficients, so the estimate of I_c may be negative. The ends of the trial, where the unknown initial state still
+acts, are excluded.
 """
 
 from __future__ import annotations
@@ -27,52 +27,54 @@ from ..parameter import Parameter
 from .strap_search import Spectrum, StrapProblem, StrapTrial
 from .strap_torque import StrappedSwing, StrapTorque
 
-DECAY = 3.0
-"""Time constants after which a torque that was not known has left the mismatch."""
+MAX_DECAY_TIME_CONSTANTS = 3.0
+"""After an interval of unknown torque, samples are excluded for this many time constants of the strap."""
+
 UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "inertia": "kg*m^2", "gain": "1"}
 
 
 @dataclass(frozen=True)
 class Instrument:
-    """How the IMU saw one trial: its clock is `shift` ahead of the actuator's [s], its angle is `offset` [rad] plus
-    `gain` times the limb's."""
+    """Clock and mounting of the IMU in one trial."""
 
-    shift: float
-    offset: float
-    gain: float = 1.0
+    shift: float  # time by which the IMU's clock is ahead of the actuator's [s]
+    offset: float  # angle of the IMU where the limb's angle is 0 [rad]
+    gain: float = 1.0  # change of the IMU's angle per change of the limb's
 
 
 @dataclass(frozen=True, eq=False)
 class CouplingFit:
-    """The strap as one side's balance shows it."""
+    """A spring and damper fitted to the strap's torque from one body's balance."""
 
-    side: str  # ``"orthosis"`` or ``"limb"``: whose balance gave the torque
-    stiffness: Parameter  # stiffness, damping: Of a strap without inertia [N m/rad], [N m s/rad]
-    damping: Parameter
-    inertia: Parameter  # What an inertia in the strap would be, fitted with them [kg m^2]
-    gain: Parameter | None  # Of the IMU's angle; None where it was given
-    covariance: np.ndarray = field(repr=False)  # (2, 2) Of stiffness and damping
-    instruments: tuple[Instrument, ...] = field(repr=False)  # One for each trial
-    # (m,) Of each trial at the IMU's times [rad]; NaN where a sample was left out
+    side: str  # body whose balance gave the torque: ``"orthosis"`` or ``"limb"``
+    stiffness: Parameter  # stiffness of a strap without inertia [N m/rad]
+    damping: Parameter  # damping of a strap without inertia [N m s/rad]
+    inertia: Parameter  # inertia when it is fitted together with stiffness and damping, as a test [kg m^2]
+    gain: Parameter | None  # gain of the IMU's angle; None where it was given
+    covariance: np.ndarray = field(repr=False)  # (2, 2) covariance of stiffness and damping
+    instruments: tuple[Instrument, ...] = field(repr=False)  # one for each trial
+    # (m,) residual of each trial at the IMU's times [rad]; NaN where a sample was excluded
     residuals: tuple[np.ndarray, ...] = field(repr=False)
-    used: int = 0  # Samples of the IMU that were fitted
+    used: int = 0  # number of the IMU's samples that were fitted
     converged: bool = True
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Strap first, then what it was tested against."""
+        """Damping and stiffness, then the tested inertia and the IMU's gain."""
         return tuple(p for p in (self.damping, self.stiffness, self.inertia, self.gain) if p is not None)
 
     @property
     def residual_sd(self) -> float:
-        """Of the IMU's angle, all trials together [rad]."""
+        """RMS residual of the IMU's angle over all trials [rad]."""
         every = np.concatenate(self.residuals)
         return float(np.sqrt(np.nanmean(every**2)))
 
 
 def mismatch(torque: np.ndarray, fs: float, *, stiffness: float, damping: float, inertia: float = 0.0) -> np.ndarray:
-    """Mismatch that a strap's torque makes. `torque` (n,) [N m]; `fs` [Hz]; `stiffness`, `damping`, `inertia` [N
-    m/rad], [N m s/rad], [kg m^2]; gives (n,) [rad]."""
+    """Return the mismatch that a strap's torque causes, shape (n,) [rad].
+
+    `torque`, shape (n,) [N m]; `fs` [Hz]; `stiffness` [N m/rad], `damping` [N m s/rad], `inertia` [kg m^2].
+    """
     return Spectrum(torque[:, None], fs).response(stiffness, damping, inertia)[:, 0]
 
 
@@ -84,12 +86,15 @@ def fit_coupling(
     gain: Parameter | None = None,
     free_gain: bool = True,
 ) -> CouplingFit:
-    """Stiffness and damping by output error on the IMU's angle."""
+    """Fit stiffness and damping by minimising the output error of the IMU's angle.
+
+    `gain` is the IMU's gain with its standard error, if it was calibrated. If `free_gain`, it is estimated too.
+    """
     problem = StrapProblem([StrapTrial(s, t) for s, t in zip(swings, torques, strict=True)], gain, free_gain)
     start = problem.start()
     strap = problem.solve(start, inertia=False)
-    # Only now is it known for how long a torque that was not known stays in the mismatch.
-    problem.leave_out(DECAY * strap.damping / strap.stiffness)
+    # The first fit gives the strap's time constant, for which samples after an unknown torque must be excluded.
+    problem.leave_out(MAX_DECAY_TIME_CONSTANTS * strap.damping / strap.stiffness)
     strap = problem.solve(strap, inertia=False)
     tested = problem.solve(strap, inertia=True)
     covariance, at_bound = problem.covariance(strap, inertia=False), problem.at_bound(strap, start)
@@ -116,18 +121,18 @@ def fit_coupling(
 
 
 def align(swing: StrappedSwing, torque: StrapTorque, fit: CouplingFit) -> Instrument:
-    """Clock and mounting of the IMU in a trial that was not fitted, the strap held as it was found."""
+    """Estimate clock and mounting of the IMU in a held-out trial, with the strap fixed at its fit."""
     trial = StrapTrial(swing, torque)
     gain = fit.instruments[0].gain
     problem = StrapProblem([trial], None, False, held_gain=gain)
     k, b = fit.stiffness.value, fit.damping.value
-    problem.leave_out(DECAY * b / k)
+    problem.leave_out(MAX_DECAY_TIME_CONSTANTS * b / k)
     found = problem.solve(replace(problem.start(), stiffness=k, damping=b), inertia=False, hold_strap=True)
     return Instrument(float(found.shifts[0]), float(found.offsets[0]), gain)
 
 
 def seen_mismatch(swing: StrappedSwing, instrument: Instrument) -> tuple[np.ndarray, np.ndarray]:
-    """The mismatch as the IMU saw it, at its own times. Gives `time`, `mismatch` (m,) [s], [rad]."""
+    """Return times and the measured mismatch at the IMU's samples, each of shape (m,) [s], [rad]."""
     time = swing.imu_time + instrument.shift
     inside = (time >= swing.time[0]) & (time <= swing.time[-1])
     angle = CubicSpline(swing.time, swing.position)(np.clip(time, swing.time[0], swing.time[-1]))
@@ -135,8 +140,7 @@ def seen_mismatch(swing: StrappedSwing, instrument: Instrument) -> tuple[np.ndar
 
 
 def limb_angle(swing: StrappedSwing, instrument: Instrument) -> np.ndarray:
-    """The limb's angle at the actuator's times, aligned: shape (n,) [rad]; held at its ends outside the IMU's times.
-    Gives (n,)."""
+    """Return the limb's aligned angle at the actuator's times, shape (n,) [rad]; constant outside the IMU's times."""
     time = swing.imu_time + instrument.shift
     known = np.isfinite(swing.imu_angle)
     time, angle = time[known], (swing.imu_angle[known] - instrument.offset) / instrument.gain

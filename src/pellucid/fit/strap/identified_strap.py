@@ -1,8 +1,8 @@
-"""A strap as its recordings show it: which model, how stiff where it begins to pull, over which range, and how sure.
+"""Identify a strap: its model, its stiffness, the range of stretch over which it was seen, and their uncertainty.
 
-Stiffness is the tangent where the strap begins to pull, of what stays: a branch that relaxes adds its own, for a while.
-How far features move it that were not missed, and physics that no model has, is part of its interval; where that leaves
-nothing worth reading, the interval is refused in words.
+Stiffness is the long-term tangent where the strap begins to pull; a relaxing branch adds to it for a while. Its
+interval includes the effect of features that were not significant and of physics that no model has. An interval that
+would be too wide to be useful is refused with the reason.
 """
 
 from __future__ import annotations
@@ -16,72 +16,81 @@ from scipy.interpolate import CubicSpline
 from ..._errors import IdentificationError
 from ..parameter import Parameter
 from ..uncertainty import correlation_time
-from .coupled_impedance import DECAY, CouplingFit, Instrument
+from .coupled_impedance import MAX_DECAY_TIME_CONSTANTS, CouplingFit, Instrument
 from .strap_choice import StrapChoice, choose_strap
 from .strap_discrepancy import strap_discrepancy
-from .strap_fit import StrapFit, StrapRecord, fit_strap
-from .strap_model import FULL, KELVIN_VOIGT, StrapModel
+from .strap_fit import StrapFit, StrapRecord, fit_strap_model
+from .strap_model import FULL_MODEL, KELVIN_VOIGT, StrapModel
 from .strap_torque import StrappedSwing, StrapTorque
 
-GAIN = Parameter("gain", "1", 1.0, 0.005)
-"""What is known of an IMU's angle before: filters that turn by rates are right to half a per cent."""
-SPRING = 0.003
-"""Share by which a common error of all torques, the spring's, may scale a strap: a calibration with weights."""
-WIDEST = 0.10
-"""Share of the stiffness from which on a standard error says nothing."""
-NOISE = 1e-3
-"""Of the IMU's angle, an independent sample's, before anything is fitted [rad^2]."""
-LATE = 0.1
-"""How far clocks differ from trial to trial where the motion does not tell them [s]."""
-CLOCK_STEPS = 4
-LEVEL = 0.05
-"""Of the test whether the model holds."""
-RANGE = (1.0, 99.0)
-"""Percentiles of the stretch between which a strap was seen."""
+PRIOR_IMU_GAIN = Parameter("gain", "1", 1.0, 0.005)
+"""Prior of the IMU's gain: filters that integrate rates are accurate to half a per cent."""
+
+SPRING_CALIBRATION_ERROR_SHARE = 0.003
+"""Relative standard error of the spring's calibration with weights, which scales all torques and the strap alike."""
+
+MAX_STANDARD_ERROR_SHARE = 0.10
+"""The interval of the stiffness is refused if its standard error exceeds this share of the value."""
+
+FIRST_NOISE_VARIANCE = 1e-3
+"""Variance of an independent sample of the IMU's angle, assumed in the first fit [rad^2]."""
+
+CLOCK_SPREAD_S = 0.1
+"""Prior standard deviation of the clock's shift between trials, for trials whose motion does not determine it."""
+
+CLOCK_ITERATION_COUNT = 4
+"""Number of Gauss-Newton steps for the IMU's clock in a held-out trial."""
+
+MODEL_TEST_LEVEL = 0.05
+"""Significance level of the test whether the model describes the strap."""
+
+STRETCH_PERCENTILES = (1.0, 99.0)
+"""The strap counts as seen between these percentiles of its stretch."""
 
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedStrap:
-    """What is known of one strap."""
+    """One identified strap."""
 
     model: StrapModel
-    stiffness: Parameter  # The tangent where it begins to pull, of what stays [N m/rad]
+    stiffness: Parameter  # long-term tangent where the strap begins to pull [N m/rad]
     damping: Parameter
-    others: tuple[Parameter, ...]  # Of its features
-    covariance: np.ndarray = field(repr=False)  # (k, k) Of these, in this order
-    range: tuple[float, float]  # Of stretches seen [rad]
-    ends: tuple[Parameter, Parameter]  # Tangents there [N m/rad]
-    holds: float  # P value of no physics beside the model being missed
-    errors: Mapping[str, float]  # Of blocks held out, by model [rad]
-    missed: Mapping[str, float]  # By feature: p value of predicting no worse without it
-    # (m,) Mismatch by the IMU, as it is without askewness [rad], and what stays of the torque there [N m]
+    others: tuple[Parameter, ...]  # parameters of the features
+    covariance: np.ndarray = field(repr=False)  # (k, k) covariance of stiffness, damping and the others
+    range: tuple[float, float]  # range of the stretch that was seen [rad]
+    ends: tuple[Parameter, Parameter]  # tangents at both ends of that range [N m/rad]
+    holds: float  # p value of the model: that no neglected effect improves its prediction
+    errors: Mapping[str, float]  # RMS error on held-out blocks, by model name [rad]
+    missed: Mapping[str, float]  # p value, by feature, of predicting no worse without it
+    # (m,) mismatch by the IMU, corrected for misalignment [rad], and the strap's long-term torque there [N m]
     seen: tuple[np.ndarray, np.ndarray] = field(repr=False)
-    plain: StrapFit = field(repr=False)  # By Kelvin and Voigt
-    fit: StrapFit = field(repr=False)
+    plain: StrapFit = field(repr=False)  # fit of a spring and damper alone
+    fit: StrapFit = field(repr=False)  # fit of the chosen model
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """All of them."""
+        """Damping, stiffness, and the parameters of the features."""
         return (self.damping, self.stiffness, *self.others)
 
     @property
     def fits(self) -> bool:
-        """Whether the model holds."""
-        return self.holds >= LEVEL
+        """Whether the model is not rejected by its test."""
+        return self.holds >= MODEL_TEST_LEVEL
 
     def mismatch(self, swing: StrappedSwing, torque: StrapTorque, *, plain: bool = False) -> np.ndarray:
-        """Limb less orthosis at the actuator's times, (n,) [rad], as this strap, or the plain one, answers a torque."""
+        """Predict limb minus orthosis angle at the actuator's times, shape (n,) [rad], by this or the `plain` strap."""
         fit = self.plain if plain else self.fit
         record = StrapRecord(swing, torque, fit.shifts[0], 0.0)
         limb = record.response(fit.model, fit.values)[0]
         return CubicSpline(record.time, limb - record.robot)(np.clip(swing.time, record.time[0], record.time[-1]))
 
     def instrument(self, swing: StrappedSwing, torque: StrapTorque, clock: float) -> Instrument:
-        """Clock and mounting of the IMU in a trial, the strap held; its clock is about a `clock` ahead [s]."""
+        """Estimate clock and mounting of the IMU in a trial with the strap fixed; its clock is about `clock` ahead
+        [s]."""
         record = StrapRecord(swing, torque, clock, 0.0)
         path = CubicSpline(record.time, record.response(self.fit.model, self.fit.values)[0])
         shift, offset = clock, 0.0
-        for _ in range(CLOCK_STEPS):
+        for _ in range(CLOCK_ITERATION_COUNT):
             at = np.clip(record.seen_time + shift, record.time[0], record.time[-1])
             off = record.seen - self.fit.gain * path(at)
             rate = self.fit.gain * path(at, 1)
@@ -91,7 +100,7 @@ class IdentifiedStrap:
         return Instrument(shift, offset, self.fit.gain)
 
     def torque(self, stretch: np.ndarray) -> np.ndarray:
-        """What it carries in the end at a mismatch, (n,) [rad], its slack included; gives (n,) [N m]."""
+        """Return the long-term torque, shape (n,) [N m], at a mismatch, shape (n,) [rad], slack included."""
         half = 0.5 * self.fit.values.get("slack", 0.0)
         e = stretch - np.clip(stretch, -half, half)
         return self.fit.values["stiffness"] * e * (1.0 + self.fit.values.get("hardening", 0.0) * e**2 / 3.0)
@@ -104,27 +113,31 @@ def identify_strap(
     steps: Sequence[StrappedSwing] = (),
     step_torques: Sequence[StrapTorque] = (),
 ) -> IdentifiedStrap:
-    """Choose a model on swings, and on trials in which torques are held; `coupling` is where the search begins."""
+    """Choose and fit a strap model to swings, and to `steps`, trials with held torques.
+
+    The search starts from the spring and damper of `coupling`.
+    """
     start = {"stiffness": coupling.stiffness.value, "damping": coupling.damping.value}
     records, full = _records(swings, torques, coupling, start, steps, step_torques)
-    return _known(choose_strap(records, GAIN, full), records, held=len(records) > len(swings))
+    return _known(choose_strap(records, PRIOR_IMU_GAIN, full), records, held=len(records) > len(swings))
 
 
 def _records(swings, torques, coupling, start, steps, step_torques) -> tuple[list[StrapRecord], StrapFit]:
-    """Trials, the clocks of swings found by their motion, each weighing what its noise allows; and a first fit."""
-    decay = DECAY * start["damping"] / start["stiffness"]
+    """Prepare all trials, weighted by their noise, with the swings' clocks found from their motion; return a first
+    fit."""
+    decay = MAX_DECAY_TIME_CONSTANTS * start["damping"] / start["stiffness"]
     clocks = [i.shift for i in coupling.instruments]
-    # Which samples are left out follows the clock.
+    # The records are made again after the clocks are known, because the excluded samples depend on the clock.
     records = [StrapRecord(s, t, c, decay) for s, t, c in zip(swings, torques, clocks, strict=True)]
-    clocks = fit_strap(KELVIN_VOIGT, records, gain=GAIN, noise=NOISE, start=start).shifts
+    clocks = fit_strap_model(KELVIN_VOIGT, records, gain=PRIOR_IMU_GAIN, noise=FIRST_NOISE_VARIANCE, start=start).shifts
     records = [StrapRecord(s, t, c, decay) for s, t, c in zip(swings, torques, clocks, strict=True)]
     usual = float(np.mean(clocks))
     for swing, torque in zip(steps, step_torques, strict=True):
         try:
-            records.append(StrapRecord(swing, torque, usual, decay, slowest=0.0, late=LATE))
+            records.append(StrapRecord(swing, torque, usual, decay, slowest=0.0, late=CLOCK_SPREAD_S))
         except IdentificationError:
-            continue  # too little of it is known to the strap: the swings stand alone
-    first = fit_strap(FULL, records, gain=GAIN, noise=NOISE, start=start)
+            continue  # too few usable samples: the swings are fitted without this trial
+    first = fit_strap_model(FULL_MODEL, records, gain=PRIOR_IMU_GAIN, noise=FIRST_NOISE_VARIANCE, start=start)
     ends = np.cumsum(first.lengths)
     residuals = [first.residual[e - n : e] for e, n in zip(ends, first.lengths, strict=True)]
     noise = [2.0 * correlation_time(r, [len(r)]) * float(np.mean(r**2)) for r in residuals]
@@ -132,7 +145,8 @@ def _records(swings, torques, coupling, start, steps, step_torques) -> tuple[lis
     for record, own in zip(records, noise, strict=True):
         record.weight = float(np.sqrt(usual / own))
     near = {**first.values, "gain": first.gain}
-    return records, fit_strap(FULL, records, gain=GAIN, noise=usual, start=near, shifts=first.shifts)
+    full = fit_strap_model(FULL_MODEL, records, gain=PRIOR_IMU_GAIN, noise=usual, start=near, shifts=first.shifts)
+    return records, full
 
 
 def _known(choice: StrapChoice, records: Sequence[StrapRecord], *, held: bool) -> IdentifiedStrap:
@@ -142,9 +156,9 @@ def _known(choice: StrapChoice, records: Sequence[StrapRecord], *, held: bool) -
     count = len(fit.model.coefficients)
     total = (statistical + beside.covariance)[:count, :count].copy()
     values = np.array([c.sought(fit.values[c.name]) for c in fit.model.coefficients])
-    total[:2, :2] += SPRING**2 * np.outer(values[:2], values[:2])
-    # Features that were not missed may be there all the same.
-    full = choice.tried[FULL.name]
+    total[:2, :2] += SPRING_CALIBRATION_ERROR_SHARE**2 * np.outer(values[:2], values[:2])
+    # Features that were not significant may exist all the same, so their effect widens the interval.
+    full = choice.tried[FULL_MODEL.name]
     if full is not fit:
         other = full.covariance() + full.moved_by_body(records)
         for i in range(2):
@@ -155,8 +169,8 @@ def _known(choice: StrapChoice, records: Sequence[StrapRecord], *, held: bool) -
     for i, c in enumerate(fit.model.coefficients):
         value, unit = fit.values[c.name], c.value(values[i]) if c.searched == "logarithm" else 1.0
         refused = ""
-        # Swings take what relaxes in seconds for what stays.
-        if c.name == "stiffness" and (not held or error[i] > WIDEST * value):
+        # Swings cannot distinguish a branch that relaxes within seconds from permanent stiffness.
+        if c.name == "stiffness" and (not held or error[i] > MAX_STANDARD_ERROR_SHARE * value):
             refused = "these motions do not tell the strap's stiffness from what relaxes or gives in it; hold torques"
         bound = c.name in fit.at_bound
         told = not bound and abs(value) > 1.96 * error[i] * unit
@@ -165,7 +179,7 @@ def _known(choice: StrapChoice, records: Sequence[StrapRecord], *, held: bool) -
                       refused=refused)
         )  # fmt: skip
     seen = np.concatenate([r.response(fit.model, fit.values)[1] for r in records])
-    low, high = (float(v) for v in np.percentile(seen, RANGE))
+    low, high = (float(v) for v in np.percentile(seen, STRETCH_PERCENTILES))
     return IdentifiedStrap(
         fit.model, parameters[0], parameters[1], tuple(parameters[2:]), total, (low, high),
         (_tangent(parameters, total, low), _tangent(parameters, total, high)), beside.holds, choice.errors,
@@ -174,7 +188,7 @@ def _known(choice: StrapChoice, records: Sequence[StrapRecord], *, held: bool) -
 
 
 def _seen(fit: StrapFit, records: Sequence[StrapRecord]) -> tuple[np.ndarray, np.ndarray]:
-    """Where the IMU saw the limb on the strap's curve: the residual is the angle's."""
+    """Return the measured mismatch and the model's long-term torque at the IMU's samples."""
     places, torques = [], []
     half, ends = 0.5 * fit.values.get("slack", 0.0), np.cumsum(fit.lengths)
     for record, shift, n, end in zip(records, fit.shifts, fit.lengths, ends, strict=True):
@@ -187,7 +201,7 @@ def _seen(fit: StrapFit, records: Sequence[StrapRecord]) -> tuple[np.ndarray, np
 
 
 def _tangent(parameters: Sequence[Parameter], covariance: np.ndarray, stretch: float) -> Parameter:
-    """Stiffness at a stretch [rad]."""
+    """Return the tangent stiffness at a stretch [rad]."""
     k, u, slope = parameters[0].value, 0.0, np.zeros(len(parameters))
     for i, p in enumerate(parameters):
         if p.name == "hardening":

@@ -1,4 +1,4 @@
-"""The limb without its strap: gravity on a rigid plate while the muscles rest, inertia from shares of the body."""
+"""Identify the limb without the strap: gravity on a rigid plate with relaxed muscles, inertia from body proportions."""
 
 from __future__ import annotations
 
@@ -14,29 +14,30 @@ from ..joint.gravity_holds import GravityFit, Hold, added_gravity, find_holds
 from ..parameter import Parameter
 from .strap_torque import Limb
 
-INERTIA_SPREAD = 0.10
-"""Share by which a person's shank differs from tables of shares, one standard deviation: what tables differ by."""
-VISCOUS_SPREAD = 0.2
-"""Of a relaxed knee's damping, which nothing here measures [N m s/rad]."""
+INERTIA_SPREAD_SHARE = 0.10
+"""Relative standard deviation of a shank's inertia around anthropometric tables: the difference between the tables."""
+
+KNEE_DAMPING_SPREAD = 0.2
+"""Prior standard deviation of a relaxed knee's damping, which no recording here measures [N m s/rad]."""
 
 
 @dataclass(frozen=True, eq=False)
 class LimbFit:
-    """What is known of one wearer's shank and foot."""
+    """The identified shank and foot of one wearer."""
 
-    gravity: Parameter  # gravity, zero: m g l [N m], and the angle at which it hangs [rad]
-    zero: Parameter
-    inertia: Parameter  # About the knee, from shares of the body and the gravity found [kg m^2]
-    trials: tuple[tuple[Hold, ...], ...] = field(repr=False)  # Limb and orthosis together, trial by trial
-    refused: Mapping[str, str] = field(repr=False)  # Trials that were not used, and why
-    # By table: ``"winter"`` (knee to ankle), ``"published"`` (Winter's shares of the length from knee to heel),
-    # ``"de_leva"``; those that what is known of the participant allows
+    gravity: Parameter  # gravity torque m g l [N m]
+    zero: Parameter  # angle at which the limb hangs [rad]
+    inertia: Parameter  # inertia about the knee, from body proportions and the measured gravity [kg m^2]
+    trials: tuple[tuple[Hold, ...], ...] = field(repr=False)  # holds of limb and orthosis together, by trial
+    refused: Mapping[str, str] = field(repr=False)  # reasons why trials were not used, by trial
+    # segments by table: ``"winter"`` (knee to ankle), ``"published"`` (Winter's proportions of the length from knee to
+    # heel), ``"de_leva"``; only the tables whose inputs are known of the participant
     segments: Mapping[str, Segment] = field(repr=False)
 
     @property
     def limb(self) -> Limb:
-        """Ready for the strap's torque; its damping is not known."""
-        spread = np.diag([self.inertia.standard_error, self.gravity.standard_error, VISCOUS_SPREAD])
+        """The parameters as the strap's torque needs them; the damping is unknown and taken as 0."""
+        spread = np.diag([self.inertia.standard_error, self.gravity.standard_error, KNEE_DAMPING_SPREAD])
         return Limb(self.inertia.value, self.gravity.value, 0.0, spread**2, self.zero.value)
 
 
@@ -47,7 +48,10 @@ def fit_limb(
     *,
     at_work: Mapping[str, str] | None = None,
 ) -> LimbFit:
-    """Gravity of the limb: that of limb and orthosis on a rigid plate, less the orthosis's own."""
+    """Identify the limb: the gravity of limb and orthosis on a rigid plate, minus that of the orthosis `alone`.
+
+    `at_work` gives the reasons why trials are refused because the muscles were active, by trial.
+    """
     refused = dict(at_work or {})
     used = [r for r in relaxed if r.recording not in refused]
     if not used:
@@ -59,10 +63,10 @@ def fit_limb(
 
 
 def _inertia(gravity: Parameter, segments: Mapping[str, Segment]) -> Parameter:
-    """Shares say how inertia goes with gravity, I/(m g l); the gravity itself was measured."""
+    """Return the inertia from the measured gravity and the ratio I/(m g l) of the anthropometric tables."""
     if not segments:
         return Parameter("inertia", "kg*m^2", float("nan"), float("nan"), identifiable=False)
-    # Per unit of gravity the inertia grows with the length alone, which tables know better than the mass.
+    # The ratio of inertia to gravity depends on the length alone, which the tables predict better than the mass.
     ratios = [s.inertia / s.gravity() for s in segments.values()]
     value = float(np.mean(ratios)) * gravity.value
-    return Parameter("inertia", "kg*m^2", value, INERTIA_SPREAD * value)
+    return Parameter("inertia", "kg*m^2", value, INERTIA_SPREAD_SHARE * value)

@@ -1,12 +1,13 @@
-r"""What the wearer's muscles do: envelopes, whether they rest, and a plain linear map to the knee's torque.
+r"""The wearer's muscles: envelopes, a test of relaxation, and a linear map from envelopes to the knee's torque.
 
-While the wearer holds against the actuator, both bodies' balances give the torque of the knee:
+While the wearer holds against the actuator, the balances of both bodies give the torque of the knee:
 
 .. math::
     \tau_k = m_{sh} g l_{sh}\sin\theta + m_e g l_e\sin\theta - \tau_e
 
-(the thesis leaves gravity out). It is regressed on the envelopes, and on envelopes times the angle. Better maps need
-more than this layer knows; the coupling asks only how far the limb's side can be trusted.
+(the thesis omits gravity). The torque is regressed on the envelopes and on their products with the angle. Better
+estimators exist (``pellucid.estimators``); here the torque only serves to show how far the limb's balance can be
+trusted.
 """
 
 from __future__ import annotations
@@ -22,12 +23,14 @@ from ...signals.emg_chain import EmgChain
 from ...signals.emg_quality import relaxed_faults, resting_level
 from ...signals.filters import zero_phase_lowpass
 
-SETTLED = 0.5
-"""Seconds at either end of a recording at which an envelope has not settled."""
-LOWPASS = 2.0
-"""Of the reference torque, as of the envelopes [Hz]."""
-RATE = 20.0
-"""Samples a second that enter the regression."""
+ENVELOPE_SETTLING_S = 0.5
+"""Envelopes have not settled for this time at either end of a recording [s]."""
+
+TORQUE_LOWPASS_HZ = 2.0
+"""Cut-off of the low-pass on the reference torque, equal to that of the envelopes."""
+
+REGRESSION_RATE_HZ = 20.0
+"""Rate of the samples that enter the regression."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,19 +46,19 @@ class MuscleTorque:
     """Torque of the knee as a linear function of envelopes and angle."""
 
     muscles: tuple[str, ...]
-    # (2 k + 2,) Of each muscle's relative envelope, of the same times the angle, of 1 and of the angle [N m, N m/rad]
+    # (2 k + 2,) coefficients of the relative envelopes, their products with the angle, 1, and the angle [N m, N m/rad]
     coefficients: np.ndarray
     levels: Levels
-    # Of the torques fitted, each repetition judged by a map fitted to the others where there are several [N m]
+    # RMS error of the torque [N m]: by leave-one-repetition-out where there are several repetitions, else of the fit
     rmse: float
 
     def __call__(self, envelopes: Mapping[str, np.ndarray], angle: np.ndarray) -> np.ndarray:
-        """Torque, shape (n,) [N m], at envelopes and an `angle` of shape (n,) [V], [rad]."""
+        """Return the torque, shape (n,) [N m], from envelopes [V] and an `angle` [rad], each of shape (n,)."""
         return _columns(self.muscles, envelopes, self.levels, angle) @ self.coefficients
 
 
 def envelopes(emg: Recording, chain: EmgChain) -> dict[str, np.ndarray]:
-    """Zero-phase envelopes of every muscle of a stream. Gives (n,) [V]."""
+    """Return the zero-phase envelope of every muscle of a recording, each of shape (n,) [V]."""
     names = [name for name in emg.channels if name.startswith("emg.")]
     if not names:
         raise RecordingError(f"{emg.path.name}: found {', '.join(emg.channels)}, expected channels emg.<muscle>")
@@ -63,20 +66,20 @@ def envelopes(emg: Recording, chain: EmgChain) -> dict[str, np.ndarray]:
     return {name.removeprefix("emg."): chain.zero_phase(emg[name], emg.fs) for name in names}
 
 
-def settled(emg: Recording, made: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Envelopes without the ends at which they have not settled. `made` (n,); gives (m,)."""
-    inside = (emg.time >= emg.time[0] + SETTLED) & (emg.time <= emg.time[-1] - SETTLED)
+def without_settling_ends(emg: Recording, made: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return envelopes without the ends of the recording, where the filters have not settled."""
+    inside = (emg.time >= emg.time[0] + ENVELOPE_SETTLING_S) & (emg.time <= emg.time[-1] - ENVELOPE_SETTLING_S)
     return {muscle: envelope[inside] for muscle, envelope in made.items()}
 
 
 def find_levels(maximal: Sequence[Recording], every: Sequence[Recording], chain: EmgChain) -> Levels:
-    """A wearer's resting and maximal envelopes."""
+    """Return a wearer's resting and maximal envelope of each muscle."""
     if not maximal:
         raise RecordingError(
-            'found no recording of protocol "mvc", expected one: what a muscle at rest is, is relative'
+            'found no recording of protocol "mvc", expected one: rest is judged relative to a maximal contraction'
         )
-    strong = [settled(r, envelopes(r, chain)) for r in maximal]
-    resting = strong + [settled(r, envelopes(r, chain)) for r in every]
+    strong = [without_settling_ends(r, envelopes(r, chain)) for r in maximal]
+    resting = strong + [without_settling_ends(r, envelopes(r, chain)) for r in every]
     muscles = list(strong[0])
     return Levels(
         {m: resting_level([e[m] for e in resting]) for m in muscles},
@@ -85,8 +88,8 @@ def find_levels(maximal: Sequence[Recording], every: Sequence[Recording], chain:
 
 
 def at_work(emg: Recording, chain: EmgChain, levels: Levels) -> str:
-    """Why a recording was not relaxed, in one sentence; empty where it was."""
-    faults = relaxed_faults(emg, settled(emg, envelopes(emg, chain)), levels.rest, levels.maximum)
+    """Return in one sentence why a recording was not relaxed, or an empty string if it was."""
+    faults = relaxed_faults(emg, without_settling_ends(emg, envelopes(emg, chain)), levels.rest, levels.maximum)
     return "; ".join(fault.message for fault in faults)
 
 
@@ -98,14 +101,17 @@ def fit_muscle_torque(
     fs: float,
     gravity: float,
 ) -> MuscleTorque:
-    """Regress the knee's torque on envelopes, repetition by repetition. `angles`, `torques` (n,) [rad], [N m];
-    `made` (n,) [V]; `fs` [Hz]; `gravity` [N m]."""
+    """Regress the knee's torque on envelopes and angle.
+
+    Each repetition has an angle [rad], a torque [N m] and envelopes `made` [V] of shape (n,), sampled at `fs` [Hz].
+    `gravity` is that of limb and orthosis together [N m].
+    """
     muscles = tuple(levels.maximum)
-    step = max(1, round(fs / RATE))
+    step = max(1, round(fs / REGRESSION_RATE_HZ))
     blocks, targets = [], []
     for angle, torque, envelope in zip(angles, torques, made, strict=True):
-        angle, torque = zero_phase_lowpass(np.column_stack([angle, torque]), LOWPASS, 2, fs).T
-        inside = slice(round(SETTLED * fs), len(angle) - round(SETTLED * fs), step)
+        angle, torque = zero_phase_lowpass(np.column_stack([angle, torque]), TORQUE_LOWPASS_HZ, 2, fs).T
+        inside = slice(round(ENVELOPE_SETTLING_S * fs), len(angle) - round(ENVELOPE_SETTLING_S * fs), step)
         blocks.append(_columns(muscles, envelope, levels, angle)[inside])
         targets.append((gravity * np.sin(angle) - torque)[inside])
     if sum(len(t) for t in targets) < 10 * (2 * len(muscles) + 2):

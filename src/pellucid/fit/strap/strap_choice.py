@@ -1,8 +1,8 @@
-"""Which features a strap has: those without which blocks that were not fitted are predicted worse.
+"""Choose the features of a strap model by backward elimination, judged on held-out blocks of the swings.
 
-All features are fitted first; then the one that is missed least is given up, as long as it is not missed. A feature is
-missed where the prediction of blocks held out is worse without it (``block_test``), at `LEVEL` over the features that
-could be: a strap without any of them seems to have one in so many cases at most.
+The search starts from all features and removes the least important one, as long as it is not significant. A feature is
+significant if the held-out blocks are predicted worse without it (``block_test``). The test has the family-wise level
+`FEATURE_TEST_LEVEL`: a strap without features receives one in at most this share of cases.
 """
 
 from __future__ import annotations
@@ -15,50 +15,52 @@ import numpy as np
 
 from ..block_test import p_of_worse
 from ..parameter import Parameter
-from .strap_fit import StrapFit, StrapRecord, fit_strap
-from .strap_model import FEATURES, FULL, KELVIN_VOIGT, StrapModel
+from .strap_fit import StrapFit, StrapRecord, fit_strap_model
+from .strap_model import FULL_MODEL, KELVIN_VOIGT, STRAP_FEATURES, StrapModel
 
-LEVEL = 0.05
-"""Of a feature that is not there, over all of them."""
-BLOCKS = 4
-"""Of each swing, that are held out in turn."""
-ALIKE = 0.01
-"""Share of a mean square below which two predictions are one."""
+FEATURE_TEST_LEVEL = 0.05
+"""Family-wise probability that a feature is chosen although the strap has none."""
+
+HELD_OUT_BLOCKS_PER_SWING = 4
+"""Each swing is divided into this many blocks, which are held out in turn."""
+
+MIN_PREDICTION_LOSS_SHARE = 0.01
+"""A feature is only tested if the mean squared error grows by more than this share without it."""
 
 
 @dataclass(frozen=True, eq=False)
 class StrapChoice:
-    """The model that is chosen, the simplest one, and all that were tried."""
+    """The chosen model's fit, with the fits of all models that were tried."""
 
     fit: StrapFit
-    plain: StrapFit
-    tried: Mapping[str, StrapFit]
-    missed: Mapping[str, float]  # By feature of the chosen model: p of predicting no worse without it
-    errors: Mapping[str, float]  # Of blocks held out, by model [rad]
+    plain: StrapFit  # fit of the spring and damper alone
+    tried: Mapping[str, StrapFit]  # fits by model name
+    missed: Mapping[str, float]  # p value, by feature of the chosen model, of predicting no worse without it
+    errors: Mapping[str, float]  # RMS error on held-out blocks, by model name [rad]
 
 
-def blocks_of(lengths: Sequence[int]) -> list[slice]:
-    """Blocks of every swing."""
+def held_out_blocks(lengths: Sequence[int]) -> list[slice]:
+    """Return the held-out blocks of every swing, as slices of all samples; `lengths` are the samples of each swing."""
     made, begin = [], 0
     for n in lengths:
-        edges = begin + np.arange(BLOCKS + 1) * n // BLOCKS
+        edges = begin + np.arange(HELD_OUT_BLOCKS_PER_SWING + 1) * n // HELD_OUT_BLOCKS_PER_SWING
         made += [slice(int(a), int(b)) for a, b in pairwise(edges)]
         begin += n
     return made
 
 
 def choose_strap(records: Sequence[StrapRecord], gain: Parameter, full: StrapFit) -> StrapChoice:
-    """Give up features that are not missed, from a fit of all of them."""
-    blocks, noise = blocks_of(full.lengths), full.noise
+    """Choose a strap model by removing insignificant features from `full`, the fit of the model with all features."""
+    blocks, noise = held_out_blocks(full.lengths), full.noise
     tried: dict[str, StrapFit] = {}
 
     def fitted(model: StrapModel, like: StrapFit) -> StrapFit:
         if model.name not in tried:
             near = {**like.values, "gain": like.gain}
-            tried[model.name] = fit_strap(model, records, gain=gain, noise=noise, start=near, shifts=like.shifts)
+            tried[model.name] = fit_strap_model(model, records, gain=gain, noise=noise, start=near, shifts=like.shifts)
         return tried[model.name]
 
-    best = fitted(FULL, full)
+    best = fitted(FULL_MODEL, full)
     missed: dict[str, float] = {}
     while True:
         loss = best.loss(blocks)
@@ -66,10 +68,10 @@ def choose_strap(records: Sequence[StrapRecord], gain: Parameter, full: StrapFit
         p = {}
         for feature in best.model.features:
             without = fitted(best.model.without(feature), best).loss(blocks)
-            worse = float(np.mean(np.concatenate(without))) > (1.0 + ALIKE) * level
+            worse = float(np.mean(np.concatenate(without))) > (1.0 + MIN_PREDICTION_LOSS_SHARE) * level
             p[feature] = p_of_worse(without, loss)[0] if worse else 1.0
         least = max(p, key=p.__getitem__, default=None)
-        if least is None or p[least] < LEVEL / len(FEATURES):
+        if least is None or p[least] < FEATURE_TEST_LEVEL / len(STRAP_FEATURES):
             missed = p
             break
         best = fitted(best.model.without(least), best)

@@ -1,9 +1,9 @@
-r"""What a strap's model leaves out, and how far that may have moved its coefficients.
+r"""Uncertainty of a strap's coefficients due to effects that its model neglects, and a test of the model.
 
-As ``fit/discrepancy.py`` for joints: each physics that straps have and the model does not is a column beside the
-model's span, as large as what least squares leaves over; one likeliest size is found for all of them; what of the
-posterior exceeds the statistical covariance is the discrepancy part. Whether blocks held out are predicted better with
-those columns says whether the model holds at all.
+The method is that of ``fit/discrepancy.py`` for joints. Every neglected effect is a column outside the model's span,
+scaled to the size of the residual. One maximum-likelihood scale is estimated for all of them. The discrepancy part of
+the covariance is the excess of the posterior covariance over the statistical one. The model is rejected if these
+columns improve the prediction of held-out blocks.
 """
 
 from __future__ import annotations
@@ -15,18 +15,23 @@ import numpy as np
 
 from ..block_test import p_of_worse
 from ..discrepancy import beyond, likeliest_share
-from .strap_choice import blocks_of
+from .strap_choice import held_out_blocks
 from .strap_fit import StrapFit, StrapRecord
 
-MATTERS = 0.05
-"""Share of the mean square in blocks held out that physics beside the model must save: a magnetometer, a thigh that
-sways and a mounting that is not square leave 3 % to be saved where the model is the strap."""
-OWN = 0.05  # share of a column beside the model's span below which the model has this physics itself
+MIN_DISCREPANCY_GAIN = 0.05
+"""The model is rejected only if the neglected effects reduce the held-out mean squared error by at least this share.
+
+Errors of a magnetometer, a swaying thigh and an oblique mounting allow a reduction of 3 % although the model is right.
+"""
+
+MIN_COLUMN_REMAINDER = 0.05
+"""A neglected effect is used only if its column keeps at least this share of its norm after projection on the model's
+span. Otherwise the model represents the effect already."""
 
 
 @dataclass(frozen=True)
-class Worked:
-    """How a strap was worked in one trial, as its model sees it: each (n,), SI."""
+class StrapStates:
+    """States of the strap in one trial according to its model: arrays of shape (n,), SI."""
 
     stretch: np.ndarray
     rate: np.ndarray
@@ -35,74 +40,75 @@ class Worked:
     period: float
 
     def relaxed(self, time: float) -> np.ndarray:
-        """The stretch less what a dashpot has given, whose relaxation takes a time [s]."""
+        """Return the stretch of a spring in series with a dashpot that relaxes with a time constant `time` [s]."""
         from scipy.signal import lfilter
 
         keep = np.exp(-self.period / time)
         return self.stretch - lfilter([1.0 - keep], [1.0, -keep], self.stretch - self.stretch[0]) - self.stretch[0]
 
 
-def _size(values: np.ndarray) -> float:
+def _root_mean_square(values: np.ndarray) -> float:
+    """Return the root mean square, at least 1e-12, so that it may be divided by."""
     return max(float(np.sqrt(np.mean(values**2))), 1e-12)
 
 
-NEGLECTED: Mapping[str, Callable[[Worked], np.ndarray]] = {
+NEGLECTED_TORQUES: Mapping[str, Callable[[StrapStates], np.ndarray]] = {
     "a strap that pulls harder one way": lambda w: w.stretch * np.abs(w.stretch) * np.sign(w.stretch),
     "a strap that hardens otherwise": lambda w: w.stretch * w.stretch**4,
     "a strap that hardens from the start": lambda w: w.stretch * np.abs(w.stretch),
-    "cloth that rubs": lambda w: np.tanh(w.rate / (0.1 * _size(w.rate))),
+    "cloth that rubs": lambda w: np.tanh(w.rate / (0.1 * _root_mean_square(w.rate))),
     "damping that grows with the stretch": lambda w: w.rate * w.stretch**2,
     "damping that declines with speed": lambda w: w.rate * np.abs(w.rate),
     "something that relaxes within a swing": lambda w: w.relaxed(0.15),
     "something that relaxes over a few swings": lambda w: w.relaxed(3.0),
     "a stiffness that changes along the travel": lambda w: w.stretch * (w.robot - w.robot.mean()),
 }
-"""Torque of physics that a model lacks, of any size."""
-CREEP = "creep under a large torque"
-"""What adds to the angle, not to the torque."""
+"""Torques of the effects that a strap model may neglect, up to a factor."""
+
+CREEP_WORDS = "creep under a large torque"
+"""Name of the one neglected effect that adds to the angle instead of the torque."""
 
 
 @dataclass(frozen=True)
 class StrapDiscrepancy:
-    """The discrepancy part of a covariance, (p, p), for each coefficient what moves it most, and the p value of the
-    model predicting blocks held out no worse than with neglected physics beside it."""
+    """Discrepancy of a strap model: its part of the covariance, and the test of the model."""
 
-    covariance: np.ndarray
-    causes: tuple[str, ...]
-    holds: float
+    covariance: np.ndarray  # (p, p) discrepancy part of the covariance
+    causes: tuple[str, ...]  # the neglected effect that influences each coefficient most
+    holds: float  # p value of the model predicting held-out blocks no worse than with the neglected effects
 
 
-def neglected(fit: StrapFit, records: Sequence[StrapRecord]) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Columns of neglected physics in the limb's angle, (m, k), without drift, and their words."""
+def neglected_columns(fit: StrapFit, records: Sequence[StrapRecord]) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Return the neglected effects' columns in the limb's angle, shape (m, k), without drift, and their names."""
     parts = []
     for record, shift in zip(records, fit.shifts, strict=True):
         limb, stretch, _ = record.response(fit.model, fit.values)
-        worked = Worked(stretch, np.gradient(stretch, record.period), record.robot, record.torque, record.period)
-        small = 1e-3 * _size(record.torque)
+        worked = StrapStates(stretch, np.gradient(stretch, record.period), record.robot, record.torque, record.period)
+        small = 1e-3 * _root_mean_square(record.torque)
         columns = []
-        for physics in NEGLECTED.values():
+        for physics in NEGLECTED_TORQUES.values():
             column = physics(worked)
-            size = _size(column)
+            size = _root_mean_square(column)
             moved = record.response(fit.model, fit.values, record.torque - small * column / size)[0]
             columns.append((moved - limb) / small * size)
         held = 0.5 * float(np.max(np.abs(record.torque)))
         over = record.torque - np.clip(record.torque, -held, held)
         columns.append(np.cumsum(over) * record.period)
         parts.append(record.swiftly(fit.gain * record.at_imu(np.column_stack(columns), shift)))
-    return np.vstack(parts), (*NEGLECTED, CREEP)
+    return np.vstack(parts), (*NEGLECTED_TORQUES, CREEP_WORDS)
 
 
 def strap_discrepancy(fit: StrapFit, records: Sequence[StrapRecord], statistical: np.ndarray) -> StrapDiscrepancy:
-    """How far what the model leaves out may have moved it beyond its `statistical` covariance, (p, p)."""
+    """Estimate the discrepancy of a strap model; `statistical` is the covariance without it, shape (p, p)."""
     open_ = ~fit.held
     count, size = int(open_.sum()), fit.rms
     scale = np.linalg.norm(fit.jacobian[:, open_], axis=0)
     w = fit.jacobian[:, open_] / scale
     known = fit.prior[open_] / scale**2
-    found, words = neglected(fit, records)
+    found, words = neglected_columns(fit, records)
     basis = np.linalg.qr(w)[0]
     beside = np.linalg.norm(found - basis @ (basis.T @ found), axis=0)
-    new = beside > OWN * np.linalg.norm(found, axis=0)
+    new = beside > MIN_COLUMN_REMAINDER * np.linalg.norm(found, axis=0)
     columns = found[:, new] * (size * np.sqrt(len(w)) / beside[new])
     words = tuple(word for word, is_new in zip(words, new, strict=True) if is_new)
     error = np.sqrt(np.diag(statistical)[open_]) * scale
@@ -110,7 +116,8 @@ def strap_discrepancy(fit: StrapFit, records: Sequence[StrapRecord], statistical
     x = np.hstack([w, columns])
     gram, moment = x.T @ x / noise, x.T @ fit.residual / noise
     gram[:count, :count] += np.diag(known) / noise
-    # The residual is the optimum's: what is known before pulls against the data's slope.
+    # At the optimum the gradient of the data and that of the prior cancel, so the moment of the model's columns is
+    # zero.
     moment[:count] = 0.0
     share = likeliest_share(gram, moment, count)
     prior = np.concatenate([np.zeros(count), np.full(len(words), share**-2.0)])
@@ -123,12 +130,14 @@ def strap_discrepancy(fit: StrapFit, records: Sequence[StrapRecord], statistical
     effect = posterior[:count, count:] * np.sqrt(prior[count:])
     cause = iter(np.argmax(np.abs(effect), axis=1)) if words else iter(())
     causes = tuple(words[next(cause)] if is_open and words else "" for is_open in open_)
-    return StrapDiscrepancy(covariance, causes, _holds(fit, x, np.concatenate([known, noise * prior[count:]])))
+    return StrapDiscrepancy(
+        covariance, causes, _model_test_p_value(fit, x, np.concatenate([known, noise * prior[count:]]))
+    )
 
 
-def _holds(fit: StrapFit, x: np.ndarray, prior: np.ndarray) -> float:
-    """P value of the model predicting blocks held out no worse than with the columns beside it, x (m, p + k)."""
-    blocks = blocks_of(fit.lengths)
+def _model_test_p_value(fit: StrapFit, x: np.ndarray, prior: np.ndarray) -> float:
+    """Return the p value of the model predicting held-out blocks no worse than with further columns, x (m, p + k)."""
+    blocks = held_out_blocks(fit.lengths)
     alone = fit.loss(blocks)
     whole, moment = x.T @ x + np.diag(prior), x.T @ fit.residual
     moment[: len(prior) - (x.shape[1] - int((~fit.held).sum()))] = 0.0
@@ -137,6 +146,6 @@ def _holds(fit: StrapFit, x: np.ndarray, prior: np.ndarray) -> float:
         z, r = x[block], fit.residual[block]
         step = np.linalg.solve(whole - z.T @ z, moment - z.T @ r)
         beside.append((r - z @ step) ** 2 + fit.penalty / len(x))
-    if np.mean(np.concatenate(beside)) >= (1.0 - MATTERS) * np.mean(np.concatenate(alone)):
+    if np.mean(np.concatenate(beside)) >= (1.0 - MIN_DISCREPANCY_GAIN) * np.mean(np.concatenate(alone)):
         return 1.0
     return p_of_worse(alone, beside)[0]

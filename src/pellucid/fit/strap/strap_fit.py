@@ -1,13 +1,13 @@
-r"""A strap of any model by output error: the limb's angle that its torque asks for, against the one that the IMU saw.
+r"""Fit any strap model by output error: the limb's angle predicted from the strap's torque against the IMU's angle.
 
 .. math::
     y(t_i) = d(t_i) + g\,q_k(t_i + \delta) + e_i, \qquad q_k = \text{the core's response to } \tau_c, \theta_e
 
-The torque comes from encoders and is all but free of noise; the IMU's angle is not. With the noise where it is, in the
-output, no error is in a regressor, and none bends the stiffness. A thigh sways and a gyroscope drifts slower than
-anybody swings: d is any drift below `SLOWEST`, a trial's own, in place of an offset. It costs what a slow creep would
-tell of the strap, and spares the intervals the sway. Next to where the strap pulls neither way, a gap would leave the
-limb's angle to chance: those samples are left out for every model alike.
+The torque comes from encoders and is nearly free of noise; the IMU's angle is not. Output error places the noise on the
+output, so no regressor has errors that would bias the stiffness. The thigh sways and the gyroscope drifts more slowly
+than the limb swings. Therefore d is an arbitrary drift below `MIN_RESIDUAL_FREQUENCY_HZ` in each trial. This gives up
+the information of slow creep, and keeps the sway out of the intervals. Where the strap transmits almost no torque,
+slack would leave the limb's angle undetermined. These samples are excluded for every model.
 """
 
 from __future__ import annotations
@@ -22,25 +22,35 @@ from ... import _core
 from ..._errors import IdentificationError
 from ..parameter import Parameter
 from ..uncertainty import correlation_time, long_run_covariance
-from .strap_model import NAMES, StrapModel
-from .strap_search import EDGE, FEWEST
+from .strap_model import CORE_NAMES, StrapModel
+from .strap_search import MIN_IMU_SAMPLES, TRIAL_EDGE_S
 from .strap_torque import StrappedSwing, StrapTorque
 
-RATE = 125.0
-"""Torque and angle are taken so often, of what was low-passed at 15 Hz [Hz]."""
-SLOWEST = 0.25
-"""Below this a trial's residual may drift as it likes [Hz]."""
-STILL = 0.05
-"""Share of its spread below which the strap's torque says nothing of the side it pulls to."""
-SETTLING = 0.04
-"""As long before and after that, the low-pass mixes both [s]."""
-ITERATIONS = 40
-TOLERANCE = 1e-6
+EVALUATION_RATE_HZ = 125.0
+"""Torque and angle, low-passed at 15 Hz, are resampled to this rate."""
+
+MIN_RESIDUAL_FREQUENCY_HZ = 0.25
+"""Below this frequency the residual of a trial may drift freely, so it carries no information."""
+
+MIN_TORQUE_SHARE = 0.05
+"""Below this share of its standard deviation the torque does not show to which side the strap pulls."""
+
+REVERSAL_MARGIN_S = 0.04
+"""Samples this close to such a reversal are excluded too, because the low-pass mixes both sides."""
+
+MAX_ITERATIONS = 40
+"""Largest number of Levenberg-Marquardt steps."""
+
+COST_TOLERANCE = 1e-6
+"""The search stops when a step reduces the cost by less than this share."""
 
 
 class StrapRecord:
-    """One trial, ready for repeated evaluation, its IMU's clock a `shift` behind, known to `late` [s]; `slowest` [Hz]
-    is what below the residual may drift, 0 of one that may not."""
+    """One trial, prepared for repeated evaluation.
+
+    The IMU's clock is `shift` behind, with a prior standard deviation of `late` [s]. The residual may drift below
+    `slowest` [Hz]; 0 allows no drift.
+    """
 
     def __init__(
         self,
@@ -49,27 +59,31 @@ class StrapRecord:
         shift: float,
         decay: float,
         *,
-        slowest: float = SLOWEST,
+        slowest: float = MIN_RESIDUAL_FREQUENCY_HZ,
         late: float = float("inf"),
     ):
-        step = max(1, round(swing.fs / RATE))
+        step = max(1, round(swing.fs / EVALUATION_RATE_HZ))
         self.name, self.shift, self.late, self.weight = swing.name, shift, late, 1.0
         self.steady = slowest == 0.0
         self.period = step / swing.fs
         self.time, self.robot = swing.time[::step], swing.position[::step]
         self.torque, self.sensitivity, self.body = torque.torque[::step], torque.sensitivity[::step], torque.covariance
-        self.still = STILL * float(np.std(self.torque))
-        reach = max(1, round(SETTLING / self.period))
+        self.still = MIN_TORQUE_SHARE * float(np.std(self.torque))
+        reach = max(1, round(REVERSAL_MARGIN_S / self.period))
         quiet = np.convolve(np.abs(self.torque) <= self.still, np.ones(2 * reach + 1), "same") > 0.5
         memory = np.ones(1 + max(1, round(decay / self.period)))
         doubtful = np.convolve(~torque.known[::step], memory)[: len(quiet)] > 0.5
         seen = swing.imu_time + shift
-        kept = np.isfinite(swing.imu_angle) & (seen >= self.time[0] + EDGE) & (seen <= self.time[-1] - EDGE)
+        kept = (
+            np.isfinite(swing.imu_angle)
+            & (seen >= self.time[0] + TRIAL_EDGE_S)
+            & (seen <= self.time[-1] - TRIAL_EDGE_S)
+        )
         kept &= np.interp(seen, self.time, (quiet | doubtful).astype(float)) == 0.0
-        if kept.sum() < FEWEST:
+        if kept.sum() < MIN_IMU_SAMPLES:
             raise IdentificationError(
-                f"{swing.name}: found {int(kept.sum())} samples of the IMU while the strap pulls, expected {FEWEST} or "
-                "more: swing further"
+                f"{swing.name}: found {int(kept.sum())} samples of the IMU while the strap pulls, expected "
+                f"{MIN_IMU_SAMPLES} or more: swing further"
             )
         self.seen_time, self.seen = swing.imu_time[kept], swing.imu_angle[kept]
         span = seen[kept] - seen[kept][0]
@@ -78,13 +92,13 @@ class StrapRecord:
         self._drift = np.linalg.qr(drift)[0]
 
     def swiftly(self, columns: np.ndarray) -> np.ndarray:
-        """Columns, (m,) or (m, k), without what drifts, in units of the first record's noise."""
+        """Remove the drift from columns, (m,) or (m, k), and scale them to the first record's noise."""
         return self.weight * (columns - self._drift @ (self._drift.T @ columns))
 
     def response(self, model: StrapModel, values: Mapping[str, float], torque: np.ndarray | None = None):
-        """The limb's angle, (n,), its stretch, (n,), and derivatives by the model's coefficients, (n, k)."""
+        """Return the limb's angle, (n,), the stretch, (n,), and the angle's derivatives by the coefficients, (n, k)."""
         core, coefficients = model.core(values), model.coefficients
-        active = [NAMES.index(c.field) for c in coefficients]
+        active = [CORE_NAMES.index(c.field) for c in coefficients]
         limb, stretch, _, slopes = _core.strap_response(
             core, self.robot, self.torque if torque is None else torque, period=self.period, still=self.still,
             active=active,
@@ -92,7 +106,7 @@ class StrapRecord:
         return limb, stretch, slopes * [c.slope(values[c.name]) for c in coefficients]
 
     def at_imu(self, series: np.ndarray, shift: float) -> np.ndarray:
-        """Series, (n, k), at the IMU's samples."""
+        """Interpolate series, shape (n, k), at the IMU's samples."""
         place = np.clip((self.seen_time + shift - self.time[0]) / self.period, 0.0, len(self.time) - 1.001)
         low = place.astype(int)
         part = (place - low)[:, None]
@@ -101,43 +115,46 @@ class StrapRecord:
 
 @dataclass(frozen=True, eq=False)
 class StrapFit:
-    """One model of a strap, as recordings show it."""
+    """One strap model fitted to recordings."""
 
     model: StrapModel
-    values: Mapping[str, float]  # By coefficient
-    gain: float  # Of the IMU
-    shifts: tuple[float, ...]  # Of its clock, for each swing [s]
-    at_bound: frozenset[str]  # Coefficients that a bound holds
-    residual: np.ndarray = field(repr=False)  # (m,) Without drift [rad]
-    jacobian: np.ndarray = field(repr=False)  # (m, p) Of coefficients, gain and shifts, likewise
-    prior: np.ndarray = field(repr=False)  # (p,) Information on each, over the residual's
-    penalty: float = 0.0  # What the coefficients cost by what is known before, over the residual's [rad^2]
-    lengths: tuple[int, ...] = ()  # Samples of each trial
-    still: tuple[bool, ...] = ()  # Whether a torque is held in it; those come last
+    values: Mapping[str, float]  # value of each coefficient, by name
+    gain: float  # gain of the IMU
+    shifts: tuple[float, ...]  # clock shift of the IMU in each trial [s]
+    at_bound: frozenset[str]  # names of the coefficients held by a bound
+    residual: np.ndarray = field(repr=False)  # (m,) residual without drift [rad]
+    jacobian: np.ndarray = field(repr=False)  # (m, p) derivatives by coefficients, gain and shifts, without drift
+    prior: np.ndarray = field(repr=False)  # (p,) prior information on each, in units of the residual's
+    penalty: float = 0.0  # cost of the prior, in units of the residual's [rad^2]
+    lengths: tuple[int, ...] = ()  # number of samples of each trial
+    still: tuple[bool, ...] = ()  # whether a torque is held in the trial; such trials come last
     converged: bool = True
 
     @property
     def free(self) -> tuple[str, ...]:
-        """Coefficients and gain, in the order of the Jacobian's first columns."""
+        """Names of coefficients and gain, in the order of the Jacobian's first columns."""
         return (*(c.name for c in self.model.coefficients), "gain")
 
     @property
     def rms(self) -> float:
-        """Of the residual [rad]."""
+        """RMS of the residual [rad]."""
         return float(np.sqrt(np.mean(self.residual**2)))
 
     @property
     def held(self) -> np.ndarray:
-        """(p,) Whether a bound holds it."""
+        """Whether each parameter is held by a bound, shape (p,)."""
         count = self.jacobian.shape[1] - len(self.free)
         return np.array([name in self.at_bound for name in self.free] + [False] * count)
 
     def curvature(self) -> np.ndarray:
-        """Information of the data and of what is known before, (p, p)."""
+        """Return the information matrix of data and prior, shape (p, p)."""
         return self.jacobian.T @ self.jacobian + np.diag(self.prior)
 
     def covariance(self) -> np.ndarray:
-        """Of coefficients, gain and shifts, (p, p), by the coloured residual; 0 of what a bound holds."""
+        """Return the covariance of coefficients, gain and shifts, shape (p, p), which allows for coloured residuals.
+
+        Parameters held by a bound have zero variance.
+        """
         open_ = ~self.held
         z = self.jacobian[:, open_]
         scale = np.linalg.norm(z, axis=0)
@@ -146,20 +163,21 @@ class StrapFit:
         lengths = [n for n, still in zip(self.lengths, self.still, strict=True) if not still]
         unit, r = z / scale, self.residual
         meat = long_run_covariance(unit[:swings] * r[:swings, None], r[:swings], lengths)
-        # Where a torque is held, score and noise are both slow, and few blocks tell their spread.
+        # In trials with held torques the scores vary slowly, so few blocks are independent; the noise's correlation
+        # time is used instead.
         begin = swings
         for n in self.lengths[len(lengths) :]:
             rows = slice(begin, begin + n)
             meat = meat + (2.0 * correlation_time(r[rows], [n]) * np.mean(r[rows] ** 2)) * unit[rows].T @ unit[rows]
             begin += n
-        # What is known before errs as it says.
+        # The prior's information has the variance that it states.
         meat = meat + np.diag((self.prior[open_] / scale**2) * self.noise)
         found = np.zeros((len(open_), len(open_)))
         found[np.ix_(open_, open_)] = spread @ meat @ spread / np.outer(scale, scale)
         return found
 
     def moved_by_body(self, records: Sequence[StrapRecord]) -> np.ndarray:
-        """The same covariance, of what is not known of the body whose balance gave the torque."""
+        """Return the part of the covariance that is due to the uncertain body whose balance gave the torque."""
         open_ = ~self.held
         sd = np.sqrt(np.diag(records[0].body))
         moved = []
@@ -178,12 +196,14 @@ class StrapFit:
 
     @property
     def noise(self) -> float:
-        """Of one sample that were independent of the others [rad^2]."""
+        """Variance of an equivalent independent sample [rad^2]."""
         return 2.0 * correlation_time(self.residual, self.lengths) * self.rms**2
 
     def loss(self, blocks: Sequence[slice]) -> list[np.ndarray]:
-        """Squared residuals of each block, had it not been fitted (a step of Gauss and Newton without it), and each
-        sample's share of what the coefficients cost."""
+        """Return the squared held-out residuals of each block, plus each sample's share of the prior's cost.
+
+        A block's held-out residual follows from one Gauss-Newton step without the block.
+        """
         open_ = ~self.held
         whole = self.curvature()[np.ix_(open_, open_)]
         made = []
@@ -194,7 +214,7 @@ class StrapFit:
         return made
 
 
-def fit_strap(
+def fit_strap_model(
     model: StrapModel,
     records: Sequence[StrapRecord],
     *,
@@ -203,8 +223,11 @@ def fit_strap(
     start: Mapping[str, float],
     shifts: Sequence[float] | None = None,
 ) -> StrapFit:
-    """Least squares by Levenberg and Marquardt, within bounds, from a `start` by coefficient (a stiffness and a damping
-    at least). `gain` is what is known of the IMU's; `noise` [rad^2] what an independent sample would weigh."""
+    """Fit a strap model by bounded least squares (Levenberg-Marquardt).
+
+    `start` gives first values by coefficient, at least stiffness and damping. `gain` is the prior of the IMU's gain,
+    and `noise` the variance of an independent sample [rad^2].
+    """
     search = _Search(model, records, gain, noise)
     return search.run(search.begin(start, shifts))
 
@@ -231,13 +254,13 @@ class _Search:
         return np.array([*first, start.get("gain", self.gain.value), *clocks])
 
     def values(self, x: np.ndarray) -> dict[str, float]:
-        """Coefficients by name."""
+        """Return the coefficients by name, from a point of the search."""
         return {c.name: c.value(v) for c, v in zip(self.coefficients, x, strict=False)}
 
     def run(self, x: np.ndarray) -> StrapFit:
         residual, jacobian, cost = self.evaluate(x)
         damp, converged = 1e-4, False
-        for _ in range(ITERATIONS):
+        for _ in range(MAX_ITERATIONS):
             slope = jacobian.T @ residual + self.prior * (self.expected - x)
             held = ((x <= self.lower) & (slope < 0.0)) | ((x >= self.upper) & (slope > 0.0))
             open_ = ~held
@@ -257,7 +280,7 @@ class _Search:
                 break
             gained = cost - there[2]
             x, (residual, jacobian, cost), damp = y, there, max(damp / 10.0, 1e-10)
-            if gained <= TOLERANCE * cost:
+            if gained <= COST_TOLERANCE * cost:
                 converged = True
                 break
         slope = jacobian.T @ residual + self.prior * (self.expected - x)
@@ -279,11 +302,11 @@ class _Search:
         )
 
     def known(self, x: np.ndarray) -> float:
-        """What a point costs by what is known before."""
+        """Return the prior's cost of a point of the search."""
         return float(self.prior @ (self.expected - x) ** 2)
 
     def evaluate(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        """Residual, Jacobian of the model, both without drift, and the cost."""
+        """Return the residual and the model's Jacobian, both without drift, and the cost."""
         values = self.values(x)
         gain, residuals, jacobians = x[self.k], [], []
         for i, record in enumerate(self.records):

@@ -1,8 +1,8 @@
-r"""What a strap may be: Kelvin and Voigt's spring and damper, and any of four things that straps do besides.
+r"""Models of a strap: a spring and a damper in parallel (Kelvin-Voigt), with up to four additional features.
 
-Every strap is the core's (``include/pellucid/strap.hpp``), so that one grammar names them all: a model is the features
-that it has, and each feature frees parameters that are 0 without it. With a dashpot behind a second spring it is the
-standard linear solid. How askew it sits is no property of the strap, but without it the rest comes out wrong.
+The core computes every strap (``include/pellucid/strap.hpp``). A model is a set of features; each feature frees
+parameters that are 0 without it. A second spring in series with a dashpot makes the strap a standard linear solid. The
+strap's misalignment with the joint's axis is no property of the strap, but the other parameters are biased without it.
 """
 
 from __future__ import annotations
@@ -15,45 +15,50 @@ import numpy as np
 
 from ... import _core
 
-NAMES: tuple[str, ...] = tuple(_core.STRAP_PARAMETER_NAMES)
+CORE_NAMES: tuple[str, ...] = tuple(_core.STRAP_PARAMETER_NAMES)
+"""Names of the core's strap parameters, in its order."""
 
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A number of a strap, and how it is searched for: as it is, as a curvature, or by its logarithm."""
+    """A free parameter of a strap, with the scale on which the search treats it."""
 
     name: str
-    field: str  # Of the core
+    field: str  # name of the parameter in the core
     unit: str
-    start: float  # Where there is next to nothing of its feature; a share of the stiffness where `per_stiffness`
+    start: float  # first value, at which the feature has almost no effect; a share of the stiffness if `per_stiffness`
     lower: float
     upper: float
     per_stiffness: bool = False
     searched: Literal["plain", "curvature", "logarithm"] = "plain"
-    spread: float = float("inf")  # Of what straps do, about the start, as it is searched for
+    spread: float = float("inf")  # prior standard deviation around `start`, on the search's scale
 
     def sought(self, value: float) -> float:
-        """What is searched for."""
+        """Convert the parameter to the search's scale."""
         return float(np.log(value)) if self.searched == "logarithm" else float(value)
 
     def value(self, sought: float) -> float:
-        """Of what is searched for."""
+        """Convert a value on the search's scale to the parameter."""
         return float(np.exp(sought)) if self.searched == "logarithm" else float(sought)
 
     def core(self, value: float) -> float:
-        """What the core calls it."""
+        """Convert the parameter to the core's parameter."""
         return value**-0.5 if self.searched == "curvature" else value
 
     def slope(self, value: float) -> float:
-        """Of the core's number by what is searched for."""
+        """Return the derivative of the core's parameter with respect to the value on the search's scale."""
         if self.searched == "curvature":
             return -0.5 * value**-1.5
         return value if self.searched == "logarithm" else 1.0
 
 
-STIFFNESS = Coefficient("stiffness", "strap_stiffness", "N*m/rad", 1.0, 1e-3, 1e5)
-DAMPING = Coefficient("damping", "strap_damping", "N*m*s/rad", 1.0, 1e-4, 1e4)
-FEATURES: Mapping[str, tuple[Coefficient, ...]] = {
+STIFFNESS_COEFFICIENT = Coefficient("stiffness", "strap_stiffness", "N*m/rad", 1.0, 1e-3, 1e5)
+"""The stiffness, which every strap has."""
+
+DAMPING_COEFFICIENT = Coefficient("damping", "strap_damping", "N*m*s/rad", 1.0, 1e-4, 1e4)
+"""The damping, which every strap has."""
+
+STRAP_FEATURES: Mapping[str, tuple[Coefficient, ...]] = {
     "hardening": (Coefficient("hardening", "strap_hardening", "1/rad^2", 1.0, 1e-4, 1e4, searched="curvature"),),
     "slack": (Coefficient("slack", "strap_slack", "rad", 1e-3, 1e-6, 0.5),),
     "relaxing": (
@@ -65,58 +70,65 @@ FEATURES: Mapping[str, tuple[Coefficient, ...]] = {
         Coefficient("across", "strap_across", "1", 0.0, -0.5, 0.5, spread=0.15),
     ),
 }
-"""What straps do besides, and the parameters that it takes."""
-DOES: Mapping[str, str] = {
+"""The features that a strap may have, each with the parameters that it frees."""
+
+FEATURE_WORDS: Mapping[str, str] = {
     "hardening": "hardens",
     "slack": "has slack",
     "relaxing": "relaxes (a standard linear solid)",
     "askew": "sits askew of the joint's axis",
 }
-PLAIN = "kelvin_voigt"
+"""Each feature as the verb phrase of a sentence whose subject is the strap."""
+
+PLAIN_NAME = "kelvin_voigt"
+"""Name of the model without any feature, in ids and on cards."""
 
 
 @dataclass(frozen=True)
 class StrapModel:
-    """A spring and a damper with some features, in the order of `FEATURES`."""
+    """A spring and a damper with additional features, in the order of `STRAP_FEATURES`."""
 
     features: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
-        """As ids and cards have it."""
-        return "_".join(self.features) or PLAIN
+        """Name of the model in ids and on cards."""
+        return "_".join(self.features) or PLAIN_NAME
 
     @classmethod
     def named(cls, name: str) -> StrapModel:
-        """By its name."""
-        return cls(() if name == PLAIN else tuple(name.split("_")))
+        """Return the model with this name."""
+        return cls(() if name == PLAIN_NAME else tuple(name.split("_")))
 
     @property
     def words(self) -> str:
-        """For a sentence."""
-        does = [DOES[f] for f in self.features]
+        """The model as a clause of a sentence."""
+        does = [FEATURE_WORDS[f] for f in self.features]
         if not does:
             return "a spring and a damper hold it all"
         return f"it {' and '.join(filter(None, [', '.join(does[:-1]), does[-1]]))}"
 
     @property
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """What is free."""
-        return (STIFFNESS, DAMPING, *(c for f in self.features for c in FEATURES[f]))
+        """The free parameters: stiffness, damping, then those of the features."""
+        return (STIFFNESS_COEFFICIENT, DAMPING_COEFFICIENT, *(c for f in self.features for c in STRAP_FEATURES[f]))
 
     def has(self, feature: str) -> bool:
-        """Whether it does this."""
+        """Return whether the model has a feature."""
         return feature in self.features
 
     def without(self, feature: str) -> StrapModel:
-        """The same but for one feature."""
+        """Return the model without one of its features."""
         return StrapModel(tuple(f for f in self.features if f != feature))
 
     def core(self, values: Mapping[str, float]) -> np.ndarray:
-        """The core's parameters, (p,), of values by coefficient; what is not free is 0."""
-        made = dict.fromkeys(NAMES, 0.0) | {c.field: c.core(values[c.name]) for c in self.coefficients}
-        return np.array([made[name] for name in NAMES])
+        """Return the core's parameters, shape (p,), from values by coefficient; parameters that are not free are 0."""
+        made = dict.fromkeys(CORE_NAMES, 0.0) | {c.field: c.core(values[c.name]) for c in self.coefficients}
+        return np.array([made[name] for name in CORE_NAMES])
 
 
-FULL = StrapModel(tuple(FEATURES))
+FULL_MODEL = StrapModel(tuple(STRAP_FEATURES))
+"""The model with all features."""
+
 KELVIN_VOIGT = StrapModel()
+"""The model without any feature: a spring and a damper in parallel."""

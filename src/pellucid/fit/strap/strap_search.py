@@ -1,6 +1,6 @@
-"""The search behind a strap's stiffness and damping: residuals of the IMU's angle, their derivatives, their covariance.
+"""Search for a strap's stiffness and damping: residuals of the IMU's angle, their Jacobian and the covariance.
 
-What is fitted, and why, stands in ``coupled_impedance``.
+The module ``coupled_impedance`` explains the model.
 """
 
 from __future__ import annotations
@@ -18,66 +18,79 @@ from ..parameter import Parameter
 from ..uncertainty import sandwich
 from .strap_torque import StrappedSwing, StrapTorque
 
-EDGE = 1.0
-"""Seconds left out at either end of a trial."""
-BRIDGE = 2.0
-"""Seconds by which a trial's end is led back to its beginning, for the transform."""
-SHIFTS = 1.5
-"""Largest difference of clocks that is searched [s]."""
-FEWEST = 40
-"""Samples of the IMU that a trial needs."""
-LEAST_MOTION = np.radians(2.0)
-"""Range of the orthosis's angle that a trial needs [rad]."""
-ITERATIONS = 60
-TOLERANCE = 1e-9
-FLOOR = 1e-6
-"""Smallest stiffness and damping, shares of their first guesses: a value there is at its bound."""
-STRAP = ("stiffness", "damping")
+TRIAL_EDGE_S = 1.0
+"""Samples are excluded for this time at either end of a trial, where the unknown initial state still acts [s]."""
+
+TRANSFORM_BRIDGE_S = 2.0
+"""A smooth bridge of this length connects the end of a trial with its beginning, because the transform is periodic
+[s]."""
+
+MAX_CLOCK_SHIFT_S = 1.5
+"""Largest difference between the clocks of IMU and actuator that is searched [s]."""
+
+MIN_IMU_SAMPLES = 40
+"""Smallest number of IMU samples in a trial."""
+
+MIN_MOTION_RAD = np.radians(2.0)
+"""Smallest range of the orthosis's angle in a trial [rad]."""
+
+MAX_ITERATIONS = 60
+"""Largest number of Levenberg-Marquardt steps."""
+
+COST_TOLERANCE = 1e-9
+"""The search stops when a step reduces the cost by less than this share."""
+
+MIN_COEFFICIENT_SHARE = 1e-6
+"""Lower bound of stiffness and damping, relative to their first values."""
+
+STRAP_PARAMETERS = ("stiffness", "damping")
+"""Parameters of the strap, in the covariance's order."""
 
 
 def clock_shift(swing: StrappedSwing) -> float:
-    """By how much the IMU's clock is late, roughly: its angle then follows the orthosis's best. Gives [s]."""
+    """Return a first estimate of the IMU's clock shift [s]: the shift at which its angle follows the orthosis's
+    best."""
     known = np.isfinite(swing.imu_angle) & np.isfinite(swing.imu_time)
-    if known.sum() < FEWEST or np.ptp(swing.position) < LEAST_MOTION:
+    if known.sum() < MIN_IMU_SAMPLES or np.ptp(swing.position) < MIN_MOTION_RAD:
         raise IdentificationError(
             f"{swing.name}: found {int(known.sum())} samples of the IMU and {np.degrees(np.ptp(swing.position)):.1f} "
-            f"deg of motion, expected {FEWEST} and {np.degrees(LEAST_MOTION):.0f} deg or more"
+            f"deg of motion, expected {MIN_IMU_SAMPLES} and {np.degrees(MIN_MOTION_RAD):.0f} deg or more"
         )
     imu_time, imu_angle = swing.imu_time[known], swing.imu_angle[known]
     shift = best_delay(
         imu_time,
         imu_angle,
         lambda at: np.interp(at, swing.time, swing.position),
-        np.arange(-SHIFTS, SHIFTS + 1e-9, 0.01),
+        np.arange(-MAX_CLOCK_SHIFT_S, MAX_CLOCK_SHIFT_S + 1e-9, 0.01),
         span=(swing.time[0], swing.time[-1]),
         either_sense=False,
-        fewest=FEWEST,
+        fewest=MIN_IMU_SAMPLES,
     )
     if shift is None:
         raise IdentificationError(
-            f"{swing.name}: the IMU's times and the actuator's do not overlap, expected clocks within {SHIFTS:g} s"
+            f"{swing.name}: the IMU's times and the actuator's do not overlap, expected clocks within "
+            f"{MAX_CLOCK_SHIFT_S:g} s"
         )
     return shift
 
 
 class Spectrum:
-    """Signals of one trial, shape (n, c), led back to their beginning and transformed once. `columns` (n, c) [N m];
-    `fs` [Hz]."""
+    """Fourier transform of one trial's signals, `columns` of shape (n, c) [N m] at `fs` [Hz], made periodic."""
 
     def __init__(self, columns: np.ndarray, fs: float):
         n = len(columns)
-        total = fft.next_fast_len(n + round(BRIDGE * fs), real=True)
+        total = fft.next_fast_len(n + round(TRANSFORM_BRIDGE_S * fs), real=True)
         share = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, total - n + 1) / (total - n + 1))[:, None]
         self.length, self.total = n, total
         self.spectrum = fft.rfft(np.vstack([columns, columns[-1] + share * (columns[0] - columns[-1])]), axis=0)
         self.omega = 2.0 * np.pi * fft.rfftfreq(total, 1.0 / fs)[:, None]
 
     def response(self, k: float, b: float, i: float) -> np.ndarray:
-        """All signals behind a strap of stiffness `k`, damping `b` and inertia `i`, shape (n, c)."""
+        """Return the response of a strap of stiffness `k`, damping `b` and inertia `i` to all signals, shape (n, c)."""
         return fft.irfft(self.spectrum / self._denominator(k, b, i), self.total, axis=0)[: self.length]
 
     def derivatives(self, k: float, b: float, i: float) -> np.ndarray:
-        """Of the first signal's response: itself, and by stiffness `k`, damping `b` and inertia `i`, shape (n, 4)."""
+        """Return the response to the first signal and its derivatives by `k`, `b` and `i`, shape (n, 4)."""
         h = 1.0 / self._denominator(k, b, i)
         tau, w = self.spectrum[:, :1] * h, self.omega
         parts = np.hstack([tau, -tau * h, -1j * w * tau * h, w**2 * tau * h])
@@ -89,7 +102,7 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class StrapPoint:
-    """Where a search stands: the strap, the IMU's gain, and a clock's shift [s] and an offset [rad] for each trial."""
+    """A point of the search: the strap, the IMU's gain, and the clock shift [s] and offset [rad] of each trial."""
 
     stiffness: float
     damping: float
@@ -101,33 +114,33 @@ class StrapPoint:
 
 
 class StrapTrial:
-    """One trial, ready for repeated evaluation."""
+    """One trial, prepared for repeated evaluation."""
 
     def __init__(self, swing: StrappedSwing, torque: StrapTorque):
         self.swing, self.torque, self.fs = swing, torque, swing.fs
         self.angle = CubicSpline(swing.time, swing.position)
-        # The body's parameters enter through the same strap: their columns are transformed with the torque.
+        # The body's parameters act through the same strap, so their columns are transformed together with the torque.
         self.forcing = Spectrum(np.column_stack([torque.torque, torque.sensitivity]), self.fs)
         self.usable = np.isfinite(swing.imu_angle) & np.isfinite(swing.imu_time)
         self.doubtful = np.zeros(len(swing.time), bool)
 
     def leave_out(self, seconds: float) -> None:
-        """Mark what a torque that is not known still reaches, `seconds` after it."""
+        """Mark samples as doubtful for `seconds` after an interval of unknown torque."""
         reach = max(1, min(round(seconds * self.fs), len(self.swing.time)))
         unknown = ~self.torque.known
         counted = np.cumsum(unknown)
         self.doubtful = counted - np.concatenate([np.zeros(reach, int), counted[:-reach]]) > 0
 
     def times(self, shift: float) -> tuple[np.ndarray, np.ndarray]:
-        """The IMU's times on the actuator's clock, a `shift` later [s], and which of them count; shapes (m,)."""
+        """Return the IMU's times on the actuator's clock, `shift` later [s], and which are used; shapes (m,)."""
         time = self.swing.imu_time + shift
         first, last = self.swing.time[0], self.swing.time[-1]
-        keep = self.usable & (time >= first + EDGE) & (time <= last - EDGE)
+        keep = self.usable & (time >= first + TRIAL_EDGE_S) & (time <= last - TRIAL_EDGE_S)
         near = np.clip(np.round((np.where(self.usable, time, first) - first) * self.fs), 0, len(self.swing.time) - 1)
         return time, keep & ~self.doubtful[near.astype(int)]
 
     def sample(self, series: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """A `series` of shape (n, c), and its first column's rate, at a `time` of shape (m,) [s]."""
+        """Interpolate a `series`, shape (n, c), and the rate of its first column at a `time` of shape (m,) [s]."""
         place = (time - self.swing.time[0]) * self.fs
         low = np.clip(np.floor(place).astype(int), 0, len(series) - 2)
         part = (place - low)[:, None]
@@ -136,7 +149,10 @@ class StrapTrial:
 
 
 class StrapProblem:
-    """Residuals and Jacobian of all trials: stiffness, damping, inertia, gain, then a shift and an offset for each."""
+    """Residuals and Jacobian of all trials.
+
+    The parameters are stiffness, damping, inertia, gain, then a clock shift and an offset for each trial.
+    """
 
     def __init__(
         self, trials: Sequence[StrapTrial], prior: Parameter | None, free_gain: bool, held_gain: float | None = None
@@ -147,16 +163,16 @@ class StrapProblem:
         self.gain = held_gain if held_gain is not None else (prior.value if prior is not None else 1.0)
 
     def names(self, *, inertia: bool) -> tuple[str, ...]:
-        """Of the shared parameters, in the covariance's order, with `inertia` or without."""
-        return (*STRAP, *(("inertia",) if inertia else ()), *(("gain",) if self.free_gain else ()))
+        """Return the names of the parameters that all trials share, in the covariance's order."""
+        return (*STRAP_PARAMETERS, *(("inertia",) if inertia else ()), *(("gain",) if self.free_gain else ()))
 
     @property
     def count(self) -> int:
-        """Samples that count."""
+        """Number of samples that are used."""
         return sum(int(t.times(0.0)[1].sum()) for t in self.trials)
 
     def leave_out(self, seconds: float) -> None:
-        """Mark doubtful samples in every trial."""
+        """Mark samples as doubtful for `seconds` after an interval of unknown torque, in every trial."""
         for trial in self.trials:
             trial.leave_out(seconds)
             share = float(np.mean(~trial.doubtful))
@@ -167,15 +183,16 @@ class StrapProblem:
                 )
 
     def start(self) -> StrapPoint:
-        """Clocks by correlation of the two angles, the strap by least squares of its torque on the mismatch seen."""
+        """Return a first point: clocks by correlating both angles, the strap by regressing its torque on the
+        mismatch."""
         shifts, offsets, rows, sides = [], [], [], []
         for trial in self.trials:
             shift = clock_shift(trial.swing)
             time, keep = trial.times(shift)
-            if keep.sum() < FEWEST:
+            if keep.sum() < MIN_IMU_SAMPLES:
                 raise IdentificationError(
-                    f"{trial.swing.name}: {int(keep.sum())} samples of the IMU fall into the trial, expected {FEWEST} "
-                    "or more: the IMU and the actuator did not record together"
+                    f"{trial.swing.name}: {int(keep.sum())} samples of the IMU fall into the trial, expected "
+                    f"{MIN_IMU_SAMPLES} or more: the IMU and the actuator did not record together"
                 )
             t = time[keep]
             seen = trial.swing.imu_angle[keep] / self.gain - trial.angle(t)
@@ -192,7 +209,7 @@ class StrapProblem:
         return StrapPoint(stiffness, damping, 0.0, self.gain, np.array(shifts), np.array(offsets))
 
     def solve(self, start: StrapPoint, *, inertia: bool, hold_strap: bool = False) -> StrapPoint:
-        """Levenberg and Marquardt's search, from more clocks than one: a late clock looks like damping."""
+        """Search by Levenberg-Marquardt from several clock shifts, because a late clock looks like damping."""
         if hold_strap or inertia:
             return self._search(start, inertia, hold_strap)[0]
         found = [self._search(replace(start, shifts=start.shifts + d), inertia, False) for d in (-0.1, 0.0, 0.1)]
@@ -200,12 +217,12 @@ class StrapProblem:
 
     def _search(self, start: StrapPoint, inertia: bool, hold_strap: bool) -> tuple[StrapPoint, float]:
         free = self._free(inertia, hold_strap)
-        floor = np.array([FLOOR * start.stiffness, FLOOR * start.damping])
+        floor = np.array([MIN_COEFFICIENT_SHARE * start.stiffness, MIN_COEFFICIENT_SHARE * start.damping])
         x, damp = self._vector(start), 1e-3
         scale = np.concatenate([[start.stiffness, max(start.damping, 1e-3), 0.05, 0.1], np.full(len(x) - 4, 0.05)])
         residual, jacobian, cost = self._evaluate(x)
         done = False
-        for _ in range(ITERATIONS):
+        for _ in range(MAX_ITERATIONS):
             z = jacobian[:, free] * scale[free]
             gram, slope = z.T @ z, z.T @ residual
             while damp < 1e9:
@@ -222,21 +239,22 @@ class StrapProblem:
                 break
             gained = cost - c
             x, residual, jacobian, cost, damp = y, r, j, c, max(damp / 10.0, 1e-12)
-            if gained <= TOLERANCE * cost:
+            if gained <= COST_TOLERANCE * cost:
                 done = True
                 break
         return self._point(x, done), cost
 
     def _evaluate(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         residual, jacobian, _ = self._linearised(x)
-        # A window that moves with the clock must not be rewarded for holding fewer samples.
+        # The cost is divided by the number of samples, so that a clock shift which excludes samples gains nothing by
+        # it.
         rows = len(residual) - (self.prior is not None and self.free_gain)
         return residual, jacobian, float(residual @ residual) / max(rows, 1)
 
     def _linearised(
         self, x: np.ndarray, body: bool = False, at: StrapPoint | None = None
     ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
-        """Residuals, their Jacobian with the sign of the model's, and derivatives by each body's parameters."""
+        """Return residuals, the model's Jacobian, and the model's derivatives by the body's parameters, by trial."""
         k, b, i, g = x[:4]
         residuals, jacobians, bodies = [], [], []
         for index, trial in enumerate(self.trials):
@@ -262,8 +280,10 @@ class StrapProblem:
         return np.concatenate(residuals), np.vstack(jacobians), bodies
 
     def covariance(self, point: StrapPoint, *, inertia: bool) -> np.ndarray:
-        """Of the shared parameters: the IMU's coloured error, the calibration's, and the body's parameters'. Gives
-        (p, p)."""
+        """Return the covariance of the shared parameters, shape (p, p).
+
+        It sums the parts of the IMU's coloured error, of the calibrated gain, and of the body's parameters.
+        """
         x = self._vector(point)
         free = self._free(inertia, False)
         residual, jacobian, bodies = self._linearised(x, body=True)
@@ -282,7 +302,7 @@ class StrapProblem:
             raise IdentificationError(
                 "the swings do not tell the strap's stiffness from its damping: swing at more than one speed"
             ) from error
-        # The sandwich is of the data alone; the calibration takes its share of the estimate, and of its error.
+        # The sandwich covers the data alone; the calibrated gain contributes to the estimate and to its error.
         turn = spread @ (z.T @ z)
         total = turn @ noise @ turn.T
         if self.prior is not None and self.free_gain:
@@ -293,14 +313,16 @@ class StrapProblem:
         return total[:shared, :shared]
 
     def about(self, point: StrapPoint, at: StrapPoint | None = None) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
-        """Residuals, (m,), at a `point`; their Jacobian by stiffness, damping, gain, and each trial's clock and offset,
-        (m, p), with the sign of the model's; and derivatives by each body's parameters, trial by trial. Samples that
-        count are those that do `at` another point, if one is given."""
+        """Return residuals, (m,), the model's Jacobian, (m, p), and its derivatives by the body's parameters, by trial.
+
+        The Jacobian's columns are stiffness, damping, gain, and each trial's clock and offset. If `at` is given, the
+        samples used are those at that point.
+        """
         residual, jacobian, bodies = self._linearised(self._vector(point), body=True, at=at)
         return residual, np.delete(jacobian, 2, axis=1), bodies
 
     def residuals(self, point: StrapPoint) -> tuple[np.ndarray, ...]:
-        """Of each trial at all of the IMU's times [rad], at a `point`; NaN where a sample does not count."""
+        """Return each trial's residual at all of the IMU's times [rad]; NaN where a sample is not used."""
         found = []
         for trial, shift, offset in zip(self.trials, point.shifts, point.offsets, strict=True):
             time, keep = trial.times(shift)
@@ -312,7 +334,7 @@ class StrapProblem:
         return tuple(found)
 
     def at_bound(self, point: StrapPoint, start: StrapPoint) -> tuple[bool, bool]:
-        """Whether stiffness and damping were stopped above 0, at a `point`, for their sizes at the `start`."""
+        """Return whether stiffness and damping are held by their lower bounds, relative to their values at `start`."""
         return point.stiffness <= 1e-4 * start.stiffness, point.damping <= 1e-4 * start.damping
 
     def _free(self, inertia: bool, hold_strap: bool) -> np.ndarray:

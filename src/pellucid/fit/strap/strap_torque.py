@@ -1,14 +1,14 @@
-r"""Torque of the strap between wearer and orthosis, from either body's own balance.
+r"""Torque of the strap between wearer and orthosis, from the dynamic balance of either body.
 
-With theta_e the orthosis's and theta_k the limb's angle, and the strap's torque positive on the orthosis,
+With theta_e the orthosis's angle, theta_k the limb's angle, and the strap's torque positive on the orthosis,
 
 .. math::
     \tau_c &= I_e\ddot\theta_e + b_e\dot\theta_e + m_e g l_e\sin\theta_e + \tau_f\,\mathrm{sgn}\,\dot\theta_e - \tau_e\\
     \tau_c &= \tau_k - I_k\ddot\theta_k - b_k\dot\theta_k - m_{sh} g l_{sh}\sin\theta_k
 
-The first needs what the actuator measures and the orthosis's own parameters; the second needs the muscles' torque and
-the limb's. Each comes with its derivatives with respect to those parameters, so that their uncertainty can be carried
-on. In the sum of both, the thesis's equation 2.2, the strap's torque cancels.
+The first balance needs the actuator's measurements and the orthosis's parameters. The second needs the muscles' torque
+and the limb's parameters. Each torque comes with its derivatives with respect to those parameters, so that their
+uncertainty propagates. In the sum of both balances, the thesis's equation 2.2, the strap's torque cancels.
 """
 
 from __future__ import annotations
@@ -19,31 +19,35 @@ import numpy as np
 
 from ...signals.filters import central_difference, runs, zero_phase_lowpass
 
-LOWPASS = 15.0
-"""Zero-phase low-pass ahead of the derivatives, on every term alike [Hz]; a swing has next to nothing above 6 Hz."""
-ORDER = 2
-SLOW = 0.05
-"""Below this [rad/s] the side on which dry friction acts is not known: the joint may stick."""
+DERIVATIVE_LOWPASS_HZ = 15.0
+"""Cut-off of the zero-phase low-pass before differentiation, on every term [Hz]. A swing has almost no power above 6
+Hz."""
 
+DERIVATIVE_LOWPASS_ORDER = 2
+"""Order of one pass of that filter."""
 
-NEGLIGIBLE = 0.02
-"""Dry friction smaller than this share of the strap's torque (RMS) is not worth leaving samples out for."""
+MIN_FRICTION_SPEED = 0.05
+"""Below this speed the joint may stick, so the sign of dry friction is unknown [rad/s]."""
+
+MIN_FRICTION_SHARE = 0.02
+"""Slow samples are excluded only if dry friction exceeds this share of the strap's torque (RMS)."""
 
 
 @dataclass(frozen=True, eq=False)
 class StrappedSwing:
-    """One trial of a wearer who swings the lower leg, whoever recorded it."""
+    """One trial in which a wearer swings the lower leg, recorded or simulated."""
 
     name: str
     split: str  # ``"fitted"`` or ``"heldout"``
-    # time, position, torque: (n,) Of the actuator, evenly sampled: [s], the orthosis's angle [rad], the spring's torque
-    # on it [N m]
+    # (n,) the actuator's evenly sampled times [s], the orthosis's angle [rad], and the spring's torque on it [N m]
     time: np.ndarray
     position: np.ndarray
     torque: np.ndarray
-    imu_time: np.ndarray  # imu_time, imu_angle: (m,) The limb's angle by its IMU, on the IMU's own clock: [s], [rad]
-    imu_angle: np.ndarray
-    knee_torque: np.ndarray | None = None  # (n,) Of the muscles, as EMG tells it, at the actuator's times [N m]
+    imu_time: np.ndarray  # (m,) times of the IMU, on its own clock [s]
+    imu_angle: np.ndarray  # (m,) limb angle by the IMU [rad]
+    knee_torque: np.ndarray | None = (
+        None  # (n,) torque of the muscles estimated from EMG, at the actuator's times [N m]
+    )
 
     @property
     def fs(self) -> float:
@@ -53,63 +57,69 @@ class StrappedSwing:
 
 @dataclass(frozen=True, eq=False)
 class Orthosis:
-    """What was identified of the orthosis alone."""
+    """Parameters of the orthosis without a wearer."""
 
-    inertia: float  # inertia, viscous, gravity, coulomb: [kg m^2], [N m s/rad], [N m], [N m]
-    viscous: float
-    gravity: float
-    coulomb: float = 0.0
-    # (4, 4) In this order, SI; zeros where nothing is known of it
+    inertia: float  # [kg m^2]
+    viscous: float  # viscous friction [N m s/rad]
+    gravity: float  # gravity torque at 90 degrees [N m]
+    coulomb: float = 0.0  # Coulomb friction [N m]
+    # (4, 4) covariance of the four parameters in this order, SI; zeros where it is unknown
     covariance: np.ndarray = field(default_factory=lambda: np.zeros((4, 4)), repr=False)
-    zero: float = 0.0  # zero, offset: Angle at which it hangs [rad], and what the spring shows without load [N m]
-    offset: float = 0.0
+    zero: float = 0.0  # angle at which the orthosis hangs [rad]
+    offset: float = 0.0  # reading of the spring without load [N m]
 
 
 @dataclass(frozen=True, eq=False)
 class Limb:
-    """Shank and foot: inertia about the knee [kg m^2], gravity [N m], viscous damping [N m s/rad], the covariance of
-    these three, shape (3, 3), and the angle at which they hang [rad]."""
+    """Parameters of shank and foot."""
 
-    inertia: float
-    gravity: float
-    viscous: float = 0.0
+    inertia: float  # inertia about the knee [kg m^2]
+    gravity: float  # gravity torque at 90 degrees [N m]
+    viscous: float = 0.0  # viscous damping of the knee [N m s/rad]
+    # (3, 3) covariance of the three parameters in this order, SI
     covariance: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)), repr=False)
-    zero: float = 0.0
+    zero: float = 0.0  # angle at which the limb hangs [rad]
 
 
 @dataclass(frozen=True, eq=False)
 class StrapTorque:
-    """The strap's torque in one trial."""
+    """The strap's torque in one trial, with its uncertainty."""
 
-    torque: np.ndarray  # (n,) On the orthosis, at the actuator's times [N m]
-    sensitivity: np.ndarray  # (n, p) Its derivatives with respect to the body's parameters
-    covariance: np.ndarray  # (p, p) Of these parameters
-    known: np.ndarray  # (n,) False where the joint may stick, and dry friction is anything up to its level
+    torque: np.ndarray  # (n,) torque on the orthosis, at the actuator's times [N m]
+    sensitivity: np.ndarray  # (n, p) derivatives of the torque with respect to the body's parameters
+    covariance: np.ndarray  # (p, p) covariance of the body's parameters
+    known: np.ndarray  # (n,) False where the joint may stick, so that dry friction is unknown up to its level
 
 
 def from_orthosis(swing: StrappedSwing, orthosis: Orthosis) -> StrapTorque:
-    """The strap's torque by the orthosis's balance."""
+    """Return the strap's torque from the balance of the orthosis."""
     fs = swing.fs
-    raw_velocity = central_difference(zero_phase_lowpass(swing.position, LOWPASS, ORDER, fs), fs)
-    moving = np.abs(raw_velocity) > SLOW
+    raw_velocity = central_difference(
+        zero_phase_lowpass(swing.position, DERIVATIVE_LOWPASS_HZ, DERIVATIVE_LOWPASS_ORDER, fs), fs
+    )
+    moving = np.abs(raw_velocity) > MIN_FRICTION_SPEED
     dry = _direction(raw_velocity, moving)
-    angle, torque, dry = zero_phase_lowpass(np.column_stack([swing.position, swing.torque, dry]), LOWPASS, ORDER, fs).T
+    angle, torque, dry = zero_phase_lowpass(
+        np.column_stack([swing.position, swing.torque, dry]), DERIVATIVE_LOWPASS_HZ, DERIVATIVE_LOWPASS_ORDER, fs
+    ).T
     velocity = central_difference(angle, fs)
     columns = np.column_stack(
         [central_difference(velocity, fs), velocity, np.sin(angle - orthosis.zero), dry],
     )
     values = np.array([orthosis.inertia, orthosis.viscous, orthosis.gravity, orthosis.coulomb])
     strap = columns @ values - (torque - orthosis.offset)
-    matters = orthosis.coulomb > NEGLIGIBLE * float(np.std(strap))
+    matters = orthosis.coulomb > MIN_FRICTION_SHARE * float(np.std(strap))
     return StrapTorque(strap, columns, orthosis.covariance, moving if matters else np.ones(len(angle), bool))
 
 
 def from_limb(swing: StrappedSwing, limb: Limb, limb_angle: np.ndarray) -> StrapTorque:
-    """The strap's torque by the limb's balance. `limb_angle` (n,) [rad]."""
+    """Return the strap's torque from the balance of the limb; `limb_angle`, shape (n,) [rad]."""
     if swing.knee_torque is None:
         raise ValueError(f"{swing.name}: found no knee torque, expected the muscles' for the limb's balance")
     fs = swing.fs
-    angle, torque = zero_phase_lowpass(np.column_stack([limb_angle, swing.knee_torque]), LOWPASS, ORDER, fs).T
+    angle, torque = zero_phase_lowpass(
+        np.column_stack([limb_angle, swing.knee_torque]), DERIVATIVE_LOWPASS_HZ, DERIVATIVE_LOWPASS_ORDER, fs
+    ).T
     velocity = central_difference(angle, fs)
     columns = -np.column_stack([central_difference(velocity, fs), np.sin(angle - limb.zero), velocity])
     values = np.array([limb.inertia, limb.gravity, limb.viscous])
@@ -117,7 +127,7 @@ def from_limb(swing: StrappedSwing, limb: Limb, limb_angle: np.ndarray) -> Strap
 
 
 def _direction(velocity: np.ndarray, moving: np.ndarray) -> np.ndarray:
-    """Sign of the motion; through a reversal a straight line, because friction passes from one side to the other."""
+    """Return the sign of the motion, interpolated linearly through reversals, where friction changes its side."""
     sign = np.sign(velocity)
     if not moving.any():
         return np.zeros_like(sign)

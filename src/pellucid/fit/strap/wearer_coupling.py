@@ -1,6 +1,7 @@
-"""One wearer's coupling to the orthosis: fitted from either side, as published, judged on swings that were not fitted.
+"""Identify one wearer's coupling to the orthosis from either body's balance and as published; evaluate on held-out
+swings.
 
-Arrays in, values out: what is read from files, and what a simulation hands over, take the same way.
+Arrays in, values out: recorded and simulated swings take the same path.
 """
 
 from __future__ import annotations
@@ -34,79 +35,80 @@ from .published_coupling import (
 )
 from .strap_model import KELVIN_VOIGT
 from .strap_search import clock_shift
-from .strap_slip import Slip, find_slip, unexplained
+from .strap_slip import Slip, find_slip, regression_residual
 from .strap_torque import Limb, Orthosis, StrappedSwing, from_limb, from_orthosis
 
-EDGE = 1.0
-"""Seconds at either end of a swing that are not judged: what went before them is not known."""
-SIDES = ("orthosis", "kelvin_voigt", "limb", "published")
-"""Models that are judged: the chosen strap by the orthosis's balance, a spring and a damper alone, those by the limb's
-balance, and the thesis's two poles."""
+SWING_EDGE_S = 1.0
+"""Models are not evaluated for this time at either end of a swing, where the unknown initial state acts [s]."""
+
+MODEL_NAMES = ("orthosis", "kelvin_voigt", "limb", "published")
+"""Models that are evaluated: the chosen strap and a spring and damper alone, both by the orthosis's balance; a spring
+and damper by the limb's balance; and the thesis's two poles."""
 
 
 @dataclass(frozen=True, eq=False)
 class EvaluatedSwing:
-    """A swing, the mismatch that the IMU saw, and what the models make of it."""
+    """A swing with the measured mismatch and the models' predictions."""
 
     recording: str
-    split: str
-    time: np.ndarray  # (m,) The IMU's, on the actuator's clock [s]; within the trial
-    seen: np.ndarray  # (m,) Mismatch by the IMU [rad]
-    simulated: Mapping[str, np.ndarray]  # By model, as `SIDES` names them: shape (m,) [rad]
-    fit: Mapping[str, float]  # Of each model, against what was seen [%], as MATLAB's ``compare`` has it
-    # What a perfect model would reach against the IMU's own error [%]; NaN where that error is not known
+    split: str  # ``"fitted"`` or ``"heldout"``
+    time: np.ndarray  # (m,) times of the IMU within the trial, on the actuator's clock [s]
+    seen: np.ndarray  # (m,) mismatch measured by the IMU [rad]
+    simulated: Mapping[str, np.ndarray]  # predicted mismatch by model, as in `MODEL_NAMES`, each (m,) [rad]
+    fit: Mapping[str, float]  # goodness of fit by model, normalised as MATLAB's ``compare`` does [%]
+    # fit that a perfect model would reach, given the IMU's error [%]; NaN where that error is unknown
     ceiling: float
-    instrument: Instrument  # Clock and mounting of the IMU in this trial
-    # (n,) Mismatch by the orthosis's balance at the actuator's own times [rad]
+    instrument: Instrument  # clock and mounting of the IMU in this trial
+    # (n,) mismatch predicted from the orthosis's balance, at the actuator's times [rad]
     predicted: np.ndarray = field(repr=False)
-    published: np.ndarray | None = field(default=None, repr=False)  # (n,) The same by the thesis's two poles
+    published: np.ndarray | None = field(default=None, repr=False)  # (n,) mismatch by the thesis's two poles [rad]
 
     @property
     def rmse(self) -> float:
-        """Of the orthosis side's model against the IMU [rad]."""
+        """RMS error of the model by the orthosis's balance against the IMU [rad]."""
         return float(np.sqrt(np.mean((self.seen - self.simulated["orthosis"]) ** 2)))
 
 
 @dataclass(frozen=True, eq=False)
 class WearerCoupling:
-    """What is known of one wearer's strap."""
+    """The identified coupling of one wearer to the orthosis."""
 
     participant: str
-    orthosis_side: CouplingFit
-    limb_side: CouplingFit | None  # None where the muscles' torque is not known, or that side gave nothing
-    # ``"balance"``, least squares of the thesis's equation 2.2, and ``"two_poles"``, its equation 2.7
+    orthosis_side: CouplingFit  # spring and damper by the orthosis's balance
+    limb_side: CouplingFit | None  # spring and damper by the limb's balance; None without the muscles' torque
+    # published estimates: ``"balance"``, least squares of equation 2.2, and ``"two_poles"``, equation 2.7
     published: Mapping[str, PublishedCoupling]
     evaluated: tuple[EvaluatedSwing, ...]
-    slips: tuple[Slip, ...]  # Trials in which the strap slipped; they were not fitted
+    slips: tuple[Slip, ...]  # slips of the strap; these trials were not fitted
     verdicts: tuple[Verdict, ...]
-    posterior: Posterior | None = None  # Of the orthosis side's strap, if one is asked for
-    no_posterior: str = ""  # Why there is none although one is
-    strap: IdentifiedStrap | None = None  # By the model that was chosen; None where no model could be
-    held: tuple[str, ...] = ()  # Trials with torques held that told it
+    posterior: Posterior | None = None  # posterior of the strap by the orthosis's balance, if asked for
+    no_posterior: str = ""  # reason why there is no posterior although it was asked for
+    strap: IdentifiedStrap | None = None  # strap by the chosen model; None where no model could be fitted
+    held: tuple[str, ...] = ()  # names of the trials with held torques that were used
 
     def parameter(self, name: str) -> Parameter:
-        """Of the strap as it is, its tangent where it begins to pull; of a spring and a damper where no model is."""
+        """Return a parameter of the chosen strap model, or of the spring and damper where there is no model."""
         of = self.orthosis_side if self.strap is None or name == "inertia" else self.strap
         return getattr(of, name)
 
     @property
     def core(self) -> np.ndarray:
-        """The strap as the core names it, (p,): as it is, or the spring and damper where no model is."""
+        """The core's parameters of the chosen strap model, or of the spring and damper where there is none, (p,)."""
         return self.plain if self.strap is None else self.strap.model.core(self.strap.fit.values)
 
     @property
     def plain(self) -> np.ndarray:
-        """The spring and the damper that do best over the swings, (p,) as the core names them."""
+        """The core's parameters of the spring and damper that fit the swings best, shape (p,)."""
         of = self.orthosis_side
         return KELVIN_VOIGT.core({"stiffness": of.stiffness.value, "damping": of.damping.value})
 
     def mean_fit(self, model: str = "orthosis", split: str = "heldout") -> float:
-        """Mean fit of a `model` over the trials of a `split` [%]; NaN where there are none."""
+        """Return the mean fit of a `model` over the trials of a `split` [%]; NaN where there are none."""
         found = [j.fit[model] for j in self.evaluated if j.split == split and model in j.fit]
         return float(np.mean(found)) if found else float("nan")
 
     def mean_ceiling(self, split: str = "heldout") -> float:
-        """Mean of the fit that the IMU's own error allows, over the trials of a `split` [%]."""
+        """Return the mean fit that a perfect model would reach given the IMU's error, over a `split` [%]."""
         found = [j.ceiling for j in self.evaluated if j.split == split]
         return float(np.mean(found)) if found else float("nan")
 
@@ -123,14 +125,19 @@ def identify_wearer(
     posterior: bool = False,
     level: float = 0.95,
 ) -> WearerCoupling:
-    """Fit the strap on the fitted swings, from both sides and as published, and choose what it is with `steps` beside
-    them, trials in which torques are held; judge all on every swing; draw a `posterior` with intervals at `level` too.
-    `imu_sd` [rad]."""
+    """Identify one wearer's strap and evaluate all models on every swing.
+
+    Only swings of the split ``"fitted"`` are fitted, from both bodies' balances and as published. `steps` are trials
+    with held torques, which help to choose the model. `imu_sd` is the IMU's error [rad]. If `posterior`, the strap is
+    also sampled, with intervals at `level`.
+    """
     fitted = [s for s in swings if s.split == "fitted"]
     if not fitted:
         raise IdentificationError(f"{participant}: found no swing to fit, expected one or more")
     torques = {s.name: from_orthosis(s, orthosis) for s in swings}
-    slips = [slip for s in swings if (slip := find_slip(s.name, *unexplained(s, torques[s.name], clock_shift(s))))]
+    slips = [
+        slip for s in swings if (slip := find_slip(s.name, *regression_residual(s, torques[s.name], clock_shift(s))))
+    ]
     used = [s for s in fitted if s.name not in {slip.recording for slip in slips}]
     if not used:
         _refuse_slipped(participant, [slip for slip in slips if slip.recording in {s.name for s in fitted}])
@@ -160,7 +167,7 @@ def identify_wearer(
 
 
 def coupling_verdicts(found: WearerCoupling, no_limb: str = "") -> tuple[Verdict, ...]:
-    """Which side's figures can be trusted, and why."""
+    """Return the verdicts on one wearer's coupling; `no_limb` says why there is no estimate by the limb's balance."""
     who, fit = found.participant, found.orthosis_side
     said = [
         Verdict(
@@ -202,7 +209,7 @@ def coupling_verdicts(found: WearerCoupling, no_limb: str = "") -> tuple[Verdict
 
 
 def strap_verdicts(found: WearerCoupling) -> list[Verdict]:
-    """What the strap is, how stiff over which range, and whether any model holds."""
+    """Return the verdicts on the strap: its features, its stiffness over the range seen, and the test of the model."""
     who, strap = found.participant, found.strap
     if strap is None:
         return [Verdict("warning", f"{who}: no model of the strap but a spring and a damper could be fitted.")]
@@ -257,14 +264,14 @@ def _strap(used, torques, fit, steps, orthosis) -> IdentifiedStrap | None:
 
 
 def _compared(swing, torque, instrument, fit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times, the mismatch seen, and that of a strap, at the IMU's samples within the trial."""
+    """Return times, the measured mismatch and that of a strap, at the IMU's samples within the trial."""
     model = mismatch(torque, swing.fs, stiffness=fit.stiffness.value, damping=fit.damping.value)
     time, seen = _within(swing, *seen_mismatch(swing, instrument))
     return time, seen, np.interp(time, swing.time, model)
 
 
 def _within(swing: StrappedSwing, time: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    inside = np.isfinite(seen) & (time >= swing.time[0] + EDGE) & (time <= swing.time[-1] - EDGE)
+    inside = np.isfinite(seen) & (time >= swing.time[0] + SWING_EDGE_S) & (time <= swing.time[-1] - SWING_EDGE_S)
     return time[inside], seen[inside]
 
 
@@ -298,7 +305,7 @@ def _judge(swing, torque, instrument, fit, strap, other, published, angles, orth
         simulated["published"] = np.interp(time, swing.time, literal)
     fits = {name: fit_percent(seen, values) for name, values in simulated.items()}
     if strap is not None:
-        # Each strap with the clock and the mounting that suit it.
+        # Each strap model is evaluated with its own estimate of clock and mounting.
         simulated["kelvin_voigt"], fits["kelvin_voigt"] = model, fits["orthosis"]
         instrument = strap.instrument(swing, torque, instrument.shift)
         before, (time, seen) = time, _within(swing, *seen_mismatch(swing, instrument))
@@ -358,7 +365,7 @@ def _side_verdict(found: WearerCoupling, no_limb: str) -> Verdict:
     else:
         said = f"the limb's side explains more of the mismatch in {use} swings ({theirs:.1f} against {ours:.1f} %): "
         said += "the orthosis's own parameters or its friction are wrong"
-    # The error of the limb's torque is in the model's input: it bends the estimate, and no residual shows that.
+    # Errors of the limb's torque are in the model's input: they bias the estimate without showing in the residual.
     said += f". The limb's side gives {_read(other.stiffness)} and {_read(other.damping)}"
     said += ", which agrees." if agree else ", off by more than both intervals: its own leaves out its torque's error."
     return Verdict("note" if ours >= theirs else "warning", f"{who}: {said}")

@@ -1,4 +1,5 @@
-"""The leg in an exoskeleton, and its wearer's torque, from swings of the exoskeleton empty and with the leg in it."""
+"""Parameters of a leg in an exoskeleton and its wearer's torque, from swings of the exoskeleton without and with the
+leg."""
 
 from __future__ import annotations
 
@@ -12,7 +13,7 @@ from .loaded_swing import Swing, SwingFit
 
 
 def leg_alone(empty: SwingFit, loaded: SwingFit) -> tuple[Parameter, Parameter]:
-    """Inertia and weight moment of the leg, by difference. Gives `inertia`, `weight_moment` [kg m^2], [kg m]."""
+    """Return the leg's inertia [kg m^2] and weight moment [kg m], the difference between loaded and empty swings."""
 
     def less(with_leg: Parameter, without: Parameter) -> Parameter:
         value = with_leg.value - without.value
@@ -25,18 +26,17 @@ def leg_alone(empty: SwingFit, loaded: SwingFit) -> tuple[Parameter, Parameter]:
 
 @dataclass(frozen=True, eq=False)
 class WearerTorque:
-    """A wearer's torque at the knee, by balance."""
+    """A wearer's torque at the knee from the balance of torques; arrays of shape (n,)."""
 
-    # time, torque, standard_error: (n,) [s], [N m], and how sure it is as far as the parameters' covariances say [N m]
-    time: np.ndarray
-    torque: np.ndarray
-    standard_error: np.ndarray
+    time: np.ndarray  # [s]
+    torque: np.ndarray  # [N m]
+    standard_error: np.ndarray  # standard error due to the parameters' covariances [N m]
 
 
-def torque_of_a_bare_leg(empty: SwingFit, loaded: SwingFit, motion: Swing) -> WearerTorque:
-    """What a leg takes to swing by itself: loaded less empty (eq. 12 of the paper).
+def bare_leg_torque(empty: SwingFit, loaded: SwingFit, motion: Swing) -> WearerTorque:
+    """Return the torque that a leg needs to swing by itself: loaded minus empty (eq. 12 of the paper).
 
-    It is the wearer's torque where the exoskeleton takes none of it: taken off, or fully compensated by its motor.
+    This is the wearer's torque if the exoskeleton takes none of it: it is taken off, or its motor compensates it fully.
     """
     if empty.form != loaded.form:
         raise IdentificationError(
@@ -44,18 +44,18 @@ def torque_of_a_bare_leg(empty: SwingFit, loaded: SwingFit, motion: Swing) -> We
             "one form for both, with one angle of rest"
         )
     matrix = loaded.form.regressor(motion)
-    return _wearer(motion, matrix @ (loaded.coefficients - empty.coefficients), matrix, loaded, empty)
+    return _wearer_torque(motion, matrix @ (loaded.coefficients - empty.coefficients), matrix, loaded, empty)
 
 
-def torque_in_a_worn_exoskeleton(loaded: SwingFit, motion: Swing) -> WearerTorque:
-    """What leg and exoskeleton take to swing, less what the motor gave.
+def worn_exoskeleton_torque(loaded: SwingFit, motion: Swing) -> WearerTorque:
+    """Return the torque that leg and exoskeleton need to swing, minus the motor's torque.
 
-    It is the wearer's torque where the exoskeleton is worn: passive, with a motor that gives nothing or little.
+    This is the wearer's torque in a worn exoskeleton whose motor gives little or no torque.
     """
     matrix = loaded.form.regressor(motion)
-    return _wearer(motion, matrix @ loaded.coefficients - motion.torque, matrix, loaded)
+    return _wearer_torque(motion, matrix @ loaded.coefficients - motion.torque, matrix, loaded)
 
 
-def _wearer(motion: Swing, torque: np.ndarray, matrix: np.ndarray, *fits: SwingFit) -> WearerTorque:
+def _wearer_torque(motion: Swing, torque: np.ndarray, matrix: np.ndarray, *fits: SwingFit) -> WearerTorque:
     covariance = sum(fit.covariance for fit in fits)
     return WearerTorque(motion.time, torque, np.sqrt(np.einsum("ni,ij,nj->n", matrix, covariance, matrix)))

@@ -1,16 +1,16 @@
-r"""An exoskeleton's shank swung empty and with a relaxed leg in it: inertia, gravity, and the leg by difference.
+r"""Identify inertia and gravity of an exoskeleton's shank from swings, without and with a relaxed leg in it.
 
 The paper `hill` writes a swing as (its eqs. 9 and 10)
 
 .. math::  T = p \ddot\theta - q g \sin\theta, \qquad p = m d^2, \quad q = m d
 
-which falls over where a leg hangs. Corrected, about the angle of rest and with what else takes torque:
+which is unstable where a leg hangs. The corrected equation, around the angle of rest and with friction and offset, is
 
 .. math::  T = p \ddot\theta + q g \sin(\theta - \theta_0) + b \dot\theta + c \,\mathrm{sign}\,\dot\theta + T_0
 
-Both are linear in what is unknown (with q cos theta_0 and q sin theta_0 where the angle of rest is), so that least
-squares are in closed form. A body of at most the mass m has p >= q^2 / m, by the Cauchy-Schwarz inequality; where a
-swing would have it otherwise, the fit is the best one on that bound.
+Both are linear in the unknowns (q cos theta_0 and q sin theta_0 if the angle of rest is unknown), so least squares have
+a closed form. A body of mass m or less satisfies p >= q^2 / m, by the Cauchy-Schwarz inequality. If the least-squares
+solution violates this, the fit is the best one on the bound.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...models.filtered_dynamics import filtered_effort, filtered_jacobian
-from ...models.joint import GRAVITY, INDEX, NAMES
+from ...models.joint import GRAVITY, NAMES, PARAMETER_INDEX
 from ...signals.filters import zero_phase_lowpass
 from ...signals.motion import Filtering, Motion
 from ..estimates import Estimates
@@ -34,7 +34,7 @@ from ..regression import at_bounds, least_squares_within, parameters_of, require
 from ..searches.adam import AdamPath, adam
 from ..uncertainty import sandwich
 
-UNITS = {
+COEFFICIENT_UNITS = {
     "inertia": "kg*m^2",
     "weight_moment": "kg*m",
     "weight_moment_sine": "kg*m",
@@ -43,52 +43,52 @@ UNITS = {
     "coulomb": "N*m",
     "offset": "N*m",
 }
-"""Linear coefficients of either form, and their units; the paper's p and q are the first two."""
+"""Units of the linear coefficients of both forms. The paper's p and q are the first two."""
 
-NEVER_NEGATIVE = ("inertia", "viscous", "coulomb")
+NON_NEGATIVE_TERMS = ("inertia", "viscous", "coulomb")
+"""Coefficients that are bounded to be non-negative in the corrected form."""
 
 
 @dataclass(frozen=True, eq=False)
 class Swing:
-    """One swing, `whole` through one zero-phase low-pass, and the samples of it that are `kept`; all else, each (n,),
-    is of those: `time` [s], `position` [rad], `velocity`, `acceleration`, `torque` [N m]."""
+    """One filtered swing with the samples that are fitted."""
 
-    whole: Motion
-    kept: slice
+    whole: Motion  # all samples, through one zero-phase low-pass
+    kept: slice  # samples that are fitted
 
     @property
     def recording(self) -> str:
-        """Its name."""
+        """Name of the recording."""
         return self.whole.recording
 
     @property
     def fs(self) -> float:
-        """Rate of the samples kept [Hz]."""
+        """Rate of the fitted samples [Hz]."""
         return self.whole.fs / self.kept.step
 
     @cached_property
     def time(self) -> np.ndarray:
-        """Shape (n,) [s]."""
+        """Time of the fitted samples, shape (n,) [s]."""
         return self.rows(self.whole.time)
 
     @cached_property
     def position(self) -> np.ndarray:
-        """Shape (n,) [rad]."""
+        """Angle at the fitted samples, shape (n,) [rad]."""
         return self.rows(self.whole.position)
 
     @cached_property
     def velocity(self) -> np.ndarray:
-        """Shape (n,) [rad/s]."""
+        """Velocity at the fitted samples, shape (n,) [rad/s]."""
         return self.rows(self.whole.velocity)
 
     @cached_property
     def acceleration(self) -> np.ndarray:
-        """Shape (n,) [rad/s^2]."""
+        """Acceleration at the fitted samples, shape (n,) [rad/s^2]."""
         return self.rows(self.whole.acceleration)
 
     @cached_property
     def torque(self) -> np.ndarray:
-        """Shape (n,) [N m]."""
+        """Torque at the fitted samples, shape (n,) [N m]."""
         return self.rows(self.whole.effort)
 
     @property
@@ -97,7 +97,7 @@ class Swing:
         return self.whole.effort
 
     def rows(self, samples: np.ndarray) -> np.ndarray:
-        """Of all samples, (m,) or (m, k), those kept."""
+        """Return the fitted samples of an array over all samples, (m,) or (m, k)."""
         return samples[self.kept]
 
     def __len__(self) -> int:
@@ -115,8 +115,11 @@ def swing(
     every: int = 1,
     recording: str = "",
 ) -> Swing:
-    """Make a recording of a swing ready: filter both sides alike, differentiate, cut the borders. `time`,
-    `position`, `torque` (n,) [s], [rad], [N m]; `lowpass` [Hz]."""
+    """Prepare a recorded swing: filter angle and torque alike, differentiate, and cut the borders.
+
+    `time` [s], `position` [rad] and `torque` [N m] have shape (n,). `lowpass` is the cut-off [Hz]; one sample in
+    `every` is fitted.
+    """
     fs = (len(time) - 1) / float(time[-1] - time[0])
     border = round(2.0 * fs / lowpass) if trim is None else trim
     if len(time) <= 2 * border + 10:
@@ -126,7 +129,7 @@ def swing(
         )
     angle = zero_phase_lowpass(position, lowpass, order, fs)
     velocity = np.gradient(angle, 1.0 / fs)
-    # A second difference of the angle, not of the velocity, spans three samples and not five.
+    # The second difference of the angle spans three samples; differentiating the velocity again would span five.
     acceleration = np.zeros_like(angle)
     acceleration[1:-1] = (angle[2:] - 2.0 * angle[1:-1] + angle[:-2]) * fs**2
     filtered = zero_phase_lowpass(torque, lowpass, order, fs)
@@ -138,31 +141,30 @@ def swing(
 
 @dataclass(frozen=True)
 class SwingForm:
-    """Which equation is fitted: the linear coefficients among `terms`, of `UNITS`; the angle of rest, `hanging` [rad],
-    where it is none of them; and the `sign` of the gravity term, 1, or -1 as published."""
+    """The equation that is fitted to a swing."""
 
-    terms: tuple[str, ...]
-    hanging: float = 0.0
-    sign: float = 1.0
+    terms: tuple[str, ...]  # linear coefficients, among `COEFFICIENT_UNITS`
+    hanging: float = 0.0  # angle of rest, where it is not estimated [rad]
+    sign: float = 1.0  # sign of the gravity term: 1, or -1 as published
     linear = True
     label = "a swing"
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The terms."""
+        """Names of the linear coefficients."""
         return self.terms
 
     def unit(self, name: str) -> str:
-        """SI unit of a term."""
-        return UNITS[name]
+        """Return the SI unit of a coefficient."""
+        return COEFFICIENT_UNITS[name]
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper bounds, each (k,), SI; as published there are none."""
-        lower = [0.0 if n in NEVER_NEGATIVE and self.sign > 0.0 else -np.inf for n in self.terms]
+        """Return lower and upper bounds, each (k,), SI; the published form has none."""
+        lower = [0.0 if n in NON_NEGATIVE_TERMS and self.sign > 0.0 else -np.inf for n in self.terms]
         return np.array(lower), np.full(len(lower), np.inf)
 
     def selection(self) -> np.ndarray:
-        """Matrix, (13, k), with core vector = selection @ coefficients."""
+        """Return the matrix, (core parameters, k), with core vector = selection @ coefficients."""
         targets = {
             "inertia": {"inertia": 1.0},
             "weight_moment": {"gravity_sine": self.sign * GRAVITY},
@@ -175,35 +177,38 @@ class SwingForm:
         matrix = np.zeros((len(NAMES), len(self.terms)))
         for column, name in enumerate(self.terms):
             for target, gain in targets[name].items():
-                matrix[INDEX[target], column] = gain
+                matrix[PARAMETER_INDEX[target], column] = gain
         return matrix
 
     def effort(self, values: np.ndarray, motion: Swing) -> np.ndarray:
-        """Torque of all of a swing's samples, (m,) [N m], with coefficients `values`, (k,)."""
+        """Return the torque at all samples of a swing, (m,) [N m], for coefficients `values`, (k,)."""
         return filtered_effort(self.selection() @ values, self._about_rest(motion))
 
     def jacobian(self, values: np.ndarray, motion: Swing) -> tuple[np.ndarray, np.ndarray]:
-        """The same, and its derivative, (m, k)."""
+        """Return the torque at all samples, (m,), and its derivatives by the coefficients, (m, k)."""
         chosen = self.selection()
         return filtered_jacobian(chosen @ values, chosen, self._about_rest(motion))
 
     def regressor(self, motion: Swing) -> np.ndarray:
-        """Torque that one unit of each coefficient takes along the samples kept, shape (n, k)."""
+        """Return the torque per unit of each coefficient at the fitted samples, shape (n, k)."""
         return motion.rows(self.jacobian(np.zeros(len(self.terms)), motion)[1])
 
     def _about_rest(self, motion: Swing) -> Motion:
         return replace(motion.whole, position=motion.whole.position - self.hanging)
 
 
-def as_published(zero: float = 0.0) -> SwingForm:
-    """Equations 9 and 10 to the letter. `zero` [rad]."""
+def published_form(zero: float = 0.0) -> SwingForm:
+    """Return the form of equations 9 and 10 as printed; `zero` is the angle of rest [rad]."""
     return SwingForm(("inertia", "weight_moment"), zero, -1.0)
 
 
-def corrected(
+def corrected_form(
     hanging: float | None = 0.0, *, friction: bool = True, viscous: bool = True, offset: bool = True
 ) -> SwingForm:
-    """The pendulum that hangs, with friction and an offset of the torque's zero. `hanging` [rad]."""
+    """Return the form of a hanging pendulum with friction and a torque offset.
+
+    `hanging` is the angle of rest [rad]; None estimates it.
+    """
     gravity = ("weight_moment",) if hanging is not None else ("weight_moment_sine", "weight_moment_cosine")
     rest = [n for n, wanted in (("viscous", viscous), ("coulomb", friction), ("offset", offset)) if wanted]
     return SwingForm(("inertia", *gravity, *rest), 0.0 if hanging is None else hanging)
@@ -211,15 +216,14 @@ def corrected(
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class SwingFit(Estimates):
-    """What a swing says of what swings: its inertia m d^2 and its weight's moment m d, and beside them the angle of
-    rest, friction and the offset, where they were estimated."""
+    """Inertia m d^2 and weight moment m d of a swinging body, with angle of rest, friction and offset if estimated."""
 
     form: SwingForm
-    coefficients: np.ndarray  # (k,) Of the form's terms; the covariance, (k, k), is theirs
-    residual_rms: float  # [N m]
-    correlation: float  # Of the columns of inertia and gravity along the swing
-    condition: float  # Of the regressor
-    mass_bound: float | None = None  # The mass that inertia >= weight_moment^2 / m was held to [kg]
+    coefficients: np.ndarray  # (k,) coefficients of the form's terms, to which the covariance (k, k) belongs
+    residual_rms: float  # root mean square of the residual [N m]
+    correlation: float  # correlation between the columns of inertia and gravity
+    condition: float  # condition number of the regressor
+    mass_bound: float | None = None  # mass m for which inertia >= weight_moment^2 / m was active [kg]
 
     @property
     def inertia(self) -> Parameter:
@@ -238,24 +242,27 @@ class SwingFit(Estimates):
 
     @property
     def mass(self) -> float:
-        """Of the point that has this inertia and weight moment [kg]."""
+        """Mass of the point mass with this inertia and weight moment [kg]."""
         return self.weight_moment.value**2 / self.inertia.value
 
     @property
     def distance(self) -> float:
-        """Of that point from the axis [m]."""
+        """Distance of that point mass from the axis [m]."""
         return self.inertia.value / self.weight_moment.value
 
     def torque(self, motion: Swing) -> np.ndarray:
-        """Torque that a swing of n samples takes, shape (n,) [N m]."""
+        """Predict the torque of a swing at its n fitted samples, shape (n,) [N m]."""
         return self.form.regressor(motion) @ self.coefficients
 
 
 def fit_swings(swings: Sequence[Swing], form: SwingForm, *, mass_bound: float | None = None) -> SwingFit:
-    """Least squares in closed form, within what a body can be. `mass_bound` [kg]."""
-    matrix, torque = _stacked(swings, form)
+    """Fit swings by least squares in closed form, bounded to physical values.
+
+    `mass_bound` is the largest mass of the body [kg].
+    """
+    matrix, torque = _stacked_rows(swings, form)
     require_full_rank(form.terms, matrix, ", ".join(s.recording or "a swing" for s in swings))
-    values, bound = _within(matrix, torque, form, mass_bound)
+    values, bound = _bounded_solution(matrix, torque, form, mass_bound)
     values, held = at_bounds(values, *form.bounds(), matrix, torque - matrix @ values)
     free = ~held
     if bound:
@@ -263,8 +270,8 @@ def fit_swings(swings: Sequence[Swing], form: SwingForm, *, mass_bound: float | 
     residual = torque - matrix @ values
     covariance = sandwich(matrix, residual, [len(s) for s in swings], free=free)
     if bound:
-        covariance = _on_the_bound(covariance, values, form, mass_bound)
-    return _fit(form, values, covariance, held, residual, matrix, mass_bound if bound else None)
+        covariance = _covariance_on_mass_bound(covariance, values, form, mass_bound)
+    return _swing_fit(form, values, covariance, held, residual, matrix, mass_bound if bound else None)
 
 
 def adam_swings(
@@ -277,17 +284,16 @@ def adam_swings(
     start: np.ndarray | None = None,
     batch: int | None = None,
 ) -> AdamPath:
-    """The same mean square of the torque's error, by Adam (eqs. 13 to 15 of the paper, divided by the samples).
+    """Minimise the same mean squared torque error by Adam (eqs. 13 to 15 of the paper, divided by the samples).
 
-    The paper counts its iterations in seconds, as if they went along with the swing, and does not say on how many
-    samples each one's gradient rests: all of them, or `batch` at a time in their order, over and over.
-
-    `start` (k,).
+    The paper counts its iterations in seconds, as if they ran along with the swing, and does not state on how many
+    samples each gradient is computed. Here it is all samples, or `batch` samples at a time in their order, cyclically.
+    `start` has shape (k,).
     """
-    matrix, torque = _stacked(swings, form)
+    matrix, torque = _stacked_rows(swings, form)
     parts = range(0, len(torque), batch or len(torque))[1:]
     pairs = zip(np.split(matrix, parts), np.split(torque, parts), strict=True)
-    # The cost is a quadratic form: one pass over the samples serves all iterations.
+    # The cost is a quadratic form, so one pass over the samples serves all iterations.
     forms = cycle([(w.T @ w / len(y), w.T @ y / len(y), float(y @ y) / len(y)) for w, y in pairs])
 
     def cost(x: np.ndarray) -> tuple[float, np.ndarray]:
@@ -299,14 +305,14 @@ def adam_swings(
     return adam(cost, first, rate=rate, final_rate=final_rate, iterations=iterations)
 
 
-def _stacked(swings: Sequence[Swing], form: SwingForm) -> tuple[np.ndarray, np.ndarray]:
-    """Regressor (n, k) and torque (n,)."""
+def _stacked_rows(swings: Sequence[Swing], form: SwingForm) -> tuple[np.ndarray, np.ndarray]:
+    """Return the regressor, (n, k), and the torque, (n,), of all swings."""
     data = stack(swings)
     return rows_of(form, np.zeros(len(form.terms)), data)[0], data.target
 
 
-def _within(matrix, torque, form, mass_bound) -> tuple[np.ndarray, bool]:
-    """Coefficients, (k,), and whether the mass bound holds the inertia."""
+def _bounded_solution(matrix, torque, form, mass_bound) -> tuple[np.ndarray, bool]:
+    """Return the bounded coefficients, (k,), and whether the mass bound is active."""
     lower, upper = form.bounds()
     values = least_squares_within(matrix, torque, lower, upper, method="bvls")
     gravity = np.array([name.startswith("weight_moment") for name in form.terms])
@@ -324,7 +330,7 @@ def _within(matrix, torque, form, mass_bound) -> tuple[np.ndarray, bool]:
     gram, moment = scaled.T @ scaled, scaled.T @ torque
 
     def solved(weight: float) -> np.ndarray:
-        # Lagrange: the bound's square joins the Gram matrix, its linear part the moment.
+        # Lagrangian: the bound's quadratic part is added to the Gram matrix, its linear part to the moment.
         curved = gram + np.diag(np.where(gravity, weight / mass_bound / size**2, 0.0))
         pulled = moment.copy()
         pulled[inertia] += 0.5 * weight / size[inertia]
@@ -338,8 +344,10 @@ def _within(matrix, torque, form, mass_bound) -> tuple[np.ndarray, bool]:
     return solved(brentq(lambda weight: beyond(solved(weight)), 0.0, most, xtol=1e-12 * most, rtol=1e-12)), True
 
 
-def _on_the_bound(covariance: np.ndarray, values: np.ndarray, form: SwingForm, mass_bound: float) -> np.ndarray:
-    """The covariance with the inertia's, which on the bound is a function of the gravity terms."""
+def _covariance_on_mass_bound(
+    covariance: np.ndarray, values: np.ndarray, form: SwingForm, mass_bound: float
+) -> np.ndarray:
+    """Return the covariance including the inertia, which on the mass bound is a function of the gravity terms."""
     slope = np.eye(len(values))
     i = form.terms.index("inertia")
     slope[i] = [
@@ -348,9 +356,9 @@ def _on_the_bound(covariance: np.ndarray, values: np.ndarray, form: SwingForm, m
     return slope @ covariance @ slope.T
 
 
-def _fit(form, values, covariance, held, residual, matrix, mass_bound) -> SwingFit:
+def _swing_fit(form, values, covariance, held, residual, matrix, mass_bound) -> SwingFit:
     held = held | np.array([name == "inertia" and mass_bound is not None for name in form.terms])
-    plain = parameters_of(form.terms, [UNITS[n] for n in form.terms], values, covariance, held)
+    plain = parameters_of(form.terms, [COEFFICIENT_UNITS[n] for n in form.terms], values, covariance, held)
     found = {p.name: p for p in plain}
     others = tuple(p for name, p in found.items() if not name.startswith(("inertia", "weight_moment")))
     if "weight_moment" in found:
@@ -359,7 +367,7 @@ def _fit(form, values, covariance, held, residual, matrix, mass_bound) -> SwingF
     else:
         chosen = [form.terms.index("weight_moment_sine"), form.terms.index("weight_moment_cosine")]
         size, zero = phasor_parameters(values[chosen], covariance[np.ix_(chosen, chosen)])
-        moment = Parameter("weight_moment", UNITS["weight_moment"], size.value, size.standard_error)
+        moment = Parameter("weight_moment", COEFFICIENT_UNITS["weight_moment"], size.value, size.standard_error)
         others = (Parameter("hanging", "rad", zero.value, zero.standard_error), *others)
         column = matrix[:, chosen] @ values[chosen]
     return SwingFit(

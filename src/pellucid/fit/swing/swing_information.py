@@ -1,7 +1,7 @@
-r"""What a swing can say of inertia and gravity before it is recorded, and one that says more.
+r"""Predict how precisely a swing determines inertia and gravity before it is recorded, and optimise it.
 
-Torque noise of standard deviation s and band B, seen for a time D, is worth 2 B D independent samples. The covariance
-of inertia and weight moment is then
+Torque noise of standard deviation s and bandwidth B, observed for a time D, contains 2 B D independent samples. The
+covariance of inertia and weight moment is then
 
 .. math::  C = \frac{s^2}{2 B D} \left( \overline{w w^T} \right)^{-1}, \qquad w = (\ddot\theta, \, g \sin\theta, \ldots)
 
@@ -18,20 +18,23 @@ from ..._errors import IdentificationError
 from ...models.joint import GRAVITY
 from ...protocols.fourier import FourierSeries, optimised_fourier
 
-_INSTANTS = 2000  # of a period
-_STEPS = 8  # acceleration limits tried
+_INSTANTS_PER_PERIOD = 2000
+"""Number of instants at which a period is evaluated."""
+
+_ACCELERATION_LIMIT_COUNT = 8
+"""Number of acceleration limits that are tried."""
 
 
 @dataclass(frozen=True)
 class SwingInformation:
-    """What a swing shows of a pendulum."""
+    """Expected precision of a pendulum's parameters from one swing."""
 
-    inertia_sd: float  # inertia_sd, weight_moment_sd: Standard deviations to expect [kg m^2], [kg m]
-    weight_moment_sd: float
-    correlation: float  # Of the torques that inertia and gravity take
-    condition: float  # Of the regressor of both
-    inertia_share: float  # Effective torque of the inertia, over that of gravity
-    peak_torque: float  # [N m]
+    inertia_sd: float  # expected standard deviation of the inertia [kg m^2]
+    weight_moment_sd: float  # expected standard deviation of the weight moment [kg m]
+    correlation: float  # correlation between the torques of inertia and gravity
+    condition: float  # condition number of the regressor of both
+    inertia_share: float  # standard deviation of the inertial torque divided by that of gravity
+    peak_torque: float  # largest torque of the swing [N m]
 
 
 def swing_information(
@@ -44,9 +47,11 @@ def swing_information(
     duration: float,
     friction: bool = False,
 ) -> SwingInformation:
-    """How sure inertia and weight moment can be after a swing about where the body hangs. `inertia`, `weight_moment`
-    [kg m^2], [kg m]; `noise` [N m]; `bandwidth` [Hz]; `duration` [s]."""
-    time = np.arange(_INSTANTS) / _INSTANTS * series.period
+    """Predict the precision of inertia and weight moment after a swing around the hanging position.
+
+    `inertia` [kg m^2], `weight_moment` [kg m]; `noise` [N m]; `bandwidth` [Hz]; `duration` [s].
+    """
+    time = np.arange(_INSTANTS_PER_PERIOD) / _INSTANTS_PER_PERIOD * series.period
     matrix = _regressor(*series.motion(time), friction=friction)
     count = 2.0 * bandwidth * duration
     covariance = noise**2 / count * np.linalg.inv(matrix.T @ matrix / len(matrix))
@@ -61,7 +66,7 @@ def swing_information(
     )
 
 
-def better_swing(
+def optimise_swing(
     inertia: float,
     weight_moment: float,
     *,
@@ -74,17 +79,17 @@ def better_swing(
     harmonics: int = 10,
     friction: bool = False,
 ) -> FourierSeries:
-    """A swing that shows both as well as a range of angles and a motor allow.
+    """Return the swing that determines both parameters best, given a range of angles and a motor.
 
-    D-optimal Fourier series for a few limits of the acceleration; the one that shows the inertia best of those that
-    need no more torque than there is.
+    D-optimal Fourier series are computed for several limits of the acceleration. Of those within the motor's torque,
+    the one with the smallest standard deviation of the inertia is chosen.
 
     `inertia`, `weight_moment` [kg m^2], [kg m]; `reach` [rad]; `peak_torque` [N m]; `velocity`, `acceleration`
     [rad/s], [rad/s^2]; `fundamental` [Hz].
     """
     best, least, lowest = None, np.inf, np.inf
     size = np.array([inertia, weight_moment, *([0.1 * weight_moment] * 3 if friction else [])])
-    for limit in acceleration / 1.5 ** np.arange(_STEPS):
+    for limit in acceleration / 1.5 ** np.arange(_ACCELERATION_LIMIT_COUNT):
         series = optimised_fourier(
             lambda *motion: _regressor(*motion, friction=friction),
             fundamental=fundamental, harmonics=harmonics, low=-reach, high=reach, velocity=velocity,
@@ -105,8 +110,11 @@ def better_swing(
 
 
 def _regressor(position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, *, friction: bool) -> np.ndarray:
-    """A swing's terms, (n, k). With NumPy's sine: the optimum is so flat that the core's, a last bit away, moves it by
-    micro-radians, and what virtual rigs recorded with it would be another recording."""
+    """Return the terms of a swing, shape (n, k).
+
+    NumPy's sine is used on purpose. The optimum is so flat that the core's sine, which differs in the last bit, would
+    change it by micro-radians, and with it the recordings of the virtual rigs.
+    """
     columns = [acceleration, GRAVITY * np.sin(position)]
     if friction:
         columns += [velocity, np.sign(velocity), np.ones_like(position)]

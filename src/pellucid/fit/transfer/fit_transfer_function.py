@@ -1,4 +1,4 @@
-"""A transfer function identified from arrays."""
+"""Identify a transfer function from arrays."""
 
 from __future__ import annotations
 

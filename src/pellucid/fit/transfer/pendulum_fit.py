@@ -1,11 +1,11 @@
-r"""The grey box: a pendulum with known or estimated gravity, friction and a spring, fitted to sampled motions.
+r"""Grey-box fit: a pendulum with gravity, friction and a spring, each known or estimated, fitted to sampled motions.
 
 .. math::
    I\ddot q + b\dot q + c\tanh(\dot q/w) + m\,\sin q + k\,q + \tau_0 = \tau
 
-A regression on filtered signals, linear in every parameter, starts it. Then the simulated angle is fitted to the
-measured one with exact derivatives, every record's initial state among the unknowns. Parameters stay physical; where
-one ends at its bound, the fit says what the records would have it be without.
+A linear regression on filtered signals gives the start. Then the simulated angle is fitted to the measured one with
+exact derivatives; every record's initial state is estimated too. Parameters are bounded to physical values. For a
+parameter that ends at its bound, the fit reports the value that the records would prefer without the bound.
 """
 
 from __future__ import annotations
@@ -32,45 +32,45 @@ from ...signals.input_output import InputOutput
 from ..estimates import Estimates
 from ..parameter import Parameter, Whiteness
 from ..uncertainty import sandwich, whiteness
-from .srivc import SINGULAR
+from .srivc import SINGULAR_VALUE_TOLERANCE
 from .transfer_function_fit import Response, fit_percent, require_samples
 
 WIDTH_SHARE = 0.02
-"""Width of the smooth sign of velocity, as a share of the records' largest speed, where none is given."""
+"""Default width of the smooth sign of velocity, as a share of the records' largest speed."""
 
-FREE = NAMES
-"""What is estimated where nothing else is said."""
+DEFAULT_FREE_PARAMETERS = NAMES
+"""Parameters that are estimated by default."""
 
-LEAST_INERTIA = 1e-6
-"""Share of the first guess below which inertia does not fall."""
+MIN_INERTIA_SHARE = 1e-6
+"""Lower bound of the inertia, as a share of its first estimate."""
 
-STIFFEST = 0.5
-"""Largest product of a step and friction's rate at rest, (b + c/w)/I; steps are divided until it is not passed."""
+MAX_STEP_RATE_PRODUCT = 0.5
+"""Time steps are divided until the product of a step and friction's rate at rest, (b + c/w)/I, is below this."""
 
-MOST_SUBSTEPS = 16
-"""More would only follow a friction whose smooth sign is too narrow."""
+MAX_SUBSTEPS = 16
+"""A time step is divided into at most this many substeps. More would only resolve a smooth sign that is too narrow."""
 
-SPAN = 0.02
-"""Reach of the differences that make a rough velocity to start from [s]."""
+VELOCITY_REACH_S = 0.02
+"""The first estimate of the velocity is a difference over twice this time."""
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class PendulumFit(Estimates):
-    """An identified pendulum. `covariance` (p, p)."""
+    """An identified pendulum with the covariance of its parameters, shape (p, p)."""
 
-    known: Mapping[str, float]  # Those held at a given value, SI
-    reasons: Mapping[str, str]  # Why a parameter ended at its bound, by its name
-    responses: tuple[Response, ...]  # Of the fitted records; `initial` is the initial angle [rad] and velocity [rad/s]
-    hold: str  # What the torque was taken to do between samples
-    width: float  # Of the smooth sign of velocity [rad/s]
-    residual_sd: float  # [rad]
-    evaluations: int  # Simulations of all records
+    known: Mapping[str, float]  # parameters held at a given value, SI
+    reasons: Mapping[str, str]  # explanation for each parameter that ended at its bound, by name
+    responses: tuple[Response, ...]  # fitted records; `initial` is the initial angle [rad] and velocity [rad/s]
+    hold: str  # assumed behaviour of the torque between samples
+    width: float  # width of the smooth sign of velocity [rad/s]
+    residual_sd: float  # standard deviation of the residual [rad]
+    evaluations: int  # number of simulations of all records
     converged: bool
     whiteness: Whiteness
 
     @property
     def complete(self) -> np.ndarray:
-        """All six values, shape (6,), SI; zero where a term was neither free nor known."""
+        """All six parameters, shape (6,), SI; zero for a term that was neither free nor known."""
         free = {p.name: p.value for p in self.parameters}
         return np.array([free.get(name, self.known.get(name, 0.0)) for name in NAMES])
 
@@ -79,12 +79,16 @@ def fit_pendulum(
     records: Sequence[InputOutput],
     *,
     hold: str,
-    free: Sequence[str] = FREE,
+    free: Sequence[str] = DEFAULT_FREE_PARAMETERS,
     known: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     width: float | None = None,
 ) -> PendulumFit:
-    """Identify a pendulum from torques and the angles they made. `records` [N*m], [rad]; `width` [rad/s]."""
+    """Identify a pendulum from records of torque [N*m] and angle [rad].
+
+    `free` and `known` name the estimated and the known parameters. `width` is that of the smooth sign of velocity
+    [rad/s].
+    """
     known = dict(known or {})
     wrong = [name for name in (*free, *known, *(bounds or {})) if name not in NAMES]
     if wrong:
@@ -114,7 +118,7 @@ def fit_pendulum(
     start = best[1]
     if "inertia" in names:
         i = names.index("inertia")
-        lower[i] = max(lower[i], LEAST_INERTIA * start[i])
+        lower[i] = max(lower[i], MIN_INERTIA_SHARE * start[i])
     k = len(names)
     free_state = np.full(2 * len(records), np.inf)
     low, high = np.concatenate([lower, -free_state]), np.concatenate([upper, free_state])
@@ -123,11 +127,11 @@ def fit_pendulum(
         problem.residual, np.clip(start, low, high), jac=problem.jacobian, bounds=(low, high), x_scale="jac",
         xtol=1e-7, ftol=1e-9, max_nfev=40,
     )  # fmt: skip
-    return _finished(problem, found.x, lower, upper, int(found.nfev), bool(found.success), k)
+    return _result_at(problem, found.x, lower, upper, int(found.nfev), bool(found.success), k)
 
 
-def evaluated_pendulum(fit: PendulumFit, record: InputOutput) -> Response:
-    """Simulate a record with frozen parameters; only its initial state is estimated."""
+def evaluate_pendulum(fit: PendulumFit, record: InputOutput) -> Response:
+    """Simulate a record with fixed parameters; only its initial state is estimated."""
     _require(record, 2)
     held = dict(zip(NAMES, fit.complete, strict=True))
     problem = _Problem((record,), (), held, fit.hold, fit.width)
@@ -138,7 +142,7 @@ def evaluated_pendulum(fit: PendulumFit, record: InputOutput) -> Response:
 
 
 class _Problem:
-    """Records, free parameters, and the motions last simulated, from which the next simulation starts."""
+    """Records, free parameters, and the motions simulated last, from which the next simulation starts."""
 
     def __init__(
         self,
@@ -157,27 +161,27 @@ class _Problem:
         self.prepared = 0
 
     def full(self, x: np.ndarray) -> np.ndarray:
-        """All six parameters, shape (6,)."""
+        """Return all six parameters, shape (6,), from the free ones."""
         values = np.array([self.known.get(name, 0.0) for name in NAMES])
         values[self.columns] = x[: len(self.names)]
         return values
 
     def prepare(self, x: np.ndarray) -> None:
-        """Steps short enough for the friction of `x`; motions start from the measured ones."""
+        """Choose time steps short enough for the friction of `x`, and start the simulations from measured motions."""
         inertia, damping, coulomb = self.full(x)[:3]
         longest = max(float(np.median(np.diff(r.time))) for r in self.records)
-        wanted = longest * (damping + coulomb / self.width) / inertia / STIFFEST
-        substeps = int(np.clip(np.ceil(wanted), 1, MOST_SUBSTEPS))
+        wanted = longest * (damping + coulomb / self.width) / inertia / MAX_STEP_RATE_PRODUCT
+        substeps = int(np.clip(np.ceil(wanted), 1, MAX_SUBSTEPS))
         if substeps == self.prepared:
             return
         self.prepared, self.last = substeps, None
         self.drives = [
             pendulum_drive(r.time, r.input, hold=self.hold, width=self.width, substeps=substeps) for r in self.records
         ]
-        self.guesses = [_refined(r, substeps) for r in self.records]
+        self.guesses = [_states_at_steps(r, substeps) for r in self.records]
 
     def motions(self, x: np.ndarray) -> list[PendulumMotion] | None:
-        """Every record simulated; None where one diverges."""
+        """Simulate every record; None if one diverges."""
         if self.last is not None and np.array_equal(self.last[0], x):
             return self.last[1]
         values, k = self.full(x), len(self.names)
@@ -194,14 +198,14 @@ class _Problem:
         return made
 
     def residual(self, x: np.ndarray) -> np.ndarray:
-        """Simulated less measured angle, shape (m,)."""
+        """Return simulated minus measured angle, shape (m,)."""
         made = self.motions(x)
-        if made is None:  # a trial step that diverges must look bad, not break the solver
+        if made is None:  # a diverging trial step must have a large cost, not stop the solver
             return np.full(sum(self.lengths), 1e3)
         return np.concatenate([m.position - r.output for m, r in zip(made, self.records, strict=True)])
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
-        """Its derivatives, shape (m, free + 2 records)."""
+        """Return the residual's derivatives, shape (m, free + 2 records)."""
         made, k = self.motions(x), len(self.names)
         matrix = np.zeros((sum(self.lengths), len(x)))
         begin = 0
@@ -213,13 +217,13 @@ class _Problem:
         return matrix
 
     def cost(self, x: np.ndarray) -> float:
-        """Sum of squares, infinite where a record's simulation diverges."""
+        """Return the sum of squares, infinite if a record's simulation diverges."""
         self.prepare(x)
         residual = self.residual(x)
         return float(residual @ residual) if self.last is not None and self.last[1] is not None else float("inf")
 
     def started(self, rate: float, speeds: list[np.ndarray], lower: np.ndarray, upper: np.ndarray) -> np.ndarray | None:
-        """Parameters and initial states from a regression on signals filtered by (s + rate)^2."""
+        """Estimate parameters and initial states by a regression on signals filtered by (s + rate)^2."""
         blocks, targets = [], []
         denominator = np.poly([-rate, -rate])
         held = np.array([self.known.get(name, 0.0) for name in NAMES])
@@ -230,7 +234,7 @@ class _Problem:
             powers = filtered_powers(denominator, record.time, signals, hold="first")
             plain = powers[:, 2, :]
             columns = np.column_stack([powers[:, 0, 1], powers[:, 1, 1], plain[:, 2:]])
-            # The initial velocity is what the filtered acceleration does not know.
+            # The filtered acceleration lacks the initial velocity, which has its own column.
             impulse = np.zeros((len(q), len(self.records)))
             t = record.time - record.time[0]
             impulse[:, i] = t * np.exp(-rate * t)
@@ -250,7 +254,7 @@ class _Problem:
         return x if self.full(x)[0] > 0.0 else None
 
     def responses(self, x: np.ndarray) -> tuple[Response, ...]:
-        """Every record beside its simulation."""
+        """Return every record with its simulation."""
         made, k = self.motions(x), len(self.names)
         if made is None:
             raise IdentificationError(f"{_names(self.records)}: the simulated pendulum diverges")
@@ -271,11 +275,11 @@ class _Problem:
         )
 
 
-def _finished(
+def _result_at(
     problem: _Problem, x: np.ndarray, lower: np.ndarray, upper: np.ndarray, evaluations: int, converged: bool, k: int
 ) -> PendulumFit:
     x = x.copy()
-    # The solver stays strictly inside; a value this near its bound is on it.
+    # The solver stays strictly inside the bounds, so a value this close to a bound counts as on it.
     near = 1e-6 * np.maximum(np.abs(x[:k]), 1e-9)
     jacobian = problem.jacobian(x)
     scale = np.linalg.norm(jacobian, axis=0)
@@ -286,12 +290,12 @@ def _finished(
     residual, jacobian = problem.residual(x), problem.jacobian(x)
     scale = np.linalg.norm(jacobian, axis=0)
     singular = np.linalg.svd(jacobian / np.maximum(scale, np.finfo(float).tiny), full_matrices=False)
-    if np.any(scale == 0.0) or singular[1][-1] <= SINGULAR * singular[1][0]:
+    if np.any(scale == 0.0) or singular[1][-1] <= SINGULAR_VALUE_TOLERANCE * singular[1][0]:
         share = np.abs(singular[2][-1])[:k]
         tied = [n for n, s in zip(problem.names, share, strict=True) if s > 0.1 * share.max()]
         raise IdentificationError(f"{_names(problem.records)}: {', '.join(tied)} cannot be told apart")
     covariance = sandwich(jacobian, -residual, problem.lengths)[:k, :k]
-    # Where all parameters would go without bounds, to first order.
+    # The first-order estimate of all parameters without bounds.
     wanted = x[:k] - (np.linalg.lstsq(jacobian / scale, residual, rcond=None)[0] / scale)[:k]
     slope = jacobian.T @ residual
     parameters, reasons = [], {}
@@ -303,7 +307,7 @@ def _finished(
         parameters.append(Parameter(name, made.unit, made.value, error, held, identifiable=not low <= 0.0 <= high))
         if held:
             edge = lower[i] if held_low[i] else upper[i]
-            reasons[name] = _reason(made, edge, float(wanted[i]), float(slope[i]))
+            reasons[name] = _bound_reason(made, edge, float(wanted[i]), float(slope[i]))
     return PendulumFit(
         title="Pendulum",
         parameters=tuple(parameters),
@@ -320,7 +324,7 @@ def _finished(
     )
 
 
-def _reason(parameter: Parameter, edge: float, wanted: float, slope: float) -> str:
+def _bound_reason(parameter: Parameter, edge: float, wanted: float, slope: float) -> str:
     half = float(ndtri(0.975)) * parameter.standard_error
     side = "below" if wanted < edge else "above"
     low, high = wanted - half, wanted + half
@@ -343,7 +347,7 @@ def _bounds(names: Sequence[str], given: Mapping[str, tuple[float, float]]) -> t
 
 
 def _rates(records: Sequence[InputOutput]) -> np.ndarray:
-    """Filter rates to start from, shape (3,) [1/s]: about, and faster than, what the motion mostly is."""
+    """Return filter rates for the first estimate, shape (3,) [1/s]: the motion's typical rate and two faster ones."""
     cycles = []
     for r in records:
         still = r.output - r.output.mean()
@@ -355,15 +359,15 @@ def _rates(records: Sequence[InputOutput]) -> np.ndarray:
 
 
 def _speed(record: InputOutput) -> np.ndarray:
-    """Rough velocity, shape (n,) [rad/s]: differences over twice `SPAN`, which keeps an encoder's steps small."""
+    """Return a rough velocity, shape (n,) [rad/s]: differences over twice `VELOCITY_REACH_S`, against quantisation."""
     n = len(record)
-    reach = max(1, round(SPAN / float(np.median(np.diff(record.time)))))
+    reach = max(1, round(VELOCITY_REACH_S / float(np.median(np.diff(record.time)))))
     after, before = np.minimum(np.arange(n) + reach, n - 1), np.maximum(np.arange(n) - reach, 0)
     return (record.output[after] - record.output[before]) / (record.time[after] - record.time[before])
 
 
-def _refined(record: InputOutput, substeps: int) -> np.ndarray:
-    """Measured states at every step, shape (m + 1, 2)."""
+def _states_at_steps(record: InputOutput, substeps: int) -> np.ndarray:
+    """Return the measured angle and velocity at every substep, shape (m + 1, 2)."""
     fine = np.concatenate(
         [(record.time[:-1, None] + np.diff(record.time)[:, None] * np.arange(substeps) / substeps).ravel(),
          record.time[-1:]]

@@ -1,14 +1,14 @@
-r"""Fit of a continuous-time transfer function to sampled responses: the simulated output against the measured one.
+r"""Fit a continuous-time transfer function to sampled responses by output error.
 
-For a denominator the response is linear in everything else, so that only the denominator is searched (variable
-projection [1]_): with W the linear columns and D = dy/da, a step solves
+For a given denominator the response is linear in all other parameters, so only the denominator is searched (variable
+projection [1]_). With W the linear columns and D = dy/da, a step solves
 
 .. math::
    \min_{\delta a} \lVert r - (I - W W^+) D\,\delta a \rVert^2 + \mu \lVert \Lambda\,\delta a \rVert^2 ,
 
 and the numerator, every record's initial state and offset follow by least squares. D is exact. A step that makes a pole
-unstable or the error larger is shortened. The covariance is that of all coefficients together, and allows for coloured
-residuals.
+unstable or increases the error is shortened. The covariance is that of all coefficients together and allows for
+coloured residuals.
 
 .. [1] G. H. Golub, V. Pereyra, "The differentiation of pseudo-inverses and nonlinear least squares problems whose
    variables separate", SIAM J. Numer. Anal. 10, 1973.
@@ -23,49 +23,53 @@ import numpy as np
 from scipy.linalg import qr
 
 from ..._errors import IdentificationError
-from ...models.transfer_function import HOLDS, ResponseBasis, TransferFunction, response_basis, time_steps
+from ...models.transfer_function import INPUT_HOLDS, ResponseBasis, TransferFunction, response_basis, time_steps
 from ...signals.input_output import InputOutput
 from ...signals.sampled import sampled
 from ..estimates import Estimates
 from ..parameter import Parameter, Whiteness
 from ..uncertainty import block_bootstrap, sandwich, whiteness
-from .srivc import SINGULAR, Experiment, first_transfer_functions, solve_linear
+from .srivc import SINGULAR_VALUE_TOLERANCE, Experiment, first_transfer_functions, solve_linear
 
-SAMPLES_EACH = 5
-"""Samples that each unknown must have at least."""
+MIN_SAMPLES_PER_UNKNOWN = 5
+"""A record must have at least this many samples for each unknown."""
 
-TOLERANCE = 1e-7
-"""Share of the residual by which a full step would still change the output when the search stops."""
+OUTPUT_TOLERANCE = 1e-7
+"""The search stops when a full step would change the output by less than this share of the residual."""
 
-SEED = 20261121  # of the bootstrap
+BOOTSTRAP_SEED = 20261121
+"""Seed of the bootstrap."""
+
 MAX_ITERATIONS = 60
+"""Largest number of iterations."""
 
-AT_THE_EDGE = 1e-6
-"""A pole nearer to the imaginary axis than this share of its size, or of one over the record, is held there."""
+STABILITY_EDGE_SHARE = 1e-6
+"""A pole counts as at the edge of stability if its distance from the imaginary axis is below this share of its modulus,
+or of one over the record's duration."""
 
-FASTEST = 10.0
-"""No pole is faster than this many times the highest rate that the sampling shows, pi over the time step."""
+MAX_POLE_RATE_RATIO = 10.0
+"""A pole may exceed the Nyquist rate, pi over the time step, by at most this factor."""
 
 
 @dataclass(frozen=True)
 class Response:
-    """A record, and what an identified transfer function makes of its input."""
+    """A record with the response that an identified model simulates."""
 
     recording: str
     split: str
-    time: np.ndarray  # time, input, measured, simulated: (n,) SI
-    input: np.ndarray
-    measured: np.ndarray
-    simulated: np.ndarray
-    fit: float  # 100 (1 - ||y - y_s|| / ||y - mean y||) [%], as MATLAB's ``compare`` has it
-    rmse: float  # In the output's unit
-    # Estimated initial state: coefficients of Q, highest power first; the first is the free response at the start
+    time: np.ndarray  # (n,) [s]
+    input: np.ndarray  # (n,) input, SI
+    measured: np.ndarray  # (n,) measured output, SI
+    simulated: np.ndarray  # (n,) simulated output, SI
+    fit: float  # 100 (1 - ||y - y_s|| / ||y - mean y||) [%], as MATLAB's ``compare`` defines it
+    rmse: float  # root mean square error, in the output's unit
+    # estimated initial state: coefficients of Q, highest power first; the first is the free response at the start
     initial: tuple[float, ...]
-    offset: float  # Estimated constant of the output; 0 where none was asked for
+    offset: float  # estimated constant of the output; 0 if none was asked for
 
     @property
     def residual(self) -> np.ndarray:
-        """What the simulation misses, shape (n,), in the output's unit."""
+        """Measured minus simulated output, shape (n,), in the output's unit."""
         return self.measured - self.simulated
 
 
@@ -77,13 +81,14 @@ class TransferFit(Estimates):
     ----------
     transfer_function : TransferFunction
     hold : str
-        What the input was taken to do between samples.
+        Assumed behaviour of the input between samples.
     physical : tuple of Parameter
-        Of two poles and no zeros: inertia 1/b0, damping a1/b0, stiffness a0/b0, by the delta method; empty otherwise.
+        Inertia 1/b0, damping a1/b0 and stiffness a0/b0 by the delta method, for two poles and no zeros; empty
+        otherwise.
     responses : tuple of Response
-        Of the fitted records.
+        Responses of the fitted records.
     residual_sd : float
-        In the output's unit.
+        Standard deviation of the residual, in the output's unit.
     iterations : int
     converged : bool
     whiteness : Whiteness
@@ -102,7 +107,7 @@ class TransferFit(Estimates):
 
     @property
     def every(self) -> tuple[Parameter, ...]:
-        """The coefficients, then what they mean of a mass with spring and damper."""
+        """The coefficients, then the physical parameters of a mass with spring and damper, if there are any."""
         return *self.parameters, *self.physical
 
     @property
@@ -116,7 +121,7 @@ class TransferFit(Estimates):
         return np.array(self.transfer_function.denominator)
 
     def predict(self, time: np.ndarray, input: np.ndarray) -> np.ndarray:
-        """The response to an input from rest.
+        """Simulate the response to an input, starting from rest.
 
         Parameters
         ----------
@@ -153,8 +158,8 @@ def fit_records(
     """Identify a transfer function from one or more records of the same system."""
     if poles < 1 or not 0 <= zeros <= poles:
         raise IdentificationError(f"found {poles} poles and {zeros} zeros, expected at least 1 pole and no more zeros")
-    if hold not in HOLDS:
-        raise IdentificationError(f"hold: found {hold!r}, expected one of {', '.join(HOLDS)}")
+    if hold not in INPUT_HOLDS:
+        raise IdentificationError(f"hold: found {hold!r}, expected one of {', '.join(INPUT_HOLDS)}")
     records = tuple(records)
     own = poles + offset
     for record in records:
@@ -163,17 +168,19 @@ def fit_records(
     starts = first_transfer_functions(experiment) if start is None else [start]
     if starts[0].order != poles:
         raise IdentificationError(f"start: found {starts[0].order} poles, expected {poles}")
-    starts = [each for each in starts if _visible(experiment, each)] or starts[:1]
+    starts = [each for each in starts if _has_visible_poles(experiment, each)] or starts[:1]
     found = _search(experiment, starts[0])
-    # At the edge of stability a search is stuck as often as it is done.
-    if not found.settled or _at_the_edge(found.point.denominator, experiment):
+    # A search that ends at the edge of stability may be stuck there, so the other starts are tried too.
+    if not found.settled or _poles_at_stability_edge(found.point.denominator, experiment):
         others = [_search(experiment, other) for other in starts[1:]]
         found = min((found, *others), key=lambda each: each.point.error)
-    return _finished(experiment, found, units)
+    return _result_at(experiment, found, units)
 
 
-def evaluated(transfer_function: TransferFunction, record: InputOutput, *, hold: str, offset: bool = False) -> Response:
-    """Simulate a record with frozen coefficients; its initial state, and its offset if asked for, are estimated."""
+def evaluate_transfer_function(
+    transfer_function: TransferFunction, record: InputOutput, *, hold: str, offset: bool = False
+) -> Response:
+    """Simulate a record with fixed coefficients; its initial state, and its offset if asked for, are estimated."""
     _require(record, transfer_function.order + offset, moving=False)
     zeros = len(transfer_function.numerator) - 1
     basis = response_basis(transfer_function.denominator, zeros, record.time, record.input, hold=hold)
@@ -190,7 +197,7 @@ def fit_percent(measured: np.ndarray, simulated: np.ndarray) -> float:
 
 
 def coefficient_units(poles: int, zeros: int, units: tuple[str, str]) -> tuple[str, ...]:
-    """Units of a_{n-1} ... a_0, b_m ... b_0, as plain text."""
+    """Return the units of a_{n-1} ... a_0, b_m ... b_0 as plain text."""
     given, made = units
     ratio = "" if given == made else made if given == "1" else f"{made}/({given}" if "*" in given else f"{made}/{given}"
     found = [f"1/s^{k}" if k > 1 else "1/s" for k in range(1, poles + 1)]
@@ -213,7 +220,7 @@ def coefficient_units(poles: int, zeros: int, units: tuple[str, str]) -> tuple[s
 
 @dataclass(frozen=True)
 class _Point:
-    """A denominator, and everything else at its best."""
+    """A denominator with the least-squares solution of all linear parameters."""
 
     denominator: np.ndarray
     bases: list[ResponseBasis]
@@ -226,10 +233,10 @@ class _Point:
         return float(self.residual @ self.residual)
 
 
-def _at(experiment: Experiment, denominator: np.ndarray) -> _Point | None:
-    """None where the response overflows, or a pole is unstable or too fast to be seen."""
+def _point_at(experiment: Experiment, denominator: np.ndarray) -> _Point | None:
+    """Return the point of a denominator; None if its response overflows, or a pole is unstable or too fast."""
     poles = np.roots(np.concatenate([[1.0], denominator]))
-    if np.any(poles.real > 0.0) or np.any(np.abs(poles) > FASTEST * _fastest(experiment)):
+    if np.any(poles.real > 0.0) or np.any(np.abs(poles) > MAX_POLE_RATE_RATIO * _highest_visible_rate(experiment)):
         return None
     bases = experiment.bases(np.concatenate([[1.0], denominator]))
     if not all(np.isfinite(b.numerator).all() and np.isfinite(b.initial).all() for b in bases):
@@ -238,31 +245,31 @@ def _at(experiment: Experiment, denominator: np.ndarray) -> _Point | None:
 
 
 @dataclass(frozen=True)
-class _Found:
-    """Where a search ended: the point, dy/da there, iterations, and whether it settled."""
+class _SearchResult:
+    """Result of a search for the denominator."""
 
     point: _Point
-    slopes: np.ndarray
+    slopes: np.ndarray  # dy/da at the point
     iterations: int
-    settled: bool
+    settled: bool  # whether the search converged
 
 
-def _fastest(experiment: Experiment) -> float:
-    """The highest rate that the sampling shows [rad/s]."""
+def _highest_visible_rate(experiment: Experiment) -> float:
+    """Return the Nyquist rate of the records [rad/s]."""
     return float(np.pi / np.median(np.concatenate([np.diff(r.time) for r in experiment.records])))
 
 
-def _visible(experiment: Experiment, start: TransferFunction) -> bool:
-    return bool(np.all(np.abs(start.poles) <= FASTEST * _fastest(experiment)))
+def _has_visible_poles(experiment: Experiment, start: TransferFunction) -> bool:
+    return bool(np.all(np.abs(start.poles) <= MAX_POLE_RATE_RATIO * _highest_visible_rate(experiment)))
 
 
-def _search(experiment: Experiment, start: TransferFunction) -> _Found:
-    """Levenberg-Marquardt on the denominator."""
-    point = _at(experiment, np.asarray(start.reflected().denominator[1:]))
+def _search(experiment: Experiment, start: TransferFunction) -> _SearchResult:
+    """Search the denominator by Levenberg-Marquardt steps."""
+    point = _point_at(experiment, np.asarray(start.reflected().denominator[1:]))
     if point is None:
         raise IdentificationError(
             f"{_names(experiment)}: the first guess has a pole at {np.max(np.abs(start.poles)):.3g} 1/s, faster than "
-            f"the sampling shows ({_fastest(experiment):.3g} 1/s)"
+            f"the sampling shows ({_highest_visible_rate(experiment):.3g} 1/s)"
         )
     floor = 1e-12 * float(np.linalg.norm(experiment.output))
     damping, settled, steps = 1e-3, False, 0
@@ -274,25 +281,25 @@ def _search(experiment: Experiment, start: TransferFunction) -> _Found:
         scale = np.maximum(np.linalg.norm(reduced, axis=0), np.finfo(float).tiny)
         reduced = reduced / scale
         full = np.linalg.lstsq(reduced, point.residual, rcond=None)[0]
-        settled = bool(np.linalg.norm(reduced @ full) <= TOLERANCE * np.linalg.norm(point.residual) + floor)
+        settled = bool(np.linalg.norm(reduced @ full) <= OUTPUT_TOLERANCE * np.linalg.norm(point.residual) + floor)
         if settled:
             break
         better = None
         while better is None and damping < 1e10:
             rows = np.vstack([reduced, np.sqrt(damping) * np.eye(experiment.poles)])
             step = np.linalg.lstsq(rows, np.append(point.residual, np.zeros(experiment.poles)), rcond=None)[0]
-            tried = _at(experiment, point.denominator + step / scale)
+            tried = _point_at(experiment, point.denominator + step / scale)
             better = tried if tried is not None and tried.error < point.error else None
             damping = max(damping / 10.0, 1e-12) if better else damping * 10.0
-        if better is None:  # no step helps any more: the edge of stability, or the last bit
+        if better is None:  # no step reduces the error: the edge of stability, or rounding
             settled = True
             break
         point = better
         slopes = experiment.by_denominator(point.bases, point.linear)
-    return _Found(point, slopes, steps, settled)
+    return _SearchResult(point, slopes, steps, settled)
 
 
-def _finished(experiment: Experiment, found: _Found, units: tuple[str, str]) -> TransferFit:
+def _result_at(experiment: Experiment, found: _SearchResult, units: tuple[str, str]) -> TransferFit:
     point, settled = found.point, found.settled
     n, m = experiment.poles, experiment.zeros
     jacobian = np.hstack([found.slopes, point.columns])
@@ -304,7 +311,11 @@ def _finished(experiment: Experiment, found: _Found, units: tuple[str, str]) -> 
     names = [f"a{i}" for i in range(n - 1, -1, -1)] + [f"b{i}" for i in range(m, -1, -1)]
     texts = coefficient_units(n, m, units)
     steps = block_bootstrap(
-        jacobian, point.residual, np.zeros(jacobian.shape[1]), experiment.lengths, rng=np.random.default_rng(SEED)
+        jacobian,
+        point.residual,
+        np.zeros(jacobian.shape[1]),
+        experiment.lengths,
+        rng=np.random.default_rng(BOOTSTRAP_SEED),
     )
     parameters = tuple(
         replace(_parameter(name, unit, value, variance), bootstrap=(float(value + low), float(value + high)))
@@ -343,7 +354,7 @@ def _parameter(name: str, unit: str, value: float, variance: float) -> Parameter
 
 
 def _physical(values: np.ndarray, covariance: np.ndarray, units: tuple[str, str]) -> tuple[Parameter, ...]:
-    """Inertia, damping and stiffness of I q'' + b q' + k q = u, by the delta method."""
+    """Return inertia, damping and stiffness of I q'' + b q' + k q = u, by the delta method."""
     a1, a0, b0 = values
     given, made = units
     texts = {
@@ -376,34 +387,34 @@ def _response(record: InputOutput, simulated: np.ndarray, own: np.ndarray, poles
     )
 
 
-def _at_the_edge(denominator: np.ndarray, experiment: Experiment) -> list[complex]:
-    """Poles that the search holds at the imaginary axis, one of each pair."""
+def _poles_at_stability_edge(denominator: np.ndarray, experiment: Experiment) -> list[complex]:
+    """Return the poles at the edge of stability, one of each conjugate pair."""
     slowest = 1.0 / max(float(r.time[-1] - r.time[0]) for r in experiment.records)
     poles = np.roots(np.concatenate([[1.0], denominator]))
-    return [p for p in poles if abs(p.real) <= AT_THE_EDGE * max(abs(p), slowest) and p.imag >= 0.0]
+    return [p for p in poles if abs(p.real) <= STABILITY_EDGE_SHARE * max(abs(p), slowest) and p.imag >= 0.0]
 
 
 def _pole_notes(made: TransferFunction, experiment: Experiment) -> list[str]:
     notes = [
         f"a pole at {abs(p.imag) / (2 * np.pi):.3g} Hz lies at the edge of stability: the records show no damping there"
-        for p in _at_the_edge(np.asarray(made.denominator[1:]), experiment)
+        for p in _poles_at_stability_edge(np.asarray(made.denominator[1:]), experiment)
     ]
-    fast = [p for p in made.poles if abs(p) > _fastest(experiment)]
+    fast = [p for p in made.poles if abs(p) > _highest_visible_rate(experiment)]
     return notes + [
         f"a pole at {p.real:.3g} 1/s is faster than the sampling shows: fewer poles say as much" for p in fast
     ]
 
 
 def require_samples(record: InputOutput, unknowns: int) -> str:
-    """Refuse a `record` with missing samples or too few for so many `unknowns`; what further messages begin with."""
+    """Refuse a `record` with missing samples or too few for its `unknowns`; return the prefix for further messages."""
     where = f"recording '{record.recording}'"
     table = np.column_stack([record.time, record.input, record.output])
     if not np.isfinite(table).all():
         raise IdentificationError(f"{where}: found missing samples, expected a number in each")
-    if len(record) < SAMPLES_EACH * unknowns:
+    if len(record) < MIN_SAMPLES_PER_UNKNOWN * unknowns:
         raise IdentificationError(
-            f"{where}: found {len(record)} samples, expected at least {SAMPLES_EACH * unknowns}, {SAMPLES_EACH} for "
-            f"each of {unknowns} unknowns"
+            f"{where}: found {len(record)} samples, expected at least {MIN_SAMPLES_PER_UNKNOWN * unknowns}, "
+            f"{MIN_SAMPLES_PER_UNKNOWN} for each of {unknowns} unknowns"
         )
     return where
 
@@ -428,14 +439,15 @@ def _require_regular(experiment: Experiment, jacobian: np.ndarray) -> None:
     if not np.isfinite(scale).all() or np.any(scale == 0.0):
         raise IdentificationError(f"{_names(experiment)}: a coefficient changes nothing in the response")
     _, singular, rows = np.linalg.svd(jacobian / scale, full_matrices=False)
-    if singular[-1] > SINGULAR * singular[0]:
+    if singular[-1] > SINGULAR_VALUE_TOLERANCE * singular[0]:
         return
     names = [f"a{i}" for i in range(n - 1, -1, -1)] + [f"b{i}" for i in range(m, -1, -1)]
     share = np.abs(rows[-1])
     tied = [name for name, s in zip(names, share, strict=False) if s > 0.1 * share.max()]
     raise IdentificationError(
         f"{_names(experiment)}: {', '.join(tied) or 'initial states'} cannot be told apart (condition number above "
-        f"{1 / SINGULAR:.0e}): a pole cancels a zero, or the input is too poor for {n} poles and {m} zeros"
+        f"{1 / SINGULAR_VALUE_TOLERANCE:.0e}): a pole cancels a zero, or the input is too poor for {n} poles "
+        f"and {m} zeros"
     )
 
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...models.kinematic_tree import BODY
+from ...models.kinematic_tree import BODY_QUANTITIES
 from ...models.robot import Robot
 
 SAMPLES = 20  # random motions for each column
@@ -143,5 +143,5 @@ def _rank(square: np.ndarray) -> int:
 
 def _place(index: int, name: str, links: int) -> tuple[int, int]:
     """Where a number stands in the order in which columns are chosen."""
-    link, number = divmod(index, len(BODY))
-    return (link, READ_FIRST.index(BODY[number])) if link < links else (links, index)
+    link, number = divmod(index, len(BODY_QUANTITIES))
+    return (link, READ_FIRST.index(BODY_QUANTITIES[number])) if link < links else (links, index)

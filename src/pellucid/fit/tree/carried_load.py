@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...models.kinematic_tree import BODY
+from ...models.kinematic_tree import BODY_QUANTITIES
 from ...models.robot import Robot
 from ...signals.tree_motion import TreeMotion
 from .base_parameters import BaseParameters, base_parameters
@@ -29,7 +29,7 @@ class LoadedRows:
 
     def numbers(self, load: int = 0) -> np.ndarray:
         """Where the ten numbers of a load stand among the parameters, (10,)."""
-        return self.place + len(BODY) * load + np.arange(len(BODY))
+        return self.place + len(BODY_QUANTITIES) * load + np.arange(len(BODY_QUANTITIES))
 
 
 def loaded_rows(
@@ -55,14 +55,16 @@ def loaded_rows(
     at = len(children) - 1 if link is None else children.index(link)
     motions = [*empty, *(x for each in loaded for x in each)]
     rows = tree_rows(robot, motions, width=width, base=base_parameters(robot))
-    carried = np.zeros((*rows.rigid.shape[:2], len(BODY) * len(loaded)))
-    first, columns = sum(map(len, empty)), slice(len(BODY) * at, len(BODY) * (at + 1))
+    carried = np.zeros((*rows.rigid.shape[:2], len(BODY_QUANTITIES) * len(loaded)))
+    first, columns = sum(map(len, empty)), slice(len(BODY_QUANTITIES) * at, len(BODY_QUANTITIES) * (at + 1))
     for k, each in enumerate(loaded):
         for x in each:
             y = robot.tree.core.regressor(x.position, x.velocity, x.acceleration)[:, :, columns]
-            carried[first : first + len(x), :, len(BODY) * k : len(BODY) * (k + 1)] = y
+            carried[first : first + len(x), :, len(BODY_QUANTITIES) * k : len(BODY_QUANTITIES) * (k + 1)] = y
             first += len(x)
-    names = tuple(f"{PAYLOAD}{f'_{k + 1}' if len(loaded) > 1 else ''}.{n}" for k in range(len(loaded)) for n in BODY)
+    names = tuple(
+        f"{PAYLOAD}{f'_{k + 1}' if len(loaded) > 1 else ''}.{n}" for k in range(len(loaded)) for n in BODY_QUANTITIES
+    )
     rigid = np.concatenate([rows.rigid, carried], axis=2)
     extended = replace(rows, base=_with(rows.base, names), rigid=rigid)
     return LoadedRows(extended, at, len(rows.base.names), len(loaded))

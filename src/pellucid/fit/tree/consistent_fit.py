@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...models.kinematic_tree import BODY
+from ...models.kinematic_tree import BODY_QUANTITIES
 from ..uncertainty import student_over_normal
 from .base_parameters import BaseParameters
 from .consistent_inertias import ConsistentFit, consistent_inertias
@@ -69,7 +69,7 @@ class Spread:
     @property
     def maker(self) -> np.ndarray:
         """The bodies of the robot's description, (links, 10)."""
-        return self.model.robot.tree.parameters.reshape(self.links, len(BODY))
+        return self.model.robot.tree.parameters.reshape(self.links, len(BODY_QUANTITIES))
 
     def sums(self, equations: NormalEquations, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """N (c, c) and b (c,) of all rows of `equations`, joints weighing as 1 / `sd` (m,)."""

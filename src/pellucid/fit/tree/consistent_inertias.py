@@ -21,7 +21,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...models.pseudo_inertia import LEAST, LENGTH, bodies_of, least_eigenvalue, pseudo_inertia, scaled, triangle
+from ...models.pseudo_inertia import (
+    MIN_EIGENVALUE,
+    SCALING_LENGTH_M,
+    bodies_from_pseudo_inertia,
+    least_eigenvalue,
+    pseudo_inertia,
+    scaled_pseudo_inertia,
+    triangle_matrix,
+)
 
 BODY = 10
 SEEN = 1e-10
@@ -124,7 +132,7 @@ def consistent_inertias(
     highest = np.full(c, np.inf) if highest is None else np.asarray(highest, float)
     start = np.zeros((links, BODY)) if nearest is None else np.asarray(nearest, float)
     told = Quadratic.of(normal, projected)
-    problem = _Problem(links, (start @ triangle().T).ravel(), lowest, highest)
+    problem = _Problem(links, (start @ triangle_matrix().T).ravel(), lowest, highest)
     found = None if np.any(np.asarray(weight) > 0.0) else problem.on_the_way(told)
     free = found is not None
     if found is None:
@@ -139,7 +147,8 @@ def consistent_inertias(
         told.loss(values, normal, projected),
         told.told,
         free,
-        least_eigenvalue(bodies) < 2.0 * LEAST + 1e-5 * np.linalg.norm(scaled(bodies), axis=(1, 2)),
+        least_eigenvalue(bodies)
+        < 2.0 * MIN_EIGENVALUE + 1e-5 * np.linalg.norm(scaled_pseudo_inertia(bodies), axis=(1, 2)),
         room < nothing,
     )
 
@@ -151,10 +160,10 @@ def _square(x: np.ndarray) -> float:
 def _repaired(values: np.ndarray, links: int) -> np.ndarray:
     """What the solver left below the bound by its tolerance is lifted onto it."""
     bodies = values[: links * BODY].reshape(links, BODY)
-    rounding = 1e-14 * np.linalg.norm(scaled(bodies), axis=(1, 2))
-    short = np.maximum(LEAST + rounding - least_eigenvalue(bodies), 0.0)
-    lift = np.diag([1.0, 1.0, 1.0, LENGTH**-2])
-    lifted = bodies_of(pseudo_inertia(bodies) + 1.01 * short[:, None, None] * lift)
+    rounding = 1e-14 * np.linalg.norm(scaled_pseudo_inertia(bodies), axis=(1, 2))
+    short = np.maximum(MIN_EIGENVALUE + rounding - least_eigenvalue(bodies), 0.0)
+    lift = np.diag([1.0, 1.0, 1.0, SCALING_LENGTH_M**-2])
+    lifted = bodies_from_pseudo_inertia(pseudo_inertia(bodies) + 1.01 * short[:, None, None] * lift)
     return np.concatenate([np.where(short[:, None] > 0.0, lifted, bodies).ravel(), values[links * BODY :]])
 
 
@@ -170,7 +179,7 @@ class _Problem:
     def _pseudo(self, ways: np.ndarray) -> np.ndarray:
         """Triangles of links, (10 links, k), of theta's columns (c, k)."""
         blocks = ways[: self.links * BODY].reshape(self.links, BODY, -1)
-        return (triangle() @ blocks).reshape(self.links * BODY, -1)
+        return (triangle_matrix() @ blocks).reshape(self.links * BODY, -1)
 
     def on_the_way(self, told: Quadratic) -> np.ndarray | None:
         """Of least squares the consistent theta nearest to what is wanted; None where there is none."""
@@ -213,7 +222,7 @@ class _Problem:
             return None
         bounds, slack = bounds[~fixed] / size[~fixed, None], slack[~fixed] / size[~fixed]
         column, row = np.tril_indices(4)
-        margin = np.tile(np.where(column == row, LEAST, 0.0), self.links)
+        margin = np.tile(np.where(column == row, MIN_EIGENVALUE, 0.0), self.links)
         a = np.vstack([-bounds, -self._pseudo(ways)])
         b = np.concatenate([slack, self._pseudo(base)[:, 0] - margin])
         cones = [clarabel.NonnegativeConeT(len(slack))] if len(slack) else []

@@ -27,14 +27,14 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...models.pseudo_inertia import (
-    LEAST,
-    LENGTH,
-    ROUNDING,
-    bodies_of,
+    EIGENVALUE_TOLERANCE,
+    MIN_EIGENVALUE,
+    SCALING_LENGTH_M,
+    bodies_from_pseudo_inertia,
     least_eigenvalue,
     pseudo_inertia,
-    scaled,
-    triangle,
+    scaled_pseudo_inertia,
+    triangle_matrix,
 )
 from .consistent_fit import ConsistentSolution, Solver, Spread, consistent_estimate, nearest_bodies, solve_consistent
 from .consistent_inertias import BODY, ConsistentFit, Quadratic
@@ -64,7 +64,7 @@ class PriorChoice:
 
 def euclidean(maker: np.ndarray, weight: float) -> Solver:
     """Near to the `maker`'s bodies, (links, 10), by the Euclidean distance."""
-    size = np.sum(scaled(maker) ** 2, axis=(1, 2))
+    size = np.sum(scaled_pseudo_inertia(maker) ** 2, axis=(1, 2))
     return nearest_bodies(maker, weight / np.maximum(size, 1e-6 * size.max()))
 
 
@@ -80,15 +80,19 @@ def entropic(maker: np.ndarray, weight: float) -> Solver:
 
 def _rounded(maker: np.ndarray) -> np.ndarray:
     """The same with extent: points, rods and plates reach `EXTENT` in every direction."""
-    wrong = np.flatnonzero(least_eigenvalue(maker) < -ROUNDING)
+    wrong = np.flatnonzero(least_eigenvalue(maker) < -EIGENVALUE_TOLERANCE)
     if wrong.size:
         raise IdentificationError(
             f"found moments of inertia of body {wrong[0] + 1} that no body has, expected each to be at most the sum of "
             "the other two about the centre of mass: mend the robot's description, or take the euclidean distance"
         )
     flat = least_eigenvalue(maker) < maker[:, 0] * EXTENT**2
-    lift = (flat * np.maximum(maker[:, 0], LEAST / LENGTH**2))[:, None, None] * np.diag([1.0, 1.0, 1.0, 0.0])
-    return bodies_of(pseudo_inertia(maker) + EXTENT**2 * lift + LEAST * flat[:, None, None] * np.eye(4))
+    lift = (flat * np.maximum(maker[:, 0], MIN_EIGENVALUE / SCALING_LENGTH_M**2))[:, None, None] * np.diag(
+        [1.0, 1.0, 1.0, 0.0]
+    )
+    return bodies_from_pseudo_inertia(
+        pseudo_inertia(maker) + EXTENT**2 * lift + MIN_EIGENVALUE * flat[:, None, None] * np.eye(4)
+    )
 
 
 DISTANCES: Mapping[str, Callable[[np.ndarray, float], Solver]] = {"entropic": entropic, "euclidean": euclidean}
@@ -189,11 +193,11 @@ def shown_share(found: ConsistentSolution, maker: np.ndarray, choice: PriorChoic
     inverse, basis = None, pseudo_inertia(np.eye(BODY))
     if choice.distance == "entropic":
         inverse = np.linalg.inv(pseudo_inertia(_rounded(maker)))
-    size = np.sum(scaled(maker) ** 2, axis=(1, 2))
+    size = np.sum(scaled_pseudo_inertia(maker) ** 2, axis=(1, 2))
     for i in range(len(maker)):
         at = slice(BODY * i, BODY * (i + 1))
         if inverse is None:
-            curve[at, at] = triangle().T @ triangle() / max(size[i], 1e-6 * size.max())
+            curve[at, at] = triangle_matrix().T @ triangle_matrix() / max(size[i], 1e-6 * size.max())
         else:
             moved = inverse[i] @ basis
             curve[at, at] = 0.5 * np.einsum("tab,sba->ts", moved, moved)

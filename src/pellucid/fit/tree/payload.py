@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...models.kinematic_tree import BODY
+from ...models.kinematic_tree import BODY_QUANTITIES
 from ...models.robot import Robot
 from ...signals.tree_motion import TreeMotion
 from ..estimates import Estimates
@@ -110,7 +110,7 @@ def identify_payload(
     own = covariance[np.ix_(place, place)]
     if gains is not None:
         own = own + _of_gains(model, carried, start, at, gains)
-    made = parameters_of(BODY, UNITS, body, own, idle=~told)
+    made = parameters_of(BODY_QUANTITIES, UNITS, body, own, idle=~told)
     refused = tuple(p if t else replace(p, refused=UNSEEN) for p, t in zip(made, told, strict=True))
     return PayloadEstimate(
         parameters=refused,

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...models.kinematic_tree import BODY
+from ...models.kinematic_tree import BODY_QUANTITIES
 from .tree_regression import TreeModel
 
 
@@ -17,6 +17,6 @@ def published_numbers(model: TreeModel, published: Mapping[str, Mapping[str, flo
     said = {f"{joint}.{name}": value for joint, table in published.items() for name, value in table.items()}
     if any(f"{joint}.{name}" not in said for joint in robot.names for name in ("coulomb", "viscous")):
         return None
-    bodies = len(BODY) * len(robot.tree.order)
+    bodies = len(BODY_QUANTITIES) * len(robot.tree.order)
     numbers = [*robot.tree.parameters, *(said.get(name, 0.0) for name in base.members[bodies:])]
     return np.concatenate([base.combination @ numbers, [said.get(n, 0.0) for n in model.names[len(base.names) :]]])

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ... import _core
-from ...models.kinematic_tree import BODY
+from ...models.kinematic_tree import BODY_QUANTITIES
 from ...models.robot import Robot
 from ..estimates import Estimates
 from ..parameter import Parameter
@@ -99,11 +99,11 @@ class TreeEstimate(Estimates):
         """Numbers of every link for the core, shape (l, 22): regrouped ones are given to the member they are called by,
         which no effort can tell from any other share."""
         made = self.robot.tree.links_array.copy()
-        first = _core.LINK_PARAMETER_NAMES.index(BODY[0])
+        first = _core.LINK_PARAMETER_NAMES.index(BODY_QUANTITIES[0])
         rotor = _core.LINK_PARAMETER_NAMES.index("rotor_inertia")
         moving = {joint.name: name for joint, name in zip(self.robot.tree.moving, self.robot.names, strict=True)}
         for i, joint in enumerate(self.robot.tree.order):
-            made[i, first:] = [self._rigid(f"{joint.child}.{number}") for number in BODY]
+            made[i, first:] = [self._rigid(f"{joint.child}.{number}") for number in BODY_QUANTITIES]
             made[i, rotor] = self._rigid(f"{moving[joint.name]}.rotor_inertia") if joint.name in moving else 0.0
         return made
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...protocols.step_by_step import step_by_step
-from ...protocols.tree_fourier import TreeFourier, random_tree_fourier, within
+from ...protocols.tree_fourier import TreeFourier, random_tree_fourier, shrink_within_limits
 from ...protocols.tree_limits import TreeLimits
 from ..rig import Trial
 from .human_motion import JOINTS, HumanMotion, generated_motion
@@ -61,7 +61,7 @@ def fourier(rig: ArmRig, seed: int) -> TreeFourier:
         return float(np.log(shown).sum() / len(shown) + 0.2 * np.log(np.abs(v).mean(axis=0)).sum())
 
     made = [random_tree_fourier(limits, rng, fundamental=FUNDAMENTAL, harmonics=HARMONICS) for _ in range(DRAWN)]
-    return within(max(made, key=worth), limits)
+    return shrink_within_limits(max(made, key=worth), limits)
 
 
 def _led(path: np.ndarray, rate: float) -> np.ndarray:

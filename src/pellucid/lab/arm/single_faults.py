@@ -6,7 +6,7 @@ and that need no wearer's part. Faults of an encoder or a drive are of one joint
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from ... import _core
 from ...control.tree_laws import TreeLaw
+from ..drive_reading import EXACT, DriveReading
 from .card_law import CardLaw, Point
 from .human_motion import HumanMotion
 from .rig import ArmRig
@@ -91,7 +92,9 @@ KINDS: Mapping[str, Mapping[str, str]] = {
 
 
 class FaultyLaw(CardLaw):
-    """A law of a card under its supervisor, with one `fault` of a joint from `onset` [s] on; "": none."""
+    """A law of a card under its supervisor, with one `fault` of a joint from `onset` [s] on; "": none.
+
+    `readings` say how each motor's drive measures its own effort, by default exactly."""
 
     def __init__(
         self,
@@ -100,8 +103,10 @@ class FaultyLaw(CardLaw):
         fault: str = "",
         joint: int = 0,
         onset: float = ONSET,
+        readings: Sequence[DriveReading] = (),
     ):
         self.fault, self.joint, self.onset = fault, joint, onset
+        self.readings = tuple(readings) or (EXACT,) * len(law.card.names)
         super().__init__(law, points)
 
     def reset(self) -> None:
@@ -109,6 +114,10 @@ class FaultyLaw(CardLaw):
         self.running, self.started = self.law.supervised(), False
         self.measured, self.then, self.asked = np.zeros(len(self.law.card.names)), None, None
         self.found, self.said = np.nan, "none"  # When the supervisor acted [s], and on what
+        period = self.law.shares[0]["period"]
+        self.meters = [_core.DriveReading(one.numbers, period) for one in self.readings]
+        self.noise = np.array([one.draw_noise(k) for k, one in enumerate(self.readings)])  # (m, n)
+        self.steps = 0
 
     def step(self, time: float, position: np.ndarray, wrench: np.ndarray) -> np.ndarray:
         """Torque that each drive gives, shape (4,) [N m]."""
@@ -125,13 +134,20 @@ class FaultyLaw(CardLaw):
         asked = self.running.step(read.time, read.position, interaction=felt, drive=self.measured)
         if self.said == "none" and self.running.fault != "none":
             self.found, self.said = time, self.running.fault
-        given, self.measured = asked.copy(), asked.copy()
+        given, said = asked.copy(), asked.copy()
         if begun and self.asked is None:
             self.asked = asked
         # What has no power gives nothing, whatever is wrong with it.
         if begun and self.fault in GIVEN and self.running.enable[self.joint]:
-            given[self.joint], self.measured[self.joint] = GIVEN[self.fault](asked[self.joint], self.asked[self.joint])
+            given[self.joint], said[self.joint] = GIVEN[self.fault](asked[self.joint], self.asked[self.joint])
+        self.measured = self.read(said)
         return given
+
+    def read(self, effort: np.ndarray) -> np.ndarray:
+        """What the drives' measurements make of what they say that they give, shape (m,) both [N m or N]."""
+        noise = self.noise[:, self.steps % self.noise.shape[1]]
+        self.steps += 1
+        return np.array([one.step(*now) for one, *now in zip(self.meters, effort, noise, strict=True)])
 
 
 @dataclass(frozen=True)
@@ -159,17 +175,18 @@ def fault_trials(
     first: int = 0,
     onset: float = ONSET,
     watched: float = WATCHED,
+    readings: Sequence[DriveReading] = (),
 ) -> Iterator[ArmFaultTrial]:
     """Every fault that a law can have, of one joint after another from the `first` on, on one robot and person.
-    `onset`, `watched` [s]."""
+    `onset`, `watched` [s]; `readings` of the motors' drives, by default exact."""
     last = round((onset + watched) * motion.rate)
     motion = replace(motion, position=motion.position[:last])
-    healthy = run(rig, person, FaultyLaw(law, points, onset=onset), motion)
+    healthy = run(rig, person, FaultyLaw(law, points, onset=onset, readings=readings), motion)
     for number, fault in enumerate(faults):
         if KINDS[fault]["needs"] == "interaction" and points is None:
             continue
         joint = (first + number) % len(law.card.names)
-        faulty = FaultyLaw(law, points, fault, joint, onset)
+        faulty = FaultyLaw(law, points, fault, joint, onset, readings)
         yield _trial(run(rig, person, faulty, motion), healthy, faulty)
 
 

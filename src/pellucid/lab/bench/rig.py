@@ -13,7 +13,7 @@ from ..._errors import StudyError
 from ...models.joint import NAMES
 from ...models.simulate import substeps_for
 from ...protocols.excitation import multisine, point_to_point
-from ...protocols.random_phase_multisine import NAME
+from ...protocols.random_phase_multisine import MULTISINE_NAME
 from ...protocols.reversals import reversals
 from ..known_rigs import shipped_rig
 from ..multisine import multisine_references, multisine_study
@@ -100,7 +100,7 @@ class BenchRig(Rig):
         """The motions a lab would ask for, drawn from `seed`: two to fit and two to hold out, or a first look."""
         looks = multisine_references(self, self.rate, seed)
         if looks:
-            return tuple(Trial(name, NAME, use, reference=reference) for name, use, reference in looks)
+            return tuple(Trial(name, MULTISINE_NAME, use, reference=reference) for name, use, reference in looks)
         return self._trials(np.random.default_rng(seed))
 
     def _trials(self, rng: np.random.Generator) -> tuple[Trial, ...]:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...protocols.fourier import optimised_fourier, play
-from ...protocols.reversals import REVERSALS
+from ...protocols.reversals import REVERSALS_NAME
 from ...protocols.swept_sine import swept_sine
 from ..rig import Trial
 
@@ -154,7 +154,7 @@ def _reversals(rig: ElbowRig, place: float, name: str) -> ElbowTrial:
     """The carriage in the middle of its rail: where it is changes nothing of what is looked for."""
     reference, start = reversals(rig, place)
     middle = 0.5 * (rig["slider"]["low"] + rig["slider"]["high"])
-    return ElbowTrial(name, REVERSALS, "fit", reference=reference, loop="position", start=start, slider=middle)
+    return ElbowTrial(name, REVERSALS_NAME, "fit", reference=reference, loop="position", start=start, slider=middle)
 
 
 def excitation(rig: ElbowRig) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ... import _core
 from ...models.joint import GRAVITY
-from ...protocols.random_phase_multisine import NAME
+from ...protocols.random_phase_multisine import MULTISINE_NAME
 from ..known_rigs import shipped_rig
 from ..multisine import multisine_references, multisine_study
 from ..recorded_table import MAIN, Column, Stored, emg_columns, emg_stored
@@ -172,7 +172,7 @@ class KneeRig(Rig):
     def trials(self, seed: int = 1) -> tuple[KneeTrial, ...]:
         """The full protocol: the orthosis alone, then every subject; or a first look, drawn from `seed`."""
         looks = multisine_references(self, 1.0 / self.period, seed)
-        return tuple(KneeTrial(name, NAME, use, reference=r) for name, use, r in looks) or knee_trials(self)
+        return tuple(KneeTrial(name, MULTISINE_NAME, use, reference=r) for name, use, r in looks) or knee_trials(self)
 
     def mountings(self, seed: int) -> dict[str, Mounting]:
         """How the instruments sit on each subject, by name, as drawn with a `seed`."""
@@ -199,7 +199,7 @@ class KneeRig(Rig):
         scales = (1e-3, *(column.scale for column in columns[MAIN][1:]))
         counts = [np.round(value / scale) for value, scale in zip(values, scales, strict=True)]
         own = columns[MAIN]
-        if trial.protocol == NAME:
+        if trial.protocol == MULTISINE_NAME:
             own = (*own, Column("reference", "reference", "rad", text="%.9g"))
             counts.append(trial.reference)
         streams = {MAIN: Stored.of(own, *counts)}

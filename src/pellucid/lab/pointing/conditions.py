@@ -13,7 +13,7 @@ import numpy as np
 
 from ..._errors import PellucidError, StudyError
 from ...control.control_law import ControlLaw
-from ...control.elbow_controllers import BEST, ELBOW_CONTROLLERS, UNDITHERED
+from ...control.elbow_controllers import BEST_CONTROLLER, ELBOW_CONTROLLERS, UNDITHERED_CONTROLLER
 from ...control.elbow_laws import full_compensation
 from ...control.transparent_laws import known_travel
 from ...fit.slider.slider_fit import SliderFit
@@ -73,12 +73,12 @@ def condition_of(
 
 def offered(cards: Cards, controller: str) -> str:
     """The controller, or what takes its place where its card refuses dither."""
-    if controller != BEST:
+    if controller != BEST_CONTROLLER:
         return controller
     try:
         known_travel(cards[ELBOW_CONTROLLERS[controller].method])
     except PellucidError:
-        return UNDITHERED
+        return UNDITHERED_CONTROLLER
     return controller
 
 
@@ -130,8 +130,8 @@ def study_conditions(rig: PointingRig, names: Sequence[str] | None = None, *, se
         found = f'found no controller "{unknown[0]}"' if unknown else "found a controller twice"
         raise StudyError(f"conditions: {found}, expected some of {', '.join(ELBOW_CONTROLLERS)}")
     cards = identified_cards(rig.robot, seed=seed)
-    if BEST in (names or ()):
-        known_travel(cards[ELBOW_CONTROLLERS[BEST].method])  # rather now than after an hour of movements
+    if BEST_CONTROLLER in (names or ()):
+        known_travel(cards[ELBOW_CONTROLLERS[BEST_CONTROLLER].method])  # rather now than after an hour of movements
     by_direction = not names or any(ELBOW_CONTROLLERS[name].exponents for name in names)
     exponents = chosen_exponents(rig, cards, threads=2)[0] if by_direction else None
     if not names:

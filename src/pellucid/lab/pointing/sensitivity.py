@@ -22,7 +22,7 @@ from types import ModuleType
 
 import numpy as np
 
-from ..._errors import PellucidError
+from ..._errors import missing_package
 from ..._processes import in_order
 from .conditions import EXPONENTS, Cards, identified_cards
 from .people import draw_people
@@ -217,7 +217,5 @@ def _salib() -> tuple[ModuleType, ModuleType]:
         from SALib.analyze import morris as analyze
         from SALib.sample import morris as sample
     except ImportError:
-        raise PellucidError(
-            'sensitivity: found no package SALib, expected it: pip install "pellucid[sensitivity]"'
-        ) from None
+        raise missing_package("sensitivity", "SALib", "sensitivity") from None
     return sample, analyze

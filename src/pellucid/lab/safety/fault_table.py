@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ... import _core
 from ..._processes import in_order
 from ...control.supervised import SupervisedLaw
+from ..drive_reading import stated_readings
 from ..elbow.rig import able_elbow, drawn_rigs
 from ..pointing.conditions import identified_cards
 from ..pointing.people import draw_people
@@ -33,6 +34,7 @@ SETTLED = 0.05
 NEAREST = {
     "lasting": "wearer_torque", "push": "wearer_push", "contradiction": "force_tolerance", "burst": "force_burst",
     "excess": "force_excess", "spent": "budget_store", "ringing": "ringing_limit",
+    "surplus": "drive_surplus",
 }  # fmt: skip
 """What a healthy life says of how near it came to a threshold, and that threshold's name."""
 
@@ -157,15 +159,29 @@ def try_law(worn: WornRobot, index: int, name: str, law: SupervisedLaw) -> Itera
         )
 
 
-def _one(index: int, hours: float, seed: int) -> FaultTable:
-    return try_robot(drawn_robot(index, seed), index, hours)
+def with_stated_reading(worn: WornRobot, index: int) -> WornRobot:
+    """The same robot, whose drive measures its effort as inaccurately as stated; the `index` chooses one of eight."""
+    readings = stated_readings(worn.law("compensation").values["effort_limit"])
+    return replace(worn, reading=readings[index % len(readings)])
+
+
+def _one(index: int, hours: float, seed: int, inexact: bool) -> FaultTable:
+    worn = drawn_robot(index, seed)
+    return try_robot(with_stated_reading(worn, index) if inexact else worn, index, hours)
 
 
 def fault_table(
-    robots: int = 20, hours: float = 10.0, workers: int | None = None, seed: int = JUDGED_SEED
+    robots: int = 20,
+    hours: float = 10.0,
+    workers: int | None = None,
+    seed: int = JUDGED_SEED,
+    *,
+    inexact: bool = False,
 ) -> FaultTable:
-    """The whole table on so many `robots` of a `seed`, and so many `hours` of healthy use of all laws together."""
-    made = in_order([(_one, index, hours / robots, seed) for index in range(robots)], workers)
+    """The whole table on so many `robots` of a `seed`, and so many `hours` of healthy use of all laws together.
+
+    Drives measure their effort exactly, or, if `inexact`, each by one of `stated_readings`."""
+    made = in_order([(_one, index, hours / robots, seed, inexact) for index in range(robots)], workers)
     return FaultTable(
         tuple(trial for one in made for trial in one.trials), tuple(life for one in made for life in one.healthy)
     )

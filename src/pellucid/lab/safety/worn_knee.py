@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from ...control.coupling import Coupling
 from ...control.residual_compensator import ResidualDesign, design, within
 from ...control.supervised import SupervisedLaw
 from ...control.worn import watched_worn
+from ..drive_reading import EXACT, DriveReading, stated_readings
 from ..knee.drawn import drawn_rig
 from ..knee.rig import KneeRig, knee_orthosis
 from ..knee.wearer import Acting, swinging
@@ -57,6 +58,7 @@ class WornKnee:
     known: ResidualDesign
     emg_gain: float
     seed: int
+    reading: DriveReading = EXACT  # How the torque of its spring is measured for the supervisor
 
     def law(self) -> SupervisedLaw:
         """Under the supervisor that goes with it."""
@@ -72,7 +74,7 @@ class WornKnee:
         plant = _core.WornOrthosis(
             rig.plant(subject), period=rig.period, substeps=loop["substeps"], delay=loop["delay"],
             torque_span=loop["torque_span"], position0=start, law=law.kind, law_parameters=law.parameters,
-            supervisor=law.supervisor,
+            supervisor=law.supervisor, drive_reading=self.reading.numbers,
         )  # fmt: skip
         load = -rig.orthosis_load(start)
         acting = Acting(rig, swinging(subject), periods, start, load, np.random.default_rng([self.seed, 1]))
@@ -107,10 +109,11 @@ def _lived(
 ) -> Iterator[tuple[float, float, float, float]]:
     """Period by period: power on the limb [W], strap and spring torque [N m], and the orthosis's velocity [rad/s]."""
     hears = worn.emg_gain if name == "worn" else float("nan")
+    noise = worn.reading.draw_noise(worn.seed)
     position, velocity, strap, spring, own = plant.step(0.0, float("nan")) if first == 0 else acting.last
     for k in range(first, first + periods):
         muscle = acting.step(k, position, velocity, strap)
-        position, velocity, strap, spring, own = acting.last = plant.step(muscle, hears * muscle)
+        position, velocity, strap, spring, own = acting.last = plant.step(muscle, hears * muscle, noise[k % len(noise)])
         yield -strap * velocity, strap, spring, own
 
 
@@ -173,15 +176,29 @@ def _one_fault(worn, name, kind, plant, acting, first, same, early) -> FaultTria
     )  # fmt: skip
 
 
-def _one(seed: int, hours: float) -> FaultTable:
-    return try_wearer(drawn_knee(seed), hours)
+def with_stated_reading(worn: WornKnee, index: int) -> WornKnee:
+    """The same knee, whose spring is measured as inaccurately as stated; the `index` chooses one of eight readings."""
+    readings = stated_readings(worn.law().values["effort_limit"])
+    return replace(worn, reading=readings[index % len(readings)])
+
+
+def _one(seed: int, hours: float, inexact: bool) -> FaultTable:
+    worn = drawn_knee(seed)
+    return try_wearer(with_stated_reading(worn, seed) if inexact else worn, hours)
 
 
 def knee_table(
-    wearers: int = 20, hours: float = 1.0, workers: int | None = None, first: int = JUDGED_WEARERS
+    wearers: int = 20,
+    hours: float = 1.0,
+    workers: int | None = None,
+    first: int = JUDGED_WEARERS,
+    *,
+    inexact: bool = False,
 ) -> FaultTable:
-    """The whole table on so many drawn `wearers` from the `first` on, and so many `hours` of healthy swinging."""
-    made = in_order([(_one, seed, hours / wearers) for seed in range(first, first + wearers)], workers)
+    """The whole table on so many drawn `wearers` from the `first` on, and so many `hours` of healthy swinging.
+
+    Springs are measured exactly, or, if `inexact`, each by one of `stated_readings`."""
+    made = in_order([(_one, seed, hours / wearers, inexact) for seed in range(first, first + wearers)], workers)
     return FaultTable(
         tuple(trial for one in made for trial in one.trials), tuple(life for one in made for life in one.healthy)
     )

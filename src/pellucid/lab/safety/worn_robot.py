@@ -15,6 +15,7 @@ from ...control.joint_compensation import compensation
 from ...control.supervised import Instruments, SupervisedLaw, body_of, supervised
 from ...models.simulate import substeps_for
 from ...models.slider_card import SliderCard
+from ..drive_reading import EXACT, DriveReading
 from ..pointing.people import Person
 from ..pointing.rig import PointingRig
 
@@ -57,6 +58,7 @@ class WornRobot:
     emg_gains: np.ndarray  # (2,)
     seed: int
     answer: float | None = None  # Work of the test's wave when the robot was commissioned, by somebody else [J]
+    reading: DriveReading = EXACT  # How its drive measures its own effort
 
     def commissioned(self, other: Person) -> WornRobot:
         """The same robot, whose test's answer was written down while somebody else wore it, without tremor."""
@@ -119,6 +121,7 @@ class WornRobot:
             substeps=substeps_for(rig.period),
             sensor_delay=round(rig["force_sensor"]["delay"] / rig.period),
             supervisor=law.supervisor,
+            drive_reading=self.reading.numbers,
         )  # fmt: skip
         return arm.live(
             tasks=self.tasks,
@@ -132,6 +135,7 @@ class WornRobot:
             seconds=seconds,
             longest=round(longest / rig.period),
             seed=seed,
+            drive_noise=self.reading.draw_noise(self.seed) if self.reading.noise > 0.0 else None,
         )
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from ...fit.swing.swing_information import better_swing
+from ...fit.swing.swing_information import optimise_swing
 from ...models.anthropometry import shank_length, winter
 from ...protocols.fourier import FourierSeries, play
 from ...protocols.two_sines import two_sines
@@ -41,7 +41,7 @@ def rich_swing(rig: SeatedRig) -> FourierSeries:
     weight, height = (float(np.mean([p[key] for p in people])) for key in ("weight", "height"))
     leg = winter(weight, shank_length(height))
     part = rig["exoskeleton"]
-    return better_swing(
+    return optimise_swing(
         leg.inertia + rig.exoskeleton_inertia,
         leg.mass * leg.centre + part["mass"] * part["centre"][0],
         reach=loaded["reach"],

@@ -9,10 +9,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+from ...drawing.drawing import draw
 from ...fit.tree.directional_sets import DirectionalRow
 from ...lab.arm.rig import able_arm
 from ...lab.arm.wearer import drawn_people
-from ...pages.drawing import draw
 from ...pages.page import Section
 from ...pages.tables import Row, Table
 from ..figure import Reproduced, figure

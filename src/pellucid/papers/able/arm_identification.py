@@ -27,7 +27,7 @@ from ...lab.arm.card_law import card_of, motions_of
 from ...lab.arm.human_motion import JOINTS, generated_motion, people, recorded_motion
 from ...lab.arm.protocol import ArmTrial, followed
 from ...lab.arm.rig import ArmRig
-from ...models.held_joints import held_at
+from ...models.held_joints import hold_joints
 from ...models.pseudo_inertia import least_eigenvalue
 from ...signals.tree_motion import TreeMotion
 
@@ -128,7 +128,7 @@ HOLDING = {"abduction": 0.5, "flexion": 0.6, "internal_rotation": 0.2}
 def directional(rig: ArmRig, seed: int, joints: int, judges: int = JUDGES) -> tuple[DirectionalRow, ...]:
     """Sets by directions beside one body, the last `joints` of the arm moving and the others held."""
     held = {name: HOLDING[name] for name in JOINTS[: len(JOINTS) - joints]}
-    robot = held_at(rig.robot, held) if held else rig.robot
+    robot = hold_joints(rig.robot, held) if held else rig.robot
 
     def only(trials: Sequence[ArmTrial], noise: int) -> list[TreeMotion]:
         still = [replace(t, reference=_still(t.reference, held)) for t in trials]

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ...drawing.drawing import Drawing, draw
 from ...fit.slider.slider_fit import SliderFit
 from ...lab.elbow.rig import ElbowRig
 from ...models.energy import cycle_energy
-from ...pages.drawing import Drawing, draw
 from ...pages.page import Section
 from ...pages.tables import Row, Table
 from ...procedures.slider import direction_figures as figures

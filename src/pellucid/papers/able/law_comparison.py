@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from ..._processes import in_order
-from ...control.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
+from ...control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
 from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from ...lab.pointing.conditions import (
     TUNING_SEED,
@@ -99,7 +99,9 @@ def try_laws(robot: ElbowRig, seed: int, count: int = 3, repetitions: int = 2) -
             controller = offered(cards, controller)
             laws.append(condition_of(cards, controller, exponents=exponents, **settings)(person, person.slider(rig)))
         tried = try_law(rig, people, laws, seed, repetitions)
-        found[name] = replace(tried, refused=name == BEST and offered(cards, BEST) != BEST)
+        found[name] = replace(
+            tried, refused=name == BEST_CONTROLLER and offered(cards, BEST_CONTROLLER) != BEST_CONTROLLER
+        )
     return found
 
 
@@ -141,7 +143,7 @@ def ratios(found: Mapping[str, Sequence[LawOnRobot]], law: str) -> np.ndarray:
     return np.array([one.torque / fc.torque for one, fc in zip(found[law], found[REFERENCE], strict=True)])
 
 
-BEST_ROWS: Mapping[str, str] = {"": BEST, ".force_sensor": BEST_SENSED}
+BEST_ROWS: Mapping[str, str] = {"": BEST_CONTROLLER, ".force_sensor": BEST_SENSED_CONTROLLER}
 """By the end of the id: which law is the best with an encoder alone, and with a force sensor."""
 
 DITHER_NOTE = "; their friction slips at once, as reversals measured: over 0.5 mrad of travel dither is refused"
@@ -152,7 +154,7 @@ def comparison_rows(found: Mapping[str, Sequence[LawOnRobot]]) -> tuple[Reproduc
     note = f"{len(found[REFERENCE])} drawn robots, and people, that no law was chosen on"
     over, rows = "Interaction torque (RMS) over that of FC", []
     for tail, law in BEST_ROWS.items():
-        more = DITHER_NOTE if law == BEST else ""
+        more = DITHER_NOTE if law == BEST_CONTROLLER else ""
         drawn = ratios(found, law)
         rows.append(_row(f"torque.best_over_fc{tail}", f"{over}, best: {law}", "1", drawn, None, note + more))
     for law, tried in found.items():
@@ -166,7 +168,7 @@ def comparison_rows(found: Mapping[str, Sequence[LawOnRobot]]) -> tuple[Reproduc
             _row(f"resting.{law}", f"Speed two seconds after a movement, {law}, worst robot", "rad/s", resting, None,
                  note, middle=np.max),
         ]  # fmt: skip
-    refused = sum(one.refused for one in found[BEST])
+    refused = sum(one.refused for one in found[BEST_CONTROLLER])
     rows.append(_row("dither_refused", "Drawn robots whose measured travel refuses dither", "1", refused, None, note))
     faults = sum(one.faults for tried in found.values() for one in tried)
     return (*rows, _row("faults", "Sessions that ended with a gate shut", "1", faults, None, note))

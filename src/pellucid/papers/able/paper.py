@@ -12,7 +12,7 @@ import numpy as np
 
 from ...control.control_law import ControlLaw
 from ...control.elbow_controllers import ELBOW_CONTROLLERS
-from ...fit.slider.slider_fit import METHODS, SliderFit
+from ...fit.slider.slider_fit import SLIDER_METHODS, SliderFit
 from ...lab.elbow.protocol import excitation, trials
 from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from ...lab.pointing.conditions import Cards, condition_of, identified_cards
@@ -177,7 +177,7 @@ class AblePaper(Paper):
         """With where Table II is, and what the methods are."""
         recomputed, every = super().closing(figures)
         said = "Table II ships beside this page as table2-as-published.json; its numbers contradict each other."
-        methods = Table(("Method", "What it is"), tuple(Row((k, v)) for k, v in METHODS.items()))
+        methods = Table(("Method", "What it is"), tuple(Row((k, v)) for k, v in SLIDER_METHODS.items()))
         return replace(recomputed, paragraphs=(said,)), replace(every, tables=(methods, *every.tables))
 
     def footer(self) -> str:

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from scipy.stats import gaussian_kde
 
+from ...drawing.drawing import Drawing
+from ...drawing.style import FIGURE_WIDTH, colour
 from ...lab.pointing.sensitivity import CHANCE, Sensitivity
-from ...pages.drawing import Drawing
-from ...pages.style import FIGURE_WIDTH, colour
 from .transparency_figures import TICKS, name_marks, some_ticks
 
 FINE = 240  # places at which a density is drawn

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..._errors import install_command
+from ...drawing.drawing import draw
 from ...lab.pointing.prediction import SHARE
 from ...lab.pointing.sensitivity import CHANCE, Sensitivity
-from ...pages.drawing import draw
 from ...pages.page import Section
 from ...pages.quantities import MINUS
 from ...pages.tables import Row, Table, number_table
@@ -90,7 +91,8 @@ def _predicted(made: Scored, rows: Mapping[str, Reproduced], screened: Sensitivi
             ),
         ),
         notes=() if screened else (
-            'What decides is not shown: that needs SALib (pip install "pellucid[sensitivity]").',
+            "What decides is not shown: that needs SALib "
+            f"(in the clone of Pellucid, {install_command('sensitivity')}).",
         ),
     )  # fmt: skip
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..._errors import RecordingError
 from ...assessment.survival import Survival, survival
-from ...control.elbow_controllers import BEST, BEST_SENSED
+from ...control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER
 from ...lab.pointing.conditions import Cards, chosen_exponents, condition_of, offered, published_laws
 from ...lab.pointing.movement_choice import preferred_duration
 from ...lab.pointing.people import Person, draw_people
@@ -29,7 +29,7 @@ from ...procedures.assessment.assessment_result import AssessmentResult
 LAWS = ("FC", "PCFr", "CLPC")
 """Conditions of the paper beside control, in its order."""
 
-OWN_LAWS = (BEST, BEST_SENSED)
+OWN_LAWS = (BEST_CONTROLLER, BEST_SENSED_CONTROLLER)
 """The toolkit's best, with an encoder alone and with a force sensor."""
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from ...pages.drawing import Drawing, tidy
-from ...pages.style import FIGURE_WIDTH, colour
+from ...drawing.drawing import Drawing, tidy
+from ...drawing.style import FIGURE_WIDTH, colour
 
 TICKS = (0.5, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.5, 2.0, 3.0, 5.0, 8.0)
 """Of a ratio to control, as many as fit are drawn."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...assessment.survival import survival
-from ...pages.drawing import draw
+from ...drawing.drawing import draw
 from ...pages.page import Section
 from ...pages.quantities import MINUS, number, prose
 from ...pages.tables import Row, Table

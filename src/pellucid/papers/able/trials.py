@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import ttest_rel
 
 from ..._processes import in_order
-from ...fit.slider.slider_fit import METHODS, SliderFit
+from ...fit.slider.slider_fit import SLIDER_METHODS, SliderFit
 from ...lab.elbow.protocol import ElbowTrial, trials
 from ...lab.elbow.rig import ElbowRig
 from ...lab.study import record_in_memory
@@ -66,7 +66,7 @@ def compare_models(rig: ElbowRig, seed: int, made: tuple[ElbowTrial, ...]) -> tu
     """Record the protocol on a rig, identify, and evaluate."""
     config, recordings, taken = record_in_memory(rig, made, seed=seed)
     fit = fit_slider(config, recordings)
-    by_name = {m: {e.recording: e for e in fit.errors[m]} for m in METHODS}
+    by_name = {m: {e.recording: e for e in fit.errors[m]} for m in SLIDER_METHODS}
     sets = {which: own(tuple(by_name["pooled"]), prefixes) for which, prefixes in SETS.items()}
     x, q = np.linspace(*fit.rail, 7), np.linspace(rig["range"]["low"], rig["range"]["high"], 41)
     true_gravity = np.array([rig.gravity(s)[0] * np.sin(q) + rig.gravity(s)[1] * np.cos(q) for s in x])
@@ -85,9 +85,12 @@ def compare_models(rig: ElbowRig, seed: int, made: tuple[ElbowTrial, ...]) -> tu
         rig=rig.name,
         seed=seed,
         recordings=sets,
-        errors={w: {m: np.array([by_name[m][n].current for n in names]) for m in METHODS} for w, names in sets.items()},
+        errors={
+            w: {m: np.array([by_name[m][n].current for n in names]) for m in SLIDER_METHODS}
+            for w, names in sets.items()
+        },
         torque_errors={
-            w: {m: np.array([by_name[m][n].torque for n in names]) for m in METHODS} for w, names in sets.items()
+            w: {m: np.array([by_name[m][n].torque for n in names]) for m in SLIDER_METHODS} for w, names in sets.items()
         },
         gravity_error=gravity_error,
         inertia_error=inertia_error,

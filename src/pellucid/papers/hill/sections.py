@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...pages.drawing import draw
+from ...drawing.drawing import draw
 from ...pages.over_time import Traces, over_time
 from ...pages.page import Section
 from ...pages.quantities import number

@@ -15,9 +15,9 @@ from ...fit.swing.loaded_swing import (
     SwingFit,
     SwingForm,
     adam_swings,
-    as_published,
-    corrected,
+    corrected_form,
     fit_swings,
+    published_form,
 )
 from ...lab.seated.subject import SeatedSubject
 from ...models.joint import GRAVITY
@@ -41,7 +41,7 @@ class BodyFound:
     """What swings say of one body."""
 
     published: SwingFit  # Eqs. 9 and 10 on the paper's swing, in closed form.
-    corrected: Mapping[str, SwingFit]  # By swing
+    corrected_form: Mapping[str, SwingFit]  # By swing
     # Adam on eqs. 9 and 10 with a rate that falls, each gradient of the whole swing.
     falling: AdamPath = field(repr=False)
     # falling_parts, fixed_parts: The same with gradients of parts of it, and with a fixed rate.
@@ -62,12 +62,12 @@ class BodyFound:
 
 def find_body(swings: Mapping[str, Swing]) -> BodyFound:
     """Identify an exoskeleton, empty or with a leg in it."""
-    literal: SwingForm = as_published(UPRIGHT)
+    literal: SwingForm = published_form(UPRIGHT)
     two = [swings["two_sines"]]
     options = {"rate": RATE, "iterations": ITERATIONS}
     return BodyFound(
         published=fit_swings(two, literal),
-        corrected={name: fit_swings([swings[name]], corrected(0.0)) for name in SWINGS},
+        corrected_form={name: fit_swings([swings[name]], corrected_form(0.0)) for name in SWINGS},
         falling=adam_swings(two, literal, final_rate=FINAL_RATE, **options),
         falling_parts=adam_swings(two, literal, final_rate=FINAL_RATE, batch=PART, **options),
         fixed_parts=adam_swings(two, literal, batch=PART, **options),

@@ -13,7 +13,7 @@ from ...estimators.features import features
 from ...estimators.hill import HillMap, fit_hill
 from ...estimators.reconstructions import SEEN, CorrectedMap
 from ...estimators.torque_map import fit_torque_map
-from ...fit.swing.leg_balance import torque_of_a_bare_leg
+from ...fit.swing.leg_balance import bare_leg_torque
 from ...procedures.emg_torque.seated_swings import FLEXORS
 from .steps import BodyFound, LegFound
 from .trials import ActiveSwing, SubjectTaken, active_swing
@@ -80,7 +80,7 @@ def find_torque(empty: BodyFound, leg: LegFound, taken: SubjectTaken) -> TorqueF
     for name in RECORDED:
         predicted[f"{name}.recorded"] = _fit(name, alone).predict(alone_heldout.trial)
     # As published: calibrated on the torque of eq. 12, scored on it.
-    of_eq12 = [torque_of_a_bare_leg(empty.published, leg.body.published, s.motion).torque for s in (fitted, heldout)]
+    of_eq12 = [bare_leg_torque(empty.published, leg.body.published, s.motion).torque for s in (fitted, heldout)]
     as_published = fit_hill([replace(alone.trial, torque=of_eq12[0])])
     predicted["hill.eq12"] = as_published.predict(alone_heldout.trial)
     trial = heldout.trial

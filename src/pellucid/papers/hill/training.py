@@ -9,7 +9,7 @@ import numpy as np
 
 from ...estimators.muscle_trials import driven_muscles, muscle_samples
 from ...estimators.torque_trial import TorqueTrial
-from ...fit.muscles.muscle_calibration import MuscleProblem, calibrate_muscles
+from ...fit.muscles.muscle_calibration import MuscleProblem, solve_calibration
 from ...fit.searches.adam import AdamPath, adam
 from ...fit.searches.swarm import Search, swarm_with_gradients
 
@@ -92,7 +92,7 @@ def train(trial: TorqueTrial, weight: float) -> Training:
 
     start = np.clip(np.zeros(len(problem.lower)), problem.lower, problem.upper)
     options = {"rate": RATE, "iterations": ITERATIONS, "lower": problem.lower, "upper": problem.upper}
-    found = calibrate_muscles(problem)
+    found = solve_calibration(problem)
     whole = adam(problem.cost_and_gradient, start, final_rate=FINAL_RATE, **options)
     ended = dict(zip(problem.names, problem.values(whole.last), strict=True))
     return Training(

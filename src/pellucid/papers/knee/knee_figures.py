@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...pages.drawing import Drawing, Head, heads, key, one_panel, tidy
-from ...pages.style import FIGURE_WIDTH, colour
+from ...drawing.drawing import Drawing, Head, heads, key, one_panel, tidy
+from ...drawing.style import FIGURE_WIDTH, colour
 
 
 @dataclass(frozen=True)

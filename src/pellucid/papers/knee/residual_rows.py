@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 
 from ..._processes import in_order
+from ...drawing.drawing import draw
 from ...lab.knee.rig import knee_orthosis
-from ...pages.drawing import draw
 from ...pages.page import Section
 from ...pages.tables import Row, number_table
 from ..figure import Reproduced, figure, spread

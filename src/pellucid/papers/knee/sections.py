@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...drawing.drawing import Drawing, draw
 from ...fit.parameter import Parameter
-from ...pages.drawing import Drawing, draw
 from ...pages.over_time import Traces, over_time
 from ...pages.page import Section
 from ...pages.quantities import MINUS, number, unit_text

@@ -9,10 +9,10 @@ import numpy as np
 
 from ...fit.joint.gravity_holds import cosine_moment, line_of_best_fit
 from ...fit.parameter import Parameter
-from ...fit.strap.limb_imu import limb_by_imu, turning_of
-from ...fit.strap.orthosis_alone import HOLD, OrthosisFit, fit_orthosis
+from ...fit.strap.limb_imu import find_joint_axis, limb_angle_by_imu
+from ...fit.strap.orthosis_alone import SPRING_HOLD, OrthosisFit, fit_orthosis
 from ...fit.strap.strap_torque import StrappedSwing
-from ...fit.strap.wearer_coupling import EDGE, WearerCoupling, identify_wearer
+from ...fit.strap.wearer_coupling import SWING_EDGE_S, WearerCoupling, identify_wearer
 from ...fit.transfer.transfer_function_fit import TransferFit, fit_percent, fit_records
 from ...lab.knee.rig import KneeRig
 from ...lab.knee.subject import KneeSubject
@@ -74,7 +74,7 @@ class Mismatch:
     @property
     def _inside(self) -> np.ndarray:
         """Away from the ends, where what went before is not known."""
-        return (self.time >= self.time[0] + EDGE) & (self.time <= self.time[-1] - EDGE)
+        return (self.time >= self.time[0] + SWING_EDGE_S) & (self.time <= self.time[-1] - SWING_EDGE_S)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +143,7 @@ def identify_bench(rig: KneeRig, seed: int) -> Bench:
     taken = take(rig, seed)
     holds = taken.responses("gravity_holds")
     fit = fit_orthosis(holds, *(taken.responses("sine_tracking", use) for use in ("fit", "validate")))
-    brief = fit_records(taken.responses("sine_brief"), 2, 0, hold=HOLD, units=("N*m", "rad"))
+    brief = fit_records(taken.responses("sine_brief"), 2, 0, hold=SPRING_HOLD, units=("N*m", "rad"))
     gravity = float(np.hypot(*rig.orthosis_gravity))
     return Bench(fit, brief, *hold_angles(holds), gravity, rig["orthosis"]["inertia"])
 
@@ -199,7 +199,7 @@ def _with_true_torque(taken: KneeSession, orthosis: OrthosisFit, stages: WearerS
     for recording in taken.of("free_swing"):
         record = input_output(recording, ("torque", "position"))
         imu = inertial(recording.streams["imu"])
-        time, angle = limb_by_imu(imu, turning_of(imu, record), method="vqf", axes=6)
+        time, angle = limb_angle_by_imu(imu, find_joint_axis(imu, record), method="vqf", axes=6)
         torque = taken.truth[recording.name].muscle_torque
         made.append(
             StrappedSwing(recording.name, record.split, record.time, record.output, record.input, time, angle, torque)

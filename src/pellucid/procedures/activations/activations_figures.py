@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from ...drawing.drawing import Drawing, key, line, tidy
+from ...drawing.style import FIGURE_WIDTH, colour
 from ...estimators.unrecorded import TOLD, WAYS, FilledIn
-from ...pages.drawing import Drawing, key, line, tidy
-from ...pages.style import FIGURE_WIDTH, colour
 from .find_activations import AssistedRecording
 
 STRETCH = 5.0

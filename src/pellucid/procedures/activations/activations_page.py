@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ...pages.drawing import draw
+from ...drawing.drawing import draw
 from ...pages.page import Page, Section
 from ...pages.quantities import prose
 from ...recordings.study import Study

@@ -12,8 +12,8 @@ import numpy as np
 from ..._errors import RecordingError, StudyError
 from ...assessment.comparison import compare_conditions
 from ...assessment.indices import INDICES, index_table, indices_along, isochrony
-from ...assessment.measured import UP, Measured
-from ...assessment.power import EFFECTS, needed_for_effects
+from ...assessment.measured import DIRECTION_UP, MeasuredMovement
+from ...assessment.power import STANDARDISED_CHANGES, participants_for_effects
 from ...assessment.survival import survival
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording
@@ -324,7 +324,7 @@ def _sensitive(words: str, each: Assessed, condition: str, control: str) -> Sens
 def _needed(
     found: Mapping[str, Assessed], spec: AssessmentTable, comparisons: int, studies: int, executor: Any
 ) -> tuple[Needed, ...]:
-    wanted: list[tuple[str, float | None, float]] = [("", None, effect) for effect in EFFECTS]
+    wanted: list[tuple[str, float | None, float]] = [("", None, effect) for effect in STANDARDISED_CHANGES]
     for name in PLANNED:
         each = found.get(name)
         if each is None or len(each.table.participants) < 3 or not each.comparison.against_control:
@@ -335,7 +335,7 @@ def _needed(
         if share is not None and deviation > 0.0:
             wanted += [(name, change, change * share / deviation) for change in CHANGES]
     effects = [effect for _, _, effect in wanted]
-    people = needed_for_effects(
+    people = participants_for_effects(
         effects, comparisons=comparisons, alpha=1.0 - spec.confidence, studies=studies, seed=SEED, executor=executor
     )
     return tuple(Needed(*each, n) for each, n in zip(wanted, people, strict=True))
@@ -345,7 +345,7 @@ def _profiles(
     whole: MeasuredStudy, participants: Sequence[str], conditions: Sequence[str], along: Coordinate
 ) -> tuple[tuple[Profile, ...], str]:
     """Mean movements upwards of the middle amplitude, from their start; each participant counts the same."""
-    cells = {m.cell for m in whole.movements if m.cell[1] == UP} or {m.cell for m in whole.movements}
+    cells = {m.cell for m in whole.movements if m.cell[1] == DIRECTION_UP} or {m.cell for m in whole.movements}
     cell = sorted(cells, key=str)[0] if None in {c[0] for c in cells} else sorted(cells)[len(cells) // 2]
     chosen = [m for m in whole.movements if m.cell == cell]
     longest = 1.5 * max(
@@ -376,7 +376,7 @@ def _settling(whole: MeasuredStudy, conditions: Sequence[str]) -> tuple[Settling
     return tuple(made)
 
 
-def _about_start(whole: MeasuredStudy, m: Measured, time: np.ndarray) -> np.ndarray:
+def _about_start(whole: MeasuredStudy, m: MeasuredMovement, time: np.ndarray) -> np.ndarray:
     motion = whole.motions[m.recording]
     at = m.movement.start + time
     angle = np.interp(at, motion.time, motion.angle) - motion.angle[m.movement.first]

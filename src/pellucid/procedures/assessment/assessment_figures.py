@@ -10,10 +10,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...assessment.indices import DOWN, UP, Isochrony
-from ...pages.drawing import Drawing, dots, key, line, tidy
+from ...assessment.indices import DIRECTION_DOWN, DIRECTION_UP, Isochrony
+from ...drawing.drawing import Drawing, dots, key, line, tidy
+from ...drawing.style import FIGURE_WIDTH, colour
 from ...pages.quantities import unit_text
-from ...pages.style import FIGURE_WIDTH, colour
 from ...units import COORDINATES, Coordinate
 from .assessment_result import Assessed, Profile, Settling
 from .certified import Certified
@@ -22,7 +22,7 @@ from .movement_curves import WORDS
 TONES = ("measured", "fitted", "heldout", "directional", "load", "stribeck", "combined", "good")
 """Control's colour, and those of the other conditions in their order; more than these share the last."""
 
-DIRECTIONS = {UP: "Upwards", DOWN: "Downwards"}
+DIRECTIONS = {DIRECTION_UP: "Upwards", DIRECTION_DOWN: "Downwards"}
 
 
 def tones(conditions: Sequence[str]) -> dict[str, str]:
@@ -98,7 +98,7 @@ def isochrony_figure(lines: Sequence[Isochrony], conditions: Sequence[str]) -> D
     """Mean velocity, and duration, over amplitude: every participant, means over them, and straight lines."""
     tone = tones(conditions)
     along = COORDINATES[lines[0].unit]
-    names = DIRECTIONS if along.unit == "rad" else {UP: "Forwards", DOWN: "Backwards"}
+    names = DIRECTIONS if along.unit == "rad" else {DIRECTION_UP: "Forwards", DIRECTION_DOWN: "Backwards"}
     directions = [d for d in names if any(each.direction == d for each in lines)]
     figure = Figure(figsize=(FIGURE_WIDTH, 5.6), layout="constrained")
     axes = figure.subplots(2, len(directions), squeeze=False, sharex=True, sharey="row")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib.metadata import version
 
-from ...pages.drawing import draw
+from ...drawing.drawing import draw
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import cell_text, number, prose, unit_text
 from ...pages.tables import Row, Table

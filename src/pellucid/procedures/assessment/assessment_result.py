@@ -9,7 +9,7 @@ import numpy as np
 
 from ...assessment.comparison import ConditionComparison
 from ...assessment.indices import Index, IndexTable, Isochrony, indices_along
-from ...assessment.measured import Measured
+from ...assessment.measured import MeasuredMovement
 from ...assessment.survival import Survival
 from ...recordings.study import Study
 from ...units import COORDINATES, Coordinate
@@ -108,7 +108,7 @@ class AssessmentResult(Result):
     settling: tuple[Settling, ...] = field(default=(), repr=False)
     profile_of: str = ""  # Which movements the profiles are the means of
     # Every movement that was used, by the study's own rule
-    measured: tuple[Measured, ...] = field(default=(), repr=False)
+    measured: tuple[MeasuredMovement, ...] = field(default=(), repr=False)
     unit: str = "rad"  # Of what people moved along: "rad", or "m"
 
     @property

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...assessment.power import SIZES
+from ...assessment.power import CANDIDATE_SIZES
 from ..result import FigureTable
 from .certified_rows import beside_table, certificate_table, curve_table, doubt_table
 
@@ -134,7 +134,7 @@ def effect_size_table(found: AssessmentResult) -> FigureTable:
 
 
 def _people(needed: Needed) -> str | int:
-    return f">{SIZES[-1]}" if needed.participants is None else needed.participants
+    return f">{CANDIDATE_SIZES[-1]}" if needed.participants is None else needed.participants
 
 
 def description_table(found: AssessmentResult, each: Assessed) -> FigureTable:

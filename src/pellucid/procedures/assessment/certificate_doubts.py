@@ -3,16 +3,17 @@ failed."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...assessment.certificate import Doubt
 from ...assessment.crossover import carry_over, period_effect
-from ...assessment.equivalence import equivalence
+from ...assessment.curves import CurveComparison
+from ...assessment.equivalence import Equivalence, Margin, equivalence
 from ...assessment.lasting_bounds import lasting_bounds
-from ...assessment.learning import FEWEST
+from ...assessment.learning import MIN_MOVEMENTS
 from ...assessment.signed_rank import signed_rank
 from .measured_study import MeasuredStudy
 from .movement_model import movements_of, thirds_of
@@ -23,6 +24,59 @@ if TYPE_CHECKING:
     from .certified import EndPoint
 
 PERIOD, CARRY_OVER, LEARNING, LEFT_OUT = "period", "carry-over", "learning", "left out"
+LOST = "lost movements"
+"""More movements than `max_left_out` allows gave an end point no value."""
+
+Lost = Mapping[str, tuple[int, int]]
+"""By condition, how many movements gave no value, and how many there were."""
+
+
+def lost_movements(
+    whole: MeasuredStudy, wanted: Mapping[str, EndPoint], curves: Iterable[str], pair: tuple[str, str],
+    people: list[str],
+) -> dict[str, Lost]:  # fmt: skip
+    """By end point and by curve, the movements of both conditions of which it knows nothing.
+
+    Median durations count movements that were cut off and targets that were never reached; other indices of duration
+    count those that were cut off."""
+
+    def count(each: Iterable, condition: str) -> int:
+        return sum(x.condition == condition and x.participant in people for x in each)
+
+    found: dict[str, Lost] = {}
+    for name in (*wanted, *curves):
+        known = whole.movements
+        if name in ("duration_median", "duration", "unsettled"):
+            known = (*whole.lasted, *(whole.failed if name == "duration_median" else ()))
+        found[name] = {}
+        for condition in pair:
+            total = count(whole.movements, condition) + sum(
+                sum(whole.left_out[recording].values())
+                for recording, (person, own) in whole.recorded.items()
+                if own == condition and person in people
+            )
+            found[name][condition] = max(total - count(known, condition), 0), total
+    return found
+
+
+def too_many_lost(lost: Lost, max_share: float) -> dict[str, tuple[int, int]]:
+    """The conditions of which more movements were lost than `max_share`, with both counts."""
+    return {condition: (gone, of) for condition, (gone, of) in lost.items() if gone > max_share * of}
+
+
+def doubts_of_loss(
+    tests: Mapping[str, Equivalence | CurveComparison], lost: Mapping[str, Lost], alpha: float, max_share: float
+) -> dict[str, Doubt]:
+    """A doubt for each end point that would be within its margin although too many of its movements were lost.
+
+    The worst that is possible of them is unbounded, so that without them nothing can be said. A claim that an end point
+    lies beyond its margin stands: a loss does not make a robot transparent."""
+    unknown = equivalence(np.full(2, -np.inf), Margin.either_way(1.0), upper=np.full(2, np.inf), alpha=alpha)
+    return {
+        name: Doubt(LOST, float("nan"), unknown, always=True)
+        for name, test in tests.items()
+        if test.p_within <= alpha and too_many_lost(lost[name], max_share)
+    }
 
 
 def doubts_of(
@@ -85,7 +139,7 @@ def _learning(found, whole, point, condition, people, seen, order, alpha, trends
     parts = [thirds_of(own, c, people, order) for c in conditions]
     if None in parts:
         unknown.append(
-            f"Whether movements were still changing is not looked for: somebody has fewer than {FEWEST} of a "
+            f"Whether movements were still changing is not looked for: somebody has fewer than {MIN_MOVEMENTS} of a "
             "condition, "
             "or several recordings of it whose order (period, repetition) is not stated."
         )

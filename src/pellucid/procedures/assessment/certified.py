@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..._errors import StudyError
-from ...assessment.certificate import Certificate, joined
+from ...assessment.certificate import Certificate, certificate_from_tests
 from ...assessment.equivalence import Equivalence, Margin, equivalence
-from ...assessment.equivalence_power import equivalence_needed
+from ...assessment.equivalence_power import find_equivalence_participants
 from ...assessment.indices import Index
 from ...assessment.lasting_bounds import lasting_bounds
 from ...assessment.mixed_model import MixedModel
 from ...units import parse_quantity
-from .certificate_doubts import doubts_of
+from .certificate_doubts import doubts_of, doubts_of_loss, lost_movements
 from .measured_study import MeasuredStudy
 from .movement_curves import CurveEndPoint, Curves, compared_curves
 from .movement_model import model_of, of_model
@@ -85,6 +85,9 @@ class Certified:
     unknown: tuple[str, ...] = ()  # What could not be told, in sentences
     failed: Mapping[str, tuple[int, int]] = field(default_factory=dict)  # By condition, targets without a movement, of
     curves: tuple[CurveEndPoint, ...] = ()
+    # By end point and by condition, movements of which it knows nothing, of
+    lost: Mapping[str, Mapping[str, tuple[int, int]]] = field(default_factory=dict)
+    max_left_out: float = 0.0  # The share of movements that the study allows to be lost
 
 
 def end_points(spec: AssessmentTable, indices: Mapping[str, Index]) -> dict[str, EndPoint]:
@@ -168,10 +171,14 @@ def _certified(
     tests, beside = (ranks, fitted) if stated == "signed_rank" else ({**ranks, **fitted}, {n: ranks[n] for n in fitted})
     doubts, trends, unknown = doubts_of(found, whole, wanted, condition, people, seen, order, alpha)
     shown = compared_curves(curves, people, condition, found.control, spec.curves, found.along, alpha)
-    joint = joined(tests, alpha, doubts, {f"{c.quantity} curve": c.comparison for c in shown if c.stated})
+    with_margins = {f"{c.quantity} curve": c.comparison for c in shown if c.stated}
+    lost = lost_movements(whole, wanted, with_margins, (found.control, condition), people)
+    for name, doubt in doubts_of_loss({**tests, **with_margins}, lost, alpha, spec.max_left_out).items():
+        doubts[name] = (*doubts.get(name, ()), doubt)
+    joint = certificate_from_tests(tests, alpha, doubts, with_margins)
     return Certified(
         condition, joint, wanted, len(people), _needed(wanted, seen, alpha, len(people), executor), stated, models,
-        beside, trends, unknown, _failed(whole, (found.control, condition), people), shown,
+        beside, trends, unknown, _failed(whole, (found.control, condition), people), shown, lost, spec.max_left_out,
     )  # fmt: skip
 
 
@@ -208,7 +215,7 @@ def _needed(
     # What lies around its own margin by nature, such as a torque, is planned about its mean.
     change = [float(d.mean()) if point.margin.low == -inf else 0.0
               for d, point in zip(seen.values(), wanted.values(), strict=True)]  # fmt: skip
-    return equivalence_needed(
+    return find_equivalence_participants(
         covariance, [point.margin for point in wanted.values()], power=PLANNED_POWER, change=change, alpha=alpha,
         studies=STUDIES, executor=executor,
     )  # fmt: skip

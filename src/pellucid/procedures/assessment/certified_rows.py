@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...assessment.certificate import FAIL, PASS, Doubt
-from ...assessment.equivalence import BEYOND, UNDECIDED, WITHIN, Equivalence
+from ...assessment.equivalence import BEYOND_MARGIN, UNDECIDED, WITHIN_MARGIN, Equivalence
 from ...fit.parameter import Verdict
 from ...recordings.results import ResultRow
 from ..result import FigureTable
-from .certificate_doubts import CARRY_OVER, LEARNING, LEFT_OUT, PERIOD
+from .certificate_doubts import CARRY_OVER, LEARNING, LEFT_OUT, LOST, PERIOD, too_many_lost
 from .movement_curves import WORDS
 
 if TYPE_CHECKING:
@@ -20,11 +21,18 @@ if TYPE_CHECKING:
     from .movement_curves import CurveEndPoint
 
 TESTS = {"signed_rank": "signed ranks", "mixed_model": "the mixed model"}
+TESTED = {
+    "signed_rank": ("the pseudo-median of people's changes", "people's changes are spread symmetrically about it"),
+    "mixed_model": ("the mean change", "people's changes and the scatter of movements are normally distributed"),
+    "curve": ("the mean curve", "people's curves are normally distributed about it"),
+}
+"""What each test holds against the margin, and what must be true of people for its level to hold."""
 DOUBTS = {
     PERIOD: "without what the period did",
     CARRY_OVER: "without what lingers of the condition before",
     LEARNING: "by the last third of movements, which were still changing,",
     LEFT_OUT: "with targets that got no movement counted as never reached",
+    LOST: "without knowing the movements that were left out",
 }
 """How an end point's change is seen without it, in words."""
 
@@ -79,7 +87,7 @@ def doubt_table(found: AssessmentResult) -> FigureTable:
 def _doubt(doubt: Doubt | None) -> str | None:
     if doubt is None:
         return None
-    return doubt.without.verdict if doubt.what == LEFT_OUT else f"{_p(doubt.p_value)}, {doubt.without.verdict}"
+    return doubt.without.verdict if doubt.what in (LEFT_OUT, LOST) else f"{_p(doubt.p_value)}, {doubt.without.verdict}"
 
 
 def curve_table(found: AssessmentResult) -> FigureTable:
@@ -142,7 +150,7 @@ def certificate_remarks(found: AssessmentResult) -> tuple[str, ...]:
     """What a reader of the certificate has to know beside it: where tests disagree, and what could not be told."""
     said = []
     for each in found.certified:
-        said += [*_disagreeing(each), *_without_model(each), *_cut(each), *_failed(each)]
+        said += [*_disagreeing(each), *_without_model(each), *_cut(each), *_failed(each), *_lost(each)]
     said += [text for each in found.certified for text in each.unknown]
     return tuple(dict.fromkeys(said))
 
@@ -154,34 +162,36 @@ def _sentence(each: Certified) -> str:
     level = f"{100.0 * each.certificate.alpha:g} %"
     if said == PASS:
         return (
-            f"{each.condition}: transparent. All {len(words)} end points lie within their margins; were one of them "
-            f"beyond, this would be said in at most {level} of studies."
+            f"{each.condition}: transparent. All {len(words)} end points lie within their margins. "
+            f"{_what_was_tested(each, level)}"
         )
     by = {word: [words[n] for n in words if each.certificate.said_of(n) == word]
-          for word in (WITHIN, UNDECIDED, BEYOND)}  # fmt: skip
+          for word in (WITHIN_MARGIN, UNDECIDED, BEYOND_MARGIN)}  # fmt: skip
     if said == FAIL:
-        return f"{each.condition}: not transparent. Beyond the margin: {', '.join(by[BEYOND])}." + (
-            f" Within: {', '.join(by[WITHIN])}." if by[WITHIN] else ""
+        return f"{each.condition}: not transparent. Beyond the margin: {', '.join(by[BEYOND_MARGIN])}." + (
+            f" Within: {', '.join(by[WITHIN_MARGIN])}." if by[WITHIN_MARGIN] else ""
         )
     doubted = [(words[n], each.certificate.tested(n), each.certificate.contradicted(n)) for n in words]
     doubted = [(name, tested, why) for name, tested, why in doubted if why]
+    kinds = {d.what for *_, why in doubted for d in why}
+    counts = f" {_lost_counts(each)}" if LOST in kinds else ""
     if doubted and len(doubted) == len(by[UNDECIDED]):
         told = "; ".join(
             f"{name} is {tested} its margin; {' or '.join(DOUBTS[d.what] for d in why)} it is not shown to be"
             for name, tested, why in doubted
         )
-        return f"{each.condition}: cannot say. {told}. {_remedy({d.what for *_, why in doubted for d in why})}"
-    alone = [words[n] for n in names if each.certificate.end_points[n].verdict == BEYOND]
+        return f"{each.condition}: cannot say. {told}.{counts} {_remedy(kinds)}"
+    alone = [words[n] for n in names if each.certificate.end_points[n].verdict == BEYOND_MARGIN]
     if alone:
         return (
             f"{each.condition}: cannot say. Tested alone, {', '.join(alone)} would be beyond the margin; as the "
-            f"largest of {len(words)} changes in {each.participants} people that may be chance."
+            f"largest of {len(words)} changes in {each.participants} people that may be chance.{counts}"
         )
     cut = [words[n] for n in names if each.certificate.end_points[n].bounded]
     if cut:
         return (
             f"{each.condition}: cannot say. Undecided: {', '.join(by[UNDECIDED])}. How long movements lasted was not "
-            f"seen to its end ({', '.join(cut)}): record until they settle."
+            f"seen to its end ({', '.join(cut)}): record until they settle.{counts}"
         )
     more = (
         f"With about {each.needed} people in place of {each.participants} a study would say so in 9 of 10 cases, if "
@@ -191,7 +201,7 @@ def _sentence(each: Certified) -> str:
         if each.needed is not None
         else "With people who differ as these do, no study of up to 128 would: measure more finely, or more movements."
     )
-    return f"{each.condition}: cannot say. Undecided: {', '.join(by[UNDECIDED])}. {more}"
+    return f"{each.condition}: cannot say. Undecided: {', '.join(by[UNDECIDED])}.{counts} {more}"
 
 
 REMEDIES = {
@@ -199,7 +209,45 @@ REMEDIES = {
     CARRY_OVER: "Leave a pause between conditions, and let each follow each as often.",
     LEARNING: "Let people get used to it until movements no longer change.",
     LEFT_OUT: "Find why targets got no movement.",
+    LOST: "Find why movements were left out, and record again.",
 }
+
+
+def _what_was_tested(each: Certified, level: str) -> str:
+    """What is held against the margins, and where "transparent" is said falsely in at most `level` of studies."""
+    own = each.certificate.end_points.values()
+    methods = dict.fromkeys("mixed_model" if test.method == "mixed_model" else "signed_rank" for test in own)
+    kinds = [TESTED[method] for method in (*methods, *(["curve"] if each.certificate.curves else []))]
+    what, assumed = (" and ".join(part[i] for part in kinds) for i in (0, 1))
+    skewed = " It is no mean: the mean of skewed changes may lie beyond its margin." if "signed_rank" in methods else ""
+    return (
+        f"What is tested is {what}: were it beyond one margin, this would be said in at most {level} of studies if "
+        f"{assumed}.{skewed}"
+    )
+
+
+def _lost_counts(each: Certified) -> str:
+    """The conditions of which more movements were lost than the study allows, with their counts."""
+    told = _counted(too_many_lost(_most_lost(each), each.max_left_out))
+    return f"Left out were {told}: more than the {100.0 * each.max_left_out:g} % that max_left_out allows."
+
+
+def _lost(each: Certified) -> list[str]:
+    lost = {condition: counts for condition, counts in _most_lost(each).items() if counts[0]}
+    return [f"{each.condition}: left out were {_counted(lost)}; of these nothing is known."] if lost else []
+
+
+def _most_lost(each: Certified) -> dict[str, tuple[int, int]]:
+    """By condition, the counts of the end point that lost most movements."""
+    most: dict[str, tuple[int, int]] = {}
+    for lost in each.lost.values():
+        for condition, counts in lost.items():
+            most[condition] = max(most.get(condition, (0, 0)), counts)
+    return most
+
+
+def _counted(lost: Mapping[str, tuple[int, int]]) -> str:
+    return " and ".join(f"{gone} of {of} movements in {condition}" for condition, (gone, of) in lost.items())
 
 
 def _remedy(kinds: set[str]) -> str:
@@ -274,6 +322,9 @@ def certificate_rows(found: AssessmentResult, digest: str | None) -> tuple[Resul
             add(f"{name}.p_within", part.p_within, "1", f"margin {point.stated}")
             add(f"{name}.p_beyond", own.beyond[name], "1", "after Holm")
             add(f"{name}.bayes_factor", _finite(part.bayes_factor), "1", "of within against beyond")
+            for condition, (gone, of) in each.lost[name].items():
+                share = 100.0 * gone / of if of else 0.0
+                add(f"{name}.left_out.{condition.lower()}", share, "%", f"{gone} of {of} movements")
             _more_rows(each, name, point, add)
         for curve in each.curves:
             _curve_rows(curve, add)

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...assessment.emg_index import Activity
 from ...recordings.fault import Fault
-from ...signals.emg_timing import LEAD, emg_drift, emg_lead
+from ...signals.emg_timing import PLAUSIBLE_LEAD_S, emg_drift, emg_lead
 from ...signals.movements import MovementRule
 from .pointing import PointingRecord, PointingSettings
 
@@ -112,6 +112,7 @@ def emg_on_motions_clock(
             f"activity that fits the motion best {abs(seen.lead):.2g} s {'before' if seen.lead > 0 else 'after'} it "
             f"(correlation {seen.correlation:.2f})"
         )
-        expected = f"{-LEAD[0]:g} s after to {LEAD[1]:g} s before it: EMG and angle are on different clocks"
+        late, early = -PLAUSIBLE_LEAD_S[0], PLAUSIBLE_LEAD_S[1]
+        expected = f"{late:g} s after to {early:g} s before it: EMG and angle are on different clocks"
         return made, faults + fault("refuse", "clock", what, expected)
     return made, faults

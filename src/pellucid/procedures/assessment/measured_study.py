@@ -12,10 +12,10 @@ from ..._errors import RecordingError
 from ...assessment.emg_index import Activity, emg_per_acceleration, maxima
 from ...assessment.end_error import end_error, target_zero
 from ...assessment.interaction import interaction
-from ...assessment.measured import DOWN, UP, Lasted, Measured
+from ...assessment.measured import DIRECTION_DOWN, DIRECTION_UP, MeasuredMovement, MovementDuration
 from ...assessment.movement_indices import smoothness
 from ...recordings.fault import Fault
-from ...signals.amplitude_check import OWN, RANDOM
+from ...signals.amplitude_check import LABEL_TOLERANCE_RAD, MAX_AMPLITUDE_COUNT
 from ...signals.movements import Kinematics, Movement, MovementRule, NoMovement
 from ...signals.resampling import linear
 from ...units import Coordinate
@@ -32,11 +32,12 @@ class MeasuredStudy:
     """All movements of a study, by one rule."""
 
     rule: MovementRule
-    movements: tuple[Measured, ...]
+    movements: tuple[MeasuredMovement, ...]
     left_out: Mapping[str, Mapping[str, int]]  # By recording, how many stretches gave no movement and why
     motions: Mapping[str, Kinematics] = field(repr=False)  # By recording; empty where nobody asked for them
-    lasted: tuple[Lasted, ...] = ()  # How long each was seen, unfinished ones too
-    failed: tuple[Lasted, ...] = ()  # Asked for by a target, and given no movement of
+    lasted: tuple[MovementDuration, ...] = ()  # How long each was seen, unfinished ones too
+    failed: tuple[MovementDuration, ...] = ()  # Asked for by a target, and given no movement of
+    recorded: Mapping[str, tuple[str, str]] = field(default_factory=dict)  # By recording, its participant and condition
 
 
 def activities(
@@ -69,20 +70,20 @@ def measure(
 ) -> MeasuredStudy:
     """Find every movement and compute its indices. `named` [rad]."""
     named = labels(records) if named is None else named
-    pooled = len(named) > RANDOM
-    made: list[Measured] = []
+    pooled = len(named) > MAX_AMPLITUDE_COUNT
+    made: list[MeasuredMovement] = []
     left_out: dict[str, dict[str, int]] = {}
     motions: dict[str, Kinematics] = {}
     movements: dict[str, list[Movement]] = {}
-    lasted: list[Lasted] = []
-    failed: list[Lasted] = []
+    lasted: list[MovementDuration] = []
+    failed: list[MovementDuration] = []
     for record in records:
         name = record.recording.name
         motions[name], found, without = record.movements(rule)
         reasons = Counter(each.kind for each in without)
         # Who aimed at a target and missed it did so; a label without a target may be another movement's.
         if named and not pooled and spec.target not in record.recording:
-            found, mistaken = drop_mistaken(found, named, OWN * record.along.radian)
+            found, mistaken = drop_mistaken(found, named, LABEL_TOLERANCE_RAD * record.along.radian)
             if mistaken:
                 reasons["amplitude"] = mistaken
         left_out[name] = dict(reasons)
@@ -96,14 +97,19 @@ def measure(
         for movement in movements[recording.name]:
             cell = (
                 None if pooled else _shown(movement.amplitude, named, record.along),
-                UP if movement.direction > 0 else DOWN,
+                DIRECTION_UP if movement.direction > 0 else DIRECTION_DOWN,
             )
             values = _indices(record, motion, movement, spec, emg.get(recording.name), largest)
             values |= end_error(motion, movement, zeros[recording.participant])
             if detailed:
                 values |= smoothness(motion, movement)
-            made.append(Measured(recording.participant, recording.condition, recording.name, movement, cell, values))
-    return MeasuredStudy(rule, tuple(made), left_out, motions if detailed else {}, tuple(lasted), tuple(failed))
+            made.append(
+                MeasuredMovement(recording.participant, recording.condition, recording.name, movement, cell, values)
+            )
+    recorded = {r.recording.name: (r.recording.participant, r.recording.condition) for r in records}
+    return MeasuredStudy(
+        rule, tuple(made), left_out, motions if detailed else {}, tuple(lasted), tuple(failed), recorded
+    )
 
 
 def _lasted(
@@ -111,7 +117,7 @@ def _lasted(
     found: Sequence[Movement],
     without: Sequence[NoMovement],
     named: Sequence[float] | None,
-) -> list[Lasted]:
+) -> list[MovementDuration]:
     """How long movements were seen; `named` are amplitudes [rad], None where they are not told apart."""
     recording = record.recording
     seen = [(m.amplitude, m.direction, m.lasted, m.settled) for m in found]
@@ -122,16 +128,22 @@ def _lasted(
         if n.kind == "unfinished" and n.stretch.amplitude is not None
     ]
     return [
-        Lasted(recording.participant, recording.condition, _cell(record, a, way, named), float(seconds), bool(settled))
+        MovementDuration(
+            recording.participant, recording.condition, _cell(record, a, way, named), float(seconds), bool(settled)
+        )
         for a, way, seconds, settled in seen
     ]
 
 
-def _failed(record: PointingRecord, without: Sequence[NoMovement], named: Sequence[float] | None) -> list[Lasted]:
+def _failed(
+    record: PointingRecord, without: Sequence[NoMovement], named: Sequence[float] | None
+) -> list[MovementDuration]:
     """Targets towards which nothing went that could be called a movement; a lost marker is not the person's."""
     recording = record.recording
     return [
-        Lasted(recording.participant, recording.condition, _cell(record, abs(a), a, named), float("inf"), False)
+        MovementDuration(
+            recording.participant, recording.condition, _cell(record, abs(a), a, named), float("inf"), False
+        )
         for each in without
         if each.kind in FAILED and each.stretch.goal is not None and (a := each.stretch.amplitude) is not None
     ]
@@ -140,7 +152,9 @@ def _failed(record: PointingRecord, without: Sequence[NoMovement], named: Sequen
 def _cell(
     record: PointingRecord, amplitude: float | None, way: float, named: Sequence[float] | None
 ) -> tuple[float | None, str]:
-    return None if named is None else _shown(amplitude, named, record.along), UP if way > 0 else DOWN
+    return None if named is None else _shown(
+        amplitude, named, record.along
+    ), DIRECTION_UP if way > 0 else DIRECTION_DOWN
 
 
 def _target_zeros(records, motions, movements, control: str) -> dict[str, float]:
@@ -162,7 +176,8 @@ def joined(parts: Sequence[MeasuredStudy]) -> MeasuredStudy:
     left_out = {name: reasons for part in parts for name, reasons in part.left_out.items()}
     motions = {name: motion for part in parts for name, motion in part.motions.items()}
     lasted, failed = (tuple(x for part in parts for x in getattr(part, kind)) for kind in ("lasted", "failed"))
-    return MeasuredStudy(parts[0].rule, movements, left_out, motions, lasted, failed)
+    recorded = {name: whose for part in parts for name, whose in part.recorded.items()}
+    return MeasuredStudy(parts[0].rule, movements, left_out, motions, lasted, failed, recorded)
 
 
 def _shown(amplitude: float | None, named: Sequence[float], along: Coordinate) -> float | None:

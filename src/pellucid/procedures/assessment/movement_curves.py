@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._errors import StudyError
-from ...assessment.curves import CurveComparison, compare_curves, normalised
+from ...assessment.curves import CurveComparison, compare_curves, resample_movement
 from ...assessment.emg_index import Activity
 from ...assessment.equivalence import Margin
 from ...units import Coordinate, parse_quantity
@@ -53,9 +53,9 @@ def participants_curves(
     for m in whole.movements:
         recording, motion, at = by_name[m.recording], whole.motions[m.recording], m.movement
         ends, sign = (at.start, at.duration), at.direction
-        found = {"velocity": sign * normalised(motion.time, motion.velocity, *ends)}
+        found = {"velocity": sign * resample_movement(motion.time, motion.velocity, *ends)}
         if spec.interaction in recording:
-            found["interaction"] = sign * normalised(recording.time, recording[spec.interaction], *ends)
+            found["interaction"] = sign * resample_movement(recording.time, recording[spec.interaction], *ends)
         if m.recording in emg and spec.agonists and sign > 0:
             shares = at.start + at.duration * np.linspace(0.0, 1.0, 101)
             top, width = largest[m.participant], SMOOTHED * at.duration

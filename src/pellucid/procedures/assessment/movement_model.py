@@ -11,8 +11,8 @@ import numpy as np
 
 from ...assessment.equivalence import Equivalence, Margin
 from ...assessment.learning import Thirds, thirds
-from ...assessment.measured import UP, Measured
-from ...assessment.mixed_model import MixedModel, mixed_model, no_model
+from ...assessment.measured import DIRECTION_UP, MeasuredMovement
+from ...assessment.mixed_model import MixedModel, failed_model, mixed_model
 from .measured_study import MeasuredStudy
 from .session_order import SessionOrder
 
@@ -28,7 +28,7 @@ LASTING = {"duration_median": "duration"}
 
 def movements_of(
     whole: MeasuredStudy, point: EndPoint, conditions: Sequence[str], participants: Sequence[str], order: SessionOrder
-) -> list[tuple[Measured, float]]:
+) -> list[tuple[MeasuredMovement, float]]:
     """Movements with their value, in the order in which they were made, of cells that their participant has in all
     `conditions`; none where the index is not of single movements."""
     of = LASTING.get(point.index.name, "" if point.index.spread else point.index.of)
@@ -51,7 +51,7 @@ def movements_of(
 
 
 def thirds_of(
-    own: Sequence[tuple[Measured, float]], condition: str, participants: Sequence[str], order: SessionOrder
+    own: Sequence[tuple[MeasuredMovement, float]], condition: str, participants: Sequence[str], order: SessionOrder
 ) -> list[Thirds] | None:
     """Early and late movements of a condition, by participant; None where their order is not known or they are few."""
     made = []
@@ -74,22 +74,22 @@ def model_of(
     conditions = [condition] if control is None else [control, condition]
     own = movements_of(whole, point, conditions, people, order)
     if not own:
-        return no_model(len(people), 0, "no value of single movements")
+        return failed_model(len(people), 0, "no value of single movements")
     if point.index.of == "duration" or point.index.name in LASTING:
         cut = sum(
             not each.settled for each in whole.lasted if each.condition in conditions and each.participant in people
         )
         if cut:
-            return no_model(len(people), len(own), f"{cut} movements were cut off: a mean of them is one of where")
+            return failed_model(len(people), len(own), f"{cut} movements were cut off: a mean of them is one of where")
     under = None if control is None else np.array([m.condition == condition for m, _ in own])
     who = np.array([m.participant for m, _ in own])
     if {(m.participant, m.condition) for m, _ in own} != {(p, c) for p in people for c in conditions}:
-        return no_model(len(people), len(own), "a participant lacks movements that are alike")
+        return failed_model(len(people), len(own), "a participant lacks movements that are alike")
     return mixed_model(np.array([y for _, y in own]), who, under, _covariates(own, under, order))
 
 
 def _covariates(
-    own: Sequence[tuple[Measured, float]], under: np.ndarray | None, order: SessionOrder
+    own: Sequence[tuple[MeasuredMovement, float]], under: np.ndarray | None, order: SessionOrder
 ) -> dict[str, np.ndarray]:
     """Amplitude and trial, each also times the condition, direction and period; (n,) each."""
     made: dict[str, np.ndarray] = {}
@@ -104,13 +104,13 @@ def _covariates(
         made["trial"] = _trial(own)
     if under is not None:
         made |= {f"{name} x condition": (each - each.mean()) * (under - 0.5) for name, each in made.items()}
-    made["direction"] = np.array([float(m.cell[1] == UP) for m, _ in own])
+    made["direction"] = np.array([float(m.cell[1] == DIRECTION_UP) for m, _ in own])
     if order.period:
         made["period"] = np.array([float(order.period[m.recording]) for m, _ in own])
     return made
 
 
-def _trial(own: Sequence[tuple[Measured, float]]) -> np.ndarray:
+def _trial(own: Sequence[tuple[MeasuredMovement, float]]) -> np.ndarray:
     """From 0, the first of a participant's movements in a condition, to 1, the last."""
     groups: dict[tuple[str, str], list[int]] = {}
     for i, (m, _) in enumerate(own):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..._errors import StudyError
-from ...assessment.equivalence_power import SIZES, needed_for_changes
+from ...assessment.equivalence_power import CANDIDATE_SIZES, participants_for_changes
 from ...assessment.indices import indices_along
 from ...recordings.study import Study
 from ...units import COORDINATES, parse_quantity
@@ -46,7 +46,7 @@ def plan(study: Study, *, power: float = 0.9, studies: int = 2000, executor: Any
             f"{', '.join(points)}: how much people's changes differ, as a pilot's certificate or another study tells it"
         )
     spreads = [_spread(point, spec.spreads[name]) for name, point in points.items()]
-    joint, alone = needed_for_changes(
+    joint, alone = participants_for_changes(
         spreads, [point.margin for point in points.values()], tuple(SHARES), CORRELATIONS, power=power,
         alpha=spec.false_transparent, studies=studies, executor=executor,
     )  # fmt: skip
@@ -65,7 +65,7 @@ def plan(study: Study, *, power: float = 0.9, studies: int = 2000, executor: Any
 
 
 def _people(needed: int | None) -> str | int:
-    return f">{SIZES[-1]}" if needed is None else needed
+    return f">{CANDIDATE_SIZES[-1]}" if needed is None else needed
 
 
 def _spread(point: EndPoint, stated: str) -> float:

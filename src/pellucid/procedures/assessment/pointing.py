@@ -15,7 +15,7 @@ import numpy as np
 
 from ..._errors import RecordingError
 from ...recordings.recording import Recording
-from ...signals.amplitude_check import OWN
+from ...signals.amplitude_check import LABEL_TOLERANCE_RAD
 from ...signals.clocks import align, clock_drift
 from ...signals.movements import (
     Kinematics,
@@ -208,7 +208,9 @@ def labels(records: Sequence[PointingRecord]) -> list[float]:
     return [float(group.mean()) for group in groups]
 
 
-def drop_mistaken(found: Sequence[Movement], labels: Sequence[float], own: float = OWN) -> tuple[list[Movement], int]:
+def drop_mistaken(
+    found: Sequence[Movement], labels: Sequence[float], own: float = LABEL_TOLERANCE_RAD
+) -> tuple[list[Movement], int]:
     """Movements that went as far as they are labelled, and how many did not. `labels` [rad], a label their `own`
     within [rad]."""
     levels = np.asarray(labels)

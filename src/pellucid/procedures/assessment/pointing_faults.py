@@ -11,7 +11,7 @@ from ..._errors import RecordingError
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording
 from ...recordings.study import Study
-from ...signals.amplitude_check import MISTAKEN, strays
+from ...signals.amplitude_check import MAX_MISTAKEN_SHARE, strays
 from ...signals.emg_quality import inspect_emg
 from ...signals.movements import Movement, MovementRule, NoAngle
 from .pointing import PointingRecord, PointingSettings, assessed, labels, pointing_record, with_rule
@@ -180,10 +180,10 @@ def _label_faults(
         )
     found = strays(reach, label, labels, record.along)
     share = float(found.wrong.mean())
-    if found.mislabelled or (share > MISTAKEN and not aimed):
+    if found.mislabelled or (share > MAX_MISTAKEN_SHARE and not aimed):
         said = found.mislabelled or f"{int(found.wrong.sum())} of {len(named)} movements {found.commonest(label)}"
         return fault("refuse", "amplitude", said, "movements that go as far as their labels say")
-    if share > MISTAKEN:
+    if share > MAX_MISTAKEN_SHARE:
         miss = record.along.factor * float(np.median(np.abs(reach - label)[found.wrong]))
         what = (
             f"{int(found.wrong.sum())} of {len(named)} movements that missed by {miss:.2g} {record.along.shown} in the "

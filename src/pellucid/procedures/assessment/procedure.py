@@ -49,10 +49,14 @@ class AssessmentTable(ProcedureTable):
         By index how much people's changes are expected to differ (standard deviation), as in `margins`: a plan needs
         it.
     false_transparent : float
-        How often "transparent" may be said where it is not, in (0, 0.5).
+        How often "transparent" may be said where it is not, in (0, 0.5). By signed ranks it holds for the
+        pseudo-median of people's changes where these are spread symmetrically; it does not hold for the mean of skewed
+        changes.
     equivalence : str
         The test that the certificate rests on, stated before the data are seen: ``"signed_rank"`` of participants'
         values, or ``"mixed_model"`` of movements; the other one stands beside it.
+    max_left_out : float
+        The largest share of a condition's movements that may be left out where "transparent" is said, in [0, 1).
     curves : dict of str to str
         How far a transparent robot may change whole curves, by their time: ``velocity`` and ``emg`` in shares of the
         control's largest, ``interaction`` with a unit.
@@ -77,6 +81,7 @@ class AssessmentTable(ProcedureTable):
     spreads: dict[Word, Said] = Field(default_factory=dict)
     false_transparent: float = Field(0.05, gt=0, lt=0.5)
     equivalence: Literal["signed_rank", "mixed_model"] = "signed_rank"
+    max_left_out: float = Field(0.10, ge=0, lt=1)
     curves: dict[Literal["velocity", "interaction", "emg"], Said] = Field(default_factory=dict)
 
     def reads(self, channel: str, stream: str) -> bool:

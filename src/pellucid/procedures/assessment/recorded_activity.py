@@ -27,14 +27,17 @@ def activity(recording: Recording, spec: PointingSettings) -> Activity | None:
             f"{source.path.name} (recording {recording.name}): found {', '.join(present)}, expected {absent} too"
         )
     chain = _chain(spec.advance)
+    whole = source.uncut or source
+    half = 0.5 / source.fs
+    inside = slice(*map(int, np.searchsorted(whole.time, (source.time[0] - half, source.time[-1] + half))))
     rectified = {}
     for muscle, name in zip(muscles, names, strict=True):
-        channel = source.channels[name]
+        channel = whole.channels[name]
         try:
             if channel.unit == "1":
-                rectified[muscle] = _later(channel.samples, round(spec.advance * source.fs))
+                rectified[muscle] = _later(channel.samples, round(spec.advance * source.fs))[inside]
             else:
-                rectified[muscle] = chain.zero_phase(channel.samples, source.fs)
+                rectified[muscle] = chain.zero_phase(channel.samples, source.fs, inside=inside)
         except RecordingError as error:
             raise RecordingError(f"{source.path.name} (recording {recording.name}), {name}: {error}") from None
     return Activity(source.time, rectified, {muscle: float(samples.max()) for muscle, samples in rectified.items()})

@@ -14,7 +14,7 @@ from .assessment_tables import UNITS
 from .pointing_faults import REASONS
 
 if TYPE_CHECKING:
-    from ...assessment.comparison import AgainstControl
+    from ...assessment.comparison import ControlComparison
     from .assessment_result import Assessed, AssessmentResult
 
 MAIN = ("duration_median", "unsettled", "vmax", "end_absolute", "emgacc", "torque_rms", "emg_level")
@@ -119,7 +119,7 @@ def _lower(words: str) -> str:
     return words if words[:2].isupper() else words[:1].lower() + words[1:]
 
 
-def _change(found: AssessmentResult, each: Assessed, own: AgainstControl) -> str:
+def _change(found: AssessmentResult, each: Assessed, own: ControlComparison) -> str:
     """A change from control with its interval, in % where that says something."""
     share = each.share_of_control(found.control)
     scale, unit = (each.table.index.shown[0], "") if share is None else (100.0 / share, " %")

@@ -10,14 +10,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from ...drawing.drawing import Drawing, Head, dots, heads, key, line, one_panel, tidy
+from ...drawing.style import FIGURE_WIDTH, colour
 from ...fit.joint.gravity_holds import GravityFit, line_of_best_fit
 from ...fit.parameter import Parameter
 from ...fit.strap.identified_strap import IdentifiedStrap
 from ...fit.strap.wearer_coupling import EvaluatedSwing
 from ...fit.transfer.transfer_function_fit import Response
-from ...pages.drawing import Drawing, Head, dots, heads, key, line, one_panel, tidy
 from ...pages.quantities import number, unit_text
-from ...pages.style import FIGURE_WIDTH, colour
 from .coupling_result import WearerStages
 
 SHOWN = 12.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...pages.drawing import draw
+from ...drawing.drawing import draw
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import number, prose, unit_text
 from ...pages.tables import number_table

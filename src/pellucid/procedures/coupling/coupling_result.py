@@ -11,13 +11,13 @@ import numpy as np
 from ...fit.joint.gravity_holds import accuracy
 from ...fit.parameter import Parameter, Verdict
 from ...fit.strap.identified_strap import IdentifiedStrap
-from ...fit.strap.limb_alone import VISCOUS_SPREAD, LimbFit
+from ...fit.strap.limb_alone import KNEE_DAMPING_SPREAD, LimbFit
 from ...fit.strap.limb_imu import ImuCalibration
 from ...fit.strap.limb_muscles import MuscleTorque
-from ...fit.strap.orthosis_alone import ORDER, OrthosisFit
+from ...fit.strap.orthosis_alone import COVARIANCE_ORDER, OrthosisFit
 from ...fit.strap.published_coupling import PublishedCoupling
-from ...fit.strap.strap_model import FEATURES, StrapModel
-from ...fit.strap.wearer_coupling import SIDES, WearerCoupling
+from ...fit.strap.strap_model import STRAP_FEATURES, StrapModel
+from ...fit.strap.wearer_coupling import MODEL_NAMES, WearerCoupling
 from ...models.parameter_card import ParameterCard
 from ...recordings.results import ResultRow, checksum_of_all
 from ..posterior_beside import beside, posterior_rows, posterior_table, posterior_verdicts
@@ -29,7 +29,7 @@ WORDS: Mapping[str, str] = {
     "de_leva": "de Leva",
 }
 """Tables of shares, as a reader knows them."""
-LIMB_DAMPING = Parameter("damping", "N*m*s/rad", 0.0, VISCOUS_SPREAD, identifiable=False)
+LIMB_DAMPING = Parameter("damping", "N*m*s/rad", 0.0, KNEE_DAMPING_SPREAD, identifiable=False)
 """Nothing recorded here tells a relaxed knee's damping."""
 GOOD_FIT = 95.0
 """From here on [%] a model of the orthosis alone leaves nothing that matters."""
@@ -131,7 +131,7 @@ def _tables(orthosis: OrthosisFit, wearers: Mapping[str, WearerStages]) -> Itera
         "Ceiling [%]",
     )  # fmt: skip
     evaluated = [
-        (who, j.split, j.recording, *(j.fit.get(n) for n in SIDES), _known(j.ceiling))
+        (who, j.split, j.recording, *(j.fit.get(n) for n in MODEL_NAMES), _known(j.ceiling))
         for who, stages in wearers.items()
         for j in stages.coupling.evaluated
     ]
@@ -288,7 +288,7 @@ def _strap_rows(head: str, strap: IdentifiedStrap, row, parameter) -> Iterator[R
     """Which model, its further parameters, and over which range."""
     for p in strap.others:
         yield parameter(f"{head}.{p.name}", p)
-    for feature in FEATURES:
+    for feature in STRAP_FEATURES:
         p = strap.missed.get(feature)
         note = "given up: blocks held out are predicted as well without it" if p is None else f"p {p:.2g} without it"
         yield row(f"{head}.{feature}.chosen", float(strap.model.has(feature)), "1", "fitted", note)
@@ -338,7 +338,7 @@ def _cards(
         "orthosis": card(
             "orthosis",
             "orthosis",
-            [by_name[name] for name in ORDER],
+            [by_name[name] for name in COVARIANCE_ORDER],
             orthosis.covariance,
             None,
             "gravity from holds; inertia and friction by output error on sines",

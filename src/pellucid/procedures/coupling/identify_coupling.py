@@ -14,7 +14,7 @@ import numpy as np
 from ..._errors import IdentificationError, PellucidError
 from ...fit.posterior.ensemble import require_sampler
 from ...fit.strap.limb_alone import fit_limb
-from ...fit.strap.limb_imu import Turning, calibrate_imu, limb_by_imu, turning_of
+from ...fit.strap.limb_imu import JointAxis, calibrate_imu, find_joint_axis, limb_angle_by_imu
 from ...fit.strap.limb_muscles import Levels, MuscleTorque, at_work, envelopes, find_levels, fit_muscle_torque
 from ...fit.strap.orthosis_alone import OrthosisFit, fit_orthosis
 from ...fit.strap.strap_torque import StrappedSwing
@@ -220,13 +220,13 @@ def _wearer(
 
 def _swing(
     trials: _Trials, recording: Recording, asked: CouplingTable, muscles: MuscleTorque | None, chosen: Mapping
-) -> tuple[StrappedSwing, Turning]:
+) -> tuple[StrappedSwing, JointAxis]:
     record, imu = trials.worn(recording), trials.imu(recording, asked)
-    turning = turning_of(imu, record)
+    turning = find_joint_axis(imu, record)
     torque = None
     if muscles is not None and asked.emg in recording.streams:
         torque = muscles(_at(recording.stream(asked.emg), emg_chain(CHAIN), record.time), record.output)
-    return _strapped(recording, record, *limb_by_imu(imu, turning, **chosen), torque), turning
+    return _strapped(recording, record, *limb_angle_by_imu(imu, turning, **chosen), torque), turning
 
 
 def _strapped(recording: Recording, record: InputOutput, time, angle, torque=None) -> StrappedSwing:
@@ -234,7 +234,7 @@ def _strapped(recording: Recording, record: InputOutput, time, angle, torque=Non
 
 
 def _held(
-    trials: _Trials, who: str, asked: CouplingTable, turning: Turning | None, chosen: Mapping
+    trials: _Trials, who: str, asked: CouplingTable, turning: JointAxis | None, chosen: Mapping
 ) -> list[StrappedSwing]:
     """A few trials in which torques are held: what relaxes slower than a swing shows in them."""
     every = [r for r in trials.of("torque_steps", who) if r.use == "fit" and asked.imu in r.streams]
@@ -244,7 +244,8 @@ def _held(
     for recording in every[:: max(1, len(every) // HELD)][:HELD]:
         with suppress(PellucidError):  # swings alone tell the rest
             record = trials.worn(recording)
-            made.append(_strapped(recording, record, *limb_by_imu(trials.imu(recording, asked), turning, **chosen)))
+            time, angle = limb_angle_by_imu(trials.imu(recording, asked), turning, **chosen)
+            made.append(_strapped(recording, record, time, angle))
     return made
 
 

@@ -502,7 +502,7 @@ def verdicts_of(
         emg = study.config.emg_torque.emg
         stream = next((r.streams[emg] for r in study.recordings() if emg in r.streams), None)
         if stream is not None:
-            delay = emg_chain(chain).delay(stream.fs)
+            delay = emg_chain(chain, study.config.emg_torque.mains).delay(stream.fs)
             said.append(
                 Verdict(
                     "note",

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...pages.drawing import Drawing, key, line, tidy
+from ...drawing.drawing import Drawing, key, line, tidy
+from ...drawing.style import FIGURE_WIDTH, colour
 from ...pages.quantities import number
-from ...pages.style import FIGURE_WIDTH, colour
 
 CHOSEN, BARE, MUSCLES = "heldout", "faint", "good"
 """Colours of what is drawn over time: what is named first, angles alone, and muscles where they are not named."""

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...drawing.drawing import draw
 from ...estimators.condition_choice import LEVEL
 from ...estimators.families import ESTIMATORS
 from ...fit.parameter import Verdict, ranked
-from ...pages.drawing import draw
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import number, prose
 from ...pages.tables import Row, Table

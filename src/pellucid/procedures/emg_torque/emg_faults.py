@@ -11,10 +11,7 @@ from ...recordings.fault import Fault
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...signals.emg_chain import EmgChain, emg_chain
-from ...signals.emg_quality import RATE_TOLERANCE, contrast_faults, hum_share, inspect_emg, swapped_faults
-
-MAINS = (50.0, 60.0)
-"""Of the world [Hz]; the one that a recording shows more of counts."""
+from ...signals.emg_quality import RATE_TOLERANCE, contrast_faults, inspect_emg, swapped_faults
 
 SETTLED = 0.5
 """Seconds at either end of a recording at which an envelope has not settled."""
@@ -35,7 +32,7 @@ def emg_faults(study: Study) -> list[Fault]:
         if not any(name.startswith("emg.") for name in stream.channels):
             continue
         whole = not any(recording.name == name or recording.name.startswith(f"{name}.") for name in windows)
-        chain = None if asked.chain == "none" else emg_chain(asked.chain)
+        chain = None if asked.chain == "none" else emg_chain(asked.chain, asked.mains)
         own = trial_faults(recording, stream, chain, whole=whole)
         found += own
         if not any(fault.severity == "refuse" for fault in own):
@@ -56,8 +53,7 @@ def trial_faults(
     recording: Recording, stream: Recording, chain: EmgChain | None = None, *, whole: bool = True
 ) -> list[Fault]:
     """What is wrong with one trial's EMG."""
-    mains = max(MAINS, key=lambda f: _hum(stream, f))
-    found = inspect_emg(stream, mains=mains)
+    found = inspect_emg(stream, has_notch=True)
     if chain is not None:
         try:
             chain.require_rate(stream.fs, f"{stream.path.name} (recording {recording.name}), channel time")
@@ -66,13 +62,6 @@ def trial_faults(
     if whole and stream is not recording:
         found += _length_faults(recording, stream)
     return found
-
-
-def _hum(stream: Recording, mains: float) -> float:
-    """The largest share of hum over a few of the stream's seconds, which tell 50 from 60 Hz."""
-    seconds = slice(0, round(4.0 * stream.fs))
-    raw = [c.samples[seconds] for n, c in stream.channels.items() if n.startswith("emg.") and c.unit == "V"]
-    return max((hum_share(x, stream.fs, mains) for x in raw if np.isfinite(x).all()), default=0.0)
 
 
 def _mean_rate(stream: Recording) -> float:

@@ -19,12 +19,12 @@ from ...models.emg_estimator import (
     EstimatorMuscle,
     EstimatorTerm,
 )
-from ...models.hill import QUANTITIES
+from ...models.hill import MUSCLE_QUANTITIES
 from ...models.muscle_card import CalibratedMuscles
 from ...models.muscle_geometry import muscle_table
-from ...models.muscle_surface import MuscleSurface, fitted_surface, sampled_surface, surface_of
+from ...models.muscle_surface import MuscleSurface, fit_muscle_surface, sampled_surface, surface_from_geometry
 from ...recordings.study import Study
-from ...signals.emg_chain import FILTERS, emg_chain
+from ...signals.emg_chain import FILTER_STAGES, emg_chain
 from .evaluated import Calibrated
 from .relative_envelopes import maxima_of, stream_of
 from .together import Together
@@ -90,7 +90,7 @@ def muscle_estimator(
     made = [
         EstimatorMuscle(
             m.name,
-            dict(zip(QUANTITIES, map(float, m.vector()), strict=True)),
+            dict(zip(MUSCLE_QUANTITIES, map(float, m.vector()), strict=True)),
             {channel: muscles.effort / len(muscles.driven[m.name]) for channel in muscles.driven[m.name]},
             surfaces[m.name],
         )
@@ -137,8 +137,8 @@ def _card(
     top = maxima_of(study, trials[0].participant, [r for r in fitted if r.name in {t.name for t in trials}])
     if spec.chain != "none":
         rate = stream_of(fitted[0], spec.emg).fs
-        raw = {"chain": spec.chain, "emg_rate": rate, **chain_sections(spec.chain, rate)}
-        late = emg_chain(spec.chain).delay(rate).filters
+        raw = {"chain": spec.chain, "emg_rate": rate, **chain_sections(spec.chain, rate, spec.mains)}
+        late = emg_chain(spec.chain, spec.mains).delay(rate).filters
         notes.append(f"The chain {spec.chain} makes envelopes {1e3 * late:.0f} ms late; muscles were fitted to that.")
     channels = []
     for channel in trials[0].envelopes:
@@ -170,7 +170,7 @@ def _surface(muscle: str, trials: Mapping[str, Sequence[TorqueTrial]]) -> tuple[
     moved = {a: np.concatenate([np.asarray(t.angles[a], float) for t in first]) for a in angles}
     if muscle not in source.recorded and not source.polynomials:
         geometry = muscle_table().geometry[muscle]
-        surface = surface_of(geometry, {"knee": source.sign})
+        surface = surface_from_geometry(geometry, {"knee": source.sign})
         return surface.held({a: source.posture.get(a, 0.0) for a in geometry.angles if a not in angles}), []
     if muscle not in source.recorded:
         path = source.polynomials[muscle]
@@ -186,7 +186,7 @@ def _surface(muscle: str, trials: Mapping[str, Sequence[TorqueTrial]]) -> tuple[
         return surface, _coarse(muscle, surface, missed, arm)
     length = np.concatenate([t.muscles.recorded[muscle][0] for t in first])
     arms = {joint: np.concatenate([t.muscles.recorded[muscle][2] for t in own]) for joint, own in across.items()}
-    surface, missed, arm = fitted_surface(length, moved, arms)
+    surface, missed, arm = fit_muscle_surface(length, moved, arms)
     return surface, _coarse(muscle, surface, missed, arm)
 
 
@@ -204,13 +204,13 @@ def _limit(trials: Sequence[TorqueTrial]) -> float:
     return LIMIT * max(float(np.max(np.abs(t.torque))) for t in trials)
 
 
-def chain_sections(chain: str, rate: float) -> dict[str, tuple[tuple[float, ...], ...]]:
-    """Second-order sections before and after a chain rectifies."""
+def chain_sections(chain: str, rate: float, mains: float | None = None) -> dict[str, tuple[tuple[float, ...], ...]]:
+    """Second-order sections before and after a chain rectifies, its notch at the `mains` [Hz]; None: as published."""
     parts: dict[str, list] = {"before": [], "after": []}
     where = "before"
-    for stage in emg_chain(chain).stages:
+    for stage in emg_chain(chain, mains).stages:
         if stage.kind == "rectify":
             where = "after"
-        if stage.kind in FILTERS:
+        if stage.kind in FILTER_STAGES:
             parts[where] += map(tuple, stage.sections(rate).tolist())
     return {key: tuple(rows) for key, rows in parts.items()}

@@ -12,6 +12,9 @@ from ...recordings.study import Study
 from ...recordings.study_fields import Place, ProcedureTable, Said, Word, quantity
 from ..procedure import Procedure, late
 
+BODY_CARDS = ("orthosis", "limb", "coupling", "strap")
+"""Last parts of the names of cards that `identify` wrote, by which the wearer's torque is told."""
+
 
 class EmgTorqueTable(ProcedureTable):
     """Torque of joints from EMG: ``[emg_torque]``.
@@ -26,6 +29,8 @@ class EmgTorqueTable(ProcedureTable):
         Streams, where these channels are not in the recording's own file.
     chain : str
         From raw EMG to envelopes: ``"knee"``, ``"able"``, ``"hill"``, or ``"none"`` where envelopes were recorded.
+    mains : float or None
+        Where the notch of the chain ``"hill"`` lies [Hz]; left out: at 50 Hz, as published.
     reference_lowpass : float or None
         Cut-off of the zero-phase low-pass on the reference torque [Hz].
     largest_moment : dict of str to float
@@ -55,6 +60,7 @@ class EmgTorqueTable(ProcedureTable):
     emg: Word = "emg"
     moments: Word = "moments"
     chain: Literal["knee", "able", "hill", "none"] = "knee"
+    mains: quantity("Hz", gt=0) | None = None
     reference_lowpass: quantity("Hz", gt=0) | None = None
     largest_moment: dict[Word, quantity("N*m", gt=0)] = Field(default_factory=dict)
     normalise: Literal["mvc", "largest", "none"] | None = None
@@ -86,7 +92,7 @@ class EmgTorqueProcedure(Procedure):
 
     def inputs(self, study: Study) -> Iterable[Path]:
         """Cards of the bodies that a torque is told by, and the muscles' constants."""
-        yield from (p for p in study.cards() if p.stem.endswith(("orthosis", "limb")))
+        yield from (p for p in study.cards() if p.stem.split(".")[-1] in BODY_CARDS)
         constants = study.config.emg_torque.muscle_file
         if constants is not None:
             yield study.inside(constants, "[emg_torque] muscle_file")

@@ -21,6 +21,7 @@ def relative_envelopes(
 ) -> dict[str, np.ndarray]:
     """Envelopes on the recording's clock, refused where EMG is not fit to be used. `study` [emg_torque]; gives (n,)."""
     stream, chain = stream_of(recording, study.config.emg_torque.emg), _chain(study)
+    whole = stream.uncut or stream
     # A stream that ends early is refused below, muscle by muscle.
     faults = [fault.message for fault in trial_faults(recording, stream, whole=False) if fault.severity == "refuse"]
     if faults:
@@ -28,9 +29,11 @@ def relative_envelopes(
     made = {}
     for muscle in muscles_of(study, stream):
         channel = f"emg.{muscle}"
-        inside = inside_of(stream, recording, channel)
-        x = stream[channel][inside]
-        if chain is not None:
+        inside = inside_of(whole, recording, channel)
+        x = whole[channel]
+        if chain is None:
+            x = x[inside]
+        else:
             if stream.channels[channel].unit != "V":
                 raise RecordingError(
                     f"{stream.path.name} (recording {recording.name}), channel {channel}: found the unit "
@@ -38,8 +41,9 @@ def relative_envelopes(
                     "where envelopes were recorded"
                 )
             chain.require_rate(stream.fs, f"{stream.path.name} (recording {recording.name}), channel {channel}")
-            x = (chain.causal if causal else chain.zero_phase)(x, stream.fs, maximum=1.0)
-        made[muscle] = np.interp(recording.time, stream.time[inside], x / top.get(muscle, 1.0))
+            run = chain.causal if causal else chain.zero_phase
+            x = run(x, stream.fs, maximum=1.0, inside=inside)
+        made[muscle] = np.interp(recording.time, whole.time[inside], x / top.get(muscle, 1.0))
     return made
 
 
@@ -93,7 +97,7 @@ def stream_of(recording: Recording, name: str) -> Recording:
     return recording.streams.get(name, recording)
 
 
-def inside_of(stream: Recording, recording: Recording, channel: str) -> np.ndarray:
+def inside_of(stream: Recording, recording: Recording, channel: str) -> slice:
     """The stream's samples within the recording's window; it must have recorded all of it."""
     start, end, step = recording.time[0], recording.time[-1], 1.0 / stream.fs
     if stream.time[0] > start + 1.5 * step or stream.time[-1] < end - 1.5 * step:
@@ -102,7 +106,7 @@ def inside_of(stream: Recording, recording: Recording, channel: str) -> np.ndarr
             f"{stream.time[0]:.4g} s to {stream.time[-1]:.4g} s, expected {start:.4g} s to {end:.4g} s as in "
             f"{recording.path.name}"
         )
-    return (stream.time > start - 0.5 * step) & (stream.time < end + 0.5 * step)
+    return slice(*map(int, np.searchsorted(stream.time, (start - 0.5 * step, end + 0.5 * step))))
 
 
 def muscles_of(study: Study, stream: Recording) -> list[str]:
@@ -141,4 +145,4 @@ def _normalises(chain: EmgChain | None) -> bool:
 
 def _chain(study: Study) -> EmgChain | None:
     name = study.config.emg_torque.chain
-    return None if name == "none" else emg_chain(name)
+    return None if name == "none" else emg_chain(name, study.config.emg_torque.mains)

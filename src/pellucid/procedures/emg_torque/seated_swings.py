@@ -20,7 +20,7 @@ from ...estimators.muscle_source import FIBRE_DAMPING, SEATED, MuscleSource
 from ...estimators.torque_map import fit_torque_map
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
-from ...fit.swing.leg_balance import torque_in_a_worn_exoskeleton
+from ...fit.swing.leg_balance import worn_exoskeleton_torque
 from ...fit.swing.loaded_swing import Swing, SwingFit, swing
 from ...models.muscle_geometry import muscle_table
 from ...recordings.recording import Recording
@@ -66,7 +66,7 @@ class WearerSwings:
     def trial(self, recording: Recording, *, flexors: bool = True) -> TorqueTrial:
         """A swing as estimators see it."""
         motion = self.motion(recording)
-        torque = torque_in_a_worn_exoskeleton(self.loaded, motion).torque
+        torque = worn_exoskeleton_torque(self.loaded, motion).torque
         envelopes = {n: np.interp(motion.time, *e) for n, e in self._envelopes(recording.streams["emg"]).items()}
         if flexors:
             envelopes[FLEXORS] = np.maximum(-torque, 0.0) / FLEXOR_TORQUE
@@ -117,7 +117,7 @@ def seated_swings(study: Study, tell: Callable[[str, float], None]) -> Calibrate
             )
         session = WearerSwings(
             leg.loaded, own["mvc"][0].streams["emg"], own[LOADED][-1].streams["emg"],
-            emg_chain(study.config.emg_torque.chain),
+            emg_chain(study.config.emg_torque.chain, study.config.emg_torque.mains),
         )  # fmt: skip
         trials = [session.trial(r) for r in own[SWINGS]]
         _judge(found, trials, who, lambda text, s, i=i: tell(text, (i + s) / len(legs)))

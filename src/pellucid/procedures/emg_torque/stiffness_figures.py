@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
+from ...drawing.drawing import Drawing, line, tidy
+from ...drawing.style import FIGURE_WIDTH, colour
 from ...estimators.joint_stiffness import KINDS, JointStiffness
-from ...pages.drawing import Drawing, line, tidy
-from ...pages.style import FIGURE_WIDTH, colour
 from .muscle_findings import SHOWN
 
 TITLES = {"short_range": "At once: short-range stiffness", "slope": "Slope of the model's torque"}

@@ -11,7 +11,7 @@ import numpy as np
 from ...estimators.condition_choice import LEVEL
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.muscles.muscle_information import (
-    bounds_told_as_estimates,
+    count_bounds_reported_as_estimates,
     covariance,
     muscle_parameters,
     muscle_verdicts,
@@ -233,7 +233,9 @@ def together_rows(
         rows.append(ResultRow(f"{study}.together.{name}", value, unit, "calibrate", split, sums.get(recording), note))
 
     sums = {trial.name: trial.checksum for trial in trials}
-    told = sum(bounds_told_as_estimates(each.fit, muscle_parameters(each.fit)) for each in alone.muscles.values())
+    told = sum(
+        count_bounds_reported_as_estimates(each.fit, muscle_parameters(each.fit)) for each in alone.muscles.values()
+    )
     if found is None:
         return ()
     first = found.scores[0].recording
@@ -255,7 +257,7 @@ def together_rows(
         add(f"{how}.seconds", fit.fit.seconds, "s", "one calibration, all starts included")
         for joint, each in fit.choice.scores.items():
             add(f"{joint}.{how}.r2.cross_validated", each.r2, "1", "within what was fitted")
-        told += bounds_told_as_estimates(fit.fit, fit.parameters)
+        told += count_bounds_reported_as_estimates(fit.fit, fit.parameters)
     offset = found.fits["hill.offset"].offset
     for name, value in (("", offset.value), (".low", offset.low), (".high", offset.high)):
         add(f"hill.offset.emg{name}", value, "s", "the recording's EMG runs ahead of its moments by so much")

@@ -12,13 +12,15 @@ from ...estimators.features import MOTION_LOWPASS
 from ...estimators.strapped_reference import StrappedBodies, strapped_torque
 from ...estimators.torque_reference import MovedBody, human_torque
 from ...estimators.torque_trial import TorqueTrial
-from ...fit.strap.strap_model import PLAIN, StrapModel
+from ...fit.strap.strap_model import PLAIN_NAME, StrapModel
 from ...fit.strap.strap_torque import Limb, Orthosis
 from ...models.parameter_card import ParameterCard, read_parameter_card
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...signals.filters import zero_phase_lowpass
+from ..card_sources import require_fresh
 from .known_muscles import muscle_source
+from .procedure import BODY_CARDS
 from .relative_envelopes import MAXIMAL, inside_of, maxima_of, muscles_of, relative_envelopes, stream_of
 
 STEPS = "torque_steps"
@@ -34,7 +36,8 @@ SAME_ANGLE = 0.1
 def moment_trials(study: Study, joint: str, *, causal: bool = False) -> list[TorqueTrial]:
     """Recordings whose joint moments were found by inverse dynamics; `causal`: raw EMG is filtered forwards only.
 
-    Whatever is filtered is cut to the recording's window first: nothing beyond its ends is seen.
+    EMG is filtered with what lies around the recording's window, the reference torque within the window alone: nothing
+    that judges reaches what is fitted.
 
     `study` [emg_torque].
     """
@@ -164,11 +167,7 @@ def _wearer_torque(recording: Recording, body: MovedBody | StrappedBodies, lowpa
 
 def moved_body(study: Study, participant: str | None) -> MovedBody | StrappedBodies:
     """Limb and orthosis from the cards that `identify` wrote: apart where it found their strap, else as one."""
-    read = {
-        path.stem: read_parameter_card(path)
-        for path in study.cards()
-        if path.stem.split(".")[-1] in ("orthosis", "limb", "coupling", "strap")
-    }
+    read = {path: read_parameter_card(path) for path in study.cards() if path.stem.split(".")[-1] in BODY_CARDS}
     orthosis = [c for c in read.values() if c.kind == "orthosis"]
     own = [c for c in read.values() if participant in (None, c.settings.get("participant"))]
     limbs = [c for c in own if c.kind == "limb"]
@@ -176,14 +175,18 @@ def moved_body(study: Study, participant: str | None) -> MovedBody | StrappedBod
     if not orthosis or not limbs:
         lacking = "an orthosis" if not orthosis else f"the limb of {participant}"
         raise IdentificationError(
-            f"{study.models_dir}: found the cards {', '.join(read) or 'of no body'}, expected one of {lacking}: the "
-            f"torque of the wearer needs what is moved; use: pellucid identify {study.folder}"
+            f"{study.models_dir}: found the cards {', '.join(p.stem for p in read) or 'of no body'}, expected one of "
+            f"{lacking}: the torque of the wearer needs what is moved; use: pellucid identify {study.folder}"
         )
+    used = (orthosis[0], limbs[0], *straps[:1])
+    for path, card in read.items():
+        if any(card is each for each in used):
+            require_fresh(study, path, card)
     bodies = _body(orthosis[0]), _body(limbs[0])
     if not straps:
         return bodies[0] + bodies[1]
     robot, limb = bodies
-    model = StrapModel.named(str(straps[0].settings.get("model", PLAIN)))
+    model = StrapModel.named(str(straps[0].settings.get("model", PLAIN_NAME)))
     return StrappedBodies(
         Orthosis(
             robot.inertia, robot.viscous, robot.gravity, orthosis[0].values.get("coulomb", 0.0), zero=robot.zero,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...pages.drawing import Drawing, Head, heads, key, label_ends, line, one_panel, origin, tidy
-from ...pages.style import FIGURE_WIDTH, colour
+from ...drawing.drawing import Drawing, Head, heads, key, label_ends, line, one_panel, origin, tidy
+from ...drawing.style import FIGURE_WIDTH, colour
 from .identify_hinge import HingeTrial
 
 CLOSE = 20.0  # seconds of the angle that are drawn

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...pages.drawing import draw
+from ...drawing.drawing import draw
 from ...pages.page import Page, Section, Tile
 from ...recordings.study import Study
 from ..study_page import figure_tables, parameter_tables, study_page

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ...pages.drawing import draw
+from ...drawing.drawing import draw
 from ...pages.page import Page, Section
 from ...recordings.study import Study
 from ..posterior_beside import beside

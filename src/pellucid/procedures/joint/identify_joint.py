@@ -11,6 +11,7 @@ from ..._errors import IdentificationError
 from ...fit.joint.drive_constant import drive_constant
 from ...fit.joint.family_choice import best_family, family_contest
 from ...fit.joint.friction_family import FamilyFit, fit_family
+from ...fit.joint.load_shares import LoadShares, load_shares, with_unknown_shares
 from ...fit.joint.presliding import presliding
 from ...fit.joint.replay import Machine
 from ...fit.parameter import Parameter
@@ -24,6 +25,7 @@ from ...recordings.quality import require_sound
 from ...recordings.study import Study
 from ...recordings.study_file import JointTable, Processing
 from ...signals.effort import drive_model
+from ..dead_effort import require_live_effort
 from ..findings import findings_of
 from ..procedure import Progress, quiet
 from . import findings
@@ -51,6 +53,7 @@ def identify_joint(
     tell("looking at recordings", 0.05)
     for recording in recordings:
         require_sound(recording, study)
+    require_live_effort(study)
     require_velocity(study)
     require_clocks(study)
     tell("filtering", 0.1)
@@ -63,14 +66,14 @@ def identify_joint(
     payloads = {m.payload for m in everything if m.payload[0]}
     known_drive = drive.effort_unit in ("N*m", "N")
 
-    def model_of(family: str, constant: Parameter | None = None) -> JointModel:
+    def model_of(family: str, constant: Parameter | None = None, *, separate_load: bool = False) -> JointModel:
         plain = joint_model(
             family,
             motion=study.rig.motion,
             effort_unit=drive.effort_unit,
             gravity=study.model.gravity,
             known=study.model.known,
-            separate_load="gravity" in study.model.known or "inertia" in study.model.known,
+            separate_load=separate_load,
             velocity_range=max(float(np.abs(m.velocity[m.inner]).max()) for m in data.motions),
         )
         scale = 1.0 if known_drive else 0.0 if constant is None else 1.0 / constant.value
@@ -78,11 +81,15 @@ def identify_joint(
 
     sign_error(model_of("symmetric"), data, drive_channel(recordings[0], study))
     constant, no_constant = None, ""
-    if payloads and not known_drive:
+    if payloads:
         try:
-            constant = drive_constant(model_of("symmetric"), data)
+            constant = drive_constant(model_of("load"), data)
         except IdentificationError as error:
             no_constant = str(error)
+    shares = LoadShares(True)
+    if not {"gravity", "inertia"} & set(study.model.known) and any("load" in FAMILIES[name] for name in names):
+        searched = stack([m for m in part.motions if m.split == "fitted"]) if part.said else data
+        shares = load_shares(model_of("load", separate_load=True), searched)
     fits: dict[str, FamilyFit] = {}
     machine = machine_of(study.rig)
     failures: dict[str, str] = {}
@@ -90,7 +97,7 @@ def identify_joint(
         tell(f"fitting {name}", 0.2 + 0.7 * i / len(names))
         try:
             fits[name] = fit_family(
-                model_of(name, constant),
+                model_of(name, constant, separate_load=shares.separate),
                 data,
                 everything,
                 machine,
@@ -117,10 +124,12 @@ def identify_joint(
     tell("verdicts", 0.9)
     fitted, held = ([m for m in part.motions if m.split == split] for split in ("fitted", "heldout"))
     plain = fits[best].estimate
+    if constant is not None and not known_drive:
+        constant = with_unknown_shares(constant, plain)
     below_slip = presliding(plain.model, plain.array, fitted, held, study.model.confidence)
     case = JointCase(
         study, everything, data, part.motions, fits, best, contest, machine, failures, constant, no_constant,
-        posterior, no_posterior, below_slip,
+        posterior, no_posterior, below_slip, shares,
     )  # fmt: skip
     found = JointResult(
         study=study.name,
@@ -137,7 +146,7 @@ def identify_joint(
         families=fits,
         best=best,
         filter_note=filter_note(study),
-        drive_constant=constant,
+        drive_constant=None if known_drive else constant,
         posterior=posterior,
         presliding=below_slip,
         traces=traces_of(everything),

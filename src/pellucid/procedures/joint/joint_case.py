@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from ...fit.block_test import Contest
 from ...fit.joint.friction_family import FamilyFit
+from ...fit.joint.load_shares import LoadShares
 from ...fit.joint.presliding import Presliding
 from ...fit.joint.replay import Machine
 from ...fit.parameter import Parameter
@@ -29,11 +30,12 @@ class JointCase:
     contest: Contest | None = None  # Of the families; None where there was none
     machine: Machine = field(default_factory=Machine)
     failures: Mapping[str, str] = field(default_factory=dict)  # Families that could not be fitted, and why
-    constant: Parameter | None = None  # Of the drive, from known payloads
+    constant: Parameter | None = None  # The drive's, from known payloads; over the stated one where that is known
     no_constant: str = ""  # Why the payloads give none
     posterior: Posterior | None = None  # Of the best family, if it was asked for
     no_posterior: str = ""  # Why there is none although it was asked for
     presliding: Presliding | None = None  # Of friction below slip; None where nobody asked
+    shares: LoadShares = field(default_factory=lambda: LoadShares(False, "no known load"))  # Of load friction
 
     @property
     def fit(self) -> FamilyFit:

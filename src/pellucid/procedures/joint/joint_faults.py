@@ -16,6 +16,7 @@ from ...recordings.fault import Fault
 from ...recordings.quality import inspect
 from ...recordings.study import Study
 from ...signals.effort import drive_model
+from ..dead_effort import dead_effort_faults
 from .aligned_motions import alignments, motions
 from .drive_sign import sign_error
 from .findings.weak_parameter import RECORD
@@ -29,6 +30,9 @@ OWN = 0.15  # share of what a parameter does, below which another hides it
 def joint_faults(study: Study) -> list[Fault]:
     """Faults of every file; where none refuses, whether the simplest family can be told at all, and with which sign."""
     faults = [fault for recording in study.recordings() for fault in inspect(recording, study)]
+    if any(fault.severity == "refuse" for fault in faults):
+        return faults
+    faults += dead_effort_faults(study)
     if any(fault.severity == "refuse" for fault in faults):
         return faults
     faults += left_out(study) + velocity_faults(study)

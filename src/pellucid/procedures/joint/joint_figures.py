@@ -1,7 +1,7 @@
 """The figures of a report, each a function from a fit to a drawing.
 
 Blue is fitted, orange is held out, dark grey is measured; colours and sizes live in `style`. Only this file,
-`direction_figures` and `drawing` import Matplotlib.
+`direction_figures` and the room `drawing` import Matplotlib.
 """
 
 from __future__ import annotations
@@ -13,25 +13,23 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from ...drawing.drawing import Drawing, Head, dots, heads, key, label_ends, line, one_panel, origin, tidy
+from ...drawing.line_points import LINE_POINTS, broken, every
+from ...drawing.style import FIGURE_WIDTH, colour, family_colour
 from ...fit.joint.friction_family import FamilyFit
 from ...fit.joint.replay import Simulation
 from ...models.friction import FrictionCurve, friction_curve
-from ...pages.drawing import Drawing, Head, dots, heads, key, label_ends, line, one_panel, origin, tidy
 from ...pages.quantities import EFFORTS, METHODS, READINGS, label, percent, unit_text
 from ...pages.series import (
-    LINE_POINTS,
     autocorrelation,
-    broken,
     busiest,
     by_recording,
     difference_unit,
-    every,
     joined,
     pooled_error,
     running_median,
     whole,
 )
-from ...pages.style import FIGURE_WIDTH, colour, family_colour
 from .joint_result import JointResult, Trace
 
 COLUMNS = 4

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...drawing.drawing import Drawing, draw
 from ...fit.joint.friction_family import FamilyFit
 from ...fit.joint.joint_estimate import JointEstimate
 from ...fit.parameter import Parameter
-from ...pages.drawing import Drawing, draw
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import (
     EFFORTS,

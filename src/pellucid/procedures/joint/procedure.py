@@ -20,12 +20,12 @@ class JointProcedure(Procedure):
     page = late("joint.joint_page", "page")
 
     def cut(self, study: Study) -> list[Fault]:
-        """Cuts, what between them is too short, and what was made of a clock that jitters."""
-        from ...recordings.quality import jitter_fault
+        """Cuts, what between them is too short, and what was made of clocks."""
+        from ...recordings.quality import clock_faults
         from .recorded_motions import left_out
 
-        evened = (jitter_fault(recording, study) for recording in study.recordings())
-        return [*super().cut(study), *left_out(study), *(fault for fault in evened if fault is not None)]
+        clocks = (fault for recording in study.recordings() for fault in clock_faults(recording, study))
+        return [*super().cut(study), *left_out(study), *clocks]
 
     def unfit(self, study: Study) -> dict[str, Fault]:
         """None: a recording of which too much is cut refuses the study."""

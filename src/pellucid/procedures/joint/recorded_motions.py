@@ -17,7 +17,7 @@ from ...recordings.study_file import Processing
 from ...signals.effort import DriveModel, command_of, drive_model
 from ...signals.even_times import even_times
 from ...signals.filters import runs
-from ...signals.long_motion import LONG, pieces
+from ...signals.long_motion import MIN_LONG_SAMPLES, pieces
 from ...signals.motion import Filtering, Motion, motion_of, shortest
 
 EXCERPT = 12_000
@@ -55,7 +55,7 @@ def excerpt_of(recordings: Iterable[Recording], study: Study, everything: tuple[
     """`everything` itself, the motions of all `recordings`, where it is little; parts of each recording otherwise."""
     long = [m for m in everything if m.command is None]
     samples = {s: sum(len(m.position) for m in everything if m.split == s) for s in ("fitted", "heldout")}
-    if not long and max(samples.values()) < LONG:
+    if not long and max(samples.values()) < MIN_LONG_SAMPLES:
         return Excerpt(everything, "")
     model, made, told = drive_model(study.rig), [], []
     for recording in recordings:
@@ -120,7 +120,7 @@ def _motions_of(recording: Recording, study: Study, model: DriveModel, within: i
         )
         arrays = stretch.time, stretch.recording["position"], command
         try:
-            if len(stretch.time) >= LONG:
+            if len(stretch.time) >= MIN_LONG_SAMPLES:
                 yield from pieces(*arrays, filtering, **more)
                 continue
             yield motion_of(
@@ -188,12 +188,17 @@ def evenly_sampled(recording: Recording, span: slice, processing: Processing) ->
     """Sampling rate [Hz] and channels, each shape (n,), of a span on an even grid; interpolated only where the study
     says so or the clock jitters."""
     values = {name: channel.samples[span] for name, channel in recording.channels.items()}
-    if processing.resample is None and recording.jitter <= JITTER_SHARE:
+    jitters = recording.jitter > JITTER_SHARE
+    if processing.resample is None and not jitters:
         return recording.fs, values
-    fs, time = processing.resample or recording.fs, values["time"]
-    if processing.resample is None and recording.stamped_evenly:
-        step, first = np.polyfit(np.arange(len(time)), time, 1) if len(time) > 2 else (1.0 / fs, time[0])
-        return 1.0 / step, {**values, "time": first + step * np.arange(len(time))}
+    fs, time = processing.resample or recording.fs, recording.clock.time[span] if jitters else values["time"]
+    if processing.resample is None and recording.stamped_evenly and len(time) > 2:
+        step, first = np.polyfit(np.arange(len(time)), time, 1)
+        line = first + step * np.arange(len(time))
+        if np.abs(time - line).max() <= JITTER_SHARE * step:
+            return 1.0 / step, {**values, "time": line}
+        # Packets that come in batches leave a usual step between stamps that says nothing of the rate.
+        fs = (len(time) - 1) / float(time[-1] - time[0])
     grid = even_times(time, fs)
     held = {name for name in values if name.partition(".")[0] == "enabled"}
     nearest = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, len(time) - 1)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..._errors import RecordingError
+from ..._errors import RecordingError, UnfitRecordingError
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording
 from ...recordings.study import Study
@@ -48,7 +48,7 @@ def require_velocity(study: Study) -> None:
     """Refuse recorded velocities that are to be used and do not belong to the position."""
     refused = [fault.message for fault in velocity_faults(study) if fault.severity == "refuse"]
     if refused:
-        raise RecordingError("\n".join(refused))
+        raise UnfitRecordingError("\n".join(refused))
 
 
 def _faults(recording: Recording, processing: Processing) -> Iterator[Fault]:

@@ -15,7 +15,7 @@ import numpy as np
 from ..._errors import IdentificationError, PellucidError
 from ...fit.parameter import Parameter, Verdict
 from ...fit.swing.leg_balance import leg_alone
-from ...fit.swing.loaded_swing import Swing, SwingFit, corrected, fit_swings, swing
+from ...fit.swing.loaded_swing import Swing, SwingFit, corrected_form, fit_swings, swing
 from ...models.anthropometry import WINTER_MASS, shank_length, winter
 from ...models.joint import GRAVITY
 from ...models.parameter_card import ParameterCard
@@ -82,7 +82,7 @@ def identify_swings(
             f"one of each: none is of protocol {lacking}"
         )
     parts = {r.name: swings_of(r, asked.lowpass) for r in used}
-    form = corrected(0.0)
+    form = corrected_form(0.0)
     tell("the exoskeleton alone", 0.0)
     empty = fit_swings([s for r in alone for s in parts[r.name]], form)
     legs = {}
@@ -133,7 +133,7 @@ def faults(study: Study) -> list[Fault]:
             text = f"found {reach:.3g} rad from hanging, expected less than half a turn: is it in degrees?"
         else:
             try:
-                fit_swings(swings_of(r, study.config.loaded_swing.lowpass), corrected(0.0))
+                fit_swings(swings_of(r, study.config.loaded_swing.lowpass), corrected_form(0.0))
             except PellucidError as error:
                 text = str(error)
         if text:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ...pages.drawing import Drawing, draw
+from ...drawing.drawing import Drawing, draw
 from ...pages.over_time import Traces, over_time
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import number, prose

@@ -11,13 +11,13 @@ import numpy as np
 from ..._atomic import write_text_atomically
 from ..._errors import IdentificationError, RecordingError
 from ..._given import words_in_csv
+from ...drawing.line_points import outline
 from ...fit.parameter import Verdict
-from ...pages.series import outline
 from ...recordings.fault import Fault
 from ...recordings.results import ResultRow
 from ...recordings.study import Study
 from ...signals.emg_onset import Burst, activations
-from ..muscle_channels import emg_faults, emg_stream, muscles_of, raw_channel, refuse, where, with_emg
+from ..muscle_channels import emg_faults, emg_stream, muscles_of, raw_around, raw_channel, refuse, where, with_emg
 from ..procedure import Progress, quiet
 from ..result import FigureTable, Result
 
@@ -151,9 +151,10 @@ def find_onsets(study: Study, tell: Progress = quiet) -> OnsetResult:
 
 def _active(stream, muscle: str, table):
     try:
+        samples, inside = raw_around(stream, muscle)
         return activations(
-            stream.time, raw_channel(stream, muscle), rest=table.rest, height=table.height, shortest=table.shortest,
-            pause=table.pause, level=table.confidence,
+            (stream.uncut or stream).time, samples, rest=table.rest, height=table.height, shortest=table.shortest,
+            pause=table.pause, level=table.confidence, inside=inside,
         )  # fmt: skip
     except RecordingError as error:
         text = str(error)

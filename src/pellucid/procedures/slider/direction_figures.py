@@ -14,9 +14,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 
-from ...pages.drawing import Drawing, line, one_panel, origin, tidy
+from ...drawing.drawing import Drawing, line, one_panel, origin, tidy
+from ...drawing.style import FIGURE_WIDTH, colour
 from ...pages.quantities import number
-from ...pages.style import FIGURE_WIDTH, colour
 
 ROLES = ("heldout", "fitted", "load", "directional", "stribeck", "combined", "good")
 """Roles that models take in turn, where the caller names none: the first two are those most often compared."""

@@ -7,15 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..._errors import IdentificationError, RecordingError
+from ..._errors import IdentificationError, UnfitRecordingError
 from ...fit.parameter import Parameter, Verdict
-from ...fit.slider.coherent_body import LOAD_START, fit_coherent
-from ...fit.slider.reversals import FEWEST, presliding_travel
-from ...fit.slider.slider_fit import METHODS, SliderEstimate, SliderFit, TrialError
-from ...fit.slider.three_steps import STEPS, all_at_once, directional_columns, static_set, three_steps
+from ...fit.slider.coherent_body import FIRST_LOAD_COEFFICIENT, fit_coherent
+from ...fit.slider.reversals import MIN_TURN_COUNT, presliding_travel
+from ...fit.slider.slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit, TrialError
+from ...fit.slider.three_steps import STEP_PROTOCOLS, all_at_once, directional_columns, static_set, three_steps
 from ...models.directional_slider import DirectionalSliderModel
 from ...models.slider_joint import SliderJointModel
-from ...protocols.reversals import REVERSALS
+from ...protocols.reversals import REVERSALS_NAME
 from ...recordings.quality import require_sound
 from ...recordings.recording import Recording
 from ...recordings.study import Study
@@ -23,6 +23,7 @@ from ...recordings.study_file import StudyFile
 from ...signals.effort import command_of, drive_model
 from ...signals.markers import Geometry, slider_geometry
 from ...signals.slider_motion import SliderMotion, slider_motions
+from ..dead_effort import require_live_effort
 from ..procedure import Progress, quiet
 from .slider_faults import examine, of_body, require_torques
 from .slider_result import SliderResult, slider_result
@@ -38,10 +39,11 @@ def identify_slider(study: Study, tell: Progress = quiet) -> SliderResult:
     tell("looking for faults", 0.4)
     for recording in recordings:
         require_sound(recording, study)
+    require_live_effort(study)
     examined = examine(study.config, recordings)
     refused = [fault.message for fault in examined.faults if fault.severity == "refuse"]
     if refused:
-        raise RecordingError("\n".join(refused))
+        raise UnfitRecordingError("\n".join(refused))
     checksums = {r.name: r.checksum for r in recordings}
     travel = travel_of(study.config, recordings)
     fit = _fit(
@@ -73,7 +75,7 @@ def travel_of(config: StudyFile, recordings: Sequence[Recording]) -> Parameter |
     shown = [
         (recording["position"][span], gain * command_of(recording, config.rig)[span], recording.fs)
         for recording in recordings
-        if recording.protocol == REVERSALS and recording.use == "fit"
+        if recording.protocol == REVERSALS_NAME and recording.use == "fit"
         for span in recording.spans
     ]
     return presliding_travel(shown) if shown else None
@@ -90,7 +92,7 @@ def _fit(
     """Every method on the fitted motions, judged on all that move."""
     rig = config.rig
     fitted = [m for m in motions if m.split == "fitted"]
-    steps = [m for m in fitted if m.protocol in STEPS]
+    steps = [m for m in fitted if m.protocol in STEP_PROTOCOLS]
     at_once = [m for m in fitted if m.protocol == AT_ONCE] or steps
     tell("three steps", 0.0)
     estimates: dict[str, SliderEstimate] = {
@@ -106,7 +108,7 @@ def _fit(
     known = {} if rig.slider.mass is None else {"carriage_mass": rig.slider.mass}
     load = SliderJointModel("load", known)
     found = dict(zip(consistent.names, estimates["consistent"].values, strict=True))
-    start = np.array([found.get(n, LOAD_START) for n in load.names])
+    start = np.array([found.get(n, FIRST_LOAD_COEFFICIENT) for n in load.names])
     estimates["load"] = fit_coherent(load, steps, rail=rail, mass=mass, start=start)
     static = [m for m in fitted if m.protocol == "static"]
     tell("judging", 0.8)
@@ -175,7 +177,7 @@ def slider_verdicts(fit: SliderFit) -> tuple[Verdict, ...]:
     said.append(
         Verdict(
             "good" if error[best] <= 1.05 * error["dissociated"] else "note",
-            f"One coherent body with {METHODS[best].split(', ')[1]} errs by {error[best]:.4f} A with "
+            f"One coherent body with {SLIDER_METHODS[best].split(', ')[1]} errs by {error[best]:.4f} A with "
             f"{len(fit[best].values)} parameters, the dissociated model with {len(fit['dissociated'].values)}.",
         )
     )
@@ -211,11 +213,12 @@ def slider_verdicts(fit: SliderFit) -> tuple[Verdict, ...]:
 
 
 def travel_in_words(travel: Parameter | None) -> str:
-    """Over what way friction builds up, or why nobody knows."""
+    """Return sentences on the presliding travel, or on what to record to find it."""
     if travel is None:
         return (
             "Over what way friction builds up before the joint slips is not known, and no controller with dither is "
-            f'offered: record slow motions that turn round, of protocol = "{REVERSALS}" (at least {FEWEST} turns).'
+            f'offered: record slow motions that turn round, of protocol = "{REVERSALS_NAME}" (at least '
+            f"{MIN_TURN_COUNT} turns)."
         )
     low, high = (1e3 * max(x, 0.0) for x in travel.interval())
     if travel.at_bound:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..._errors import IdentificationError, PellucidError
-from ...fit.slider.three_steps import STEPS, require_both_directions, require_places
-from ...protocols.reversals import REVERSALS
+from ...fit.slider.three_steps import STEP_PROTOCOLS, require_both_directions, require_places
+from ...protocols.reversals import REVERSALS_NAME
 from ...recordings.fault import Fault
 from ...recordings.quality import inspect
 from ...recordings.recording import Recording
@@ -16,6 +16,7 @@ from ...recordings.study_file import StudyFile
 from ...signals.effort import drive_model
 from ...signals.markers import Geometry, geometry_faults, slider_geometry
 from ...signals.slider_motion import SliderMotion, slider_motions
+from ..dead_effort import dead_effort_faults
 
 
 @dataclass(frozen=True)
@@ -32,12 +33,15 @@ def slider_faults(study: Study) -> list[Fault]:
     faults = [fault for recording in study.recordings() for fault in inspect(recording, study)]
     if any(fault.severity == "refuse" for fault in faults):
         return faults
+    faults += dead_effort_faults(study)
+    if any(fault.severity == "refuse" for fault in faults):
+        return faults
     return faults + examine(study.config, study.recordings()).faults
 
 
 def of_body(recordings: Sequence[Recording]) -> list[Recording]:
     """Those that show the body; reversals show how its friction builds up, and nothing else."""
-    return [recording for recording in recordings if recording.protocol != REVERSALS]
+    return [recording for recording in recordings if recording.protocol != REVERSALS_NAME]
 
 
 def examine(config: StudyFile, recordings: Sequence[Recording]) -> Examined:
@@ -57,7 +61,7 @@ def examine(config: StudyFile, recordings: Sequence[Recording]) -> Examined:
     motions: tuple[SliderMotion, ...] = ()
     try:
         motions = slider_motions(recordings, config, geometry)
-        steps = [m for m in motions if m.split == "fitted" and m.protocol in STEPS]
+        steps = [m for m in motions if m.split == "fitted" and m.protocol in STEP_PROTOCOLS]
         require_both_directions(steps)
         require_places(steps)
         require_dissipation(steps)

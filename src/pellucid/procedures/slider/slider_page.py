@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...fit.slider.slider_fit import METHODS, SliderEstimate, SliderFit
-from ...models.joint import GRAVITY, INDEX
-from ...models.slider_joint import BODY
-from ...pages.drawing import Drawing, draw
+from ...drawing.drawing import Drawing, draw
+from ...fit.slider.slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit
+from ...models.joint import GRAVITY, PARAMETER_INDEX
+from ...models.slider_joint import BODY_UNITS
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import number, parameter_interval, parameter_note, prose, relative_sd, unit_text
 from ...pages.tables import Row, Table
@@ -151,8 +151,8 @@ def _angles(fit: SliderFit) -> np.ndarray:
 
 def _found(fit: SliderFit, level: float) -> Section:
     known = getattr(fit["load"].model, "known", {})
-    tables = [_parameters(fit["load"], level, f"{METHODS['load'].capitalize()}.", known)]
-    tables.append(_parameters(fit["dissociated"], level, f"{METHODS['dissociated'].capitalize()}."))
+    tables = [_parameters(fit["load"], level, f"{SLIDER_METHODS['load'].capitalize()}.", known)]
+    tables.append(_parameters(fit["dissociated"], level, f"{SLIDER_METHODS['dissociated'].capitalize()}."))
     if fit.static:
         rows = tuple(
             Row((_words(p.name), number(p.value, p.standard_error), unit_text(p.unit), parameter_interval(p, level)))
@@ -195,7 +195,8 @@ def _parameters(
         for p in estimate.parameters
     ]
     rows += [
-        Row((_words(n), number(v), unit_text(BODY.get(n, "1")), "–", "–", "weighed")) for n, v in (known or {}).items()
+        Row((_words(n), number(v), unit_text(BODY_UNITS.get(n, "1")), "–", "–", "weighed"))
+        for n, v in (known or {}).items()
     ]
     heads = ("Parameter", "Value", "Unit", f"{100.0 * level:.4g} % interval", "Relative SD (%)", "Notes")
     return Table(heads, tuple(rows), frozenset({1, 3, 4}), caption, True)
@@ -253,8 +254,8 @@ def _friction(fit: SliderFit, middle: float, angles: np.ndarray) -> Drawing:
     curves = {SHORT["dissociated"]: directional_friction(fit["dissociated"].model, np.array([middle]), angles)[0]}
     for method in ("consistent", "load"):
         vector = fit[method].model.vector(fit[method].values, middle)
-        dry = 0.5 * (vector[INDEX["coulomb_positive"]] + vector[INDEX["coulomb_negative"]])
-        share = 0.5 * (vector[INDEX["load_motoring"]] + vector[INDEX["load_generating"]])
+        dry = 0.5 * (vector[PARAMETER_INDEX["coulomb_positive"]] + vector[PARAMETER_INDEX["coulomb_negative"]])
+        share = 0.5 * (vector[PARAMETER_INDEX["load_motoring"]] + vector[PARAMETER_INDEX["load_generating"]])
         curves[SHORT[method]] = dry + share * np.abs(load)
     return draw(
         figures.friction_by_load, load, curves, roles=ROLES,
@@ -359,7 +360,7 @@ def _methods(fit: SliderFit, level: float) -> Section:
         rows.append(
             Row(
                 (
-                    METHODS[method],
+                    SLIDER_METHODS[method],
                     f"{len(estimate.values)}",
                     number(error, digits=3),
                     number(fit.gain * error, digits=3),
@@ -376,9 +377,9 @@ def _methods(fit: SliderFit, level: float) -> Section:
         "Samples",
     )  # fmt: skip
     caption = "Every way the joint was identified; errors are means over trials of the mean absolute error."
-    notes = [f"{METHODS[m]}: {note}." for m, e in fit.estimates.items() for note in e.notes]
+    notes = [f"{SLIDER_METHODS[m]}: {note}." for m, e in fit.estimates.items() for note in e.notes]
     others = tuple(
-        _parameters(fit[m], level, f"{METHODS[m].capitalize()}.", getattr(fit[m].model, "known", {}))
+        _parameters(fit[m], level, f"{SLIDER_METHODS[m].capitalize()}.", getattr(fit[m].model, "known", {}))
         for m in fit.estimates
         if m not in ("dissociated", "load")
     )

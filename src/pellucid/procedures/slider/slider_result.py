@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 
-from ...fit.slider.slider_fit import METHODS, SliderEstimate, SliderFit
+from ...fit.slider.slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit
 from ...models.slider_card import SliderCard
 from ...models.slider_joint import SliderJointModel
 from ...recordings.results import ResultRow, checksum_of_all
@@ -29,13 +29,13 @@ def slider_result(study: Study, fit: SliderFit) -> SliderResult:
     """A fit with its tables, rows and cards."""
     split = "held-out" if fit.evaluated_split == "heldout" else "fitted"
     errors = {name: fit.evaluated_error(name) for name in fit.estimates}
-    rows = tuple((METHODS[n], len(fit[n].values), e, e * fit.gain) for n, e in errors.items())
+    rows = tuple((SLIDER_METHODS[n], len(fit[n].values), e, e * fit.gain) for n, e in errors.items())
     return SliderResult(
         study=fit.study,
         headline=f"{len(fit.motions)} recordings; mean absolute error over {split} trials",
         tables=(
             FigureTable("Methods", ("method", "parameters", "error A", "error N·m"), rows),
-            *(ParameterTable(METHODS[name], fit[name].parameters) for name in SHOWN),
+            *(ParameterTable(SLIDER_METHODS[name], fit[name].parameters) for name in SHOWN),
         ),
         verdicts=fit.verdicts,
         rows=tuple(slider_rows(fit)),
@@ -53,7 +53,7 @@ def slider_card(study: Study, fit: SliderFit, estimate: SliderEstimate) -> Slide
     return SliderCard(
         study=fit.study,
         family=estimate.method,
-        method=METHODS[estimate.method],
+        method=SLIDER_METHODS[estimate.method],
         motion="rotary",
         effort_unit="N*m",
         lifts=fit.lifts,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...pages.drawing import Drawing, key, line, tidy
-from ...pages.style import FIGURE_WIDTH, colour
+from ...drawing.drawing import Drawing, key, line, tidy
+from ...drawing.style import FIGURE_WIDTH, colour
 from .find_synergies import GroupSynergies
 
 TONES = ("fitted", "heldout", "good", "load", "stribeck", "combined", "directional", "symmetric")

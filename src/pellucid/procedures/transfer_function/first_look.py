@@ -11,7 +11,7 @@ from ..._errors import IdentificationError, PellucidError
 from ...fit.parameter import Verdict
 from ...fit.transfer.best_linear_approximation import BestLinearApproximation, best_linear_approximation
 from ...fit.transfer.local_polynomial import LocalResponse, local_response
-from ...protocols.random_phase_multisine import NAME as PROTOCOL
+from ...protocols.random_phase_multisine import MULTISINE_NAME as PROTOCOL
 from ...recordings.recording import Recording
 from ...recordings.results import ResultRow
 from ..result import FigureTable

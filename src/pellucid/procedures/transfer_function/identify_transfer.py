@@ -10,7 +10,13 @@ import numpy as np
 
 from ..._errors import IdentificationError, PellucidError
 from ...fit.parameter import Verdict
-from ...fit.transfer.transfer_function_fit import SAMPLES_EACH, Response, TransferFit, evaluated, fit_records
+from ...fit.transfer.transfer_function_fit import (
+    MIN_SAMPLES_PER_UNKNOWN,
+    Response,
+    TransferFit,
+    evaluate_transfer_function,
+    fit_records,
+)
 from ...models.parameter_card import ParameterCard
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording
@@ -107,7 +113,9 @@ def identify_transfer(study: Study, on_progress: Progress | None = None) -> Tran
             joined = "+".join(group)
             if joined not in fits:
                 fits[joined] = fit(*(ready[n] for n in group))
-            heldout[recording.name] = evaluated(fits[joined].transfer_function, ready[recording.name], hold=asked.hold)
+            heldout[recording.name] = evaluate_transfer_function(
+                fits[joined].transfer_function, ready[recording.name], hold=asked.hold
+            )
         except PellucidError as error:
             refused[recording.name] = str(error)
     if not fits:
@@ -152,7 +160,7 @@ def faults(study: Study) -> list[Fault]:
         where = f"{file} (recording {recording.name})"
         for note in record.notes:
             found.append(Fault("note", "gap", file, "time", note, "a sample at every step", f"{where}: {note}"))
-        least = SAMPLES_EACH * (2 * asked.poles + asked.zeros + 1)
+        least = MIN_SAMPLES_PER_UNKNOWN * (2 * asked.poles + asked.zeros + 1)
         if len(record) < least:
             text, wanted = f"{len(record)} samples", f"at least {least}"
             message = f"{where}, channel {asked.output}: found {text}, expected {wanted}"
@@ -180,7 +188,7 @@ def _same(one: Recording, other: Recording) -> bool:
 def _last_part(record: InputOutput, fit: Callable[..., TransferFit], hold: str) -> Response:
     cut = round((1.0 - HELD_BACK) * len(record))
     found = fit(record.part(0, cut, "fitted"))
-    return evaluated(found.transfer_function, record.part(cut, len(record), "heldout"), hold=hold)
+    return evaluate_transfer_function(found.transfer_function, record.part(cut, len(record), "heldout"), hold=hold)
 
 
 # --- what is said ---------------------------------------------------------------------------------------------------

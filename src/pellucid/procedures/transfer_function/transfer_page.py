@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ...drawing.drawing import Drawing, draw
 from ...fit.transfer.transfer_function_fit import Response, TransferFit
-from ...pages.drawing import Drawing, draw
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import number, parameter_interval, prose, relative_sd, unit_text
 from ...pages.tables import Row, Table

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..._errors import IdentificationError
 from ...fit.parameter import Parameter
 from ...fit.tree.drive_gains import gains_from_desired, gains_from_payload
 from ...fit.tree.payload import identify_payload
@@ -28,17 +29,12 @@ def with_gains(
     study: Study, robot: Robot, motions: Sequence[TreeMotion]
 ) -> tuple[list[TreeMotion], tuple[Parameter, ...]]:
     """The motions with efforts by the gains that `[tree] gains` asks for, and these gains; none where they are
-    stated."""
+    stated. Only recordings that are fitted set gains."""
     table = study.config.tree
-    empty = [m for m in motions if m.payload is None and m.use == "fit"]
     if table.gains == "desired":
-        gains = gains_from_desired(robot, empty, width=table.velocity_width)
+        gains = gains_from_desired(robot, _empty(motions), width=table.velocity_width)
     elif table.gains == "payload":
-        names = dict.fromkeys(m.recording for m in motions if m.payload is not None)
-        loaded = [[m for m in motions if m.recording == name] for name in names]
-        masses = [each[0].payload.mass for each in loaded]
-        link = loaded[0][0].payload.link if loaded else None
-        gains = gains_from_payload(robot, _empty(motions), loaded, masses, width=table.velocity_width, link=link)
+        gains = _gains_from_payloads(robot, motions, _calibrating(study, motions), table.velocity_width)
     else:
         return list(motions), ()
     each = np.array([g.value for g in gains])
@@ -48,24 +44,65 @@ def with_gains(
 
 
 def carried_payloads(
-    robot: Robot, motions: Sequence[TreeMotion], best: TreeEstimate, gains: Sequence[Parameter]
+    study: Study, robot: Robot, motions: Sequence[TreeMotion], best: TreeEstimate, gains: Sequence[Parameter]
 ) -> tuple[FoundPayload, ...]:
-    """What hung on the robot in each recording with a payload, found with all recordings without one."""
+    """What hung on the robot in each recording with a payload, found with the fitted recordings without one.
+
+    A recording whose stated mass set the gains is weighed with gains from the other such recordings. If it is the only
+    one, its mass is marked as no test of the gains.
+    """
     made = []
     if not all(motions[0].gain_known):
         return ()  # what is in ampere weighs nothing
     # Speeds of Stribeck terms are searched for a robot without load; beside a load that term is too little to matter.
     families = tuple(tuple(term for term in family if term != "stribeck") for family in best.families)
-    for name in dict.fromkeys(m.recording for m in motions if m.payload is not None):
+    calibrating = _calibrating(study, motions)
+    for name in _with_payload(motions):
         loaded = [m for m in motions if m.recording == name]
         spec = loaded[0].payload
+        tests, own_gains = "gains", gains
+        if name in calibrating:
+            others = [other for other in calibrating if other != name]
+            tests = "gains of other payloads" if others else "nothing"
+            if others:
+                own_gains = _gains_from_payloads(robot, motions, others, best.velocity_width)
         found = identify_payload(
             robot, _empty(motions), loaded, families, width=best.velocity_width, link=spec.link,
-            gains=gains or None,
+            gains=own_gains or None,
         )  # fmt: skip
-        made.append(FoundPayload(name, found.mass, spec.mass, tuple(map(float, found.centre)), found.link))
+        made.append(FoundPayload(name, found.mass, spec.mass, tuple(map(float, found.centre)), found.link, tests))
     return tuple(made)
 
 
+def _calibrating(study: Study, motions: Sequence[TreeMotion]) -> list[str]:
+    """Recordings whose stated payloads set the gains: those that are fitted, where `[tree] gains` asks for payloads."""
+    if study.config.tree.gains != "payload":
+        return []
+    return _with_payload([m for m in motions if m.use == "fit"])
+
+
+def _gains_from_payloads(
+    robot: Robot, motions: Sequence[TreeMotion], names: Sequence[str], width: float
+) -> tuple[Parameter, ...]:
+    """Gains by the stated payloads of the recordings `names`; `width` of the smooth sign of friction [rad/s; m/s]."""
+    loaded = [[m for m in motions if m.recording == name] for name in names]
+    last = robot.tree.order[-1].child
+    links = list(dict.fromkeys(each[0].payload.link or last for each in loaded))
+    if len(links) > 1:
+        raise IdentificationError(
+            f'[tree] gains = "payload": found payloads on the links {" and ".join(links)}, expected those that are '
+            'fitted on one link; mark the recordings of the others use = "validate"'
+        )
+    masses = [each[0].payload.mass for each in loaded]
+    link = links[0] if links else None
+    return gains_from_payload(robot, _empty(motions), loaded, masses, width=width, link=link)
+
+
+def _with_payload(motions: Sequence[TreeMotion]) -> list[str]:
+    """Names of the recordings with a payload, each once."""
+    return list(dict.fromkeys(m.recording for m in motions if m.payload is not None))
+
+
 def _empty(motions: Sequence[TreeMotion]) -> list[TreeMotion]:
-    return [m for m in motions if m.payload is None]
+    """Motions of the robot without a payload that may be fitted."""
+    return [m for m in motions if m.payload is None and m.use == "fit"]

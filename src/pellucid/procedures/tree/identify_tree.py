@@ -64,7 +64,7 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
     errors += _of_bodies(found, bodies, judged) if bodies is not None else ()
     errors += _of_prior(models, fitted, judged)
     tell("payloads", 0.9)
-    payloads = carried_payloads(robot, motions, found.best, gains)
+    payloads = carried_payloads(study, robot, motions, found.best, gains)
     out = found.best_out
     result = TreeResult(
         study=study.name,

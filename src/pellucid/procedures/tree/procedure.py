@@ -18,6 +18,7 @@ class TreeProcedure(Procedure):
     """A robot of several joints, identified at once."""
 
     name, command = "tree", "identify"
+    uses_limits = True
     table = TreeTable
     faults = late("tree.tree_faults", "tree_faults")
     run = late("tree.identify_tree", "identify_tree")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
+from ...drawing.style import colour
 from ...models.kinematic_tree import Tree
 from ...pages.moving import Way, strokes
-from ...pages.style import colour
 
 FRAMES, LONGEST = 120, 20.0
 """Of the movement, and seconds of a recording that are shown."""

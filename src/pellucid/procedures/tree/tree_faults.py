@@ -10,10 +10,11 @@ import numpy as np
 from ..._errors import PellucidError
 from ...models.robot import Robot
 from ...recordings.fault import Fault
-from ...recordings.quality import inspect, jitter_fault
+from ...recordings.quality import clock_faults, inspect
 from ...recordings.study import Study
 from ...recordings.study_file import RigJoint
 from ...signals.tree_motion import TreeMotion
+from ..dead_effort import dead_effort_faults
 from ..joint.recorded_motions import left_out
 from .recorded_tree import file_of, frames_of, motions_of, position_channel, robot_of
 from .sign_search import GIVES, SURELY_GIVES, as_bodies_need, giving, turned_around
@@ -52,6 +53,9 @@ def tree_faults(study: Study) -> list[Fault]:
     faults += [fault for recording in study.recordings() for fault in inspect(recording, study)]
     if any(fault.severity == "refuse" for fault in faults):
         return faults
+    faults += dead_effort_faults(study)
+    if any(fault.severity == "refuse" for fault in faults):
+        return faults
     faults += left_out(study)
     try:
         motions = motions_of(study, robot)
@@ -65,9 +69,8 @@ def tree_faults(study: Study) -> list[Fault]:
 
 
 def evened(study: Study) -> list[Fault]:
-    """What was made of clocks that jitter."""
-    found = (jitter_fault(recording, study) for recording in study.recordings())
-    return [fault for fault in found if fault is not None]
+    """What was made of clocks that jitter, and of packets that were delivered twice."""
+    return [fault for recording in study.recordings() for fault in clock_faults(recording, study)]
 
 
 def _fault(severity: str, kind: str, file: str, channel: str, found: str, expected: str, message: str = "") -> Fault:
@@ -85,14 +88,15 @@ def _said(study: Study, robot: Robot) -> Iterator[Fault]:
         if link is not None and link not in links:
             found = f'[[recordings]] {entry.name}: a payload on the link "{link}"'
             yield _fault("refuse", "payload", "", "", found, f"one of {', '.join(sorted(links))}")
-    if not any(entry.use == "fit" for entry in entries):
-        yield _fault("refuse", "no_fit", "", "", 'no recording with use = "fit"', "at least one")
+    if not any(entry.use == "fit" and entry.payload is None for entry in entries):
+        found = 'no recording with use = "fit" and without a payload'
+        yield _fault("refuse", "no_fit", "", "", found, "at least one")
     urdf = file_of(study)
     if table.inertia_prior and urdf is not None and not urdf.has_bodies:
         found = f"[tree] inertia_prior = true and no link with a mass in {urdf.path.name}"
         yield _fault("refuse", "robot", "", "", found, "inertia_prior = false, or <inertial> of each link")
-    if table.gains == "payload" and not any(entry.payload is not None for entry in entries):
-        found = '[tree] gains = "payload" and no recording with a payload'
+    if table.gains == "payload" and not any(entry.payload is not None and entry.use == "fit" for entry in entries):
+        found = '[tree] gains = "payload" and no recording with a payload and use = "fit"'
         yield _fault("refuse", "gains", "", "", found, 'one, and the same motion without it, or gains = "stated"')
     if table.gains == "desired":
         wanted = [f"{head}.{name}" for head in ("desired_current", "desired_torque") for name in robot.names]
@@ -103,7 +107,8 @@ def _said(study: Study, robot: Robot) -> Iterator[Fault]:
 
 
 def _fitted(motions: Sequence[TreeMotion]) -> list[TreeMotion]:
-    return [motion for motion in motions if motion.use == "fit"]
+    """Motions of the robot without a payload that may be fitted."""
+    return [motion for motion in motions if motion.use == "fit" and motion.payload is None]
 
 
 def _files(study: Study) -> str:

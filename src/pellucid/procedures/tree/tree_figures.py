@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from ...pages.drawing import Drawing, Head, dots, heads, key, line, tidy
+from ...drawing.drawing import Drawing, Head, dots, heads, key, line, tidy
+from ...drawing.style import FIGURE_WIDTH, colour
 from ...pages.moving import MovingDrawing
 from ...pages.quantities import number, percent, unit_text
-from ...pages.style import FIGURE_WIDTH, colour
 from .stick_figures import stick_figure
 from .tree_result import MODELS, TreeResult, TreeTrace
 

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ...drawing.drawing import draw
 from ...fit.parameter import Parameter
 from ...fit.tree.friction_terms import friction
 from ...fit.tree.tree_verdicts import state_of
-from ...pages.drawing import draw
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import label, number, parameter_interval, percent, prose, relative_sd, unit_text
 from ...pages.tables import Row, Table, number_table
@@ -133,6 +133,7 @@ def _tiles(found: TreeResult) -> list[Tile]:
         )
     for p in [p for p in found.payloads if not p.mass.refused][:1]:
         known = "" if p.known is None else f"{number(p.known)} kg in truth"
+        known = "set the gains, no test" if p.tests == "nothing" else known
         tiles.append(Tile("Payload", number(p.mass.value, p.mass.standard_error), "kg", known))
     return tiles
 

@@ -40,6 +40,13 @@ JUDGED: Mapping[str, str] = {
 }
 """What errors are of."""
 
+PAYLOAD_NOTES: Mapping[str, str] = {
+    "gains": "",
+    "gains of other payloads": "; with gains from the other payloads",
+    "nothing": "; it set the gains of the drives, and is no test of them",
+}
+"""What rows add about a payload's mass, by what it tests."""
+
 PLAIN = ("viscous", "coulomb", "offset", "motor_viscous", "motor_coulomb")
 """Friction terms that every joint has, or every motor that joints share."""
 
@@ -91,11 +98,13 @@ class FoundPayload:
     known: float | None = None  # kg
     centre: tuple[float, ...] = ()  # In the link's frame [m]; NaN where the motion does not tell
     link: str = ""
+    # What the mass tests: the gains; where the stated mass set them, gains from the other payloads, or nothing
+    tests: Literal["gains", "gains of other payloads", "nothing"] = "gains"
 
     @property
     def error(self) -> float:
-        """Of the mass [%]; NaN where it is not known."""
-        unknown = self.known is None or bool(self.mass.refused)
+        """Error of the mass [%]; NaN where the mass is not known, or set the gains that it was found with."""
+        unknown = self.known is None or bool(self.mass.refused) or self.tests == "nothing"
         return float("nan") if unknown else 100.0 * abs(self.mass.value - self.known) / self.known
 
 
@@ -348,9 +357,11 @@ def tree_rows_of(found: TreeResult) -> Iterator[ResultRow]:
         yield replace(plain, id=f"{found.study}.interval.jackknife_over_textbook", value=book, note=note)
     for p in found.payloads:
         known = f"; known: {p.known:g} kg" if p.known is not None else ""
+        known += PAYLOAD_NOTES[p.tests]
         first = f"{found.study}.payload" if len(found.payloads) == 1 else f"{found.study}.payload.{p.recording}"
-        yield replace(kept, id=f"{first}.mass", value=p.mass.value, unit="kg", note=f"{p.mass.sentence()}{known}")
-        if p.known is not None:
+        of = plain if p.tests == "nothing" else kept
+        yield replace(of, id=f"{first}.mass", value=p.mass.value, unit="kg", note=f"{p.mass.sentence()}{known}")
+        if p.known is not None and p.tests != "nothing":
             yield replace(kept, id=f"{first}.mass_error", value=p.error, unit="%", note=f"{p.recording}{known}")
     for name, model in found.models.items():
         for p in model.parameters.values():

@@ -51,7 +51,7 @@ class TreeTable(ProcedureTable):
         Whether the bodies that the robot's file states are a prior of the consistent ones.
     gains : str
         Where the drives' gains come from: as ``"stated"`` in ``[[rig.joints]]``, from the controller's ``"desired"``
-        torque and current, or from recordings with and without a known ``"payload"``.
+        torque and current, or from fitted recordings with and without a known ``"payload"``.
     confidence : float
         Of the intervals, in (0, 1).
     published : dict[str, dict[str, float]]

@@ -12,9 +12,17 @@ import numpy as np
 
 from ..._errors import RecordingError
 from ..._given import seen
-from ...models.coordinate_function import Chords, Constant, CoordinateFunction, Linear, Polynomial, Scaled, Spline
+from ...models.coordinate_function import (
+    Constant,
+    CoordinateFunction,
+    Linear,
+    PiecewiseLinear,
+    Polynomial,
+    ScaledFunction,
+    Spline,
+)
 from ...models.muscle_path import MusclePath, PathPoint, PathSurface
-from ...models.skeleton import GROUND, Axis, Coordinate, Coupling, Skeleton, SkeletonJoint, frame
+from ...models.skeleton import GROUND_BODY, Axis, Coordinate, Coupling, Skeleton, SkeletonJoint, frame
 from ...models.wrapping import METHODS, Cylinder, Ellipsoid, Side, Sphere, Surface
 from ._xml import read_xml
 
@@ -71,7 +79,7 @@ class _Reading:
         self.path, self.version = path, version
         self.root = model
         self.coordinates: dict[str, Coordinate] = {}
-        self.frames: dict[str, tuple[str, np.ndarray]] = {GROUND: (GROUND, np.eye(4))}
+        self.frames: dict[str, tuple[str, np.ndarray]] = {GROUND_BODY: (GROUND_BODY, np.eye(4))}
 
     def model(self) -> MuscleModel:
         bodies = [b for b in self.root.iter("Body") if b.get("name")]
@@ -270,7 +278,7 @@ class _Reading:
     def _axis(self, element: Element, where: str) -> Axis | None:
         function = self._function_in(element, where)
         names = tuple(self._said(element, "coordinates").split())
-        while isinstance(function, Scaled) and isinstance(function.function, Constant):
+        while isinstance(function, ScaledFunction) and isinstance(function.function, Constant):
             function = Constant(function.factor * function.function.value)
         if function is None or (isinstance(function, Constant) and function.value == 0.0):
             return None
@@ -316,13 +324,13 @@ class _Reading:
         inner = self._function_in(element, where)
         if inner is None:
             self._refuse(where, "a MultiplierFunction of nothing", "a <function> in it")
-        return Scaled(inner, self._number(element, "scale", where, 1.0))
+        return ScaledFunction(inner, self._number(element, "scale", where, 1.0))
 
     def _points(self, element: Element, where: str) -> CoordinateFunction:
         x, y = (self._numbers(element.find(tag), f"{where}, <{tag}>") for tag in ("x", "y"))
         if len(x) != len(y) or len(x) < 2 or np.any(np.diff(x) <= 0.0):
             self._refuse(where, f"{len(x)} <x> and {len(y)} <y>", "two or more points whose <x> grow")
-        kind = Chords if element.tag == "PiecewiseLinearFunction" else Spline
+        kind = PiecewiseLinear if element.tag == "PiecewiseLinearFunction" else Spline
         return kind(tuple(map(float, x)), tuple(map(float, y)))
 
     def _couplings(self) -> dict[str, Coupling]:
@@ -342,7 +350,9 @@ class _Reading:
             holder = element.find("coupled_coordinates_function")
             if holder is None or not len(holder):
                 self._refuse(where, "no function", "a <coupled_coordinates_function>")
-            function = Scaled(self._function(holder[0], where), self._number(element, "scale_factor", where, 1.0))
+            function = ScaledFunction(
+                self._function(holder[0], where), self._number(element, "scale_factor", where, 1.0)
+            )
             found[dependent] = Coupling(dependent, independent, function)
         return found
 
@@ -351,7 +361,7 @@ class _Reading:
     def _surfaces(self, bodies: Sequence[Element]) -> dict[str, tuple[str, np.ndarray, Surface | str]]:
         found = {}
         grounds = list(self.root.iter("Ground"))
-        holders = [(b.get("name"), b, np.eye(4)) for b in bodies] + [(GROUND, g, np.eye(4)) for g in grounds]
+        holders = [(b.get("name"), b, np.eye(4)) for b in bodies] + [(GROUND_BODY, g, np.eye(4)) for g in grounds]
         offsets = {id(f): f for f in self.root.iter("PhysicalOffsetFrame") if f.find("WrapObjectSet") is not None}
         for element in offsets.values():
             body, base = self.frames[element.get("name")]
@@ -453,7 +463,7 @@ class _Reading:
 
     def _require_known(self, muscle: MusclePath, skeleton: Skeleton) -> None:
         for body in muscle.bodies:
-            if body != GROUND and body not in skeleton.joints:
+            if body != GROUND_BODY and body not in skeleton.joints:
                 self._refuse(f"muscle {muscle.muscle}", f"the body {seen(body)} without a joint", "one that is joined")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -14,7 +15,8 @@ import numpy as np
 
 from ..._errors import IdentificationError, RecordingError
 from ...models.kinematic_tree import GRAVITY, Link, Tree, TreeJoint
-from ...models.welded import Pose, held, welded
+from ...models.robot import Robot
+from ...models.welded import Pose, hold_joint, weld_fixed_joints
 from ._xml import read_xml
 
 if TYPE_CHECKING:
@@ -97,8 +99,8 @@ class Urdf:
                     f"{self.path.name}: joint {name!r}: found that it follows {mimic.joint!r}, expected joints with a "
                     f'coordinate of their own; hold it: [tree] held = {{ {name} = "0 rad" }}, or both'
                 )
-        joints = [held(j, holding[j.name]) if j.name in holding else j for j in self.joints]
-        kept, links, on = welded(joints, self.links, self.path.name)
+        joints = [hold_joint(j, holding[j.name]) if j.name in holding else j for j in self.joints]
+        kept, links, on = weld_fixed_joints(joints, self.links, self.path.name)
         if not self.has_bodies:
             links = [replace(STAND_IN, name=link.name) for link in links]
         return Tree(kept, links, gravity, self.path.name), on
@@ -141,6 +143,37 @@ def read_urdf(path: Path) -> Urdf:
     made = Urdf(path, name, tuple(joints), tuple(links), limits, mimics, ())
     _require_metres(made)
     return replace(made, notes=tuple(_crude(made)))
+
+
+def read_robot(path: str | os.PathLike, *, held: Mapping[str, float] | None = None) -> Robot:
+    """Read a robot's kinematics, limits and stated bodies from a URDF file.
+
+    Parameters
+    ----------
+    path : path-like
+        The URDF file; xacro has to be expanded before.
+    held : mapping of str to float, optional
+        Joints that do not move, with their coordinates [rad or m].
+
+    Returns
+    -------
+    Robot
+        For `pellucid.fit_robot`; ``robot.names`` are its moving joints.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read as a robot; the message names the joint or link.
+    IdentificationError
+        If a joint to hold does not exist, or a joint follows another one.
+
+    Examples
+    --------
+    >>> import pellucid as pl
+    >>> robot = pl.read_robot("arm.urdf")                                    # doctest: +SKIP
+    >>> robot.names                                                          # doctest: +SKIP
+    """
+    return Robot(read_urdf(Path(path)).tree(held)[0])
 
 
 def _joint(path: Path, element: Element, links: set[str]) -> TreeJoint:

@@ -2,13 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+from scipy.special import ndtri
 
 from ....fit.block_test import LEVEL
+from ....fit.joint.joint_estimate import JointEstimate
 from ....fit.parameter import Verdict
 from ..joint_case import JointCase
+
+SPLIT = (("_positive", "_negative", ""), ("_motoring", "_generating", "_friction"))
+"""Endings of two terms that a simpler family has as one, and the ending of that one."""
+
+
+def added_terms(estimate: JointEstimate, simpler: Sequence[str], level: float) -> dict[str, bool]:
+    """Terms of an estimate that a simpler family, with the parameters `simpler`, lacks, and whether each is told: its
+    interval at `level` leaves 0 out. Of a term that the simpler family has for both directions at once, it is the
+    difference between the directions that is added."""
+    names, added = [p.name for p in estimate.parameters], {}
+    times = float(ndtri(0.5 + 0.5 * level))
+    for i, parameter in enumerate(estimate.parameters):
+        name = parameter.name
+        if name in simpler:
+            continue
+        for one, other, both in SPLIT:
+            stem = name.removesuffix(one).removesuffix(other)
+            if stem == name or f"{stem}{both}" not in simpler or f"{stem}{other}" not in names:
+                continue
+            if name.endswith(one):
+                k = names.index(f"{stem}{other}")
+                variance = estimate.covariance[i, i] + estimate.covariance[k, k] - 2.0 * estimate.covariance[i, k]
+                apart = abs(parameter.value - estimate.parameters[k].value)
+                label = f"the difference of {stem.replace('_', ' ')} between {one[1:]} and {other[1:]}"
+                added[label] = bool(apart > times * np.sqrt(max(variance, 0.0)))
+            break
+        else:
+            low, high = parameter.interval(level)
+            told = parameter.identifiable and not parameter.at_bound and not low <= 0.0 <= high
+            added[name.replace("_", " ")] = bool(told)
+    return added
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
@@ -23,11 +56,21 @@ def find(case: JointCase) -> Iterator[Verdict]:
     if simpler:
         nearest = min(simpler, key=found.errors.__getitem__)
         gain = 100.0 * (1.0 - found.errors[best] / found.errors[nearest])
-        yield Verdict(
-            "good",
-            f"The '{best}' family is {gain:.2g} % better {where} than '{nearest}', and every simpler family is "
-            f"significantly worse than the best (p < {LEVEL:g}, paired test over {found.blocks} or more blocks).",
-        )
+        better = f"The '{best}' family is {gain:.2g} % better {where} than '{nearest}'"
+        added = added_terms(case.fit.headline.estimate, case.fits[nearest].model.names, case.level)
+        open_ones = [name for name, told in added.items() if not told]
+        if added and len(open_ones) == len(added):
+            yield Verdict(
+                "note",
+                f"{better}, but these recordings do not identify what it adds to '{nearest}' "
+                f"({', '.join(open_ones)}): the better prediction is no evidence of that friction.",
+            )
+            return
+        text = f"{better}, and every simpler family is significantly worse than the best (p < {LEVEL:g}, paired test "
+        text += f"over {found.blocks} or more blocks)."
+        if open_ones:
+            text += f" Of what it adds, {', '.join(open_ones)} is not identifiable and did not decide it."
+        yield Verdict("good", text)
     elif found.winner != best:
         gain = 100.0 * (1.0 - found.errors[found.winner] / found.errors[best])
         yield Verdict(

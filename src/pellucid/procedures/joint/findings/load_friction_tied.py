@@ -1,4 +1,4 @@
-"""Load friction without a known load."""
+"""Load friction that one coefficient stands for: why both directions of power cannot be told apart."""
 
 from __future__ import annotations
 
@@ -7,12 +7,39 @@ from collections.abc import Iterator
 from ....fit.parameter import Verdict
 from ..joint_case import JointCase
 
+TIED = (
+    "motoring and generating load friction cannot be told apart from the load itself: one coefficient stands for both, "
+    "and the intervals of inertia and gravity leave room for either."
+)
+
+REASONS = {
+    "no known load": ("Without a known load,", ""),
+    "held out": (
+        "Only held-out recordings carry a known load, so that",
+        'Mark a recording with a payload use = "fit".',
+    ),
+    "unknown drive": (
+        "The drive's constant is not stated. Even with known payloads,",
+        "State the drive's constant: the payloads then tell both.",
+    ),
+    "same payload": (
+        "All fitted recordings carry the same known load, so that",
+        "Record without the payload too, or with another one.",
+    ),
+    "small payload": (
+        "The known payloads change the load too little:",
+        "Record with a heavier payload, or fix it farther from the axis.",
+    ),
+}
+"""Beginning of the sentence and what to do about it, by why one coefficient stands for both."""
+
 
 def find(case: JointCase) -> Iterator[Verdict]:
-    """That one coefficient stands for two."""
-    if "load_friction" in case.fit.model.names:
-        yield Verdict(
-            "note",
-            "Without a known load, motoring and generating load friction cannot be told apart from the load itself: "
-            "one coefficient stands for both, and the intervals of inertia and gravity leave room for either.",
-        )
+    """That one coefficient stands for two, and why."""
+    if "load_friction" not in case.fit.model.names:
+        return
+    why = case.shares.why
+    if why == "no known load" and any(mass for mass, _ in (motion.payload for motion in case.motions)):
+        why = "held out"
+    begins, do = REASONS[why]
+    yield Verdict("note", f"{begins} {TIED}", do)

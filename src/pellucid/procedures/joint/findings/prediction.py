@@ -10,6 +10,7 @@ from ..joint_case import JointCase
 
 FAILED = 0.5  # R2 below which a model does not explain the effort
 SOUND = 0.8  # R2 above which it does
+MAX_GOOD_ERROR = 20.0  # held-out error [% of the RMS effort] up to which a prediction is called good
 FEW = 20.0  # independent samples
 
 
@@ -43,11 +44,13 @@ def find(case: JointCase) -> Iterator[Verdict]:
             weight=9.0,
         )
         return
-    few = count < FEW
+    few, large = count < FEW, fit.heldout_effort_error > MAX_GOOD_ERROR
+    good = fit.heldout_r2 > SOUND and fit.fitted_r2 > FAILED and not large
+    do = f"More than {MAX_GOOD_ERROR:g} % is no good prediction: look for what the model misses." if large else ""
     yield Verdict(
-        "good" if fit.heldout_r2 > SOUND and fit.fitted_r2 > FAILED and not few else "note" if few else "warning",
+        "warning" if large else "note" if few else "good" if good else "warning",
         f"The '{case.best}' family predicts effort it has never seen with {error}; on the fitted recordings "
         f"{fit.fitted_effort_error:.2g} %.",
-        "So few say little: hold out more." if few else "",
+        f"{do} {'So few samples say little: hold out more.' * few}".strip(),
         weight=1.0,
     )

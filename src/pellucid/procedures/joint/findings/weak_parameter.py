@@ -30,6 +30,8 @@ RECORD = {
     "gravity_cosine": "Record over a wider range of angles.",
     "viscous": "Record at several speeds, up to fast ones.",
     "square_root": "Record at several speeds, from slow to fast ones.",
+    "stribeck": "Record slow reversals, so that the joint is often just above zero speed.",
+    "load": "Record with and without a known mass attached, or over a wider range of angles.",
     "coulomb": "Record slow motions as well as fast ones, in both directions.",
     "offset": "Record both directions over the same positions.",
 }
@@ -74,8 +76,13 @@ def find(case: JointCase) -> Iterator[Verdict]:
                 "warning",
                 f"{name} is not identifiable from these recordings: {why} (interval {low:.3g} to {high:.3g} "
                 f"{parameter.unit}).",
-                "" if "drowns" in why else RECORD.get(parameter.name.partition("_")[0], ""),
+                "" if "drowns" in why else advice(parameter.name),
             )
+
+
+def advice(name: str) -> str:
+    """Return what to record so that a parameter shows; one of a direction falls back on its kind."""
+    return RECORD.get(name, RECORD.get(name.partition("_")[0], ""))
 
 
 def _rival(estimate: JointEstimate, name: str) -> str | None:

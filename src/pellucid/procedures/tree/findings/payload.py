@@ -16,10 +16,18 @@ def find(case: TreeResult) -> Iterator[Verdict]:
             do = "Move the link that carries it in more directions."
             yield Verdict("note", f"The mass of the payload of {p.recording} is not told by its motion.", do)
             continue
+        if p.tests == "nothing":
+            yield Verdict(
+                "note",
+                f"The payload of {p.recording} set the gains of the drives, so that it cannot test them.",
+                'Record another known payload with use = "validate": its mass is then predicted.',
+            )
+            continue
         text = f"The payload of {p.recording} comes out as {p.mass.value:.4g} kg"
         if p.known is None:
             yield Verdict("note", f"{text}.")
             continue
+        text += ", by gains from the other payloads" if p.tests == "gains of other payloads" else ""
         text += f", {p.error:.2g} % from the {p.known:.4g} kg that were stated."
         do = "" if p.error <= NEAR else "Check the gains of the drives: [tree] gains says where they come from."
         yield Verdict("good" if p.error <= NEAR else "warning", text, do, weight=p.error)

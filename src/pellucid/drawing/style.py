@@ -29,6 +29,7 @@ COLOURS: Mapping[str, tuple[str, str]] = MappingProxyType(
         "load": ("#7848a8", "#b894e6"),
         "stribeck": ("#b23a6b", "#ee8fb4"),
         "combined": ("#8a6a00", "#d9b93f"),
+        "root": ("#3f5f9f", "#8fa9e0"),
     }
 )
 

@@ -23,7 +23,7 @@ from matplotlib.path import Path as Outline
 from matplotlib.ticker import MaxNLocator
 
 from .._atomic import write_bytes_atomically, write_text_atomically
-from .series import broken, outline
+from .line_points import broken, outline
 from .style import COLOURS, FIGURE_WIDTH, RC, SANS, colour
 
 DOT_POINTS = 1400

@@ -1,0 +1,57 @@
+"""Run the benchmarks or proofs of a folder one after another; one that fails does not stop the others.
+
+A benchmark or proof is a file whose name begins with a letter; a file whose name begins with an underscore is what
+several of them share. A file that needs a data set which is not on this machine is left out by name.
+"""
+
+from __future__ import annotations
+
+import argparse
+import traceback
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from ._size import choose_smallest
+
+
+def names_in(folder: Path) -> list[str]:
+    """Return the names of the benchmarks or proofs of a folder, in order."""
+    return sorted(path.stem for path in folder.glob("*.py") if path.stem[0].isalpha())
+
+
+def read_arguments(
+    program: str, names: list[str], out: str, arguments: list[str] | None = None
+) -> tuple[list[str], Path]:
+    """Return the names that were asked for, or every name, and the file for the figures; choose the size."""
+    parser = argparse.ArgumentParser(prog=f"python -m {program}", description=f"Files of {program}: {', '.join(names)}")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="what to run; everything if none is named")
+    parser.add_argument("--out", type=Path, default=Path(out), help=f"where the figures are written; {out} by default")
+    parser.add_argument(
+        "--smallest", action="store_true", help="run at the smallest size, which shows only that everything runs"
+    )
+    asked = parser.parse_args(arguments)
+    files = [name for name in asked.names if name.endswith(".json")]
+    unknown = sorted(set(asked.names) - set(names) - set(files))
+    if unknown or len(files) > 1:
+        parser.error(f"found {', '.join(unknown or files)}, expected some of {', '.join(names)}")
+    if asked.smallest:
+        choose_smallest()
+    return [name for name in asked.names if name not in files] or names, Path(files[0]) if files else asked.out
+
+
+def run_all(package: str, names: list[str], rows_of: Callable[[Any], Any]) -> tuple[list, list[str]]:
+    """Return the rows of every named module of a package, and the names of those that failed."""
+    from pellucid._errors import DatasetError
+
+    rows, failed = [], []
+    for name in names:
+        try:
+            rows += list(rows_of(import_module(f"{package}.{name}")))
+        except DatasetError as error:
+            print(f"{name}: not measured: {error}", flush=True)
+        except Exception:
+            traceback.print_exc()
+            failed.append(name)
+    return rows, failed

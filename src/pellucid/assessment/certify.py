@@ -1,0 +1,90 @@
+"""A certificate of transparency from arrays of participants' values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._errors import PellucidError
+from .certificate import Certificate, certificate
+from .equivalence import Margin, Method
+
+
+def certify(
+    values: Mapping[str, tuple[ArrayLike, ArrayLike]],
+    margins: Mapping[str, float | tuple[float, float]],
+    *,
+    relative: bool = True,
+    alpha: float = 0.05,
+    method: Method = "signed_rank",
+) -> Certificate:
+    """Test whether a robot changes its wearers' movements by less than margins that were stated beforehand.
+
+    The null hypothesis is that at least one index changes by its margin or more (two one-sided tests for each index,
+    joined by the intersection-union principle). The signed-rank test is about the pseudo-median of the changes; for
+    skewed changes the mean may lie beyond a margin although the pseudo-median does not.
+
+    Parameters
+    ----------
+    values : mapping of str to tuple of array_like, shape (n,)
+        For each index the participants' values without and with the robot, in the same order.
+    margins : mapping of str to float or tuple of float
+        For each index the largest change that does not matter: a share such as 0.1, up or down by as large a factor,
+        or the lowest and highest change in the index's unit (with ``relative=False``).
+    relative : bool
+        Whether changes are ratios, with the robot over without; otherwise differences.
+    alpha : float
+        Probability of a false "transparent", for changes that meet the test's assumptions.
+    method : {"signed_rank", "t", "bootstrap"}
+        The one-sided tests.
+
+    Returns
+    -------
+    Certificate
+        ``.verdict`` is "transparent", "not transparent" or "cannot say".
+
+    Raises
+    ------
+    PellucidError
+        If shapes differ, a value is missing, or ratios are asked for of values that are not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pellucid as pl
+    >>> rng = np.random.default_rng(0)
+    >>> free = rng.normal(1.0, 0.1, 12)
+    >>> worn = free * np.exp(rng.normal(0.0, 0.03, 12))
+    >>> pl.certify({"duration": (free, worn)}, {"duration": 0.10}).verdict
+    'transparent'
+    """
+    changes, limits = {}, {}
+    for name, margin in margins.items():
+        if name not in values:
+            raise PellucidError(
+                f"certify: found values of {', '.join(values) or 'nothing'}, expected those of {name} too"
+            )
+        free, worn = (np.asarray(x, float) for x in values[name])
+        if free.shape != worn.shape or free.ndim != 1:
+            raise PellucidError(f"certify, {name}: found shapes {free.shape} and {worn.shape}, expected both (n,)")
+        if not (np.isfinite(free).all() and np.isfinite(worn).all()):
+            raise PellucidError(f"certify, {name}: found missing values (NaN), expected one of each participant")
+        if relative and (np.min(free) <= 0.0 or np.min(worn) <= 0.0):
+            raise PellucidError(
+                f"certify, {name}: found values of 0 or less, expected positive ones for ratios; "
+                "relative=False compares differences"
+            )
+        changes[name] = np.log(worn / free) if relative else worn - free
+        limits[name] = _margin(name, margin, relative)
+    return certificate(changes, limits, alpha=alpha, method=method)
+
+
+def _margin(name: str, margin: float | tuple[float, float], relative: bool) -> Margin:
+    if isinstance(margin, (int, float)):
+        if not margin > 0.0:
+            raise PellucidError(f"certify, {name}: found the margin {margin:g}, expected one above 0")
+        return Margin.of_ratio(float(margin)) if relative else Margin.either_way(float(margin))
+    low, high = (float(end) for end in margin)
+    return Margin(float(np.log1p(low)), float(np.log1p(high))) if relative else Margin(low, high)

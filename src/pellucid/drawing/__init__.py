@@ -1,0 +1,1 @@
+"""Drawing: colours, sizes and shapes that every figure shares."""

@@ -1,0 +1,165 @@
+"""Hill-type muscles calibrated from arrays of envelopes, angles and torque."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._errors import IdentificationError
+from ..fit.estimates import Estimates
+from ..fit.muscles.muscle_information import muscle_parameters, reported_covariance
+from ..models.muscle_geometry import muscle_table
+from .hill import HillMap, fit_hill
+from .muscle_source import FIBRE_DAMPING, MuscleSource
+from .torque_trial import TorqueTrial
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class CalibratedTorque(Estimates):
+    """Calibrated muscles: a mapping from parameter to estimate, and a predictor of the joint's torque.
+
+    Attributes
+    ----------
+    muscles : HillMap
+        The calibrated muscles and how they were chosen.
+    joint : str
+        Name of the joint.
+    """
+
+    muscles: HillMap = field(repr=False)
+    source: MuscleSource = field(repr=False)
+    joint: str
+
+    def predict(
+        self, time: ArrayLike, envelopes: Mapping[str, ArrayLike], angles: Mapping[str, ArrayLike]
+    ) -> np.ndarray:
+        """Predict the joint's torque.
+
+        Parameters
+        ----------
+        time : array_like, shape (n,)
+            Evenly sampled [s].
+        envelopes : mapping of str to array_like, shape (n,)
+            Envelopes by muscle, normalised as in the calibration.
+        angles : mapping of str to array_like, shape (n,)
+            Joint angles [rad].
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Torque [N m].
+
+        Raises
+        ------
+        RecordingError
+            If shapes differ or a sample is missing.
+        """
+        zero = np.zeros(np.shape(time))
+        return self.muscles.predict(_trial("prediction", self.joint, time, envelopes, angles, zero, "", self.source))
+
+
+def calibrate_muscles(
+    time: ArrayLike,
+    envelopes: Mapping[str, ArrayLike],
+    angles: Mapping[str, ArrayLike],
+    torque: ArrayLike,
+    *,
+    joint: str | None = None,
+    muscles: MuscleSource | None = None,
+    groups: ArrayLike | None = None,
+    causal: bool = False,
+) -> CalibratedTorque:
+    """Calibrate Hill-type muscles so that they explain a measured joint torque.
+
+    Bounded least squares over strength, fibre and tendon lengths, activation dynamics, delay and passive tissue, with
+    an anatomical prior. Cross-validation within the given samples chooses the prior's weight.
+
+    Parameters
+    ----------
+    time : array_like, shape (n,)
+        Time [s], evenly sampled within a group.
+    envelopes : mapping of str to array_like, shape (n,)
+        EMG envelopes by muscle, relative to a maximal contraction [1]; names as in the leg model, such as
+        ``"vastus_lateralis"`` or ``"biceps_femoris_long"``.
+    angles : mapping of str to array_like, shape (n,)
+        Joint angles [rad], that of `joint` among them. The knee's angle grows with extension.
+    torque : array_like, shape (n,)
+        Measured torque of the joint [N m], positive along its angle.
+    joint : str, optional
+        Name of the joint; the first of `angles` by default.
+    muscles : MuscleSource, optional
+        Constants and paths of the muscles; those of a leg model (gait2392) by default.
+    groups : array_like, shape (n,), optional
+        Trial or repetition of each sample; cross-validation leaves out whole groups.
+    causal : bool
+        Whether angles are filtered from past samples only.
+
+    Returns
+    -------
+    CalibratedTorque
+        Parameters by name with standard errors, and `predict`.
+
+    Raises
+    ------
+    IdentificationError
+        If no muscle across the joint has an envelope, or the torque is constant.
+    RecordingError
+        If shapes differ or a sample is missing.
+
+    Examples
+    --------
+    >>> envelopes = {"vastus_lateralis": extensor, "semitendinosus": flexor}            # doctest: +SKIP
+    >>> fit = pl.calibrate_muscles(t, envelopes, {"knee": angle}, torque)                # doctest: +SKIP
+    >>> fit["strength.vastus_lateralis"].value                                          # doctest: +SKIP
+    """
+    if not angles:
+        raise IdentificationError("calibrate_muscles: found no angle, expected the joint's own")
+    name = next(iter(angles)) if joint is None else joint
+    source = muscles
+    if source is None:
+        source = MuscleSource({n: replace(m, damping=FIBRE_DAMPING) for n, m in muscle_table().constants.items()})
+    t = np.asarray(time, float)
+    parts = [np.arange(len(t))]
+    if groups is not None:
+        each = np.asarray(groups)
+        if each.shape != t.shape:
+            raise IdentificationError(f"calibrate_muscles: found groups of shape {each.shape}, expected {t.shape}")
+        parts = np.split(np.arange(len(t)), np.flatnonzero(each[1:] != each[:-1]) + 1)
+    trials = [
+        _trial(
+            f"rows {rows[0]} to {rows[-1]}",
+            name,
+            t[rows],
+            {m: np.asarray(x, float)[rows] for m, x in envelopes.items()},
+            {j: np.asarray(x, float)[rows] for j, x in angles.items()},
+            np.asarray(torque, float)[rows],
+            "" if groups is None else str(np.asarray(groups)[rows[0]]),
+            source,
+        )
+        for rows in parts
+    ]
+    found = fit_hill(trials, causal=causal)
+    return CalibratedTorque(
+        parameters=muscle_parameters(found.fit),
+        covariance=reported_covariance(found.fit),
+        title=f"Calibrated muscles of the {name}",
+        muscles=found,
+        source=source,
+        joint=name,
+    )
+
+
+def _trial(name, joint, time, envelopes, angles, torque, group, source) -> TorqueTrial:
+    return TorqueTrial(
+        name=name,
+        joint=joint,
+        time=np.asarray(time, float),
+        envelopes={m: np.asarray(x, float) for m, x in envelopes.items()},
+        angles={j: np.asarray(x, float) for j, x in angles.items()},
+        torque=np.asarray(torque, float),
+        group=group,
+        muscles=source,
+    )

@@ -1,0 +1,132 @@
+"""What a model card was made from, and whether a study still is that: a stale card is not used as a fresh one."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol, TypeVar
+
+from .._errors import PellucidError
+from ..recordings.study import STUDY_FILE, checksum
+
+if TYPE_CHECKING:
+    from ..recordings.study import Study
+    from .procedure import Procedure
+
+PROCEDURE_KEY = "procedure"
+"""Key of a card's sources that names the procedure which made it; every other key names a table or a file."""
+
+UNUSED_TABLES = frozenset({"name", "citation", "notes"})
+"""Parts of study.toml that no identification looks at."""
+
+
+class CardWithSources(Protocol):
+    """What every kind of card has."""
+
+    study: str
+    checksums: Mapping[str, str]
+    made_from: Mapping[str, str]
+
+
+Made = TypeVar("Made", bound=CardWithSources)
+
+
+def card_sources(study: Study, procedure: Procedure) -> dict[str, str]:
+    """Return checksums of all that a card of `procedure` is made from: tables of study.toml as they were understood,
+    recordings, and other cards; by what they are called in messages.
+
+    Tables of other commands' procedures are left out, and the limits of a joint where the procedure does not use them:
+    a controller's limits may be set after its model was identified.
+    """
+    from .registry import PROCEDURES
+
+    others = {each.name for each in PROCEDURES if each.table is not None and each.command != procedure.command}
+    used = study.config.model_dump(exclude_defaults=True, exclude=UNUSED_TABLES | others, warnings=False)
+    if not procedure.uses_limits:
+        used["rig"] = _without_limits(used["rig"])
+    found = {PROCEDURE_KEY: procedure.name}
+    for name, table in sorted(used.items()):
+        text = json.dumps(table, sort_keys=True, default=str)
+        found[f"{STUDY_FILE} [{name}]"] = sha256(text.encode()).hexdigest()
+    # Other cards are written anew while a study is open; its recordings are read once.
+    found |= {_called(study, path): study.digest(path) for path in study.files()}
+    return found | {_called(study, path): _checksum(path) for path in procedure.inputs(study)}
+
+
+def require_fresh(study: Study, path: Path, card: Made) -> Made:
+    """Return a card again that is about to be used, if the study still is what it was made from, or stale cards are
+    accepted; a PellucidError that says what has changed otherwise."""
+    if study.accept_stale:
+        return card
+    from .registry import PROCEDURES
+
+    name = card.made_from.get(PROCEDURE_KEY, "")
+    procedure = next((each for each in PROCEDURES if each.name == name), None)
+    command = "identify" if procedure is None else procedure.command
+    if not card.made_from:
+        if not _has_other_recordings(study, card):
+            return card
+        said = "found a stale card: the recordings that it was made from have changed or are other ones"
+    elif procedure is None:
+        said = f'found a card of the unknown procedure "{name}", expected one of this study as it is now'
+    else:
+        changed = list(_changes(card.made_from, card_sources(_read_anew(study), procedure)))
+        if not changed:
+            return card
+        whose = "" if card.study == study.name else f" of the study {card.study}"
+        said = f"found a stale card{whose}: {', '.join(changed)} changed since it was made"
+    raise PellucidError(
+        f"{path}: {said}; {command} again: pellucid {command} {study.folder}. --accept-stale (accept_stale=True) takes "
+        "it all the same"
+    )
+
+
+def source_notes(name: str, card: CardWithSources) -> tuple[str, ...]:
+    """Return what must be told of a card that does not say what it was made from, such as one that was written by an
+    earlier version or by hand."""
+    if card.made_from:
+        return ()
+    return (f"{name} does not say what it was made from: nobody can tell whether study.toml has changed since.",)
+
+
+def _has_other_recordings(study: Study, card: CardWithSources) -> bool:
+    """Return whether an old card names recordings by their checksums that are not those of the study."""
+    try:
+        known = {checksum(path) for path in study.files()}
+    except PellucidError:
+        return False  # the recordings are not here, and tell nothing
+    return not {each for each in card.checksums.values() if each} <= known
+
+
+def _changes(before: Mapping[str, str], now: Mapping[str, str]) -> Iterator[str]:
+    """What differs, by its name; what is gone or new is said to be."""
+    for name in (*before, *(name for name in now if name not in before)):
+        if before.get(name) != now.get(name):
+            end = " (new)" if name not in before else " (gone)" if name not in now else ""
+            yield name + end
+
+
+def _read_anew(study: Study) -> Study:
+    """The same study with no checksum remembered: a file may have changed since it was read."""
+    return replace(study, _digests={})
+
+
+def _without_limits(table: object) -> object:
+    if isinstance(table, Mapping):
+        return {key: _without_limits(value) for key, value in table.items() if key != "limits"}
+    return [_without_limits(each) for each in table] if isinstance(table, (list, tuple)) else table
+
+
+def _called(study: Study, path: Path) -> str:
+    if path.parent in (study.models_dir, study.folder / "models"):
+        return f"models/{path.name}"  # wherever results are written to
+    # A file may lie outside the study's folder.
+    return Path(os.path.relpath(path, study.folder)).as_posix()
+
+
+def _checksum(path: Path) -> str:
+    return checksum(path) if path.is_file() else ""

@@ -1,0 +1,58 @@
+"""What several procedures of one command found in one study, as one result."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Self
+
+from ..fit.parameter import ranked
+from .result import Result
+
+if TYPE_CHECKING:
+    from ..recordings.study import Study
+
+
+@dataclass(frozen=True, kw_only=True)
+class CombinedResult(Result):
+    """Results of every procedure that a study asks of one command.
+
+    Attributes
+    ----------
+    parts : tuple of Result
+        One of each procedure, in the order in which the report shows them.
+    """
+
+    parts: tuple[Result, ...] = field(repr=False)
+
+    @classmethod
+    def from_parts(cls, parts: Sequence[Result]) -> Self:
+        """Return one result of all `parts`, which are of one study and one command."""
+        first = parts[0]
+        return cls(
+            study=first.study,
+            headline=" ".join(f"{part.headline.rstrip('.')}." for part in parts),
+            tables=tuple(table for part in parts for table in part.tables),
+            verdicts=ranked(tuple(verdict for part in parts for verdict in part.verdicts)),
+            rows=tuple(row for part in parts for row in part.rows),
+            cards={name: card for part in parts for name, card in part.cards.items()},
+            checksums={name: checksum for part in parts for name, checksum in part.checksums.items()},
+            confidence=first.confidence,
+            procedure=" and ".join(part.procedure for part in parts),
+            command=first.command,
+            parts=tuple(parts),
+        )
+
+    @property
+    def each(self) -> tuple[Result, ...]:
+        """The results that it is made of."""
+        return self.parts
+
+    @property
+    def prose(self) -> str:
+        """What each part says in sentences for a paper."""
+        return "\n\n".join(part.prose for part in self.parts if part.prose)
+
+    def written(self, study: Study) -> str:
+        """Where each part's cards, and whatever else it writes, are."""
+        return "; ".join(dict.fromkeys(part.written(study) for part in self.parts))

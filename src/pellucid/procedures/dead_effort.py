@@ -1,0 +1,162 @@
+"""Efforts that say nothing: a torque, force, current, voltage or duty that stays one value in all that is used, or that
+is another channel's copy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from .._errors import UnfitRecordingError
+from ..recordings.defects.find import watched
+from ..recordings.fault import Fault
+from ..recordings.recording import Recording
+from ..recordings.study import Study
+from ..signals.filters import central_difference
+from ..signals.motion import lowpassed, shortest
+from .joint.recorded_motions import filtering_of, stretches_of
+
+SAME_VALUE_TOLERANCE = 1e-9
+"""Values count as one if they differ by less than this share of the largest of them: a unit was converted."""
+
+MAX_DEAD_LEVELS = 3
+"""Neighbouring values that a dead channel takes at most: the last digit of what reads it goes up and down by one."""
+
+MIN_EXPLAINED_SHARE = 0.5
+"""A channel of so few values is a drive that switches if the motion explains at least this share of its variance."""
+
+LEVEL_SAMPLE_COUNT = 5000
+"""Samples, spread over a recording, that are looked at first: most channels show there that they take many values."""
+
+COPIED = {"time", "position", "motor_position", "velocity"}
+"""First parts of the names of channels whose copy is no effort."""
+
+COPY_TOLERANCE = 1e-6
+"""Two channels of one column are copies if a factor and an offset explain all but this share of the largest sample."""
+
+USES = {"fit": "fitted", "validate": "held-out"}
+
+
+def dead_effort_faults(study: Study) -> list[Fault]:
+    """Each effort that is dead in everything that is fitted, or in everything that is held out; and, as a note, each
+    that stays one value through one recording in which its joint moves."""
+    return [fault for use in USES for fault in _of_use(study, study.recordings(use), USES[use])]
+
+
+def require_live_effort(study: Study) -> None:
+    """Refuse a study of which an effort is dead."""
+    refused = [fault.message for fault in dead_effort_faults(study) if fault.severity == "refuse"]
+    if refused:
+        raise UnfitRecordingError("\n".join(refused))
+
+
+def _of_use(study: Study, recordings: Sequence[Recording], use: str) -> Iterator[Fault]:
+    efforts: dict[str, list[tuple[Recording, str, np.ndarray]]] = {}
+    for recording in recordings:
+        looked = watched(recording, study.config, study.specs_of(recording), study.processing_of(recording))
+        for position, drive in looked.drives.items():
+            if position in recording:
+                samples = looked.samples(drive)
+                supply = drive.replace("duty", "supply", 1)
+                if drive.startswith("duty") and supply in recording:
+                    samples = samples * recording[supply]
+                efforts.setdefault(drive, []).append((recording, position, samples[np.isfinite(samples)]))
+    for drive, seen in efforts.items():
+        for recording, _, _ in seen:
+            yield from _copied(recording, drive)
+        files = ", ".join(dict.fromkeys(recording.path.name for recording, _, _ in seen))
+        unit = "" if drive.startswith("duty") else f" {seen[0][0].channels[drive].unit}"
+        levels = _levels([samples for _, _, samples in seen])
+        wanted = "an effort that changes as the joint moves: check the sensor, its cable and the column in [channels]"
+        where = f"every sample of all {use} recordings"
+        if levels is None:
+            yield from _dead_in_one(study, drive, seen, unit)
+        elif levels.size == 1:
+            found = f"the one value {levels[0]:.6g}{unit} in {where}"
+            yield _fault("refuse", files, drive, found, wanted)
+        elif levels.size > 1 and (told := _explained(study, drive, [r for r, _, _ in seen])) < MIN_EXPLAINED_SHARE:
+            values = ", ".join(f"{level:.6g}" for level in levels)
+            found = f"only the values {values}{unit} in {where}; motion explains {100 * told:.2g} % of their variance"
+            yield _fault("refuse", files, drive, found, wanted)
+
+
+def _dead_in_one(
+    study: Study, drive: str, seen: Sequence[tuple[Recording, str, np.ndarray]], unit: str
+) -> Iterator[Fault]:
+    """Recordings in which the joint moves while its effort, which is alive elsewhere, stays one value."""
+    for recording, position, samples in seen:
+        levels = _levels([samples])
+        if levels is not None and levels.size == 1 and _levels([recording[position]]) is None:
+            found = f"the one value {levels[0]:.6g}{unit} in every sample (recording {recording.name})"
+            wanted = "an effort that changes, unless the drive was off or held its command"
+            yield _fault("note", recording.path.name, drive, found, wanted)
+
+
+def _copied(recording: Recording, drive: str) -> Iterator[Fault]:
+    """Channels of time or motion whose samples are the effort's, or of which the same column of the file is read."""
+    effort = recording.channels[drive]
+    for name, channel in recording.channels.items():
+        if name.partition(".")[0] not in COPIED or _levels([channel.samples]) is not None:
+            continue
+        same = np.array_equal(channel.samples, effort.samples, equal_nan=True)
+        if same or (channel.column == effort.column and _is_proportional(channel.samples, effort.samples)):
+            found = f"the samples of {name} (recording {recording.name})"
+            wanted = f"the effort's own: check the columns of {drive} and {name} in [channels]"
+            yield _fault("refuse", recording.path.name, drive, found, wanted, "copied_effort")
+
+
+def _is_proportional(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two signals, each (n,), differ by no more than a factor and an offset: units were converted."""
+    known = np.isfinite(one) & np.isfinite(other)
+    one, other = one[known] - one[known].mean(), other[known] - other[known].mean()
+    factor = float(one @ other) / max(float(one @ one), np.finfo(float).tiny)
+    return bool(np.abs(other - factor * one).max(initial=0.0) <= COPY_TOLERANCE * np.abs(other).max(initial=0.0))
+
+
+def _fault(severity: str, file: str, channel: str, found: str, wanted: str, kind: str = "dead_effort") -> Fault:
+    message = f"{file}, channel {channel}: found {found}, expected {wanted}"
+    return Fault(severity, kind, file, channel, found, wanted, message)
+
+
+def _levels(parts: Sequence[np.ndarray]) -> np.ndarray | None:
+    """The few neighbouring values that all samples of `parts`, each (n,), take; None where there are more, or where
+    one is further from the next than a single step."""
+    parts = [part[np.isfinite(part)] for part in parts]
+    for thin in (True, False):
+        values = np.concatenate([p[:: max(1, len(p) // LEVEL_SAMPLE_COUNT) if thin else 1] for p in parts])
+        if not values.size:
+            return np.zeros(0)
+        tolerance = SAME_VALUE_TOLERANCE * float(np.abs(values).max())
+        levels = np.unique(values)
+        levels = levels[np.append(True, np.diff(levels) > tolerance)]
+        if levels.size > MAX_DEAD_LEVELS:
+            return None
+    steps = np.diff(levels)
+    return levels if steps.size < 2 or steps.max() < 1.5 * steps.min() else None
+
+
+def _explained(study: Study, drive: str, recordings: Sequence[Recording]) -> float:
+    """Share of an effort's variance that a linear regression on the motion of all joints explains, after the filters
+    of the study; 0 where nothing is left to regress on."""
+    rows, efforts = [], []
+    for recording in recordings:
+        processing = study.processing_of(recording)
+        filtering = filtering_of(processing)
+        names = [n for n in recording.channels if n.partition(".")[0] in ("position", "motor_position")]
+        for stretch in stretches_of(recording, processing):
+            if len(stretch.time) < shortest(filtering):
+                continue
+            q = lowpassed(np.column_stack([stretch.recording[n] for n in names]), stretch.fs, filtering)
+            v = np.column_stack([central_difference(x, stretch.fs) for x in q.T])
+            a = np.column_stack([central_difference(x, stretch.fs) for x in v.T])
+            effort = lowpassed(stretch.recording[drive], stretch.fs, filtering)
+            inner = slice(filtering.trim, len(effort) - filtering.trim)
+            rows.append(np.column_stack([np.ones(len(q)), q, np.sin(q), np.cos(q), v, np.sign(v), a])[inner])
+            efforts.append(effort[inner])
+    if not efforts:
+        return 0.0
+    design, effort = np.concatenate(rows), np.concatenate(efforts)
+    design = design / np.maximum(np.linalg.norm(design, axis=0), 1e-300)
+    off = effort - design @ np.linalg.lstsq(design, effort, rcond=1e-10)[0]
+    spread = float(np.sum((effort - effort.mean()) ** 2))
+    return max(0.0, 1.0 - float(off @ off) / spread) if spread > 0.0 else 0.0

@@ -1,0 +1,69 @@
+"""Every benchmark and every proof can be imported with what tests install, and runs at its smallest size."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+NAMES = [(folder, path.stem) for folder in ("benchmarks", "evidence")
+         for path in sorted((ROOT / folder).glob("*.py")) if path.stem[0].isalpha()]  # fmt: skip
+PEERS = ("casadi", "jax", "mujoco", "numba", "pinocchio")
+"""Libraries that benchmarks compare with; none of them has to be there."""
+
+COMPARED = [name for folder, name in NAMES if "_peers import peer" in (ROOT / folder / f"{name}.py").read_text("utf-8")]
+"""Benchmarks that compare with a peer."""
+
+RUN = [
+    pytest.param(folder, name, id=f"{folder}.{name}", marks=[pytest.mark.nightly] if folder == "evidence" else [])
+    for folder, name in NAMES
+]
+"""What is run: benchmarks always; proofs, which take some minutes of a processor together, with the nightly tests."""
+
+LIMIT_S = 900.0
+"""A run that takes longer hangs; the smallest sizes take about a minute at most on an idle machine."""
+
+
+def run_python(data: Path, *arguments: str) -> subprocess.CompletedProcess:
+    settings = {"PELLUCID_DATA": str(data), "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    return subprocess.run(
+        [sys.executable, *arguments], cwd=ROOT, env={**os.environ, **settings}, capture_output=True, text=True,
+        timeout=LIMIT_S,
+    )  # fmt: skip
+
+
+def without_peers(code: str) -> str:
+    return f"import sys; sys.modules.update(dict.fromkeys({PEERS!r})); {code}"
+
+
+def test_every_file_can_be_imported_without_any_peer(tmp_path):
+    imports = "; ".join(f"import {folder}.{name}" for folder, name in NAMES)
+    done = run_python(tmp_path, "-c", without_peers(imports))
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("folder", "name"), RUN)
+def test_the_smallest_size_runs(folder, name, tmp_path, data_folder):
+    out = tmp_path / "figures.json"
+    done = run_python(data_folder, "-m", folder, name, "--smallest", "--out", str(out))
+    assert done.returncode == 0, done.stderr[-4000:]
+    told = json.loads(out.read_text(encoding="utf-8"))
+    figures = told["figures" if folder == "benchmarks" else "rows"]
+    if not figures and "not measured" in done.stdout:
+        pytest.skip(done.stdout.splitlines()[0])
+    assert figures
+    names = [figure["name" if folder == "benchmarks" else "id"] for figure in figures]
+    assert len(set(names)) == len(names)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COMPARED)
+def test_a_peer_that_is_not_installed_is_said_by_name(name, tmp_path, data_folder):
+    run = f"import runpy; sys.argv[1:] = [{name!r}, '--smallest', '--out', {str(tmp_path / 'out.json')!r}]; "
+    done = run_python(data_folder, "-c", without_peers(run + "runpy.run_module('benchmarks', run_name='__main__')"))
+    assert done.returncode == 0, done.stderr[-4000:]
+    assert f"{name}: not compared with" in done.stdout

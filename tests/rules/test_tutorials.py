@@ -1,0 +1,180 @@
+"""Every block of the pages that a reader types along is run as it is written, page by page, in a folder of its own."""
+
+import os
+import re
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from page_blocks import LANGUAGES, PageFailed, Reader, blocks_of, first_difference, toml_text
+
+from pellucid.datasets.registry import shipped
+from pellucid.procedures.registry import study_model
+from pellucid.recordings.study_file import parse_study_file
+
+ROOT = Path(__file__).parents[2]
+PAGES = (
+    ROOT / "README.md",
+    ROOT / "docs" / "library.md",
+    ROOT / "docs" / "commands.md",
+    *sorted((ROOT / "docs").glob("tutorial-*.md")),
+)
+MARKS = {"README.md": (), "library.md": (pytest.mark.slow,)}
+"""Marks of pages that take seconds; the others take minutes."""
+LONG = (pytest.mark.nightly, pytest.mark.slow)
+BLOCK_TIMEOUT_S = 3600.0
+NOT_RUN = {
+    "README.md": ["installs packages of the system", "sets up the clone in which this page is read"],
+    "commands.md": ["needs a robot of your own"],
+    "tutorial-assess.md": 2 * ["needs a Dask cluster"],
+    "tutorial-deploy.md": 2 * ["a part of the program of a microcontroller"],
+    "tutorial-identify-your-joint.md": [
+        "is printed of a damaged recording, which does not ship",
+        "is printed of a late channel, which does not ship",
+    ],
+}
+"""Why blocks are left out, page by page and in order. One more is added here on purpose."""
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_block_says_what_it_is(page):
+    for block in blocks_of(page):
+        assert block.language in LANGUAGES, f"{block.where}: expected one of {LANGUAGES} after the fence"
+        if block.language == "toml" and "not run" not in block.comment:
+            assert {"into", "study"} & set(block.comment), f"{block.where}: no comment says into which file"
+
+
+def test_blocks_that_are_left_out_are_few_and_listed():
+    found = {
+        page.name: [block.comment["not run"] for block in blocks_of(page) if "not run" in block.comment]
+        for page in PAGES
+    }
+    assert {page: reasons for page, reasons in found.items() if reasons} == NOT_RUN
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.name.startswith("tutorial")], ids=lambda p: p.name)
+def test_a_tutorial_begins_with_how_to_reach_the_command(page):
+    first = next(block for block in blocks_of(page) if block.language == "sh")
+    assert first.text.splitlines()[0] == "source .venv/bin/activate", first.where
+
+
+def test_what_is_to_be_installed_can_be():
+    """Pellucid is on no package index: what it can do beside is installed from its clone."""
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    folders = (ROOT / "src", ROOT / "docs", ROOT / "tests", ROOT / "examples")
+    texts = [path for folder in folders for path in folder.rglob("*") if path.suffix in (".py", ".md", ".toml")]
+    for path in (*texts, ROOT / "README.md", ROOT / "CONTRIBUTING.md"):
+        text = path.read_text(encoding="utf-8")
+        assert not re.search(r"install ['\"]?pellucid\b", text), path
+        for names in re.findall(r"install (?:-e )?['\"]?\.\[([\w,]+)\]", text):
+            assert set(names.split(",")) <= set(extras), path
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_parts_of_a_study_are_valid(page, tmp_path):
+    whole = tomllib.loads(WHOLE_STUDY)
+    for block in blocks_of(page):
+        if block.language == "toml" and "study" in block.comment:
+            (tmp_path / "study.toml").write_text(toml_text({**whole, **tomllib.loads(block.text)}), encoding="utf-8")
+            parse_study_file(tmp_path / "study.toml", study_model())
+
+
+@pytest.mark.parametrize("page", [pytest.param(page, marks=MARKS.get(page.name, LONG), id=page.name) for page in PAGES])
+def test_blocks_run_as_written(page, tmp_path, request):
+    if not (Path(sys.prefix) / "bin" / "activate").is_file():
+        pytest.skip("this Python is in no virtual environment")
+    named = re.findall(r"--dataset (\w+)", "".join(block.text for block in blocks_of(page)))
+    if any(shipped(name) is None for name in named):
+        request.getfixturevalue("data_folder")
+    reader = Reader(tmp_path, Path(os.environ["PELLUCID_SETTINGS"]))
+    try:
+        for block in blocks_of(page):
+            reader.run(block, BLOCK_TIMEOUT_S)
+    finally:
+        reader.close()
+
+
+WHOLE_STUDY = """
+name = "some"
+[rig]
+joint = "knee"
+motion = "rotary"
+[rig.drive]
+kind = "torque"
+[channels]
+time = { column = "t", unit = "s" }
+position = { column = "q", unit = "rad" }
+torque = { column = "tau", unit = "N*m" }
+[[recordings]]
+name = "one"
+file = "recordings/one.csv"
+"""
+
+
+@pytest.fixture
+def reader(tmp_path):
+    """Read a page that is given as text, and say at which line it stops."""
+
+    def read(text: str) -> None:
+        page = tmp_path / "page.md"
+        page.write_text(text, encoding="utf-8")
+        (tmp_path / "folder").mkdir()
+        (tmp_path / "settings").mkdir()
+        made = Reader(tmp_path / "folder", tmp_path / "settings")
+        try:
+            for block in blocks_of(page):
+                made.run(block, 60.0)
+        finally:
+            made.close()
+
+    return read
+
+
+def test_a_session_goes_on_from_block_to_block(reader):
+    reader(
+        "```sh\nsource .venv/bin/activate\nmkdir sub\nexport SAID=5.0\ncd sub\n```\n"
+        "```sh\npwd | grep /sub$ | wc -l\necho $SAID volts and more\n```\n"
+        "```text\n1\n5.01 volts ...\n```\n"
+        "<!-- status: 3 -->\n```sh\nexit 3\n```\n"
+        "<!-- into: some/file.toml -->\n```toml\n[a]\nb = 1\n```\n"
+        "```sh\ngrep -q b ../some/file.toml\n```\n"
+        "```python\nx = 1\nx\n```\n```text\n1\n```\n```python\nprint(x + 1)\n```\n```text\n2\n```\n"
+        "<!-- not run: needs a microcontroller -->\n```c\nx;\n```\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("```sh\nfalse\ntrue\n```\n", r"page.md:1: status 1, expected 0"),
+        ("```sh\npellucid version\n```\n", "page.md:1: status 127"),
+        ("```sh\nfalse | true\n```\n", "page.md:1: status 1"),
+        (
+            "```sh\nsource .venv/bin/activate\n```\n```python\nopen('swing.csv')\n```\n",
+            "page.md:4: the statements end with an error",
+        ),
+        ("```sh\necho 4.2\n```\n```text\n4.8\n```\n", "page.md:4: shown, but not printed: '4.8'"),
+        ("```c\nx;\n```\n", "page.md:1: a block of 'c'"),
+        ("```toml\nx = 1\n```\n", "page.md:1: lines of a file"),
+    ],
+)
+def test_what_does_not_run_is_found(reader, text, said):
+    with pytest.raises(PageFailed, match=said):
+        reader(text)
+
+
+@pytest.mark.parametrize(
+    ("shown", "printed", "missing"),
+    [
+        (" a   1.00\n ─────\n b 2\n", "a 1.04\nc 5\nb 2", None),
+        ("b 2\na 1\n", "a 1\nb 2\n", "a 1"),
+        ("p < 0.001 and ...\n", "p < 0.001 and so on", None),
+        ("−3.7 to +7.0 %\n", "-3.7 to +7.0 %\n", None),
+        ("10 %", "12 %", "10 %"),
+        ("11.2 %,", "11.3 %,", None),
+        ("...\nend", "x\nend", None),
+    ],
+)
+def test_shown_lines_are_looked_for_in_order(shown, printed, missing):
+    assert first_difference(shown, printed) == missing

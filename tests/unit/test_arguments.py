@@ -1,0 +1,91 @@
+"""What a command is given is looked at before it works: a file for a folder, numbers that make no study."""
+
+from importlib import import_module
+
+import pytest
+from typer.testing import CliRunner
+
+import pellucid as pl
+from pellucid._errors import PellucidError
+from pellucid.cli import app
+
+prediction, reproduction, demonstration, ranking = map(
+    import_module,
+    ("pellucid.lab.predict", "pellucid.papers.reproduce", "pellucid.demonstration.demo", "pellucid.ranking.rank"),
+)
+
+ON_A_STUDY = (
+    "check", "identify", "calibrate", "assess", "plan", "onset", "cocontraction", "synergies", "activations", "report",
+    "export", "simulate", "predict",
+)  # fmt: skip
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "swing.csv"
+    path.write_text("t,q\n0,0\n")
+    return path
+
+
+@pytest.mark.parametrize("below", [False, True])
+@pytest.mark.parametrize("command", ON_A_STUDY)
+def test_a_file_where_a_folder_is_expected_is_named(command, below, file):
+    given = file / "study" if below else file
+    made = CliRunner().invoke(app, [command, str(given)])
+    assert isinstance(made.exception, PellucidError)
+    assert str(made.exception).startswith(f"{file}: found a file, expected ")
+
+
+def test_a_study_file_is_not_its_folder(make_study):
+    study = make_study()
+    with pytest.raises(PellucidError, match=r"study\.toml: found a file, expected a study: the folder with a study"):
+        pl.open(study.folder / "study.toml")
+
+
+def nothing_works(monkeypatch, *places):
+    def work(*arguments, **options):
+        raise AssertionError("it began to work")
+
+    for module, name in places:
+        monkeypatch.setattr(module, name, work)
+
+
+def test_a_folder_to_write_to_that_is_a_file_is_refused_before_any_work(make_study, file, monkeypatch):
+    study = make_study()
+    with pytest.raises(PellucidError, match="found a file, expected a folder to write to"):
+        pl.open(study.folder, out=file)
+    nothing_works(monkeypatch, (ranking, "in_order"), (reproduction, "paper_named"), (demonstration, "_cleared"))
+    for made in (ranking.rank, demonstration.demo, lambda out: reproduction.reproduce("hill", out)):
+        with pytest.raises(PellucidError, match="found a file, expected a folder"):
+            made(file)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"people": 3}, "found 3 people and 6 participants"),
+        ({"people": 0, "participants": 0}, "found 0 people and 0 participants"),
+        ({"robots": 0}, "found 0 robots"),
+        ({"movements": 3}, "found 3 movements, expected an even number"),
+        ({"seed": -1}, "found the seed -1"),
+        ({"controllers": ["nothing"]}, 'found no controller "nothing"'),
+    ],
+)
+def test_a_prediction_of_no_study_is_refused_before_any_work(tmp_path, monkeypatch, given, said):
+    folder = tmp_path / "people"
+    pl.init(folder, rig="elbow-participants")
+    nothing_works(monkeypatch, (prediction, "predict_effects"))
+    with pytest.raises(PellucidError, match=said):
+        pl.predict(folder, **given)
+
+
+def test_a_simulation_with_a_seed_below_zero_is_refused(tmp_path):
+    pl.init(tmp_path / "joint", rig="bench-joint")
+    with pytest.raises(PellucidError, match="found the seed -1, expected 0 or more"):
+        pl.simulate(tmp_path / "joint", seed=-1)
+
+
+@pytest.mark.parametrize("studies", [0, -3])
+def test_an_assessment_that_plans_with_no_study_is_refused(make_study, studies):
+    with pytest.raises(PellucidError, match=f"found {studies} studies"):
+        pl.assess(make_study(), studies=studies)

@@ -1,0 +1,217 @@
+"""Array functions: what a study can be asked can be asked of arrays, and misuse is refused in words."""
+
+import sys
+
+import numpy as np
+import pytest
+from inertial_motion import turned_hinge
+from two_bodies import Pair, record, swing
+
+import pellucid as pl
+from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
+
+FS = 1000.0
+TIME = np.arange(0.0, 10.0, 1.0 / FS)
+ACTIVE = ((TIME % 2.0) > 1.0).astype(float)
+
+
+@pytest.fixture(scope="module")
+def emg():
+    rng = np.random.default_rng(0)
+    return {
+        name: rng.standard_normal(TIME.size) * (0.02 + size * ACTIVE)
+        for name, size in (("biceps", 1.0), ("triceps", 0.4), ("deltoid", 0.7))
+    }
+
+
+def test_onsets_of_one_muscle_and_of_several(emg):
+    one = pl.onset(emg["biceps"], fs=FS)
+    several = pl.onset(emg, fs=FS)
+    assert [round(burst.onset.time) for burst in one.bursts] == [1, 3, 5, 7, 9]
+    assert list(several) == list(emg)
+    assert several["biceps"].bursts == one.bursts
+
+
+def test_cocontraction_of_equal_envelopes_is_complete():
+    envelope = 0.1 + 0.5 * ACTIVE
+    assert pl.cocontraction(envelope, envelope, fs=FS).common.value == pytest.approx(100.0)
+
+
+def test_synergies_of_a_mapping_and_of_an_array_agree(emg):
+    envelopes = {m: np.convolve(np.abs(x), np.ones(100) / 100.0, "same") for m, x in emg.items()}
+    by_name = pl.synergies(envelopes, fs=FS)
+    by_column = pl.synergies(np.column_stack(list(envelopes.values())), fs=FS, muscles=list(envelopes))
+    assert len(by_name) == 1
+    np.testing.assert_array_equal(by_name.weights, by_column.weights)
+    assert by_name.activations.shape == (TIME.size, 1)
+    assert list(by_name.to_frame().index) == list(emg)
+    assert len(repr(by_name)) < 500
+
+
+@pytest.mark.parametrize(
+    "call", ["onset", "cocontraction", "synergies", "assess", "identify", "check", "report", "calibrate"]
+)
+def test_what_is_neither_study_nor_array_is_refused(call):
+    with pytest.raises(pl.PellucidError, match=f"{call}: found int, expected a study"):
+        getattr(pl, call)(3)
+
+
+@pytest.mark.parametrize("call", ["onset", "synergies"])
+def test_arrays_without_a_sampling_rate_are_refused(call, emg):
+    with pytest.raises(pl.PellucidError, match="without a sampling rate"):
+        getattr(pl, call)(emg)
+
+
+def test_options_of_arrays_do_not_belong_to_a_study(tmp_path):
+    with pytest.raises(pl.PellucidError, match=r"found fs with a study"):
+        pl.onset(tmp_path, fs=1000.0)
+
+
+def test_a_path_is_opened_as_a_study(tmp_path):
+    with pytest.raises(pl.PellucidError, match=r"study\.toml"):
+        pl.identify(str(tmp_path))
+
+
+def test_a_table_of_movements_is_assessed_and_certified():
+    rng = np.random.default_rng(1)
+    rows = {"participant": [], "condition": [], "duration": [], "note": []}
+    for person in range(10):
+        usual = rng.normal(1.0, 0.1)
+        for condition, factor in (("free", 1.0), ("light", 1.01), ("heavy", 1.5)):
+            for _ in range(3):
+                rows["participant"].append(f"P{person}")
+                rows["condition"].append(condition)
+                rows["duration"].append(usual * factor * np.exp(rng.normal(0.0, 0.02)))
+                rows["note"].append("ok")
+    rows["participant"].append("P11")  # does one condition only
+    rows["condition"].append("free")
+    rows["duration"].append(1.0)
+    rows["note"].append("")
+    found = pl.assess(rows, control="free", margins={"duration": 0.1})
+    assert list(found) == ["duration"]
+    assert found.left_out == ("P11",)
+    assert found["duration"].pairwise["heavy"].change == pytest.approx(0.5, abs=0.1)
+    assert found.certificates["light"].verdict == "transparent"
+    assert found.certificates["heavy"].verdict == "not transparent"
+    assert set(found.to_frame()["condition"]) == {"light", "heavy"}
+
+
+def test_a_table_without_its_control_is_refused():
+    with pytest.raises(pl.PellucidError, match="expected the control 'none'"):
+        pl.assess({"participant": ["A", "A"], "condition": ["x", "y"], "d": [1.0, 2.0]}, control="none")
+
+
+def test_a_data_frame_is_taken_as_a_mapping_is():
+    pandas = pytest.importorskip("pandas")
+    rows = {"participant": list("AABBCC"), "condition": ["x", "y"] * 3, "d": [1.0, 2.0, 1.1, 2.1, 0.9, 1.8]}
+    one, other = pl.assess(rows, control="x"), pl.assess(pandas.DataFrame(rows), control="x")
+    assert one["d"].pairwise["y"].change == other["d"].pairwise["y"].change
+
+
+def test_ratios_of_values_that_are_not_positive_are_refused():
+    with pytest.raises(pl.PellucidError, match="relative=False"):
+        pl.certify({"d": ([0.0, 1.0], [1.0, 1.0])}, {"d": 0.1})
+
+
+def test_a_hinge_is_followed(rng):
+    made = turned_hinge(rng, seconds=30.0, noise=0.01)
+    fit = pl.fit_hinge(
+        made.proximal.time,
+        (made.proximal.angular_velocity, made.proximal.acceleration),
+        (made.distal.angular_velocity, made.distal.acceleration),
+        calibration=10.0,
+    )
+    away = fit.angle.angle - np.sign(fit.hinge.axes[0] @ made.axes[0]) * made.angle
+    assert np.std(away[len(away) // 3 :]) < np.radians(1.0)
+    with pytest.raises(pl.PellucidError, match=r"proximal angular velocity: found shape \(3,\)"):
+        pl.fit_hinge(made.proximal.time, (np.zeros(3), np.zeros(3)), (np.zeros(3), np.zeros(3)))
+
+
+def test_a_strap_is_identified_from_swings():
+    pair, rng = Pair(), np.random.default_rng(5)
+    recorded = [record(truth, rng) for truth in swing(pair, seconds=30.0, count=2)]
+    swings = [
+        {key: getattr(each, key) for key in ("time", "position", "torque", "imu_time", "imu_angle")}
+        for each in recorded
+    ]
+    orthosis = {name: getattr(pair.orthosis, name) for name in ("inertia", "viscous", "gravity")}
+    fit = pl.fit_strap(swings, orthosis)
+    assert fit["stiffness"].value == pytest.approx(pair.stiffness, rel=0.1)
+    assert fit.strap.model.features == ()
+    with pytest.raises(pl.PellucidError, match="expected imu_angle too"):
+        pl.fit_strap({k: v for k, v in swings[0].items() if k != "imu_angle"}, orthosis)
+    with pytest.raises(pl.PellucidError, match="orthosis: found inertia, expected inertia, viscous, gravity"):
+        pl.fit_strap(swings, {"inertia": 0.05})
+
+
+def test_muscles_are_calibrated_to_a_torque():
+    """The torque is a weighted difference of late envelopes: no Hill model makes it."""
+    time = np.arange(0.0, 30.0, 0.02)
+    angle = -0.6 + 0.4 * np.sin(2.0 * np.pi * 0.3 * time)
+    effort = {"vastus_lateralis": 0.5 + 0.4 * np.sin(time), "semitendinosus": 0.5 - 0.4 * np.sin(1.3 * time)}
+    torque = 60.0 * np.roll(effort["vastus_lateralis"], 3) - 25.0 * np.roll(effort["semitendinosus"], 3)
+    fit = pl.calibrate_muscles(time, effort, {"knee": angle}, torque, groups=np.arange(time.size) // 500)
+    told = fit.predict(time, effort, {"knee": angle})
+    assert 1.0 - np.var(torque - told) / np.var(torque) > 0.9
+    assert any(name.startswith("strength.") for name in fit)
+    with pytest.raises(pl.PellucidError, match="found no angle"):
+        pl.calibrate_muscles(time, effort, {}, torque)
+
+
+def test_a_robot_of_two_joints_is_identified():
+    """Efforts come from the equations of a planar arm, written out here."""
+    time = np.arange(0.0, 30.0, 0.005)
+    parts = [(0.6, 0.31), (0.4, 0.83), (0.25, 1.7)], [(0.5, 0.47), (0.45, 1.1), (0.2, 2.1)]
+    q, v, a = (
+        np.column_stack([sum(f(size, 2 * np.pi * rate) for size, rate in each) for each in parts])
+        for f in (
+            lambda s, w: s * np.sin(w * time),
+            lambda s, w: s * w * np.cos(w * time),
+            lambda s, w: -s * w**2 * np.sin(w * time),
+        )
+    )
+    m2, l1, c2, g = 1.5, 0.4, 0.2, 9.81
+    inertia2, first, gravity1 = m2 * c2**2, 0.3, 6.0
+    c, s = np.cos(q[:, 1]), np.sin(q[:, 1])
+    h = m2 * l1 * c2
+    turn = m2 * g * c2 * np.sin(q[:, 0] + q[:, 1])
+    one = (first + m2 * l1**2 + inertia2 + 2 * h * c) * a[:, 0] + (inertia2 + h * c) * a[:, 1]
+    one += -h * s * (2 * v[:, 0] * v[:, 1] + v[:, 1] ** 2) + (gravity1 + m2 * g * l1) * np.sin(q[:, 0]) + turn
+    two = (inertia2 + h * c) * a[:, 0] + inertia2 * a[:, 1] + h * s * v[:, 0] ** 2 + turn
+    effort = np.column_stack([one, two]) + [0.8, 0.4] * np.sign(v) + [0.3, 0.1] * v
+    effort += 0.01 * np.random.default_rng(3).standard_normal(effort.shape)
+    joints = [
+        TreeJoint("shoulder", "base", "upper", axis=(0.0, 1.0, 0.0)),
+        TreeJoint("elbow", "upper", "fore", axis=(0.0, 1.0, 0.0), place=(0.0, 0.0, -l1)),
+    ]
+    links = [
+        Link.about_centre(name, 1.0, (0.0, 0.0, -0.2), (0.01, 0.0, 0.0, 0.01, 0.0, 0.01)) for name in ("upper", "fore")
+    ]
+    recording = {"time": time, "position": q, "effort": effort}
+    fit = pl.fit_robot(Tree(joints, links), recording, lowpass=20.0, decimate=5, dead_band=0.2, plain=True)
+    for name, truth in (
+        ("shoulder.coulomb", 0.8),
+        ("elbow.coulomb", 0.4),
+        ("shoulder.viscous", 0.3),
+        ("elbow.viscous", 0.1),
+    ):
+        assert fit[name].value == pytest.approx(truth, rel=0.05), name
+    assert {"value", "unit"} <= set(fit.to_frame().columns)
+    assert fit.plot() is not None
+    with pytest.raises(pl.PellucidError, match=r"expected \(6000, 2\)"):
+        pl.fit_robot(Tree(joints, links), {**recording, "effort": effort[:, :1]}, lowpass=10.0)
+
+
+def test_without_pandas_and_statsmodels_it_is_said_what_to_install(monkeypatch):
+    from pellucid.assessment.mixed_model import mixed_model
+
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    monkeypatch.setitem(sys.modules, "statsmodels.regression.mixed_linear_model", None)
+    t = np.arange(0.0, 20.0, 0.005)
+    q = 0.6 * np.sin(0.8 * t) + 0.3 * np.sin(3.1 * t)
+    fit = pl.fit_joint(t, q, 1.5 * np.sin(q) + 0.1 * np.gradient(np.gradient(q, t), t), lowpass=10.0, decimate=5)
+    with pytest.raises(pl.PellucidError, match=r"pandas.*\[tables\]"):
+        fit.to_frame()
+    who, under = np.repeat(np.arange(8), 20), np.tile([False, True], 80)
+    own = np.random.default_rng(0).normal(0.0, 0.1, 160)
+    assert "[statistics]" in mixed_model(own, who, under, {}).trouble

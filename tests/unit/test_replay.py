@@ -1,0 +1,35 @@
+"""A joint played again from a command; one that diverges says so, and no warning leaks."""
+
+import numpy as np
+import pytest
+
+from pellucid._errors import IdentificationError
+from pellucid.fit.joint.replay import Machine, is_bounded, replay, simulation_of
+from pellucid.models.joint import joint_model
+from pellucid.procedures.joint.recorded_motions import motions_of
+
+
+def unstable(viscous):
+    """A joint that speeds itself up, so that its response leaves every number within a second."""
+    model = joint_model("symmetric", motion="rotary", effort_unit="N*m", gravity="none")
+    numbers = {"inertia": 0.05, "viscous": viscous}
+    return model, np.array([numbers.get(symbol.name, 0.0) for symbol in model.symbols])
+
+
+def test_a_response_that_diverges_leaks_no_warning(make_study):
+    """Whether a sample is infinite before it is none hangs on the speed, and an infinite one times 0 warns."""
+    study = make_study()
+    motion = motions_of(study.recordings("fit"), study)[0]
+    for viscous in np.linspace(-2.5, -40.0, 30):
+        model, values = unstable(viscous)
+        trace = replay(model, values, motion, Machine(), closed=False, differentiate="position")
+        assert not is_bounded(trace.position)
+        assert not is_bounded(trace.jacobians["position"])
+        assert trace.jacobians["position"].shape == (len(motion.command), len(values))
+
+
+def test_a_simulation_that_diverges_is_refused_by_name(make_study):
+    study = make_study()
+    motion = motions_of(study.recordings("fit"), study)[0]
+    with pytest.raises(IdentificationError, match=f"'{motion.recording}': the simulated joint diverges"):
+        simulation_of(*unstable(-50.0), motion, Machine(), closed=False)

@@ -1,0 +1,104 @@
+"""A study that asks one command for several procedures gets all of them, saved together."""
+
+import json
+from dataclasses import dataclass
+
+import pytest
+from typer.testing import CliRunner
+
+import pellucid as pl
+from pellucid._errors import IdentificationError
+from pellucid.cli import app
+from pellucid.fit.parameter import Parameter, Verdict
+from pellucid.models.parameter_card import ParameterCard
+from pellucid.pages.page import Page, Section
+from pellucid.procedures import registry
+from pellucid.procedures.procedure import Procedure, quiet
+from pellucid.procedures.result import ParameterTable, Result
+from pellucid.recordings import read_rows
+from pellucid.recordings.results import ResultRow
+
+
+@dataclass(frozen=True)
+class Backlash(Procedure):
+    """A second thing that `identify` could find of a joint."""
+
+    name, command = "backlash", "identify"
+
+    def asked(self, study):
+        return True
+
+    def faults(self, study):
+        return []
+
+    def run(self, study, tell=quiet, **options):
+        assert not options
+        tell("looking for backlash", 0.5)
+        gap = Parameter("gap", "rad", 0.01, 0.001)
+        return Result(
+            study=study.name,
+            headline="the gear has play",
+            tables=(ParameterTable("Backlash", (gap,)),),
+            verdicts=(Verdict("wrong", "The gear has play."),),
+            rows=(ResultRow(f"{study.name}.backlash.gap", 0.01, "rad", "identify", "fitted"),),
+            cards={"backlash": ParameterCard("backlash", study.name, "backlash", ())},
+            checksums={"other": "ab" * 32},
+        )
+
+    def page(self, study, result):
+        return Page("Backlash", "Study", headline=result.headline, sections=(Section("backlash", "Backlash"),))
+
+
+@pytest.fixture
+def both(make_study, monkeypatch):
+    monkeypatch.setattr(registry, "PROCEDURES", (*registry.PROCEDURES, Backlash()))
+    return make_study()
+
+
+def test_all_run_and_one_result_has_what_each_found(both):
+    heard = []
+    found = pl.identify(
+        both, families=["symmetric"], thorough=False, on_progress=lambda text, share: heard.append((text, share))
+    )
+    assert [part.procedure for part in found.parts] == ["joint", "backlash"]
+    assert found["inertia"].value == found.parts[0]["inertia"].value
+    assert found["gap"].value == 0.01
+    assert "play" in found.headline
+    assert found.verdicts[0].text == "The gear has play."  # the worst first
+    shares = [share for _, share in heard]
+    assert shares == sorted(shares)
+    assert ("looking for backlash", 0.75) in heard
+    assert shares[-1] == 1.0
+
+
+def test_what_all_found_is_saved_and_drawn_together(both):
+    found = pl.identify(both, families=["symmetric"], thorough=False)
+    found.save(both)
+    rows = {row.id for row in read_rows(both.results_path)}
+    assert {"bench.symmetric.inertia", "bench.backlash.gap"} <= rows
+    assert json.loads((both.models_dir / "joint.json").read_text())["family"] == "symmetric"
+    assert (both.models_dir / "backlash.json").is_file()
+    assert all(both.kept_path(name).is_file() for name in ("joint", "backlash"))
+    assert "the gear has play" in pl.report(both, found).read_text(encoding="utf-8").lower()
+
+
+def test_the_command_prints_and_saves_all(both):
+    made = CliRunner().invoke(app, ["identify", str(both.folder)])
+    assert made.exit_code == 0
+    assert "inertia" in made.stdout
+    assert "the gear has play" in made.stdout.lower()
+    assert "bench.backlash.gap" in {row.id for row in read_rows(both.results_path)}
+
+
+def test_families_are_of_a_joint_alone(both, monkeypatch):
+    monkeypatch.setattr(registry, "PROCEDURES", (Backlash(),))
+    with pytest.raises(IdentificationError, match="leave out --family"):
+        pl.identify(both, families=["symmetric"])
+
+
+def test_where_one_runs_its_own_result_is_returned(make_study):
+    from pellucid.procedures.joint.joint_result import JointResult
+
+    found = pl.identify(make_study(), families=["symmetric"], thorough=False)
+    assert type(found) is JointResult
+    assert found.each == (found,)
