@@ -140,15 +140,23 @@ def where(stream: Recording, muscle: str) -> str:
 
 
 def relative_envelopes(study: Study, table: EnvelopeTable) -> list[MuscleEnvelopes]:
-    """Envelopes of every recording, relative to the largest of a maximal contraction, or of all recordings that a
-    participant has; recordings of maximal contractions themselves are not among them.
+    """Return envelopes of every recording but maximal contractions, relative to the largest of a participant's maximal
+    contractions, or without one to the largest of the participant's fitted recordings.
     """
     recordings = with_emg(study, table)
     made = [(recording, *_envelopes(emg_stream(recording, table), table)) for recording in recordings]
     top: dict[tuple[str | None, str], float] = {}
-    maximal = {r.participant for r in recordings if r.protocol == "mvc"}
+    fitted = [r for r in recordings if r.use == "fit"]
+    maximal = {r.participant for r in fitted if r.protocol == "mvc"}
+    unscaled = sorted({r.participant or "" for r in recordings} - {r.participant or "" for r in fitted})
+    if unscaled:
+        who = ", ".join(unscaled).strip()
+        raise RecordingError(
+            f'{study.folder}: found only recordings with use = "validate"{f" of {who}" if who else ""}, expected one with '
+            'use = "fit", a maximal contraction (protocol = "mvc") or another, whose largest envelope is the scale'
+        )
     for recording, _, envelopes in made:
-        if recording.participant in maximal and recording.protocol != "mvc":
+        if recording.use != "fit" or (recording.participant in maximal and recording.protocol != "mvc"):
             continue
         for muscle, x in envelopes.items():
             key = recording.participant, muscle

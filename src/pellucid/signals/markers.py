@@ -192,7 +192,10 @@ def axis_of_rotation(angles: Sequence[np.ndarray], markers: Sequence[Mapping[str
 
 
 def slider_geometry(recordings: Sequence[Recording], marker: str | None = None) -> Geometry:
-    """Where the axis is, and where the carriage was in each recording; clocks are aligned on the way."""
+    """Locate the axis, and the carriage in each recording; clocks are aligned on the way.
+
+    What all recordings share (the axis, the usual delay, the usual heights) comes from those with ``use = "fit"``.
+    """
     seen = [r for r in recordings if r.optical is not None]
     for recording in recordings:
         if recording.optical is None and recording.slider is None:
@@ -206,15 +209,17 @@ def slider_geometry(recordings: Sequence[Recording], marker: str | None = None) 
         placed = tuple(_by_ruler(r, np.nan) for r in recordings)
         return Geometry(nowhere, nowhere, np.nan, np.nan, np.nan, placed, marker or "")
     clocks = _clocks(seen)
-    usual = float(np.median([c.delay for c in clocks if c.identifiable] or [0.0]))
+    fitted = [i for i, r in enumerate(seen) if r.use == "fit"] or list(range(len(seen)))
+    usual = float(np.median([clocks[i].delay for i in fitted if clocks[i].identifiable] or [0.0]))
+    identifiable = [i for i in fitted if clocks[i].identifiable]
     clocks = [c if c.identifiable else replace(c, delay=usual) for c in clocks]
     tracks = [_track(r, c, clock) for r, c, clock in zip(seen, carriages, clocks, strict=True)]
-    axis = _axis([t for t, c in zip(tracks, clocks, strict=True) if c.identifiable])
-    x0, y0 = _hanging(axis.direction, seen[0].optical)
+    axis = _axis([tracks[i] for i in identifiable])
+    x0, y0 = _hanging(axis.direction, seen[fitted[0]].optical)
     basis = np.array([x0, y0, axis.direction])
     places = [_places(track, basis, axis) for track in tracks]
-    along = float(np.mean([p[c].at[2] for p, c in zip(places, carriages, strict=True)]))
-    usually = _usual_places(places, set(carriages))
+    along = float(np.mean([places[i][carriages[i]].at[2] for i in fitted]))
+    usually = _usual_places([places[i] for i in fitted], set(carriages))
     found = {}
     for recording, carriage, clock, place in zip(seen, carriages, clocks, places, strict=True):
         optical, at = recording.optical, place[carriage]
@@ -238,7 +243,7 @@ def slider_geometry(recordings: Sequence[Recording], marker: str | None = None) 
             file=optical.path.name,
             ruler=recording.slider,
         )
-    height = float(np.median([p.height for p in found.values()]))
+    height = float(np.median([found[seen[i].name].height for i in fitted]))
     return Geometry(
         origin=axis.origin + (along - axis.origin @ axis.direction) * axis.direction,
         axis=axis.direction,

@@ -41,7 +41,7 @@ class BodyFound:
     """What swings say of one body."""
 
     published: SwingFit  # Eqs. 9 and 10 on the paper's swing, in closed form.
-    corrected_form: Mapping[str, SwingFit]  # By swing
+    corrected: Mapping[str, SwingFit]  # By swing
     # Adam on eqs. 9 and 10 with a rate that falls, each gradient of the whole swing.
     falling: AdamPath = field(repr=False)
     # falling_parts, fixed_parts: The same with gradients of parts of it, and with a fixed rate.
@@ -67,7 +67,7 @@ def find_body(swings: Mapping[str, Swing]) -> BodyFound:
     options = {"rate": RATE, "iterations": ITERATIONS}
     return BodyFound(
         published=fit_swings(two, literal),
-        corrected_form={name: fit_swings([swings[name]], corrected_form(0.0)) for name in SWINGS},
+        corrected={name: fit_swings([swings[name]], corrected_form(0.0)) for name in SWINGS},
         falling=adam_swings(two, literal, final_rate=FINAL_RATE, **options),
         falling_parts=adam_swings(two, literal, final_rate=FINAL_RATE, batch=PART, **options),
         fixed_parts=adam_swings(two, literal, batch=PART, **options),

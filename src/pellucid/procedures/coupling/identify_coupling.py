@@ -76,12 +76,11 @@ def identify_worn(
         raise IdentificationError("study.toml: found no [coupling], expected one for a wearer strapped to an orthosis")
     trials = _Trials(recordings)
     tell("the orthosis alone", 0.0)
-    sines = trials.of("sine_tracking")
     trials.learn_range()
     orthosis = fit_orthosis(
-        [trials.actuator(r) for r in trials.of("gravity_holds")],
-        [trials.actuator(r) for r in sines if r.use == "fit"],
-        [trials.actuator(r) for r in sines if r.use == "validate"],
+        [trials.actuator(r) for r in trials.fitted("gravity_holds")],
+        [trials.actuator(r) for r in trials.fitted("sine_tracking")],
+        [trials.actuator(r) for r in trials.of("sine_tracking", use="validate")],
     )
     wearers: dict[str, WearerStages] = {}
     refused: dict[str, str] = {}
@@ -144,8 +143,16 @@ class _Trials:
         self.notes: dict[str, str] = {}
         self.low, self.high = -np.inf, np.inf
 
-    def of(self, protocol: str, participant: str | None = None) -> list[Recording]:
-        return [r for r in self.recordings if r.protocol == protocol and r.participant == participant]
+    def of(self, protocol: str, participant: str | None = None, use: str | None = None) -> list[Recording]:
+        return [
+            r
+            for r in self.recordings
+            if r.protocol == protocol and r.participant == participant and use in (None, r.use)
+        ]
+
+    def fitted(self, protocol: str, participant: str | None = None) -> list[Recording]:
+        """Return the recordings that may reach a fit or a scale."""
+        return self.of(protocol, participant, "fit")
 
     def participants(self) -> list[str]:
         return list(dict.fromkeys(r.participant for r in self.recordings if r.participant is not None))
@@ -162,8 +169,8 @@ class _Trials:
         return replace(made, output=undone.angle - 2.0 * np.pi * turns)
 
     def learn_range(self) -> None:
-        """Between which angles the orthosis was while it was identified."""
-        alone = [self.actuator(r).output for r in (*self.of("gravity_holds"), *self.of("sine_tracking"))]
+        """Set the range of angles over which the orthosis is identified."""
+        alone = [self.actuator(r).output for r in (*self.fitted("gravity_holds"), *self.fitted("sine_tracking"))]
         if alone:
             self.low, self.high = (float(f([f(q) for q in alone])) for f in (min, max))
 
@@ -191,12 +198,12 @@ def _wearer(
     chosen = {"method": asked.orientation, "axes": 9 if asked.magnetometer else 6}
     notes: list[str] = []
     calibration = None
-    for recording in trials.of("imu_on_orthosis", who):
+    for recording in trials.fitted("imu_on_orthosis", who):
         calibration = calibrate_imu(trials.imu(recording, asked), trials.actuator(recording), **chosen)
     limb, muscles = None, None
     working = _not_relaxed(trials, who, asked)
     try:
-        relaxed = [trials.worn(r) for r in trials.of("relaxed_holds", who)]
+        relaxed = [trials.worn(r) for r in trials.fitted("relaxed_holds", who)]
         limb = fit_limb(relaxed, orthosis.gravity, _segments(participant), at_work=working)
         muscles = _muscles(trials, who, asked, orthosis.gravity.gravity.value + limb.gravity.value)
     except PellucidError as error:
@@ -237,7 +244,7 @@ def _held(
     trials: _Trials, who: str, asked: CouplingTable, turning: JointAxis | None, chosen: Mapping
 ) -> list[StrappedSwing]:
     """A few trials in which torques are held: what relaxes slower than a swing shows in them."""
-    every = [r for r in trials.of("torque_steps", who) if r.use == "fit" and asked.imu in r.streams]
+    every = [r for r in trials.fitted("torque_steps", who) if asked.imu in r.streams]
     made: list[StrappedSwing] = []
     if turning is None:
         return made
@@ -250,7 +257,7 @@ def _held(
 
 
 def _levels(trials: _Trials, who: str, asked: CouplingTable, chain: EmgChain) -> Levels | None:
-    maximal = [r.streams[asked.emg] for r in trials.of("mvc", who) if asked.emg in r.streams]
+    maximal = [r.streams[asked.emg] for r in trials.fitted("mvc", who) if asked.emg in r.streams]
     return find_levels(maximal, (), chain) if maximal else None
 
 
@@ -271,7 +278,7 @@ def _not_relaxed(trials: _Trials, who: str, asked: CouplingTable) -> dict[str, s
 def _muscles(trials: _Trials, who: str, asked: CouplingTable, gravity: float) -> MuscleTorque | None:
     """The plain map from EMG to torque; None where no EMG was recorded against torques."""
     chain = emg_chain(CHAIN)
-    steps = [r for r in trials.of("torque_steps", who) if r.use == "fit" and asked.emg in r.streams]
+    steps = [r for r in trials.fitted("torque_steps", who) if asked.emg in r.streams]
     levels = _levels(trials, who, asked, chain)
     if not steps or levels is None:
         return None

@@ -123,7 +123,7 @@ def muscles_of(study: Study, stream: Recording) -> list[str]:
 
 
 def _maximal(study: Study, participant: str | None) -> list[Recording]:
-    return [r for r in study.recordings() if r.participant == participant and r.protocol == MAXIMAL]
+    return [r for r in study.recordings("fit") if r.participant == participant and r.protocol == MAXIMAL]
 
 
 def _relative_to(study: Study, participant: str | None, fitted: Sequence[Recording]) -> Sequence[Recording]:
