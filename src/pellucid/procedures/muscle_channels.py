@@ -152,8 +152,8 @@ def relative_envelopes(study: Study, table: EnvelopeTable) -> list[MuscleEnvelop
     if unscaled:
         who = ", ".join(unscaled).strip()
         raise RecordingError(
-            f'{study.folder}: found only recordings with use = "validate"{f" of {who}" if who else ""}, expected one with '
-            'use = "fit", a maximal contraction (protocol = "mvc") or another, whose largest envelope is the scale'
+            f'{study.folder}: found only recordings with use = "validate"{f" of {who}" if who else ""}, expected one '
+            'with use = "fit", a maximal contraction (protocol = "mvc") or another, whose largest envelope is the scale'
         )
     for recording, _, envelopes in made:
         if recording.use != "fit" or (recording.participant in maximal and recording.protocol != "mvc"):
