@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from .._errors import UnfitRecordingError
-from ..recordings.defects.find import watched
+from ..recordings.defects.find import watched_part
 from ..recordings.fault import Fault
 from ..recordings.recording import Recording
 from ..recordings.study import Study
@@ -26,7 +26,7 @@ MIN_EXPLAINED_SHARE = 0.5
 """A channel of so few values is a drive that switches if the motion explains at least this share of its variance."""
 
 LEVEL_SAMPLE_COUNT = 5000
-"""Samples, spread over a recording, that are looked at first: most channels show there that they take many values."""
+"""Samples, spread over a recording, that are watched at first: most channels show there that they take many values."""
 
 COPIED = {"time", "position", "motor_position", "velocity"}
 """First parts of the names of channels whose copy is no effort."""
@@ -53,10 +53,10 @@ def require_live_effort(study: Study) -> None:
 def _of_use(study: Study, recordings: Sequence[Recording], use: str) -> Iterator[Fault]:
     efforts: dict[str, list[tuple[Recording, str, np.ndarray]]] = {}
     for recording in recordings:
-        looked = watched(recording, study.config, study.specs_of(recording), study.processing_of(recording))
-        for position, drive in looked.drives.items():
+        watched = watched_part(recording, study.config, study.specs_of(recording), study.processing_of(recording))
+        for position, drive in watched.drives.items():
             if position in recording:
-                samples = looked.samples(drive)
+                samples = watched.samples(drive)
                 supply = drive.replace("duty", "supply", 1)
                 if drive.startswith("duty") and supply in recording:
                     samples = samples * recording[supply]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from .cut import cut_of
-from .defects.watched import runs
+from .defects.watched import find_runs
 from .recording import Channel, Recording, channels_within
 
 MOVED = "moved"
@@ -69,7 +69,7 @@ def with_channels(
         everything = cut_of(recording, kind, "time", 0, len(lost) - 1, found)
         return replace(recording, channels=channels, cuts=(*recording.cuts, everything))
     whole = slice(int(kept[0]), int(kept[-1]) + 1)
-    firsts, lengths = runs((lost & inside)[whole])
+    firsts, lengths = find_runs((lost & inside)[whole])
     cuts = [
         cut_of(recording, kind, "time", first, first + length - 1, found)
         for first, length in zip(whole.start + firsts, lengths, strict=True)

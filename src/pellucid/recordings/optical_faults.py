@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from .defects.watched import runs
+from .defects.watched import find_runs
 from .fault import Fault
 from .readers.csv import ENDINGS, cut_row
 from .recording import Recording
@@ -66,7 +66,7 @@ def _check_seen(optical, marker, add) -> None:
             f"{enough}: a column of another name, or a marker that was hidden",
         )
         return
-    starts, lengths = runs(~seen)
+    starts, lengths = find_runs(~seen)
     if starts.size == 0 or not np.isfinite(optical.time).all():
         return
     ends = np.minimum(starts + lengths, n - 1)

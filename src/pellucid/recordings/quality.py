@@ -12,9 +12,9 @@ import numpy as np
 from .._errors import UnfitRecordingError
 from .cut import JITTER_SHARE, sound_samples
 from .defects import clipped
-from .defects.find import MOST_CLIPPED, bridgeable, find, kinds, watched
-from .defects.magnitude import implausible
-from .defects.watched import Watched
+from .defects.find import MAX_CLIPPED_SHARE, find_defects, max_bridged_gap, needed_kinds, watched_part
+from .defects.magnitude import find_implausible
+from .defects.watched import WatchedRecording
 from .delay import MOVED
 from .drive_channel import DRIVE_CHANNELS, command_channel
 from .fault import Fault
@@ -55,17 +55,17 @@ def inspect(recording: Recording, study: Study) -> list[Fault]:
     for joint in study.rig.joints:
         _check_channels(recording, joint, f".{joint.joint}" if len(study.rig.joints) > 1 else "", add)
     processing = study.processing_of(recording)
-    looked = watched(recording, study.config, study.specs_of(recording), processing)
-    _check_missing(looked, add)
+    watched = watched_part(recording, study.config, study.specs_of(recording), processing)
+    _check_missing(watched, add)
     if _check_time(recording, study, add):
         _check_length(recording, study, add)
         if processing.cut == "none":
-            for cut in find(looked, kinds(study.config)):
+            for cut in find_defects(watched, needed_kinds(study.config)):
                 found = f"{cut.found} at {cut.start:.6g} s ({cut.where})"
                 add("refuse", cut.kind, cut.channel, found, 'none, or [processing] cut = "automatic"')
-        _check_clipped(looked, add)
-        _check_wrap(looked, study.specs_of(recording), add)
-    _check_magnitude(looked, study, add)
+        _check_clipped(watched, add)
+        _check_wrap(watched, study.specs_of(recording), add)
+    _check_magnitude(watched, study, add)
     faults += share_faults(recording, study) + clock_faults(recording, study)
     if recording.optical is not None:
         faults += optical_faults(recording)
@@ -179,11 +179,11 @@ def _check_channels(recording: Recording, joint: JointTable, ending: str, add: A
         add("refuse", "missing_channel", supply, "a duty but no supply voltage", "[rig.drive] supply or such a channel")
 
 
-def _check_missing(looked: Watched, add: Add) -> None:
+def _check_missing(watched: WatchedRecording, add: Add) -> None:
     """Missing samples in channels that are not read, which are told."""
-    for name, channel in looked.recording.channels.items():
+    for name, channel in watched.recording.channels.items():
         missing = int(np.sum(~np.isfinite(channel.samples)))
-        if missing and name not in looked.channels and name != "time":
+        if missing and name not in watched.channels and name != "time":
             first = int(np.flatnonzero(~np.isfinite(channel.samples))[0])
             many = f"{missing} missing sample{'s' if missing > 1 else ''} (NaN), the first at index {first}"
             add("note", "missing_samples", name, many, "a number in every sample")
@@ -211,7 +211,7 @@ def _check_steps(recording: Recording, study: Study, add: Add) -> bool:
         found = f"time {what} at {place}, {back.size} times in all"
         add("refuse", "time_order", "time", found, "time that increases with every sample")
         return False
-    bridged = bridgeable(study.processing_of(recording), recording.fs)
+    bridged = max_bridged_gap(study.processing_of(recording), recording.fs)
     long = steps[(steps > recording.longest_step) & (steps <= bridged)]
     if long.size and study.processing_of(recording).resample is not None:
         many = "a gap" if long.size == 1 else f"{long.size} gaps"
@@ -244,13 +244,13 @@ def _check_length(recording, study, add) -> None:
         )
 
 
-def _check_clipped(looked: Watched, add: Add) -> None:
+def _check_clipped(watched: WatchedRecording, add: Add) -> None:
     """Flat tops that were not cut out: known and accepted limits are told, the others refuse."""
-    cut = {(c.channel, c.kind) for c in looked.recording.cuts}
-    for name, channel in looked.recording.channels.items():
+    cut = {(c.channel, c.kind) for c in watched.recording.cuts}
+    for name, channel in watched.recording.channels.items():
         if name.partition(".")[0] in _MAY_REST or (name, clipped.KIND) in cut:
             continue
-        x = looked.samples(name)
+        x = watched.samples(name)
         for sign, end in ((1.0, "largest"), (-1.0, "smallest")):
             first, length = clipped.flat_tops(sign * x)
             if first.size == 0:
@@ -259,32 +259,32 @@ def _check_clipped(looked: Watched, add: Add) -> None:
             runs = "one flat run" if first.size == 1 else f"{first.size} flat runs"
             unit = "" if channel.unit == "1" else f" {channel.unit}"
             found = f"{count} samples clipped, in {runs} at the {end} value {value:.6g}{unit}"
-            if clipped.at_limit(looked, name, value):
+            if clipped.is_at_limit(watched, name, value):
                 add("note", clipped.KIND, name, found, "none, but the limit is known")
-            elif name in looked.accepted or name not in looked.channels:
-                add("note", clipped.KIND, name, found, "none, but accepted" if name in looked.accepted else "none")
+            elif name in watched.accepted or name not in watched.channels:
+                add("note", clipped.KIND, name, found, "none, but accepted" if name in watched.accepted else "none")
             else:
                 wanted = (
-                    f"flat tops in at most {100 * MOST_CLIPPED:g} % of the samples, which are cut out; if it is a "
+                    f"flat tops in at most {100 * MAX_CLIPPED_SHARE:g} % of the samples, which are cut out; if it is a "
                     f'limit that is meant to act, say so: {name} = {{ clip = "accept" }}'
                 )
-                add("refuse", clipped.KIND, name, found, wanted + (" or [rig.drive] limit" * looked.is_drive(name)))
+                add("refuse", clipped.KIND, name, found, wanted + (" or [rig.drive] limit" * watched.is_drive(name)))
 
 
-def _check_wrap(looked: Watched, specs: Mapping[str, ChannelSpec], add: Add) -> None:
-    for name, channel in looked.recording.channels.items():
+def _check_wrap(watched: WatchedRecording, specs: Mapping[str, ChannelSpec], add: Add) -> None:
+    for name, channel in watched.recording.channels.items():
         if name.partition(".")[0] not in _ROLLS or channel.unit not in ("rad", "m"):
             continue
-        x = looked.samples(name)
+        x = watched.samples(name)
         found = rollover(x)
         write = to_write(found, specs[name]) if found is not None and name in specs else ""
         if write:
-            first = looked.recording.time[found.jumps[0]]
+            first = watched.recording.time[found.jumps[0]]
             times = "once" if len(found.jumps) == 1 else f"{len(found.jumps)} times"
             what = f"a value that rolls over by {found.period:.4g} {channel.unit} {times}, first at {first:.6g} s"
             wanted = f"a continuous one: {name} = {{ {write} }} in [channels]"
-            add("refuse" if name in looked.channels else "note", "wrap", name, what, wanted)
-        elif name.partition(".")[0] == "position" and name in looked.channels:
+            add("refuse" if name in watched.channels else "note", "wrap", name, what, wanted)
+        elif name.partition(".")[0] == "position" and name in watched.channels:
             _check_jump(name, x, add)
 
 
@@ -304,25 +304,31 @@ def _check_jump(name: str, q: np.ndarray, add: Add) -> None:
     add("refuse", "wrap", name, found, "a continuous position: an encoder that rolls over needs wrap_bits or wrap")
 
 
-def _check_magnitude(looked: Watched, study: Study, add: Add) -> None:
-    recording = looked.recording
-    known = {drive: max(limits, default=0.0) for drive, limits in looked.limits.items()}
+def _check_magnitude(watched: WatchedRecording, study: Study, add: Add) -> None:
+    recording = watched.recording
+    known = {drive: max(limits, default=0.0) for drive, limits in watched.limits.items()}
     for joint in study.rig.joints:
         limits = [abs(x) for x in (joint.limits.position_min, joint.limits.position_max) if x]
         ending = f".{joint.joint}" if len(study.rig.joints) > 1 else ""
         known |= dict.fromkeys((f"position{ending}", f"reference{ending}"), max(limits, default=0.0))
     for name, channel in recording.channels.items():
         sound = channel if recording.sound.all() else replace(channel, samples=channel.samples[recording.sound])
-        wrong = implausible(sound, known.get(name, 0.0))
+        wrong = find_implausible(sound, known.get(name, 0.0))
         if wrong is None:
             continue
         found = f"a magnitude of {wrong.largest:.4g} {channel.unit}"
-        found += f", which looks like {wrong.looks} taken for {channel.unit}" if wrong.looks else ", which is nonsense"
+        found += (
+            f", which looks like {wrong.probable_unit} taken for {channel.unit}"
+            if wrong.probable_unit
+            else ", which is nonsense"
+        )
         wanted = f"at most {wrong.limit:.4g} {channel.unit}"
-        if name in looked.channels:
-            wanted += f': the unit; write unit = "{wrong.looks}"' if wrong.looks and wrong.usual else ""
-            wanted += _override(name, looked.is_drive(name))
-        add("refuse" if name in looked.channels else "note", "magnitude", name, found, wanted)
+        if name in watched.channels:
+            wanted += (
+                f': the unit; write unit = "{wrong.probable_unit}"' if wrong.probable_unit and wrong.is_typical else ""
+            )
+            wanted += _override(name, watched.is_drive(name))
+        add("refuse" if name in watched.channels else "note", "magnitude", name, found, wanted)
     if recording.advances and recording.fs < 5.0:
         found = f"a step of {1 / recording.fs:.4g} s, which looks like ms taken for s"
         add("note", "magnitude", "time", found, 'at most 0.2 s: the unit; write unit = "ms"')

@@ -16,7 +16,7 @@ from .._errors import RecordingError, StudyError
 from .._given import require_folder, require_inside
 from .clock import first_deliveries
 from .cut import Cut
-from .defects.find import cut_out
+from .defects.find import find_cuts
 from .delay import led, moved
 from .joined_stream import first_offset, joined
 from .optical import OpticalRecording, read_optical
@@ -347,7 +347,7 @@ class Study:
         self, recording: Recording, specs: Mapping[str, ChannelSpec], processing: Processing, stream: str = ""
     ) -> Recording:
         """The recording, or one of its streams, with what is bad in it cut out."""
-        found = cut_out(recording, self.config, specs, processing, stream)
+        found = find_cuts(recording, self.config, specs, processing, stream)
         return replace(recording, cuts=tuple(sorted((*recording.cuts, *found), key=lambda cut: cut.first)))
 
     def _beside(self, entry, file, what) -> Path:

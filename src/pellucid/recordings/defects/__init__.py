@@ -1,1 +1,1 @@
-"""What goes wrong in recordings: a file for each kind of defect, which finds it and says where."""
+"""Defects of recordings: one file for each kind, which finds every occurrence and says where it is."""

@@ -1,4 +1,8 @@
-"""A channel that stays one value for a while, though it never rests otherwise: a signal that was lost."""
+"""Find dropouts: a lost signal, which repeats one value for a while in a channel that otherwise never rests.
+
+The thresholds were chosen by judgement; no measurement is recorded for any of them. `python -m evidence spoilt` counts
+what they miss in recordings with known defects.
+"""
 
 from __future__ import annotations
 
@@ -7,91 +11,95 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..cut import Cut, cut_of
-from .clipped import at_limit
-from .watched import MOTION, Watched, ending_of, runs, stays
+from .clipped import is_at_limit
+from .watched import INERTIAL_CHANNELS, WatchedRecording, find_runs, joint_ending, repeats_next
 
 KIND = "dropout"
 
-SHORTEST = 10
-"""Samples of one value from which on a dropout is looked for."""
+MIN_DROPOUT_SAMPLES = 10
+"""A dropout has at least this many samples of one value."""
 
-APART = 5.0
-"""How many times longer than any other run of one value a dropout is."""
+MIN_LENGTH_RATIO = 5.0
+"""A dropout is at least this many times as long as the longest run of one value that is no dropout."""
 
-NEAR = 1.5
-"""And where it leaps by `SURE` times the usual step."""
+MIN_LENGTH_RATIO_WITH_HIGH_LEAP = 1.5
+"""This ratio of lengths is enough if the signal leaps by `MIN_HIGH_LEAP_RATIO` usual steps at both ends."""
 
-MOST = 20
-"""Dropouts in a recording beyond which resting is the channel's way."""
+MAX_DROPOUT_COUNT = 20
+"""More long runs of one value than this in a recording mean that the channel rests by itself."""
 
-MOST_SHARE = 0.05
-"""Share of the samples in dropouts beyond which it is, too."""
+MAX_DROPOUT_SHARE = 0.05
+"""A larger share of the samples in long runs of one value also means that the channel rests by itself."""
 
-LONGEST = 1.0
-"""A channel that stays one value for longer [s] was switched off."""
+MAX_DROPOUT_S = 1.0
+"""A channel that holds one value for longer than this [s] was switched off."""
 
-LEAP = 5.0
-"""A value that is lost and comes back leaps by this many times the usual step on either side."""
+MIN_LEAP_RATIO = 5.0
+"""At both ends of a dropout the signal leaps by at least this many usual steps."""
 
-SURE = 25.0
-"""And by this many times where its length alone says little."""
+MIN_HIGH_LEAP_RATIO = 25.0
+"""This many usual steps are required if the run is shorter than `MIN_LENGTH_RATIO` asks."""
 
-QUANTA = 8.0
-"""And by this many times the channel's resolution."""
+MIN_RESOLUTION_RATIO = 8.0
+"""At both ends of a dropout the signal leaps by at least this many times the channel's resolution."""
 
-MOVES = 0.1
-"""Share of the typical way that a body goes in the time of a dropout, if it moves."""
+MIN_TRAVEL_SHARE = 0.1
+"""A body moves during a dropout if it covers this share of the distance that is typical of so much time."""
 
 
-def find(watched: Watched) -> Iterator[Cut]:
-    """Runs of one value that stand out by their length, and that leap at both ends, are held at no zero, or during
-    which the body moves."""
+def find(watched: WatchedRecording) -> Iterator[Cut]:
+    """Yield a cut for each dropout in the channels that the study reads.
+
+    A dropout is a run of one value that is much longer than others. In addition the signal leaps at both ends, or a
+    drive's value is held at another value than zero, or the body moves meanwhile.
+    """
     for name in watched.channels:
-        x, own = watched.samples(name), f"position{ending_of(name)}"
+        x, own = watched.samples(name), f"position{joint_ending(name)}"
         position = own if own in watched.channels else "position"
         moved = watched.samples(position) if position in watched.channels else None
-        first, length = runs(stays(x))
+        first, length = find_runs(repeats_next(x))
         length = length + 1
-        far = set(_outstanding(length, len(x), APART).tolist())
-        for i in _outstanding(length, len(x), NEAR).tolist():
+        much_longer = set(_outstanding_runs(length, len(x), MIN_LENGTH_RATIO).tolist())
+        for i in _outstanding_runs(length, len(x), MIN_LENGTH_RATIO_WITH_HIGH_LEAP).tolist():
             a, b = int(first[i]), int(first[i] + length[i] - 1)
-            if length[i] > LONGEST * watched.recording.fs or _limited(watched, name, x, a):
+            if length[i] > MAX_DROPOUT_S * watched.recording.fs or _is_at_extreme(watched, name, x, a):
                 continue
-            lost = _leaps(x, a, b, LEAP if i in far else SURE)
-            if i in far and not lost and not _is_motion(name):
-                # A drive may be switched off for a while; one that is on has noise.
+            lost = _has_leaps(x, a, b, MIN_LEAP_RATIO if i in much_longer else MIN_HIGH_LEAP_RATIO)
+            if i in much_longer and not lost and not _is_motion(name):
+                # A drive at zero may be switched off for a while; one that is on has noise.
                 held = x[a] != 0.0 and a > 0 and b < len(x) - 1
-                lost = held or (moved is not None and _moves(moved, a, b))
+                lost = held or (moved is not None and _has_moved(moved, a, b))
             if lost:
                 many = f"the one value {x[a]:.6g} {watched.recording.channels[name].unit} in {length[i]} samples"
                 yield cut_of(watched.recording, KIND, name, a, b, f"a dropout, {many}")
 
 
 def _is_motion(name: str) -> bool:
-    return name.partition(".")[0] in MOTION
+    return name.partition(".")[0] in INERTIAL_CHANNELS
 
 
-def _outstanding(length: np.ndarray, n: int, apart: float) -> np.ndarray:
-    """Which runs are so many times longer than all others of `n` samples."""
-    order = np.argsort(length)[::-1][: MOST + 1]
+def _outstanding_runs(length: np.ndarray, n: int, min_ratio: float) -> np.ndarray:
+    """Return the indices of the runs, among `n` samples, that are at least `min_ratio` times as long as all others."""
+    order = np.argsort(length)[::-1][: MAX_DROPOUT_COUNT + 1]
     longest = np.append(length[order], 1).astype(float)
-    gaps = np.flatnonzero(longest[:-1] >= apart * longest[1:])
-    # Below the shortest dropout any two runs are that far apart.
-    gaps = gaps[longest[gaps] >= SHORTEST]
+    gaps = np.flatnonzero(longest[:-1] >= min_ratio * longest[1:])
+    # Runs shorter than a dropout easily differ by this ratio.
+    gaps = gaps[longest[gaps] >= MIN_DROPOUT_SAMPLES]
     count = int(gaps[-1]) + 1 if gaps.size else 0
-    kept = order[: count if count <= MOST else 0]
-    return np.sort(kept[length[kept] >= SHORTEST]) if length[kept].sum() <= MOST_SHARE * n else kept[:0]
+    kept = order[: count if count <= MAX_DROPOUT_COUNT else 0]
+    few = length[kept].sum() <= MAX_DROPOUT_SHARE * n
+    return np.sort(kept[length[kept] >= MIN_DROPOUT_SAMPLES]) if few else kept[:0]
 
 
-def _limited(watched: Watched, name: str, x: np.ndarray, at: int) -> bool:
-    """Whether it rests where it is largest: that is a limit, or a stop."""
+def _is_at_extreme(watched: WatchedRecording, name: str, x: np.ndarray, at: int) -> bool:
+    """Whether sample `at` is at a known limit or at the channel's largest or smallest value, as at an end stop."""
     value = x[at]
-    return at_limit(watched, name, value) or value >= np.nanmax(x) or value <= np.nanmin(x)
+    return is_at_limit(watched, name, value) or value >= np.nanmax(x) or value <= np.nanmin(x)
 
 
-def _leaps(x: np.ndarray, a: int, b: int, times: float) -> bool:
-    """Whether it leaves for one value at once, and comes back from it at once, by so many times the usual step, and
-    by some times its resolution."""
+def _has_leaps(x: np.ndarray, a: int, b: int, times: float) -> bool:
+    """Whether the signal leaps to the value of samples `a` to `b` and back, by `times` usual steps and by
+    `MIN_RESOLUTION_RATIO` times its resolution."""
     if a == 0 or b + 1 >= len(x):
         return False
     there, back = x[a] - x[a - 1], x[b] - x[b + 1]
@@ -102,14 +110,14 @@ def _leaps(x: np.ndarray, a: int, b: int, times: float) -> bool:
     if there * back <= 0.0 or leap <= times * usual:
         return False
     steps = np.abs(np.diff(x))
-    return leap > QUANTA * float(np.min(steps, where=steps > 0.0, initial=np.inf))
+    return leap > MIN_RESOLUTION_RATIO * float(np.min(steps, where=steps > 0.0, initial=np.inf))
 
 
-def _moves(q: np.ndarray, a: int, b: int) -> bool:
-    """Whether a body goes on in both halves of samples `a` to `b` as it typically does in that time."""
+def _has_moved(q: np.ndarray, a: int, b: int) -> bool:
+    """Whether a body at positions `q` moves in both halves of samples `a` to `b`; see `MIN_TRAVEL_SHARE`."""
     half = (b - a) // 2
-    way = np.abs(q[half:] - q[: len(q) - half])
-    way = way[np.isfinite(way)]
-    usual = float(np.quantile(way, 0.9)) if way.size else np.inf
-    parts = np.abs([q[a + half] - q[a], q[a + 2 * half] - q[a + half]])
-    return usual > 0.0 and bool(np.all(parts >= MOVES * usual))
+    travel = np.abs(q[half:] - q[: len(q) - half])
+    travel = travel[np.isfinite(travel)]
+    typical = float(np.quantile(travel, 0.9)) if travel.size else np.inf
+    halves = np.abs([q[a + half] - q[a], q[a + 2 * half] - q[a + half]])
+    return typical > 0.0 and bool(np.all(halves >= MIN_TRAVEL_SHARE * typical))

@@ -1,4 +1,4 @@
-"""Every kind of defect looked for in a recording, one after the other, and cut out."""
+"""Search a recording for each kind of defect in turn, and cut out what is found."""
 
 from __future__ import annotations
 
@@ -10,30 +10,32 @@ from ..cut import Cut
 from ..drive_channel import command_channel
 from ..recording import Recording
 from . import clipped, dropouts, frozen, gaps, missing, spikes
-from .watched import Watched
+from .watched import WatchedRecording
 
 if TYPE_CHECKING:
     from ..study_file import ChannelSpec, JointTable, Processing, StudyFile
 
 KINDS: tuple[ModuleType, ...] = (missing, gaps, dropouts, spikes, clipped, frozen)
-"""Each has ``KIND`` and ``find(watched)``; those that come later see nothing of what was found before."""
+"""Modules that find one kind of defect each, with ``KIND`` and ``find(watched)``. A later module does not see the
+samples that an earlier one has cut."""
 
-OF_A_SIGNAL: tuple[ModuleType, ...] = (dropouts, spikes)
-"""What is looked for where a procedure bridges what is missing by itself."""
+SIGNAL_KINDS: tuple[ModuleType, ...] = (dropouts, spikes)
+"""Modules that search when needs_all procedure of the study bridges missing samples by itself."""
 
-MOST_CLIPPED = 0.02
-"""Share of a recording's samples that may be clipped; more are not noise on top of a motion but a part of it."""
+MAX_CLIPPED_SHARE = 0.02
+"""At most this share of a recording's samples may be clipped. More of them are part of the motion, not a disturbance.
+Chosen by judgement; no measurement is recorded."""
 
 
-def watched(
+def watched_part(
     recording: Recording,
     config: StudyFile,
     specs: Mapping[str, ChannelSpec],
     processing: Processing,
     stream: str = "",
-) -> Watched:
-    """What the procedures of a study read of a recording, or of one of its streams."""
-    own = read_joints(config) if not stream or config.streams[stream].join else ()
+) -> WatchedRecording:
+    """Return the part of a recording, or of one of its streams, that the procedures of a study read."""
+    own = regressed_joints(config) if not stream or config.streams[stream].join else ()
     names = {n for n in recording.channels for t in config.procedures.values() if t.reads(n, stream)}
     accepted = {name for name, spec in specs.items() if spec.clip == "accept"}
     drives, limits = {}, {}
@@ -53,18 +55,18 @@ def watched(
         if drive is not None:
             drives[position] = drive
             limits[drive] = tuple(limit for limit in known if limit is not None)
-    return Watched(
+    return WatchedRecording(
         recording,
         tuple(n for n in recording.channels if n in names and n != "time"),
         drives,
         limits,
         frozenset(accepted),
-        bridgeable(processing, recording.fs) if processing.resample is not None else 0.0,
+        max_bridged_gap(processing, recording.fs) if processing.resample is not None else 0.0,
     )
 
 
-def read_joints(config: StudyFile) -> tuple[JointTable, ...]:
-    """Joints whose position and drive's command are read, by a regression over its samples."""
+def regressed_joints(config: StudyFile) -> tuple[JointTable, ...]:
+    """Return the joints whose position and drive command a regression reads; () if no procedure regresses."""
     joints, tables = config.rig.joints, config.procedures.values()
     if any(joint.drive is None for joint in joints):
         return ()
@@ -73,38 +75,38 @@ def read_joints(config: StudyFile) -> tuple[JointTable, ...]:
     return tuple(joints) if len(joints) == 1 and not any(table.alone for table in tables) else ()
 
 
-def bridgeable(processing: Processing, fs: float) -> float:
-    """Longest stretch [s] without samples over which interpolation loses nothing the filter would keep; `fs` [Hz]."""
+def max_bridged_gap(processing: Processing, fs: float) -> float:
+    """Return the longest gap [s] over which interpolation loses nothing that the filter would keep; `fs` [Hz]."""
     return 0.5 / processing.lowpass if processing.lowpass else 3.0 / fs
 
 
-def kinds(config: StudyFile) -> tuple[ModuleType, ...]:
-    """What is to be looked for in the recordings of a study."""
-    every = bool(read_joints(config)) or any(not table.bridges for table in config.procedures.values())
-    return KINDS if every else OF_A_SIGNAL
+def needed_kinds(config: StudyFile) -> tuple[ModuleType, ...]:
+    """Return the modules that find the defects which matter to a study."""
+    needs_all = bool(regressed_joints(config)) or any(not table.bridges for table in config.procedures.values())
+    return KINDS if needs_all else SIGNAL_KINDS
 
 
-def find(looked: Watched, which: tuple[ModuleType, ...] = KINDS) -> list[Cut]:
-    """Every defect of the kinds named."""
+def find_defects(watched: WatchedRecording, which: tuple[ModuleType, ...] = KINDS) -> list[Cut]:
+    """Return a cut for needs_all defect that the modules `which` find, in order of time."""
     cuts: list[Cut] = []
     for kind in which:
-        found = list(kind.find(looked))
-        # One cause is told once: what is clipped rests too.
-        looked = looked.without(found)
-        if kind is not clipped or sum(cut.samples for cut in found) <= MOST_CLIPPED * len(looked.recording):
+        found = list(kind.find(watched))
+        # One cause gives one cut: a clipped signal also rests.
+        watched = watched.without(found)
+        if kind is not clipped or sum(cut.samples for cut in found) <= MAX_CLIPPED_SHARE * len(watched.recording):
             cuts += found
     return sorted(cuts, key=lambda cut: (cut.first, cut.last))
 
 
-def cut_out(
+def find_cuts(
     recording: Recording,
     config: StudyFile,
     specs: Mapping[str, ChannelSpec],
     processing: Processing,
     stream: str = "",
 ) -> tuple[Cut, ...]:
-    """What is cut out of a recording, or of one of its streams, without being asked; nothing where time is unfit."""
+    """Return the automatic cuts of a recording, or of one of its streams; none if its time is unfit."""
     if processing.cut == "none" or len(recording) < 2 or not recording.advances:
         return ()
-    looked = watched(recording, config, specs, processing, stream)
-    return tuple(find(looked, kinds(config))) if looked.channels else ()
+    watched = watched_part(recording, config, specs, processing, stream)
+    return tuple(find_defects(watched, needed_kinds(config))) if watched.channels else ()

@@ -1,4 +1,8 @@
-"""A position that stays the same bits while the machine must have moved."""
+"""Find frozen encoders: a position that repeats the same bits while the machine must have moved.
+
+The thresholds were chosen by judgement; no measurement is recorded for any of them. `python -m evidence spoilt` counts
+what they miss in recordings with known defects.
+"""
 
 from __future__ import annotations
 
@@ -9,62 +13,71 @@ import numpy as np
 
 from ..cut import Cut, cut_of
 from .scale import Scale
-from .watched import Watched, ending_of, runs, stays
+from .watched import WatchedRecording, find_runs, joint_ending, repeats_next
 
 KIND = "frozen_encoder"
 
-SHORTEST = (20, 0.1)
-"""Samples, and seconds, of which the larger number is the shortest rest that is looked at."""
+MIN_REST_SAMPLES = 20
+"""A rest is examined only if it has at least this many samples and lasts `MIN_REST_S`."""
 
-BREAKAWAY = 0.5
-"""How far beyond what moves a joint either way the effort passes before its rest is an encoder's: a share of the
-difference between both ways. A joint sticks while it reverses, and more so under a load or where gravity is larger."""
+MIN_REST_S = 0.1
+"""A rest is examined only if it lasts at least this long [s] and has `MIN_REST_SAMPLES`."""
+
+BREAKAWAY_SHARE = 0.5
+"""A rest is the encoder's if the effort passes both efforts that move the joint, by this share of their difference. A
+joint sticks while it reverses, and more so under a load or where gravity is larger."""
+
+SWING_SHARE = 0.6
+"""An effort swings if it moves by at least this share of its whole range."""
+
+MIN_SWING_COUNT = 3
+"""A rest with this many swings of the effort is the encoder's. Fewer may be a test for the breakaway effort."""
 
 
-def find(watched: Watched) -> Iterator[Cut]:
-    """Rests of a joint's position that cannot be the joint's own."""
+def find(watched: WatchedRecording) -> Iterator[Cut]:
+    """Yield a cut for each rest of a joint's position in which the joint itself cannot have rested."""
     for position, drive in watched.drives.items():
         if {position, drive} <= set(watched.channels):
-            yield from _of_a_joint(watched, position, drive)
+            yield from _find_in_joint(watched, position, drive)
 
 
-def _of_a_joint(watched: Watched, position: str, drive: str) -> Iterator[Cut]:
+def _find_in_joint(watched: WatchedRecording, position: str, drive: str) -> Iterator[Cut]:
     q = watched.samples(position)
     finite = np.isfinite(q)
     if not finite.any():
         return
     effort, reference = watched.samples(drive), _reference(watched, position)
-    known = q[finite]
-    if known.min() == known.max():
+    measured = q[finite]
+    if measured.min() == measured.max():
         moves = [s for s in (effort, reference) if s is not None and np.nanmax(s, initial=-np.inf) > np.nanmin(s)]
         if moves:
-            found = f"a frozen encoder, the one value {known[0]:.6g} in every sample"
+            found = f"a frozen encoder, the one value {measured[0]:.6g} in every sample"
             yield cut_of(watched.recording, KIND, position, 0, len(q) - 1, found)
         return
-    first, length = runs(stays(q))
+    first, length = find_runs(repeats_next(q))
     length = length + 1
-    long = np.flatnonzero(length >= max(SHORTEST[0], SHORTEST[1] * watched.recording.fs))
+    long = np.flatnonzero(length >= max(MIN_REST_SAMPLES, MIN_REST_S * watched.recording.fs))
     if long.size == 0:
         return
-    machine = _Machine(q, effort, reference)
+    statistics = _MotionStatistics(q, effort, reference)
     for i in long.tolist():
         a, b = int(first[i]), int(first[i] + length[i] - 1)
-        why = machine.why_frozen(a, b)
+        why = statistics.why_frozen(a, b)
         if why:
             found = f"a frozen encoder, the one value {q[a]:.6g} for {length[i]} samples while {why}"
             yield cut_of(watched.recording, KIND, position, a, b, found)
 
 
-def _reference(watched: Watched, position: str) -> np.ndarray | None:
-    """Where the position should be; a velocity loop's reference says nothing of that."""
-    channels, name = watched.recording.channels, f"reference{ending_of(position)}"
+def _reference(watched: WatchedRecording, position: str) -> np.ndarray | None:
+    """Return the position's reference; None if there is none, or if it is a velocity."""
+    channels, name = watched.recording.channels, f"reference{joint_ending(position)}"
     if name not in channels or channels[name].unit != channels[position].unit:
         return None
     return watched.samples(name)
 
 
-class _Machine:
-    """What is known of how the machine moves, computed once for every rest."""
+class _MotionStatistics:
+    """Statistics of how the joint moves in the whole recording, computed once for all rests."""
 
     def __init__(self, q: np.ndarray, effort: np.ndarray, reference: np.ndarray | None):
         self.q, self.effort = q, effort
@@ -76,27 +89,27 @@ class _Machine:
         self.error = None if reference is None else np.nan_to_num(np.abs(reference - q))
 
     def why_frozen(self, first: int, last: int) -> str | None:
-        """What the rest from `first` to `last` cannot be the joint's for; None where it can."""
+        """Return why samples `first` to `last` cannot be a rest of the joint itself; None if they can."""
         return (
-            self._leaves_at_once(first, last)
-            or self._arrives_at_speed(first, last)
-            or self._departs(first, last)
-            or self._driven(first, last)
+            self._leap_after_rest(first, last)
+            or self._speed_before_rest(first, last)
+            or self._departing_reference(first, last)
+            or self._moving_effort_during(first, last)
         )
 
-    def _leaves_at_once(self, first: int, last: int) -> str | None:
+    def _leap_after_rest(self, first: int, last: int) -> str | None:
         elsewhere = [float(self.moved[i]) for i in self.fastest if not first - 1 <= i <= last]
         largest = max(elsewhere, default=0.0)
         if last < len(self.moved) and self.moved[last] > max(3 * largest, 3 * self.scale.resolution) and largest > 0:
             return f"it then is {self.moved[last]:.4g} away after one sample"
         return None
 
-    def _arrives_at_speed(self, first: int, last: int) -> str | None:
+    def _speed_before_rest(self, first: int, last: int) -> str | None:
         scale, stride = self.scale, self.scale.stride
         # A machine rests at its end stop, and arrives there at speed.
         margin = max(0.01 * scale.range, 2.5 * scale.resolution)
         inside = self.low + margin < self.q[first] < self.high - margin
-        # Where a machine turns around, it leaves a rest as slowly as it came.
+        # A machine that reverses leaves its rest as slowly as it arrived.
         leaves = last >= len(self.moved) or self.moved[last] > 2.5 * scale.resolution
         if inside and leaves and scale.resolved and first > 3 * stride:
             # Two strides at speed up to the last sample: a single step may be two recordings joined into one.
@@ -107,7 +120,7 @@ class _Machine:
                 return "the samples before it move at speed"
         return None
 
-    def _departs(self, first: int, last: int) -> str | None:
+    def _departing_reference(self, first: int, last: int) -> str | None:
         if self.error is None or len(self.q) - (last + 1 - first) <= len(self.q) // 4:
             return None
         before, after = self._largest_errors
@@ -119,22 +132,21 @@ class _Machine:
 
     @cached_property
     def _largest_errors(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of the samples up to, and from, each one."""
+        """Largest tracking errors up to each sample, and from each sample on, shape (n,) each."""
         return np.maximum.accumulate(self.error), np.maximum.accumulate(self.error[::-1])[::-1]
 
-    def _driven(self, first: int, last: int) -> str | None:
+    def _moving_effort_during(self, first: int, last: int) -> str | None:
         run = self.effort[first : last + 1]
-        swings = _swings(run, *self._effort_range)
-        if swings >= 3:
-            # Fewer may be a test for the effort at which a joint breaks away.
+        swings = _count_swings(run, *self._effort_range)
+        if swings >= MIN_SWING_COUNT:
             return f"the effort swings {swings} times through most of its range"
         inner = run[1:-1]
         if not self.scale.resolved or not np.isfinite(inner).any():
             return None
         up, down = self._moving_effort
         # A joint that reverses sticks until the effort breaks it away, which takes a little more than to move it.
-        more = BREAKAWAY * (up - down)
-        if up > down and np.nanmax(inner) > up + more and np.nanmin(inner) < down - more:
+        margin = BREAKAWAY_SHARE * (up - down)
+        if up > down and np.nanmax(inner) > up + margin and np.nanmin(inner) < down - margin:
             return f"the effort passes from {np.nanmin(inner):.4g} to {np.nanmax(inner):.4g}, which moves it elsewhere"
         return None
 
@@ -145,7 +157,7 @@ class _Machine:
 
     @cached_property
     def _moving_effort(self) -> tuple[float, float]:
-        """Median effort while it moves forth, and back; (0, 0) where it does not move both ways."""
+        """Median efforts while the joint moves forth and back; (0, 0) if it does not move both ways."""
         stride, enough = self.scale.stride, 0.25 * self.scale.typical
         velocity, effort = self.q[stride:] - self.q[:-stride], self.effort[stride:]
         forth, back = effort[velocity > enough], effort[velocity < -enough]
@@ -154,9 +166,9 @@ class _Machine:
         return float(np.nanmedian(forth)), float(np.nanmedian(back))
 
 
-def _swings(run: np.ndarray, lowest: float, highest: float) -> int:
-    """How many times in a row, up and down, the effort moves by 60 % of its whole range between two samples."""
-    enough = 0.6 * (highest - lowest)
+def _count_swings(run: np.ndarray, lowest: float, highest: float) -> int:
+    """Return how many times in turn the effort rises and falls by `SWING_SHARE` of its range `lowest` to `highest`."""
+    enough = SWING_SHARE * (highest - lowest)
     run = run[np.isfinite(run)]
     if run.size == 0 or enough <= 0.0 or np.ptp(run) < enough:
         return 0

@@ -1,4 +1,4 @@
-"""Stretches of time without any sample."""
+"""Find gaps: stretches of time without any sample."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..cut import Cut, cut_of
-from .watched import Watched
+from .watched import WatchedRecording
 
 KIND = "gap"
 
 
-def find(watched: Watched) -> Iterator[Cut]:
-    """Every step of time that is longer than what a clock's jitter makes, and than what is interpolated over."""
-    most = max(watched.recording.longest_step, watched.bridged)
-    if watched.recording.steps_within(most):
+def find(watched: WatchedRecording) -> Iterator[Cut]:
+    """Yield a cut for each time step that is longer than a clock's jitter explains and longer than what is bridged."""
+    max_step = max(watched.recording.longest_step, watched.bridged)
+    if watched.recording.steps_within(max_step):
         return
     time, step = watched.recording.time, 1.0 / watched.recording.fs
     steps = np.diff(time)
     if np.any(steps <= 0.0):
         return
-    for before in np.flatnonzero(steps > most):
+    for before in np.flatnonzero(steps > max_step):
         if watched.usable[before] and watched.usable[before + 1]:
             found = f"a gap of {steps[before]:.4g} s instead of {step:.4g} s"
             yield cut_of(watched.recording, KIND, "time", before + 1, before, found)

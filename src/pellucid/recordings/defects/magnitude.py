@@ -1,4 +1,4 @@
-"""Values that no wearable machine has: a unit taken for another, or nonsense."""
+"""Find values that no wearable machine has: numbers in another unit than stated, or nonsense."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ import numpy as np
 
 from ..recording import Channel
 
-# Largest SI magnitude of a wearable joint, and the unit whose numbers pass it when they are taken for SI.
-_PLAUSIBLE = {
-    ("time", "s"): (1e11, "ms"),  # Clocks may count from 1970
+# For each quantity and SI unit: the largest plausible magnitude of a wearable joint, and the unit that is probably
+# meant if a value is larger. The magnitudes were chosen by judgement; no measurement is recorded.
+_MAX_PLAUSIBLE = {
+    ("time", "s"): (1e11, "ms"),  # clocks may count from 1970
     ("position", "rad"): (4 * math.pi, "deg"),
     ("reference", "rad"): (4 * math.pi, "deg"),
     ("position", "m"): (10.0, "mm"),
@@ -23,34 +24,36 @@ _PLAUSIBLE = {
     ("torque", "N*m"): (2000.0, "N*mm"),
     ("duty", "1"): (1.5, "%"),
 }
-_EMG_PLAUSIBLE = (0.05, "mV")
+# The same for surface EMG, which stays below some millivolts at the skin.
+_MAX_PLAUSIBLE_EMG = (0.05, "mV")
 
-USUAL = 0.9
-"""Share of the samples within which a magnitude is the channel's own, and not that of a few."""
+TYPICAL_QUANTILE = 0.9
+"""A channel's typical magnitude is this quantile of its absolute values, so that a few wild samples do not count."""
 
-NONSENSE = 1e9
-"""SI magnitude that no channel of a machine reaches."""
+MAX_MAGNITUDE = 1e9
+"""Largest plausible magnitude in SI units of a channel that has no bound of its own. Chosen by judgement."""
 
 
 @dataclass(frozen=True)
-class Implausible:
-    """A channel whose values no machine has."""
+class ImplausibleMagnitude:
+    """A channel's largest magnitude, which no machine has."""
 
-    largest: float  # SI
-    limit: float  # SI
-    looks: str  # Unit that its numbers seem to be in; "" where they are of none
-    usual: bool  # Whether most of its samples are beyond a tenth of the limit
+    largest: float  # largest magnitude of the channel [SI]
+    limit: float  # largest plausible magnitude [SI]
+    probable_unit: str  # unit in which the numbers seem to be; "" if no unit fits
+    is_typical: bool  # whether the typical magnitude is above a tenth of the limit
 
 
-def implausible(channel: Channel, known: float = 0.0) -> Implausible | None:
-    """What of a channel is beyond what machines have, or beyond a `known` limit where that is larger [SI]."""
-    limit, looks = _PLAUSIBLE.get((channel.name.partition(".")[0], channel.unit), (NONSENSE, ""))
+def find_implausible(channel: Channel, known_limit: float = 0.0) -> ImplausibleMagnitude | None:
+    """Return the magnitude of a channel if it is implausible, else None; a larger `known_limit` [SI] is plausible."""
+    limit, probable_unit = _MAX_PLAUSIBLE.get((channel.name.partition(".")[0], channel.unit), (MAX_MAGNITUDE, ""))
     if channel.name.startswith("emg."):
-        limit, looks = _EMG_PLAUSIBLE
-    limit = max(limit, known)
+        limit, probable_unit = _MAX_PLAUSIBLE_EMG
+    limit = max(limit, known_limit)
     finite = np.isfinite(channel.samples)
     largest = float(np.max(np.abs(channel.samples), where=finite, initial=0.0))
     if largest <= limit:
         return None
-    every = np.abs(channel.samples[finite][:: max(1, len(channel) // 200_000)])
-    return Implausible(largest, limit, looks, bool(np.quantile(every, USUAL) > 0.1 * limit))
+    magnitudes = np.abs(channel.samples[finite][:: max(1, len(channel) // 200_000)])
+    is_typical = bool(np.quantile(magnitudes, TYPICAL_QUANTILE) > 0.1 * limit)
+    return ImplausibleMagnitude(largest, limit, probable_unit, is_typical)

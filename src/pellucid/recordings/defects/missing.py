@@ -1,4 +1,4 @@
-"""Samples that hold no number, in time or in a channel that is read."""
+"""Find missing samples: NaN in time or in a channel that the study reads."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..cut import Cut, cut_of
-from .watched import Watched, runs
+from .watched import WatchedRecording, find_runs
 
 KIND = "missing_samples"
 
 
-def find(watched: Watched) -> Iterator[Cut]:
-    """Every run of NaN while the drive was on."""
+def find(watched: WatchedRecording) -> Iterator[Cut]:
+    """Yield a cut for each run of NaN while the drive was on."""
     for name in ("time", *watched.channels):
-        for first, length in zip(*runs(~np.isfinite(watched.recording[name]) & watched.usable), strict=True):
+        for first, length in zip(*find_runs(~np.isfinite(watched.recording[name]) & watched.usable), strict=True):
             many = "1 missing sample" if length == 1 else f"{length} missing samples"
             yield cut_of(watched.recording, KIND, name, first, first + length - 1, f"{many} (NaN)")

@@ -1,4 +1,4 @@
-"""How a channel moves from sample to sample: its range, its resolution, its typical stride."""
+"""Measure how a channel changes from sample to sample: its range, its resolution, its typical change."""
 
 from __future__ import annotations
 
@@ -6,7 +6,19 @@ import numpy as np
 
 
 class Scale:
-    """How a signal moves over a stride long enough that its resolution does not matter."""
+    """Range and resolution of a signal, and its typical change over a stride.
+
+    Attributes
+    ----------
+    range : float
+        Largest minus smallest value.
+    resolution : float
+        Smallest difference between two values.
+    stride : int
+        Number of samples over which changes are measured, long enough that the resolution does not matter.
+    typical : float
+        99th percentile of the changes over the stride.
+    """
 
     def __init__(self, x: np.ndarray):
         finite = x[np.isfinite(x)]
@@ -25,5 +37,5 @@ class Scale:
 
     @property
     def resolved(self) -> bool:
-        """Whether its typical stride is well beyond its resolution."""
+        """Whether the typical change is well above the resolution."""
         return self.typical >= 8 * self.resolution > 0.0

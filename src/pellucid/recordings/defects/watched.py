@@ -1,4 +1,4 @@
-"""What a defect is looked for in: the channels that are read, without what was found bad already."""
+"""The recording that is searched for defects: the channels that the study reads, without the defects already found."""
 
 from __future__ import annotations
 
@@ -11,52 +11,55 @@ import numpy as np
 from ..cut import Cut, sound_samples
 from ..recording import Recording
 
-MOTION = ("position", "motor_position", "angle", "displacement")
-"""First parts of names of channels that a body's inertia keeps from jumping."""
+INERTIAL_CHANNELS = ("position", "motor_position", "angle", "displacement")
+"""Channels, by the first part of their names, that cannot jump because a body's inertia prevents it."""
 
 
 @dataclass(frozen=True)
-class Watched:
-    """A recording, and what is known of how it was made."""
+class WatchedRecording:
+    """A recording with the channels to search, and the study's settings that the search depends on."""
 
     recording: Recording
-    channels: tuple[str, ...]  # That are read, time left out
-    drives: Mapping[str, str] = field(default_factory=dict)  # Of them, the drive's command by its joint's position
-    limits: Mapping[str, tuple[float, ...]] = field(default_factory=dict)  # Known ones of a command, in its SI unit
-    accepted: frozenset[str] = frozenset()  # May rest at their largest value
-    bridged: float = 0.0  # A gap up to this long is interpolated over, as the study asks [s]
-    cuts: tuple[Cut, ...] = ()  # Found so far, beside those of the recording
+    channels: tuple[str, ...]  # names of the channels that the study reads, without time
+    drives: Mapping[str, str] = field(default_factory=dict)  # name of the drive's command, by the joint's position
+    limits: Mapping[str, tuple[float, ...]] = field(default_factory=dict)  # known limits of each command [SI]
+    accepted: frozenset[str] = frozenset()  # channels that may rest at their largest value
+    bridged: float = 0.0  # longest gap that the study's interpolation bridges [s]
+    cuts: tuple[Cut, ...] = ()  # cuts found so far, beside those of the recording
 
     def is_drive(self, name: str) -> bool:
-        """Whether a channel is a drive's command."""
+        """Whether channel `name` is a drive's command."""
         return name in self.drives.values()
 
     @cached_property
     def usable(self) -> np.ndarray:
-        """Samples of which something may be made, shape (n,) bool."""
+        """Mask of the samples that are neither cut nor recorded with the drive off, shape (n,) bool."""
         return self.recording.sound & self.recording.enabled & sound_samples(len(self.recording), self.cuts)
 
     def samples(self, name: str) -> np.ndarray:
-        """A channel, shape (n,) in SI; NaN where it is cut, or the drive was off."""
+        """Return a channel's samples, shape (n,) in SI; NaN where they are cut or the drive was off."""
         values = self.recording[name]
         return values if self.usable.all() else np.where(self.usable, values, np.nan)
 
-    def without(self, cuts: Iterable[Cut]) -> Watched:
-        """The same with these cut out too."""
+    def without(self, cuts: Iterable[Cut]) -> WatchedRecording:
+        """Return a copy in which `cuts` are cut out too."""
         return replace(self, cuts=(*self.cuts, *cuts))
 
 
-def ending_of(name: str) -> str:
-    """What a joint's channels end in, from the name of one of them: ``".elbow"``; "" where there is one joint alone."""
+def joint_ending(name: str) -> str:
+    """Return the joint's part of a channel's name, such as ``".elbow"``; "" if the rig has a single joint."""
     return name[len(name.partition(".")[0]) :]
 
 
-def stays(x: np.ndarray) -> np.ndarray:
-    """Which samples of `x`, (n,), the next one repeats, shape (n - 1,) bool; of hours no array of steps is made."""
+def repeats_next(x: np.ndarray) -> np.ndarray:
+    """Return a mask of the samples of `x`, (n,), that the next sample repeats, shape (n - 1,) bool.
+
+    The comparison needs less memory than an array of steps, which matters for recordings of hours.
+    """
     return (x[1:] == x[:-1]) & np.isfinite(x[1:])
 
 
-def runs(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First index and length of each run of True."""
+def find_runs(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return first index and length of each run of True in `mask`."""
     edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))
     return edges[::2], np.diff(edges)[::2]
