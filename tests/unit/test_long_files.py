@@ -68,9 +68,9 @@ def test_both_readers_find_the_same_bits(tmp_path, monkeypatch, content, fast):
 def test_blocks_of_any_size_are_the_same(tmp_path, monkeypatch):
     path = tmp_path / "a.csv"
     path.write_text(ROWS * 40)
-    whole = _number_table.number_table(path, 0, 3, ",", ".")
-    monkeypatch.setattr(_number_table, "BLOCK", 700)
-    for a, b in zip(whole, _number_table.number_table(path, 0, 3, ",", "."), strict=True):
+    whole = _number_table.number_table(path, 0, 3, delimiter=",", decimal=".")
+    monkeypatch.setattr(_number_table, "BLOCK_BYTES", 700)
+    for a, b in zip(whole, _number_table.number_table(path, 0, 3, delimiter=",", decimal="."), strict=True):
         np.testing.assert_array_equal(a, b)
     assert len(whole[0]) == 40 * len(NUMBERS)
 

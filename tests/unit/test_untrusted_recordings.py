@@ -160,10 +160,11 @@ def test_a_cap_can_be_raised(tmp_path, monkeypatch):
 def test_the_page_says_the_caps():
     page = (ROOT / "docs" / "files.md").read_text(encoding="utf-8")
     for said in (
-        f"columns of a recording | {_caps.COLUMNS:,} |",
-        f"bytes of a recording | {_caps.FILE_BYTES:.0e} |".replace("e+0", "e"),
-        f"unpacked: {1e-6 * _caps.NUMBER_BYTES:.0f} MB, or so many times the file's own size | {_caps.SWELLS:.0f} |",
-        f"one for each {1e-6 * _caps.SPEED:.0f} MB | {_caps.SECONDS:.0f} |",
+        f"columns of a recording | {_caps.DEFAULT_MAX_COLUMNS:,} |",
+        f"bytes of a recording | {_caps.DEFAULT_MAX_FILE_BYTES:.0e} |".replace("e+0", "e"),
+        f"unpacked: {1e-6 * _caps.DEFAULT_MAX_UNPACKED_BYTES:.0f} MB, "
+        f"or so many times the file's own size | {_caps.MAX_UNPACKED_SIZE_RATIO:.0f} |",
+        f"one for each {1e-6 * _caps.MIN_READING_SPEED:.0f} MB | {_caps.BASE_READING_TIME_S:.0f} |",
         f"a model of muscles | {_given.MOST_BYTES:.0e} |".replace("e+0", "e"),
     ):
         assert said in page, said
@@ -172,7 +173,7 @@ def test_the_page_says_the_caps():
 def test_a_file_larger_than_any_recording_is_not_opened(tmp_path):
     path = tmp_path / "a.csv"
     path.touch()
-    os.truncate(path, int(_caps.FILE_BYTES) + 1)
+    os.truncate(path, int(_caps.DEFAULT_MAX_FILE_BYTES) + 1)
     with pytest.raises(RecordingError, match=r"a\.csv: found 4000000001 bytes, expected at most 4e\+09"):
         read_columns(path)
 

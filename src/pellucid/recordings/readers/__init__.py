@@ -1,4 +1,4 @@
-"""Files to named columns, one module per format; nothing else in the package opens a data file."""
+"""Readers that turn a data file into named columns, one module per format. Only this package opens data files."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Files whose libraries may crash on a damaged one are read by a process of their own, which may die alone.
+"""Read files in a separate process if their library may crash on a damaged file, so that only that process dies.
 
-One such process serves a program: it starts at the first such file, and again after one that brought it down. Its
-memory and time are limited by what a file may hold. A request is a line of JSON, an answer a line of JSON and then the
-numbers themselves, on a pipe.
+A program has one such process. It starts at the first such file, and again after a file that made it crash. Its
+memory and time are limited by the caps on a file. A request is a line of JSON on a pipe; an answer is a line of JSON,
+followed by the numbers themselves.
 """
 
 from __future__ import annotations
@@ -21,30 +21,36 @@ from typing import Any
 import numpy as np
 
 from ..._errors import RecordingError
-from ._caps import most_bytes, most_seconds, require_few, require_small
+from ._caps import max_reading_time, max_unpacked_bytes, require_few_columns, require_unpacked_size
 from ._columns import Columns
 
-COPIES = 5
-"""How many times a reader may hold a file's numbers at once."""
+MAX_COPY_COUNT = 5
+"""The process may use memory for this many copies of a file's numbers. Chosen by judgement; no measurement is
+recorded."""
 
-START = 120.0
-"""In which the process must have started [s]; a busy machine may take long."""
+MAX_START_S = 120.0
+"""The process must start within this time [s], which leaves room for a busy machine."""
 
 _lock = threading.Lock()
 _running: dict[int, subprocess.Popen] = {}
 
 
 def read_apart(reader: str, path: Path) -> Columns:
-    """What the module `reader` of this package reads of a file."""
-    seconds = most_seconds(path)
-    request = {"reader": reader, "path": str(path.absolute()), "memory": COPIES * most_bytes(path), "seconds": seconds}
+    """Return the columns that the module `reader` of this package reads from a file, in a separate process."""
+    seconds = max_reading_time(path)
+    request = {
+        "reader": reader,
+        "path": str(path.absolute()),
+        "memory": MAX_COPY_COUNT * max_unpacked_bytes(path),
+        "seconds": seconds,
+    }
     with _lock:
         process = _process()
         try:
-            answer = _answer(process, request, path)
-            values = _numbers(process, answer, path)
+            answer = _request_answer(process, request, path)
+            values = _receive_numbers(process, answer, path)
         except BaseException:
-            # Whoever asks next must not read what is left of this answer.
+            # The next request must not read the rest of this answer.
             _end(process)
             raise
     if "error" in answer:
@@ -53,11 +59,11 @@ def read_apart(reader: str, path: Path) -> Columns:
 
 
 def _process() -> subprocess.Popen:
-    """The process that reads for this one; a fork starts its own."""
+    """Return this program's reading process, and start it if necessary; a forked program starts its own."""
     process = _running.get(os.getpid())
     if process is None or process.poll() is not None:
         root = str(Path(import_module(__package__.partition(".")[0]).__file__).parents[1])
-        # Nothing is imported from where the user stands: that may be a stranger's folder.
+        # Nothing is imported from the working directory, because that may be a stranger's folder.
         code = f"import sys; sys.path.insert(0, {root!r}); from {__name__} import serve; serve()"
         environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "HDF5_PLUGIN_PRELOAD": "::"}
         process = subprocess.Popen(
@@ -66,17 +72,17 @@ def _process() -> subprocess.Popen:
         )  # fmt: skip
         _running[os.getpid()] = process
         atexit.register(_end, process)
-        if not _line(process, START):
+        if not _next_line(process, MAX_START_S):
             raise RecordingError("the process that reads files of this kind did not start")
     return process
 
 
-def _answer(process: subprocess.Popen, request: dict[str, Any], path: Path) -> dict[str, Any]:
+def _request_answer(process: subprocess.Popen, request: dict[str, Any], path: Path) -> dict[str, Any]:
     process.stdin.write(json.dumps(request).encode() + b"\n")
     process.stdin.flush()
     late = threading.Event()
-    # Its libraries take their own time to load.
-    line = _line(process, START) and _line(process, request["seconds"], late)
+    # Loading the libraries has a time limit of its own.
+    line = _next_line(process, MAX_START_S) and _next_line(process, request["seconds"], late)
     if line.endswith(b"\n"):
         return json.loads(line)
     why = f"crashed on it (status {_end(process)})"
@@ -85,8 +91,8 @@ def _answer(process: subprocess.Popen, request: dict[str, Any], path: Path) -> d
     raise RecordingError(f"{path.name}: not readable, truncated or damaged: what reads such files {why}")
 
 
-def _line(process: subprocess.Popen, seconds: float, late: threading.Event | None = None) -> bytes:
-    """The next line that a process says; empty if it dies, which it does after so long, and then `late` is set."""
+def _next_line(process: subprocess.Popen, seconds: float, late: threading.Event | None = None) -> bytes:
+    """Return the next line from a process; empty if it dies. After `seconds` it is killed, and `late` is set."""
 
     def stop() -> None:
         if late is not None:
@@ -101,10 +107,10 @@ def _line(process: subprocess.Popen, seconds: float, late: threading.Event | Non
         timer.cancel()
 
 
-def _numbers(process: subprocess.Popen, answer: dict[str, Any], path: Path) -> dict[str, np.ndarray | str]:
+def _receive_numbers(process: subprocess.Popen, answer: dict[str, Any], path: Path) -> dict[str, np.ndarray | str]:
     lengths = answer.get("lengths", {})
-    require_few(path, len(lengths))
-    require_small(path, sum(n for n in lengths.values() if not isinstance(n, str)))
+    require_few_columns(path, len(lengths))
+    require_unpacked_size(path, sum(n for n in lengths.values() if not isinstance(n, str)))
     values: dict[str, np.ndarray | str] = {}
     for name, n in lengths.items():
         values[name] = n if isinstance(n, str) else np.empty(n)
@@ -115,7 +121,7 @@ def _numbers(process: subprocess.Popen, answer: dict[str, Any], path: Path) -> d
 
 def _end(process: subprocess.Popen) -> int | None:
     if _running.get(os.getpid()) is not process:
-        return None  # another's, inherited by a fork, or ended before
+        return None  # it has ended before, or belongs to the program that this one was forked from
     del _running[os.getpid()]
     process.kill()
     process.stdin.close()
@@ -124,30 +130,30 @@ def _end(process: subprocess.Popen) -> int | None:
 
 
 def serve() -> None:
-    """Answer requests until there are no more."""
-    # What a library prints must not come between the answers.
+    """Answer requests until the pipe is closed."""
+    # A library's own output must not mix with the answers.
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    _say(out, "ready")
+    _send(out, "ready")
     for line in sys.stdin.buffer:
         request = json.loads(line)
         module = import_module(f".{request['reader']}", __package__)
-        _load(module.APART)
-        _say(out, "begun")
-        answer, arrays = _served(module, request)
-        _say(out, answer, arrays)
+        _import_libraries(module.APART)
+        _send(out, "begun")
+        answer, arrays = _answer_request(module, request)
+        _send(out, answer, arrays)
 
 
-def _say(out, answer: object, arrays: tuple[np.ndarray, ...] = ()) -> None:
+def _send(out, answer: object, arrays: tuple[np.ndarray, ...] = ()) -> None:
     out.write(json.dumps(answer).encode() + b"\n")
     for array in arrays:
         out.write(array)
     out.flush()
 
 
-def _served(module: ModuleType, request: dict[str, Any]) -> tuple[dict[str, Any], tuple[np.ndarray, ...]]:
+def _answer_request(module: ModuleType, request: dict[str, Any]) -> tuple[dict[str, Any], tuple[np.ndarray, ...]]:
     path = Path(request["path"])
-    _limit(request["memory"], request["seconds"])
+    _limit_resources(request["memory"], request["seconds"])
     try:
         columns = module.read(path)
         samples = {name: x if isinstance(x, str) else np.asarray(x) for name, x in columns.values.items()}
@@ -157,24 +163,24 @@ def _served(module: ModuleType, request: dict[str, Any]) -> tuple[dict[str, Any]
     except MemoryError:
         said = f"{path.name}: found more than {1e-6 * request['memory']:.3g} MB to unpack, truncated or damaged"
         return {"error": f"{said}; to read it all the same: PELLUCID_MOST_BYTES=NUMBER"}, ()
-    except Exception as error:  # whatever a library raises on bytes that it did not expect
+    except Exception as error:  # a library may raise anything on unexpected bytes
         return {"error": f"{path.name}: not readable, truncated or damaged: {error!r}"}, ()
     finally:
-        _limit(None, None)
+        _limit_resources(None, None)
     lengths = {name: x if isinstance(x, str) else len(x) for name, x in samples.items()}
     return {"lengths": lengths, "angle_unit": columns.angle_unit, "units": dict(columns.units)}, arrays
 
 
-def _load(libraries: tuple[str, ...]) -> None:
+def _import_libraries(libraries: tuple[str, ...]) -> None:
     for library in libraries:
         try:
             import_module(library)
         except ImportError:
-            continue  # the reader itself says what it lacks
+            continue  # the reader's own message names the missing library
 
 
-def _limit(memory: float | None, seconds: float | None) -> None:
-    """So much more memory [B] and processor time [s], where the system can limit them; None: as much as there is."""
+def _limit_resources(memory: float | None, seconds: float | None) -> None:
+    """Limit the memory [B] and processor time [s] used from now on, if the system can; None removes the limit."""
     try:
         import resource
 

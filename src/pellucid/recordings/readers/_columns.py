@@ -1,4 +1,4 @@
-"""What every reader gives back: the numbers of a file under the names the file has for them."""
+"""The result of every reader: the numbers of a file, under the file's own names."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..._errors import RecordingError
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """The numeric content of one file, before any unit is known.
+    """The numeric content of one file, in the file's own units.
 
     Attributes
     ----------
@@ -22,11 +22,11 @@ class Columns:
         The file.
     values : Mapping[str, ndarray or str]
         In the file's order, each shape (n,) float64; a scalar has n = 1. A field of a structure is named by its dotted
-        path. A column of text holds instead, as a str, what was found where.
+        path. A column that holds text is a str instead, which says which text was found in which line.
     angle_unit : str or None
-        ``"deg"`` or ``"rad"``, where the file says in which its angles are.
+        ``"deg"`` or ``"rad"``, if the file states the unit of its angles.
     units : Mapping[str, str]
-        By column, where the file says it of each.
+        Unit of each column for which the file states one.
     """
 
     path: Path
@@ -36,24 +36,24 @@ class Columns:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the columns, as the file has them."""
+        """Names of the columns, as in the file."""
         return tuple(self.values)
 
     def __getitem__(self, name: str | int) -> np.ndarray:
         return self.column(name, str(name))
 
     def __str__(self) -> str:
-        told = [
+        contents = [
             (name, f"text: {x}" if isinstance(x, str) else f"{len(x)} samples {self.units.get(name, '')}".rstrip())
             for name, x in self.values.items()
         ]
-        wide = max(len(name) for name, _ in told) if told else 0
-        return "\n".join((self.path.name, *(f"  {name.ljust(wide)}  {what}" for name, what in told)))
+        width = max(len(name) for name, _ in contents) if contents else 0
+        return "\n".join((self.path.name, *(f"  {name.ljust(width)}  {content}" for name, content in contents)))
 
     def column(self, key: str | int, channel: str) -> np.ndarray:
-        """Column by its name or 0-based number, for `channel` (named in the message).
+        """Return a column by its name or 0-based number; a message about it names `channel`.
 
-        A unit in a header is no part of the name: ``"t"`` finds the column ``"t [s]"``.
+        A unit in the header does not belong to the name: ``"t"`` finds the column ``"t [s]"``.
 
         Returns
         -------
@@ -62,7 +62,7 @@ class Columns:
         Raises
         ------
         RecordingError
-            If the file has no such column, or text in it; names the columns it has, and the nearest.
+            If the file has no such column, or text in it. The message names the existing columns and the nearest one.
         """
         names = list(self.values)
         if isinstance(key, int):
@@ -73,10 +73,10 @@ class Columns:
             return self._numbers(names[key], channel)
         if key in names:
             return self._numbers(key, channel)
-        same = [name for name in names if _bare(name) == _bare(key)]
+        same = [name for name in names if _without_unit(name) == _without_unit(key)]
         if len(same) == 1:
             return self._numbers(same[0], channel)
-        raise RecordingError(self._absent(key, channel, names))
+        raise RecordingError(self._absence_message(key, channel, names))
 
     def _numbers(self, name: str, channel: str) -> np.ndarray:
         found = self.values[name]
@@ -84,7 +84,7 @@ class Columns:
             raise RecordingError(f'{self.path.name}: channel {channel}, column "{name}": {found}')
         return found
 
-    def _absent(self, key: str, channel: str, names: list[str]) -> str:
+    def _absence_message(self, key: str, channel: str, names: list[str]) -> str:
         import difflib
 
         folded = [name for name in names if name.casefold() == key.casefold()]
@@ -95,5 +95,5 @@ class Columns:
         )
 
 
-def _bare(name: str) -> str:
+def _without_unit(name: str) -> str:
     return re.sub(r"\s*[\[(][^\])]*[\])]\s*$", "", name).strip()

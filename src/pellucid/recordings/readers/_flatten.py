@@ -1,4 +1,4 @@
-"""Nested values to columns with dotted names, alike for JSON objects and MAT structs."""
+"""Turn nested values, such as JSON objects and MAT structs, into columns with dotted names."""
 
 from __future__ import annotations
 
@@ -8,24 +8,25 @@ from typing import Any
 
 import numpy as np
 
-from ._caps import require_few
+from ._caps import require_few_columns
 
 
 def flatten(value: Any, prefix: str, into: dict[str, np.ndarray], path: Path) -> None:
-    """Add the numeric leaves of `value`, of the file `path`, to `into`, each shape (n,) float64; what is not a number
-    is left out.
+    """Add the numeric leaves of `value`, which the file `path` holds, to `into`, each shape (n,) float64.
+
+    Leaves that are not numeric are left out.
 
     Samples run down a matrix's columns, and along the longest side of an array of more dimensions.
     """
-    require_few(path, len(into))
+    require_few_columns(path, len(into))
     if isinstance(value, Mapping):
         for key, item in value.items():
             flatten(item, f"{prefix}.{key}" if prefix else str(key), into, path)
     elif isinstance(value, (list, tuple)) and value and all(isinstance(item, Mapping) for item in value):
         fields = dict.fromkeys(key for item in value for key in item)
-        require_few(path, len(into) + len(fields))
+        require_few_columns(path, len(into) + len(fields))
         for key in fields:
-            # A field some entries lack is a missing sample there, not a shorter column.
+            # An entry without this field has a missing sample; the column keeps its length.
             flatten([item.get(key) for item in value], f"{prefix}.{key}" if prefix else str(key), into, path)
     else:
         array = _numbers(value)
@@ -35,12 +36,12 @@ def flatten(value: Any, prefix: str, into: dict[str, np.ndarray], path: Path) ->
         if squeezed.ndim <= 1:
             into[prefix] = np.ascontiguousarray(squeezed.reshape(-1))
         elif squeezed.ndim == 2:
-            require_few(path, len(into) + squeezed.shape[1])
+            require_few_columns(path, len(into) + squeezed.shape[1])
             for column in range(squeezed.shape[1]):
                 into[f"{prefix}.{column}"] = np.ascontiguousarray(squeezed[:, column])
         else:
             samples = np.moveaxis(squeezed, int(np.argmax(squeezed.shape)), 0)
-            require_few(path, len(into) + samples[0].size)
+            require_few_columns(path, len(into) + samples[0].size)
             for place in np.ndindex(samples.shape[1:]):
                 into[".".join((prefix, *map(str, place)))] = np.ascontiguousarray(samples[:, *place])
 

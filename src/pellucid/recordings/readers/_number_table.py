@@ -1,6 +1,7 @@
-"""Long tables of plain numbers by Arrow's reader, a block at a time: a fiftieth of the time and memory of Python's.
+"""Read long tables of plain numbers with Arrow, block by block, in a fiftieth of the time and memory of Python.
 
-It takes what is unmistakable, and gives anything else back: a row of another length, a word, a comment between rows.
+The function accepts only unambiguous tables. It returns None for a row of another length, a word or a comment between
+rows, so that the careful reader takes over.
 """
 
 from __future__ import annotations
@@ -9,23 +10,30 @@ from pathlib import Path
 
 import numpy as np
 
-from ._last_row import Part
+from ._last_row import FilePart
 
-LONG = 4_000_000  # bytes; below, loading Arrow takes longer than reading without it
-BLOCK = 1 << 18  # bytes
-MISSING = [
+MIN_LONG_FILE_BYTES = 4_000_000
+"""Files from this size on are read with Arrow. Below it, loading Arrow takes longer than reading without it."""
+
+BLOCK_BYTES = 1 << 18
+"""Arrow reads the file in blocks of this size."""
+
+MISSING_WORDS = [
     word
     for base in ("nan", "na", "n/a", "null", "none", "missing")
     for word in (base, base.upper(), base.title(), base.capitalize())
 ] + ["", "-", "--", "NaN"]
-"""What stands for a missing sample, in the spellings that programs write."""
+"""Words that mean a missing sample, in the spellings that programs write."""
 
 
 def number_table(
-    path: Path, first: int, width: int, delimiter: str, decimal: str, end: int | None = None
+    path: Path, first: int, width: int, *, delimiter: str, decimal: str, end: int | None = None
 ) -> list[np.ndarray] | None:
-    """`width` columns, each (n,), of the rows that begin at byte `first` of a file; None where any row is not so many
-    numbers between `delimiter`s with the `decimal` mark, or a column is empty throughout. Byte `end` is not read."""
+    """Return `width` columns, shape (n,) each, from the rows between the bytes `first` and `end` of a file.
+
+    The result is None if a row is not `width` numbers with the given `delimiter` and `decimal` mark, or if a column is
+    empty throughout.
+    """
     import pyarrow
     from pyarrow import csv
 
@@ -33,15 +41,15 @@ def number_table(
     columns = [np.empty(0) for _ in names]
     size, filled = path.stat().st_size - first, 0
     try:
-        with pyarrow.OSFile(str(path)) if end is None else pyarrow.PythonFile(Part(path, end), "r") as file:
+        with pyarrow.OSFile(str(path)) if end is None else pyarrow.PythonFile(FilePart(path, end), "r") as file:
             file.seek(first)
             blocks = csv.open_csv(
                 file,
-                csv.ReadOptions(use_threads=False, block_size=BLOCK, column_names=names),
+                csv.ReadOptions(use_threads=False, block_size=BLOCK_BYTES, column_names=names),
                 csv.ParseOptions(delimiter=delimiter, quote_char=False),
                 csv.ConvertOptions(
                     column_types=dict.fromkeys(names, pyarrow.float64()),
-                    null_values=MISSING,
+                    null_values=MISSING_WORDS,
                     decimal_point=decimal,
                     check_utf8=False,
                 ),
@@ -50,7 +58,7 @@ def number_table(
             for block in blocks:
                 n = block.num_rows
                 if filled + n > len(columns[0]):
-                    # Rows are about as long throughout: mostly this happens once.
+                    # Rows are similar in length, so that mostly one allocation is enough.
                     expected = filled + n if not filled else filled + n + filled // 4
                     expected = max(expected, int(1.02 * size * (filled + n) / max(file.tell() - first, 1)))
                     for column in columns:

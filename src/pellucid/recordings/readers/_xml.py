@@ -1,4 +1,4 @@
-"""XML of others: no entities, which unfold without end, and no deeper or larger than a model of muscles is."""
+"""Read XML files from strangers safely: without entities, which may expand without end, and within bounds of size."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ from xml.parsers import expat
 from ..._errors import PellucidError, RecordingError
 from ..._given import read_given
 
-DEEPEST, MOST = 100, 1_000_000
-"""Elements within each other, and in all."""
+MAX_XML_DEPTH = 100
+"""Elements may be nested this deep; no model of muscles comes near it."""
+
+MAX_XML_ELEMENTS = 1_000_000
+"""A file has at most this many elements; no model of muscles comes near it."""
 
 
 def read_xml(path: Path) -> ElementTree.Element:
-    """The root of a file's tree."""
+    """Return the root element of a file."""
     path = Path(path)
     try:
         content = read_given(path)
@@ -32,7 +35,7 @@ def read_xml(path: Path) -> ElementTree.Element:
 
 
 def _require_plain(path: Path, content: bytes) -> None:
-    """Walk through the file without building anything, and refuse what would unfold."""
+    """Parse the file without building a tree, and refuse a document type, deep nesting and too many elements."""
     depth = count = 0
 
     def refuse(*declared: object) -> None:
@@ -41,9 +44,10 @@ def _require_plain(path: Path, content: bytes) -> None:
     def start(name: str, attributes: dict) -> None:
         nonlocal depth, count
         depth, count = depth + 1, count + 1
-        if depth > DEEPEST or count > MOST:
+        if depth > MAX_XML_DEPTH or count > MAX_XML_ELEMENTS:
             raise RecordingError(
-                f"{path.name}: found {count} elements, {depth} within each other, expected at most {MOST} and {DEEPEST}"
+                f"{path.name}: found {count} elements, {depth} within each other, expected at most {MAX_XML_ELEMENTS} "
+                f"and {MAX_XML_DEPTH}"
             )
 
     def end(name: str) -> None:

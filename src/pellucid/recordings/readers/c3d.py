@@ -1,8 +1,8 @@
-"""C3D files of motion captures: markers and analog channels, each with its own times.
+"""Read C3D files of motion captures: markers and analog channels, each with its own times.
 
-A marker C becomes the columns C_x, C_y and C_z, at the times of the column ``point.time``; an analog channel keeps its
-name, at the times of ``analog.time``. Both start at the file's first frame, which is time 0. One file may so be a
-recording's motion capture and its EMG at once.
+A marker C becomes the columns C_x, C_y and C_z, at the times of the column ``point.time``. An analog channel keeps its
+name, at the times of ``analog.time``. Both start at the file's first frame, which is time 0. One file may therefore
+hold both the motion capture and the EMG of a recording.
 """
 
 from __future__ import annotations
@@ -19,23 +19,37 @@ from ._columns import Columns
 ENDINGS = (".c3d",)
 APART = ("ezc3d",)
 
-POINT_TIME, ANALOG_TIME = "point.time", "analog.time"
-AXES = ("x", "y", "z")
+POINT_TIME = "point.time"
+"""Column with the times of the markers."""
 
-BLOCK, MAGIC = 512, 0x50
-"""Bytes of a block, and the second byte of every C3D file."""
-DEC, MIPS = 85, 86
-"""Processors, as the parameters' fourth byte names them; Intel's is 84."""
-LONGEST = 65535
-"""Last frame of a file that is too long for its header to say."""
+ANALOG_TIME = "analog.time"
+"""Column with the times of the analog channels."""
+
+AXES = ("x", "y", "z")
+"""Endings of a marker's columns, after an underscore."""
+
+BLOCK_BYTES = 512
+"""The format counts positions in the file in blocks of this size."""
+
+SECOND_BYTE = 0x50
+"""Every C3D file has this value in its second byte."""
+
+DEC_PROCESSOR = 85
+"""Code of a DEC processor in the parameters' fourth byte; Intel's is 84."""
+
+MIPS_PROCESSOR = 86
+"""Code of a MIPS processor in the parameters' fourth byte."""
+
+UNKNOWN_LAST_FRAME = 65535
+"""A header with this last frame does not state the file's length, because the file is too long for it."""
 
 
 def read(path: Path) -> Columns:
-    """Columns by name, in the file's own units: marker coordinates shape (n,), analog channels shape (m,).
+    """Return columns by name, in the file's own units: marker coordinates shape (n,), analog channels shape (m,).
 
-    Coordinates of a marker that was lost are NaN.
+    Coordinates of a lost marker are NaN.
     """
-    content = _content(path)
+    content = _load(path)
     points, analogs = content["data"]["points"], content["data"]["analogs"][0]
     into: dict[str, np.ndarray] = {}
 
@@ -50,7 +64,7 @@ def read(path: Path) -> Columns:
         residuals = content["data"]["meta_points"]["residuals"][0]
         for i, label in enumerate(labels):
             track = points[:3, i].copy()
-            # A residual below 0 says lost; older files put a lost marker into the origin.
+            # A negative residual marks a lost marker; older files place a lost marker at the origin.
             track[:, (residuals[i] < 0.0) | ~track.any(axis=0)] = np.nan
             for axis, samples in zip(AXES, track, strict=True):
                 add(f"{label}_{axis}", samples)
@@ -63,7 +77,7 @@ def read(path: Path) -> Columns:
 
 
 def _units(content: Any) -> dict[str, str]:
-    """Unit of every column of which the file says one."""
+    """Return the unit of every column for which the file states one."""
     found = {}
     length = _texts(content, "POINT", "UNITS")
     for label in _labels(content, "POINT", content["data"]["points"].shape[1]):
@@ -75,33 +89,33 @@ def _units(content: Any) -> dict[str, str]:
     return found
 
 
-def _content(path: Path) -> Any:
+def _load(path: Path) -> Any:
     import ezc3d
 
     _require_whole(path)
     try:
         return ezc3d.c3d(str(path))
-    except Exception as error:  # the library raises whatever its C++ does
+    except Exception as error:  # the library's C++ code may raise anything
         raise RecordingError(f"{path.name}: not readable as a C3D file, truncated or damaged: {error}") from error
 
 
 def _require_whole(path: Path) -> None:
-    """Refuse what is no C3D file, or is shorter than its header promises: the library may crash on either."""
+    """Refuse a file that is no C3D file or is shorter than its header states: the library may crash on either."""
     with path.open("rb") as file:
-        head = file.read(BLOCK)
-        file.seek(BLOCK * (max(head[0], 1) - 1) if head else 0)
+        head = file.read(BLOCK_BYTES)
+        file.seek(BLOCK_BYTES * (max(head[0], 1) - 1) if head else 0)
         section = file.read(4)
-    if len(head) < BLOCK or len(section) < 4 or head[1] != MAGIC:
+    if len(head) < BLOCK_BYTES or len(section) < 4 or head[1] != SECOND_BYTE:
         raise RecordingError(f"{path.name}: not readable as a C3D file: found no header of such a file")
-    # Motion captures on MIPS stored the large byte first; all others the small one.
-    order = ">" if section[3] == MIPS else "<"
+    # Motion captures with a MIPS processor stored the most significant byte first, all others last.
+    order = ">" if section[3] == MIPS_PROCESSOR else "<"
     points, analogs, first, last = struct.unpack(f"{order}4H", head[2:10])
     start, _ = struct.unpack(f"{order}2H", head[16:20])
-    # A scale below 0 says floats; its sign is in another byte for each maker of computers.
-    floats = head[{MIPS: 12, DEC: 13}.get(section[3], 15)] & 0x80
+    # A negative scale means that samples are floats. The position of its sign bit depends on the processor.
+    floats = head[{MIPS_PROCESSOR: 12, DEC_PROCESSOR: 13}.get(section[3], 15)] & 0x80
     frame = (4 * points + analogs) * (4 if floats else 2)
-    frames = last - first + 1 if last < LONGEST else 1
-    expected = BLOCK * (start - 1) + frames * frame
+    frames = last - first + 1 if last < UNKNOWN_LAST_FRAME else 1
+    expected = BLOCK_BYTES * (start - 1) + frames * frame
     if path.stat().st_size < expected:
         raise RecordingError(
             f"{path.name}: not readable as a C3D file: found {path.stat().st_size} bytes, expected {expected} as its "

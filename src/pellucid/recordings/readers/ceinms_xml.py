@@ -1,4 +1,4 @@
-"""CEINMS subjects: XML that says what each muscle is like, which joints it moves, and whose EMG excites it."""
+"""Read CEINMS subjects: XML with the constants of each muscle, the joints that it moves and the EMG that excites it."""
 
 from __future__ import annotations
 
@@ -13,19 +13,20 @@ from ..._errors import RecordingError
 from ..muscle_constants import MuscleConstants, require_physical, require_range
 from ._xml import read_xml
 
-RANGES: Mapping[str, tuple[float, float]] = {
+PLAUSIBLE_RANGES: Mapping[str, tuple[float, float]] = {
     "strengthCoefficient": (1e-3, 100.0), "shapeFactor": (-10.0, 10.0), "C1": (-1.0, 1.0), "C2": (-1.0, 1.0),
     "damping": (0.0, 10.0),
 }  # fmt: skip
-"""What CEINMS's own numbers may be [1]."""
+"""Smallest and largest value that is accepted for each of CEINMS's own numbers [1]. Chosen by judgement; no measurement
+is recorded."""
 
 
 @dataclass(frozen=True)
 class SubjectMuscle(MuscleConstants):
     """One muscle of a CEINMS subject."""
 
-    strength: float  # The factor that calibration put on the largest force [1]
-    shape: float  # A of the activation [1]; CEINMS has it from -3 to 0, CEINMS-RT without the sign
+    strength: float  # factor on the largest force, from calibration [1]
+    shape: float  # shape factor A of the activation [1]; CEINMS has it from -3 to 0, CEINMS-RT without the sign
     twitch: tuple[float, float]  # C1 and C2 of the activation's recursion [1]
 
 
@@ -34,14 +35,14 @@ class Subject:
     """A CEINMS subject."""
 
     path: Path
-    muscles: Mapping[str, SubjectMuscle]  # In the file's order
-    joints: Mapping[str, tuple[str, ...]]  # Muscles that move each degree of freedom
-    # Muscles that each EMG channel excites; empty where the file does not say
+    muscles: Mapping[str, SubjectMuscle]  # muscles by name, in the file's order
+    joints: Mapping[str, tuple[str, ...]]  # muscles that move each degree of freedom
+    # Muscles that each EMG channel excites; empty if the file does not state them
     excitations: Mapping[str, tuple[str, ...]]
-    # (2, n) Points of ``activeForceLength``, ``passiveForceLength`` and ``forceVelocity``, those that are given:
-    # normalised length or velocity, and force
+    # Points of the curves ``activeForceLength``, ``passiveForceLength`` and ``forceVelocity`` that the file has, each
+    # of shape (2, n): normalised length or velocity, and normalised force
     curves: Mapping[str, np.ndarray]
-    damping: float = 0.0  # Of the fibres, normalised [1]; 0 where none is given
+    damping: float = 0.0  # normalised damping of the fibres [1]; 0 if the file has none
 
 
 def read_subject(path: Path) -> Subject:
@@ -65,12 +66,12 @@ def read_subject(path: Path) -> Subject:
     joints = _groups(path, _child(root, "dofset", "dofs"), muscles)
     excitations = _groups(path, _child(root, "channels"), muscles)
     damping = _optional(path, default, "damping")
-    require_range(path, "mtuDefault", "damping", damping, *RANGES["damping"])
+    require_range(path, "mtuDefault", "damping", damping, *PLAUSIBLE_RANGES["damping"])
     return Subject(path, muscles, joints, excitations, _curves(path, default), damping)
 
 
 def _child(parent, *names):
-    """The first child of one of these names, whatever its case; None if there is none."""
+    """Return the first child with one of the `names`, in upper or lower case; None if there is none."""
     if parent is None:
         return None
     return next((child for child in parent if child.tag.lower() in names), None)
@@ -83,7 +84,7 @@ def _muscle(path: Path, element, default) -> SubjectMuscle:
         raise RecordingError(f"{path.name}: found a muscle without a <name>, expected one")
 
     def value(key: str) -> float:
-        # What all muscles share may stand with the defaults.
+        # Numbers that all muscles share may stand in the element of defaults.
         for place in (element, default):
             found = _child(place, key.lower())
             if found is not None:
@@ -105,7 +106,7 @@ def _muscle(path: Path, element, default) -> SubjectMuscle:
         ("shapeFactor", muscle.shape),
         *zip(("C1", "C2"), muscle.twitch, strict=True),
     ):
-        require_range(path, name, what, found, *RANGES[what])
+        require_range(path, name, what, found, *PLAUSIBLE_RANGES[what])
     return require_physical(path, muscle)
 
 

@@ -1,4 +1,4 @@
-"""Text tables: comma, semicolon, tab or blanks between columns, with or without a header, decimal point or comma."""
+"""Read text tables: comma, semicolon, tab or blanks between columns, any or no header, decimal point or comma."""
 
 from __future__ import annotations
 
@@ -8,45 +8,45 @@ from pathlib import Path
 import numpy as np
 
 from ..._errors import RecordingError
-from ._caps import require_few, require_narrow
+from ._caps import require_few_columns, require_narrow_lines
 from ._columns import Columns
 from ._last_row import cut_row
-from ._number_table import LONG, number_table
+from ._number_table import MIN_LONG_FILE_BYTES, number_table
 
 ENDINGS = (".csv", ".tsv", ".txt", ".dat")
 
-ABOVE = 40  # lines among which the first of the table is
+MAX_HEADER_LINES = 40
+"""The first row of numbers is searched among this many lines that are neither empty nor comments."""
 
-HEAD = 1 << 16  # bytes that hold all that stands above the numbers
+MAX_HEADER_BYTES = 1 << 16
+"""In a long file, everything above the numbers lies within this many bytes."""
 
-_COMMENT = ("#", "%", "//", "!")
-_MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "--", "missing"}
-_WORDS = {"true": 1.0, "false": 0.0, "inf": np.inf, "-inf": -np.inf}
+_COMMENT_MARKS = ("#", "%", "//", "!")
+_MISSING_WORDS = {"", "nan", "na", "n/a", "null", "none", "-", "--", "missing"}
+_NUMBER_WORDS = {"true": 1.0, "false": 0.0, "inf": np.inf, "-inf": -np.inf}
 _CHANNEL_LINE = re.compile(r"Channel \d+: '([^']+)'")
 _COMMA_NUMBER = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 
 
 def read(path: Path) -> Columns:
-    """Columns of a text table, each shape (n,) float64, named by the header or, without one, ``"0"``, ``"1"``, ....
+    """Return the columns of a text table, each shape (n,) float64; a column with text is a str that says which text.
 
-    A column with text in it is given as a str that says which.
-
-    Lines that begin with ``#``, ``%``, ``//`` or ``!`` are comments. An empty field, ``NaN``, ``NA`` or ``null`` is a
-    missing sample (NaN); ``true`` and ``false`` are 1 and 0. A row of units below the header is skipped, and so is a
-    last row in which the writer was cut off. Columns may
-    also be named on a line each, ``Channel 1: 'RF'``, as Biometrics' DataLOG does; titles without a delimiter name no
-    columns.
+    The header names the columns; without a header they are ``"0"``, ``"1"``, .... Lines that begin with ``#``, ``%``,
+    ``//`` or ``!`` are comments. An empty field, ``NaN``, ``NA`` or ``null`` is a missing sample (NaN); ``true`` and
+    ``false`` are 1 and 0. A row of units below the header is skipped, and so is an incomplete last row. Columns may
+    also be named on one line each, ``Channel 1: 'RF'``, as Biometrics' DataLOG does. Titles without a delimiter name
+    no columns.
     """
-    if path.stat().st_size >= LONG and (columns := _long(path)) is not None:
+    if path.stat().st_size >= MIN_LONG_FILE_BYTES and (columns := _read_long(path)) is not None:
         return columns
     lines = [(number, line) for number, line in enumerate(_decode(path).splitlines(), 1) if line.strip()]
-    comments = [line for _, line in lines if line.lstrip().startswith(_COMMENT)]
-    lines = [(number, line) for number, line in lines if not line.lstrip().startswith(_COMMENT)]
+    comments = [line for _, line in lines if line.lstrip().startswith(_COMMENT_MARKS)]
+    lines = [(number, line) for number, line in lines if not line.lstrip().startswith(_COMMENT_MARKS)]
     if not lines:
         raise RecordingError(f"{path.name}: found no row of data")
-    require_narrow(path, (line for _, line in lines[:20]))
+    require_narrow_lines(path, (line for _, line in lines[:20]))
     delimiter = _delimiter([line for _, line in lines[:20]])
-    first = _first_row([_split(line, delimiter) for _, line in lines[:ABOVE]])
+    first = _first_row([_split(line, delimiter) for _, line in lines[:MAX_HEADER_LINES]])
     if first is None:
         raise RecordingError(f'{path.name}: found no row of numbers; the first line is "{lines[0][1][:60]}"')
     header = _header(lines[:first], comments, delimiter, len(_split(lines[first][1], delimiter)))
@@ -55,25 +55,25 @@ def read(path: Path) -> Columns:
         table = np.loadtxt([line for _, line in rows], delimiter=delimiter, comments=None, ndmin=2, dtype=np.float64)
         texts = None
     except ValueError:
-        # A last column that the header names may be empty throughout; one without a name is a delimiter too many.
+        # A last column with a name may be empty throughout; one without a name is only a surplus delimiter.
         named = header is not None and len(header) == len(_split(rows[0][1], delimiter)) and bool(header[-1])
-        table, texts = _empty_cells(rows, delimiter, named) or _slow(path, rows, delimiter, named)
+        table, texts = _read_with_empty_cells(rows, delimiter, named) or _read_fields(path, rows, delimiter, named)
     names = _names(path, header, table.shape[1])
     values: dict[str, np.ndarray | str] = {}
     for i, name in enumerate(names):
         if texts is not None and texts[i]:
             number, text = texts[i][0]
-            # Labels beside numbers are common; they matter only where a channel asks for them.
+            # Labels beside numbers are common; they matter only if a channel uses the column.
             values[name] = f'line {number} holds the text "{text}" where a number is expected'
         else:
             values[name] = np.ascontiguousarray(table[:, i])
     return Columns(path, values)
 
 
-def _long(path: Path) -> Columns | None:
-    """The columns of a file that holds nothing but numbers below its header; None where that is not so sure."""
+def _read_long(path: Path) -> Columns | None:
+    """Return the columns of a file that has only numbers below its header; None if that is not certain."""
     with path.open("rb") as file:
-        head = file.read(HEAD).splitlines(keepends=True)[:-1]
+        head = file.read(MAX_HEADER_BYTES).splitlines(keepends=True)[:-1]
     if any(b"\0" in line or not line.endswith(b"\n") for line in head):
         return None
     try:
@@ -81,10 +81,10 @@ def _long(path: Path) -> Columns | None:
     except UnicodeDecodeError:
         return None
     lines = [(i, line) for i, line in enumerate(text) if line.strip()]
-    comments = [line for _, line in lines if line.lstrip().startswith(_COMMENT)]
-    lines = [(i, line) for i, line in lines if not line.lstrip().startswith(_COMMENT)]
+    comments = [line for _, line in lines if line.lstrip().startswith(_COMMENT_MARKS)]
+    lines = [(i, line) for i, line in lines if not line.lstrip().startswith(_COMMENT_MARKS)]
     delimiter = _delimiter([line for _, line in lines[:20]])
-    first = _first_row([_split(line, delimiter) for _, line in lines[:ABOVE]])
+    first = _first_row([_split(line, delimiter) for _, line in lines[:MAX_HEADER_LINES]])
     if delimiter is None or first is None:
         return None
     at, row = lines[first]
@@ -93,7 +93,8 @@ def _long(path: Path) -> Columns | None:
     decimal = "," if delimiter != "," and any(_COMMA_NUMBER.fullmatch(field) for field in fields) else "."
     cut = cut_row(path)
     end = cut.start if cut is not None else None
-    columns = number_table(path, sum(map(len, head[:at])), len(fields), delimiter, decimal, end)
+    start = sum(map(len, head[:at]))
+    columns = number_table(path, start, len(fields), delimiter=delimiter, decimal=decimal, end=end)
     return None if columns is None else Columns(path, dict(zip(names, columns, strict=True)))
 
 
@@ -113,7 +114,7 @@ def _decode(path: Path) -> str:
 
 def _delimiter(lines: list[str]) -> str | None:
     for delimiter in ("\t", ";", ","):
-        # Titles above the header, or a last line cut short, need not have it.
+        # Titles above the header and an incomplete last line may lack the delimiter.
         divided = [line for line in lines if delimiter in line]
         if 2 * len(divided) > len(lines):
             fields = divided[-1].split()
@@ -131,10 +132,10 @@ def _split(line: str, delimiter: str | None) -> list[str]:
 
 def _number(text: str) -> float | None:
     folded = text.strip().casefold()
-    if folded in _MISSING:
+    if folded in _MISSING_WORDS:
         return float("nan")
-    if folded in _WORDS:
-        return _WORDS[folded]
+    if folded in _NUMBER_WORDS:
+        return _NUMBER_WORDS[folded]
     try:
         return float(text.replace(",", "."))
     except ValueError:
@@ -147,8 +148,11 @@ def _is_data(fields: list[str]) -> bool:
 
 
 def _first_row(lines: list[list[str]]) -> int | None:
-    """The first row of the table, of lines divided into fields; None without one. Settings above it, a name and a value
-    each, are none: a line of names follows them, and below it rows of another width."""
+    """Return the index of the table's first row among lines split into fields; None if there is no table.
+
+    Settings above the table, each a name and a value, do not belong to it. They are followed by a line of names and by
+    rows of another width.
+    """
     first = next((i for i, fields in enumerate(lines) if _is_data(fields)), None)
     if first is None:
         return None
@@ -162,7 +166,7 @@ def _first_row(lines: list[list[str]]) -> int | None:
 
 
 def _header(above: list[tuple[int, str]], comments: list[str], delimiter: str | None, width: int) -> list[str] | None:
-    # Titles may stand above the header: it is the first line with a name for every column.
+    # Titles may stand above the header. The header is the first line with a name for every column.
     for _, line in above:
         fields = _split(line, delimiter)
         if len(fields) == width or (len(fields) == width + 1 and not fields[-1]):
@@ -182,10 +186,10 @@ def _header(above: list[tuple[int, str]], comments: list[str], delimiter: str | 
 
 
 def _names(path: Path, header: list[str] | None, width: int) -> list[str]:
-    require_few(path, width)
+    require_few_columns(path, width)
     if header is None:
         return [str(i) for i in range(width)]
-    require_few(path, len(header))
+    require_few_columns(path, len(header))
     names = [name if name else str(i) for i, name in enumerate(header)]
     while len(names) > width and not header[len(names) - 1]:
         names.pop()
@@ -195,13 +199,14 @@ def _names(path: Path, header: list[str] | None, width: int) -> list[str]:
     return [f"{name}.{i}" if name in repeated else name for i, name in enumerate(names)]
 
 
-def _empty_cells(rows, delimiter, named):
-    """The table where nothing but empty cells is in the way; None otherwise. A lost marker leaves many."""
+def _read_with_empty_cells(rows, delimiter, named):
+    """Return the table if it has only numbers and empty cells, as a lost marker leaves them; else None."""
     if delimiter in (None, "\t") or not (named or any(not line.rstrip().endswith(delimiter) for _, line in rows)):
         return None
     filled, nan = [], f"{delimiter}nan{delimiter}"
     for _, line in rows:
-        # Twice, for neighbours share a delimiter; a delimiter added at either end makes all cells inner ones.
+        # Neighbouring empty cells share a delimiter, so the replacement runs twice. A delimiter added at either end
+        # makes every cell an inner one.
         text = f"{delimiter}{line.strip()}{delimiter}"
         if 2 * delimiter in text:
             text = text.replace(2 * delimiter, nan).replace(2 * delimiter, nan)
@@ -213,7 +218,7 @@ def _empty_cells(rows, delimiter, named):
     return table, None
 
 
-def _slow(path, rows, delimiter, named):
+def _read_fields(path, rows, delimiter, named):
     split = [(number, _split(line, delimiter)) for number, line in rows]
     width = len(split[0][1])
     if width > 1 and not named and all(not fields[-1] for _, fields in split if len(fields) == width):

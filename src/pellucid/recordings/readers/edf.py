@@ -1,7 +1,7 @@
-"""EDF and BDF files of amplifiers: signals with units, at rates of their own.
+"""Read EDF and BDF files of amplifiers, whose signals have units and each its own sampling rate.
 
-A signal keeps its name. Its times are the column ``time`` where all signals of the file have one rate, and NAME.time
-otherwise; time 0 is the file's first sample.
+A signal keeps its name. Its times are the column ``time`` if all signals of the file have one rate, and NAME.time
+otherwise. Time 0 is the file's first sample.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ APART = ("edfio",)
 
 
 def read(path: Path) -> Columns:
-    """Columns by name, in the file's own units, each shape (n,) with the n of its signal."""
-    content = _content(path)
-    together = len({signal.sampling_frequency for signal in content.signals}) == 1
+    """Return columns by name, in the file's own units, each shape (n,) with the n of its signal."""
+    content = _load(path)
+    have_one_rate = len({signal.sampling_frequency for signal in content.signals}) == 1
     into: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     for signal in content.signals:
@@ -30,7 +30,7 @@ def read(path: Path) -> Columns:
         if name in into:
             raise RecordingError(f'{path.name}: found two signals named "{name}", expected each once')
         samples = np.ascontiguousarray(signal.data, dtype=np.float64)
-        times = "time" if together else f"{name}.time"
+        times = "time" if have_one_rate else f"{name}.time"
         if times not in into:
             into[times] = np.arange(len(samples)) / float(signal.sampling_frequency)
         into[name] = samples
@@ -39,18 +39,18 @@ def read(path: Path) -> Columns:
     return Columns(path, into, units=units)
 
 
-def _content(path: Path) -> Any:
+def _load(path: Path) -> Any:
     import edfio
 
-    opened = edfio.read_bdf if path.suffix.lower() == ".bdf" else edfio.read_edf
+    read_content = edfio.read_bdf if path.suffix.lower() == ".bdf" else edfio.read_edf
     with warnings.catch_warnings():
-        # The library shortens a truncated file to what is whole of it, and only warns.
+        # The library drops the incomplete end of a truncated file, and only warns.
         warnings.simplefilter("error")
         try:
-            content = opened(path)
+            content = read_content(path)
         except MemoryError:
             raise
-        except Exception as error:  # the library raises whatever parsing bytes raises
+        except Exception as error:  # parsing unexpected bytes may raise anything
             kind = path.suffix[1:].upper()
             raise RecordingError(f"{path.name}: not readable as {kind}, truncated or damaged: {error}") from error
     if not content.is_continuous:

@@ -1,4 +1,4 @@
-"""JSON: an object of arrays, an array of objects, or both nested."""
+"""Read JSON files: an object of arrays, an array of objects, or both nested."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ ENDINGS = (".json",)
 
 
 def read(path: Path) -> Columns:
-    """Numeric leaves of a JSON file by dotted path, each shape (n,) float64; booleans are 0 and 1."""
+    """Return the numeric leaves of a JSON file by dotted path, each shape (n,) float64; booleans are 0 and 1."""
     try:
-        # An integer of any length is a float, as every other number here.
+        # Integers are read as floats, because JSON allows integers of any length.
         content = json.loads(path.read_text(encoding="utf-8-sig"), parse_int=float)
         into: dict[str, np.ndarray] = {}
         flatten(content, "", into, path)

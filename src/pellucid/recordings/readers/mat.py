@@ -1,4 +1,4 @@
-"""MATLAB files: version 5 (and older) through SciPy, version 7.3 through h5py where it is installed."""
+"""Read MATLAB files: version 5 and older with SciPy, version 7.3 with h5py if it is installed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..._errors import RecordingError
-from ._caps import require_small
+from ._caps import require_unpacked_size
 from ._columns import Columns
 from ._flatten import flatten
 
@@ -18,7 +18,7 @@ APART = ("scipy.io", "h5py")
 
 
 def read(path: Path) -> Columns:
-    """Numeric variables and struct fields by dotted path, each shape (n,) float64; what cells hold by their place."""
+    """Return numeric variables and struct fields by dotted path, each shape (n,) float64; cells are numbered."""
     with path.open("rb") as file:
         head = file.read(128)
     if b"MATLAB 7.3" in head or head[:8] == b"\x89HDF\r\n\x1a\n":
@@ -27,7 +27,7 @@ def read(path: Path) -> Columns:
 
     try:
         with warnings.catch_warnings():
-            # Function workspaces repeat an unnamed variable, which says nothing about the recording.
+            # Function workspaces repeat an unnamed variable; the warning does not concern the recording.
             warnings.simplefilter("ignore")
             content = loadmat(path, simplify_cells=True)
     except MemoryError:
@@ -37,33 +37,33 @@ def read(path: Path) -> Columns:
     into: dict[str, np.ndarray] = {}
     for name, value in content.items():
         if isinstance(name, str) and not name.startswith("__"):
-            _add(_structs(value), name, into, path)
+            _flatten_cells(_with_plain_structs(value), name, into, path)
     return Columns(path, into)
 
 
-def _structs(value):
-    # A struct array arrives as an object array of dicts, cells as one of anything.
+def _with_plain_structs(value):
+    # SciPy returns a struct array as an object array of dicts, and cells as an object array of anything.
     if isinstance(value, np.ndarray) and value.dtype == object:
-        if value.ndim > 1 and any(_holds_more(item) for item in value.ravel()):
-            return [_structs(row) for row in value]
-        return [_structs(item) for item in value.ravel()]
+        if value.ndim > 1 and any(_is_nested(item) for item in value.ravel()):
+            return [_with_plain_structs(row) for row in value]
+        return [_with_plain_structs(item) for item in value.ravel()]
     if isinstance(value, dict):
-        return {key: _structs(item) for key, item in value.items()}
+        return {key: _with_plain_structs(item) for key, item in value.items()}
     return value
 
 
-def _holds_more(item) -> bool:
-    """Whether a cell holds cells or a matrix."""
+def _is_nested(item) -> bool:
+    """Whether a cell's content is itself cells or a matrix."""
     return isinstance(item, list) or (isinstance(item, np.ndarray) and (item.dtype == object or item.ndim > 1))
 
 
-def _add(value, name: str, into: dict[str, np.ndarray], path: Path) -> None:
-    """`flatten`, with cells of cells or of matrices each named by its place."""
-    if isinstance(value, list) and any(_holds_more(item) for item in value):
+def _flatten_cells(value, name: str, into: dict[str, np.ndarray], path: Path) -> None:
+    """Add numeric leaves as `flatten` does; a cell with cells or matrices is named by its index."""
+    if isinstance(value, list) and any(_is_nested(item) for item in value):
         for i, item in enumerate(value):
-            # Samples are the longer side: cells hold what a program made, one variable a row as often as a column.
+            # Samples run along the longer side: programs store variables in rows as often as in columns.
             wide = isinstance(item, np.ndarray) and item.ndim == 2 and item.shape[1] > item.shape[0]
-            _add(item.T if wide else item, f"{name}.{i}", into, path)
+            _flatten_cells(item.T if wide else item, f"{name}.{i}", into, path)
     else:
         flatten(value, name, into, path)
 
@@ -77,15 +77,15 @@ def _read_hdf5(path: Path) -> Columns:
             "or save it in MATLAB with save(..., '-v7')"
         ) from None
     into: dict[str, np.ndarray] = {}
-    held = 0.0
+    number_count = 0.0
 
     def visit(name, item):
-        nonlocal held
+        nonlocal number_count
         if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub" and not name.startswith("#"):
             _require_inside(path, name, item)
-            held += item.size
-            # What is stored in pieces is unpacked a piece at a time, and a piece may be larger than the whole.
-            require_small(path, max(held, math.prod(item.chunks or ()) * item.dtype.itemsize / 8.0))
+            number_count += item.size
+            # A dataset in chunks is unpacked chunk by chunk, and a chunk may be larger than the dataset.
+            require_unpacked_size(path, max(number_count, math.prod(item.chunks or ()) * item.dtype.itemsize / 8.0))
             # MATLAB stores columns first, HDF5 rows first.
             flatten(np.asarray(item[()]).T, name.replace("/", "."), into, path)
 
@@ -100,6 +100,6 @@ def _read_hdf5(path: Path) -> Columns:
 
 
 def _require_inside(path: Path, name: str, item) -> None:
-    """Refuse what a file says is in another one: it may be any of this computer's."""
+    """Refuse data that is stored in another file, because that may be any file of this computer."""
     if item.external or item.is_virtual:
         raise RecordingError(f"{path.name}: found that {name} is stored in another file, expected it in this one")

@@ -1,4 +1,4 @@
-"""OpenSim models: bodies, joints and the ways of muscles, of versions 3 and 4 of its files, without OpenSim."""
+"""Read bodies, joints and muscle paths from OpenSim models, versions 3 and 4 of the files, without OpenSim."""
 
 from __future__ import annotations
 
@@ -26,25 +26,25 @@ from ...models.skeleton import GROUND_BODY, Axis, Coordinate, Coupling, Skeleton
 from ...models.wrapping import METHODS, Cylinder, Ellipsoid, Side, Sphere, Surface
 from ._xml import read_xml
 
-FARTHEST = 5.0
-"""No point of a person's muscle lies further from its body's origin [m]: beyond it, a model is in millimetres."""
+MAX_DISTANCE_M = 5.0
+"""Points of a muscle lie at most this far from their body's origin [m]. Larger values mean a model in millimetres."""
 
-SHARPEST = 4.0 * math.pi
-"""No frame is turned and no angle bounded beyond this [rad]: beyond it, a model is in degrees."""
+MAX_ANGLE_RAD = 4.0 * math.pi
+"""Rotations of frames and default angles are at most this large [rad]. Larger values mean a model in degrees."""
 
 _X, _Y, _Z = np.eye(3)
 
 
 @dataclass(frozen=True, eq=False)
 class MuscleModel:
-    """Bodies of a model and the ways of its muscles."""
+    """Bodies of a model and the paths of its muscles."""
 
     path: Path
     skeleton: Skeleton
     muscles: Mapping[str, MusclePath]
 
     def muscle(self, name: str) -> MusclePath:
-        """The way of one muscle."""
+        """Return the path of one muscle."""
         if name not in self.muscles:
             raise RecordingError(
                 f"{self.path.name}: found the muscles {', '.join(list(self.muscles)[:40])}, expected {name} too"
@@ -53,7 +53,7 @@ class MuscleModel:
 
 
 def read_paths(path: Path) -> MuscleModel:
-    """Read a model's skeleton and its muscles' ways. What cannot be followed is refused where it is asked for."""
+    """Read a model's skeleton and its muscle paths. An unsupported element is refused when it is used, not here."""
     path = Path(path)
     root = read_xml(path)
     if root.tag != "OpenSimDocument":
@@ -61,7 +61,7 @@ def read_paths(path: Path) -> MuscleModel:
     model = root.find("Model")
     if model is None:
         raise RecordingError(f"{path.name}: found no <Model>, expected one")
-    return _Reading(path, model, _version(path, root)).model()
+    return _ModelReader(path, model, _version(path, root)).model()
 
 
 def _version(path: Path, root: Element) -> int:
@@ -74,7 +74,9 @@ def _version(path: Path, root: Element) -> int:
     return int(said)
 
 
-class _Reading:
+class _ModelReader:
+    """Parser of one ``<Model>`` element."""
+
     def __init__(self, path: Path, model: Element, version: int):
         self.path, self.version = path, version
         self.root = model
@@ -101,10 +103,10 @@ class _Reading:
         if not muscles:
             self._refuse("", "no muscle", "some with <max_isometric_force>")
         for muscle in muscles.values():
-            self._require_known(muscle, skeleton)
+            self._require_joined(muscle, skeleton)
         return MuscleModel(self.path, skeleton, muscles)
 
-    # What others wrote, read with words for what is wrong.
+    # Numbers and texts of elements, with messages for what is wrong.
 
     def _refuse(self, where: str, found: str, expected: str) -> None:
         raise RecordingError(f"{self.path.name}{', ' if where else ''}{where}: found {found}, expected {expected}")
@@ -131,31 +133,33 @@ class _Reading:
         found = parent.find(tag)
         return np.zeros(3) if found is None else self._numbers(found, f"{where}, <{tag}>", 3)
 
-    def _near(self, values: np.ndarray, where: str) -> np.ndarray:
-        if np.abs(values).max(initial=0.0) > FARTHEST:
+    def _require_metres(self, values: np.ndarray, where: str) -> np.ndarray:
+        if np.abs(values).max(initial=0.0) > MAX_DISTANCE_M:
             found = f"{np.abs(values).max():.4g} m"
-            self._refuse(where, found, f"at most {FARTHEST:g} m; is the model in millimetres?")
+            self._refuse(where, found, f"at most {MAX_DISTANCE_M:g} m; is the model in millimetres?")
         return values
 
-    def _angle(self, values: np.ndarray, where: str) -> np.ndarray:
-        if np.abs(values).max(initial=0.0) > SHARPEST:
+    def _require_radians(self, values: np.ndarray, where: str) -> np.ndarray:
+        if np.abs(values).max(initial=0.0) > MAX_ANGLE_RAD:
             self._refuse(
-                where, f"{np.abs(values).max():.4g} rad", f"at most {SHARPEST:.4g} rad; is the model in degrees?"
+                where, f"{np.abs(values).max():.4g} rad", f"at most {MAX_ANGLE_RAD:.4g} rad; is the model in degrees?"
             )
         return values
 
-    def _said(self, parent: Element, tag: str) -> str:
+    def _text(self, parent: Element, tag: str) -> str:
         found = parent.find(tag)
         return "" if found is None or found.text is None else found.text.strip()
 
     def _frame(self, element: Element, where: str, translation: str, orientation: str) -> np.ndarray:
-        place = self._near(self._vector(element, translation, where), f"{where}, <{translation}>")
-        return frame(place, self._angle(self._vector(element, orientation, where), f"{where}, <{orientation}>"))
+        place = self._require_metres(self._vector(element, translation, where), f"{where}, <{translation}>")
+        return frame(
+            place, self._require_radians(self._vector(element, orientation, where), f"{where}, <{orientation}>")
+        )
 
     # Frames.
 
     def _place_frames(self) -> None:
-        """Frames beside bodies, by name; those of joints are found in their joint."""
+        """Fill `frames` with the named frames that are offset from bodies; joints read their own frames."""
         waiting = {f.get("name"): f for f in self.root.iter("PhysicalOffsetFrame") if f.get("name")}
         owners = {
             f.get("name"): body.get("name")
@@ -165,14 +169,14 @@ class _Reading:
         }
         for name in waiting:
             self.frames.setdefault(name, ("", np.eye(4)))
-        for name, element in waiting.items():
+        for name, element in waiting.items():  # an empty body marks a frame that is not resolved yet
             if self.frames[name][0] == "":
-                self.frames[name] = self._offset(element, waiting, owners, ())
+                self.frames[name] = self._resolve_frame(element, waiting, owners, ())
 
-    def _offset(self, element: Element, known: Mapping[str, Element], owners, above) -> tuple[str, np.ndarray]:
+    def _resolve_frame(self, element: Element, known: Mapping[str, Element], owners, above) -> tuple[str, np.ndarray]:
         name = element.get("name")
         where = f"frame {name}"
-        said = self._said(element, "socket_parent") or self._said(element, "socket_parent_frame")
+        said = self._text(element, "socket_parent") or self._text(element, "socket_parent_frame")
         parent = said.split("/")[-1] if said else ""
         if parent in ("", "..", "."):
             parent = owners.get(name, "")
@@ -180,18 +184,20 @@ class _Reading:
             self._refuse(where, "frames that hang on each other", "one that hangs on a body")
         here = self._frame(element, where, "translation", "orientation")
         if parent in known:
-            body, base = self._offset(known[parent], known, owners, (*above, name))
+            body, base = self._resolve_frame(known[parent], known, owners, (*above, name))
         elif parent in self.frames and self.frames[parent][0]:
             body, base = self.frames[parent]
         else:
             self._refuse(where, f'the parent "{seen(said)[:60]}"', "a body or another frame of the model")
         return body, base @ here
 
-    def _held(self, name: str, where: str, own: Mapping[str, Element] | None = None) -> tuple[str, np.ndarray]:
-        """Body and frame of what a socket names."""
+    def _resolve_socket(
+        self, name: str, where: str, own: Mapping[str, Element] | None = None
+    ) -> tuple[str, np.ndarray]:
+        """Return the body and the pose on it of the frame that a socket names."""
         last = name.split("/")[-1]
         if own and last in own:
-            return self._offset(own[last], own, {}, ())
+            return self._resolve_frame(own[last], own, {}, ())
         if not last or last not in self.frames:
             self._refuse(where, f'the frame "{seen(name)[:60]}"', "a body or frame of the model")
         return self.frames[last]
@@ -204,10 +210,11 @@ class _Reading:
             name = element.get("name", "")
             where = f"joint {seen(name)}"
             own = {f.get("name"): f for f in element.findall("./frames/PhysicalOffsetFrame")}
-            parent, parent_frame = self._held(self._said(element, "socket_parent_frame"), where, own)
-            child, child_frame = self._held(self._said(element, "socket_child_frame"), where, own)
+            parent, parent_frame = self._resolve_socket(self._text(element, "socket_parent_frame"), where, own)
+            child, child_frame = self._resolve_socket(self._text(element, "socket_child_frame"), where, own)
             coordinates = element.findall("./coordinates/Coordinate")
-            found.append(self._joint(element, name, parent, child, parent_frame, child_frame, coordinates))
+            bodies = {"parent": parent, "child": child, "parent_frame": parent_frame, "child_frame": child_frame}
+            found.append(self._joint(element, name, coordinates, **bodies))
         return found
 
     def _old_joints(self, bodies: Sequence[Element]) -> list[SkeletonJoint]:
@@ -218,23 +225,26 @@ class _Reading:
                 continue
             name = element.get("name", "")
             where = f"joint {seen(name)}"
-            parent, _ = self._held(self._said(element, "parent_body"), where)
+            parent, _ = self._resolve_socket(self._text(element, "parent_body"), where)
             found.append(
                 self._joint(
-                    element, name, parent, body.get("name"),
-                    self._frame(element, where, "location_in_parent", "orientation_in_parent"),
-                    self._frame(element, where, "location", "orientation"),
+                    element,
+                    name,
                     element.findall("./CoordinateSet/objects/Coordinate"),
+                    parent=parent,
+                    child=body.get("name"),
+                    parent_frame=self._frame(element, where, "location_in_parent", "orientation_in_parent"),
+                    child_frame=self._frame(element, where, "location", "orientation"),
                 )
-            )  # fmt: skip
+            )
         return found
 
-    def _joint(self, element, name, parent, child, parent_frame, child_frame, coordinates) -> SkeletonJoint:
+    def _joint(self, element, name, coordinates, *, parent, child, parent_frame, child_frame) -> SkeletonJoint:
         where = f"joint {seen(name)}"
         names = [c.get("name", "") for c in coordinates]
         frames = (name, parent, child, parent_frame, child_frame)
         refused = ""
-        if self._said(element, "reverse").lower() == "true":
+        if self._text(element, "reverse").lower() == "true":
             refused = "found <reverse>, which is not followed, expected a joint from parent to child"
         turns: list[Axis] = []
         shifts: list[Axis] = []
@@ -271,13 +281,13 @@ class _Reading:
         if element.find("range") is not None:
             low, high = self._numbers(element.find("range"), f"{where}, <range>", 2)
         default = self._number(element, "default_value", where, 0.0)
-        if turns and abs(default) > SHARPEST:
-            self._angle(np.array([default]), where)
+        if turns and abs(default) > MAX_ANGLE_RAD:
+            self._require_radians(np.array([default]), where)
         self.coordinates[name] = Coordinate(name, default, float(low), float(high), turns)
 
     def _axis(self, element: Element, where: str) -> Axis | None:
         function = self._function_in(element, where)
-        names = tuple(self._said(element, "coordinates").split())
+        names = tuple(self._text(element, "coordinates").split())
         while isinstance(function, ScaledFunction) and isinstance(function.function, Constant):
             function = Constant(function.factor * function.function.value)
         if function is None or (isinstance(function, Constant) and function.value == 0.0):
@@ -295,20 +305,20 @@ class _Reading:
         if holder is not None and len(holder):
             return self._function(holder[0], where)
         for child in parent:
-            if child.tag in _FUNCTIONS:
+            if child.tag in _FUNCTION_READERS:
                 return self._function(child, where)
             if child.tag.endswith(("Function", "Spline")):
                 self._unknown_function(child, where)
         return None
 
     def _unknown_function(self, element: Element, where: str) -> None:
-        known = ", ".join(_FUNCTIONS)
+        known = ", ".join(_FUNCTION_READERS)
         self._refuse(where, f"a {seen(element.tag)}, which is not followed", f"one of {known}")
 
     def _function(self, element: Element, where: str) -> CoordinateFunction:
-        if element.tag not in _FUNCTIONS:
+        if element.tag not in _FUNCTION_READERS:
             self._unknown_function(element, where)
-        return _FUNCTIONS[element.tag](self, element, where)
+        return _FUNCTION_READERS[element.tag](self, element, where)
 
     def _linear(self, element: Element, where: str) -> CoordinateFunction:
         found = self._numbers(element.find("coefficients"), f"{where}, <coefficients>")
@@ -337,13 +347,13 @@ class _Reading:
         found = {}
         for element in self.root.iter("CoordinateCouplerConstraint"):
             where = f"constraint {seen(element.get('name', ''))}"
-            on = self._said(element, "isEnforced").lower() != "false" and (
-                self._said(element, "isDisabled").lower() != "true"
+            on = self._text(element, "isEnforced").lower() != "false" and (
+                self._text(element, "isDisabled").lower() != "true"
             )
             if not on:
                 continue
-            dependent = self._said(element, "dependent_coordinate_name")
-            independent = tuple(self._said(element, "independent_coordinate_names").split())
+            dependent = self._text(element, "dependent_coordinate_name")
+            independent = tuple(self._text(element, "independent_coordinate_names").split())
             for name in (dependent, *independent):
                 if name not in self.coordinates:
                     self._refuse(where, f'the coordinate "{seen(name)[:60]}"', "one of the model")
@@ -375,10 +385,10 @@ class _Reading:
         return found
 
     def _surface(self, element: Element, where: str) -> Surface | str:
-        """A surface, or why it is none that can be followed."""
-        if self._said(element, "active").lower() == "false":
+        """Return the surface of a wrap object; a text says why it is unsupported, "off" that it is inactive."""
+        if self._text(element, "active").lower() == "false":
             return "off"
-        said = self._said(element, "quadrant").lower() or "all"
+        said = self._text(element, "quadrant").lower() or "all"
         axis = -1 if said == "all" else "xyz".find(said[-1])
         if said != "all" and (axis < 0 or said.strip("+-xyz")):
             self._refuse(f"{where}, <quadrant>", f'"{seen(said)[:20]}"', "all, or x, y or z with a sign")
@@ -387,12 +397,14 @@ class _Reading:
             if axis == 2:
                 return "found a side along the axis of a cylinder, expected x or y"
             radius, length = (self._number(element, tag, where) for tag in ("radius", "length"))
-            self._near(np.array([radius]), f"{where}, <radius>")
+            self._require_metres(np.array([radius]), f"{where}, <radius>")
             return Cylinder(radius, length, side)
         if element.tag == "WrapSphere":
-            return Sphere(float(self._near(np.array([self._number(element, "radius", where)]), where)[0]), side)
+            return Sphere(
+                float(self._require_metres(np.array([self._number(element, "radius", where)]), where)[0]), side
+            )
         if element.tag == "WrapEllipsoid":
-            radii = self._near(self._numbers(element.find("dimensions"), f"{where}, <dimensions>", 3), where)
+            radii = self._require_metres(self._numbers(element.find("dimensions"), f"{where}, <dimensions>", 3), where)
             return Ellipsoid(tuple(map(float, radii)), side)
         return f"found a {seen(element.tag)}, which is not followed, expected WrapCylinder, WrapSphere or WrapEllipsoid"
 
@@ -407,7 +419,7 @@ class _Reading:
             self._refuse(where, f"{len(points)} points", "two or more that it runs through")
         around = []
         for each in way.findall("./PathWrapSet/objects/PathWrap"):
-            target = self._said(each, "wrap_object").split("/")[-1]
+            target = self._text(each, "wrap_object").split("/")[-1]
             if target not in surfaces:
                 self._refuse(where, f'the wrap object "{seen(target)[:60]}"', "one of the model")
             body, base, surface = surfaces[target]
@@ -416,7 +428,7 @@ class _Reading:
             if isinstance(surface, str):
                 return MusclePath(name, points, (), f"wrap object {target}: {surface}")
             if isinstance(surface, Ellipsoid):
-                method = self._said(each, "method").lower() or "hybrid"
+                method = self._text(each, "method").lower() or "hybrid"
                 if method not in METHODS:
                     why = f'found the method "{seen(method)[:20]}", which is not followed, expected '
                     return MusclePath(name, points, (), f"wrap object {target}: {why}{' or '.join(METHODS)}")
@@ -430,49 +442,50 @@ class _Reading:
 
     def _point(self, element: Element, muscle: str) -> PathPoint:
         where = f"{muscle}, point {seen(element.get('name', ''))[:60]}"
-        socket = self._said(element, "socket_parent_frame") or self._said(element, "body")
-        body, base = self._held(socket, where)
-        place = self._near(self._vector(element, "location", where), f"{where}, <location>")
+        socket = self._text(element, "socket_parent_frame") or self._text(element, "body")
+        body, base = self._resolve_socket(socket, where)
+        place = self._require_metres(self._vector(element, "location", where), f"{where}, <location>")
         moves, only = (), None
         if element.tag == "MovingPathPoint":
-            moves = tuple(self._moving(element, axis, place[i], where) for i, axis in enumerate("xyz"))
+            moves = tuple(self._moving_coordinate(element, axis, place[i], where) for i, axis in enumerate("xyz"))
             if not np.allclose(base, np.eye(4)):
                 self._refuse(where, "a moving point on a frame beside its body", "one on the body itself")
         elif element.tag == "ConditionalPathPoint":
             low, high = self._numbers(element.find("range"), f"{where}, <range>", 2)
-            only = (self._followed(element, "", where), float(low), float(high))
+            only = (self._point_coordinate(element, "", where), float(low), float(high))
         elif element.tag != "PathPoint":
             self._refuse(where, f"a {seen(element.tag)}", "PathPoint, ConditionalPathPoint or MovingPathPoint")
         return PathPoint(body, base[:3, :3] @ place + base[:3, 3], moves, only)
 
-    def _moving(self, element: Element, axis: str, otherwise: float, where: str):
+    def _moving_coordinate(self, element: Element, axis: str, otherwise: float, where: str):
         holder = element.find(f"{axis}_location")
         if holder is None or not len(holder):
             return Constant(float(otherwise)), ()
         function = self._function(holder[0], f"{where}, {axis}_location")
-        name = self._followed(element, f"{axis}_", where)
+        name = self._point_coordinate(element, f"{axis}_", where)
         return function, (name,)
 
-    def _followed(self, element: Element, prefix: str, where: str) -> str:
-        """The coordinate that a point looks at."""
-        said = self._said(element, f"socket_{prefix}coordinate") or self._said(element, f"{prefix}coordinate")
+    def _point_coordinate(self, element: Element, prefix: str, where: str) -> str:
+        """Return the name of the coordinate that a moving or conditional point depends on."""
+        said = self._text(element, f"socket_{prefix}coordinate") or self._text(element, f"{prefix}coordinate")
         name = said.split("/")[-1]
         if name not in self.coordinates:
             self._refuse(where, f'the coordinate "{seen(said)[:60]}"', "one of the model")
         return name
 
-    def _require_known(self, muscle: MusclePath, skeleton: Skeleton) -> None:
+    def _require_joined(self, muscle: MusclePath, skeleton: Skeleton) -> None:
         for body in muscle.bodies:
             if body != GROUND_BODY and body not in skeleton.joints:
                 self._refuse(f"muscle {muscle.muscle}", f"the body {seen(body)} without a joint", "one that is joined")
 
 
-_FUNCTIONS: Mapping[str, Callable[[_Reading, Element, str], CoordinateFunction]] = {
-    "Constant": _Reading._constant,
-    "LinearFunction": _Reading._linear,
-    "PolynomialFunction": _Reading._polynomial,
-    "MultiplierFunction": _Reading._scaled,
-    "SimmSpline": _Reading._points,
-    "NaturalCubicSpline": _Reading._points,
-    "PiecewiseLinearFunction": _Reading._points,
+# Method that reads each element of a function.
+_FUNCTION_READERS: Mapping[str, Callable[[_ModelReader, Element, str], CoordinateFunction]] = {
+    "Constant": _ModelReader._constant,
+    "LinearFunction": _ModelReader._linear,
+    "PolynomialFunction": _ModelReader._polynomial,
+    "MultiplierFunction": _ModelReader._scaled,
+    "SimmSpline": _ModelReader._points,
+    "NaturalCubicSpline": _ModelReader._points,
+    "PiecewiseLinearFunction": _ModelReader._points,
 }

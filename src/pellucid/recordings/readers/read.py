@@ -1,8 +1,9 @@
-"""Which reader opens which file: a module of this package that names the endings it reads is a format.
+"""Choose the reader for a file. Each module of this package that names file endings is a reader.
 
 Such a module has ``ENDINGS``, a tuple of file endings with their dot, and ``read(path)``, which returns `Columns`.
-Where several read one ending, those with ``recognises(path)`` are asked first, by the file's content. What reads with
-a library that a damaged file may crash, or that unpacks, says ``APART``, the libraries: a process of its own runs it.
+If several modules read one ending, those with ``recognises(path)`` are asked first; they look at the file's content.
+A module may use a library that a damaged file can crash, or that unpacks data. It names such libraries in ``APART``,
+and then runs in a process of its own.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ from pkgutil import iter_modules
 from types import ModuleType
 
 from ..._errors import PellucidError, RecordingError
-from ._caps import require_few, require_size
+from ._caps import require_few_columns, require_file_size
 from ._columns import Columns
 
 
 @cache
-def formats() -> dict[str, tuple[ModuleType, ...]]:
-    """Readers by file ending, those that look at the content first."""
+def readers_by_ending() -> dict[str, tuple[ModuleType, ...]]:
+    """Return the readers for each file ending; those that look at the content come first."""
     found: dict[str, list[ModuleType]] = {}
     for info in iter_modules([str(Path(__file__).parent)]):
         if info.name.startswith("_") or info.name == Path(__file__).stem:
@@ -38,7 +39,7 @@ def read_columns(path: str | os.PathLike) -> Columns:
     Parameters
     ----------
     path : path-like
-        File whose ending says its format: ``.csv``, ``.tsv``, ``.txt``, ``.dat``, ``.mat``, ``.json``, ``.sto``,
+        File whose ending states its format: ``.csv``, ``.tsv``, ``.txt``, ``.dat``, ``.mat``, ``.json``, ``.sto``,
         ``.mot``, ``.c3d``, ``.xdf``, ``.edf`` or ``.bdf``.
 
     Returns
@@ -70,11 +71,11 @@ def read_columns(path: str | os.PathLike) -> Columns:
     path = Path(path)
     if not path.is_file():
         raise RecordingError(f"{path}: no such file")
-    require_size(path)
-    readers = formats().get(path.suffix.lower())
+    require_file_size(path)
+    readers = readers_by_ending().get(path.suffix.lower())
     if readers is None:
         raise RecordingError(
-            f'{path.name}: found the ending "{path.suffix}", expected one of {", ".join(sorted(formats()))}'
+            f'{path.name}: found the ending "{path.suffix}", expected one of {", ".join(sorted(readers_by_ending()))}'
         )
     try:
         reader = next((r for r in readers[:-1] if r.recognises(path)), readers[-1])
@@ -88,9 +89,9 @@ def read_columns(path: str | os.PathLike) -> Columns:
         raise
     except OSError as error:
         raise RecordingError(f"{path}: not readable: {error}") from error
-    except Exception as error:  # whatever parsing raises on bytes that nobody expected
+    except Exception as error:  # parsing unexpected bytes may raise anything
         raise RecordingError(f"{path.name}: not readable, truncated or damaged: {error!r}") from error
-    require_few(path, len(columns.values))
+    require_few_columns(path, len(columns.values))
     if all(isinstance(value, str) for value in columns.values.values()):
         raise RecordingError(f"{path.name}: found no numeric column")
     return columns

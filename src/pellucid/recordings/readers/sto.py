@@ -1,4 +1,4 @@
-"""OpenSim's storage (.sto) and motion (.mot) files: a header that ends with ``endheader``, then columns of numbers."""
+"""Read OpenSim's storage (.sto) and motion (.mot) files: a header up to ``endheader``, then columns of numbers."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from pathlib import Path
 import numpy as np
 
 from ..._errors import RecordingError
-from ._caps import require_narrow
+from ._caps import require_narrow_lines
 from ._columns import Columns
 
 ENDINGS = (".sto", ".mot", ".dat")
 
 
 def recognises(path: Path) -> bool:
-    """Whether a line ``endheader`` makes a file one of OpenSim's, whatever its ending."""
+    """Whether a file, whatever its ending, is one of OpenSim's: it has a line ``endheader``."""
     with path.open(encoding="utf-8-sig", errors="replace") as lines:
         return any(line.strip().lower() == "endheader" for _, line in zip(range(1000), lines, strict=False))
 
 
 def read(path: Path) -> Columns:
-    """Columns by their labels, each shape (n,) float64, in the file's own units; of angles the header may say which."""
-    header, body, first = _parts(path)
+    """Return columns by label, each shape (n,) float64, in the file's own units; the header may state angles' unit."""
+    header, body, first = _split_header(path)
     if not body:
         raise RecordingError(f"{path.name}: found nothing after endheader, expected labels and rows")
-    require_narrow(path, body[:1])
+    require_narrow_lines(path, body[:1])
     labels = body[0].split()
     rows = [line.split() for line in body[1:]]
     for number, fields in enumerate(rows, first + 1):
@@ -49,8 +49,8 @@ def read(path: Path) -> Columns:
     return Columns(path, values, {"yes": "deg", "no": "rad"}.get(header.get("indegrees", "")))
 
 
-def _parts(path: Path) -> tuple[dict[str, str], list[str], int]:
-    """Keys of the header in lower case, the lines after it, and the number of the line with the labels."""
+def _split_header(path: Path) -> tuple[dict[str, str], list[str], int]:
+    """Return the header as keys in lower case, the lines after it, and the number of the line with the labels."""
     lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
     end = next((i for i, line in enumerate(lines) if line.strip().lower() == "endheader"), None)
     if end is None:

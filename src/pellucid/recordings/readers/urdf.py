@@ -1,4 +1,4 @@
-"""Robots as URDF files say them: joints, limits and bodies. Meshes are not needed, and not looked at."""
+"""Read robots from URDF files: joints, limits and bodies. Meshes are not read."""
 
 from __future__ import annotations
 
@@ -24,31 +24,32 @@ if TYPE_CHECKING:
 
 _KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed"}
 
-FARTHEST = 3.0
-"""Times the robot's length, beyond which a body's radius of gyration is that of another unit."""
+MAX_GYRATION_RATIO = 3.0
+"""A body's radius of gyration is at most this many times the robot's length. A larger one means that the moments of
+inertia are in another unit."""
 
-MOST = 500
-"""Links, and joints, of a file, welded ones with them."""
+MAX_COUNT = 500
+"""A file has at most this many links and at most this many joints, welded ones included."""
 
 STAND_IN = Link("", 1.0, (0.0, 0.0, 0.0), (0.01, 0.0, 0.0, 0.01, 0.0, 0.01))
-"""Of each link, where a file says nothing of any."""
+"""Every link gets this body if the file states no body at all."""
 
-_LEGIBLE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.:/ -]{0,99}")
+_ACCEPTED_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.:/ -]{0,99}")
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Of a joint, where the file says them: position [rad; m], speed and effort [N m; N]."""
+    """Limits of a joint as the file states them; None for a limit that it does not state."""
 
-    lower: float | None = None
-    upper: float | None = None
-    velocity: float | None = None
-    effort: float | None = None
+    lower: float | None = None  # smallest position [rad; m]
+    upper: float | None = None  # largest position [rad; m]
+    velocity: float | None = None  # largest speed [rad/s; m/s]
+    effort: float | None = None  # largest effort [N m; N]
 
 
 @dataclass(frozen=True)
 class Mimic:
-    """A joint that follows another: its coordinate is `multiplier` times the other's and `offset`."""
+    """A joint that follows another: its coordinate is `multiplier` times the other's coordinate plus `offset`."""
 
     joint: str
     multiplier: float = 1.0
@@ -57,19 +58,19 @@ class Mimic:
 
 @dataclass(frozen=True)
 class Urdf:
-    """What a file says of a robot."""
+    """A robot as its file describes it."""
 
     path: Path
     name: str
-    joints: tuple[TreeJoint, ...]  # In the file's order, fixed ones with them
+    joints: tuple[TreeJoint, ...]  # joints in the file's order, fixed ones included
     links: tuple[Link, ...]
-    limits: Mapping[str, Limits]  # By joint
-    mimics: Mapping[str, Mimic]  # By joint
-    notes: tuple[str, ...]  # What is remarkable, and does not keep it from being used
+    limits: Mapping[str, Limits]  # limits by joint
+    mimics: Mapping[str, Mimic]  # followed joints by the joint that follows
+    notes: tuple[str, ...]  # remarks about the file that do not prevent its use
 
     @property
     def has_bodies(self) -> bool:
-        """Whether any link has a mass; a file of shapes alone has none, and stand-ins take their place."""
+        """Whether any link has a mass. A file with shapes only has none; stand-ins then replace the bodies."""
         return any(link.mass > 0.0 for link in self.links)
 
     @property
@@ -80,8 +81,10 @@ class Urdf:
     def tree(
         self, holding: Mapping[str, float] | None = None, gravity: Vector = (0.0, 0.0, -GRAVITY)
     ) -> tuple[Tree, Mapping[str, tuple[str, Pose]]]:
-        """The tree of what moves while some joints are held at coordinates [rad; m]; and of every link the one that
-        carries it, and where on that it is."""
+        """Return the tree of the moving joints while others are held at coordinates [rad; m], and each link's place.
+
+        The place of a link is the link of the tree that carries it, and its pose on that link.
+        """
         holding = dict(holding or {})
         movable = {joint.name for joint in self.joints if joint.kind != "fixed"}
         unknown = sorted(set(holding) - movable)
@@ -107,7 +110,7 @@ class Urdf:
 
 
 def read_urdf(path: Path) -> Urdf:
-    """The robot of a file; a RecordingError that names the joint or link where it cannot be one."""
+    """Read a robot from a file; raise a RecordingError that names the joint or link which is impossible."""
     path = Path(path)
     root = read_xml(path)
     if root.tag != "robot":
@@ -120,8 +123,8 @@ def read_urdf(path: Path) -> Urdf:
         )
     for tag in ("link", "joint"):
         found = len(root.findall(tag))
-        if found > MOST:
-            raise RecordingError(f"{path.name}: found {found} times <{tag}>, expected at most {MOST}")
+        if found > MAX_COUNT:
+            raise RecordingError(f"{path.name}: found {found} times <{tag}>, expected at most {MAX_COUNT}")
     links = [_link(path, element) for element in root.findall("link")]
     known = {link.name for link in links}
     joints, limits, mimics = [], {}, {}
@@ -134,15 +137,15 @@ def read_urdf(path: Path) -> Urdf:
             at = f"joint {joint.name!r}, <mimic>"
             mimics[joint.name] = Mimic(
                 _name(path, at, mimic, "joint"),
-                _number(path, at, mimic, "multiplier", 1.0),
-                _number(path, at, mimic, "offset", 0.0),
+                _number(path, at, mimic, "multiplier", default=1.0),
+                _number(path, at, mimic, "offset", default=0.0),
             )
     if not joints:
         raise RecordingError(f"{path.name}: found no <joint>, expected at least one")
     name = root.get("name") or path.stem
-    made = Urdf(path, name, tuple(joints), tuple(links), limits, mimics, ())
-    _require_metres(made)
-    return replace(made, notes=tuple(_crude(made)))
+    robot = Urdf(path, name, tuple(joints), tuple(links), limits, mimics, ())
+    _require_metres(robot)
+    return replace(robot, notes=tuple(_body_notes(robot)))
 
 
 def read_robot(path: str | os.PathLike, *, held: Mapping[str, float] | None = None) -> Robot:
@@ -204,7 +207,7 @@ def _joint(path: Path, element: Element, links: set[str]) -> TreeJoint:
             raise RecordingError(
                 f'{path.name}, {at}: found no <axis>, expected one such as <axis xyz="0 0 1"/>, in the joint\'s frame'
             )
-        axis = _vector(path, f"{at}, <axis>", found, "xyz", None)
+        axis = _vector(path, f"{at}, <axis>", found, "xyz", default=None)
         length = math.hypot(*axis)
         if not length > 1e-6:
             raise RecordingError(f'{path.name}, {at}: found <axis xyz="{found.get("xyz")}"/>, expected a direction')
@@ -216,14 +219,14 @@ def _limits(path: Path, joint: TreeJoint, element: Element | None) -> Limits:
     if element is None or joint.kind == "fixed":
         return Limits()
     at = f"joint {joint.name!r}, <limit>"
-    found = {key: _number(path, at, element, key, None) for key in ("lower", "upper", "velocity", "effort")}
+    found = {key: _number(path, at, element, key, default=None) for key in ("lower", "upper", "velocity", "effort")}
     low, high = found["lower"], found["upper"]
     if low is not None and high is not None and low >= high:
-        # 0 to 0 is what files say of what they do not know.
+        # Files state unknown limits as 0 to 0.
         found |= {"lower": None, "upper": None}
         if low > high:
             raise RecordingError(f"{path.name}, {at}: found lower = {low:g} above upper = {high:g}")
-    # So are speeds and efforts of 0.
+    # Files state unknown speeds and efforts as 0 too.
     return Limits(**{key: None if key in ("velocity", "effort") and not x else x for key, x in found.items()})
 
 
@@ -237,10 +240,12 @@ def _link(path: Path, element: Element) -> Link:
         lacks = "<mass>" if mass is None else "<inertia>"
         raise RecordingError(f"{path.name}, {at}: found an <inertial> without {lacks}, expected both, or none of them")
     centre, turned = _origin(path, at, inertial)
-    kilograms = _number(path, f"{at}, <mass>", mass, "value", None)
+    kilograms = _number(path, f"{at}, <mass>", mass, "value", default=None)
     if kilograms is None or kilograms < 0.0:
         raise RecordingError(f"{path.name}, {at}: found the mass {mass.get('value')!r}, expected a number >= 0 [kg]")
-    about = [_number(path, f"{at}, <inertia>", inertia, f"i{ij}", 0.0) for ij in ("xx", "xy", "xz", "yy", "yz", "zz")]
+    about = [
+        _number(path, f"{at}, <inertia>", inertia, f"i{ij}", default=0.0) for ij in ("xx", "xy", "xz", "yy", "yz", "zz")
+    ]
     return Link.about_centre(name, kilograms, centre, about, turned)
 
 
@@ -249,25 +254,25 @@ def _origin(path: Path, at: str, element: Element) -> tuple[Vector, Vector]:
     if found is None:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     zeros = (0.0, 0.0, 0.0)
-    return tuple(_vector(path, f"{at}, <origin>", found, key, zeros) for key in ("xyz", "rpy"))
+    return tuple(_vector(path, f"{at}, <origin>", found, key, default=zeros) for key in ("xyz", "rpy"))
 
 
 def _name(path: Path, at: str, element: Element, key: str) -> str:
     found = element.get(key)
-    if found is None or not _LEGIBLE.fullmatch(found):
+    if found is None or not _ACCEPTED_NAME.fullmatch(found):
         raise RecordingError(f"{path.name}, {at}: found {key} = {(found or '')[:60]!r}, expected a name")
     return found
 
 
-def _number(path: Path, at: str, element: Element, key: str, otherwise: float | None) -> float | None:
+def _number(path: Path, at: str, element: Element, key: str, *, default: float | None) -> float | None:
     found = element.get(key)
-    return otherwise if found is None else _parsed(path, at, key, found)
+    return default if found is None else _parsed(path, at, key, found)
 
 
-def _vector(path: Path, at: str, element: Element, key: str, otherwise: Vector | None) -> Vector:
+def _vector(path: Path, at: str, element: Element, key: str, *, default: Vector | None) -> Vector:
     found = element.get(key)
-    if found is None and otherwise is not None:
-        return otherwise
+    if found is None and default is not None:
+        return default
     parts = (found or "").split()
     if len(parts) != 3:
         raise RecordingError(f"{path.name}, {at}: found {key} = {(found or '')[:60]!r}, expected three numbers")
@@ -285,8 +290,8 @@ def _parsed(path: Path, at: str, key: str, text: str) -> float:
     return value
 
 
-def _about_centre(link: Link) -> np.ndarray:
-    """Principal moments about the centre of mass, shape (3,) [kg m^2]."""
+def _principal_moments(link: Link) -> np.ndarray:
+    """Return the principal moments of inertia about the centre of mass, ascending, shape (3,) [kg m^2]."""
     xx, xy, xz, yy, yz, zz = link.inertia
     about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     if link.mass > 0.0:
@@ -296,30 +301,33 @@ def _about_centre(link: Link) -> np.ndarray:
 
 
 def _require_metres(robot: Urdf) -> None:
-    """Places in millimetres are Tree's to name; moments in other units show as bodies larger than the robot."""
+    """Raise a RecordingError if moments of inertia are in another unit: a body is then larger than the robot.
+
+    `Tree` reports positions in millimetres, so that they are not checked here.
+    """
     length = sum(math.hypot(*joint.place) for joint in robot.joints)
     if any(max(map(abs, joint.place)) > 10.0 for joint in robot.joints):
         return
     for link in robot.links:
         if link.mass <= 0.0:
             continue
-        radius = math.sqrt(max(float(_about_centre(link)[-1]), 0.0) / link.mass)
-        if radius > FARTHEST * max(length, 0.1):
+        radius = math.sqrt(max(float(_principal_moments(link)[-1]), 0.0) / link.mass)
+        if radius > MAX_GYRATION_RATIO * max(length, 0.1):
             raise RecordingError(
                 f"{robot.path.name}, link {link.name!r}: found moments of inertia as of a body {radius:.3g} m large on "
                 f"a robot {length:.3g} m long, expected kg m^2: are these kg mm^2, or of a mesh in millimetres?"
             )
 
 
-def _crude(robot: Urdf):
-    """Bodies that cannot be, which a fit does not need."""
+def _body_notes(robot: Urdf):
+    """Yield a note for each body that is physically impossible; a fit does not need the bodies."""
     if not robot.has_bodies:
         yield (
             f"{robot.path.name}: found no link with a mass, expected <inertial> of each; bodies of 1 kg stand in: "
             "recordings tell what they are, and nothing is compared with them"
         )
     for link in robot.links:
-        low, middle, high = _about_centre(link)
+        low, middle, high = _principal_moments(link)
         if robot.has_bodies and link.mass == 0.0 and high > 0.0:
             found = f"mass 0 with a moment of inertia of {high:.3g} kg m^2"
             yield f"{robot.path.name}, link {link.name!r}: found {found}, expected a mass; its inertias are no prior"

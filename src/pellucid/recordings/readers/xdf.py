@@ -1,8 +1,8 @@
-"""XDF files of the lab streaming layer: every stream of a recording, on one clock.
+"""Read XDF files of the lab streaming layer: every stream of a recording, on one clock.
 
-A channel C of a stream S becomes the column S.C, at the times of the column S.time; a stream without names of channels
-numbers them from 1. Clocks of other computers are brought onto the recorder's by the offsets that it measured, and
-times of evenly sampled streams are smoothed, as the layer's own reader does; time 0 is the first sample of the file.
+A channel C of a stream S becomes the column S.C, at the times of the column S.time. Channels without names are
+numbered from 1. As in the layer's own reader, measured offsets bring the clocks of other computers onto the recorder's,
+and the times of evenly sampled streams are smoothed. Time 0 is the first sample of the file.
 """
 
 from __future__ import annotations
@@ -19,19 +19,20 @@ from ._columns import Columns
 ENDINGS = (".xdf",)
 APART = ("pyxdf",)
 
-MAGIC = b"XDF:"
+FIRST_BYTES = b"XDF:"
+"""Every XDF file begins with these bytes."""
 
-SYMBOLS = {
+UNIT_SYMBOLS = {
     "microvolts": "uV", "millivolts": "mV", "volts": "V", "degrees": "deg", "radians": "rad", "seconds": "s",
     "meters": "m", "millimeters": "mm", "newtons": "N", "newtonmeters": "N*m", "amperes": "A", "celsius": "degC",
 }  # fmt: skip
-"""Units that streams write out, as study.toml writes them."""
+"""Symbol in study.toml of each unit that streams spell out."""
 
 
 def read(path: Path) -> Columns:
-    """Columns by name, in the file's own units, each shape (n,) with the n of its stream."""
+    """Return columns by name, in the file's own units, each shape (n,) with the n of its stream."""
     into: dict[str, np.ndarray | str] = {}
-    streams = [stream for stream in _streams(path) if len(stream["time_stamps"])]
+    streams = [stream for stream in _load_streams(path) if len(stream["time_stamps"])]
     if not streams:
         raise RecordingError(f"{path.name}: found no stream with samples")
     start = min(float(stream["time_stamps"][0]) for stream in streams)
@@ -50,30 +51,30 @@ def read(path: Path) -> Columns:
 
 
 def _units(streams: list[Any]) -> dict[str, str]:
-    """Unit of every column of which the file says one."""
+    """Return the unit of every column for which the file states one."""
     found = {}
     for stream in streams:
         for label, channel in zip(_labels(stream), _channels(stream), strict=False):
             said = _text(channel, "unit")
             if said:
-                found[f"{_name(stream)}.{label}"] = SYMBOLS.get(said.lower(), said)
+                found[f"{_name(stream)}.{label}"] = UNIT_SYMBOLS.get(said.lower(), said)
     return found
 
 
-def _streams(path: Path) -> list[Any]:
+def _load_streams(path: Path) -> list[Any]:
     import pyxdf
 
     with path.open("rb") as file:
-        if file.read(len(MAGIC)) != MAGIC:
+        if file.read(len(FIRST_BYTES)) != FIRST_BYTES:
             raise RecordingError(f"{path.name}: not readable as an XDF file: found no header of such a file")
-    # The library tells of a damaged file in its log and goes on with what it could read.
+    # The library reports a damaged file in its log, and continues with the part that it can read.
     logger = logging.getLogger("pyxdf.pyxdf")
     before, logger.disabled = logger.disabled, True
     try:
         streams, _ = pyxdf.load_xdf(str(path))
     except MemoryError:
         raise
-    except Exception as error:  # the library raises whatever parsing bytes raises
+    except Exception as error:  # parsing unexpected bytes may raise anything
         raise RecordingError(f"{path.name}: not readable as an XDF file, truncated or damaged: {error}") from error
     finally:
         logger.disabled = before
