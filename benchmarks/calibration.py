@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pellucid.estimators.families.linear import PENALTIES
-from pellucid.estimators.features import LAGS, FeatureSet, features
+from pellucid.estimators.families.linear import PENALTY_CANDIDATES
+from pellucid.estimators.features import ENVELOPE_LAGS_S, FeatureSet, compute_features
 from pellucid.procedures.emg_torque.trial_sources import moment_trials
 
 from ._size import sized
@@ -56,9 +56,9 @@ def run() -> list[dict]:
     with tempfile.TemporaryDirectory() as folder:
         study = walking_study(Path(folder) / "walking")
         trial = next(t for t in moment_trials(study, "knee") if not t.heldout)
-        seen = features(trial, FeatureSet(neighbours=True, velocities=True, lags=LAGS))
+        seen = compute_features(trial, FeatureSet(neighbours=True, velocities=True, lags=ENVELOPE_LAGS_S))
         arrays = Path(folder) / "ridge.npz"
-        np.savez(arrays, x=seen.x, y=trial.torque, names=np.array(seen.names), penalties=PENALTIES)
+        np.savez(arrays, x=seen.x, y=trial.torque, names=np.array(seen.names), penalties=PENALTY_CANDIDATES)
         jobs = {
             "pellucid calibrate": ("-c", COMMAND_LINE, "calibrate", str(study.folder)),
             "ridge": ("-c", OURS, str(arrays)),

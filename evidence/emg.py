@@ -28,13 +28,13 @@ from pellucid.deployment.estimator_folder import write_estimator_folder
 from pellucid.deployment.microcontroller import measure, missing_tools
 from pellucid.estimators.cross_validation import score
 from pellucid.estimators.emg_session import FittedSession
-from pellucid.estimators.families import ESTIMATORS
+from pellucid.estimators.families import ESTIMATOR_FAMILIES
 from pellucid.estimators.live_torque import LiveTorque
 from pellucid.estimators.raw_session import RawChannels
 from pellucid.estimators.session_watch import SessionWatch
 from pellucid.estimators.torque_map import fit_torque_map
 from pellucid.estimators.torque_trial import TorqueTrial
-from pellucid.estimators.unrecorded import WAYS
+from pellucid.estimators.unrecorded import FILLING_METHODS
 from pellucid.procedures.emg_torque.calibrate import CalibrationResult
 from pellucid.procedures.emg_torque.estimator_cards import chain_sections, estimator_cards
 from pellucid.procedures.emg_torque.evaluated import Calibrated
@@ -162,17 +162,17 @@ def rescaled_rows(study: Study) -> Iterator[ResultRow]:
     fitted, _, rest = moment_trials(study, "ankle")
     session, found = FittedSession.of([fitted]), fit_torque_map([fitted], "hill")
     spoilt = replace(rest, envelopes=SWAPPED.of(STUCK.of(rest.envelopes)))
-    compared = session.compared(spoilt)
+    compared = session.compare(spoilt)
     bare = fit_torque_map([fitted], "motion")
     said = f"ankle at 24 to 60 s, fitted on 19 to 24 s; {STUCK_ANEW} x{GAIN:g} with {FLOOR:g} added, two exchanged"
     made = {
         "rescaled.ankle.hill.r2": (
-            session.mended(spoilt, RESCALED, compared),
+            session.repair(spoilt, RESCALED, compared),
             f"re-scaled from {RESCALED:g} s; {said}",
         ),
         "spoilt.ankle.hill.r2": (spoilt, f"as it is; {said}"),
         "without_changed.ankle.hill.r2": (
-            session.without(spoilt, compared.changed),
+            session.predict_channels(spoilt, compared.changed),
             f"told by the other channels; {said}",
         ),
         "unspoilt.ankle.hill.r2": (rest, "ankle at 24 to 60 s, fitted on 19 to 24 s; as recorded"),
@@ -228,7 +228,7 @@ def drawn_rows(study: Study) -> Iterator[ResultRow]:
     false, alone = 0, 0
     for _ in range(DRAWN):
         spoiling, piece = drawn(session.muscles, tops, rng), pieces[rng.integers(len(pieces))]
-        changed = set(session.compared(replace(piece, envelopes=spoiling.of(piece.envelopes))).changed)
+        changed = set(session.compare(replace(piece, envelopes=spoiling.of(piece.envelopes))).changed)
         told.setdefault(spoiling.words, []).append(changed >= set(spoiling.muscles))
         false += len(changed - set(spoiling.muscles))
         alone += len(session.muscles) - len(set(spoiling.muscles))
@@ -239,7 +239,7 @@ def drawn_rows(study: Study) -> Iterator[ResultRow]:
     yield from mended_rows(study)
     yield row("drawn.named", np.mean([one for each in told.values() for one in each]), "1", said)
     yield row("drawn.wrongly_named", false / alone, "1", f"of channels left alone beside one that changed; {said}")
-    clean = [len(session.compared(piece).changed) for piece in pieces]
+    clean = [len(session.compare(piece).changed) for piece in pieces]
     words = f"of channels in {len(pieces)} stretches as they were recorded"
     yield row("drawn.wrongly_named.unspoilt", sum(clean) / (len(clean) * len(session.muscles)), "1", words)
 
@@ -257,7 +257,7 @@ def mended_rows(study: Study) -> Iterator[ResultRow]:
         if not set(spoiling.muscles) & set(own):
             continue
         trial = replace(rest, envelopes=spoiling.of(rest.envelopes))
-        mended = session.mended(trial, RESCALED, session.compared(trial))
+        mended = session.repair(trial, RESCALED, session.compare(trial))
         for name, each in (("spoilt", trial), ("mended", mended)):
             r2[name].append(score(rest.torque, found.predict(each)).r2)
     for name, words in (("spoilt", "as they are"), ("mended", f"mended by {RESCALED:g} s")):
@@ -288,7 +288,7 @@ def faster_rows(study: Study) -> Iterator[ResultRow]:
             envelopes={m: factor[m] * played(x) for m, x in rest.envelopes.items()},
             angles={j: played(q) for j, q in rest.angles.items()},
         )  # fmt: skip
-        compared = session.compared(trial)
+        compared = session.compare(trial)
         held.append(compared.holds)
         named += len(compared.changed)
     said = (
@@ -456,7 +456,7 @@ def over_best(name: str, result: CalibrationResult) -> Iterator[ResultRow]:
                 e.estimator: e.score.rmse
                 for e in result.evaluated
                 if (e.what, e.recording, e.causal) == (chosen.what, judged.recording, False)
-                and ESTIMATORS[e.estimator].muscles and not ESTIMATORS[e.estimator].told
+                and ESTIMATOR_FAMILIES[e.estimator].muscles and not ESTIMATOR_FAMILIES[e.estimator].sees_measured_torque
             }  # fmt: skip
             best = min(rivals, key=rivals.get)
             bare = next((e.score.rmse for e in chosen.bare if e.recording == judged.recording), None)
@@ -538,7 +538,7 @@ def activity_rows(study: Study, folder: Path) -> Iterator[ResultRow]:
     with (folder / "study.toml").open("a", encoding="utf-8") as file:
         file.write("\n[activations]\n")
     found = {r.id.partition(".")[2]: r for r in activations(open_study(folder)).rows}
-    for way, words in WAYS.items():
+    for way, words in FILLING_METHODS.items():
         own = found[f"together.left_out.{way}.r2"]
         yield row(f"activity.left_out.{way}.r2", own.value, "1", f"of the activation, {words}; {own.note}")
     for joint in ("knee", "ankle"):

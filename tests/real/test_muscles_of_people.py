@@ -8,7 +8,7 @@ import pytest
 from pellucid import datasets
 from pellucid.estimators.cross_validation import score
 from pellucid.estimators.hill import fit_hill
-from pellucid.estimators.torque_map import torque_map_cv
+from pellucid.estimators.torque_map import cross_validate_torque_maps
 from pellucid.procedures.emg_torque.leg_extension_trials import leg_extension_trials
 from pellucid.procedures.emg_torque.trial_sources import moment_trials
 
@@ -44,7 +44,7 @@ def test_calibration_takes_less_than_a_hundredth_of_a_published_tools(walking, j
 
 def test_muscles_beat_ridge_on_a_trial_never_seen(data_folder, tmp_path):
     trials = moment_trials(datasets.init(tmp_path / "study", dataset="nmsm_knee_emg"), "knee")
-    results = torque_map_cv(trials, ("hill", "ridge"))
+    results = cross_validate_torque_maps(trials, ("hill", "ridge"))
     errors = {name: np.mean([s.rmse for s in r.by_trial.values()]) for name, r in results.items()}
     assert errors["hill"] < errors["ridge"]
 
@@ -55,7 +55,7 @@ def test_leg_extensions_of_a_person_without_a_maximal_contraction(data_folder, t
     trials, weight = leg_extension_trials(study, "1N")
     assert len(trials) == 4
     assert not trials[0].muscles.maximal
-    found = torque_map_cv(trials, ("hill",))["hill"]
+    found = cross_validate_torque_maps(trials, ("hill",))["hill"]
     assert np.mean([s.rmse for s in found.by_trial.values()]) / weight < 0.2
     assert fit_hill(trials).effort < 0.3
     assert time.perf_counter() - began < 120.0

@@ -108,7 +108,7 @@ def test_walks_that_were_fitted_at_several_speeds_pass_their_own_watch(study, pa
     trials = [at_pace(walk, p, {m: p ** (1.0 + exponent[m]) for m in walk.envelopes}) for p in paces]
     session = FittedSession.of(trials)
     for trial in trials:
-        found = session.compared(trial)
+        found = session.compare(trial)
         assert (found.changes, found.holds) == ((), True)
         watch = SessionWatch(session, tuple(trial.angles), trial.fs)
         for i in range(len(trial)):
@@ -133,7 +133,7 @@ def test_walking_passes_where_running_was_fitted_too(study, data_folder, tmp_pat
     walk, *held, run = moment_trials(open_study(folder), "ankle")
     session = FittedSession.of([walk, run])
     for trial in (walk, run, *held):
-        found = session.compared(trial)
+        found = session.compare(trial)
         assert (found.changes, found.holds) == ((), True)
 
 

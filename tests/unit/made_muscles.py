@@ -37,7 +37,7 @@ def source():
 
 def trial(name="a", *, seconds=8.0, seed=0, noise=0.5, group="", heldout=False, true=None, muscles=MUSCLES):
     """A trial whose torque the muscles made, with `noise` [N m] on it; `true` changes numbers of a problem's names."""
-    from pellucid.estimators.muscle_trials import driven_muscles, muscle_samples
+    from pellucid.estimators.muscle_trials import find_driven_muscles, make_muscle_samples
 
     made = TorqueTrial(
         name=name,
@@ -51,8 +51,8 @@ def trial(name="a", *, seconds=8.0, seed=0, noise=0.5, group="", heldout=False, 
         checksum=name,
         muscles=source(),
     )
-    across = driven_muscles([made])
-    samples, own = muscle_samples([made], muscles=[m.name for m in across])
+    across = find_driven_muscles([made])
+    samples, own = make_muscle_samples([made], muscles=[m.name for m in across])
     samples.torque[:] = np.linspace(0.0, 1.0, len(samples.torque))  # a problem wants a torque that changes
     problem = MuscleProblem(across, samples)
     values = problem.expected.copy()
@@ -70,7 +70,7 @@ def across(name="a", *, seconds=10.0, seed=0, noise=1.0, true=None, early=0.0, h
     """A recording's trials at knee and ankle, whose torques one set of muscles made, with coloured `noise` [N m] on
     them; `true` changes numbers of a problem's names, or gives the whole z of a problem; `early` is how far the EMG's
     stream runs ahead [s]."""
-    from pellucid.estimators.muscle_trials import driven_across, samples_across
+    from pellucid.estimators.muscle_trials import find_driven_muscles_across, make_muscle_samples_across
     from pellucid.fit.muscles.coupled_priors import Timing, coupled_priors
 
     count, pad = round(seconds * FS), 60
@@ -92,8 +92,8 @@ def across(name="a", *, seconds=10.0, seed=0, noise=1.0, true=None, early=0.0, h
 
     ramp = np.linspace(0.0, 1.0, count)
     trials = {joint: [made(joint, ramp, 0)] for joint in ("knee", "ankle")}
-    muscles = driven_across(trials)
-    samples, own = samples_across(trials, muscles=[m.name for m in muscles])
+    muscles = find_driven_muscles_across(trials)
+    samples, own = make_muscle_samples_across(trials, muscles=[m.name for m in muscles])
     priors, hold = coupled_priors(muscles, Timing(0.04), 1.0 / FS)
     problem = MuscleProblem(muscles, samples, priors=priors, hold=hold)
     values = problem.expected.copy()

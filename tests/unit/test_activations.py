@@ -8,17 +8,17 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from pellucid._errors import PellucidError
-from pellucid.estimators.assisted import bounded_quadratic
+from pellucid.estimators.assisted import minimise_bounded_quadratic
 from pellucid.estimators.hill import fit_hill
 from pellucid.estimators.unrecorded import (
-    Filling,
-    OneJoint,
-    Trust,
-    assisted_muscles,
+    AssistanceWeights,
+    EnvelopeFiller,
+    SingleJointMuscles,
     choose_trust,
-    filled_in,
-    removable,
-    scale_of,
+    find_removable_channels,
+    make_assisted_muscles,
+    score_filling_methods,
+    torque_standard_deviations,
 )
 from pellucid.procedures.activations.activations_page import page
 from pellucid.procedures.registry import open_study
@@ -73,7 +73,7 @@ def leg():
         patch.setattr(made_muscles, "envelopes", grouped)
         first = made_muscles.trial("first", seed=1)
         second = made_muscles.trial("second", seed=2, heldout=True)
-    return OneJoint(fit_hill([first], weights=(0.01,))), {"knee": first}, {"knee": second}
+    return SingleJointMuscles(fit_hill([first], weights=(0.01,))), {"knee": first}, {"knee": second}
 
 
 def study(folder, leg, *, more="", use="validate"):
@@ -100,7 +100,7 @@ def test_each_sample_is_solved_as_bounded_least_squares_would(joints):
     gain, wanted = 30.0 * rng.standard_normal((joints, muscles, count)), 40.0 * rng.standard_normal((joints, count))
     centre, weight = rng.random((muscles, count)), rng.uniform(0.01, 3.0, muscles)
     scale = rng.uniform(5.0, 20.0, joints)
-    found = bounded_quadratic(gain, wanted, centre, weight, scale)
+    found = minimise_bounded_quadratic(gain, wanted, centre, weight, scale)
     for i in range(count):
         rows = np.vstack([gain[:, :, i] / scale[:, None], np.diag(np.sqrt(weight))])
         right = np.concatenate([wanted[:, i] / scale, np.sqrt(weight) * centre[:, i]])
@@ -109,10 +109,10 @@ def test_each_sample_is_solved_as_bounded_least_squares_would(joints):
 
 def test_trust_leads_from_the_torque_to_the_emg(leg):
     fitted, first, second = leg
-    muscles, own = assisted_muscles(fitted, moved_by(second, 5.0), scale_of([first]))
+    muscles, own = make_assisted_muscles(fitted, moved_by(second, 5.0), torque_standard_deviations([first]))
     moved, missed = [], []
     for trust in (1e-3, 1.0, 1e6):
-        a = muscles.assisted(trust=trust, effort=1.0)
+        a = muscles.find_activations(trust=trust, effort=1.0)
         assert a.min() >= 0.0
         assert a.max() <= 1.0
         moved.append(float(np.abs(a - muscles.recorded)[:, own].max()))
@@ -124,20 +124,20 @@ def test_trust_leads_from_the_torque_to_the_emg(leg):
 
 def test_the_force_at_once_is_the_force_of_the_muscle(leg):
     fitted, first, second = leg
-    muscles, own = assisted_muscles(fitted, second, scale_of([first]))
+    muscles, own = make_assisted_muscles(fitted, second, torque_standard_deviations([first]))
     assert muscles.torque(muscles.recorded)[0, own] == pytest.approx(fitted.predict(second)["knee"], abs=1e-6)
 
 
 def test_synergies_and_a_linear_map_fill_in_what_moves_in_groups(leg):
     fitted, first, second = leg
-    found = filled_in(fitted, [first], [second], Trust(30.0, 3.0))
+    found = score_filling_methods(fitted, [first], [second], AssistanceWeights(30.0, 3.0))
     r2 = {way: np.median([e.r2 for e in found if e.way == way]) for way in ("synergies", "linear", "static", "rest")}
     assert r2["synergies"] > 0.8
     assert r2["linear"] > 0.8
     assert max(r2["static"], r2["rest"]) < r2["synergies"]
     assert all((each.torque is None) == (each.way in ("synergies_assisted", "assisted", "static")) for each in found)
     with pytest.raises(PellucidError, match="held-out trial to fit"):
-        filled_in(fitted, [second], [first], Trust(30.0, 3.0))
+        score_filling_methods(fitted, [second], [first], AssistanceWeights(30.0, 3.0))
 
 
 def test_an_electrode_taken_away_is_not_looked_at(leg):
@@ -145,12 +145,16 @@ def test_an_electrode_taken_away_is_not_looked_at(leg):
     knee = second["knee"]
     spoilt = {"knee": replace(knee, envelopes={**knee.envelopes, "vastus_lateralis": np.ones(len(knee))})}
     for way in ("synergies", "linear", "pattern", "rest"):
-        made = [Filling([first]).without(t, ("vastus_lateralis",), way)["knee"].envelopes for t in (second, spoilt)]
+        made = [
+            EnvelopeFiller([first]).fill_in(t, ("vastus_lateralis",), way)["knee"].envelopes for t in (second, spoilt)
+        ]
         assert np.array_equal(made[0]["vastus_lateralis"], made[1]["vastus_lateralis"])
-    _, lost = removable(fitted, second)["vastus_lateralis"]
+    _, lost = find_removable_channels(fitted, second)["vastus_lateralis"]
     assert {list(fitted.driven)[i] for i in lost} == {"vastus_lateralis", "vastus_intermedius"}
     told = [
-        assisted_muscles(fitted, t, scale_of([first]))[0].assisted(lost, trust=10.0, effort=1.0)
+        make_assisted_muscles(fitted, t, torque_standard_deviations([first]))[0].find_activations(
+            lost, trust=10.0, effort=1.0
+        )
         for t in (second, spoilt)
     ]
     assert told[0] == pytest.approx(told[1])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError
-from pellucid.estimators.adaptive_correction import adaptive_correction
+from pellucid.estimators.adaptive_correction import fit_adaptive_correction
 
 FS = 100.0
 
@@ -17,7 +17,7 @@ def motion(seconds, seed=0):
 
 @pytest.fixture
 def correction():
-    return adaptive_correction([motion(6.0)])
+    return fit_adaptive_correction([motion(6.0)])
 
 
 def test_a_repeated_error_is_taken_off(correction):
@@ -46,11 +46,11 @@ def test_noise_is_not_learnt():
     rng = np.random.default_rng(4)
     x, _ = motion(10.0)
     error = rng.standard_normal(len(x))
-    chosen = adaptive_correction([(x, error)])
+    chosen = fit_adaptive_correction([(x, error)])
     made = chosen.correct(x, np.zeros(len(x)), error, FS)
     assert np.std(error - made) < 1.15 * np.std(error)
 
 
 def test_too_few_samples_are_refused():
     with pytest.raises(IdentificationError, match="found 5 samples, expected at least 10"):
-        adaptive_correction([(np.zeros((5, 2)), np.zeros(5))])
+        fit_adaptive_correction([(np.zeros((5, 2)), np.zeros(5))])

@@ -10,11 +10,11 @@ from made_emg import FS, raw_emg
 from scipy import signal
 
 from pellucid._errors import IdentificationError, PellucidError, RecordingError
-from pellucid.estimators.condition_choice import Examined, examined
+from pellucid.estimators.condition_choice import ConditionTestErrors, run_condition_tests
 from pellucid.estimators.cross_validation import Score
-from pellucid.estimators.families import ESTIMATORS
-from pellucid.estimators.features import features
-from pellucid.estimators.muscle_trials import warm
+from pellucid.estimators.families import ESTIMATOR_FAMILIES
+from pellucid.estimators.features import compute_features
+from pellucid.estimators.muscle_trials import count_warm_up_samples
 from pellucid.estimators.strapped_reference import strapped_torque
 from pellucid.estimators.torque_map import CrossValidated, fit_torque_map
 from pellucid.estimators.torque_reference import MovedBody
@@ -174,7 +174,7 @@ def test_moments_are_judged_on_what_was_held_out(tmp_path, quick):
 
 
 def told(estimator, rmse, recording="a", tests=None, what="knee"):
-    examined = None if tests is None else Examined(("fast", "slow"), tests, 1.0)
+    examined = None if tests is None else ConditionTestErrors(("fast", "slow"), tests, 1.0)
     return Evaluated(what, estimator, False, recording, Score(rmse, 0.5), None, "", examined=examined)
 
 
@@ -187,20 +187,20 @@ def test_the_first_named_is_chosen_over_the_same_samples_and_by_nothing_that_jud
     assert [(e.estimator, e.recording) for e in chosen.judged] == [("ridge", "b"), ("ridge", "a")]
     assert [e.score.rmse for e in chosen.bare] == [0.2, 0.1]
     # What is told the torque is no peer, however small its error.
-    assert ESTIMATORS["nmcoa"].told
-    assert "no peer" in ESTIMATORS["nmcoa"].words
-    assert sum(family.told for family in ESTIMATORS.values()) == 1
+    assert ESTIMATOR_FAMILIES["nmcoa"].sees_measured_torque
+    assert "no peer" in ESTIMATOR_FAMILIES["nmcoa"].description
+    assert sum(family.sees_measured_torque for family in ESTIMATOR_FAMILIES.values()) == 1
 
 
 def test_the_beginning_of_a_trial_names_no_estimator(tmp_path, quick):
     """A torque that nothing explains in the first samples of a trial costs every estimator the same: nothing."""
     fitted, *_ = moment_trials(leg(tmp_path / "leg"), "knee")
-    n = warm(fitted)
+    n = count_warm_up_samples(fitted)
     spoilt = replace(fitted, torque=np.concatenate((np.full(n, 40.0), fitted.torque[n:])))
     fit = fit_torque_map([fitted], "ridge")
     assert fit_torque_map([spoilt], "ridge").choice.score.rmse > 1.5 * fit.choice.score.rmse
     # What names an estimator first neither fits nor judges them.
-    assert examined(fit, [spoilt]).rmse == examined(fit, [fitted]).rmse
+    assert run_condition_tests(fit, [spoilt]).rmse == run_condition_tests(fit, [fitted]).rmse
 
 
 def test_a_recording_that_was_to_judge_and_did_not_is_told(tmp_path, quick):
@@ -214,7 +214,7 @@ def test_a_recording_that_was_to_judge_and_did_not_is_told(tmp_path, quick):
 
 def test_where_trials_are_left_out_the_others_choose():
     names, trials = ("hill", "ridge"), [SimpleNamespace(name=n, group=n, torque=np.arange(4.0)) for n in "abc"]
-    good, bad = Examined(("x", "y"), (1.0, 1.1), 1.0), Examined(("x", "y"), (3.0, 3.1), 1.0)
+    good, bad = ConditionTestErrors(("x", "y"), (1.0, 1.1), 1.0), ConditionTestErrors(("x", "y"), (3.0, 3.1), 1.0)
     within = {"hill": (good, bad, bad), "ridge": (bad, good, good)}
     results = {
         name: CrossValidated(Score(1.0, 0.5), {}, {t.name: t.torque for t in trials}, (), within[name])
@@ -243,7 +243,7 @@ def test_the_card_says_the_same_as_the_map(tmp_path, quick):
     card = read_parameter_card(tmp_path / "card.json")
     fitted, evaluated, _ = moment_trials(study, "knee")
     found = fit_torque_map([fitted], "ridge", causal=True)
-    seen = features(evaluated, found.choice.features, causal=True)
+    seen = compute_features(evaluated, found.choice.features, causal=True)
     expected = found.predict(evaluated)
     for i in (0, 100, 399):
         values = dict(zip(seen.names, seen.x[i], strict=True))

@@ -5,7 +5,7 @@ import pytest
 from made_muscles import across, trial
 
 from pellucid.estimators.hill_together import fit_together
-from pellucid.estimators.muscle_trials import driven_muscles, muscle_samples
+from pellucid.estimators.muscle_trials import find_driven_muscles, make_muscle_samples
 from pellucid.fit.muscles.coupled_priors import Timing
 from pellucid.fit.muscles.muscle_calibration import MuscleProblem, solve_calibration
 from pellucid.fit.posterior import calibration_posterior as draws_of_muscles
@@ -28,8 +28,8 @@ def together():
 def strengths(seed=0, noise=NOISE):
     """A knee whose strengths alone are free."""
     made = trial(seed=seed, seconds=6.0, noise=noise, true=TRUE)
-    muscles = driven_muscles([made])
-    samples, _ = muscle_samples([made], muscles=[m.name for m in muscles])
+    muscles = find_driven_muscles([made])
+    samples, _ = make_muscle_samples([made], muscles=[m.name for m in muscles])
     return solve_calibration(MuscleProblem(muscles, samples, quantities=("strength",), passive=False, weight=0.01))
 
 

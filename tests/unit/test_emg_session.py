@@ -38,7 +38,7 @@ def test_what_was_fitted_passes_the_comparison_with_itself(paces, seed):
     trials = at_paces(paces, seed)
     own = FittedSession.of(trials)
     for trial in trials:
-        found = own.compared(trial)
+        found = own.compare(trial)
         assert found.changes == ()
         assert found.holds
 
@@ -60,7 +60,7 @@ def test_what_was_fitted_passes_a_watch_of_it(paces):
 def test_a_pace_between_those_fitted_is_the_same_session(pace):
     own = FittedSession.of(at_paces((0.6, 1.0, 1.2), seed=1))
     (trial,) = at_paces((pace,), seed=1)
-    found = own.compared(trial)
+    found = own.compare(trial)
     assert found.changes == ()
     assert found.holds
 
@@ -71,9 +71,9 @@ def test_a_channel_that_changed_is_named_beside_several_paces(pace):
     (trial,) = at_paces((pace,), seed=2)
     x = trial.envelopes
     spoilt = changed(trial, soleus=40.0 * x["soleus"])
-    assert own.compared(spoilt).changed == ("soleus",)
+    assert own.compare(spoilt).changed == ("soleus",)
     spoilt = changed(trial, tibialis=x["hamstring"], hamstring=x["tibialis"])
-    assert set(own.compared(spoilt).changed) == {"tibialis", "hamstring"}
+    assert set(own.compare(spoilt).changed) == {"tibialis", "hamstring"}
 
 
 def test_a_channel_is_brought_back_to_the_trial_whose_other_channels_it_is_like():
@@ -81,13 +81,13 @@ def test_a_channel_is_brought_back_to_the_trial_whose_other_channels_it_is_like(
     own = FittedSession.of(trials)
     for trial in trials:
         x = trial.envelopes["soleus"]
-        back = own.rescaled(changed(trial, soleus=30.0 * x + 1.0), 6.0, ["soleus"]).envelopes["soleus"]
+        back = own.rescale(changed(trial, soleus=30.0 * x + 1.0), 6.0, ["soleus"]).envelopes["soleus"]
         np.testing.assert_allclose(np.ptp(back), np.ptp(x), rtol=0.5)
 
 
 @pytest.mark.parametrize("seed", range(1, 9))
 def test_another_minute_of_the_same_walking_is_the_same_session(session, seed):
-    found = session.compared(walking(seed))
+    found = session.compare(walking(seed))
     assert found.changes == ()
     assert found.holds
 
@@ -96,7 +96,7 @@ def test_another_minute_of_the_same_walking_is_the_same_session(session, seed):
 def test_a_floor_that_rose_is_named(session, muscle):
     trial = walking(1)
     x = trial.envelopes[muscle]
-    found = session.compared(changed(trial, **{muscle: 2.6 * x + 0.6 * np.max(x)}))
+    found = session.compare(changed(trial, **{muscle: 2.6 * x + 0.6 * np.max(x)}))
     assert found.changed == (muscle,)
     assert {change.kind for change in found.changes} >= {"floor"}
     assert found.holds
@@ -104,34 +104,34 @@ def test_a_floor_that_rose_is_named(session, muscle):
 
 def test_a_gain_is_named_where_the_others_stay(session):
     trial = walking(1)
-    found = session.compared(changed(trial, vastus=5.0 * trial.envelopes["vastus"]))
+    found = session.compare(changed(trial, vastus=5.0 * trial.envelopes["vastus"]))
     assert [(c.muscle, c.kind) for c in found.changes] == [("vastus", "level")]
 
 
 def test_what_all_channels_changed_by_is_taken_off(session):
     trial = walking(1, strength=2.0)
     vastus = trial.envelopes["vastus"]
-    assert session.compared(changed(trial, vastus=1.8 * vastus)).changes == ()
-    assert session.compared(changed(trial, vastus=6.0 * vastus)).changed == ("vastus",)
+    assert session.compare(changed(trial, vastus=1.8 * vastus)).changes == ()
+    assert session.compare(changed(trial, vastus=6.0 * vastus)).changed == ("vastus",)
 
 
 @pytest.mark.parametrize("pair", [("soleus", "tibialis"), ("vastus", "rectus"), ("hamstring", "soleus")])
 def test_two_channels_exchanged_are_both_named(session, pair):
     trial = walking(1)
     a, b = pair
-    found = session.compared(changed(trial, **{a: trial.envelopes[b], b: trial.envelopes[a]}))
+    found = session.compare(changed(trial, **{a: trial.envelopes[b], b: trial.envelopes[a]}))
     assert set(found.changed) == set(pair)
 
 
 def test_more_effort_is_no_electrode(session):
-    found = session.compared(walking(1, strength=8.0))
+    found = session.compare(walking(1, strength=8.0))
     assert found.changes == ()
     assert found.effort
     assert not found.holds
 
 
 def test_a_movement_beyond_the_fitted_ones_does_not_hold(session):
-    found = session.compared(walking(1, cadence=2.0))
+    found = session.compare(walking(1, cadence=2.0))
     assert found.own == {}  # no pattern is asked of a movement that was not seen
     assert found.elsewhere > 0.5
     assert not found.holds
@@ -140,7 +140,7 @@ def test_a_movement_beyond_the_fitted_ones_does_not_hold(session):
 def test_a_few_seconds_bring_a_channel_back(session):
     trial = walking(1)
     spoilt = changed(trial, soleus=2.6 * trial.envelopes["soleus"] + 0.06)
-    back = session.rescaled(spoilt, 3.0, ["soleus"]).envelopes
+    back = session.rescale(spoilt, 3.0, ["soleus"]).envelopes
     assert np.max(np.abs(back["soleus"] - trial.envelopes["soleus"])) < 0.3 * TOPS[0]
     assert all(back[m] is trial.envelopes[m] for m in MUSCLES if m != "soleus")
 
@@ -148,7 +148,7 @@ def test_a_few_seconds_bring_a_channel_back(session):
 def test_another_muscle_s_signal_in_a_channel_is_named_with_the_muscle(session):
     trial = walking(1)
     copy = 0.5 * trial.envelopes["vastus"]
-    found = session.compared(changed(trial, hamstring=copy))
+    found = session.compare(changed(trial, hamstring=copy))
     assert [(c.muscle, c.kind, c.other) for c in found.changes if c.kind == "crosstalk"] == [
         ("hamstring", "crosstalk", "vastus")
     ]
@@ -159,12 +159,12 @@ def test_what_changed_is_mended_by_what_it_is(session):
     trial = walking(1)
     x = trial.envelopes
     spoilt = changed(trial, soleus=2.6 * x["soleus"] + 0.06, vastus=x["hamstring"], hamstring=x["vastus"])
-    back = session.mended(spoilt, 3.0, session.compared(spoilt)).envelopes
+    back = session.repair(spoilt, 3.0, session.compare(spoilt)).envelopes
     assert back["vastus"] is x["vastus"]
     assert back["hamstring"] is x["hamstring"]
     assert np.max(np.abs(back["soleus"] - x["soleus"])) < 0.3 * TOPS[0]
     copied = changed(trial, hamstring=0.5 * x["vastus"])
-    told = session.mended(copied, 3.0, session.compared(copied)).envelopes["hamstring"]
+    told = session.repair(copied, 3.0, session.compare(copied)).envelopes["hamstring"]
     assert np.corrcoef(told, x["hamstring"])[0, 1] > np.corrcoef(copied.envelopes["hamstring"], x["hamstring"])[0, 1]
 
 
@@ -176,10 +176,10 @@ def test_what_the_others_tell_takes_a_channel_s_place():
     own = FittedSession.of([trial])
     other = changed(walking(2))
     other = changed(other, rectus=0.5 * other.envelopes["vastus"])
-    without = own.without(changed(other, rectus=np.ones(len(other))), ["rectus"]).envelopes["rectus"]
+    without = own.predict_channels(changed(other, rectus=np.ones(len(other))), ["rectus"]).envelopes["rectus"]
     np.testing.assert_allclose(without, other.envelopes["rectus"], atol=0.1 * np.max(other.envelopes["rectus"]))
     with pytest.raises(IdentificationError, match="found no channel that is as it was"):
-        own.without(other, MUSCLES)
+        own.predict_channels(other, MUSCLES)
 
 
 def test_trials_with_other_muscles_are_refused():

@@ -7,7 +7,7 @@ import made_muscles as made
 import numpy as np
 import pytest
 
-from pellucid.estimators.joint_stiffness import KINDS, joint_stiffness
+from pellucid.estimators.joint_stiffness import STIFFNESS_KINDS, joint_stiffness
 from pellucid.estimators.torque_map import fit_torque_map
 from pellucid.procedures.emg_torque import estimator_cards, stiffness_findings
 from pellucid.procedures.emg_torque.evaluated import Calibrated
@@ -57,7 +57,7 @@ def test_muscles_at_rest_give_the_tissue_alone(found):
     limp = tuple(replace(m, numbers={**m.numbers, "passive_scale": 0.0, "damping": 0.0}) for m in card.muscles)
     quiet = replace(judged, envelopes={c: np.zeros(len(judged)) for c in judged.envelopes})
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pellucid.estimators.joint_stiffness._moved", lambda card, fit, i, by: card)
+        patch.setattr("pellucid.estimators.joint_stiffness._move_parameter", lambda card, fit, i, by: card)
         one = joint_stiffness(replace(card, muscles=limp), fit, quiet)
     assert np.allclose(one.value["short_range"], card.joints[0].stiffness, rtol=0, atol=1e-9)
     assert np.allclose(one.value["slope"], card.joints[0].stiffness, rtol=0, atol=1e-9)
@@ -70,7 +70,7 @@ def test_it_grows_with_effort_and_what_is_not_known_with_it(found, stiffness):
     weak = joint_stiffness(card, fit, replace(judged, envelopes={c: 0.3 * x for c, x in judged.envelopes.items()}))
     assert weak.whole.value["short_range"] < stiffness[0].whole.value["short_range"]
     assert 0.0 < weak.whole.error["short_range"] < stiffness[0].whole.error["short_range"]
-    for kind in KINDS:
+    for kind in STIFFNESS_KINDS:
         assert np.all(np.isfinite(stiffness[0].error[kind]))
         assert stiffness[0].whole.error[kind] <= np.max(stiffness[0].error[kind])
 

@@ -7,10 +7,10 @@ from pellucid._errors import PellucidError
 from pellucid.control.control_law import LAWS, ControlLaw
 from pellucid.control.transparent_laws import with_rules
 from pellucid.estimators.learnt_rules import (
-    ANGLES,
-    SPEEDS,
+    ANGLE_RULE_COUNT,
+    SPEED_RULE_COUNT,
     LearntRules,
-    Residual,
+    RecordedResidual,
     learn_rules,
     memberships,
 )
@@ -24,7 +24,7 @@ def moved(seed, size, noise, count=6):
         q = 1.0 + 0.8 * np.sin(rng.uniform(1.0, 3.0) * t + rng.uniform(0.0, 6.0))
         v = np.gradient(q, t)
         left = size * (np.sin(2.0 * q) + np.tanh(v / 0.1))
-        made.append(Residual(q, v, left + noise * rng.standard_normal(len(t))))
+        made.append(RecordedResidual(q, v, left + noise * rng.standard_normal(len(t))))
     return made
 
 
@@ -32,7 +32,7 @@ def test_a_rule_holds_whole_at_its_place_and_all_sum_to_one():
     q, v = np.random.default_rng(1).uniform([[-1.0], [-9.0]], [[3.0], [9.0]], (2, 200))
     assert memberships(q, v, 0.0, 2.0).sum(axis=1) == pytest.approx(1.0)
     # The second angle of five and the sixth speed of seven, 2/3 = v / (v + w).
-    one = memberships(np.array([0.5]), np.array([0.6]), 0.0, 2.0).reshape(ANGLES, SPEEDS)
+    one = memberships(np.array([0.5]), np.array([0.6]), 0.0, 2.0).reshape(ANGLE_RULE_COUNT, SPEED_RULE_COUNT)
     assert one[1, 5] == pytest.approx(1.0)
 
 
@@ -57,13 +57,13 @@ def test_noise_teaches_nothing(kind):
 def test_too_few_recordings_and_one_angle_are_refused():
     with pytest.raises(PellucidError, match="found 3 recordings, expected 4 or more"):
         learn_rules(moved(5, 0.3, 0.0, count=3), "fuzzy")
-    still = [Residual(np.ones(9), np.zeros(9), np.zeros(9))] * 5
+    still = [RecordedResidual(np.ones(9), np.zeros(9), np.zeros(9))] * 5
     with pytest.raises(PellucidError, match="every angle is 1 rad"):
         learn_rules(still, "fuzzy")
 
 
 def test_the_core_says_what_the_rules_say():
-    table = np.random.default_rng(6).uniform(-1.0, 1.0, (ANGLES, SPEEDS))
+    table = np.random.default_rng(6).uniform(-1.0, 1.0, (ANGLE_RULE_COUNT, SPEED_RULE_COUNT))
     rules = LearntRules("fuzzy", 0.2, 2.2, table, 0.1, 0.0, 0.0)
     values = LAWS["transparent"].defaults | {
         "velocity_width": 0.1, "bandwidth": 150.0, "energy_store": np.inf, "innovation_gate": 0.1,

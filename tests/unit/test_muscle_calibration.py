@@ -9,7 +9,7 @@ from made_muscles import trial
 from pellucid._errors import IdentificationError
 from pellucid.estimators.cross_validation import score
 from pellucid.estimators.hill import fit_hill
-from pellucid.estimators.muscle_trials import driven_muscles, muscle_samples
+from pellucid.estimators.muscle_trials import find_driven_muscles, make_muscle_samples
 from pellucid.fit.muscles.muscle_calibration import MuscleProblem, solve_calibration
 from pellucid.fit.muscles.muscle_freedom import CALIBRATION_STAGES
 from pellucid.fit.muscles.muscle_information import (
@@ -33,8 +33,8 @@ TRUE = {
 
 def problem(*, seconds=12.0, noise=0.3, weight=0.003, true=TRUE, **asked):
     made = trial(seconds=seconds, noise=noise, true=true)
-    muscles = driven_muscles([made])
-    samples, _ = muscle_samples([made], muscles=[m.name for m in muscles])
+    muscles = find_driven_muscles([made])
+    samples, _ = make_muscle_samples([made], muscles=[m.name for m in muscles])
     return MuscleProblem(muscles, samples, weight=weight, **asked)
 
 

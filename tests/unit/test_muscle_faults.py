@@ -8,7 +8,7 @@ from made_muscles import MUSCLES, trial
 
 from pellucid._errors import IdentificationError, RecordingError
 from pellucid.estimators.hill import fit_hill
-from pellucid.estimators.muscle_faults import refuse_unfit
+from pellucid.estimators.muscle_faults import refuse_unfit_trials
 from pellucid.procedures.emg_torque.evaluated import Calibrated, estimators_for
 
 
@@ -17,7 +17,7 @@ def changed(made, muscle, change):
 
 
 def test_sound_trials_pass():
-    refuse_unfit([trial("a"), trial("b", seed=1)])
+    refuse_unfit_trials([trial("a"), trial("b", seed=1)])
 
 
 def test_one_maximum_for_each_trial_is_none_for_a_person():
@@ -30,16 +30,16 @@ def test_one_maximum_for_each_trial_is_none_for_a_person():
 def test_the_same_maximum_within_one_file_is_no_fault():
     one = trial("a")
     one = replace(one, envelopes={m: x / x.max() for m, x in one.envelopes.items()})
-    refuse_unfit([one, replace(one, name="a_2")])
+    refuse_unfit_trials([one, replace(one, name="a_2")])
 
 
 def test_negative_envelopes():
     with pytest.raises(RecordingError, match=r"trial a, channel emg.vastus_lateralis: found -.*below 0"):
-        refuse_unfit([changed(trial(), "vastus_lateralis", lambda x: x - 0.5)])
+        refuse_unfit_trials([changed(trial(), "vastus_lateralis", lambda x: x - 0.5)])
 
 
 def test_an_undershoot_of_a_filter_is_no_fault():
-    refuse_unfit([changed(trial(), "vastus_lateralis", lambda x: x - 0.01)])
+    refuse_unfit_trials([changed(trial(), "vastus_lateralis", lambda x: x - 0.01)])
 
 
 def test_an_angle_in_degrees():
@@ -51,12 +51,12 @@ def test_an_angle_in_degrees():
 
 def test_a_silent_muscle():
     with pytest.raises(RecordingError, match=r"channel emg.vastus_medialis: found at most .*electrode"):
-        refuse_unfit([changed(trial(), "vastus_medialis", lambda x: 1e-3 * x)])
+        refuse_unfit_trials([changed(trial(), "vastus_medialis", lambda x: 1e-3 * x)])
 
 
 def test_an_envelope_that_is_not_relative():
     with pytest.raises(RecordingError, match="relative to a maximal contraction"):
-        refuse_unfit([changed(trial(), "vastus_medialis", lambda x: 40.0 * x)])
+        refuse_unfit_trials([changed(trial(), "vastus_medialis", lambda x: 40.0 * x)])
 
 
 def test_swapped_flexors_and_extensors():
@@ -68,10 +68,10 @@ def test_swapped_flexors_and_extensors():
     right = replace(
         made, envelopes={"vastus_lateralis": burst, "semimembranosus": other}, torque=20.0 * (burst - other)
     )
-    refuse_unfit([right])
+    refuse_unfit_trials([right])
     wrong = replace(right, envelopes={"vastus_lateralis": other, "semimembranosus": burst})
     with pytest.raises(RecordingError, match="flexor and extensor channels swapped"):
-        refuse_unfit([wrong])
+        refuse_unfit_trials([wrong])
 
 
 def test_muscles_are_passed_over_where_nothing_is_known_of_them():

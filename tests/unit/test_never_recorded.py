@@ -8,7 +8,7 @@ from made_muscles import across
 
 from pellucid.estimators.cross_validation import score
 from pellucid.estimators.hill_together import fit_together
-from pellucid.estimators.never_recorded import never_recorded
+from pellucid.estimators.never_recorded import fit_unrecorded_muscles
 from pellucid.fit.muscles.coupled_priors import Timing
 
 QUICK = {"weights": (0.01,), "timings": (Timing(0.04),)}
@@ -26,13 +26,13 @@ def plain():
 
 def pulled(trials, found, weights):
     """The trials with what muscles without an electrode add."""
-    more = replace(found, weights=weights).added(trials)
+    more = replace(found, weights=weights).added_torque(trials)
     return {joint: replace(trial, torque=trial.torque + more[joint]) for joint, trial in trials.items()}
 
 
 def test_they_are_refused_where_they_do_not_pull(plain):
     trials, fit = plain
-    found = never_recorded(fit, {joint: [trial] for joint, trial in trials.items()})
+    found = fit_unrecorded_muscles(fit, {joint: [trial] for joint, trial in trials.items()})
     assert {m.name for m in found.muscles} == {"sartorius", "gracilis", "tensor_fasciae_latae"}
     assert not found.helps
     silent = replace(found, weights=np.zeros_like(found.weights))
@@ -41,12 +41,12 @@ def test_they_are_refused_where_they_do_not_pull(plain):
 
 def test_they_are_found_where_they_pull_and_tell_another_recording_better(plain):
     trials, fit = plain
-    alone = never_recorded(fit, {joint: [trial] for joint, trial in trials.items()})
+    alone = fit_unrecorded_muscles(fit, {joint: [trial] for joint, trial in trials.items()})
     weights = np.zeros_like(alone.weights)
     weights[[m.name for m in alone.muscles].index("gracilis"), 0] = 1.0
     loud = pulled(trials, alone, weights)
     asked = replace(fit, fit=replace(fit.fit, problem=_asked(fit, loud)))
-    found = never_recorded(asked, {joint: [trial] for joint, trial in loud.items()})
+    found = fit_unrecorded_muscles(asked, {joint: [trial] for joint, trial in loud.items()})
     assert found.helps
     other = across("b", seconds=4.0, seed=5, noise=0.5, heldout=True)
     judged = pulled(other, alone, weights)

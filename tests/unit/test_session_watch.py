@@ -29,8 +29,8 @@ def test_the_words_are_those_of_the_recording(session):
     watch = SessionWatch(session, tuple(trial.angles), FS, seconds=10.0)
     said = played(watch, trial)
     assert said[round(MIN_WATCH_S * FS) - 2] == ()
-    assert said[-1] == session.compared(trial).changes
-    assert watch.compared.holds
+    assert said[-1] == session.compare(trial).changes
+    assert watch.last_comparison.holds
     assert {c.muscle for c in said[-1]} == {"soleus"}
 
 
@@ -43,7 +43,7 @@ def test_only_the_last_seconds_count_and_samples_without_a_number_do_not(session
     assert watch.step(lost, {j: 0.0 for j in first.angles}) == watch.changes != ()
     assert played(watch, then)[-1] == ()
     watch.reset()
-    assert watch.compared is None
+    assert watch.last_comparison is None
 
 
 def test_misuse_is_refused(session):

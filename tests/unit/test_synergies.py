@@ -9,8 +9,8 @@ from pellucid.estimators.synergies import (
     chance_similarity,
     count_synergies,
     find_synergies,
-    non_negative,
     similarity,
+    solve_non_negative,
 )
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import check, report, synergies
@@ -91,8 +91,8 @@ def test_their_number_is_found_by_what_was_not_fitted(heldout):
 
 def test_a_muscle_left_out_is_told_from_the_others():
     found, new = find_synergies(envelopes(1), MUSCLES, 3), envelopes(7)
-    assert np.corrcoef(found.filled(new, 2), new[:, 2])[0, 1] > 0.95
-    assert np.array_equal(found.filled(new, 2), found.filled(np.where(np.arange(7) == 2, 0.0, new), 2))
+    assert np.corrcoef(found.predict_muscle(new, 2), new[:, 2])[0, 1] > 0.95
+    assert np.array_equal(found.predict_muscle(new, 2), found.predict_muscle(np.where(np.arange(7) == 2, 0.0, new), 2))
 
 
 def test_non_negative_least_squares_are_those_of_scipy():
@@ -100,7 +100,7 @@ def test_non_negative_least_squares_are_those_of_scipy():
 
     rng = np.random.default_rng(0)
     a, b = rng.random((8, 4)), rng.standard_normal((8, 30)) + 0.5
-    assert non_negative(a, b) == pytest.approx(np.column_stack([nnls(a, x)[0] for x in b.T]), abs=1e-5)
+    assert solve_non_negative(a, b) == pytest.approx(np.column_stack([nnls(a, x)[0] for x in b.T]), abs=1e-5)
 
 
 @pytest.mark.parametrize(

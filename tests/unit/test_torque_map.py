@@ -8,12 +8,18 @@ import pytest
 from pellucid._errors import IdentificationError, RecordingError
 from pellucid.estimators import torque_map
 from pellucid.estimators.cross_validation import block_folds, grouped_folds, score
-from pellucid.estimators.families import ESTIMATORS
+from pellucid.estimators.families import ESTIMATOR_FAMILIES
 from pellucid.estimators.families.family import Family
-from pellucid.estimators.features import LAGS, FeatureSet, feature_sets, features
+from pellucid.estimators.features import ENVELOPE_LAGS_S, FeatureSet, compute_features, list_feature_sets
 from pellucid.estimators.ridge import Ridge
 from pellucid.estimators.smoothing import smooth, smoothing_delay
-from pellucid.estimators.torque_map import GAP, MapJob, fit_torque_map, fit_torque_maps, torque_map_cv
+from pellucid.estimators.torque_map import (
+    FOLD_GAP_S,
+    MapJob,
+    cross_validate_torque_maps,
+    fit_torque_map,
+    fit_torque_maps,
+)
 from pellucid.estimators.torque_reference import MovedBody, human_torque
 from pellucid.estimators.torque_trial import TorqueTrial
 
@@ -101,8 +107,8 @@ def test_features_know_only_the_past():
     one = trial(
         "a", 1, angles={"knee": slow(400, np.random.default_rng(5)), "hip": slow(400, np.random.default_rng(6))}
     )
-    full = FeatureSet(neighbours=True, velocities=True, accelerations=True, lags=LAGS)
-    seen = features(one, full, causal=True)
+    full = FeatureSet(neighbours=True, velocities=True, accelerations=True, lags=ENVELOPE_LAGS_S)
+    seen = compute_features(one, full, causal=True)
     assert seen.names[:2] == ("emg.flexor", "emg.flexor 50 ms ago")
     assert [seen.names[i] for i in seen.motion][:4] == ["angle.knee", "velocity.knee", "acceleration.knee", "angle.hip"]
     changed = replace(
@@ -110,7 +116,7 @@ def test_features_know_only_the_past():
         envelopes={m: np.where(np.arange(400) < 200, x, -x) for m, x in one.envelopes.items()},
         angles={j: np.where(np.arange(400) < 200, x, -x) for j, x in one.angles.items()},
     )
-    after = features(changed, full, causal=True)
+    after = compute_features(changed, full, causal=True)
     assert np.array_equal(seen.x[:200], after.x[:200])
     assert not np.array_equal(seen.x[200:], after.x[200:])
     lagged = seen.x[:, 1]
@@ -120,8 +126,8 @@ def test_features_know_only_the_past():
 def test_torque_is_no_feature():
     one = trial("a", 1)
     other = replace(one, torque=one.torque[::-1].copy())
-    for chosen in feature_sets(neighbours=False):
-        assert np.array_equal(features(one, chosen).x, features(other, chosen).x)
+    for chosen in list_feature_sets(neighbours=False):
+        assert np.array_equal(compute_features(one, chosen).x, compute_features(other, chosen).x)
 
 
 def test_blocks_cover_everything_once_and_keep_their_distance():
@@ -156,16 +162,16 @@ def copies(seed: int, groups: int) -> list[TorqueTrial]:
 def test_an_unrelated_torque_is_not_predicted(name):
     """Of samples drawn at random, a tree finds the neighbour it was fitted to; of whole trials or blocks it cannot."""
     trials = copies(40, 3)
-    x = np.vstack([features(t, FeatureSet()).x for t in trials])
+    x = np.vstack([compute_features(t, FeatureSet()).x for t in trials])
     y = np.concatenate([t.torque for t in trials])
     shuffled = np.random.default_rng(0).permutation(len(y))
-    leaky, family = np.empty(len(y)), ESTIMATORS[f"{name}_published"]
+    leaky, family = np.empty(len(y)), ESTIMATOR_FAMILIES[f"{name}_published"]
     for evaluated in np.array_split(shuffled, 5):
         fitted = np.setdiff1d(shuffled, evaluated)
         leaky[evaluated] = family.make(family.settings[0], None).fit(x[fitted], y[fitted]).predict(x[evaluated])
     assert score(y, leaky).r2 > 0.5
     plain = f"{name}_published"
-    assert torque_map_cv(trials, [plain])[plain].score.r2 < 0.1
+    assert cross_validate_torque_maps(trials, [plain])[plain].score.r2 < 0.1
     assert fit_torque_map(trials[:1], plain).choice.score.r2 < 0.1
 
 
@@ -173,14 +179,14 @@ def test_choices_do_not_see_what_is_judged(monkeypatch):
     """A spoiled repetition changes nothing in the map that judges it."""
     trials = [trial(f"r{i}", i) for i in range(3)]
     spoiled = [*trials[:2], replace(trials[2], torque=-5.0 * trials[2].torque)]
-    before, after = (torque_map_cv(t, ["ridge"])["ridge"] for t in (trials, spoiled))
+    before, after = (cross_validate_torque_maps(t, ["ridge"])["ridge"] for t in (trials, spoiled))
     assert np.array_equal(before.predicted["r2"], after.predicted["r2"])
     assert not np.array_equal(before.predicted["r0"], after.predicted["r0"])
 
 
 @pytest.mark.parametrize("name", ["boost_published", "bagging_published", "ridge", "linear"])
 def test_a_torque_that_follows_emg_is_predicted(name):
-    found = torque_map_cv([trial(f"r{i}", i, n=600) for i in range(3)], [name])[name]
+    found = cross_validate_torque_maps([trial(f"r{i}", i, n=600) for i in range(3)], [name])[name]
     assert found.score.r2 > (0.98 if name in ("ridge", "linear") else 0.75)
     assert set(found.by_trial) == set(found.predicted) == {"r0", "r1", "r2"}
     assert len(found.choices) == 3
@@ -188,22 +194,22 @@ def test_a_torque_that_follows_emg_is_predicted(name):
 
 def test_lags_are_chosen_where_force_follows_late():
     trials = [trial(f"r{i}", i, late=10) for i in range(3)]
-    found = torque_map_cv(trials, ["ridge", "ridge_lags"])
+    found = cross_validate_torque_maps(trials, ["ridge", "ridge_lags"])
     assert found["ridge_lags"].score.rmse < 0.5 * found["ridge"].score.rmse
 
 
 def test_one_recording_is_chosen_on_in_blocks():
     found = fit_torque_map([trial("a", 3, n=800)], "ridge")
     assert found.choice.score.r2 > 0.98
-    assert len(found.choice.tried) == len(ESTIMATORS["ridge"].settings) * 3
-    assert max(LAGS) < GAP
+    assert len(found.choice.tried) == len(ESTIMATOR_FAMILIES["ridge"].settings) * 3
+    assert max(ENVELOPE_LAGS_S) < FOLD_GAP_S
     unseen = trial("b", 77)
     assert score(unseen.torque, found.predict(unseen)).r2 > 0.98
 
 
 @pytest.mark.slow
 def test_maps_are_the_same_whoever_fits_them(monkeypatch):
-    monkeypatch.setattr(torque_map, "WORTH", 0)
+    monkeypatch.setattr(torque_map, "MIN_PARALLEL_SAMPLES", 0)
     seen, told = trial("b", 4), []
     jobs = [MapJob([trial("a", 3)], name, causal) for name in ("linear", "mbp", "tree") for causal in (False, True)]
     maps = fit_torque_maps(jobs, lambda i, share: told.append(i), workers=2)
@@ -224,8 +230,8 @@ def test_a_family_is_one_entry(monkeypatch):
         def predict(self, x):
             return np.full(len(x), self.mean)
 
-    monkeypatch.setitem(ESTIMATORS, "mean", Family("the mean", lambda settings, seen: Mean()))
-    found = torque_map_cv([trial(f"r{i}", i) for i in range(3)], ["mean"])["mean"]
+    monkeypatch.setitem(ESTIMATOR_FAMILIES, "mean", Family("the mean", lambda settings, seen: Mean()))
+    found = cross_validate_torque_maps([trial(f"r{i}", i) for i in range(3)], ["mean"])["mean"]
     assert found.score.r2 == pytest.approx(0.0, abs=0.1)
 
 
@@ -237,7 +243,7 @@ def test_what_cannot_be_fitted_is_refused():
     with pytest.raises(IdentificationError, match="found the estimator 'net', expected one of boost"):
         fit_torque_map([trial("x", 0)], "net")
     with pytest.raises(IdentificationError, match="found 2 groups"):
-        torque_map_cv([trial("x", 0), trial("y", 1)])
+        cross_validate_torque_maps([trial("x", 0), trial("y", 1)])
 
 
 def test_a_trial_with_a_hole_or_a_wrong_length_is_refused():

@@ -9,7 +9,7 @@ from sklearn.ensemble import GradientBoostingRegressor, RandomForestRegressor
 from sklearn.tree import DecisionTreeRegressor
 
 from pellucid._core import SortedRows, drawn_rows, tree_answers
-from pellucid.estimators.families import ESTIMATORS
+from pellucid.estimators.families import ESTIMATOR_FAMILIES
 from pellucid.estimators.tree_ensembles import BaggedTrees, BoostedTrees
 
 
@@ -31,7 +31,7 @@ def recording(rng, n=160):
 def test_they_answer_as_scikit_learns(ours, theirs, family, rng):
     (x, y), new = recording(rng), rng.standard_normal((50, 6))
     depth = {"max_depth": None} if theirs is GradientBoostingRegressor else {}
-    for settings in ESTIMATORS[family].settings:
+    for settings in ESTIMATOR_FAMILIES[family].settings:
         few = {**settings, "n_estimators": 15, "random_state": 7}
         expected = theirs(**few, **depth).fit(x, y).predict(new)
         made = clone(ours(**few)).fit(x, y)

@@ -25,6 +25,8 @@ class CalibratedTorque(Estimates):
     ----------
     muscles : HillMap
         The calibrated muscles and how they were chosen.
+    source : MuscleSource
+        Constants and paths of the muscles.
     joint : str
         Name of the joint.
     """
@@ -58,7 +60,9 @@ class CalibratedTorque(Estimates):
             If shapes differ or a sample is missing.
         """
         zero = np.zeros(np.shape(time))
-        return self.muscles.predict(_trial("prediction", self.joint, time, envelopes, angles, zero, "", self.source))
+        return self.muscles.predict(
+            _make_trial("prediction", self.joint, time, envelopes, angles, zero, "", self.source)
+        )
 
 
 def calibrate_muscles(
@@ -129,7 +133,7 @@ def calibrate_muscles(
             raise IdentificationError(f"calibrate_muscles: found groups of shape {each.shape}, expected {t.shape}")
         parts = np.split(np.arange(len(t)), np.flatnonzero(each[1:] != each[:-1]) + 1)
     trials = [
-        _trial(
+        _make_trial(
             f"rows {rows[0]} to {rows[-1]}",
             name,
             t[rows],
@@ -152,7 +156,7 @@ def calibrate_muscles(
     )
 
 
-def _trial(name, joint, time, envelopes, angles, torque, group, source) -> TorqueTrial:
+def _make_trial(name, joint, time, envelopes, angles, torque, group, source) -> TorqueTrial:
     return TorqueTrial(
         name=name,
         joint=joint,

@@ -1,13 +1,13 @@
 r"""A joint's torque from raw EMG as it arrives: fitted to recordings here, run sample by sample by the core.
 
-Every channel is band-passed, rectified and low-passed, forwards only, and the torque is linear in these envelopes
+Every channel is band-passed, rectified and low-passed, forwards only. The torque is linear in these envelopes
 :math:`e_m` and in their products with the joint's angle :math:`q`:
 
 .. math::
     \tau = w_{00} + w_{01} q + \sum_m e_m (w_{m0} + w_{m1} q)
 
-A ridge regression finds the weights; repetitions left out choose its penalty. An envelope far outside those that were
-seen is no muscle's, and the core then says that EMG is not valid.
+A ridge regression finds the weights; repetitions left out choose its penalty. An envelope far outside the fitted range
+cannot come from a muscle. The core then reports that EMG is not valid.
 """
 
 from __future__ import annotations
@@ -26,71 +26,74 @@ from ..models.parameter_card import ParameterCard
 from ..signals.filters import zero_phase_lowpass
 from .ridge import Ridge
 
-KIND = "causal_emg_map"
-"""Of its card."""
+CARD_KIND = "causal_emg_map"
+"""Kind of the parameter card that holds a causal map."""
 
-BAND = (30.0, 450.0)
-"""Corners of the band-pass before rectification [Hz]."""
+EMG_BAND_HZ = (30.0, 450.0)
+"""Corner frequencies of the band-pass before rectification [Hz]."""
 
-MOTION = 6.0
-"""Cut-off of the zero-phase low-pass on the angle by which a trial is examined [Hz]."""
+ANGLE_LOWPASS_HZ = 6.0
+"""Cut-off of the zero-phase low-pass on the angle, before a trial's fastest motion is determined [Hz]."""
 
-SETTLED = 2.0
-"""Left out at the start of a trial [s]."""
+FILTER_SETTLING_S = 2.0
+"""Duration that is left out at the start of a trial [s], until the filters have settled."""
 
-LOST = 3.0
-"""A trial in which the joint ever turns faster was not held, and is left out [rad/s]."""
+MAX_HELD_JOINT_SPEED_RAD_S = 3.0
+"""A trial is left out if its joint ever turns faster than this [rad/s]: the joint was then not held."""
 
-RATE = 20.0
-"""Samples a second that enter the regression: the envelopes have no more."""
+REGRESSION_RATE_HZ = 20.0
+"""Rate at which samples enter the regression [Hz]. Envelopes hold nothing faster."""
 
-PENALTIES = (0.0, 1.0, 10.0, 100.0)
-"""Of the ridge regression, among which repetitions left out choose."""
+PENALTY_CANDIDATES = (0.0, 1.0, 10.0, 100.0)
+"""Candidate penalties of the ridge regression. Repetitions left out choose among them."""
 
-PATIENCE = 400
-"""Samples in a row outside floor and ceiling before EMG is not valid."""
+DEFAULT_PATIENCE_SAMPLES = 400
+"""EMG is declared invalid after this many samples in a row outside floor and ceiling."""
 
 
 @dataclass(frozen=True)
 class EmgSettings:
     """Free constants of the chain."""
 
-    # Of the low-pass after rectification, order 2 [Hz]. At 4 Hz it is 56 ms late, as muscles are some 50 ms
+    # Cut-off of the low-pass after rectification, order 2 [Hz]. At 4 Hz it is 56 ms late; muscles are some 50 ms late
     corner: float = 4.0
-    ceiling: float = 2.0  # Times the largest envelope of the trials: what is above is no muscle's [1]
-    floor: float = 0.2  # Times the smallest: what is below is none either [1]
+    ceiling: float = 2.0  # Largest valid envelope, as a multiple of the largest one in the trials [1]
+    floor: float = 0.2  # Smallest valid envelope, as a multiple of the smallest one in the trials [1]
 
 
 @dataclass(frozen=True, eq=False)
 class EmgTrial:
-    """One recording that a map is fitted to."""
+    """One recording that a causal map is fitted to."""
 
-    repetition: str  # Trials of one repetition are left out together
-    time: np.ndarray  # time, position, torque: (n,) [s], [rad], of the joint [N m]
-    position: np.ndarray
-    torque: np.ndarray
-    emg_time: np.ndarray  # (k,) [s]
-    emg: np.ndarray  # (k, muscles) Raw [V]
+    repetition: str  # Repetition of the trial; all its trials are left out together
+    time: np.ndarray  # Time of the motion, shape (n,) [s]
+    position: np.ndarray  # Angle of the joint, shape (n,) [rad]
+    torque: np.ndarray  # Torque of the joint, shape (n,) [N m]
+    emg_time: np.ndarray  # Time of the EMG, shape (k,) [s]
+    emg: np.ndarray  # Raw EMG, shape (k, muscles) [V]
 
 
 @dataclass(frozen=True, eq=False)
 class CausalMap:
-    """A causal chain and an identified map, as the core takes them."""
+    """A causal filter chain and an identified map, as the core takes them."""
 
-    fs: float  # Of the EMG [Hz]
-    corner: float  # Of the low-pass after rectification [Hz]
-    # (muscles + 1, powers) Of the angle's powers: row 0 without EMG [N m/rad^p], then by muscle [N m/(V rad^p)]
+    fs: float  # Sampling rate of the EMG [Hz]
+    corner: float  # Cut-off of the low-pass after rectification [Hz]
+    # Weights of the angle's powers, shape (muscles + 1, powers). Row 0 is without EMG [N m/rad^p]; the others are by
+    # muscle [N m/(V rad^p)]
     weights: np.ndarray
-    floor: np.ndarray  # floor, ceiling: (muscles,) Envelopes outside are no muscle's [V]
-    ceiling: np.ndarray
-    torque_limit: float  # More than was ever seen is an electrode that comes off [N m]
-    rmse: float = nan  # On repetitions that the map was not fitted to [N m]
-    muscles: tuple[str, ...] = field(default=())  # Channels, in the order of the samples
-    patience: int = PATIENCE  # Samples in a row outside before EMG is not valid
+    floor: np.ndarray  # Smallest valid envelope of each muscle, shape (muscles,) [V]
+    ceiling: np.ndarray  # Largest valid envelope of each muscle, shape (muscles,) [V]
+    torque_limit: float  # Largest torque of the fitted trials [N m]; a larger one means that an electrode came off
+    rmse: float = nan  # RMSE on repetitions that the map was not fitted to [N m]
+    muscles: tuple[str, ...] = field(default=())  # Names of the channels, in the order of the samples
+    patience: int = (
+        DEFAULT_PATIENCE_SAMPLES  # Number of samples in a row outside floor and ceiling before EMG is invalid
+    )
 
     def parameters(self) -> dict[str, np.ndarray | float | int]:
-        """What the core's chain takes, by name: its filters as second-order sections, then weights and limits."""
-        band, envelope = _filters(self.fs, self.corner)
+        """Return the arguments of the core's chain by name: filters as second-order sections, weights and limits."""
+        band, envelope = _design_filters(self.fs, self.corner)
         return {
             "band": band,
             "envelope": envelope,
@@ -102,14 +105,14 @@ class CausalMap:
         }
 
     def build(self) -> _core.EmgTorque:
-        """The core's chain, at rest."""
+        """Build the core's chain, at rest."""
         return _core.EmgTorque(**self.parameters())
 
     def card(self, study: str, name: str, checksums: Mapping[str, str] | None = None, **settings: str) -> ParameterCard:
-        """The map as a card that `of_card` reads again."""
+        """Return the map as a parameter card, which `of_card` reads again."""
         muscles = self.muscles or tuple(f"emg{m}" for m in range(len(self.floor)))
         parameters = [
-            CardParameter(_term(muscle, power), _unit(muscle, power), float(w), nan, (nan, nan))
+            CardParameter(_weight_name(muscle, power), _weight_unit(muscle, power), float(w), nan, (nan, nan))
             for muscle, row in zip(("", *muscles), self.weights, strict=True)
             for power, w in enumerate(row)
         ]
@@ -119,9 +122,9 @@ class CausalMap:
             for m, x in zip(muscles, values, strict=True)
         }
         chain = {"fs": self.fs, "corner": self.corner, "patience": self.patience, "torque_limit": self.torque_limit}
-        low, high = BAND
+        low, high = EMG_BAND_HZ
         return ParameterCard(
-            kind=KIND,
+            kind=CARD_KIND,
             study=study,
             name=name,
             parameters=tuple(parameters),
@@ -133,14 +136,14 @@ class CausalMap:
 
     @classmethod
     def of_card(cls, card: ParameterCard) -> CausalMap:
-        """The map of a card."""
-        if card.kind != KIND:
-            raise PellucidError(f'the card {card.name} is of kind "{card.kind}", expected "{KIND}"')
+        """Return the map that a parameter card holds."""
+        if card.kind != CARD_KIND:
+            raise PellucidError(f'the card {card.name} is of kind "{card.kind}", expected "{CARD_KIND}"')
         settings, values = card.settings, card.values
         try:
             muscles = tuple(str(settings["muscles"]).split())
             powers = len(values) // (1 + len(muscles))
-            weights = [[values[_term(muscle, power)] for power in range(powers)] for muscle in ("", *muscles)]
+            weights = [[values[_weight_name(muscle, power)] for power in range(powers)] for muscle in ("", *muscles)]
             floor, ceiling = (np.array([settings[f"{end}.{m}"] for m in muscles]) for end in ("floor", "ceiling"))
             rmse = nan if settings["rmse"] is None else settings["rmse"]
             return cls(
@@ -154,21 +157,21 @@ class CausalMap:
 def fit_causal_map(
     trials: Sequence[EmgTrial], settings: EmgSettings | None = None, *, muscles: Sequence[str] = ()
 ) -> CausalMap:
-    """Fit a map, linear in envelopes and in envelopes times angle."""
+    """Fit a causal map, linear in envelopes and in envelopes times angle."""
     from scipy.signal import sosfilt
 
     settings = settings or EmgSettings()
-    trials = [t for t in trials if _fastest(t) < LOST]
+    trials = [t for t in trials if _max_speed(t) < MAX_HELD_JOINT_SPEED_RAD_S]
     if len({t.repetition for t in trials}) < 2:
         raise IdentificationError("causal EMG map: found fewer than two repetitions that were held, expected two")
-    fs = _rate(trials[0].emg_time)
-    band, envelope = _filters(fs, settings.corner)
+    fs = _sampling_rate(trials[0].emg_time)
+    band, envelope = _design_filters(fs, settings.corner)
     x, y, levels, repetition = [], [], [], []
     for t in trials:
         level = sosfilt(envelope, np.abs(sosfilt(band, t.emg, axis=0)), axis=0)
         level = np.column_stack([np.interp(t.time, t.emg_time, column) for column in level.T])
-        own = _rate(t.time)
-        kept = slice(round(SETTLED * own), None, max(1, round(own / RATE)))
+        own = _sampling_rate(t.time)
+        kept = slice(round(FILTER_SETTLING_S * own), None, max(1, round(own / REGRESSION_RATE_HZ)))
         q, e = t.position[kept], level[kept]
         x.append(np.column_stack([q, *(column for m in e.T for column in (m, m * q))]))
         y.append(t.torque[kept])
@@ -183,13 +186,13 @@ def fit_causal_map(
         ]
         return float(np.sqrt(np.mean(np.concatenate(error) ** 2)))
 
-    errors = {penalty: left_out(penalty) for penalty in PENALTIES}
+    errors = {penalty: left_out(penalty) for penalty in PENALTY_CANDIDATES}
     best = min(errors, key=errors.get)
-    terms = list(Ridge(best).fit(x, y).plain([str(i) for i in range(x.shape[1])]).values())
+    terms = list(Ridge(best).fit(x, y).unscaled_coefficients([str(i) for i in range(x.shape[1])]).values())
     return CausalMap(
         fs,
         settings.corner,
-        np.array(terms).reshape(1 + seen.shape[1], 2),  # 1 and q; then each envelope, and the same times q
+        np.array(terms).reshape(1 + seen.shape[1], 2),  # Columns: the term alone, and times q. Row 0 is without EMG
         settings.floor * seen.min(axis=0),
         settings.ceiling * seen.max(axis=0),
         torque_limit=float(np.abs(y).max()),
@@ -198,28 +201,31 @@ def fit_causal_map(
     )
 
 
-def _filters(fs: float, corner: float) -> tuple[np.ndarray, np.ndarray]:
-    """Band-pass and low-pass as second-order sections, shape (k, 6) each."""
+def _design_filters(fs: float, corner: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return band-pass and low-pass as second-order sections, shape (k, 6) each."""
     from scipy.signal import butter
 
-    return butter(2, BAND, "bandpass", fs=fs, output="sos"), butter(2, corner, fs=fs, output="sos")
+    return butter(2, EMG_BAND_HZ, "bandpass", fs=fs, output="sos"), butter(2, corner, fs=fs, output="sos")
 
 
-def _fastest(trial: EmgTrial) -> float:
-    """[rad/s]"""
-    fs = _rate(trial.time)
-    return float(np.max(np.abs(np.diff(zero_phase_lowpass(trial.position, MOTION, 4, fs)))) * fs)
+def _max_speed(trial: EmgTrial) -> float:
+    """Return the largest speed of a trial's joint, low-passed [rad/s]."""
+    fs = _sampling_rate(trial.time)
+    return float(np.max(np.abs(np.diff(zero_phase_lowpass(trial.position, ANGLE_LOWPASS_HZ, 4, fs)))) * fs)
 
 
-def _rate(time: np.ndarray) -> float:
+def _sampling_rate(time: np.ndarray) -> float:
+    """Return the sampling rate of times [Hz]."""
     return (len(time) - 1) / float(time[-1] - time[0])
 
 
-def _term(muscle: str, power: int) -> str:
+def _weight_name(muscle: str, power: int) -> str:
+    """Return the name of a weight: the muscle, if any, times the angle if its `power` is above 0."""
     factors = [factor for factor in (muscle, *(["angle"] * power)) if factor]
     return " * ".join(factors) or "offset"
 
 
-def _unit(muscle: str, power: int) -> str:
+def _weight_unit(muscle: str, power: int) -> str:
+    """Return the unit of a weight."""
     below = [*(["V"] if muscle else []), *(["rad"] * power)]
     return "N*m" if not below else f"N*m/({'*'.join(below)})"

@@ -1,14 +1,14 @@
-r"""Which estimator to name for movements unlike those fitted: each is fitted again to some and judged on others.
+r"""Choose the estimator to recommend for movements unlike those fitted: refit each on some, test it on others.
 
-Where several recordings, sessions or repetitions are fitted, each is left out whole. Within a single recording nothing
-but its own variety can tell: slow strides judge what was fitted to fast ones and the reverse, and the fifth of the
-samples with the most effort, and that with the most speed, judges what was fitted to the rest. Every method is judged
-on the same samples, with the features and settings that it chose before.
+If several recordings, sessions or repetitions are fitted, each is left out whole. A single recording is divided by its
+own variety. Slow strides test what was fitted to fast ones, and the reverse. The fifth of the samples with the most
+effort, and the fifth with the most speed, test what was fitted to the rest. Every method is tested on the same samples,
+with the features and settings that it chose before.
 
-With :math:`e_{ki}` the RMSE of method k in test i, the least mean of :math:`e_{ki}^2` is found; of methods whose mean
-is no more than one standard error of the paired differences above it, those come first whose form says most beyond what
-was fitted: muscles held by anatomy, muscles that are not, what is linear in its terms, then what stays within the
-torques it has seen.
+Let :math:`e_{ki}` be the RMSE of method k in test i. The best method has the smallest mean of :math:`e_{ki}^2`. Methods
+are equally good if their mean exceeds the best by no more than one standard error of the paired differences. Among
+equally good methods, the one that extrapolates best by its form comes first: muscles held by anatomy, then muscles that
+are not, then linear models, then models that stay within the torques they have seen.
 """
 
 from __future__ import annotations
@@ -21,68 +21,79 @@ import numpy as np
 
 from .._errors import IdentificationError
 from ..fit.muscles.muscle_calibration import MuscleProblem, solve_calibration
-from .families import ESTIMATORS
-from .features import derivatives, features
+from .families import ESTIMATOR_FAMILIES
+from .features import compute_features, filter_and_differentiate
 from .hill import HillMap
-from .muscle_trials import muscle_samples, warm
-from .reconstructions import UncoupledMap, uncoupled
+from .muscle_trials import count_warm_up_samples, make_muscle_samples
+from .reconstructions import UncoupledMap, uncouple_trial
 from .smoothing import smooth
-from .torque_map import MOST_TRIED, TorqueMap
+from .torque_map import MAX_CHOICE_SAMPLES, TorqueMap
 from .torque_trial import TorqueTrial
 
-MOST = 5
-"""Tests at most where several recordings are fitted: those of like speed are then left out together."""
+MAX_TEST_COUNT = 5
+"""Largest number of tests if several recordings are fitted. Recordings of similar speed are then left out together."""
 
-SHORTEST, FEWEST = 0.4, 4
-"""A movement's shortest period [s], and the fewest of its strides that can be told apart by how fast they are."""
+MIN_STRIDE_S = 0.4
+"""Shortest period of a movement that is looked for [s]. Chosen by judgement; no measurement is recorded."""
 
-REPEATS = 0.5
-"""Autocorrelation of the joint's speed from which a movement is one that repeats."""
+MIN_STRIDE_COUNT = 4
+"""Smallest number of strides that a recording must hold before they are divided into slow and fast ones."""
 
-REST = 0.8
-"""Share of the samples that is fitted where those with the most effort or speed judge."""
+MIN_PERIODIC_AUTOCORRELATION = 0.5
+"""A movement counts as periodic if the autocorrelation of the joint's speed reaches at least this value."""
 
-LEVEL = 0.9
-"""Of the band about what is predicted."""
+FITTED_CALM_SHARE = 0.8
+"""Share of the samples that are fitted if those with the most effort or speed are the test set."""
 
-KNOWN = 9
-"""Conditions from which a band of that level may be known: of fewer, the largest error is passed more than once in ten
-others that are like them."""
+ERROR_BAND_SHARE = 0.9
+"""Share of the test samples that the error band about a prediction holds."""
+
+MIN_ERROR_BAND_CONDITIONS = 9
+"""An error band is known only from at least this many conditions.
+
+The largest error of fewer conditions is exceeded in more than one of ten further conditions like them.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class ConditionTest:
-    """Samples of trials one after another: what is fitted, and what then judges."""
+    """Indices of the fitted samples and of the test samples, in trials that are joined one after another."""
 
-    words: str
-    fitted: np.ndarray = field(repr=False)  # fitted, judged: indices
-    judged: np.ndarray = field(repr=False)
+    words: str  # Description of the test
+    fitted: np.ndarray = field(repr=False)  # Indices of the fitted samples
+    judged: np.ndarray = field(repr=False)  # Indices of the test samples
 
 
 @dataclass(frozen=True)
-class Examined:
-    """An estimator in every test."""
+class ConditionTestErrors:
+    """Errors of an estimator in every test."""
 
-    words: tuple[str, ...]  # What each test was
-    rmse: tuple[float, ...]  # [N m]; nan where it could not be fitted
-    half_width: float  # Of the band that holds `LEVEL` of the samples judged, as the mean over tests is [N m]
-    conditions: int = 1  # Recordings, sessions or repetitions that were left out in turn; 1: parts of a single one
+    words: tuple[str, ...]  # Description of each test
+    rmse: tuple[float, ...]  # RMSE in each test [N m]; NaN if the estimator could not be fitted
+    half_width: (
+        float  # Half width of the band that holds the share `ERROR_BAND_SHARE` of a test's errors, RMS over tests [N m]
+    )
+    conditions: int = 1  # Number of recordings, sessions or repetitions left out in turn; 1: parts of a single one
 
     @property
     def mean(self) -> float:
-        """Root of the mean square, every test counted the same [N m]."""
+        """Root mean square error, each test weighted equally [N m]."""
         return float(np.sqrt(np.mean(np.square(self.rmse))))
 
 
-def candidate(name: str) -> bool:
-    """Whether an estimator may be named: it sees EMG, is not told the torque, rebuilds no paper's and has settings."""
-    family = ESTIMATORS[name]
-    own = not family.told and not family.reconstruction
-    return family.muscles and own and (family.whole is not None or len(family.settings) > 1)
+def is_candidate(name: str) -> bool:
+    """Return whether an estimator may be recommended.
+
+    It must see EMG and have settings to choose from or be made of muscles. It must not see the measured torque, and not
+    be a reconstruction of another paper's method.
+    """
+    family = ESTIMATOR_FAMILIES[name]
+    own = not family.sees_measured_torque and not family.reconstruction
+    return family.muscles and own and (family.fit_trials is not None or len(family.settings) > 1)
 
 
-def named(found: Mapping[str, Examined]) -> str:
-    """The estimator to name, of those examined alike."""
+def choose_estimator(found: Mapping[str, ConditionTestErrors]) -> str:
+    """Return the name of the estimator to recommend, from results of the same tests by name."""
     errors = {name: np.square(each.rmse) for name, each in found.items()}
     whole = np.isfinite(np.array(list(errors.values()))).all(axis=0)
     if not whole.any():
@@ -96,28 +107,31 @@ def named(found: Mapping[str, Examined]) -> str:
         return float(apart.std(ddof=1) / np.sqrt(len(apart))) if len(apart) > 1 else 0.0
 
     alike = [name for name in means if means[name] - means[best] <= unsure(name)]
-    return min(alike, key=lambda name: (ESTIMATORS[name].reach, means[name]))
+    return min(alike, key=lambda name: (ESTIMATOR_FAMILIES[name].extrapolation_rank, means[name]))
 
 
-def condition_tests(trials: Sequence[TorqueTrial]) -> tuple[ConditionTest, ...]:
-    """Tests that these trials allow: one left out after the other, or parts of a single one unlike the others."""
-    counted = np.concatenate([np.arange(len(t)) >= warm(t) for t in trials])
+def make_condition_tests(trials: Sequence[TorqueTrial]) -> tuple[ConditionTest, ...]:
+    """Return the tests that these trials allow.
+
+    Several conditions are left out in turn. A single one is divided into parts that differ from the others.
+    """
+    counted = np.concatenate([np.arange(len(t)) >= count_warm_up_samples(t) for t in trials])
 
     def test(words: str, fitted: np.ndarray, judged: np.ndarray) -> ConditionTest:
         return ConditionTest(words, np.flatnonzero(fitted & counted), np.flatnonzero(judged & counted))
 
-    of = _conditions_of(trials)
-    conditions = _conditions(trials, of)
+    of = _condition_of_each_trial(trials)
+    conditions = _group_conditions(trials, of)
     if len(conditions) > 1:
         member = np.repeat(of, [len(t) for t in trials])
         return tuple(
             test(f"without {', '.join(out)}", ~np.isin(member, out), np.isin(member, out)) for out in conditions
         )
     (trial,) = trials
-    v = _speed(trial)
-    slow = _slow_strides(v, trial.fs)
+    v = _joint_speed(trial)
+    slow = _is_slow_stride(v, trial.fs)
     effort = np.mean([x / max(float(np.quantile(x, 0.95)), 1e-12) for x in trial.envelopes.values()], axis=0)
-    calm, still = (x <= np.quantile(x, REST) for x in (effort, np.abs(v)))
+    calm, still = (x <= np.quantile(x, FITTED_CALM_SHARE) for x in (effort, np.abs(v)))
     return (
         test("fast strides", slow, ~slow),
         test("slow strides", ~slow, slow),
@@ -126,84 +140,100 @@ def condition_tests(trials: Sequence[TorqueTrial]) -> tuple[ConditionTest, ...]:
     )
 
 
-def _conditions(trials: Sequence[TorqueTrial], of: Sequence[str]) -> list[list[str]]:
-    """What is left out together: each by itself, or where there are many, those of like speed."""
+def _group_conditions(trials: Sequence[TorqueTrial], of: Sequence[str]) -> list[list[str]]:
+    """Return groups of conditions that are left out together: single ones, or if there are many, those of like speed.
+
+    `of` names the condition of each trial.
+    """
     names = list(dict.fromkeys(of))
-    if len(names) <= MOST:
+    if len(names) <= MAX_TEST_COUNT:
         return [[name] for name in names]
     speed = {
-        name: np.sqrt(np.mean(np.concatenate([_speed(t) for t, o in zip(trials, of, strict=True) if o == name]) ** 2))
+        name: np.sqrt(
+            np.mean(np.concatenate([_joint_speed(t) for t, o in zip(trials, of, strict=True) if o == name]) ** 2)
+        )
         for name in names
     }
-    return [list(part) for part in np.array_split(sorted(names, key=speed.get), MOST)]
+    return [list(part) for part in np.array_split(sorted(names, key=speed.get), MAX_TEST_COUNT)]
 
 
-def _speed(trial: TorqueTrial) -> np.ndarray:
-    """Of the joint, shape (n,) [rad/s]."""
-    return derivatives(np.asarray(trial.angles[trial.joint], float), trial.fs, causal=False)[1]
+def _joint_speed(trial: TorqueTrial) -> np.ndarray:
+    """Return the speed of a trial's joint, shape (n,) [rad/s]."""
+    return filter_and_differentiate(np.asarray(trial.angles[trial.joint], float), trial.fs, causal=False)[1]
 
 
-def _slow_strides(v: np.ndarray, fs: float) -> np.ndarray:
-    """Samples in the slower half of the strides, or of as many parts of a movement that does not repeat, shape (n,)."""
+def _is_slow_stride(v: np.ndarray, fs: float) -> np.ndarray:
+    """Return which samples lie in the slower half of the strides, shape (n,), bool.
+
+    A movement that does not repeat is divided into parts of equal length instead.
+    """
     n = len(v)
     r = np.fft.irfft(np.abs(np.fft.rfft(v - v.mean(), 2 * n)) ** 2)[:n] / np.arange(n, 0, -1)
-    first, last = round(SHORTEST * fs), n // FEWEST
+    first, last = round(MIN_STRIDE_S * fs), n // MIN_STRIDE_COUNT
     period = first + int(np.argmax(r[first:last])) if last > first else 0
-    if period == 0 or r[period] < REPEATS * r[0]:
-        period = max(1, n // (2 * FEWEST))
+    if period == 0 or r[period] < MIN_PERIODIC_AUTOCORRELATION * r[0]:
+        period = max(1, n // (2 * MIN_STRIDE_COUNT))
     stride = np.minimum(np.arange(n) // period, n // period - 1)
     level = np.bincount(stride, v**2) / np.bincount(stride)
     return (level <= np.median(level))[stride]
 
 
-def examined(fit: Any, trials: Sequence[TorqueTrial]) -> Examined:
-    """How an estimator fares in each test that `trials` allow, fitted again with what it chose; `fit` is fitted to all
-    of them."""
+def run_condition_tests(fit: Any, trials: Sequence[TorqueTrial]) -> ConditionTestErrors:
+    """Refit an estimator in each test that `trials` allow, with the settings that it chose, and return its errors.
+
+    `fit` is the estimator fitted to all of the trials.
+    """
     torque = np.concatenate([t.torque for t in trials])
-    tests = condition_tests(trials)
-    predict = _of_features(fit, trials, torque) if isinstance(fit, TorqueMap) else _of_muscles(fit, trials)
+    tests = make_condition_tests(trials)
+    predict = (
+        _make_map_predictor(fit, trials, torque) if isinstance(fit, TorqueMap) else _make_muscle_predictor(fit, trials)
+    )
     errors = []
     for test in tests:
         try:
             errors.append(predict(test) - torque[test.judged])
-        except IdentificationError:  # nothing to fit in there
+        except IdentificationError:  # The test holds no samples that can be fitted
             errors.append(np.full(max(1, len(test.judged)), np.nan))
-    return Examined(
+    return ConditionTestErrors(
         tuple(test.words for test in tests),
         tuple(float(np.sqrt(np.mean(e**2))) for e in errors),
-        _half_width(errors),
-        len(set(_conditions_of(trials))),
+        _error_band_half_width(errors),
+        len(set(_condition_of_each_trial(trials))),
     )
 
 
-def _half_width(errors: Sequence[np.ndarray]) -> float:
-    """Half the band that holds `LEVEL` of a test's errors, its mean square over all tests [N m]."""
-    each = [np.quantile(np.abs(e), LEVEL) for e in errors if np.isfinite(e).all()]
+def _error_band_half_width(errors: Sequence[np.ndarray]) -> float:
+    """Return half the width of the error band, RMS over all tests [N m].
+
+    The band of a test holds the share `ERROR_BAND_SHARE` of its errors.
+    """
+    each = [np.quantile(np.abs(e), ERROR_BAND_SHARE) for e in errors if np.isfinite(e).all()]
     return float(np.sqrt(np.mean(np.square(each)))) if each else float("nan")
 
 
-def _conditions_of(trials: Sequence[TorqueTrial]) -> list[str]:
-    """Which condition each trial is of: its group, or where there is but one, itself."""
+def _condition_of_each_trial(trials: Sequence[TorqueTrial]) -> list[str]:
+    """Return the condition of each trial: its group, or its name if all trials have the same group."""
     groups = [t.group for t in trials]
     return groups if len(set(groups)) > 1 else [t.name for t in trials]
 
 
-def _of_features(
+def _make_map_predictor(
     fit: TorqueMap, trials: Sequence[TorqueTrial], torque: np.ndarray
 ) -> Callable[[ConditionTest], np.ndarray]:
-    family = ESTIMATORS[fit.name]
-    each = [features(t, fit.choice.features, causal=fit.causal) for t in trials]
+    """Return a function that refits a torque map to a test's fitted samples and predicts its test samples."""
+    family = ESTIMATOR_FAMILIES[fit.name]
+    each = [compute_features(t, fit.choice.features, causal=fit.causal) for t in trials]
     x = np.vstack([f.x for f in each])
     member = np.repeat(np.arange(len(trials)), [len(t) for t in trials])
 
     def predict(test: ConditionTest) -> np.ndarray:
         if not len(test.fitted) or not len(test.judged):
             raise IdentificationError(f"{test.words}: found no samples, expected some to fit and some to judge")
-        kept = test.fitted[:: -(-len(test.fitted) // MOST_TRIED)]
+        kept = test.fitted[:: -(-len(test.fitted) // MAX_CHOICE_SAMPLES)]
         made = family.make(fit.choice.settings, each[0]).fit(x[kept], torque[kept]).predict(x[test.judged])
         if not family.smoothing:
             return made
-        # An average must not run over samples that are not judged, nor into the next trial.
+        # An average must not run over samples outside the test set, nor into the next trial.
         ends = np.flatnonzero((np.diff(test.judged) > 1) | (np.diff(member[test.judged]) > 0)) + 1
         return np.concatenate(
             [smooth(part, family.smoothing, trials[0].fs, causal=fit.causal) for part in np.split(made, ends)]
@@ -212,10 +242,13 @@ def _of_features(
     return predict
 
 
-def _of_muscles(fit: HillMap | UncoupledMap, trials: Sequence[TorqueTrial]) -> Callable[[ConditionTest], np.ndarray]:
+def _make_muscle_predictor(
+    fit: HillMap | UncoupledMap, trials: Sequence[TorqueTrial]
+) -> Callable[[ConditionTest], np.ndarray]:
+    """Return a function that recalibrates muscles on a test's fitted samples and predicts its test samples."""
     if isinstance(fit, UncoupledMap):
-        fit, trials = fit.base, [uncoupled(t) for t in trials]
-    samples, own = muscle_samples(trials, muscles=fit.muscles, effort=fit.effort, causal=fit.causal)
+        fit, trials = fit.base, [uncouple_trial(t) for t in trials]
+    samples, own = make_muscle_samples(trials, muscles=fit.muscles, effort=fit.effort, causal=fit.causal)
     at, problem = np.concatenate([np.arange(s.start, s.stop) for s in own]), fit.fit.problem
 
     def predict(test: ConditionTest) -> np.ndarray:

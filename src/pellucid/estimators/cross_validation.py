@@ -1,7 +1,7 @@
-"""Folds that do not leak: whole trials, or blocks of time with gaps; and the choice of settings within what is fitted.
+"""Folds that do not leak, made of whole trials or of blocks of time with gaps, and scores of predictions.
 
-Neighbouring samples of one movement are almost copies of each other. A fold drawn at random from samples scores an
-estimator on what it has seen.
+Neighbouring samples of one movement are almost copies of each other. A fold of samples drawn at random would therefore
+score an estimator on data that it has seen.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ import numpy as np
 from .._errors import IdentificationError
 
 Fold = tuple[np.ndarray, np.ndarray]
-"""Indices fitted, indices scored."""
+"""Indices of the fitted samples, then indices of the scored samples."""
 
 
 def grouped_folds(groups: Sequence[str] | np.ndarray) -> list[Fold]:
-    """One fold for each group, which is left out whole. `groups` (n,)."""
+    """Return one fold for each group, which is left out whole. `groups` has shape (n,)."""
     groups = np.asarray(groups)
     names = list(dict.fromkeys(groups.tolist()))
     if len(names) < 2:
@@ -28,7 +28,10 @@ def grouped_folds(groups: Sequence[str] | np.ndarray) -> list[Fold]:
 
 
 def block_folds(time: np.ndarray, blocks: int, gap: float) -> list[Fold]:
-    """Consecutive blocks of one recording, each left out with a gap on either side. `time` (n,) [s]; `gap` [s]."""
+    """Return folds of consecutive blocks of one recording, each left out with a gap on either side.
+
+    `time` has shape (n,) [s]; `gap` is in seconds.
+    """
     time = np.asarray(time, float)
     edges = np.linspace(0, len(time), blocks + 1).astype(int)
     folds = []
@@ -47,14 +50,17 @@ def block_folds(time: np.ndarray, blocks: int, gap: float) -> list[Fold]:
 
 @dataclass(frozen=True)
 class Score:
-    """How far predictions are from the reference: RMSE in its unit, and the share of its variance explained."""
+    """Errors of predictions against a reference."""
 
-    rmse: float
-    r2: float
+    rmse: float  # Root mean square error, in the reference's unit
+    r2: float  # Share of the reference's variance that predictions explain
 
 
 def score(reference: np.ndarray, predicted: np.ndarray) -> Score:
-    """RMSE and R² = 1 - sum of squared errors / sum of squares about the reference's own mean; both of shape (n,)."""
+    """Score predictions against a reference, both of shape (n,).
+
+    R² is 1 - (sum of squared errors) / (sum of squares about the reference's own mean).
+    """
     reference, error = np.asarray(reference, float), np.asarray(reference, float) - np.asarray(predicted, float)
     spread = float(np.sum((reference - reference.mean()) ** 2))
     r2 = 1.0 - float(error @ error) / spread if spread > 0.0 else float("nan")

@@ -1,12 +1,15 @@
-"""Whether envelopes are still those that an estimator was fitted to: floor, level and pattern, channel by channel.
+"""Compare envelopes with those that an estimator was fitted to: floor, range and pattern of each channel.
 
-An electrode that is stuck on anew, a cable in another socket or another gain changes one channel; another speed or load
-changes nearly all of them. Neither shows in the torque of a map, which goes on as if nothing had happened.
+An electrode that is stuck on anew, a cable in another socket or another gain changes one channel. Another speed or load
+changes nearly all of them. The torque of a map shows neither: the map goes on as if nothing had happened.
 
-Trials that were fitted may differ in speed and load. Floors and ranges are therefore kept for each fitted trial and for
-each stretch of it that is as long as a watch compares. The ranges of all channels together tell which of these a
-recording is most like, and ranges are held against that one; floors may lie anywhere between the lowest and the highest
-that was fitted. Whatever was fitted so passes its own comparison.
+Fitted trials may differ in speed and load. Floors and ranges are therefore kept for each fitted trial, and for each
+stretch of it that is as long as the window of a `SessionWatch`. The ranges of all channels together tell which stretch
+a recording is most like, and its ranges are compared with that stretch. Floors may lie anywhere between the lowest and
+the highest fitted one. Every fitted trial therefore passes its own comparison.
+
+A channel's *floor* and *top* are two quantiles of its envelope, and its *range* is their difference. Its *pattern* is
+the envelope that a ridge regression predicts from joint angles and their rates.
 """
 
 from __future__ import annotations
@@ -18,150 +21,165 @@ from itertools import pairwise
 import numpy as np
 
 from .._errors import IdentificationError
-from .features import derivatives
+from .features import filter_and_differentiate
 from .ridge import Ridge
 from .torque_trial import TorqueTrial
 
-FLOOR, TOP = 0.05, 0.95
-"""Quantiles of an envelope between which it ranges: a twitch, or one silent moment, moves neither."""
+FLOOR_QUANTILE = 0.05
+"""Quantile of an envelope that is its floor. One silent moment does not move it."""
 
-RISEN = 0.25
-"""Share of the fitted range by which a floor may move: between walking and crouching one comes to 0.23."""
+TOP_QUANTILE = 0.95
+"""Quantile of an envelope that is its top. One twitch does not move it."""
 
-LEVEL = 3.0
-"""Times the fitted range that one channel may reach, or fall short of, among others that do not: a small muscle of a
-walker comes to 2.5 within a minute."""
+MAX_FLOOR_SHIFT_SHARE = 0.25
+"""A floor may move by at most this share of the fitted range. Between walking and crouching it moves by up to 0.23."""
 
-SPREAD = 0.4
+MAX_RANGE_RATIO = 3.0
+"""A channel's range may change by at most this factor, up or down, after the common change of all channels is removed.
+
+The range of a walker's small muscle changes by a factor of 2.5 within a minute.
+"""
+
+LOG_RANGE_STANDARD_DEVIATION = 0.4
 """Standard deviation of the logarithm of a channel's range between two recordings of the same session."""
 
-GAIN = 1.5
-"""Log-likelihood that another gain costs: two channels are not exchanged where one gain explains it as well."""
+GAIN_CHANGE_COST = 1.5
+"""Log-likelihood cost of explaining a channel's range by another gain.
 
-RATHER = 1.2
-"""Log-likelihood by which envelopes are another muscle's rather than their own before they are called exchanged: of
-walkers and runners never fitted, whose cables were as they should be, it comes to 1.0."""
+Two channels do not count as exchanged if a change of gain explains their ranges as well.
+"""
 
-CLEAR = 0.6
-"""Correlation from which an envelope is said to go with a pattern at all."""
+SWAP_LOG_LIKELIHOOD_THRESHOLD = 1.2
+"""Two channels count as exchanged only if their log-likelihood ratio for an exchange exceeds this.
 
-OWN = 0.7
-"""Correlation from which an envelope goes with its own pattern, whatever else it goes with."""
+Walkers and runners who were never fitted, and whose cables were right, reach 1.0.
+"""
 
-ONE_SIGNAL = 0.9
-"""Correlation of two envelopes from which they may be one signal."""
+MIN_PATTERN_CORRELATION = 0.6
+"""An envelope matches a pattern if their correlation exceeds this."""
 
-CLOSER = 1.2
-"""By how much Fisher's z of two envelopes may rise before they are: between walking and crouching it rises by 0.83."""
+UNCHANGED_PATTERN_CORRELATION = 0.7
+"""An envelope whose correlation with its own pattern reaches this is unchanged, whatever other pattern it matches."""
 
-PATTERN = 0.6
-"""Log-likelihood by which an envelope that no longer goes with its own pattern goes with another muscle's."""
+MIN_COPY_CORRELATION = 0.9
+"""Two envelopes can be one signal only if their correlation exceeds this."""
 
-BEYOND = 0.25
-"""Share of the fitted range by which a value may pass its ends."""
+MIN_COPY_Z_RISE = 1.2
+"""Two envelopes count as one signal only if Fisher's z of their correlation rose by more than this since the fit.
 
-HELD = (0.1, 0.2)
-"""Angle [rad] and rate [rad/s] by which even a joint that was held may differ."""
+Between walking and crouching it rises by 0.83.
+"""
 
-ELSEWHERE = 0.25
-"""Share of a recording out of the fitted ranges, in time, from which nothing tells whether an estimate holds."""
+PATTERN_LOG_LIKELIHOOD_THRESHOLD = 0.6
+"""A channel counts as another muscle's only if its log-likelihood ratio for that muscle's pattern exceeds this."""
 
-PENALTY = 10.0
-"""Of a pattern's ridge regression, for standardised terms."""
+FITTED_RANGE_MARGIN_SHARE = 0.25
+"""A value may leave its fitted range by this share of the range before it counts as outside."""
+
+MIN_MOTION_MARGINS = (0.1, 0.2)
+"""Smallest margins about the fitted angles [rad] and rates [rad/s], for joints that were held and so hardly moved."""
+
+MAX_OUTSIDE_TIME_SHARE = 0.25
+"""A recording can be judged only if at most this share of its time lies outside the fitted ranges."""
+
+PATTERN_PENALTY = 10.0
+"""Penalty of the ridge regression that finds a pattern, for standardised terms."""
 
 MIN_WATCH_S = 5.0
-"""Seconds of samples before a watch says anything: the quantiles of fewer are those of a single stride."""
+"""A watch makes its first comparison after this duration [s]. Quantiles of less time are those of a single stride."""
 
 COMPARISON_INTERVAL_S = 1.0
-"""Seconds between two comparisons of a watch."""
+"""Time between two comparisons of a watch [s]."""
 
 WINDOW_S = 6.0
-"""Seconds of samples that a watch compares: nearly all of them must have a raised floor before it counts as one."""
+"""Duration of the samples that a watch compares [s]. A raised floor counts only if it lasts nearly all of this time."""
 
-BETWEEN_SHARES = (0.25, 0.5, 0.75)
-"""Places between two fitted trials, as shares of the way from the one with less effort to the other in logarithms."""
+INTERPOLATION_SHARES = (0.25, 0.5, 0.75)
+"""Shares of the way between two fitted trials at which ranges are interpolated.
+
+The way leads from the trial with less effort to the one with more, in logarithms of the ranges.
+"""
 
 MAX_LOG_DISTANCE = 10.0
-"""Distance of the logarithms of two ranges of which only one is 0."""
+"""Distance of the logarithms of two ranges if only one of them is 0."""
 
 MAX_STRETCH_COUNT = 300
-"""Stretches of a fitted trial that are kept at most: those of five minutes, or evenly spaced ones of a longer trial."""
+"""Largest number of stretches kept of a fitted trial: all of five minutes, evenly spaced ones of a longer trial."""
 
 
 @dataclass(frozen=True)
 class ChannelChange:
-    """One channel that is not what it was."""
+    """One channel that differs from the fitted one."""
 
-    muscle: str
-    kind: str  # "floor", "level", "swapped", "pattern" or "crosstalk"; of raw EMG as in `raw_session`
-    found: str
-    expected: str
-    other: str = ""  # The muscle that it goes with
+    muscle: str  # Muscle of the channel
+    kind: str  # "floor", "level", "swapped", "pattern" or "crosstalk"; kinds of raw EMG are in `raw_session`
+    found: str  # Description of the channel now
+    expected: str  # Description of the channel as fitted
+    other: str = ""  # Muscle whose signal the channel carries
 
 
 @dataclass(frozen=True)
-class Compared:
-    """A recording's channels against those fitted."""
+class ChannelComparison:
+    """Result of comparing a recording's channels with the fitted ones."""
 
-    floor: Mapping[str, float]  # How far floors moved, in ranges as fitted
-    level: Mapping[str, float]  # Range over that fitted
-    own: Mapping[str, float]  # Correlation with the muscle's own pattern; empty where the movement is another
-    changes: tuple[ChannelChange, ...]
-    elsewhere: float  # Share of its time in which an angle, a speed or several envelopes are beyond what was fitted
-    effort: bool  # Whether most levels changed: another speed or load, which is no electrode's fault
+    floor: Mapping[str, float]  # Shift of each floor, as a share of the fitted range
+    level: Mapping[str, float]  # Range of each channel over the fitted range
+    own: Mapping[str, float]  # Correlation with the muscle's own pattern; empty if the movement is another one
+    changes: tuple[ChannelChange, ...]  # Channels that differ from the fitted ones
+    elsewhere: float  # Share of the time in which an angle, a speed or several envelopes are outside the fitted ranges
+    effort: bool  # Whether most ranges changed: by another speed or load, not by an electrode
 
     @property
     def changed(self) -> tuple[str, ...]:
-        """Muscles whose channel changed, each once."""
+        """Muscles whose channels changed, each once."""
         return tuple(dict.fromkeys(change.muscle for change in self.changes))
 
     @property
     def holds(self) -> bool:
-        """Whether what was fitted may be asked of it at all."""
-        return not self.effort and self.elsewhere <= ELSEWHERE
+        """Whether the fitted estimator may be used on this recording at all."""
+        return not self.effort and self.elsewhere <= MAX_OUTSIDE_TIME_SHARE
 
 
 @dataclass(frozen=True, eq=False)
 class FittedSession:
-    """What the channels of fitted trials were."""
+    """Channels of the fitted trials: their floors, ranges, patterns and correlations."""
 
     muscles: tuple[str, ...]
-    trials: int  # How many were fitted
-    floor: np.ndarray  # floor, span: (k,) of all fitted trials together, in the envelopes' unit
-    span: np.ndarray
-    # floors, spans: (s, k) the same of each fitted trial, then of every stretch of each that a watch compares
-    floors: np.ndarray = field(repr=False)
-    spans: np.ndarray = field(repr=False)
-    low: np.ndarray = field(repr=False)  # low, high: (2 angles,) ends of angles [rad] and their rates [rad/s]
-    high: np.ndarray = field(repr=False)
-    patterns: tuple[Ridge, ...] = field(repr=False)  # Of each envelope, by angles and rates
-    repeats: np.ndarray  # (k,) Whether the pattern of each trial's first half is that of its second
-    others: tuple[Ridge, ...] = field(repr=False)  # Of each envelope, by the other envelopes
-    together: np.ndarray = field(repr=False)  # (k, k) Largest Fisher's z of every two envelopes within what was fitted
-    # (k, k) Largest log-likelihood ratio within what was fitted by which channel k goes with the pattern of muscle i
-    # rather than with its own, at least 0
+    trials: int  # Number of fitted trials
+    floor: np.ndarray  # Floor of each channel over all fitted trials together, shape (k,), in the envelopes' unit
+    span: np.ndarray  # Range of each channel over all fitted trials together, shape (k,), in the envelopes' unit
+    floors: np.ndarray = field(repr=False)  # Floors of each fitted trial, then of each stretch, shape (s, k)
+    spans: np.ndarray = field(repr=False)  # Ranges of each fitted trial, then of each stretch, shape (s, k)
+    low: np.ndarray = field(repr=False)  # Smallest angles [rad] and rates [rad/s], shape (2 angles,)
+    high: np.ndarray = field(repr=False)  # Largest angles [rad] and rates [rad/s], shape (2 angles,)
+    patterns: tuple[Ridge, ...] = field(repr=False)  # Regression of each envelope on angles and rates
+    repeats: np.ndarray  # Whether the pattern of the trials' first halves holds in their second, shape (k,)
+    others: tuple[Ridge, ...] = field(repr=False)  # Regression of each envelope on the other envelopes
+    together: np.ndarray = field(repr=False)  # Largest Fisher's z of every two fitted envelopes, shape (k, k)
+    # Largest log-likelihood ratio, at least 0, by which fitted channel k matched the pattern of muscle i rather than
+    # its own, shape (k, k)
     own_doubt: np.ndarray = field(repr=False)
-    # (k, k) Largest log-likelihood ratio within what was fitted for an exchange of two channels, at least 0
+    # Largest log-likelihood ratio, at least 0, for an exchange of two fitted channels, shape (k, k)
     swap_doubt: np.ndarray = field(repr=False)
 
     @classmethod
     def of(cls, trials: Sequence[TorqueTrial]) -> FittedSession:
-        """Of trials that were fitted, all with the same muscles and angles."""
+        """Describe the channels of fitted trials, all with the same muscles and angles."""
         muscles = tuple(trials[0].envelopes)
         if any(tuple(t.envelopes) != muscles or tuple(t.angles) != tuple(trials[0].angles) for t in trials):
             raise IdentificationError(
                 f"trials {', '.join(t.name for t in trials)}: expected the same muscles and angles in each"
             )
-        x, moved = _stacked(trials)
-        floor, top = np.quantile(x, (FLOOR, TOP), axis=0)
+        x, moved = _stack_trials(trials)
+        floor, top = np.quantile(x, (FLOOR_QUANTILE, TOP_QUANTILE), axis=0)
         everything = tuple(range(moved.shape[1]))
-        patterns = tuple(Ridge(PENALTY, everything).fit(moved, x[:, k]) for k in range(len(muscles)))
+        patterns = tuple(Ridge(PATTERN_PENALTY, everything).fit(moved, x[:, k]) for k in range(len(muscles)))
         others = ()
         if len(muscles) > 1:
-            others = tuple(Ridge(PENALTY).fit(np.delete(x, k, axis=1), x[:, k]) for k in range(len(muscles)))
+            others = tuple(Ridge(PATTERN_PENALTY).fit(np.delete(x, k, axis=1), x[:, k]) for k in range(len(muscles)))
         parts = [*trials, *(part for trial in trials for part in _watched_stretches(trial))]
-        stretches = [_stacked([part]) for part in parts]
-        quantiles = np.array([np.quantile(each, (FLOOR, TOP), axis=0) for each, _ in stretches])
+        stretches = [_stack_trials([part]) for part in parts]
+        quantiles = np.array([np.quantile(each, (FLOOR_QUANTILE, TOP_QUANTILE), axis=0) for each, _ in stretches])
         moves = [moves for _, moves in stretches]
         none = np.zeros((len(muscles), len(muscles)))
         made = cls(
@@ -174,41 +192,48 @@ class FittedSession:
             np.min([each.min(axis=0) for each in moves], axis=0),
             np.max([each.max(axis=0) for each in moves], axis=0),
             patterns,
-            _repeating(trials),
+            _has_repeating_pattern(trials),
             others,
-            np.max([_together(each) for each, _ in stretches], axis=0),
+            np.max([_fisher_z(each) for each, _ in stretches], axis=0),
             none,
             none,
         )
         return made._with_doubts(stretches)
 
     def _with_doubts(self, stretches: Sequence[tuple[np.ndarray, np.ndarray]]) -> FittedSession:
-        """The same with what its own `stretches`, envelopes (n, k) and motion (n, 2 angles), say against themselves."""
+        """Return a copy with the doubts that the fitted `stretches` themselves raise.
+
+        A stretch holds envelopes, shape (n, k), and angles with their rates, shape (n, 2 angles).
+        """
         own, swap = self.own_doubt, self.swap_doubt
         for x, moved in stretches:
             goes_with = self._correlations(x, moved)
-            own = np.maximum(own, _rather_than_own(goes_with))
-            now = np.diff(np.quantile(x, (FLOOR, TOP), axis=0), axis=0)[0]
+            own = np.maximum(own, _other_pattern_log_likelihood(goes_with))
+            now = np.diff(np.quantile(x, (FLOOR_QUANTILE, TOP_QUANTILE), axis=0), axis=0)[0]
             found = self._swap_scores(now, now, goes_with)
             swap = np.maximum(swap, np.where(np.isfinite(found), found, 0.0))
         return replace(self, own_doubt=own, swap_doubt=swap)
 
-    def compared(self, trial: TorqueTrial) -> Compared:
-        """A trial's channels against those fitted."""
-        x, moved = _stacked([trial])
-        floor, top = np.quantile(x, (FLOOR, TOP), axis=0)
+    def compare(self, trial: TorqueTrial) -> ChannelComparison:
+        """Compare a trial's channels with the fitted ones."""
+        x, moved = _stack_trials([trial])
+        floor, top = np.quantile(x, (FLOOR_QUANTILE, TOP_QUANTILE), axis=0)
         now = top - floor
-        like = self._span_like(now)
-        level = _level(now, like)
+        like = self._nearest_ranges(now)
+        level = _range_ratio(now, like)
         risen = floor - np.clip(floor, self.floors.min(axis=0), self.floors.max(axis=0))
         risen = risen / np.where(like > 0.0, like, np.inf)
-        many = bool(np.sum((level > LEVEL) | (level < 1.0 / LEVEL)) > max(2, 0.5 * len(self.muscles)))
-        margin = np.maximum(BEYOND * (self.high - self.low), np.tile(HELD, len(self.low) // 2))
+        many = bool(
+            np.sum((level > MAX_RANGE_RATIO) | (level < 1.0 / MAX_RANGE_RATIO)) > max(2, 0.5 * len(self.muscles))
+        )
+        margin = np.maximum(
+            FITTED_RANGE_MARGIN_SHARE * (self.high - self.low), np.tile(MIN_MOTION_MARGINS, len(self.low) // 2)
+        )
         away = ((moved < self.low - margin) | (moved > self.high + margin)).any(axis=1)
-        goes_with = self._correlations(x, moved) if np.mean(away) <= ELSEWHERE else None
-        changes = [] if many else self._changes(floor, risen, now, like, goes_with, _together(x))
+        goes_with = self._correlations(x, moved) if np.mean(away) <= MAX_OUTSIDE_TIME_SHARE else None
+        changes = [] if many else self._find_changes(floor, risen, now, like, goes_with, _fisher_z(x))
         named = {change.muscle for change in changes}
-        loudest = (self.floors + (1.0 + 2.0 * BEYOND) * self.spans).max(axis=0)
+        loudest = (self.floors + (1.0 + 2.0 * FITTED_RANGE_MARGIN_SHARE) * self.spans).max(axis=0)
         loud = [x[:, k] > loudest[k] for k, muscle in enumerate(self.muscles) if muscle not in named]
         away |= np.sum(loud, axis=0) >= max(2, 0.25 * len(self.muscles))
 
@@ -216,60 +241,68 @@ class FittedSession:
             return dict(zip(self.muscles, map(float, values), strict=True))
 
         own = {} if goes_with is None else by_muscle(np.diag(goes_with))
-        return Compared(by_muscle(risen), by_muscle(level), own, tuple(changes), float(np.mean(away)), many)
+        return ChannelComparison(by_muscle(risen), by_muscle(level), own, tuple(changes), float(np.mean(away)), many)
 
-    def mended(self, trial: TorqueTrial, seconds: float, compared: Compared) -> TorqueTrial:
-        """The trial with channels that changed brought back as far as they can be.
+    def repair(self, trial: TorqueTrial, seconds: float, compared: ChannelComparison) -> TorqueTrial:
+        """Return the trial with its changed channels repaired as far as possible.
 
-        What was exchanged is exchanged again; a channel that carries another muscle's signal is what the others tell;
-        floor and range of the rest are those fitted, by the first `seconds` [s].
+        Exchanged channels are exchanged back. A channel that carries another muscle's signal is predicted from the
+        other channels. The floor and range of the rest are scaled to the fitted ones, by the first `seconds` [s].
         """
         swapped = {c.muscle: c.other for c in compared.changes if c.kind == "swapped"}
         foreign = {c.muscle for c in compared.changes if c.kind in ("pattern", "crosstalk")}
         back = {muscle: trial.envelopes[swapped.get(muscle, muscle)] for muscle in self.muscles}
         moved = dict.fromkeys(c.muscle for c in compared.changes if c.kind in ("floor", "level"))
         scaled = [m for m in moved if m not in swapped and m not in foreign]
-        made = self.rescaled(replace(trial, envelopes=back, lead={}), seconds, scaled)
-        return self.without(made, foreign) if foreign and len(foreign) < len(self.muscles) else made
+        made = self.rescale(replace(trial, envelopes=back, lead={}), seconds, scaled)
+        return self.predict_channels(made, foreign) if foreign and len(foreign) < len(self.muscles) else made
 
-    def rescaled(self, trial: TorqueTrial, seconds: float, muscles: Collection[str]) -> TorqueTrial:
-        """The trial with floor and range of some muscles brought to those fitted, by its first `seconds` [s] alone."""
+    def rescale(self, trial: TorqueTrial, seconds: float, muscles: Collection[str]) -> TorqueTrial:
+        """Return the trial with floor and range of some muscles scaled to the fitted ones.
+
+        The scaling is found in the first `seconds` [s] alone.
+        """
         first = trial.time <= trial.time[0] + seconds
         made = dict(trial.envelopes)
-        floor, top = np.quantile([made[muscle][first] for muscle in self.muscles], (FLOOR, TOP), axis=1)
-        like = self._most_alike(top - floor, [k for k, muscle in enumerate(self.muscles) if muscle not in muscles])
+        floor, top = np.quantile(
+            [made[muscle][first] for muscle in self.muscles], (FLOOR_QUANTILE, TOP_QUANTILE), axis=1
+        )
+        like = self._nearest_trial_index(
+            top - floor, [k for k, muscle in enumerate(self.muscles) if muscle not in muscles]
+        )
         for k, muscle in enumerate(self.muscles):
             if muscle in muscles:
                 scale = self.spans[like, k] / (top[k] - floor[k]) if top[k] > floor[k] else 1.0
                 made[muscle] = np.maximum(self.floors[like, k] + scale * (made[muscle] - floor[k]), 0.0)
         return replace(trial, envelopes=made, lead={})
 
-    def _most_alike(self, now: np.ndarray, kept: Sequence[int]) -> int:
-        """The fitted trial whose ranges are most like those `now`, (k,), by the channels `kept`, all if there is none.
+    def _nearest_trial_index(self, now: np.ndarray, kept: Sequence[int]) -> int:
+        """Return the index of the fitted trial whose ranges are most like `now`, shape (k,).
 
-        A slow trial's channel is brought to what it was in slow trials, not to the range over all speeds.
+        Only the channels `kept` are compared, or all if there are none. A slow trial's channel is so scaled to its
+        range in slow trials, not to its range over all speeds.
         """
         channels = list(kept) or list(range(len(self.muscles)))
-        return _most_alike(now[channels], self.spans[: self.trials, channels])
+        return _nearest_ranges_index(now[channels], self.spans[: self.trials, channels])
 
-    def _span_like(self, now: np.ndarray) -> np.ndarray:
-        """Ranges of the fitted stretch, or of what lies between two fitted trials, most like those `now`; all (k,)."""
+    def _nearest_ranges(self, now: np.ndarray) -> np.ndarray:
+        """Return the ranges most like `now` among fitted stretches and interpolations of fitted trials, shape (k,)."""
         whole = self.spans[: self.trials]
-        # Trials in the order of their effort; between two neighbours lie others that nobody recorded.
+        # Trials are sorted by effort. Efforts between two neighbours were not recorded and are interpolated.
         whole = whole[np.argsort(np.prod(np.where(whole > 0.0, whole, 1.0) ** (1.0 / whole.shape[1]), axis=1))]
-        between = [a ** (1.0 - share) * b**share for a, b in pairwise(whole) for share in BETWEEN_SHARES]
+        between = [a ** (1.0 - share) * b**share for a, b in pairwise(whole) for share in INTERPOLATION_SHARES]
         spans = np.vstack([self.spans, *between])
-        return spans[_most_alike(now, spans)]
+        return spans[_nearest_ranges_index(now, spans)]
 
-    def without(self, trial: TorqueTrial, muscles: Collection[str]) -> TorqueTrial:
-        """The trial with some envelopes replaced by what the others made of them when the estimator was fitted."""
+    def predict_channels(self, trial: TorqueTrial, muscles: Collection[str]) -> TorqueTrial:
+        """Return the trial with some envelopes predicted from the others, by the regressions of the fitted trials."""
         bad = [k for k, muscle in enumerate(self.muscles) if muscle in muscles]
         good = [k for k in range(len(self.muscles)) if k not in bad]
         if not good:
             raise IdentificationError(f"recording {trial.name}: found no channel that is as it was, expected one")
         x = np.column_stack([trial.envelopes[m] for m in self.muscles])
         x[:, bad] = self.floor[bad] + 0.5 * self.span[bad]
-        # A few rounds, since two that are replaced may stand for each other.
+        # Several rounds are needed, since replaced channels are also predicted from each other.
         for _ in range(5 if len(bad) > 1 else 1):
             for k in bad:
                 x[:, k] = np.maximum(self.others[k].predict(np.delete(x, k, axis=1)), 0.0)
@@ -277,10 +310,10 @@ class FittedSession:
         return replace(trial, envelopes=made, lead={})
 
     def _correlations(self, x: np.ndarray, moved: np.ndarray) -> np.ndarray:
-        """Of the pattern of muscle i with the envelope of channel k, shape (k, k)."""
+        """Return the correlation of the pattern of muscle i with the envelope of channel k, shape (k, k)."""
         return _correlations(np.column_stack([pattern.predict(moved) for pattern in self.patterns]), x)
 
-    def _changes(
+    def _find_changes(
         self,
         floor: np.ndarray,
         risen: np.ndarray,
@@ -289,12 +322,16 @@ class FittedSession:
         goes_with: np.ndarray | None,
         together: np.ndarray,
     ) -> list[ChannelChange]:
-        """What changed, by floors, their rise, ranges, fitted ones, all (k,), and correlations, both (k, k)."""
-        level = _level(now, like)
-        level = level / _common(level)
-        found, swapped = [], self._swapped(level * like, like, goes_with)
-        copies = self._copies(level, goes_with, together)
-        rather_than_own = None if goes_with is None else _rather_than_own(goes_with) - self.own_doubt
+        """Return the channels that changed.
+
+        Floors, their shifts `risen`, ranges `now` and fitted ranges `like` have shape (k,). Correlations with patterns,
+        `goes_with`, and of envelopes, `together`, have shape (k, k).
+        """
+        level = _range_ratio(now, like)
+        level = level / _common_range_ratio(level)
+        found, swapped = [], self._find_swapped_pairs(level * like, like, goes_with)
+        copies = self._find_copies(level, goes_with, together)
+        rather_than_own = None if goes_with is None else _other_pattern_log_likelihood(goes_with) - self.own_doubt
         lowest, highest = self.floors.min(axis=0), self.floors.max(axis=0)
         for k, muscle in enumerate(self.muscles):
             if k in swapped:
@@ -304,13 +341,15 @@ class FittedSession:
                                   "exchanged?", other)
                 )  # fmt: skip
                 continue
-            if abs(risen[k]) > RISEN:
+            if abs(risen[k]) > MAX_FLOOR_SHIFT_SHARE:
                 ends = dict.fromkeys((f"{lowest[k]:.2g}", f"{highest[k]:.2g}"))
-                expected = f"{' to '.join(ends)}, within {100 * RISEN:g} % of its range, as fitted"
+                expected = f"{' to '.join(ends)}, within {100 * MAX_FLOOR_SHIFT_SHARE:g} % of its range, as fitted"
                 found.append(ChannelChange(muscle, "floor", f"a floor of {floor[k]:.2g}", expected))
-            if not 1.0 / LEVEL <= level[k] <= LEVEL:
+            if not 1.0 / MAX_RANGE_RATIO <= level[k] <= MAX_RANGE_RATIO:
                 said = f"{level[k]:.2g} times the range as fitted, what all changed by taken off"
-                found.append(ChannelChange(muscle, "level", said, f"{1 / LEVEL:.1g} to {LEVEL:g} times"))
+                found.append(
+                    ChannelChange(muscle, "level", said, f"{1 / MAX_RANGE_RATIO:.1g} to {MAX_RANGE_RATIO:g} times")
+                )
             if k in copies:
                 i, other = copies[k], self.muscles[copies[k]]
                 said = f"the signal of {other} (correlation of envelopes {np.tanh(together[i, k]):.3f})"
@@ -319,49 +358,58 @@ class FittedSession:
             elif goes_with is not None:
                 best = int(np.argmax(goes_with[:, k]))
                 known = self.repeats[k] and self.repeats[best]
-                clear = goes_with[k, k] < OWN and goes_with[best, k] > CLEAR
-                if known and clear and rather_than_own[best, k] > PATTERN:
+                clear = goes_with[k, k] < UNCHANGED_PATTERN_CORRELATION and goes_with[best, k] > MIN_PATTERN_CORRELATION
+                if known and clear and rather_than_own[best, k] > PATTERN_LOG_LIKELIHOOD_THRESHOLD:
                     other = self.muscles[best]
                     said = f"the pattern of {other} (correlation {goes_with[best, k]:.2f})"
                     found.append(ChannelChange(muscle, "pattern", said, f"its own ({goes_with[k, k]:.2f})", other))
         return found
 
-    def _copies(self, level: np.ndarray, goes_with: np.ndarray | None, together: np.ndarray) -> dict[int, int]:
-        """Channels whose envelope became another's, and which; of the two, the one that is less like itself."""
-        close = (together > np.arctanh(ONE_SIGNAL)) & (together - self.together > CLOSER)
-        unlike = np.abs(np.log(np.maximum(level, 1e-3))) / SPREAD
+    def _find_copies(self, level: np.ndarray, goes_with: np.ndarray | None, together: np.ndarray) -> dict[int, int]:
+        """Return channels whose envelope became a copy, and the channel that each copies.
+
+        Of two equal channels, the copy is the one that is less like its fitted self.
+        """
+        close = (together > np.arctanh(MIN_COPY_CORRELATION)) & (together - self.together > MIN_COPY_Z_RISE)
+        unlike = np.abs(np.log(np.maximum(level, 1e-3))) / LOG_RANGE_STANDARD_DEVIATION
         if goes_with is not None:
-            unlike = unlike + np.where(self.repeats, _unexplained(np.diag(goes_with)), 0.0)
+            unlike = unlike + np.where(self.repeats, _log_unexplained_share(np.diag(goes_with)), 0.0)
         return {
             k: int(np.argmax(np.where(close[k], together[k], -np.inf)))
             for k in range(len(self.muscles))
             if any(unlike[k] >= unlike[i] for i in np.flatnonzero(close[k]))
         }
 
-    def _swapped(self, now: np.ndarray, like: np.ndarray, goes_with: np.ndarray | None) -> dict[int, int]:
-        """Pairs of channels that stand for each other, the clearest first, by ranges (k,), fitted ones and patterns."""
+    def _find_swapped_pairs(self, now: np.ndarray, like: np.ndarray, goes_with: np.ndarray | None) -> dict[int, int]:
+        """Return pairs of exchanged channels, each in both directions, the clearest first.
+
+        `now` (k,) are the channels' ranges, `like` (k,) the fitted ones; `goes_with` (k, k) is from `_correlations`.
+        """
         if goes_with is None:
             return {}
         scores = self._swap_scores(now, like, goes_with) - self.swap_doubt
         pairs: dict[int, int] = {}
-        for _, i, k in sorted(((scores[i, k], i, k) for i, k in np.argwhere(scores > RATHER)), reverse=True):
+        for _, i, k in sorted(
+            ((scores[i, k], i, k) for i, k in np.argwhere(scores > SWAP_LOG_LIKELIHOOD_THRESHOLD)), reverse=True
+        ):
             if i not in pairs and k not in pairs:
                 pairs |= {int(i): int(k), int(k): int(i)}
         return pairs
 
     def _swap_scores(self, now: np.ndarray, like: np.ndarray, goes_with: np.ndarray) -> np.ndarray:
-        """Log-likelihood ratio for an exchange of channels i and k > i, by pattern and range; (k, k), elsewhere -inf.
+        """Return the log-likelihood ratio for an exchange of channels i and k > i, by pattern and range, shape (k, k).
 
-        `now` (k,) are the channels' ranges, `like` (k,) fitted ones; `goes_with` (k, k) as `_correlations` gives it.
+        Other entries are -inf. `now` (k,) are the channels' ranges, `like` (k,) the fitted ones; `goes_with` (k, k) as
+        `_correlations` gives it.
         """
-        unexplained = _unexplained(goes_with)
+        unexplained = _log_unexplained_share(goes_with)
         with np.errstate(divide="ignore", invalid="ignore"):
-            # Row i: the range of each channel k against that of muscle i.
-            off = np.log(now[None, :] / like[:, None]) ** 2 / (2.0 * SPREAD**2)
+            # Row i compares the range of each channel k with that of muscle i.
+            off = np.log(now[None, :] / like[:, None]) ** 2 / (2.0 * LOG_RANGE_STANDARD_DEVIATION**2)
         scores = np.full((len(now), len(now)), -np.inf)
         for i in range(len(now)):
             for k in range(i + 1, len(now)):
-                rather = min(off[i, i], GAIN) + min(off[k, k], GAIN) - off[i, k] - off[k, i]
+                rather = min(off[i, i], GAIN_CHANGE_COST) + min(off[k, k], GAIN_CHANGE_COST) - off[i, k] - off[k, i]
                 if self.repeats[i] and self.repeats[k]:
                     rather += unexplained[i, i] + unexplained[k, k] - unexplained[i, k] - unexplained[k, i]
                 if np.isfinite(rather):
@@ -370,7 +418,7 @@ class FittedSession:
 
 
 def _watched_stretches(trial: TorqueTrial) -> list[TorqueTrial]:
-    """The stretches of a trial that a watch compares, at most `MAX_STRETCH_COUNT`, evenly spaced."""
+    """Return the stretches of a trial that a watch would compare, at most `MAX_STRETCH_COUNT`, evenly spaced."""
     every, window = max(1, round(COMPARISON_INTERVAL_S * trial.fs)), round(WINDOW_S * trial.fs)
     first = -(-round(MIN_WATCH_S * trial.fs) // every) * every
     ends = range(first, len(trial) + 1, every)
@@ -387,72 +435,83 @@ def _watched_stretches(trial: TorqueTrial) -> list[TorqueTrial]:
     ]  # fmt: skip
 
 
-def _repeating(trials: Sequence[TorqueTrial]) -> np.ndarray:
-    """Whether the pattern of the trials' first halves is, in the median trial, that of its second half, (k,)."""
-    each = [_stacked([trial]) for trial in trials]
+def _has_repeating_pattern(trials: Sequence[TorqueTrial]) -> np.ndarray:
+    """Return whether the pattern of the trials' first halves holds in the second half of the median trial, (k,)."""
+    each = [_stack_trials([trial]) for trial in trials]
     halves = [len(x) // 2 for x, _ in each]
     x, moved = (np.vstack([both[i][:half] for both, half in zip(each, halves, strict=True)]) for i in (0, 1))
     everything = tuple(range(moved.shape[1]))
-    patterns = [Ridge(PENALTY, everything).fit(moved, x[:, k]) for k in range(x.shape[1])]
+    patterns = [Ridge(PATTERN_PENALTY, everything).fit(moved, x[:, k]) for k in range(x.shape[1])]
     found = [
         np.diag(_correlations(np.column_stack([pattern.predict(moved[half:]) for pattern in patterns]), x[half:]))
         for (x, moved), half in zip(each, halves, strict=True)
     ]
-    return np.median(found, axis=0) > CLEAR
+    return np.median(found, axis=0) > MIN_PATTERN_CORRELATION
 
 
-def _rather_than_own(goes_with: np.ndarray) -> np.ndarray:
-    """Log-likelihood ratio by which channel k goes with the pattern of muscle i rather than with its own, (k, k)."""
-    unexplained = _unexplained(goes_with)
+def _other_pattern_log_likelihood(goes_with: np.ndarray) -> np.ndarray:
+    """Return the log-likelihood ratio for channel k to match the pattern of muscle i rather than its own, (k, k)."""
+    unexplained = _log_unexplained_share(goes_with)
     return np.diag(unexplained)[None, :] - unexplained
 
 
-def _level(now: np.ndarray, like: np.ndarray) -> np.ndarray:
-    """Ranges `now` over fitted ones, both (k,); 1 of a channel that never ranged, 0 of one that ranges only now."""
+def _range_ratio(now: np.ndarray, like: np.ndarray) -> np.ndarray:
+    """Return ranges `now` over fitted ones, both (k,).
+
+    The ratio is 1 for a channel that never varied, and 0 for one that varies only now.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(like > 0.0, now / like, np.where(now > 0.0, 0.0, 1.0))
 
 
-def _most_alike(now: np.ndarray, spans: np.ndarray) -> int:
-    """Which of `spans`, (s, k), is nearest to `now`, (k,), by the sum of the logarithms' distances.
+def _nearest_ranges_index(now: np.ndarray, spans: np.ndarray) -> int:
+    """Return which of `spans`, (s, k), is nearest to `now`, (k,), by the sum of the distances of logarithms.
 
-    A single channel that changed hardly moves such a sum from one to another.
+    This sum is robust: a single channel that changed hardly affects which one is nearest.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         apart = np.abs(np.log(now / spans))
     return int(np.argmin(np.nan_to_num(apart, nan=0.0, posinf=MAX_LOG_DISTANCE).sum(axis=1)))
 
 
-def _common(level: np.ndarray) -> float:
-    """What all ranges changed by, of `level` (k,): another speed's or load's; of few channels the one nearest to 1."""
+def _common_range_ratio(level: np.ndarray) -> float:
+    """Return the factor by which all ranges changed together, from `level` (k,), as another speed or load changes them.
+
+    It is the median, or with up to three channels the factor nearest to 1.
+    """
     known = np.log(level[level > 0.0])
     if not len(known):
         return 1.0
     return float(np.exp(np.median(known) if len(known) > 3 else known[np.argmin(np.abs(known))]))
 
 
-def _unexplained(correlation: np.ndarray) -> np.ndarray:
-    """Logarithm of the share of an envelope's variance that a pattern with this correlation leaves."""
+def _log_unexplained_share(correlation: np.ndarray) -> np.ndarray:
+    """Return the logarithm of the share of an envelope's variance that a pattern of this correlation leaves."""
     return np.log(np.maximum(1.0 - np.maximum(correlation, 0.0) ** 2, 1e-6))
 
 
 def _correlations(made: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Of every column of one with every column of the other, both (n, k): shape (k, k); 0 where one rests."""
+    """Return the correlation of every column of one with every column of the other, both (n, k), shape (k, k).
+
+    The correlation of a constant column is 0.
+    """
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.nan_to_num(np.corrcoef(made.T, x.T)[: made.shape[1], made.shape[1] :])
 
 
-def _together(x: np.ndarray) -> np.ndarray:
-    """Fisher's z of every two envelopes, (n, k) to (k, k); 0 of one with itself."""
+def _fisher_z(x: np.ndarray) -> np.ndarray:
+    """Return Fisher's z of every two envelopes, from shape (n, k) to (k, k); 0 on the diagonal."""
     z = np.arctanh(np.clip(_correlations(x, x), -0.9999, 0.9999))
     return z - np.diag(np.diag(z))
 
 
-def _stacked(trials: Sequence[TorqueTrial]) -> tuple[np.ndarray, np.ndarray]:
-    """Envelopes (n, k), and angles with their rates (n, 2 j), of trials one after another."""
+def _stack_trials(trials: Sequence[TorqueTrial]) -> tuple[np.ndarray, np.ndarray]:
+    """Return envelopes, shape (n, k), and angles with their rates, shape (n, 2 j), of trials one after another."""
     x = np.vstack([np.column_stack(list(trial.envelopes.values())) for trial in trials])
     moved = []
     for trial in trials:
-        of_joints = [derivatives(np.asarray(q, float), trial.fs, causal=False)[:2] for q in trial.angles.values()]
+        of_joints = [
+            filter_and_differentiate(np.asarray(q, float), trial.fs, causal=False)[:2] for q in trial.angles.values()
+        ]
         moved.append(np.column_stack([column for pair in of_joints for column in pair]))
     return x, np.vstack(moved)

@@ -116,8 +116,8 @@ def synergies(
     """
     if not fs > 0.0:
         raise IdentificationError(f"synergies: found a sampling rate of {fs:g} Hz, expected one above 0")
-    fitted, names = _table_of(envelopes, muscles)
-    left_out = None if heldout is None else _table_of(heldout, names)[0]
+    fitted, names = _envelope_table(envelopes, muscles)
+    left_out = None if heldout is None else _envelope_table(heldout, names)[0]
     if len(names) < MIN_MUSCLES:
         raise IdentificationError(f"synergies: found {len(names)} muscles, expected at least {MIN_MUSCLES}")
     counted = count_synergies(fitted, np.arange(len(fitted)) / fs, names, left_out, min_muscles=MIN_MUSCLES)
@@ -125,7 +125,7 @@ def synergies(
     return FoundSynergies(model, counted, model.activations(fitted))
 
 
-def _table_of(envelopes, muscles: Sequence[str] | None) -> tuple[np.ndarray, tuple[str, ...]]:
+def _envelope_table(envelopes, muscles: Sequence[str] | None) -> tuple[np.ndarray, tuple[str, ...]]:
     """Return envelopes as an array, shape (n, m), with the muscles' names."""
     if isinstance(envelopes, Mapping):
         names = tuple(envelopes) if muscles is None else tuple(muscles)

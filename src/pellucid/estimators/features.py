@@ -1,4 +1,4 @@
-"""What a torque map sees of a trial: envelopes, earlier envelopes, joint angles and their derivatives."""
+"""Features of a trial for torque maps: envelopes, earlier envelopes, joint angles and their derivatives."""
 
 from __future__ import annotations
 
@@ -10,26 +10,29 @@ from scipy import signal
 from ..signals.filters import central_difference, zero_phase_lowpass
 from .torque_trial import TorqueTrial
 
-MOTION_LOWPASS = 6.0
-"""Cut-off of the low-pass on joint angles before they are differentiated [Hz]: gait has little above."""
+MOTION_LOWPASS_HZ = 6.0
+"""Cut-off of the low-pass on joint angles before they are differentiated [Hz]. Gait has little power above it."""
 
-CAUSAL_LOWPASS = 12.0
-"""The same for the causal form, of order 2: late by 19 ms instead of 37 ms, for somewhat more noise [Hz]."""
+CAUSAL_MOTION_LOWPASS_HZ = 12.0
+"""Cut-off of the causal low-pass on joint angles, of order 2 [Hz].
 
-LAGS = (0.05, 0.1)
-"""How much earlier envelopes are seen as well [s]: a muscle's force follows its EMG by 10 to 100 ms."""
+Its delay is 19 ms, where 6 Hz would have 37 ms; in exchange, it passes somewhat more noise.
+"""
+
+ENVELOPE_LAGS_S = (0.05, 0.1)
+"""Lags of the earlier envelopes among the features [s]. A muscle's force follows its EMG by 10 to 100 ms."""
 
 
 @dataclass(frozen=True)
 class FeatureSet:
-    """Which features a map uses."""
+    """A set of features that a map uses."""
 
-    # The other joints' angles too: muscles cross two joints, and moments pass from one to the next
+    # Whether it holds the other joints' angles: muscles cross two joints, and moments pass from one to the next
     neighbours: bool = False
-    velocities: bool = False  # velocities, accelerations: Of every joint seen
-    accelerations: bool = False
-    lags: tuple[float, ...] = ()  # How much earlier envelopes are seen, beside the present ones [s]
-    muscles: bool = True  # False: none, which shows what motion alone tells
+    velocities: bool = False  # Whether it holds the velocity of every joint in it
+    accelerations: bool = False  # Whether it holds the acceleration of every joint in it
+    lags: tuple[float, ...] = ()  # Lags of the earlier envelopes, beside the present ones [s]
+    muscles: bool = True  # Whether it holds EMG; without it, a map shows what motion alone can predict
 
     def __str__(self) -> str:
         parts = ["EMG"] if self.muscles else []
@@ -40,29 +43,32 @@ class FeatureSet:
         return ", ".join(parts)
 
 
-def feature_sets(*, neighbours: bool, lags: bool | None = None, muscles: bool = True) -> tuple[FeatureSet, ...]:
-    """The sets to choose from, the smallest first: with `neighbours`' angles or not, `lags` or not (None: both),
-    `muscles`.
+def list_feature_sets(*, neighbours: bool, lags: bool | None = None, muscles: bool = True) -> tuple[FeatureSet, ...]:
+    """Return the feature sets to choose from, the smallest first.
+
+    `neighbours`: whether sets with the other joints' angles are among them. `lags`: whether sets hold earlier
+    envelopes; None: some do. `muscles`: whether sets hold EMG.
     """
     motions = [{}, {"velocities": True}, {"velocities": True, "accelerations": True}]
     if neighbours:
         motions = [{}, *({"neighbours": True, **motion} for motion in motions)]
-    seen = {None: ((), LAGS), False: ((),), True: (LAGS,)}[lags if muscles else False]
+    seen = {None: ((), ENVELOPE_LAGS_S), False: ((),), True: (ENVELOPE_LAGS_S,)}[lags if muscles else False]
     return tuple(FeatureSet(**motion, lags=each, muscles=muscles) for each in seen for motion in motions)
 
 
 @dataclass(frozen=True, eq=False)
 class Features:
-    """A trial's features."""
+    """Features of a trial."""
 
-    x: np.ndarray  # (n, k)
-    names: tuple[str, ...]  # Of the columns
-    motion: tuple[int, ...]  # Columns that are angles or their derivatives
+    x: np.ndarray  # Values, shape (n, k)
+    names: tuple[str, ...]  # Names of the columns
+    motion: tuple[int, ...]  # Indices of the columns that are angles or their derivatives
 
 
-def features(trial: TorqueTrial, chosen: FeatureSet, *, causal: bool = False) -> Features:
-    """A trial's `chosen` features, `causal` ones from the past alone; its first value is taken to have lasted before
-    it.
+def compute_features(trial: TorqueTrial, chosen: FeatureSet, *, causal: bool = False) -> Features:
+    """Return a trial's features of the `chosen` set.
+
+    `causal` features use the past alone. Before the trial, every signal is taken to have its first value.
     """
     fs, columns, names = trial.fs, [], []
     for muscle, envelope in trial.envelopes.items() if chosen.muscles else ():
@@ -73,7 +79,7 @@ def features(trial: TorqueTrial, chosen: FeatureSet, *, causal: bool = False) ->
     first = len(columns)
     joints = [trial.joint, *(j for j in trial.angles if j != trial.joint)] if chosen.neighbours else [trial.joint]
     for joint in joints:
-        q, v, a = derivatives(np.asarray(trial.angles[joint], float), fs, causal=causal)
+        q, v, a = filter_and_differentiate(np.asarray(trial.angles[joint], float), fs, causal=causal)
         columns.append(q)
         names.append(f"angle.{joint}")
         if chosen.velocities:
@@ -85,14 +91,17 @@ def features(trial: TorqueTrial, chosen: FeatureSet, *, causal: bool = False) ->
     return Features(np.column_stack(columns), tuple(names), tuple(range(first, len(columns))))
 
 
-def derivatives(q: np.ndarray, fs: float, *, causal: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Angle `q` [rad] low-passed at `fs` [Hz], speed, acceleration, each of shape (n,); `causal`: of the past alone."""
+def filter_and_differentiate(q: np.ndarray, fs: float, *, causal: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return an angle low-passed [rad], its velocity and its acceleration, each of shape (n,).
+
+    `q` is the angle, shape (n,) [rad], sampled at `fs` [Hz]. `causal` filters use the past alone.
+    """
     if not causal:
-        q = zero_phase_lowpass(q, MOTION_LOWPASS, 4, fs)
+        q = zero_phase_lowpass(q, MOTION_LOWPASS_HZ, 4, fs)
         v = central_difference(q, fs)
         return q, v, central_difference(v, fs)
-    sos = signal.butter(2, CAUSAL_LOWPASS, fs=fs, output="sos")
-    # Started as if the first angle had lasted, so that there is no step to settle.
+    sos = signal.butter(2, CAUSAL_MOTION_LOWPASS_HZ, fs=fs, output="sos")
+    # The filter starts as if the first angle had lasted, so that no step has to settle.
     q, _ = signal.sosfilt(sos, q, zi=signal.sosfilt_zi(sos) * q[0])
     v = fs * np.diff(q, prepend=q[0])
     return q, v, fs * np.diff(v, prepend=v[0])

@@ -14,60 +14,61 @@ from ..fit.muscles.muscle_calibration import MuscleFit, MuscleProblem, MuscleSam
 from ..fit.muscles.muscle_freedom import DEFAULT_QUANTITIES
 from ..models.hill import HillModel, HillMuscle
 from .cross_validation import Fold, Score, block_folds, grouped_folds, score
-from .muscle_trials import driven_muscles, muscle_samples
+from .muscle_trials import find_driven_muscles, make_muscle_samples
 from .torque_trial import TorqueTrial
 
-WEIGHTS = (0.05, 0.02, 0.01, 0.005)
-"""Of anatomy: what cross-validation within what is fitted chooses from."""
+ANATOMY_WEIGHT_CANDIDATES = (0.05, 0.02, 0.01, 0.005)
+"""Candidate weights of the anatomical prior. Cross-validation within the fitted trials chooses among them."""
 
-BLOCKS = 5
-"""Blocks of a single trial."""
+BLOCK_COUNT = 5
+"""Number of blocks into which a single trial is divided for cross-validation."""
 
-EFFORTS = np.geomspace(0.02, 1.0, 18)
-"""Shares of a maximal contraction that the largest effort may have been, where no maximal one was recorded."""
+EFFORT_CANDIDATES = np.geomspace(0.02, 1.0, 18)
+"""Candidates for the largest effort, as a share of a maximal contraction, if no maximal contraction was recorded."""
 
-GAP = 0.15
-"""Between what is fitted and what is scored while choosing [s]."""
+FOLD_GAP_S = 0.15
+"""Gap between fitted and scored samples in cross-validation [s]."""
 
 
 @dataclass(frozen=True)
 class HillChoice:
-    """What cross-validation chose."""
+    """Result of cross-validation over the weight of the anatomical prior."""
 
-    weight: float  # Of anatomy
-    words: str
-    score: Score | None  # Out of fold; None where nothing was to be chosen
-    tried: Mapping[float, float] = field(repr=False)  # RMSE [N m] by weight
+    weight: float  # Chosen weight of the anatomical prior
+    words: str  # Description of the muscles and the choice
+    score: Score | None  # Score out of fold; None if there was only one candidate
+    tried: Mapping[float, float] = field(repr=False)  # RMSE out of fold by weight [N m]
 
 
 @dataclass(frozen=True, eq=False)
 class HillMap:
     """Calibrated muscles that predict a joint's torque."""
 
-    name: str  # Of the estimator
-    muscles: tuple[str, ...]
+    name: str  # Name of the estimator
+    muscles: tuple[str, ...]  # Names of the muscles
     choice: HillChoice
     fit: MuscleFit
-    # Of predictions on samples that were not fitted, while choosing; of the fit where nothing was chosen [N m]
+    # RMSE of predictions out of fold; RMSE of the fit if there was no choice [N m]
     residual_sd: float
     effort: float = 1.0  # Share of a maximal contraction that an envelope of 1 stands for
-    causal: bool = False
+    causal: bool = False  # Whether angles are filtered from the past alone
     joint: str = ""
-    driven: Mapping[str, tuple[str, ...]] = field(default_factory=dict, repr=False)  # EMG channels, by muscle
+    driven: Mapping[str, tuple[str, ...]] = field(default_factory=dict, repr=False)  # EMG channels by muscle
 
     def predict(self, trial: TorqueTrial) -> np.ndarray:
-        """Torque of a trial, shape (n,) [N m]; its own torque is not looked at."""
+        """Predict the torque of a trial, shape (n,) [N m]; its measured torque is not used."""
         samples, own = self.samples(trial)
         return self.fit.predict(samples)[own]
 
     def samples(self, trial: TorqueTrial) -> tuple[MuscleSamples, slice]:
-        """A trial as these muscles see it, and where its own samples lie."""
-        samples, own = muscle_samples([trial], muscles=self.muscles, effort=self.effort, causal=self.causal)
+        """Return a trial's samples for these muscles, and the slice in which the trial itself lies."""
+        samples, own = make_muscle_samples([trial], muscles=self.muscles, effort=self.effort, causal=self.causal)
         return samples, own[0]
 
     def half_width(self, trial: TorqueTrial, level: float = 0.95) -> np.ndarray:
-        """Half the interval about the torque predicted, shape (n,) [N m]: what the model misses, and what it does not
-        know.
+        """Return half the interval about the predicted torque, shape (n,) [N m].
+
+        The interval combines the residual's variance and the variance that the parameters' covariance implies.
         """
         from ..fit.muscles.muscle_information import covariance
 
@@ -77,8 +78,9 @@ class HillMap:
         return float(ndtri(0.5 + level / 2.0)) * np.sqrt(self.residual_sd**2 + unsure)
 
     def stream(self, period: float) -> tuple[_core.HillTorque, tuple[float, float, float]]:
-        """The same muscles sample by sample, in the core, every `period` [s]; and offset, stiffness, damping of the
-        joint's own tissue, to be added: offset - stiffness * angle - damping * speed.
+        """Return the core's muscles, which are stepped every `period` [s], and the joint's own tissue.
+
+        The tissue's torque is to be added: offset - stiffness * angle - damping * speed, in this order.
         """
         return _core.HillTorque(np.array([m.vector() for m in self.fit.muscles]), period=period), self.fit.passive
 
@@ -88,29 +90,29 @@ def fit_hill(
     *,
     name: str = "hill",
     causal: bool = False,
-    weights: Sequence[float] = WEIGHTS,
+    weights: Sequence[float] = ANATOMY_WEIGHT_CANDIDATES,
     quantities: Sequence[str] = DEFAULT_QUANTITIES,
     method: str = "least_squares",
 ) -> HillMap:
-    """Calibrate muscles on trials; the weight of anatomy is chosen by cross-validation within them."""
+    """Calibrate muscles on trials. Cross-validation within them chooses the weight of the anatomical prior."""
     if not trials or any(trial.heldout for trial in trials):
         found = "no trial" if not trials else f"the held-out trial {next(t.name for t in trials if t.heldout)}"
         raise IdentificationError(f"muscles: found {found}, expected trials to fit")
-    muscles = driven_muscles(trials)
+    muscles = find_driven_muscles(trials)
     names = tuple(m.name for m in muscles)
-    samples, own = muscle_samples(trials, muscles=names, causal=causal)
-    effort = 1.0 if trials[0].muscles.maximal else effort_of(muscles, samples)
+    samples, own = make_muscle_samples(trials, muscles=names, causal=causal)
+    effort = 1.0 if trials[0].muscles.maximal else estimate_effort(muscles, samples)
     if effort < 1.0:
-        samples, own = muscle_samples(trials, muscles=names, effort=effort, causal=causal)
+        samples, own = make_muscle_samples(trials, muscles=names, effort=effort, causal=causal)
     counted = np.flatnonzero(samples.weight > 0.0)
-    folds = folds_of(trials, own, samples, counted)
+    folds = make_folds(trials, own, samples, counted)
     best: tuple[Score | None, float] = (None, weights[0])
     tried = {}
     for weight in weights if len(weights) > 1 else ():
         predicted = np.full(len(samples.torque), np.nan)
         for fitted, scored in folds:
             problem = MuscleProblem(muscles, samples.only(fitted), quantities=quantities, weight=weight)
-            # Choosing asks only which weight is better: one start.
+            # One start suffices to see which weight is better.
             predicted[scored] = solve_calibration(problem, starts=1).predict(samples)[scored]
         reached = score(samples.torque[counted], predicted[counted])
         tried[weight] = reached.rmse
@@ -127,21 +129,28 @@ def fit_hill(
     return HillMap(name, names, choice, fit, missed.rmse, effort, causal, first.joint, driven)
 
 
-def effort_of(muscles: Sequence[HillMuscle], samples: MuscleSamples) -> float:
-    """Share of a maximal contraction that makes the torque of activity alone most like the reference."""
+def estimate_effort(muscles: Sequence[HillMuscle], samples: MuscleSamples) -> float:
+    """Estimate the share of a maximal contraction that an envelope of 1 stands for.
+
+    The best of `EFFORT_CANDIDATES` makes the active torque of the muscles, without passive forces, most like the
+    reference.
+    """
     model, counted = HillModel([replace(m, passive_scale=0.0) for m in muscles]), samples.weight > 0.0
     spread = np.std(samples.torque, axis=-1, keepdims=True)
     errors = [
         float(np.sum((((model.torque(scaled) - samples.torque) / spread)[counted]) ** 2))
-        for scaled in (replace(samples.data, excitation=e * samples.data.excitation) for e in EFFORTS)
+        for scaled in (replace(samples.data, excitation=e * samples.data.excitation) for e in EFFORT_CANDIDATES)
     ]
-    return float(EFFORTS[int(np.argmin(errors))])
+    return float(EFFORT_CANDIDATES[int(np.argmin(errors))])
 
 
-def folds_of(
+def make_folds(
     trials: Sequence[TorqueTrial], own: Sequence[slice], samples: MuscleSamples, counted: np.ndarray
 ) -> list[Fold]:
-    """Group by group, trial by trial, or in blocks of a single one; of samples that count."""
+    """Return folds of the `counted` samples: by group, by trial if there is one group, or by blocks of a single trial.
+
+    `own` is the slice of each trial in `samples`.
+    """
     member = np.full(samples.torque.shape[-1], -1)
     for i, part in enumerate(own):
         member[part] = i
@@ -151,5 +160,5 @@ def folds_of(
     elif len(trials) > 1:
         folds = grouped_folds(member[counted])
     else:
-        folds = block_folds(trials[0].time[counted - own[0].start], BLOCKS, GAP)
+        folds = block_folds(trials[0].time[counted - own[0].start], BLOCK_COUNT, FOLD_GAP_S)
     return [(counted[fitted], counted[scored]) for fitted, scored in folds]

@@ -1,8 +1,8 @@
-"""All muscles of several joints calibrated at once: one set of numbers, one excitation, a moment arm for each joint.
+"""Calibrate all muscles of several joints at once: each has one set of parameters and a moment arm for each joint.
 
-A muscle that crosses two joints pulls with one force at both. From an envelope to the force no more than 100 ms pass
-and no fewer than 10, for every muscle. A recording whose muscles want another time has a stream of EMG that runs ahead
-or behind: with ``offset`` that is found beside the muscles, and is the recording's, not the person's.
+A muscle that crosses two joints pulls with the same force at both. The force of every muscle follows its envelope by 10
+to 100 ms. If the muscles of a recording need another delay, its EMG stream runs ahead or behind. With ``offset`` this
+shift is estimated beside the muscles; it belongs to the recording, not to the person.
 """
 
 from __future__ import annotations
@@ -22,39 +22,39 @@ from ..fit.posterior.calibration_posterior import CalibrationPosterior
 from ..models.hill import HillMuscle
 from ..models.muscle_card import CalibratedMuscles
 from .cross_validation import Score, score
-from .hill import WEIGHTS, effort_of, folds_of
-from .muscle_trials import driven_across, samples_across
+from .hill import ANATOMY_WEIGHT_CANDIDATES, estimate_effort, make_folds
+from .muscle_trials import find_driven_muscles_across, make_muscle_samples_across
 from .torque_trial import TorqueTrial
 
-Across = Mapping[str, TorqueTrial]
-"""One recording's trial at each joint."""
+TrialByJoint = Mapping[str, TorqueTrial]
+"""Trials of one recording, by joint."""
 
-FIRST = 0.01
-"""Weight of anatomy at which ways to share out the delay are compared."""
+TIMING_COMPARISON_WEIGHT = 0.01
+"""Weight of the anatomical prior at which the candidates for the muscles' delays are compared."""
 
 
 @dataclass(frozen=True)
 class StreamOffset:
-    """How far the EMG's stream runs ahead of the others (behind where negative), with its 95 % interval [s]."""
+    """Time by which the EMG stream runs ahead of the others, with its 95 % interval [s]; negative if it is behind."""
 
-    value: float
-    low: float
-    high: float
+    value: float  # Estimate [s]
+    low: float  # Lower end of the interval [s]
+    high: float  # Upper end of the interval [s]
 
     @property
     def certain(self) -> bool:
-        """Whether it cannot be 0."""
+        """Whether the interval excludes 0."""
         return self.low > 0.0 or self.high < 0.0
 
 
 @dataclass(frozen=True)
 class TogetherChoice:
-    """What cross-validation within what may be fitted chose."""
+    """Result of cross-validation within the fitted trials."""
 
-    weight: float  # Of anatomy
-    timing: Timing
-    scores: Mapping[str, Score]  # Out of fold, by joint
-    tried: Mapping[str, float] = field(repr=False)  # Mean squared error over the reference's variance, by words
+    weight: float  # Weight of the anatomical prior
+    timing: Timing  # Form of the muscles' delays
+    scores: Mapping[str, Score]  # Score out of fold, by joint
+    tried: Mapping[str, float] = field(repr=False)  # Mean squared error over the reference's variance, by candidate
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,40 +64,50 @@ class HillTogether:
     joints: tuple[str, ...]
     choice: TogetherChoice
     fit: MuscleFit
-    driven: Mapping[str, tuple[str, ...]] = field(repr=False)  # EMG channels, by muscle
+    driven: Mapping[str, tuple[str, ...]] = field(repr=False)  # EMG channels by muscle
     effort: float = 1.0  # Share of a maximal contraction that an envelope of 1 stands for
 
-    def samples(self, trial: Across) -> tuple[MuscleSamples, slice]:
-        """A recording as these muscles see it, and where its own samples lie."""
+    def samples(self, trial: TrialByJoint) -> tuple[MuscleSamples, slice]:
+        """Return a recording's samples for these muscles, and the slice in which the recording itself lies."""
         across = {joint: [trial[joint]] for joint in self.joints}
         names, ahead = tuple(self.driven), self.choice.timing.ahead
-        samples, own = samples_across(across, muscles=names, effort=self.effort, ahead=ahead)
+        samples, own = make_muscle_samples_across(across, muscles=names, effort=self.effort, ahead=ahead)
         return samples, own[0]
 
-    def predict(self, trial: Across) -> dict[str, np.ndarray]:
-        """Torque of each joint, shape (n,) [N m]; the recording's own torque is not looked at."""
+    def predict(self, trial: TrialByJoint) -> dict[str, np.ndarray]:
+        """Predict the torque of each joint, shape (n,) [N m]; the measured torque is not used."""
         samples, own = self.samples(trial)
         return dict(zip(self.joints, self.fit.predict(samples)[:, own], strict=True))
 
-    def half_width(self, trial: Across, level: float = 0.95) -> dict[str, np.ndarray]:
-        """Half the interval about each torque predicted, shape (n,) [N m]: what the model missed out of fold, and what
-        it does not know, by Student's quantile: a short recording holds few errors that are not copies of others."""
+    def half_width(self, trial: TrialByJoint, level: float = 0.95) -> dict[str, np.ndarray]:
+        """Return half the interval about each predicted torque, shape (n,) [N m].
+
+        The interval combines the errors out of fold and the variance that the parameters' covariance implies. It uses
+        Student's quantile, because a short recording holds few independent errors.
+        """
         samples, own = self.samples(trial)
         _, slopes = self.fit.problem.jacobian(self.fit.z, samples)
         unsure = np.einsum("pjn,pq,qjn->jn", slopes, covariance(self.fit), slopes)[:, own]
-        return self._half(unsure, level)
+        return self._interval_half_width(unsure, level)
 
-    def drawn(
-        self, posterior: CalibrationPosterior, trial: Across, level: float = 0.95
+    def predict_with_posterior(
+        self, posterior: CalibrationPosterior, trial: TrialByJoint, level: float = 0.95
     ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """Torque of each joint as the mean of a `posterior`'s draws, and half its interval, each (n,) [N m]: what was
-        missed out of fold, and by how much draws differ."""
+        """Return each joint's mean torque over posterior draws, and half its interval, each of shape (n,) [N m].
+
+        The interval combines the errors out of fold and the variance of the draws.
+        """
         samples, own = self.samples(trial)
         torques = posterior.torques(samples)[:, :, own]
-        return dict(zip(self.joints, torques.mean(axis=0), strict=True)), self._half(torques.var(axis=0), level)
+        return dict(zip(self.joints, torques.mean(axis=0), strict=True)), self._interval_half_width(
+            torques.var(axis=0), level
+        )
 
-    def _half(self, unsure: np.ndarray, level: float) -> dict[str, np.ndarray]:
-        """With what the muscles do not know, (j, n) [N^2 m^2]."""
+    def _interval_half_width(self, unsure: np.ndarray, level: float) -> dict[str, np.ndarray]:
+        """Return half the interval of each joint's torque, given the variance `unsure` of the predicted torque.
+
+        `unsure` has shape (j, n) [N^2 m^2].
+        """
         freedom = recording_information(self.fit)[2]
         missed = np.array([[self.choice.scores[joint].rmse] for joint in self.joints])
         half = float(stdtrit(freedom, 0.5 + level / 2.0)) * np.sqrt(missed**2 + unsure)
@@ -105,19 +115,19 @@ class HillTogether:
 
     @property
     def muscles(self) -> tuple[HillMuscle, ...]:
-        """As calibrated, each delay that of the recorded stream."""
+        """Calibrated muscles. Each delay counts from the recorded EMG stream."""
         ahead = self.choice.timing.ahead
         return tuple(replace(m, delay=m.delay - ahead) for m in self.fit.muscles) if ahead else self.fit.muscles
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """What was found, each delay that of the recorded stream."""
+        """Calibrated parameters. Each delay counts from the recorded EMG stream."""
         ahead = self.choice.timing.ahead
         return tuple(replace(p, value=p.value - ahead * (p.name == "delay")) for p in muscle_parameters(self.fit))
 
     @property
     def delays(self) -> np.ndarray:
-        """How late each muscle's activation follows the recorded envelopes, delay and lags together, shape (m,) [s]."""
+        """Time by which each muscle's activation follows the recorded envelopes, with all lags, shape (m,) [s]."""
         model = self.fit.problem.model
         values = self.fit.problem.values(self.fit.z)[: len(model.free)]
         stream = model.estimator(self.fit.problem.samples.data.period, values)
@@ -125,8 +135,11 @@ class HillTogether:
 
     @property
     def offset(self) -> StreamOffset | None:
-        """Of the EMG's stream: whatever lets every muscle take from 10 to 100 ms, and the error of the delay; None
-        where it was not looked for."""
+        """Offset of the EMG stream; None if it was not estimated.
+
+        It is the middle of all offsets with which every muscle follows its EMG by 10 to 100 ms. Its interval covers
+        these offsets and the standard error of the delay.
+        """
         if not self.choice.timing.offset:
             return None
         delay = next(p for p in self.parameters if p.name == "delay")
@@ -135,22 +148,26 @@ class HillTogether:
         half = float(ndtri(0.975)) * error
         return StreamOffset(0.5 * (low + high), low - half, high + half)
 
-    def kept(self) -> CalibratedMuscles:
-        """What a card keeps: the muscles, what drives each, each joint's own tissue."""
+    def card_content(self) -> CalibratedMuscles:
+        """Return the content of a card: the muscles, the channels that drive each, and each joint's own tissue."""
         return CalibratedMuscles(self.muscles, self.driven, self.fit.tissue, self.effort)
 
 
 @dataclass(frozen=True, eq=False)
-class _Tried:
-    """What cross-validation said of one choice."""
+class _CandidateErrors:
+    """Cross-validation of one candidate. Errors are squared, over the reference's variance, averaged over joints."""
 
-    scores: Mapping[str, Score]  # By joint, out of fold
-    folds: np.ndarray  # (f,) Squared error over the reference's variance, the mean of all joints, of each fold
-    missed: float  # The same of all
+    scores: Mapping[str, Score]  # Score out of fold, by joint
+    folds: np.ndarray  # Error in each fold, shape (f,)
+    missed: float  # Error over all samples
 
 
-def _simplest(tried: Sequence[tuple[Timing, _Tried]]) -> Timing:
-    """The first that no later one betters by more than the standard error of the difference over folds."""
+def _choose_simplest_timing(tried: Sequence[tuple[Timing, _CandidateErrors]]) -> Timing:
+    """Return the simplest candidate that is not clearly worse, given candidates from simple to complex.
+
+    A later candidate replaces it only if its errors are smaller by more than one standard error of the differences
+    over folds.
+    """
     chosen, best = tried[0]
     for timing, each in tried[1:]:
         gain = best.folds - each.folds
@@ -163,27 +180,30 @@ def fit_together(
     trials: Mapping[str, Sequence[TorqueTrial]],
     *,
     offset: bool = False,
-    weights: Sequence[float] = WEIGHTS,
+    weights: Sequence[float] = ANATOMY_WEIGHT_CANDIDATES,
     timings: Sequence[Timing] = TIMING_CANDIDATES,
 ) -> HillTogether:
-    """Calibrate the muscles of all joints on the same recordings' trials at each; how the delay is shared out, and the
-    weight of anatomy, are chosen by cross-validation within them."""
+    """Calibrate the muscles of several joints on the same recordings, given as trials by joint.
+
+    Cross-validation within the trials chooses the form of the delays among `timings` and the weight of the anatomical
+    prior among `weights`. `offset`: whether a shift of the EMG stream is estimated.
+    """
     held = next((t.name for own in trials.values() for t in own if t.heldout), None)
     if len(trials) < 2 or held is not None:
         found = f"the held-out trial {held}" if held else f"the torque of {', '.join(trials) or 'no joint'}"
         raise IdentificationError(f"muscles together: found {found}, expected trials to fit of two joints or more")
-    muscles = driven_across(trials)
+    muscles = find_driven_muscles_across(trials)
     names, first = tuple(m.name for m in muscles), next(iter(trials.values()))
     ahead = replace(timings[0], offset=offset).ahead
-    samples, own = samples_across(trials, muscles=names, ahead=ahead)
-    effort = 1.0 if first[0].muscles.maximal else effort_of(muscles, samples)
+    samples, own = make_muscle_samples_across(trials, muscles=names, ahead=ahead)
+    effort = 1.0 if first[0].muscles.maximal else estimate_effort(muscles, samples)
     if effort < 1.0:
-        samples, own = samples_across(trials, muscles=names, effort=effort, ahead=ahead)
+        samples, own = make_muscle_samples_across(trials, muscles=names, effort=effort, ahead=ahead)
     counted = np.flatnonzero(samples.weight[0] > 0.0)
-    folds = folds_of(first, own, samples, counted)
+    folds = make_folds(first, own, samples, counted)
     last: dict[int, np.ndarray] = {}
 
-    def left_out(timing: Timing, weight: float) -> _Tried:
+    def left_out(timing: Timing, weight: float) -> _CandidateErrors:
         priors, hold = coupled_priors(muscles, timing, samples.data.period)
         made = np.full(samples.torque.shape, np.nan)
         for i, (fitted, scored) in enumerate(folds):
@@ -192,17 +212,19 @@ def fit_together(
             last[i] = found.z
             made[:, scored] = found.predict(samples)[:, scored]
         off = (made - samples.torque) / np.std(samples.torque[:, counted], axis=1, keepdims=True)
-        return _Tried(
+        return _CandidateErrors(
             {joint: score(samples.torque[j, counted], made[j, counted]) for j, joint in enumerate(samples.joints)},
             np.array([np.mean(off[:, scored] ** 2) for _, scored in folds]),
             float(np.mean(off[:, counted] ** 2)),
         )
 
-    tried: dict[tuple[Timing, float], _Tried] = {}
+    tried: dict[tuple[Timing, float], _CandidateErrors] = {}
     for each in timings:
         last.clear()
-        tried[replace(each, offset=offset), FIRST] = left_out(replace(each, offset=offset), FIRST)
-    timing = _simplest([(t, each) for (t, _), each in tried.items()])
+        tried[replace(each, offset=offset), TIMING_COMPARISON_WEIGHT] = left_out(
+            replace(each, offset=offset), TIMING_COMPARISON_WEIGHT
+        )
+    timing = _choose_simplest_timing([(t, each) for (t, _), each in tried.items()])
     last.clear()
     for weight in weights:
         if (timing, weight) not in tried:
@@ -214,7 +236,7 @@ def fit_together(
         weight, timing, tried[timing, weight].scores,
         {f"{t.words}, weight {w:g}": each.missed for (t, w), each in tried.items()},
     )  # fmt: skip
-    # Lengths and arms of a muscle are one joint's or another's; its channels are the same for all.
+    # A muscle belongs to one or several joints; its channels are the same at all of them.
     driven = {
         m: channels for t in (own[0] for own in trials.values())
         for m, channels in t.muscles.driven(t.joint, t.envelopes).items()

@@ -1,13 +1,13 @@
-r"""Stiffness of a joint along a movement, from calibrated muscles, with what is not known of it.
+r"""Stiffness of a joint along a movement, from calibrated muscles, with its standard error.
 
 .. math::
    K_{jk} = -\frac{\partial \tau_j}{\partial q_k} = \sum_m \left(\frac{\partial l_m}{\partial q_j}
    \frac{\partial l_m}{\partial q_k} k_m + \frac{\partial^2 l_m}{\partial q_j \partial q_k} F_m\right) + k_{tissue}
 
-k of a muscle is either what its attached cross-bridges give at once, in series with its tendon [1]_ [2]_, or the slope
-of the model's own force. Both come from the core that is stepped live (``include/pellucid/muscle_stiffness.hpp``). The
-interval holds the calibration's covariance and what muscles and tendons differ by; whether the model is right it cannot
-know.
+A muscle's k is either its short-range stiffness or the slope of the model's own force. Short-range stiffness is the
+immediate stiffness of attached cross-bridges, in series with the tendon [1]_ [2]_. Both come from the core that is
+stepped live (``include/pellucid/muscle_stiffness.hpp``). The standard error covers the calibration's covariance and the
+variation among muscles and tendons. It does not cover errors of the model itself.
 
 .. [1] P. M. H. Rack, D. R. Westbury, "The short range stiffness of active mammalian muscle and its effect on mechanical
    properties", J. Physiol. 240, 1974.
@@ -28,51 +28,54 @@ from ..models.emg_estimator import SHORT_RANGE_STIFFNESS_ERROR_SHARE, EmgEstimat
 from ..models.hill import MUSCLE_QUANTITIES
 from .torque_trial import TorqueTrial
 
-TENDON_SPREAD = 0.3
-"""Standard error of a tendon's strain under F_0, a share of it: tendons of one leg differ by as much."""
+TENDON_STRAIN_ERROR_SHARE = 0.3
+"""Standard error of a tendon's strain under F_0, as a share of the strain. Tendons of one leg differ by as much."""
 
-POSTURES = 4
-"""Of equal shares of a movement's time, from its smallest angle to its largest."""
+POSTURE_COUNT = 4
+"""Number of postures into which a movement is divided, from its smallest angle to its largest, of equal time."""
 
-LONGEST = 3000
-"""Samples of a movement that are looked at."""
+MAX_SAMPLE_COUNT = 3000
+"""Largest number of samples of a movement that are used."""
 
-LEAST_MOVED = 0.05
-"""By which a parameter is moved at least to see what stiffness it changes, in standard deviations among people: else by
-its standard error, so that where a muscle just begins to pull counts as much as it may."""
+MIN_PARAMETER_STEP = 0.05
+"""Smallest step of a parameter in the derivative of stiffness, in standard deviations among people.
 
-KINDS = ("short_range", "slope")
-"""At once, and by Hill's slope."""
+The step is the parameter's standard error if that is larger. The derivative then includes muscles that only begin to
+pull within the error.
+"""
+
+STIFFNESS_KINDS = ("short_range", "slope")
+"""Kinds of stiffness: short-range stiffness, and the slope of the Hill model's force."""
 
 
 @dataclass(frozen=True)
 class PostureStiffness:
-    """Mean over a share of a movement."""
+    """Mean stiffness over a range of angles."""
 
-    low: float  # low, high: Angles of the share [rad]
-    high: float
-    torque: float  # Mean, by the muscles [N m]
-    value: Mapping[str, float]  # By `KINDS` [N m/rad]
-    error: Mapping[str, float]  # Standard errors
+    low: float  # Smallest angle [rad]
+    high: float  # Largest angle [rad]
+    torque: float  # Mean torque of the muscles [N m]
+    value: Mapping[str, float]  # Mean stiffness by `STIFFNESS_KINDS` [N m/rad]
+    error: Mapping[str, float]  # Standard errors by `STIFFNESS_KINDS` [N m/rad]
 
 
 @dataclass(frozen=True, eq=False)
 class JointStiffness:
-    """Of a joint along a movement."""
+    """Stiffness of a joint along a movement."""
 
     joint: str
     recording: str
-    time: np.ndarray  # time, torque: (n,) [s] and [N m]
-    torque: np.ndarray
-    value: Mapping[str, np.ndarray]  # (n,) By `KINDS` [N m/rad]
-    error: Mapping[str, np.ndarray]  # (n,) Standard errors
-    whole: PostureStiffness  # Over all of it
-    postures: tuple[PostureStiffness, ...]  # From the smallest angle to the largest
+    time: np.ndarray  # Time, shape (n,) [s]
+    torque: np.ndarray  # Torque of the muscles, shape (n,) [N m]
+    value: Mapping[str, np.ndarray]  # Stiffness by `STIFFNESS_KINDS`, shape (n,) [N m/rad]
+    error: Mapping[str, np.ndarray]  # Standard errors by `STIFFNESS_KINDS`, shape (n,) [N m/rad]
+    whole: PostureStiffness  # Mean over the whole movement
+    postures: tuple[PostureStiffness, ...]  # Means by posture, from the smallest angle to the largest
 
 
 def joint_stiffness(card: EmgEstimatorCard, fit: MuscleFit, trial: TorqueTrial) -> JointStiffness:
-    """Along a trial, by the muscles of a card of one joint and the fit that they come from."""
-    shown = slice(0, LONGEST)
+    """Compute the stiffness along a trial from the muscles of a one-joint card and the fit that they come from."""
+    shown = slice(0, MAX_SAMPLE_COUNT)
     # A trial's envelopes are relative already.
     card = replace(card, chain="none", channels=tuple(replace(c, scale=1.0) for c in card.channels))
     time = np.round(1e6 * card.period * np.arange(len(trial.time[shown])))
@@ -86,13 +89,16 @@ def joint_stiffness(card: EmgEstimatorCard, fit: MuscleFit, trial: TorqueTrial) 
 
     torque, value = run(card)
     spread = np.array(covariance(fit))
-    # What ended on a bound is known no better than of anybody.
+    # A parameter that ended on a bound keeps the standard deviation among people.
     spread[fit.at_bound, fit.at_bound] = 1.0
-    steps = np.maximum(LEAST_MOVED, np.sqrt(np.diag(spread)))
+    steps = np.maximum(MIN_PARAMETER_STEP, np.sqrt(np.diag(spread)))
     slopes = np.array(
-        [(run(_moved(card, fit, i, h))[1] - run(_moved(card, fit, i, -h))[1]) / (2.0 * h) for i, h in enumerate(steps)]
+        [
+            (run(_move_parameter(card, fit, i, h))[1] - run(_move_parameter(card, fit, i, -h))[1]) / (2.0 * h)
+            for i, h in enumerate(steps)
+        ]
     )
-    known = np.array([SHORT_RANGE_STIFFNESS_ERROR_SHARE, TENDON_SPREAD])
+    known = np.array([SHORT_RANGE_STIFFNESS_ERROR_SHARE, TENDON_STRAIN_ERROR_SHARE])
     apart = np.array(
         [
             (run(replace(card, **{name: (1.0 + h) * x}))[1] - run(replace(card, **{name: (1.0 - h) * x}))[1])
@@ -105,10 +111,10 @@ def joint_stiffness(card: EmgEstimatorCard, fit: MuscleFit, trial: TorqueTrial) 
         return np.sqrt(np.einsum("p...,pq,q...->...", by, spread, by) + np.einsum("k...,k->...", beside**2, known**2))
 
     def mean(inside: np.ndarray) -> PostureStiffness:
-        means = {kind: float(value[i, inside].mean()) for i, kind in enumerate(KINDS)}
+        means = {kind: float(value[i, inside].mean()) for i, kind in enumerate(STIFFNESS_KINDS)}
         errors = {
             kind: float(error(slopes[:, i, inside].mean(axis=1), apart[:, i, inside].mean(axis=1)))
-            for i, kind in enumerate(KINDS)
+            for i, kind in enumerate(STIFFNESS_KINDS)
         }
         low, high = float(own[inside].min()), float(own[inside].max())
         return PostureStiffness(low, high, float(torque[inside].mean()), means, errors)
@@ -119,15 +125,15 @@ def joint_stiffness(card: EmgEstimatorCard, fit: MuscleFit, trial: TorqueTrial) 
         trial.name,
         trial.time[shown] - trial.time[0],
         torque,
-        dict(zip(KINDS, value, strict=True)),
-        {kind: error(slopes[:, i], apart[:, i]) for i, kind in enumerate(KINDS)},
+        dict(zip(STIFFNESS_KINDS, value, strict=True)),
+        {kind: error(slopes[:, i], apart[:, i]) for i, kind in enumerate(STIFFNESS_KINDS)},
         mean(np.arange(len(own))),
-        tuple(mean(np.sort(part)) for part in np.array_split(order, POSTURES)),
+        tuple(mean(np.sort(part)) for part in np.array_split(order, POSTURE_COUNT)),
     )
 
 
-def _moved(card: EmgEstimatorCard, fit: MuscleFit, i: int, by: float) -> EmgEstimatorCard:
-    """The card with one parameter moved, as far as muscles can be made of it."""
+def _move_parameter(card: EmgEstimatorCard, fit: MuscleFit, i: int, by: float) -> EmgEstimatorCard:
+    """Return the card with parameter `i` moved `by` some standard deviations, clipped to values that muscles allow."""
     z = np.array(fit.z, float)
     z[i] += by
     values, count = fit.problem.values(z), len(fit.problem.priors)

@@ -1,13 +1,14 @@
-r"""What a model of a joint leaves, learnt from recordings as rules over angle and speed: fuzzy, or those of a network.
+r"""Learn the torque residual of a joint's model as rules over angle and speed, by a fuzzy system or a network.
 
 Triangles :math:`A_i(q)` and :math:`B_j(v)` that sum to one make a Takagi-Sugeno system of order zero [1]_,
 
 .. math::
    r(q, v) = \sum_{ij} w_{ij} A_i(q) B_j(v),
 
-as `include/pellucid/rule_compensation.hpp` computes it. The fuzzy system's :math:`w` are a ridge regression's; a
-network is trained on the same samples and carried by its values at the places of the rules. How stiff either is, and
-whether it is any better than nothing, is chosen by leaving out recordings, and judged by leaving out others around it.
+as `include/pellucid/rule_compensation.hpp` computes it. The fuzzy system's :math:`w` come from a ridge regression. A
+network is trained on the same samples, and its values at the centres of the rules are the :math:`w`. Cross-validation
+chooses the *stiffness*, which is the ridge or the weight decay, and whether any rules are better than none. An outer
+cross-validation scores this choice.
 
 .. [1] T. Takagi, M. Sugeno, "Fuzzy identification of systems and its applications to modeling and control", IEEE
    Transactions on Systems, Man, and Cybernetics 15(1), 1985.
@@ -24,125 +25,156 @@ import numpy as np
 from .._errors import PellucidError
 from .neural_network import NeuralNetwork
 
-ANGLES, SPEEDS = 5, 7
-"""Rules over angle and over speed, as the core has them."""
+ANGLE_RULE_COUNT = 5
+"""Number of rules over angle, the same as in the core."""
 
-SPEED = 0.3
-"""w: half of either direction's rules lie below it [rad/s]."""
+SPEED_RULE_COUNT = 7
+"""Number of rules over speed, the same as in the core."""
 
-FOLDS = 3
-"""Groups of recordings, each of which is left out once."""
+RULE_SPEED_RAD_S = 0.3
+"""Speed w below which half of the rules of either direction lie [rad/s]."""
 
-STIFFNESS = {"fuzzy": (1e-3, 1e-2, 1e-1, 1.0), "network": (0.1, 1.0, 10.0)}
-"""From which either is chosen: of the ridge as a share of the samples, and of the network's weight decay [1]."""
+FOLD_COUNT = 3
+"""Number of groups of recordings. Each is left out once in cross-validation."""
 
-Kind = Literal["fuzzy", "network"]
+STIFFNESS_CANDIDATES = {"fuzzy": (1e-3, 1e-2, 1e-1, 1.0), "network": (0.1, 1.0, 10.0)}
+"""Candidate stiffnesses: the ridge as a share of the samples, and the network's weight decay [1]."""
+
+RuleKind = Literal["fuzzy", "network"]
+"""Kind of system that finds the rules."""
 
 
 @dataclass(frozen=True, eq=False)
-class Residual:
-    """What a model leaves in one recording."""
+class RecordedResidual:
+    """Torque residual of a model in one recording."""
 
-    position: np.ndarray  # position, velocity, torque: (n,) [rad], [rad/s], [N m]
-    velocity: np.ndarray
-    torque: np.ndarray
+    position: np.ndarray  # Angle, shape (n,) [rad]
+    velocity: np.ndarray  # Velocity, shape (n,) [rad/s]
+    torque: np.ndarray  # Residual torque, shape (n,) [N m]
 
 
 @dataclass(frozen=True, eq=False)
 class LearntRules:
-    """Rules, and how much of what a model leaves they tell in recordings that had no part in them."""
+    """Rules learnt from a model's residual, with their errors on recordings that were left out."""
 
-    kind: Kind
-    low: float  # low, high: Where the rules' angles begin and end [rad]
-    high: float
-    torque: np.ndarray  # (ANGLES, SPEEDS) [N m]
-    stiffness: float  # As chosen; infinite where no rule was better than none
-    left: float  # RMS of what rules leave of recordings left out of everything [N m] ...
-    before: float  # ... and of what was there without them
+    kind: RuleKind
+    low: float  # Smallest angle of the rules [rad]
+    high: float  # Largest angle of the rules [rad]
+    torque: np.ndarray  # Torque of each rule, shape (angle rules, speed rules) [N m]
+    stiffness: float  # Chosen stiffness; infinite if no rules were better than none
+    left: float  # RMS of the residual with rules, in recordings of the outer cross-validation [N m]
+    before: float  # RMS of the residual without rules [N m]
 
     def predict(self, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """What the rules say at angles [rad] and velocities [rad/s], shape (n,) each; gives (n,) [N m]."""
+        """Predict the residual torque at angles [rad] and velocities [rad/s], all of shape (n,) [N m]."""
         return memberships(position, velocity, self.low, self.high) @ self.torque.ravel()
 
     def numbers(self, share: float = 1.0) -> dict[str, float]:
-        """The core's numbers by name, SI, with a `share` of every torque."""
+        """Return the core's parameters by name, in SI units, with every torque multiplied by `share`."""
         table = {f"rule_{i}_{j}": share * float(t) for (i, j), t in np.ndenumerate(self.torque)}
-        return {"rule_low": self.low, "rule_high": self.high, "rule_speed": SPEED, **table}
+        return {"rule_low": self.low, "rule_high": self.high, "rule_speed": RULE_SPEED_RAD_S, **table}
 
 
-Fit = Callable[[Sequence[Residual], float], np.ndarray]
-Missed = Callable[[np.ndarray, Residual], np.ndarray]
+FitFunction = Callable[[Sequence[RecordedResidual], float], np.ndarray]
+"""Function that fits the rules' torques to recordings, with a stiffness."""
+
+ErrorFunction = Callable[[np.ndarray, RecordedResidual], np.ndarray]
+"""Function that returns the errors of the rules' torques in a recording, shape (n,) [N m]."""
 
 
-def learn_rules(recordings: Sequence[Residual], kind: Kind) -> LearntRules:
-    """Rules of what a model leaves in several recordings, chosen by cross-validation and judged by a second one around
-    it."""
-    if len(recordings) < FOLDS + 1:
-        raise PellucidError(f"rules: found {len(recordings)} recordings, expected {FOLDS + 1} or more to learn from")
+def learn_rules(recordings: Sequence[RecordedResidual], kind: RuleKind) -> LearntRules:
+    """Learn rules from a model's residuals in several recordings.
+
+    Cross-validation chooses their stiffness, and an outer cross-validation scores this choice.
+    """
+    if len(recordings) < FOLD_COUNT + 1:
+        raise PellucidError(
+            f"rules: found {len(recordings)} recordings, expected {FOLD_COUNT + 1} or more to learn from"
+        )
     whole = np.concatenate([one.position for one in recordings])
     low, high = float(whole.min()), float(whole.max())
     if not high > low:
         raise PellucidError(f"rules: every angle is {low:g} rad, expected a motion")
-    make = _fuzzy if kind == "fuzzy" else _network
+    make = _fit_fuzzy_rules if kind == "fuzzy" else _fit_network_rules
 
-    def fit(used: Sequence[Residual], stiffness: float) -> np.ndarray:
+    def fit(used: Sequence[RecordedResidual], stiffness: float) -> np.ndarray:
         if np.isinf(stiffness):
-            return np.zeros((ANGLES, SPEEDS))
+            return np.zeros((ANGLE_RULE_COUNT, SPEED_RULE_COUNT))
         q, v, r = (np.concatenate([getattr(one, x) for one in used]) for x in ("position", "velocity", "torque"))
         return make(q, v, r, low, high, stiffness)
 
-    def missed(torque: np.ndarray, judged: Residual) -> np.ndarray:
+    def missed(torque: np.ndarray, judged: RecordedResidual) -> np.ndarray:
         return judged.torque - memberships(judged.position, judged.velocity, low, high) @ torque.ravel()
 
     left = []
-    for others, judged in _folds(recordings):
-        torque = fit(others, _chosen(others, STIFFNESS[kind], fit, missed))
+    for others, judged in _split_recordings(recordings):
+        torque = fit(others, _choose_stiffness(others, STIFFNESS_CANDIDATES[kind], fit, missed))
         left += [missed(torque, one) for one in judged]
-    chosen = _chosen(recordings, STIFFNESS[kind], fit, missed)
+    chosen = _choose_stiffness(recordings, STIFFNESS_CANDIDATES[kind], fit, missed)
     before = np.concatenate([one.torque for one in recordings])
     return LearntRules(kind, low, high, fit(recordings, chosen), chosen, _rms(np.concatenate(left)), _rms(before))
 
 
 def memberships(position: np.ndarray, velocity: np.ndarray, low: float, high: float) -> np.ndarray:
-    """How far each rule holds at angles [rad] and velocities [rad/s], shape (n,) each, between two angles [rad]; rows
-    sum to one. Gives (n, ANGLES * SPEEDS)."""
-    along = np.clip((np.asarray(position) - low) / (high - low), 0.0, 1.0) * (ANGLES - 1)
-    fast = 0.5 * (SPEEDS - 1) * (1.0 + bent(velocity))
-    a, b = (np.maximum(1.0 - np.abs(x[:, None] - np.arange(n)), 0.0) for x, n in ((along, ANGLES), (fast, SPEEDS)))
+    """Return the membership in each rule at angles [rad] and velocities [rad/s], shape (n,) each.
+
+    `low` and `high` are the ends of the rules' angles [rad]. The result has shape (n, angle rules * speed rules); its
+    rows sum to one.
+    """
+    along = np.clip((np.asarray(position) - low) / (high - low), 0.0, 1.0) * (ANGLE_RULE_COUNT - 1)
+    fast = 0.5 * (SPEED_RULE_COUNT - 1) * (1.0 + compress_speed(velocity))
+    a, b = (
+        np.maximum(1.0 - np.abs(x[:, None] - np.arange(n)), 0.0)
+        for x, n in ((along, ANGLE_RULE_COUNT), (fast, SPEED_RULE_COUNT))
+    )
     return (a[:, :, None] * b[:, None, :]).reshape(len(along), -1)
 
 
-def bent(velocity: np.ndarray) -> np.ndarray:
-    """v / (|v| + w): evenly spaced rules lie close where friction turns. Shape (n,) [rad/s]; gives (n,) [1]."""
+def compress_speed(velocity: np.ndarray) -> np.ndarray:
+    """Return v / (|v| + w) of velocities of shape (n,) [rad/s], same shape [1].
+
+    Rules that are evenly spaced on this scale lie close together about zero speed, where friction changes its sign.
+    """
     v = np.asarray(velocity, float)
-    return v / (np.abs(v) + SPEED)
+    return v / (np.abs(v) + RULE_SPEED_RAD_S)
 
 
-def _fuzzy(q: np.ndarray, v: np.ndarray, r: np.ndarray, low: float, high: float, stiffness: float) -> np.ndarray:
+def _fit_fuzzy_rules(
+    q: np.ndarray, v: np.ndarray, r: np.ndarray, low: float, high: float, stiffness: float
+) -> np.ndarray:
+    """Return the rules' torques by ridge regression, shape (angle rules, speed rules) [N m]."""
     phi = memberships(q, v, low, high)
-    ridge = stiffness * len(r) / (ANGLES * SPEEDS) * np.eye(ANGLES * SPEEDS)
-    return np.linalg.solve(phi.T @ phi + ridge, phi.T @ r).reshape(ANGLES, SPEEDS)
+    ridge = stiffness * len(r) / (ANGLE_RULE_COUNT * SPEED_RULE_COUNT) * np.eye(ANGLE_RULE_COUNT * SPEED_RULE_COUNT)
+    return np.linalg.solve(phi.T @ phi + ridge, phi.T @ r).reshape(ANGLE_RULE_COUNT, SPEED_RULE_COUNT)
 
 
-def _network(q: np.ndarray, v: np.ndarray, r: np.ndarray, low: float, high: float, stiffness: float) -> np.ndarray:
+def _fit_network_rules(
+    q: np.ndarray, v: np.ndarray, r: np.ndarray, low: float, high: float, stiffness: float
+) -> np.ndarray:
+    """Return the rules' torques by a network trained on the same samples, shape (angle rules, speed rules) [N m]."""
+
     def features(angle: np.ndarray, speed: np.ndarray) -> np.ndarray:
         return np.column_stack([(angle - low) / (high - low), speed])
 
-    # A thousand samples tell as much as all of them, neighbours being alike.
+    # A thousand samples suffice, since neighbouring samples are alike.
     every = max(len(r) // 1000, 1)
-    trained = NeuralNetwork(penalty=stiffness).fit(features(q, bent(v))[::every], r[::every])
-    angle, speed = np.meshgrid(np.linspace(low, high, ANGLES), np.linspace(-1.0, 1.0, SPEEDS), indexing="ij")
+    trained = NeuralNetwork(penalty=stiffness).fit(features(q, compress_speed(v))[::every], r[::every])
+    angle, speed = np.meshgrid(
+        np.linspace(low, high, ANGLE_RULE_COUNT), np.linspace(-1.0, 1.0, SPEED_RULE_COUNT), indexing="ij"
+    )
     said = trained.predict(features(angle.ravel(), speed.ravel()))
-    # Where nobody was, a network may say anything.
-    return np.clip(said, r.min(), r.max()).reshape(ANGLES, SPEEDS)
+    # A network extrapolates freely. Its values are limited to the residuals that were recorded.
+    return np.clip(said, r.min(), r.max()).reshape(ANGLE_RULE_COUNT, SPEED_RULE_COUNT)
 
 
-def _chosen(recordings: Sequence[Residual], stiffnesses: Sequence[float], fit: Fit, missed: Missed) -> float:
-    """The stiffness with the smallest error of recordings left out one by one; infinite where none beats nothing."""
+def _choose_stiffness(
+    recordings: Sequence[RecordedResidual], stiffnesses: Sequence[float], fit: FitFunction, missed: ErrorFunction
+) -> float:
+    """Return the stiffness with the smallest error in cross-validation; infinite if no rules are better than none."""
 
     def error(stiffness: float) -> float:
         off = []
-        for others, judged in _folds(recordings):
+        for others, judged in _split_recordings(recordings):
             torque = fit(others, stiffness)
             off += [missed(torque, one) for one in judged]
         return _rms(np.concatenate(off))
@@ -150,12 +182,16 @@ def _chosen(recordings: Sequence[Residual], stiffnesses: Sequence[float], fit: F
     return min((*stiffnesses, float("inf")), key=error)
 
 
-def _folds(recordings: Sequence[Residual]) -> list[tuple[list[Residual], list[Residual]]]:
+def _split_recordings(
+    recordings: Sequence[RecordedResidual],
+) -> list[tuple[list[RecordedResidual], list[RecordedResidual]]]:
+    """Return pairs of fitted and left-out recordings."""
     return [
-        ([one for i, one in enumerate(recordings) if i % FOLDS != fold], list(recordings[fold::FOLDS]))
-        for fold in range(FOLDS)
+        ([one for i, one in enumerate(recordings) if i % FOLD_COUNT != fold], list(recordings[fold::FOLD_COUNT]))
+        for fold in range(FOLD_COUNT)
     ]
 
 
 def _rms(values: np.ndarray) -> float:
+    """Return the root mean square."""
     return float(np.sqrt(np.mean(values**2)))

@@ -1,7 +1,7 @@
-"""Torque of joints while a session runs: samples with times go in, torques with what they are worth come out.
+"""Estimate the torque of joints while a session runs: samples with times go in, torques with their validity come out.
 
-The state is the core's, the same that a microcontroller steps and that batches run through, so that what was judged
-offline is what is used live.
+The core holds the state. A microcontroller and the offline evaluation step the same core, so that the live estimator is
+the one that was evaluated offline.
 """
 
 from __future__ import annotations
@@ -20,40 +20,42 @@ from ..units import to_si_factor
 
 @dataclass(frozen=True)
 class LiveEstimate:
-    """What one step gives."""
+    """Torque and faults after one step."""
 
-    torque: Mapping[str, float]  # By joint [N m], finite and within its limit whatever came in
-    fault: str  # The gravest of `FAULTS`, or "none": as good as its calibration
-    lost: tuple[str, ...] = ()  # Channels silent for too long, taken for muscles at rest
-    above: tuple[str, ...] = ()  # Channels above what the calibration knew of them, cut off
-    blind: tuple[str, ...] = ()  # Angles that are lost: every torque is 0
+    torque: Mapping[str, float]  # Torque by joint [N m], always finite and within its limit
+    fault: str  # Gravest of the `FAULTS`; "none" if the estimate is as good as the calibration
+    lost: tuple[str, ...] = ()  # Channels silent for too long, whose muscles are taken to be at rest
+    above: tuple[str, ...] = ()  # Channels above their largest value in the calibration, which were clipped
+    blind: tuple[str, ...] = ()  # Lost angles, without which every torque is 0
 
     @property
     def valid(self) -> bool:
-        """Whether the calibration stands behind it."""
+        """Whether the estimate is as good as the calibration."""
         return self.fault in ("none", "restarted")
 
 
 FAULTS = tuple(_core.EMG_FAULTS)
-"""none, configuration, time, angle, channel, ceiling, limit, restarted; ``include/pellucid/emg_estimator.hpp`` says
-what each means."""
+"""Names of the faults: none, configuration, time, angle, channel, ceiling, limit, restarted.
+
+``include/pellucid/emg_estimator.hpp`` defines each.
+"""
 
 
 class LiveTorque:
-    """A calibrated estimator at work.
+    """A calibrated estimator that runs sample by sample.
 
     Parameters
     ----------
     card : EmgEstimatorCard
-        Of `calibrate`.
+        Card that `calibrate` wrote.
     period : float or None
-        From one step to the next [s]; None: that of the recordings it was calibrated on.
+        Time from one step to the next [s]; None: the period of the recordings it was calibrated on.
     angle_unit : str
-        Of the angles that will be given.
+        Unit of the angles passed to `step` and `run`.
 
     Examples
     --------
-    Of a study that was calibrated:
+    Read the card of a calibrated study and step it:
 
     >>> from pellucid.models.emg_estimator import read_estimator_card
     >>> live = LiveTorque(read_estimator_card(path), angle_unit="deg")
@@ -69,36 +71,38 @@ class LiveTorque:
         self._core = card.build(period)
 
     def listen(self, emg: Mapping[str, np.ndarray]) -> None:
-        """Raw EMG by channel, (n,) [V] each, at the card's rate; NaN where an electrode was not heard."""
+        """Pass raw EMG by channel, shape (n,) [V] each, at the card's rate. NaN marks missing samples."""
         if self.card.chain == "none":
             raise PellucidError(f"card {self.card.name}: found raw EMG, expected envelopes with every step")
-        self._core.listen(np.column_stack(self._rows("EMG", self.channels, emg)))
+        self._core.listen(np.column_stack(self._ordered_values("EMG", self.channels, emg)))
 
     def step(self, time: float, emg: Mapping[str, float], angles: Mapping[str, float]) -> LiveEstimate:
-        """One period: the time [s], envelopes by channel (none where raw EMG goes through `listen`), angles by joint.
-        What is missing or NaN was not heard.
+        """Advance one period and return the estimate.
+
+        `time` is in seconds; `emg` holds envelopes by channel, none if raw EMG goes through `listen`; `angles` holds
+        angles by joint. A value that is absent or NaN counts as missing.
         """
         if not np.isfinite(time) or abs(time) > 9e9:
             raise PellucidError(f"time: found {time:g} s, expected seconds on a clock that only goes on")
-        envelope = self._rows("EMG", self.channels, emg)
-        angle = self._gain * np.array(self._rows("angles", self.card.angles, angles), float)
+        envelope = self._ordered_values("EMG", self.channels, emg)
+        angle = self._gain * np.array(self._ordered_values("angles", self.card.angles, angles), float)
         torque, fault, lost, above, blind = self._core.step(round(1e6 * time), envelope, angle)
         return LiveEstimate(
             dict(zip(self.joints, torque.tolist(), strict=True)),
             FAULTS[fault],
-            _named(self.channels, lost),
-            _named(self.channels, above),
-            _named(self.card.angles, blind),
+            _names_of_set_bits(self.channels, lost),
+            _names_of_set_bits(self.channels, above),
+            _names_of_set_bits(self.card.angles, blind),
         )
 
     def run(
         self, time: np.ndarray, emg: Mapping[str, np.ndarray], angles: Mapping[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
-        """Periods one after another, going on from the state; torque by joint, (n,) [N m]."""
+        """Advance several periods from the present state and return the torque by joint, shape (n,) [N m] each."""
         n = len(time)
 
         def rows(what: str, names: tuple[str, ...], given: Mapping[str, np.ndarray]) -> np.ndarray:
-            found = [np.broadcast_to(np.asarray(x, float), n) for x in self._rows(what, names, given)]
+            found = [np.broadcast_to(np.asarray(x, float), n) for x in self._ordered_values(what, names, given)]
             return np.array(found).reshape(len(names), n)
 
         angle = self._gain * rows("angles", self.card.angles, angles)
@@ -106,21 +110,23 @@ class LiveTorque:
         return dict(zip(self.joints, torque, strict=True))
 
     def stiffness(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of the joints at the last step, at once and by Hill's slope; row by the torque, column by the angle, (j, j)
-        each [N m/rad].
+        """Return the joints' short-range stiffness and the slope of the Hill forces at the last step.
+
+        Each has shape (j, j) [N m/rad]: the row is the torque's joint, the column the angle's.
         """
         return self._core.stiffness()
 
     @property
     def activations(self) -> dict[str, float]:
-        """Of each muscle at the last step [1]."""
+        """Activation of each muscle at the last step [1]."""
         return dict(zip((m.name for m in self.card.muscles), self._core.activations.tolist(), strict=True))
 
     def reset(self) -> None:
         """Forget every sample."""
         self._core.reset()
 
-    def _rows(self, what: str, names: tuple[str, ...], given: Mapping) -> list:
+    def _ordered_values(self, what: str, names: tuple[str, ...], given: Mapping) -> list:
+        """Return the values of `given` in the order of `names`, NaN for absent ones; refuse unknown names."""
         unknown = [name for name in given if name not in names]
         if unknown:
             raise PellucidError(
@@ -129,5 +135,6 @@ class LiveTorque:
         return [given.get(name, nan) for name in names]
 
 
-def _named(names: tuple[str, ...], bits: int) -> tuple[str, ...]:
+def _names_of_set_bits(names: tuple[str, ...], bits: int) -> tuple[str, ...]:
+    """Return the names whose bits are set."""
     return tuple(name for i, name in enumerate(names) if bits >> i & 1)

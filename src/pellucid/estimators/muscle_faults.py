@@ -1,4 +1,4 @@
-"""What makes trials unfit for muscles: each refused by trial and channel, with what was found and expected."""
+"""Refuse trials that are unfit for muscles, with the trial, the channel, and what was found and expected."""
 
 from __future__ import annotations
 
@@ -9,40 +9,41 @@ import numpy as np
 from .._errors import RecordingError
 from .torque_trial import TorqueTrial
 
-NEGATIVE = 0.1
-"""Of the largest value: an envelope further below 0 is none. Low-passes undershoot by a few percent."""
+MAX_NEGATIVE_SHARE = 0.1
+"""An envelope may fall below 0 by at most this share of its largest value. Low-passes undershoot by a few percent."""
 
-DEGREES = 2.0 * np.pi
-"""No joint bends further than this [rad]."""
+MAX_JOINT_ANGLE_RAD = 2.0 * np.pi
+"""Largest angle that a joint can have [rad]. A larger one is probably in degrees."""
 
-SILENT = 5e-3
-"""Of a maximal contraction: an envelope that never rises above this is no muscle's."""
+MIN_ENVELOPE_PEAK = 5e-3
+"""An envelope must exceed this share of a maximal contraction at least once. Otherwise no muscle was recorded."""
 
-AGAINST = 0.3
-"""Correlation with the torque beyond which muscles pull the wrong way."""
+MIN_SWAPPED_CORRELATION = 0.3
+"""Flexors and extensors count as swapped if both sides' EMG correlates with the wrong torque by more than this."""
 
-ALIKE = 1e-3
-"""Maxima of different files that are closer than this were each made 1."""
+UNIT_MAXIMUM_TOLERANCE = 1e-3
+"""A file's largest envelope counts as normalised to 1 if it differs from 1 by less than this."""
 
 
-def refuse_unfit(trials: Sequence[TorqueTrial]) -> None:
-    """Refuse trials that no muscle could have made."""
+def refuse_unfit_trials(trials: Sequence[TorqueTrial]) -> None:
+    """Refuse trials whose angles or envelopes no muscle could have made."""
     for trial in trials:
         for joint, angle in trial.angles.items():
-            if np.abs(angle).max() > DEGREES:
+            if np.abs(angle).max() > MAX_JOINT_ANGLE_RAD:
                 raise RecordingError(
                     f"trial {trial.name}, channel angle.{joint}: found {np.abs(angle).max():.4g} rad, expected at most "
-                    f"{DEGREES:.3g} rad; is it in degrees?"
+                    f"{MAX_JOINT_ANGLE_RAD:.3g} rad; is it in degrees?"
                 )
         for muscle, envelope in trial.envelopes.items():
             _refuse_envelope(f"trial {trial.name}, channel emg.{muscle}", envelope)
-    _refuse_own_maxima(trials)
-    _refuse_swapped(trials)
+    _refuse_silence_and_own_maxima(trials)
+    _refuse_swapped_sides(trials)
 
 
 def _refuse_envelope(where: str, envelope: np.ndarray) -> None:
+    """Refuse an envelope that is negative, or far above a maximal contraction."""
     top, low = float(envelope.max()), float(envelope.min())
-    if low < -NEGATIVE * max(top, -low):
+    if low < -MAX_NEGATIVE_SHARE * max(top, -low):
         raise RecordingError(f"{where}: found {low:.3g} in an envelope, expected none below 0; was it rectified?")
     if top > 1.5:
         raise RecordingError(
@@ -50,14 +51,17 @@ def _refuse_envelope(where: str, envelope: np.ndarray) -> None:
         )
 
 
-def _refuse_own_maxima(trials: Sequence[TorqueTrial]) -> None:
-    """Silence is that of all trials: a muscle may rest in one."""
+def _refuse_silence_and_own_maxima(trials: Sequence[TorqueTrial]) -> None:
+    """Refuse envelopes that are silent in all trials, and trials that were each normalised by their own maximum.
+
+    A muscle may be silent in some trials, but not in all of them.
+    """
     for muscle in trials[0].envelopes:
         tops = [float(t.envelopes[muscle].max()) for t in trials if muscle in t.envelopes]
-        if max(tops) < SILENT:
+        if max(tops) < MIN_ENVELOPE_PEAK:
             raise RecordingError(
                 f"trials {', '.join(t.name for t in trials)}, channel emg.{muscle}: found at most {max(tops):.2g} of "
-                f"the maximum, expected more than {SILENT:g}; is the electrode attached?"
+                f"the maximum, expected more than {MIN_ENVELOPE_PEAK:g}; is the electrode attached?"
             )
     people = dict.fromkeys(t.participant for t in trials)
     for person in people:
@@ -66,7 +70,7 @@ def _refuse_own_maxima(trials: Sequence[TorqueTrial]) -> None:
         if len(files) < 2:
             continue
         tops = np.array([[float(t.envelopes[m].max()) for m in t.envelopes] for t in files.values()])
-        if np.all(np.abs(tops - 1.0) < ALIKE):
+        if np.all(np.abs(tops - 1.0) < UNIT_MAXIMUM_TOLERANCE):
             raise RecordingError(
                 f"trials {', '.join(t.name for t in files.values())}: found a largest envelope of 1 for every muscle "
                 "in every trial: each was normalised by its own maximum. Expected one maximum for each muscle of a "
@@ -74,8 +78,12 @@ def _refuse_own_maxima(trials: Sequence[TorqueTrial]) -> None:
             )
 
 
-def _refuse_swapped(trials: Sequence[TorqueTrial]) -> None:
-    """Muscles on either side of the joint, as their moment arms say, against the torque that they should make."""
+def _refuse_swapped_sides(trials: Sequence[TorqueTrial]) -> None:
+    """Refuse trials in which flexor and extensor channels are swapped.
+
+    The sign of a muscle's moment arm tells its side of the joint. The mean EMG of each side must not correlate with the
+    torque of the other.
+    """
     sides: dict[bool, list[np.ndarray]] = {True: [], False: []}
     torque = np.concatenate([t.torque for t in trials])
     first = trials[0]
@@ -88,7 +96,7 @@ def _refuse_swapped(trials: Sequence[TorqueTrial]) -> None:
     if not all(sides.values()) or np.std(torque) == 0.0:
         return
     along, against = (float(np.corrcoef(np.mean(sides[side], axis=0), torque)[0, 1]) for side in (True, False))
-    if along < -AGAINST and against > AGAINST:
+    if along < -MIN_SWAPPED_CORRELATION and against > MIN_SWAPPED_CORRELATION:
         raise RecordingError(
             f"trials {', '.join(t.name for t in trials)}: found muscles that pull along the {first.joint}'s angle to "
             f"correlate with its torque by {along:.2f}, and those against it by {against:.2f}; expected the other way "

@@ -1,4 +1,4 @@
-"""Where lengths, moment arms and constants of a trial's muscles come from, and which EMG drives each muscle."""
+"""Sources of the lengths, moment arms and constants of a trial's muscles, and the EMG that drives each muscle."""
 
 from __future__ import annotations
 
@@ -12,17 +12,20 @@ from ..models.muscle_geometry import muscle_table
 from ..models.muscle_polynomial import MusclePolynomial
 
 FIBRE_DAMPING = 0.05
-"""Of every fibre, in F_0 over v_max l_o; published models have 0.01 to 0.1. Chosen within what is fitted of walking."""
+"""Damping of every muscle fibre, in F_0 over v_max l_o.
 
-ALIASES: Mapping[str, str] = {
+Published models have 0.01 to 0.1. The value was chosen by cross-validation within fitted trials of walking.
+"""
+
+MUSCLE_BY_CHANNEL_ALIAS: Mapping[str, str] = {
     "biceps_femoris": "biceps_femoris_long",
     "lateral_hamstring": "biceps_femoris_long",
     "medial_hamstring": "semitendinosus",
     "gastrocnemius": "gastrocnemius_medialis",
 }
-"""What EMG channels may call a muscle, and the muscle under such an electrode."""
+"""Muscle under an electrode, by the more general name that an EMG channel may have."""
 
-COMPANIONS: Mapping[str, tuple[str, ...]] = {
+COMPANION_MUSCLES: Mapping[str, tuple[str, ...]] = {
     "vastus_intermedius": ("vastus_lateralis", "vastus_medialis"),
     "vastus_medialis": ("vastus_lateralis",),
     "vastus_lateralis": ("vastus_medialis",),
@@ -32,46 +35,46 @@ COMPANIONS: Mapping[str, tuple[str, ...]] = {
     "gastrocnemius_lateralis": ("gastrocnemius_medialis",),
     "gastrocnemius_medialis": ("gastrocnemius_lateralis",),
 }
-"""Whose EMG, their mean, stands in for a muscle that no electrode is on: neighbours of the same group."""
+"""Neighbours in the same group, by muscle. Their mean EMG stands in for a muscle without an electrode."""
 
-SEATED = {"hip": np.radians(85.0), "ankle": 0.0}
-"""Angles of joints that were not recorded, of someone sitting [rad], in the geometry's signs."""
+SEATED_POSTURE_RAD = {"hip": np.radians(85.0), "ankle": 0.0}
+"""Angles of joints that were not recorded, for a sitting person [rad], in the geometry's signs."""
 
-STANDING = {"hip": 0.0, "ankle": 0.0}
-"""The same, of someone standing."""
+STANDING_POSTURE_RAD = {"hip": 0.0, "ankle": 0.0}
+"""Angles of joints that were not recorded, for a standing person [rad], in the geometry's signs."""
 
 
 @dataclass(frozen=True, eq=False)
 class MuscleSource:
-    """What is known of the muscles across a joint."""
+    """Constants and geometry of the muscles across a joint."""
 
-    constants: Mapping[str, HillMuscle]  # Anatomical values, by muscle
-    # (n,) Length [m], rate [m/s] and moment arm [m] by muscle, where the study has them; empty: from the angles
+    constants: Mapping[str, HillMuscle]  # Anatomical constants by muscle
+    # Length [m], rate [m/s] and moment arm [m] by muscle, shape (n,) each, if the study has them; empty: from angles
     recorded: Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = field(default_factory=dict, repr=False)
-    # Lengths over angles in the study's signs, by muscle, of the study's own model; empty: of the leg's
+    # Lengths as functions of the study's angles, by muscle, of the study's own model; empty: those of the leg model
     polynomials: Mapping[str, MusclePolynomial] = field(default_factory=dict, repr=False)
-    sign: float = 1.0  # -1 where the study's knee angle grows with flexion: the geometry's grows with extension
+    sign: float = 1.0  # -1 if the study's knee angle grows with flexion: the geometry's grows with extension
     # Angles of joints that the trial lacks [rad]
-    posture: Mapping[str, float] = field(default_factory=lambda: dict(STANDING))
-    # Whether envelopes are relative to a maximal contraction; False: to the largest seen, which may be little effort
+    posture: Mapping[str, float] = field(default_factory=lambda: dict(STANDING_POSTURE_RAD))
+    # Whether envelopes are relative to a maximal contraction; False: to the largest one seen, maybe at little effort
     maximal: bool = True
-    relative: bool = True  # Whether they are relative at all
+    relative: bool = True  # Whether envelopes are relative at all, and not in V
 
     def crossing(self, joint: str) -> tuple[str, ...]:
-        """Muscles across a joint."""
+        """Return the names of the muscles across a joint."""
         if self.recorded:
             return tuple(self.recorded)
         paths = self.polynomials or muscle_table().geometry
         return tuple(name for name, path in paths.items() if joint in path.angles)
 
     def driven(self, joint: str, envelopes: Mapping[str, np.ndarray]) -> dict[str, tuple[str, ...]]:
-        """Muscles across a joint that some EMG drives, each with the channels whose mean it is."""
-        channels = {ALIASES.get(name, name): name for name in envelopes}
+        """Return the muscles across a joint that some EMG drives, each with the channels whose mean drives it."""
+        channels = {MUSCLE_BY_CHANNEL_ALIAS.get(name, name): name for name in envelopes}
         found = {}
         for muscle in self.crossing(joint):
             if muscle not in self.constants:
                 continue
-            own = (muscle,) if muscle in channels else COMPANIONS.get(muscle, ())
+            own = (muscle,) if muscle in channels else COMPANION_MUSCLES.get(muscle, ())
             present = tuple(channels[m] for m in own if m in channels)
             if present:
                 found[muscle] = present
@@ -80,8 +83,10 @@ class MuscleSource:
     def path(
         self, muscle: str, joint: str, angles: Mapping[str, np.ndarray], rates: Mapping[str, np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Length [m], rate [m/s] and moment arm [m] of `muscle`, each of shape (n,), from `angles` and `rates` in the
-        study's signs; the arm about `joint` is positive where the muscle pulls along the study's positive angle.
+        """Return length [m], rate [m/s] and moment arm [m] of `muscle`, each of shape (n,).
+
+        `angles` [rad] and `rates` [rad/s] by joint are in the study's signs. The arm about `joint` is positive if the
+        muscle pulls along the study's positive angle.
         """
         if muscle in self.recorded:
             return self.recorded[muscle]

@@ -1,4 +1,4 @@
-"""Trials as muscles see them: envelopes, lengths, rates and moment arms about a joint or several, trial after trial."""
+"""Convert trials into muscle samples: excitations, lengths, rates and moment arms about one or several joints."""
 
 from __future__ import annotations
 
@@ -11,16 +11,19 @@ from .._errors import IdentificationError
 from ..fit.muscles.muscle_calibration import MuscleSamples
 from ..models.hill import HillData, HillMuscle
 from ..models.muscle_geometry import muscle_table
-from .features import derivatives
-from .muscle_faults import refuse_unfit
+from .features import filter_and_differentiate
+from .muscle_faults import refuse_unfit_trials
 from .torque_trial import TorqueTrial
 
-WARM = 0.3
-"""Beginning of a trial that is not fitted [s]: what EMG was before it is not known, and muscles remember."""
+WARM_UP_S = 0.3
+"""Duration at a trial's beginning that is not fitted [s].
+
+A muscle's force depends on its past EMG, and the EMG before the trial is not known.
+"""
 
 
-def driven_muscles(trials: Sequence[TorqueTrial]) -> tuple[HillMuscle, ...]:
-    """Muscles of the trials' joint that EMG drives, with their anatomical values."""
+def find_driven_muscles(trials: Sequence[TorqueTrial]) -> tuple[HillMuscle, ...]:
+    """Return the muscles of the trials' joint that EMG drives, with their anatomical constants."""
     first = trials[0]
     if first.unit != "N*m":
         raise IdentificationError(
@@ -43,13 +46,15 @@ def driven_muscles(trials: Sequence[TorqueTrial]) -> tuple[HillMuscle, ...]:
             f"trial {first.name}: found envelopes in V, expected them relative to a maximal contraction: a chain in "
             '[emg_torque] that normalises, and a recording with the protocol "mvc"'
         )
-    refuse_unfit(trials)
+    refuse_unfit_trials(trials)
     return tuple(first.muscles.constants[name] for name in found[0])
 
 
-def driven_across(trials: Mapping[str, Sequence[TorqueTrial]]) -> tuple[HillMuscle, ...]:
-    """Muscles of several joints that EMG drives, each once; of every joint the trials of the same recordings, in the
-    same order."""
+def find_driven_muscles_across(trials: Mapping[str, Sequence[TorqueTrial]]) -> tuple[HillMuscle, ...]:
+    """Return the muscles of several joints that EMG drives, each once.
+
+    `trials` by joint must be of the same recordings, in the same order.
+    """
     first, *others = trials
     for joint in others:
         names = [[t.name for t in trials[j]] for j in (first, joint)]
@@ -66,22 +71,22 @@ def driven_across(trials: Mapping[str, Sequence[TorqueTrial]]) -> tuple[HillMusc
                 )
     found: dict[str, HillMuscle] = {}
     for own in trials.values():
-        for muscle in driven_muscles(own):
+        for muscle in find_driven_muscles(own):
             found.setdefault(muscle.name, muscle)
     return tuple(found.values())
 
 
-def muscle_samples(
+def make_muscle_samples(
     trials: Sequence[TorqueTrial], *, muscles: Sequence[str], effort: float = 1.0, causal: bool = False
 ) -> tuple[MuscleSamples, list[slice]]:
-    """Samples of several trials of one joint, and where each trial's own lie in them."""
-    samples, own = samples_across({"joint": trials}, muscles=muscles, effort=effort, causal=causal)
+    """Return the muscle samples of several trials of one joint, and the slice of each trial in them."""
+    samples, own = make_muscle_samples_across({"joint": trials}, muscles=muscles, effort=effort, causal=causal)
     data = replace(samples.data, moment_arm=samples.data.moment_arm[0])
     rows = {name: getattr(samples, name)[0] for name in ("torque", "angle", "speed", "weight")}
     return replace(samples, data=data, **rows), own
 
 
-def samples_across(
+def make_muscle_samples_across(
     across: Mapping[str, Sequence[TorqueTrial]],
     *,
     muscles: Sequence[str],
@@ -89,17 +94,19 @@ def samples_across(
     causal: bool = False,
     ahead: float = 0.0,
 ) -> tuple[MuscleSamples, list[slice]]:
-    """Samples of several trials at several joints, and where each trial's own lie in them; envelopes are brought
-    forward by `ahead` [s], and what they lack at a trial's end counts for nothing."""
+    """Return the muscle samples of several trials at several joints, and the slice of each trial in them.
+
+    Envelopes are advanced by `ahead` [s]. Samples at a trial's end, where envelopes are then missing, have weight 0.
+    """
     trials = next(iter(across.values()))
     fs = float(np.mean([t.fs for t in trials]))
     worst = max(trials, key=lambda t: abs(t.fs - fs))
-    # A lag is in seconds: a few percent of another rate are a few percent of it, less than what is known.
+    # Trials share one period. An error of some percent in the rate changes a lag by as much, within its uncertainty.
     if abs(worst.fs - fs) > 0.15 * fs:
         raise IdentificationError(f"trial {worst.name}: found {worst.fs:.4g} Hz, expected about {fs:.4g} Hz as others")
     parts, own, starts, at = [], [], [], 0
     for same in zip(*across.values(), strict=True):
-        part, lead = _one(same, muscles, causal, round(ahead * fs))
+        part, lead = _recording_samples(same, muscles, causal, round(ahead * fs))
         starts.append(at)
         own.append(slice(at + lead, at + part["torque"].shape[-1]))
         at += part["torque"].shape[-1]
@@ -112,31 +119,40 @@ def samples_across(
     return MuscleSamples(data, *rows, tuple(across)), own
 
 
-def warm(trial: TorqueTrial) -> int:
-    """Samples at a trial's beginning that no estimator is compared on."""
+def count_warm_up_samples(trial: TorqueTrial) -> int:
+    """Return the number of samples at a trial's beginning on which no estimator is scored."""
     lead = len(next(iter(trial.lead.values()))) if trial.lead else 0
-    return max(0, round(WARM * trial.fs) - lead)
+    return max(0, round(WARM_UP_S * trial.fs) - lead)
 
 
-def _one(
+def _recording_samples(
     same: Sequence[TorqueTrial], muscles: Sequence[str], causal: bool, ahead: int
 ) -> tuple[Mapping[str, np.ndarray], int]:
-    """One recording's samples, of its trial at each joint."""
+    """Return the samples of one recording, given its trial at each joint, and the number of samples before the trial.
+
+    `ahead` is the number of samples by which envelopes are advanced.
+    """
     trial = same[0]
     lead = len(next(iter(trial.lead.values()))) if trial.lead else 0
-    moved = {name: derivatives(np.asarray(q, float), trial.fs, causal=causal)[:2] for name, q in trial.angles.items()}
-    # A filter is late; the angle itself is not.
+    moved = {
+        name: filter_and_differentiate(np.asarray(q, float), trial.fs, causal=causal)[:2]
+        for name, q in trial.angles.items()
+    }
+    # A causal filter is late. The angle itself therefore stays unfiltered.
     angles = {name: np.asarray(trial.angles[name], float) if causal else q for name, (q, _) in moved.items()}
     rates = {name: v for name, (_, v) in moved.items()}
     driven = {m: channels for t in reversed(same) for m, channels in t.muscles.driven(t.joint, t.envelopes).items()}
-    # Lengths that were recorded come first: those of a model may be another person's.
+    # Recorded lengths have precedence: those of a model may be another person's.
     along = {m: next((t for t in same if m in t.muscles.recorded), trial) for m in muscles}
     paths = [along[m].muscles.path(m, along[m].joint, angles, rates) for m in muscles]
     arms = [
-        [_arm(t, m, angles, rates) if t is not along[m] else path[2] for m, path in zip(muscles, paths, strict=True)]
+        [
+            _moment_arm(t, m, angles, rates) if t is not along[m] else path[2]
+            for m, path in zip(muscles, paths, strict=True)
+        ]
         for t in same
     ]
-    # A muscle that nothing drives is at rest.
+    # A muscle without EMG is at rest.
     rest = [np.zeros(lead + len(trial))]
     excitation = np.array(
         [
@@ -145,7 +161,7 @@ def _one(
         ]
     )
     weight = np.ones(len(trial))
-    weight[: warm(trial)] = 0.0
+    weight[: count_warm_up_samples(trial)] = 0.0
     if ahead:
         excitation = np.concatenate((excitation[:, ahead:], np.repeat(excitation[:, -1:], ahead, axis=1)), axis=1)
         weight[len(weight) - ahead :] = 0.0
@@ -165,10 +181,10 @@ def _one(
     }, lead
 
 
-def _arm(
+def _moment_arm(
     trial: TorqueTrial, muscle: str, angles: Mapping[str, np.ndarray], rates: Mapping[str, np.ndarray]
 ) -> np.ndarray:
-    """Of a muscle about the trial's joint, (n,) [m]; 0 where it does not cross it."""
+    """Return the moment arm of a muscle about the trial's joint, shape (n,) [m]; 0 if it does not cross the joint."""
     known = trial.muscles.recorded or muscle_table().geometry
     if muscle not in known:
         return np.zeros(len(trial))

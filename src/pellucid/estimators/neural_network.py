@@ -12,8 +12,8 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from .families.family import SEED
 
-HIDDEN = 10
-"""Neurons in its one hidden layer; the original does not say."""
+HIDDEN_NEURON_COUNT = 10
+"""Number of neurons in the hidden layer. The original paper does not state it. Chosen by judgement."""
 
 
 class NeuralNetwork(RegressorMixin, BaseEstimator):
@@ -29,7 +29,7 @@ class NeuralNetwork(RegressorMixin, BaseEstimator):
         self.scale_ = np.where(scale > 0.0, scale, 1.0)
         self.offset_, self.deviation_ = float(np.mean(y)), float(np.std(y)) or 1.0
         self.network_ = MLPRegressor(
-            hidden_layer_sizes=(HIDDEN,),
+            hidden_layer_sizes=(HIDDEN_NEURON_COUNT,),
             activation="tanh",
             solver="lbfgs",
             alpha=self.penalty,
@@ -37,13 +37,13 @@ class NeuralNetwork(RegressorMixin, BaseEstimator):
             random_state=SEED,
         )
         with warnings.catch_warnings():
-            # It ends after its iterations: early stopping is part of the method.
+            # Training ends after a fixed number of iterations: early stopping is part of the method.
             warnings.simplefilter("ignore", ConvergenceWarning)
             self.network_.fit((X - self.mean_) / self.scale_, (y - self.offset_) / self.deviation_)
         return self
 
     def predict(self, X: np.ndarray) -> np.ndarray:
-        """Torque for features, shape (n,), from `X` of shape (n, k)."""
+        """Predict the torque for features `X` of shape (n, k), shape (n,)."""
         check_is_fitted(self)
         X = validate_data(self, X, dtype=np.float64, reset=False)
         return self.offset_ + self.deviation_ * self.network_.predict((X - self.mean_) / self.scale_)

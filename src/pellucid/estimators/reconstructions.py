@@ -1,14 +1,15 @@
-"""Published EMG-driven estimators, reconstructed from what is said of them: to be compared with, on the same folds.
+"""Reconstructions of published EMG-driven estimators, for comparison on the same folds.
 
 The names are the paper's [1]_; its settings were not published, so these are reconstructions:
 
 NM-CO
     Muscles of Hill's type whose geometry depends on the neighbouring joints, all parameters calibrated together by a
-    stochastic particle swarm with conjugate gradients; bounds, and hardly any pull of anatomy.
+    stochastic particle swarm with conjugate gradients, with bounds and a very weak anatomical prior.
 NM-COA
-    The same with errors learnt online by a Gaussian process; it is given the torque that was measured so far.
+    NM-CO with errors learnt online by a Gaussian process, which sees the torque measured so far.
 NM-NC
-    No coupling with neighbouring joints, whose angles are taken as constant; one stage, conjugate gradients alone.
+    Muscles without coupling to neighbouring joints, whose angles are taken as constant; one stage of conjugate
+    gradients alone.
 
 .. [1] Wang et al., "sEMG-torque model with subject adjustment", 2021.
 """
@@ -20,16 +21,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .adaptive_correction import AdaptiveCorrection, adaptive_correction
-from .features import FeatureSet, features
+from .adaptive_correction import AdaptiveCorrection, fit_adaptive_correction
+from .features import FeatureSet, compute_features
 from .hill import HillChoice, HillMap, fit_hill
 from .torque_trial import TorqueTrial
 
-SEEN = FeatureSet(velocities=True)
-"""What the correction sees: EMG, the joint's angle and its velocity."""
+CORRECTION_FEATURES = FeatureSet(velocities=True)
+"""Features of the correction: EMG, the joint's angle and its velocity."""
 
-LOOSE = 1e-3
-"""Weight of anatomy where the original has bounds alone: enough to make parameters unique."""
+WEAK_ANATOMY_WEIGHT = 1e-3
+"""Weight of the anatomical prior. The original has bounds alone; this weight suffices to make parameters unique."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,51 +44,53 @@ class CorrectedMap:
 
     @property
     def choice(self) -> HillChoice:
-        """The choice of what is corrected."""
+        """Choice of the corrected estimator."""
         return replace(self.base.choice, words=f"{self.base.choice.words}; errors learnt from the torque so far")
 
     def predict(self, trial: TorqueTrial) -> np.ndarray:
-        """Torque of a trial; of its own torque, each sample sees what was measured before it, shape (n,) [N m]."""
-        x = features(trial, SEEN, causal=self.causal).x
+        """Predict the torque of a trial, shape (n,) [N m]. Each sample uses the torque measured before it."""
+        x = compute_features(trial, CORRECTION_FEATURES, causal=self.causal).x
         return self.correction.correct(x, self.base.predict(trial), trial.torque, trial.fs)
 
 
 @dataclass(frozen=True, eq=False)
 class UncoupledMap:
-    """Muscles that know nothing of neighbouring joints."""
+    """Muscles that do not see the angles of neighbouring joints."""
 
     name: str
     base: HillMap
 
     @property
     def choice(self) -> HillChoice:
-        """The choice of the muscles."""
+        """Choice of the muscles."""
         return self.base.choice
 
     def predict(self, trial: TorqueTrial) -> np.ndarray:
-        """Torque of a trial, shape (n,) [N m]."""
-        return self.base.predict(uncoupled(trial))
+        """Predict the torque of a trial, shape (n,) [N m]."""
+        return self.base.predict(uncouple_trial(trial))
 
 
-def uncoupled(trial: TorqueTrial) -> TorqueTrial:
-    """The same trial with no angle but the joint's own; lengths and moment arms are the model's."""
+def uncouple_trial(trial: TorqueTrial) -> TorqueTrial:
+    """Return the trial with the joint's own angle alone, and with lengths and moment arms of the model."""
     muscles = None if trial.muscles is None else replace(trial.muscles, recorded={})
     return replace(trial, angles={trial.joint: trial.angles[trial.joint]}, muscles=muscles)
 
 
 def fit_nmco(trials: Sequence[TorqueTrial], name: str, causal: bool) -> HillMap:
-    """NM-CO of `trials`, under `name`, from the past alone if `causal`."""
-    return fit_hill(trials, name=name, causal=causal, weights=(LOOSE,), method="swarm")
+    """Fit NM-CO to `trials`, under `name`; `causal` filters use the past alone."""
+    return fit_hill(trials, name=name, causal=causal, weights=(WEAK_ANATOMY_WEIGHT,), method="swarm")
 
 
 def fit_nmcoa(trials: Sequence[TorqueTrial], name: str, causal: bool) -> CorrectedMap:
-    """NM-COA of `trials`, under `name`, from the past alone if `causal`."""
+    """Fit NM-COA to `trials`, under `name`; `causal` filters use the past alone."""
     base = fit_nmco(trials, name, causal)
-    parts = [(features(t, SEEN, causal=causal).x, t.torque - base.predict(t)) for t in trials]
-    return CorrectedMap(name, base, adaptive_correction(parts), causal)
+    parts = [(compute_features(t, CORRECTION_FEATURES, causal=causal).x, t.torque - base.predict(t)) for t in trials]
+    return CorrectedMap(name, base, fit_adaptive_correction(parts), causal)
 
 
 def fit_nmnc(trials: Sequence[TorqueTrial], name: str, causal: bool) -> UncoupledMap:
-    """NM-NC of `trials`, under `name`, from the past alone if `causal`."""
-    alone = [uncoupled(t) for t in trials]
-    return UncoupledMap(name, fit_hill(alone, name=name, causal=causal, weights=(LOOSE,), method="descent"))
+    """Fit NM-NC to `trials`, under `name`; `causal` filters use the past alone."""
+    alone = [uncouple_trial(t) for t in trials]
+    return UncoupledMap(
+        name, fit_hill(alone, name=name, causal=causal, weights=(WEAK_ANATOMY_WEIGHT,), method="descent")
+    )

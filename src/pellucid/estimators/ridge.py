@@ -16,8 +16,8 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from .._errors import IdentificationError
 
-DEPENDENT = 1e-10
-"""Singular values below this share of the largest are those of features that others already say."""
+SINGULAR_VALUE_TOLERANCE = 1e-10
+"""Singular values below this share of the largest are dropped. They belong to features that depend on the others."""
 
 
 class Ridge(RegressorMixin, BaseEstimator):
@@ -29,34 +29,34 @@ class Ridge(RegressorMixin, BaseEstimator):
 
     def fit(self, X: np.ndarray, y: np.ndarray) -> Ridge:
         """Find the coefficients of `X`, shape (n, k), for `y`, shape (n,)."""
-        return self._solved(self._decomposed(X, y))
+        return self._solve(self._decompose(X, y))
 
     def predict_each(self, X: np.ndarray, y: np.ndarray, alphas: Sequence[float], new: np.ndarray) -> list[np.ndarray]:
-        """What estimators like this one with each of `alphas` say of `new`, shape (m, k), once fitted: nearly all the
-        work is done once.
-        """
-        # Eigenvalues are as good where a penalty stands beside them.
-        system = self._decomposed(X, y, squared=min(alphas) > 0.0)
-        each = [copy(self).set_params(alpha=alpha)._solved(system) for alpha in alphas]
-        seen = self._comparable(validate_data(self, new, dtype=np.float64, reset=False))
+        """Fit with each of `alphas` and return the predictions for `new`, shape (m, k); most of the work is shared."""
+        # With a penalty, the less accurate eigenvalues of products suffice.
+        system = self._decompose(X, y, squared=min(alphas) > 0.0)
+        each = [copy(self).set_params(alpha=alpha)._solve(system) for alpha in alphas]
+        seen = self._standardise(validate_data(self, new, dtype=np.float64, reset=False))
         return list(self.offset_ + (seen @ np.column_stack([one.coefficients_ for one in each])).T)
 
-    def _decomposed(
+    def _decompose(
         self, X: np.ndarray, y: np.ndarray, squared: bool = False
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Directions among the coefficients, (k, r), and for each the square of its singular value and what it gathers
-        of the torque, both (r,); `squared`: from products of features, faster, to half as many digits.
+        """Return directions of the coefficients, (k, r), their squared singular values and their projections, (r,).
+
+        A projection is the direction's scalar product with the torque, times the singular value. `squared` computes
+        them from products of features, which is faster and has half as many digits.
         """
         X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True)
-        x = self._expanded(X)
+        x = self._add_products(X)
         self.mean_, scale = x.mean(axis=0), x.std(axis=0)
         self.scale_ = np.where(scale > 0.0, scale, 1.0)
         self.offset_ = float(np.mean(y))
         x, y = (x - self.mean_) / self.scale_, y - self.offset_
         if not squared:
             q, r = np.linalg.qr(x)
-            u, s, vt = np.linalg.svd(r, full_matrices=False)  # as of x itself, and much smaller
-            told = s > DEPENDENT * s[0]
+            u, s, vt = np.linalg.svd(r, full_matrices=False)  # The singular values of r are those of x; r is smaller
+            told = s > SINGULAR_VALUE_TOLERANCE * s[0]
             return vt[told].T, s[told] ** 2, s[told] * (u.T @ (q.T @ y))[told]
         if x.shape[0] < x.shape[1]:
             squares, u = np.linalg.eigh(x @ x.T)
@@ -64,7 +64,8 @@ class Ridge(RegressorMixin, BaseEstimator):
         squares, v = np.linalg.eigh(x.T @ x)
         return v, np.maximum(squares, 0.0), v.T @ (x.T @ y)
 
-    def _solved(self, system: tuple[np.ndarray, np.ndarray, np.ndarray]) -> Ridge:
+    def _solve(self, system: tuple[np.ndarray, np.ndarray, np.ndarray]) -> Ridge:
+        """Compute the coefficients of a decomposed system."""
         if not self.alpha >= 0.0:
             raise IdentificationError(f"ridge: found the penalty {self.alpha:g}, expected at least 0")
         directions, squares, gathered = system
@@ -72,17 +73,17 @@ class Ridge(RegressorMixin, BaseEstimator):
         return self
 
     def predict(self, X: np.ndarray) -> np.ndarray:
-        """Torque for features, shape (n,), from `X` of shape (n, k)."""
+        """Predict the torque for features `X` of shape (n, k), shape (n,)."""
         check_is_fitted(self)
         X = validate_data(self, X, dtype=np.float64, reset=False)
-        return self.offset_ + self._comparable(X) @ self.coefficients_
+        return self.offset_ + self._standardise(X) @ self.coefficients_
 
-    def _comparable(self, X: np.ndarray) -> np.ndarray:
-        """Features and products as they were made comparable when this was fitted."""
-        return (self._expanded(X) - self.mean_) / self.scale_
+    def _standardise(self, X: np.ndarray) -> np.ndarray:
+        """Return features and products, standardised as in the fit."""
+        return (self._add_products(X) - self.mean_) / self.scale_
 
-    def plain(self, names: Sequence[str]) -> dict[str, float]:
-        """The same map on features as they are: ``"offset"``, then the coefficient of each term, by `names`.
+    def unscaled_coefficients(self, names: Sequence[str]) -> dict[str, float]:
+        """Return the coefficients for features that are not standardised: ``"offset"``, then each term by `names`.
 
         A product is named by its two factors with ``" * "`` between.
         """
@@ -91,7 +92,8 @@ class Ridge(RegressorMixin, BaseEstimator):
         slopes = self.coefficients_ / self.scale_
         return {"offset": self.offset_ - float(slopes @ self.mean_), **dict(zip(terms, slopes.tolist(), strict=True))}
 
-    def _expanded(self, x: np.ndarray) -> np.ndarray:
+    def _add_products(self, x: np.ndarray) -> np.ndarray:
+        """Return features with their products, shape (n, terms)."""
         if not len(self.products):
             return x
         chosen = x[:, list(self.products)]

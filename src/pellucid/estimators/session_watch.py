@@ -1,4 +1,4 @@
-"""The comparison of channels with those fitted while they are recorded: sample by sample, from the past alone."""
+"""Compare channels with the fitted ones while they are recorded: sample by sample, from the past alone."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from collections.abc import Mapping
 import numpy as np
 
 from .._errors import RecordingError
-from .emg_session import COMPARISON_INTERVAL_S, MIN_WATCH_S, WINDOW_S, ChannelChange, Compared, FittedSession
+from .emg_session import COMPARISON_INTERVAL_S, MIN_WATCH_S, WINDOW_S, ChannelChange, ChannelComparison, FittedSession
 from .torque_trial import TorqueTrial
 
 
 class SessionWatch:
-    """What changed so far, of envelopes and angles that come one after another.
+    """A monitor of the channels' changes, for envelopes and angles that come one after another.
 
-    What it says of the samples kept is what `FittedSession.compared` says of a recording of them, to the word.
+    Its result is that of `FittedSession.compare` for a recording of the samples in its buffer.
     """
 
     def __init__(self, session: FittedSession, joints: tuple[str, ...], fs: float, *, seconds: float = WINDOW_S):
-        """`fs` [Hz]; `seconds` [s] that are compared."""
+        """Prepare a buffer of `seconds` [s] of samples at the rate `fs` [Hz]; `joints` names the angles."""
         if not fs > 0.0 or seconds < MIN_WATCH_S:
             raise RecordingError(
                 f"channels watched: found {fs:g} Hz and {seconds:g} s to be compared, expected a rate above 0 and at "
@@ -34,32 +34,35 @@ class SessionWatch:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all samples."""
-        self._count, self._known = 0, None
+        """Empty the buffer."""
+        self._count, self._last_comparison = 0, None
 
     @property
-    def compared(self) -> Compared | None:
-        """The last comparison; None before the first."""
-        return self._known
+    def last_comparison(self) -> ChannelComparison | None:
+        """Result of the last comparison; None before the first."""
+        return self._last_comparison
 
     @property
     def changes(self) -> tuple[ChannelChange, ...]:
-        """What changed, by the last comparison."""
-        return () if self._known is None else self._known.changes
+        """Channels that changed, by the last comparison."""
+        return () if self._last_comparison is None else self._last_comparison.changes
 
     def step(self, envelopes: Mapping[str, float], angles: Mapping[str, float]) -> tuple[ChannelChange, ...]:
-        """One sample of every envelope [1] and angle [rad]; one with a number missing is left out. Gives `changes`."""
+        """Add one sample of every envelope [1] and angle [rad] and return `changes`.
+
+        A sample with a missing number is ignored.
+        """
         row = [envelopes[m] for m in self._session.muscles] + [angles[j] for j in self._joints]
         if not np.isfinite(row).all():
             return self.changes
         self._rows[self._count % len(self._rows)] = row
         self._count += 1
         if self._count >= MIN_WATCH_S * self._fs and self._count % max(1, round(COMPARISON_INTERVAL_S * self._fs)) == 0:
-            self._known = self._session.compared(self._kept())
+            self._last_comparison = self._session.compare(self._buffered_trial())
         return self.changes
 
-    def _kept(self) -> TorqueTrial:
-        """The samples kept, the oldest first."""
+    def _buffered_trial(self) -> TorqueTrial:
+        """Return the samples in the buffer as a trial, the oldest first."""
         at = self._count % len(self._rows)
         rows = self._rows[: self._count] if self._count < len(self._rows) else np.roll(self._rows, -at, axis=0)
         n, muscles = len(rows), self._session.muscles

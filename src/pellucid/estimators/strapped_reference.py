@@ -1,14 +1,14 @@
-r"""The torque that a wearer gives against an orthosis through straps, which yield.
+r"""Torque that a wearer applies to an orthosis through compliant straps.
 
-Against 10 N m a strap turns by tens of degrees, and the limb's weight acts at the limb's own angle. The orthosis's
-balance tells the strap's torque, the strap tells where the limb is and what it feels of that torque where the strap
-sits askew, and the limb's balance gives the wearer's:
+Under 10 N m a strap turns by tens of degrees, and the limb's weight acts at the limb's own angle. The strap's torque
+follows from the orthosis's balance of torques. The strap's model gives the limb's angle and the torque on the limb,
+which differs if the strap sits askew. The wearer's torque follows from the limb's balance:
 
 .. math::
     \theta_k = \text{the core's response to } \tau_c, \theta_e, \qquad
     \tau_k = I_k\ddot\theta_k + b_k\dot\theta_k + m_{sh} g l_{sh}\sin\theta_k + \tau_c / a'(\theta_e)
 
-In the gap of a slack strap no torque tells where the limb is; it is led through from flank to flank, monotonically.
+In the gap of a slack strap, no torque tells the limb's angle. It is interpolated monotonically across the gap.
 """
 
 from __future__ import annotations
@@ -24,18 +24,21 @@ from ..fit.strap.strap_model import CORE_NAMES, StrapModel
 from ..fit.strap.strap_torque import Limb, Orthosis, StrappedSwing, from_orthosis
 from ..signals.filters import central_difference, zero_phase_lowpass
 
-STILL = 0.02
-"""Share of its spread below which a slack strap's torque says nothing of where the limb is."""
+GAP_TORQUE_SHARE = 0.02
+"""A slack strap is in its gap if its torque is at most this share of the torque's standard deviation.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class StrappedBodies:
-    """What is moved where a strap yields: orthosis and limb, each by itself."""
+    """Orthosis and limb as two bodies, and the compliant strap between them."""
 
     orthosis: Orthosis
     limb: Limb
     model: StrapModel
-    strap: np.ndarray  # (p,) As the core names it
+    strap: np.ndarray  # Parameters of the strap in the core's order, shape (p,)
 
 
 def strapped_torque(
@@ -48,25 +51,31 @@ def strapped_torque(
     strap: np.ndarray,
     lowpass: float,
 ) -> np.ndarray:
-    """Torque of the wearer about the joint. `time`, `position`, `torque` (n,) [s], [rad], [N m]; `strap`
-    (p,) as the core names it (``StrapModel.core``); `lowpass` [Hz]; gives (n,) [N m]."""
+    """Return the wearer's torque about the joint, shape (n,) [N m].
+
+    `time` [s], the orthosis's `position` [rad] and its `torque` [N m] have shape (n,). `strap` holds the strap's
+    parameters in the core's order (``StrapModel.core``), shape (p,). `lowpass` is a cut-off [Hz].
+    """
     nowhere = np.zeros(0)
     trial = StrappedSwing("", "fitted", time, position, torque, nowhere, nowhere)
     limb_position, _, against, _ = _core.strap_response(
         strap, position, from_orthosis(trial, orthosis).torque, period=1.0 / trial.fs, still=0.0, active=[]
     )
     if strap[CORE_NAMES.index("strap_slack")] > 0.0:
-        limb_position = position + _through_the_gap(limb_position - position, against, trial.fs)
+        limb_position = position + _interpolate_gap(limb_position - position, against, trial.fs)
     angle, through = zero_phase_lowpass(np.column_stack([limb_position, against]), lowpass, 4, trial.fs).T
     velocity = central_difference(angle, trial.fs)
     own = limb.inertia * central_difference(velocity, trial.fs) + limb.viscous * velocity
     return own + limb.gravity * np.sin(angle - limb.zero) + through
 
 
-def _through_the_gap(ahead: np.ndarray, against: np.ndarray, fs: float) -> np.ndarray:
-    """How far the limb is ahead, what lies between the flanks of a gap led through it; (n,) [rad]."""
+def _interpolate_gap(ahead: np.ndarray, against: np.ndarray, fs: float) -> np.ndarray:
+    """Return the limb's angle relative to the orthosis, interpolated where the strap is in its gap, shape (n,) [rad].
+
+    `ahead` is this angle by the strap's model, and `against` the strap's torque, both of shape (n,).
+    """
     reach = max(1, round(REVERSAL_MARGIN_S * fs))
-    free = np.convolve(np.abs(against) <= STILL * np.std(against), np.ones(2 * reach + 1), "same") > 0.5
+    free = np.convolve(np.abs(against) <= GAP_TORQUE_SHARE * np.std(against), np.ones(2 * reach + 1), "same") > 0.5
     on_flank = np.flatnonzero(~free)
     if not free.any() or len(on_flank) < 2:
         return ahead

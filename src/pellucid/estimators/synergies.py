@@ -1,16 +1,16 @@
-r"""Muscle synergies: a few groups of muscles, each with one activation over time, that make all envelopes.
+r"""Muscle synergies: a few groups of muscles, each with one activation over time, that reconstruct all envelopes.
 
-Envelopes E (n samples, m muscles), each over its own largest, are factored into non-negative activations H and weights
-W of k synergies [1]_ [2]_, by scikit-learn,
+Envelopes E (n samples, m muscles), each relative to its own maximum, are factored by scikit-learn into non-negative
+activations H and weights W of k synergies [1]_ [2]_,
 
 .. math::
    E \approx H W, \qquad \mathrm{VAF} = 1 - \frac{\sum (E - H W)^2}{\sum E^2}.
 
-How many there are is asked of samples that were not fitted. With weights kept, more synergies always rebuild more of
-them, so that their VAF has to reach a stated share [3]_. An entry that its own row did not help to rebuild is a harder
-question [4]_: the activations of samples left out are found from the other muscles alone, and must tell the muscle left
-out. That has a best k; it is also how a muscle without an electrode is filled in. Muscles that are seen may tell little
-of a synergy: its activation is then held to its size while fitting, by a ridge of the error's variance over that of H.
+The number of synergies is chosen on held-out samples. With fixed weights, more synergies always reconstruct more of
+them. The number is therefore the smallest whose VAF reaches a stated threshold [3]_. A harder test is to predict a
+muscle that is left out [4]_: the activations of held-out samples are found from the other muscles alone. This test has
+an optimal k. It is also how a muscle without an electrode is filled in. If the recorded muscles hardly determine the
+activation of a synergy, a ridge limits it: the variance of the error over the variance of H.
 
 .. [1] D. D. Lee, H. S. Seung, "Learning the parts of objects by non-negative matrix factorization", Nature 401, 1999.
 .. [2] A. d'Avella, P. Saltiel, E. Bizzi, "Combinations of muscle synergies in the construction of a natural motor
@@ -32,86 +32,96 @@ import numpy as np
 from .._errors import IdentificationError
 from .cross_validation import block_folds
 
-SEED = 19990
-"""Of the factorisation's start, where it draws one."""
+FACTORISATION_SEED = 19990
+"""Seed of the factorisation, and of random draws of weights."""
 
-SWEEPS = 500
-"""Of the factorisation, at most."""
+MAX_FACTORISATION_ITERATIONS = 500
+"""Largest number of iterations of the factorisation."""
 
-FEWEST = 3
-"""Muscles that synergies can be found of."""
+DEFAULT_MIN_MUSCLES = 3
+"""Smallest number of muscles in which synergies are looked for."""
 
-ENOUGH = 0.9
-"""Variance accounted for that says how many synergies there are."""
+VAF_THRESHOLD = 0.9
+"""The number of synergies is the smallest whose held-out variance accounted for reaches this share."""
 
-FOLDS = 5
-"""Blocks of time that are left out in turn where nothing is held out."""
+BLOCK_COUNT = 5
+"""Number of blocks of time that are left out in turn if there is no held-out recording."""
 
-GAP = 0.2
-"""Between what is fitted and what judges [s]."""
+FOLD_GAP_S = 0.2
+"""Gap between fitted and test samples [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Synergies:
-    """Groups of muscles."""
+    """Muscle synergies: groups of muscles with fixed weights."""
 
     muscles: tuple[str, ...]
-    weights: np.ndarray  # (k, m) Of each muscle, the largest of a synergy 1
-    ridge: float = 0.0  # Variance of what they leave of an envelope, over that of their activations
+    weights: np.ndarray  # Weight of each muscle in each synergy, shape (k, m); the largest of a synergy is 1
+    ridge: float = 0.0  # Variance of the reconstruction error over the variance of the activations
 
     def __len__(self) -> int:
         return len(self.weights)
 
     def activations(self, envelopes: np.ndarray, seen: Sequence[int] | None = None) -> np.ndarray:
-        """How active each synergy is, (n, k), from envelopes (n, m); from the muscles `seen` alone if given."""
-        columns = list(range(len(self.muscles)) if seen is None else seen)
-        return non_negative(self.weights[:, columns].T, np.asarray(envelopes, float)[:, columns].T, self.ridge).T
+        """Return the activation of each synergy, shape (n, k), from envelopes of shape (n, m).
 
-    def rebuilt(self, envelopes: np.ndarray, seen: Sequence[int] | None = None) -> np.ndarray:
-        """All envelopes, (n, m), as the synergies make them of those that are `seen`."""
+        If `seen` is given, only the envelopes of these muscles are used.
+        """
+        columns = list(range(len(self.muscles)) if seen is None else seen)
+        return solve_non_negative(self.weights[:, columns].T, np.asarray(envelopes, float)[:, columns].T, self.ridge).T
+
+    def reconstruct(self, envelopes: np.ndarray, seen: Sequence[int] | None = None) -> np.ndarray:
+        """Reconstruct all envelopes, shape (n, m), from those of the muscles `seen`."""
         return self.activations(envelopes, seen) @ self.weights
 
-    def filled(self, envelopes: np.ndarray, muscle: int) -> np.ndarray:
-        """Envelope of one muscle, (n,), from all others, by the weights that were fitted with it."""
-        return self.rebuilt(envelopes, [i for i in range(len(self.muscles)) if i != muscle])[:, muscle]
+    def predict_muscle(self, envelopes: np.ndarray, muscle: int) -> np.ndarray:
+        """Predict the envelope of one muscle, shape (n,), from all others; the weights were fitted with it."""
+        return self.reconstruct(envelopes, [i for i in range(len(self.muscles)) if i != muscle])[:, muscle]
 
 
 @dataclass(frozen=True, eq=False)
 class SynergyCount:
-    """What each number of synergies explains, 1 to as many as there are muscles less one."""
+    """Variance that each number of synergies explains, from 1 to the number of muscles less one."""
 
-    numbers: np.ndarray  # (c,)
-    fitted: np.ndarray  # (c,) VAF of what was fitted
-    heldout: np.ndarray  # (c,) Of what was not, from all its muscles
-    least: np.ndarray  # (c,) The same of the muscle rebuilt worst
-    shuffled: np.ndarray  # (c,) The same as heldout of envelopes shifted apart in time: what chance explains
-    left_out: np.ndarray  # (c,) R2 of muscles told from the others, in turn, samples held out
+    numbers: np.ndarray  # Numbers of synergies, shape (c,)
+    fitted: np.ndarray  # VAF of the fitted samples, shape (c,)
+    heldout: np.ndarray  # VAF of the held-out samples, reconstructed from all muscles, shape (c,)
+    least: np.ndarray  # Held-out VAF of the muscle that is reconstructed worst, shape (c,)
+    shuffled: np.ndarray  # Held-out VAF of envelopes shifted apart in time, which is the level of chance, shape (c,)
+    left_out: np.ndarray  # R2 of muscles predicted from the others, in turn, on held-out samples, shape (c,)
 
     @property
     def enough(self) -> int:
-        """The smallest number whose held-out VAF is `ENOUGH`; the largest where none is."""
-        reached = np.flatnonzero(self.heldout >= ENOUGH)
+        """Smallest number whose held-out VAF reaches `VAF_THRESHOLD`; the largest number if none does."""
+        reached = np.flatnonzero(self.heldout >= VAF_THRESHOLD)
         return int(self.numbers[reached[0]] if reached.size else self.numbers[-1])
 
     @property
     def predicting(self) -> int:
-        """The number that tells a muscle left out best."""
+        """Number with which muscles are best predicted from the others."""
         return int(self.numbers[int(np.argmax(self.left_out))])
 
 
 def find_synergies(
-    envelopes: np.ndarray, muscles: Sequence[str], number: int, *, min_muscles: int = FEWEST
+    envelopes: np.ndarray, muscles: Sequence[str], number: int, *, min_muscles: int = DEFAULT_MIN_MUSCLES
 ) -> Synergies:
-    """Factor envelopes, (n, m) [1], into a `number` of synergies."""
+    """Factor envelopes, shape (n, m) [1], into a `number` of synergies."""
     from sklearn.decomposition import NMF
     from sklearn.exceptions import ConvergenceWarning
 
     e = require_envelopes(envelopes, muscles, min_muscles)
     if not 1 <= number <= len(muscles):
         raise IdentificationError(f"synergies: found {number}, expected 1 to {len(muscles)}, as many as muscles")
-    model = NMF(number, init="nndsvda", solver="cd", max_iter=SWEEPS, tol=1e-4, random_state=SEED)
+    model = NMF(
+        number,
+        init="nndsvda",
+        solver="cd",
+        max_iter=MAX_FACTORISATION_ITERATIONS,
+        tol=1e-4,
+        random_state=FACTORISATION_SEED,
+    )
     with warnings.catch_warnings():
-        # The last digits of a factor that hardly changes any more are nobody's question.
+        # The factors then hardly change any more. Their last digits do not matter.
         warnings.simplefilter("ignore", ConvergenceWarning)
         activations = model.fit_transform(e)
     weights = model.components_
@@ -130,43 +140,52 @@ def count_synergies(
     heldout: np.ndarray | None = None,
     most: int = 8,
     *,
-    min_muscles: int = FEWEST,
+    min_muscles: int = DEFAULT_MIN_MUSCLES,
 ) -> SynergyCount:
-    """What each number of synergies explains of envelopes (n, m) that were not fitted: those `heldout`, (k, m), or
-    where there are none blocks of `time`, (n,) [s], in turn."""
+    """Return the variance that each number of synergies explains, up to `most`.
+
+    Envelopes have shape (n, m). The test set is `heldout`, shape (k, m), or without it, blocks of `time`, shape (n,)
+    [s], in turn.
+    """
     e = require_envelopes(envelopes, muscles, min_muscles)
     if heldout is not None and len(heldout):
         parts = [(e, require_envelopes(heldout, muscles, min_muscles))]
     else:
-        parts = [(e[fitted], e[judged]) for fitted, judged in block_folds(time, FOLDS, GAP)]
+        parts = [(e[fitted], e[judged]) for fitted, judged in block_folds(time, BLOCK_COUNT, FOLD_GAP_S)]
     numbers = np.arange(1, min(most, len(muscles) - 1) + 1)
     rows = []
     for number in numbers:
         own = [find_synergies(fitted, muscles, int(number), min_muscles=min_muscles) for fitted, _ in parts]
         truth = np.concatenate([judged for _, judged in parts])
-        rebuilt = np.concatenate([s.rebuilt(judged) for s, (_, judged) in zip(own, parts, strict=True)])
+        rebuilt = np.concatenate([s.reconstruct(judged) for s, (_, judged) in zip(own, parts, strict=True)])
         filled = np.concatenate(
             [
-                np.column_stack([s.filled(judged, i) for i in range(len(muscles))])
+                np.column_stack([s.predict_muscle(judged, i) for i in range(len(muscles))])
                 for s, (_, judged) in zip(own, parts, strict=True)
             ]
         )
-        chance = [find_synergies(shifted(fitted), muscles, int(number), min_muscles=min_muscles) for fitted, _ in parts]
-        apart = [shifted(judged) for _, judged in parts]
+        chance = [
+            find_synergies(shift_envelopes_apart(fitted), muscles, int(number), min_muscles=min_muscles)
+            for fitted, _ in parts
+        ]
+        apart = [shift_envelopes_apart(judged) for _, judged in parts]
         rows.append(
             (
-                float(np.mean([vaf(fitted, s.rebuilt(fitted)) for s, (fitted, _) in zip(own, parts, strict=True)])),
+                float(np.mean([vaf(fitted, s.reconstruct(fitted)) for s, (fitted, _) in zip(own, parts, strict=True)])),
                 vaf(truth, rebuilt),
                 min(vaf(truth[:, i], rebuilt[:, i]) for i in range(len(muscles))),
-                vaf(np.concatenate(apart), np.concatenate([s.rebuilt(x) for s, x in zip(chance, apart, strict=True)])),
-                determined(truth, filled),
+                vaf(
+                    np.concatenate(apart),
+                    np.concatenate([s.reconstruct(x) for s, x in zip(chance, apart, strict=True)]),
+                ),
+                r_squared(truth, filled),
             )
         )
     return SynergyCount(numbers, *np.array(rows).T)
 
 
 def similarity(one: Synergies, other: Synergies) -> tuple[float, np.ndarray]:
-    """Mean cosine of the synergies of two that belong together, and which of the `other`'s each of the first is."""
+    """Return the mean cosine of matched synergies, and the index in `other` that matches each synergy of `one`."""
     from scipy.optimize import linear_sum_assignment
 
     a, b = (s.weights / np.linalg.norm(s.weights, axis=1, keepdims=True) for s in (one, other))
@@ -176,8 +195,8 @@ def similarity(one: Synergies, other: Synergies) -> tuple[float, np.ndarray]:
 
 
 def chance_similarity(one: Synergies, other: Synergies, draws: int = 200, level: float = 0.95) -> float:
-    """Similarity that groups of the same weights, of muscles drawn at random, exceed once in 1 / (1 - level)."""
-    rng = np.random.default_rng(SEED)
+    """Return the quantile at `level` of the similarity of `one` to `other` with its weights permuted at random."""
+    rng = np.random.default_rng(FACTORISATION_SEED)
     found = []
     for _ in range(draws):
         mixed = np.array([rng.permutation(row) for row in other.weights])
@@ -185,27 +204,26 @@ def chance_similarity(one: Synergies, other: Synergies, draws: int = 200, level:
     return float(np.quantile(found, level))
 
 
-def shifted(envelopes: np.ndarray) -> np.ndarray:
-    """Envelopes, (n, m), each moved round by another share of the whole: what they have in common is gone."""
+def shift_envelopes_apart(envelopes: np.ndarray) -> np.ndarray:
+    """Return envelopes, shape (n, m), each rotated in time by another share, so that they no longer share timing."""
     n, m = envelopes.shape
     return np.column_stack([np.roll(envelopes[:, i], round(n * i / m * 0.97)) for i in range(m)])
 
 
 def vaf(truth: np.ndarray, rebuilt: np.ndarray) -> float:
-    """Variance accounted for, about 0."""
+    """Return the variance accounted for, with variance taken about 0."""
     return float(1.0 - np.sum((truth - rebuilt) ** 2) / np.sum(truth**2))
 
 
-def determined(truth: np.ndarray, told: np.ndarray) -> float:
-    """R2 of `told`, about the mean of `truth`, both (n,), or of all their columns together."""
+def r_squared(truth: np.ndarray, told: np.ndarray) -> float:
+    """Return R2 of `told` about the mean of `truth`, both of shape (n,), or of all their columns together."""
     return float(1.0 - np.sum((truth - told) ** 2) / np.sum((truth - truth.mean(axis=0)) ** 2))
 
 
-def non_negative(a: np.ndarray, b: np.ndarray, ridge: float = 0.0) -> np.ndarray:
-    """Least squares with no negative unknown, all columns at once: min |A x - b|^2 + ridge |x|^2, A (m, k), b (m, n),
-    gives (k, n).
+def solve_non_negative(a: np.ndarray, b: np.ndarray, ridge: float = 0.0) -> np.ndarray:
+    """Solve min |A x - b|^2 + ridge |x|^2 with x >= 0 for all columns of b at once, shape (k, n).
 
-    Coordinate by coordinate on the normal equations, exact in the limit and the same for every column.
+    A has shape (m, k), b (m, n). Coordinate descent on the normal equations is exact in the limit.
     """
     gram, right = a.T @ a + ridge * np.eye(a.shape[1]), a.T @ b
     scale = np.diag(gram)
@@ -222,8 +240,10 @@ def non_negative(a: np.ndarray, b: np.ndarray, ridge: float = 0.0) -> np.ndarray
     return x
 
 
-def require_envelopes(envelopes: np.ndarray, muscles: Sequence[str], min_muscles: int = FEWEST) -> np.ndarray:
-    """Envelopes, (n, m), as they may be factored; an error that says why not."""
+def require_envelopes(
+    envelopes: np.ndarray, muscles: Sequence[str], min_muscles: int = DEFAULT_MIN_MUSCLES
+) -> np.ndarray:
+    """Return envelopes as an array, shape (n, m), or refuse those that cannot be factored."""
     e = np.asarray(envelopes, float)
     if len(muscles) < min_muscles:
         raise IdentificationError(

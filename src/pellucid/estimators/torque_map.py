@@ -1,4 +1,4 @@
-"""A torque map: features and settings chosen by cross-validation within what is fitted, then fitted once."""
+"""A torque map: its features and settings are chosen by cross-validation within the fitted trials."""
 
 from __future__ import annotations
 
@@ -12,40 +12,39 @@ import numpy as np
 from .._errors import IdentificationError
 from .._processes import among_helpers
 from .cross_validation import Fold, Score, block_folds, grouped_folds, score
-from .families import ESTIMATORS, family_of
+from .families import ESTIMATOR_FAMILIES, find_family
 from .families.family import Family, Regressor
-from .features import LAGS, Features, FeatureSet, features
+from .features import ENVELOPE_LAGS_S, Features, FeatureSet, compute_features
 from .smoothing import smooth
 from .torque_trial import TorqueTrial
 
-BLOCKS = 5
-"""Blocks of a single recording."""
+BLOCK_COUNT = 5
+"""Number of blocks into which a single recording is divided for cross-validation."""
 
-GAP = max(LAGS) + 0.1
-"""Gap on either side of a scored block [s]: the longest lag and a filter's memory."""
+FOLD_GAP_S = max(ENVELOPE_LAGS_S) + 0.1
+"""Gap on either side of a scored block [s]. It covers the longest lag and the memory of a filter."""
 
-MOST_SAMPLES = 4000
-"""Samples fitted, evenly thinned: neighbours at a high rate say the same."""
+MAX_FITTED_SAMPLES = 4000
+"""Largest number of fitted samples, evenly thinned. Neighbouring samples at a high rate are nearly equal."""
 
-MOST_TRIED = 1500
-"""Samples fitted while features and settings are chosen, which is done dozens of times."""
+MAX_CHOICE_SAMPLES = 1500
+"""Largest number of fitted samples while features and settings are chosen. Maps are then fitted dozens of times."""
 
+MIN_PARALLEL_SAMPLES = 15000
+"""Maps are fitted in several processes only from this many samples over all maps. Below, their start takes longer."""
 
-WORTH = 15000
-"""Samples to be fitted, over all maps, from which on other processes are worth their start."""
-
-MOST_SCORED = 6000
-"""Samples scored meanwhile, evenly thinned; thinner than this, an output is not smoothed."""
+MAX_SCORED_SAMPLES = 6000
+"""Largest number of scored samples in cross-validation, evenly thinned. Thinned outputs are not smoothed."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What cross-validation chose: features, settings, and the RMSE [N m] of every candidate by its words."""
+    """Result of cross-validation over features and settings."""
 
-    features: FeatureSet
-    settings: Mapping[str, Any]
-    score: Score
-    tried: Mapping[str, float] = field(repr=False)
+    features: FeatureSet  # Chosen features
+    settings: Mapping[str, Any]  # Chosen settings
+    score: Score  # Score out of fold
+    tried: Mapping[str, float] = field(repr=False)  # RMSE out of fold of every candidate [N m], by its description
 
     @property
     def words(self) -> str:
@@ -61,81 +60,84 @@ class Choice:
 class TorqueMap:
     """A fitted map from EMG and motion to a joint's torque."""
 
-    name: str  # Of the estimator, in `ESTIMATORS`
+    name: str  # Name of the estimator in `ESTIMATOR_FAMILIES`
     choice: Choice
     regressor: Regressor = field(repr=False)
     causal: bool = False  # Whether features and smoothing use the past alone
 
     def predict(self, trial: TorqueTrial) -> np.ndarray:
-        """Torque of a trial, shape (n,) [N m]; its own torque is not looked at."""
-        raw = self.regressor.predict(features(trial, self.choice.features, causal=self.causal).x)
-        seconds = ESTIMATORS[self.name].smoothing
+        """Predict the torque of a trial, shape (n,) [N m]; its measured torque is not used."""
+        raw = self.regressor.predict(compute_features(trial, self.choice.features, causal=self.causal).x)
+        seconds = ESTIMATOR_FAMILIES[self.name].smoothing
         return smooth(raw, seconds, trial.fs, causal=self.causal) if seconds else raw
 
 
 def fit_torque_map(trials: Sequence[TorqueTrial], name: str, *, causal: bool = False) -> TorqueMap:
-    """Choose features and settings by cross-validation within the trials, and fit to all of them."""
-    name, family = family_of(name)
+    """Choose features and settings by cross-validation within the trials, then fit to all of them."""
+    name, family = find_family(name)
     if not trials or any(trial.heldout for trial in trials):
         found = "no trial" if not trials else f"the held-out trial {next(t.name for t in trials if t.heldout)}"
         raise IdentificationError(f"torque map: found {found}, expected trials to fit")
-    if family.whole is not None:
-        return family.whole(trials, name, causal)
-    stack = _Stack(trials, causal)
-    choice = _choose(family, stack)
+    if family.fit_trials is not None:
+        return family.fit_trials(trials, name, causal)
+    stack = _StackedTrials(trials, causal)
+    choice = _choose_features_and_settings(family, stack)
     seen = stack.features(choice.features)
     regressor = family.make(choice.settings, seen).fit(seen.x[stack.thinned], stack.torque[stack.thinned])
     return TorqueMap(name, choice, regressor, causal)
 
 
 class MapJob(NamedTuple):
-    """A map to be fitted, and what is asked of it there."""
+    """A map to be fitted, and a function to be evaluated on it in the same process."""
 
     trials: Sequence[TorqueTrial]
-    name: str  # Of the estimator
+    name: str  # Name of the estimator
     causal: bool = False
-    examine: Callable[[Any, Sequence[TorqueTrial]], Any] | None = None  # Of the map and its trials
+    examine: Callable[[Any, Sequence[TorqueTrial]], Any] | None = None  # Function of the fitted map and its trials
 
 
 def fit_torque_maps(
     jobs: Sequence[MapJob], begun: Callable[[int, float], None] = lambda i, share: None, workers: int | None = None
 ) -> list[tuple[TorqueMap, Any]]:
-    """`fit_torque_map` of each job and what was asked of it, by `workers` processes where that is worth their start;
-    `begun` hears which job begins and what share of all is done.
+    """Return the fitted map of each job and the result of its `examine`, None without one.
+
+    Large jobs are divided among `workers` processes. `begun` is called with the index of a job that begins and the
+    share of all jobs that is done.
     """
-    order = sorted(range(len(jobs)), key=lambda i: _place(jobs[i].name))
-    size = sum(min(sum(len(trial) for trial in job.trials), MOST_TRIED) for job in jobs)
+    order = sorted(range(len(jobs)), key=lambda i: _job_order_key(jobs[i].name))
+    size = sum(min(sum(len(trial) for trial in job.trials), MAX_CHOICE_SAMPLES) for job in jobs)
     made = among_helpers(
-        [(_fitted, jobs[i]) for i in order],
-        1 if size < WORTH else workers,
+        [(_run_job, jobs[i]) for i in order],
+        1 if size < MIN_PARALLEL_SAMPLES else workers,
         lambda i, share: begun(order[i], share),
     )
     return [each for _, each in sorted(zip(order, made, strict=True), key=lambda pair: pair[0])]
 
 
-def _place(name: str) -> tuple[bool, int]:
-    """Of an estimator among jobs: muscles, which take longest, then as in tables."""
-    own, family = family_of(name)
-    return family.whole is None, list(ESTIMATORS).index(own)
+def _job_order_key(name: str) -> tuple[bool, int]:
+    """Return the sorting key of an estimator among jobs: muscles, which take longest, then the order of tables."""
+    own, family = find_family(name)
+    return family.fit_trials is None, list(ESTIMATOR_FAMILIES).index(own)
 
 
-def _fitted(job: MapJob) -> tuple[TorqueMap, Any]:
+def _run_job(job: MapJob) -> tuple[TorqueMap, Any]:
+    """Fit the map of a job and examine it."""
     made = fit_torque_map(job.trials, job.name, causal=job.causal)
     return made, None if job.examine is None else job.examine(made, job.trials)
 
 
 @dataclass(frozen=True, eq=False)
 class CrossValidated:
-    """An estimator scored on trials it did not see."""
+    """Scores and predictions of an estimator on trials that it was not fitted to."""
 
-    score: Score  # Over all samples of all trials
-    by_trial: Mapping[str, Score]
-    predicted: Mapping[str, np.ndarray]  # (n,) Torque by trial [N m], each from a map fitted without its group
-    choices: tuple[Choice, ...]  # Of every outer fold
-    examined: tuple[Any, ...] = ()  # What was asked of every outer fold's map
+    score: Score  # Score over all samples of all trials
+    by_trial: Mapping[str, Score]  # Score of each trial
+    predicted: Mapping[str, np.ndarray]  # Torque by trial, shape (n,) [N m], by a map fitted without its group
+    choices: tuple[Choice, ...]  # Choice in every outer fold
+    examined: tuple[Any, ...] = ()  # Result of `examine` for every outer fold's map
 
 
-def torque_map_cv(
+def cross_validate_torque_maps(
     trials: Sequence[TorqueTrial],
     estimators: Sequence[str] = ("boost", "bagging", "tree", "ridge"),
     *,
@@ -143,8 +145,10 @@ def torque_map_cv(
     on_progress: Callable[[str, float], None] | None = None,
     examine: Callable[[Any, Sequence[TorqueTrial]], Any] | None = None,
 ) -> dict[str, CrossValidated]:
-    """Score estimators group by group, features and settings chosen anew within the other groups each time; `examine`
-    is asked of every map, with the trials that it was fitted to."""
+    """Score estimators on each group of trials, after fitting and choosing features and settings on the other groups.
+
+    `examine` is called with every map and the trials that it was fitted to.
+    """
     tell = on_progress or (lambda text, share: None)
     groups = list(dict.fromkeys(trial.group for trial in trials))
     if len(groups) < 3:
@@ -155,7 +159,9 @@ def torque_map_cv(
     runs = [(name, group) for name in estimators for group in groups]
     fitted = fit_torque_maps(
         [MapJob(others[group], name, causal, examine) for name, group in runs],
-        lambda i, share: tell(f"{ESTIMATORS[family_of(runs[i][0])[0]].words}, without {runs[i][1]}", share),
+        lambda i, share: tell(
+            f"{ESTIMATOR_FAMILIES[find_family(runs[i][0])[0]].description}, without {runs[i][1]}", share
+        ),
     )
     made, results = dict(zip(runs, fitted, strict=True)), {}
     for name in estimators:
@@ -172,8 +178,8 @@ def torque_map_cv(
     return results
 
 
-class _Stack:
-    """Trials one after another, with their folds, and features made once a set."""
+class _StackedTrials:
+    """Trials one after another, with their folds, and a cache of their features by set."""
 
     def __init__(self, trials: Sequence[TorqueTrial], causal: bool):
         self.trials, self.causal = trials, causal
@@ -182,28 +188,35 @@ class _Stack:
         self.member = np.repeat(np.arange(len(trials)), lengths)
         self.neighbours = len(trials[0].angles) > 1
         self.thinned, self.tried = (
-            np.arange(0, len(self.torque), max(1, -(-len(self.torque) // most))) for most in (MOST_SAMPLES, MOST_TRIED)
+            np.arange(0, len(self.torque), max(1, -(-len(self.torque) // most)))
+            for most in (MAX_FITTED_SAMPLES, MAX_CHOICE_SAMPLES)
         )
         self._made: dict[FeatureSet, Features] = {}
 
     @cached_property
     def folds(self) -> list[Fold]:
+        """Folds by group, by trial if there is one group, or by blocks of a single trial."""
         groups = np.repeat([trial.group for trial in self.trials], [len(trial) for trial in self.trials])
         if len(set(groups.tolist())) > 1:
             return grouped_folds(groups)
         if len(self.trials) > 1:
             return grouped_folds(self.member)
-        return block_folds(self.trials[0].time, BLOCKS, GAP)
+        return block_folds(self.trials[0].time, BLOCK_COUNT, FOLD_GAP_S)
 
     def features(self, chosen: FeatureSet) -> Features:
+        """Return the features of all trials."""
         if chosen not in self._made:
-            each = [features(trial, chosen, causal=self.causal) for trial in self.trials]
+            each = [compute_features(trial, chosen, causal=self.causal) for trial in self.trials]
             self._made[chosen] = Features(np.vstack([f.x for f in each]), each[0].names, each[0].motion)
         return self._made[chosen]
 
 
-def _choose(family: Family, stack: _Stack) -> Choice:
-    """Every pair of features and settings, or features first (motion, then earlier envelopes), then settings."""
+def _choose_features_and_settings(family: Family, stack: _StackedTrials) -> Choice:
+    """Choose features and settings by cross-validation.
+
+    A family may try every pair of them. Otherwise features are chosen first, motion before earlier envelopes, and then
+    the settings.
+    """
     sets = family.candidates(neighbours=stack.neighbours)
     tried: dict[str, Choice] = {}
 
@@ -211,15 +224,15 @@ def _choose(family: Family, stack: _Stack) -> Choice:
         named = {f"{chosen} {settings}": (chosen, settings) for chosen, settings in candidates}
         for chosen in dict.fromkeys(chosen for chosen, _ in candidates):
             new = {key: settings for key, (own, settings) in named.items() if own == chosen and key not in tried}
-            scores = _scores_of(family, stack, chosen, list(new.values())) if new else ()
+            scores = _cross_validate_settings(family, stack, chosen, list(new.values())) if new else ()
             for (key, settings), scored in zip(new.items(), scores, strict=True):
                 tried[key] = Choice(chosen, settings, scored, {})
         return min((tried[key] for key in named), key=lambda choice: choice.score.rmse)
 
-    if family.every:
+    if family.tries_all_pairs:
         best = least([(chosen, settings) for chosen in sets for settings in family.settings])
     else:
-        quick = family.quick or family.settings[0]
+        quick = family.feature_choice_settings or family.settings[0]
         if len(sets) > 1:
             plain = least([(chosen, quick) for chosen in sets if chosen.lags == sets[0].lags]).features
             sets = (least([(c, quick) for c in sets if replace(c, lags=plain.lags) == plain]).features,)
@@ -227,23 +240,27 @@ def _choose(family: Family, stack: _Stack) -> Choice:
     return replace(best, tried={choice.words: choice.score.rmse for choice in tried.values()})
 
 
-def _scores_of(family: Family, stack: _Stack, chosen: FeatureSet, settings: Sequence[Mapping[str, Any]]) -> list[Score]:
-    """Of each of `settings` out of fold, over all samples."""
+def _cross_validate_settings(
+    family: Family, stack: _StackedTrials, chosen: FeatureSet, settings: Sequence[Mapping[str, Any]]
+) -> list[Score]:
+    """Return the score of each of `settings` out of fold, over all samples."""
     seen = stack.features(chosen)
     predicted = np.full((len(settings), len(stack.torque)), np.nan)
-    every = -(-len(stack.torque) // MOST_SCORED)
+    every = -(-len(stack.torque) // MAX_SCORED_SAMPLES)
     for fitted, scored in stack.folds:
         fitted = np.intersect1d(fitted, stack.tried, assume_unique=True)
         rows = scored[::every]
         made = family.predicted(settings, seen, seen.x[fitted], stack.torque[fitted], seen.x[rows])
         for own, raw in zip(predicted, made, strict=True):
-            own[rows] = raw if every > 1 or not family.smoothing else _smoothed(stack, raw, rows, family.smoothing)
+            own[rows] = (
+                raw if every > 1 or not family.smoothing else _smooth_by_trial(stack, raw, rows, family.smoothing)
+            )
     known = [np.isfinite(own) for own in predicted]
     return [score(stack.torque[k], own[k]) for k, own in zip(known, predicted, strict=True)]
 
 
-def _smoothed(stack: _Stack, raw: np.ndarray, rows: np.ndarray, seconds: float) -> np.ndarray:
-    """What was predicted for `rows`, averaged trial by trial: an average must not run from one into the next."""
+def _smooth_by_trial(stack: _StackedTrials, raw: np.ndarray, rows: np.ndarray, seconds: float) -> np.ndarray:
+    """Smooth the predictions for `rows` trial by trial: an average must not run from one trial into the next."""
     member = stack.member[rows]
     ends = np.flatnonzero(np.diff(member)) + 1
     return np.concatenate(

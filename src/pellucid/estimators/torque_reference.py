@@ -1,11 +1,11 @@
-"""The torque that a wearer gives against an orthosis, from the orthosis's own torque and what both weigh.
+"""Torque that a wearer applies to an orthosis, from the orthosis's own torque and the inertia and weight of both.
 
 With limb and orthosis moving as one, the strap's torque cancels between them:
 
     tau_k = (I_e + I_k) q'' + (b_e + b_k) q' + G_e sin(q - z_e) + G_k sin(q - z_k) - tau_e
 
-with z the angles at which they hang. Dry friction is left out: in a hold it is anything up to its level. The wearer
-counteracts: holding still at q = 0, tau_k = -tau_e.
+with z the angles at which they hang. Dry friction is left out, because in a hold it can take any value up to its level.
+The wearer counteracts: when holding still at q = 0, tau_k = -tau_e.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from ..signals.filters import central_difference, zero_phase_lowpass
 
 @dataclass(frozen=True)
 class MovedBody:
-    """What is moved: limb and orthosis together, or one of them."""
+    """A body that moves about the joint: limb and orthosis together, or one of them."""
 
-    gravity: float  # Torque at 90 deg from where it hangs [N m]
-    inertia: float = 0.0  # [kg m²]
-    viscous: float = 0.0  # [N m s/rad]
+    gravity: float  # Torque of its weight at 90 deg from the angle at which it hangs [N m]
+    inertia: float = 0.0  # Moment of inertia [kg m²]
+    viscous: float = 0.0  # Viscous friction [N m s/rad]
     zero: float = 0.0  # Angle at which it hangs [rad]
-    offset: float = 0.0  # What the spring shows without load [N m]
+    offset: float = 0.0  # Torque that the spring shows without load [N m]
 
     def __add__(self, other: MovedBody) -> MovedBody:
-        # Two sines of one angle are one.
+        # The sum of two sines of the same angle is one sine.
         pull = self.gravity * np.exp(1j * self.zero) + other.gravity * np.exp(1j * other.zero)
         return MovedBody(
             float(np.abs(pull)),
@@ -42,10 +42,11 @@ class MovedBody:
 def human_torque(
     position: np.ndarray, orthosis_torque: np.ndarray, body: MovedBody, *, lowpass: float, fs: float
 ) -> np.ndarray:
-    """Torque of the wearer about the joint, shape (n,) [N m], positive along `position` [rad], which is 0 hanging.
+    """Return the wearer's torque about the joint, shape (n,) [N m], positive along `position`.
 
-    `orthosis_torque` is that of its spring on the orthosis [N m], `body` limb and orthosis together; both signals,
-    shape (n,) at `fs` [Hz], pass a zero-phase low-pass of order 4 at `lowpass` [Hz].
+    `position` [rad] is 0 where the limb hangs. `orthosis_torque` is the torque of the spring on the orthosis [N m].
+    `body` is limb and orthosis together. Both signals, shape (n,) at `fs` [Hz], pass a zero-phase low-pass of order 4
+    at `lowpass` [Hz].
     """
     q = zero_phase_lowpass(np.asarray(position, float), lowpass, 4, fs)
     v = central_difference(q, fs)

@@ -1,4 +1,4 @@
-"""Torque from EMG by any of the estimators, over arrays, as a scikit-learn estimator."""
+"""Scikit-learn estimator of torque from arrays of EMG and motion, by any of the methods."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from .._errors import IdentificationError
 from ..models.muscle_geometry import muscle_table
 from .cross_validation import score
-from .families import ESTIMATORS, family_of
+from .families import ESTIMATOR_FAMILIES, find_family
 from .families.family import Family
 from .features import Features
 from .muscle_source import FIBRE_DAMPING, MuscleSource
 from .torque_trial import TorqueTrial
 
-MOTION = ("angle.", "velocity.", "acceleration.")
-"""How columns begin that are no EMG."""
+MOTION_COLUMN_PREFIXES = ("angle.", "velocity.", "acceleration.")
+"""Prefixes of the columns that hold motion, not EMG."""
 
 
 class TorqueRegressor(RegressorMixin, BaseEstimator):
-    """A joint's torque from envelopes of EMG and motion.
+    """Estimator of a joint's torque from EMG envelopes and motion.
 
-    Settings (penalties, sizes of trees) are chosen by cross-validation within what is fitted, then all of it is fitted
+    Settings (penalties, sizes of trees) are chosen by cross-validation within the fitted rows; then all rows are fitted
     once. Works with scikit-learn's ``clone``, ``cross_val_score``, ``Pipeline`` and ``GridSearchCV``.
 
     Parameters
@@ -36,31 +36,32 @@ class TorqueRegressor(RegressorMixin, BaseEstimator):
         ``"ridge"``, ``"linear"``, ``"boosting"``, ``"bagging"``, ``"tree"``, ``"hill"`` (muscles, which need
         `columns`), or another of `methods`.
     columns : sequence of str, optional
-        What the columns of X are, which methods made of muscles need: ``"time"`` [s], ``"emg.<muscle>"`` (envelopes
-        relative to a maximal contraction), ``"angle.<joint>"`` [rad]. Others use it to know motion from EMG: products
-        of columns that begin with ``angle.``, ``velocity.`` or ``acceleration.`` are then among ridge regression's
-        candidates.
+        Names of the columns of X, which methods made of muscles need: ``"time"`` [s], ``"emg.<muscle>"`` (envelopes
+        relative to a maximal contraction), ``"angle.<joint>"`` [rad]. Other methods use them to tell motion from EMG:
+        products of columns that begin with ``angle.``, ``velocity.`` or ``acceleration.`` are then among ridge
+        regression's candidates.
     joint : str, optional
-        Whose torque it is; left out, that of the first column ``angle.<joint>``.
+        Name of the torque's joint; by default the joint of the first column ``angle.<joint>``.
     muscles : MuscleSource, optional
-        Constants and paths of muscles; left out, those of a model of a leg, whose knee angle grows with extension.
+        Constants and paths of muscles; by default those of a leg model, whose knee angle grows with extension.
     settings : mapping, optional
-        The only settings to be used, in place of a choice.
+        Settings to use, without a choice.
     folds : int
-        Of the choice, at least 2: groups together where `fit` is given them, otherwise consecutive blocks of rows.
+        Number of folds of the cross-validation, at least 2. Folds are made of the groups given to `fit`, otherwise of
+        consecutive blocks of rows.
     causal : bool
         Whether methods made of muscles filter angles from the past alone.
 
     Attributes
     ----------
     settings_ : dict
-        Chosen.
+        Chosen settings.
     tried_ : dict of str to float
-        RMSE of every candidate within what was fitted, in the torque's unit.
+        RMSE of every candidate in cross-validation, in the torque's unit.
     regressor_ : object
-        What was fitted with them: a scikit-learn estimator, or calibrated muscles.
+        Fitted scikit-learn estimator, or calibrated muscles.
     n_features_in_ : int
-        Columns of X.
+        Number of columns of X.
 
     Examples
     --------
@@ -100,11 +101,12 @@ class TorqueRegressor(RegressorMixin, BaseEstimator):
 
     @staticmethod
     def methods() -> dict[str, str]:
-        """Every method's name, and what it is.
+        """Return the name and description of every method.
 
         Returns
         -------
         dict of str to str
+            Description by name.
 
         Examples
         --------
@@ -112,7 +114,7 @@ class TorqueRegressor(RegressorMixin, BaseEstimator):
         >>> pl.TorqueRegressor.methods()["ridge"]
         'ridge regression'
         """
-        return {name: family.words for name, family in ESTIMATORS.items()}
+        return {name: family.description for name, family in ESTIMATOR_FAMILIES.items()}
 
     def fit(self, X: np.ndarray, y: np.ndarray, groups: np.ndarray | None = None) -> TorqueRegressor:
         """Choose settings and fit.
@@ -120,16 +122,16 @@ class TorqueRegressor(RegressorMixin, BaseEstimator):
         Parameters
         ----------
         X : array_like, shape (n, k)
-            Rows in the order of time.
+            Features, with rows in the order of time.
         y : array_like, shape (n,)
             Torque [N m].
         groups : array_like, shape (n,), optional
-            Repetition, trial or person of each row: rows of one are left out together while settings are chosen.
+            Repetition, trial or person of each row. Rows of one group are left out together while settings are chosen.
 
         Returns
         -------
         TorqueRegressor
-            Itself.
+            The fitted estimator itself.
 
         Raises
         ------
@@ -146,38 +148,38 @@ class TorqueRegressor(RegressorMixin, BaseEstimator):
         >>> pl.TorqueRegressor("linear").fit(X, X @ [1.0, 2.0, 3.0]).predict([[1.0, 1.0, 1.0]]).round(6)
         array([6.])
         """
-        name, family = family_of(self.method)
+        name, family = find_family(self.method)
         X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True)
         if groups is not None and np.shape(groups) != y.shape:
             raise IdentificationError(f"torque: found groups of shape {np.shape(groups)}, expected {y.shape} as of y")
-        names = self._names(X)
-        if family.whole is not None:
+        names = self._column_names(X)
+        if family.fit_trials is not None:
             self.settings_, self.tried_ = {}, {}
-            self.regressor_ = family.whole(self._trials(X, y, names, groups), name, self.causal)
+            self.regressor_ = family.fit_trials(self._divide_into_trials(X, y, names, groups), name, self.causal)
             return self
-        motion = tuple(i for i, column in enumerate(names) if column.startswith(MOTION))
+        motion = tuple(i for i, column in enumerate(names) if column.startswith(MOTION_COLUMN_PREFIXES))
         seen = Features(X, tuple(names), motion)
-        self.settings_, self.tried_ = self._chosen(family, seen, y, groups)
+        self.settings_, self.tried_ = self._choose_settings(family, seen, y, groups)
         self.regressor_ = family.make(self.settings_, seen).fit(X, y)
         return self
 
     def predict(self, X: np.ndarray) -> np.ndarray:
-        """Torque.
+        """Predict the torque.
 
         Parameters
         ----------
         X : array_like, shape (n, k)
-            As fitted.
+            Features with the same columns as in `fit`.
 
         Returns
         -------
         ndarray, shape (n,)
-            [N m]
+            Torque [N m].
 
         Raises
         ------
         ValueError
-            If X does not fit what was fitted, a value is missing, or nothing was fitted.
+            If X has other columns than in `fit`, a value is missing, or `fit` was not called.
 
         Examples
         --------
@@ -189,15 +191,16 @@ class TorqueRegressor(RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         X = validate_data(self, X, dtype=np.float64, reset=False)
-        if family_of(self.method)[1].whole is None:
+        if find_family(self.method)[1].fit_trials is None:
             return self.regressor_.predict(X)
-        trials = self._trials(X, np.zeros(len(X)), self._names(X), None)
+        trials = self._divide_into_trials(X, np.zeros(len(X)), self._column_names(X), None)
         return np.concatenate([self.regressor_.predict(trial) for trial in trials])
 
-    def _chosen(self, family: Family, seen: Features, y: np.ndarray, groups) -> tuple[dict, dict[str, float]]:
+    def _choose_settings(self, family: Family, seen: Features, y: np.ndarray, groups) -> tuple[dict, dict[str, float]]:
+        """Return the settings chosen by cross-validation, and the RMSE of every candidate by its description."""
         candidates: dict[str, Mapping[str, Any]] = {}
         for settings in family.settings if self.settings is None else (self.settings,):
-            # Without columns of motion some candidates are the same.
+            # Without columns of motion, some candidates are equal.
             candidates.setdefault(repr(sorted(family.make(settings, seen).get_params().items())), settings)
         count = len(y) if groups is None else len(np.unique(groups))
         folds = min(self.folds, count)
@@ -214,7 +217,8 @@ class TorqueRegressor(RegressorMixin, BaseEstimator):
         best = min(range(len(settings)), key=errors.__getitem__)
         return dict(settings[best]), dict(zip(words, errors, strict=True))
 
-    def _names(self, X: np.ndarray) -> list[str]:
+    def _column_names(self, X: np.ndarray) -> list[str]:
+        """Return the names of the columns of X."""
         if self.columns is None:
             return list(getattr(self, "feature_names_in_", [f"x{i}" for i in range(X.shape[1])]))
         if len(self.columns) != X.shape[1]:
@@ -224,8 +228,8 @@ class TorqueRegressor(RegressorMixin, BaseEstimator):
             )
         return list(self.columns)
 
-    def _trials(self, X: np.ndarray, y: np.ndarray, names: Sequence[str], groups) -> list[TorqueTrial]:
-        """Rows as trials: a new one begins where the group changes, or time does not go on."""
+    def _divide_into_trials(self, X: np.ndarray, y: np.ndarray, names: Sequence[str], groups) -> list[TorqueTrial]:
+        """Divide rows into trials. A new trial begins where the group changes, or where time jumps."""
         columns = dict(zip(names, X.T, strict=True))
         time, lacking = columns.get("time"), []
         lacking += [] if time is not None else ["time"]

@@ -1,4 +1,4 @@
-"""One trial of a torque map: envelopes, joint angles and the torque they should give, on one clock."""
+"""One trial of a torque map: envelopes, joint angles and the reference torque on one clock."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from .muscle_source import MuscleSource
 
 @dataclass(frozen=True, eq=False)
 class TorqueTrial:
-    """What a torque map is fitted to and scored on."""
+    """A trial that a torque map is fitted to or scored on."""
 
-    name: str  # The recording's
-    joint: str  # Whose torque it is
-    time: np.ndarray  # (n,) [s]
-    envelopes: Mapping[str, np.ndarray] = field(repr=False)  # (n,) By muscle: relative [1], or in V
-    # (n,) By joint [rad]; the joint itself must be among them, the others are its neighbours
+    name: str  # Name of the recording
+    joint: str  # Joint of the torque
+    time: np.ndarray  # Time, shape (n,) [s]
+    envelopes: Mapping[str, np.ndarray] = field(repr=False)  # Envelopes by muscle, shape (n,) each: relative [1] or [V]
+    # Angles by joint, shape (n,) each [rad]; the joint itself must be among them, the others are its neighbours
     angles: Mapping[str, np.ndarray] = field(repr=False)
-    torque: np.ndarray = field(repr=False)  # (n,) The reference [`unit`]
-    group: str = ""  # What is left out together in cross-validation: a repetition
-    heldout: bool = False  # Never fitted
+    torque: np.ndarray = field(repr=False)  # Reference torque, shape (n,), in `unit`
+    group: str = ""  # Repetition; trials of one repetition are left out together in cross-validation
+    heldout: bool = False  # Whether the trial is held out and never fitted
     participant: str | None = None
     checksum: str = ""  # SHA-256 of the file
-    # Where lengths, moment arms and constants of muscles come from; None where they are not known
+    # Source of the muscles' lengths, moment arms and constants; None if they are not known
     muscles: MuscleSource | None = field(default=None, repr=False)
-    # (k,) Envelopes of the same muscles before the first sample, at the same rate; empty where there are none
+    # Envelopes of the same muscles before the first sample, at the same rate, shape (k,) each; empty if there are none
     lead: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
-    unit: str = "N*m"  # Of the torque; "MVC": shares of a maximal contraction's
+    unit: str = "N*m"  # Unit of the torque; "MVC": shares of a maximal contraction
 
     def __post_init__(self):
         if self.joint not in self.angles:
@@ -56,5 +56,5 @@ class TorqueTrial:
 
     @property
     def fs(self) -> float:
-        """Rate [Hz]."""
+        """Sampling rate [Hz]."""
         return (len(self.time) - 1) / float(self.time[-1] - self.time[0])

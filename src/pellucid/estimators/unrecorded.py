@@ -1,9 +1,9 @@
-"""A muscle without an electrode: ways to fill it in, and how near each comes to an electrode that was there.
+"""Fill in the activation of a muscle without an electrode, and score each filling method on recorded muscles.
 
-An electrode that was there is taken away from the recordings that judge. What each way tells of it is compared with
-what it recorded, as the activation of its muscle, which is what a force is made of: an envelope and an activation that
-was found from a torque can be compared there. Some ways are told the torque of the very samples (``told``), the others
-see EMG and angles alone, and only of those does the torque that follows say something.
+For the score, a recorded electrode is removed from the test recordings. Each method then predicts the activation of its
+muscle, which is compared with the activation by the recorded EMG. Activations can be compared for methods that predict
+an envelope as well as for those that find an activation from a torque. Some methods see the measured torque of the test
+samples (``told``). The others see EMG and angles alone; only for those is the resulting torque a meaningful test.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from .._errors import IdentificationError
 from ..fit.muscles.muscle_calibration import MuscleFit, MuscleSamples
 from .assisted import AssistedMuscles
 from .cross_validation import Fold, Score, block_folds, grouped_folds, score
-from .features import derivatives
+from .features import filter_and_differentiate
 from .hill import HillMap
-from .hill_together import Across, HillTogether
-from .muscle_source import ALIASES
-from .muscle_trials import warm
+from .hill_together import HillTogether, TrialByJoint
+from .muscle_source import MUSCLE_BY_CHANNEL_ALIAS
+from .muscle_trials import count_warm_up_samples
 from .ridge import Ridge
-from .synergies import FEWEST, FOLDS, GAP, Synergies, determined, find_synergies
+from .synergies import BLOCK_COUNT, DEFAULT_MIN_MUSCLES, FOLD_GAP_S, Synergies, find_synergies, r_squared
 from .torque_trial import TorqueTrial
 
-WAYS: Mapping[str, str] = {
+FILLING_METHODS: Mapping[str, str] = {
     "linear": "linear map of the others",
     "synergies": "synergies of the others",
     "pattern": "mean over the joint's cycle",
@@ -36,88 +36,93 @@ WAYS: Mapping[str, str] = {
     "assisted": "EMG-assisted (told)",
     "static": "static optimisation (told)",
 }
-"""How a muscle is filled in, in words."""
+"""Description of each filling method by name."""
 
-TOLD = ("synergies_assisted", "assisted", "static")
-"""Ways that see the measured torque of the samples that they fill in."""
+TORQUE_INFORMED_METHODS = ("synergies_assisted", "assisted", "static")
+"""Filling methods that see the measured torque of the samples that they fill in."""
 
-TRUSTS = (0.3, 3.0, 30.0, 300.0)
-"""In EMG: what is chosen from."""
+TRUST_CANDIDATES = (0.3, 3.0, 30.0, 300.0)
+"""Candidate weights of the deviation from recorded EMG, called the trust in EMG."""
 
-EFFORTS = (0.03, 0.3, 3.0, 30.0)
-"""Of muscles without EMG: what is chosen from."""
+EFFORT_WEIGHT_CANDIDATES = (0.03, 0.3, 3.0, 30.0)
+"""Candidate weights of the activity of muscles without EMG."""
 
-STIFF = 1e6
-"""A trust that leaves the recorded ones as they are."""
+FIXED_EMG_TRUST = 1e6
+"""Trust in EMG with which recorded activations practically stay as they are."""
 
-PENALTIES = (0.1, 10.0, 1000.0)
-"""Of the linear map: what is chosen from."""
+PENALTY_CANDIDATES = (0.1, 10.0, 1000.0)
+"""Candidate penalties of the linear map's ridge regression."""
 
-BINS = 40
-"""Of a cycle."""
+PHASE_BIN_COUNT = 40
+"""Number of phase bins of a movement's cycle. Chosen by judgement; no measurement is recorded."""
 
 
 @dataclass(frozen=True)
-class Trust:
-    """How much EMG is trusted, and what activity without it costs."""
+class AssistanceWeights:
+    """Weights of EMG-assisted muscles."""
 
-    trust: float
-    effort: float
-    chosen: bool = True  # Within what may be fitted; False where it was stated
+    trust: float  # Weight of the deviation from recorded EMG
+    effort: float  # Weight of the activity of muscles without EMG
+    chosen: bool = True  # Whether the weights were chosen within the fitted trials; False if they were given
 
 
 @dataclass(frozen=True, eq=False)
-class FilledIn:
-    """One electrode taken away, and one way to do without it."""
+class FillingScore:
+    """Score of one filling method for one removed electrode."""
 
-    way: str
-    channel: str
+    way: str  # Name of the filling method
+    channel: str  # Removed EMG channel
     recording: str
-    muscle: str
-    r2: float  # r2, correlation: Of its activation, about what its own EMG gives
-    correlation: float
-    # That EMG-driven muscles then predict, by joint; None where the way is told it
+    muscle: str  # Muscle under the electrode
+    r2: float  # R2 of the filled activation, against the activation by the muscle's own EMG
+    correlation: float  # Correlation of the filled activation with the activation by the muscle's own EMG
+    # Score of the torque that EMG-driven muscles then predict, by joint; None if the method sees the measured torque
     torque: Mapping[str, Score] | None
-    recorded: np.ndarray  # recorded, filled: (n,) Activation by its own EMG, and filled in
-    filled: np.ndarray
+    recorded: np.ndarray  # Activation by the muscle's own EMG, shape (n,)
+    filled: np.ndarray  # Filled activation, shape (n,)
 
 
 @dataclass(frozen=True, eq=False)
-class OneJoint:
-    """Muscles of a single joint, asked as those of several are."""
+class SingleJointMuscles:
+    """Calibrated muscles of a single joint, with the interface of `HillTogether`."""
 
     alone: HillMap
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """The one."""
+        """Name of the joint, as a tuple of one."""
         return (self.alone.joint,)
 
     @property
     def fit(self) -> MuscleFit:
-        """Its muscles, calibrated."""
+        """Fit of the muscles."""
         return self.alone.fit
 
     @property
     def driven(self) -> Mapping[str, tuple[str, ...]]:
-        """EMG channels, by muscle."""
+        """EMG channels by muscle."""
         return self.alone.driven
 
-    def samples(self, trial: Across) -> tuple[MuscleSamples, slice]:
-        """A recording as these muscles see it, and where its own samples lie."""
+    def samples(self, trial: TrialByJoint) -> tuple[MuscleSamples, slice]:
+        """Return a recording's samples for these muscles, and the slice in which the recording itself lies."""
         return self.alone.samples(trial[self.alone.joint])
 
-    def predict(self, trial: Across) -> dict[str, np.ndarray]:
-        """Its torque, shape (n,) [N m]."""
+    def predict(self, trial: TrialByJoint) -> dict[str, np.ndarray]:
+        """Predict the torque of the joint, shape (n,) [N m]."""
         return {self.alone.joint: self.alone.predict(trial[self.alone.joint])}
 
 
-Calibrated = OneJoint | HillTogether
-"""Muscles of one joint, or of several at once."""
+CalibratedMuscleSet = SingleJointMuscles | HillTogether
+"""Calibrated muscles of one joint, or of several at once."""
 
 
-def assisted_muscles(fitted: Calibrated, trial: Across, scale: np.ndarray) -> tuple[AssistedMuscles, slice]:
-    """A recording as calibrated muscles see it, and where its own samples lie; `scale` (j,) [N m]."""
+def make_assisted_muscles(
+    fitted: CalibratedMuscleSet, trial: TrialByJoint, scale: np.ndarray
+) -> tuple[AssistedMuscles, slice]:
+    """Return calibrated muscles over a recording, and the slice in which the recording itself lies.
+
+    `scale` is the standard deviation of each joint's fitted torque, shape (j,) [N m].
+    """
     samples, own = fitted.samples(trial)
     count = samples.torque.shape[-1]
     bare = AssistedMuscles(fitted.fit.muscles, samples, np.zeros((len(scale), count)), scale)
@@ -125,117 +130,130 @@ def assisted_muscles(fitted: Calibrated, trial: Across, scale: np.ndarray) -> tu
     return replace(bare, tissue=tissue), own
 
 
-def removable(fitted: Calibrated, trial: Across) -> dict[str, tuple[str, tuple[int, ...]]]:
-    """Channels that may be taken away: the muscle below each, and all it drives, be it in part, by place."""
+def find_removable_channels(fitted: CalibratedMuscleSet, trial: TrialByJoint) -> dict[str, tuple[str, tuple[int, ...]]]:
+    """Return the channels that can be removed, with the muscle under each and the indices of all muscles it drives.
+
+    A channel may drive a muscle in part, together with others.
+    """
     found = {}
-    for channel in _one(trial).envelopes:
-        muscle = ALIASES.get(channel, channel)
+    for channel in _any_joint_trial(trial).envelopes:
+        muscle = MUSCLE_BY_CHANNEL_ALIAS.get(channel, channel)
         lost = tuple(i for i, channels in enumerate(fitted.driven.values()) if channel in channels)
         if muscle in fitted.driven and lost:
             found[channel] = muscle, lost
     return found
 
 
-def _one(trial: Across) -> TorqueTrial:
-    """A recording's trial at one of the joints: EMG and angles are the same for all."""
+def _any_joint_trial(trial: TrialByJoint) -> TorqueTrial:
+    """Return a recording's trial at one of its joints. EMG and angles are the same at all of them."""
     return next(iter(trial.values()))
 
 
-def choose_trust(fitted: Calibrated, trials: Sequence[Across]) -> Trust:
-    """The trust and the effort with which muscles taken away from what was fitted are told best."""
-    scale = scale_of(trials)
-    seen = [(trial, *assisted_muscles(fitted, trial, scale)) for trial in trials]
-    best = (np.inf, Trust(TRUSTS[-1], EFFORTS[-1]))
-    for trust in TRUSTS:
-        for effort in EFFORTS:
+def choose_trust(fitted: CalibratedMuscleSet, trials: Sequence[TrialByJoint]) -> AssistanceWeights:
+    """Choose the weights with which the activations of removed muscles are best predicted, on the fitted trials."""
+    scale = torque_standard_deviations(trials)
+    seen = [(trial, *make_assisted_muscles(fitted, trial, scale)) for trial in trials]
+    best = (np.inf, AssistanceWeights(TRUST_CANDIDATES[-1], EFFORT_WEIGHT_CANDIDATES[-1]))
+    for trust in TRUST_CANDIDATES:
+        for effort in EFFORT_WEIGHT_CANDIDATES:
             missed = 0.0
             for trial, muscles, own in seen:
-                kept = warm(_one(trial))
-                for muscle, lost in removable(fitted, trial).values():
+                kept = count_warm_up_samples(_any_joint_trial(trial))
+                for muscle, lost in find_removable_channels(fitted, trial).values():
                     at = list(fitted.driven).index(muscle)
-                    told = muscles.assisted(lost, trust=trust, effort=effort)[at, own]
+                    told = muscles.find_activations(lost, trust=trust, effort=effort)[at, own]
                     truth = muscles.recorded[at, own]
                     missed += float(np.sum((told - truth)[kept:] ** 2) / np.sum(truth[kept:] ** 2))
-            best = min(best, (missed, Trust(trust, effort)), key=lambda each: each[0])
+            best = min(best, (missed, AssistanceWeights(trust, effort)), key=lambda each: each[0])
     return best[1]
 
 
-def scale_of(trials: Sequence[Across]) -> np.ndarray:
-    """Standard deviation of each joint's torque that is fitted, (j,) [N m]."""
+def torque_standard_deviations(trials: Sequence[TrialByJoint]) -> np.ndarray:
+    """Return the standard deviation of each joint's fitted torque, shape (j,) [N m]."""
     return np.array([np.std(np.concatenate([trial[joint].torque for trial in trials])) for joint in trials[0]])
 
 
-def filled_in(
-    fitted: Calibrated,
-    trials: Sequence[Across],
-    judged: Sequence[Across],
-    trust: Trust,
+def score_filling_methods(
+    fitted: CalibratedMuscleSet,
+    trials: Sequence[TrialByJoint],
+    judged: Sequence[TrialByJoint],
+    trust: AssistanceWeights,
     lost: Sequence[str] = (),
-) -> list[FilledIn]:
-    """Every electrode taken away in turn from the recordings that judge, and every way to do without it; of those that
-    were `lost` nothing is known there."""
-    if any(_one(trial).heldout for trial in trials):
+) -> list[FillingScore]:
+    """Remove every electrode of the test recordings in turn and score every filling method.
+
+    `trials` are fitted and `judged` are the test recordings. Channels in `lost` are missing there from the start.
+    """
+    if any(_any_joint_trial(trial).heldout for trial in trials):
         raise IdentificationError("filling in: found a held-out trial to fit, expected it to judge")
-    scale, filling, found = scale_of(trials), Filling(trials), []
+    scale, filling, found = torque_standard_deviations(trials), EnvelopeFiller(trials), []
     for trial in judged:
-        # What came before a recording is not filled in: all ways begin with it.
+        # Samples before a recording are not filled in. They are removed, so that all methods start alike.
         trial = {joint: replace(own, lead={}) for joint, own in trial.items()}
-        muscles, own = assisted_muscles(fitted, trial, scale)
-        kept = slice(warm(_one(trial)), None)
+        muscles, own = make_assisted_muscles(fitted, trial, scale)
+        kept = slice(count_warm_up_samples(_any_joint_trial(trial)), None)
         truth = muscles.recorded
-        for channel, (muscle, its_own) in removable(fitted, trial).items():
+        for channel, (muscle, its_own) in find_removable_channels(fitted, trial).items():
             if channel in lost:
                 continue
             at = list(fitted.driven).index(muscle)
-            for way in WAYS:
+            for way in FILLING_METHODS:
                 torque, plain = None, way.removesuffix("_assisted")
                 if way in ("assisted", "static"):
-                    how = STIFF if way == "static" else trust.trust
-                    told = muscles.assisted(its_own, trust=how, effort=trust.effort)[at, own]
+                    how = FIXED_EMG_TRUST if way == "static" else trust.trust
+                    told = muscles.find_activations(its_own, trust=how, effort=trust.effort)[at, own]
                 elif plain == "synergies" and not filling.grouped:
                     continue
                 else:
-                    without = filling.without(trial, (*lost, channel), plain)
-                    seen, part = assisted_muscles(fitted, without, scale)
-                    if way in TOLD:
-                        told = seen.assisted(trust=trust.trust, effort=trust.effort)[at, part]
+                    without = filling.fill_in(trial, (*lost, channel), plain)
+                    seen, part = make_assisted_muscles(fitted, without, scale)
+                    if way in TORQUE_INFORMED_METHODS:
+                        told = seen.find_activations(trust=trust.trust, effort=trust.effort)[at, part]
                     else:
                         told = seen.recorded[at, part]
                         made = fitted.predict(without)
                         torque = {j: score(trial[j].torque[kept], made[j][kept]) for j in fitted.joints}
                 a, b = truth[at, own][kept], told[kept]
                 together = float(np.corrcoef(a, b)[0, 1]) if np.std(a) > 0.0 and np.std(b) > 0.0 else 0.0
-                found.append(FilledIn(way, channel, _one(trial).name, muscle, determined(a, b), together, torque, a, b))
+                found.append(
+                    FillingScore(
+                        way, channel, _any_joint_trial(trial).name, muscle, r_squared(a, b), together, torque, a, b
+                    )
+                )
     return found
 
 
-class Filling:
-    """Envelopes of muscles whose electrodes are lost, from what trials to fit had of them and the others."""
+class EnvelopeFiller:
+    """Predictor of envelopes whose electrodes are lost, fitted to trials in which they were recorded."""
 
-    def __init__(self, trials: Sequence[Across]):
-        trials = self._trials = tuple(map(_one, trials))
+    def __init__(self, trials: Sequence[TrialByJoint]):
+        trials = self._trials = tuple(map(_any_joint_trial, trials))
         self.channels = tuple(trials[0].envelopes)
         known = np.concatenate([np.column_stack([t.envelopes[n] for n in self.channels]) for t in trials])
         top = known.max(axis=0)
         self._top = np.where(top > 0.0, top, 1.0)
-        # Filters run both ways leave a little below 0.
+        # Zero-phase filters undershoot slightly below 0.
         self._known = np.maximum(known, 0.0) / self._top
-        self._folds = _folds(trials)
+        self._folds = _make_folds(trials)
 
     @property
     def grouped(self) -> bool:
-        """Whether there are muscles enough for synergies."""
-        return len(self.channels) > FEWEST
+        """Whether there are enough muscles for synergies without one of them."""
+        return len(self.channels) > DEFAULT_MIN_MUSCLES
 
-    def without(self, trial: Across, lost: Sequence[str], way: str = "synergies") -> dict[str, TorqueTrial]:
-        """A recording whose `lost` channels are filled in; their own EMG there is not looked at."""
+    def fill_in(self, trial: TrialByJoint, lost: Sequence[str], way: str = "synergies") -> dict[str, TorqueTrial]:
+        """Return a recording with its `lost` channels filled in by the method `way`; their own EMG is not used."""
         unknown = [channel for channel in lost if channel not in self.channels]
         if unknown or set(lost) >= set(self.channels):
             raise IdentificationError(
                 f"filling in {', '.join(lost)}: found EMG of {', '.join(self.channels)} in what is fitted, expected "
                 f"{', '.join(unknown) or 'one more'} there"
             )
-        seen, across, trial = [i for i, name in enumerate(self.channels) if name not in lost], trial, _one(trial)
+        seen, across, trial = (
+            [i for i, name in enumerate(self.channels) if name not in lost],
+            trial,
+            _any_joint_trial(trial),
+        )
         x = np.column_stack([trial.envelopes[n] if n not in lost else np.zeros(len(trial)) for n in self.channels])
         x = np.maximum(x, 0.0) / self._top
         made = {}
@@ -244,58 +262,70 @@ class Filling:
             if way == "rest":
                 envelope = np.zeros(len(trial))
             elif way == "pattern":
-                envelope = _pattern(channel, self._trials, trial)
+                envelope = _cycle_mean(channel, self._trials, trial)
             elif way == "linear":
-                envelope = self._linear(at, tuple(seen)).predict(x[:, seen]) * self._top[at]
+                envelope = self._fit_linear_map(at, tuple(seen)).predict(x[:, seen]) * self._top[at]
             else:
-                envelope = self._synergies(at, tuple(seen)).rebuilt(x, seen)[:, at] * self._top[at]
+                envelope = self._choose_synergies(at, tuple(seen)).reconstruct(x, seen)[:, at] * self._top[at]
             made[channel] = np.maximum(envelope, 0.0)
         return {j: replace(own, envelopes={**own.envelopes, **made}, lead={}) for j, own in across.items()}
 
-    def _linear(self, at: int, seen: tuple[int, ...]) -> Ridge:
+    def _fit_linear_map(self, at: int, seen: tuple[int, ...]) -> Ridge:
+        """Return the ridge regression that predicts muscle `at` from those `seen`, with the best penalty."""
         x, y = self._known[:, seen], self._known[:, at]
-        missed = [sum(_missed(Ridge(p).fit(x[f], y[f]).predict(x[g]), y[g]) for f, g in self._folds) for p in PENALTIES]
-        return Ridge(PENALTIES[int(np.argmin(missed))]).fit(x, y)
+        missed = [
+            sum(_squared_error(Ridge(p).fit(x[f], y[f]).predict(x[g]), y[g]) for f, g in self._folds)
+            for p in PENALTY_CANDIDATES
+        ]
+        return Ridge(PENALTY_CANDIDATES[int(np.argmin(missed))]).fit(x, y)
 
-    def _synergies(self, at: int, seen: tuple[int, ...]) -> Synergies:
-        """As many as tell this muscle from the others best, blocks or trials left out in turn."""
+    def _choose_synergies(self, at: int, seen: tuple[int, ...]) -> Synergies:
+        """Return the synergies whose number best predicts muscle `at` from those `seen`, by cross-validation."""
         missed = [
             sum(
-                _missed(own.rebuilt(self._known[g], seen)[:, at], self._known[g, at])
+                _squared_error(own.reconstruct(self._known[g], seen)[:, at], self._known[g, at])
                 for own, (_, g) in zip(tried, self._folds, strict=True)
             )
-            for tried in self._tried
+            for tried in self._synergies_by_fold
         ]
-        return self._whole[int(np.argmin(missed))]
+        return self._synergies_by_number[int(np.argmin(missed))]
 
     @cached_property
-    def _tried(self) -> list[list[Synergies]]:
-        """Of every number, without each fold."""
-        return [[find_synergies(self._known[f], self.channels, k) for f, _ in self._folds] for k in self._numbers]
+    def _synergies_by_fold(self) -> list[list[Synergies]]:
+        """Synergies by number, each fitted without one fold."""
+        return [
+            [find_synergies(self._known[f], self.channels, k) for f, _ in self._folds] for k in self._synergy_numbers
+        ]
 
     @cached_property
-    def _whole(self) -> list[Synergies]:
-        return [find_synergies(self._known, self.channels, k) for k in self._numbers]
+    def _synergies_by_number(self) -> list[Synergies]:
+        """Synergies by number, fitted to all samples."""
+        return [find_synergies(self._known, self.channels, k) for k in self._synergy_numbers]
 
     @property
-    def _numbers(self) -> range:
+    def _synergy_numbers(self) -> range:
+        """Numbers of synergies that are tried."""
         return range(1, len(self.channels) - 1)
 
 
-def _missed(told: np.ndarray, truth: np.ndarray) -> float:
+def _squared_error(told: np.ndarray, truth: np.ndarray) -> float:
+    """Return the sum of squared errors of a prediction, whose negative values count as 0."""
     return float(np.sum((np.maximum(told, 0.0) - truth) ** 2))
 
 
-def _folds(trials: Sequence[TorqueTrial]) -> list[Fold]:
-    """Trials in turn, or blocks of a single one."""
+def _make_folds(trials: Sequence[TorqueTrial]) -> list[Fold]:
+    """Return folds of whole trials, or of blocks of a single one."""
     if len(trials) > 1:
         return grouped_folds([name for i, t in enumerate(trials) for name in [str(i)] * len(t)])
-    return block_folds(trials[0].time, FOLDS, GAP)
+    return block_folds(trials[0].time, BLOCK_COUNT, FOLD_GAP_S)
 
 
-def _pattern(channel: str, trials: Sequence[TorqueTrial], judged: TorqueTrial) -> np.ndarray:
-    """Mean of what was fitted at the same place in the cycle of the joint's angle and speed, (n,)."""
-    moved = [derivatives(np.asarray(t.angles[t.joint], float), t.fs, causal=False)[:2] for t in (*trials, judged)]
+def _cycle_mean(channel: str, trials: Sequence[TorqueTrial], judged: TorqueTrial) -> np.ndarray:
+    """Return the mean fitted envelope at the same phase of the cycle of the joint's angle and speed, shape (n,)."""
+    moved = [
+        filter_and_differentiate(np.asarray(t.angles[t.joint], float), t.fs, causal=False)[:2]
+        for t in (*trials, judged)
+    ]
     q, v = (np.concatenate([each[i] for each in moved[:-1]]) for i in (0, 1))
     middle, size, speed = q.mean(), q.std() or 1.0, v.std() or 1.0
 
@@ -303,9 +333,9 @@ def _pattern(channel: str, trials: Sequence[TorqueTrial], judged: TorqueTrial) -
         return np.arctan2(-rate / speed, (angle - middle) / size)
 
     known = np.concatenate([t.envelopes[channel] for t in trials])
-    place = ((phase(q, v) + np.pi) / (2.0 * np.pi) * BINS).astype(int) % BINS
-    count = np.bincount(place, minlength=BINS)
-    mean = np.bincount(place, known, minlength=BINS) / np.maximum(count, 1)
-    centre = -np.pi + (np.arange(BINS) + 0.5) * 2.0 * np.pi / BINS
+    place = ((phase(q, v) + np.pi) / (2.0 * np.pi) * PHASE_BIN_COUNT).astype(int) % PHASE_BIN_COUNT
+    count = np.bincount(place, minlength=PHASE_BIN_COUNT)
+    mean = np.bincount(place, known, minlength=PHASE_BIN_COUNT) / np.maximum(count, 1)
+    centre = -np.pi + (np.arange(PHASE_BIN_COUNT) + 0.5) * 2.0 * np.pi / PHASE_BIN_COUNT
     met = count > 0
     return np.interp(phase(*moved[-1]), centre[met], mean[met], period=2.0 * np.pi)

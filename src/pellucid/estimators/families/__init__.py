@@ -1,4 +1,4 @@
-"""Every estimator by its name: a module of this package with a mapping ``FAMILIES`` adds its own."""
+"""Registry of all estimators by name. A module of this package adds its own in a mapping ``FAMILIES``."""
 
 from __future__ import annotations
 
@@ -10,20 +10,21 @@ from ..._errors import IdentificationError
 from .family import Family
 
 
-def _discovered() -> dict[str, Family]:
+def _discover_families() -> dict[str, Family]:
+    """Import every module of this package and collect its families, the lowest rank first."""
     found: dict[str, Family] = {}
     for info in iter_modules([str(Path(__file__).parent)]):
         found |= getattr(import_module(f".{info.name}", __name__), "FAMILIES", {})
     return dict(sorted(found.items(), key=lambda each: (each[1].rank, each[0])))
 
 
-ESTIMATORS = _discovered()
-"""Name to family, in the order of tables."""
+ESTIMATOR_FAMILIES = _discover_families()
+"""Family of each estimator by name, in the order of tables."""
 
 
-def family_of(name: str) -> tuple[str, Family]:
-    """The name under which rows have an estimator, and its family."""
-    for own, family in ESTIMATORS.items():
+def find_family(name: str) -> tuple[str, Family]:
+    """Return an estimator's own name and its family, given this name or an alias."""
+    for own, family in ESTIMATOR_FAMILIES.items():
         if name in (own, *family.aliases):
             return own, family
-    raise IdentificationError(f"torque: found the estimator {name!r}, expected one of {', '.join(ESTIMATORS)}")
+    raise IdentificationError(f"torque: found the estimator {name!r}, expected one of {', '.join(ESTIMATOR_FAMILIES)}")

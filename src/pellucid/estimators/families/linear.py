@@ -8,14 +8,17 @@ from typing import Any
 from ..features import Features
 from .family import Family, Regressor
 
-PENALTIES = (0.01, 0.1, 1.0, 10.0, 100.0, 1000.0)
-"""Penalties that ridge regression chooses from."""
+PENALTY_CANDIDATES = (0.01, 0.1, 1.0, 10.0, 100.0, 1000.0)
+"""Candidate penalties of ridge regression."""
 
-PENALISED = tuple({"products": products, "penalty": a} for products in ("none", "motion", "all") for a in PENALTIES)
+RIDGE_SETTINGS = tuple(
+    {"products": products, "penalty": a} for products in ("none", "motion", "all") for a in PENALTY_CANDIDATES
+)
+"""Candidate settings of ridge regression: which products of features it adds, with every penalty."""
 
 
-def ridge(settings: Mapping[str, Any], seen: Features) -> Regressor:
-    """Ridge regression on features, and on products of none of them, of motion's, or of all."""
+def make_ridge(settings: Mapping[str, Any], seen: Features) -> Regressor:
+    """Make a ridge regression on features, and on products of none of them, of motion's features, or of all."""
     from ..ridge import Ridge
 
     products = settings.get("products", "none")
@@ -23,11 +26,30 @@ def ridge(settings: Mapping[str, Any], seen: Features) -> Regressor:
     return Ridge(settings["penalty"], columns)
 
 
-SHARED = {"along": "penalty", "smoothing": 0.0, "reach": 2}
+COMMON_FIELDS = {"shared_setting": "penalty", "smoothing": 0.0, "extrapolation_rank": 2}
+"""Fields that all families of this module have in common."""
 
 FAMILIES = {
-    "ridge": Family("ridge regression", ridge, PENALISED, lags=False, every=True, rank=40, **SHARED),
-    "ridge_lags": Family("ridge regression with lags", ridge, PENALISED, lags=True, every=True, rank=41, **SHARED),
-    "linear": Family("linear regression", ridge, ({"penalty": 0.0},), lags=False, rank=42, **SHARED),
-    "motion": Family("ridge regression without EMG", ridge, PENALISED, muscles=False, every=True, rank=43, **SHARED),
+    "ridge": Family(
+        "ridge regression", make_ridge, RIDGE_SETTINGS, lags=False, tries_all_pairs=True, rank=40, **COMMON_FIELDS
+    ),
+    "ridge_lags": Family(
+        "ridge regression with lags",
+        make_ridge,
+        RIDGE_SETTINGS,
+        lags=True,
+        tries_all_pairs=True,
+        rank=41,
+        **COMMON_FIELDS,
+    ),
+    "linear": Family("linear regression", make_ridge, ({"penalty": 0.0},), lags=False, rank=42, **COMMON_FIELDS),
+    "motion": Family(
+        "ridge regression without EMG",
+        make_ridge,
+        RIDGE_SETTINGS,
+        muscles=False,
+        tries_all_pairs=True,
+        rank=43,
+        **COMMON_FIELDS,
+    ),
 }

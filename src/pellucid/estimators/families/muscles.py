@@ -1,4 +1,4 @@
-"""Muscles of Hill's type: calibrated here, and as other authors did."""
+"""Muscles of Hill's type: calibrated by Pellucid's method, and by reconstructions of other authors' methods."""
 
 from __future__ import annotations
 
@@ -8,13 +8,16 @@ from typing import Any
 from .family import Family
 
 
-def _hill(trials: Any, name: str, causal: bool) -> Any:
+def _fit_hill(trials: Any, name: str, causal: bool) -> Any:
+    """Calibrate muscles on trials."""
     from ..hill import fit_hill
 
     return fit_hill(trials, name=name, causal=causal)
 
 
-def _reconstruction(fit: str) -> Callable[[Any, str, bool], Any]:
+def _make_reconstruction_fit(fit: str) -> Callable[[Any, str, bool], Any]:
+    """Return a function that fits trials by the function called `fit` in `reconstructions`."""
+
     def whole(trials: Any, name: str, causal: bool) -> Any:
         from .. import reconstructions
 
@@ -24,15 +27,15 @@ def _reconstruction(fit: str) -> Callable[[Any, str, bool], Any]:
 
 
 FAMILIES = {
-    "hill": Family("muscles of Hill's type", smoothing=0.0, whole=_hill, rank=50, reach=0),
+    "hill": Family("muscles of Hill's type", smoothing=0.0, fit_trials=_fit_hill, rank=50, extrapolation_rank=0),
     **{
         name: Family(
             f"{words} (reconstruction)",
             smoothing=0.0,
-            whole=_reconstruction(f"fit_{name}"),
+            fit_trials=_make_reconstruction_fit(f"fit_{name}"),
             rank=rank,
-            reach=1,
-            told=name == "nmcoa",
+            extrapolation_rank=1,
+            sees_measured_torque=name == "nmcoa",
             reconstruction=True,
         )
         for rank, name, words in (

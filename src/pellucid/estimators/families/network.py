@@ -9,8 +9,8 @@ from ..features import Features, FeatureSet
 from .family import Family, Regressor
 
 
-def network(settings: Mapping[str, Any], seen: Features) -> Regressor:
-    """One hidden layer."""
+def make_network(settings: Mapping[str, Any], seen: Features) -> Regressor:
+    """Make a network with one hidden layer."""
     from ..neural_network import NeuralNetwork
 
     return NeuralNetwork(settings["penalty"])
@@ -19,9 +19,9 @@ def network(settings: Mapping[str, Any], seen: Features) -> Regressor:
 FAMILIES = {
     "mbp": Family(
         "M-BP, a network (reconstruction)",
-        network,
+        make_network,
         tuple({"penalty": a} for a in (0.01, 0.1, 1.0)),
-        fixed=FeatureSet(velocities=True),
+        only_features=FeatureSet(velocities=True),
         reconstruction=True,
         smoothing=0.0,
         rank=70,

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...estimators.adaptive_correction import adaptive_correction
-from ...estimators.families import ESTIMATORS
-from ...estimators.features import features
+from ...estimators.adaptive_correction import fit_adaptive_correction
+from ...estimators.families import ESTIMATOR_FAMILIES
+from ...estimators.features import compute_features
 from ...estimators.hill import HillMap, fit_hill
-from ...estimators.reconstructions import SEEN, CorrectedMap
+from ...estimators.reconstructions import CORRECTION_FEATURES, CorrectedMap
 from ...estimators.torque_map import fit_torque_map
 from ...fit.swing.leg_balance import bare_leg_torque
 from ...procedures.emg_torque.seated_swings import FLEXORS
@@ -19,7 +19,7 @@ from .steps import BodyFound, LegFound
 from .trials import ActiveSwing, SubjectTaken, active_swing
 
 BASELINES = ("nmco", "nmcoa", "nmnc", "mbp", "ridge", "boost", "motion")
-"""Estimators of `ESTIMATORS` that are fitted and scored on the same swings."""
+"""Estimators of `ESTIMATOR_FAMILIES` that are fitted and scored on the same swings."""
 
 RECORDED = ("nmco", "nmcoa", "nmnc", "mbp", "ridge")
 """Those of them that are also given recorded EMG alone."""
@@ -72,8 +72,8 @@ def find_torque(empty: BodyFound, leg: LegFound, taken: SubjectTaken) -> TorqueF
     alone, alone_heldout = _without_flexors(fitted), _without_flexors(heldout)
     hill, recorded = fit_hill([fitted.trial]), fit_hill([alone.trial])
     predicted = {"hill": hill.predict(heldout.trial), "hill.recorded": recorded.predict(alone_heldout.trial)}
-    seen = features(fitted.trial, SEEN).x
-    learnt = adaptive_correction([(seen, fitted.trial.torque - hill.predict(fitted.trial))])
+    seen = compute_features(fitted.trial, CORRECTION_FEATURES).x
+    learnt = fit_adaptive_correction([(seen, fitted.trial.torque - hill.predict(fitted.trial))])
     predicted["hill.adaptive"] = CorrectedMap("hill", hill, learnt).predict(heldout.trial)
     for name in BASELINES:
         predicted[name] = _fit(name, fitted).predict(heldout.trial)
@@ -96,5 +96,5 @@ def _without_flexors(swing: ActiveSwing) -> ActiveSwing:
 
 
 def _fit(name: str, swing: ActiveSwing):
-    whole = ESTIMATORS[name].whole
+    whole = ESTIMATOR_FAMILIES[name].fit_trials
     return whole([swing.trial], name, False) if whole else fit_torque_map([swing.trial], name)

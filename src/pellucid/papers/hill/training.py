@@ -7,7 +7,7 @@ from itertools import cycle
 
 import numpy as np
 
-from ...estimators.muscle_trials import driven_muscles, muscle_samples
+from ...estimators.muscle_trials import find_driven_muscles, make_muscle_samples
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.muscles.muscle_calibration import MuscleProblem, solve_calibration
 from ...fit.searches.adam import AdamPath, adam
@@ -69,8 +69,8 @@ class Training:
 
 def train(trial: TorqueTrial, weight: float) -> Training:
     """Train a subject's muscles on the recording to be fitted."""
-    muscles = driven_muscles([trial])
-    samples, _ = muscle_samples([trial], muscles=[m.name for m in muscles])
+    muscles = find_driven_muscles([trial])
+    samples, _ = make_muscle_samples([trial], muscles=[m.name for m in muscles])
     problem = MuscleProblem(muscles, samples, quantities=tuple(TRAINED), weight=weight)
     size = round(PART * trial.fs)
     parts = [np.arange(i, min(i + size, len(samples.torque))) for i in range(0, len(samples.torque) - size // 2, size)]

@@ -15,7 +15,7 @@ from ...control.control_law import ControlLaw
 from ...control.coupling import Coupling
 from ...control.limits import Limits
 from ...control.transparent_laws import of_body, with_oscillator, with_rules
-from ...estimators.learnt_rules import Kind, LearntRules, Residual, learn_rules
+from ...estimators.learnt_rules import LearntRules, RecordedResidual, RuleKind, learn_rules
 from ...signals.filters import zero_phase_lowpass
 
 LOWPASS = 8.0
@@ -84,7 +84,7 @@ def oscillating(coupling: Coupling, period: float, *, share: float, lead: float,
     return with_oscillator(body_law(coupling, period, **settings), share=share, lead=lead, frequency=SWING_FREQUENCY)
 
 
-def left_alone(law: ControlLaw, swings: Sequence[tuple[np.ndarray, np.ndarray]], fs: float) -> list[Residual]:
+def left_alone(law: ControlLaw, swings: Sequence[tuple[np.ndarray, np.ndarray]], fs: float) -> list[RecordedResidual]:
     """What the orthosis alone asked for beyond a law's own terms, in swings of angle [rad] and command [N m], shape
     (n,) each, at a rate [Hz]; the inertia whole, since of angle and speed rules can know no acceleration."""
     v, made = law.values, []
@@ -95,12 +95,12 @@ def left_alone(law: ControlLaw, swings: Sequence[tuple[np.ndarray, np.ndarray]],
         own = v["gravity_share"] * v["gravity_sine"] * np.sin(q) + v["inertia"] * np.gradient(speed) * fs
         own += v["friction_share"] * (v["coulomb_positive"] * sign + v["viscous_positive"] * speed)
         inside = slice(round(fs), -round(fs), EVERY)
-        made.append(Residual(q[inside], speed[inside], (u - own)[inside]))
+        made.append(RecordedResidual(q[inside], speed[inside], (u - own)[inside]))
     return made
 
 
 def rules_of(
-    kind: Kind,
+    kind: RuleKind,
     coupling: Coupling,
     period: float,
     swings: Sequence[tuple[np.ndarray, np.ndarray]],

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ...procedures.emg_torque.procedure import EmgTorqueTable
 from ...estimators.cross_validation import Score, score
-from ...estimators.features import MOTION_LOWPASS
+from ...estimators.features import MOTION_LOWPASS_HZ
 from ...estimators.strapped_reference import strapped_torque
-from ...estimators.torque_map import torque_map_cv
+from ...estimators.torque_map import cross_validate_torque_maps
 from ...estimators.torque_reference import MovedBody, human_torque
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.strap.strap_torque import Orthosis
@@ -69,7 +70,7 @@ class TorqueSteps:
 
 def torque_steps(rig: KneeRig, taken: KneeSession, orthosis: Orthosis, found: WearerFound) -> TorqueSteps:
     """A subject's torque steps with their envelopes."""
-    chain, kept = emg_chain(taken.config.emg_torque.chain), slice(None, None, KEPT)
+    chain, kept = emg_chain(taken.config.table(EmgTorqueTable).chain), slice(None, None, KEPT)
     limb, coupling = found.stages.limb.limb, found.stages.coupling
     body = MovedBody(orthosis.gravity + limb.gravity, orthosis.inertia + limb.inertia, orthosis.viscous)
     trials, actuator, plain, as_one, true = [], {}, {}, {}, {}
@@ -77,13 +78,13 @@ def torque_steps(rig: KneeRig, taken: KneeSession, orthosis: Orthosis, found: We
         emg, truth = r.streams["emg"], taken.truth[r.name]
         torque, plain[r.name] = (
             strapped_torque(
-                r.time, r["position"], r["torque"], orthosis=orthosis, limb=limb, strap=strap, lowpass=MOTION_LOWPASS
+                r.time, r["position"], r["torque"], orthosis=orthosis, limb=limb, strap=strap, lowpass=MOTION_LOWPASS_HZ
             )[kept]
             for strap in (coupling.core, coupling.plain)
         )
         envelopes = {
             m: np.interp(r.time, emg.time, chain.zero_phase(emg[f"emg.{m}"], emg.fs))
-            for m in taken.config.emg_torque.muscles
+            for m in taken.config.table(EmgTorqueTable).muscles
         }
         trials.append(
             TorqueTrial(
@@ -93,7 +94,7 @@ def torque_steps(rig: KneeRig, taken: KneeSession, orthosis: Orthosis, found: We
             )
         )  # fmt: skip
         actuator[r.name] = r["torque"][kept]
-        as_one[r.name] = human_torque(r["position"], r["torque"], body, lowpass=MOTION_LOWPASS, fs=r.fs)[kept]
+        as_one[r.name] = human_torque(r["position"], r["torque"], body, lowpass=MOTION_LOWPASS_HZ, fs=r.fs)[kept]
         true[r.name] = (truth.muscle_torque + _ligaments(rig, truth.limb_position))[kept]
     return TorqueSteps(found.name, "both_ways", tuple(trials), actuator, plain, as_one, true)
 
@@ -115,7 +116,7 @@ def published_steps(steps: TorqueSteps, duration: float) -> TorqueSteps:
 
 def score_map(steps: TorqueSteps, estimator: str) -> MapScored:
     """One estimator, each repetition predicted by a map chosen and fitted without it."""
-    found = torque_map_cv(steps.trials, (estimator,))[estimator]
+    found = cross_validate_torque_maps(steps.trials, (estimator,))[estimator]
     return MapScored(steps.subject, estimator, steps.protocol, found.score, found.choices[0].words, found.predicted)
 
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from ...drawing.drawing import Drawing, key, line, tidy
 from ...drawing.style import FIGURE_WIDTH, colour
-from ...estimators.unrecorded import TOLD, WAYS, FilledIn
+from ...estimators.unrecorded import FILLING_METHODS, TORQUE_INFORMED_METHODS, FillingScore
 from .find_activations import AssistedRecording
 
 STRETCH = 5.0
@@ -60,9 +60,9 @@ def torque_and_activations(each: AssistedRecording, name: str, caption: str) -> 
     return Drawing(name, figure, caption)
 
 
-def ways_compared(found: Sequence[FilledIn], name: str, caption: str) -> Drawing:
+def ways_compared(found: Sequence[FillingScore], name: str, caption: str) -> Drawing:
     """R2 and correlation of every electrode taken away, way by way, with medians."""
-    ways = [way for way in WAYS if any(each.way == way for each in found)]
+    ways = [way for way in FILLING_METHODS if any(each.way == way for each in found)]
     figure = Figure(figsize=(FIGURE_WIDTH, 1.0 + 0.32 * len(ways)), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
     for axis, of, head, low in (
@@ -70,19 +70,19 @@ def ways_compared(found: Sequence[FilledIn], name: str, caption: str) -> Drawing
     ):  # fmt: skip
         for row, way in enumerate(ways):
             values = np.maximum([getattr(each, of) for each in found if each.way == way], low)
-            tone = colour("heldout" if way in TOLD else "fitted")
+            tone = colour("heldout" if way in TORQUE_INFORMED_METHODS else "fitted")
             axis.plot(values, np.full(len(values), row), linestyle="", marker="o", color=tone, alpha=0.3, markersize=5)
             axis.plot([np.median(values)] * 2, (row - 0.3, row + 0.3), color=tone, linewidth=2.5)
         axis.axvline(0.0, color=colour("faint"), linewidth=0.8)
         tidy(axis, first=axis is axes[0])
         axis.set_title(head, fontweight="bold")
         axis.set_xlim(low - 0.05, 1.05)
-    axes[0].set_yticks(range(len(ways)), [WAYS[way] for way in ways])
+    axes[0].set_yticks(range(len(ways)), [FILLING_METHODS[way] for way in ways])
     axes[0].set_ylim(len(ways) - 0.4, -0.6)
     return Drawing(name, figure, caption)
 
 
-def electrodes_taken_away(found: Sequence[FilledIn], fs: float, name: str, caption: str) -> Drawing:
+def electrodes_taken_away(found: Sequence[FillingScore], fs: float, name: str, caption: str) -> Drawing:
     """Activation by the electrode that was taken away, and as it is filled in, of one recording."""
     channels = list(dict.fromkeys(each.channel for each in found))
     rows = (len(channels) + 1) // 2

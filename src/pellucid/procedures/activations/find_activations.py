@@ -7,26 +7,28 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..emg_torque.procedure import EmgTorqueTable
+from .procedure import ActivationsTable
 from ..._atomic import write_text_atomically
 from ..._errors import IdentificationError
 from ...estimators.cross_validation import Score, score
 from ...estimators.hill import fit_hill
-from ...estimators.hill_together import Across, fit_together
-from ...estimators.muscle_source import ALIASES
-from ...estimators.muscle_trials import warm
+from ...estimators.hill_together import TrialByJoint, fit_together
+from ...estimators.muscle_source import MUSCLE_BY_CHANNEL_ALIAS
+from ...estimators.muscle_trials import count_warm_up_samples
 from ...estimators.torque_trial import TorqueTrial
 from ...estimators.unrecorded import (
-    TOLD,
-    WAYS,
-    Calibrated,
-    FilledIn,
-    Filling,
-    OneJoint,
-    Trust,
-    assisted_muscles,
+    FILLING_METHODS,
+    TORQUE_INFORMED_METHODS,
+    AssistanceWeights,
+    CalibratedMuscleSet,
+    EnvelopeFiller,
+    FillingScore,
+    SingleJointMuscles,
     choose_trust,
-    filled_in,
-    scale_of,
+    make_assisted_muscles,
+    score_filling_methods,
+    torque_standard_deviations,
 )
 from ...fit.parameter import Verdict
 from ...recordings.results import ResultRow
@@ -52,7 +54,7 @@ class AssistedRecording:
     recording: str
     muscles: tuple[str, ...]
     filled: tuple[str, ...]  # Of these, without EMG
-    trust: Trust
+    trust: AssistanceWeights
     emg_driven: Mapping[str, Score]  # Held out, by joint
     assisted: Mapping[str, Score]  # Told the torque
     moved: float  # RMS by which activations left their EMG
@@ -81,7 +83,7 @@ class ActivationsResult(Result):
     """What `activations` found."""
 
     recordings: tuple[AssistedRecording, ...] = field(default=(), repr=False)
-    left_out: tuple[tuple[str, FilledIn], ...] = field(default=(), repr=False)  # By joint, or joints in words
+    left_out: tuple[tuple[str, FillingScore], ...] = field(default=(), repr=False)  # By joint, or joints in words
 
     def written(self, study: Study) -> str:
         return f"Activations over time in {study.made / 'tables'}"
@@ -104,7 +106,7 @@ class ActivationsResult(Result):
 def find_activations(study: Study, tell: Progress = quiet) -> ActivationsResult:
     """Activations near EMG with which the torques follow, of several joints by muscles that are calibrated over all of
     them. `study` [activations]."""
-    table, config = study.config.activations, study.config.emg_torque
+    table, config = study.table(ActivationsTable), study.table(EmgTorqueTable)
     if table is None or config is None:
         raise IdentificationError(f"{study.folder}: found no tables [activations] and [emg_torque], expected both")
     recordings, left_out, checksums, said = [], [], {}, []
@@ -122,12 +124,14 @@ def find_activations(study: Study, tell: Progress = quiet) -> ActivationsResult:
             at = (i + k / len(splits)) / len(parts)
             tell(f"{what}, calibrating muscles", at)
             found = _calibrated(fitted)
-            stated = None if table.trust is None else Trust(table.trust, table.effort, chosen=False)
+            stated = None if table.trust is None else AssistanceWeights(table.trust, table.effort, chosen=False)
             trust = stated or choose_trust(found, fitted)
             tell(f"{what}, taking electrodes away", at + 0.3 / len(splits) / len(parts))
-            judged = [Filling(fitted).without(t, table.lost, table.fill) for t in judged] if table.lost else judged
+            judged = (
+                [EnvelopeFiller(fitted).fill_in(t, table.lost, table.fill) for t in judged] if table.lost else judged
+            )
             recordings += [_assisted(what, found, fitted, trial, trust, table) for trial in judged]
-            left_out += [(what, each) for each in filled_in(found, fitted, judged, trust, table.lost)]
+            left_out += [(what, each) for each in score_filling_methods(found, fitted, judged, trust, table.lost)]
     return ActivationsResult(
         study=study.name,
         headline=_headline(recordings, left_out),
@@ -146,12 +150,14 @@ def _alike(trials: Mapping[str, Sequence[TorqueTrial]]) -> bool:
     return len({tuple(t.name for t in own) for own in trials.values()}) == 1
 
 
-def _calibrated(fitted: Sequence[Across]) -> Calibrated:
+def _calibrated(fitted: Sequence[TrialByJoint]) -> CalibratedMuscleSet:
     by_joint = {joint: [each[joint] for each in fitted] for joint in fitted[0]}
-    return fit_together(by_joint) if len(by_joint) > 1 else OneJoint(fit_hill(next(iter(by_joint.values()))))
+    return fit_together(by_joint) if len(by_joint) > 1 else SingleJointMuscles(fit_hill(next(iter(by_joint.values()))))
 
 
-def _splits(study: Study, trials: Mapping[str, Sequence[TorqueTrial]]) -> list[tuple[list[Across], list[Across]]]:
+def _splits(
+    study: Study, trials: Mapping[str, Sequence[TorqueTrial]]
+) -> list[tuple[list[TrialByJoint], list[TrialByJoint]]]:
     """What is fitted and what judges: as the study says, or each trial left out in turn where all may be fitted."""
     across = [dict(zip(trials, each, strict=True)) for each in zip(*trials.values(), strict=True)]
     held = [next(iter(each.values())).heldout for each in across]
@@ -172,16 +178,21 @@ def _splits(study: Study, trials: Mapping[str, Sequence[TorqueTrial]]) -> list[t
 
 
 def _assisted(
-    what: str, found: Calibrated, fitted: Sequence[Across], trial: Across, trust: Trust, table
+    what: str,
+    found: CalibratedMuscleSet,
+    fitted: Sequence[TrialByJoint],
+    trial: TrialByJoint,
+    trust: AssistanceWeights,
+    table,
 ) -> AssistedRecording:
-    muscles, own = assisted_muscles(found, trial, scale_of(fitted))
+    muscles, own = make_assisted_muscles(found, trial, torque_standard_deviations(fitted))
     names, one = tuple(found.driven), next(iter(trial.values()))
-    channels = {ALIASES.get(name, name) for name in one.envelopes}
+    channels = {MUSCLE_BY_CHANNEL_ALIAS.get(name, name) for name in one.envelopes}
     without = tuple(i for i, name in enumerate(names) if name not in channels)
     lost = tuple(name for name in names if set(found.driven[name]) & set(table.lost))
     static = without if table.unrecorded == "static" else ()
-    activation = muscles.assisted(static, trust=trust.trust, effort=trust.effort)
-    by_emg, kept = muscles.recorded, slice(warm(one), None)
+    activation = muscles.find_activations(static, trust=trust.trust, effort=trust.effort)
+    by_emg, kept = muscles.recorded, slice(count_warm_up_samples(one), None)
     told, torque = found.predict(trial), {joint: trial[joint].torque for joint in found.joints}
     followed = dict(zip(found.joints, muscles.torque(activation)[:, own], strict=True))
     return AssistedRecording(
@@ -193,7 +204,7 @@ def _assisted(
     )  # fmt: skip
 
 
-def pooled(left_out: Sequence[tuple[str, FilledIn]], joint: str, way: str) -> tuple[float, float, float | None]:
+def pooled(left_out: Sequence[tuple[str, FillingScore]], joint: str, way: str) -> tuple[float, float, float | None]:
     """Medians over electrodes and recordings: R2 and correlation of activations, R2 of the torque."""
     own = [each for j, each in left_out if j == joint and each.way == way]
     torque = [np.mean([s.r2 for s in each.torque.values()]) for each in own if each.torque is not None]
@@ -204,35 +215,40 @@ def pooled(left_out: Sequence[tuple[str, FilledIn]], joint: str, way: str) -> tu
     )
 
 
-def ways_of(left_out: Sequence[tuple[str, FilledIn]], joint: str) -> list[str]:
+def ways_of(left_out: Sequence[tuple[str, FillingScore]], joint: str) -> list[str]:
     """Ways that were tried at a joint."""
     present = {each.way for j, each in left_out if j == joint}
-    return [way for way in WAYS if way in present]
+    return [way for way in FILLING_METHODS if way in present]
 
 
-def _best(left_out: Sequence[tuple[str, FilledIn]], joint: str) -> str:
+def _best(left_out: Sequence[tuple[str, FillingScore]], joint: str) -> str:
     """Of the ways that are told no torque, the one with the largest median R2."""
-    return max((w for w in ways_of(left_out, joint) if w not in TOLD), key=lambda w: pooled(left_out, joint, w)[0])
+    return max(
+        (w for w in ways_of(left_out, joint) if w not in TORQUE_INFORMED_METHODS),
+        key=lambda w: pooled(left_out, joint, w)[0],
+    )
 
 
-def _joints(left_out: Sequence[tuple[str, FilledIn]]) -> list[str]:
+def _joints(left_out: Sequence[tuple[str, FillingScore]]) -> list[str]:
     return list(dict.fromkeys(joint for joint, _ in left_out))
 
 
-def _headline(recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[str, FilledIn]]) -> str:
+def _headline(recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[str, FillingScore]]) -> str:
     said = []
     for joint in _joints(left_out):
         way = _best(left_out, joint)
         said.append(
             f"{joint}: a muscle whose electrode was taken away is told with R² {pooled(left_out, joint, way)[0]:.2f} "
-            f"by the {WAYS[way]}, {pooled(left_out, joint, 'assisted')[0]:.2f} by what the torque asks for"
+            f"by the {FILLING_METHODS[way]}, {pooled(left_out, joint, 'assisted')[0]:.2f} by what the torque asks for"
         )
     if not said:
         return f"Activations of {len(recordings)} recordings; no electrode could be taken away to judge them."
     return "; ".join(said) + " (median)."
 
 
-def _verdicts(recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[str, FilledIn]]) -> tuple[Verdict, ...]:
+def _verdicts(
+    recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[str, FillingScore]]
+) -> tuple[Verdict, ...]:
     said = []
     for joint in dict.fromkeys(each.what for each in recordings):
         own = [each for each in recordings if each.what == joint]
@@ -255,7 +271,8 @@ def _verdicts(recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[
                     Verdict(
                         "warning",
                         f"{joint}: what the torque asks of a muscle without EMG is further from what it did than its "
-                        f"mean is (R² {told:.2f}). Fill it in by the {WAYS[best]}, and do not read activations that "
+                        f"mean is (R² {told:.2f}). Fill it in by the {FILLING_METHODS[best]}, and do not read "
+                        "activations that "
                         "static optimisation found.",
                     )
                 )
@@ -279,17 +296,17 @@ def _table(recordings: Sequence[AssistedRecording]) -> FigureTable:
     return FigureTable("Torque by EMG, and by activations that are told it", heads, rows)
 
 
-def _left_out_tables(left_out: Sequence[tuple[str, FilledIn]]) -> list[FigureTable]:
+def _left_out_tables(left_out: Sequence[tuple[str, FillingScore]]) -> list[FigureTable]:
     made = []
     for joint in _joints(left_out):
         heads = ("Filled in by", "R²", "correlation", "R² of the torque")
-        rows = tuple((WAYS[way], *pooled(left_out, joint, way)) for way in ways_of(left_out, joint))
+        rows = tuple((FILLING_METHODS[way], *pooled(left_out, joint, way)) for way in ways_of(left_out, joint))
         made.append(FigureTable(f"Electrode taken away, {joint}: median over electrodes and recordings", heads, rows))
     return made
 
 
 def _rows(
-    study: str, recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[str, FilledIn]]
+    study: str, recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[str, FillingScore]]
 ) -> list[ResultRow]:
     made, checksums = [], {each.recording: each.checksum for each in recordings}
 
@@ -309,7 +326,7 @@ def _rows(
     for joint in _joints(left_out):
         for way in ways_of(left_out, joint):
             r2, together, torque = pooled(left_out, joint, way)
-            told = ", told the torque" if way in TOLD else ""
+            told = ", told the torque" if way in TORQUE_INFORMED_METHODS else ""
             note = f"median over electrodes taken away and recordings{told}"
             row(f"{id_of(joint)}.left_out.{way}.r2", r2, "heldout", "", note)
             row(f"{id_of(joint)}.left_out.{way}.correlation", together, "heldout", "", note)

@@ -8,6 +8,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from ..emg_torque.procedure import EmgTorqueTable
 from ...recordings.study import Study
 from ...recordings.study_fields import ProcedureTable, Word
 from ...recordings.study_file import StudyFile
@@ -58,6 +59,6 @@ class ActivationsProcedure(Procedure):
 
     def inputs(self, study: Study) -> Iterable[Path]:
         """The muscles' constants."""
-        constants = study.config.emg_torque.muscle_file
+        constants = study.table(EmgTorqueTable).muscle_file
         if constants is not None:
             yield study.inside(constants, "[emg_torque] muscle_file")

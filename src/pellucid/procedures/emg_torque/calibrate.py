@@ -8,16 +8,18 @@ from typing import Any
 
 import numpy as np
 
+from ..loaded_swing.procedure import LoadedSwingTable
+from .procedure import EmgTorqueTable
 from ..._errors import IdentificationError
 from ..._processes import helpers_kept
-from ...estimators.condition_choice import KNOWN, LEVEL, Examined
+from ...estimators.condition_choice import ERROR_BAND_SHARE, MIN_ERROR_BAND_CONDITIONS, ConditionTestErrors
 from ...estimators.cross_validation import score
-from ...estimators.families import ESTIMATORS
+from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.hill import HillMap
 from ...estimators.joint_stiffness import JointStiffness
 from ...estimators.smoothing import smoothing_delay
 from ...estimators.strapped_reference import StrappedBodies
-from ...estimators.torque_map import MapJob, fit_torque_map, fit_torque_maps, torque_map_cv
+from ...estimators.torque_map import MapJob, cross_validate_torque_maps, fit_torque_map, fit_torque_maps
 from ...estimators.torque_reference import MovedBody
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
@@ -94,14 +96,14 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
 
     `study` [emg_torque].
     """
-    if study.config.emg_torque is None:
+    if study.table(EmgTorqueTable) is None:
         raise IdentificationError(f"{study.folder}: found no table [emg_torque] in study.toml, expected one")
-    if study.config.emg_torque.posterior:
+    if study.table(EmgTorqueTable).posterior:
         require_sampler()  # before minutes are spent
     tell = on_progress or (lambda text, share: None)
     with helpers_kept():
         found = _judge_by(study)(study, tell)
-        together = muscles_together(found, tell, study.config.emg_torque.posterior)
+        together = muscles_together(found, tell, study.table(EmgTorqueTable).posterior)
     evaluated, trials = found.evaluated, found.trials
     for what in dict.fromkeys(each.what for each in evaluated if each.what not in found.chosen):
         found.chosen[what] = chosen_of(evaluated, what)
@@ -156,7 +158,7 @@ def _judge_by(study: Study) -> Callable[[Study, Progress], Calibrated]:
         return _by_repetition
     if EXTENSION in protocols:
         return repetitions_left_out
-    if SWINGS in protocols and study.config.loaded_swing is not None:
+    if SWINGS in protocols and study.table(LoadedSwingTable) is not None:
         return seated_swings
     if len(study.recordings()) > 2 and all(recording.use == "fit" for recording in study.recordings()):
         return moments_left_out
@@ -176,14 +178,14 @@ def _fitted_and_held(
 
 
 def _by_recording(study: Study, tell: Progress) -> Calibrated:
-    found, joints, rescale = Calibrated(), study.config.emg_torque.joints, study.config.emg_torque.rescale
+    found, joints, rescale = Calibrated(), study.table(EmgTorqueTable).joints, study.table(EmgTorqueTable).rescale
     trials = {joint: moment_trials(study, joint) for joint in joints}
     parts = {joint: _fitted_and_held(study, joint, trials[joint]) for joint in joints}
     session, compared = compared_sessions(study, *parts[joints[0]])
     found.sessions.update(compared)
     for joint, (fitted, held) in parts.items():
         again = rescale is not None
-        judged = [session.mended(t, rescale, c) if again and (c := compared[t.name]).changed else t for t in held]
+        judged = [session.repair(t, rescale, c) if again and (c := compared[t.name]).changed else t for t in held]
         found.across[joint] = [*fitted, *judged]
     found.verdicts.extend(session_verdicts(found.sessions, rescale is not None))
     found.verdicts.append(Verdict("note", normalisation_words(study)))
@@ -199,7 +201,7 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
             MapJob(parts[joint][0], name, causal, _Examination(tuple(judged[joint].values()), causal))
             for joint, name, causal in runs
         ],
-        lambda i, share: tell(f"{runs[i][0]}, {ESTIMATORS[runs[i][1]].words}", share),
+        lambda i, share: tell(f"{runs[i][0]}, {ESTIMATOR_FAMILIES[runs[i][1]].words}", share),
     )
     traces: dict[tuple[str, str], TorqueTrace] = {}
     for (joint, name, causal), (fit, (away, predicted)) in zip(runs, fits, strict=True):
@@ -213,8 +215,8 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
         for trial in held:
             changed = found.sessions[trial.name].changed
             without = None
-            if changed and ESTIMATORS[name].muscles and len(changed) < len(session.muscles):
-                without = score(trial.torque, fit.predict(session.without(trial, changed)))
+            if changed and ESTIMATOR_FAMILIES[name].muscles and len(changed) < len(session.muscles):
+                without = score(trial.torque, fit.predict(session.predict_channels(trial, changed)))
             trial, made = judged[joint][trial.name], predicted[trial.name]
             half = fit.half_width(trial) if name == "hill" else None
             found.evaluated.append(
@@ -230,7 +232,7 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
                 )
             )  # fmt: skip
             if not causal:
-                empty = TorqueTrace(joint, trial.name, trial.time, trial.torque, {}, {}, LEVEL)
+                empty = TorqueTrace(joint, trial.name, trial.time, trial.torque, {}, {}, ERROR_BAND_SHARE)
                 trace = traces.setdefault((joint, trial.name), empty)
                 trace.predicted[name] = made
                 if away is not None:
@@ -250,7 +252,9 @@ class _Examination:
     judged: tuple[TorqueTrial, ...]
     causal: bool
 
-    def __call__(self, fit: Any, fitted: Sequence[TorqueTrial]) -> tuple[Examined | None, dict[str, np.ndarray]]:
+    def __call__(
+        self, fit: Any, fitted: Sequence[TorqueTrial]
+    ) -> tuple[ConditionTestErrors | None, dict[str, np.ndarray]]:
         away = None if self.causal else examined_if_candidate(fit, fitted)
         return away, {trial.name: fit.predict(trial) for trial in self.judged}
 
@@ -260,14 +264,14 @@ def _by_repetition(study: Study, tell: Progress) -> Calibrated:
     people = list(dict.fromkeys(recording.participant for recording in steps))
     found = Calibrated()
     for i, person in enumerate(people):
-        body, joint = moved_body(study, person), study.config.emg_torque.joints[0]
+        body, joint = moved_body(study, person), study.table(EmgTorqueTable).joints[0]
         what = person or joint
         found.verdicts.append(_reference_verdict(what, body))
         for causal, names in ((False, EVALUATED), (True, CAUSAL)):
             trials = step_trials(study, person, body, causal=causal, joint=joint)
             base, span = (i + 0.8 * causal) / len(people), (0.2 if causal else 0.8) / len(people)
             names = estimators_for(trials, what, found, names)
-            results = torque_map_cv(
+            results = cross_validate_torque_maps(
                 trials,
                 names,
                 causal=causal,
@@ -323,14 +327,14 @@ def _tables(evaluated: Sequence[Evaluated]) -> tuple[FigureTable, ...]:
         ):
             rows = tuple(
                 (
-                    ESTIMATORS[e.estimator].words + (", causal" if e.causal else ""),
+                    ESTIMATOR_FAMILIES[e.estimator].description + (", causal" if e.causal else ""),
                     e.score.rmse,
                     e.score.r2,
                     None if not bare else e.score.rmse / bare,
                     None if e.within is None else e.within.r2,
                 )
                 for e in own
-                if ESTIMATORS[e.estimator].told != peers
+                if ESTIMATOR_FAMILIES[e.estimator].sees_measured_torque != peers
             )
             if rows:
                 unit = f"{heads[0]} ({own[0].unit})"
@@ -348,12 +352,12 @@ def _chosen_tables(chosen: Sequence[Chosen]) -> tuple[FigureTable, ...]:
             f"RMSE ({each.judged[0].unit})",
             "R²",
             "RMSE without EMG",
-            f"{100 * LEVEL:g} % band",
+            f"{100 * ERROR_BAND_SHARE:g} % band",
         )
         rows = tuple(
             (
                 one.name.replace("_", " "),
-                ESTIMATORS[one.estimator].words,
+                ESTIMATOR_FAMILIES[one.estimator].description,
                 one.score.rmse,
                 one.score.r2,
                 None if one.bare is None else one.bare.rmse,
@@ -372,7 +376,7 @@ def _examined_tables(evaluated: Sequence[Evaluated]) -> tuple[FigureTable, ...]:
         own = {e.estimator: e for e in evaluated if e.what == what and e.examined is not None}
         tests = next(iter(own.values())).examined.words
         heads = ("Estimator", "All", *(word[0].upper() + word[1:] for word in tests))
-        rows = tuple((ESTIMATORS[n].words, e.examined.mean, *e.examined.rmse) for n, e in own.items())
+        rows = tuple((ESTIMATOR_FAMILIES[n].description, e.examined.mean, *e.examined.rmse) for n, e in own.items())
         unit = next(iter(own.values())).torque_unit
         title = f"What chose: {what}, RMSE ({unit}) on what was fitted, away from what each was fitted to for the test"
         made.append(FigureTable(title, heads, rows))
@@ -395,9 +399,15 @@ def _bands(found: Calibrated) -> list[str]:
     ]
     if changed:
         said.append(f"Bands do not hold on {', '.join(changed)}: channels changed.")
-    few = [f"{each.what} by {each.conditions}" for each in found.chosen.values() if 1 < each.conditions < KNOWN]
+    few = [
+        f"{each.what} by {each.conditions}"
+        for each in found.chosen.values()
+        if 1 < each.conditions < MIN_ERROR_BAND_CONDITIONS
+    ]
     if few:
-        said.append(f"Bands are not known to hold, chosen by fewer than {KNOWN} trials: {', '.join(few)}.")
+        said.append(
+            f"Bands are not known to hold, chosen by fewer than {MIN_ERROR_BAND_CONDITIONS} trials: {', '.join(few)}."
+        )
     return said
 
 
@@ -489,7 +499,7 @@ def verdicts_of(
             )
         )
     late = smoothing_delay(0.05, trials[0].fs)
-    chain = study.config.emg_torque.chain
+    chain = study.table(EmgTorqueTable).chain
     if chain == "none":
         said.append(
             Verdict(
@@ -499,10 +509,10 @@ def verdicts_of(
             )
         )
     else:
-        emg = study.config.emg_torque.emg
+        emg = study.table(EmgTorqueTable).emg
         stream = next((r.streams[emg] for r in study.recordings() if emg in r.streams), None)
         if stream is not None:
-            delay = emg_chain(chain, study.config.emg_torque.mains).delay(stream.fs)
+            delay = emg_chain(chain, study.table(EmgTorqueTable).mains).delay(stream.fs)
             said.append(
                 Verdict(
                     "note",

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from .procedure import EmgTorqueTable
 from ...drawing.drawing import draw
-from ...estimators.condition_choice import LEVEL
-from ...estimators.families import ESTIMATORS
-from ...fit.parameter import Verdict, ranked
+from ...estimators.condition_choice import ERROR_BAND_SHARE
+from ...estimators.families import ESTIMATOR_FAMILIES
+from ...fit.parameter import Verdict, rank_verdicts
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import number, prose
 from ...pages.tables import Row, Table
@@ -63,7 +64,7 @@ def _tiles(findings: CalibrationResult) -> tuple[Tile, ...]:
     for each in findings.chosen:
         judged = sorted(each.by_condition(), key=lambda one: -one.score.rmse)
         worst, others = judged[0], judged[1:4]
-        more = [ESTIMATORS[worst.estimator].words, f"R² {worst.score.r2:.3f}"]
+        more = [ESTIMATOR_FAMILIES[worst.estimator].description, f"R² {worst.score.r2:.3f}"]
         if worst.bare is not None:
             more.append(f"angles alone, without EMG: {number(worst.bare.rmse, digits=3)}")
         more += [f"{one.name.replace('_', ' ')} {number(one.score.rmse, digits=3)}" for one in others]
@@ -89,13 +90,13 @@ def _found(findings: CalibrationResult) -> Section:
     head = {w: f"{w}, {r.replace('_', ' ')}" if several else w for w, r in shown.items()}
     plain = [
         e for e in findings.evaluated
-        if not e.causal and e.recording == shown[e.what] and not ESTIMATORS[e.estimator].told
+        if not e.causal and e.recording == shown[e.what] and not ESTIMATOR_FAMILIES[e.estimator].sees_measured_torque
     ]  # fmt: skip
     where = next(iter(shown.values()))
     on = " on what was not fitted" + ("" if several or not where else f" ({where.replace('_', ' ')}, the worst)")
     drawing = draw(
         figures.error_by_estimator,
-        [(head[e.what], e.estimator, ESTIMATORS[e.estimator].words, e.score.rmse) for e in plain],
+        [(head[e.what], e.estimator, ESTIMATOR_FAMILIES[e.estimator].description, e.score.rmse) for e in plain],
         "errors",
         heads=list(dict.fromkeys(head[e.what] for e in plain)),
         chosen={head[each.what]: each.judged[0].estimator for each in findings.chosen},
@@ -114,7 +115,7 @@ def _shown(findings: CalibrationResult, chosen: Chosen) -> str:
 
 
 def _traces(findings: CalibrationResult) -> Section:
-    words = {name: family.words for name, family in ESTIMATORS.items()}
+    words = {name: family.description for name, family in ESTIMATOR_FAMILIES.items()}
     by = {each.what: each for each in findings.chosen}
     drawings = []
     for i, trace in enumerate(findings.traces, start=1):
@@ -135,7 +136,7 @@ def _traces(findings: CalibrationResult) -> Section:
 
 def _known(findings: CalibrationResult) -> Section | None:
     """What is to be known of figures and muscles, worst first; None where there is nothing."""
-    said = tuple((v.kind, prose(v.said)) for v in ranked(v for v in findings.verdicts if not _first(v)))
+    said = tuple((v.kind, prose(v.said)) for v in rank_verdicts(v for v in findings.verdicts if not _first(v)))
     return Section("emg_known", "What is to be known", verdicts=said) if said else None
 
 
@@ -144,7 +145,7 @@ def coverage_text(trace: TorqueTrace) -> str:
     said = []
     for name, half in trace.half_width.items():
         share = 100.0 * float(np.mean(np.abs(trace.reference - trace.predicted[name]) <= half))
-        words, level = ESTIMATORS[name].words, 100.0 * trace.level
+        words, level = ESTIMATOR_FAMILIES[name].description, 100.0 * trace.level
         said.append(f"; the band of {words}, meant for {level:g} %, holds {share:.0f} % of this torque")
     return "".join(said)
 
@@ -203,7 +204,7 @@ def _together(findings: CalibrationResult) -> Section | None:
             muscle_figures.joints_together, traces, WORDS, "joints_together",
             caption=f"Torques of {over} by one set of muscles, {where}, which was not fitted: with 10 to 100 ms from "
             "every envelope to its force (and its "
-            f"{100.0 * LEVEL:g} % band), and with the offset of the EMG's stream found too.",
+            f"{100.0 * ERROR_BAND_SHARE:g} % band), and with the offset of the EMG's stream found too.",
         ),
         draw(
             muscle_figures.departures, summary, "muscles_together",
@@ -247,7 +248,7 @@ def _choices(findings: CalibrationResult) -> Section:
         Row(
             (
                 each.what,
-                ESTIMATORS[each.estimator].words + (", causal" if each.causal else ""),
+                ESTIMATOR_FAMILIES[each.estimator].description + (", causal" if each.causal else ""),
                 each.choice,
                 "–" if each.within is None else f"{each.within.r2:.3f}",
             )
@@ -262,7 +263,7 @@ def _choices(findings: CalibrationResult) -> Section:
 
 
 def _method(study: Study) -> Section:
-    spec = study.config.emg_torque
+    spec = study.table(EmgTorqueTable)
     said = []
     if spec.chain == "none":
         said.append("Envelopes are used as they were recorded.")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from ...estimators.emg_session import Compared
+from ...estimators.emg_session import ChannelComparison
 from ...estimators.torque_trial import TorqueTrial
 from ...recordings.results import ResultRow
 from .chosen import Chosen
@@ -15,7 +15,7 @@ def calibration_rows(
     study: str,
     evaluated: Sequence[Evaluated],
     trials: Sequence[TorqueTrial],
-    sessions: Mapping[str, Compared] | None = None,
+    sessions: Mapping[str, ChannelComparison] | None = None,
     chosen: Sequence[Chosen] = (),
 ) -> tuple[ResultRow, ...]:
     """Every figure; the first held-out recording's have no name in their id, the others' have."""

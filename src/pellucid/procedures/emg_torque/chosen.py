@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...estimators.condition_choice import Examined, candidate, examined, named
+from ...estimators.condition_choice import ConditionTestErrors, choose_estimator, is_candidate, run_condition_tests
 from ...estimators.cross_validation import Score, score
-from ...estimators.families import ESTIMATORS
+from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.torque_map import CrossValidated
 from ...estimators.torque_trial import TorqueTrial
 from .evaluated import Evaluated
@@ -58,20 +58,20 @@ class Chosen:
         """What it is."""
         counts = Counter(self.estimators)
         if len(counts) == 1:
-            return ESTIMATORS[self.estimators[0]].words
-        each = (f"{ESTIMATORS[name].words} for {count}" for name, count in counts.most_common())
+            return ESTIMATOR_FAMILIES[self.estimators[0]].words
+        each = (f"{ESTIMATOR_FAMILIES[name].description} for {count}" for name, count in counts.most_common())
         return f"what was chosen without each ({', '.join(each)})"
 
 
-def examined_if_candidate(fit: object, trials: Sequence[TorqueTrial]) -> Examined | None:
+def examined_if_candidate(fit: object, trials: Sequence[TorqueTrial]) -> ConditionTestErrors | None:
     """How an estimator fares away from what it is fitted to; None for one that is not named first."""
-    return examined(fit, trials) if candidate(fit.name) else None
+    return run_condition_tests(fit, trials) if is_candidate(fit.name) else None
 
 
 def chosen_of(evaluated: Sequence[Evaluated], what: str) -> Chosen:
     """Of estimators judged on recordings of their own; no recording that judges takes part."""
     own = [e for e in evaluated if e.what == what and not e.causal]
-    best = named({e.estimator: e.examined for e in own if e.examined is not None})
+    best = choose_estimator({e.estimator: e.examined for e in own if e.examined is not None})
     judged = sorted((e for e in own if e.estimator == best), key=lambda e: -e.score.rmse)
     bare = {e.recording: e for e in own if e.estimator == BASELINE}
     bare = tuple(bare[e.recording] for e in judged if e.recording in bare)
@@ -84,7 +84,7 @@ def chosen_in_folds(
     """Of estimators judged trial by trial: for each left out, what the others alone choose; `evaluated` are theirs."""
     groups = list(dict.fromkeys(t.group for t in trials))
     best = [
-        named({name: r.examined[j] for name, r in results.items() if r.examined[j] is not None})
+        choose_estimator({name: r.examined[j] for name, r in results.items() if r.examined[j] is not None})
         for j in range(len(groups))
     ]
     of = dict(zip(groups, best, strict=True))

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from .procedure import EmgTorqueTable
 from ..._errors import RecordingError
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording
@@ -23,7 +24,7 @@ EXTENSORS = ("rectus", "vastus", "triceps", "quadriceps")
 
 def emg_faults(study: Study) -> list[Fault]:
     """What is wrong with a study's EMG, for a torque that is to be found from it. `study` [emg_torque]."""
-    asked = study.config.emg_torque
+    asked = study.table(EmgTorqueTable)
     found: list[Fault] = []
     rates: dict[str, float] = {}
     windows = [entry.name for entry in study.config.recordings if entry.window is not None]

@@ -7,8 +7,9 @@ from importlib.metadata import version
 
 import numpy as np
 
+from .procedure import EmgTorqueTable
 from ..._errors import PellucidError
-from ...estimators.features import CAUSAL_LOWPASS
+from ...estimators.features import CAUSAL_MOTION_LOWPASS_HZ
 from ...estimators.hill import HillMap
 from ...estimators.torque_map import TorqueMap, fit_torque_map
 from ...estimators.torque_trial import TorqueTrial
@@ -50,7 +51,7 @@ COARSE = 2e-3
 def estimator_cards(study: Study, found: Calibrated, together: Together | None = None) -> dict[str, EmgEstimatorCard]:
     """Cards of the causal maps that were fitted, by joint and estimator, and of muscles over all joints. `study`
     [emg_torque]."""
-    cards, chain = {}, study.config.emg_torque.chain
+    cards, chain = {}, study.table(EmgTorqueTable).chain
     if chain != "none" and any(stage.kind == "advance" for stage in emg_chain(chain).stages):
         return cards
     for (joint, estimator), fit in list(found.causal.items()):
@@ -70,7 +71,7 @@ def estimator_cards(study: Study, found: Calibrated, together: Together | None =
     if together is not None and chain == "none":
         trials = {joint: [t for t in own if not t.heldout] for joint, own in found.across.items()}
         name = "emg_together_hill"
-        cards[name] = muscle_estimator(study, name, together.fits["hill"].kept(), trials, ACROSS)
+        cards[name] = muscle_estimator(study, name, together.fits["hill"].card_content(), trials, ACROSS)
     return cards
 
 
@@ -115,7 +116,7 @@ def map_estimator(study: Study, name: str, found: TorqueMap, trials: Sequence[To
         names += [f"angle.{each}", *([f"velocity.{each}"] if chosen.velocities else [])]
         names += [f"acceleration.{each}"] if chosen.accelerations else []
     terms = []
-    for term, weight in found.regressor.plain(names).items():
+    for term, weight in found.regressor.unscaled_coefficients(names).items():
         first, _, second = ("", "", "") if term == "offset" else term.partition(PRODUCT)
         terms.append(EstimatorTerm(weight, first, second))
     one = EstimatorJoint(joint, 0.0, 0.0, 0.0, _limit(trials), tuple(terms))
@@ -132,7 +133,7 @@ def _card(
     needed: set[str],
     notes: Sequence[str],
 ) -> EmgEstimatorCard:
-    spec, notes, raw = study.config.emg_torque, list(notes), {}
+    spec, notes, raw = study.table(EmgTorqueTable), list(notes), {}
     fitted = [r for r in study.recordings() if r.use == "fit" and r.participant == trials[0].participant]
     top = maxima_of(study, trials[0].participant, [r for r in fitted if r.name in {t.name for t in trials}])
     if spec.chain != "none":
@@ -154,7 +155,7 @@ def _card(
         muscles,
         joints,
         1.0 / float(np.mean([t.fs for t in trials])),
-        CAUSAL_LOWPASS,
+        CAUSAL_MOTION_LOWPASS_HZ,
         notes=tuple(notes),
         checksums={t.name: t.checksum for t in trials},
         pellucid=version("pellucid"),

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...estimators.condition_choice import Examined
+from ...estimators.condition_choice import ConditionTestErrors
 from ...estimators.cross_validation import Score
-from ...estimators.emg_session import Compared
-from ...estimators.families import ESTIMATORS
+from ...estimators.emg_session import ChannelComparison
+from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.hill import HillMap
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
@@ -20,7 +20,7 @@ from ...fit.parameter import Verdict
 if TYPE_CHECKING:
     from .chosen import Chosen
 
-EVALUATED = tuple(ESTIMATORS)
+EVALUATED = tuple(ESTIMATOR_FAMILIES)
 """Estimators that `calibrate` reports, in the order of its tables."""
 
 CAUSAL = ("boost", "ridge", "hill")
@@ -32,13 +32,13 @@ class Evaluated:
     """One estimator on one recording (or on all of a person's), with what it was chosen to see."""
 
     what: str  # Joint, or participant
-    estimator: str  # In `ESTIMATORS`; the past alone where `causal`
+    estimator: str  # In `ESTIMATOR_FAMILIES`; the past alone where `causal`
     causal: bool
     recording: str  # Judged on; ``""`` for all trials, each left out in turn
     score: Score
     within: Score | None  # Of cross-validation within what was fitted
     choice: str  # Features and settings, in words
-    examined: Examined | None = None  # Away from what it is fitted to; None for what is not named first
+    examined: ConditionTestErrors | None = None  # Away from what it is fitted to; None for what is not named first
     by_trial: Mapping[str, Score] = field(default_factory=dict, repr=False)  # Where trials are left out in turn
     # What the figures are called: ``"recording"``, ``"steps"`` (torque against an orthosis), ``"trials"`` (means over
     # trials left out), ``"normalised"`` (a torque relative to the leg's own weight)
@@ -90,18 +90,20 @@ class Calibrated:
     passed_over: dict[str, str] = field(default_factory=dict)  # Why muscles were not fitted, by joint or participant
     verdicts: list[Verdict] = field(default_factory=list)  # On this way of judging
     chosen: dict[str, Chosen] = field(default_factory=dict)  # What is named first, where trials are left out in turn
-    sessions: dict[str, Compared] = field(default_factory=dict)  # Channels against those fitted, by recording judged
+    sessions: dict[str, ChannelComparison] = field(
+        default_factory=dict
+    )  # Channels against those fitted, by recording judged
 
 
 def estimators_for(
     trials: Sequence[TorqueTrial], what: str, found: Calibrated, names: Sequence[str] = EVALUATED
 ) -> list[str]:
     """Estimators that these trials can be given to; those with muscles need geometry and relative envelopes."""
-    from ...estimators.muscle_trials import driven_muscles
+    from ...estimators.muscle_trials import find_driven_muscles
 
     try:
-        driven_muscles(trials)
+        find_driven_muscles(trials)
     except IdentificationError as error:
         found.passed_over[what] = str(error)
-        return [name for name in names if ESTIMATORS[name].whole is None]
+        return [name for name in names if ESTIMATOR_FAMILIES[name].fit_trials is None]
     return list(names)

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...estimators.muscle_source import FIBRE_DAMPING, SEATED, STANDING, MuscleSource
+from .procedure import EmgTorqueTable
+from ...estimators.muscle_source import FIBRE_DAMPING, SEATED_POSTURE_RAD, STANDING_POSTURE_RAD, MuscleSource
 from ...fit.parameter import Verdict
 from ...models.hill import HillMuscle
 from ...models.muscle_geometry import muscle_table
@@ -39,7 +40,7 @@ def muscle_source(study: Study, recording: Recording, joint: str) -> MuscleSourc
     paths = table.geometry if model is None else model.polynomials
     if not recorded and not any(joint in path.angles for path in paths.values()):
         return None
-    posture = SEATED if recording.protocol in ("leg_extension", "seated_swing") else STANDING
+    posture = SEATED_POSTURE_RAD if recording.protocol in ("leg_extension", "seated_swing") else STANDING_POSTURE_RAD
     return MuscleSource(
         constants,
         recorded,
@@ -69,7 +70,7 @@ def _recorded(recording: Recording, joint: str) -> dict[str, tuple[np.ndarray, n
 
 def geometry_verdicts(study: Study) -> list[Verdict]:
     """How far the muscles' lengths are from the study's own model, and which of its muscles are not there."""
-    if all(_recorded(r, joint) for r in study.recordings() for joint in study.config.emg_torque.joints):
+    if all(_recorded(r, joint) for r in study.recordings() for joint in study.table(EmgTorqueTable).joints):
         return []
     model = study_geometry(study)
     if model is None:

@@ -6,11 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from .procedure import EmgTorqueTable
 from ..._errors import IdentificationError
-from ...estimators.condition_choice import LEVEL
+from ...estimators.condition_choice import ERROR_BAND_SHARE
 from ...estimators.cross_validation import Score
-from ...estimators.families import ESTIMATORS
-from ...estimators.torque_map import fit_torque_map, torque_map_cv
+from ...estimators.families import ESTIMATOR_FAMILIES
+from ...estimators.torque_map import cross_validate_torque_maps, fit_torque_map
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
 from ...recordings.study import Study
@@ -26,7 +27,7 @@ Progress = Callable[[str, float], None]
 def moments_left_out(study: Study, tell: Progress) -> Calibrated:
     """Recordings with moments, none of them held out: each is predicted by what was fitted to the others. `study`
     [emg_torque]."""
-    found, joints = Calibrated(), study.config.emg_torque.joints
+    found, joints = Calibrated(), study.table(EmgTorqueTable).joints
     found.verdicts.append(Verdict("note", normalisation_words(study)))
     for i, joint in enumerate(joints):
         found.across[joint] = moment_trials(study, joint)
@@ -68,7 +69,7 @@ def _judge(found: Calibrated, trials: list[TorqueTrial], what: str, kind: str, u
             "to be left out in turn"
         )
     names = estimators_for(trials, what, found)
-    results = torque_map_cv(
+    results = cross_validate_torque_maps(
         trials, names, on_progress=lambda text, share: tell(f"{what}, {text}", share), examine=examined_if_candidate
     )
     own = []
@@ -89,9 +90,9 @@ def _judge(found: Calibrated, trials: list[TorqueTrial], what: str, kind: str, u
     worst = max(trials, key=lambda t: chosen.judged[0].by_trial[t.name].rmse)
     made = {name: result.predicted[worst.name] for name, result in results.items()}
     band = {chosen.by[worst.name]: np.full(len(worst), chosen.half_width[worst.name])}
-    found.traces.append(TorqueTrace(what, worst.name, worst.time, worst.torque, made, band, LEVEL))
+    found.traces.append(TorqueTrace(what, worst.name, worst.time, worst.torque, made, band, ERROR_BAND_SHARE))
     found.trials.extend(trials)
-    if any(ESTIMATORS[name].whole is not None for name in names):
+    if any(ESTIMATOR_FAMILIES[name].fit_trials is not None for name in names):
         found.muscles[what], found.shown[what] = fit_torque_map(trials, "hill"), worst
 
 

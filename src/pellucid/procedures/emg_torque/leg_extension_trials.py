@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...estimators.features import MOTION_LOWPASS
+from ...estimators.features import MOTION_LOWPASS_HZ
 from ...estimators.torque_trial import TorqueTrial
 from ...models.anthropometry import shank_length, winter
 from ...recordings.study import Study
@@ -47,7 +47,7 @@ def leg_extension_trials(study: Study, participant: str | None) -> tuple[list[To
     for recording in found:
         where = f"{recording.path.name} (recording {recording.name}), channel angle.knee"
         repetitions = find_repetitions(recording["angle.knee"], recording.fs, where=where)
-        angle = zero_phase_lowpass(recording["angle.knee"], MOTION_LOWPASS, 4, recording.fs)
+        angle = zero_phase_lowpass(recording["angle.knee"], MOTION_LOWPASS_HZ, 4, recording.fs)
         extension = -sign * (angle - repetitions.rest)
         acceleration = central_difference(central_difference(extension, recording.fs), recording.fs)
         torque = -sign * (leg.inertia * acceleration + leg.gravity() * np.sin(extension))

@@ -93,6 +93,6 @@ class EmgTorqueProcedure(Procedure):
     def inputs(self, study: Study) -> Iterable[Path]:
         """Cards of the bodies that a torque is told by, and the muscles' constants."""
         yield from (p for p in study.cards() if p.stem.split(".")[-1] in BODY_CARDS)
-        constants = study.config.emg_torque.muscle_file
+        constants = study.table(EmgTorqueTable).muscle_file
         if constants is not None:
             yield study.inside(constants, "[emg_torque] muscle_file")

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from .procedure import EmgTorqueTable
 from ..._errors import IdentificationError, RecordingError
 from ...recordings.recording import Recording
 from ...recordings.study import Study
@@ -20,7 +21,7 @@ def relative_envelopes(
     study: Study, recording: Recording, top: Mapping[str, float], *, causal: bool
 ) -> dict[str, np.ndarray]:
     """Envelopes on the recording's clock, refused where EMG is not fit to be used. `study` [emg_torque]; gives (n,)."""
-    stream, chain = stream_of(recording, study.config.emg_torque.emg), _chain(study)
+    stream, chain = stream_of(recording, study.table(EmgTorqueTable).emg), _chain(study)
     whole = stream.uncut or stream
     # A stream that ends early is refused below, muscle by muscle.
     faults = [fault.message for fault in trial_faults(recording, stream, whole=False) if fault.severity == "refuse"]
@@ -68,7 +69,7 @@ def normalisation_words(study: Study) -> str:
     """What envelopes are relative to, in a sentence. `study` [emg_torque]."""
     people = dict.fromkeys(r.participant for r in study.recordings())
     mvc = [r.name for person in people for r in _maximal(study, person)]
-    chain, asked = _chain(study), study.config.emg_torque.normalise
+    chain, asked = _chain(study), study.table(EmgTorqueTable).normalise
     if asked == "largest" or (asked is None and _normalises(chain) and not mvc):
         return "Envelopes are relative to the largest of what is fitted: a share of that effort, not of a maximal one."
     if asked == "mvc" or (asked is None and _normalises(chain)):
@@ -80,13 +81,13 @@ def normalisation_words(study: Study) -> str:
 
 def is_relative(study: Study) -> bool:
     """Whether envelopes are shares of an effort. `study` [emg_torque]."""
-    asked, chain = study.config.emg_torque.normalise, _chain(study)
+    asked, chain = study.table(EmgTorqueTable).normalise, _chain(study)
     return asked in ("mvc", "largest") or (asked is None and _normalises(chain)) or chain is None
 
 
 def is_maximal(study: Study, participant: str | None) -> bool:
     """Whether that effort is a maximal one, as far as is said. `study` [emg_torque]."""
-    asked, chain = study.config.emg_torque.normalise, _chain(study)
+    asked, chain = study.table(EmgTorqueTable).normalise, _chain(study)
     if asked is None and chain is None:
         return True
     return asked != "largest" and bool(_maximal(study, participant) or chain is None)
@@ -111,7 +112,7 @@ def inside_of(stream: Recording, recording: Recording, channel: str) -> slice:
 
 def muscles_of(study: Study, stream: Recording) -> list[str]:
     """Muscles of a stream that the study uses. `study` [emg_torque]."""
-    wanted = study.config.emg_torque.muscles
+    wanted = study.table(EmgTorqueTable).muscles
     present = [name.removeprefix("emg.") for name in stream.channels if name.startswith("emg.")]
     missing = [m for m in wanted if m not in present]
     if missing or not present:
@@ -127,7 +128,7 @@ def _maximal(study: Study, participant: str | None) -> list[Recording]:
 
 
 def _relative_to(study: Study, participant: str | None, fitted: Sequence[Recording]) -> Sequence[Recording]:
-    asked, mvc = study.config.emg_torque.normalise, _maximal(study, participant)
+    asked, mvc = study.table(EmgTorqueTable).normalise, _maximal(study, participant)
     if asked == "none" or (asked is None and not _normalises(_chain(study))):
         return []
     if asked == "mvc" and not mvc:
@@ -144,5 +145,5 @@ def _normalises(chain: EmgChain | None) -> bool:
 
 
 def _chain(study: Study) -> EmgChain | None:
-    name = study.config.emg_torque.chain
-    return None if name == "none" else emg_chain(name, study.config.emg_torque.mains)
+    name = study.table(EmgTorqueTable).chain
+    return None if name == "none" else emg_chain(name, study.table(EmgTorqueTable).mains)

@@ -12,11 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .procedure import EmgTorqueTable
 from ..._errors import IdentificationError
 from ...estimators.cross_validation import score
-from ...estimators.families import ESTIMATORS
+from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.hill import HillMap
-from ...estimators.muscle_source import FIBRE_DAMPING, SEATED, MuscleSource
+from ...estimators.muscle_source import FIBRE_DAMPING, SEATED_POSTURE_RAD, MuscleSource
 from ...estimators.torque_map import fit_torque_map
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
@@ -55,7 +56,7 @@ class WearerSwings:
     maximal: Recording  # maximal, relaxed: EMG of a maximal contraction, and of a leg that the motor swings
     relaxed: Recording
     chain: EmgChain
-    hip: float = SEATED["hip"]  # Angle of the hip [rad]
+    hip: float = SEATED_POSTURE_RAD["hip"]  # Angle of the hip [rad]
 
     def motion(self, recording: Recording) -> Swing:
         """A swing's position and torque, low-passed alike and thinned."""
@@ -82,7 +83,7 @@ class WearerSwings:
             heldout=recording.use != "fit",
             participant=recording.participant,
             checksum=recording.checksum,
-            muscles=MuscleSource(constants, posture={**SEATED, "hip": self.hip}),
+            muscles=MuscleSource(constants, posture={**SEATED_POSTURE_RAD, "hip": self.hip}),
         )
 
     def _envelopes(self, emg: Recording) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -117,7 +118,7 @@ def seated_swings(study: Study, tell: Callable[[str, float], None]) -> Calibrate
             )
         session = WearerSwings(
             leg.loaded, own["mvc"][0].streams["emg"], own[LOADED][-1].streams["emg"],
-            emg_chain(study.config.emg_torque.chain, study.config.emg_torque.mains),
+            emg_chain(study.table(EmgTorqueTable).chain, study.table(EmgTorqueTable).mains),
         )  # fmt: skip
         trials = [session.trial(r) for r in own[SWINGS]]
         _judge(found, trials, who, lambda text, s, i=i: tell(text, (i + s) / len(legs)))
@@ -140,7 +141,7 @@ def _judge(found: Calibrated, trials: list[TorqueTrial], who: str, tell: Callabl
     made, half = {t.name: {} for t in held}, {}
     names = estimators_for(trials, who, found, FITTED)
     for j, name in enumerate(names):
-        tell(f"{who}, {ESTIMATORS[name].words}", j / len(names))
+        tell(f"{who}, {ESTIMATOR_FAMILIES[name].description}", j / len(names))
         fit = fit_torque_map(fitted, name)
         muscles, away = isinstance(fit, HillMap), examined_if_candidate(fit, fitted)
         if name == "hill":

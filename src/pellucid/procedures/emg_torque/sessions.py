@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from .procedure import EmgTorqueTable
 from ..._errors import PellucidError
-from ...estimators.emg_session import ChannelChange, Compared, FittedSession
-from ...estimators.raw_session import SHORTEST, RawChannels
+from ...estimators.emg_session import ChannelChange, ChannelComparison, FittedSession
+from ...estimators.raw_session import MIN_RECORDING_S, RawChannels
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
 from ...recordings.fault import Fault
@@ -43,23 +44,23 @@ WHAT_TO_DO = {
 
 def compared_sessions(
     study: Study, fitted: Sequence[TorqueTrial], held: Sequence[TorqueTrial]
-) -> tuple[FittedSession, dict[str, Compared]]:
+) -> tuple[FittedSession, dict[str, ChannelComparison]]:
     """What the channels of fitted trials were, and those of every other trial against them, raw ones too. `study`
     [emg_torque]."""
     session, raw = FittedSession.of(fitted), raw_changes(study)
-    found = {trial.name: session.compared(trial) for trial in held}
+    found = {trial.name: session.compare(trial) for trial in held}
     return session, {name: replace(c, changes=(*c.changes, *raw.get(name, ()))) for name, c in found.items()}
 
 
 def raw_changes(study: Study) -> dict[str, tuple[ChannelChange, ...]]:
     """By recording to be judged, raw channels that are not what they were in what is fitted of the same person.
     `study` [emg_torque]."""
-    if study.config.emg_torque.chain == "none":
+    if study.table(EmgTorqueTable).chain == "none":
         return {}
     found: dict[str, tuple[ChannelChange, ...]] = {}
-    read = [(r, stream_of(r, study.config.emg_torque.emg)) for r in study.recordings()]
+    read = [(r, stream_of(r, study.table(EmgTorqueTable).emg)) for r in study.recordings()]
     wired = [(r, s) for r, s in read if any(c.startswith("emg.") for c in s.channels)]
-    long = [(r, s) for r, s in wired if r.time[-1] - r.time[0] >= SHORTEST]
+    long = [(r, s) for r, s in wired if r.time[-1] - r.time[0] >= MIN_RECORDING_S]
     for person in dict.fromkeys(r.participant for r, _ in long):
         own = [(r, s) for r, s in long if r.participant == person]
         fitted = [(r, s) for r, s in own if r.use == "fit" and r.protocol != MAXIMAL]
@@ -78,7 +79,7 @@ def _raw(study: Study, recording: Recording, stream: Recording) -> tuple[dict[st
 
 def session_faults(study: Study) -> list[Fault]:
     """Channels that are not what they were in the recordings to be fitted. `study` [emg_torque]."""
-    asked = study.config.emg_torque
+    asked = study.table(EmgTorqueTable)
     try:
         found = _compared(study)
         changes = {name: compared.changes for name, compared in found.items()}
@@ -104,9 +105,9 @@ def session_faults(study: Study) -> list[Fault]:
     return faults
 
 
-def _compared(study: Study) -> dict[str, Compared]:
+def _compared(study: Study) -> dict[str, ChannelComparison]:
     """Recordings with moments to be judged against those to be fitted; none where there are not both."""
-    asked = study.config.emg_torque
+    asked = study.table(EmgTorqueTable)
     uses = {r.use for r in study.recordings() if f"moment.{asked.joints[0]}" in stream_of(r, asked.moments)}
     if uses != {"fit", "validate"}:
         return {}
@@ -114,7 +115,7 @@ def _compared(study: Study) -> dict[str, Compared]:
     return compared_sessions(study, [t for t in trials if not t.heldout], [t for t in trials if t.heldout])[1]
 
 
-def elsewhere_words(compared: Compared) -> str:
+def elsewhere_words(compared: ChannelComparison) -> str:
     """Why nothing holds there."""
     if compared.effort:
         levels = sorted(compared.level.values())
@@ -126,7 +127,7 @@ def elsewhere_words(compared: Compared) -> str:
     )
 
 
-def session_verdicts(sessions: Mapping[str, Compared], rescaled: bool) -> list[Verdict]:
+def session_verdicts(sessions: Mapping[str, ChannelComparison], rescaled: bool) -> list[Verdict]:
     """What is to be known before any figure of these recordings is."""
     said = []
     for name, compared in sessions.items():
@@ -143,7 +144,7 @@ def session_verdicts(sessions: Mapping[str, Compared], rescaled: bool) -> list[V
     return said
 
 
-def session_tables(sessions: Mapping[str, Compared]) -> tuple[FigureTable, ...]:
+def session_tables(sessions: Mapping[str, ChannelComparison]) -> tuple[FigureTable, ...]:
     """Every channel against what it was when it was fitted."""
     heads = ("Channel", "Floor moved (ranges)", "Range (times)", "Own pattern (r)")
     return tuple(

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from ...drawing.drawing import Drawing, line, tidy
 from ...drawing.style import FIGURE_WIDTH, colour
-from ...estimators.joint_stiffness import KINDS, JointStiffness
+from ...estimators.joint_stiffness import STIFFNESS_KINDS, JointStiffness
 from .muscle_findings import SHOWN
 
 TITLES = {"short_range": "At once: short-range stiffness", "slope": "Slope of the model's torque"}
@@ -19,7 +19,7 @@ def stiffness_over_time(found: JointStiffness, name: str, *, caption: str) -> Dr
     time = found.time[shown]
     figure = Figure(figsize=(FIGURE_WIDTH, 5.2), layout="constrained")
     axes = figure.subplots(3, 1, sharex=True)
-    for axis, kind, tone in zip(axes, KINDS, ("fitted", "heldout"), strict=False):
+    for axis, kind, tone in zip(axes, STIFFNESS_KINDS, ("fitted", "heldout"), strict=False):
         value, half = found.value[kind][shown], 1.96 * found.error[kind][shown]
         axis.fill_between(time, value - half, value + half, color=colour(tone), alpha=0.15, linewidth=0.0)
         line(axis, time, value, color=colour(tone), linewidth=1.4)

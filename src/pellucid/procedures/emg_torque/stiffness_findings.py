@@ -8,7 +8,7 @@ from importlib.metadata import version
 import numpy as np
 
 from ...estimators.hill import HillMap
-from ...estimators.joint_stiffness import KINDS, JointStiffness, joint_stiffness
+from ...estimators.joint_stiffness import STIFFNESS_KINDS, JointStiffness, joint_stiffness
 from ...fit.parameter import Verdict
 from ...models.card import CardParameter
 from ...models.emg_estimator import EmgEstimatorCard
@@ -45,7 +45,7 @@ def stiffness_tables(stiffness: Sequence[JointStiffness]) -> tuple[FigureTable, 
                 (
                     f"{np.degrees(p.low):.0f} to {np.degrees(p.high):.0f}",
                     float(p.torque),
-                    *(f"{p.value[kind]:.0f} ± {1.96 * p.error[kind]:.0f}" for kind in KINDS),
+                    *(f"{p.value[kind]:.0f} ± {1.96 * p.error[kind]:.0f}" for kind in STIFFNESS_KINDS),
                 )
                 for p in (*s.postures, s.whole)
             ),
@@ -58,7 +58,7 @@ def stiffness_rows(study: str, stiffness: Sequence[JointStiffness], checksums: M
     """Means over the movement, with standard errors, and the largest."""
     rows = []
     for s in stiffness:
-        for kind in KINDS:
+        for kind in STIFFNESS_KINDS:
             note = f"{WORDS[kind]}, muscles and tissue; ± {1.96 * s.whole.error[kind]:.3g} (95 %)"
             for name, value, words in (
                 ("mean", s.whole.value[kind], note),
@@ -80,7 +80,7 @@ def stiffness_cards(study: Study, stiffness: Sequence[JointStiffness]) -> dict[s
     for s in stiffness:
         parameters, ranges = [], {}
         for i, p in enumerate((s.whole, *s.postures)):
-            for kind in KINDS:
+            for kind in STIFFNESS_KINDS:
                 value, error = p.value[kind], p.error[kind]
                 half, name = 1.96 * error, f"{kind}.{'mean' if i == 0 else f'posture_{i}'}"
                 parameters.append(CardParameter(name, UNIT, value, error, (value - half, value + half)))

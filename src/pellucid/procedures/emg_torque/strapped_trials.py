@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...estimators.causal_map import MOTION, EmgTrial
+from ...estimators.causal_map import ANGLE_LOWPASS_HZ, EmgTrial
 from ...estimators.strapped_reference import strapped_torque
 from ...fit.strap.strap_torque import Limb, Orthosis
 from ...recordings.recording import Recording
@@ -23,7 +23,13 @@ def strapped_emg_trial(
     the core names it."""
     emg, position = recording.streams[stream], recording["position"]
     torque = strapped_torque(
-        recording.time, position, recording["torque"], orthosis=orthosis, limb=limb, strap=strap, lowpass=MOTION
+        recording.time,
+        position,
+        recording["torque"],
+        orthosis=orthosis,
+        limb=limb,
+        strap=strap,
+        lowpass=ANGLE_LOWPASS_HZ,
     )
     raw = np.column_stack([emg[channel] for channel in emg.channels if channel.startswith("emg.")])
     return EmgTrial(repetition, recording.time, position, torque, emg.time, raw)

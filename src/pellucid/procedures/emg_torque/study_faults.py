@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from ..loaded_swing.procedure import LoadedSwingTable
+from .procedure import EmgTorqueTable
 from ..._errors import RecordingError
 from ...recordings.fault import Fault
 from ...recordings.study import Study
@@ -29,10 +31,10 @@ def trial_refusals(study: Study) -> list[Fault]:
     `study` [emg_torque].
     """
     protocols = {recording.protocol for recording in study.recordings()}
-    if SWINGS in protocols and study.config.loaded_swing is not None:
+    if SWINGS in protocols and study.table(LoadedSwingTable) is not None:
         return []
     own = next((protocol for protocol in (STEPS, EXTENSION) if protocol in protocols), None)
-    asked = study.config.emg_torque.joints if own is None else [own]
+    asked = study.table(EmgTorqueTable).joints if own is None else [own]
     found = []
     for what in asked:
         try:

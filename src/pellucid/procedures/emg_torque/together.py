@@ -13,10 +13,10 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ..._processes import among_helpers
-from ...estimators.condition_choice import LEVEL
+from ...estimators.condition_choice import ERROR_BAND_SHARE
 from ...estimators.cross_validation import Score, score
-from ...estimators.hill_together import Across, HillTogether, fit_together
-from ...estimators.never_recorded import NeverRecorded, never_recorded
+from ...estimators.hill_together import HillTogether, TrialByJoint, fit_together
+from ...estimators.never_recorded import UnrecordedMuscles, fit_unrecorded_muscles
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.posterior.calibration_posterior import CalibrationPosterior, calibration_posterior
 from .evaluated import Calibrated, TorqueTrace
@@ -38,7 +38,7 @@ class TogetherScore:
     joint: str
     recording: str  # ``""`` for all trials, each left out in turn
     score: Score
-    coverage: float  # Share of samples within the band of `LEVEL`
+    coverage: float  # Share of samples within the band of `ERROR_BAND_SHARE`
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class Together:
     scores: tuple[TogetherScore, ...]
     traces: tuple[TorqueTrace, ...] = field(repr=False)  # Of one recording, a joint each; predicted by way
     posterior: CalibrationPosterior | None = field(default=None, repr=False)  # Of the first way, if it was asked for
-    never: NeverRecorded | None = field(default=None, repr=False)  # Beside the first way
+    never: UnrecordedMuscles | None = field(default=None, repr=False)  # Beside the first way
     beside: tuple[TogetherScore, ...] = ()  # By these, on recordings of their own
 
     @property
@@ -100,11 +100,11 @@ def _judged(across: Mapping[str, Sequence[TorqueTrial]], begun: Callable[[int, f
             made = {t.name: (by_run[how, t.group], _trial(fitted, t.name)) for t in left_out}
         each = []
         for name, (by, trial) in made.items():
-            torque, half = by.predict(trial), by.half_width(trial, LEVEL)
+            torque, half = by.predict(trial), by.half_width(trial, ERROR_BAND_SHARE)
             for joint in fit.joints:
                 reference = trial[joint].torque
                 each.append(_scored(how, joint, trial, torque, half))
-                trace = TorqueTrace(joint, name, trial[joint].time, reference, {}, {}, LEVEL)
+                trace = TorqueTrace(joint, name, trial[joint].time, reference, {}, {}, ERROR_BAND_SHARE)
                 trace = shown.setdefault((joint, name), trace)
                 trace.predicted[how], trace.half_width[how] = torque[joint], half[joint]
         scores += each if names else [_mean(how, joint, each) for joint in fit.joints]
@@ -118,15 +118,15 @@ def _with_never_recorded(
 ) -> Together:
     """With muscles that no electrode drives, on recordings of their own."""
     fit, scores = found.fits["hill"], []
-    never = never_recorded(fit, fitted)
+    never = fit_unrecorded_muscles(fit, fitted)
     for name in [] if never is None else [t.name for t in next(iter(held.values()))]:
         trial = _trial(held, name)
-        torque, half = never.predict(trial), fit.half_width(trial, LEVEL)
+        torque, half = never.predict(trial), fit.half_width(trial, ERROR_BAND_SHARE)
         scores += [_scored(NEVER, joint, trial, torque, half) for joint in fit.joints]
     return replace(found, never=never, beside=tuple(scores))
 
 
-def _scored(how: str, joint: str, trial: Across, torque: Mapping, half: Mapping) -> TogetherScore:
+def _scored(how: str, joint: str, trial: TrialByJoint, torque: Mapping, half: Mapping) -> TogetherScore:
     reference = trial[joint].torque
     inside = float(np.mean(np.abs(reference - torque[joint]) <= half[joint]))
     return TogetherScore(how, joint, trial[joint].name, score(reference, torque[joint]), inside)
@@ -140,7 +140,7 @@ def _drawn(found: Together, across: Mapping[str, Sequence[TorqueTrial]]) -> Toge
     scores = []
     for name in () if posterior.unsettled else [t.name for t in next(iter(across.values())) if t.heldout]:
         trial = _trial(across, name)
-        torque, half = fit.drawn(posterior, trial, LEVEL)
+        torque, half = fit.predict_with_posterior(posterior, trial, ERROR_BAND_SHARE)
         scores += [_scored(DRAWN, joint, trial, torque, half) for joint in fit.joints]
     return replace(found, posterior=posterior, beside=(*found.beside, *scores))
 

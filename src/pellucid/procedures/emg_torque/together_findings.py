@@ -8,7 +8,7 @@ from importlib.metadata import version
 
 import numpy as np
 
-from ...estimators.condition_choice import LEVEL
+from ...estimators.condition_choice import ERROR_BAND_SHARE
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.muscles.muscle_information import (
     count_bounds_reported_as_estimates,
@@ -41,7 +41,7 @@ class TogetherShown:
 
 
 HELD = (0.8, 0.97)
-"""Shares of held-out torque within its band of `LEVEL` between which the band is said to hold."""
+"""Shares of held-out torque within its band of `ERROR_BAND_SHARE` between which the band is said to hold."""
 
 SHOWN = 12
 """Parameters of a posterior that are drawn, those first that the recording tells most of."""
@@ -63,7 +63,14 @@ def together_tables(found: Together | None, evaluated: Sequence[Evaluated]) -> t
             for s in (*found.scores, *found.beside)
             if (s.joint, s.recording) == (joint, recording)
         ]
-    heads = ("Joint", "Recording", "Calibrated", "RMSE (N*m)", "R²", f"Within the {100.0 * LEVEL:g} % band (%)")
+    heads = (
+        "Joint",
+        "Recording",
+        "Calibrated",
+        "RMSE (N*m)",
+        "R²",
+        f"Within the {100.0 * ERROR_BAND_SHARE:g} % band (%)",
+    )
     return (
         FigureTable(f"Muscles of {found.what} together: 10 to 100 ms from envelope to force", heads, tuple(rows)),
         ParameterTable(f"Muscles together: {found.what}", found.fits["hill"].parameters),
@@ -132,7 +139,8 @@ def _of_posterior(found: Together) -> Iterator[Verdict]:
         held = all(HELD[0] <= s.coverage <= HELD[1] for s in own)
         yield Verdict(
             "good" if held else "warning",
-            f"{who}, mean of the posterior's draws and their {100.0 * LEVEL:g} % band on {name.replace('_', ' ')}: "
+            f"{who}, mean of the posterior's draws and their {100.0 * ERROR_BAND_SHARE:g} % band on "
+            f"{name.replace('_', ' ')}: "
             f"{words}.",
         )
 
@@ -161,7 +169,7 @@ def together_verdicts(found: Together | None, alone: Calibrated) -> tuple[Verdic
             Verdict(
                 "good" if held else "warning",
                 f"{found.what}, {words}: {shares[0]:.0f} to {shares[-1]:.0f} % of each torque lies within the "
-                f"{100.0 * LEVEL:g} % band that was stated beforehand{where * (not held)}.",
+                f"{100.0 * ERROR_BAND_SHARE:g} % band that was stated beforehand{where * (not held)}.",
             )
         )
     return (*said, *_of_never_recorded(found), *_of_posterior(found))
@@ -245,7 +253,7 @@ def together_rows(
             choice = found.fits[s.how].choice
             note = f"{choice.timing.words}; weight of anatomy {choice.weight:g}"
         at = {"split": "heldout", "recording": s.recording}
-        within = f"share of samples within the {100.0 * LEVEL:g} % band"
+        within = f"share of samples within the {100.0 * ERROR_BAND_SHARE:g} % band"
         add(f"{s.joint}.{s.how}.r2{tail}", s.score.r2, "1", note, **at)
         add(f"{s.joint}.{s.how}.rmse{tail}", s.score.rmse, "N*m", note, **at)
         add(f"{s.joint}.{s.how}.coverage{tail}", s.coverage, "1", within, **at)
@@ -289,7 +297,7 @@ def together_cards(study: Study, found: Together | None, trials: Sequence[Torque
             parameters=tuple(p.on_card(0.95) for p in fit.parameters),
             covariance=tuple(map(tuple, reported_covariance(fit.fit).tolist())),
             settings={
-                **fit.kept().settings(),
+                **fit.card_content().settings(),
                 "weight": fit.choice.weight,
                 **ahead,
                 **{f"residual_sd.{joint}": each.rmse for joint, each in fit.choice.scores.items()},

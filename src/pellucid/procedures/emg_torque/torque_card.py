@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from math import nan, prod
 
+from .procedure import EmgTorqueTable
 from ..._errors import PellucidError
-from ...estimators.features import CAUSAL_LOWPASS, MOTION_LOWPASS, features
+from ...estimators.features import CAUSAL_MOTION_LOWPASS_HZ, MOTION_LOWPASS_HZ, compute_features
 from ...estimators.torque_map import TorqueMap
 from ...estimators.torque_trial import TorqueTrial
 from ...models.card import CardParameter
@@ -25,8 +26,8 @@ def torque_card(study: Study, found: TorqueMap, trials: Sequence[TorqueTrial], n
     """Card of a map by ridge regression."""
     if not hasattr(found.regressor, "plain"):
         raise PellucidError(f"card {name}: found a map by {found.name}, expected one by ridge regression")
-    seen = features(trials[0], found.choice.features, causal=found.causal)
-    chain = study.config.emg_torque.chain
+    seen = compute_features(trials[0], found.choice.features, causal=found.causal)
+    chain = study.table(EmgTorqueTable).chain
     envelope, torque = "1" if is_relative(study) else "V", trials[0].unit
 
     def unit(term: str) -> str:
@@ -34,14 +35,14 @@ def torque_card(study: Study, found: TorqueMap, trials: Sequence[TorqueTrial], n
         below = PRODUCT.strip().join(factor for factor in factors if factor != "1")
         return f"{torque}/({below})" if below and term != "offset" else torque
 
-    lowpass = CAUSAL_LOWPASS if found.causal else MOTION_LOWPASS
+    lowpass = CAUSAL_MOTION_LOWPASS_HZ if found.causal else MOTION_LOWPASS_HZ
     return ParameterCard(
         kind="torque_map",
         study=study.name,
         name=name,
         parameters=tuple(
             CardParameter(term, unit(term), value, nan, (nan, nan), False, True)
-            for term, value in found.regressor.plain(seen.names).items()
+            for term, value in found.regressor.unscaled_coefficients(seen.names).items()
         ),
         settings={
             "joint": trials[0].joint,

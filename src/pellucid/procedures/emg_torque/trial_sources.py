@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from .procedure import EmgTorqueTable
 from ..._errors import IdentificationError, RecordingError
-from ...estimators.features import MOTION_LOWPASS
+from ...estimators.features import MOTION_LOWPASS_HZ
 from ...estimators.strapped_reference import StrappedBodies, strapped_torque
 from ...estimators.torque_reference import MovedBody, human_torque
 from ...estimators.torque_trial import TorqueTrial
@@ -41,7 +42,7 @@ def moment_trials(study: Study, joint: str, *, causal: bool = False) -> list[Tor
 
     `study` [emg_torque].
     """
-    spec = study.config.emg_torque
+    spec = study.table(EmgTorqueTable)
     found = [r for r in study.recordings() if f"moment.{joint}" in stream_of(r, spec.moments) and r.protocol != MAXIMAL]
     fitted = [r for r in found if r.use == "fit"]
     top = {
@@ -118,11 +119,11 @@ def step_trials(
     joint: str = "knee",
 ) -> list[TorqueTrial]:
     """Recordings in which a wearer counteracts an orthosis's torque, grouped by repetition. `study` [emg_torque]."""
-    spec = study.config.emg_torque
+    spec = study.table(EmgTorqueTable)
     own = [r for r in study.recordings() if r.participant == participant]
     found = [r for r in own if r.protocol == STEPS]
     top = maxima_of(study, participant, found)
-    lowpass, repetition = spec.reference_lowpass or MOTION_LOWPASS, repetitions(found)
+    lowpass, repetition = spec.reference_lowpass or MOTION_LOWPASS_HZ, repetitions(found)
     trials = []
     for recording in found:
         torque = _wearer_torque(recording, body, lowpass)
@@ -211,10 +212,10 @@ def _body(card: ParameterCard) -> MovedBody:
 
 def _lead(study: Study, recording: Recording) -> dict[str, np.ndarray]:
     """Envelopes before the recording's first sample, where envelopes were recorded and the recording is no window."""
-    stream = stream_of(recording, study.config.emg_torque.emg)
+    stream = stream_of(recording, study.table(EmgTorqueTable).emg)
     spec = next(each for each in study.config.recordings if each.name == recording.name)
     count = int((recording.time[0] - stream.time[0]) * recording.fs)
-    if study.config.emg_torque.chain != "none" or spec.window is not None or count < 1:
+    if study.table(EmgTorqueTable).chain != "none" or spec.window is not None or count < 1:
         return {}
     time = recording.time[0] - np.arange(count, 0, -1) / recording.fs
     return {muscle: np.interp(time, stream.time, stream[f"emg.{muscle}"]) for muscle in muscles_of(study, stream)}

@@ -7,9 +7,10 @@ from itertools import combinations
 
 import numpy as np
 
+from .procedure import SynergiesTable
 from ..._errors import IdentificationError, RecordingError
 from ...estimators.synergies import (
-    ENOUGH,
+    VAF_THRESHOLD,
     Synergies,
     SynergyCount,
     chance_similarity,
@@ -68,12 +69,12 @@ class SynergiesResult(Result):
 
 def faults(study: Study) -> list[Fault]:
     """EMG that is not fit to be used, or too few muscles."""
-    return envelope_faults(study, study.config.synergies, _groups, "muscles")
+    return envelope_faults(study, study.table(SynergiesTable), _groups, "muscles")
 
 
 def run(study: Study, tell: Progress = quiet) -> SynergiesResult:
     """Synergies of every group, and how alike groups are. `study` [synergies]."""
-    table = study.config.synergies
+    table = study.table(SynergiesTable)
     if table is None:
         raise IdentificationError(f"{study.folder}: found no table [synergies] in study.toml, expected one")
     refuse(emg_faults(study, table))
@@ -154,7 +155,7 @@ def _alike(one: GroupSynergies, other: GroupSynergies, parts: dict) -> Alike:
     envelopes = np.concatenate([each.matrix for group in parts[other.name] for each in group])
     return Alike(
         one.name, other.name, similarity(one.synergies, other.synergies)[0],
-        chance_similarity(one.synergies, other.synergies), vaf(envelopes, one.synergies.rebuilt(envelopes)),
+        chance_similarity(one.synergies, other.synergies), vaf(envelopes, one.synergies.reconstruct(envelopes)),
     )  # fmt: skip
 
 
@@ -196,16 +197,16 @@ def _verdicts(groups: list[GroupSynergies], alike: tuple[Alike, ...], asked: int
     said = []
     for g in groups:
         name, c = f"{g.name}: " if g.name else "", g.count
-        if c.heldout.max() < ENOUGH:
+        if c.heldout.max() < VAF_THRESHOLD:
             said.append(
                 Verdict(
                     "warning",
                     f"{name}{c.numbers[-1]} synergies account for {100 * c.heldout[-1]:.0f} % of what was not fitted, "
-                    f"less than {100 * ENOUGH:g} %: what was fitted does not hold there, or most is low.",
+                    f"less than {100 * VAF_THRESHOLD:g} %: what was fitted does not hold there, or most is low.",
                 )
             )
         chance = float(c.shuffled[list(c.numbers).index(c.enough)])
-        if chance > ENOUGH - 0.05 and c.heldout.max() >= ENOUGH:
+        if chance > VAF_THRESHOLD - 0.05 and c.heldout.max() >= VAF_THRESHOLD:
             said.append(
                 Verdict(
                     "warning",
@@ -225,7 +226,8 @@ def _verdicts(groups: list[GroupSynergies], alike: tuple[Alike, ...], asked: int
             said.append(
                 Verdict(
                     "note",
-                    f"{name}{100 * ENOUGH:g} % of the variance needs {c.enough}; a muscle left out is told best by "
+                    f"{name}{100 * VAF_THRESHOLD:g} % of the variance needs {c.enough}; a muscle left out is told best "
+                    "by "
                     f"{c.predicting} (R² {c.left_out.max():.2f}).",
                 )
             )
@@ -244,7 +246,7 @@ def _rows(study: str, groups: list[GroupSynergies], alike: tuple[Alike, ...], ch
     for g in groups:
         base = f"{study}.{part(g.name)}" if g.name else study
         c = g.count
-        row(f"{base}.synergies.number", c.enough, "heldout", f"fewest with a VAF of {ENOUGH:g} on {g.judged_on}")
+        row(f"{base}.synergies.number", c.enough, "heldout", f"fewest with a VAF of {VAF_THRESHOLD:g} on {g.judged_on}")
         row(f"{base}.synergies.predicting", c.predicting, "heldout", "number that tells a muscle left out best")
         for i, number in enumerate(c.numbers):
             row(f"{base}.synergies.{number}.vaf", c.heldout[i], "heldout")
