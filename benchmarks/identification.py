@@ -22,7 +22,7 @@ from pellucid._errors import DatasetError
 from pellucid.datasets import init, names
 from pellucid.fit.joint.closed_loop import solve_output_error
 from pellucid.fit.joint.friction_solver import solve_family
-from pellucid.fit.joint.replay import SMOOTHING
+from pellucid.fit.joint.replay import SIGN_SMOOTHING_SHARE
 from pellucid.fit.regression import stack
 from pellucid.lab.bench.rig import bench_joint
 from pellucid.lab.study import write_study
@@ -106,7 +106,7 @@ def plain_output_error(study: Study, start: np.ndarray, run: Callable) -> np.nda
         parts = []
         for m in made:
             out = np.empty(len(m.time))
-            width = SMOOTHING * float(np.abs(m.velocity).max())
+            width = SIGN_SMOOTHING_SHARE * float(np.abs(m.velocity).max())
             period = 1.0 / m.fs
             settings = (loop.kp, loop.kv, loop.limit, loop.velocity_span, gain, width)
             run(values, m.reference, period, substeps_for(period), *settings, *m.initial, out)

@@ -34,8 +34,8 @@ from pellucid import _core
 from pellucid._processes import in_order
 from pellucid.datasets.init import init
 from pellucid.fit.joint.friction_solver import solve_family
-from pellucid.fit.joint.presliding import Presliding, presliding
-from pellucid.fit.joint.replay import Machine, simulation_of
+from pellucid.fit.joint.presliding import Presliding, estimate_presliding
+from pellucid.fit.joint.replay import Machine, simulate_recording
 from pellucid.fit.regression import stack
 from pellucid.lab.bench.rig import STROKES, BenchRig
 from pellucid.lab.noise import noise
@@ -166,7 +166,7 @@ def identified(rig: BenchRig, positions: np.ndarray, commands: np.ndarray, seed:
     fitted, held = motions[:-1], motions[-1:]
     model = joint_model("combined", motion="rotary", effort_unit="N*m", gravity="sine", velocity_range=1.0)
     slipping = stack([replace(m, filtering=replace(m.filtering, dead_band=DEAD_BAND)) for m in fitted])
-    return presliding(model, solve_family(model, slipping).values, fitted, held)
+    return estimate_presliding(model, solve_family(model, slipping).values, fitted, held)
 
 
 def _travel_rows(found: Sequence[Presliding], travel: float, lugre: bool) -> Iterator[ResultRow]:
@@ -223,7 +223,7 @@ def bam_rows() -> Iterator[ResultRow]:
                f"travel {1e3 * travel:.3g} mrad by the same on the fitted ones; {words}", "heldout")  # fmt: skip
     yield _row("real.bam.openloop.change", 100.0 * (bent[1] / plain[1] - 1.0), "%", words, "heldout")
     values = solve_family(model, stack(fitted)).values
-    search = presliding(model, values, fitted, held)
+    search = estimate_presliding(model, values, fitted, held)
     words = f"slow samples too, against friction that slips at once; {said}"
     yield _row("real.bam.effort.change", 100.0 * (search.gives / search.slips - 1.0), "%", words, "heldout")
     words = f"its readings are {1e3 * search.resolution:.2g} mrad apart: {search.why}; {said}"
@@ -238,7 +238,7 @@ def _opened(
     values = solve_family(model, stack(bent)).values
     made = []
     for motions in (fitted, held):
-        errors = [simulation_of(model, values, m, machine, closed=False, travel=travel) for m in motions]
+        errors = [simulate_recording(model, values, m, machine, closed=False, travel=travel) for m in motions]
         difference = np.concatenate([s.measured["position"] - s.simulated["position"] for s in errors])
         made.append(float(np.sqrt(np.mean(difference**2))))
     return made[0], made[1]

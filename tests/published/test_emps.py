@@ -56,12 +56,12 @@ def test_textbook_standard_deviations_are_the_published_ones(emps_data):
     import numpy as np
 
     from pellucid.fit.joint.friction_solver import solve_family
-    from pellucid.fit.uncertainty import sandwich
+    from pellucid.fit.uncertainty import sandwich_covariance
 
     model, data = emps_data
     found = solve_family(model, data)
     variance = np.sum(found.residual**2) / (len(found.residual) - 4)
     textbook = np.sqrt(np.diag(np.linalg.inv(found.jacobian.T @ found.jacobian) * variance))
     assert textbook == pytest.approx([0.1085, 1.1460, 0.1012, 0.0444], rel=0.02)
-    ours = np.sqrt(np.diag(sandwich(found.jacobian, found.residual, data.lengths)))
+    ours = np.sqrt(np.diag(sandwich_covariance(found.jacobian, found.residual, data.lengths)))
     assert np.all(ours > 1.5 * textbook)

@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from pellucid.fit.block_test import LEVEL, contest, independent_samples, p_of_worse
+from pellucid.fit.block_test import (
+    SIGNIFICANCE_LEVEL,
+    compare_held_out,
+    count_independent_samples,
+    p_value_of_larger_loss,
+)
 
 
 def coloured(rng, n, memory):
@@ -20,13 +25,13 @@ def test_models_that_are_alike_are_told_apart_as_rarely_as_stated(rng, memory):
     for _ in range(300):
         shared = [coloured(rng, 150, memory) for _ in range(3)]
         one, other = ([x + 0.3 * coloured(rng, 150, memory) for x in shared] for _ in range(2))
-        wrong += p_of_worse([a**2 for a in one], [b**2 for b in other])[0] < LEVEL
-    assert wrong / 300 < LEVEL + 3.0 * np.sqrt(LEVEL * (1.0 - LEVEL) / 300)
+        wrong += p_value_of_larger_loss([a**2 for a in one], [b**2 for b in other])[0] < SIGNIFICANCE_LEVEL
+    assert wrong / 300 < SIGNIFICANCE_LEVEL + 3.0 * np.sqrt(SIGNIFICANCE_LEVEL * (1.0 - SIGNIFICANCE_LEVEL) / 300)
 
 
 def test_a_model_that_misses_more_is_found_worse(rng):
     shared = [coloured(rng, 400, 0.8) for _ in range(3)]
-    found = contest({"good": shared, "bad": [x + 0.7 * coloured(rng, 400, 0.8) for x in shared]})
+    found = compare_held_out({"good": shared, "bad": [x + 0.7 * coloured(rng, 400, 0.8) for x in shared]})
     assert found.winner == "good"
     assert found.worse("bad")
     assert not found.worse("good")
@@ -35,19 +40,19 @@ def test_a_model_that_misses_more_is_found_worse(rng):
 
 def test_four_blocks_prove_nothing_and_five_of_one_sign_do():
     loss = [np.full(2, 2.0)] * 4
-    assert p_of_worse(loss, [np.full(2, 1.0)] * 4) == (1.0 / 16.0, 4)
-    assert p_of_worse([*loss, loss[0]], [np.full(2, 1.0)] * 5) == (1.0 / 32.0, 5)
+    assert p_value_of_larger_loss(loss, [np.full(2, 1.0)] * 4) == (1.0 / 16.0, 4)
+    assert p_value_of_larger_loss([*loss, loss[0]], [np.full(2, 1.0)] * 5) == (1.0 / 32.0, 5)
 
 
 def test_what_differs_by_rounding_alone_is_alike(rng):
     x = rng.standard_normal(500)
-    found = contest({"one": [x], "other": [x * (1.0 + 1e-12)]})
+    found = compare_held_out({"one": [x], "other": [x * (1.0 + 1e-12)]})
     assert not found.worse("one")
     assert not found.worse("other")
 
 
 def test_coloured_residuals_are_fewer_samples(rng):
-    white = independent_samples([rng.standard_normal(2000)])
+    white = count_independent_samples([rng.standard_normal(2000)])
     assert white == pytest.approx(2000, rel=0.2)
     # A first-order autoregression of 0.9 remembers (1 + 0.9) / (1 - 0.9) = 19 samples.
-    assert independent_samples([coloured(rng, 20000, 0.9)]) == pytest.approx(20000 / 19, rel=0.2)
+    assert count_independent_samples([coloured(rng, 20000, 0.9)]) == pytest.approx(20000 / 19, rel=0.2)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import pellucid as pl
-from pellucid.fit.joint.determinacy import _changed, marked, undetermined
+from pellucid.fit.joint.determinacy import _perturb, find_undetermined, mark_undetermined
 from pellucid.fit.joint.friction_solver import solve_family
 from pellucid.fit.regression import stack
 from pellucid.models.joint import joint_model
@@ -35,7 +35,7 @@ def data(make_study):
 def test_what_the_recordings_carry_is_determined(data):
     model = joint_model("symmetric", motion="rotary", effort_unit="N*m", gravity="sine")
     found = solve_family(model, data)
-    assert undetermined(model, data, found, np.full(len(found.values), 1e-6)) == frozenset()
+    assert find_undetermined(model, data, found, np.full(len(found.values), 1e-6)) == frozenset()
 
 
 def test_two_columns_that_are_one_are_left_to_chance(data):
@@ -45,8 +45,8 @@ def test_two_columns_that_are_one_are_left_to_chance(data):
     moved = found.values.copy()
     moved[1] += 1e-3
     wrong = replace(found, values=moved)
-    assert undetermined(model, data, wrong, np.full(len(moved), 1e-4)) == {model.names[1]}
-    changed = _changed(data, np.random.default_rng(1))
+    assert find_undetermined(model, data, wrong, np.full(len(moved), 1e-4)) == {model.names[1]}
+    changed = _perturb(data, np.random.default_rng(1))
     assert 0.0 < np.abs(changed.target - data.target).max() < 1e-10 * np.abs(data.target).max()
 
 
@@ -75,7 +75,7 @@ def test_what_has_no_effect_is_undetermined_in_rows_and_on_pages(make_study):
     assert [f["undetermined"] for f in told if f["id"] == "bench.stribeck.stribeck_velocity"] == [True]
     assert not any("undetermined" in f for f in told if f["id"].startswith("bench.symmetric"))
     assert "undetermined" in pl.report(study, found).read_text(encoding="utf-8")
-    assert not any(p.undetermined for p in marked(family.parameters[:1], frozenset()))
+    assert not any(p.undetermined for p in mark_undetermined(family.parameters[:1], frozenset()))
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pellucid.datasets import init
-from pellucid.fit.joint.excitation import excitation
+from pellucid.fit.joint.excitation import measure_excitation
 from pellucid.fit.joint.friction_family import fit_family
 from pellucid.fit.joint.replay import Machine
 from pellucid.fit.regression import stack
@@ -129,7 +129,9 @@ def test_what_a_motion_cannot_show_is_told_before_anything_is_fitted(sound):
     model = joint_model("symmetric", motion="rotary", effort_unit="N*m", gravity="sine")
 
     def shown(position):
-        return excitation(model, stack([motion_of(t, position, np.zeros(len(t)), Filtering(5.0, 4, 5, 0.0, 100))]))
+        return measure_excitation(
+            model, stack([motion_of(t, position, np.zeros(len(t)), Filtering(5.0, 4, 5, 0.0, 100))])
+        )
 
     narrow = shown(0.05 * np.sin(2.0 * t))  # one frequency over a few degrees: acceleration is proportional to sin q
     assert min(narrow.own["inertia"], narrow.own["gravity"]) < 0.02

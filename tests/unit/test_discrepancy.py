@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pellucid.fit.discrepancy import NEGLECTED, States, discrepancy_of
-from pellucid.fit.uncertainty import sandwich
+from pellucid.fit.discrepancy import NEGLECTED_EFFECTS, States, estimate_discrepancy
+from pellucid.fit.uncertainty import sandwich_covariance
 
 NAMES = ("inertia", "gravity", "viscous", "coulomb")
 TRUTH = np.array([0.05, 1.5, 0.1, 0.4])
@@ -24,8 +24,8 @@ def motion(rng, n=4000):
 def estimated(states, w, effort):
     values = np.linalg.lstsq(w, effort, rcond=None)[0]
     residual = effort - w @ values
-    statistical = sandwich(w, residual, [len(w)])
-    return values, statistical, discrepancy_of(NAMES, values, w, residual, states, statistical)
+    statistical = sandwich_covariance(w, residual, [len(w)])
+    return values, statistical, estimate_discrepancy(NAMES, values, w, residual, states, statistical)
 
 
 def test_without_misfit_hardly_anything_is_added():
@@ -43,7 +43,7 @@ def test_the_truth_lies_within_where_physics_is_missing_that_a_joint_may_have(na
     held_before, held = [], []
     for _ in range(12):
         states, w = motion(rng)
-        extra = NEGLECTED[name](states)
+        extra = NEGLECTED_EFFECTS[name](states)
         effort = w @ TRUTH + 0.08 * extra / np.std(extra) + 0.02 * rng.standard_normal(len(w))
         values, statistical, lacking = estimated(states, w, effort)
         error = np.abs(values - TRUTH)
@@ -56,7 +56,7 @@ def test_the_truth_lies_within_where_physics_is_missing_that_a_joint_may_have(na
 def test_the_cause_is_named():
     rng = np.random.default_rng(3)
     states, w = motion(rng)
-    extra = NEGLECTED["friction that grows with the load"](states)
+    extra = NEGLECTED_EFFECTS["friction that grows with the load"](states)
     _, _, lacking = estimated(states, w, w @ TRUTH + 0.2 * extra + 0.01 * rng.standard_normal(len(w)))
     assert lacking.of(("coulomb",))[1] == ("friction that grows with the load",)
     assert lacking.of(("gravity", "inertia"))[0].shape == (2, 2)
@@ -77,7 +77,11 @@ def test_what_sticks_is_left_out():
 def test_a_covariance_is_one_and_the_same_whatever_the_units():
     rng = np.random.default_rng(5)
     states, w = motion(rng)
-    effort = w @ TRUTH + 0.1 * NEGLECTED["friction that falls from rest"](states) + 0.02 * rng.standard_normal(len(w))
+    effort = (
+        w @ TRUTH
+        + 0.1 * NEGLECTED_EFFECTS["friction that falls from rest"](states)
+        + 0.02 * rng.standard_normal(len(w))
+    )
     unit = np.array([1e3, 1.0, 1e-2, 1.0])
     plain, scaled = estimated(states, w, effort)[2], estimated(states, w / unit, effort)[2]
     assert scaled.covariance == pytest.approx(plain.covariance * np.outer(unit, unit), rel=1e-4, abs=1e-12)
@@ -92,10 +96,10 @@ def test_what_only_scales_inertia_and_gravity_is_told_by_the_load_friction_not_b
     effort = w @ truth + lost * states.load + 1e-3 * rng.standard_normal(len(w))
     values = np.linalg.lstsq(w, effort, rcond=None)[0]
     residual = effort - w @ values
-    statistical = sandwich(w, residual, [len(w)])
+    statistical = sandwich_covariance(w, residual, [len(w)])
 
     def half(names):
-        added = discrepancy_of(names, values, w, residual, states, statistical).covariance
+        added = estimate_discrepancy(names, values, w, residual, states, statistical).covariance
         return 1.96 * np.sqrt(np.diag(statistical + added))
 
     error = np.abs(values - truth)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pellucid.fit.joint.estimator_choice import chosen_method
+from pellucid.fit.joint.estimator_choice import choose_method
 
 
 @pytest.fixture
@@ -17,22 +17,22 @@ def misses(rng):
 
 
 def test_the_plainest_of_equals_is_taken(misses):
-    assert chosen_method(misses(ls=0.01, irls=0.0, output_error=0.0), {}) == "ls"
+    assert choose_method(misses(ls=0.01, irls=0.0, output_error=0.0), {}) == "ls"
 
 
 def test_what_is_worse_at_its_purpose_is_not(misses):
-    assert chosen_method(misses(ls=1.0, wls=0.9, irls=0.0, output_error=0.02), {}) == "irls"
+    assert choose_method(misses(ls=1.0, wls=0.9, irls=0.0, output_error=0.02), {}) == "irls"
 
 
 def test_the_other_purpose_decides_where_it_tells_them_far_apart(misses):
     alike = misses(ls=0.01, wls=0.01, output_error=0.0)
-    assert chosen_method(alike, misses(ls=3.0, wls=3.0, output_error=0.0)) == "output_error"
-    assert chosen_method(alike, misses(ls=0.6, wls=0.6, output_error=0.0)) == "ls"
+    assert choose_method(alike, misses(ls=3.0, wls=3.0, output_error=0.0)) == "output_error"
+    assert choose_method(alike, misses(ls=0.6, wls=0.6, output_error=0.0)) == "ls"
 
 
 def test_the_other_purpose_cannot_bring_back_what_is_worse_at_the_first(misses):
-    assert chosen_method(misses(ls=0.0, output_error=2.0), misses(ls=3.0, output_error=0.0)) == "ls"
+    assert choose_method(misses(ls=0.0, output_error=2.0), misses(ls=3.0, output_error=0.0)) == "ls"
 
 
 def test_a_method_that_cannot_be_simulated_is_judged_by_torque(misses):
-    assert chosen_method(misses(ls=0.0, wls=0.01), misses(wls=0.0)) == "ls"
+    assert choose_method(misses(ls=0.0, wls=0.01), misses(wls=0.0)) == "ls"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pellucid.fit.parameter import KINDS, Verdict, ranked
+from pellucid.fit.parameter import VERDICT_KINDS, Verdict, rank_verdicts
 from pellucid.procedures.findings import finders, findings_of
 from pellucid.procedures.joint import findings
 from pellucid.procedures.tree import findings as of_a_robot
@@ -47,8 +47,8 @@ def test_a_finding_is_one_file(folder):
 def test_worst_comes_first_and_praise_last():
     told = [Verdict("good", "a"), Verdict("note", "b"), Verdict("warning", "c"), Verdict("warning", "d", weight=1.0)]
     told += [Verdict("wrong", "e"), Verdict("note", "f")]
-    assert [v.text for v in ranked(told)] == ["e", "d", "c", "b", "f", "a"]
-    assert [v.kind for v in ranked(told)] == sorted((v.kind for v in told), key=KINDS.index)
+    assert [v.text for v in rank_verdicts(told)] == ["e", "d", "c", "b", "f", "a"]
+    assert [v.kind for v in rank_verdicts(told)] == sorted((v.kind for v in told), key=VERDICT_KINDS.index)
 
 
 def test_every_file_of_the_joints_findings_finds():

@@ -8,10 +8,10 @@ import pytest
 from scipy.optimize import least_squares
 
 import pellucid as pl
-from pellucid.fit.joint.drive_constant import drive_constant
+from pellucid.fit.joint.drive_constant import estimate_drive_constant
 from pellucid.fit.joint.friction_solver import solve_family
-from pellucid.fit.joint.joint_estimate import estimated
-from pellucid.fit.joint.load_shares import LoadShares, load_shares, with_unknown_shares
+from pellucid.fit.joint.joint_estimate import make_estimate
+from pellucid.fit.joint.load_shares import LoadShares, decide_load_shares, widen_for_unknown_shares
 from pellucid.fit.parameter import Parameter
 from pellucid.fit.regression import stack
 from pellucid.models.joint import joint_model
@@ -148,7 +148,7 @@ def write(folder, joints, recordings, i, uses):
 def test_a_payload_tells_gravity_from_load_friction_as_plain_least_squares_does(joints, recordings, i):
     fitted = motions(joints, recordings, i)
     which = model()
-    assert load_shares(which, stack(fitted)) == LoadShares(True)
+    assert decide_load_shares(which, stack(fitted)) == LoadShares(True)
     found = dict(zip(which.names, solve_family(which, stack(fitted)).values, strict=True))
     rival = plain_least_squares(fitted)
     assert found["gravity"] == pytest.approx(joints["gravity"][i], rel=0.015)
@@ -185,7 +185,7 @@ def test_what_cannot_be_told_is_said_with_its_reason(joints, recordings):
         ([loaded, loaded], "N*m", "same payload"),
         ([bare, replace(bare, payload=light.payload)], "N*m", "small payload"),
     ):
-        assert load_shares(model(unit), stack(data)) == LoadShares(False, why)
+        assert decide_load_shares(model(unit), stack(data)) == LoadShares(False, why)
 
 
 @pytest.mark.parametrize(
@@ -211,13 +211,13 @@ def test_a_known_load_is_never_said_to_be_lacking(why, payload, begins):
 @pytest.mark.parametrize("i", range(JOINTS))
 def test_an_unknown_constant_leaves_gravity_right_and_is_as_unsure_as_the_shares(joints, recordings, i):
     data = stack(motions(joints, recordings, i, CONSTANT))
-    constant = drive_constant(model("A", separate=False), data)
+    constant = estimate_drive_constant(model("A", separate=False), data)
     tied = replace(model("A", separate=False), payload_scale=1.0 / constant.value)
     solution = solve_family(tied, data)
-    found = estimated(tied, data, solution, "ls")
+    found = make_estimate(tied, data, solution, "ls")
     assert found["gravity"].value * constant.value == pytest.approx(joints["gravity"][i], rel=0.015)
     # Joints that lose next to nothing in generating are beyond the 95 % interval.
-    low, high = with_unknown_shares(constant, found).interval(0.99)
+    low, high = widen_for_unknown_shares(constant, found).interval(0.99)
     assert low < CONSTANT < high
     assert not constant.interval()[0] < CONSTANT < constant.interval()[1]
 

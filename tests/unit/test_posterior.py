@@ -9,7 +9,7 @@ from pellucid._errors import PellucidError
 from pellucid.fit.posterior.ensemble import drawn, settled
 from pellucid.fit.posterior.marginal_likelihood import MarginalLikelihood, Noise, Prior
 from pellucid.fit.posterior.posterior import posterior_of
-from pellucid.fit.uncertainty import sandwich
+from pellucid.fit.uncertainty import sandwich_covariance
 
 WIDE = 1e6
 
@@ -44,7 +44,7 @@ def plain():
     w[:, 1] += 0.8 * w[:, 0]
     y = w @ [1.0, -2.0, 0.5] + 0.3 * rng.standard_normal(800)
     likelihood, values = linear(w, y)
-    covariance = sandwich(w, y - w @ values, [800])
+    covariance = sandwich_covariance(w, y - w @ values, [800])
     textbook = np.linalg.inv(w.T @ w) * 0.3**2
     return likelihood, values, covariance, textbook, sampled(likelihood, values, covariance)
 
@@ -69,7 +69,7 @@ def test_coloured_residuals_make_it_as_wide_as_the_interval_does():
     for i in range(1, len(t)):
         e[i] = 0.95 * e[i - 1] + 0.05 * rng.standard_normal()
     likelihood, values = linear(w, w @ [1.0, 0.5] + e)
-    covariance = sandwich(w, w @ [1.0, 0.5] + e - w @ values, [len(t)])
+    covariance = sandwich_covariance(w, w @ [1.0, 0.5] + e - w @ values, [len(t)])
     found = sampled(likelihood, values, covariance)
     textbook = np.sqrt(np.diag(np.linalg.inv(w.T @ w)) * np.var(e))
     wide = np.sqrt(np.diag(found.covariance))
@@ -83,7 +83,7 @@ def test_a_bound_cuts_it_and_what_the_data_do_not_tell_is_told_by_the_prior():
     y = w @ [0.0, 0.0] + 0.5 * rng.standard_normal(200)
     prior = Prior(np.zeros(2), np.full(2, np.inf), np.zeros(2), np.array([10.0, 2.0]))
     likelihood, values = linear(w, y, prior=prior)
-    found = sampled(likelihood, np.maximum(values, 0.0), sandwich(w, y - w @ values, [200]))
+    found = sampled(likelihood, np.maximum(values, 0.0), sandwich_covariance(w, y - w @ values, [200]))
     low, high = found["b0"].interval()
     assert 0.0 <= low < high < 0.2
     assert not found["b0"].told_by_prior
@@ -101,7 +101,7 @@ def test_physics_that_is_missing_widens_what_it_may_have_moved():
     found = {}
     for name, columns in (("without", None), ("with", scaled)):
         likelihood, values = linear(w, y, columns)
-        made = sampled(likelihood, values, sandwich(w, y - w @ values, [500]))
+        made = sampled(likelihood, values, sandwich_covariance(w, y - w @ values, [500]))
         found[name] = np.sqrt(np.diag(made.covariance))
     assert found["with"][0] > 2.0 * found["without"][0]
     assert found["with"][1] < 1.3 * found["without"][1]
@@ -113,7 +113,7 @@ def test_pairs_that_trade_off_are_named():
     w[:, 1] = w[:, 0] + 0.1 * w[:, 1]
     y = w @ [1.0, 1.0] + 0.1 * rng.standard_normal(300)
     likelihood, values = linear(w, y)
-    found = sampled(likelihood, values, sandwich(w, y - w @ values, [300]))
+    found = sampled(likelihood, values, sandwich_covariance(w, y - w @ values, [300]))
     [(a, b, correlation)] = found.pairs
     assert {a, b} == {"b0", "b1"}
     assert correlation < -0.9

@@ -9,8 +9,8 @@ import pellucid as pl
 from pellucid import _core
 from pellucid._errors import PellucidError
 from pellucid.fit.joint.friction_solver import solve_family
-from pellucid.fit.joint.presliding import Presliding, bent, presliding, resolution_of
-from pellucid.fit.joint.replay import Machine, simulation_of
+from pellucid.fit.joint.presliding import Presliding, estimate_presliding, position_resolution, with_presliding
+from pellucid.fit.joint.replay import Machine, simulate_recording
 from pellucid.fit.regression import stack
 from pellucid.lab.bench.rig import bench_joint
 from pellucid.lab.study import write_study
@@ -46,7 +46,7 @@ def values_of(motions):
 @pytest.mark.parametrize("travel", [3e-4, 1e-3, 3e-3])
 def test_travel_is_found(travel):
     fitted, held = [recorded(travel, s) for s in (1, 2)], [recorded(travel, 3, split="heldout")]
-    found = presliding(MODEL, values_of(fitted).values, fitted, held)
+    found = estimate_presliding(MODEL, values_of(fitted).values, fitted, held)
     assert found.travel.value == pytest.approx(travel, rel=0.12)
     assert found.travel.standard_error < 0.1 * travel
     assert found.gives < 0.5 * found.slips
@@ -56,14 +56,14 @@ def test_travel_is_found(travel):
 
 def test_none_is_bounded_and_not_found():
     fitted = [recorded(0.0, s) for s in (4, 5)]
-    found = presliding(MODEL, values_of(fitted).values, fitted, [])
+    found = estimate_presliding(MODEL, values_of(fitted).values, fitted, [])
     assert found.travel is None
     assert found.below < 2e-4
 
 
 def test_coarse_encoder_bounds():
     fitted = [recorded(1e-3, s, quantum=2e-3) for s in (6, 7)]
-    found = presliding(MODEL, values_of(fitted).values, fitted, [])
+    found = estimate_presliding(MODEL, values_of(fitted).values, fitted, [])
     assert found.resolution == pytest.approx(2e-3, rel=0.3)
     assert found.travel is None
     assert found.below is None or found.below > 1e-3
@@ -75,7 +75,7 @@ def test_motion_without_reversals_is_unknown():
     fitted = [recorded(1e-3, s, reference=way) for s in (8, 9)]
     # What starts at rest is a reversal of a kind: without it.
     fitted = [replace(m, filtering=replace(m.filtering, trim=1000)) for m in fitted]
-    found = presliding(MODEL, np.array([0.085, 3.1, 0.2, 0.5, 0.05]), fitted, [])
+    found = estimate_presliding(MODEL, np.array([0.085, 3.1, 0.2, 0.5, 0.05]), fitted, [])
     assert found.travel is None
     assert found.below is None
     assert "reversal" in found.why
@@ -84,7 +84,7 @@ def test_motion_without_reversals_is_unknown():
 def test_families_are_solved_on_bent_motions():
     """With the travel known, a family finds on slow samples what it finds nowhere without: its friction."""
     motions = [recorded(1e-3, s) for s in (1, 2)]
-    with_it = solve_family(MODEL, stack([bent(m, 1e-3) for m in motions]))
+    with_it = solve_family(MODEL, stack([with_presliding(m, 1e-3) for m in motions]))
     without = solve_family(MODEL, stack(motions))
     assert np.std(with_it.residual) < 0.4 * np.std(without.residual)
     level = dict(zip(MODEL.names, with_it.values, strict=True))["coulomb"]
@@ -92,7 +92,9 @@ def test_families_are_solved_on_bent_motions():
     held = recorded(1e-3, 3, split="heldout")
     machine = Machine(gain=1.0)
     errors = [
-        simulation_of(MODEL, with_it.values, replace(held, command=held.effort), machine, closed=False, travel=t).rmse
+        simulate_recording(
+            MODEL, with_it.values, replace(held, command=held.effort), machine, closed=False, travel=t
+        ).rmse
         for t in (1e-3, 0.0)
     ]
     assert errors[0] != errors[1]
@@ -100,7 +102,7 @@ def test_families_are_solved_on_bent_motions():
 
 def test_bent_rows_are_the_equation(rng):
     """level(v) s + F_v v + alpha |y| s, through the filter, whatever the family."""
-    motion = bent(recorded(1e-3, 1), 1e-3)
+    motion = with_presliding(recorded(1e-3, 1), 1e-3)
     model = joint_model("combined", motion="rotary", effort_unit="N*m", gravity="sine", velocity_range=3.0)
     values = np.array([0.1, 3.0, 0.2, 0.5, 0.3, 0.4, 0.15, 0.1, 0.06])
     p = dict(zip(NAMES, model.vector(values), strict=True))
@@ -121,8 +123,8 @@ def test_bent_rows_are_the_equation(rng):
 
 
 def test_resolution_is_the_encoders_step():
-    assert resolution_of([recorded(0.0, 1, quantum=3e-4)]) == pytest.approx(3e-4, rel=0.4)
-    assert resolution_of([]) == 0.0
+    assert position_resolution([recorded(0.0, 1, quantum=3e-4)]) == pytest.approx(3e-4, rel=0.4)
+    assert position_resolution([]) == 0.0
 
 
 def test_joint_study_tells_and_keeps_it(tmp_path):

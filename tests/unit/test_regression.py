@@ -8,7 +8,7 @@ from motions import TRUTH, motion_of, vector_of
 
 from pellucid._errors import IdentificationError
 from pellucid.fit.joint.consistency import enforce_pseudo_inertia, least_inertia
-from pellucid.fit.joint.drive_constant import drive_constant
+from pellucid.fit.joint.drive_constant import estimate_drive_constant
 from pellucid.fit.joint.friction_solver import solve_family
 from pellucid.fit.joint.reweighting import solve_robust, solve_weighted
 from pellucid.fit.regression import stack
@@ -159,7 +159,7 @@ def test_the_drive_constant_comes_from_two_payloads():
             motion_of(vector_of(), gain=gain, effort_sd=0.02, seed=4, payload=(2.0, 0.15), name="loaded"),
         ]
     )
-    found = drive_constant(model(effort_unit="A"), data)
+    found = estimate_drive_constant(model(effort_unit="A"), data)
     assert found.unit == "N*m/A"
     low, high = found.interval()
     assert low < gain < high
@@ -169,7 +169,7 @@ def test_the_drive_constant_comes_from_two_payloads():
 def test_one_payload_cannot_give_the_drive_constant():
     data = stack([motion_of(vector_of(), payload=(2.0, 0.15))])
     with pytest.raises(IdentificationError, match="at least two different payloads"):
-        drive_constant(model(effort_unit="A"), data)
+        estimate_drive_constant(model(effort_unit="A"), data)
 
 
 def test_a_reversed_drive_is_named():

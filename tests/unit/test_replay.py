@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.joint.replay import Machine, is_bounded, replay, simulation_of
+from pellucid.fit.joint.replay import Machine, is_bounded, replay, simulate_recording
 from pellucid.models.joint import joint_model
 from pellucid.procedures.joint.recorded_motions import motions_of
 
@@ -32,4 +32,4 @@ def test_a_simulation_that_diverges_is_refused_by_name(make_study):
     study = make_study()
     motion = motions_of(study.recordings("fit"), study)[0]
     with pytest.raises(IdentificationError, match=f"'{motion.recording}': the simulated joint diverges"):
-        simulation_of(*unstable(-50.0), motion, Machine(), closed=False)
+        simulate_recording(*unstable(-50.0), motion, Machine(), closed=False)

@@ -9,8 +9,8 @@ from pellucid.fit.uncertainty import (
     block_length,
     correlation_time,
     long_run_covariance,
-    sandwich,
-    student_over_normal,
+    sandwich_covariance,
+    student_to_normal_ratio,
     whiteness,
 )
 
@@ -29,7 +29,7 @@ def coloured(rng, rho):
 def test_white_residuals_give_the_textbook_covariance():
     rng = np.random.default_rng(3)
     w, e = regressor(rng), rng.standard_normal(N)
-    ours = np.sqrt(np.diag(sandwich(w, e, [N])))
+    ours = np.sqrt(np.diag(sandwich_covariance(w, e, [N])))
     textbook = np.sqrt(np.diag(np.linalg.inv(w.T @ w)))
     assert ours == pytest.approx(textbook, rel=0.25)
 
@@ -43,7 +43,7 @@ def test_coloured_residuals_give_the_spread_that_repetition_shows(rho):
         e = coloured(rng, rho)
         step = np.linalg.lstsq(w, e, rcond=None)[0]
         errors.append(step)
-        claimed.append(np.diag(sandwich(w, e - w @ step, [N])))
+        claimed.append(np.diag(sandwich_covariance(w, e - w @ step, [N])))
     real = np.std(errors, axis=0)
     assert np.sqrt(np.mean(claimed, axis=0)) == pytest.approx(real, rel=0.2)
 
@@ -55,16 +55,16 @@ def test_the_bootstrap_agrees_with_the_sandwich():
     e = e - w @ step
     intervals = block_bootstrap(w, e, np.zeros(3), [N], rng=rng, repetitions=2000)
     half = 0.5 * (intervals[:, 1] - intervals[:, 0])
-    assert half == pytest.approx(1.96 * np.sqrt(np.diag(sandwich(w, e, [N]))), rel=0.15)
+    assert half == pytest.approx(1.96 * np.sqrt(np.diag(sandwich_covariance(w, e, [N]))), rel=0.15)
 
 
 def test_parameters_at_a_bound_do_not_spoil_the_others():
     rng = np.random.default_rng(6)
     w, e = regressor(rng), rng.standard_normal(N)
     free = np.array([True, True, False])
-    covariance = sandwich(w, e, [N], free=free)
+    covariance = sandwich_covariance(w, e, [N], free=free)
     assert covariance[2].tolist() == [0.0, 0.0, 0.0]
-    assert covariance[:2, :2] == pytest.approx(sandwich(w[:, :2], e, [N]), rel=1e-6)
+    assert covariance[:2, :2] == pytest.approx(sandwich_covariance(w[:, :2], e, [N]), rel=1e-6)
 
 
 def test_stretches_are_independent():
@@ -109,7 +109,9 @@ def test_other_columns_of_the_same_span_have_the_same_covariance():
     e = coloured(rng, 0.8) * (1.0 + 0.5 * np.sin(0.1 * t))
     e = e - w @ np.linalg.lstsq(w, e, rcond=None)[0]
     turn = np.array([[1.0, -1.0], [0.0, 50.0]])
-    assert turn @ sandwich(w @ turn, e, [N]) @ turn.T == pytest.approx(sandwich(w, e, [N]), rel=1e-6)
+    assert turn @ sandwich_covariance(w @ turn, e, [N]) @ turn.T == pytest.approx(
+        sandwich_covariance(w, e, [N]), rel=1e-6
+    )
 
 
 def test_a_parameter_on_its_bound_lends_its_bias_to_no_interval():
@@ -117,15 +119,15 @@ def test_a_parameter_on_its_bound_lends_its_bias_to_no_interval():
     w, e = regressor(rng), rng.standard_normal(N)
     e = e - w @ np.linalg.lstsq(w, e, rcond=None)[0]
     # Held away from its best value, the last parameter leaves a mean in its scores.
-    held = sandwich(w, e + 0.5 * w[:, 2], [N])
-    assert held[2, 2] == pytest.approx(sandwich(w, e, [N])[2, 2], rel=0.3)
+    held = sandwich_covariance(w, e + 0.5 * w[:, 2], [N])
+    assert held[2, 2] == pytest.approx(sandwich_covariance(w, e, [N])[2, 2], rel=0.3)
 
 
 @pytest.mark.parametrize("freedom", [12.0, 20.0, 300.0])
 def test_student_s_quantile_is_scipy_s(freedom):
     from scipy.special import ndtri, stdtrit
 
-    assert student_over_normal(freedom) == pytest.approx(stdtrit(freedom, 0.975) / ndtri(0.975), rel=2e-6)
+    assert student_to_normal_ratio(freedom) == pytest.approx(stdtrit(freedom, 0.975) / ndtri(0.975), rel=2e-6)
 
 
 @pytest.mark.parametrize(
@@ -137,7 +139,7 @@ def test_every_residual_gets_an_answer(residual, rng):
     w = rng.standard_normal((100, 2))
     assert correlation_time(residual, [100]) == 0.5
     assert np.isnan(whiteness(residual, [100]).effective_share)
-    assert sandwich(w, residual, [100]).shape == (2, 2)
+    assert sandwich_covariance(w, residual, [100]).shape == (2, 2)
     assert block_bootstrap(w, residual, np.zeros(2), [100], rng=rng, repetitions=20).shape == (2, 2)
     assert long_run_covariance(w * residual[:, None], residual, [100]).shape == (2, 2)
 
@@ -145,7 +147,7 @@ def test_every_residual_gets_an_answer(residual, rng):
 @pytest.mark.parametrize("rows", [np.zeros((100, 2)), np.ones((100, 2)), np.zeros((0, 2)), np.ones((1, 2))])
 def test_parameters_that_rows_do_not_tell_apart_have_infinite_intervals(rows, rng):
     residual, lengths = np.ones(len(rows)), [len(rows)]
-    covariance = sandwich(rows, residual, lengths)
+    covariance = sandwich_covariance(rows, residual, lengths)
     assert np.all(np.isinf(np.diag(covariance)))
     intervals = block_bootstrap(rows, residual, np.zeros(2), lengths, rng=rng, repetitions=20)
     assert np.array_equal(intervals, [[-np.inf, np.inf]] * 2)
@@ -154,6 +156,8 @@ def test_parameters_that_rows_do_not_tell_apart_have_infinite_intervals(rows, rn
 def test_nothing_to_go_by_is_an_answer_too():
     assert correlation_time(np.zeros(0), []) == 0.5
     assert block_length(np.nan, 100) == block_length(0.5, 100)
-    assert student_over_normal(0.0) == student_over_normal(np.nan) == np.inf
+    assert student_to_normal_ratio(0.0) == student_to_normal_ratio(np.nan) == np.inf
     assert np.array_equal(long_run_covariance(np.zeros((0, 2)), np.zeros(0), []), np.zeros((2, 2)))
-    assert np.array_equal(sandwich(np.ones((5, 2)), np.ones(5), [5], free=np.zeros(2, bool)), np.zeros((2, 2)))
+    assert np.array_equal(
+        sandwich_covariance(np.ones((5, 2)), np.ones(5), [5], free=np.zeros(2, bool)), np.zeros((2, 2))
+    )

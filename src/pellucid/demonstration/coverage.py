@@ -8,7 +8,7 @@ import numpy as np
 
 from ..fit.joint.friction_solver import solve_family
 from ..fit.regression import Stack, stack
-from ..fit.uncertainty import sandwich
+from ..fit.uncertainty import sandwich_covariance
 from ..lab.bench.rig import BenchRig, matched
 from ..models.joint import joint_model
 from ..protocols.excitation import multisine
@@ -72,7 +72,7 @@ def coverage(joint: BenchRig, colour: str, *, repetitions: int = 200, seed: int 
             w, rho = found.jacobian, found.residual
             error = np.abs(found.values - truth)
             plain = np.linalg.inv(w.T @ w) * np.sum(rho**2) / (len(rho) - len(truth))
-            inside.append(error <= QUANTILE * np.sqrt(np.diag(sandwich(w, rho, data.lengths))))
+            inside.append(error <= QUANTILE * np.sqrt(np.diag(sandwich_covariance(w, rho, data.lengths))))
             textbook.append(error <= QUANTILE * np.sqrt(np.diag(plain)))
     share = dict(zip(model.names, (100.0 * np.mean(inside, axis=0)).tolist(), strict=True))
     return Coverage(colour, repetitions, share, float(100.0 * np.mean(textbook, axis=0).min()))

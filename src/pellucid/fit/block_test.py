@@ -1,10 +1,11 @@
-r"""Whether one model predicts worse than another on data that neither was fitted to: a paired test over blocks.
+r"""Compare the held-out errors of models by a paired sign-flip test over blocks.
 
-Both predict the same samples, so that their losses are compared sample by sample,
-:math:`d_t = e_{a,t}^2 - e_{b,t}^2` [1]_. What is coloured counts for less than it has samples: recordings are cut
-into blocks of `MEMORY` correlation lengths of :math:`d`, which are as good as independent. Were the models alike, each
-block's sum :math:`D_b` might as well have the other sign [2]_: of all choices of signs, the share whose total is no
-smaller than the one found is the p value. It holds whatever the spread of each block; Student's t needs it to be one.
+All models predict the same samples, so their losses are compared sample by sample, :math:`d_t = e_{a,t}^2 - e_{b,t}^2`
+[1]_. Autocorrelated samples are not independent. Recordings are therefore cut into blocks of
+`BLOCK_CORRELATION_LENGTHS` correlation lengths of :math:`d`, which are nearly independent. If the models were equally
+good, each block sum :math:`D_b` could as well have the other sign [2]_. The p value is the share of all choices of
+signs whose total is no smaller than the observed one. It holds for blocks of unequal spread; Student's t assumes equal
+spread.
 
 .. [1] F. X. Diebold, R. S. Mariano, "Comparing predictive accuracy", J. Business & Economic Statistics 13, 1995.
 .. [2] R. A. Fisher, "The Design of Experiments", 1935, section 21.
@@ -19,77 +20,90 @@ import numpy as np
 
 from ..signals.correlation_length import correlation_length
 
-LEVEL = 0.05  # of the one-sided test
-MEMORY = 2.0  # correlation lengths in a block
-COUNTED = 12  # blocks up to which every choice of signs is tried
-ALIKE = 0.01  # share of the smaller mean square below which two losses are one: rounding decides nothing
+SIGNIFICANCE_LEVEL = 0.05
+"""Significance level of the one-sided test."""
+
+BLOCK_CORRELATION_LENGTHS = 2.0
+"""Length of a block in correlation lengths of the loss difference."""
+
+MAX_ENUMERATED_BLOCKS = 12
+"""Up to this many blocks every choice of signs is tried. Above it the normal approximation replaces the count."""
+
+EQUAL_LOSS_TOLERANCE = 0.01
+"""Two mean squares count as equal if they differ by at most this share of the smaller one. Rounding then decides
+nothing."""
 
 
 @dataclass(frozen=True)
-class Contest:
-    """Candidates on the same held-out samples: `errors`, each one's RMS in the signal's unit; the `winner`, with the
-    smallest; `p_values` of each being no worse than the winner; `blocks` and independent `samples` behind it."""
+class HeldOutComparison:
+    """Comparison of candidates on the same held-out samples."""
 
-    errors: Mapping[str, float]
-    winner: str
-    p_values: Mapping[str, float]
-    blocks: int
-    samples: float
+    errors: Mapping[str, float]  # RMS error of each candidate, in the signal's unit
+    winner: str  # candidate with the smallest error
+    p_values: Mapping[str, float]  # p value of the hypothesis that a candidate is no worse than the winner
+    blocks: int  # smallest number of blocks in any of the tests
+    samples: float  # number of independent samples
 
     def worse(self, name: str) -> bool:
-        """Whether a candidate is significantly worse than the winner."""
-        return self.p_values[name] < LEVEL
+        """Return whether a candidate is significantly worse than the winner."""
+        return self.p_values[name] < SIGNIFICANCE_LEVEL
 
     def first(self, ordered: Sequence[str]) -> str:
-        """The first, in this order, that is not significantly worse than the winner."""
+        """Return the first candidate, in this order, that is not significantly worse than the winner."""
         return next(name for name in ordered if not self.worse(name))
 
 
-def contest(residuals: Mapping[str, Sequence[np.ndarray]]) -> Contest:
-    """Each candidate's residuals on the same held-out recordings, (n_i,) each, tested against the best one's."""
+def compare_held_out(residuals: Mapping[str, Sequence[np.ndarray]]) -> HeldOutComparison:
+    """Test each candidate's residuals, shape (n_i,) per held-out recording, against those of the best candidate."""
     losses = {name: [np.square(r) for r in each] for name, each in residuals.items()}
     power = {name: float(np.mean(np.concatenate(each))) for name, each in losses.items()}
     winner = min(power, key=power.__getitem__)
     p_values, blocks = {}, []
     for name, loss in losses.items():
         p_values[name] = 1.0
-        if name != winner and power[name] > (1.0 + ALIKE) * power[winner]:
-            p_values[name], count = p_of_worse(loss, losses[winner])
+        if name != winner and power[name] > (1.0 + EQUAL_LOSS_TOLERANCE) * power[winner]:
+            p_values[name], count = p_value_of_larger_loss(loss, losses[winner])
             blocks.append(count)
     errors = {name: float(np.sqrt(x)) for name, x in power.items()}
-    samples = independent_samples(residuals[winner])
-    return Contest(errors, winner, p_values, min(blocks, default=0), samples)
+    samples = count_independent_samples(residuals[winner])
+    return HeldOutComparison(errors, winner, p_values, min(blocks, default=0), samples)
 
 
-def p_of_worse(loss: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> tuple[float, int]:
-    """The p value of a `loss`, (n_i,) per recording, being no larger than the `other`; and over how many blocks."""
+def p_value_of_larger_loss(loss: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> tuple[float, int]:
+    """Return the p value of the hypothesis that `loss` is no larger than `other`, and the number of blocks.
+
+    Both have shape (n_i,) per recording.
+    """
     apart = [a - b for a, b in zip(loss, other, strict=True)]
-    sums = np.concatenate([np.add.reduceat(d, _starts(len(d), _blocks_in(d))) for d in apart if len(d)])
-    return p_of_signs(sums), len(sums)
+    sums = np.concatenate([np.add.reduceat(d, _block_starts(len(d), _count_blocks(d))) for d in apart if len(d)])
+    return sign_flip_p_value(sums), len(sums)
 
 
-def p_of_signs(sums: np.ndarray) -> float:
-    """The share of all choices of signs of independent `sums`, (b,), whose total is no smaller than theirs: the p value
-    of their being no more than 0."""
+def sign_flip_p_value(sums: np.ndarray) -> float:
+    """Return the p value of the hypothesis that independent `sums`, shape (b,), have a mean of at most 0.
+
+    It is the share of all choices of signs whose total is no smaller than the observed one.
+    """
     from scipy.special import ndtr
 
     total, count = float(sums.sum()), len(sums)
-    if count > COUNTED:
+    if count > MAX_ENUMERATED_BLOCKS:
         spread = float(np.linalg.norm(sums))
         return float(ndtr(-total / spread)) if spread else 1.0
     signs = 1.0 - 2.0 * ((np.arange(2**count)[:, None] >> np.arange(count)) & 1)
     return float(np.mean(signs @ sums >= total - 1e-9 * np.abs(sums).sum()))
 
 
-def independent_samples(residuals: Sequence[np.ndarray]) -> float:
-    """How many independent samples residuals, (n_i,) per recording, are worth."""
+def count_independent_samples(residuals: Sequence[np.ndarray]) -> float:
+    """Return the effective number of independent samples in residuals, shape (n_i,) per recording."""
     return float(sum(len(r) / correlation_length(r) for r in residuals if len(r)))
 
 
-def _starts(samples: int, blocks: int) -> np.ndarray:
-    """First samples of blocks of nearly equal length."""
+def _block_starts(samples: int, blocks: int) -> np.ndarray:
+    """Return the first samples of blocks of nearly equal length."""
     return np.arange(blocks) * samples // blocks
 
 
-def _blocks_in(difference: np.ndarray) -> int:
-    return max(1, int(len(difference) / (MEMORY * correlation_length(difference))))
+def _count_blocks(difference: np.ndarray) -> int:
+    """Return how many blocks a recording's loss difference, shape (n,), is cut into."""
+    return max(1, int(len(difference) / (BLOCK_CORRELATION_LENGTHS * correlation_length(difference))))

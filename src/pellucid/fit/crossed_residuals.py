@@ -1,4 +1,4 @@
-"""What a regression misses on blocks of its own data that it is not shown: each predicted from all the others."""
+"""Residuals of a regression by cross-validation over blocks: each block is predicted from all the others."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ import numpy as np
 
 from .regression import Solution
 
-PARTS = 10  # into which the data are cut, along recordings
+BLOCK_COUNT = 10
+"""Number of blocks into which all data are cut; a block never spans two recordings."""
 
 
-def crossed_residuals(found: Solution, lengths: Sequence[int]) -> tuple[np.ndarray, ...]:
-    """Residuals, (n_i,) per stretch of `lengths`, of each block by the values that the other blocks give, on the model
-    linearised where the solution ended; what a bound holds stays there."""
+def cross_validated_residuals(found: Solution, lengths: Sequence[int]) -> tuple[np.ndarray, ...]:
+    """Return residuals of shape (n_i,) per stretch of `lengths`, each block predicted by a fit to the other blocks.
+
+    The model is linearised at the solution. Parameters on a bound stay there.
+    """
     free = ~found.at_bound
     scale = np.maximum(np.linalg.norm(found.jacobian[:, free], axis=0), np.finfo(float).tiny)
     w = found.jacobian[:, free] / scale
@@ -21,7 +24,7 @@ def crossed_residuals(found: Solution, lengths: Sequence[int]) -> tuple[np.ndarr
     ends, made = np.cumsum(lengths), []
     for end, length in zip(ends, lengths, strict=True):
         rows = np.arange(end - length, end)
-        parts = max(1, round(PARTS * length / len(w)))
+        parts = max(1, round(BLOCK_COUNT * length / len(w)))
         blocks = []
         for block in np.array_split(rows, parts):
             own = w[block]

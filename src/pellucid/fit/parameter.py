@@ -1,4 +1,4 @@
-"""One identified parameter and what is known of it; how white residuals are; a verdict in words."""
+"""An identified parameter with its uncertainty, the whiteness of residuals, and verdicts in words."""
 
 from __future__ import annotations
 
@@ -8,36 +8,36 @@ from math import isnan
 
 from ..models.card import CardParameter
 
-UNDETERMINED = "undetermined: a change of the recordings by 1e-12 moves it beyond its interval"
-"""Why the interval of a parameter is refused that means another number on every machine."""
+UNDETERMINED_REASON = "undetermined: a change of the recordings by 1e-12 moves it beyond its interval"
+"""Reason for refusing the interval of a parameter whose value depends on the rounding of the processor."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """An identified parameter and what is known of it.
+    """An identified parameter with its uncertainty.
 
     Parameters
     ----------
     name, unit : str
-        The field's term; SI unit as plain text (per ampere or per volt where the drive constant is unknown).
+        The field's term, and the SI unit as plain text (per ampere or per volt if the drive constant is unknown).
     value, standard_error : float
-        In `unit`; the standard error allows for coloured residuals and, where a discrepancy part exists, for what the
-        model leaves out.
+        Value and standard error in `unit`. The standard error allows for coloured residuals and, if a discrepancy part
+        exists, for effects that the model neglects.
     at_bound : bool
-        A physical bound holds the value: its interval is then one-sided.
+        Whether a physical bound holds the value. Its interval is then one-sided.
     identifiable : bool
-        False where the interval holds zero or the recording does not carry this parameter (see the verdicts).
+        False if the interval contains zero or the recordings do not determine this parameter (see the verdicts).
     influence : float
-        RMS effort that one unit of it makes, over the RMS effort: what its uncertainty matters.
+        RMS effort per unit of the parameter, divided by the RMS effort.
     bootstrap : tuple of float, optional
-        The block bootstrap's 95 % interval, in `unit`.
+        Block bootstrap's 95 % interval, in `unit`.
     statistical_error : float
-        What of the standard error coloured residuals alone make; all of it where no discrepancy part exists.
+        Standard error from coloured residuals alone; equal to `standard_error` if no discrepancy part exists.
     refused : str
-        Why no interval should be read, in words; empty where one may.
+        Reason for refusing the interval, in words; empty if it may be read.
     carried : float, optional
-        Of a coefficient of friction, what a compensation carries: together with the others it exceeds the true friction
-        in one case of twenty at most.
+        For a friction coefficient: the value that a compensation may use. Together with the other coefficients it
+        exceeds the true friction in at most one case of twenty.
     """
 
     name: str
@@ -58,8 +58,8 @@ class Parameter:
 
     @property
     def undetermined(self) -> bool:
-        """Whether the recordings leave the value to chance: another processor's rounding finds another one."""
-        return self.refused == UNDETERMINED
+        """Whether the recordings do not determine the value: another processor's rounding would change it."""
+        return self.refused == UNDETERMINED_REASON
 
     @property
     def trusted(self) -> bool:
@@ -67,14 +67,14 @@ class Parameter:
         return not self.refused
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval at `level`, in the parameter's unit."""
+        """Return the confidence interval at `level`, in the parameter's unit."""
         from scipy.special import ndtri
 
         half = float(ndtri(0.5 + level / 2.0)) * self.standard_error
         return self.value - half, self.value + half
 
     def sentence(self, level: float = 0.95) -> str:
-        """The interval at `level` in words, with what of it coloured residuals alone make."""
+        """Return the interval at `level` in words, with the share that coloured residuals alone contribute."""
         if self.refused:
             return f"interval refused: {self.refused}"
         low, high = self.interval(level)
@@ -85,7 +85,7 @@ class Parameter:
         return f"{said}, coloured residuals alone ± {share:.3g}"
 
     def on_card(self, level: float) -> CardParameter:
-        """The same as a model card keeps it, its interval at `level`."""
+        """Return the entry of a model card for this parameter, with its interval at `level`."""
         interval = self.interval(level)
         return CardParameter(
             self.name,
@@ -102,43 +102,42 @@ class Parameter:
 
     @property
     def relative_sd(self) -> float:
-        """Statistical error as a percentage of the value (infinite at zero): how well the recording shows it."""
+        """Statistical error as a percentage of the value; infinite at zero."""
         return 100.0 * self.statistical_error / abs(self.value) if self.value else float("inf")
 
 
 @dataclass(frozen=True)
 class Whiteness:
-    """How far residuals are from white: lag-1 autocorrelation, Ljung-Box statistic and p value over `lags` lags,
-    and the effective share of independent samples (1 is white)."""
+    """Tests of whether residuals are white."""
 
-    lag1: float
-    statistic: float
-    p_value: float
-    lags: int
-    effective_share: float
+    lag1: float  # lag-1 autocorrelation
+    statistic: float  # Ljung-Box statistic
+    p_value: float  # p value of the Ljung-Box test
+    lags: int  # number of lags in the test
+    effective_share: float  # effective number of independent samples divided by the number of samples; 1 is white
 
 
-KINDS = ("wrong", "warning", "note", "good")
-"""Of verdicts, worst first."""
+VERDICT_KINDS = ("wrong", "warning", "note", "good")
+"""Kinds of verdict, the worst first."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the recordings do or do not show.
+    """A verdict on an estimate or on the recordings.
 
     Parameters
     ----------
     kind : str
-        "wrong" (the figures are not the machine's until this is mended), "warning" (some of them cannot be trusted),
-        "note" or "good".
+        "wrong" (the figures do not describe the machine until this is corrected), "warning" (some of them cannot be
+        trusted), "note" or "good".
     text : str
-        What was found, in plain sentences.
+        The finding, in plain sentences.
     do : str
-        What to write, or to record, in a sentence; empty where nothing is to be done.
+        The action to take, in a sentence; empty if none is needed.
     finding : str
-        Its short name.
+        Short name of the finding.
     weight : float
-        Of two verdicts of one kind the heavier comes first.
+        Order among verdicts of one kind: the largest comes first.
     """
 
     kind: str
@@ -149,10 +148,10 @@ class Verdict:
 
     @property
     def said(self) -> str:
-        """What was found, and what to do."""
+        """The finding, followed by the action to take."""
         return f"{self.text} {self.do}".rstrip()
 
 
-def ranked(verdicts: Iterable[Verdict]) -> tuple[Verdict, ...]:
-    """The same, worst first: praise never stands above a fault."""
-    return tuple(sorted(verdicts, key=lambda v: (KINDS.index(v.kind), -v.weight)))
+def rank_verdicts(verdicts: Iterable[Verdict]) -> tuple[Verdict, ...]:
+    """Sort verdicts by kind and weight, the worst first."""
+    return tuple(sorted(verdicts, key=lambda v: (VERDICT_KINDS.index(v.kind), -v.weight)))

@@ -1,11 +1,11 @@
-r"""Bounded least squares on filtered data: one procedure for every body whose effort the core can compute.
+r"""Bounded least squares on filtered data, for every model whose effort the core can compute.
 
 .. math::
    F\,\tau = F\,\tau_{model}(q, \dot q, \ddot q; \beta) + \rho, \qquad W = F\,\partial\tau_{model}/\partial\beta
 
 with F the same zero-phase filter and decimation on both sides. The regressor is the exact Jacobian of the core's
-inverse dynamics, so that what is linear in its parameters (one Gauss-Newton step is then ordinary least squares,
-IDIM-LS [1]_) and what is not take the same way.
+inverse dynamics, so linear and nonlinear models share one procedure. For a model that is linear in its parameters one
+Gauss-Newton step is ordinary least squares (IDIM-LS [1]_).
 
 .. [1] M. Gautier, "Dynamic identification of robots with power model", Proc. IEEE ICRA, 1997.
 """
@@ -21,37 +21,38 @@ import numpy as np
 from .._errors import IdentificationError
 from .parameter import Parameter
 
-LONG = 50_000
-"""Samples of a motion from which on a model's own way to its rows is taken, if it has one; linear ones always."""
+MAX_FULL_JACOBIAN_SAMPLES = 50_000
+"""Above this number of samples a nonlinear model computes its thinned rows directly, if it can. A linear model always
+does."""
 
 
 class FittedMotion(Protocol):
-    """A motion that may enter a regression: `effort`, (n,), beside the states that a model reads, and `rows`."""
+    """A motion that may enter a regression, with its measured `effort`, (n,), and the states that a model reads."""
 
     effort: np.ndarray
 
     def rows(self, samples: np.ndarray) -> np.ndarray:
-        """The samples, (n,) or (n, k), that a regression uses: trimmed, thinned, without those at rest."""
+        """Reduce samples, (n,) or (n, k), to the regression rows: trimmed, thinned, without those at rest."""
 
 
 class ForceModel(Protocol):
-    """What a regression needs to know of a body: names and bounds of its free parameters, and its effort."""
+    """A model that can be fitted: names and bounds of its free parameters, and its effort along a motion."""
 
     names: tuple[str, ...]
     label: str
     linear: bool
 
     def unit(self, name: str) -> str:
-        """SI unit of a parameter, as plain text."""
+        """Return the SI unit of a parameter, as plain text."""
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Physical lower and upper bounds, each (p,), SI."""
+        """Return the physical lower and upper bounds, each (p,), SI."""
 
     def effort(self, values: np.ndarray, motion: FittedMotion) -> np.ndarray:
-        """Effort, (n,), along a motion, filtered as the measured effort was."""
+        """Return the effort, (n,), along a motion, filtered as the measured effort was."""
 
     def jacobian(self, values: np.ndarray, motion: FittedMotion) -> tuple[np.ndarray, np.ndarray]:
-        """The same, and its derivative by the parameters, (n, p)."""
+        """Return the effort, (n,), and its derivative by the parameters, (n, p)."""
 
 
 @dataclass(frozen=True)
@@ -68,16 +69,16 @@ class Stack:
 
     @property
     def lengths(self) -> list[int]:
-        """Rows of each motion."""
+        """Number of rows of each motion."""
         return [len(t) for t in self.targets]
 
     def reduced(self, signals: Sequence[np.ndarray]) -> np.ndarray:
-        """Rows of one signal (n_i,) or (n_i, k) per motion, stacked."""
+        """Reduce one signal per motion, (n_i,) or (n_i, k), to its regression rows, and stack them."""
         return np.concatenate([m.rows(x) for m, x in zip(self.motions, signals, strict=True)])
 
 
 def stack(motions: Sequence[FittedMotion]) -> Stack:
-    """Reduce the effort of every motion."""
+    """Stack motions for a regression; refuse them if no sample is left."""
     if not motions:
         raise IdentificationError('no recording is marked use = "fit"; at least one must be')
     targets = tuple(m.rows(m.effort) for m in motions)
@@ -90,37 +91,43 @@ def stack(motions: Sequence[FittedMotion]) -> Stack:
     return Stack(tuple(motions), targets)
 
 
-def linearised(
+def linearise(
     model: ForceModel, values: np.ndarray, motions: Sequence[FittedMotion]
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Efforts, (n_i,), and regressors, (n_i, p), of each motion at `values`, (p,), filtered as the measured effort."""
+    """Return efforts, (n_i,), and regressors, (n_i, p), of each motion at `values`, (p,), filtered as the measured
+    effort."""
     pairs = [model.jacobian(values, m) for m in motions]
     return [effort for effort, _ in pairs], [jacobian for _, jacobian in pairs]
 
 
-def predicted(model: ForceModel, values: np.ndarray, motions: Sequence[FittedMotion]) -> list[np.ndarray]:
-    """The model's effort for each motion, (n_i,), at full rate, filtered as the measured effort was."""
+def predict_efforts(model: ForceModel, values: np.ndarray, motions: Sequence[FittedMotion]) -> list[np.ndarray]:
+    """Return the model's effort for each motion, (n_i,), at full rate, filtered as the measured effort was."""
     return [model.effort(values, m) for m in motions]
 
 
-def rows_of(model: ForceModel, values: np.ndarray, data: Stack) -> tuple[np.ndarray, np.ndarray]:
-    """Regressor (m, p) and modelled effort (m,) at `values`, (p,)."""
-    # One motion after another: of hours, a regressor before it is thinned would take all memory.
+def regression_rows(model: ForceModel, values: np.ndarray, data: Stack) -> tuple[np.ndarray, np.ndarray]:
+    """Return the regressor, (m, p), and the modelled effort, (m,), at `values`, (p,)."""
+    # Each motion is reduced in turn: the full-rate regressor of hours of data would not fit in memory.
     made = [_rows(model, values, m) for m in data.motions]
     return np.concatenate([rows for _, rows in made]), np.concatenate([effort for effort, _ in made])
 
 
-def effort_rows(model: ForceModel, values: np.ndarray, motion: FittedMotion) -> np.ndarray:
-    """Modelled effort, (m,), of one motion at `values`, (p,)."""
-    return _rows(model, values, motion)[0] if _sooner(model, motion) else motion.rows(model.effort(values, motion))
+def predict_effort_rows(model: ForceModel, values: np.ndarray, motion: FittedMotion) -> np.ndarray:
+    """Return the modelled effort, (m,), in the regression rows of one motion at `values`, (p,)."""
+    return (
+        _rows(model, values, motion)[0]
+        if _has_direct_rows(model, motion)
+        else motion.rows(model.effort(values, motion))
+    )
 
 
-def _sooner(model: ForceModel, motion: FittedMotion) -> bool:
-    return hasattr(model, "rows") and (model.linear or len(motion.effort) > LONG)
+def _has_direct_rows(model: ForceModel, motion: FittedMotion) -> bool:
+    """Return whether the model computes the thinned rows of this motion directly."""
+    return hasattr(model, "rows") and (model.linear or len(motion.effort) > MAX_FULL_JACOBIAN_SAMPLES)
 
 
 def _rows(model: ForceModel, values: np.ndarray, motion: FittedMotion) -> tuple[np.ndarray, np.ndarray]:
-    if _sooner(model, motion):
+    if _has_direct_rows(model, motion):
         return model.rows(values, motion)
     rows = motion.rows(np.column_stack(model.jacobian(values, motion)))
     return rows[:, 0], rows[:, 1:]
@@ -128,17 +135,13 @@ def _rows(model: ForceModel, values: np.ndarray, motion: FittedMotion) -> tuple[
 
 @dataclass(frozen=True)
 class Solution:
-    """Where a solver ended.
+    """Result of a solver."""
 
-    `values` (p,), `jacobian` (m, p) and `residual` (m,) at the solution; `weights` (m,) multiplied residuals;
-    `at_bound` (p,) marks active bounds.
-    """
-
-    values: np.ndarray
-    jacobian: np.ndarray
-    residual: np.ndarray
-    weights: np.ndarray
-    at_bound: np.ndarray
+    values: np.ndarray  # parameters, (p,)
+    jacobian: np.ndarray  # regressor at the solution, (m, p)
+    residual: np.ndarray  # unweighted residual at the solution, (m,)
+    weights: np.ndarray  # weights by which residuals were multiplied, (m,)
+    at_bound: np.ndarray  # mask of the parameters on an active bound, (p,)
     iterations: int
     converged: bool
 
@@ -152,13 +155,15 @@ def solve(
     start: np.ndarray | None = None,
     after: Solution | None = None,
 ) -> Solution:
-    """Minimise the weighted sum of squared effort residuals within the model's bounds. `weights` (m,); `bounds`
-    (p,); `start` (p,)."""
+    """Minimise the weighted sum of squared effort residuals within bounds, by default the model's.
+
+    `weights` has shape (m,), `bounds` and `start` (p,). `after` is an earlier solution on the same data.
+    """
     w = np.ones(len(data.target)) if weights is None else np.asarray(weights, float)
     lower, upper = model.bounds() if bounds is None else bounds
     if model.linear:
         if after is None:
-            jacobian, effort = rows_of(model, np.zeros(len(model.names)), data)
+            jacobian, effort = regression_rows(model, np.zeros(len(model.names)), data)
             target = data.target - effort
         else:
             jacobian, target = after.jacobian, after.residual + after.jacobian @ after.values
@@ -168,25 +173,27 @@ def solve(
         residual, iterations, converged = target - jacobian @ values, 1, True
     else:
         first = after.values if after is not None else start
-        # Reweighting moves the minimum a little each time: a few steps follow it.
+        # Reweighting moves the minimum only a little, so a few steps suffice.
         values, iterations, converged = _gauss_newton(model, data, w, lower, upper, first, 60 if after is None else 8)
-        jacobian, effort = rows_of(model, values, data)
+        jacobian, effort = regression_rows(model, values, data)
         residual = data.target - effort
-    snapped, held = at_bounds(values, lower, upper, jacobian, residual)
+    snapped, held = snap_to_bounds(values, lower, upper, jacobian, residual)
     return Solution(snapped, jacobian, residual - jacobian @ (snapped - values), w, held, iterations, converged)
 
 
 def least_squares_within(
     w: np.ndarray, y: np.ndarray, lower: np.ndarray, upper: np.ndarray, *, method: str = "trf"
 ) -> np.ndarray:
-    """The x, (p,), that minimises ||W x - y|| with `w`, (m, p), and `y`, (m,), within bounds `lower` and `upper`,
-    (p,). By trust regions values end close to a bound, by an active set ("bvls") on it: a Stribeck profile over
-    velocities that fit alike chooses by what the former leaves."""
+    """Return the x, (p,), that minimises ||W x - y|| within bounds, with `w`, (m, p), and `y`, (m,).
+
+    The trust-region method ("trf") ends close to a bound, the active-set method ("bvls") on it. A Stribeck profile over
+    velocities that fit equally well depends on the residuals of the former.
+    """
     scale = np.linalg.norm(w, axis=0)
     values = np.linalg.lstsq(w, y, rcond=None)[0]
     if np.all(values >= lower) and np.all(values <= upper):
         return values
-    from scipy.optimize import lsq_linear  # only where a bound is crossed: a study is checked without
+    from scipy.optimize import lsq_linear  # imported late, because checking a study does not need it
 
     tolerance = {"trf": 1e-12, "bvls": 1e-14}[method]
     found = lsq_linear(w / scale, y, bounds=(lower * scale, upper * scale), method=method, tol=tolerance)
@@ -196,19 +203,21 @@ def least_squares_within(
 def _gauss_newton(
     model: ForceModel, data: Stack, w: np.ndarray, lower: np.ndarray, upper: np.ndarray, start: np.ndarray, most: int
 ) -> tuple[np.ndarray, int, bool]:
-    """Bounded least squares over a model that is not linear: values, evaluations of at `most` so many, and whether it
-    converged."""
+    """Fit a nonlinear model by bounded least squares with `most` evaluations at most.
+
+    Returns the values, (p,), the number of evaluations, and whether the search converged.
+    """
     from scipy.optimize import least_squares
 
-    # Parameters in units of the effort they make: tolerances then mean the same in newtons, volts and amperes.
+    # Parameters are scaled by the effort they make, so that tolerances mean the same in newtons, volts and amperes.
     size = float(np.linalg.norm(data.target * w))
-    first = rows_of(model, start, data)[0] * w[:, None]
+    first = regression_rows(model, start, data)[0] * w[:, None]
     require_full_rank(model.names, first, model.label)
     scale = size / np.linalg.norm(first, axis=0)
 
-    @last_call
+    @remember_last_call
     def both(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        jacobian, effort = rows_of(model, x * scale, data)
+        jacobian, effort = regression_rows(model, x * scale, data)
         return (effort - data.target) * w / size, jacobian * scale * w[:, None] / size
 
     low, high = lower / scale, upper / scale
@@ -226,7 +235,7 @@ def _gauss_newton(
     return found.x * scale, int(found.nfev), bool(found.success)
 
 
-def nearest(
+def nearest_feasible(
     jacobian: np.ndarray,
     residual: np.ndarray,
     values: np.ndarray,
@@ -234,8 +243,11 @@ def nearest(
     room: Callable[[np.ndarray], np.ndarray],
     start: np.ndarray,
 ) -> tuple[np.ndarray, str]:
-    """The values, (p,), nearest to `values`, with `jacobian`, (m, p), and `residual`, (m,), there, in the metric of
-    their residuals, within `bounds` and where `room` >= 0, searched from `start`; and what the search said."""
+    """Return the feasible values, (p,), with the smallest residual, and the message of the search.
+
+    The residual is linearised at `values`, (p,), with `jacobian`, (m, p), and `residual`, (m,), there. Feasible values
+    lie within `bounds` and have `room` >= 0. The search begins at `start`, (p,).
+    """
     from scipy.optimize import minimize
 
     size = float(np.linalg.norm(residual + jacobian @ values))
@@ -259,11 +271,13 @@ def nearest(
     return found.x * scale, str(found.message)
 
 
-def at_bounds(
+def snap_to_bounds(
     values: np.ndarray, lower: np.ndarray, upper: np.ndarray, jacobian: np.ndarray, residual: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`values`, (p,), with those closer to a bound, `lower` or `upper`, than a thousandth of their noise on it, and
-    which those are, (p,); `jacobian`, (m, p), and `residual`, (m,), there."""
+    """Move values close to a bound onto it; return all values, (p,), and a mask of those that were moved, (p,).
+
+    Close means nearer than a thousandth of the parameter's noise, from `jacobian`, (m, p), and `residual`, (m,).
+    """
     power = np.sum(jacobian**2, axis=0)
     noise = np.sqrt(np.mean(residual**2) / np.where(power > 0.0, power, np.inf))
     near = 1e-3 * noise + 1e-9 * np.abs(values)
@@ -272,8 +286,10 @@ def at_bounds(
 
 
 def require_full_rank(names: Sequence[str], jacobian: np.ndarray, where: str) -> None:
-    """Refuse a regressor, `jacobian`, (m, p), of parameters `names`, that is singular to working precision; `where`
-    stands in messages."""
+    """Refuse a regressor `jacobian`, (m, p), that is singular to working precision, naming the parameters concerned.
+
+    `names` are the parameters. `where` begins the messages.
+    """
     if len(jacobian) <= jacobian.shape[1]:
         raise IdentificationError(
             f"{where}: {len(jacobian)} usable samples for {jacobian.shape[1]} parameters; expected many more: lengthen "
@@ -294,7 +310,7 @@ def require_full_rank(names: Sequence[str], jacobian: np.ndarray, where: str) ->
         )
 
 
-def parameters_of(
+def make_parameters(
     names: Sequence[str],
     units: Sequence[str],
     values: np.ndarray,
@@ -304,11 +320,12 @@ def parameters_of(
     statistical: np.ndarray | None = None,
     causes: Sequence[str] = (),
 ) -> tuple[Parameter, ...]:
-    """Parameters `names` in `units` with `values`, (p,), and `covariance`, (p, p), those at their bound marked in
-    `held`, (p,); identifiable where the 95 % interval leaves out 0, but for those `idle`, (p,).
+    """Build parameters from `values`, (p,), and their `covariance`, (p, p).
 
-    Where coloured residuals alone, `statistical` (p, p), would leave 0 out and what the model lacks does not, there is
-    no telling what is whose: the interval is refused, and the `causes`, (p,), say what may stand behind the value.
+    `held`, (p,), marks values on a bound. A parameter is identifiable if its 95 % interval excludes 0 and it is not
+    marked in `idle`, (p,). If the interval from coloured residuals alone, `statistical` (p, p), excludes 0 but the full
+    one does not, a neglected effect may explain the whole value. The interval is then refused, with the reason from
+    `causes`, (p,).
     """
     made = []
     for i, (name, unit) in enumerate(zip(names, units, strict=True)):
@@ -333,8 +350,9 @@ def parameters_of(
     return tuple(made)
 
 
-def last_call(function: Callable[[np.ndarray], tuple]) -> Callable[[np.ndarray], tuple]:
-    """Remember the last point of a `function` of one array: SciPy asks for residual and Jacobian in two calls."""
+def remember_last_call(function: Callable[[np.ndarray], tuple]) -> Callable[[np.ndarray], tuple]:
+    """Remember the last result of a `function` of one array, because SciPy asks for residual and Jacobian in two
+    calls."""
     memory: dict[bytes, tuple] = {}
 
     def remembered(values: np.ndarray) -> tuple:

@@ -1,25 +1,26 @@
-r"""How sure an estimate is: covariances that allow for coloured residuals, block bootstrap, whiteness.
+r"""Uncertainty of estimates: covariances that allow for coloured residuals, block bootstrap, whiteness.
 
 With scores :math:`s_t = z_t \rho_t`, the covariance of an estimate is
 
 .. math::
    C = (Z^T W)^{-1} \, S \, (W^T Z)^{-1}, \qquad S = \sum_{t,u} E[s_t s_u^T]
 
-where Z = W for least squares. One filter for all scores takes most of their memory away [4]_; what is left comes from
-sums over all blocks of b neighbours, overlapping batches [1]_, which is what a moving-block bootstrap [2]_ tends to:
+where Z = W for least squares. One prewhitening filter for all scores removes most of their autocorrelation [4]_. The
+rest is estimated from sums over all overlapping blocks of b neighbours [1]_, the limit of a moving-block bootstrap
+[2]_:
 
 .. math::
    u_t = s_t - \bar s - r (s_{t-1} - \bar s), \qquad B_t = \sum_{i=t}^{t+b-1} u_i, \qquad
    S = \frac{k^2}{(1 - r)^2 (1 - b/m)} \, \frac{1}{b} \sum_t B_t B_t^T
 
-b is ten correlation times [3]_ of the residual. r = tr(G_0^{-1} G_1)/p, of the scores' autocovariances at lags 0 and 1,
-is the same whatever the parameters' units or combinations; a filter or a window of its own for each score would keep
-what nearly equal columns share from cancelling. Scores sum to nothing, so that b/m of their variance is missing from
-what blocks vary by; k, Student's quantile for 1.5 m/b degrees of freedom over the normal one, allows for how few blocks
-there are. Blocks never reach across two stretches. For white residuals S tends to the textbook's.
+b is ten correlation times [3]_ of the residual. r = tr(G_0^{-1} G_1)/p, with G_0 and G_1 the scores' autocovariances at
+lags 0 and 1, does not depend on the parameters' units or combinations. A separate filter or window for each score would
+prevent the common part of nearly equal columns from cancelling. Scores sum to zero, so the variance between blocks
+lacks a share b/m. The factor k is Student's quantile for 1.5 m/b degrees of freedom over the normal one, and allows for
+the small number of blocks. Blocks never reach across two stretches. For white residuals S tends to the textbook value.
 
-Every function here is total. A residual that is zero or holds no finite number has no memory to speak of and gives no
-test of whiteness; parameters that the rows do not tell apart have infinite variances and intervals.
+Every function here accepts any input. A residual that is zero or not finite counts as white for the block length and
+gives no test of whiteness. Parameters that the rows cannot tell apart have infinite variances and intervals.
 
 .. [1] M. S. Meketon, B. Schmeiser, "Overlapping batch means: something for nothing?", Proc. Winter Simulation
    Conference, 1984.
@@ -39,28 +40,39 @@ import numpy as np
 
 from .parameter import Whiteness
 
-CORRELATION_TIMES = 10
+BLOCK_CORRELATION_TIMES = 10
 """Length of a block in correlation times."""
 
-FEWEST_BLOCKS = 8
-"""Blocks that all rows must make: fewer tell no spread."""
+MIN_BLOCKS = 8
+"""Smallest number of blocks into which the rows are divided. Fewer blocks do not show their spread."""
 
+MAX_PREWHITENING_COEFFICIENT = 0.8
+"""Largest size of r. Beyond it the filter leaves little to measure and multiplies it by more than 25."""
 
-PREWHITENING_LIMIT = 0.8  # of r: beyond it the filter leaves little to measure, and multiplies that by 25
-NORMAL = 1.959963984540054  # 97.5 % quantile
-STUDENT = (
+NORMAL_QUANTILE_975 = 1.959963984540054
+"""97.5 % quantile of the standard normal distribution."""
+
+STUDENT_EXPANSION = (
     ({9: 79.0, 7: 776.0, 5: 1482.0, 3: -1920.0, 1: -945.0}, 92160.0),
     ({7: 3.0, 5: 19.0, 3: 17.0, 1: -15.0}, 384.0),
     ({5: 5.0, 3: 16.0, 1: 3.0}, 96.0),
     ({3: 1.0, 1: 1.0}, 4.0),
-)  # Fisher's expansion, the last term first: powers of the normal quantile with their coefficients, and a divisor
-WINDOW = 5.0  # correlation times over which correlations are summed [3]
-MOST_BLOCKS = 500  # that a bootstrap draws from rows without number: longer ones tell as much
-PHASES = 16  # overlapping blocks begin so often within one block's length
+)
+"""Fisher's expansion of Student's quantile, the last term first. Each term has a polynomial in the normal quantile, as
+coefficients by power, and a divisor."""
+
+MAX_LAG_CORRELATION_TIMES = 5.0
+"""Autocorrelations are summed over lags of up to this many correlation times [3]_."""
+
+MAX_BOOTSTRAP_BLOCKS = 500
+"""Largest number of blocks in a bootstrap. Longer recordings get longer blocks, which are as informative."""
+
+BLOCK_STARTS_PER_LENGTH = 16
+"""Number of overlapping blocks that begin within the length of one block."""
 
 
 def _stretches(lengths: Sequence[int]) -> Iterator[slice]:
-    """Rows of each stretch."""
+    """Yield the rows of each stretch."""
     end = 0
     for n in lengths:
         yield slice(end, end + n)
@@ -69,43 +81,51 @@ def _stretches(lengths: Sequence[int]) -> Iterator[slice]:
 
 @np.errstate(over="ignore", invalid="ignore")
 def correlation_time(residual: np.ndarray, lengths: Sequence[int]) -> float:
-    """Samples over which a residual, (m,), remembers itself: half the sum of its autocorrelations over all lags, up to
-    five such times; 1/2 of white noise, of what alternates, and of a residual without rows or with a missing number."""
+    """Return the correlation time of a residual, (m,), in samples.
+
+    It is half the sum of the autocorrelations over lags of either sign, up to five correlation times. It is 1/2 for
+    white and for alternating residuals, and for residuals that are empty or not finite.
+    """
     if not len(residual) or not np.isfinite(residual).all():
         return 0.5
     centred = residual - np.mean(residual)
     total = np.zeros(max(lengths))
     for rows in _stretches(lengths):
         n = rows.stop - rows.start
-        padded = 1 << (2 * n - 1).bit_length() if n else 0  # a power of two is transformed soonest
+        padded = 1 << (2 * n - 1).bit_length() if n else 0  # a power of two is transformed fastest
         total[:n] += np.fft.irfft(np.abs(np.fft.rfft(centred[rows], padded)) ** 2)[:n] if n else 0.0
     if not total[0] > 0.0:
         return 0.5
     sums = 0.5 + np.cumsum(total[1:] / total[0])
-    enough = np.flatnonzero(np.arange(1, len(total)) >= WINDOW * sums)
+    enough = np.flatnonzero(np.arange(1, len(total)) >= MAX_LAG_CORRELATION_TIMES * sums)
     return float(max(0.5, sums[enough[0]] if len(enough) else sums[-1])) if len(sums) else 0.5
 
 
 def block_length(time: float, rows: int) -> int:
-    """Rows of one block: ten correlation times, or as many as leave the fewest blocks; of a time that is no number, as
-    many as of white noise."""
+    """Return the number of rows in a block: ten correlation times, or less if there would be too few blocks.
+
+    A correlation time that is not finite counts as that of white noise.
+    """
     time = time if np.isfinite(time) else 0.5
-    return int(np.clip(round(CORRELATION_TIMES * time), 1, max(1, rows // FEWEST_BLOCKS)))
+    return int(np.clip(round(BLOCK_CORRELATION_TIMES * time), 1, max(1, rows // MIN_BLOCKS)))
 
 
 @np.errstate(over="ignore", invalid="ignore")
 def long_run_covariance(
     scores: np.ndarray, residual: np.ndarray, lengths: Sequence[int], memory: float | None = None
 ) -> np.ndarray:
-    """Sum of all autocovariances of `scores`, (m, p), times their number, by blocks as long as the `residual`'s memory,
-    (m,), asks, a correlation time in samples if it is known; gives (p, p)."""
+    """Return the sum of all autocovariances of `scores`, (m, p), times their number, shape (p, p).
+
+    The blocks' length follows from the correlation time of `residual`, (m,), or from `memory`, a known correlation time
+    in samples.
+    """
     m, p = scores.shape
     if m == 0 or p == 0:
         return np.zeros((p, p))
     if not np.isfinite(scores).all():
         return np.full((p, p), np.nan)
     block = block_length(correlation_time(residual, lengths) if memory is None else memory, m)
-    # Where a bound holds a parameter its scores have a mean, which is no noise.
+    # The scores of a parameter on a bound have a mean, which is not noise.
     centred = scores - scores.mean(axis=0)
     parts = [centred[rows] for rows in _stretches(lengths) if rows.stop - rows.start > 1]
     if not parts:
@@ -113,8 +133,8 @@ def long_run_covariance(
     now = sum(part[:-1].T @ part[:-1] for part in parts)
     next_ = sum(part[:-1].T @ part[1:] for part in parts)
     common = float(np.trace(np.linalg.pinv(now, hermitian=True) @ next_)) / p
-    r = float(np.clip(common, -PREWHITENING_LIMIT, PREWHITENING_LIMIT))
-    stride = max(1, block // PHASES)
+    r = float(np.clip(common, -MAX_PREWHITENING_COEFFICIENT, MAX_PREWHITENING_COEFFICIENT))
+    stride = max(1, block // BLOCK_STARTS_PER_LENGTH)
     total, rows = np.zeros((p, p)), 0
     for part in parts:
         n = len(part) - 1
@@ -124,28 +144,31 @@ def long_run_covariance(
         blocks = summed[block::stride] - summed[: n + block : stride]
         total += blocks.T @ blocks * (stride / block)
         rows += n
-    few = student_over_normal(freedom_of(block, m))
+    few = student_to_normal_ratio(degrees_of_freedom(block, m))
     return total * (m / rows) * few**2 / ((1.0 - r) ** 2 * (1.0 - block / m))
 
 
-def freedom_of(block: int, rows: int) -> float:
-    """Degrees of freedom of a variance by overlapping blocks, each of `block` of so many `rows` [1]."""
+def degrees_of_freedom(block: int, rows: int) -> float:
+    """Return the degrees of freedom of a variance from overlapping blocks of length `block` in `rows` rows [1]_."""
     return 1.5 * rows / max(block, 1)
 
 
-def student_over_normal(freedom: float) -> float:
-    """Ratio of the 97.5 % quantiles, to 2e-6 from 12 degrees of freedom on [5]_, infinite without any: SciPy's takes a
-    third of a second to load."""
+def student_to_normal_ratio(freedom: float) -> float:
+    """Return the ratio of Student's 97.5 % quantile to the normal one; infinite without degrees of freedom.
+
+    The expansion [5]_ is accurate to 2e-6 from 12 degrees of freedom on. SciPy's function takes a third of a second to
+    load.
+    """
     if not freedom > 0.0:
         return float("inf")
-    x, terms = NORMAL, 0.0
-    for powers, divisor in STUDENT:
+    x, terms = NORMAL_QUANTILE_975, 0.0
+    for powers, divisor in STUDENT_EXPANSION:
         terms = terms / freedom + sum(c * x**k for k, c in powers.items()) / divisor
     return 1.0 + terms / (freedom * x)
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def sandwich(
+def sandwich_covariance(
     jacobian: np.ndarray,
     residual: np.ndarray,
     lengths: Sequence[int],
@@ -153,9 +176,11 @@ def sandwich(
     free: np.ndarray | None = None,
     memory: float | None = None,
 ) -> np.ndarray:
-    """Covariance of an estimate that solves Z^T rho = 0. `jacobian` (m, p); `residual` (m,) and its `memory` in
-    samples, if known; `instruments` (m, p); `free` (p,); gives (p, p), of parameters that the rows do not tell apart
-    infinite variances."""
+    """Return the covariance, (p, p), of an estimate that solves Z^T rho = 0, robust to autocorrelation.
+
+    `jacobian` W and `instruments` Z have shape (m, p), `residual` rho (m,), the mask `free` (p,). `memory` is the
+    residual's correlation time in samples, if known. Parameters that the rows cannot tell apart have infinite variance.
+    """
     p = jacobian.shape[1]
     free = np.ones(p, bool) if free is None else free
     w = jacobian[:, free]
@@ -172,8 +197,7 @@ def sandwich(
 
 
 def _inverse(left: np.ndarray, right: np.ndarray, scale: np.ndarray) -> np.ndarray | None:
-    """Inverse of the product of `left`, (m, p), and `right`, (m, p), their columns divided by `scale`, (p,); None where
-    there is none."""
+    """Return the inverse of `left`^T `right`, both (m, p) with columns divided by `scale`, (p,); None if singular."""
     if not np.all(scale > 0.0):
         return None
     try:
@@ -194,9 +218,11 @@ def block_bootstrap(
     level: float = 0.95,
     memory: float | None = None,
 ) -> np.ndarray:
-    """Percentile intervals at `level` by blocks of scores drawn again, on the model linearised at the solution, the
-    motions as they were. `jacobian` (m, p); `residual` (m,) and its `memory` in samples, if known; `values` (p,);
-    gives (p, 2)."""
+    """Return percentile intervals at `level`, (p, 2), by resampling blocks of scores on the linearised model.
+
+    `jacobian` has shape (m, p), `residual` (m,), `values` (p,). `memory` is the residual's correlation time in samples,
+    if known.
+    """
     scale = np.linalg.norm(jacobian, axis=0)
     if not np.isfinite(residual).all() or _inverse(jacobian, jacobian, scale) is None:
         return np.tile([-np.inf, np.inf], (len(values), 1))
@@ -204,10 +230,10 @@ def block_bootstrap(
     scores = w * residual[:, None]
     scores -= scores.mean(axis=0)
     rows = len(residual)
-    # Longer blocks than are needed do no harm, and more of them than this no good.
+    # Longer blocks than needed do no harm, and more blocks do not improve the interval.
     memory = correlation_time(residual, lengths) if memory is None else memory
-    block = max(block_length(memory, rows), rows // MOST_BLOCKS)
-    # Round about within each stretch, so that its ends are drawn as often as its middle.
+    block = max(block_length(memory, rows), rows // MAX_BOOTSTRAP_BLOCKS)
+    # Blocks wrap around within each stretch, so that its ends are drawn as often as its middle.
     sums = []
     for stretch in _stretches(lengths):
         n = stretch.stop - stretch.start
@@ -215,8 +241,10 @@ def block_bootstrap(
             length = min(block, n)
             wrapped = np.concatenate([np.zeros((1, w.shape[1])), scores[stretch], scores[stretch][: length - 1]])
             ends = np.cumsum(wrapped, axis=0)
-            # A stretch shorter than a block stands for its own share of one.
-            sums.append((ends[length:] - ends[:-length])[:: max(1, block // PHASES)] * np.sqrt(block / length))
+            # The sum over a stretch shorter than a block is scaled to the variance of a whole block.
+            sums.append(
+                (ends[length:] - ends[:-length])[:: max(1, block // BLOCK_STARTS_PER_LENGTH)] * np.sqrt(block / length)
+            )
     pool = np.concatenate(sums)
     count = max(1, round(rows / block))
     totals = np.array([pool.take(rng.integers(0, len(pool), count), axis=0).sum(axis=0) for _ in range(repetitions)])
@@ -227,7 +255,7 @@ def block_bootstrap(
 
 @np.errstate(over="ignore", invalid="ignore")
 def whiteness(residual: np.ndarray, lengths: Sequence[int], lags: int = 20) -> Whiteness:
-    """Ljung-Box test of the residual, pooled over stretches, NaN where nothing is left to test. `residual` (m,)."""
+    """Apply the Ljung-Box test to a residual, (m,), pooled over stretches; NaN if nothing is left to test."""
     from scipy.special import chdtrc
 
     ends = np.cumsum(lengths)
@@ -243,7 +271,7 @@ def whiteness(residual: np.ndarray, lengths: Sequence[int], lags: int = 20) -> W
     n = sum(len(p) for p in parts)
     rho = np.array([sum(float(p[k:] @ p[:-k]) for p in parts) / power for k in range(1, lags + 1)])
     statistic = float(n * (n + 2) * np.sum(rho**2 / (n - np.arange(1, lags + 1))))
-    # Up to the first lag that is not positive: beyond it sample correlations are mostly noise.
+    # The sum ends at the first autocorrelation that is not positive; later ones are mostly noise.
     positive = rho[: int(np.argmax(rho <= 0.0))] if np.any(rho <= 0.0) else rho
     share = float(1.0 / (1.0 + 2.0 * positive.sum()))
     return Whiteness(float(rho[0]), statistic, float(chdtrc(lags, statistic)), lags, share)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
-from ..fit.parameter import ranked
+from ..fit.parameter import rank_verdicts
 from .result import Result
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ class CombinedResult(Result):
             study=first.study,
             headline=" ".join(f"{part.headline.rstrip('.')}." for part in parts),
             tables=tuple(table for part in parts for table in part.tables),
-            verdicts=ranked(tuple(verdict for part in parts for verdict in part.verdicts)),
+            verdicts=rank_verdicts(tuple(verdict for part in parts for verdict in part.verdicts)),
             rows=tuple(row for part in parts for row in part.rows),
             cards={name: card for part in parts for name, card in part.cards.items()},
             checksums={name: checksum for part in parts for name, checksum in part.checksums.items()},

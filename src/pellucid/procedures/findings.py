@@ -9,7 +9,7 @@ from pkgutil import iter_modules
 from types import ModuleType
 from typing import Any
 
-from ..fit.parameter import Verdict, ranked
+from ..fit.parameter import Verdict, rank_verdicts
 
 
 def finders(folder: ModuleType) -> Iterator[tuple[str, ModuleType]]:
@@ -23,4 +23,4 @@ def finders(folder: ModuleType) -> Iterator[tuple[str, ModuleType]]:
 def findings_of(folder: ModuleType, case: Any) -> tuple[Verdict, ...]:
     """Everything that the findings of a package `folder` say of a `case`, worst first, each under its file's name."""
     told = (replace(v, finding=v.finding or name) for name, module in finders(folder) for v in module.find(case))
-    return ranked(told)
+    return rank_verdicts(told)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Self
 
 from .._atomic import remove_leftovers
 from .._errors import PellucidError
-from ..fit.parameter import Parameter, Verdict, ranked
+from ..fit.parameter import Parameter, Verdict, rank_verdicts
 from ..models.card import Card, write_card
 from ..models.emg_estimator import EmgEstimatorCard, write_estimator_card
 from ..models.parameter_card import ParameterCard, write_parameter_card
@@ -247,7 +247,7 @@ def found_by(procedure: Procedure, study: Study, result: Result) -> Result:
     return replace(
         result,
         cards={name: replace(card, made_from=sources) for name, card in result.cards.items()},
-        verdicts=ranked(result.verdicts),
+        verdicts=rank_verdicts(result.verdicts),
         procedure=procedure.name,
         command=procedure.command,
         made_from=fingerprint(study, procedure),

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .._errors import IdentificationError, PellucidError, RecordingError, UnfitRecordingError
-from ..fit.parameter import KINDS, Verdict, ranked
-from ..recordings.duplicates import duplicates
+from ..fit.parameter import VERDICT_KINDS, Verdict, rank_verdicts
+from ..recordings.duplicates import find_duplicates
 from ..recordings.fault import Fault, grouped
 from ..recordings.study import Study
 from .combined_result import CombinedResult
@@ -59,7 +59,7 @@ def check(study: Study) -> list[Fault]:
     []
     """
     study = as_study(study, "check")
-    faults = duplicates(study.recordings())
+    faults = find_duplicates(study.recordings())
     for procedure in reversed(asked(study)):
         try:
             faults += procedure.cut(study) + procedure.faults(procedure.taken(study))
@@ -490,14 +490,14 @@ def _require_no_options(caller: str, options: Mapping[str, object]) -> None:
 
 def _run(procedure: Procedure, study: Study, on_progress: Progress | None, **options) -> Result:
     tell = on_progress or quiet
-    twice = duplicates(study.recordings())
+    twice = find_duplicates(study.recordings())
     if twice:
         raise UnfitRecordingError("\n".join(fault.message for fault in twice))
     found = procedure.run(procedure.taken(study), tell, **options)
     told = procedure.cut(study)
     warned = [Verdict("warning", text) for text in grouped([fault for fault in told if fault.severity == "warn"])]
     cut = [Verdict("note", text) for text in grouped([fault for fault in told if fault.severity != "warn"])]
-    found = found_by(procedure, study, replace(found, verdicts=(*ranked((*found.verdicts, *warned)), *cut)))
+    found = found_by(procedure, study, replace(found, verdicts=(*rank_verdicts((*found.verdicts, *warned)), *cut)))
     tell("done", 1.0)
     return found
 
@@ -541,5 +541,5 @@ def _one_page(pages: list[Page]) -> Page:
         known = {section.heading for section in sections}
         sections += [replace(s, heading=f"{s.heading}: {what}") if s.heading in known else s for s in page.sections]
     tiles = tuple(tile for page in pages for tile in page.tiles)
-    verdicts = sorted((v for page in pages for v in page.verdicts), key=lambda v: KINDS.index(v[0]))
+    verdicts = sorted((v for page in pages for v in page.verdicts), key=lambda v: VERDICT_KINDS.index(v[0]))
     return replace(first, headline=" ".join(headlines), tiles=tiles, sections=tuple(sections), verdicts=tuple(verdicts))

@@ -6,7 +6,7 @@ import platform
 from collections.abc import Iterable
 from importlib.metadata import version
 
-from ..fit.parameter import Verdict, ranked
+from ..fit.parameter import Verdict, rank_verdicts
 from ..pages.page import Page, Section, Tile
 from ..pages.quantities import MINUS, cell_text, number, parameter_interval, parameter_note, prose, unit_text
 from ..pages.tables import Row, Table
@@ -26,7 +26,7 @@ def study_page(
         tuple(sections),
         f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every number in "
         "results.json.",
-        tuple((v.kind, prose(v.said)) for v in ranked(verdicts)),
+        tuple((v.kind, prose(v.said)) for v in rank_verdicts(verdicts)),
     )
 
 

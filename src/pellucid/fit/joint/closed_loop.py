@@ -1,6 +1,6 @@
 r"""Methods that simulate the machine's own closed loop: instrumental variables, DIDIM and the input-error fit.
 
-All three compare at the same place (the effort, after the same filter), but differ in where the regressor comes from:
+All three compare the effort after the same filter, but differ in the origin of the regressor:
 
 - IDIM-IV [1]_: :math:`\beta \leftarrow \beta + (Z^T W)^{-1} Z^T \rho` with W on measured and Z on simulated states:
   consistent when the measured states carry noise;
@@ -25,18 +25,20 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.joint import JointModel
 from ...signals.motion import Motion, differentiate
-from ..regression import Solution, Stack, at_bounds, last_call, linearised
+from ..regression import Solution, Stack, linearise, remember_last_call, snap_to_bounds
 from .replay import Machine, is_bounded, replay
 
-TOLERANCE = 1e-4  # RMS effort of any one value's change, over the RMS effort, at which iterations stop
+EFFORT_CHANGE_TOLERANCE = 1e-4
+"""Iterations stop when no parameter's change alters the effort by more than this share of it (RMS)."""
+
 MAX_ITERATIONS = 30
+"""Largest number of iterations of IDIM-IV and DIDIM."""
 
 
 def simulated_motions(
     model: JointModel, values: np.ndarray, motions: tuple[Motion, ...], machine: Machine
 ) -> tuple[Motion, ...]:
-    """The motions as the closed loop of an identified joint makes them, through the same filter and derivatives.
-    `values` (p,)."""
+    """Simulate the motions in closed loop with a joint of these `values`, (p,), and filter and differentiate them."""
     made = []
     for motion in motions:
         trace = replay(model, values, motion, machine, closed=True)
@@ -60,55 +62,58 @@ def require_loop(machine: Machine, data: Stack) -> None:
 def solve_instrumental(
     model: JointModel, data: Stack, machine: Machine, first: Solution
 ) -> tuple[Solution, np.ndarray]:
-    """IDIM-IV from the states of the simulated closed loop. Gives `instruments` (m, p)."""
+    """Solve IDIM-IV with instruments from the simulated closed loop; return the solution and instruments, (m, p)."""
     require_loop(machine, data)
-    return _iterated(model, data, first, lambda values: _instruments(model, values, data, machine))
+    return _iterate(model, data, first, lambda values: _instruments(model, values, data, machine))
 
 
 def _instruments(
     model: JointModel, values: np.ndarray, data: Stack, machine: Machine
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    efforts, regressors = linearised(model, values, data.motions)
+    efforts, regressors = linearise(model, values, data.motions)
     simulated = simulated_motions(model, values, data.motions, machine)
-    z = data.reduced(linearised(model, values, simulated)[1])
+    z = data.reduced(linearise(model, values, simulated)[1])
     return z, data.reduced(regressors), data.target - data.reduced(efforts)
 
 
 def solve_didim(model: JointModel, data: Stack, machine: Machine, first: Solution) -> Solution:
-    """DIDIM: the inverse model fitted on simulated states alone."""
+    """Solve DIDIM: fit the inverse model on simulated states alone."""
     require_loop(machine, data)
-    return _iterated(model, data, first, lambda values: _on_simulated(model, values, data, machine))[0]
+    return _iterate(model, data, first, lambda values: _simulated_rows(model, values, data, machine))[0]
 
 
-def _on_simulated(
+def _simulated_rows(
     model: JointModel, values: np.ndarray, data: Stack, machine: Machine
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     simulated = simulated_motions(model, values, data.motions, machine)
-    efforts, regressors = linearised(model, values, simulated)
+    efforts, regressors = linearise(model, values, simulated)
     w = data.reduced(regressors)
     return w, w, data.target - data.reduced(efforts)
 
 
-def _iterated(
+def _iterate(
     model: JointModel,
     data: Stack,
     first: Solution,
     rows: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]],
 ) -> tuple[Solution, np.ndarray]:
-    """Repeat values += (Z^T W)^-1 Z^T rho, with Z, W and rho made anew at each values, until the effort stays."""
+    """Repeat values += (Z^T W)^-1 Z^T rho, with Z, W and rho from `rows` at each step, until the effort settles."""
     values, converged, iterations = first.values, False, 0
     while not converged and iterations < MAX_ITERATIONS:
         iterations += 1
         z, w, residual = rows(values)
         step = np.linalg.lstsq(z.T @ w, z.T @ residual, rcond=None)[0]
         values, change = _bounded_step(model, values, step, w, data)
-        converged = change < TOLERANCE
+        converged = change < EFFORT_CHANGE_TOLERANCE
     z, w, residual = rows(values)
     return _solution(model, values, w, residual, iterations, converged), z
 
 
 def solve_output_error(model: JointModel, data: Stack, machine: Machine, first: Solution) -> Solution:
-    """Fit the simulated response itself, with its exact Jacobian. Gives [N*m, N, A or V], [rad or m]."""
+    """Fit the simulated response, with its exact Jacobian, to the measured one.
+
+    The response is the effort if the loop can be closed [N*m, N, A or V], otherwise the position [rad or m].
+    """
     from scipy.optimize import least_squares
 
     closed = all(machine.can_close(m) for m in data.motions)
@@ -116,13 +121,13 @@ def solve_output_error(model: JointModel, data: Stack, machine: Machine, first: 
     measured = [getattr(m, signal) for m in data.motions]
     size = sum(len(m.reduce(x)) for m, x in zip(data.motions, measured, strict=True))
 
-    @last_call
+    @remember_last_call
     def at(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         traces = [replay(model, values, m, machine, closed=closed, differentiate=signal) for m in data.motions]
-        # A trial step that diverges must look bad, not break the solver or a filter.
+        # A trial step that diverges returns a large residual, so that the solver rejects it and no filter fails.
         if not all(is_bounded(getattr(t, signal)) and is_bounded(t.jacobians[signal]) for t in traces):
             return np.full(size, 1e6), np.zeros((size, len(values)))
-        # A simulation speaks of every sample, those at rest too.
+        # A simulation covers every sample, including those at rest.
         off = [m.reduce(getattr(t, signal) - x) for m, t, x in zip(data.motions, traces, measured, strict=True)]
         residual = np.concatenate(off)
         jacobian = np.concatenate([m.reduce(t.jacobians[signal]) for m, t in zip(data.motions, traces, strict=True)])
@@ -142,7 +147,7 @@ def solve_output_error(model: JointModel, data: Stack, machine: Machine, first: 
 def _bounded_step(
     model: JointModel, values: np.ndarray, step: np.ndarray, w: np.ndarray, data: Stack
 ) -> tuple[np.ndarray, float]:
-    """The next values, kept physical, and the largest change in effort that any of them makes."""
+    """Return the next values, (p,), within their bounds, and the largest relative change in effort of any one."""
     lower, upper = model.bounds()
     after = np.clip(values + step, lower, upper)
     change = np.abs(after - values) * np.linalg.norm(w, axis=0)
@@ -152,5 +157,5 @@ def _bounded_step(
 def _solution(
     model: JointModel, values: np.ndarray, jacobian: np.ndarray, residual: np.ndarray, iterations: int, converged: bool
 ) -> Solution:
-    values, held = at_bounds(values, *model.bounds(), jacobian, residual)
+    values, held = snap_to_bounds(values, *model.bounds(), jacobian, residual)
     return Solution(values, jacobian, residual, np.ones(len(residual)), held, iterations, converged)

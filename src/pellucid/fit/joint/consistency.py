@@ -17,14 +17,17 @@ from dataclasses import replace
 import numpy as np
 
 from ...models.joint import GRAVITY, JointModel
-from ..regression import Solution, Stack, nearest, rows_of
+from ..regression import Solution, Stack, nearest_feasible, regression_rows
 
-ROUNDS = 4  # relinearisations; a family that is linear in its parameters needs one
+RELINEARISATION_COUNT = 4
+"""Number of relinearisations of a nonlinear model. A model that is linear in its parameters needs one."""
 
 
 def least_inertia(model: JointModel, values: np.ndarray, mass: float) -> float:
-    """The smallest inertia about the axis that a body with the model's gravity can have [kg*m^2]. `values` (p,);
-    `mass` [kg]."""
+    """Return the smallest inertia about the axis that a body with the model's gravity can have [kg*m^2].
+
+    `values` has shape (p,); `mass` is the moving mass [kg].
+    """
     free = dict(zip(model.names, values, strict=True))
     amplitude2 = sum(free.get(n, model.known.get(n, 0.0)) ** 2 for n in ("gravity", "gravity_cosine"))
     return float(amplitude2 / (mass * GRAVITY**2))
@@ -33,8 +36,10 @@ def least_inertia(model: JointModel, values: np.ndarray, mass: float) -> float:
 def enforce_pseudo_inertia(
     model: JointModel, data: Stack, found: Solution, mass: float
 ) -> tuple[Solution, tuple[str, ...]]:
-    """What least squares `found` for a `model` on `data`, moved to the nearest consistent solution in the metric of its
-    own residuals, and a note where that was needed; a body of at most `mass` [kg]."""
+    """Move the least-squares solution `found` to the nearest physically consistent one, in the metric of its residuals.
+
+    The body has at most `mass` [kg]. Returns the solution, and a note if it was moved.
+    """
     if "inertia" not in model.names or model.motion != "rotary" or model.effort_unit != "N*m":
         return found, ()
     i = model.names.index("inertia")
@@ -46,9 +51,9 @@ def enforce_pseudo_inertia(
     def room(x: np.ndarray) -> float:
         return (x[i] - least_inertia(model, x, mass)) / least
 
-    for _ in range(1 if model.linear else ROUNDS):
-        values = nearest(jacobian * w[:, None], residual * w, values, model.bounds(), room, values)[0]
-        jacobian, effort = rows_of(model, values, data)
+    for _ in range(1 if model.linear else RELINEARISATION_COUNT):
+        values = nearest_feasible(jacobian * w[:, None], residual * w, values, model.bounds(), room, values)[0]
+        jacobian, effort = regression_rows(model, values, data)
         residual = data.target - effort
     at_bound = found.at_bound.copy()
     at_bound[i] = True

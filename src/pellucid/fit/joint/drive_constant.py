@@ -1,13 +1,14 @@
-r"""The drive constant from recordings with known payloads.
+r"""Estimate the drive constant from recordings with known payloads.
 
 A payload of mass m at distance l adds :math:`m l^2` to the inertia and :math:`m g l` to the gravity of its recording.
 In the drive's own unit u (ampere or volt)
 
 .. math::  u = u(\beta', c), \qquad c = 1/k
 
-where c multiplies what the payload adds: one more parameter of the regression, with its interval. It needs recordings
-whose payloads differ: otherwise the payload's column is proportional to columns of the joint. A `model` with load
-friction sees what the payload loses too; without that term load friction counts as gravity of the joint.
+where c multiplies the payload's contribution. It is one more parameter of the regression, with its interval. The
+payloads must differ between recordings; otherwise the payload's column is proportional to columns of the joint. A
+`model` with load friction includes the friction that the payload causes. Without that term, load friction counts as
+gravity of the joint.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from ...models.filtered_dynamics import filtered_jacobian
 from ...models.joint import JointModel
 from ..parameter import Parameter
 from ..regression import Stack, least_squares_within
-from ..uncertainty import sandwich
+from ..uncertainty import sandwich_covariance
 from .friction_solver import solve_family
 
 MAX_STEPS = 30
@@ -31,15 +32,15 @@ STEP_TOLERANCE = 1e-7
 """The search ends when a step changes the effort by less than this share of it."""
 
 
-def drive_constant(model: JointModel, data: Stack) -> Parameter:
-    """Effort per ampere or volt, from known payloads. Gives [N*m/A, N*m/V, N/A or N/V]."""
+def estimate_drive_constant(model: JointModel, data: Stack) -> Parameter:
+    """Estimate the effort per ampere or volt from known payloads [N*m/A, N*m/V, N/A or N/V]."""
     if len({m.payload for m in data.motions}) < 2:
         raise IdentificationError(
             "the drive constant needs recordings with at least two different payloads (none counts as one); "
             f"found {data.motions[0].payload[0]:g} kg in all"
         )
     lower, upper = (np.append(bound, end) for bound, end in zip(model.bounds(), (-np.inf, np.inf), strict=True))
-    # The first step finds the payload's share of the effort.
+    # The payload's scale starts at 0; the first step estimates it.
     values = np.append(solve_family(replace(model, payload_scale=0.0), data).values, 0.0)
     size = float(np.linalg.norm(data.target))
     for _ in range(MAX_STEPS):
@@ -52,7 +53,7 @@ def drive_constant(model: JointModel, data: Stack) -> Parameter:
         if np.linalg.norm(w @ step) < STEP_TOLERANCE * size:
             break
     w, residual = _rows_with_payload(model, values, data)
-    covariance = sandwich(w, residual, data.lengths)
+    covariance = sandwich_covariance(w, residual, data.lengths)
     inverse, sd = values[-1], float(np.sqrt(covariance[-1, -1]))
     if not inverse > 3.0 * sd:
         raise IdentificationError(
@@ -64,8 +65,10 @@ def drive_constant(model: JointModel, data: Stack) -> Parameter:
 
 
 def _rows_with_payload(model: JointModel, values: np.ndarray, data: Stack) -> tuple[np.ndarray, np.ndarray]:
-    """Regressor (m, p + 1) of the free parameters and of the payload's scale, and residual (m,), at `values`, (p + 1,),
-    the last one being the scale."""
+    """Return the regressor, (m, p + 1), of the free parameters and the payload's scale, and the residual, (m,).
+
+    The last of `values`, (p + 1,), is the scale.
+    """
     scaled = replace(model, payload_scale=float(values[-1]))
     columns, efforts = [], []
     for motion in data.motions:

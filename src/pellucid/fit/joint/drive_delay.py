@@ -1,4 +1,4 @@
-"""How late a joint's drive is recorded against its encoder, with friction models from the simplest to a rich one."""
+"""Estimate how late a joint's drive is recorded against its encoder, with friction models of increasing richness."""
 
 from __future__ import annotations
 
@@ -10,30 +10,32 @@ import numpy as np
 from ...models.joint import JointModel, joint_model
 from ...signals.filters import anti_aliased
 from ...signals.motion import Motion
-from ..delay import Columns, Delay, DrivenRows, fit_delay, lag_instead, over_models
+from ..delay import Columns, Delay, DrivenRows, combine_models, fit_delay, prefer_better_lag
 from .friction_solver import with_known_stribeck_velocity
 
-STRIBECK_AT = 0.05
-"""Share of the top speed below which the rich model's extra friction has fallen to a third."""
+STRIBECK_SPEED_SHARE = 0.05
+"""Stribeck velocity of the richest model, as a share of the top speed. Its extra friction falls to a third there."""
 
-FEWEST_ROWS = 100
-"""Rows below which a delay is not estimated: the richest model has ten parameters."""
+MIN_ROWS = 100
+"""A delay is estimated only from at least this many rows, because the richest model has ten parameters."""
 
 
-def drive_delay(
+def estimate_drive_delay(
     plain: JointModel, motions: Sequence[Motion], back_emf: float, *, quantile: float, step: float
 ) -> Delay | None:
-    """How late the effort of `motions` is, by a `plain` model (symmetric friction) and richer ones; None where they do
-    not show it. `back_emf` [N*m*s/rad or N*s/m] acts at once; the interval reaches `quantile` standard errors; `step`
-    [s] is that of the recordings."""
+    """Estimate the delay of the effort of `motions` with a `plain` model (symmetric friction) and richer ones.
+
+    `back_emf` [N*m*s/rad or N*s/m] acts without delay. The interval spans `quantile` standard errors. `step` is the
+    sampling period of the recordings [s]. Returns None if the motions do not determine a delay.
+    """
     rows = []
     for m in motions:
         both = np.column_stack([m.effort + back_emf * m.velocity, back_emf * m.velocity])
         rows.append(DrivenRows(*anti_aliased(both, m.filtering.decimate).T, m.fs, m.kept))
-    if sum(len(r.kept) for r in rows) < FEWEST_ROWS:
+    if sum(len(r.kept) for r in rows) < MIN_ROWS:
         return None
     fits, values = [], {}
-    for model in _richer(plain, motions):
+    for model in _models_by_richness(plain, motions):
         at = np.array([values.get(name, 0.0) for name in model.names])
         columns, full = [], []
         for motion, row in zip(motions, rows, strict=True):
@@ -47,15 +49,18 @@ def drive_delay(
             return None
         fits.append(found)
         values = dict(zip(model.names, found.values, strict=True))
-    found = over_models(fits, quantile, step)
-    return lag_instead(found, fits[-1].after, rows, full, step) if found.clear(step) else found
+    found = combine_models(fits, quantile, step)
+    return prefer_better_lag(found, fits[-1].after, rows, full, step) if found.clear(step) else found
 
 
-def _richer(plain: JointModel, motions: Sequence[Motion]) -> tuple[JointModel, ...]:
-    """The plain model; one with a level for each direction and a free zero of the angle; one whose friction also grows
-    towards rest and with the load."""
+def _models_by_richness(plain: JointModel, motions: Sequence[Motion]) -> tuple[JointModel, ...]:
+    """Return three models, the simplest first.
+
+    The second has a friction level for each direction and a free zero of the angle. The friction of the third also
+    grows towards rest and with the load.
+    """
     top = max(float(np.abs(m.velocity).max()) for m in motions)
-    slow = max(STRIBECK_AT * top, 2.0 * max(m.filtering.dead_band for m in motions))
+    slow = max(STRIBECK_SPEED_SHARE * top, 2.0 * max(m.filtering.dead_band for m in motions))
     gravity = "sine+cosine" if "gravity" in plain.names else "none"
 
     def model(family: str) -> JointModel:

@@ -1,8 +1,8 @@
-"""Which estimator's values are the headline: the one that does best, on what was held out, what they are wanted for.
+"""Choose the estimator whose values are reported first, by its errors on held-out recordings.
 
-They are wanted to predict torque (the effort of a recorded motion) or to simulate (the motion of a recorded command).
-What they are for is judged first: of those that are not significantly worse than the best, the plainest is taken, which
-is least squares where it is among them. Only where another of these does far better at the other purpose, that one is.
+The purpose is either to predict torque (the effort of a recorded motion) or to simulate (the motion of a recorded
+command). Among the estimators that are not significantly worse than the best at the stated purpose, the plainest is
+chosen: least squares, if it is among them. Another of these is chosen only if it does far better at the other purpose.
 """
 
 from __future__ import annotations
@@ -14,46 +14,51 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...signals.motion import Motion
-from ..block_test import Contest, contest
+from ..block_test import HeldOutComparison, compare_held_out
 from .evaluation import Prediction
 from .joint_estimate import JointEstimate
-from .replay import Machine, Simulation, simulation_of
+from .replay import Machine, Simulation, simulate_recording
 
-METHODS = ("ls", "wls", "irls", "iv", "didim", "output_error")
-"""Plainest first."""
+ESTIMATION_METHODS = ("ls", "wls", "irls", "iv", "didim", "output_error")
+"""Estimation methods, the plainest first."""
 
-DECISIVE = 1.5  # times the smallest error, from where the purpose that was not asked for decides too
+DECISIVE_ERROR_RATIO = 1.5
+"""The other purpose decides if the plainest method's error there exceeds this multiple of the smallest error. Chosen by
+judgement; no measurement is recorded."""
 
 
 @dataclass(frozen=True)
 class EstimatorChoice:
-    """The `method` chosen for a `purpose`, with how all did in `torque` [the effort's unit] and `simulation` [rad or
-    m]; None where nothing is held out, or nothing can be simulated."""
+    """The estimation method chosen for a purpose, with the comparisons behind the choice."""
 
     method: str = "ls"
-    purpose: str = "torque"
-    torque: Contest | None = None
-    simulation: Contest | None = None
-    predictions: tuple[Prediction, ...] = ()  # By the chosen one, of every recording
+    purpose: str = "torque"  # "torque" or "simulation"
+    torque: HeldOutComparison | None = (
+        None  # comparison of effort errors [the effort's unit]; None if nothing is held out
+    )
+    simulation: HeldOutComparison | None = None  # comparison of simulated positions [rad or m]; None if there are none
+    predictions: tuple[Prediction, ...] = ()  # predictions of every recording by the chosen method
 
 
-Residuals = Mapping[str, Sequence[np.ndarray]]  # Of each method on each held-out recording, (n_i,)
+Residuals = Mapping[str, Sequence[np.ndarray]]  # residuals of each method on each held-out recording, (n_i,)
 
 
-def chosen_method(first: Residuals, second: Residuals) -> str:
-    """The plainest method that is not significantly worse than the best by `first`, unless one of these does far better
-    by `second`."""
-    found = contest(first)
-    left = [name for name in METHODS if name in first and not found.worse(name)]
-    other = contest({name: second[name] for name in left if name in second} or {left[0]: first[left[0]]})
+def choose_method(first: Residuals, second: Residuals) -> str:
+    """Return the plainest method that is not significantly worse than the best by `first`.
+
+    Another of these methods is returned if it does far better by `second`.
+    """
+    found = compare_held_out(first)
+    left = [name for name in ESTIMATION_METHODS if name in first and not found.worse(name)]
+    other = compare_held_out({name: second[name] for name in left if name in second} or {left[0]: first[left[0]]})
     plain = left[0]
     decided = plain in other.errors and other.worse(plain)
-    if decided and other.errors[plain] > DECISIVE * other.errors[other.winner]:
+    if decided and other.errors[plain] > DECISIVE_ERROR_RATIO * other.errors[other.winner]:
         return other.first([name for name in left if name in other.errors])
     return plain
 
 
-def estimator_choice(
+def choose_estimator(
     purpose: str,
     predictions: Mapping[str, Sequence[Prediction]],
     estimates: Mapping[str, JointEstimate],
@@ -61,8 +66,11 @@ def estimator_choice(
     motions: Sequence[Motion],
     machine: Machine,
 ) -> EstimatorChoice:
-    """The choice for a `purpose` among `estimates` of one family, "ls" among them, by their `predictions` of all
-    `motions`, and by simulations of the held-out ones on a `machine`, taken from `simulations` where they are there."""
+    """Choose for a `purpose` among `estimates` of one family, which include "ls".
+
+    They are judged by their `predictions` of all `motions`, and by simulations of the held-out ones on a `machine`.
+    Those that exist already are taken from `simulations`.
+    """
     torque = {name: [p.residual for p in made if p.split == "heldout"] for name, made in predictions.items()}
     torque = {name: residuals for name, residuals in torque.items() if residuals}
     if not torque:
@@ -71,12 +79,12 @@ def estimator_choice(
     simulated = {n: _position_errors(e, simulations.get(n, ()), held, machine) for n, e in estimates.items()}
     simulated = {name: errors for name, errors in simulated.items() if errors is not None}
     orders = {"torque": (torque, simulated), "simulation": (simulated or torque, torque)}
-    method = chosen_method(*orders[purpose])
+    method = choose_method(*orders[purpose])
     return EstimatorChoice(
         method=method,
         purpose=purpose,
-        torque=contest(torque),
-        simulation=contest(simulated) if simulated else None,
+        torque=compare_held_out(torque),
+        simulation=compare_held_out(simulated) if simulated else None,
         predictions=tuple(predictions[method]),
     )
 
@@ -84,11 +92,13 @@ def estimator_choice(
 def _position_errors(
     estimate: JointEstimate, made: Sequence[Simulation], held: Sequence[Motion], machine: Machine
 ) -> list[np.ndarray] | None:
-    """Measured less simulated position, (n_i,), of every held-out recording from its command; None where one diverges
-    or strays farther than the joint ever moved."""
+    """Return measured minus simulated position, (n_i,), of every held-out recording, simulated from its command.
+
+    Returns None if a simulation diverges, or if the errors are at least as large as the motion itself.
+    """
     ready = [s for s in made if s.split == "heldout" and s.mode == "openloop"]
     try:
-        runs = ready or [simulation_of(estimate.model, estimate.array, m, machine, closed=False) for m in held]
+        runs = ready or [simulate_recording(estimate.model, estimate.array, m, machine, closed=False) for m in held]
     except IdentificationError:
         return None
     if len(runs) < len(held):

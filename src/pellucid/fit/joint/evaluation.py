@@ -1,4 +1,4 @@
-"""How an identified joint predicts effort on recordings, fitted or never seen."""
+"""Predictions of effort by an identified joint, on fitted and held-out recordings."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ... import _core
 from ...models.joint import JointModel
 from ...signals.motion import Motion
-from ..regression import effort_rows
+from ..regression import predict_effort_rows
 from .replay import relative_error
 
 
@@ -37,7 +37,7 @@ class Prediction:
     coverage: float
 
     def part(self, most: int) -> Prediction:
-        """The same with so many samples at most, next to each other, from the middle."""
+        """Return an excerpt of at most `most` consecutive samples from the middle of the recording."""
         n = len(self.time)
         if n <= most:
             return self
@@ -46,16 +46,17 @@ class Prediction:
 
     @property
     def residual(self) -> np.ndarray:
-        """What the model misses, shape (n,), in the effort's unit."""
+        """Measured minus predicted effort, shape (n,), in the effort's unit."""
         return self.effort - self.predicted
 
 
 def _is_signal(field: Field) -> bool:
+    """Return whether a field of `Prediction` holds one number per sample."""
     return field.type == "np.ndarray"
 
 
 def r_squared(measured: np.ndarray, modelled: np.ndarray) -> float:
-    """1 - ||x - x_m||^2 / ||x - mean(x)||^2."""
+    """Return the coefficient of determination, 1 - ||x - x_m||^2 / ||x - mean(x)||^2; nan for a constant x."""
     spread = float(np.sum((measured - measured.mean()) ** 2))
     return float(1.0 - np.sum((measured - modelled) ** 2) / spread) if spread else float("nan")
 
@@ -67,8 +68,11 @@ def predict(
     half_width: float,
     known: Mapping[int, np.ndarray] | None = None,
 ) -> tuple[Prediction, ...]:
-    """Predict the effort of every motion; scored samples only. `values` (p,); of some motions, by their `id`, the
-    modelled effort, (m,), is `known`."""
+    """Predict the effort of every motion in its scored samples.
+
+    `values` has shape (p,). `known` has the modelled effort, (m,), of some motions by their `id`, if it was computed
+    before.
+    """
     known = known or {}
     bare = model.vector(values)
     whole: dict[str, list[Motion]] = {}
@@ -79,7 +83,7 @@ def predict(
         time, position, velocity, acceleration, effort = np.concatenate([m.states for m in parts]).T.copy()
         if len(effort) == 0:
             continue
-        found = [known[id(m)] if id(m) in known else effort_rows(model, values, m) for m in parts]
+        found = [known[id(m)] if id(m) in known else predict_effort_rows(model, values, m) for m in parts]
         modelled = np.concatenate(found)
         loads = [_core.load(model.loaded(bare, *m.payload), *m.states[:, [1, 3]].T) for m in parts]
         made.append(
@@ -102,8 +106,8 @@ def predict(
     return tuple(made)
 
 
-def pooled(predictions: Sequence[Prediction], split: str) -> tuple[float, float]:
-    """Effort error [%] and R2 over all samples of one split; nan, nan where it is empty."""
+def pool_errors(predictions: Sequence[Prediction], split: str) -> tuple[float, float]:
+    """Return the effort error [%] and R2 over all samples of one split; nan and nan if it is empty."""
     chosen = [p for p in predictions if p.split == split]
     if not chosen:
         return float("nan"), float("nan")

@@ -1,4 +1,4 @@
-"""What a motion can show of a joint, from the motion alone: how much of each parameter's effort no other one makes."""
+"""Excitation of a joint's parameters by a motion: the share of each parameter's effort that no other can explain."""
 
 from __future__ import annotations
 
@@ -7,30 +7,29 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.joint import JointModel
-from ..regression import Stack, rows_of
+from ..regression import Stack, regression_rows
 
 
 @dataclass(frozen=True)
 class Excitation:
-    """Ranges of `position` (both ends) [rad or m], `speed` and `acceleration` (largest); the regressor's `condition`
-    number with columns of equal length; `own`, by parameter, the share of what it does that no other explains."""
+    """Range of a motion, and how well it separates the parameters of a model."""
 
-    position: tuple[float, float]
-    speed: float
-    acceleration: float
-    condition: float
-    own: dict[str, float]
+    position: tuple[float, float]  # smallest and largest position [rad or m]
+    speed: float  # largest speed [rad/s or m/s]
+    acceleration: float  # largest acceleration [rad/s^2 or m/s^2]
+    condition: float  # condition number of the regressor with columns of equal length
+    own: dict[str, float]  # for each parameter, the share of its column's norm that no other column explains
 
 
-def excitation(model: JointModel, data: Stack) -> Excitation:
-    """Excitation of a linear `model` by the motions of `data`; their effort is not looked at."""
-    w, _ = rows_of(model, np.zeros(len(model.names)), data)
+def measure_excitation(model: JointModel, data: Stack) -> Excitation:
+    """Return the excitation of a linear `model` by the motions of `data`; their effort is not used."""
+    w, _ = regression_rows(model, np.zeros(len(model.names)), data)
     norms = np.linalg.norm(w, axis=0)
     w = w[:, norms > 0.0] / norms[norms > 0.0]
-    # Of fewer rows than columns what no row shows counts as nothing.
+    # Rows of zeros pad a regressor with fewer rows than columns.
     w = np.vstack([w, np.zeros((max(w.shape[1] - len(w), 0), w.shape[1]))])
     _, singular, axes = np.linalg.svd(np.linalg.qr(w, mode="r"))
-    # One over the diagonal of the inverse of W'W: the squared part of a column that is normal to all others.
+    # The squared part of a column normal to all others is one over the diagonal of the inverse of W'W.
     apart = 1.0 / np.sum((axes / np.maximum(singular, 1e-12 * singular[0])[:, None]) ** 2, axis=0)
     seen = iter(np.sqrt(apart))
     own = {name: float(next(seen)) if n > 0.0 else 0.0 for name, n in zip(model.names, norms, strict=True)}

@@ -1,4 +1,4 @@
-"""A joint identified from arrays: inertia, gravity and friction with intervals."""
+"""Identify a joint from arrays: inertia, gravity and friction with confidence intervals."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from ...signals.sampled import sampled
 from ..regression import stack
 from .consistency import enforce_pseudo_inertia
 from .friction_solver import solve_family
-from .joint_estimate import JointEstimate, estimated
+from .joint_estimate import JointEstimate, make_estimate
 
-SETTLING = 2.0
-"""Periods of the low-pass that are dropped at either border unless told otherwise."""
+SETTLING_PERIODS = 2.0
+"""Default length that is trimmed at either end, in periods of the low-pass cut-off."""
 
 
 def fit_joint(
@@ -44,39 +44,40 @@ def fit_joint(
 
     .. math::  \tau = J\ddot q + g_s\sin q + g_c\cos q + f(\dot q, \cdot) + \tau_0 ,
 
-    both sides through the same zero-phase low-pass; standard errors allow for coloured residuals.
+    with both sides passed through the same zero-phase low-pass. Standard errors allow for coloured residuals.
 
     Parameters
     ----------
     time : ndarray, shape (n,)
-        Evenly sampled [s].
+        Evenly sampled time [s].
     position : ndarray, shape (n,) or (n, 1)
-        [rad], 0 where the joint hangs; or [m].
+        Angle [rad], 0 where the joint hangs; or displacement [m].
     effort : ndarray, shape (n,) or (n, 1)
-        At the joint [N*m or N], or in the drive's own unit (see `effort_unit`); positive drives positive motion.
+        Effort at the joint [N*m or N], or in the drive's own unit (see `effort_unit`); positive drives positive motion.
     friction : {"symmetric", "directional", "load", "stribeck", "combined"}
         Friction family.
     lowpass : float or None
-        Cut-off of the low-pass [Hz]; about five times the fastest motion. None if the arrays are smooth already.
+        Cut-off of the low-pass [Hz], about five times the fastest motion. None if the arrays are smooth already.
     order : int
-        Of one pass of the filter.
+        Order of one pass of the filter.
     decimate : int
-        One sample in so many is kept after filtering: 1 / (2 `lowpass`) apart loses nothing.
+        Decimation factor after filtering. Samples 1 / (2 `lowpass`) apart lose nothing.
     dead_band : float
-        Slower samples are left out [rad/s or m/s]: what sticks tells nothing of friction.
+        Speed below which samples are left out [rad/s or m/s], because a sticking joint does not show its friction.
     trim : int, optional
-        Samples dropped at either border; two periods of `lowpass` if left out.
+        Number of samples dropped at either end; two periods of `lowpass` by default.
     motion : {"rotary", "prismatic"}
+        Kind of joint.
     gravity : {"sine", "sine+cosine", "none"}, optional
-        How gravity varies with position; "sine" of a rotary joint and "none" of a slide if left out.
+        Variation of gravity with position; by default "sine" for a rotary joint and "none" for a prismatic one.
     effort_unit : {"N*m", "N", "A", "V"}, optional
-        "N*m" or "N", by `motion`, if left out. Parameters are then per ampere or per volt.
+        Unit of `effort`; "N*m" or "N", by `motion`, by default. With "A" or "V" parameters are per ampere or per volt.
     known : mapping of str to float, optional
         Parameters that are known beforehand, SI, such as ``{"gravity": 1.5}``.
     moving_mass : float, optional
-        More mass than moves [kg]: keeps the inertia above the least that a body with this gravity torque can have.
+        Upper limit of the moving mass [kg]. It bounds the inertia from below by this gravity torque.
     confidence : float
-        Of the intervals.
+        Confidence level of the intervals.
 
     Returns
     -------
@@ -134,7 +135,7 @@ def fit_joint(
             f"fit_joint: lowpass: found {lowpass:g} Hz, expected above 0 and below {fs / 2:g} Hz, half the rate"
         )
     if trim is None:
-        trim = 0 if lowpass is None else int(np.ceil(SETTLING * fs / lowpass))
+        trim = 0 if lowpass is None else int(np.ceil(SETTLING_PERIODS * fs / lowpass))
     filtering = Filtering(lowpass, int(order), int(decimate), float(dead_band), int(trim))
     sampled("fit_joint", time, least=shortest(filtering))
     taken = motion_of(time, position, effort, filtering)
@@ -152,4 +153,4 @@ def fit_joint(
     found, notes = solve_family(model, data), ()
     if moving_mass is not None:
         found, notes = enforce_pseudo_inertia(model, data, found, moving_mass)
-    return estimated(model, data, found, "ls", notes, level=confidence)
+    return make_estimate(model, data, found, "ls", notes, level=confidence)

@@ -1,4 +1,4 @@
-"""One friction family fitted by every method its data allow, with what it predicts and simulates."""
+"""Fit a friction family by every method that the data allow, and evaluate its predictions and simulations."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.joint import JointModel
 from ...signals.motion import Motion
-from ..crossed_residuals import crossed_residuals
+from ..crossed_residuals import cross_validated_residuals
 from ..parameter import Parameter
 from ..regression import Solution, Stack, stack
 from .closed_loop import solve_didim, solve_instrumental, solve_output_error
 from .consistency import enforce_pseudo_inertia
-from .determinacy import SEEDS, marked, undetermined
-from .estimator_choice import EstimatorChoice, estimator_choice
-from .evaluation import Prediction, pooled, predict
+from .determinacy import PERTURBATION_SEEDS, find_undetermined, mark_undetermined
+from .estimator_choice import EstimatorChoice, choose_estimator
+from .evaluation import Prediction, pool_errors, predict
 from .friction_solver import solve_family, solve_from_part, with_known_stribeck_velocity
-from .joint_estimate import JointEstimate, estimated
-from .predictive_band import PredictiveBand, banded, predictive_band
-from .replay import Machine, Simulation, simulation_of
+from .joint_estimate import JointEstimate, make_estimate
+from .predictive_band import PredictiveBand, apply_band, make_predictive_band
+from .replay import Machine, Simulation, simulate_recording
 from .reweighting import solve_robust, solve_weighted
 
 
 @dataclass(frozen=True)
 class FamilyFit:
-    """One friction family: its least-squares estimate, the other estimators, and how it predicts and simulates.
+    """One friction family: its least-squares estimate, the other estimators, predictions and simulations.
 
-    `heldout_effort_error` [%] and `heldout_r2` pool all validation recordings (nan where there are none).
+    `heldout_effort_error` [%] and `heldout_r2` pool all held-out recordings (nan if there are none).
     """
 
     model: JointModel
@@ -37,21 +37,21 @@ class FamilyFit:
     others: Mapping[str, JointEstimate] = field(default_factory=dict)
     predictions: tuple[Prediction, ...] = ()
     simulations: Mapping[str, tuple[Simulation, ...]] = field(default_factory=dict)
-    """Keyed by the method whose parameters were simulated ("ls", "output_error", ...)."""
+    """Simulations by the method whose parameters were used ("ls", "output_error", ...)."""
     failures: Mapping[str, str] = field(default_factory=dict)
-    """Methods, and simulated recordings, that came to nothing, and why."""
+    """Methods, and simulations of recordings, that failed, with the reason."""
     fitted_effort_error: float = float("nan")
     fitted_r2: float = float("nan")
     heldout_effort_error: float = float("nan")
     heldout_r2: float = float("nan")
     choice: EstimatorChoice = field(default_factory=EstimatorChoice)
     crossed: tuple[np.ndarray, ...] = ()
-    """Where nothing is held out: residuals of blocks of the fitted recordings, each predicted from the others."""
-    excerpt: str = ""  # Of which recordings the other estimates and simulations are parts, in words; empty: of all
-    band: PredictiveBand | None = None  # Around the chosen estimator's predictions
+    """Residuals of the fitted recordings by cross-validation over blocks, if nothing is held out."""
+    excerpt: str = ""  # excerpt to which the other estimates and simulations were fitted, in words; empty for all data
+    band: PredictiveBand | None = None  # predictive band around the chosen estimator's predictions
 
     def shown(self, most: int) -> FamilyFit:
-        """The same with so many rows of each recording at most: what figures show of hours."""
+        """Return the fit with at most `most` rows of each recording, for figures of long recordings."""
         if all(len(p.time) <= most for p in self.predictions):
             return self
         predictions = tuple(p.part(most) for p in self.predictions)
@@ -60,11 +60,11 @@ class FamilyFit:
 
     @property
     def headline(self) -> FamilyFit:
-        """The same with the chosen estimator's values, predictions and errors in the place of least squares'."""
+        """The fit with the chosen estimator's values, predictions and errors in place of those of least squares."""
         if self.choice.method == self.estimate.method:
             return self
         chosen, made = self.others[self.choice.method], self.choice.predictions
-        fitted, heldout = pooled(made, "fitted"), pooled(made, "heldout")
+        fitted, heldout = pool_errors(made, "fitted"), pool_errors(made, "heldout")
         return FamilyFit(
             chosen.model, chosen, self.others, made, self.simulations, self.failures, *fitted, *heldout, self.choice,
             excerpt=self.excerpt, band=self.band,
@@ -92,10 +92,12 @@ def fit_family(
     excerpt: Sequence[Motion] | None = None,
     said: str = "",
 ) -> FamilyFit:
-    """Fit a `model` to `data`, predict and simulate `everything` a `machine` recorded; intervals at `level`, a body of
-    at most `moving_mass` [kg]; `thorough` also by weighted, robust and closed-loop methods, of which one is
-    chosen for a `purpose`. Of hours an `excerpt`, in words `said`, serves for all but least squares, which starts
-    from it."""
+    """Fit a `model` to `data`, and predict and simulate `everything` that a `machine` recorded.
+
+    Intervals are at `level`. The body has at most `moving_mass` [kg]. A `thorough` fit adds weighted, robust and
+    closed-loop methods, and one of all methods is chosen for a `purpose`. For hours of data an `excerpt`, described by
+    `said`, is used by all methods but least squares, which only starts from it.
+    """
     taken, part = everything, data
     if said:
         taken, part = excerpt, stack([m for m in excerpt if m.split == "fitted"])
@@ -105,50 +107,50 @@ def fit_family(
     if moving_mass is not None:
         first, note = enforce_pseudo_inertia(model, data, first, moving_mass)
         start = enforce_pseudo_inertia(model, part, start, moving_mass)[0] if said else first
-    estimate = estimated(model, data, first, "ls", note, level=level)
+    estimate = make_estimate(model, data, first, "ls", note, level=level)
     loose = frozenset()
     if thorough:
         widths = [0.5 * np.ptp(p.interval(level)) for p in estimate.parameters]
-        # What is then solved on hours of data, from there, is changed once.
-        loose = undetermined(model, part, free, widths, SEEDS[:1] if said else SEEDS)
-        estimate = replace(estimate, parameters=marked(estimate.parameters, loose))
+        # With hours of data one perturbation is tried, to save time.
+        loose = find_undetermined(model, part, free, widths, PERTURBATION_SEEDS[:1] if said else PERTURBATION_SEEDS)
+        estimate = replace(estimate, parameters=mark_undetermined(estimate.parameters, loose))
     half_width = float(np.quantile(np.abs(first.residual), level))
     known = {}
     if said:
         ends = np.cumsum(data.lengths)[:-1]
         known = {id(m): x for m, x in zip(data.motions, np.split(data.target - first.residual, ends), strict=True)}
     predictions = predict(model, first.values, everything, half_width, known)
-    fitted, heldout = pooled(predictions, "fitted"), pooled(predictions, "heldout")
+    fitted, heldout = pool_errors(predictions, "fitted"), pool_errors(predictions, "heldout")
     others, simulations, failures = (
-        _thorough(model, part, start, estimate, taken, machine, level) if thorough else ({}, {}, {})
+        _apply_other_methods(model, part, start, estimate, taken, machine, level) if thorough else ({}, {}, {})
     )
-    # The others take the Stribeck velocity of least squares, and with it what depends on it.
+    # The other methods use the Stribeck velocity of least squares, so its Stribeck level is no better determined.
     taken_over = loose | {"stribeck"} if "stribeck_velocity" in loose else loose
-    others = {name: replace(e, parameters=marked(e.parameters, taken_over)) for name, e in others.items()}
+    others = {name: replace(e, parameters=mark_undetermined(e.parameters, taken_over)) for name, e in others.items()}
     estimates = {"ls": estimate, **others}
     by_method = {"ls": predict(model, first.values, taken, half_width) if said else predictions}
     for name, other in others.items():
         if other.converged:
             by_method[name] = predict(other.model, other.array, taken, half_width)
-    choice = estimator_choice(purpose, by_method, {n: estimates[n] for n in by_method}, simulations, taken, machine)
+    choice = choose_estimator(purpose, by_method, {n: estimates[n] for n in by_method}, simulations, taken, machine)
     if said:
         chosen = estimates[choice.method]
         whole = predictions if chosen is estimate else predict(chosen.model, chosen.array, everything, half_width)
         choice = replace(choice, predictions=tuple(whole))
         others = {name: replace(e, notes=(*e.notes, f"from {said}")) for name, e in others.items()}
-    crossed = () if np.isfinite(heldout[0]) else crossed_residuals(first, data.lengths)
-    band = predictive_band(predictions, crossed, level)
+    crossed = () if np.isfinite(heldout[0]) else cross_validated_residuals(first, data.lengths)
+    band = make_predictive_band(predictions, crossed, level)
     if band is not None:
-        predictions = banded(predictions, band)
-        of_chosen = band if choice.method == "ls" else predictive_band(choice.predictions, crossed, level)
-        choice = replace(choice, predictions=banded(choice.predictions, of_chosen or band))
+        predictions = apply_band(predictions, band)
+        of_chosen = band if choice.method == "ls" else make_predictive_band(choice.predictions, crossed, level)
+        choice = replace(choice, predictions=apply_band(choice.predictions, of_chosen or band))
         band = of_chosen or band
     return FamilyFit(
         model, estimate, others, predictions, simulations, failures, *fitted, *heldout, choice, crossed, said, band
     )
 
 
-def _thorough(
+def _apply_other_methods(
     model: JointModel,
     data: Stack,
     first: Solution,
@@ -157,9 +159,9 @@ def _thorough(
     machine: Machine,
     level: float,
 ) -> tuple[dict[str, JointEstimate], dict[str, tuple[Simulation, ...]], dict[str, str]]:
-    """Estimates by the other methods, simulations, and what came to nothing."""
+    """Return the estimates by the other methods, the simulations, and the reasons for failures."""
     if "stribeck_velocity" in model.names:
-        # Only least squares profiles over it; the others take its value.
+        # Only least squares searches the Stribeck velocity; the other methods use its value.
         at = model.names.index("stribeck_velocity")
         model = with_known_stribeck_velocity(model, float(first.values[at]))
         first = replace(
@@ -171,8 +173,8 @@ def _thorough(
     told = {"level": level, "discrepancy": estimate.discrepancy}
     weighted, robust = solve_weighted(model, data, first), solve_robust(model, data, first)
     others = {
-        "wls": estimated(model, data, weighted, "wls", **told),
-        "irls": estimated(model, data, robust, "irls", **told),
+        "wls": make_estimate(model, data, weighted, "wls", **told),
+        "irls": make_estimate(model, data, robust, "irls", **told),
     }
     failures: dict[str, str] = {}
 
@@ -184,15 +186,15 @@ def _thorough(
 
     def instrumental() -> JointEstimate:
         solution, z = solve_instrumental(model, data, machine, first)
-        return estimated(model, data, solution, "iv", instruments=z, **told)
+        return make_estimate(model, data, solution, "iv", instruments=z, **told)
 
     def didim() -> JointEstimate:
-        return estimated(model, data, solve_didim(model, data, machine, first), "didim", **told)
+        return make_estimate(model, data, solve_didim(model, data, machine, first), "didim", **told)
 
     def output_error() -> JointEstimate:
         solution = solve_output_error(model, data, machine, first)
         stretches = [len(m.moving) for m in data.motions]
-        return estimated(model, data, solution, "output_error", lengths=stretches, **told)
+        return make_estimate(model, data, solution, "output_error", lengths=stretches, **told)
 
     if all(machine.can_close(m) for m in data.motions):
         attempt("iv", instrumental)
@@ -205,7 +207,7 @@ def _thorough(
         for motion in everything:
             for closed in (True, False) if machine.can_close(motion) else (False,):
                 try:
-                    made.append(simulation_of(model, values, motion, machine, closed=closed))
+                    made.append(simulate_recording(model, values, motion, machine, closed=closed))
                 except IdentificationError as error:
                     failures[f"simulation of {motion.recording}"] = str(error)
         simulations[method] = tuple(made)

@@ -1,4 +1,8 @@
-"""Least squares of a friction family: linear ones at once, load friction from its linear part, Stribeck by profile."""
+"""Least-squares solver for friction families.
+
+Linear families are solved in one step. Load friction starts from the solution of its linear part. The Stribeck velocity
+is found by profiling.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +12,33 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...models.joint import MAX_STRIBECK_SHARE, JointModel
-from ..regression import Solution, Stack, at_bounds, least_squares_within, require_full_rank, rows_of, solve
+from ..regression import (
+    Solution,
+    Stack,
+    least_squares_within,
+    regression_rows,
+    require_full_rank,
+    snap_to_bounds,
+    solve,
+)
 
-LOAD_START = 0.05
-SKIPPED = 8  # of so many motions one is enough to come close on
-FEWEST_MOTIONS = 4
-MOST_STEPS = 8
-CLOSE, CLOSE_AFTER = 5e-4, 2e-3  # the latter on everything, after steps on a part of it
+INITIAL_LOAD_COEFFICIENT = 0.05
+"""Starting value of load coefficients, and of any other parameter outside the linear part."""
+
+MOTION_SUBSAMPLING = 8
+"""First steps over much data use one motion in this many."""
+
+MIN_SUBSAMPLED_MOTIONS = 4
+"""First steps use part of the motions only if that part has at least this many."""
+
+MAX_STEPS = 8
+"""Largest number of Gauss-Newton steps over much data."""
+
+STEP_TOLERANCE = 5e-4
+"""Gauss-Newton steps stop when one changes the effort by less than this share of it."""
+
+REFINING_STEP_TOLERANCE = 2e-3
+"""The same tolerance for steps over all motions after steps over part of them."""
 
 
 def solve_family(
@@ -25,11 +49,14 @@ def solve_family(
     consistent: bool = True,
     after: Solution | None = None,
 ) -> Solution:
-    """Minimise the squared effort residuals of a `model` on `data`, times `weights`, (m,); `consistent` keeps inertia,
-    friction levels and load coefficients physical; `after` an earlier solution on the same data."""
+    """Minimise the squared effort residuals of a `model` on `data`, multiplied by `weights`, (m,).
+
+    `consistent` keeps inertia, friction levels and load coefficients physical. `after` is an earlier solution on the
+    same data, from which the search starts.
+    """
     if "stribeck_velocity" in model.names:
         w = np.ones(len(data.target)) if weights is None else np.asarray(weights, float)
-        return _profiled(model, data, w, consistent, after)
+        return _profile_stribeck_velocity(model, data, w, consistent, after)
     lower, upper = model.bounds()
     if not consistent:
         free = np.array([s.linear for s in model.symbols])
@@ -39,23 +66,28 @@ def solve_family(
 
 
 def solve_from_part(model: JointModel, data: Stack, found: Solution) -> Solution:
-    """Minimise over much `data` from what was `found` on a part of it: linear families at once, others by Gauss-Newton
-    steps, first on one motion in `SKIPPED`."""
+    """Minimise over much `data` from the solution `found` on a part of it.
+
+    Linear families take one step. Others take Gauss-Newton steps, first on one motion in `MOTION_SUBSAMPLING`.
+    """
     if model.linear:
         return solve_family(model, data)
-    values, fewer = found.values, Stack(data.motions[::SKIPPED], data.targets[::SKIPPED])
-    if len(fewer.motions) >= FEWEST_MOTIONS:
-        values = _gauss_newton_steps(model, fewer, values, CLOSE).values
-        return _gauss_newton_steps(model, data, values, CLOSE_AFTER)
-    return _gauss_newton_steps(model, data, values, CLOSE)
+    values, fewer = found.values, Stack(data.motions[::MOTION_SUBSAMPLING], data.targets[::MOTION_SUBSAMPLING])
+    if len(fewer.motions) >= MIN_SUBSAMPLED_MOTIONS:
+        values = _gauss_newton_steps(model, fewer, values, STEP_TOLERANCE).values
+        return _gauss_newton_steps(model, data, values, REFINING_STEP_TOLERANCE)
+    return _gauss_newton_steps(model, data, values, STEP_TOLERANCE)
 
 
 def _gauss_newton_steps(model: JointModel, data: Stack, values: np.ndarray, close: float) -> Solution:
-    """Steps from `values`, (p,), within bounds, until one moves the effort by less than a share `close` of it: what
-    then remains is the square of that. Jacobian as before the last step, residual after it."""
+    """Take bounded Gauss-Newton steps from `values`, (p,), until one changes the effort by less than a share `close`.
+
+    The remaining error is of the order of its square. The solution's Jacobian is from before the last step, its
+    residual from after it.
+    """
     lower, upper = model.bounds()
-    for iteration in range(1, MOST_STEPS + 1):  # noqa: B007
-        jacobian, effort = rows_of(model, values, data)
+    for iteration in range(1, MAX_STEPS + 1):  # noqa: B007
+        jacobian, effort = regression_rows(model, values, data)
         residual = data.target - effort
         # A Stribeck velocity without a Stribeck level has no effect at all.
         norms = np.linalg.norm(jacobian, axis=0)
@@ -64,9 +96,9 @@ def _gauss_newton_steps(model: JointModel, data: Stack, values: np.ndarray, clos
         require_full_rank([n for n, f in zip(model.names, free, strict=True) if f], triangle[:, :-1], model.label)
         low, high = lower.copy(), upper.copy()
         if "stribeck_velocity" in model.names:
-            # Where it hardly shows, a step could carry it anywhere: at most to half of it or twice.
+            # A step changes the Stribeck velocity by at most a factor of two, because it may be poorly determined.
             at = model.names.index("stribeck_velocity")
-            slowest = min(_slowest(data, upper[at]), values[at])
+            slowest = min(_min_stribeck_velocity(data, upper[at]), values[at])
             low[at], high[at] = max(0.5 * values[at], slowest), min(2.0 * values[at], upper[at])
         room = (low - values)[free], (high - values)[free]
         step = np.zeros(len(values))
@@ -76,26 +108,29 @@ def _gauss_newton_steps(model: JointModel, data: Stack, values: np.ndarray, clos
         near = bool(np.linalg.norm(moved) < close * np.linalg.norm(data.target))
         if near:
             break
-    snapped, held = at_bounds(values, lower, upper, jacobian, residual)
+    snapped, held = snap_to_bounds(values, lower, upper, jacobian, residual)
     snapped, held = np.where(free, snapped, values), held & free
     residual = residual - jacobian @ (snapped - values)
     return Solution(snapped, jacobian, residual, np.ones(len(residual)), held, iteration, near)
 
 
 def _from_linear_part(model: JointModel, data: Stack, weights: np.ndarray | None) -> np.ndarray:
+    """Return starting values, (p,), from the fit of the model's linear part."""
     linear = replace(model, symbols=tuple(s for s in model.symbols if s.linear))
     base = dict(zip(linear.names, solve(linear, data, weights=weights).values, strict=True))
-    return np.array([base.get(name, LOAD_START) for name in model.names])
+    return np.array([base.get(name, INITIAL_LOAD_COEFFICIENT) for name in model.names])
 
 
 def with_known_stribeck_velocity(model: JointModel, velocity: float) -> JointModel:
-    """The same family with its Stribeck velocity held: the rest is then linear, or as good as."""
+    """Return the model with its Stribeck velocity fixed. The other parameters are then linear, or nearly so."""
     symbols = tuple(s for s in model.symbols if s.name != "stribeck_velocity")
     return replace(model, symbols=symbols, known={**model.known, "stribeck_velocity": velocity})
 
 
-def _profiled(model: JointModel, data: Stack, w: np.ndarray, consistent: bool, after: Solution | None) -> Solution:
-    """Profile over the Stribeck velocity: given it, the others follow without a local minimum to fall into."""
+def _profile_stribeck_velocity(
+    model: JointModel, data: Stack, w: np.ndarray, consistent: bool, after: Solution | None
+) -> Solution:
+    """Profile over the Stribeck velocity. With it fixed, the other parameters have no local minima."""
     from scipy.optimize import minimize_scalar
 
     at = model.names.index("stribeck_velocity")
@@ -112,22 +147,22 @@ def _profiled(model: JointModel, data: Stack, w: np.ndarray, consistent: bool, a
     def cost(log_velocity: float) -> float:
         velocity = float(np.exp(log_velocity))
         held = with_known_stribeck_velocity(model, velocity)
-        # A nonlinear rest starts where the last velocity's ended; a linear one must not reuse its regressor.
+        # A nonlinear problem starts from the last velocity's solution; a linear one must not reuse that regressor.
         near = previous if held.linear else (list(tried.values()) or [previous])[-1]
         try:
             found = solve_family(held, data, weights=w, consistent=consistent, after=near)
         except IdentificationError:
-            return np.inf  # no sample is slow enough to show so small a velocity
+            return np.inf  # no sample is slow enough for so small a Stribeck velocity
         tried[velocity] = found
         return float(np.sum((found.residual * w) ** 2))
 
     if after is not None:
         cost(np.log(after.values[at]))
     else:
-        grid = np.log(np.geomspace(_slowest(data, top), top, 6))
+        grid = np.log(np.geomspace(_min_stribeck_velocity(data, top), top, 6))
         costs = [cost(x) for x in grid]
         best = int(np.argmin(costs))
-        if np.isfinite(costs[best]) and tried[float(np.exp(grid[best]))].values[_stribeck_at(model)] > 0.0:
+        if np.isfinite(costs[best]) and tried[float(np.exp(grid[best]))].values[_stribeck_index(model)] > 0.0:
             around = (grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)])
             minimize_scalar(cost, bounds=around, method="bounded", options={"xatol": 0.02, "maxiter": 12})
     if not tried:
@@ -139,20 +174,22 @@ def _profiled(model: JointModel, data: Stack, w: np.ndarray, consistent: bool, a
     found = tried[velocity]
     values = np.insert(found.values, at, velocity)
     held = np.insert(found.at_bound, at, velocity >= 0.999 * top)
-    jacobian, effort = rows_of(model, values, data)
+    jacobian, effort = regression_rows(model, values, data)
     residual = data.target - effort
-    if after is None and found.values[_stribeck_at(model)] > 0.0 and not held[at]:
-        values, jacobian, residual = _polished(model, data, w, values, jacobian, residual, ~held)
+    if after is None and found.values[_stribeck_index(model)] > 0.0 and not held[at]:
+        values, jacobian, residual = _polish(model, data, w, values, jacobian, residual, ~held)
     return replace(found, values=values, jacobian=jacobian, residual=residual, at_bound=held, iterations=len(tried))
 
 
-def _slowest(data: Stack, top: float) -> float:
-    """The smallest Stribeck velocity that is looked for, of those up to `top` [rad/s or m/s]: below the dead band the
-    extra level would be an extrapolation."""
+def _min_stribeck_velocity(data: Stack, top: float) -> float:
+    """Return the smallest Stribeck velocity in the search up to `top` [rad/s or m/s].
+
+    Below the dead band the Stribeck level would be an extrapolation.
+    """
     return min(max(0.02 * top, 2.0 * max(m.filtering.dead_band for m in data.motions)), top)
 
 
-def _polished(
+def _polish(
     model: JointModel,
     data: Stack,
     w: np.ndarray,
@@ -161,7 +198,7 @@ def _polished(
     residual: np.ndarray,
     free: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gauss-Newton steps over all free parameters together, as long as they help and stay physical."""
+    """Take Gauss-Newton steps over all free parameters together while they reduce the cost and stay within bounds."""
     lower, upper = model.bounds()
     for _ in range(4):
         scale = np.linalg.norm(jacobian[:, free], axis=0)
@@ -170,13 +207,14 @@ def _polished(
         trial = values + step
         if np.any(trial < lower) or np.any(trial > upper):
             break
-        trial_jacobian, effort = rows_of(model, trial, data)
+        trial_jacobian, effort = regression_rows(model, trial, data)
         if not np.sum(((data.target - effort) * w) ** 2) < np.sum((residual * w) ** 2):
             break
         values, jacobian, residual = trial, trial_jacobian, data.target - effort
     return values, jacobian, residual
 
 
-def _stribeck_at(model: JointModel) -> int:
+def _stribeck_index(model: JointModel) -> int:
+    """Return the index of the Stribeck level among the parameters without the Stribeck velocity."""
     names = [n for n in model.names if n != "stribeck_velocity"]
     return names.index("stribeck")

@@ -1,15 +1,16 @@
-r"""Gravity torque of a segment from angles at which it was held.
+r"""Estimate the gravity torque of a segment from angles at which it was held.
 
-Held still, an actuator carries gravity and whatever friction left of its approach:
+At rest an actuator carries gravity, and friction whose sign depends on the direction of approach:
 
 .. math::
     \tau = m g l \sin(q - q_0) + \tau_0 \pm \tau_f
 
-with q = 0 hanging. Written with sin q, cos q and 1 it is linear. An angle reached once from below and once from above
-tells friction from gravity; reached from one side only, a constant friction joins the offset and gravity is as good.
+with q = 0 hanging. Written with sin q, cos q and 1 it is linear. Approaching an angle from below and from above
+separates friction from gravity. If all angles are approached from one side, a constant friction joins the offset, and
+gravity is not affected.
 
-The thesis fits a straight line to torque over angle, and writes the torque with a cosine (its equations 2.3 and 2.6);
-both are here as published alternatives.
+The thesis fits a straight line to torque over angle, and writes the torque with a cosine (its equations 2.3 and 2.6).
+Both are included as published alternatives.
 """
 
 from __future__ import annotations
@@ -24,18 +25,26 @@ from ..._errors import IdentificationError
 from ...signals.filters import runs, zero_phase_lowpass
 from ..parameter import Parameter
 
-STILL = 0.02
-"""Slower than this [rad/s] a segment is held."""
-STILL_CUTOFF = 2.0
-"""Low-pass ahead of that decision [Hz]: tremor and the encoder's steps are no motion."""
-SHORTEST = 1.0
-"""Seconds that a hold lasts at least once it has settled."""
-SETTLING = 0.75
-"""Seconds left out at the beginning of each hold; the loop creeps to its end there."""
-DISTINCT = np.radians(3.0)
-"""Holds nearer than this are at the same angle."""
-FEWEST_ANGLES = 3
-LEVEL = 0.95
+MAX_HOLD_SPEED = 0.02
+"""Below this speed [rad/s] a segment counts as held."""
+
+HOLD_CUTOFF_HZ = 2.0
+"""Cut-off of the low-pass before that decision [Hz], so that tremor and encoder steps do not count as motion."""
+
+MIN_HOLD_S = 1.0
+"""Shortest duration of a settled hold [s]."""
+
+HOLD_SETTLING_S = 0.75
+"""Time left out at the beginning of each hold [s], while the control loop creeps to its target."""
+
+MIN_ANGLE_DIFFERENCE_RAD = np.radians(3.0)
+"""Two holds count as different angles if they are farther apart than this [rad]."""
+
+MIN_ANGLE_COUNT = 3
+"""Smallest number of different angles that determines gravity."""
+
+CONFIDENCE_LEVEL = 0.95
+"""Confidence level of the intervals, unless another is given."""
 
 
 @dataclass(frozen=True)
@@ -43,54 +52,58 @@ class Hold:
     """One angle at which a segment was held."""
 
     recording: str
-    start: float  # start, end: Settled samples, on the recording's clock [s]
-    end: float
-    angle: float  # angle, torque: Means [rad], [N m]
-    torque: float
-    torque_sd: float  # Of the samples [N m]
-    approach: int  # 1 from below, -1 from above, 0 for the first one
+    start: float  # time of the first settled sample, on the recording's clock [s]
+    end: float  # time of the last settled sample [s]
+    angle: float  # mean angle [rad]
+    torque: float  # mean torque [N m]
+    torque_sd: float  # standard deviation of the torque samples [N m]
+    approach: int  # direction of approach: 1 from below, -1 from above, 0 for the first hold
 
 
 @dataclass(frozen=True)
 class GravityFit:
-    """Gravity of one segment."""
+    """Gravity of one segment, estimated from holds."""
 
     gravity: Parameter  # m g l [N m]
-    zero: Parameter | None  # Angle at which it hangs [rad]; None where nothing says that it is not 0
-    offset: Parameter  # Torque that does not depend on the angle [N m]
-    friction: Parameter | None  # Half the torque between both approaches [N m]; None where there was one approach only
-    phasor: np.ndarray = field(repr=False)  # (2,) Coefficients of sin q and cos q [N m]
-    phasor_covariance: np.ndarray = field(repr=False)  # (2, 2) [N^2 m^2]; widened for the few holds there are
+    zero: Parameter | None  # angle at which the segment hangs [rad]; None if it does not differ from 0
+    offset: Parameter  # torque that does not depend on the angle [N m]
+    friction: Parameter | None  # half the torque difference between both approaches [N m]; None with one approach only
+    phasor: np.ndarray = field(repr=False)  # coefficients of sin q and cos q, (2,) [N m]
+    phasor_covariance: np.ndarray = field(repr=False)  # covariance of `phasor`, (2, 2) [N^2 m^2], widened for few holds
     holds: tuple[Hold, ...] = field(repr=False)
-    residual: np.ndarray = field(repr=False)  # (k,) Of each hold [N m]
+    residual: np.ndarray = field(repr=False)  # torque residual of each hold, (k,) [N m]
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Those that were estimated."""
+        """Parameters that were estimated."""
         return tuple(p for p in (self.gravity, self.zero, self.offset, self.friction) if p is not None)
 
     def torque(self, angle: np.ndarray) -> np.ndarray:
-        """Torque that holds the segment, without friction, shape (n,) [N m], at `angle` of shape (n,) [rad]."""
+        """Return the torque that holds the segment, without friction, shape (n,) [N m], at `angle`, (n,) [rad]."""
         return self.phasor[0] * np.sin(angle) + self.phasor[1] * np.cos(angle) + self.offset.value
 
 
 def find_holds(
-    time: np.ndarray, position: np.ndarray, torque: np.ndarray, *, recording: str = "", shortest: float = SHORTEST
+    time: np.ndarray, position: np.ndarray, torque: np.ndarray, *, recording: str = "", shortest: float = MIN_HOLD_S
 ) -> tuple[Hold, ...]:
-    """Where a recording stands still, without the time in which it settles. `time`, `position`, `torque` (n,) [s],
-    [rad], [N m]."""
+    """Find the holds of a recording, without the time in which they settle.
+
+    `time` [s], `position` [rad] and `torque` [N m] have shape (n,).
+    """
     fs = (len(time) - 1) / (time[-1] - time[0])
-    velocity = np.gradient(zero_phase_lowpass(position, STILL_CUTOFF, 2, fs), 1.0 / fs)
+    velocity = np.gradient(zero_phase_lowpass(position, HOLD_CUTOFF_HZ, 2, fs), 1.0 / fs)
     found: list[Hold] = []
-    for run in runs(np.abs(velocity) < STILL):
-        # The very first hold has nothing to settle from.
-        start = run.start + (round(SETTLING * fs) if run.start else 0)
+    for run in runs(np.abs(velocity) < MAX_HOLD_SPEED):
+        # A hold at the start of the recording has already settled.
+        start = run.start + (round(HOLD_SETTLING_S * fs) if run.start else 0)
         if run.stop - start < shortest * fs:
             continue
         angle = float(np.mean(position[start : run.stop]))
         step = angle - found[-1].angle if found else 0.0
-        # A pause in mid-approach ends where the next one begins.
-        approach = (1 if step > 0.0 else -1) if abs(step) > DISTINCT else (found[-1].approach if found else 0)
+        # A hold at the same angle as the last one continues its approach.
+        approach = (
+            (1 if step > 0.0 else -1) if abs(step) > MIN_ANGLE_DIFFERENCE_RAD else (found[-1].approach if found else 0)
+        )
         found.append(
             Hold(
                 recording,
@@ -110,15 +123,18 @@ def find_holds(
     return tuple(found)
 
 
-def fit_gravity(holds: Sequence[Hold], *, zero: Parameter | None = None, level: float = LEVEL) -> GravityFit:
-    """Least squares of torque on sin(q - zero), an offset, and friction by the side of the approach."""
+def fit_gravity(holds: Sequence[Hold], *, zero: Parameter | None = None, level: float = CONFIDENCE_LEVEL) -> GravityFit:
+    """Fit gravity to holds by least squares of torque on sin(q - zero), an offset, and the sign of the approach.
+
+    `zero` is a known angle of rest; without it the angle is estimated if it differs from 0 significantly.
+    """
     angle, torque = np.array([h.angle for h in holds]), np.array([h.torque for h in holds])
-    _refuse_few(angle, holds)
+    _require_different_angles(angle, holds)
     approach = np.array([float(h.approach) for h in holds])
     both = np.sum(approach > 0.0) > 0 and np.sum(approach < 0.0) > 0
     columns = [np.sin(angle), np.ones_like(angle)] + ([approach] if both else [])
     if zero is not None:
-        return _with_zero(holds, columns, torque, zero, level)
+        return _fit_about_zero(holds, columns, torque, zero, level)
     turned = _solve(np.column_stack([*columns, np.cos(angle)]), torque, level)
     rest = turned is not None and abs(turned.values[-1]) > turned.half[-1]
     found = turned if rest else _solve(np.column_stack(columns), torque, level)
@@ -146,36 +162,38 @@ def fit_gravity(holds: Sequence[Hold], *, zero: Parameter | None = None, level: 
 
 
 def added_gravity(together: Sequence[Sequence[Hold]], alone: GravityFit) -> tuple[Parameter, Parameter]:
-    """Gravity of what was fixed to a segment: the torque that holds both, less what holds the segment alone.
+    """Estimate the gravity of a body fixed to a segment, from the torque that holds both minus that of the segment.
 
-    What the torque's sensor shows without load, and the bearing's friction, are in both and go out of the difference:
-    it is left with no constant, so that the angle at which the added body hangs can be told from few angles.
+    The torque sensor's offset and the bearing's friction cancel in the difference. It has no constant term, so few
+    angles determine the angle at which the added body hangs.
 
-    Gives `gravity`, `zero` [N m], [rad].
+    Returns the gravity amplitude [N m] and the angle of rest [rad].
     """
     blocks, targets, phasors = [], [], []
     for holds in together:
         angle = np.array([h.angle for h in holds])
-        _refuse_few(angle, holds)
+        _require_different_angles(angle, holds)
         friction = alone.friction.value if alone.friction is not None else 0.0
         carried = alone.torque(angle) + friction * np.array([h.approach for h in holds])
         blocks.append(np.column_stack([np.sin(angle), np.cos(angle)]))
         targets.append(np.array([h.torque for h in holds]) - carried)
         phasors.append(np.linalg.lstsq(blocks[-1], targets[-1], rcond=None)[0])
-    found = _solve(np.vstack(blocks), np.concatenate(targets), LEVEL)
+    found = _solve(np.vstack(blocks), np.concatenate(targets), CONFIDENCE_LEVEL)
     if found is None:
         raise IdentificationError("too few holds of both bodies for a gravity torque and an angle of rest")
     covariance = found.covariance
     if len(phasors) > 1:
-        widen = (stdtrit(len(phasors) - 1, 0.5 + LEVEL / 2.0) / ndtri(0.5 + LEVEL / 2.0)) ** 2
+        widen = (stdtrit(len(phasors) - 1, 0.5 + CONFIDENCE_LEVEL / 2.0) / ndtri(0.5 + CONFIDENCE_LEVEL / 2.0)) ** 2
         between = widen * np.cov(np.transpose(phasors)) / len(phasors)
         covariance = between if between[0, 0] > covariance[0, 0] else covariance
     return phasor_parameters(found.values, covariance + alone.phasor_covariance)
 
 
 def phasor_parameters(phasor: np.ndarray, covariance: np.ndarray) -> tuple[Parameter, Parameter]:
-    """m g l and the angle of rest from the coefficients of sin q and cos q. `phasor` (2,) [N m]; `covariance` (2,
-    2)."""
+    """Return m g l and the angle of rest from the coefficients of sin q and cos q.
+
+    `phasor` has shape (2,) [N m], its `covariance` (2, 2).
+    """
     a, b = phasor
     size = float(np.hypot(a, b))
     along, across = np.array([a, b]) / size, np.array([b, -a]) / size**2
@@ -188,17 +206,16 @@ def phasor_parameters(phasor: np.ndarray, covariance: np.ndarray) -> tuple[Param
 
 @dataclass(frozen=True)
 class LineFit:
-    """A straight line through torque over angle: `slope` [N m/rad], `intercept` [N m], the slope through the origin,
-    and the largest residual [N m]."""
+    """A straight line through torque over angle."""
 
-    slope: float
-    intercept: float
-    through_origin: float
-    largest_residual: float
+    slope: float  # [N m/rad]
+    intercept: float  # [N m]
+    through_origin: float  # slope of the best line through the origin [N m/rad]
+    largest_residual: float  # largest residual of the line with intercept [N m]
 
 
 def line_of_best_fit(angle: np.ndarray, torque: np.ndarray) -> LineFit:
-    """The thesis's trend line of torque against angle (its section 2.3.1). `angle`, `torque` (k,) [rad], [N m]."""
+    """Fit the thesis's trend line of torque, (k,) [N m], against angle, (k,) [rad] (its section 2.3.1)."""
     slope, intercept = np.polyfit(angle, torque, 1)
     residual = torque - slope * angle - intercept
     return LineFit(
@@ -207,15 +224,17 @@ def line_of_best_fit(angle: np.ndarray, torque: np.ndarray) -> LineFit:
 
 
 def cosine_moment(angle: np.ndarray, torque: np.ndarray) -> float:
-    """m g l by the thesis's equation 2.3, tau = m g l cos q, by least squares [N m]. `angle`, `torque` (k,) [rad],
-    [N m]."""
+    """Fit m g l [N m] in the thesis's equation 2.3, tau = m g l cos q, to `torque` [N m] at `angle` [rad], both
+    (k,)."""
     c = np.cos(angle)
     return float(c @ torque / (c @ c))
 
 
 def accuracy(found: float, theoretical: float) -> tuple[float, float]:
-    """How near two values are [%]: relative to what was found (as the thesis computes it), and to the theoretical one
-    (as it says)."""
+    """Return the agreement of two values [%], relative to the value found and relative to the theoretical one.
+
+    The thesis computes the first and describes the second.
+    """
     off = abs(found - theoretical)
     return 100.0 * (1.0 - off / abs(found)), 100.0 * (1.0 - off / abs(theoretical))
 
@@ -225,13 +244,16 @@ def accuracy(found: float, theoretical: float) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class _Solution:
-    values: np.ndarray
-    covariance: np.ndarray  # wide enough that 1.96 standard errors are Student's interval
-    half: np.ndarray
-    residual: np.ndarray
+    """Least-squares solution with p coefficients from k holds."""
+
+    values: np.ndarray  # coefficients, (p,)
+    covariance: np.ndarray  # covariance, (p, p), widened so that 1.96 standard errors give Student's interval
+    half: np.ndarray  # half width of each coefficient's interval, (p,)
+    residual: np.ndarray  # torque residual, (k,) [N m]
 
 
 def _solve(columns: np.ndarray, torque: np.ndarray, level: float) -> _Solution | None:
+    """Solve for the coefficients of `columns`, (k, p); None if they are not determined."""
     n, p = columns.shape
     if n <= p or np.linalg.cond(columns) > 1e6:
         return None
@@ -243,10 +265,10 @@ def _solve(columns: np.ndarray, torque: np.ndarray, level: float) -> _Solution |
     return _Solution(values, covariance, half, residual)
 
 
-def _with_zero(
+def _fit_about_zero(
     holds: Sequence[Hold], columns: list[np.ndarray], torque: np.ndarray, zero: Parameter, level: float
 ) -> GravityFit:
-    """The fit about a given angle of rest, and what its uncertainty does to gravity."""
+    """Fit gravity about a given angle of rest, and add the effect of that angle's uncertainty."""
     angle = np.array([h.angle for h in holds])
     about = [_solve(np.column_stack([np.sin(angle - z), *columns[1:]]), torque, level) for z in
              (zero.value, zero.value + max(zero.standard_error, 1e-6))]  # fmt: skip
@@ -257,7 +279,7 @@ def _with_zero(
     found, moved = about[0], about[1].values[0] - about[0].values[0]
     size, z = float(found.values[0]), zero.value
     sd = np.sqrt(np.diag(found.covariance))
-    # By size, and by the angle: a wrong zero also moves the size.
+    # Derivatives of the phasor by the amplitude, and by the zero, which also changes the fitted amplitude.
     by_size = np.array([np.cos(z), -np.sin(z)])
     by_zero = size * np.array([-np.sin(z), -np.cos(z)]) * zero.standard_error + moved * by_size
     return GravityFit(
@@ -272,11 +294,12 @@ def _with_zero(
     )
 
 
-def _refuse_few(angle: np.ndarray, holds: Sequence[Hold]) -> None:
-    distinct = np.sum(np.diff(np.sort(angle)) > DISTINCT) + 1 if len(angle) else 0
-    if distinct < FEWEST_ANGLES:
+def _require_different_angles(angle: np.ndarray, holds: Sequence[Hold]) -> None:
+    """Refuse holds at too few different angles."""
+    distinct = np.sum(np.diff(np.sort(angle)) > MIN_ANGLE_DIFFERENCE_RAD) + 1 if len(angle) else 0
+    if distinct < MIN_ANGLE_COUNT:
         where = ", ".join(sorted({h.recording for h in holds if h.recording})) or "the recordings"
         raise IdentificationError(
-            f"{where}: the segment is held at {distinct} angle(s), expected {FEWEST_ANGLES} or more apart by at least "
-            f"{np.degrees(DISTINCT):.0f} deg"
+            f"{where}: the segment is held at {distinct} angle(s), expected {MIN_ANGLE_COUNT} or more apart by at "
+            f"least {np.degrees(MIN_ANGLE_DIFFERENCE_RAD):.0f} deg"
         )

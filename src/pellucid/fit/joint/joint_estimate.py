@@ -1,4 +1,4 @@
-"""One method's estimate of one friction family: parameters with intervals, what it predicts, and its model card."""
+"""Estimate of one friction family by one method: parameters with intervals, predictions, and the model card."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from ...models.card import ModelCard
 from ...models.joint import UNITS, JointModel
 from ...signals.motion import Filtering, motion_of
 from ...signals.sampled import sampled
-from ..discrepancy import Discrepancy, States, discrepancy_of, states_of
+from ..discrepancy import Discrepancy, States, collect_states, estimate_discrepancy
 from ..estimates import Estimates
 from ..parameter import Whiteness
-from ..regression import Solution, Stack, parameters_of, predicted
-from ..uncertainty import block_bootstrap, correlation_time, sandwich, whiteness
+from ..regression import Solution, Stack, make_parameters, predict_efforts
+from ..uncertainty import block_bootstrap, correlation_time, sandwich_covariance, whiteness
 
-SEED = 20261121  # of the bootstrap
+BOOTSTRAP_SEED = 20261121
+"""Random seed of the bootstrap."""
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -29,29 +30,31 @@ class JointEstimate(Estimates):
     Attributes
     ----------
     model : JointModel
-        Of one friction family; its names are the parameters'.
+        Model of one friction family; its names are those of the parameters.
     method : str
-        "ls" (ordinary, on filtered data: the reference), "wls", "irls", "iv", "didim", "output_error".
+        "ls" (ordinary least squares on filtered data, the reference), "wls", "irls", "iv", "didim", "output_error".
     condition_number : float
-        Of the regressor with columns as they are (the literature's figure).
+        Condition number of the unscaled regressor (the literature's figure).
     scaled_condition_number : float
-        Of the regressor with columns scaled to unit norm: what collinearity is left.
+        Condition number of the regressor with columns scaled to unit norm, a measure of collinearity.
     residual_sd : float
-        In the effort's unit.
+        Standard deviation of the residual, in the effort's unit.
     samples : int
-        Rows of the regression.
+        Number of rows of the regression.
     filtering : Filtering
-        What was done to both sides.
+        Filtering and decimation of both sides.
     effort_error : float
-        100 ||effort - model|| / ||effort|| over the samples that were fitted [%].
+        100 ||effort - model|| / ||effort|| over the fitted samples [%].
     iterations : int
+        Number of iterations of the solver.
     converged : bool
+        Whether the solver converged.
     whiteness : Whiteness or None
-        Of the residuals.
+        Whiteness tests of the residuals.
     discrepancy : Discrepancy or None
-        What of the covariance stands for what the model leaves out.
+        Part of the covariance that allows for effects that the model neglects.
     notes : tuple of str
-        What the method has to say (active bounds, samples left out, weights).
+        Notes of the method (active bounds, samples left out, weights).
     """
 
     model: JointModel
@@ -70,25 +73,25 @@ class JointEstimate(Estimates):
 
     @property
     def statistical(self) -> np.ndarray:
-        """What of the covariance coloured residuals alone make, shape (p, p), SI."""
+        """Part of the covariance from coloured residuals alone, shape (p, p), SI."""
         if self.discrepancy is None:
             return self.covariance
         return self.covariance - self.discrepancy.of(self.model.names)[0]
 
     def predict(self, time: np.ndarray, position: np.ndarray) -> np.ndarray:
-        """Effort that a motion takes, filtered as the fitted effort was.
+        """Predict the effort of a motion, filtered as the fitted effort was.
 
         Parameters
         ----------
         time : ndarray, shape (n,)
-            Evenly sampled [s].
+            Evenly sampled time [s].
         position : ndarray, shape (n,) or (n, 1)
-            [rad or m].
+            Position [rad or m].
 
         Returns
         -------
         ndarray, shape (n,)
-            In the model's effort unit.
+            Effort in the model's effort unit.
 
         Raises
         ------
@@ -97,17 +100,17 @@ class JointEstimate(Estimates):
         """
         time, position = sampled("predict", time, position=position)
         motion = motion_of(time, position, np.zeros(len(time)), self.filtering)
-        return predicted(self.model, self.array, [motion])[0]
+        return predict_efforts(self.model, self.array, [motion])[0]
 
     def card(self, name: str = "joint", lifts: str = "") -> ModelCard:
-        """The model card that `pellucid export` and `pellucid.controller` take.
+        """Return the model card that `pellucid export` and `pellucid.controller` read.
 
         Parameters
         ----------
         name : str
-            Stands on the card where a study's name would.
+            Name on the card, in place of a study's name.
         lifts : str
-            What positive motion does, in words.
+            Effect of positive motion, in words.
 
         Returns
         -------
@@ -145,9 +148,9 @@ class JointEstimate(Estimates):
 
 
 def joint_states(model: JointModel, data: Stack, values: np.ndarray) -> States:
-    """Where a joint is in the rows of a stack, its load that of a `model` with `values`, (p,)."""
+    """Return the joint's states in the rows of a stack, with the load by a `model` with `values`, (p,)."""
     bare = model.vector(values)
-    return states_of(
+    return collect_states(
         data,
         model.motion == "rotary",
         lambda m, q, a: _core.load(model.loaded(bare, *m.payload), q.copy(), a.copy()),
@@ -155,7 +158,7 @@ def joint_states(model: JointModel, data: Stack, values: np.ndarray) -> States:
     )
 
 
-def estimated(
+def make_estimate(
     model: JointModel,
     data: Stack,
     found: Solution,
@@ -167,9 +170,11 @@ def estimated(
     level: float = 0.95,
     discrepancy: Discrepancy | None = None,
 ) -> JointEstimate:
-    """Covariance, intervals at `level` and diagnostics of what a `method` `found` for a `model` on `data`, with its
-    `notes`; `instruments`, (m, p), of an instrumental-variable estimate; `lengths` of stretches, if not the stack's;
-    `discrepancy` of least squares, whose own is estimated here."""
+    """Build an estimate with covariance, intervals at `level` and diagnostics from a solution `found` by a `method`.
+
+    `instruments`, (m, p), belong to an instrumental-variable estimate. `lengths` are those of the stretches, if not the
+    stack's. `discrepancy` is that of least squares; without it, it is estimated here.
+    """
     lengths = data.lengths if lengths is None else lengths
     size = np.linalg.norm(data.target)
     if not size > 0.0:
@@ -179,12 +184,14 @@ def estimated(
     # A Stribeck velocity without a Stribeck level has no effect at all: no interval can be given.
     idle = norms <= 1e-12 * norms.max()
     free = ~idle
-    # Values on a bound stay in: the others' intervals must not take them for known.
+    # Parameters on a bound remain in the covariance, because their values are not known exactly.
     memory = correlation_time(rho, lengths)
-    statistical = sandwich(w, rho, lengths, instruments, free, memory)
+    statistical = sandwich_covariance(w, rho, lengths, instruments, free, memory)
     if discrepancy is None:
         states = joint_states(model, data, found.values)
-        discrepancy = discrepancy_of(model.names, found.values, found.jacobian, found.residual, states, statistical)
+        discrepancy = estimate_discrepancy(
+            model.names, found.values, found.jacobian, found.residual, states, statistical
+        )
     beside, causes = discrepancy.of(model.names)
     covariance = statistical + beside
     held = np.flatnonzero(found.at_bound)
@@ -192,7 +199,13 @@ def estimated(
     if method == "ls":
         boot = np.full((len(free), 2), np.nan)
         boot[free] = block_bootstrap(
-            w[:, free], rho, found.values[free], lengths, rng=np.random.default_rng(SEED), level=level, memory=memory
+            w[:, free],
+            rho,
+            found.values[free],
+            lengths,
+            rng=np.random.default_rng(BOOTSTRAP_SEED),
+            level=level,
+            memory=memory,
         )
     names = model.names
     notes = notes + tuple(
@@ -200,7 +213,7 @@ def estimated(
         for i in held
         if not any(note.startswith(names[i]) for note in notes)
     )
-    plain = parameters_of(
+    plain = make_parameters(
         names, [model.unit(n) for n in names], found.values, covariance, found.at_bound, idle, statistical, causes
     )
     parameters = tuple(

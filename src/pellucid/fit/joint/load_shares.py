@@ -1,15 +1,15 @@
-r"""Whether recordings tell the share of the load that is lost in motoring from the share that is lost in generating.
+r"""Decide whether recordings separate the share of the load lost in motoring from the share lost in generating.
 
-With :math:`\alpha` the mean of both shares and :math:`\delta` half their difference, a joint of load y takes
+With :math:`\alpha` the mean of both shares and :math:`\delta` half their difference, a joint with load y needs
 
 .. math::  \tau = (1 + \delta)\,y + \alpha\,|y|\,\mathrm{sign}\,\dot q + \dots
 
-A joint whose inertia and gravity are unknown hides :math:`\delta`: it scales both alike. A payload of known mass is a
-part of y that does not scale, so that recordings with different payloads tell :math:`\delta`. They tell it only where
-the drive's constant is known: an unknown constant scales every effort, as :math:`1 + \delta` does.
+If inertia and gravity are unknown, :math:`\delta` is not identifiable, because it scales both equally. A payload of
+known mass contributes a known part of y, so recordings with different payloads identify :math:`\delta`. The drive
+constant must be known too: an unknown constant scales every effort, as :math:`1 + \delta` does.
 
-Neither share is negative, so :math:`|\delta| \le \alpha` holds without any payload. Both shares are free parameters
-where the payloads tell :math:`\delta` better than that.
+Neither share is negative, so :math:`|\delta| \le \alpha` holds without any payload. Both shares become free parameters
+if the payloads determine :math:`\delta` more tightly than that.
 """
 
 from __future__ import annotations
@@ -21,26 +21,27 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...models.joint import JointModel
-from ..discrepancy import SPLIT, TIED, discrepancy_of
+from ..discrepancy import COMMON_LOAD_COEFFICIENT, LOAD_SHARE_SPREAD_RATIO, estimate_discrepancy
 from ..parameter import Parameter
 from ..regression import Solution, Stack
-from ..uncertainty import correlation_time, sandwich
+from ..uncertainty import correlation_time, sandwich_covariance
 from .friction_solver import solve_family
 from .joint_estimate import JointEstimate, joint_states
 
-SHARES = ("load_motoring", "load_generating")
+LOAD_SHARE_NAMES = ("load_motoring", "load_generating")
+"""Names of the two load coefficients: the shares of the load lost in motoring and in generating."""
 
 
 @dataclass(frozen=True)
 class LoadShares:
-    """Whether load friction has one coefficient for each direction of power, and, if it has not, why."""
+    """Decision on whether load friction has a separate coefficient for each direction of power."""
 
     separate: bool
-    why: Literal["", "no known load", "unknown drive", "same payload", "small payload"] = ""
+    why: Literal["", "no known load", "unknown drive", "same payload", "small payload"] = ""  # reason if not separate
 
 
-def load_shares(model: JointModel, data: Stack) -> LoadShares:
-    """Whether the payloads of `data` tell the two shares apart of a `model` that has them both free."""
+def decide_load_shares(model: JointModel, data: Stack) -> LoadShares:
+    """Decide whether the payloads of `data` separate the two shares of a `model` in which both are free."""
     payloads = {motion.payload for motion in data.motions}
     if not any(mass for mass, _ in payloads):
         return LoadShares(False, "no known load")
@@ -52,31 +53,33 @@ def load_shares(model: JointModel, data: Stack) -> LoadShares:
         found = solve_family(model, data)
     except IdentificationError:
         return LoadShares(False, "small payload")
-    at = [model.names.index(name) for name in SHARES]
+    at = [model.names.index(name) for name in LOAD_SHARE_NAMES]
     mean = float(np.mean(found.values[at]))
-    if not _half_difference_error(model, data, found, at) < SPLIT * mean:
+    if not _half_difference_error(model, data, found, at) < LOAD_SHARE_SPREAD_RATIO * mean:
         return LoadShares(False, "small payload")
     return LoadShares(True)
 
 
-def with_unknown_shares(constant: Parameter, estimate: JointEstimate) -> Parameter:
-    r"""The `constant` of a drive that payloads gave, its error widened for two shares that may differ.
+def widen_for_unknown_shares(constant: Parameter, estimate: JointEstimate) -> Parameter:
+    r"""Widen the error of a drive `constant` from payloads, because the two load shares may differ.
 
-    The payloads give the constant over :math:`1 + \delta`; an `estimate` with load friction says how large
-    :math:`\delta` may be.
+    The payloads determine the constant divided by :math:`1 + \delta`. An `estimate` with load friction limits
+    :math:`\delta`.
     """
-    if TIED not in estimate:
+    if COMMON_LOAD_COEFFICIENT not in estimate:
         return constant
-    error = np.hypot(constant.standard_error, SPLIT * estimate[TIED].value * constant.value)
+    error = np.hypot(
+        constant.standard_error, LOAD_SHARE_SPREAD_RATIO * estimate[COMMON_LOAD_COEFFICIENT].value * constant.value
+    )
     return replace(constant, standard_error=float(error))
 
 
 def _half_difference_error(model: JointModel, data: Stack, found: Solution, at: list[int]) -> float:
-    """Standard error of half the difference of the two shares, which are `at` these parameters."""
+    """Return the standard error of half the difference of the two shares, whose indices are `at`."""
     memory = correlation_time(found.residual, data.lengths)
-    covariance = sandwich(found.jacobian, found.residual, data.lengths, memory=memory)
+    covariance = sandwich_covariance(found.jacobian, found.residual, data.lengths, memory=memory)
     states = joint_states(model, data, found.values)
-    beside = discrepancy_of(model.names, found.values, found.jacobian, found.residual, states, covariance)
+    beside = estimate_discrepancy(model.names, found.values, found.jacobian, found.residual, states, covariance)
     total = (covariance + beside.covariance)[np.ix_(at, at)]
     half_difference = np.array([0.5, -0.5])
     return float(np.sqrt(half_difference @ total @ half_difference))

@@ -1,11 +1,11 @@
-r"""A band that holds what a model has not been shown: conformal, from blocks of recordings that it did not see.
+r"""Conformal prediction band around a model's effort, from recordings or blocks that the model was not fitted to.
 
-Half the width is a quantile of the absolute errors on held-out recordings [1]_, or, where nothing is held out, on
-blocks of the fitted ones, each predicted from all the others [2]_. Samples that remember each other count once in two
-correlation times: of m such, the quantile at :math:`(1 + 1/m)` times the level holds the next with at least that level,
-whatever the errors' distribution, as long as it stays the same.
+The half width is a quantile of the absolute errors on held-out recordings [1]_. Without any, it is a quantile of the
+errors on blocks of the fitted recordings, each predicted from all the others [2]_. Autocorrelated samples count once in
+two correlation times. With m independent samples, the quantile at :math:`(1 + 1/m)` times the level covers the next
+sample with at least that level, whatever the errors' distribution, as long as it does not change.
 
-How much a band holds is told of blocks that had no part in it: that of each block is made from the others.
+Coverage is measured by cross-validation: each block is compared with a band made from the other blocks.
 
 .. [1] H. Papadopoulos, K. Proedrou, V. Vovk, A. Gammerman, "Inductive confidence machines for regression", ECML 2002.
 .. [2] V. Vovk, "Cross-conformal predictors", Ann. Math. Artif. Intell. 74, 2015.
@@ -21,77 +21,89 @@ import numpy as np
 from ..uncertainty import block_length, correlation_time
 from .evaluation import Prediction
 
-FEWEST = 30
-"""Samples that a condition needs to be told of."""
+MIN_CONDITION_SAMPLES = 30
+"""Smallest number of samples for which the coverage under a condition is reported."""
 
-MOST_BLOCKS = 50  # left out one at a time: of hours they are longer
+MAX_BLOCKS = 50
+"""Largest number of blocks that are left out in turn. Longer recordings get longer blocks."""
 
 
 @dataclass(frozen=True)
 class ConditionCoverage:
-    """Share of samples that a band holds under one condition, of which a band has seen none."""
+    """Cross-validated coverage of a band under one condition."""
 
     kind: str  # "direction", "speed", "position" or "recording"
-    condition: str
-    coverage: float
-    samples: int
+    condition: str  # "slow", "positive", ..., or the recording's name
+    coverage: float  # share of samples inside the band
+    samples: int  # number of samples under this condition
 
 
 @dataclass(frozen=True)
 class PredictiveBand:
-    """Half its width, in the effort's unit; whether held-out recordings made it; its coverage of each recording that
-    has a part in it, and by condition."""
+    """A prediction band of constant width, with its cross-validated coverage."""
 
-    half_width: float
-    heldout: bool
-    by_recording: dict[str, float]
-    conditions: tuple[ConditionCoverage, ...] = ()
+    half_width: float  # half the width of the band, in the effort's unit
+    heldout: bool  # whether it was made from held-out recordings
+    by_recording: dict[str, float]  # coverage of each recording from which the band was made
+    conditions: tuple[ConditionCoverage, ...] = ()  # coverage by condition
 
 
 def conformal_half_width(errors: np.ndarray, level: float, independent: float) -> float:
-    """The quantile of absolute `errors`, (n,), worth so many `independent` ones, that holds the next with `level`."""
-    return float(np.quantile(errors, _share(level, independent), method="higher"))
+    """Return the quantile of absolute `errors`, (n,), that covers the next error with probability `level`.
+
+    `independent` is the effective number of independent errors.
+    """
+    return float(np.quantile(errors, _quantile_level(level, independent), method="higher"))
 
 
-def _share(level: float, independent: float) -> float:
+def _quantile_level(level: float, independent: float) -> float:
+    """Return the level of the quantile that covers with probability `level`, from `independent` samples."""
     return min(1.0, level * (1.0 + 1.0 / max(independent, 1.0)))
 
 
-def predictive_band(
+def make_predictive_band(
     predictions: Sequence[Prediction], crossed: Sequence[np.ndarray], level: float
 ) -> PredictiveBand | None:
-    """From `predictions` of held-out recordings; without any, from `crossed` residuals of the fitted ones, one array
-    for each stretch in their order. None where there is neither."""
+    """Make a band from `predictions` of held-out recordings, or else from `crossed` residuals of the fitted ones.
+
+    `crossed` has one array for each stretch, in their order. Returns None if there is neither.
+    """
     heldout = [p for p in predictions if p.split == "heldout"]
     own = heldout or [p for p in predictions if p.split == "fitted"]
-    errors = [p.residual for p in heldout] if heldout else _by_prediction(own, crossed)
+    errors = [p.residual for p in heldout] if heldout else _residuals_by_recording(own, crossed)
     if not errors or not sum(map(len, errors)):
         return None
     lengths = [len(e) for e in errors]
     together = np.concatenate(errors)
     time = correlation_time(together, lengths)
-    size, block = np.abs(together), max(block_length(time, len(together)), len(together) // MOST_BLOCKS)
-    # Blocks of their own in every recording.
+    size, block = np.abs(together), max(block_length(time, len(together)), len(together) // MAX_BLOCKS)
+    # No block spans two recordings.
     owner = np.concatenate([np.full(n, i) for i, n in enumerate(lengths)])
     before = np.cumsum([0, *(-(-n // block) for n in lengths)])
     blocks = np.concatenate([first + np.arange(n) // block for first, n in zip(before, lengths, strict=False)])
-    order = np.argsort(size)  # once: what is left without a block is in order too
+    order = np.argsort(size)  # sorted once: the errors without one block are sorted too
     ordered, owned = size[order], blocks[order]
     worth = len(size) / max(2.0 * time, 1.0)
     inside = np.empty(len(size), bool)
     for b in range(blocks.max() + 1):
         mine = blocks == b
         rest = ordered[owned != b] if not mine.all() else ordered
-        share = _share(level, worth * len(rest) / len(size))
+        share = _quantile_level(level, worth * len(rest) / len(size))
         inside[mine] = size[mine] <= rest[int(np.ceil(share * (len(rest) - 1)))]
     by_recording = {p.recording: float(inside[owner == i].mean()) for i, p in enumerate(own)}
     return PredictiveBand(
-        conformal_half_width(size, level, worth), bool(heldout), by_recording, tuple(_conditions(own, inside))
+        conformal_half_width(size, level, worth),
+        bool(heldout),
+        by_recording,
+        tuple(_coverage_by_condition(own, inside)),
     )
 
 
-def banded(predictions: Sequence[Prediction], band: PredictiveBand) -> tuple[Prediction, ...]:
-    """The same with a band, and what it holds of each: of those with a part in it, by bands without them."""
+def apply_band(predictions: Sequence[Prediction], band: PredictiveBand) -> tuple[Prediction, ...]:
+    """Return the predictions with the band's half width and coverage.
+
+    The coverage of recordings from which the band was made is cross-validated.
+    """
     return tuple(
         replace(
             p,
@@ -105,15 +117,19 @@ def banded(predictions: Sequence[Prediction], band: PredictiveBand) -> tuple[Pre
     )
 
 
-def _by_prediction(own: Sequence[Prediction], crossed: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Crossed residuals of stretches as one array for each recording; the fitted ones where they do not match."""
+def _residuals_by_recording(own: Sequence[Prediction], crossed: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Return the cross-validated residuals as one array for each recording.
+
+    If their number does not match, the fitted residuals are returned instead.
+    """
     total = np.concatenate(crossed) if crossed else np.zeros(0)
     if len(total) != sum(len(p.effort) for p in own):
         return [p.residual for p in own]
     return np.split(total, np.cumsum([len(p.effort) for p in own])[:-1])
 
 
-def _conditions(own: Sequence[Prediction], inside: np.ndarray) -> Iterator[ConditionCoverage]:
+def _coverage_by_condition(own: Sequence[Prediction], inside: np.ndarray) -> Iterator[ConditionCoverage]:
+    """Yield the coverage by direction, speed, position and recording; `inside`, (n,), marks the covered samples."""
     velocity, position = (np.concatenate([getattr(p, n) for p in own]) for n in ("velocity", "position"))
     kinds = [("direction", (velocity > 0.0).astype(int), ("negative", "positive"))]
     for kind, values, words in (
@@ -125,5 +141,5 @@ def _conditions(own: Sequence[Prediction], inside: np.ndarray) -> Iterator[Condi
     for kind, label, words in (*kinds, ("recording", owner, tuple(p.recording for p in own))):
         for i, word in enumerate(words):
             mine = label == i
-            if mine.sum() >= FEWEST:
+            if mine.sum() >= MIN_CONDITION_SAMPLES:
                 yield ConditionCoverage(kind, word, float(inside[mine].mean()), int(mine.sum()))

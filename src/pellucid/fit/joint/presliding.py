@@ -1,18 +1,19 @@
-r"""The way over which a joint's friction builds up before it slips, from recorded motion and effort.
+r"""Estimate the presliding travel of a joint: the distance over which friction builds up before the contacts slip.
 
-While contacts are bent, friction is its level times s, and s follows from the way gone alone
-(``include/pellucid/presliding.hpp``). For a travel given it is known along a recording, and what is left is linear:
+While the contacts bend, friction is its level times s, and s depends on the path of the position alone
+(``include/pellucid/presliding.hpp``). For a given travel s is known along a recording, and the model is linear:
 
 .. math::
    \tau = J\ddot q + g_s\sin q + g_c\cos q + \tau_0 + F_v \dot q + (F_c + F_s e^{-(\dot q / v_s)^2} + \alpha |y|)\, s(q)
 
-filtered on both sides as every regression is, with load y and Stribeck velocity of the model that slips at once. One
-number is searched: the travel with the smallest squared residual on a grid, a parabola through its neighbours
-between them. Its standard error is `MISFIT` times that of the same search on blocks of the recordings drawn anew [1]_,
-and, squared and added, how far the travel moves as the level's terms are left out one by one: a level that is not quite
-the joint's bends what is read off it, alike in every stroke at an angle, and blocks do not see that. The factor is from
-drawn benches with contacts such as these; a joint that obeys another law has no travel that an interval could hold.
-Slow samples, which other regressions leave out, are what shows a travel, and all are taken.
+Both sides are filtered as in every regression. The load y and the Stribeck velocity are those of the model that slips
+at once. The travel with the smallest squared residual is searched on a grid and refined by a parabola.
+
+Its variance is the sum of two squares. The first is `BOOTSTRAP_ERROR_FACTOR` times the spread of the same search on
+bootstrapped blocks [1]_. The second is the change of the travel when the terms of the level are left out one by one. An
+error in the level biases the travel in the same way in every stroke, and the bootstrap does not see that. The factor is
+from simulated benches with contacts of this law; for a joint with another law no interval holds. Slow samples, which
+other regressions leave out, are all included, because they show the travel.
 
 .. [1] H. R. Kuensch, "The jackknife and the bootstrap for general stationary observations", Ann. Statist. 17, 1989.
 """
@@ -28,133 +29,169 @@ from ... import _core
 from ...models.filtered_dynamics import SMOOTH_TERMS, regressor
 from ...models.joint import NAMES, PARAMETER_FIELDS, PARAMETER_INDEX, UNITS, JointModel
 from ...signals.motion import Motion
-from ..block_test import LEVEL, p_of_worse
+from ..block_test import SIGNIFICANCE_LEVEL, p_value_of_larger_loss
 from ..parameter import Parameter
 
-STEPS = 8  # of the grid, a decade
-LONGEST, LONGEST_SHARE = 0.1, 0.25  # travels looked for [rad or m], and that of a motion's range
-NEIGHBOURS = 9
-RESOLVED = 2.0  # steps of the encoder that an interval must lie above
-DRAWS, SEED = 400, 20261122
-BLOCK = 1.0  # s: about a stroke, over which friction that the model misses stays what it is
-FEWEST_BLOCKS = 12
-MISFIT = 2.0  # times the bootstrap's standard error; on 48 recordings of 16 drawn benches the error was 1.6 times it
-ALWAYS = frozenset({"inertia", "offset", "viscous_positive", "viscous_negative"})
+GRID_STEPS_PER_DECADE = 8
+"""Number of travels per decade on the search grid."""
+
+MAX_TRAVEL = 0.1
+"""Largest travel in the search [rad or m]."""
+
+MAX_TRAVEL_RANGE_SHARE = 0.25
+"""Largest travel in the search, as a share of the range of motion."""
+
+RESOLUTION_WINDOW_SAMPLES = 9
+"""Number of samples in the cubic smoother that estimates the encoder's resolution."""
+
+MIN_ENCODER_STEPS = 2.0
+"""A travel is reported only if its interval lies above this many steps of the encoder."""
+
+BOOTSTRAP_DRAW_COUNT = 400
+"""Number of bootstrap samples."""
+
+BOOTSTRAP_SEED = 20261122
+"""Random seed of the bootstrap."""
+
+BLOCK_LENGTH_S = 1.0
+"""Length of a bootstrap block [s]. It is about one stroke, over which unmodelled friction stays the same."""
+
+MIN_BLOCKS = 12
+"""Smallest number of blocks from which a travel is estimated."""
+
+BOOTSTRAP_ERROR_FACTOR = 2.0
+"""Factor on the bootstrap's standard error. On 48 recordings of 16 simulated benches the actual error was 1.6 times
+that standard error."""
+
+ALWAYS_FREE_TERMS = frozenset({"inertia", "offset", "viscous_positive", "viscous_negative"})
+"""Terms of the smooth dynamics that are free in every fit."""
 
 
 @dataclass(frozen=True)
 class Presliding:
-    """What recordings say of a joint's `travel` before it slips: a value where they show one; else a bound that it is
-    `below`, where they show that; else neither; and `why` not."""
+    """Estimate of a joint's presliding travel: a value, an upper bound, or the reason why there is neither."""
 
-    travel: Parameter | None = None
-    below: float | None = None  # rad or m
-    why: str = ""
-    resolution: float = float("nan")  # Of the recorded position [rad or m]
-    # RMS error of the effort, on what was held out where anything was, with friction that slips at once and that gives
-    slips: float = float("nan")
-    gives: float = float("nan")
-    p_value: float = 1.0  # Of a travel being no better than none
+    travel: Parameter | None = None  # estimated travel; None if the recordings do not determine it
+    below: float | None = None  # upper bound of the travel [rad or m]; None if there is a value, or no bound
+    why: str = ""  # reason why there is no value
+    resolution: float = float("nan")  # resolution of the recorded position [rad or m]
+    slips: float = float("nan")  # RMS effort error, on held-out recordings if any, with friction that slips at once
+    gives: float = float("nan")  # the same error with presliding friction
+    p_value: float = 1.0  # p value of the hypothesis that presliding friction predicts no better
 
 
 @dataclass(frozen=True)
 class _Stroke:
-    """A motion, its slow samples among them, with what no travel changes at its rows: (m, k), (m,)."""
+    """A motion with its slow samples, and the parts of its regression that do not depend on the travel."""
 
     motion: Motion
-    fixed: np.ndarray
-    target: np.ndarray
-    levels: np.ndarray  # (n, 1 to 3) What the level is made of: 1, |y|, the rise towards rest
+    fixed: np.ndarray  # columns that do not depend on the travel, (m, k)
+    target: np.ndarray  # effort without the payload's, (m,)
+    levels: np.ndarray  # terms of the friction level, (n, 1 to 3): 1, |y|, the rise towards rest
 
     def at(self, travel: float) -> np.ndarray:
-        """Regressor, (m, k + 1 to 3), with friction that gives over a `travel`, or slips at once with 0."""
+        """Return the regressor, (m, k + 1 to 3), for a `travel`; friction slips at once if it is 0."""
         m = self.motion
         direction = _core.presliding(travel, m.position) if travel else np.sign(m.velocity)
         return np.column_stack([self.fixed, m.rows(m.smooth(direction[:, None] * self.levels))])
 
 
-def whole(motion: Motion) -> Motion:
-    """The motion with its slow samples."""
+def with_slow_samples(motion: Motion) -> Motion:
+    """Return the motion with its slow samples."""
     return replace(motion, filtering=replace(motion.filtering, dead_band=0.0))
 
 
-def bent(motion: Motion, travel: float) -> Motion:
-    """The motion, slow samples and all, of a joint that gives over a `travel` [rad or m] before it slips: families
-    fitted to it, and what they predict of it, have that friction."""
-    return replace(whole(motion), direction=_core.presliding(travel, motion.position))
+def with_presliding(motion: Motion, travel: float) -> Motion:
+    """Return the motion, with its slow samples, whose friction builds up over a `travel` [rad or m].
+
+    Friction families that are fitted to it, and their predictions of it, have presliding friction.
+    """
+    return replace(with_slow_samples(motion), direction=_core.presliding(travel, motion.position))
 
 
-def resolution_of(motions: Sequence[Motion]) -> float:
-    """What recorded positions can tell apart [rad or m]: the step of an encoder whose readings lie as far from a cubic
-    through their neighbours as these do."""
+def position_resolution(motions: Sequence[Motion]) -> float:
+    """Estimate the resolution of recorded positions [rad or m].
+
+    It is the step of an encoder whose readings deviate as much from a local cubic as these do.
+    """
     from scipy.signal import savgol_filter
 
     found = [0.0]
     for m in motions:
-        beside = m.raw_position - savgol_filter(m.raw_position, NEIGHBOURS, 3)
+        beside = m.raw_position - savgol_filter(m.raw_position, RESOLUTION_WINDOW_SAMPLES, 3)
         found.append(2.0 * float(np.quantile(np.abs(beside[m.inner]), 0.99)))
     return max(found)
 
 
-def presliding(
+def estimate_presliding(
     model: JointModel, values: np.ndarray, fitted: Sequence[Motion], held: Sequence[Motion], level: float = 0.95
 ) -> Presliding:
-    """The travel that `fitted` motions show, judged on `held` ones, or on themselves where there are none; the level's
-    terms and payloads by a `model` that slips at once, with `values`, (p,); the interval at `level`."""
+    """Estimate the travel from `fitted` motions, and test it on these and on `held` ones.
+
+    A `model` that slips at once, with `values`, (p,), gives the terms of the friction level and the payloads' effort.
+    The interval is at `level`.
+    """
     from scipy.special import ndtri
 
-    resolution = resolution_of(fitted)
-    top = min(LONGEST, LONGEST_SHARE * max(float(np.ptp(m.position[m.inner])) for m in fitted))
+    resolution = position_resolution(fitted)
+    top = min(MAX_TRAVEL, MAX_TRAVEL_RANGE_SHARE * max(float(np.ptp(m.position[m.inner])) for m in fitted))
     bottom = max(0.25 * resolution, 1e-5 * top)
-    if not 2.0 * RESOLVED * resolution < top:
+    if not 2.0 * MIN_ENCODER_STEPS * resolution < top:
         return Presliding(why="the joint moves by little more than its encoder tells", resolution=resolution)
-    strokes = [_stroke(model, values, m) for m in fitted]
-    grid = np.geomspace(bottom, top, int(np.ceil(STEPS * np.log10(top / bottom))) + 1)
+    strokes = [_make_stroke(model, values, m) for m in fitted]
+    grid = np.geomspace(bottom, top, int(np.ceil(GRID_STEPS_PER_DECADE * np.log10(top / bottom))) + 1)
     fewest, most = strokes[0].fixed.shape[1] + 1, strokes[0].fixed.shape[1] + strokes[0].levels.shape[1]
     profiles = {terms: [] for terms in range(fewest, most + 1)}
     for travel in grid:
-        jacobian, target = _columns(strokes, travel)
+        jacobian, target = _regression(strokes, travel)
         for terms, losses in profiles.items():
             some = jacobian[:, :terms]
             losses.append(np.square(target - some @ _least_squares(some, target, terms - fewest + 1)))
     profile = np.array(profiles[most])
-    starts, ends = _blocks(strokes), np.cumsum([len(s.target) for s in strokes])[:-1]
+    starts, ends = _block_starts(strokes), np.cumsum([len(s.target) for s in strokes])[:-1]
     sums = np.add.reduceat(profile, starts, axis=1)
-    found, nearest = _lowest(grid, sums.sum(axis=1)), int(np.argmin(sums.sum(axis=1)))
-    simpler = [_lowest(grid, np.sum(losses, axis=1)) for losses in profiles.values()]
-    drawn = np.random.default_rng(SEED).multinomial(len(starts), np.full(len(starts), 1.0 / len(starts)), DRAWS)
-    draws = [_lowest(grid, sums @ count) for count in drawn]
+    found, nearest = _grid_minimum(grid, sums.sum(axis=1)), int(np.argmin(sums.sum(axis=1)))
+    simpler = [_grid_minimum(grid, np.sum(losses, axis=1)) for losses in profiles.values()]
+    drawn = np.random.default_rng(BOOTSTRAP_SEED).multinomial(
+        len(starts), np.full(len(starts), 1.0 / len(starts)), BOOTSTRAP_DRAW_COUNT
+    )
+    draws = [_grid_minimum(grid, sums @ count) for count in drawn]
     low, high = (float(x) for x in np.quantile(draws, [0.5 - 0.5 * level, 0.5 + 0.5 * level]))
-    # Of two kinds of slip at once the better: by the sign of velocity, or by that of the way, which standstill keeps.
-    others = [_stroke(model, values, m) for m in held]
+    # The alternative is the better of two models that slip at once. The first takes the sign of velocity, the second
+    # that of the last displacement, which standstill keeps.
+    others = [_make_stroke(model, values, m) for m in held]
     losses = []
     for travel in (0.0, float(grid[0]), found):
-        solved = _least_squares(*_columns(strokes, travel), most - fewest + 1)
+        solved = _least_squares(*_regression(strokes, travel), most - fewest + 1)
         losses.append([np.square(s.target - s.at(travel) @ solved) for s in (*others, *strokes)])
     judged = len(others) or len(strokes)
     *none, best = losses
-    none = min(none, key=lambda loss: _mean(loss[:judged]))
-    slips, gives = _mean(none[:judged]) ** 0.5, _mean(best[:judged]) ** 0.5
-    # One number was searched on thousands of samples: the fitted ones may count too, for few recordings are held out.
-    p_value = p_of_worse(none, best)[0] if slips > gives else 1.0
+    none = min(none, key=lambda loss: _mean_loss(loss[:judged]))
+    slips, gives = _mean_loss(none[:judged]) ** 0.5, _mean_loss(best[:judged]) ** 0.5
+    # The fitted motions enter the test too. One parameter was fitted to thousands of samples, and few motions are held
+    # out.
+    p_value = p_value_of_larger_loss(none, best)[0] if slips > gives else 1.0
     told = {"resolution": resolution, "slips": slips, "gives": gives, "p_value": p_value}
-    farthest = p_of_worse(np.split(profile[-1], ends), np.split(profile[nearest], ends))[0]
-    if len(starts) < FEWEST_BLOCKS or farthest > LEVEL or high > grid[-2]:
+    farthest = p_value_of_larger_loss(np.split(profile[-1], ends), np.split(profile[nearest], ends))[0]
+    if len(starts) < MIN_BLOCKS or farthest > SIGNIFICANCE_LEVEL or high > grid[-2]:
         return Presliding(why="no reversal shows it, for travels of any length explain the recordings as well", **told)
-    if low <= RESOLVED * resolution:
-        return Presliding(below=max(high, RESOLVED * resolution), why="the encoder's steps hide shorter ones", **told)
-    if p_value > LEVEL:
+    if low <= MIN_ENCODER_STEPS * resolution:
+        return Presliding(
+            below=max(high, MIN_ENCODER_STEPS * resolution), why="the encoder's steps hide shorter ones", **told
+        )
+    if p_value > SIGNIFICANCE_LEVEL:
         return Presliding(why="a joint that slips at once predicts effort as well", **told)
     drawn_anew = max(high - found, found - low) / float(ndtri(0.5 + 0.5 * level))
-    error = float(np.hypot(MISFIT * drawn_anew, max(abs(x - found) for x in simpler)))
+    error = float(np.hypot(BOOTSTRAP_ERROR_FACTOR * drawn_anew, max(abs(x - found) for x in simpler)))
     return Presliding(Parameter("presliding_travel", UNITS[model.motion]["position"], found, error), **told)
 
 
-def _stroke(model: JointModel, values: np.ndarray, motion: Motion) -> _Stroke:
-    motion = whole(motion)
+def _make_stroke(model: JointModel, values: np.ndarray, motion: Motion) -> _Stroke:
+    """Compute the parts of a motion's regression that do not depend on the travel."""
+    motion = with_slow_samples(motion)
     every = regressor(motion.position, motion.velocity, motion.acceleration, SMOOTH_TERMS)
     payload = model.loaded(np.zeros(len(PARAMETER_INDEX)), *motion.payload)[list(SMOOTH_TERMS)]
-    targets = ALWAYS | {t for s in model.symbols for t in s.targets} | ({"gravity_sine"} & set(model.known))
+    targets = ALWAYS_FREE_TERMS | {t for s in model.symbols for t in s.targets} | ({"gravity_sine"} & set(model.known))
     used = [i for i, term in enumerate(SMOOTH_TERMS) if NAMES[term] in targets]
     vector = model.loaded(model.vector(values), *motion.payload)
     levels, velocity = [np.ones(len(motion.position))], vector[PARAMETER_INDEX["stribeck_velocity"]]
@@ -163,12 +200,12 @@ def _stroke(model: JointModel, values: np.ndarray, motion: Motion) -> _Stroke:
     if "stribeck" in model.names and velocity > 0.0:
         levels.append(np.exp(-np.square(motion.velocity / velocity)))
     levels = np.column_stack(levels)
-    fixed = np.hstack([motion.rows(every[:, used]), _drag(model, motion)])
+    fixed = np.hstack([motion.rows(every[:, used]), _nonlinear_speed_columns(model, motion)])
     return _Stroke(motion, fixed, motion.rows(motion.effort - every @ payload), levels)
 
 
-def _drag(model: JointModel, motion: Motion) -> np.ndarray:
-    """Friction per unit of each coefficient that grows with the speed otherwise than in proportion, (m, k)."""
+def _nonlinear_speed_columns(model: JointModel, motion: Motion) -> np.ndarray:
+    """Return the friction per unit of each coefficient that is nonlinear in the speed, (m, k)."""
     curved = [
         target
         for target in dict.fromkeys(target for symbol in model.symbols for target in symbol.targets)
@@ -183,16 +220,19 @@ def _drag(model: JointModel, motion: Motion) -> np.ndarray:
     return np.hstack(columns)
 
 
-def _columns(strokes: Sequence[_Stroke], travel: float) -> tuple[np.ndarray, np.ndarray]:
-    """Regressor and target of all strokes with a `travel`."""
+def _regression(strokes: Sequence[_Stroke], travel: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the regressor and the target of all strokes for a `travel`."""
     return np.concatenate([s.at(travel) for s in strokes]), np.concatenate([s.target for s in strokes])
 
 
 def _least_squares(jacobian: np.ndarray, target: np.ndarray, levels: int) -> np.ndarray:
-    """Values, (p,), of which the last, of the friction's `levels`, are not below nothing: the lowest is left out until
-    none is. So is what nothing tells apart."""
+    """Solve for values, (p,), of which the last `levels`, the friction levels, are not negative.
+
+    The most negative one is set to 0 until none is left. Columns that cannot be told apart share the least-norm
+    solution.
+    """
     scale = np.maximum(np.linalg.norm(jacobian, axis=0), np.finfo(float).tiny)
-    # Squared: the columns are few and tell each other apart well, and a grid of travels is soon done.
+    # Normal equations are accurate enough for these few, well-separated columns, and fast over the grid.
     gram, moment = (jacobian / scale).T @ (jacobian / scale), (jacobian / scale).T @ target
     kept = list(range(len(scale)))
     while True:
@@ -204,23 +244,23 @@ def _least_squares(jacobian: np.ndarray, target: np.ndarray, levels: int) -> np.
         kept.remove(lowest)
 
 
-def _mean(losses: Sequence[np.ndarray]) -> float:
+def _mean_loss(losses: Sequence[np.ndarray]) -> float:
     return float(np.mean(np.concatenate(losses)))
 
 
-def _blocks(strokes: Sequence[_Stroke]) -> np.ndarray:
-    """First rows of blocks of about `BLOCK`, none across two motions."""
+def _block_starts(strokes: Sequence[_Stroke]) -> np.ndarray:
+    """Return the first rows of blocks of about `BLOCK_LENGTH_S`, none of which spans two motions."""
     starts, first = [], 0
     for s in strokes:
         n = len(s.target)
-        count = max(1, round(n * s.motion.filtering.decimate / s.motion.fs / BLOCK))
+        count = max(1, round(n * s.motion.filtering.decimate / s.motion.fs / BLOCK_LENGTH_S))
         starts.append(first + np.arange(count) * n // count)
         first += n
     return np.concatenate(starts)
 
 
-def _lowest(grid: np.ndarray, loss: np.ndarray) -> float:
-    """Where a loss, (k,), over a geometric grid is least: on it at its ends, between neighbours within."""
+def _grid_minimum(grid: np.ndarray, loss: np.ndarray) -> float:
+    """Return the minimum of a loss, (k,), over a geometric grid, refined by a parabola unless it is at an end."""
     i = int(np.argmin(loss))
     if i in (0, len(grid) - 1):
         return float(grid[i])

@@ -1,4 +1,4 @@
-"""A recorded motion played again by an identified joint: in its machine's closed loop, or from the command alone."""
+"""Simulate recorded motions with an identified joint, in its machine's closed loop or from the command alone."""
 
 from __future__ import annotations
 
@@ -12,23 +12,26 @@ from ...models.joint import JointModel
 from ...models.simulate import JointTrace, LoopSetting, simulate
 from ...signals.motion import Motion, differentiate
 
-SIGNALS = ("position", "velocity", "acceleration", "effort")
-SMOOTHING = 0.01  # width of the smooth sign of velocity, as a share of a recording's largest speed
+COMPARED_SIGNALS = ("position", "velocity", "acceleration", "effort")
+"""Signals in which a simulation is compared with the recording."""
 
-DIVERGED = 1e100
-"""From here on a simulated response, or its derivative, is none; squares of it still are numbers."""
+SIGN_SMOOTHING_SHARE = 0.01
+"""Width of the smoothed sign of velocity, as a share of the recording's largest speed."""
+
+DIVERGENCE_THRESHOLD = 1e100
+"""A simulated response or derivative of this size counts as diverged. Its square is still finite."""
 
 
 @dataclass(frozen=True)
 class Machine:
-    """What drives a joint, effort = gain * command - back_emf * velocity, and its own controller where it is known."""
+    """Drive of a joint, effort = gain * command - back_emf * velocity, with its controller `loop`, if known."""
 
     gain: float = 1.0
     back_emf: float = 0.0
     loop: LoopSetting | None = None
 
     def can_close(self, motion: Motion) -> bool:
-        """Whether a `motion` can be simulated in closed loop: a known controller and a recorded reference."""
+        """Return whether a `motion` can be simulated in closed loop: a known controller and a recorded reference."""
         return self.loop is not None and motion.reference is not None
 
 
@@ -62,11 +65,13 @@ def replay(
     differentiate: str = "",
     travel: float = 0.0,
 ) -> JointTrace:
-    """Simulate one `motion` of a `machine` from its measured initial state, the joint a `model` with `values`, (p,);
-    `closed` with the machine's controller following the recorded reference, else from the recorded command;
-    the signal to `differentiate`, if any, asks for smooth friction and its Jacobian by the free values, (n, p);
-    friction gives over a `travel` [rad or m] before it slips."""
-    width = SMOOTHING * float(np.abs(motion.velocity).max()) if differentiate else 0.0
+    """Simulate one `motion` of a `machine` from its measured initial state, with a joint `model` at `values`, (p,).
+
+    If `closed`, the machine's controller follows the recorded reference; otherwise the recorded command drives the
+    joint. With a signal to `differentiate`, friction is smooth and the trace has that signal's Jacobian by the free
+    values, (n, p). Friction builds up over a `travel` [rad or m].
+    """
+    width = SIGN_SMOOTHING_SHARE * float(np.abs(motion.velocity).max()) if differentiate else 0.0
     selection = model.selection()
     active = np.flatnonzero(selection.any(axis=1)) if differentiate else None
     trace = simulate(
@@ -86,29 +91,31 @@ def replay(
     if trace.jacobians is None:
         return trace
     jacobian, free = trace.jacobians[differentiate], selection[active]
-    # A product of numbers near the largest is infinite, and infinities of either sign make none: both would warn.
+    # The product with a diverged Jacobian would overflow and warn, so it is not computed.
     reduced = jacobian @ free if is_bounded(jacobian) else np.full((len(jacobian), free.shape[1]), np.nan)
     return replace(trace, jacobians={differentiate: reduced})
 
 
 def is_bounded(response: np.ndarray) -> bool:
-    """Return whether a simulated response or its derivative has not diverged; False where it is no number."""
-    return bool(np.all(np.abs(response) < DIVERGED))
+    """Return whether a simulated response or its derivative is finite and has not diverged."""
+    return bool(np.all(np.abs(response) < DIVERGENCE_THRESHOLD))
 
 
-def simulation_of(
+def simulate_recording(
     model: JointModel, values: np.ndarray, motion: Motion, machine: Machine, *, closed: bool, travel: float = 0.0
 ) -> Simulation:
-    """Simulate one `motion` of a `machine`, `closed` or from its command, with true stiction or a `travel` before it
-    slips [rad or m], the joint a `model` with `values`, (p,), and compare, measured and simulated signals filtered
-    alike."""
+    """Simulate one `motion` of a `machine` and compare it with the recording, both filtered alike.
+
+    The joint is a `model` at `values`, (p,), in `closed` loop or driven by the recorded command. It has true stiction,
+    or friction that builds up over a `travel` [rad or m].
+    """
     trace = replay(model, values, motion, machine, closed=closed, travel=travel)
     if not (is_bounded(trace.acceleration) and is_bounded(trace.effort)):
         raise IdentificationError(f"recording '{motion.recording}': the simulated joint diverges")
     inner = motion.inner
     made = (*differentiate(trace.position, motion.fs, motion.filtering), motion.smooth(trace.effort))
-    measured = {n: getattr(motion, n)[inner] for n in SIGNALS}
-    simulated = {n: x[inner] for n, x in zip(SIGNALS, made, strict=True)}
+    measured = {n: getattr(motion, n)[inner] for n in COMPARED_SIGNALS}
+    simulated = {n: x[inner] for n, x in zip(COMPARED_SIGNALS, made, strict=True)}
     errors = {n: relative_error(measured[n], simulated[n]) for n in measured}
     difference = measured["position"] - simulated["position"]
     return Simulation(
@@ -125,5 +132,5 @@ def simulation_of(
 
 
 def relative_error(measured: np.ndarray, modelled: np.ndarray) -> float:
-    """100 ||x - x_m|| / ||x|| [%], the literature's relative error."""
+    """Return 100 ||x - x_m|| / ||x|| [%], the literature's relative error."""
     return float(100.0 * np.linalg.norm(measured - modelled) / np.linalg.norm(measured))

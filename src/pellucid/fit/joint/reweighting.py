@@ -1,4 +1,4 @@
-"""Least squares that listens less to some samples: weights by speed and recording, and Huber's against outliers."""
+"""Weighted least squares: weights by speed and recording, and Huber's weights against outliers."""
 
 from __future__ import annotations
 
@@ -10,17 +10,20 @@ from ...models.joint import JointModel
 from ..regression import Solution, Stack
 from .friction_solver import solve_family
 
-HUBER = 1.345  # 95 % efficiency on Gaussian residuals
+HUBER_THRESHOLD = 1.345
+"""Huber's threshold in robust standard deviations. The estimate then has 95 % efficiency on Gaussian residuals."""
+
 SPEED_BINS = 8
+"""Number of speed bands, each with a weight of its own in every recording."""
+
 MAX_REWEIGHTINGS = 30
+"""Largest number of iterations of robust reweighting."""
 
 
 def speed_weights(model: JointModel, data: Stack, residual: np.ndarray) -> np.ndarray:
-    """Weights 1 / standard deviation of the residual, per recording and per band of speed.
+    """Return weights, (m,): 1 / standard deviation of the residual, per recording and per band of speed.
 
-    What a friction model misses sits at low speed: those samples then count for less.
-
-    `residual` (m,); gives (m,).
+    Friction models err most at low speed, so those samples get less weight. `residual` has shape (m,).
     """
     speed = data.reduced([np.abs(m.velocity) for m in data.motions])
     edges = np.quantile(speed, np.linspace(0.0, 1.0, SPEED_BINS + 1)[1:-1])
@@ -36,13 +39,13 @@ def speed_weights(model: JointModel, data: Stack, residual: np.ndarray) -> np.nd
 
 
 def robust_weights(residual: np.ndarray) -> np.ndarray:
-    """Square roots of Huber's weights, shape (m,), for residuals scaled by their median absolute deviation."""
+    """Return the square roots of Huber's weights, (m,), for residuals scaled by their median absolute deviation."""
     scale = 1.4826 * np.median(np.abs(residual - np.median(residual))) + np.finfo(float).tiny
-    return np.sqrt(np.minimum(1.0, HUBER * scale / np.maximum(np.abs(residual), np.finfo(float).tiny)))
+    return np.sqrt(np.minimum(1.0, HUBER_THRESHOLD * scale / np.maximum(np.abs(residual), np.finfo(float).tiny)))
 
 
 def solve_weighted(model: JointModel, data: Stack, first: Solution, consistent: bool = True) -> Solution:
-    """Weighted least squares: weights from the residuals of `first`, refined twice."""
+    """Solve weighted least squares with weights from the residuals of `first`, refined twice."""
     found = first
     for _ in range(3):
         w = speed_weights(model, data, found.residual)
@@ -51,7 +54,10 @@ def solve_weighted(model: JointModel, data: Stack, first: Solution, consistent: 
 
 
 def solve_robust(model: JointModel, data: Stack, first: Solution, consistent: bool = True) -> Solution:
-    """Iteratively reweighted least squares with Huber's weights, until no value moves by more than 1e-4 of its size."""
+    """Solve iteratively reweighted least squares with Huber's weights.
+
+    Iterations end when no parameter changes by more than 1e-4 of its value.
+    """
     found = first
     for iteration in range(MAX_REWEIGHTINGS):
         w = robust_weights(found.residual)

@@ -21,7 +21,7 @@ import numpy as np
 
 from ..parameter import Parameter, Verdict
 from ..searches.bounded_least_squares import bounded_least_squares
-from ..uncertainty import block_length, correlation_time, freedom_of, long_run_covariance
+from ..uncertainty import block_length, correlation_time, degrees_of_freedom, long_run_covariance
 from .muscle_calibration import MuscleFit
 
 MAX_IDENTIFIED_SPREAD_SHARE = 0.7
@@ -154,5 +154,5 @@ def recording_information(fit: MuscleFit) -> tuple[np.ndarray, np.ndarray, float
     scores = (slopes * error).reshape(len(slopes), len(rows), -1).sum(axis=1)[:, counted].T
     memory = max(correlation_time(row[counted], lengths) for row in rows)
     flat = slopes.reshape(len(slopes), -1)
-    freedom = freedom_of(block_length(memory, len(scores)), len(scores))
+    freedom = degrees_of_freedom(block_length(memory, len(scores)), len(scores))
     return flat @ flat.T, long_run_covariance(scores, rows[0][counted], lengths, memory), freedom

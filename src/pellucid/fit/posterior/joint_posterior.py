@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..._errors import IdentificationError
-from ..discrepancy import neglected
+from ..discrepancy import neglected_columns
 from ..joint.joint_estimate import JointEstimate, joint_states
-from ..regression import Stack, effort_rows, rows_of
-from ..uncertainty import block_length, correlation_time, freedom_of, student_over_normal
+from ..regression import Stack, predict_effort_rows, regression_rows
+from ..uncertainty import block_length, correlation_time, degrees_of_freedom, student_to_normal_ratio
 from .marginal_likelihood import Noise, Prior
 from .posterior import Posterior, summary
 from .straight import LinearisedModel
@@ -32,10 +32,10 @@ def joint_posterior(estimate: JointEstimate, data: Stack, **sampling) -> Posteri
             f"{samples} samples were fitted, expected at most {MAX_NONLINEAR_SAMPLES}: a posterior is for small data, "
             f"and {model.family} friction is not linear in its parameters"
         )
-    jacobian, effort = rows_of(model, values, data)
+    jacobian, effort = regression_rows(model, values, data)
     residual = data.target - effort
     states = joint_states(model, data, values)
-    lacks = neglected(model.names, values, jacobian, residual, states, estimate.statistical)
+    lacks = neglected_columns(model.names, values, jacobian, residual, states, estimate.statistical)
     if lacks is None:
         raise IdentificationError("too few samples move, or nothing is left over, to tell the noise")
     # Parameters are scaled to the effort that they produce.
@@ -43,9 +43,9 @@ def joint_posterior(estimate: JointEstimate, data: Stack, **sampling) -> Posteri
     lower, upper = (bound[free] * scale for bound in model.bounds())
     weak = np.full(len(free), PRIOR_EFFORT_SPREAD * float(np.linalg.norm(data.target)))
     prior = Prior(lower, upper, np.zeros(len(free)), weak)
-    freedom = freedom_of(block_length(correlation_time(residual, lengths), len(residual)), len(residual))
+    freedom = degrees_of_freedom(block_length(correlation_time(residual, lengths), len(residual)), len(residual))
     # The degrees of freedom already widen the tails here, so the factor in the variance is taken out.
-    noise = Noise(lacks.noise / student_over_normal(freedom) ** 2, freedom)
+    noise = Noise(lacks.noise / student_to_normal_ratio(freedom) ** 2, freedom)
     straight = LinearisedModel(
         values[free] * scale, lacks.own, lacks.target, lacks.columns, np.ones(len(lacks.words)), lacks.tied
     )
@@ -53,7 +53,7 @@ def joint_posterior(estimate: JointEstimate, data: Stack, **sampling) -> Posteri
     def left_over(place: np.ndarray) -> np.ndarray:
         at = values.copy()
         at[free] = place / scale
-        return (data.target - np.concatenate([effort_rows(model, at, m) for m in data.motions]))[lacks.rows]
+        return (data.target - np.concatenate([predict_effort_rows(model, at, m) for m in data.motions]))[lacks.rows]
 
     covariance = estimate.covariance[np.ix_(free, free)] * np.outer(scale, scale)
     bent = None if model.linear else left_over

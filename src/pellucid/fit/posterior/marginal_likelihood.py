@@ -25,7 +25,13 @@ from typing import Protocol
 
 import numpy as np
 
-from ..uncertainty import block_length, correlation_time, freedom_of, sandwich, student_over_normal
+from ..uncertainty import (
+    block_length,
+    correlation_time,
+    degrees_of_freedom,
+    sandwich_covariance,
+    student_to_normal_ratio,
+)
 
 DISCREPANCY_SCALE_BOUNDS = (0.01, 1.0)
 """Range of s, the size of the neglected effects divided by the least-squares residual. The prior is uniform in log
@@ -82,12 +88,12 @@ class Noise:
         the parameters. `jacobian`, shape (m, p), and `residual`, (m,), are made of stretches of `lengths` rows.
         """
         memory = correlation_time(residual, lengths)
-        freedom = freedom_of(block_length(memory, len(residual)), len(residual))
-        error = np.diag(sandwich(jacobian, residual, lengths, memory=memory))
+        freedom = degrees_of_freedom(block_length(memory, len(residual)), len(residual))
+        error = np.diag(sandwich_covariance(jacobian, residual, lengths, memory=memory))
         scale = np.linalg.norm(jacobian, axis=0)
         textbook = np.diag(np.linalg.inv((jacobian / scale).T @ (jacobian / scale))) / scale**2
         # The degrees of freedom already widen the tails here, so the factor in the variance is taken out.
-        return cls(float(np.median(error / textbook)) / student_over_normal(freedom) ** 2, freedom)
+        return cls(float(np.median(error / textbook)) / student_to_normal_ratio(freedom) ** 2, freedom)
 
 
 @dataclass(frozen=True)

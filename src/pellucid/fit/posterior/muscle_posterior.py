@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..parameter import Parameter
-from ..uncertainty import sandwich
+from ..uncertainty import sandwich_covariance
 from .ensemble import drawn
 from .marginal_likelihood import MarginalLikelihood, Noise, Prior
 from .posterior import Posterior, summary
@@ -56,7 +56,7 @@ class ForceGrid:
 
 def offset_interval(grid: ForceGrid, offset: float) -> Parameter:
     """Return an offset with its least-squares interval: coloured residuals, the constants taken as exactly known."""
-    covariance = sandwich(grid.slope(offset)[:, None], grid.residual(offset), grid.lengths)
+    covariance = sandwich_covariance(grid.slope(offset)[:, None], grid.residual(offset), grid.lengths)
     return Parameter(OFFSET_NAME, OFFSET_UNIT, offset, float(np.sqrt(covariance[0, 0])))
 
 

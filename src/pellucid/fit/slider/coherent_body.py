@@ -10,9 +10,9 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.slider_joint import SliderJointModel
 from ...signals.slider_motion import SliderMotion
-from ..discrepancy import discrepancy_of, states_of
-from ..regression import Stack, at_bounds, nearest, parameters_of, rows_of, solve, stack
-from ..uncertainty import sandwich
+from ..discrepancy import collect_states, estimate_discrepancy
+from ..regression import Stack, make_parameters, nearest_feasible, regression_rows, snap_to_bounds, solve, stack
+from ..uncertainty import sandwich_covariance
 from .slider_fit import SliderEstimate
 from .three_steps import require_both_directions, require_places
 
@@ -49,19 +49,19 @@ def fit_coherent(
     if np.min(model.gaps(values, rail, mass)) < 0.0:
         values = _nearest_possible_body(model, values, data, rail, mass)
         notes.append("inertia and gravity are held where a body of these masses can have them")
-    w, effort = rows_of(model, values, data)
+    w, effort = regression_rows(model, values, data)
     residual = data.target - effort
     if notes:
-        held = at_bounds(values, *model.bounds(), w, residual)[1]
-    statistical = sandwich(w, residual, data.lengths)
+        held = snap_to_bounds(values, *model.bounds(), w, residual)[1]
+    statistical = sandwich_covariance(w, residual, data.lengths)
     slowest = min(float(np.abs(m.velocity[m.scored]).min(initial=np.inf)) for m in data.motions)
-    states = states_of(
+    states = collect_states(
         data, True, lambda m, q, a: model.inertia(values, m.slider) * a + model.gravity(values, m.slider, q), slowest
     )
-    lacking = discrepancy_of(model.names, values, w, residual, states, statistical)
+    lacking = estimate_discrepancy(model.names, values, w, residual, states, statistical)
     covariance = statistical + lacking.covariance
     units = [model.unit(n) for n in model.names]
-    parameters = parameters_of(
+    parameters = make_parameters(
         model.names, units, values, covariance, held, statistical=statistical, causes=lacking.causes
     )
     notes += [
@@ -86,10 +86,10 @@ def _nearest_possible_body(model: SliderJointModel, values, data: Stack, rail, m
     lower, upper = model.bounds()
     best = None
     for _ in range(1 if model.linear else MAX_RELINEARISATIONS):
-        w, effort = rows_of(model, values, data)
+        w, effort = regression_rows(model, values, data)
         inside = _consistent_start(model, np.clip(values, lower, upper), rail, mass)
         unit = model.inertia(inside, np.array(rail)).max()
-        found, said = nearest(
+        found, said = nearest_feasible(
             w,
             data.target - effort,
             values,

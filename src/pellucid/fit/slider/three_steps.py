@@ -31,8 +31,8 @@ from ...models.directional_slider import (
 from ...models.joint import GRAVITY
 from ...signals.slider_motion import REGRESSION_STRIDE, SliderMotion
 from ..parameter import Parameter
-from ..regression import least_squares_within, parameters_of, require_full_rank
-from ..uncertainty import sandwich
+from ..regression import least_squares_within, make_parameters, require_full_rank
+from ..uncertainty import sandwich_covariance
 from .slider_fit import SliderEstimate
 
 STEP_PROTOCOLS = ("constant_velocity", "swept_sine")
@@ -69,10 +69,10 @@ def static_set(motions: Sequence[SliderMotion]) -> tuple[Parameter, ...]:
     require_full_rank(("moment_slope", "moment", "cross_moment", "adherence"), w, "static trials")
     values = np.linalg.lstsq(w, effort, rcond=None)[0]
     rest = effort - w @ values
-    covariance = sandwich(w, rest, [len(rest)])
+    covariance = sandwich_covariance(w, rest, [len(rest)])
     units = ("kg", "kg*m", "kg*m", "N*m")
     names = ("moment_slope", "moment", "cross_moment", "adherence")
-    return parameters_of(names, units, values, covariance)
+    return make_parameters(names, units, values, covariance)
 
 
 def three_steps(
@@ -195,7 +195,7 @@ def _solve(w, y, lengths, terms, solver, where) -> tuple[np.ndarray, np.ndarray]
             jac=lambda p: unit,
         ).x
         values = found / scale
-    return values, sandwich(w, y - w @ values, lengths)
+    return values, sandwich_covariance(w, y - w @ values, lengths)
 
 
 def _suffixes(copies: int) -> tuple[str, ...]:
@@ -218,7 +218,7 @@ def _estimate(method, sets, covariance, samples, residual) -> SliderEstimate:
         method=method,
         model=model,
         values=values,
-        parameters=parameters_of(names, list(UNITS.values()) * len(sets), values, covariance, held),
+        parameters=make_parameters(names, list(UNITS.values()) * len(sets), values, covariance, held),
         covariance=covariance,
         samples=samples,
         residual_sd=float(np.std(residual)),

@@ -19,7 +19,7 @@ from ..joint.gravity_holds import GravityFit, find_holds, fit_gravity, phasor_pa
 from ..parameter import Parameter
 from ..transfer.pendulum_fit import PendulumFit, evaluate_pendulum, fit_pendulum
 from ..transfer.transfer_function_fit import Response, TransferFit, evaluate_transfer_function, fit_records
-from ..uncertainty import sandwich
+from ..uncertainty import sandwich_covariance
 from .strap_torque import Orthosis
 
 SPRING_HOLD = "first"
@@ -132,7 +132,7 @@ def hanging_angle(sines: Sequence[InputOutput]) -> Parameter:
         targets.append(torque[inside][moving])
     w, y = np.vstack(blocks), np.concatenate(targets)
     values, *_ = np.linalg.lstsq(w, y, rcond=None)
-    covariance = sandwich(w, y - w @ values, [len(t) for t in targets])[3:5, 3:5]
+    covariance = sandwich_covariance(w, y - w @ values, [len(t) for t in targets])[3:5, 3:5]
     return phasor_parameters(values[3:5], covariance)[1]
 
 

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..block_test import p_of_worse
+from ..block_test import p_value_of_larger_loss
 from ..parameter import Parameter
 from .strap_fit import StrapFit, StrapRecord, fit_strap_model
 from .strap_model import FULL_MODEL, KELVIN_VOIGT, STRAP_FEATURES, StrapModel
@@ -69,7 +69,7 @@ def choose_strap(records: Sequence[StrapRecord], gain: Parameter, full: StrapFit
         for feature in best.model.features:
             without = fitted(best.model.without(feature), best).loss(blocks)
             worse = float(np.mean(np.concatenate(without))) > (1.0 + MIN_PREDICTION_LOSS_SHARE) * level
-            p[feature] = p_of_worse(without, loss)[0] if worse else 1.0
+            p[feature] = p_value_of_larger_loss(without, loss)[0] if worse else 1.0
         least = max(p, key=p.__getitem__, default=None)
         if least is None or p[least] < FEATURE_TEST_LEVEL / len(STRAP_FEATURES):
             missed = p

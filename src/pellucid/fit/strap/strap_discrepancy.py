@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..block_test import p_of_worse
-from ..discrepancy import beyond, likeliest_share
+from ..block_test import p_value_of_larger_loss
+from ..discrepancy import excess_covariance, fit_discrepancy_share
 from .strap_choice import held_out_blocks
 from .strap_fit import StrapFit, StrapRecord
 
@@ -119,12 +119,14 @@ def strap_discrepancy(fit: StrapFit, records: Sequence[StrapRecord], statistical
     # At the optimum the gradient of the data and that of the prior cancel, so the moment of the model's columns is
     # zero.
     moment[:count] = 0.0
-    share = likeliest_share(gram, moment, count)
+    share = fit_discrepancy_share(gram, moment, count)
     prior = np.concatenate([np.zeros(count), np.full(len(words), share**-2.0)])
     posterior = np.linalg.inv(gram + np.diag(prior))
     shift = -(posterior @ moment)[:count]
     units = np.outer(scale, scale)
-    part = np.outer(shift, shift) + beyond(posterior[:count, :count], statistical[np.ix_(open_, open_)] * units)
+    part = np.outer(shift, shift) + excess_covariance(
+        posterior[:count, :count], statistical[np.ix_(open_, open_)] * units
+    )
     covariance = np.zeros_like(statistical)
     covariance[np.ix_(open_, open_)] = part / units
     effect = posterior[:count, count:] * np.sqrt(prior[count:])
@@ -148,4 +150,4 @@ def _model_test_p_value(fit: StrapFit, x: np.ndarray, prior: np.ndarray) -> floa
         beside.append((r - z @ step) ** 2 + fit.penalty / len(x))
     if np.mean(np.concatenate(beside)) >= (1.0 - MIN_DISCREPANCY_GAIN) * np.mean(np.concatenate(alone)):
         return 1.0
-    return p_of_worse(alone, beside)[0]
+    return p_value_of_larger_loss(alone, beside)[0]

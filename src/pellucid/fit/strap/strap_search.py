@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 from ..._errors import IdentificationError
 from ...signals.clocks import best_delay
 from ..parameter import Parameter
-from ..uncertainty import sandwich
+from ..uncertainty import sandwich_covariance
 from .strap_torque import StrappedSwing, StrapTorque
 
 TRIAL_EDGE_S = 1.0
@@ -297,7 +297,7 @@ class StrapProblem:
             bread = bread + np.diag(extra)
         try:
             spread = np.linalg.inv(bread)
-            noise = sandwich(z, residual, lengths)
+            noise = sandwich_covariance(z, residual, lengths)
         except np.linalg.LinAlgError as error:
             raise IdentificationError(
                 "the swings do not tell the strap's stiffness from its damping: swing at more than one speed"

@@ -30,9 +30,16 @@ from ...signals.motion import Filtering, Motion
 from ..estimates import Estimates
 from ..joint.gravity_holds import phasor_parameters
 from ..parameter import Parameter
-from ..regression import at_bounds, least_squares_within, parameters_of, require_full_rank, rows_of, stack
+from ..regression import (
+    least_squares_within,
+    make_parameters,
+    regression_rows,
+    require_full_rank,
+    snap_to_bounds,
+    stack,
+)
 from ..searches.adam import AdamPath, adam
-from ..uncertainty import sandwich
+from ..uncertainty import sandwich_covariance
 
 COEFFICIENT_UNITS = {
     "inertia": "kg*m^2",
@@ -263,12 +270,12 @@ def fit_swings(swings: Sequence[Swing], form: SwingForm, *, mass_bound: float | 
     matrix, torque = _stacked_rows(swings, form)
     require_full_rank(form.terms, matrix, ", ".join(s.recording or "a swing" for s in swings))
     values, bound = _bounded_solution(matrix, torque, form, mass_bound)
-    values, held = at_bounds(values, *form.bounds(), matrix, torque - matrix @ values)
+    values, held = snap_to_bounds(values, *form.bounds(), matrix, torque - matrix @ values)
     free = ~held
     if bound:
         free[form.terms.index("inertia")] = False
     residual = torque - matrix @ values
-    covariance = sandwich(matrix, residual, [len(s) for s in swings], free=free)
+    covariance = sandwich_covariance(matrix, residual, [len(s) for s in swings], free=free)
     if bound:
         covariance = _covariance_on_mass_bound(covariance, values, form, mass_bound)
     return _swing_fit(form, values, covariance, held, residual, matrix, mass_bound if bound else None)
@@ -308,7 +315,7 @@ def adam_swings(
 def _stacked_rows(swings: Sequence[Swing], form: SwingForm) -> tuple[np.ndarray, np.ndarray]:
     """Return the regressor, (n, k), and the torque, (n,), of all swings."""
     data = stack(swings)
-    return rows_of(form, np.zeros(len(form.terms)), data)[0], data.target
+    return regression_rows(form, np.zeros(len(form.terms)), data)[0], data.target
 
 
 def _bounded_solution(matrix, torque, form, mass_bound) -> tuple[np.ndarray, bool]:
@@ -358,7 +365,7 @@ def _covariance_on_mass_bound(
 
 def _swing_fit(form, values, covariance, held, residual, matrix, mass_bound) -> SwingFit:
     held = held | np.array([name == "inertia" and mass_bound is not None for name in form.terms])
-    plain = parameters_of(form.terms, [COEFFICIENT_UNITS[n] for n in form.terms], values, covariance, held)
+    plain = make_parameters(form.terms, [COEFFICIENT_UNITS[n] for n in form.terms], values, covariance, held)
     found = {p.name: p for p in plain}
     others = tuple(p for name, p in found.items() if not name.startswith(("inertia", "weight_moment")))
     if "weight_moment" in found:

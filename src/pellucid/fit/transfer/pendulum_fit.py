@@ -31,7 +31,7 @@ from ...models.transfer_function import filtered_powers
 from ...signals.input_output import InputOutput
 from ..estimates import Estimates
 from ..parameter import Parameter, Whiteness
-from ..uncertainty import sandwich, whiteness
+from ..uncertainty import sandwich_covariance, whiteness
 from .srivc import SINGULAR_VALUE_TOLERANCE
 from .transfer_function_fit import Response, fit_percent, require_samples
 
@@ -294,7 +294,7 @@ def _result_at(
         share = np.abs(singular[2][-1])[:k]
         tied = [n for n, s in zip(problem.names, share, strict=True) if s > 0.1 * share.max()]
         raise IdentificationError(f"{_names(problem.records)}: {', '.join(tied)} cannot be told apart")
-    covariance = sandwich(jacobian, -residual, problem.lengths)[:k, :k]
+    covariance = sandwich_covariance(jacobian, -residual, problem.lengths)[:k, :k]
     # The first-order estimate of all parameters without bounds.
     wanted = x[:k] - (np.linalg.lstsq(jacobian / scale, residual, rcond=None)[0] / scale)[:k]
     slope = jacobian.T @ residual

@@ -28,7 +28,7 @@ from ...signals.input_output import InputOutput
 from ...signals.sampled import sampled
 from ..estimates import Estimates
 from ..parameter import Parameter, Whiteness
-from ..uncertainty import block_bootstrap, sandwich, whiteness
+from ..uncertainty import block_bootstrap, sandwich_covariance, whiteness
 from .srivc import SINGULAR_VALUE_TOLERANCE, Experiment, first_transfer_functions, solve_linear
 
 MIN_SAMPLES_PER_UNKNOWN = 5
@@ -305,7 +305,7 @@ def _result_at(experiment: Experiment, found: _SearchResult, units: tuple[str, s
     jacobian = np.hstack([found.slopes, point.columns])
     _require_regular(experiment, jacobian)
     p = n + m + 1
-    covariance = sandwich(jacobian, point.residual, experiment.lengths)[:p, :p]
+    covariance = sandwich_covariance(jacobian, point.residual, experiment.lengths)[:p, :p]
     made = TransferFunction(tuple(point.linear[: m + 1]), (1.0, *point.denominator))
     values = np.array([*point.denominator, *point.linear[: m + 1]])
     names = [f"a{i}" for i in range(n - 1, -1, -1)] + [f"b{i}" for i in range(m, -1, -1)]

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...models.kinematic_tree import BODY_QUANTITIES
-from ..uncertainty import student_over_normal
+from ..uncertainty import student_to_normal_ratio
 from .base_parameters import BaseParameters
 from .consistent_inertias import ConsistentFit, consistent_inertias
 from .fit_tree import UNSEEN, estimate_of
@@ -166,7 +166,7 @@ def consistent_estimate(
     told = fit.told if told is None else told
     covariance = jackknifed(found)
     freedom = float(max(len(_recorded(found.equations)) - 1, 1))
-    covariance *= (student_over_normal(freedom) if freedom > 1.0 else FEW) ** 2
+    covariance *= (student_to_normal_ratio(freedom) if freedom > 1.0 else FEW) ** 2
     every = np.arange(len(spread.numbers.names))
     columns = tuple(x @ spread.matrix[place] for place, x in zip(found.at.places, found.at.columns, strict=True))
     at = replace(found.at, model=spread.numbers, places=(every,) * len(columns), columns=columns)

@@ -27,7 +27,7 @@ from ..._errors import IdentificationError
 from ...models.robot import Robot
 from ...signals.tree_motion import TreeMotion
 from ..parameter import Parameter
-from ..uncertainty import student_over_normal
+from ..uncertainty import student_to_normal_ratio
 from .carried_load import LoadedRows, loaded_rows
 from .friction_terms import direction, plain_families
 from .tree_regression import TreeModel, fit_rows, linearised, loads_of, told
@@ -88,7 +88,7 @@ def _jackknife(left: np.ndarray) -> float:
     """Standard error of what came out as `left`, (s,), without each segment."""
     n = len(left)
     error = np.sqrt((n - 1) / n * np.sum((left - left.mean()) ** 2))
-    return float(error * (student_over_normal(n - 1.0) if n > 2 else 6.5))
+    return float(error * (student_to_normal_ratio(n - 1.0) if n > 2 else 6.5))
 
 
 def _gain(robot: Robot, motion: TreeMotion, i: int, value: float, error: float) -> Parameter:

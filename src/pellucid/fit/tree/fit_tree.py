@@ -10,7 +10,7 @@ import numpy as np
 from ...models.robot import Robot
 from ...signals.tree_motion import TreeMotion
 from ..parameter import Parameter
-from ..regression import parameters_of
+from ..regression import make_parameters
 from .friction_terms import SPEED, plain_families
 from .tree_estimate import TreeEstimate
 from .tree_regression import Linearised, TreeModel, TreeRows, TreeSolution, fit_rows, tree_rows
@@ -86,7 +86,7 @@ def _parameters(
     for place, x in zip(at.places, at.columns, strict=True):
         power[place] += np.sum(x**2, axis=0)
     whole = sum(float(np.sum(rows.effort[lines, j] ** 2)) for j, lines in enumerate(rows.lines))
-    plain = parameters_of(model.names, model.units, found.values, sure.covariance, found.held, ~found.seen)
+    plain = make_parameters(model.names, model.units, found.values, sure.covariance, found.held, ~found.seen)
     made = {}
     for parameter, seen, strength in zip(plain, found.seen, power, strict=True):
         refused = "" if seen else UNSEEN

@@ -20,7 +20,7 @@ from ...models.robot import Robot
 from ...signals.tree_motion import TreeMotion
 from ..estimates import Estimates
 from ..parameter import Parameter
-from ..regression import parameters_of
+from ..regression import make_parameters
 from .carried_load import PAYLOAD, LoadedRows, loaded_rows
 from .consistent_inertias import consistent_inertias
 from .fit_tree import UNSEEN
@@ -110,7 +110,7 @@ def identify_payload(
     own = covariance[np.ix_(place, place)]
     if gains is not None:
         own = own + _of_gains(model, carried, start, at, gains)
-    made = parameters_of(BODY_QUANTITIES, UNITS, body, own, idle=~told)
+    made = make_parameters(BODY_QUANTITIES, UNITS, body, own, idle=~told)
     refused = tuple(p if t else replace(p, refused=UNSEEN) for p, t in zip(made, told, strict=True))
     return PayloadEstimate(
         parameters=refused,

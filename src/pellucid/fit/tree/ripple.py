@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..block_test import p_of_signs
+from ..block_test import sign_flip_p_value
 from .tree_estimate import Ripple
 from .tree_families import RARE
 from .tree_regression import (
@@ -128,7 +128,7 @@ def chosen_ripples(at: Linearised, found: TreeSolution, rate: float) -> tuple[tu
         tried = replace(model, ripples=(*model.ripples, *kept, Ripple(line.motor, line.order, 0.0, 0.0)))
         equations = normal_equations(linearised(tried, rows, load, model.alpha(found.values)))
         losses = left_out_losses(equations, found.sd)
-        if p_of_signs(best - losses) < RARE:
+        if sign_flip_p_value(best - losses) < RARE:
             kept.append(Ripple(line.motor, line.order, 0.0, 0.0))
             best = losses
     return tuple(kept), lines

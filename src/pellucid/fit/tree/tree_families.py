@@ -19,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..block_test import p_of_signs
+from ..block_test import sign_flip_p_value
 from .friction_terms import NUMBERS, RICHER, RICHER_SHARED, TERMS, plain_families
 from .tree_regression import (
     NormalEquations,
@@ -102,7 +102,7 @@ def chosen_families(rows: TreeRows, terms: Sequence[str] = RICHER + RICHER_SHARE
         saved, physical = _savings(gram, moment, active, at, [waiting[i].part for i in at])
         worth = []
         for place, each, fine in zip(at, saved.T, physical, strict=True):
-            p = p_of_signs(each)
+            p = sign_flip_p_value(each)
             if fine and p < RARE:
                 worth.append((float(each.sum()), p, int(place)))
         if not worth:

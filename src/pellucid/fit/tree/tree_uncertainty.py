@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..uncertainty import CORRELATION_TIMES, FEWEST_BLOCKS, correlation_time, student_over_normal
+from ..uncertainty import BLOCK_CORRELATION_TIMES, MIN_BLOCKS, correlation_time, student_to_normal_ratio
 from .tree_regression import Linearised, TreeRows, TreeSolution
 
 MOST_TAKEN = 0.999
@@ -56,7 +56,7 @@ def memories(rows: TreeRows, residuals: tuple[np.ndarray, ...]) -> np.ndarray:
 def blocks_of(rows: TreeRows, memory: float) -> np.ndarray:
     """The block of each row, (N,), from 0: ten correlation times of `memory` rows each, and none across recordings."""
     lengths = np.bincount(rows.stretch)
-    length = int(np.clip(round(CORRELATION_TIMES * memory), 1, max(1, len(rows.stretch) // FEWEST_BLOCKS)))
+    length = int(np.clip(round(BLOCK_CORRELATION_TIMES * memory), 1, max(1, len(rows.stretch) // MIN_BLOCKS)))
     made, first = [], 0
     for n in lengths:
         count = max(1, round(n / length))
@@ -99,7 +99,7 @@ def tree_uncertainty(at: Linearised, found: TreeSolution) -> TreeUncertainty:
         scores.append(root.T @ (ways @ ((ways.T @ (root @ pull)) / np.sqrt(left))))
     scores = np.array(scores)
     freedom = float(max(len(scores) - 1, 1))
-    k = student_over_normal(freedom) if freedom > 1.0 else 6.5
+    k = student_to_normal_ratio(freedom) if freedom > 1.0 else 6.5
     covariance, textbook = np.zeros((2, p, p))
     covariance[np.ix_(free, free)] = k**2 * scores.T @ scores
     textbook[np.ix_(free, free)] = root.T @ root

@@ -7,8 +7,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..emg_torque.procedure import EmgTorqueTable
-from .procedure import ActivationsTable
 from ..._atomic import write_text_atomically
 from ..._errors import IdentificationError
 from ...estimators.cross_validation import Score, score
@@ -33,9 +31,11 @@ from ...estimators.unrecorded import (
 from ...fit.parameter import Verdict
 from ...recordings.results import ResultRow
 from ...recordings.study import Study
+from ..emg_torque.procedure import EmgTorqueTable
 from ..emg_torque.trial_sources import moment_trials
 from ..procedure import Progress, quiet
 from ..result import FigureTable, Result
+from .procedure import ActivationsTable
 
 TOGETHER = "together"
 """What figures of several joints' muscles are called."""
@@ -106,7 +106,7 @@ class ActivationsResult(Result):
 def find_activations(study: Study, tell: Progress = quiet) -> ActivationsResult:
     """Activations near EMG with which the torques follow, of several joints by muscles that are calibrated over all of
     them. `study` [activations]."""
-    table, config = study.table(ActivationsTable), study.table(EmgTorqueTable)
+    table, config = study.find_table(ActivationsTable), study.find_table(EmgTorqueTable)
     if table is None or config is None:
         raise IdentificationError(f"{study.folder}: found no tables [activations] and [emg_torque], expected both")
     recordings, left_out, checksums, said = [], [], {}, []

@@ -1,4 +1,4 @@
-"""The report of torque maps: how far each estimator is off on what it has not seen, and what it chose to look at."""
+"""The report of torque maps: each estimator's error on held-out recordings, and the features that it chose."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from .procedure import EmgTorqueTable
 from ...drawing.drawing import draw
 from ...estimators.condition_choice import ERROR_BAND_SHARE
 from ...estimators.families import ESTIMATOR_FAMILIES
@@ -24,17 +23,18 @@ from . import muscle_figures, stiffness_figures
 from .calibrate import BANDS, CalibrationResult
 from .chosen import BASELINE, Chosen
 from .evaluated import TorqueTrace
+from .procedure import EmgTorqueTable
 from .together import WORDS
 
 SHORT = {
     BASELINE: "angles alone", "hill": "muscles", "nmco": "NM-CO", "nmnc": "NM-NC", "mbp": "M-BP",
     "ridge_lags": "ridge with lags",
 }  # fmt: skip
-"""Words of estimators where there is little room."""
+"""Short names of estimators for legends."""
 
 
 def page(study: Study, findings: CalibrationResult) -> Page:
-    """Everything that calibration found, as a page."""
+    """Return the page of a calibration's result."""
     return study_page(
         title=f"{findings.study}: torque from EMG",
         headline=prose(findings.headline),
@@ -49,17 +49,18 @@ def page(study: Study, findings: CalibrationResult) -> Page:
                 ),
             )
         ),
-        # What makes all figures void stands above them; what else is to be known, below the first.
+        # Verdicts that invalidate results stand above all results. The others follow below the first section.
         verdicts=[v for v in findings.verdicts if _first(v)],
     )  # fmt: skip
 
 
 def _first(verdict: Verdict) -> bool:
-    """Whether it makes figures void, or bands."""
+    """Return whether a verdict invalidates results or their error bands."""
     return verdict.kind == "wrong" or verdict.finding == BANDS
 
 
 def _tiles(findings: CalibrationResult) -> tuple[Tile, ...]:
+    """Return a tile with the recommended estimator's worst error for each joint or person."""
     tiles = []
     for each in findings.chosen:
         judged = sorted(each.by_condition(), key=lambda one: -one.score.rmse)
@@ -80,6 +81,7 @@ def _tiles(findings: CalibrationResult) -> tuple[Tile, ...]:
 
 
 def _found(findings: CalibrationResult) -> Section:
+    """Return the section with the errors of all estimators."""
     tables = figure_tables(findings)
     first = tuple(t for t in tables if t.caption.startswith("Named first"))
     rest = tuple(
@@ -109,12 +111,13 @@ def _found(findings: CalibrationResult) -> Section:
 
 
 def _shown(findings: CalibrationResult, chosen: Chosen) -> str:
-    """The worst of the recordings on which estimates hold; of all where they hold on none."""
+    """Return the recording with the largest error among those with valid estimates, or of all if none is valid."""
     void = {v.said.partition(":")[0] for v in findings.verdicts if v.finding == "another_condition"}
     return next((e.recording for e in chosen.judged if e.recording not in void), chosen.judged[0].recording)
 
 
 def _traces(findings: CalibrationResult) -> Section:
+    """Return the section with held-out torque over time."""
     words = {name: family.description for name, family in ESTIMATOR_FAMILIES.items()}
     by = {each.what: each for each in findings.chosen}
     drawings = []
@@ -135,13 +138,13 @@ def _traces(findings: CalibrationResult) -> Section:
 
 
 def _known(findings: CalibrationResult) -> Section | None:
-    """What is to be known of figures and muscles, worst first; None where there is nothing."""
+    """Return the section with the remaining verdicts, the worst first; None if there are none."""
     said = tuple((v.kind, prose(v.said)) for v in rank_verdicts(v for v in findings.verdicts if not _first(v)))
     return Section("emg_known", "What is to be known", verdicts=said) if said else None
 
 
 def coverage_text(trace: TorqueTrace) -> str:
-    """What the bands of a trace are, and how much of its torque they hold; empty without one."""
+    """Return words that state each band's level and the share of the torque that it holds; empty without bands."""
     said = []
     for name, half in trace.half_width.items():
         share = 100.0 * float(np.mean(np.abs(trace.reference - trace.predicted[name]) <= half))
@@ -151,7 +154,7 @@ def coverage_text(trace: TorqueTrace) -> str:
 
 
 def _muscles(findings: CalibrationResult) -> Section | None:
-    """Parameters with intervals, and what every muscle does; None where muscles were passed over."""
+    """Return the section with muscle parameters, activations and torques; None if muscles were not fitted."""
     if not findings.muscles:
         return None
     drawings = []
@@ -194,7 +197,7 @@ def _muscles(findings: CalibrationResult) -> Section | None:
 
 
 def _together(findings: CalibrationResult) -> Section | None:
-    """One calibration over all joints; None where there is none."""
+    """Return the section on muscles calibrated over all joints at once; None if there are none."""
     if findings.together is None:
         return None
     summary, traces = findings.together.summary, findings.together.traces
@@ -226,7 +229,7 @@ def _together(findings: CalibrationResult) -> Section | None:
 
 
 def _stiffness(findings: CalibrationResult) -> Section | None:
-    """Along a movement; None where muscles were passed over."""
+    """Return the section with joint stiffness along a movement; None if muscles were not fitted."""
     if not findings.stiffness:
         return None
     drawings = tuple(
@@ -243,6 +246,7 @@ def _stiffness(findings: CalibrationResult) -> Section | None:
 
 
 def _choices(findings: CalibrationResult) -> Section:
+    """Return the section with the chosen features and settings, and the tests that chose the estimator."""
     first = findings.evaluated[0].recording
     rows = tuple(
         Row(
@@ -263,6 +267,7 @@ def _choices(findings: CalibrationResult) -> Section:
 
 
 def _method(study: Study) -> Section:
+    """Return the section that describes the method."""
     spec = study.table(EmgTorqueTable)
     said = []
     if spec.chain == "none":

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..._errors import PellucidError
 from ...fit.delay import Delay
-from ...fit.joint.drive_delay import drive_delay
+from ...fit.joint.drive_delay import estimate_drive_delay
 from ...recordings.delay import led, moved
 from ...recordings.drive_channel import drive_channel
 from ...recordings.recording import Recording
@@ -142,6 +142,6 @@ def _estimated(recordings: Sequence[Recording], study: Study, step: float, most:
     back_emf = drive_model(study.rig).back_emf
     try:
         made = motions_of(some_of(recordings, most), study)
-        return drive_delay(simple_model(study), made, back_emf, quantile=1.96, step=step)
+        return estimate_drive_delay(simple_model(study), made, back_emf, quantile=1.96, step=step)
     except (PellucidError, np.linalg.LinAlgError):
         return None  # what is wrong with them is told by those who fit

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...fit.joint.drive_constant import drive_constant
-from ...fit.joint.family_choice import best_family, family_contest
+from ...fit.joint.drive_constant import estimate_drive_constant
+from ...fit.joint.family_choice import choose_family, compare_families
 from ...fit.joint.friction_family import FamilyFit, fit_family
-from ...fit.joint.load_shares import LoadShares, load_shares, with_unknown_shares
-from ...fit.joint.presliding import presliding
+from ...fit.joint.load_shares import LoadShares, decide_load_shares, widen_for_unknown_shares
+from ...fit.joint.presliding import estimate_presliding
 from ...fit.joint.replay import Machine
 from ...fit.parameter import Parameter
 from ...fit.posterior.ensemble import require_sampler
@@ -83,13 +83,13 @@ def identify_joint(
     constant, no_constant = None, ""
     if payloads:
         try:
-            constant = drive_constant(model_of("load"), data)
+            constant = estimate_drive_constant(model_of("load"), data)
         except IdentificationError as error:
             no_constant = str(error)
     shares = LoadShares(True)
     if not {"gravity", "inertia"} & set(study.model.known) and any("load" in FAMILIES[name] for name in names):
         searched = stack([m for m in part.motions if m.split == "fitted"]) if part.said else data
-        shares = load_shares(model_of("load", separate_load=True), searched)
+        shares = decide_load_shares(model_of("load", separate_load=True), searched)
     fits: dict[str, FamilyFit] = {}
     machine = machine_of(study.rig)
     failures: dict[str, str] = {}
@@ -112,8 +112,8 @@ def identify_joint(
             if name in ("symmetric", names[0]):
                 raise
             failures[name] = str(error)
-    contest = family_contest(fits)
-    best = best_family(fits, contest)
+    contest = compare_families(fits)
+    best = choose_family(fits, contest)
     posterior, no_posterior = None, ""
     if study.model.posterior:
         tell("drawing a posterior", 0.85)
@@ -125,8 +125,8 @@ def identify_joint(
     fitted, held = ([m for m in part.motions if m.split == split] for split in ("fitted", "heldout"))
     plain = fits[best].estimate
     if constant is not None and not known_drive:
-        constant = with_unknown_shares(constant, plain)
-    below_slip = presliding(plain.model, plain.array, fitted, held, study.model.confidence)
+        constant = widen_for_unknown_shares(constant, plain)
+    below_slip = estimate_presliding(plain.model, plain.array, fitted, held, study.model.confidence)
     case = JointCase(
         study, everything, data, part.motions, fits, best, contest, machine, failures, constant, no_constant,
         posterior, no_posterior, below_slip, shares,

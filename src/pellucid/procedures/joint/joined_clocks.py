@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..._errors import PellucidError, RecordingError
-from ...fit.delay import Delay, likeliest
-from ...fit.joint.drive_delay import drive_delay
+from ...fit.delay import Delay, find_likely_delays
+from ...fit.joint.drive_delay import estimate_drive_delay
 from ...recordings.delay import part_of
-from ...recordings.joined_stream import first_offset
+from ...recordings.joined_stream import initial_offset
 from ...recordings.quality import DRIVE_CHANNELS
 from ...recordings.recording import Recording
 from ...recordings.study import Study
@@ -126,7 +126,7 @@ def _clocks_of(recording: Recording, study: Study) -> tuple[Clock, ...]:
 
 def _clock(recording: Recording, name: str, study: Study) -> Clock:
     stream, apart = recording.streams[name], study.apart(recording.name)
-    first, drift = first_offset(apart, stream), study.config.streams[name].drift
+    first, drift = initial_offset(apart, stream), study.config.streams[name].drift
     given = 0.0 if drift == "auto" else drift
 
     def unknown(why: str) -> Clock:
@@ -180,13 +180,13 @@ def _roughly(
     def effort(t: np.ndarray) -> np.ndarray:
         return np.interp(t, source.time, smooth, left=np.nan, right=np.nan)
 
-    delays, left = likeliest(w[some], effort, at[some] + start, tried)
+    delays, left = find_likely_delays(w[some], effort, at[some] + start, tried)
     return first + sense * delays, left
 
 
 def _delay(recording: Recording, study: Study) -> Delay | None:
     drive = drive_model(study.rig)
-    return drive_delay(
+    return estimate_drive_delay(
         simple_model(study),
         motions_of(some_of([recording]), study),
         drive.back_emf,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from ...fit.block_test import Contest
+from ...fit.block_test import HeldOutComparison
 from ...fit.joint.friction_family import FamilyFit
 from ...fit.joint.load_shares import LoadShares
 from ...fit.joint.presliding import Presliding
@@ -27,7 +27,7 @@ class JointCase:
     excerpt: tuple[Motion, ...]  # All of them, or parts of each where there are hours: for what searches
     fits: Mapping[str, FamilyFit]
     best: str
-    contest: Contest | None = None  # Of the families; None where there was none
+    contest: HeldOutComparison | None = None  # Of the families; None where there was none
     machine: Machine = field(default_factory=Machine)
     failures: Mapping[str, str] = field(default_factory=dict)  # Families that could not be fitted, and why
     constant: Parameter | None = None  # The drive's, from known payloads; over the stated one where that is known

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..._errors import PellucidError
-from ...fit.joint.excitation import excitation
+from ...fit.joint.excitation import measure_excitation
 from ...fit.joint.friction_solver import solve_family
 from ...fit.regression import Stack, stack
 from ...models.joint import JointModel, joint_model
@@ -73,7 +73,7 @@ def joint_faults(study: Study) -> list[Fault]:
 
 def _excitation(study: Study, model: JointModel, data: Stack) -> Fault:
     """What the motion alone can show, and which parameter it will show least."""
-    found = excitation(model, data)
+    found = measure_excitation(model, data)
     rotary = study.rig.motion == "rotary"
     scale, unit = (float(np.degrees(1.0)), "deg") if rotary else (1e3, "mm")
     low, high = (scale * x for x in found.position)

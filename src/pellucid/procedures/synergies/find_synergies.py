@@ -7,7 +7,6 @@ from itertools import combinations
 
 import numpy as np
 
-from .procedure import SynergiesTable
 from ..._errors import IdentificationError, RecordingError
 from ...estimators.synergies import (
     VAF_THRESHOLD,
@@ -27,6 +26,7 @@ from ...recordings.study import Study
 from ..muscle_channels import MuscleEnvelopes, emg_faults, envelope_faults, refuse, relative_envelopes
 from ..procedure import Progress, quiet
 from ..result import FigureTable, Result
+from .procedure import SynergiesTable
 
 STRETCH = 6.0
 """Seconds of a recording that are drawn."""
@@ -75,8 +75,6 @@ def faults(study: Study) -> list[Fault]:
 def run(study: Study, tell: Progress = quiet) -> SynergiesResult:
     """Synergies of every group, and how alike groups are. `study` [synergies]."""
     table = study.table(SynergiesTable)
-    if table is None:
-        raise IdentificationError(f"{study.folder}: found no table [synergies] in study.toml, expected one")
     refuse(emg_faults(study, table))
     tell("envelopes", 0.05)
     grouped = _groups(study, relative_envelopes(study, table))

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.special import ndtri
 
 from ...._errors import IdentificationError
-from ....fit.block_test import LEVEL
-from ....fit.joint.angle_zero import AngleZero, angle_zero, has_weight
+from ....fit.block_test import SIGNIFICANCE_LEVEL
+from ....fit.joint.angle_zero import AngleZero, estimate_angle_zero, has_free_gravity
 from ....fit.parameter import Verdict
 from ....fit.regression import stack
 from ..joint_case import JointCase
@@ -23,7 +23,7 @@ PLAIN = ("symmetric", "directional", "load")  # families that are solved at once
 
 def find(case: JointCase) -> Iterator[Verdict]:
     """The angle that gravity implies, with its interval, and the offset to write."""
-    if not has_weight(case.fit.model):
+    if not has_free_gravity(case.fit.model):
         return
     found = _best(case)
     if found is None or found.standard_error > COARSE or abs(found.angle) < max(SMALLEST, SURE * found.standard_error):
@@ -35,7 +35,7 @@ def find(case: JointCase) -> Iterator[Verdict]:
         yield Verdict("note", f"{text} ({100 * case.level:g} %).")
         return
     turned = np.cos(found.angle) < 0.0  # then both fits explain as much, one with a weight below zero
-    if not turned and not (found.p_value < LEVEL and found.before > HELPS * found.after):
+    if not turned and not (found.p_value < SIGNIFICANCE_LEVEL and found.before > HELPS * found.after):
         return
     unit = case.fit.model.effort_unit
     yield Verdict(
@@ -54,7 +54,7 @@ def _best(case: JointCase) -> AngleZero | None:
     made = []
     for fit in [case.fits[n] for n in PLAIN if n in case.fits] or [case.fit]:
         try:
-            made.append(angle_zero(fit.model, data, held))
+            made.append(estimate_angle_zero(fit.model, data, held))
         except IdentificationError:
             continue  # too small a range of angles to tell
     return min(made, key=lambda each: each.after, default=None)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.special import ndtri
 
-from ....fit.joint.recording_agreement import BODY, Disagreement, disagreements
+from ....fit.joint.recording_agreement import BODY_PARAMETERS, Disagreement, find_disagreements
 from ....fit.parameter import Verdict
 from ....pages.quantities import label, number, unit_text
 from ..joint_case import JointCase
@@ -31,8 +31,8 @@ def find(case: JointCase) -> Iterator[Verdict]:
 def _found(case: JointCase) -> tuple[Disagreement, ...]:
     """By the best family; where it sees none in the body, by those that fit better, which miss less friction."""
     fits = sorted(case.fits.values(), key=lambda f: (f.family != case.best, f.fitted_effort_error))
-    every = [disagreements(f.model, f.estimate.array, case.excerpt) for f in fits]
-    bodily = [found for found in every if any(BODY & set(each.own) for each in found)]
+    every = [find_disagreements(f.model, f.estimate.array, case.excerpt) for f in fits]
+    bodily = [found for found in every if any(BODY_PARAMETERS & set(each.own) for each in found)]
     return (bodily or every)[0]
 
 

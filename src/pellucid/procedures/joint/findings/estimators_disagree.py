@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.special import ndtri
 
-from ....fit.block_test import Contest
+from ....fit.block_test import HeldOutComparison
 from ....fit.joint.joint_estimate import JointEstimate
 from ....fit.parameter import Parameter, Verdict
 from ....pages.quantities import METHODS, label, number, unit_text
@@ -61,12 +61,12 @@ def _apart(parameter: Parameter, estimates: dict[str, JointEstimate], level: flo
     return found
 
 
-def _contests(case: JointCase) -> dict[str, Contest]:
+def _contests(case: JointCase) -> dict[str, HeldOutComparison]:
     found = {"torque": case.fit.choice.torque, "simulation": case.fit.choice.simulation}
     return {what: contest for what, contest in found.items() if contest is not None}
 
 
-def _far(found: Contest, method: str) -> bool:
+def _far(found: HeldOutComparison, method: str) -> bool:
     return method in found.errors and found.worse(method) and found.errors[method] > FAR * found.errors[found.winner]
 
 
@@ -88,7 +88,7 @@ def _used(case: JointCase, involved: list[str]) -> str:
     return f"On what is held out, {' and '.join(said)}. The headline is by {METHODS[choice.method]}."
 
 
-def _errors(found: Contest, involved: list[str], unit: str, scale: float = 1.0) -> str:
+def _errors(found: HeldOutComparison, involved: list[str], unit: str, scale: float = 1.0) -> str:
     each = [f"{number(scale * found.errors[m], digits=3)} by {METHODS[m]}" for m in involved if m in found.errors]
     return f"{', '.join(each)} ({unit_text(unit)}, RMS)"
 

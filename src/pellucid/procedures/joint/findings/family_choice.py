@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.special import ndtri
 
-from ....fit.block_test import LEVEL
+from ....fit.block_test import SIGNIFICANCE_LEVEL
 from ....fit.joint.joint_estimate import JointEstimate
 from ....fit.parameter import Verdict
 from ..joint_case import JointCase
@@ -66,8 +66,8 @@ def find(case: JointCase) -> Iterator[Verdict]:
                 f"({', '.join(open_ones)}): the better prediction is no evidence of that friction.",
             )
             return
-        text = f"{better}, and every simpler family is significantly worse than the best (p < {LEVEL:g}, paired test "
-        text += f"over {found.blocks} or more blocks)."
+        text = f"{better}, and every simpler family is significantly worse than the best "
+        text += f"(p < {SIGNIFICANCE_LEVEL:g}, paired test over {found.blocks} or more blocks)."
         if open_ones:
             text += f" Of what it adds, {', '.join(open_ones)} is not identifiable and did not decide it."
         yield Verdict("good", text)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ....fit.block_test import independent_samples
+from ....fit.block_test import count_independent_samples
 from ....fit.parameter import Verdict
 from ..joint_case import JointCase
 
@@ -33,7 +33,7 @@ def find(case: JointCase) -> Iterator[Verdict]:
             'No recording is held out (use = "validate"): nothing here says how the model predicts new data.',
         )
         return
-    count = independent_samples(held)
+    count = count_independent_samples(held)
     error = f"an error of {fit.heldout_effort_error:.2g} % (R2 {fit.heldout_r2:.3f}, {count:.0f} independent samples)"
     if fit.heldout_r2 < FAILED:
         yield Verdict(

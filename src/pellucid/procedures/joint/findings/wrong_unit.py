@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...._errors import IdentificationError
-from ....fit.joint.angle_zero import has_weight
+from ....fit.joint.angle_zero import has_free_gravity
 from ....fit.joint.friction_solver import solve_family
 from ....fit.parameter import Verdict
 from ....fit.regression import stack
@@ -23,7 +23,7 @@ WIDE = 2.0 * np.pi  # range of an angle [rad] that few joints with a weight have
 def find(case: JointCase) -> Iterator[Verdict]:
     """That a failed fit is one no more with the angle read in degrees: the sine of the weight tells."""
     # Radians called degrees make no fit fail: weight is proportional to small angles, and inertia takes the factor.
-    if not has_weight(case.fit.model) or case.fit.fitted_r2 > FAILED:
+    if not has_free_gravity(case.fit.model) or case.fit.fitted_r2 > FAILED:
         return
     position = case.data.reduced([m.position for m in case.data.motions])
     if np.ptp(position) < WIDE:
