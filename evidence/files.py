@@ -238,7 +238,7 @@ def damage_to_cards(scratch: Path) -> list[Outcome]:
 def damage_to_muscles(scratch: Path) -> list[Outcome]:
     """Models of muscles, OpenSim's and CEINMS's, whose files were damaged."""
     from pellucid._errors import PellucidError
-    from pellucid.recordings.study_muscles import read_muscle_constants
+    from pellucid.procedures.emg_torque.study_muscles import read_muscle_constants
 
     def run(case: tuple[str, int]) -> str:
         name, seed = case

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from pellucid import datasets
+from pellucid.procedures.emg_torque.study_muscles import study_muscles
 from pellucid.procedures.registry import asked
 from pellucid.recordings import inspect
-from pellucid.recordings.study_muscles import study_muscles
 from pellucid.signals.emg_quality import inspect_emg
 
 

@@ -58,7 +58,7 @@ def test_without_a_limb_or_a_second_repetition_there_is_none(steps, known):
 
 
 def test_everybody_who_has_one_gets_a_card_of_their_own(steps, known):
-    study = SimpleNamespace(name="virtual", config=SimpleNamespace(coupling=SimpleNamespace(emg="emg")))
+    study = SimpleNamespace(name="virtual", table=lambda kind: kind(emg="emg"))
     found = SimpleNamespace(limb=SimpleNamespace(limb=known["limb"]), coupling=known["coupling"])
     nobody = SimpleNamespace(limb=None, coupling=known["coupling"])
     made = emg_cards(study, steps, known["orthosis"], {"S1": found, "S2": nobody})

@@ -11,6 +11,7 @@ from pellucid.estimators.joint_stiffness import STIFFNESS_KINDS, joint_stiffness
 from pellucid.estimators.torque_map import fit_torque_map
 from pellucid.procedures.emg_torque import estimator_cards, stiffness_findings
 from pellucid.procedures.emg_torque.evaluated import Calibrated
+from pellucid.procedures.emg_torque.procedure import EmgTorqueTable
 
 
 @pytest.fixture(scope="module")
@@ -23,8 +24,8 @@ def found():
     calibrated = Calibrated()
     calibrated.causal["knee", "hill"] = fit_torque_map(fitted, "hill", causal=True)
     calibrated.shown["knee"] = judged
-    own = SimpleNamespace(chain="none", emg="emg", joints=("knee",), normalise="none")
-    study = SimpleNamespace(name="made", config=SimpleNamespace(emg_torque=own), recordings=list)
+    own = EmgTorqueTable(chain="none", emg="emg", joints=("knee",), normalise="none")
+    study = SimpleNamespace(name="made", table=lambda kind: own, recordings=lambda use=None: [])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(estimator_cards, "moment_trials", lambda study, joint, causal: fitted)
         return study, calibrated, estimator_cards.estimator_cards(study, calibrated), judged

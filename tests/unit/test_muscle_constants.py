@@ -6,7 +6,7 @@ import pytest
 
 from pellucid._errors import RecordingError
 from pellucid.procedures.emg_torque.procedure import EmgTorqueTable as EmgTorque
-from pellucid.recordings.study_muscles import read_muscle_constants, study_muscles
+from pellucid.procedures.emg_torque.study_muscles import read_muscle_constants, study_muscles
 
 MODEL = """<?xml version="1.0"?><OpenSimDocument Version="40000"><Model name="leg"><ForceSet><objects>
 <CoordinateActuator name="motor"><optimal_force>10</optimal_force></CoordinateActuator>
@@ -29,7 +29,7 @@ def model(tmp_path):
 def study(folder, **said):
     spec = EmgTorque(joints=("knee",), **said)
     inside = lambda file, where: folder / file  # noqa: E731
-    return SimpleNamespace(inside=inside, config=SimpleNamespace(emg_torque=spec))
+    return SimpleNamespace(inside=inside, table=lambda kind: spec, find_table=lambda kind: spec)
 
 
 def test_muscles_of_a_model(model):

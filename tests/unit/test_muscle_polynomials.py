@@ -11,9 +11,9 @@ from pellucid._errors import RecordingError
 from pellucid.estimators.muscle_source import MuscleSource
 from pellucid.models.muscle_polynomial import fit_muscle_polynomial
 from pellucid.procedures.emg_torque.procedure import EmgTorqueTable
+from pellucid.procedures.emg_torque.study_muscles import read_muscle_constants, study_geometry, study_muscles
 from pellucid.recordings.muscle_polynomials import model_muscles, read_polynomials, write_polynomials
 from pellucid.recordings.readers.osim_paths import read_paths
-from pellucid.recordings.study_muscles import read_muscle_constants, study_geometry, study_muscles
 
 LEG = Path(__file__).parents[1] / "data" / "osim" / "leg_4.osim"
 NAMES = {"vasti": "coupled", "rectus": "cylinder", "tibialis": "on_foot"}
@@ -25,7 +25,7 @@ def study(folder, columns=None, **said):
     channels = {f"angle.{j}": SimpleNamespace(column=c, sign=1) for j, c in (columns or {}).items()}
     return SimpleNamespace(
         folder=folder, place=lambda name: folder / name, inside=lambda file, where: folder / file,
-        config=SimpleNamespace(emg_torque=spec, channels=channels),
+        config=SimpleNamespace(channels=channels), table=lambda kind: spec, find_table=lambda kind: spec,
     )  # fmt: skip
 
 

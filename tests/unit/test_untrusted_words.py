@@ -16,9 +16,9 @@ from pellucid._given import seen, words_in_csv
 from pellucid.drawing.drawing import Drawing, draw
 from pellucid.pages.page import Page, Section, write_page
 from pellucid.procedures.assessment.paper_tables import csv_text, latex
+from pellucid.procedures.emg_torque.study_muscles import read_muscle_constants
 from pellucid.procedures.result import FigureTable
 from pellucid.recordings import Channel, write_csv
-from pellucid.recordings.study_muscles import read_muscle_constants
 
 EACH = int(os.environ.get("FUZZ", "300"))
 HOSTILE = (

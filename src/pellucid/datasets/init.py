@@ -54,10 +54,13 @@ def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Stu
 
 def _files(config: StudyFile) -> list[str]:
     """Every file that a study.toml names, once."""
+    from ..procedures.emg_torque.procedure import EmgTorqueTable
+    from ..procedures.tree.tree_table import TreeTable
+
     files = [file for entry in config.recordings for file in (entry.file, *entry.streams.values())]
-    constants = config.emg_torque.muscle_file if config.emg_torque else None
-    robot = config.tree.urdf if config.tree else None
-    return list(dict.fromkeys(files + [file for file in (constants, robot) if file]))
+    muscles, tree = config.find_table(EmgTorqueTable), config.find_table(TreeTable)
+    said = (muscles and muscles.muscle_file, tree and tree.urdf)
+    return list(dict.fromkeys(files + [file for file in said if file]))
 
 
 def _in_the_data_set(file: str) -> PurePosixPath:

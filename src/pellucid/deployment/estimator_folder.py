@@ -14,6 +14,7 @@ from .._errors import PellucidError
 from ..models.emg_estimator import EmgEstimatorCard, read_estimator_card
 from ..models.fields import model_fields
 from ..procedures.card_sources import require_fresh
+from ..procedures.emg_torque.procedure import EmgTorqueTable
 from ..recordings.study import Study
 from .c_folder import (
     HEADERS,
@@ -81,7 +82,7 @@ def chosen_card(
     if card is not None:
         path = Path(card) if allow_outside and Path(card).is_absolute() else study.card(card)
         return require_fresh(study, path, read_estimator_card(path))
-    who = (*((participant,) if participant else ()), *study.config.emg_torque.joints, "together")
+    who = (*((participant,) if participant else ()), *study.table(EmgTorqueTable).joints, "together")
     names = [f"emg_{what}_{kind}.json" for what in who for kind in ([controller] if controller else ESTIMATORS)]
     found = next((path for path in map(study.card, names) if path.is_file()), None)
     if found is None:

@@ -8,7 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from .._errors import PellucidError
+from ..procedures.coupling.procedure import CouplingTable
+from ..procedures.emg_torque.procedure import EmgTorqueTable
 from ..procedures.registry import asked
+from ..procedures.tree.tree_table import TreeTable
 from ..recordings.study import Study
 from .c_folder import HEADERS, TEMPLATES, place_of, write_c_folder
 from .controller_values import ControllerValues
@@ -104,7 +107,7 @@ def export(
         _require_none(f"export to {to} of {study.name}", given, "muscles have none")
         return export_subject(study, to, out, card=card, period=period, overwrite=overwrite)
     place = study.place("controller") if out is None else Path(out)
-    if study.config.tree is not None:
+    if study.find_table(TreeTable) is not None:
         refused = {"slider": slider, "participant": participant, "exponents": exponents}
         _require_language(study, to, period, refused, "this robot has several joints")
         given = {} if period is None else {"period": period}
@@ -123,7 +126,7 @@ def export(
         study, to, card=card, slider=slider, participant=participant, controller=controller, exponents=exponents,
         period=period, allow_outside=allow_outside,
     )  # fmt: skip
-    worn = study.config.coupling is not None  # its wearer is named by the cards
+    worn = study.find_table(CouplingTable) is not None  # its wearer is named by the cards
     named = controller or ("residual compensator" if worn else "compensation")
     with _owned(place, study, named, values.cards, None if worn else participant, overwrite=overwrite):
         return write_c_folder(study.name, values, place)
@@ -148,7 +151,7 @@ def _owned(
 
 def _steps_emg(study: Study, card: str | None) -> bool:
     """Whether what is asked for is the estimator of torque from EMG: of a study with nothing else, or by its card."""
-    if study.config.emg_torque is None:
+    if study.find_table(EmgTorqueTable) is None:
         return False
     return not asked(study, "identify") or (card is not None and Path(card).name.startswith("emg_"))
 
@@ -191,7 +194,7 @@ def values_for(
             f"export of {study.name}: found no [rig.drive], expected the study of a joint or of an orthosis; "
             f"for this one there is: pellucid {others} {study.folder}"
         )
-    if study.config.coupling is not None:
+    if study.find_table(CouplingTable) is not None:
         if any(given is not None for given in (card, slider, controller, exponents)):
             raise PellucidError(f"export of {study.name}: found a joint's card, carriage or controller, expected none")
         return worn_values(study, participant=participant, period=period)

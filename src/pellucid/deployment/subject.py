@@ -14,11 +14,12 @@ from ..models.muscle_geometry import muscle_table
 from ..models.parameter_card import ParameterCard, read_parameter_card
 from ..procedures.card_sources import require_fresh
 from ..procedures.emg_torque.known_muscles import muscle_source
+from ..procedures.emg_torque.procedure import EmgTorqueTable
+from ..procedures.emg_torque.study_muscles import study_coordinates
 from ..recordings.ceinms_writer import write_subject
 from ..recordings.muscle_remark import MuscleRemark, exported_study, read_calibrated
 from ..recordings.osim_writer import write_osim
 from ..recordings.study import Study
-from ..recordings.study_muscles import study_coordinates
 
 ENDINGS = {"osim": ".osim", "ceinms": ".xml"}
 """Of what muscles can be exported to."""
@@ -41,7 +42,7 @@ def export_subject(
     `out` is a folder, or a file by its ending; `period` of a subject's recursion [s], None: that of the recordings.
     `study` [emg_torque]. A file that no export of this study wrote is replaced only if `overwrite`.
     """
-    if study.config.emg_torque is None:
+    if study.find_table(EmgTorqueTable) is None:
         raise PellucidError(f"export of {study.name}: found no [emg_torque], expected the study of muscles for {to}")
     if period is not None and not 0.0 < period <= 1.0:
         raise PellucidError(f"export: found a period of {period:g} s, expected one above 0 and up to 1 s")
@@ -85,7 +86,7 @@ def _card(study: Study, name: str | None) -> ParameterCard:
 
 
 def _model(study: Study) -> Path:
-    said = study.config.emg_torque.muscle_file
+    said = study.table(EmgTorqueTable).muscle_file
     if said is None or not said.lower().endswith(".osim"):
         raise PellucidError(
             f"export of {study.name}: found {said or 'no muscle_file'}, expected [emg_torque] muscle_file to name the "
@@ -99,8 +100,8 @@ def _model(study: Study) -> Path:
 
 def _names(study: Study, kept: CalibratedMuscles) -> dict[str, str]:
     """What other programs call each muscle: as study.toml says, else as the package's own leg has it."""
-    said, table = study.config.emg_torque.muscle_names, muscle_table().labels
-    own = study.config.emg_torque.muscle_file is None
+    said, table = study.table(EmgTorqueTable).muscle_names, muscle_table().labels
+    own = study.table(EmgTorqueTable).muscle_file is None
     return {m.name: said.get(m.name, table.get(m.name, m.name) if own else m.name) for m in kept.muscles}
 
 

@@ -56,7 +56,7 @@ class Procedure(ABC):
 
     def asked(self, study: Study) -> bool:
         """Whether this study asks for it; nobody else looks at that."""
-        return getattr(study.config, self.name, None) is not None
+        return self.table is not None and study.find_table(self.table) is not None
 
     @abstractmethod
     def faults(self, study: Study) -> list[Fault]:

@@ -12,19 +12,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .._errors import RecordingError, StudyError
+from .._errors import IdentificationError, RecordingError, StudyError
 from .._given import require_folder, require_inside
 from .clock import first_deliveries
 from .cut import Cut
 from .defects.find import find_cuts
 from .delay import led, moved
-from .joined_stream import first_offset, joined
+from .joined_stream import initial_offset, join_stream
 from .optical import OpticalRecording, read_optical
 from .recording import Channel, Payload, Recording
 from .results import ResultRow, read_rows
 
 if TYPE_CHECKING:
     from .readers import Columns
+    from .study_fields import Table
     from .study_file import ChannelSpec, JointTable, Model, Processing, RecordingEntry, SeveralJoints, StudyFile
 
 STUDY_FILE = "study.toml"
@@ -79,6 +80,29 @@ class Study:
     def model(self) -> Model:
         """What is identified."""
         return self.config.model
+
+    def find_table(self, kind: type[Table]) -> Table | None:
+        """Return the table of a class that asks for a procedure; None where study.toml has none."""
+        return self.config.find_table(kind)
+
+    def table(self, kind: type[Table]) -> Table:
+        """Return the table of a class that asks for a procedure.
+
+        Parameters
+        ----------
+        kind : type of ProcedureTable
+            Class of the table, as the procedure's own folder defines it.
+
+        Raises
+        ------
+        IdentificationError
+            If study.toml has no such table.
+        """
+        found = self.find_table(kind)
+        if found is None:
+            name = self.config.table_name(kind)
+            raise IdentificationError(f"{self.folder}: found no table [{name}] in study.toml, expected one")
+        return found
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -300,9 +324,9 @@ class Study:
             if not table.join:
                 continue
             offset, drift = entry.offsets.get(stream, table.offset), table.drift
-            first = first_offset(recording, beside) if offset == "auto" else offset
+            first = initial_offset(recording, beside) if offset == "auto" else offset
             found = clocks.get(stream, (first, 0.0 if drift == "auto" else drift))
-            recording = joined(recording, beside, *found)
+            recording = join_stream(recording, beside, *found)
         return recording
 
     def _read_once(self, path: Path, files: dict[Path, Columns]) -> tuple[Columns, str]:
@@ -364,7 +388,7 @@ class Study:
         columns, digest = self._read_once(self._beside(entry, entry.optical, "optical"), files)
         rail, spec = self.config.rail, self.config.optical
         time = _to_si(columns.column(spec.time.column, "time"), spec.time)
-        return read_optical(columns, digest, time, spec, rail.marker if rail is not None else None)
+        return read_optical(columns, digest, time, spec, carriage=rail.marker if rail is not None else None)
 
 
 def open_folder(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
 
@@ -82,6 +82,10 @@ class ProcedureTable(StudyTable):
 
     def require_in(self, config: StudyFile) -> None:
         """Raise ValueError where what the table names is not among the rest of study.toml."""
+
+
+Table = TypeVar("Table", bound=ProcedureTable)
+"""The class of a table that asks for a procedure."""
 
 
 def quantity(expected: str, **bounds: float) -> Any:

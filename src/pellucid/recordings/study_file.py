@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import (
     AfterValidator,
@@ -22,12 +22,12 @@ from pydantic import (
     model_validator,
 )
 
-from .._errors import StudyError
+from .._errors import IdentificationError, StudyError
 from .._given import read_given
 from ..models.joint import DEFAULT_FAMILIES, FAMILIES, SYMBOLS_BY_NAME
 from ..units import parse_quantity, si_text, to_si_factor
-from .study_fields import DERIVED, NAME, Place, ProcedureTable, Said, StudyTable, Word, quantity
-from .toml_place import explain
+from .study_fields import DERIVED, NAME, Place, ProcedureTable, Said, StudyTable, Table, Word, quantity
+from .toml_place import explain_errors
 
 MOST_BYTES = 3_000_000
 """Of a study.toml; Python's reader takes a second for each million [B]."""
@@ -1024,6 +1024,22 @@ class StudyFile(StudyTable):
         found = {name: getattr(self, name) for name in type(self).model_fields}
         return {name: table for name, table in found.items() if isinstance(table, ProcedureTable)}
 
+    def find_table(self, kind: type[Table]) -> Table | None:
+        """Return the table of a class that asks for a procedure; None where study.toml has none."""
+        return next((table for table in self.procedures.values() if isinstance(table, kind)), None)
+
+    def table(self, kind: type[Table]) -> Table:
+        """Return the table of a class that asks for a procedure; IdentificationError where study.toml has none."""
+        found = self.find_table(kind)
+        if found is None:
+            raise IdentificationError(f"study.toml: found no table [{self.table_name(kind)}], expected one")
+        return found
+
+    def table_name(self, kind: type[ProcedureTable]) -> str:
+        """Return the name that study.toml has for tables of a class."""
+        fields = type(self).model_fields
+        return next((name for name, each in fields.items() if kind in get_args(each.annotation)), kind.__name__)
+
     def joined_channels(self, stream: str) -> dict[str, ChannelSpec]:
         """Channels that a recording has of a stream."""
         table = self.streams.get(stream)
@@ -1184,7 +1200,7 @@ def parse_study_file(path: Path, model: type[StudyFile] = StudyFile) -> StudyFil
     try:
         return model.model_validate(raw, context=rig_units(raw))
     except ValidationError as error:
-        raise StudyError(explain(error, path, text, model)) from None
+        raise StudyError(explain_errors(error, path, text, model)) from None
     except StudyError:
         raise
     except (TypeError, ValueError, KeyError, AttributeError, ArithmeticError, RecursionError) as error:

@@ -25,6 +25,7 @@ from ...lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, chan
 from ...lab.study import record_in_memory
 from ...procedures.assessment.assess import assess_recordings
 from ...procedures.assessment.assessment_result import AssessmentResult
+from ...procedures.assessment.procedure import AssessmentTable
 
 LAWS = ("FC", "PCFr", "CLPC")
 """Conditions of the paper beside control, in its order."""
@@ -150,7 +151,9 @@ def record_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads
     seconds = time.perf_counter() - begun
     study = VirtualStudy(seed, tuple(one.inside for one in made))
     try:
-        return Recorded(study, assess_recordings("virtual-able", recordings, config.assessment), "", seconds)
+        return Recorded(
+            study, assess_recordings("virtual-able", recordings, config.table(AssessmentTable)), "", seconds
+        )
     except RecordingError as error:
         # Of people who cannot hold a robot at all there is nothing to assess; their true motion still counts.
         return Recorded(study, None, str(error), seconds)

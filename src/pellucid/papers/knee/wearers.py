@@ -19,6 +19,7 @@ from ...lab.knee.subject import KneeSubject
 from ...models.anthropometry import de_leva, shank_length, winter
 from ...procedures.coupling.coupling_result import WearerStages
 from ...procedures.coupling.identify_coupling import identify_worn
+from ...procedures.coupling.procedure import CouplingTable
 from ...signals.inertial import inertial
 from ...signals.input_output import input_output
 from .trials import STRAP_ONLY, KneeSession, hold_angles, take
@@ -161,7 +162,7 @@ def identify_straps(rig: KneeRig, seed: int) -> list[WearerFound]:
 def identify_subject(rig: KneeRig, name: str, seed: int) -> tuple[WearerFound, KneeSession]:
     """Record everything that one subject does, and identify limb and strap with six and with nine axes."""
     taken = take(rig, seed, [name])
-    asked = taken.config.coupling
+    asked = taken.config.table(CouplingTable)
     without = taken.config.model_copy(update={"coupling": asked.model_copy(update={"magnetometer": False})})
     found, six = (identify_worn(config, taken.recordings) for config in (taken.config, without))
     stages, other = found.wearers[name], six.wearers[name]

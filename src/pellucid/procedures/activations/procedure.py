@@ -8,10 +8,10 @@ from typing import Literal
 
 from pydantic import Field
 
-from ..emg_torque.procedure import EmgTorqueTable
 from ...recordings.study import Study
 from ...recordings.study_fields import ProcedureTable, Word
 from ...recordings.study_file import StudyFile
+from ..emg_torque.procedure import EmgTorqueTable
 from ..procedure import Procedure, late
 
 
@@ -41,7 +41,7 @@ class ActivationsTable(ProcedureTable):
 
     def require_in(self, config: StudyFile) -> None:
         """Muscles, EMG and torques are said elsewhere."""
-        if getattr(config, "emg_torque", None) is None:
+        if config.find_table(EmgTorqueTable) is None:
             raise ValueError("[activations]: found no table [emg_torque], expected it to say where EMG and torque are")
         if (self.trust is None) != (self.effort is None):
             raise ValueError("[activations]: found one of trust and effort, expected both or neither")

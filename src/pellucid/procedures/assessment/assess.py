@@ -71,7 +71,7 @@ def assess(
     study: Study, on_progress: Progress | None = None, *, studies: int = STUDIES, executor: Any = None
 ) -> AssessmentResult:
     """Compare a study's conditions. `study` [assessment]."""
-    spec = study.config.assessment
+    spec = study.find_table(AssessmentTable)
     if spec is None:
         raise StudyError(
             f"{study.folder}: found no table [assessment] in study.toml, expected one that names the control"

@@ -14,6 +14,7 @@ from . import assessment_figures as figures
 from . import assessment_tables as tables
 from .assessment_result import AssessmentResult
 from .certified_rows import certificate_remarks, certificate_sentences
+from .procedure import AssessmentTable
 
 TILES = (
     ("duration_median", "Median duration"),
@@ -158,7 +159,7 @@ def _needed(findings: AssessmentResult) -> Section:
 
 
 def _method(study: Study, findings: AssessmentResult) -> Section:
-    spec = study.config.assessment
+    spec = study.table(AssessmentTable)
     said = [
         f"The angle passes a zero-phase Butterworth low-pass of order {spec.order} at {spec.lowpass:g} Hz. A movement "
         f"lasts from the first to the last sample above {100 * spec.threshold:g} % of its largest speed. A "

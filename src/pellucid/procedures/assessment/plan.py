@@ -13,6 +13,7 @@ from ...assessment.indices import indices_along
 from ...recordings.study import Study
 from ...units import COORDINATES, parse_quantity
 from .certified import EndPoint, end_points
+from .procedure import AssessmentTable
 
 SHARES = {0.0: "none", 0.25: "a quarter", 1.0 / 3.0: "a third", 0.5: "a half"}
 """True changes for which it is planned."""
@@ -33,7 +34,7 @@ class Plan:
 
 def plan(study: Study, *, power: float = 0.9, studies: int = 2000, executor: Any = None) -> Plan:
     """Participants needed for margins and spreads of study.toml. `study` [assessment]."""
-    spec = study.config.assessment
+    spec = study.find_table(AssessmentTable)
     where = f"{study.folder}, study.toml"
     if spec is None or not spec.margins:
         raise StudyError(f"{where}: found no [assessment.margins], expected how far a robot may change each index")

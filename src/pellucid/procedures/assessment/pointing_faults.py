@@ -32,7 +32,7 @@ LEFT_OUT = 0.2
 
 def assessment_faults(study: Study) -> list[Fault]:
     """What is wrong with recordings that are to be assessed. `study` [assessment]."""
-    spec = study.config.assessment
+    spec = study.table(AssessmentTable)
     faults: list[Fault] = []
     records: list[PointingRecord] = []
     for recording in assessed(study.recordings()):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..._errors import IdentificationError, RecordingError
+from ..._errors import RecordingError
 from ...assessment.cocontraction import Cocontraction, cocontraction
 from ...fit.parameter import Verdict
 from ...recordings.fault import Fault
@@ -15,6 +15,7 @@ from ...recordings.study import Study
 from ..muscle_channels import MuscleEnvelopes, emg_faults, envelope_faults, refuse, relative_envelopes
 from ..procedure import Progress, quiet
 from ..result import FigureTable, Result
+from .procedure import CocontractionTable
 
 STRETCH = 6.0
 """Seconds of a recording that are drawn."""
@@ -49,14 +50,12 @@ class CocontractionResult(Result):
 
 def faults(study: Study) -> list[Fault]:
     """EMG that is not fit to be used, and pairs that are none."""
-    return envelope_faults(study, study.config.cocontraction, _checked, "antagonists")
+    return envelope_faults(study, study.table(CocontractionTable), _checked, "antagonists")
 
 
 def find_cocontraction(study: Study, tell: Progress = quiet) -> CocontractionResult:
     """Both indices of every pair in every recording. `study` [cocontraction]."""
-    table = study.config.cocontraction
-    if table is None:
-        raise IdentificationError(f"{study.folder}: found no table [cocontraction] in study.toml, expected one")
+    table = study.table(CocontractionTable)
     refuse(emg_faults(study, table))
     tell("envelopes", 0.1)
     recordings = _checked(study, relative_envelopes(study, table))
@@ -87,7 +86,7 @@ def find_cocontraction(study: Study, tell: Progress = quiet) -> CocontractionRes
 
 def _checked(study: Study, recordings: list[MuscleEnvelopes]) -> list[MuscleEnvelopes]:
     """Recordings in which every pair is; RecordingError where one is not."""
-    for pair in study.config.cocontraction.pairs:
+    for pair in study.table(CocontractionTable).pairs:
         if pair[0] == pair[1]:
             raise RecordingError(f"{study.folder}: [cocontraction] pairs: found {pair[0]} twice, expected antagonists")
         for each in recordings:
@@ -125,7 +124,7 @@ def _headline(found: list[PairActivity]) -> str:
 
 def _verdicts(study: Study, found: list[PairActivity]) -> tuple[Verdict, ...]:
     said = []
-    if not any(r.protocol == "mvc" for r in study.recordings()) and study.config.cocontraction.chain != "none":
+    if not any(r.protocol == "mvc" for r in study.recordings()) and study.table(CocontractionTable).chain != "none":
         said.append(
             Verdict(
                 "warning",
@@ -133,7 +132,7 @@ def _verdicts(study: Study, found: list[PairActivity]) -> tuple[Verdict, ...]:
                 "hangs on which effort that was. Compare conditions of one participant, not participants.",
             )
         )
-    if study.config.cocontraction.chain == "none":
+    if study.table(CocontractionTable).chain == "none":
         said.append(
             Verdict(
                 "note",

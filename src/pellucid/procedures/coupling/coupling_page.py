@@ -14,6 +14,7 @@ from ..posterior_figures import posterior_figure
 from ..study_page import figure_tables, parameter_tables, study_page
 from . import coupling_figures as figures
 from .coupling_result import CouplingResult
+from .procedure import CouplingTable
 
 NAMES = {"vqf": "VQF", "madgwick": "Madgwick's filter"}
 """Of the ways from an IMU to an orientation."""
@@ -111,7 +112,7 @@ def _straps(findings: CouplingResult) -> Section:
 
 
 def _provenance(study: Study, findings: CouplingResult) -> Section:
-    asked = study.config.coupling
+    asked = study.table(CouplingTable)
     axes = 9 if asked.magnetometer else 6
     return Section(
         "coupling_provenance",

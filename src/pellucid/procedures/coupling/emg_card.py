@@ -15,13 +15,14 @@ from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ..emg_torque.strapped_trials import strapped_emg_trial
 from ..emg_torque.trial_sources import STEPS, repetitions
+from .procedure import CouplingTable
 
 
 def emg_cards(
     study: Study, recordings: Sequence[Recording], orthosis: Orthosis, wearers: Mapping
 ) -> dict[str, ParameterCard]:
     """The card of everybody who has one, by its file's name without ending. `study` [coupling]."""
-    stream, made = study.config.coupling.emg, {}
+    stream, made = study.table(CouplingTable).emg, {}
     for who, stages in wearers.items():
         steps = [r for r in recordings if r.participant == who and r.protocol == STEPS]
         limb = None if stages.limb is None else stages.limb.limb

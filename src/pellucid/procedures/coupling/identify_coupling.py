@@ -52,7 +52,8 @@ def identify_coupling(study: Study, on_progress: Progress | None = None) -> Coup
     ``relaxed_holds``, ``mvc``, ``torque_steps``, ``free_swing``. What is marked to validate is judged, never fitted.
     """
     tell = on_progress or (lambda text, share: None)
-    if study.config.coupling is not None and study.config.coupling.posterior:
+    table = study.find_table(CouplingTable)
+    if table is not None and table.posterior:
         require_sampler()
     tell("reading recordings", 0.0)
     recordings = study.recordings()
@@ -71,7 +72,7 @@ def identify_worn(
 ) -> CouplingResult:
     """The same from recordings that are at hand already. `config` [coupling]."""
     tell = on_progress or (lambda text, share: None)
-    asked = config.coupling
+    asked = config.find_table(CouplingTable)
     if asked is None:
         raise IdentificationError("study.toml: found no [coupling], expected one for a wearer strapped to an orthosis")
     trials = _Trials(recordings)
@@ -103,7 +104,7 @@ def identify_worn(
 
 def faults(study: Study) -> list[Fault]:
     """What keeps recordings from being used, and what is undone in them. `study` [coupling]."""
-    asked = study.config.coupling
+    asked = study.table(CouplingTable)
     found: list[Fault] = []
 
     def add(severity: str, kind: str, r: Recording, channel: str, text: str) -> None:

@@ -1,4 +1,4 @@
-"""Torque maps of a study: every estimator calibrated on what may be fitted and judged on what may not."""
+"""Torque maps of a study: every estimator is calibrated on the fitted recordings and scored on held-out ones."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from ..loaded_swing.procedure import LoadedSwingTable
-from .procedure import EmgTorqueTable
 from ..._errors import IdentificationError
 from ..._processes import helpers_kept
 from ...estimators.condition_choice import ERROR_BAND_SHARE, MIN_ERROR_BAND_CONDITIONS, ConditionTestErrors
@@ -26,6 +24,7 @@ from ...fit.parameter import Verdict
 from ...fit.posterior.ensemble import require_sampler
 from ...recordings.study import Study
 from ...signals.emg_chain import emg_chain
+from ..loaded_swing.procedure import LoadedSwingTable
 from ..result import FigureTable, Result
 from .calibration_rows import calibration_rows
 from .chosen import BASELINE, Chosen, chosen_in_folds, chosen_of, examined_if_candidate
@@ -42,6 +41,7 @@ from .muscle_findings import (
     muscle_verdicts_of,
     partial_errors,
 )
+from .procedure import EmgTorqueTable
 from .relative_envelopes import normalisation_words
 from .seated_swings import SWINGS, seated_swings
 from .sessions import compared_sessions, elsewhere_words, session_tables, session_verdicts
@@ -65,45 +65,45 @@ from .torque_card import torque_card
 from .trial_sources import STEPS, moment_trials, moved_body, step_trials
 
 BANDS = "bands"
-"""Finding that bands are not known to hold."""
+"""Identifier of the finding that error bands are not known to hold."""
 
 CARD = "ridge"
-"""The estimator whose causal map becomes a card: a robot can run a sum of products."""
+"""Estimator whose causal map becomes a card. It is a sum of products, which a robot can compute."""
 
 STEPPED = (CARD, "hill")
-"""Estimators whose causal maps become cards of what a session or a robot steps."""
+"""Estimators whose causal maps become cards that a session or a robot runs sample by sample."""
 
 Progress = Callable[[str, float], None]
+"""Function that is told what is done now and the share of all work that is done."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationResult(Result):
-    """What calibration found, with what its figures need."""
+    """Result of a calibration, with the data for its figures."""
 
-    evaluated: tuple[Evaluated, ...] = field(default=(), repr=False)
-    chosen: tuple[Chosen, ...] = field(default=(), repr=False)  # What is named first, by joint or participant
-    traces: tuple[TorqueTrace, ...] = field(default=(), repr=False)
-    muscles: tuple[MuscleSummary, ...] = field(default=(), repr=False)  # Calibrated ones, by joint or participant
-    stiffness: tuple[JointStiffness, ...] = field(default=(), repr=False)  # By those muscles, a joint each
-    together: TogetherShown | None = field(default=None, repr=False)  # Those of all joints at once
+    evaluated: tuple[Evaluated, ...] = field(default=(), repr=False)  # Scores of every estimator on every recording
+    chosen: tuple[Chosen, ...] = field(default=(), repr=False)  # Recommended estimator, by joint or participant
+    traces: tuple[TorqueTrace, ...] = field(default=(), repr=False)  # Stretches of held-out torque
+    muscles: tuple[MuscleSummary, ...] = field(default=(), repr=False)  # Calibrated muscles, by joint or participant
+    stiffness: tuple[JointStiffness, ...] = field(default=(), repr=False)  # Stiffness of each joint by its muscles
+    together: TogetherShown | None = field(default=None, repr=False)  # Muscles of all joints calibrated at once
 
 
 def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationResult:
-    """Calibrate maps from EMG to torque and judge them on what was not fitted.
+    """Calibrate maps from EMG to torque and score them on recordings that were not fitted.
 
-    Recordings with moments are fitted or held out as the study says. Torque steps against an orthosis are judged trial
+    Recordings with moments are fitted or held out as the study says. Torque steps against an orthosis are scored trial
     by trial, each repetition left out in turn; they need the cards of the orthosis and of the limb.
 
     `study` [emg_torque].
     """
-    if study.table(EmgTorqueTable) is None:
-        raise IdentificationError(f"{study.folder}: found no table [emg_torque] in study.toml, expected one")
-    if study.table(EmgTorqueTable).posterior:
-        require_sampler()  # before minutes are spent
+    table = study.table(EmgTorqueTable)
+    if table.posterior:
+        require_sampler()  # A missing sampler is reported before minutes of calibration
     tell = on_progress or (lambda text, share: None)
     with helpers_kept():
         found = _judge_by(study)(study, tell)
-        together = muscles_together(found, tell, study.table(EmgTorqueTable).posterior)
+        together = muscles_together(found, tell, table.posterior)
     evaluated, trials = found.evaluated, found.trials
     for what in dict.fromkeys(each.what for each in evaluated if each.what not in found.chosen):
         found.chosen[what] = chosen_of(evaluated, what)
@@ -153,12 +153,13 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
 
 
 def _judge_by(study: Study) -> Callable[[Study, Progress], Calibrated]:
+    """Return the evaluation that suits the study's protocols and held-out recordings."""
     protocols = {recording.protocol for recording in study.recordings()}
     if STEPS in protocols:
         return _by_repetition
     if EXTENSION in protocols:
         return repetitions_left_out
-    if SWINGS in protocols and study.table(LoadedSwingTable) is not None:
+    if SWINGS in protocols and study.find_table(LoadedSwingTable) is not None:
         return seated_swings
     if len(study.recordings()) > 2 and all(recording.use == "fit" for recording in study.recordings()):
         return moments_left_out
@@ -168,6 +169,7 @@ def _judge_by(study: Study) -> Callable[[Study, Progress], Calibrated]:
 def _fitted_and_held(
     study: Study, joint: str, trials: list[TorqueTrial]
 ) -> tuple[list[TorqueTrial], list[TorqueTrial]]:
+    """Return the fitted and the held-out trials of a joint, at least one of each."""
     parts = [t for t in trials if not t.heldout], [t for t in trials if t.heldout]
     if not all(parts):
         raise IdentificationError(
@@ -178,6 +180,7 @@ def _fitted_and_held(
 
 
 def _by_recording(study: Study, tell: Progress) -> Calibrated:
+    """Fit every estimator to the fitted recordings and score it on each held-out one."""
     found, joints, rescale = Calibrated(), study.table(EmgTorqueTable).joints, study.table(EmgTorqueTable).rescale
     trials = {joint: moment_trials(study, joint) for joint in joints}
     parts = {joint: _fitted_and_held(study, joint, trials[joint]) for joint in joints}
@@ -201,7 +204,7 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
             MapJob(parts[joint][0], name, causal, _Examination(tuple(judged[joint].values()), causal))
             for joint, name, causal in runs
         ],
-        lambda i, share: tell(f"{runs[i][0]}, {ESTIMATOR_FAMILIES[runs[i][1]].words}", share),
+        lambda i, share: tell(f"{runs[i][0]}, {ESTIMATOR_FAMILIES[runs[i][1]].description}", share),
     )
     traces: dict[tuple[str, str], TorqueTrace] = {}
     for (joint, name, causal), (fit, (away, predicted)) in zip(runs, fits, strict=True):
@@ -240,17 +243,17 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
     found.traces.extend(
         traces[joint, trial.name] for joint in joints for trial in trials[joint] if (joint, trial.name) in traces
     )
-    # Joints share their files.
+    # All joints have the same recordings.
     found.trials.extend(trials[joints[0]])
     return found
 
 
 @dataclass(frozen=True, eq=False)
 class _Examination:
-    """What is asked of a map where it was fitted: how it fares away from that, and the torque of what judges it."""
+    """Function of a fitted map, run in the process that fitted it: its condition tests and its predictions."""
 
-    judged: tuple[TorqueTrial, ...]
-    causal: bool
+    judged: tuple[TorqueTrial, ...]  # Held-out trials to predict
+    causal: bool  # Whether the map is causal; condition tests are then omitted
 
     def __call__(
         self, fit: Any, fitted: Sequence[TorqueTrial]
@@ -260,6 +263,7 @@ class _Examination:
 
 
 def _by_repetition(study: Study, tell: Progress) -> Calibrated:
+    """Score every estimator on torque steps against an orthosis, each repetition left out in turn."""
     steps = [recording for recording in study.recordings() if recording.protocol == STEPS]
     people = list(dict.fromkeys(recording.participant for recording in steps))
     found = Calibrated()
@@ -291,7 +295,7 @@ def _by_repetition(study: Study, tell: Progress) -> Calibrated:
             else:
                 found.chosen[what] = chosen_in_folds(trials, results, own)
                 found.trials.extend(trials)
-                # One trial in six, the hardest first: a page need not show all.
+                # Up to three trials are drawn: the one with the largest error, then easier ones, evenly spaced.
                 worst = sorted(trials, key=lambda t: -results[names[0]].by_trial[t.name].rmse)[
                     :: max(1, len(trials) // 3)
                 ]
@@ -303,7 +307,7 @@ def _by_repetition(study: Study, tell: Progress) -> Calibrated:
 
 
 def _reference_verdict(what: str, body: MovedBody | StrappedBodies) -> Verdict:
-    """What the wearer's torque goes through."""
+    """Return a verdict that says how the strap is modelled in the wearer's torque."""
     if isinstance(body, MovedBody):
         text = "limb and orthosis are taken for one body, since no card of the strap is there: a strap that yields adds"
         return Verdict("note", f"{what}: {text} what the limb weighs at another angle.")
@@ -313,7 +317,10 @@ def _reference_verdict(what: str, body: MovedBody | StrappedBodies) -> Verdict:
 
 
 def _tables(evaluated: Sequence[Evaluated]) -> tuple[FigureTable, ...]:
-    """One for each joint or person and each recording, angles alone first; then, apart, what is told the torque."""
+    """Return a table of errors for each joint or person and each recording, angles alone first.
+
+    Estimators that see the measured torque are in tables of their own, after the others.
+    """
     made, told = [], []
     heads = ("RMSE", "R²", "of that without EMG", "R² within the fit")
     for what, recording in dict.fromkeys((each.what, each.recording) for each in evaluated):
@@ -343,7 +350,7 @@ def _tables(evaluated: Sequence[Evaluated]) -> tuple[FigureTable, ...]:
 
 
 def _chosen_tables(chosen: Sequence[Chosen]) -> tuple[FigureTable, ...]:
-    """What is named first, condition by condition or trial by trial, angles alone beside it."""
+    """Return tables of the recommended estimator by condition or trial, beside angles alone."""
     made = []
     for each in chosen:
         heads = (
@@ -370,7 +377,10 @@ def _chosen_tables(chosen: Sequence[Chosen]) -> tuple[FigureTable, ...]:
 
 
 def _examined_tables(evaluated: Sequence[Evaluated]) -> tuple[FigureTable, ...]:
-    """What chose: errors away from what was fitted, test by test; where trials are left out each fold has its own."""
+    """Return tables of the condition tests that chose the estimator.
+
+    Trials that are left out in turn have no such table, since each fold has its own tests.
+    """
     made = []
     for what in dict.fromkeys(e.what for e in evaluated if e.examined is not None):
         own = {e.estimator: e for e in evaluated if e.what == what and e.examined is not None}
@@ -384,13 +394,16 @@ def _examined_tables(evaluated: Sequence[Evaluated]) -> tuple[FigureTable, ...]:
 
 
 def _nowhere(found: Calibrated) -> str:
-    """Recordings on which no figure may be believed, said before any; empty without one."""
+    """Return a sentence that names recordings on which no estimate is valid; empty if there are none."""
     away = [f"{name} ({elsewhere_words(c)})" for name, c in found.sessions.items() if not c.holds]
     return f"No estimate holds on {', '.join(away)}. " if away else ""
 
 
 def _bands(found: Calibrated) -> list[str]:
-    """Where bands are not known to hold, by what EMG and angles show: no reference is looked at."""
+    """Return sentences that name where error bands are not known to hold.
+
+    They follow from EMG and angles alone, without any reference torque.
+    """
     said = []
     changed = [
         f"{name} ({', '.join(m.replace('_', ' ') for m in c.changed)})"
@@ -412,7 +425,7 @@ def _bands(found: Calibrated) -> list[str]:
 
 
 def _headline(chosen: Sequence[Chosen]) -> str:
-    """What is named first on what judged it worst, then on the others; and angles alone beside each."""
+    """Return the headline: errors of the recommended estimators, the worst recording first, beside angles alone."""
     said = []
     if len(chosen) > 3:
         words = " or ".join(dict.fromkeys(each.words for each in chosen))
@@ -448,17 +461,19 @@ def _headline(chosen: Sequence[Chosen]) -> str:
 
 
 def _figure(judged: Evaluated) -> str:
+    """Return an estimator's error in words."""
     return f"{judged.score.rmse:.3g} {judged.unit} (R² {judged.score.r2:.3f})"
 
 
 def _place(judged: Evaluated) -> str:
+    """Return the words that name the recording of an error."""
     return f" on {judged.recording.replace('_', ' ')}" if judged.recording else ""
 
 
 def verdicts_of(
     study: Study, evaluated: Sequence[Evaluated], trials: Sequence[TorqueTrial], chosen: Sequence[Chosen] = ()
 ) -> tuple[Verdict, ...]:
-    """What is to be known of the estimator that is named first, and of what judged it."""
+    """Return warnings and notes on the recommended estimators and on their test recordings."""
     said = []
     for what, best, bare in (
         (each.what, judged, next((e for e in each.bare if e.recording == judged.recording), None))

@@ -1,4 +1,4 @@
-"""What a study knows of the muscles across a joint: lengths and moment arms recorded, or those of a model of a leg."""
+"""Constants and geometry of a study's muscles: recorded lengths and moment arms, or those of a model."""
 
 from __future__ import annotations
 
@@ -6,25 +6,27 @@ from dataclasses import replace
 
 import numpy as np
 
-from .procedure import EmgTorqueTable
 from ...estimators.muscle_source import FIBRE_DAMPING, SEATED_POSTURE_RAD, STANDING_POSTURE_RAD, MuscleSource
 from ...fit.parameter import Verdict
 from ...models.hill import HillMuscle
 from ...models.muscle_geometry import muscle_table
 from ...recordings.recording import Recording
 from ...recordings.study import Study
-from ...recordings.study_muscles import study_geometry, study_muscles
+from .procedure import EmgTorqueTable
 from .relative_envelopes import is_maximal, is_relative
+from .study_muscles import study_geometry, study_muscles
 
-POOR = 1e-3, 2e-3
-"""RMS errors of length and moment arm beyond which a polynomial is none of its muscle [m]."""
+MAX_LENGTH_ERROR_M = 1e-3
+"""A muscle's polynomial is reported as poor if the RMS error of its length exceeds this [m]."""
+
+MAX_ARM_ERROR_M = 2e-3
+"""A muscle's polynomial is reported as poor if the RMS error of its moment arm exceeds this [m]."""
 
 
 def muscle_source(study: Study, recording: Recording, joint: str) -> MuscleSource | None:
-    """What a study knows of the muscles across a joint, in one of its recordings.
+    """Return the source of the muscles across a joint in a recording; None without a geometry of the joint.
 
-    Lengths and moment arms that were recorded are taken; without them, those of the study's own model, and without one
-    those of a model of a leg.
+    Recorded lengths and moment arms have precedence, then those of the study's own model, then those of the leg model.
 
     `study` [emg_torque].
     """
@@ -53,7 +55,7 @@ def muscle_source(study: Study, recording: Recording, joint: str) -> MuscleSourc
 
 
 def _recorded(recording: Recording, joint: str) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Muscles with a length, a rate and a moment arm about the joint among the streams, on the recording's clock."""
+    """Return length, rate and moment arm of muscles that have all three among the streams, on the recording's clock."""
     every = {
         name: (stream.time, channel.samples)
         for stream in recording.streams.values()
@@ -69,7 +71,7 @@ def _recorded(recording: Recording, joint: str) -> dict[str, tuple[np.ndarray, n
 
 
 def geometry_verdicts(study: Study) -> list[Verdict]:
-    """How far the muscles' lengths are from the study's own model, and which of its muscles are not there."""
+    """Return verdicts on the polynomials of the study's own model: their errors, and muscles that were refused."""
     if all(_recorded(r, joint) for r in study.recordings() for joint in study.table(EmgTorqueTable).joints):
         return []
     model = study_geometry(study)
@@ -95,6 +97,6 @@ def geometry_verdicts(study: Study) -> list[Verdict]:
             "Narrow the coordinates' <range> in the model to what was recorded.",
         )
         for name, p in model.polynomials.items()
-        if p.error.length > POOR[0] or p.error.arm > POOR[1]
+        if p.error.length > MAX_LENGTH_ERROR_M or p.error.arm > MAX_ARM_ERROR_M
     ]
     return said + [Verdict("warning", f"{model.source}, {why}; it takes no part.") for why in model.refused.values()]

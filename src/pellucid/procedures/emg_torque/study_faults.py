@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from ..loaded_swing.procedure import LoadedSwingTable
-from .procedure import EmgTorqueTable
 from ..._errors import RecordingError
 from ...recordings.fault import Fault
 from ...recordings.study import Study
+from ..loaded_swing.procedure import LoadedSwingTable
 from .emg_faults import emg_faults
 from .evaluated import Calibrated, estimators_for
 from .leg_extension_trials import EXTENSION
+from .procedure import EmgTorqueTable
 from .relative_envelopes import maxima_of, relative_envelopes
 from .seated_swings import SWINGS
 from .sessions import session_faults
@@ -31,7 +31,7 @@ def trial_refusals(study: Study) -> list[Fault]:
     `study` [emg_torque].
     """
     protocols = {recording.protocol for recording in study.recordings()}
-    if SWINGS in protocols and study.table(LoadedSwingTable) is not None:
+    if SWINGS in protocols and study.find_table(LoadedSwingTable) is not None:
         return []
     own = next((protocol for protocol in (STEPS, EXTENSION) if protocol in protocols), None)
     asked = study.table(EmgTorqueTable).joints if own is None else [own]

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from math import nan, prod
 
-from .procedure import EmgTorqueTable
 from ..._errors import PellucidError
 from ...estimators.features import CAUSAL_MOTION_LOWPASS_HZ, MOTION_LOWPASS_HZ, compute_features
 from ...estimators.torque_map import TorqueMap
@@ -14,6 +13,7 @@ from ...estimators.torque_trial import TorqueTrial
 from ...models.card import CardParameter
 from ...models.parameter_card import ParameterCard
 from ...recordings.study import Study
+from .procedure import EmgTorqueTable
 from .relative_envelopes import is_relative
 
 PRODUCT = " * "
@@ -24,7 +24,7 @@ _UNITS = {"angle": "rad", "velocity": "rad/s", "acceleration": "rad/s^2"}
 
 def torque_card(study: Study, found: TorqueMap, trials: Sequence[TorqueTrial], name: str) -> ParameterCard:
     """Card of a map by ridge regression."""
-    if not hasattr(found.regressor, "plain"):
+    if not hasattr(found.regressor, "unscaled_coefficients"):
         raise PellucidError(f"card {name}: found a map by {found.name}, expected one by ridge regression")
     seen = compute_features(trials[0], found.choice.features, causal=found.causal)
     chain = study.table(EmgTorqueTable).chain

@@ -10,6 +10,7 @@ from ...recordings.study import Study
 from ..study_page import figure_tables, parameter_tables, study_page
 from . import hinge_figures as figures
 from .identify_hinge import PROCESSING, HingeResult, HingeTrial
+from .procedure import HingeTable
 
 
 def page(study: Study, findings: HingeResult) -> Page:
@@ -48,7 +49,7 @@ def _found(findings: HingeResult) -> Section:
 def _angles(study: Study, evaluated: tuple[HingeTrial, ...]) -> Section:
     drawings = []
     for i, trial in enumerate(evaluated):
-        start = float(trial.reference.time[0]) + study.config.hinge.score_from
+        start = float(trial.reference.time[0]) + study.table(HingeTable).score_from
         drawings.append(draw(figures.angle_figure, trial, start, f"angle_{i + 1}"))
         drawings.append(draw(figures.error_figure, trial, start, f"error_{i + 1}"))
     return Section("hinge_angle", "Angle and error", drawings=tuple(drawings))

@@ -58,9 +58,7 @@ class HingeResult(Result):
 
 def identify_hinge(study: Study, on_progress: Callable[[str, float], None] | None = None) -> HingeResult:
     """Find hinge and angle in every recording, and judge the angle where there is a reference. `study` [hinge]."""
-    table = study.config.hinge
-    if table is None:
-        raise IdentificationError(f"{study.name}: study.toml has no table [hinge]")
+    table = study.table(HingeTable)
     if table.score_from < table.calibration:
         raise IdentificationError(
             f"[hinge]: found score_from = {table.score_from:g} s before the end of calibration, "
@@ -97,7 +95,7 @@ def identify_hinge(study: Study, on_progress: Callable[[str, float], None] | Non
 
 def faults(study: Study) -> list[Fault]:
     """What keeps recordings from being used, and what is bridged in them. `study` [hinge]."""
-    table = study.config.hinge
+    table = study.table(HingeTable)
     found = []
     for recording in study.recordings():
         file, where = recording.path.name, f"{recording.path.name} (recording {recording.name})"

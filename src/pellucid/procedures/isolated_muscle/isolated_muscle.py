@@ -96,7 +96,7 @@ class IsolatedMuscleFit:
             )
         )
         if self.posterior is not None:
-            level = study.config.isolated_muscle.confidence
+            level = study.table(IsolatedMuscleTable).confidence
             plain = ResultRow("", None, "m", "calibrate", "fitted", checksum, self.posterior.settled)
             rows.append(
                 replace(
@@ -122,7 +122,7 @@ def isolated_result(study: Study, tell: Progress = quiet) -> IsolatedMuscleResul
     heads = ("Trial", "amplitude [mm]", "mean absolute error [% of F_iso]", "")
     shown = ((t.name, 1e3 * t.amplitude, t.mae_percent, "fitted" if t.use == "fit" else "held out") for t in fit.trials)
     said = f"{fit.rigid_mae_percent:.1f} % with a rigid tendon; the length's offset is {1e3 * fit.offset:.2f} mm"
-    level, tables, told = study.config.isolated_muscle.confidence, [], []
+    level, tables, told = study.table(IsolatedMuscleTable).confidence, [], []
     if fit.posterior is not None:
         compared = beside((fit.interval,), fit.posterior)
         title = "Posterior beside least squares, constants of the model taken for known by the latter"
@@ -151,9 +151,7 @@ def faults(study: Study) -> list[Fault]:
 def isolated_muscle(study: Study) -> IsolatedMuscleFit:
     """Fit the offset of an isolated muscle's length, and tell the force of every recording. `study`
     [isolated_muscle]."""
-    table = study.config.isolated_muscle
-    if table is None:
-        raise IdentificationError(f"{study.name}: found no table [isolated_muscle], which says what the muscle is")
+    table = study.table(IsolatedMuscleTable)
     if table.posterior:
         require_sampler()
     taken = [(recording, *_imposed(recording, study)) for recording in study.recordings()]
@@ -176,7 +174,7 @@ def isolated_muscle(study: Study) -> IsolatedMuscleFit:
 
 def force_grid(study: Study, fitted: list) -> ForceGrid:
     """The force of the recordings that are `fitted` at every offset, and what each constant does to it."""
-    table = study.config.isolated_muscle
+    table = study.table(IsolatedMuscleTable)
     offsets = REACH * table.optimal_fibre_length * np.linspace(-1.0, 1.0, OFFSETS)
     scored = [_scored(t[0], table) for t in fitted]
 
@@ -198,7 +196,7 @@ def force_grid(study: Study, fitted: list) -> ForceGrid:
 
 def _imposed(recording: Recording, study: Study) -> tuple[np.ndarray, np.ndarray, float]:
     """Time and displacement [m] over the simulation's samples, and the amplitude."""
-    table = study.config.isolated_muscle
+    table = study.table(IsolatedMuscleTable)
     amplitude = next(e.amplitude for e in study.config.recordings if e.name == recording.name)
     source = recording.streams.get(table.stream, recording)
     bad = [cut for cut in source.cuts if cut.channel in (table.displacement, "time")]
@@ -242,7 +240,7 @@ def _trial(
     taken: tuple[Recording, np.ndarray, np.ndarray, float], study: Study, offset: float, elastic: bool
 ) -> MuscleTrial:
     recording, amplitude = taken[0], taken[3]
-    table = study.config.isolated_muscle
+    table = study.table(IsolatedMuscleTable)
     measured, predicted = recording[table.force], _predicted(taken, table, offset, elastic)
     scored = _scored(recording, table)
     error = 100.0 * float(np.mean(np.abs(predicted - measured)[scored])) / table.isometric_force

@@ -25,6 +25,7 @@ from ...recordings.results import ResultRow, checksum_of_all
 from ...recordings.study import Study
 from ...recordings.study_file import Participant, StudyFile
 from ..result import FigureTable, ParameterTable, Result
+from .procedure import LoadedSwingTable
 
 EMPTY, LOADED = "empty_swing", "loaded_swing"
 """Protocols: the exoskeleton alone, and with a relaxed leg in it."""
@@ -69,9 +70,7 @@ def identify_swings(
     config: StudyFile, recordings: Sequence[Recording], *, on_progress: Progress | None = None
 ) -> LoadedSwingResult:
     """The same from recordings that are at hand already. `config` [loaded_swing]."""
-    tell, asked = on_progress or (lambda text, share: None), config.loaded_swing
-    if asked is None:
-        raise IdentificationError("study.toml: found no [loaded_swing], expected one for an exoskeleton's swings")
+    tell, asked = on_progress or (lambda text, share: None), config.table(LoadedSwingTable)
     used = [r for r in recordings if r.use == "fit" and r.protocol in (EMPTY, LOADED)]
     alone = [r for r in used if r.protocol == EMPTY]
     people = list(dict.fromkeys(r.participant for r in used if r.protocol == LOADED and r.participant))
@@ -133,7 +132,7 @@ def faults(study: Study) -> list[Fault]:
             text = f"found {reach:.3g} rad from hanging, expected less than half a turn: is it in degrees?"
         else:
             try:
-                fit_swings(swings_of(r, study.config.loaded_swing.lowpass), corrected_form(0.0))
+                fit_swings(swings_of(r, study.table(LoadedSwingTable).lowpass), corrected_form(0.0))
             except PellucidError as error:
                 text = str(error)
         if text:

@@ -9,6 +9,7 @@ from ...pages.quantities import number, prose
 from ...recordings.study import Study
 from ..study_page import figure_tables, parameter_tables, study_page
 from .identify_loaded_swing import LoadedSwingResult
+from .procedure import LoadedSwingTable
 
 DRAWN, SHOWN = 4, 20.0
 """Recordings that are drawn, and how long of each [s]."""
@@ -16,6 +17,7 @@ DRAWN, SHOWN = 4, 20.0
 
 def page(study: Study, findings: LoadedSwingResult) -> Page:
     """Everything that was found, as a page."""
+    asked = study.table(LoadedSwingTable)
     tiles = [
         Tile(
             "Exoskeleton, inertia", number(findings.empty.inertia.value, findings.empty.inertia.standard_error), "kg·m²"
@@ -43,7 +45,7 @@ def page(study: Study, findings: LoadedSwingResult) -> Page:
                 "swing_provenance",
                 "How",
                 (
-                    f"Position and torque low-passed alike at {study.config.loaded_swing.lowpass:g} Hz, zero-phase; "
+                    f"Position and torque low-passed alike at {asked.lowpass:g} Hz, zero-phase; "
                     "least squares of inertia, weight, viscous and Coulomb friction and an offset; intervals allow for "
                     f"coloured residuals. {len(findings.checksums)} recordings; their checksums are on the cards.",
                 ),

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..._atomic import write_text_atomically
-from ..._errors import IdentificationError, RecordingError
+from ..._errors import RecordingError
 from ..._given import words_in_csv
 from ...drawing.line_points import outline
 from ...fit.parameter import Verdict
@@ -20,6 +20,7 @@ from ...signals.emg_onset import Burst, activations
 from ..muscle_channels import emg_faults, emg_stream, muscles_of, raw_around, raw_channel, refuse, where, with_emg
 from ..procedure import Progress, quiet
 from ..result import FigureTable, Result
+from .procedure import OnsetTable
 
 DRAWN = 6
 """Recordings that a page draws."""
@@ -67,7 +68,7 @@ class OnsetResult(Result):
 
 def faults(study: Study) -> list[Fault]:
     """EMG that is not fit to be used, or from which no onset can be found."""
-    table = study.config.onset
+    table = study.table(OnsetTable)
     found = emg_faults(study, table)
     for recording in with_emg(study, table):
         stream = emg_stream(recording, table)
@@ -85,9 +86,7 @@ def faults(study: Study) -> list[Fault]:
 
 def find_onsets(study: Study, tell: Progress = quiet) -> OnsetResult:
     """Bursts of every muscle of every recording. `study` [onset]."""
-    table = study.config.onset
-    if table is None:
-        raise IdentificationError(f"{study.folder}: found no table [onset] in study.toml, expected one")
+    table = study.table(OnsetTable)
     refuse(emg_faults(study, table))
     recordings = with_emg(study, table)
     found, verdicts, rows, missed = [], [], [], []

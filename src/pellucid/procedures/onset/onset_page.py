@@ -9,6 +9,7 @@ from ...recordings.study import Study
 from ..study_page import figure_tables, study_page
 from .find_onsets import DRAWN, OnsetResult
 from .onset_figures import burst_traces
+from .procedure import OnsetTable
 
 
 def page(study: Study, found: OnsetResult) -> Page:
@@ -24,7 +25,7 @@ def page(study: Study, found: OnsetResult) -> Page:
     )  # fmt: skip
     count = sum(len(each.bursts) for each in found.muscles)
     notes = () if len(names) <= DRAWN else (f"{len(names) - DRAWN} more recordings are in tables/onsets.csv.",)
-    table = study.config.onset
+    table = study.table(OnsetTable)
     said = (
         f"Energy after Teager and Kaiser passes {table.height:g} standard deviations of rest for at least "
         f"{1e3 * table.shortest:g} ms; the onset itself is where the variance begins to rise, a change point with its "

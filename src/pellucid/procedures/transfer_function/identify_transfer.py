@@ -26,6 +26,7 @@ from ...signals.input_output import InputOutput, input_output
 from ..result import FigureTable, ParameterTable, Result
 from . import first_look
 from .first_look import FirstLook, first_looks
+from .procedure import TransferFunctionTable
 
 Progress = Callable[[str, float], None]
 
@@ -69,9 +70,7 @@ def identify_transfer(study: Study, on_progress: Progress | None = None) -> Tran
     coefficients are frozen and only the initial state, which no other data can tell, is estimated.
     """
     tell = on_progress or (lambda text, share: None)
-    asked = study.config.transfer_function
-    if asked is None:
-        raise IdentificationError("study.toml: found no [transfer_function], expected one with input, output and poles")
+    asked = study.table(TransferFunctionTable)
     channels = (asked.input, asked.output)
     tell("reading recordings", 0.0)
     recordings = study.recordings()
@@ -146,7 +145,7 @@ def identify_transfer(study: Study, on_progress: Progress | None = None) -> Tran
 
 def faults(study: Study) -> list[Fault]:
     """What keeps recordings from being fitted, and what is left out of them. `study` [transfer_function]."""
-    asked = study.config.transfer_function
+    asked = study.table(TransferFunctionTable)
     found = []
     for recording in study.recordings():
         file = recording.path.name

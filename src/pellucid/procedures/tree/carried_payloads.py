@@ -16,6 +16,7 @@ from ...models.robot import Robot
 from ...recordings.study import Study
 from ...signals.tree_motion import TreeMotion
 from .tree_result import FoundPayload
+from .tree_table import TreeTable
 
 GAINS = {
     "stated": "as stated in study.toml",
@@ -30,7 +31,7 @@ def with_gains(
 ) -> tuple[list[TreeMotion], tuple[Parameter, ...]]:
     """The motions with efforts by the gains that `[tree] gains` asks for, and these gains; none where they are
     stated. Only recordings that are fitted set gains."""
-    table = study.config.tree
+    table = study.table(TreeTable)
     if table.gains == "desired":
         gains = gains_from_desired(robot, _empty(motions), width=table.velocity_width)
     elif table.gains == "payload":
@@ -76,7 +77,7 @@ def carried_payloads(
 
 def _calibrating(study: Study, motions: Sequence[TreeMotion]) -> list[str]:
     """Recordings whose stated payloads set the gains: those that are fitted, where `[tree] gains` asks for payloads."""
-    if study.config.tree.gains != "payload":
+    if study.table(TreeTable).gains != "payload":
         return []
     return _with_payload([m for m in motions if m.use == "fit"])
 

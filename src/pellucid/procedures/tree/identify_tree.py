@@ -27,6 +27,7 @@ from .carried_payloads import GAINS, carried_payloads, with_gains
 from .recorded_tree import file_of, recorded_tree
 from .tree_faults import tree_faults
 from .tree_result import Errors, TreeResult, TreeTrace, choice_of, completed
+from .tree_table import TreeTable
 
 
 def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
@@ -37,7 +38,7 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
     if refused:
         raise RecordingError("\n".join(refused))
     tell("filtering", 0.05)
-    table = study.config.tree
+    table = study.table(TreeTable)
     robot, motions = recorded_tree(study)
     motions, gains = with_gains(study, robot, motions)
     fitted, judged = ([m for m in motions if m.payload is None and m.use == use] for use in ("fit", "validate"))
@@ -116,7 +117,7 @@ def _rivals(
     if found.maker_out is not None:
         yield Errors("stated", "segments_out", _plain(found.maker_out.errors))
     plain = plain_model(found.rows)
-    published = published_numbers(plain, study.config.tree.published)
+    published = published_numbers(plain, study.table(TreeTable).published)
     for kind, each in kinds.items() if published is not None else ():
         yield Errors("published", kind, _plain(errors_of(missed(plain, published, each), each.size)))
     if published is not None and found.base_out is not None:

@@ -26,7 +26,7 @@ class TreeProcedure(Procedure):
 
     def inputs(self, study: Study) -> Iterable[Path]:
         """The robot's file."""
-        urdf = study.config.tree.urdf
+        urdf = study.table(TreeTable).urdf
         return () if urdf is None else (study.inside(urdf, "[tree] urdf"),)
 
     def cut(self, study: Study) -> list[Fault]:

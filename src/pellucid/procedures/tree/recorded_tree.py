@@ -22,6 +22,7 @@ from ...signals.effort import command_of, drive_model
 from ...signals.motion import shortest
 from ...signals.tree_motion import TreeMotion, segments_of, tree_motion_of
 from ..joint.recorded_motions import filtering_of, stretches_of
+from .tree_table import TreeTable
 
 BASE = "base"
 """What the link is called that does not move, where no file names it."""
@@ -35,7 +36,7 @@ def recorded_tree(study: Study) -> tuple[Robot, list[TreeMotion]]:
 
 def file_of(study: Study) -> Urdf | None:
     """What the robot's file says; None where study.toml says it all."""
-    said = study.config.tree.urdf
+    said = study.table(TreeTable).urdf
     if said is None:
         return None
     if "urdf" not in study.found:
@@ -59,13 +60,13 @@ def frames_of(study: Study) -> dict[str, tuple[str, Pose]]:
 
 
 def _with_frames(study: Study) -> tuple[Robot, dict[str, tuple[str, Pose]]]:
-    gravity = tuple(GRAVITY * x for x in study.config.tree.gravity)
+    gravity = tuple(GRAVITY * x for x in study.table(TreeTable).gravity)
     joints: dict[str, RigJoint] = {joint.joint: joint for joint in study.rig.joints}
     urdf = file_of(study)
     if urdf is None:
         tree, frames = _tree_of(joints, gravity, study), {}
     else:
-        tree, frames = urdf.tree(study.config.tree.held, gravity)
+        tree, frames = urdf.tree(study.table(TreeTable).held, gravity)
         _require_same(tree, joints, urdf.path)
         rotors = {name: joint.rotor_inertia for name, joint in joints.items()}
         moving = [replace(j, rotor_inertia=rotors[j.name]) for j in tree.joints]
@@ -210,7 +211,7 @@ def motions_of(study: Study, robot: Robot, use: str | None = None) -> list[TreeM
 
 
 def _segments_asked(recording: Recording, study: Study) -> int | tuple[float, ...] | None:
-    asked = study.config.tree.segments
+    asked = study.table(TreeTable).segments
     if isinstance(asked, dict):
         entry = study.config.entry_of(recording.name)
         return asked.get(entry.name if entry is not None else recording.name)
@@ -218,7 +219,7 @@ def _segments_asked(recording: Recording, study: Study) -> int | tuple[float, ..
 
 
 def _motions_of(recording: Recording, study: Study, robot: Robot) -> Iterator[TreeMotion]:
-    table, processing = study.config.tree, study.processing_of(recording)
+    table, processing = study.table(TreeTable), study.processing_of(recording)
     joints: dict[str, RigJoint] = {joint.joint: joint for joint in study.rig.joints}
     drives, filtering = drives_of(study, robot), filtering_of(processing)
     stretches = [s for s in stretches_of(recording, processing) if len(s.time) >= shortest(filtering)]

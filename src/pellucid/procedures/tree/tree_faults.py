@@ -18,6 +18,7 @@ from ..dead_effort import dead_effort_faults
 from ..joint.recorded_motions import left_out
 from .recorded_tree import file_of, frames_of, motions_of, position_channel, robot_of
 from .sign_search import GIVES, SURELY_GIVES, as_bodies_need, giving, turned_around
+from .tree_table import TreeTable
 
 FEWEST_ROWS = 50
 """In which a joint moves; with fewer it never does."""
@@ -81,7 +82,7 @@ def _fault(severity: str, kind: str, file: str, channel: str, found: str, expect
 
 def _said(study: Study, robot: Robot) -> Iterator[Fault]:
     """What study.toml asks for that is not there."""
-    table, entries = study.config.tree, study.config.recordings
+    table, entries = study.table(TreeTable), study.config.recordings
     links = {joint.child for joint in robot.tree.order} | set(frames_of(study))
     for entry in entries:
         link = entry.payload.link if entry.payload is not None else None
@@ -162,7 +163,7 @@ def _resting(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Itera
         where = f"{np.median(places):.4g} {unit}"
         hold = (
             f'leave its [[rig.joints]] out and say [tree] held = {{ {name} = "{where}" }}'
-            if study.config.tree.urdf is not None
+            if study.table(TreeTable).urdf is not None
             else "add its body to that of the joint before"
         )
         wanted = f"a joint that moves: record it moving, make dead_band smaller if it is slow, or {hold}"

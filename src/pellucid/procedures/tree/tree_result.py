@@ -20,6 +20,7 @@ from ...models.tree_card import JointRange, Ripple, TreeCard
 from ...recordings.results import ResultRow, checksum_of_all
 from ...recordings.study import Study
 from ..result import FigureTable, ParameterTable, Result
+from .tree_table import TreeTable
 
 COMMAND = "identify"
 
@@ -275,7 +276,7 @@ def _friction_rows(found: TreeResult) -> Iterator[tuple[str | float | None, ...]
 
 def tree_card(study: Study, found: TreeResult, model: TreeEstimate) -> TreeCard:
     """The card of one of the models."""
-    tree, level = found.robot.tree, study.config.tree.confidence
+    tree, level = found.robot.tree, study.table(TreeTable).confidence
     judged = next((e for kind in ("heldout", "segments_out") if (e := found.errors_of(model.name, kind))), None)
     motors = model.motors()
     seen = [np.concatenate([t.position for t in found.traces if t.use == "fit"]),

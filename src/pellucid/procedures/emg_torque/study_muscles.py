@@ -7,14 +7,15 @@ from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 
-from .._errors import PellucidError, RecordingError
-from .._given import read_given
-from .muscle_constants import MuscleConstants
-from .muscle_polynomials import FILE, ModelMuscles, model_muscles, read_polynomials, write_polynomials
-from .readers.ceinms_xml import read_subject
-from .readers.osim import read_model
-from .readers.osim_paths import read_paths
-from .study import Study
+from ..._errors import PellucidError, RecordingError
+from ..._given import read_given
+from ...recordings.muscle_constants import MuscleConstants
+from ...recordings.muscle_polynomials import FILE, ModelMuscles, model_muscles, read_polynomials, write_polynomials
+from ...recordings.readers.ceinms_xml import read_subject
+from ...recordings.readers.osim import read_model
+from ...recordings.readers.osim_paths import read_paths
+from ...recordings.study import Study
+from .procedure import EmgTorqueTable
 
 
 def read_muscle_constants(path: Path) -> dict[str, MuscleConstants]:
@@ -34,7 +35,7 @@ def read_muscle_constants(path: Path) -> dict[str, MuscleConstants]:
 
 def study_muscles(study: Study) -> dict[str, MuscleConstants]:
     """Constants of a study's muscles, by the study's own names. `study` [emg_torque]."""
-    spec = study.config.emg_torque
+    spec = study.find_table(EmgTorqueTable)
     if spec is None or spec.muscle_file is None:
         return {}
     path = study.inside(spec.muscle_file, "[emg_torque] muscle_file")
@@ -55,7 +56,7 @@ def study_geometry(study: Study) -> ModelMuscles | None:
 
     They are made once and kept in the study as ``muscle_geometry.json``. `study` [emg_torque].
     """
-    spec = study.config.emg_torque
+    spec = study.find_table(EmgTorqueTable)
     if spec is None or spec.muscle_file is None:
         return None
     path = study.inside(spec.muscle_file, "[emg_torque] muscle_file")
@@ -75,7 +76,7 @@ def study_geometry(study: Study) -> ModelMuscles | None:
 
 def study_coordinates(study: Study) -> dict[str, str]:
     """The OpenSim model's coordinate of each joint, with a minus where it grows the other way. `study` [emg_torque]."""
-    spec = study.config.emg_torque
+    spec = study.table(EmgTorqueTable)
     if spec.coordinates or spec.muscle_file is None or not spec.muscle_file.lower().endswith(".osim"):
         return dict(spec.coordinates)
     path = study.inside(spec.muscle_file, "[emg_torque] muscle_file")
