@@ -7,7 +7,7 @@ from pellucid._errors import RecordingError, StudyError
 from pellucid.procedures.joint.aligned_motions import motions
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import check, identify
-from pellucid.recordings.rollover import rollover
+from pellucid.recordings.rollover import find_rollover
 
 STUDY = """name = "bench"
 [rig]
@@ -106,11 +106,11 @@ def test_a_value_that_rolls_over_is_refused_with_its_period(study, bench_samples
 def test_what_only_jumps_does_not_roll_over(study, bench_samples):
     n = np.arange(3000)
     spike = np.sin(n / 200.0) + np.where(n == 700, 40.0, 0.0)
-    assert rollover(spike) is None
-    assert rollover(bench_samples["q"]) is None
-    assert rollover(np.sin(n / 200.0)) is None
-    assert rollover(n % 7.0) is None
-    assert rollover(np.cumsum(np.sin(n / 500.0)) % 90.0).period == pytest.approx(90.0, abs=0.02)
+    assert find_rollover(spike) is None
+    assert find_rollover(bench_samples["q"]) is None
+    assert find_rollover(np.sin(n / 200.0)) is None
+    assert find_rollover(n % 7.0) is None
+    assert find_rollover(np.cumsum(np.sin(n / 500.0)) % 90.0).period == pytest.approx(90.0, abs=0.02)
     step = bench_samples["q"] + np.where(bench_samples["time"] < 9.0, 0.0, 9.0)
     (fault,) = (f for f in check(study({"q": step})) if f.kind == "wrap")
     assert "from -0.3582 to 8.64" in fault.message

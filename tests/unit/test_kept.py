@@ -169,7 +169,7 @@ def test_large_columns_of_somebody_else_are_not_read(tmp_path):
     path = tmp_path / "a.columns"
     with path.open("wb") as file:
         file.truncate(300_000_000)  # without any end of a line
-    assert peak_memory(lambda: kept_columns._kept(path, tmp_path / "a.csv")) < 1_000_000
+    assert peak_memory(lambda: kept_columns._read_kept(path, tmp_path / "a.csv")) < 1_000_000
 
 
 def test_another_core_and_other_libraries_make_another_fingerprint(tmp_path, monkeypatch):

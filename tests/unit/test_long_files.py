@@ -77,7 +77,7 @@ def test_blocks_of_any_size_are_the_same(tmp_path, monkeypatch):
 
 @pytest.fixture
 def long_file(tmp_path, monkeypatch):
-    monkeypatch.setattr(keeping, "FROM", 1)
+    monkeypatch.setattr(keeping, "MIN_FILE_BYTES", 1)
     path = tmp_path / "a.csv"
     path.write_text("t,q,i,label\n" + ROWS.replace("\n", ",x\n"))
     return path
@@ -146,6 +146,6 @@ def test_what_was_used_longest_ago_is_forgotten_first(tmp_path, long_file, monke
         keeping.kept_columns(tmp_path / "kept", long_file, digest * 64)
         kept = next((tmp_path / "kept").glob(f"{digest * 32}*"))
         os.utime(kept, (i, i))
-    monkeypatch.setattr(keeping, "MOST", 3 * kept.stat().st_size + 10)
+    monkeypatch.setattr(keeping, "MAX_KEPT_BYTES", 3 * kept.stat().st_size + 10)
     keeping.kept_columns(tmp_path / "kept", long_file, "3" * 64)
     assert sorted(path.name[0] for path in (tmp_path / "kept").iterdir()) == ["1", "2", "3"]

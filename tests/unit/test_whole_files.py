@@ -104,7 +104,7 @@ def test_who_waits_too_long_is_told_why(tmp_path, monkeypatch):
     row = ResultRow("bench.a", 1, "1", "identify", "fitted")
     write_rows(path, "identify", [row])
     before = path.read_bytes()
-    monkeypatch.setattr(lock, "PATIENCE", 0.05)
+    monkeypatch.setattr(lock, "MAX_WAIT_S", 0.05)
     with lock.locked(path), pytest.raises(PellucidError, match=r"results\.json: found it being written by another"):
         write_rows(path, "export", [])
     assert path.read_bytes() == before

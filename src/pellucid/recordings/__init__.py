@@ -1,4 +1,4 @@
-"""Recordings as a lab has them, read into SI; the only code that opens data files."""
+"""Read a laboratory's recordings into SI. Only this package opens data files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Calibrated muscles as a CEINMS subject: muscles with their constants, what moves each joint, what excites them."""
+"""Write calibrated muscles as a CEINMS subject: their constants, the joints that they move and their excitations."""
 
 from __future__ import annotations
 
@@ -13,13 +13,16 @@ from .._atomic import write_text_atomically
 from ..models.hill import HillData, HillModel, HillMuscle
 from .muscle_remark import MuscleRemark, subject_numbers
 
-LENGTHS = np.round(np.arange(0.0, 2.01, 0.05), 2)
-VELOCITIES = np.round(np.arange(-1.0, 1.01, 0.05), 2)
-"""At which the curves of a subject are given: lengths in l_o, velocities in v_max l_o."""
+CURVE_LENGTHS = np.round(np.arange(0.0, 2.01, 0.05), 2)
+"""Fibre lengths at which a subject's curves are sampled, in optimal fibre lengths l_o."""
+
+CURVE_VELOCITIES = np.round(np.arange(-1.0, 1.01, 0.05), 2)
+"""Fibre velocities at which a subject's curves are sampled, in v_max l_o."""
 
 
 def write_subject(path: Path, remark: MuscleRemark, joints: Mapping[str, Sequence[str]]) -> Path:
-    """Write a subject, whole or not at all; `joints`: the muscles that move each, by the study's names."""
+    """Write a subject, completely or not at all. `joints` holds the muscles that move each joint, by the study's
+    names."""
     muscles = remark.muscles.muscles
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', "<subject>", " <muscleDefault>"]
     lines += [
@@ -38,8 +41,8 @@ def write_subject(path: Path, remark: MuscleRemark, joints: Mapping[str, Sequenc
         lines += [f"   <{key}>{value!r}</{key}>" for key, value in numbers.items()]
         lines += ["  </muscle>"]
     lines += [" </muscles>", " <DoFs>"]
-    for joint, own in joints.items():
-        lines += _sequence("DoF", joint, [remark.names[m] for m in own])
+    for joint, members in joints.items():
+        lines += _sequence("DoF", joint, [remark.names[m] for m in members])
     lines += [" </DoFs>", " <Channels>"]
     channels = dict.fromkeys(c for m in muscles for c in remark.muscles.driven[m.name])
     for channel in channels:
@@ -62,31 +65,31 @@ def _mean(muscles: Sequence[HillMuscle], quantity: str) -> float:
 
 
 def curves(muscles: Sequence[HillMuscle]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Points of the core's own curves, of the muscles' mean: a subject has one of each for all."""
+    """Return the points of the core's own curves for the mean muscle, since a subject has one curve for all muscles."""
     shaped = ("force_length_width", "passive_scale", "curvature", "eccentric_force", "passive_strain", "passive_shape")
-    alike = HillMuscle("mean", 1.0, 0.0, 1.0, **{q: _mean(muscles, q) for q in shaped})
-    # Bare of tendon, pennation, damping and time, a muscle's force is its curves.
-    model = HillModel([replace(alike, shape=0.0, delay=0.0, optimal_length_shift=0.0)])
+    mean_muscle = HillMuscle("mean", 1.0, 0.0, 1.0, **{q: _mean(muscles, q) for q in shaped})
+    # Without tendon, pennation, damping and time, a muscle's force consists of its curves alone.
+    model = HillModel([replace(mean_muscle, shape=0.0, delay=0.0, optimal_length_shift=0.0)])
 
     def force(excitation: float, length: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         n = len(length)
-        starts = tuple(range(n))  # each sample at rest in itself
+        starts = tuple(range(n))  # every sample is a simulation of its own, which starts at rest
         data = HillData(
             np.full((1, n), excitation), length[None], 10.0 * velocity[None], np.ones((1, n)), 1.0, starts
         )  # fmt: skip
         return model.states(data)["force"][0]
 
-    still = np.zeros_like(LENGTHS)
-    passive = force(0.0, LENGTHS, still)
-    active = force(1.0, LENGTHS, still) - passive
-    fast = force(1.0, np.ones_like(VELOCITIES), VELOCITIES)
+    still = np.zeros_like(CURVE_LENGTHS)
+    passive = force(0.0, CURVE_LENGTHS, still)
+    active = force(1.0, CURVE_LENGTHS, still) - passive
+    fast = force(1.0, np.ones_like(CURVE_VELOCITIES), CURVE_VELOCITIES)
     return {
-        "activeForceLength": _wide(LENGTHS, active, (0.0, 0.0)),
-        "passiveForceLength": _wide(LENGTHS, passive, (0.0, float(passive[-1]))),
-        "forceVelocity": _wide(VELOCITIES, fast, (0.0, float(fast[-1]))),
+        "activeForceLength": _with_far_points(CURVE_LENGTHS, active, (0.0, 0.0)),
+        "passiveForceLength": _with_far_points(CURVE_LENGTHS, passive, (0.0, float(passive[-1]))),
+        "forceVelocity": _with_far_points(CURVE_VELOCITIES, fast, (0.0, float(fast[-1]))),
     }
 
 
-def _wide(x: np.ndarray, y: np.ndarray, ends: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """With a point far out on either side, so that nobody extrapolates a spline."""
+def _with_far_points(x: np.ndarray, y: np.ndarray, ends: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Return a curve with one more point far out on either side, so that no program extrapolates the spline."""
     return np.concatenate(([-5.0], x, [5.0])), np.concatenate((ends[:1], y, ends[1:]))

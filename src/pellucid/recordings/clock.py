@@ -1,8 +1,8 @@
-"""When samples were taken, where their stamps say when they arrived: packets delivered twice, stamps that jitter.
+"""Recover the times at which samples were taken: remove packets delivered twice, and smooth time stamps that jitter.
 
 A packet that was delivered twice makes two rows with the same samples, the second stamped at the same time or a little
 later. The second row is left out. Stamps that jitter are smoothed over a window of neighbours, so that drift, pauses
-and changes of rate stay as they were stamped. The window is the one over which positions lie most smoothly.
+and changes of rate stay as they were stamped. The chosen window makes the positions smoothest over time.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import numpy as np
 MAX_REPEAT_STEP_SHARE = 0.5
 """A row with the samples of the row before is the same packet again if it comes within this share of a usual step."""
 
-WINDOWS = (8, 16, 32, 64, 128, 256, 512)
-"""Neighbours, in samples, over which stamps are smoothed."""
+SMOOTHING_WINDOWS = (8, 16, 32, 64, 128, 256, 512)
+"""Candidate windows for smoothing stamps [samples]."""
 
 MIN_SMOOTHNESS_GAIN = 0.05
 """Stamps are smoothed only if positions then deviate from their neighbours by this share less. Position noise alone
@@ -29,18 +29,18 @@ the variance: between the two sides the rate changes, or samples are missing."""
 
 @dataclass(frozen=True)
 class SampleClock:
-    """Times at which samples were taken, as far as their stamps tell.
+    """Estimated times at which samples were taken.
 
     Attributes
     ----------
     time : ndarray, shape (n,)
-        [s], read-only; the stamps themselves where `window` is 0.
+        Time of each sample [s], read-only; the stamps themselves if `window` is 0.
     window : int
-        Samples over which stamps were smoothed; 0 where they were not.
+        Number of samples over which stamps were smoothed; 0 if they were not smoothed.
     moved : float
-        Root mean square of what stamps were moved by [s].
+        Root mean square of the changes of the stamps [s].
     farthest : float
-        Largest of it [s].
+        Largest change of a stamp [s].
     """
 
     time: np.ndarray
@@ -50,8 +50,10 @@ class SampleClock:
 
 
 def first_deliveries(time: np.ndarray, samples: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Rows that are no second delivery of the packet before, shape (n,) bool, of stamps `time`, (n,) [s], and every
-    channel's `samples`, (n,)."""
+    """Return a mask of the rows that do not repeat the packet before, shape (n,) bool.
+
+    `time` holds the stamps, (n,) [s], and `samples` every channel, (n,).
+    """
     first = np.ones(len(time), dtype=bool)
     steps = np.diff(time)
     if not samples or len(time) < 3 or not np.isfinite(steps).all() or np.any(steps < 0.0):
@@ -74,19 +76,21 @@ def first_deliveries(time: np.ndarray, samples: Mapping[str, np.ndarray]) -> np.
 
 
 def sample_clock(time: np.ndarray, positions: np.ndarray, spans: Sequence[slice], near: np.ndarray) -> SampleClock:
-    """Clock of samples stamped at `time`, (n,) [s], by the smoothness of `positions`, (n, k), within `spans` that have
-    no break; `near`, (n - 1,) bool, says which stamps follow each other without a gap."""
+    """Estimate the clock of samples stamped at `time`, (n,) [s], by the smoothness of `positions`, (n, k).
+
+    The `spans` have no break. The mask `near`, (n - 1,), marks the stamps that the next one follows without a gap.
+    """
     recorded = _roughness(time, positions, spans, near)
     best, clock = (1.0 - MIN_SMOOTHNESS_GAIN) * recorded, SampleClock(time)
-    for window in WINDOWS if np.isfinite(recorded) and recorded > 0.0 else ():
+    for window in SMOOTHING_WINDOWS if np.isfinite(recorded) and recorded > 0.0 else ():
         smoothed = np.array(time)
         for span in spans:
-            smoothed[span] = _smoothed(time[span], window)
-        rough = _roughness(smoothed, positions, spans, near)
-        if rough < best:
+            smoothed[span] = _smooth_stamps(time[span], window)
+        roughness = _roughness(smoothed, positions, spans, near)
+        if roughness < best:
             moved = smoothed - time
             smoothed.flags.writeable = False
-            best = rough
+            best = roughness
             clock = SampleClock(
                 smoothed, window, float(np.sqrt(np.mean((moved - moved.mean()) ** 2))), float(np.abs(moved).max())
             )
@@ -94,7 +98,7 @@ def sample_clock(time: np.ndarray, positions: np.ndarray, spans: Sequence[slice]
 
 
 def _roughness(time: np.ndarray, positions: np.ndarray, spans: Sequence[slice], near: np.ndarray) -> float:
-    """Mean distance of positions, (n, k), from the straight line between their neighbours; NaN where nothing moves."""
+    """Return the mean distance of positions, (n, k), from the straight line between neighbours; NaN without any."""
     inside = np.zeros(len(time), dtype=bool)
     for span in spans:
         inside[span.start + 1 : span.stop - 1] = True
@@ -106,9 +110,9 @@ def _roughness(time: np.ndarray, positions: np.ndarray, spans: Sequence[slice], 
     return float(off.mean()) if off.size else np.nan
 
 
-def _smoothed(time: np.ndarray, window: int) -> np.ndarray:
-    """Stamps (n,) on straight lines through so many neighbours each; the stamps themselves where the lines would make
-    time stand still."""
+def _smooth_stamps(time: np.ndarray, window: int) -> np.ndarray:
+    """Return stamps, (n,), on straight lines through `window` neighbours each; the stamps themselves if the result
+    would not increase."""
     n = len(time)
     if n < 4:
         return time
@@ -117,22 +121,25 @@ def _smoothed(time: np.ndarray, window: int) -> np.ndarray:
     off = time - (first + step * index)
     half = max(window // 2, 2)
     low, high = np.maximum(index - half, 0), np.minimum(index + half + 1, n)
-    value, variance = _line_at(off, index, low, high)
+    value, variance = _local_lines(off, index, low, high)
     chosen = np.array(value)
     for low, high in ((np.maximum(index - window, 0), index + 1), (index, np.minimum(index + window + 1, n))):
-        one_value, one_variance = _line_at(off, index, low, high)
+        one_value, one_variance = _local_lines(off, index, low, high)
         better = (high - low > half) & (one_variance < ONE_SIDED_SHARE * variance)
         chosen = np.where(better, one_value, chosen)
         variance = np.where(better, one_variance / ONE_SIDED_SHARE, variance)
-    for found in (chosen, value):
-        made = found + first + step * index
-        if np.all(np.diff(made) > 0.0):
-            return made
+    for candidate in (chosen, value):
+        smoothed = candidate + first + step * index
+        if np.all(np.diff(smoothed) > 0.0):
+            return smoothed
     return time
 
 
-def _line_at(off: np.ndarray, index: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Value at each sample of the line through samples `low` to before `high` of `off`, (n,), and the variance left."""
+def _local_lines(
+    off: np.ndarray, index: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Fit a line to samples `low` to before `high` of `off`, (n,), for each sample; return its value and the residual
+    variance, shape (n,) each."""
 
     def sums(values: np.ndarray) -> np.ndarray:
         total = np.concatenate([[0.0], np.cumsum(values)])

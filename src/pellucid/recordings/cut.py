@@ -1,4 +1,4 @@
-"""Stretches of a recording that are left out, and what is left between them."""
+"""Cuts, the stretches of a recording that are left out, and the spans between them."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ if TYPE_CHECKING:
     from .recording import Recording
 
 GAP_STEPS = 1.5
-"""A time step longer than this many typical ones is a gap: a sample is missing."""
-
+"""A time step longer than this many usual steps is a gap, because at least one sample is missing there."""
 
 BEYOND_JITTER = 1.3
-"""Neither is a step a gap that is not this many times as long as all but 2 in 100 of a clock that jitters."""
+"""A time step is a gap only if it is also longer than this many times the 98th percentile of all steps. The bound
+keeps the long steps of a clock that jitters. Chosen by judgement; no measurement is recorded."""
 
 JITTER_SHARE = 0.1
-"""Share of the time step by which 1 sample in 100 may be off before samples count as unevenly spaced."""
+"""Samples count as unevenly spaced if 1 in 100 time steps is off by more than this share of the usual step. Chosen by
+judgement; no measurement is recorded."""
 
 
 @dataclass(frozen=True)
 class Cut:
-    """A stretch of a recording that nothing is made of.
+    """A stretch of a recording that is left out of every computation.
 
     Attributes
     ----------
     kind : str
-        ``"spike"``, ``"gap"``, ``"missing_samples"``, ...; ``"excluded"`` where study.toml says so.
+        Kind of defect: ``"spike"``, ``"gap"``, ``"missing_samples"``, ...; ``"excluded"`` if study.toml excludes it.
     channel : str
-        In which it was found; ``"time"`` where it is of all channels.
+        Channel with the defect; ``"time"`` if it concerns all channels.
     start, stop : float
-        Time of its first sample, and of the first one after it [s].
+        Time of its first sample, and of the first sample after it [s].
     first, last : int
-        Its samples, both included; of a gap, which holds none, `first` is the sample after it and `last` the one
-        before.
+        Its first and last sample. A gap contains no sample: `first` is then the sample after it, `last` the one before.
     found : str
-        What, in words.
+        Description of the defect.
     by : str
         ``"hand"`` or ``"automatic"``.
     """
@@ -54,19 +54,19 @@ class Cut:
 
     @property
     def samples(self) -> int:
-        """How many samples it holds."""
+        """Number of samples in the cut."""
         return self.last - self.first + 1
 
     @property
     def where(self) -> str:
-        """Its samples in words."""
+        """Text that names its samples."""
         if self.samples == 0:
             return f"after sample {self.last}"
         return f"sample {self.first}" if self.samples == 1 else f"samples {self.first} to {self.last}"
 
 
-def cut_of(recording: Recording, kind: str, channel: str, first: int, last: int, found: str) -> Cut:
-    """A recording's samples `first` to `last`, both included; none where `last` is before `first`."""
+def make_cut(recording: Recording, kind: str, channel: str, *, first: int, last: int, found: str) -> Cut:
+    """Return the cut of a recording's samples `first` to `last`, both included; a gap has `last` before `first`."""
     time = recording.time
     stop = float(time[last + 1] if last + 1 < len(time) else time[-1] + 1.0 / recording.fs)
     start = float(time[first] if first <= last else time[last])
@@ -74,7 +74,7 @@ def cut_of(recording: Recording, kind: str, channel: str, first: int, last: int,
 
 
 def sound_samples(n: int, cuts: Iterable[Cut]) -> np.ndarray:
-    """Those of `n` samples that no cut holds, shape (n,) bool."""
+    """Return a mask of the samples outside all cuts, shape (n,) bool."""
     sound = np.ones(n, dtype=bool)
     for cut in cuts:
         sound[cut.first : cut.last + 1] = False
@@ -82,7 +82,7 @@ def sound_samples(n: int, cuts: Iterable[Cut]) -> np.ndarray:
 
 
 def spans_between(n: int, cuts: Iterable[Cut]) -> tuple[slice, ...]:
-    """What is left of `n` samples between cuts, in order; a gap ends a span though it holds no sample."""
+    """Return the spans of `n` samples between the cuts, in order; a gap also ends a span, although it has no sample."""
     spans, start = [], 0
     for cut in sorted(cuts, key=lambda cut: cut.first):
         if cut.first > start:

@@ -1,4 +1,4 @@
-"""Channels that lie late against the others, moved to where they belong; no sample is taken from beyond a cut."""
+"""Shift channels that are late against the others back to their own time, without using samples across a cut."""
 
 from __future__ import annotations
 
@@ -7,23 +7,25 @@ from dataclasses import replace
 
 import numpy as np
 
-from .cut import cut_of
+from .cut import make_cut
 from .defects.watched import find_runs
 from .recording import Channel, Recording, channels_within
 
 MOVED = "moved"
-"""Kind of the cuts in which a moved channel has no sample; the delay itself is told, they are not."""
+"""Kind of a cut in which a shifted channel has no sample. Reports list the delay, but not these cuts."""
 
-EVEN = 1e-6
-"""Share of a step within which a time counts as a sample's own."""
+TIME_TOLERANCE = 1e-6
+"""A time counts as that of a sample if both differ by at most this share of a step."""
 
 
 def moved(recording: Recording, delays: Mapping[str, float]) -> Recording:
-    """The recording with each channel of `delays` so much earlier [s]; where its record then begins later or ends
-    earlier than the others, so does the whole."""
+    """Return the recording with each channel of `delays` shifted to earlier times by its delay [s].
+
+    The result is shortened to the time that all channels cover.
+    """
     delays = {name: delay for name, delay in delays.items() if delay != 0.0 and name in recording}
     if not delays or not _advances(recording):
-        return recording  # time that does not increase is refused later
+        return recording  # a later check refuses time that does not increase
     time, channels = recording.time, {}
     for name, delay in delays.items():
         old, new = recording[name], np.full(len(time), np.nan)
@@ -35,13 +37,12 @@ def moved(recording: Recording, delays: Mapping[str, float]) -> Recording:
 
 
 def _advances(recording: Recording) -> bool:
-    """Whether time increases wherever nothing was cut out."""
+    """Whether time increases within every span between cuts."""
     return all((np.diff(recording.time[span]) > 0.0).all() for span in recording.spans)
 
 
 def led(recording: Recording, lags: Mapping[str, float]) -> Recording:
-    """The recording with each channel of `lags` as it was before a first-order lag of so much [s]: its slope times that
-    is added."""
+    """Return the recording with the first-order lag of each channel of `lags` undone: x + lag * dx/dt, lags [s]."""
     lags = {name: lag for name, lag in lags.items() if name in recording}
     if not lags or not _advances(recording):
         return recording
@@ -56,29 +57,31 @@ def led(recording: Recording, lags: Mapping[str, float]) -> Recording:
 
 
 def with_channels(
-    recording: Recording, channels: Mapping[str, Channel], lost: np.ndarray, kind: str = MOVED, found: str = ""
+    recording: Recording, channels: Mapping[str, Channel], lost: np.ndarray, *, kind: str = MOVED, found: str = ""
 ) -> Recording:
-    """The recording with `channels` in place of its own or beside them, without the samples, (n,) bool, in which they
-    are `lost`: at either end the recording is shorter, elsewhere it is cut, which is of a `kind` and was `found`."""
+    """Return the recording with `channels` added or replaced, without the samples in which they are `lost`, (n,) bool.
+
+    Lost samples at either end shorten the recording. Elsewhere they become cuts with a `kind` and the text `found`.
+    """
     inside = np.zeros(len(recording), bool)
     for span in recording.spans:
         inside[span] = True
     channels = {**recording.channels, **channels}
     kept = np.flatnonzero(~lost)
     if not kept.size:
-        everything = cut_of(recording, kind, "time", 0, len(lost) - 1, found)
+        everything = make_cut(recording, kind, "time", first=0, last=len(lost) - 1, found=found)
         return replace(recording, channels=channels, cuts=(*recording.cuts, everything))
     whole = slice(int(kept[0]), int(kept[-1]) + 1)
     firsts, lengths = find_runs((lost & inside)[whole])
     cuts = [
-        cut_of(recording, kind, "time", first, first + length - 1, found)
+        make_cut(recording, kind, "time", first=first, last=first + length - 1, found=found)
         for first, length in zip(whole.start + firsts, lengths, strict=True)
     ]
     return part_of(replace(recording, channels=channels, cuts=(*recording.cuts, *cuts)), whole.start, whole.stop)
 
 
 def part_of(recording: Recording, first: int, stop: int) -> Recording:
-    """A recording's samples from `first` to before `stop`, with the cuts among them."""
+    """Return a recording's samples from `first` to before `stop`, with the cuts among them."""
     cuts = (cut for cut in recording.cuts if cut.last >= first and cut.first < stop)
     within = (
         replace(cut, first=max(cut.first, first) - first, last=min(cut.last, stop - 1) - first)
@@ -88,8 +91,10 @@ def part_of(recording: Recording, first: int, stop: int) -> Recording:
 
 
 def at_times(time: np.ndarray, samples: np.ndarray, wanted: np.ndarray, *, hold: bool = False) -> np.ndarray:
-    """Samples, (n,) at `time`, (n,) [s], at the times `wanted`, (m,): by cubics through neighbours, or as last sampled;
-    NaN beyond the record and beside a missing sample."""
+    """Interpolate samples, (n,) at `time`, (n,) [s], at the times `wanted`, (m,), by cubics through neighbours.
+
+    With `hold` the last sample counts instead. The result is NaN beyond the record and beside a missing sample.
+    """
     n = len(time)
     if n < 2:
         return np.full(len(wanted), np.nan)
@@ -97,7 +102,7 @@ def at_times(time: np.ndarray, samples: np.ndarray, wanted: np.ndarray, *, hold:
     left = np.clip(np.searchsorted(time, wanted, side="right") - 1, 0, n - 2)
     width = time[left + 1] - time[left]
     x = (wanted - time[left]) / width
-    near = EVEN * step / width
+    near = TIME_TOLERANCE * step / width
     known = (x > -near) & (x < 1.0 + near)
     start, end = samples[left], samples[left + 1]
     on = np.abs(x) <= near, np.abs(x - 1.0) <= near
@@ -105,7 +110,7 @@ def at_times(time: np.ndarray, samples: np.ndarray, wanted: np.ndarray, *, hold:
         value = np.where(x >= 1.0 - near, end, start)
     else:
         slope = _slopes(time, samples)
-        # A straight line where a neighbour is missing.
+        # A straight line replaces the cubic if a neighbour is missing.
         chord = (end - start) / width
         first, last = (np.where(np.isfinite(s), s, chord) * width for s in (slope[left], slope[left + 1]))
         rise = end - start
@@ -115,7 +120,7 @@ def at_times(time: np.ndarray, samples: np.ndarray, wanted: np.ndarray, *, hold:
 
 
 def _slopes(time: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """Slope at each sample, of the parabola through it and its neighbours, shape (n,)."""
+    """Return the slope at each sample of the parabola through it and its neighbours, shape (n,)."""
     if len(time) < 3:
         return np.full(len(time), np.nan)
     return np.gradient(samples, time)

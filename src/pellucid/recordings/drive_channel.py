@@ -1,4 +1,4 @@
-"""Which channel carries the drive's command."""
+"""Find the channel that carries the drive's command."""
 
 from __future__ import annotations
 
@@ -10,16 +10,18 @@ if TYPE_CHECKING:
     from .study import Study
 
 DRIVE_CHANNELS = {"torque": ("torque", "force"), "current": ("current",), "voltage": ("voltage", "duty")}
-"""Kind of drive -> channels that may carry its command, the first one present counting."""
+"""Channels that may carry the command of each kind of drive; the first one that is recorded counts."""
 
 
 def command_channel(channels: Container[str], kind: str, ending: str = "") -> str | None:
-    """Name of the one of `channels` that carries the command of a drive of a `kind`; None if there is none. `ending` is
-    what a joint's channels end in, where there are several: ``".elbow"``."""
+    """Return the name of the channel with the command of a drive of a `kind`; None if `channels` have none.
+
+    Channels of a rig with several joints have the joint's name as their `ending`, such as ``".elbow"``.
+    """
     return next((name + ending for name in DRIVE_CHANNELS[kind] if name + ending in channels), None)
 
 
 def drive_channel(recording: Recording, study: Study) -> str | None:
-    """Name of the channel that carries the drive's command, None if the recording has none."""
+    """Return the name of the channel with the drive's command; None if the recording has none."""
     drive = study.rig.drive
     return command_channel(recording, drive.kind) if drive else None

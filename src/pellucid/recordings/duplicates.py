@@ -1,4 +1,5 @@
-"""Recordings of a study that are one and the same: what was fitted would be judged by itself, or count as two."""
+"""Find recordings of a study with the same samples. A copy would validate the model on its own training data, or count
+twice in the fit."""
 
 from __future__ import annotations
 
@@ -11,18 +12,18 @@ import numpy as np
 from .fault import Fault
 from .recording import Recording
 
-FEWEST = 50
-"""Samples that two recordings must share before they are called one."""
+MIN_SHARED_SAMPLES = 50
+"""Only recordings with at least this many samples are compared; shorter ones may be equal by chance."""
 
 
-def duplicates(recordings: Iterable[Recording]) -> list[Fault]:
-    """Each recording whose samples, but for their clock, another has too; time and channels of one file in common."""
+def find_duplicates(recordings: Iterable[Recording]) -> list[Fault]:
+    """Return a fault for each recording that has another one's samples, or the same stretch of the same file."""
     faults, seen = [], {}
-    recordings = [recording for recording in recordings if len(recording) >= FEWEST]
+    recordings = [recording for recording in recordings if len(recording) >= MIN_SHARED_SAMPLES]
     lengths = Counter(map(len, recordings))
     for recording in recordings:
-        # Hours are read for their digest only where another recording is as long.
-        key = _samples(recording) if lengths[len(recording)] > 1 else len(recording)
+        # The digest of a long recording takes time, and is needed only if another recording has the same length.
+        key = _samples_digest(recording) if lengths[len(recording)] > 1 else len(recording)
         if key in seen:
             faults.append(_fault(recording, seen[key]))
             continue
@@ -34,7 +35,7 @@ def duplicates(recordings: Iterable[Recording]) -> list[Fault]:
     return faults
 
 
-def _samples(recording: Recording) -> tuple:
+def _samples_digest(recording: Recording) -> tuple:
     digest = blake2b("".join(stream.checksum for stream in recording.streams.values()).encode(), digest_size=16)
     for name, channel in sorted(recording.channels.items()):
         if name != "time":
@@ -43,7 +44,7 @@ def _samples(recording: Recording) -> tuple:
 
 
 def _overlap(one: Recording, other: Recording) -> bool:
-    """Whether they are windows of one file, through which one stretch of one channel is seen."""
+    """Whether two recordings are windows of one file that share a stretch of time and a channel."""
     if one.checksum != other.checksum or one.use == other.use:
         return False
     columns = [{c.column for n, c in r.channels.items() if n != "time"} for r in (one, other)]

@@ -1,4 +1,4 @@
-"""Something wrong or remarkable in a recording, and how it is told."""
+"""Faults of recordings, and their messages."""
 
 from __future__ import annotations
 
@@ -8,28 +8,28 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Fault:
-    """Something wrong or remarkable in a recording.
+    """A fault or a remarkable property of a recording.
 
     Attributes
     ----------
     severity : str
-        ``"refuse"``: nothing may be identified from it; ``"cut"``: used, but without it; ``"warn"``: used, and what is
-        found there is not to be believed as it is; ``"note"``: told, and used.
+        ``"refuse"``: nothing may be identified from the recording; ``"cut"``: it is used without the faulty part;
+        ``"warn"``: it is used, but its results are doubtful; ``"note"``: it is used.
     kind : str
         ``"missing_channel"``, ``"missing_samples"``, ``"time_order"``, ``"sampling_jitter"``, ``"repeated_packets"``,
         ``"gap"``, ``"rate"``, ``"too_few_samples"``, ``"spike"``, ``"dropout"``, ``"clipped"``, ``"frozen_encoder"``,
-        ``"excluded"``, ``"too_much_cut"``, ``"duplicate"``, ``"wrap"`` or ``"magnitude"``; of a joint's drive
-        ``"dead_effort"``, ``"copied_effort"`` or ``"delay"``, of a joined file ``"clock"``, of a recorded velocity
-        ``"velocity_mismatch"``, ``"velocity_sign"``, ``"velocity_scale"`` or ``"velocity_delay"``; of a robot of
-        several joints ``"robot"``, ``"payload"``, ``"gains"``, ``"lengths"``, ``"velocity"``, ``"resting_joint"``,
-        ``"joined_joints"``, ``"sign"`` or ``"limits"``; of markers also ``"lost_marker"`` and ``"overlap"``; of EMG
-        beside what is to be fitted ``"changed_channel"`` and ``"another_condition"``.
+        ``"excluded"``, ``"too_much_cut"``, ``"duplicate"``, ``"wrap"`` or ``"magnitude"``. A joint's drive has also
+        ``"dead_effort"``, ``"copied_effort"`` or ``"delay"``, a joined file ``"clock"``, a recorded velocity
+        ``"velocity_mismatch"``, ``"velocity_sign"``, ``"velocity_scale"`` or ``"velocity_delay"``. A robot with several
+        joints has also ``"robot"``, ``"payload"``, ``"gains"``, ``"lengths"``, ``"velocity"``, ``"resting_joint"``,
+        ``"joined_joints"``, ``"sign"`` or ``"limits"``, markers ``"lost_marker"`` and ``"overlap"``, and EMG
+        ``"changed_channel"`` and ``"another_condition"``.
     file, channel : str
-        Where; of a motion capture's file, the marker or ``"time"``.
+        File and channel with the fault; in a motion capture's file, the marker or ``"time"``.
     found, expected : str
-        What, in words.
+        Descriptions of the state that was found and of the expected one.
     message : str
-        All of it in one line.
+        Complete message in one line.
     """
 
     severity: str
@@ -42,8 +42,11 @@ class Fault:
 
 
 def grouped(faults: Sequence[Fault], most: int = 3, most_cuts: int = 10) -> list[str]:
-    """Messages of what does not refuse; of many that differ only in their file, the first, and how many more there
-    are."""
+    """Return the messages of the faults that do not refuse, shortened.
+
+    If more than `most` differ only in their file, only the first is listed, with the number of the others. Of cuts of
+    one kind in one file, `most_cuts` are listed.
+    """
     kinds: dict[tuple[str, ...], list[str]] = {}
     for fault in faults:
         if fault.severity == "cut":
@@ -51,12 +54,12 @@ def grouped(faults: Sequence[Fault], most: int = 3, most_cuts: int = 10) -> list
         elif fault.severity != "refuse":
             what = (fault.kind, fault.channel) if len(faults) > most else (fault.message, "")
             kinds.setdefault(what, []).append(fault.message)
-    said = []
+    listed = []
     for what, messages in kinds.items():
-        # A cut is told with its place; where there are many of one kind in one file, the first ones are.
-        told = most_cuts if len(what) == 3 else 1
-        if len(messages) <= max(most, told):
-            said += messages
+        # The key of a cut has three parts: the first cuts of one kind in one file are listed with their places.
+        count = most_cuts if len(what) == 3 else 1
+        if len(messages) <= max(most, count):
+            listed += messages
         else:
-            said += [*messages[: told - 1], f"{messages[told - 1]} (and {len(messages) - told} more like it)"]
-    return said
+            listed += [*messages[: count - 1], f"{messages[count - 1]} (and {len(messages) - count} more like it)"]
+    return listed

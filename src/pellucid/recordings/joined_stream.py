@@ -1,4 +1,4 @@
-"""Channels of another instrument's file, taken over onto the recording's own time."""
+"""Join another instrument's channels to a recording, resampled at the recording's own times."""
 
 from __future__ import annotations
 
@@ -12,23 +12,26 @@ from .cut import GAP_STEPS
 from .delay import at_times, with_channels
 from .recording import Recording
 
-LEAST_SHARED = 0.5
-"""Share of a recording that a stream on the same clock has seen; one that has seen less is taken to begin with it."""
+MIN_SHARED_SHARE = 0.5
+"""A stream that overlaps at least this share of the recording is taken to have the same clock. Otherwise both are taken
+to begin together."""
 
 
-def joined(recording: Recording, stream: Recording, offset: float, drift: float) -> Recording:
-    """The recording with a stream's channels, whose clock shows time * (1 + `drift`) + `offset` [s]; only where both
-    were recorded, and not across a cut of the stream."""
-    twice = [name for name in stream.channels if name != "time" and name in recording]
-    if twice:
+def join_stream(recording: Recording, stream: Recording, offset: float, drift: float) -> Recording:
+    """Return the recording with a stream's channels, whose clock shows time * (1 + `drift`) + `offset` [s].
+
+    The result covers the time in which both were recorded, without the stream's cuts.
+    """
+    repeated = [name for name in stream.channels if name != "time" and name in recording]
+    if repeated:
         raise RecordingError(
-            f"{stream.path.name} (recording {stream.name}): found {', '.join(twice)} in {recording.path.name} too, "
+            f"{stream.path.name} (recording {stream.name}): found {', '.join(repeated)} in {recording.path.name} too, "
             "expected each channel once"
         )
     time = recording.time
     at = time + (offset + drift * time)
     step = 1.0 / recording.fs
-    # Of a faster instrument each step's mean: single samples would fold its noise into the recording.
+    # The samples of a faster instrument are averaged over each time step, which avoids aliasing of its noise.
     width = step if stream.fs > 1.5 * recording.fs else 0.0
     channels, lost = {}, np.ones(len(time), bool)
     spans = [part for span in stream.spans for part in _without_gaps(stream.time, span)]
@@ -39,7 +42,7 @@ def joined(recording: Recording, stream: Recording, offset: float, drift: float)
             continue
         values, hold = np.full(len(time), np.nan), name.partition(".")[0] == "enabled"
         for span in spans:
-            found = _taken(stream.time[span], channel.samples[span], at, width, hold=hold)
+            found = _resample(stream.time[span], channel.samples[span], at, width, hold=hold)
             values = np.where(np.isnan(values), found, values)
         channels[name] = replace(channel, samples=values)
     if lost.all():
@@ -48,29 +51,30 @@ def joined(recording: Recording, stream: Recording, offset: float, drift: float)
             f"{stream.time[-1]:.6g} s, with an offset of {offset:.6g} s none of the recording's; expected some of "
             f"{at[0]:.6g} s to {at[-1]:.6g} s"
         )
-    return with_channels(recording, channels, lost, "gap", f"no sample of {', '.join(channels)} in {stream.path.name}")
+    found = f"no sample of {', '.join(channels)} in {stream.path.name}"
+    return with_channels(recording, channels, lost, kind="gap", found=found)
 
 
-def first_offset(recording: Recording, stream: Recording) -> float:
-    """Where to look for a stream's offset first [s]: none on the same clock, else both begin together."""
+def initial_offset(recording: Recording, stream: Recording) -> float:
+    """Return the first guess of a stream's offset [s]: 0 on the same clock, otherwise as if both began together."""
     begin, end = recording.time[0], recording.time[-1]
     shared = min(end, stream.time[-1]) - max(begin, stream.time[0])
-    return 0.0 if shared >= LEAST_SHARED * (end - begin) else float(stream.time[0] - begin)
+    return 0.0 if shared >= MIN_SHARED_SHARE * (end - begin) else float(stream.time[0] - begin)
 
 
 def _without_gaps(time: np.ndarray, span: slice) -> list[slice]:
-    """A span in the parts between its gaps."""
+    """Return the parts of a span between its gaps."""
     steps = np.diff(time[span])
     if not steps.size:
         return []
-    # Of an uneven clock the longest usual step counts.
+    # An uneven clock has longer usual steps than its median, so the 99th percentile counts too.
     usual = max(float(np.median(steps)), float(np.quantile(steps, 0.99)))
     ends = [span.start, *(span.start + 1 + np.flatnonzero(steps > GAP_STEPS * usual)).tolist(), span.stop]
     return [slice(a, b) for a, b in pairwise(ends) if b - a > 1]
 
 
-def _taken(time: np.ndarray, samples: np.ndarray, at: np.ndarray, width: float, *, hold: bool) -> np.ndarray:
-    """Samples, (n,), at the times `at`, (m,), or their means over a `width` around them [s]."""
+def _resample(time: np.ndarray, samples: np.ndarray, at: np.ndarray, width: float, *, hold: bool) -> np.ndarray:
+    """Return samples, (n,), interpolated at the times `at`, (m,), or averaged over a `width` around each [s]."""
     if width == 0.0 or hold or len(time) < 3:
         return at_times(time, samples, at, hold=hold)
     known = np.isfinite(samples)

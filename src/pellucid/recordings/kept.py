@@ -1,8 +1,8 @@
-"""Results kept beside a study: one file of numbers, which bears its keeper's mark and is believed by nobody else.
+"""Keep results beside a study, each in one file of numbers with the user's own mark. Files of other users are ignored.
 
-A result is a tree of the package's own frozen dataclasses, mappings, tuples and arrays. Arrays are stored once each,
-the tree as JSON; what is read back may only be such dataclasses, whatever the file says. A seal follows the archive,
-which NumPy reads all the same. The seal is read first: it tells how large the keeper's archive is.
+A result is a tree of the package's own frozen dataclasses, mappings, tuples and arrays. Each array is stored once, and
+the tree as JSON. Whatever the file says, only such dataclasses are restored from it. A seal follows the archive, which
+NumPy can read in spite of it. The seal is read first, because it states the size of the archive.
 """
 
 from __future__ import annotations
@@ -26,24 +26,30 @@ import numpy as np
 from .._atomic import write_bytes_atomically
 from .keepers_mark import SEAL_LENGTH, is_sealed, seal, sealed_size
 
-PACKAGE = __name__.partition(".")[0]
-TREE, FRESH = "tree", "made_from"
+PACKAGE_NAME = __name__.partition(".")[0]
+"""Only dataclasses of this package are stored and restored."""
+
+TREE_KEY = "tree"
+"""Key of the result in the stored JSON, and name of the JSON in the archive."""
+
+ORIGIN_KEY = "made_from"
+"""Key of the text that identifies the inputs of the result."""
 
 
-class _Unknown(TypeError):
-    pass
+class _UnsupportedTypeError(TypeError):
+    """A result contains an object that cannot be stored."""
 
 
 def keep(path: Path, made_from: str, result: Any) -> Path | None:
-    """Write a result, whole or not at all; None where it holds what cannot be kept."""
-    arrays = _Arrays()
+    """Write a result, completely or not at all; return None if it contains an object that cannot be stored."""
+    encoder = _TreeEncoder()
     try:
-        tree = json.dumps({FRESH: made_from, TREE: arrays.plain(result)}, separators=(",", ":"))
-    except _Unknown:
+        tree = json.dumps({ORIGIN_KEY: made_from, TREE_KEY: encoder.encode(result)}, separators=(",", ":"))
+    except _UnsupportedTypeError:
         path.unlink(missing_ok=True)
         return None
-    stored = {f"a{i}": x for i, x in enumerate(arrays.found)}
-    stored[TREE] = np.frombuffer(tree.encode(), np.uint8)
+    stored = {f"a{i}": x for i, x in enumerate(encoder.arrays)}
+    stored[TREE_KEY] = np.frombuffer(tree.encode(), np.uint8)
     content = BytesIO()
     np.savez(content, **stored)
     content.write(seal(content.getbuffer()))
@@ -51,7 +57,7 @@ def keep(path: Path, made_from: str, result: Any) -> Path | None:
 
 
 def read_kept(path: Path, made_from: str) -> Any:
-    """A result, if this user kept it and it was made from just this; None otherwise, also where the file is damaged."""
+    """Return a kept result; None if this user did not keep it, it was made from something else, or it is damaged."""
     if not path.is_file():
         return None
     try:
@@ -59,17 +65,18 @@ def read_kept(path: Path, made_from: str) -> Any:
         if content is None:
             return None
         with np.load(BytesIO(content), allow_pickle=False) as stored:
-            tree = json.loads(stored[TREE].tobytes().decode())
-            if tree[FRESH] != made_from:
+            tree = json.loads(stored[TREE_KEY].tobytes().decode())
+            if tree[ORIGIN_KEY] != made_from:
                 return None
-            return _object(tree[TREE], stored)
+            return _decode(tree[TREE_KEY], stored)
     except (OSError, ValueError, LookupError, TypeError, AttributeError, ImportError, EOFError, MemoryError,
             RecursionError, ArithmeticError, NotImplementedError, zipfile.BadZipFile):  # fmt: skip
-        return None  # another version's, or somebody's own
+        return None  # another version or another program wrote the file
 
 
 def _sealed_content(path: Path) -> bytes | None:
-    """Return the archive of a kept file; None, before it is read, if this user did not keep one of its size."""
+    """Return the archive of a kept file; None, before it is read, if its seal is not this user's or states another
+    size."""
     with path.open("rb") as file:
         size = file.seek(0, SEEK_END) - SEAL_LENGTH
         if size < 0:
@@ -85,11 +92,13 @@ def _sealed_content(path: Path) -> bytes | None:
 
 @cache
 def code_fingerprint() -> str:
-    """Return the SHA-256 of everything that computes: the package's sources, its compiled core, and the versions of the
-    libraries that it requires. Another of them may find something else."""
-    root = Path(import_module(PACKAGE).__file__).parent
-    digest = sha256(version(PACKAGE).encode())
-    core = Path(import_module(f"{PACKAGE}._core").__file__)
+    """Return the SHA-256 of all code that computes, because other code may find other results.
+
+    It covers the package's sources, its compiled core, and the versions of the libraries that it requires.
+    """
+    root = Path(import_module(PACKAGE_NAME).__file__).parent
+    digest = sha256(version(PACKAGE_NAME).encode())
+    core = Path(import_module(f"{PACKAGE_NAME}._core").__file__)
     for source in (*sorted(root.rglob("*.py")), core):
         digest.update(source.read_bytes())
     digest.update(json.dumps(library_versions()).encode())
@@ -97,85 +106,85 @@ def code_fingerprint() -> str:
 
 
 def library_versions() -> dict[str, str]:
-    """Return the versions of the libraries that the package computes with, by name; those of its optional extras where
-    they are installed."""
+    """Return the versions of the libraries that the package computes with, by name; of optional ones if installed."""
     found = {}
-    for requirement in requires(PACKAGE) or ():
+    for requirement in requires(PACKAGE_NAME) or ():
         name = re.match(r"[\w.-]+", requirement)[0]
-        if name != PACKAGE and not re.search(r"extra == ['\"](test|benchmark)['\"]", requirement):
+        if name != PACKAGE_NAME and not re.search(r"extra == ['\"](test|benchmark)['\"]", requirement):
             with suppress(PackageNotFoundError):
                 found[name] = version(name)
     return found
 
 
-class _Arrays:
-    """Turns a tree into JSON, and takes its arrays out, equal ones once."""
+class _TreeEncoder:
+    """Encoder that turns a tree into JSON and collects its arrays, equal arrays once."""
 
     def __init__(self) -> None:
-        self.found: list[np.ndarray] = []
+        self.arrays: list[np.ndarray] = []
         self._places: dict[tuple, int] = {}
 
-    def plain(self, x: Any) -> Any:
+    def encode(self, x: Any) -> Any:
+        """Return `x` as plain lists, dicts, texts and numbers; arrays are replaced by their index in `arrays`."""
         if x is None or isinstance(x, (bool, str)):
             return x
         if isinstance(x, (int, float)) and not isinstance(x, np.generic):
             return x
-        if is_dataclass(x) and type(x).__module__.partition(".")[0] == PACKAGE:
+        if is_dataclass(x) and type(x).__module__.partition(".")[0] == PACKAGE_NAME:
             kind = f"{type(x).__module__}:{type(x).__qualname__}"
-            return {"d": kind, "v": {f.name: self.plain(getattr(x, f.name)) for f in fields(x)}}
+            return {"d": kind, "v": {f.name: self.encode(getattr(x, f.name)) for f in fields(x)}}
         if isinstance(x, np.ndarray):
-            return {"a": self._place(x)}
+            return {"a": self._array_index(x)}
         if isinstance(x, np.generic):
-            return {"a": self._place(np.asarray(x)), "scalar": True}
+            return {"a": self._array_index(np.asarray(x)), "scalar": True}
         if isinstance(x, list):
-            return [self.plain(y) for y in x]
+            return [self.encode(y) for y in x]
         if isinstance(x, tuple):
-            return {"t": [self.plain(y) for y in x]}
+            return {"t": [self.encode(y) for y in x]}
         if isinstance(x, (set, frozenset)):
-            return {"f": [self.plain(y) for y in sorted(x)]}
+            return {"f": [self.encode(y) for y in sorted(x)]}
         if isinstance(x, Mapping):
-            return {"m": [[self.plain(key), self.plain(value)] for key, value in x.items()]}
+            return {"m": [[self.encode(key), self.encode(value)] for key, value in x.items()]}
         if isinstance(x, Path):
             return {"p": str(x)}
         if isinstance(x, slice):
-            return {"s": [self.plain(part) for part in (x.start, x.stop, x.step)]}
-        raise _Unknown(f"{type(x).__module__}.{type(x).__qualname__} cannot be kept")
+            return {"s": [self.encode(part) for part in (x.start, x.stop, x.step)]}
+        raise _UnsupportedTypeError(f"{type(x).__module__}.{type(x).__qualname__} cannot be kept")
 
-    def _place(self, x: np.ndarray) -> int:
+    def _array_index(self, x: np.ndarray) -> int:
         if x.dtype == object:
-            raise _Unknown("an array of objects cannot be kept")
+            raise _UnsupportedTypeError("an array of objects cannot be kept")
         x = np.ascontiguousarray(x) if x.ndim else x
         key = (x.shape, x.dtype.str, blake2b(x.tobytes(), digest_size=16).digest())
         if key not in self._places:
-            self._places[key] = len(self.found)
-            self.found.append(x)
+            self._places[key] = len(self.arrays)
+            self.arrays.append(x)
         return self._places[key]
 
 
-def _object(x: Any, stored: Mapping[str, np.ndarray]) -> Any:
+def _decode(x: Any, stored: Mapping[str, np.ndarray]) -> Any:
     if isinstance(x, list):
-        return [_object(y, stored) for y in x]
+        return [_decode(y, stored) for y in x]
     if not isinstance(x, dict):
         return x
     if "a" in x:
         array = stored[f"a{int(x['a'])}"]
         return array[()] if x.get("scalar") else array
     if "t" in x:
-        return tuple(_object(y, stored) for y in x["t"])
+        return tuple(_decode(y, stored) for y in x["t"])
     if "f" in x:
-        return frozenset(_object(y, stored) for y in x["f"])
+        return frozenset(_decode(y, stored) for y in x["f"])
     if "m" in x:
-        return {_object(key, stored): _object(value, stored) for key, value in x["m"]}
+        return {_decode(key, stored): _decode(value, stored) for key, value in x["m"]}
     if "p" in x:
         return Path(x["p"])
     if "s" in x:
-        return slice(*(_object(part, stored) for part in x["s"]))
-    return _dataclass(x["d"], {name: _object(value, stored) for name, value in x["v"].items()})
+        return slice(*(_decode(part, stored) for part in x["s"]))
+    return _decode_dataclass(x["d"], {name: _decode(value, stored) for name, value in x["v"].items()})
 
 
-def _dataclass(kind: str, values: dict[str, Any]) -> Any:
+def _decode_dataclass(kind: str, values: dict[str, Any]) -> Any:
     module, _, name = kind.partition(":")
-    if module.partition(".")[0] != PACKAGE:
+    if module.partition(".")[0] != PACKAGE_NAME:
         raise ValueError(kind)
     found = getattr(import_module(module), name)
     if not (isinstance(found, type) and is_dataclass(found)):

@@ -1,9 +1,9 @@
-"""Columns of long files, kept beside a study as numbers: text is parsed once.
+"""Keep the columns of long files beside a study as numbers, so that text is parsed only once.
 
-A kept file is named after the checksum of the file it came from and of the readers; it is its keeper's seal, a line of
-JSON (names, what the file says of units, lengths, checksums) and the columns after each other, little-endian float64.
-Only columns that are asked for are read. One without this user's seal is somebody else's, and written anew. Nothing is
-kept where the folder cannot be written, and no more than `MOST` of all.
+A kept file is named after the checksums of its source file and of the readers. It consists of the user's seal, a line
+of JSON (names, units, lengths, checksums) and the columns one after another, as little-endian float64. Only columns
+that are asked for are read. A file without this user's seal is written anew. Nothing is kept in a folder that cannot be
+written, and no more than `MAX_KEPT_BYTES` altogether.
 """
 
 from __future__ import annotations
@@ -22,15 +22,24 @@ from .._atomic import atomically
 from .keepers_mark import SEAL_LENGTH, is_sealed, seal, sealed_size
 from .readers import Columns, read_columns
 
-FROM = 4_000_000  # bytes of a file that is worth keeping
-MOST = 4_000_000_000  # bytes kept of one study's files; those read last stay
-ENDING = ".columns"
-STORED = np.dtype("<f8")
+MIN_FILE_BYTES = 4_000_000
+"""Only the columns of files from this size on are kept; smaller files are read fast enough."""
+
+MAX_KEPT_BYTES = 4_000_000_000
+"""At most this many bytes are kept for one study. The files that were read last stay."""
+
+FILE_ENDING = ".columns"
+"""Ending of the names of kept files."""
+
+STORED_DTYPE = np.dtype("<f8")
+"""Type of the stored numbers."""
 
 
 class KeptColumns(Mapping):
-    """Columns by name, each read from a kept file when it is asked for, or where that is damaged from its `source`;
-    those of text as they were."""
+    """Columns by name, each read from a kept file when it is asked for, or from its `source` if that file is damaged.
+
+    A column of text is its description, as in `Columns`.
+    """
 
     def __init__(self, path: Path, start: int, entries: dict, source: Path):
         self._path, self._start, self._entries, self._source = path, start, entries, source
@@ -41,11 +50,13 @@ class KeptColumns(Mapping):
             return entry
         at, n, checksum = entry
         try:
-            column = np.memmap(self._path, STORED, "r", self._start + at, (n,)) if n else np.empty(0, STORED)
+            column = (
+                np.memmap(self._path, STORED_DTYPE, "r", self._start + at, (n,)) if n else np.empty(0, STORED_DTYPE)
+            )
             if _checksum(column) == checksum:
                 return np.asarray(column).astype(float, copy=False)
         except (OSError, ValueError):
-            pass  # it is gone, or shorter than it was
+            pass  # the kept file is gone, or shorter than before
         return read_columns(self._source).values[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -56,15 +67,17 @@ class KeptColumns(Mapping):
 
 
 def kept_columns(folder: Path, source: Path, digest: str) -> Columns:
-    """Columns of the file `source` with the SHA-256 `digest`: those kept in `folder`, or read now and, if it is long,
-    kept."""
-    if source.stat().st_size < FROM:
+    """Return the columns of the file `source` with the SHA-256 `digest`, from `folder` if they are kept there.
+
+    Otherwise the file is read, and its columns are kept if it is long.
+    """
+    if source.stat().st_size < MIN_FILE_BYTES:
         return read_columns(source)
-    path = folder / f"{digest[:32]}-{_readers()[:8]}{ENDING}"
-    return _kept(path, source) or _keep(path, read_columns(source))
+    path = folder / f"{digest[:32]}-{_readers_checksum()[:8]}{FILE_ENDING}"
+    return _read_kept(path, source) or _keep(path, read_columns(source))
 
 
-def _kept(path: Path, source: Path) -> Columns | None:
+def _read_kept(path: Path, source: Path) -> Columns | None:
     try:
         with path.open("rb") as file:
             found = file.read(SEAL_LENGTH)
@@ -74,37 +87,39 @@ def _kept(path: Path, source: Path) -> Columns | None:
             return None
         head, start = json.loads(line), SEAL_LENGTH + len(line)
         for entry in head["columns"].values():
-            # Of a file that was cut, less than there was.
-            if not isinstance(entry, str) and start + entry[0] + entry[1] * STORED.itemsize > path.stat().st_size:
+            # A truncated file holds less than its header states.
+            if not isinstance(entry, str) and start + entry[0] + entry[1] * STORED_DTYPE.itemsize > path.stat().st_size:
                 return None
         found = KeptColumns(path, start, dict(head["columns"]), source), head["angle_unit"], head["units"]
     except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError):
         return None
     with suppress(OSError):
-        os.utime(path)  # what was used last is forgotten last
+        os.utime(path)  # the files that were used last are removed last
     return Columns(source, *found)
 
 
 def _keep(path: Path, columns: Columns) -> Columns:
-    """The same columns, from where they are kept now if they can be."""
+    """Store columns and return them as read from the stored file; return the given ones if they cannot be stored."""
     if not all(isinstance(x, str) or (x.ndim == 1 and x.dtype == float) for x in columns.values.values()):
         return columns
     entries, at = {}, 0
     for name, x in columns.values.items():
-        entries[name] = x if isinstance(x, str) else (at, len(x), _checksum(np.ascontiguousarray(x, STORED)))
+        entries[name] = x if isinstance(x, str) else (at, len(x), _checksum(np.ascontiguousarray(x, STORED_DTYPE)))
         at += 0 if isinstance(x, str) else x.nbytes
-    if at > MOST or any(isinstance(name, int) for name in columns.units):
+    if at > MAX_KEPT_BYTES or any(isinstance(name, int) for name in columns.units):
         return columns
     head = {"columns": entries, "angle_unit": columns.angle_unit, "units": dict(columns.units)}
     text = json.dumps(head).encode()
-    line = text + b" " * (-(len(text) + 1) % STORED.itemsize) + b"\n"  # numbers lie where a processor wants them
+    line = (
+        text + b" " * (-(len(text) + 1) % STORED_DTYPE.itemsize) + b"\n"
+    )  # the padding aligns the numbers for the processor
     try:
         with atomically(path) as file:
             file.write(seal(line, path.name.encode()) + line)
             for x in columns.values.values():
                 if not isinstance(x, str):
-                    file.write(np.ascontiguousarray(x, STORED))
-        _forget(path)
+                    file.write(np.ascontiguousarray(x, STORED_DTYPE))
+        _remove_old_files(path)
     except OSError:
         return columns  # the folder cannot be written, or is full
     kept = KeptColumns(path, SEAL_LENGTH + len(line), entries, columns.path)
@@ -115,23 +130,22 @@ def _checksum(column: np.ndarray) -> str:
     return blake2b(column, digest_size=16).hexdigest()
 
 
-def _forget(but: Path) -> None:
-    """Remove what other readers kept of the same file, then what was used longest ago until no more than `MOST` is
-    left."""
-    others = [path for path in but.parent.glob(f"*{ENDING}") if path != but]
+def _remove_old_files(but: Path) -> None:
+    """Remove files that other readers kept of the same source, then the oldest files beyond `MAX_KEPT_BYTES`."""
+    others = [path for path in but.parent.glob(f"*{FILE_ENDING}") if path != but]
     for path in [path for path in others if path.name[:32] == but.name[:32]]:
         path.unlink(missing_ok=True)
         others.remove(path)
     total = 0
     for path in [but, *sorted(others, key=lambda path: path.stat().st_mtime, reverse=True)]:
         total += path.stat().st_size
-        if total > MOST:
+        if total > MAX_KEPT_BYTES:
             path.unlink(missing_ok=True)
 
 
 @cache
-def _readers() -> str:
-    """SHA-256 of the readers' sources: others may read a file otherwise."""
+def _readers_checksum() -> str:
+    """Return the SHA-256 of the readers' sources, because other readers may read a file differently."""
     digest = sha256()
     for source in sorted((Path(__file__).parent / "readers").glob("*.py")):
         digest.update(source.read_bytes())

@@ -1,4 +1,4 @@
-"""A study's results belong to one command at a time: of two that write at once neither loses what the other found."""
+"""Lock a study's results, so that two commands that write at the same time do not lose each other's rows."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from pathlib import Path
 
 from .._errors import PellucidError
 
-PATIENCE = 60.0
-"""How long a command waits for another one that writes the same results [s]."""
+MAX_WAIT_S = 60.0
+"""A command waits at most this long for another one that writes the same results [s]."""
 
 
 @contextmanager
 def locked(path: str | os.PathLike, patience: float | None = None) -> Iterator[None]:
-    """Nobody else writes `path` meanwhile; PellucidError after `patience` [s]. A process that dies gives it back."""
-    from filelock import FileLock, Timeout  # only where something is written
+    """Hold the lock of `path`; raise a PellucidError after `patience` [s]. The lock of a dead process is released."""
+    from filelock import FileLock, Timeout  # imported here, since most commands do not write
 
-    path, patience = Path(path), PATIENCE if patience is None else patience
+    path, patience = Path(path), MAX_WAIT_S if patience is None else patience
     path.parent.mkdir(parents=True, exist_ok=True)
     place = path.with_name(f".{path.name}.lock")
-    # A lock is opened for writing: through a link, the file that it leads to would be emptied.
+    # The lock file is opened for writing. Through a symbolic link this would empty the link's target.
     if place.is_symlink() or (place.exists() and not place.is_file()):
         found = "a symbolic link" if place.is_symlink() else "no regular file"
         raise PellucidError(f"{place}: found {found}, expected the lock file of {path.name} or nothing; remove it")

@@ -1,7 +1,7 @@
-"""Lengths of a model's muscles as polynomials of a study's angles: made of an OpenSim model once, kept as a file.
+"""Lengths of a model's muscles as polynomials of a study's angles, fitted to an OpenSim model once and kept in a file.
 
-The file is ``muscle_geometry.json``: it can be read by a person, says how far it is from the model, and may be named as
-``muscle_file`` where the model itself is not at hand.
+The file is ``muscle_geometry.json``. A person can read it, and it states its error against the model. It may be named
+as ``muscle_file`` if the model itself is not at hand.
 """
 
 from __future__ import annotations
@@ -23,42 +23,55 @@ from .readers.osim import read_model
 from .readers.osim_paths import MuscleModel, read_paths
 
 FORMAT = 1
-KIND = "muscle_geometry"
-FILE = "muscle_geometry.json"
+"""Version of the file's format."""
 
-WORDS = (
+KIND = "muscle_geometry"
+"""Value of "kind" in the file."""
+
+FILE = "muscle_geometry.json"
+"""Name of the file in the study's folder."""
+
+FORMULA_TEXT = (
     "length of muscle and tendon [m] = sum of coefficients * product of ((angle - middle) / half)^power, angles [rad] "
     "in the study's signs; moment arm [m] = -d length / d angle, positive where the muscle pulls along the angle; "
     "beyond middle +- half the length goes on straight"
 )
-MOST_TERMS = 5_000
-_CONSTANTS = ("largest_force", "optimal_fibre_length", "tendon_slack_length", "pennation")
-_ERROR = "error_of_poses_not_fitted [m]"
+"""Explanation of the polynomials for a person who reads the file."""
+
+MAX_TERM_COUNT = 5_000
+"""A polynomial in a file has at most this many terms, so that no file fills the memory."""
+
+_CONSTANT_FIELDS = ("largest_force", "optimal_fibre_length", "tendon_slack_length", "pennation")
+_ERROR_KEY = "error_of_poses_not_fitted [m]"
 
 
 @dataclass(frozen=True, eq=False)
 class ModelMuscles:
     """Muscles of a model over the joints of a study."""
 
-    source: str  # The model's file
-    checksum: str
-    coordinates: Mapping[str, str]  # The model's coordinate of each joint, with a minus where it grows the other way
-    held: Mapping[str, float]  # Coordinates that the study does not have, at the model's default
-    named: Mapping[str, str]  # What the model calls the study's muscles, as it was asked; empty: all of it
-    constants: Mapping[str, MuscleConstants]  # By the study's names
-    polynomials: Mapping[str, MusclePolynomial]
+    source: str  # name of the model's file
+    checksum: str  # SHA-256 of the model's file, hexadecimal
+    coordinates: Mapping[str, str]  # the model's coordinate of each joint; a minus sign if it has the opposite sense
+    held: Mapping[str, float]  # default values of the model's coordinates that the study does not have [rad; m]
+    named: Mapping[str, str]  # the model's name of each muscle that was asked for; empty for all muscles
+    constants: Mapping[str, MuscleConstants]  # constants by the study's names
+    polynomials: Mapping[str, MusclePolynomial]  # lengths by the study's names
     refused: Mapping[str, str] = field(
         default_factory=dict
     )  # Muscles that cross these joints, and why they are not here
 
     @property
     def signs(self) -> dict[str, float]:
-        """-1 where a joint's angle grows against the model's coordinate."""
+        """Sign of each joint's angle against the model's coordinate: 1.0 or -1.0."""
         return {joint: -1.0 if name.startswith("-") else 1.0 for joint, name in self.coordinates.items()}
 
 
 def model_muscles(path: Path, checksum: str, coordinates: Mapping[str, str], names: Mapping[str, str]) -> ModelMuscles:
-    """Muscles of an OpenSim model over joints; `names` of them by the study's own, empty: all that cross a joint."""
+    """Fit the muscles of an OpenSim model over the joints of `coordinates`.
+
+    `names` gives the model's name of each of the study's muscles; if it is empty, all muscles that cross a joint are
+    fitted.
+    """
     model, constants = read_paths(path), read_model(path)
     for joint, name in coordinates.items():
         _require_coordinate(model, joint, name.removeprefix("-"))
@@ -66,7 +79,7 @@ def model_muscles(path: Path, checksum: str, coordinates: Mapping[str, str], nam
     made, refused, held = {}, {}, {}
     for ours, theirs in own.items():
         try:
-            polynomial, others = _polynomial(model, ours, theirs, coordinates)
+            polynomial, others = _fit_polynomial(model, ours, theirs, coordinates)
         except PellucidError as error:
             if names:
                 raise RecordingError(f"{path.name}, {error}") from None
@@ -93,12 +106,15 @@ def _require_coordinate(model: MuscleModel, joint: str, name: str) -> None:
         )
 
 
-def _polynomial(
+def _fit_polynomial(
     model: MuscleModel, ours: str, theirs: str, coordinates: Mapping[str, str]
 ) -> tuple[MusclePolynomial | None, list[str]]:
-    """One muscle over the joints that it crosses, if any, and the other coordinates that move it."""
-    way = model.muscle(theirs)
-    moving = way.coordinates(model.skeleton)
+    """Fit one muscle over the joints that it crosses; return it with the other coordinates that move it.
+
+    The muscle is None if it crosses none of the joints.
+    """
+    muscle_path = model.muscle(theirs)
+    moving = muscle_path.coordinates(model.skeleton)
     plain = {joint: name.removeprefix("-") for joint, name in coordinates.items()}
     joints = [joint for joint, name in plain.items() if name in moving]
     if not joints:
@@ -114,7 +130,7 @@ def _polynomial(
 
     def path(angles: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         q = {plain[joint]: sign[joint] * angles[joint] for joint in joints}
-        length, arms = way.length(model.skeleton, q, [plain[joint] for joint in joints])
+        length, arms = muscle_path.length(model.skeleton, q, [plain[joint] for joint in joints])
         return length, arms * np.array([[sign[joint]] for joint in joints])
 
     others = [name for name in moving if name not in plain.values()]
@@ -122,19 +138,19 @@ def _polynomial(
 
 
 def write_polynomials(path: Path, muscles: ModelMuscles) -> Path:
-    """Write muscles, whole or not at all."""
+    """Write muscles into a file, completely or not at all."""
     rows = {
         name: {
             "name_in_the_model": muscles.constants[name].name,
-            **{key: getattr(muscles.constants[name], key) for key in _CONSTANTS},
+            **{key: getattr(muscles.constants[name], key) for key in _CONSTANT_FIELDS},
             "angles": list(p.angles), "middle": list(p.middle), "half": list(p.half),
-            _ERROR: {key: float(f"{value:.3g}") for key, value in asdict(p.error).items()},
+            _ERROR_KEY: {key: float(f"{value:.3g}") for key, value in asdict(p.error).items()},
             "powers": p.powers.tolist(), "coefficients": p.coefficients.tolist(),
         }
         for name, p in muscles.polynomials.items()
     }  # fmt: skip
     head = {
-        "format": FORMAT, "kind": KIND, "what": WORDS, "source": muscles.source, "sha256": muscles.checksum,
+        "format": FORMAT, "kind": KIND, "what": FORMULA_TEXT, "source": muscles.source, "sha256": muscles.checksum,
         "coordinates": dict(muscles.coordinates), "held": dict(muscles.held),
         "named": dict(muscles.named), "refused": dict(muscles.refused),
     }  # fmt: skip
@@ -144,7 +160,7 @@ def write_polynomials(path: Path, muscles: ModelMuscles) -> Path:
 
 
 def read_polynomials(path: Path) -> ModelMuscles:
-    """Read muscles again."""
+    """Read muscles from a file that `write_polynomials` wrote."""
     path = Path(path)
     try:
         table = json.loads(read_given(path).decode("utf-8"))
@@ -163,7 +179,7 @@ def read_polynomials(path: Path) -> ModelMuscles:
         for name, row in table["muscles"].items():
             where = f"{path.name}, muscle {seen(str(name))[:100]}"
             constants[name] = require_physical(
-                path, MuscleConstants(str(row["name_in_the_model"]), *(float(row[key]) for key in _CONSTANTS))
+                path, MuscleConstants(str(row["name_in_the_model"]), *(float(row[key]) for key in _CONSTANT_FIELDS))
             )
             made[name] = _read_polynomial(where, str(name), row)
         return ModelMuscles(
@@ -188,14 +204,14 @@ def _read_polynomial(where: str, name: str, row: Mapping) -> MusclePolynomial:
     whole = (
         0 < len(angles) == len(middle) == len(half)
         and powers.shape == (len(coefficients), len(angles))
-        and len(coefficients) <= MOST_TERMS
+        and len(coefficients) <= MAX_TERM_COUNT
         and powers.min(initial=0) >= 0
-        and powers.max(initial=0) <= max(20, MOST_TERMS // 100)
+        and powers.max(initial=0) <= max(20, MAX_TERM_COUNT // 100)
     )
     if not whole:
         raise RecordingError(
             f"{where}: found {len(coefficients)} coefficients and powers of shape {powers.shape} over "
-            f"{len(angles)} angles, expected one row of powers each, at most {MOST_TERMS}"
+            f"{len(angles)} angles, expected one row of powers each, at most {MAX_TERM_COUNT}"
         )
     finite = np.isfinite([*middle, *half, *coefficients]).all()
     if not finite or min(half) <= 0.0 or np.abs(coefficients).max() > 1e3 or max(map(abs, middle)) > 10.0:
@@ -207,5 +223,5 @@ def _read_polynomial(where: str, name: str, row: Mapping) -> MusclePolynomial:
         half,
         powers,
         coefficients,
-        PolynomialError(**{k: float(v) for k, v in row[_ERROR].items()}),
+        PolynomialError(**{k: float(v) for k, v in row[_ERROR_KEY].items()}),
     )

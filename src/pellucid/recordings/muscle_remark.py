@@ -1,7 +1,7 @@
-"""What a file of another program has no place for: calibrated muscles as a remark in its XML, and read from it again.
+"""Store calibrated muscles as a remark in the XML file of another program, and read them from it again.
 
-The remark holds every number, so that a file gives back the muscles to the bit. A number that was changed in the file's
-own elements since counts as changed: the file is what is believed, the remark what it lacks.
+The other program's format has no place for some of the numbers. The remark holds every number, so that the muscles are
+restored to the bit. If a number in the file's own elements was changed afterwards, the changed number counts.
 """
 
 from __future__ import annotations
@@ -22,39 +22,41 @@ from .muscle_constants import MuscleConstants, require_physical
 from .readers.ceinms_xml import SubjectMuscle, read_subject
 from .readers.osim import read_model
 
-HEAD = "pellucid calibrated muscles "
-_REMARK = re.compile(rb"\s*<!-- " + HEAD.encode() + rb"(\{[^<>]*\}) -->")
+REMARK_START = "pellucid calibrated muscles "
+"""Every remark begins with this text, which a table in JSON follows."""
 
-LEAST_SHAPE = 1e-4
-"""A CEINMS subject's shape factor divides by e^A - 1."""
+_REMARK_PATTERN = re.compile(rb"\s*<!-- " + REMARK_START.encode() + rb"(\{[^<>]*\}) -->")
+
+MIN_SHAPE_FACTOR = 1e-4
+"""Smallest magnitude of a shape factor A that is written into a CEINMS subject, because CEINMS divides by e^A - 1."""
 
 
 @dataclass(frozen=True)
 class MuscleRemark:
-    """Calibrated muscles, and how a file calls them."""
+    """Calibrated muscles, with their names in the file."""
 
     muscles: CalibratedMuscles
-    names: Mapping[str, str]  # The file's name of each muscle
-    period: float = 0.0  # Of the recursion of a CEINMS subject [s]
-    study: str = ""  # Name of the study that was exported; empty in files of earlier versions
+    names: Mapping[str, str]  # name of each muscle in the file, by the study's name
+    period: float = 0.0  # period of the recursion of a CEINMS subject [s]
+    study: str = ""  # name of the study that was exported; empty in files of earlier versions
 
     def text(self) -> str:
-        """As XML."""
+        """Return the remark as XML."""
         table = {"names": dict(self.names), "period": self.period, "settings": self.muscles.settings()}
         said = json.dumps({**table, "study": self.study})
-        # Two hyphens end a remark, and tags in it would confuse who looks for them.
+        # Two hyphens would end the remark, and tags in it would confuse programs that search for tags.
         for plain, escaped in (("--", "-\\u002d"), ("<", "\\u003c"), (">", "\\u003e")):
             said = said.replace(plain, escaped)
-        return f"<!-- {HEAD}{said} -->"
+        return f"<!-- {REMARK_START}{said} -->"
 
 
 def without_remark(content: bytes) -> bytes:
-    """A file without what an earlier export left in it."""
-    return _REMARK.sub(b"", content)
+    """Return a file's content without the remark of an earlier export."""
+    return _REMARK_PATTERN.sub(b"", content)
 
 
 def osim_numbers(muscle: HillMuscle) -> dict[str, float]:
-    """What an OpenSim model says of a muscle: its elements and their values, SI."""
+    """Return the elements of a muscle in an OpenSim model and their values, SI."""
     return {
         "max_isometric_force": muscle.strength * muscle.max_isometric_force,
         "optimal_fiber_length": muscle.optimal_fibre_length,
@@ -65,12 +67,15 @@ def osim_numbers(muscle: HillMuscle) -> dict[str, float]:
 
 
 def subject_numbers(muscle: HillMuscle, period: float) -> dict[str, float]:
-    """What a CEINMS subject says of a muscle, in its order and units, at a period of its recursion [s]."""
+    """Return the elements of a muscle in a CEINMS subject and their values, in the subject's order and units.
+
+    `period` is that of the subject's recursion [s].
+    """
     twitch = [-math.exp(-period / t) if t > 0.0 else 0.0 for t in (muscle.time_constant_1, muscle.time_constant_2)]
     return {
         "C1": twitch[0],
         "C2": twitch[1],
-        "shapeFactor": max(-muscle.shape, LEAST_SHAPE),
+        "shapeFactor": max(-muscle.shape, MIN_SHAPE_FACTOR),
         "optimalFiberLength": muscle.optimal_fibre_length,
         "pennationAngle": math.degrees(muscle.pennation),
         "tendonSlackLength": muscle.tendon_slack_length,
@@ -80,7 +85,8 @@ def subject_numbers(muscle: HillMuscle, period: float) -> dict[str, float]:
 
 
 def read_calibrated(path: Path) -> CalibratedMuscles:
-    """The muscles of an exported ``.osim`` or CEINMS ``.xml``, as the file has them now."""
+    """Return the muscles of an exported ``.osim`` or CEINMS ``.xml``, with numbers that were changed in the file
+    since."""
     path = Path(path)
     subject = path.suffix.lower() == ".xml"
     constants = read_subject(path).muscles if subject else read_model(path)
@@ -93,15 +99,15 @@ def read_calibrated(path: Path) -> CalibratedMuscles:
                 f"{path.name}: found no muscle {seen(name)}, expected it, as the remark in the file has it"
             )
         found = constants[name]
-        made = (
-            _of_subject(muscle, found, remark.period) if isinstance(found, SubjectMuscle) else _of_model(muscle, found)
-        )
-        changed.append(made)
+        if isinstance(found, SubjectMuscle):
+            changed.append(_with_subject_numbers(muscle, found, remark.period))
+        else:
+            changed.append(_with_model_numbers(muscle, found))
     return replace(remark.muscles, muscles=tuple(changed))
 
 
 def _read_remark(path: Path) -> MuscleRemark:
-    found = _REMARK.findall(read_given(path))
+    found = _REMARK_PATTERN.findall(read_given(path))
     if len(found) != 1:
         raise RecordingError(
             f"{path.name}: found {len(found)} remarks of calibrated muscles, expected the one of an export"
@@ -136,9 +142,9 @@ def exported_study(path: Path) -> str | None:
         return None
 
 
-def _of_model(muscle: HillMuscle, found: MuscleConstants) -> HillMuscle:
+def _with_model_numbers(muscle: HillMuscle, found: MuscleConstants) -> HillMuscle:
     written = osim_numbers(muscle)
-    return _changed(
+    return _with_changed_numbers(
         muscle,
         max_isometric_force=(found.largest_force, written["max_isometric_force"], lambda x: x / muscle.strength),
         optimal_fibre_length=(found.optimal_fibre_length, written["optimal_fiber_length"], float),
@@ -147,13 +153,13 @@ def _of_model(muscle: HillMuscle, found: MuscleConstants) -> HillMuscle:
     )
 
 
-def _of_subject(muscle: HillMuscle, found: SubjectMuscle, period: float) -> HillMuscle:
+def _with_subject_numbers(muscle: HillMuscle, found: SubjectMuscle, period: float) -> HillMuscle:
     written = subject_numbers(muscle, period)
 
     def constant(c: float) -> float:
         return -period / math.log(-c) if c < 0.0 else 0.0
 
-    return _changed(
+    return _with_changed_numbers(
         muscle,
         time_constant_1=(found.twitch[0], written["C1"], constant),
         time_constant_2=(found.twitch[1], written["C2"], constant),
@@ -166,6 +172,10 @@ def _of_subject(muscle: HillMuscle, found: SubjectMuscle, period: float) -> Hill
     )
 
 
-def _changed(muscle: HillMuscle, **numbers) -> HillMuscle:
-    """The muscle with what stands differently in the file than it was written."""
+def _with_changed_numbers(muscle: HillMuscle, **numbers) -> HillMuscle:
+    """Return the muscle with the `numbers` that were changed in the file after it was written.
+
+    Each number is given as its value in the file now, the value that was written, and the conversion to the muscle's
+    own quantity.
+    """
     return replace(muscle, **{key: back(now) for key, (now, written, back) in numbers.items() if now != written})

@@ -1,4 +1,4 @@
-"""What a motion capture saw of a trial: markers in the lab's axes, on a clock of its own."""
+"""The motion capture of a trial: markers in the laboratory's axes, on the motion capture's own clock."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ if TYPE_CHECKING:
     from .study_file import Optical
 
 AXES = ("x", "y", "z")
-"""What ``{axis}`` stands for in the name of a coordinate's column."""
+"""Values of ``{axis}`` in the name of a coordinate's column."""
 
 
 @dataclass(frozen=True, eq=False)
 class OpticalRecording:
     """Marker trajectories of one trial."""
 
-    path: Path  # The motion capture's file
+    path: Path  # file of the motion capture
     checksum: str  # SHA-256 of the file, hexadecimal
-    time: np.ndarray = field(repr=False)  # (n,) On the motion capture's own clock [s], read-only
-    # Marker to its coordinates along the lab's axes, each shape (n, 3) [m], read-only; NaN in all three where it was
-    # lost
+    time: np.ndarray = field(repr=False)  # times on the motion capture's own clock, shape (n,) [s], read-only
+    # Coordinates of each marker along the laboratory's axes, shape (n, 3) [m], read-only; all three are NaN in frames
+    # that lost the marker
     markers: Mapping[str, np.ndarray] = field(repr=False)
-    down: np.ndarray  # (3,) Direction of gravity along the lab's axes, of length 1
-    carriage: str | None = None  # Marker on the slider's carriage, where study.toml names one
+    down: np.ndarray  # direction of gravity along the laboratory's axes, of length 1, shape (3,)
+    carriage: str | None = None  # marker on the slider's carriage, if study.toml names one
 
     def __post_init__(self):
         n = len(self.time)
@@ -42,7 +42,7 @@ class OpticalRecording:
                 raise RecordingError(
                     f"{self.path.name}: marker {name}: found shape {samples.shape}, expected ({n}, 3) as in time"
                 )
-            # Half a point is no point.
+            # A point with a missing coordinate counts as lost.
             samples[~np.isfinite(samples).all(axis=1)] = np.nan
             markers[name] = _frozen(samples)
         if self.carriage is not None and self.carriage not in markers:
@@ -59,14 +59,14 @@ class OpticalRecording:
         return len(self.time)
 
     def seen(self, marker: str) -> np.ndarray:
-        """Frames in which a marker was seen, shape (n,) bool."""
+        """Return a mask of the frames in which a marker was seen, shape (n,) bool."""
         return np.isfinite(self.markers[marker][:, 0])
 
 
 def read_optical(
-    columns: Columns, digest: str, time: np.ndarray, spec: Optical, carriage: str | None
+    columns: Columns, digest: str, time: np.ndarray, spec: Optical, *, carriage: str | None
 ) -> OpticalRecording:
-    """Markers from a file's columns, in metres. `time` (n,) [s]."""
+    """Return the markers in a file's columns, in metres. `time` has shape (n,) [s]."""
     markers = {}
     for marker in spec.markers:
         stored = [columns.column(spec.column(marker, axis), f"of marker {marker}") for axis in AXES]

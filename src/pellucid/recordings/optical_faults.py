@@ -1,4 +1,4 @@
-"""What is wrong with a motion capture's recording of a trial: lost markers, a clock that runs back, a wrong unit."""
+"""Find the faults of a trial's motion capture: lost markers, a clock that runs back, a wrong unit."""
 
 from __future__ import annotations
 
@@ -12,37 +12,45 @@ from .readers.csv import ENDINGS, cut_row
 from .recording import Recording
 
 MIN_FRAMES = 200
-"""Frames that must see the carriage's marker: a second's worth, which averages its noise to a tenth."""
+"""At least this many frames must see the carriage's marker. They last about a second and average the noise to a
+tenth."""
 
-MIN_SEEN = 0.25
-"""Share of the frames that must see the carriage's marker."""
+MIN_SEEN_SHARE = 0.25
+"""At least this share of the frames must see the carriage's marker. Chosen by judgement; no measurement is recorded."""
 
-LONG_LOSS = 0.1
-"""A marker lost for longer than this [s] is told; motion captures lose every marker now and then."""
+MAX_UNREPORTED_LOSS_S = 0.1
+"""A marker that is lost for longer than this [s] is reported. Motion captures often lose a marker for shorter times."""
 
-FARTHEST = 20.0
-"""Largest coordinate of a marker in a room [m]; larger ones are millimetres taken for metres."""
+MAX_COORDINATE_M = 20.0
+"""Largest plausible coordinate of a marker in a room [m]. Larger values are millimetres read as metres."""
 
-NEAREST = 0.02
-"""Where no coordinate of any marker is larger than this [m], metres were taken for millimetres."""
+MIN_LARGEST_COORDINATE_M = 0.02
+"""If no coordinate of any marker is larger than this [m], metres were read as millimetres."""
 
-MIN_OVERLAP = 0.5
-"""Share of a recording that the motion capture should have seen."""
+MIN_OVERLAP_SHARE = 0.5
+"""The motion capture should cover at least this share of the recording. Chosen by judgement; no measurement is
+recorded."""
 
 
-def optical_faults(recording: Recording) -> list[Fault]:
-    """Faults of the motion capture's file beside a recording's own."""
+def find_optical_faults(recording: Recording) -> list[Fault]:
+    """Return the faults of the motion capture's file that belongs to a recording."""
     optical = recording.optical
     faults: list[Fault] = []
 
-    def add(severity: str, kind: str, channel: str, found: str, expected: str) -> None:
+    def add(severity: str, kind: str, channel: str, *, found: str, expected: str) -> None:
         what = "time" if channel == "time" else f"marker {channel}"
         message = f"{optical.path.name} (recording {recording.name}), {what}: found {found}, expected {expected}"
         faults.append(Fault(severity, kind, optical.path.name, channel, found, expected, message))
 
     cut = cut_row(optical.path) if optical.path.suffix.lower() in ENDINGS else None
     if cut is not None:
-        add("cut", "truncated", "time", f'an incomplete last row, "{cut.text[:40]}"', "a whole one: it is left out")
+        add(
+            "cut",
+            "truncated",
+            "time",
+            found=f'an incomplete last row, "{cut.text[:40]}"',
+            expected="a whole one: it is left out",
+        )
     for marker in optical.markers:
         _check_seen(optical, marker, add)
     if _check_optical_time(optical, add):
@@ -54,16 +62,16 @@ def optical_faults(recording: Recording) -> list[Fault]:
 def _check_seen(optical, marker, add) -> None:
     seen, n = optical.seen(marker), len(optical)
     count = int(seen.sum())
-    # Only the carriage's marker is needed: others tell of the axis, which other recordings tell too.
+    # Only the carriage's marker is needed. The others locate the axis, for which other recordings serve as well.
     needed = marker == optical.carriage
-    if count == 0 or (needed and (count < MIN_FRAMES or count < MIN_SEEN * n)):
-        enough = f"at least {max(MIN_FRAMES, math.ceil(MIN_SEEN * n))}" if needed else "some"
+    if count == 0 or (needed and (count < MIN_FRAMES or count < MIN_SEEN_SHARE * n)):
+        enough = f"at least {max(MIN_FRAMES, math.ceil(MIN_SEEN_SHARE * n))}" if needed else "some"
         add(
             "refuse" if needed else "note",
             "lost_marker",
             marker,
-            f"it in {count} of {n} frames",
-            f"{enough}: a column of another name, or a marker that was hidden",
+            found=f"it in {count} of {n} frames",
+            expected=f"{enough}: a column of another name, or a marker that was hidden",
         )
         return
     starts, lengths = find_runs(~seen)
@@ -72,12 +80,12 @@ def _check_seen(optical, marker, add) -> None:
     ends = np.minimum(starts + lengths, n - 1)
     longest = int(np.argmax(optical.time[ends] - optical.time[starts]))
     lasted = float(optical.time[ends[longest]] - optical.time[starts[longest]])
-    if lasted > LONG_LOSS:
+    if lasted > MAX_UNREPORTED_LOSS_S:
         found = (
             f"it lost in {int(lengths.sum())} of {n} frames, the longest loss {lasted:.3g} s after "
             f"{optical.time[starts[longest]]:.6g} s"
         )
-        add("note", "lost_marker", marker, found, "it in every frame; frames without it are left out")
+        add("note", "lost_marker", marker, found=found, expected="it in every frame; frames without it are left out")
 
 
 def _check_optical_time(optical, add) -> bool:
@@ -85,7 +93,13 @@ def _check_optical_time(optical, add) -> bool:
     missing = int(np.sum(~np.isfinite(time)))
     if missing or len(time) < 2:
         found = f"{missing} missing samples (NaN)" if missing else f"{len(time)} frame"
-        add("refuse", "missing_samples" if missing else "too_few_samples", "time", found, "a time for every frame")
+        add(
+            "refuse",
+            "missing_samples" if missing else "too_few_samples",
+            "time",
+            found=found,
+            expected="a time for every frame",
+        )
         return False
     back = np.flatnonzero(np.diff(time) <= 0)
     if back.size:
@@ -94,8 +108,8 @@ def _check_optical_time(optical, add) -> bool:
             "refuse",
             "time_order",
             "time",
-            f"{time[i]:.6g} s, then {time[i + 1]:.6g} s at index {i + 1}, {back.size} such steps in all",
-            "time that increases with every frame",
+            found=f"{time[i]:.6g} s, then {time[i + 1]:.6g} s at index {i + 1}, {back.size} such steps in all",
+            expected="time that increases with every frame",
         )
         return False
     return True
@@ -106,14 +120,14 @@ def _check_overlap(recording, add) -> None:
     if not np.isfinite(robot).all() or robot[-1] <= robot[0]:
         return
     common = min(robot[-1], optical[-1]) - max(robot[0], optical[0])
-    if common >= MIN_OVERLAP * (robot[-1] - robot[0]):
+    if common >= MIN_OVERLAP_SHARE * (robot[-1] - robot[0]):
         return
     found = f"{optical[0]:.4g} s to {optical[-1]:.4g} s"
     theirs = f"the recording's {robot[0]:.4g} s to {robot[-1]:.4g} s"
     if common <= 0:
-        add("refuse", "overlap", "time", found, f"some of {theirs}: clocks that start together")
+        add("refuse", "overlap", "time", found=found, expected=f"some of {theirs}: clocks that start together")
     else:
-        add("note", "overlap", "time", found, f"most of {theirs}")
+        add("note", "overlap", "time", found=found, expected=f"most of {theirs}")
 
 
 def _check_room(optical, add) -> None:
@@ -122,9 +136,21 @@ def _check_room(optical, add) -> None:
         return
     farthest = max(largest, key=largest.get)
     value = largest[farthest]
-    if value > FARTHEST:
+    if value > MAX_COORDINATE_M:
         found = f"a coordinate of {value:.4g} m, which looks like mm taken for m"
-        add("refuse", "magnitude", farthest, found, f"at most {FARTHEST:g} m: the unit [optical] states")
-    elif value < NEAREST:
+        add(
+            "refuse",
+            "magnitude",
+            farthest,
+            found=found,
+            expected=f"at most {MAX_COORDINATE_M:g} m: the unit [optical] states",
+        )
+    elif value < MIN_LARGEST_COORDINATE_M:
         found = f"no coordinate of any marker beyond {value:.4g} m, which looks like m taken for mm"
-        add("refuse", "magnitude", farthest, found, f"markers farther apart than {NEAREST:g} m: the unit")
+        add(
+            "refuse",
+            "magnitude",
+            farthest,
+            found=found,
+            expected=f"markers farther apart than {MIN_LARGEST_COORDINATE_M:g} m: the unit",
+        )

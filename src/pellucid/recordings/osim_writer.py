@@ -1,4 +1,4 @@
-"""An OpenSim model with the constants of some muscles set, every other byte as it was."""
+"""Write an OpenSim model with changed constants of some muscles, and every other byte unchanged."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from .._given import read_given, seen
 from .muscle_remark import MuscleRemark, osim_numbers, without_remark
 from .readers.osim import read_model
 
-_OLD = {"pennation_angle": "pennation_angle_at_optimal"}
-"""What elements were called before OpenSim 3."""
+_RENAMED_ELEMENTS = {"pennation_angle": "pennation_angle_at_optimal"}
+"""Present name of each element that was renamed in OpenSim 3."""
 
 
 def write_osim(path: Path, source: Path, remark: MuscleRemark) -> Path:
-    """Write a copy of the model `source` with calibrated muscles in it, whole or not at all."""
-    known = read_model(source)  # which also refuses what is not one
+    """Write a copy of the model `source` with calibrated muscles, completely or not at all."""
+    known = read_model(source)  # raises an error if the file is not a model
     lacking = [name for name in remark.names.values() if name not in known]
     if lacking:
         raise RecordingError(
@@ -27,18 +27,20 @@ def write_osim(path: Path, source: Path, remark: MuscleRemark) -> Path:
         )
     content = without_remark(read_given(source))
     wanted = {remark.names[m.name]: osim_numbers(m) for m in remark.muscles.muscles}
-    for start, end, number in sorted(_places(source, content, wanted), reverse=True):
-        if float(content[start:end]) != number:  # else it keeps its text
+    for start, end, number in sorted(_element_places(source, content, wanted), reverse=True):
+        if float(content[start:end]) != number:  # an equal number keeps its text
             content = content[:start] + repr(number).encode() + content[end:]
     at = content.rindex(b"</OpenSimDocument")
     return write_bytes_atomically(path, content[:at] + f"{remark.text()}\n".encode() + content[at:])
 
 
-def _places(source: Path, content: bytes, wanted: Mapping[str, Mapping[str, float]]) -> list[tuple[int, int, float]]:
-    """Where the text of each element lies, and the number that belongs there."""
+def _element_places(
+    source: Path, content: bytes, wanted: Mapping[str, Mapping[str, float]]
+) -> list[tuple[int, int, float]]:
+    """Return the start and end of each element's text in the file [bytes], and the number to write there."""
     found: list[tuple[int, int, float]] = []
     above: list[tuple[str, str]] = []
-    # A frame or a marker may be called as a muscle is: what holds no force is none.
+    # A frame or a marker may have a muscle's name. Only an element with a force is a muscle.
     pending: dict[int, list[tuple[str, int, int, float]]] = {}
 
     def start(tag: str, attributes: Mapping[str, str]) -> None:
@@ -52,7 +54,7 @@ def _places(source: Path, content: bytes, wanted: Mapping[str, Mapping[str, floa
             found.extend((first, last, number) for _, first, last, number in own)
         above.pop()
         numbers = wanted.get(above[-1][1], {}) if above else {}
-        key = _OLD.get(tag, tag)
+        key = _RENAMED_ELEMENTS.get(tag, tag)
         if key in numbers:
             last = parser.CurrentByteIndex
             first = content.rfind(b">", 0, last) + 1

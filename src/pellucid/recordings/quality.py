@@ -1,4 +1,4 @@
-"""Is a recording fit to identify from? Every fault names file and channel, what was found and what was expected."""
+"""Check whether a recording is fit for identification. A fault names file and channel, what was found and expected."""
 
 from __future__ import annotations
 
@@ -18,36 +18,38 @@ from .defects.watched import WatchedRecording
 from .delay import MOVED
 from .drive_channel import DRIVE_CHANNELS, command_channel
 from .fault import Fault
-from .optical_faults import optical_faults
+from .optical_faults import find_optical_faults
 from .recording import Recording
-from .rollover import rollover, to_write
+from .rollover import find_rollover, to_write
 
 if TYPE_CHECKING:
     from .study import Study
     from .study_file import ChannelSpec, JointTable
 
-Add = Callable[[str, str, str, str, str], None]
+AddFault = Callable[..., None]
+"""Function that adds a fault of a recording: ``add(severity, kind, channel, found=..., expected=...)``."""
 
-# A rest or a switch lasts in these as long as it is commanded to.
-_MAY_REST = {"time", "reference", "enabled", "supply", "temperature"}
+# Channels that may rest at their largest value, because commands and switches last as long as they are set.
+_RESTING_CHANNELS = {"time", "reference", "enabled", "supply", "temperature"}
 
-# Angles and ways; what else is measured in these units does not turn.
-_ROLLS = {"position", "motor_position", "reference", "angle"}
+# Channels, by the first part of their names, that may roll over. Other quantities with the same units do not turn.
+_ROLLING_CHANNELS = {"position", "motor_position", "reference", "angle"}
 
-COLUMN = "with its column and unit"
+EXPECTED_ENTRY = "with its column and unit"
+"""End of a message that asks for a channel in study.toml."""
 
-MIN_ROWS = 50
-"""Samples that must be left after trimming and decimation: ten for each of a joint's five parameters."""
+MIN_REMAINING_SAMPLES = 50
+"""At least this many samples must remain after trimming and decimation: ten for each of a joint's five parameters."""
 
 
 def inspect(recording: Recording, study: Study) -> list[Fault]:
     """Find what is wrong with a recording, the refusing faults first.
 
-    A reversed sign or too little excitation shows only in a regression; identification looks for those.
+    A reversed sign or too little excitation shows only in a regression, so that identification finds those.
     """
     faults = cut_faults(recording)
 
-    def add(severity: str, kind: str, channel: str, found: str, expected: str) -> None:
+    def add(severity: str, kind: str, channel: str, *, found: str, expected: str) -> None:
         where = f"{recording.path.name} (recording {recording.name}), channel {channel}"
         message = f"{where}: found {found}, expected {expected}"
         faults.append(Fault(severity, kind, recording.path.name, channel, found, expected, message))
@@ -62,29 +64,29 @@ def inspect(recording: Recording, study: Study) -> list[Fault]:
         if processing.cut == "none":
             for cut in find_defects(watched, needed_kinds(study.config)):
                 found = f"{cut.found} at {cut.start:.6g} s ({cut.where})"
-                add("refuse", cut.kind, cut.channel, found, 'none, or [processing] cut = "automatic"')
+                add("refuse", cut.kind, cut.channel, found=found, expected='none, or [processing] cut = "automatic"')
         _check_clipped(watched, add)
         _check_wrap(watched, study.specs_of(recording), add)
     _check_magnitude(watched, study, add)
     faults += share_faults(recording, study) + clock_faults(recording, study)
     if recording.optical is not None:
-        faults += optical_faults(recording)
+        faults += find_optical_faults(recording)
     return sorted(faults, key=lambda fault: fault.severity != "refuse")
 
 
 def cut_faults(recording: Recording) -> list[Fault]:
-    """What was cut out of a recording, and of what other instruments recorded with it."""
+    """Return a fault for each cut of a recording and of its streams."""
     faults = []
-    for of in (recording, *recording.streams.values()):
-        for cut in (c for c in of.cuts if c.kind != MOVED):
+    for part in (recording, *recording.streams.values()):
+        for cut in (c for c in part.cuts if c.kind != MOVED):
             found = f"{cut.found} at {cut.start:.6g} s ({cut.where})"
-            message = f"{of.path.name} (recording {of.name}), channel {cut.channel}: found {found}, cut out"
-            faults.append(Fault("cut", cut.kind, of.path.name, cut.channel, found, "none", message))
+            message = f"{part.path.name} (recording {part.name}), channel {cut.channel}: found {found}, cut out"
+            faults.append(Fault("cut", cut.kind, part.path.name, cut.channel, found, "none", message))
     return faults
 
 
 def clock_faults(recording: Recording, study: Study) -> list[Fault]:
-    """What was made of the clocks of a recording and its streams: packets delivered twice, stamps that jitter."""
+    """Return the faults of the clocks of a recording and its streams: packets delivered twice, stamps that jitter."""
     repeated = (_repeat_fault(each) for each in (recording, *recording.streams.values()))
     return [fault for fault in (*repeated, _jitter_fault(recording, study)) if fault is not None]
 
@@ -119,14 +121,15 @@ def _jitter_fault(recording: Recording, study: Study) -> Fault | None:
 
 
 def share_faults(recording: Recording, study: Study) -> list[Fault]:
-    """Whether so much was cut out of a recording, or of what was recorded with it, that the rest is not to be used."""
+    """Return a fault for a recording, and for each of its streams, of which more is cut out than ``cut_share``
+    allows."""
     faults, share = [], study.processing_of(recording).cut_share
-    for of in (recording, *recording.streams.values()):
-        found = [cut for cut in of.cuts if cut.by == "automatic" and cut.kind != MOVED]
+    for part in (recording, *recording.streams.values()):
+        found = [cut for cut in part.cuts if cut.by == "automatic" and cut.kind != MOVED]
         if not found:
             continue
-        on = int(of.enabled.sum())
-        lost = int((of.enabled & ~sound_samples(len(of), found)).sum())
+        on = int(part.enabled.sum())
+        lost = int((part.enabled & ~sound_samples(len(part), found)).sum())
         if lost <= share * on:
             continue
         causes = {}
@@ -134,17 +137,17 @@ def share_faults(recording: Recording, study: Study) -> list[Fault]:
             causes.setdefault((cut.kind, cut.channel), f"{cut.found} in {cut.channel} from sample {cut.first} on")
         text = f"{lost} of {on} samples bad ({100 * lost / on:.3g} %): {'; '.join(causes.values())}"
         wanted = f"at most {100 * share:.3g} %; a window without them, or [processing] cut_share"
-        message = f"{of.path.name} (recording {of.name}): found {text}, expected {wanted}"
-        faults.append(Fault("refuse", "too_much_cut", of.path.name, found[0].channel, text, wanted, message))
+        message = f"{part.path.name} (recording {part.name}): found {text}, expected {wanted}"
+        faults.append(Fault("refuse", "too_much_cut", part.path.name, found[0].channel, text, wanted, message))
     return faults
 
 
 def left_out_fault(recording: Recording, study: Study, whole: bool) -> Fault | None:
-    """Why a recording is left out of a study: too much of it is cut, or anything where it must be `whole`."""
-    cuts = [cut for of in (recording, *recording.streams.values()) for cut in of.cuts if cut.kind != MOVED]
-    told = share_faults(recording, study)
-    if told:
-        return replace(told[0], severity="cut", message=f"{told[0].message}: the recording is left out")
+    """Return why a recording is left out of a study: too much of it is cut, or anything if it must be `whole`."""
+    cuts = [cut for part in (recording, *recording.streams.values()) for cut in part.cuts if cut.kind != MOVED]
+    too_much = share_faults(recording, study)
+    if too_much:
+        return replace(too_much[0], severity="cut", message=f"{too_much[0].message}: the recording is left out")
     if not cuts or not whole:
         return None
     first = min(cuts, key=lambda cut: cut.start)
@@ -157,50 +160,71 @@ def left_out_fault(recording: Recording, study: Study, whole: bool) -> Fault | N
 
 
 def require_sound(recording: Recording, study: Study) -> None:
-    """Do nothing for a recording without a refusing fault."""
+    """Raise an UnfitRecordingError that names every refusing fault of a recording; do nothing without one."""
     refused = [fault.message for fault in inspect(recording, study) if fault.severity == "refuse"]
     if refused:
         raise UnfitRecordingError("\n".join(refused))
 
 
-def _check_channels(recording: Recording, joint: JointTable, ending: str, add: Add) -> None:
-    """Of a joint whose channels end so: its position, or its motor's where that is known to tell it, and its drive."""
+def _check_channels(recording: Recording, joint: JointTable, ending: str, add: AddFault) -> None:
+    """Add a fault if a joint lacks its drive's channel, or its position and also a motor position that replaces it.
+
+    The joint's channels end in `ending`.
+    """
     present = ", ".join(recording.channels)
     places = [f"{'motor_' if getattr(joint, 'turns', None) else ''}position{ending}", f"position{ending}"]
     if not any(name in recording for name in places):
-        add("refuse", "missing_channel", places[0], f"only {present}", f"a channel {places[0]} {COLUMN}")
+        add(
+            "refuse",
+            "missing_channel",
+            places[0],
+            found=f"only {present}",
+            expected=f"a channel {places[0]} {EXPECTED_ENTRY}",
+        )
     kind = joint.drive.kind
     drive = command_channel(recording, kind, ending)
     if drive is None:
         wanted = " or ".join(f"{name}{ending}" for name in DRIVE_CHANNELS[kind])
-        add("refuse", "missing_channel", wanted, f"only {present}", f'a channel {wanted} for a drive of kind "{kind}"')
+        add(
+            "refuse",
+            "missing_channel",
+            wanted,
+            found=f"only {present}",
+            expected=f'a channel {wanted} for a drive of kind "{kind}"',
+        )
     if drive == f"duty{ending}" and joint.drive.supply is None and f"supply{ending}" not in recording:
         supply = f"supply{ending}"
-        add("refuse", "missing_channel", supply, "a duty but no supply voltage", "[rig.drive] supply or such a channel")
+        add(
+            "refuse",
+            "missing_channel",
+            supply,
+            found="a duty but no supply voltage",
+            expected="[rig.drive] supply or such a channel",
+        )
 
 
-def _check_missing(watched: WatchedRecording, add: Add) -> None:
-    """Missing samples in channels that are not read, which are told."""
+def _check_missing(watched: WatchedRecording, add: AddFault) -> None:
+    """Note missing samples in the channels that the study does not read."""
     for name, channel in watched.recording.channels.items():
         missing = int(np.sum(~np.isfinite(channel.samples)))
         if missing and name not in watched.channels and name != "time":
             first = int(np.flatnonzero(~np.isfinite(channel.samples))[0])
             many = f"{missing} missing sample{'s' if missing > 1 else ''} (NaN), the first at index {first}"
-            add("note", "missing_samples", name, many, "a number in every sample")
+            add("note", "missing_samples", name, found=many, expected="a number in every sample")
 
 
-def _check_time(recording: Recording, study: Study, add: Add) -> bool:
-    """Whether time advances, so that the other checks mean something."""
+def _check_time(recording: Recording, study: Study, add: AddFault) -> bool:
+    """Return whether time advances, without which the other checks mean nothing."""
     even = recording.advances and recording.steps_within(recording.longest_step)
     return even or _check_steps(recording, study, add)
 
 
-def _check_steps(recording: Recording, study: Study, add: Add) -> bool:
-    """Whether every step of time leads on; gaps that are bridged are told."""
+def _check_steps(recording: Recording, study: Study, add: AddFault) -> bool:
+    """Return whether time increases with every step; note the gaps that interpolation bridges."""
     known = np.flatnonzero(np.isfinite(recording.time))
     time = recording.time[known]
     if len(time) < 2:
-        add("refuse", "too_few_samples", "time", f"{len(time)} sample", "a recorded movement")
+        add("refuse", "too_few_samples", "time", found=f"{len(time)} sample", expected="a recorded movement")
         return False
     steps = np.diff(time)
     back = np.flatnonzero(steps <= 0)
@@ -209,13 +233,19 @@ def _check_steps(recording: Recording, study: Study, add: Add) -> bool:
         what = "repeated" if steps[i] == 0 else "running back"
         place = f"index {known[i + 1]} ({time[i]:.6g} s, then {time[i + 1]:.6g} s)"
         found = f"time {what} at {place}, {back.size} times in all"
-        add("refuse", "time_order", "time", found, "time that increases with every sample")
+        add("refuse", "time_order", "time", found=found, expected="time that increases with every sample")
         return False
     bridged = max_bridged_gap(study.processing_of(recording), recording.fs)
     long = steps[(steps > recording.longest_step) & (steps <= bridged)]
     if long.size and study.processing_of(recording).resample is not None:
         many = "a gap" if long.size == 1 else f"{long.size} gaps"
-        add("note", "gap", "time", f"{many} of up to {long.max():.4g} s", "a sample at every step; interpolated over")
+        add(
+            "note",
+            "gap",
+            "time",
+            found=f"{many} of up to {long.max():.4g} s",
+            expected="a sample at every step; interpolated over",
+        )
     return True
 
 
@@ -228,27 +258,27 @@ def _check_length(recording, study, add) -> None:
             "refuse",
             "rate",
             "time",
-            f"a rate of {fs:.5g} Hz",
-            f"more than twice the low-pass of {processing.lowpass:g} Hz, so that the filter exists",
+            found=f"a rate of {fs:.5g} Hz",
+            expected=f"more than twice the low-pass of {processing.lowpass:g} Hz, so that the filter exists",
         )
-    # A zero-phase filter needs as many samples to start from as it has memory, at either end.
-    needed = max(2 * processing.trim + MIN_ROWS * processing.decimate, 6 * (processing.order + 1))
+    # A zero-phase filter needs as many samples at either end as it has memory.
+    needed = max(2 * processing.trim + MIN_REMAINING_SAMPLES * processing.decimate, 6 * (processing.order + 1))
     if n < needed:
         add(
             "refuse",
             "too_few_samples",
             "time",
-            f"{len(recording)} samples ({len(recording) / recording.fs:.4g} s)",
-            f"at least {math.ceil(needed * recording.fs / fs)}: {MIN_ROWS} are to be left after trim = "
-            f"{processing.trim} and decimate = {processing.decimate}",
+            found=f"{len(recording)} samples ({len(recording) / recording.fs:.4g} s)",
+            expected=f"at least {math.ceil(needed * recording.fs / fs)}: {MIN_REMAINING_SAMPLES} are to be left after "
+            f"trim = {processing.trim} and decimate = {processing.decimate}",
         )
 
 
-def _check_clipped(watched: WatchedRecording, add: Add) -> None:
-    """Flat tops that were not cut out: known and accepted limits are told, the others refuse."""
+def _check_clipped(watched: WatchedRecording, add: AddFault) -> None:
+    """Add a fault for flat tops that were not cut out: a note at known and accepted limits, a refusal elsewhere."""
     cut = {(c.channel, c.kind) for c in watched.recording.cuts}
     for name, channel in watched.recording.channels.items():
-        if name.partition(".")[0] in _MAY_REST or (name, clipped.KIND) in cut:
+        if name.partition(".")[0] in _RESTING_CHANNELS or (name, clipped.KIND) in cut:
             continue
         x = watched.samples(name)
         for sign, end in ((1.0, "largest"), (-1.0, "smallest")):
@@ -260,35 +290,47 @@ def _check_clipped(watched: WatchedRecording, add: Add) -> None:
             unit = "" if channel.unit == "1" else f" {channel.unit}"
             found = f"{count} samples clipped, in {runs} at the {end} value {value:.6g}{unit}"
             if clipped.is_at_limit(watched, name, value):
-                add("note", clipped.KIND, name, found, "none, but the limit is known")
+                add("note", clipped.KIND, name, found=found, expected="none, but the limit is known")
             elif name in watched.accepted or name not in watched.channels:
-                add("note", clipped.KIND, name, found, "none, but accepted" if name in watched.accepted else "none")
+                add(
+                    "note",
+                    clipped.KIND,
+                    name,
+                    found=found,
+                    expected="none, but accepted" if name in watched.accepted else "none",
+                )
             else:
                 wanted = (
                     f"flat tops in at most {100 * MAX_CLIPPED_SHARE:g} % of the samples, which are cut out; if it is a "
                     f'limit that is meant to act, say so: {name} = {{ clip = "accept" }}'
                 )
-                add("refuse", clipped.KIND, name, found, wanted + (" or [rig.drive] limit" * watched.is_drive(name)))
+                add(
+                    "refuse",
+                    clipped.KIND,
+                    name,
+                    found=found,
+                    expected=wanted + (" or [rig.drive] limit" * watched.is_drive(name)),
+                )
 
 
-def _check_wrap(watched: WatchedRecording, specs: Mapping[str, ChannelSpec], add: Add) -> None:
+def _check_wrap(watched: WatchedRecording, specs: Mapping[str, ChannelSpec], add: AddFault) -> None:
     for name, channel in watched.recording.channels.items():
-        if name.partition(".")[0] not in _ROLLS or channel.unit not in ("rad", "m"):
+        if name.partition(".")[0] not in _ROLLING_CHANNELS or channel.unit not in ("rad", "m"):
             continue
         x = watched.samples(name)
-        found = rollover(x)
+        found = find_rollover(x)
         write = to_write(found, specs[name]) if found is not None and name in specs else ""
         if write:
             first = watched.recording.time[found.jumps[0]]
             times = "once" if len(found.jumps) == 1 else f"{len(found.jumps)} times"
             what = f"a value that rolls over by {found.period:.4g} {channel.unit} {times}, first at {first:.6g} s"
             wanted = f"a continuous one: {name} = {{ {write} }} in [channels]"
-            add("refuse" if name in watched.channels else "note", "wrap", name, what, wanted)
+            add("refuse" if name in watched.channels else "note", "wrap", name, found=what, expected=wanted)
         elif name.partition(".")[0] == "position" and name in watched.channels:
             _check_jump(name, x, add)
 
 
-def _check_jump(name: str, q: np.ndarray, add: Add) -> None:
+def _check_jump(name: str, q: np.ndarray, add: AddFault) -> None:
     moved = np.diff(q)
     np.abs(moved, out=moved)
     known = np.isfinite(q)
@@ -301,10 +343,16 @@ def _check_jump(name: str, q: np.ndarray, add: Add) -> None:
         return
     i = int(jumps[0])
     found = f"a leap from {q[i]:.4g} to {q[i + 1]:.4g} at index {i + 1}, {jumps.size} in all"
-    add("refuse", "wrap", name, found, "a continuous position: an encoder that rolls over needs wrap_bits or wrap")
+    add(
+        "refuse",
+        "wrap",
+        name,
+        found=found,
+        expected="a continuous position: an encoder that rolls over needs wrap_bits or wrap",
+    )
 
 
-def _check_magnitude(watched: WatchedRecording, study: Study, add: Add) -> None:
+def _check_magnitude(watched: WatchedRecording, study: Study, add: AddFault) -> None:
     recording = watched.recording
     known = {drive: max(limits, default=0.0) for drive, limits in watched.limits.items()}
     for joint in study.rig.joints:
@@ -328,14 +376,14 @@ def _check_magnitude(watched: WatchedRecording, study: Study, add: Add) -> None:
                 f': the unit; write unit = "{wrong.probable_unit}"' if wrong.probable_unit and wrong.is_typical else ""
             )
             wanted += _override(name, watched.is_drive(name))
-        add("refuse" if name in watched.channels else "note", "magnitude", name, found, wanted)
+        add("refuse" if name in watched.channels else "note", "magnitude", name, found=found, expected=wanted)
     if recording.advances and recording.fs < 5.0:
         found = f"a step of {1 / recording.fs:.4g} s, which looks like ms taken for s"
-        add("note", "magnitude", "time", found, 'at most 0.2 s: the unit; write unit = "ms"')
+        add("note", "magnitude", "time", found=found, expected='at most 0.2 s: the unit; write unit = "ms"')
 
 
 def _override(name: str, is_drive: bool) -> str:
-    """How a study says that a machine does have such values."""
+    """Return how study.toml states that the machine does have such values."""
     if name.partition(".")[0] in ("position", "reference"):
         return ", or [rig.limits] position_min and position_max where it moves that far"
     return ", or [rig.drive] limit where the drive is that strong" if is_drive else ""

@@ -1,4 +1,4 @@
-"""One recorded trial: named channels over one time axis, in SI, with where they came from."""
+"""One recorded trial: named channels over one time axis, in SI, with their source."""
 
 from __future__ import annotations
 
@@ -15,11 +15,13 @@ from .clock import SampleClock, sample_clock
 from .cut import BEYOND_JITTER, GAP_STEPS, Cut, sound_samples, spans_between
 from .optical import OpticalRecording
 
-LONG = 100_000
-"""Samples from which on a recording's time steps are looked at in blocks of so many."""
+BLOCK_SAMPLES = 100_000
+"""The time steps of a recording with at least this many samples are examined in blocks of this size, which saves
+memory."""
 
-NO_JITTER = 0.01
-"""Share of a step: where no sample is off by more, how many are is nobody's question."""
+NEGLIGIBLE_JITTER = 0.01
+"""If no time step is off by more than this share, the largest deviation is reported as the jitter. Its percentile is
+then not needed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,13 +31,13 @@ class Channel:
     Attributes
     ----------
     name : str
-        ``"position"``, ``"emg.biceps"``.
+        Name of the channel, such as ``"position"`` or ``"emg.biceps"``.
     samples : ndarray, shape (n,)
-        Values in `unit`, float64, read-only; NaN where a sample is missing.
+        Values in `unit`, float64, read-only; a missing sample is NaN.
     unit : str
         SI unit, as plain text.
     column : str or int
-        What the file calls it.
+        Name or number of its column in the file.
     """
 
     name: str
@@ -44,7 +46,7 @@ class Channel:
     column: str | int
 
     def __post_init__(self):
-        # A copy only where the caller could still write into the samples.
+        # A copy is needed only if the caller can still write into the samples.
         samples = np.asarray(self.samples, dtype=np.float64)
         if samples.ndim != 1:
             raise RecordingError(f"channel {self.name}: found shape {samples.shape}, expected (n,)")
@@ -61,8 +63,8 @@ class Channel:
 class Payload:
     """A known mass fixed to the moving segment."""
 
-    mass: float  # [kg]
-    distance: float = 0.0  # From the joint's axis to the mass's centre [m]; 0 for a prismatic joint
+    mass: float  # mass [kg]
+    distance: float = 0.0  # distance of the mass's centre from the joint's axis [m]; 0 for a prismatic joint
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +74,7 @@ class Recording:
     Attributes
     ----------
     name : str
-        The recording's part of a figure's id.
+        Name of the recording, which is part of the ids of its figures.
     path : Path
         The file.
     checksum : str
@@ -80,33 +82,33 @@ class Recording:
     use : str
         ``"fit"`` or ``"validate"``; a validating recording is never fitted.
     channels : Mapping[str, Channel]
-        All of one length n, ``"time"`` [s] among them.
+        Channels of one length n, ``"time"`` [s] among them.
     protocol, participant, condition : str or None
-        As study.toml names them.
+        Names from study.toml.
     repetition : int or None
-        Which time of several that the same was done, from 1, where study.toml says so.
+        Number of the repetition, from 1, if study.toml states it.
     period : int or None
-        When its participant did it, 1 first, where study.toml says so.
+        Position of the trial in the participant's order, from 1, if study.toml states it.
     amplitude : float or None
-        How far each movement in it was to go, signed [rad or m], where no channel says so.
+        Signed distance that each movement was to cover [rad or m], if no channel records it.
     payload : Payload or None
         Known mass carried during the trial.
     start : str
-        Where a simulation of it starts: ``"measured"`` or at ``"rest"``.
+        Initial state of a simulation of the trial: ``"measured"`` or at ``"rest"``.
     optical : OpticalRecording or None
-        What a motion capture saw of the trial, all of it even where the recording is a window.
+        Motion capture of the trial; the whole file, even if the recording is a window.
     slider : float or None
-        Where the carriage was clamped, by a ruler: distance from the axis [m].
+        Distance from the axis at which the carriage was clamped, measured with a ruler [m].
     streams : Mapping[str, Recording]
-        What other instruments recorded of the trial, each on its own clock, all of it even where the recording is a
+        Recordings of the trial by other instruments, each on its own clock; whole files, even if the recording is a
         window.
     cuts : tuple of Cut
-        What was found in it that nothing is to be made of, and what study.toml excludes, by time.
+        Stretches with defects, and those that study.toml excludes, in order of time.
     repeats : int
-        Rows of the file, or of its window, that were left out because a packet was delivered twice.
+        Number of rows that were left out because a packet was delivered twice.
     uncut : Recording or None
-        Time and EMG of the whole file, where the recording is a window of a file that has EMG: filters need what lies
-        around a window.
+        Time and EMG of the whole file, if the recording is a window of a file with EMG. Filters need the samples around
+        a window.
 
     Raises
     ------
@@ -157,19 +159,19 @@ class Recording:
             ) from None
 
     def of_joints(self, quantity: str, joints: Sequence[str]) -> np.ndarray:
-        """A quantity of several joints: ``r.of_joints("position", ["shoulder", "elbow"])``.
+        """Return a quantity of several joints, as in ``r.of_joints("position", ["shoulder", "elbow"])``.
 
         Parameters
         ----------
         quantity : str
             First part of the channels' names.
         joints : sequence of str
-            Their last part. The only joint of a recording may be left out of its channel's name.
+            Last part of the channels' names. Channels of a recording's only joint may lack it.
 
         Returns
         -------
         ndarray, shape (n, joints)
-            SI, a column a joint, in the order given.
+            Samples in SI, one column per joint, in the given order.
 
         Raises
         ------
@@ -189,7 +191,7 @@ class Recording:
         return np.column_stack(columns) if columns else np.empty((len(self), 0))
 
     def stream(self, name: str) -> Recording:
-        """What an instrument recorded of this trial.
+        """Return the recording of this trial by another instrument.
 
         Raises
         ------
@@ -217,10 +219,10 @@ class Recording:
 
     @cached_property
     def _step_range(self) -> tuple[float, float]:
-        """Shortest and longest time step of a long recording [s]; NaN of another, or where a time is missing."""
-        if len(self) < LONG:
+        """Shortest and longest time step of a long recording [s]; NaN for a short one, or if a time is missing."""
+        if len(self) < BLOCK_SAMPLES:
             return np.nan, np.nan
-        blocks = (np.diff(self.time[i : i + LONG + 1]) for i in range(0, len(self) - 1, LONG))
+        blocks = (np.diff(self.time[i : i + BLOCK_SAMPLES + 1]) for i in range(0, len(self) - 1, BLOCK_SAMPLES))
         shortest, longest = zip(*((steps.min(), steps.max()) for steps in blocks), strict=True)
         return float(np.min(shortest)), float(np.max(longest))
 
@@ -235,7 +237,7 @@ class Recording:
         """
         shortest, longest = self._step_range
         if shortest > 0.0 and longest < GAP_STEPS * shortest:
-            # Of hours, without looking for the median.
+            # No step is a gap, so that a long recording does not need its median.
             return (len(self) - 1) / float(self.time[-1] - self.time[0])
         steps = np.diff(self.time)
         steps = steps[np.isfinite(steps) & (steps > 0.0)]
@@ -246,20 +248,20 @@ class Recording:
 
     @cached_property
     def advances(self) -> bool:
-        """Whether time, where it is known, increases with every sample."""
+        """Whether time increases with every sample; missing times are ignored."""
         if self._step_range[0] > 0.0:
             return True
         time = self.time[np.isfinite(self.time)]
         return len(time) > 1 and bool(np.all(np.diff(time) > 0.0))
 
-    def steps_within(self, most: float) -> bool:
-        """Whether time is known throughout and every step of it is above 0 and at most so long [s]."""
+    def steps_within(self, max_step: float) -> bool:
+        """Whether no time is missing and every time step is above 0 and at most `max_step` [s]."""
         shortest, longest = self._step_range
-        return shortest > 0.0 and longest <= most
+        return shortest > 0.0 and longest <= max_step
 
     @cached_property
     def longest_step(self) -> float:
-        """Time step beyond which samples are missing: half as long again as usual, more where the clock jitters [s]."""
+        """Longest time step without a missing sample [s]: half as long again as usual, more if the clock jitters."""
         usual = GAP_STEPS / self.fs
         if self._step_range[1] <= usual:
             return usual
@@ -271,18 +273,19 @@ class Recording:
 
     @cached_property
     def jitter(self) -> float:
-        """Share of the time step by which 1 sample in 100 is off; by which all are where that is next to nothing."""
+        """99th percentile of the deviations of time steps, as a share of the usual step; the largest if negligible."""
         shortest, longest = self._step_range
-        if shortest > 0.0 and (most := max(longest * self.fs - 1.0, 1.0 - shortest * self.fs)) < NO_JITTER:
-            return most
+        largest = max(longest * self.fs - 1.0, 1.0 - shortest * self.fs) if shortest > 0.0 else np.inf
+        if largest < NEGLIGIBLE_JITTER:
+            return largest
         steps = np.diff(self.time)
         steps = steps[steps <= self.longest_step]
         return float(np.quantile(np.abs(steps * self.fs - 1.0), 0.99)) if steps.size else 0.0
 
     @cached_property
     def clock(self) -> SampleClock:
-        """When samples were taken: stamps smoothed over neighbours where positions then lie more smoothly, which shows
-        that a stamp says when a sample arrived; the stamps themselves elsewhere."""
+        """Estimated times of the samples. Stamps are smoothed only if this makes the positions smoother, which shows
+        that a stamp records the arrival of a sample."""
         names = [name for name in self.channels if name.partition(".")[0] in ("position", "motor_position")]
         if not names or len(self) < 3 or not self.advances or not np.isfinite(self.time).all():
             return SampleClock(self.time)
@@ -291,13 +294,12 @@ class Recording:
 
     @property
     def stamped_evenly(self) -> bool:
-        """Whether positions lie more smoothly over smoothed stamps than over the recorded ones."""
+        """Whether positions are smoother over smoothed stamps than over the recorded ones."""
         return self.clock.window > 0
 
     @cached_property
     def enabled(self) -> np.ndarray:
-        """Samples in which the drive was on, shape (n,) bool; all where no channel ``enabled`` is recorded; of
-        several joints, where each was."""
+        """Mask of the samples with all drives on, shape (n,) bool; all True if no channel ``enabled`` is recorded."""
         on = np.ones(len(self), dtype=bool)
         for name in self.channels:
             if name.partition(".")[0] == "enabled":
@@ -307,17 +309,17 @@ class Recording:
 
     @cached_property
     def sound(self) -> np.ndarray:
-        """Samples that no cut holds, shape (n,) bool."""
+        """Mask of the samples outside all cuts, shape (n,) bool."""
         sound = sound_samples(len(self), self.cuts)
         sound.flags.writeable = False
         return sound
 
     @cached_property
     def spans(self) -> tuple[slice, ...]:
-        """Runs of sound samples, in order: no filter may cross their borders. A gap in time ends one too."""
+        """Spans of samples between cuts and gaps, in order; no filter may cross their borders."""
         return spans_between(len(self), self.cuts)
 
 
 def channels_within(recording: Recording, span: slice) -> dict[str, Channel]:
-    """All channels of a recording, only those of its samples that are in a `span`."""
+    """Return all channels of a recording with only the samples in a `span`."""
     return {name: replace(channel, samples=channel.samples[span]) for name, channel in recording.channels.items()}

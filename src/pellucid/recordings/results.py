@@ -1,4 +1,4 @@
-"""results.json: every figure the commands printed, each with its unit and what it was judged on."""
+"""Read and write results.json: every figure that the commands printed, with its unit and its data split."""
 
 from __future__ import annotations
 
@@ -16,33 +16,34 @@ from .._errors import PellucidError, RecordingError
 from .._given import read_given
 from .lock import locked
 
-SPLITS = ("fitted", "heldout", "simulated")
+DATA_SPLITS = ("fitted", "heldout", "simulated")
+"""Kinds of data that a figure may be computed on."""
 
 
 @dataclass(frozen=True)
 class ResultRow:
-    """One figure."""
+    """One figure of results.json."""
 
-    id: str  # ``<study name>.<what>...``, once in a file
-    value: float | int | None  # In `unit`; None where the figure could not be had, with a note that says why
-    unit: str  # Plain text; ``"1"`` for none
-    command: str  # Which command wrote it
-    split: str  # ``"fitted"``, ``"heldout"`` or ``"simulated"``
-    data_checksum: str | None = None  # SHA-256 of what it was computed from
-    note: str = ""  # Remark for a reader
-    undetermined: bool = False  # Whether the recordings leave it to chance: another processor finds another value
+    id: str  # ``<study name>.<quantity>...``, unique in a file
+    value: float | int | None  # value in `unit`; None if it could not be computed, with the reason in `note`
+    unit: str  # unit as plain text; ``"1"`` for a dimensionless figure
+    command: str  # command that wrote the row
+    split: str  # data of the figure: ``"fitted"``, ``"heldout"`` or ``"simulated"``
+    data_checksum: str | None = None  # SHA-256 of the data that it was computed from
+    note: str = ""  # remark for the reader
+    undetermined: bool = False  # whether the recordings do not determine it, so that another processor may differ
 
     def __post_init__(self):
         if not all(isinstance(text, str) for text in (self.id, self.command, self.note)):
             raise RecordingError(f"{str(self.id)[:100]}: found an id, a command or a note that is no text")
-        if self.split not in SPLITS:
-            raise RecordingError(f"{self.id}: found the split {self.split!r}, expected one of {', '.join(SPLITS)}")
+        if self.split not in DATA_SPLITS:
+            raise RecordingError(f"{self.id}: found the split {self.split!r}, expected one of {', '.join(DATA_SPLITS)}")
         if not isinstance(self.unit, str) or not self.unit:
             raise RecordingError(f'{self.id}: found the unit {self.unit!r}, expected a text such as "N*m" or "1"')
         if self.value is None:
             return
         try:
-            # A NumPy scalar is no JSON number.
+            # JSON cannot store a NumPy scalar.
             number = self.value if type(self.value) in (int, float) else float(self.value)
         except (TypeError, ValueError):
             raise RecordingError(f"{self.id}: found the value {self.value!r}, expected a number or None") from None
@@ -50,19 +51,21 @@ class ResultRow:
 
 
 def checksum_of_all(checksums: Iterable[str]) -> str:
-    """SHA-256 of several recordings' checksums, whatever their order: of a figure that comes from all of them."""
+    """Return the SHA-256 of several recordings' checksums in any order, for a figure that is computed from all."""
     return sha256("".join(sorted(checksums)).encode()).hexdigest()
 
 
 def write_rows(path: str | os.PathLike, command: str, rows: Iterable[ResultRow]) -> tuple[ResultRow, ...]:
-    """Put a command's rows in place of those it wrote before; all other rows stay, those of a command that writes at
-    the same time too."""
+    """Replace the rows that a command wrote before by new ones, and return all rows.
+
+    All other rows are kept, also those of a command that writes at the same time.
+    """
     with locked(path):
         return replace_rows(Path(path), command, rows)
 
 
 def replace_rows(path: Path, command: str, rows: Iterable[ResultRow]) -> tuple[ResultRow, ...]:
-    """`write_rows` for who holds the lock of `path`."""
+    """Do what `write_rows` does, for a caller that holds the lock of `path`."""
     rows = tuple(finite(row) for row in rows)
     for row in rows:
         if row.command != command:
@@ -82,7 +85,7 @@ def replace_rows(path: Path, command: str, rows: Iterable[ResultRow]) -> tuple[R
 
 
 def require_own_page(folder: Path, command: str, page: str = "index.html") -> None:
-    """Raise a PellucidError if a folder holds a page, and no figures that `command` wrote beside it."""
+    """Raise a PellucidError if a folder holds a page without figures of `command` beside it."""
     if not (folder / page).exists():
         return
     path = folder / "results.json"
@@ -95,12 +98,12 @@ def require_own_page(folder: Path, command: str, page: str = "index.html") -> No
 
 
 def as_table(row: ResultRow) -> dict[str, Any]:
-    """A row as JSON has it; whether it is undetermined is said only of one that is."""
+    """Return a row as a table for JSON; the key "undetermined" is left out if it is False."""
     return {key: value for key, value in asdict(row).items() if key != "undetermined" or value}
 
 
 def read_rows(path: str | os.PathLike) -> list[ResultRow]:
-    """Rows of a results.json, in its order."""
+    """Return the rows of a results.json, in its order."""
     path = Path(path)
     try:
         content: Any = json.loads(read_given(path).decode("utf-8"))
@@ -124,7 +127,7 @@ def read_rows(path: str | os.PathLike) -> list[ResultRow]:
 
 
 def finite(row: ResultRow) -> ResultRow:
-    """A row as a file has it: null stands for what is not finite, with a note."""
+    """Return a row for a file: a value that is not finite becomes None, with a note."""
     if row.value is None or math.isfinite(row.value):
         return row
     return replace(row, value=None, note="; ".join(filter(None, [row.note, f"not finite: {row.value}"])))

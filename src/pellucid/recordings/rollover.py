@@ -1,4 +1,4 @@
-"""Values that roll over: jumps of one size between both ends of what a channel shows."""
+"""Find values that roll over: jumps of one size between both ends of a channel's range."""
 
 from __future__ import annotations
 
@@ -11,45 +11,47 @@ import numpy as np
 if TYPE_CHECKING:
     from .study_file import ChannelSpec
 
-FROM_END_TO_END = 0.8
-"""Share of a channel's range by which every jump leaps."""
+MIN_JUMP_SHARE = 0.8
+"""Every jump of a rollover is larger than this share of the channel's range. Chosen by judgement; no measurement is
+recorded, as for the other thresholds here."""
 
-MOST_JUMPS = 0.05
-"""Share of the samples that may jump."""
+MAX_JUMPING_SHARE = 0.05
+"""At most this share of the samples jump."""
 
-CALM = 0.25
-"""Share of the period below which every other step is."""
+MAX_OTHER_STEP_SHARE = 0.25
+"""Every step that is no jump is at most this share of the period."""
 
-ALIKE = 0.05
-"""Share of the period by which jumps may differ, the motion between their samples taken off."""
+JUMP_TOLERANCE = 0.05
+"""The sizes of the jumps, corrected for the motion between samples, differ by at most this share of the period."""
 
-AT_AN_END = 8
-"""Samples in the outer fifth at either end of the range: a spike has fewer there."""
+MIN_END_SAMPLES = 8
+"""At least this many samples lie in the outer fifth of the range at either end; a spike has fewer there."""
 
-TURNS = (360.0, 180.0, 90.0, 720.0)
-"""Periods that encoders of angles have [deg]."""
+ENCODER_PERIODS_DEG = (360.0, 180.0, 90.0, 720.0)
+"""Periods of common encoders of angles [deg]."""
 
-PIECE = 1 << 16  # samples
+BLOCK_SAMPLES = 1 << 16
+"""The first search runs in blocks of this many samples, which saves memory."""
 
-ROUND = 0.02
-"""Share by which a period may be off one that encoders have."""
+PERIOD_TOLERANCE = 0.02
+"""A period counts as that of a common encoder if it differs from it by at most this share."""
 
 
 @dataclass(frozen=True)
 class Rollover:
-    """The period, in the channel's SI unit, and the samples after each jump, (k,)."""
+    """A value that rolls over."""
 
-    period: float
-    jumps: np.ndarray
+    period: float  # size of the jumps in the channel's SI unit
+    jumps: np.ndarray  # index of the sample after each jump, shape (k,)
 
 
-def rollover(samples: np.ndarray) -> Rollover | None:
-    """How `samples`, (n,), roll over, if they do."""
+def find_rollover(samples: np.ndarray) -> Rollover | None:
+    """Return how `samples`, (n,), roll over; None if they do not."""
     low, high = float(np.min(samples, initial=np.inf)), float(np.max(samples, initial=-np.inf))
-    # Of hours, most often nothing leaps: seen piece by piece, without an array as long as they are.
+    # Most recordings have no jump. The search in blocks shows that without an array as long as the recording.
     if np.isfinite(high - low) and not any(
-        np.any(np.abs(np.diff(samples[i : i + PIECE + 1])) > FROM_END_TO_END * (high - low))
-        for i in range(0, len(samples), PIECE)
+        np.any(np.abs(np.diff(samples[i : i + BLOCK_SAMPLES + 1])) > MIN_JUMP_SHARE * (high - low))
+        for i in range(0, len(samples), BLOCK_SAMPLES)
     ):
         return None
     known = np.flatnonzero(np.isfinite(samples))
@@ -57,31 +59,37 @@ def rollover(samples: np.ndarray) -> Rollover | None:
     if len(x) < 20:
         return None
     steps, low, high = np.diff(x), float(x.min()), float(x.max())
-    leaps = np.abs(steps) > FROM_END_TO_END * (high - low)
+    leaps = np.abs(steps) > MIN_JUMP_SHARE * (high - low)
     jumps = np.flatnonzero(leaps)
-    if not 0 < jumps.size <= MOST_JUMPS * len(x):
+    if not 0 < jumps.size <= MAX_JUMPING_SHARE * len(x):
         return None
-    calm = np.where(leaps, 0.0, steps)
-    # What the machine moved meanwhile, from the two steps before and after.
-    near = np.pad(~leaps, 2)[jumps[:, None] + np.arange(5)], np.pad(calm, 2)[jumps[:, None] + np.arange(5)]
-    around = near[1].sum(axis=1) / np.maximum(near[0].sum(axis=1), 1)
-    sizes = np.abs(steps[jumps] - around)
+    other_steps = np.where(leaps, 0.0, steps)
+    # The machine's own motion during a jump is estimated from the two steps before and after it.
+    near = np.pad(~leaps, 2)[jumps[:, None] + np.arange(5)], np.pad(other_steps, 2)[jumps[:, None] + np.arange(5)]
+    motion = near[1].sum(axis=1) / np.maximum(near[0].sum(axis=1), 1)
+    sizes = np.abs(steps[jumps] - motion)
     period = float(np.median(sizes))
     fifth = 0.2 * (high - low)
     ends = min(int((x > high - fifth).sum()), int((x < low + fifth).sum()))
-    if np.abs(calm).max() > CALM * period or ends < AT_AN_END or np.abs(sizes - period).max() > ALIKE * period:
+    if (
+        np.abs(other_steps).max() > MAX_OTHER_STEP_SHARE * period
+        or ends < MIN_END_SAMPLES
+        or np.abs(sizes - period).max() > JUMP_TOLERANCE * period
+    ):
         return None
     return Rollover(period, known[jumps + 1])
 
 
 def to_write(found: Rollover, spec: ChannelSpec) -> str:
-    """What to write into study.toml of a channel that rolls over; nothing where a single jump is of no size that
-    encoders have: it may be any other jump."""
+    """Return the setting for study.toml that unwraps a channel; "" for a single jump that fits no common encoder.
+
+    Such a jump may have any other cause.
+    """
     counts = found.period / abs(spec.si_factor * spec.scale)
     bits = round(math.log2(counts)) if counts > 1.0 else 0
-    if bits >= 8 and abs(counts / 2.0**bits - 1.0) < ROUND:
+    if bits >= 8 and abs(counts / 2.0**bits - 1.0) < PERIOD_TOLERANCE:
         return f"wrap_bits = {bits}"
-    for turn in TURNS if spec.si_unit == "rad" else ():
-        if abs(found.period / math.radians(turn) - 1.0) < ROUND:
+    for turn in ENCODER_PERIODS_DEG if spec.si_unit == "rad" else ():
+        if abs(found.period / math.radians(turn) - 1.0) < PERIOD_TOLERANCE:
             return f'wrap = "{turn:g} deg"'
     return f'wrap = "{found.period / abs(spec.si_factor):.4g} {spec.unit}"' if len(found.jumps) > 1 else ""

@@ -1,4 +1,4 @@
-"""Where in study.toml a problem stands, and how to say it."""
+"""Explain the problems of a study.toml, each with its line, table and key."""
 
 from __future__ import annotations
 
@@ -12,30 +12,32 @@ from pydantic import BaseModel, ValidationError
 
 from .study_fields import DERIVED
 
-LONGEST = 300
-"""Characters of a line in which a key is looked for."""
+MAX_LINE_LENGTH = 300
+"""Keys are not searched in lines with more characters than this."""
 
-_HEADER = re.compile(r"\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
-_KEY = re.compile(r"""\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*'))*)\s*=""")
+_HEADER_PATTERN = re.compile(r"\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
+_KEY_PATTERN = re.compile(
+    r"""\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*'))*)\s*="""
+)
 
 
-def explain(error: ValidationError, path: Path, text: str, root: type[BaseModel]) -> str:
-    """One line per problem: file, line, table and key, what was found and expected."""
+def explain_errors(error: ValidationError, path: Path, text: str, root: type[BaseModel]) -> str:
+    """Return one line of text per problem: file, line, table and key, what was found and expected."""
     lines = []
     for problem in error.errors(include_url=False):
         where = tuple(
             part for part in problem["loc"] if not (isinstance(part, str) and part.startswith(("function-", DERIVED)))
         )
         number = line_of(text, where)
-        place = f"{path}{f', line {number}' if number else ''}: {spell(where)}"
-        message = _say(problem, where, root)
+        place = f"{path}{f', line {number}' if number else ''}: {format_place(where)}"
+        message = _describe_problem(problem, where, root)
         if message and f"{place}: {message}" not in lines:
-            lines.append(f"{place}: {message}" if spell(where) else f"{place}{message}")
+            lines.append(f"{place}: {message}" if format_place(where) else f"{place}{message}")
     return "\n".join(lines)
 
 
-def spell(where: tuple[str | int, ...]) -> str:
-    """A place as a person would write it: ``[rig.drive] kind``, ``[[recordings]] 2 name``."""
+def format_place(where: tuple[str | int, ...]) -> str:
+    """Return a place as a person would write it: ``[rig.drive] kind``, ``[[recordings]] 2 name``."""
     if not where:
         return ""
     if where[0] == "recordings" and len(where) > 1:
@@ -50,7 +52,7 @@ def spell(where: tuple[str | int, ...]) -> str:
 
 
 def line_of(text: str, where: tuple[str | int, ...]) -> int | None:
-    """1-based line of the deepest part of `where` that is written in `text`; None if no part is."""
+    """Return the 1-based line of the deepest part of `where` that `text` contains; None if it contains no part."""
     wanted: list[str] = []
     for part in where:
         wanted.extend(str(part).split(".") if isinstance(part, str) else [str(part)])
@@ -58,9 +60,9 @@ def line_of(text: str, where: tuple[str | int, ...]) -> int | None:
     counts: dict[str, int] = {}
     best, depth = None, 0
     for number, line in enumerate(text.splitlines(), 1):
-        if len(line) > LONGEST:
+        if len(line) > MAX_LINE_LENGTH:
             continue
-        header = _HEADER.match(line)
+        header = _HEADER_PATTERN.match(line)
         if header:
             table = [part.strip().strip("\"'") for part in header[2].split(".")]
             if header[1] == "[[":
@@ -72,7 +74,7 @@ def line_of(text: str, where: tuple[str | int, ...]) -> int | None:
                         table.insert(len(array), str(counts[".".join(array)]))
             here = table
         else:
-            key = _KEY.match(line)
+            key = _KEY_PATTERN.match(line)
             if not key:
                 continue
             here = table + [part.strip().strip("\"'") for part in key[1].split(".")]
@@ -81,43 +83,43 @@ def line_of(text: str, where: tuple[str | int, ...]) -> int | None:
     return best
 
 
-def _say(problem: dict[str, Any], where: tuple, root: type[BaseModel]) -> str:
+def _describe_problem(problem: dict[str, Any], where: tuple, root: type[BaseModel]) -> str:
     kind, found = problem["type"], problem.get("input")
     if kind == "extra_forbidden":
-        keys = _keys(root, where[:-1])
+        keys = _valid_keys(root, where[:-1])
         close = difflib.get_close_matches(str(where[-1]), keys, 1, 0.5)
         nearest = f'; the nearest valid one is "{close[0]}"' if close else f"; valid are {', '.join(keys)}"
         return f'unknown key "{where[-1]}"{nearest}'
     if kind == "missing":
         return "missing, and it has no default"
     if kind == "literal_error":
-        return f"found {_short(found)}, expected {problem['ctx']['expected']}"
+        return f"found {_shorten(found)}, expected {problem['ctx']['expected']}"
     if kind == "value_error":
         return str(problem["ctx"]["error"])
     if kind == "string_pattern_mismatch":
-        return f"found {_short(found)}, expected letters, digits, - and _, without blanks"
+        return f"found {_shorten(found)}, expected letters, digits, - and _, without blanks"
     if kind in ("model_type", "dict_type", "model_attributes_type"):
-        return f"found {_short(found)}, expected a table"
+        return f"found {_shorten(found)}, expected a table"
     if kind in ("less_than_equal", "greater_than_equal"):
         word, bound = ("at most", "le") if kind == "less_than_equal" else ("at least", "ge")
-        return f"found {_short(found)}, expected {word} {problem['ctx'][bound]:g}"
-    return f"found {_short(found)}: {problem['msg'][0].lower()}{problem['msg'][1:]}"
+        return f"found {_shorten(found)}, expected {word} {problem['ctx'][bound]:g}"
+    return f"found {_shorten(found)}: {problem['msg'][0].lower()}{problem['msg'][1:]}"
 
 
-def _short(found: Any) -> str:
+def _shorten(found: Any) -> str:
     text = repr(found)
     return text if len(text) <= 200 else f"{text[:200]}..."
 
 
-def _keys(model: Any, where: tuple) -> list[str]:
-    """Keys a person may write in the table at `where`."""
+def _valid_keys(model: Any, where: tuple) -> list[str]:
+    """Return the keys that a person may write in the table at `where`."""
     models, skip = [model], False
     for part in where:
-        if skip:  # an array's index, or a name the user chose
+        if skip:  # this part is an array's index or a name that the user chose
             skip = False
             continue
         fields = [m.model_fields[part] for m in models if part in m.model_fields]
-        models, skip = _inner(fields[0].annotation) if fields else ([], False)
+        models, skip = _inner_tables(fields[0].annotation) if fields else ([], False)
     return list(
         dict.fromkeys(key for m in models for key, field in m.model_fields.items() if not field.validation_alias)
     )
@@ -127,9 +129,9 @@ def _is_table(model: Any) -> bool:
     return isinstance(model, type) and issubclass(model, BaseModel)
 
 
-def _inner(annotation: Any) -> tuple[list[type[BaseModel]], bool]:
-    """Models of the table inside an annotation, and whether it stands in an array or under chosen names."""
+def _inner_tables(annotation: Any) -> tuple[list[type[BaseModel]], bool]:
+    """Return the models of the table inside an annotation, and whether it is in an array or under chosen names."""
     if _is_table(annotation):
         return [annotation], False
-    found = [model for argument in typing.get_args(annotation) for model in _inner(argument)[0]]
+    found = [model for argument in typing.get_args(annotation) for model in _inner_tables(argument)[0]]
     return found, bool(found) and typing.get_origin(annotation) in (dict, tuple)

@@ -1,4 +1,4 @@
-"""Recordings to files that the readers give back exactly."""
+"""Write recordings to files that the readers restore exactly."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def write_csv(path: str | os.PathLike, channels: Mapping[str, Channel]) -> Path:
     if strange:
         raise RecordingError(f"{path}: found the channel {strange[0]!r}, expected a name that a table can hold")
     units = ", ".join(f"{name} [{channels[name].unit}]" for name in names)
-    # repr is the shortest text that reads back to the same float.
+    # repr gives the shortest text that is read back as the same float.
     columns = [map(repr, channels[name].samples.tolist()) for name in names]
     rows = "\n".join(map(",".join, zip(*columns, strict=True)))
     return write_text_atomically(path, f"# units: {units}\n{','.join(names)}\n{rows}\n")
 
 
 def channels_toml(channels: Mapping[str, Channel]) -> str:
-    """The ``[channels]`` table of a study.toml whose files `write_csv` wrote from these channels."""
+    """Return the ``[channels]`` table of a study.toml for files that `write_csv` wrote from these channels."""
     entries = (f'{name} = {{ column = "{name}", unit = "{channel.unit}" }}' for name, channel in channels.items())
     return "[channels]\n" + "\n".join(entries) + "\n"

@@ -16,7 +16,7 @@ import numpy as np
 from .._errors import RecordingError
 from ..recordings.fault import Fault
 from ..recordings.optical import OpticalRecording
-from ..recordings.optical_faults import MIN_FRAMES, MIN_SEEN
+from ..recordings.optical_faults import MIN_FRAMES, MIN_SEEN_SHARE
 from ..recordings.recording import Recording
 from ..recordings.study_file import Slider
 
@@ -632,7 +632,7 @@ def _track(recording: Recording, carriage: str, clock: ClockOffset) -> _Track:
     # Frames before and after the robot's recording have no angle.
     angle = np.interp(at, recording.time[known], recording["position"][known], left=np.nan, right=np.nan)
     used = int(np.sum(np.isfinite(angle) & optical.seen(carriage)))
-    least = max(MIN_FRAMES, int(np.ceil(MIN_SEEN * len(optical))))
+    least = max(MIN_FRAMES, int(np.ceil(MIN_SEEN_SHARE * len(optical))))
     if used < least:
         raise RecordingError(
             f"{optical.path.name} (recording {recording.name}), marker {carriage}: found it in {used} of "

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..cut import Cut, cut_of
+from ..cut import Cut, make_cut
 from .scale import Scale
 from .watched import WatchedRecording, find_runs
 
@@ -48,7 +48,7 @@ def find(watched: WatchedRecording) -> Iterator[Cut]:
                 continue
             for first, length in zip(firsts.tolist(), lengths.tolist(), strict=True):
                 found = f"{length} samples clipped at {x[first]:.6g} {watched.recording.channels[name].unit}"
-                yield cut_of(watched.recording, KIND, name, first, first + length - 1, found)
+                yield make_cut(watched.recording, KIND, name, first=first, last=first + length - 1, found=found)
 
 
 def is_at_limit(watched: WatchedRecording, name: str, value: float) -> bool:

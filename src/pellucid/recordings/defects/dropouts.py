@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..cut import Cut, cut_of
+from ..cut import Cut, make_cut
 from .clipped import is_at_limit
 from .watched import INERTIAL_CHANNELS, WatchedRecording, find_runs, joint_ending, repeats_next
 
@@ -71,7 +71,7 @@ def find(watched: WatchedRecording) -> Iterator[Cut]:
                 lost = held or (moved is not None and _has_moved(moved, a, b))
             if lost:
                 many = f"the one value {x[a]:.6g} {watched.recording.channels[name].unit} in {length[i]} samples"
-                yield cut_of(watched.recording, KIND, name, a, b, f"a dropout, {many}")
+                yield make_cut(watched.recording, KIND, name, first=a, last=b, found=f"a dropout, {many}")
 
 
 def _is_motion(name: str) -> bool:

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..cut import Cut, cut_of
+from ..cut import Cut, make_cut
 from .scale import Scale
 from .watched import WatchedRecording, find_runs, joint_ending, repeats_next
 
@@ -52,7 +52,7 @@ def _find_in_joint(watched: WatchedRecording, position: str, drive: str) -> Iter
         moves = [s for s in (effort, reference) if s is not None and np.nanmax(s, initial=-np.inf) > np.nanmin(s)]
         if moves:
             found = f"a frozen encoder, the one value {measured[0]:.6g} in every sample"
-            yield cut_of(watched.recording, KIND, position, 0, len(q) - 1, found)
+            yield make_cut(watched.recording, KIND, position, first=0, last=len(q) - 1, found=found)
         return
     first, length = find_runs(repeats_next(q))
     length = length + 1
@@ -65,7 +65,7 @@ def _find_in_joint(watched: WatchedRecording, position: str, drive: str) -> Iter
         why = statistics.why_frozen(a, b)
         if why:
             found = f"a frozen encoder, the one value {q[a]:.6g} for {length[i]} samples while {why}"
-            yield cut_of(watched.recording, KIND, position, a, b, found)
+            yield make_cut(watched.recording, KIND, position, first=a, last=b, found=found)
 
 
 def _reference(watched: WatchedRecording, position: str) -> np.ndarray | None:

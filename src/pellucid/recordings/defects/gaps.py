@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..cut import Cut, cut_of
+from ..cut import Cut, make_cut
 from .watched import WatchedRecording
 
 KIND = "gap"
@@ -24,4 +24,4 @@ def find(watched: WatchedRecording) -> Iterator[Cut]:
     for before in np.flatnonzero(steps > max_step):
         if watched.usable[before] and watched.usable[before + 1]:
             found = f"a gap of {steps[before]:.4g} s instead of {step:.4g} s"
-            yield cut_of(watched.recording, KIND, "time", before + 1, before, found)
+            yield make_cut(watched.recording, KIND, "time", first=before + 1, last=before, found=found)

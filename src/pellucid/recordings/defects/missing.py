@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..cut import Cut, cut_of
+from ..cut import Cut, make_cut
 from .watched import WatchedRecording, find_runs
 
 KIND = "missing_samples"
@@ -17,4 +17,4 @@ def find(watched: WatchedRecording) -> Iterator[Cut]:
     for name in ("time", *watched.channels):
         for first, length in zip(*find_runs(~np.isfinite(watched.recording[name]) & watched.usable), strict=True):
             many = "1 missing sample" if length == 1 else f"{length} missing samples"
-            yield cut_of(watched.recording, KIND, name, first, first + length - 1, f"{many} (NaN)")
+            yield make_cut(watched.recording, KIND, name, first=first, last=first + length - 1, found=f"{many} (NaN)")

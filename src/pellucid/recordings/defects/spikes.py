@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..cut import Cut, cut_of
+from ..cut import Cut, make_cut
 from .watched import INERTIAL_CHANNELS, WatchedRecording
 
 KIND = "spike"
@@ -72,7 +72,9 @@ def find(watched: WatchedRecording) -> Iterator[Cut]:
             border_ratio = 0.0 if has_inertia else MIN_BORDER_RANGE_RATIO
             found = [e for e in found if e[2] > rest_range * max(min_ratio, border_ratio if e in at_border else 0.0)]
         for first, last, height in found:
-            yield cut_of(watched.recording, KIND, name, first, last, f"a spike of {height:.3g} {unit}")
+            yield make_cut(
+                watched.recording, KIND, name, first=first, last=last, found=f"a spike of {height:.3g} {unit}"
+            )
 
 
 def _find_repeatedly(x: np.ndarray, widest: int) -> list[tuple[int, int, float]]:

@@ -66,7 +66,7 @@ def read_subject(path: Path) -> Subject:
     joints = _groups(path, _child(root, "dofset", "dofs"), muscles)
     excitations = _groups(path, _child(root, "channels"), muscles)
     damping = _optional(path, default, "damping")
-    require_range(path, "mtuDefault", "damping", damping, *PLAUSIBLE_RANGES["damping"])
+    require_range(path, "mtuDefault", "damping", damping, bounds=PLAUSIBLE_RANGES["damping"])
     return Subject(path, muscles, joints, excitations, _curves(path, default), damping)
 
 
@@ -106,7 +106,7 @@ def _muscle(path: Path, element, default) -> SubjectMuscle:
         ("shapeFactor", muscle.shape),
         *zip(("C1", "C2"), muscle.twitch, strict=True),
     ):
-        require_range(path, name, what, found, *PLAUSIBLE_RANGES[what])
+        require_range(path, name, what, found, bounds=PLAUSIBLE_RANGES[what])
     return require_physical(path, muscle)
 
 
