@@ -37,7 +37,7 @@ from pellucid.estimators.torque_trial import TorqueTrial
 from pellucid.estimators.unrecorded import FILLING_METHODS
 from pellucid.procedures.emg_torque.calibrate import CalibrationResult
 from pellucid.procedures.emg_torque.estimator_cards import chain_sections, estimator_cards
-from pellucid.procedures.emg_torque.evaluated import Calibrated
+from pellucid.procedures.emg_torque.evaluated import CalibrationFindings
 from pellucid.procedures.emg_torque.trial_sources import moment_trials
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import activations, calibrate, check
@@ -483,7 +483,7 @@ def over_best(name: str, result: CalibrationResult) -> Iterator[ResultRow]:
 
 def export_rows() -> Iterator[ResultRow]:
     """What was calibrated, in C: ten muscles of walking, played through a motion that was not fitted."""
-    found = Calibrated()
+    found = CalibrationFindings()
     with tempfile.TemporaryDirectory() as folder:
         study = walking_study(Path(folder) / "walking")
         trials = moment_trials(study, "knee")

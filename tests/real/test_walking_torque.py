@@ -15,9 +15,9 @@ from pellucid.estimators.cross_validation import score
 from pellucid.estimators.emg_session import FittedSession
 from pellucid.estimators.session_watch import SessionWatch
 from pellucid.estimators.torque_map import fit_torque_map
-from pellucid.procedures.emg_torque.evaluated import Calibrated
+from pellucid.procedures.emg_torque.evaluated import CalibrationFindings
 from pellucid.procedures.emg_torque.sessions import session_faults
-from pellucid.procedures.emg_torque.together import muscles_together
+from pellucid.procedures.emg_torque.together import calibrate_together
 from pellucid.procedures.emg_torque.trial_sources import moment_trials
 from pellucid.procedures.registry import open_study
 
@@ -114,7 +114,7 @@ def test_walks_that_were_fitted_at_several_speeds_pass_their_own_watch(study, pa
         for i in range(len(trial)):
             said = watch.step({m: x[i] for m, x in trial.envelopes.items()}, {j: q[i] for j, q in trial.angles.items()})
             assert said == ()
-            assert watch.compared is None or watch.compared.holds
+            assert watch.last_comparison is None or watch.last_comparison.holds
 
 
 def test_walking_passes_where_running_was_fitted_too(study, data_folder, tmp_path):
@@ -140,8 +140,8 @@ def test_walking_passes_where_running_was_fitted_too(study, data_folder, tmp_pat
 def test_one_set_of_muscles_moves_knee_and_ankle(study):
     """Calibrated on five seconds of both joints, judged on the last 36: with 10 to 100 ms from envelope to force, and
     with the offset of the EMG's stream, which is the recording's."""
-    found = Calibrated(across={joint: moment_trials(study, joint) for joint in ("knee", "ankle")})
-    both = muscles_together(found, lambda text, share: None)
+    found = CalibrationFindings(across={joint: moment_trials(study, joint) for joint in ("knee", "ankle")})
+    both = calibrate_together(found, lambda text, share: None)
     reached = {(s.how, s.joint): s.score.r2 for s in both.scores if s.recording == "rest"}
     assert reached["hill", "knee"] > 0.68
     assert reached["hill", "ankle"] > 0.80

@@ -24,10 +24,10 @@ from pellucid.models.parameter_card import ParameterCard, read_parameter_card, w
 from pellucid.pages.page import write_page
 from pellucid.procedures.emg_torque import calibrate as module
 from pellucid.procedures.emg_torque.calibration_page import coverage_text, page
-from pellucid.procedures.emg_torque.chosen import chosen_in_folds, chosen_of
-from pellucid.procedures.emg_torque.evaluated import Evaluated, TorqueTrace
+from pellucid.procedures.emg_torque.chosen import recommend_by_fold, recommend_estimator
+from pellucid.procedures.emg_torque.evaluated import EstimatorEvaluation, TorqueTrace
 from pellucid.procedures.emg_torque.procedure import EmgTorqueProcedure
-from pellucid.procedures.emg_torque.torque_card import torque_of_card
+from pellucid.procedures.emg_torque.torque_card import predict_by_card
 from pellucid.procedures.emg_torque.trial_sources import moment_trials, moved_body, step_trials
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.result import Result
@@ -143,8 +143,8 @@ def orthosis(folder, *, cards=True, spoil=None):
 @pytest.fixture
 def quick(monkeypatch):
     """Estimators that take no time."""
-    monkeypatch.setattr(module, "EVALUATED", ("ridge", "tree", "motion"))
-    monkeypatch.setattr(module, "CAUSAL", ("ridge",))
+    monkeypatch.setattr(module, "REPORTED_ESTIMATORS", ("ridge", "tree", "motion"))
+    monkeypatch.setattr(module, "CAUSAL_ESTIMATORS", ("ridge",))
 
 
 def test_moments_are_judged_on_what_was_held_out(tmp_path, quick):
@@ -175,14 +175,14 @@ def test_moments_are_judged_on_what_was_held_out(tmp_path, quick):
 
 def told(estimator, rmse, recording="a", tests=None, what="knee"):
     examined = None if tests is None else ConditionTestErrors(("fast", "slow"), tests, 1.0)
-    return Evaluated(what, estimator, False, recording, Score(rmse, 0.5), None, "", examined=examined)
+    return EstimatorEvaluation(what, estimator, False, recording, Score(rmse, 0.5), None, "", examined=examined)
 
 
 def test_the_first_named_is_chosen_over_the_same_samples_and_by_nothing_that_judges():
     found = [told("boost", 1.0, tests=(3.0, 3.1)), told("ridge", 2.0, tests=(2.5, 2.6)),
              told("boost", 1.0, "b", (3.0, 3.1)), told("ridge", 9.0, "b", (2.5, 2.6)),
              told("nmcoa", 0.1), told("motion", 0.1), told("motion", 0.2, "b")]  # fmt: skip
-    chosen = chosen_of(found, "knee")
+    chosen = recommend_estimator(found, "knee")
     # The worst of what judged comes first, and angles alone beside it.
     assert [(e.estimator, e.recording) for e in chosen.judged] == [("ridge", "b"), ("ridge", "a")]
     assert [e.score.rmse for e in chosen.bare] == [0.2, 0.1]
@@ -206,9 +206,9 @@ def test_the_beginning_of_a_trial_names_no_estimator(tmp_path, quick):
 def test_a_recording_that_was_to_judge_and_did_not_is_told(tmp_path, quick):
     study = leg(tmp_path / "leg")
     trials = [trial for trial in moment_trials(study, "knee") if trial.name != "rest"]
-    said = [v.text for v in module.verdicts_of(study, [told("ridge", 1.0, "judged")], trials)]
+    said = [v.text for v in module.calibration_verdicts(study, [told("ridge", 1.0, "judged")], trials)]
     assert next(text for text in said if "to be judged on, and nothing was" in text).startswith("rest: ")
-    said = module.verdicts_of(study, [told("ridge", 1.0, r) for r in ("judged", "rest")], trials)
+    said = module.calibration_verdicts(study, [told("ridge", 1.0, r) for r in ("judged", "rest")], trials)
     assert not any("to be judged on" in v.text for v in said)
 
 
@@ -222,7 +222,7 @@ def test_where_trials_are_left_out_the_others_choose():
     }
     own = [replace(told(n, 1.0, ""), by_trial={t.name: Score(1.0 * i, 0.5) for t in trials}, kind="trials")
            for i, n in enumerate(names)]  # fmt: skip
-    chosen = chosen_in_folds(trials, results, own)
+    chosen = recommend_by_fold(trials, results, own)
     assert chosen.by == {"a": "hill", "b": "ridge", "c": "ridge"}
     assert chosen.judged[0].score.rmse == pytest.approx(2.0 / 3.0)
     assert chosen.held == {"a": 1.0, "b": 1.0, "c": 1.0}
@@ -247,11 +247,11 @@ def test_the_card_says_the_same_as_the_map(tmp_path, quick):
     expected = found.predict(evaluated)
     for i in (0, 100, 399):
         values = dict(zip(seen.names, seen.x[i], strict=True))
-        assert torque_of_card(card, values) == pytest.approx(expected[i], rel=1e-9)
+        assert predict_by_card(card, values) == pytest.approx(expected[i], rel=1e-9)
     assert card.settings["causal"] is True
     assert card["emg.flexor"].unit == "N*m"
     with pytest.raises(PellucidError, match=r"the card torque_map_knee needs angle.knee, emg.extensor"):
-        torque_of_card(
+        predict_by_card(
             card, {"emg.flexor": 1.0, **{n: 0.0 for n in seen.names if n not in ("angle.knee", "emg.extensor")}}
         )
 

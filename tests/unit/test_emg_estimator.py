@@ -20,7 +20,7 @@ from pellucid.models.emg_estimator import read_estimator_card, write_estimator_c
 from pellucid.models.muscle_geometry import muscle_table
 from pellucid.models.muscle_surface import fit_muscle_surface, sampled_surface, surface_from_geometry
 from pellucid.procedures.emg_torque import estimator_cards
-from pellucid.procedures.emg_torque.evaluated import Calibrated
+from pellucid.procedures.emg_torque.evaluated import CalibrationFindings
 
 COMPILERS = pytest.mark.skipif(not all(map(shutil.which, ("make", "cc", "c++"))), reason="make, cc or c++ is missing")
 
@@ -47,7 +47,7 @@ def calibrated():
 @pytest.fixture(scope="module")
 def cards(calibrated):
     maps, judged, fitted = calibrated
-    found = Calibrated()
+    found = CalibrationFindings()
     found.causal.update({("knee", name): fit for name, fit in maps.items()})
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(

@@ -53,7 +53,7 @@ def test_what_was_fitted_passes_a_watch_of_it(paces):
         for envelopes, angles in zip(*rows, strict=True):
             said = watch.step(dict(zip(MUSCLES, envelopes, strict=True)), dict(zip(trial.angles, angles, strict=True)))
             assert said == ()
-            assert watch.compared is None or watch.compared.holds
+            assert watch.last_comparison is None or watch.last_comparison.holds
 
 
 @pytest.mark.parametrize("pace", [0.7, 0.9, 1.1])

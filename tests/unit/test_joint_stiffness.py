@@ -10,7 +10,7 @@ import pytest
 from pellucid.estimators.joint_stiffness import STIFFNESS_KINDS, joint_stiffness
 from pellucid.estimators.torque_map import fit_torque_map
 from pellucid.procedures.emg_torque import estimator_cards, stiffness_findings
-from pellucid.procedures.emg_torque.evaluated import Calibrated
+from pellucid.procedures.emg_torque.evaluated import CalibrationFindings
 from pellucid.procedures.emg_torque.procedure import EmgTorqueTable
 
 
@@ -21,7 +21,7 @@ def found():
         [made.trial("a", seed=1, seconds=6.0), made.trial("b", seed=2, seconds=6.0)],
         made.trial("c", seed=3),
     )
-    calibrated = Calibrated()
+    calibrated = CalibrationFindings()
     calibrated.causal["knee", "hill"] = fit_torque_map(fitted, "hill", causal=True)
     calibrated.shown["knee"] = judged
     own = EmgTorqueTable(chain="none", emg="emg", joints=("knee",), normalise="none")
@@ -34,7 +34,7 @@ def found():
 @pytest.fixture(scope="module")
 def stiffness(found):
     _, calibrated, cards, _ = found
-    return stiffness_findings.stiffness_found(calibrated, cards)
+    return stiffness_findings.find_stiffness(calibrated, cards)
 
 
 def test_it_is_what_the_card_steps(found, stiffness):

@@ -9,7 +9,7 @@ from made_muscles import MUSCLES, trial
 from pellucid._errors import IdentificationError, RecordingError
 from pellucid.estimators.hill import fit_hill
 from pellucid.estimators.muscle_faults import refuse_unfit_trials
-from pellucid.procedures.emg_torque.evaluated import Calibrated, estimators_for
+from pellucid.procedures.emg_torque.evaluated import CalibrationFindings, find_applicable_estimators
 
 
 def changed(made, muscle, change):
@@ -75,9 +75,9 @@ def test_swapped_flexors_and_extensors():
 
 
 def test_muscles_are_passed_over_where_nothing_is_known_of_them():
-    found = Calibrated()
+    found = CalibrationFindings()
     bare = replace(trial(), muscles=None)
-    names = estimators_for([bare], "knee", found)
+    names = find_applicable_estimators([bare], "knee", found)
     assert "hill" not in names
     assert "ridge" in names
     assert "no lengths of muscles across the knee" in found.passed_over["knee"]

@@ -12,13 +12,13 @@ from pellucid.fit.posterior import hamiltonian
 from pellucid.fit.posterior.calibration_posterior import calibration_posterior
 from pellucid.models.muscle_card import calibrated_muscles
 from pellucid.procedures.emg_torque import together
-from pellucid.procedures.emg_torque.evaluated import Calibrated
+from pellucid.procedures.emg_torque.evaluated import CalibrationFindings
 from pellucid.procedures.emg_torque.muscle_figures import departures, joints_together
-from pellucid.procedures.emg_torque.together import WORDS, muscles_together
+from pellucid.procedures.emg_torque.together import FIT_WORDS, calibrate_together
 from pellucid.procedures.emg_torque.together_findings import (
     together_cards,
+    together_figure_data,
     together_rows,
-    together_shown,
     together_tables,
     together_verdicts,
 )
@@ -35,7 +35,7 @@ def alone():
     """An EMG stream 0.1 s ahead; joint by joint beside it."""
     fitted = across("fitted", seconds=6.0, true=TRUE, early=0.1)
     judged = across("judged", seconds=4.0, seed=5, true=TRUE, early=0.1, heldout=True)
-    made = Calibrated(across={joint: [fitted[joint], judged[joint]] for joint in fitted})
+    made = CalibrationFindings(across={joint: [fitted[joint], judged[joint]] for joint in fitted})
     made.muscles.update({joint: fit_hill([trial], weights=(0.02,)) for joint, trial in fitted.items()})
     made.trials.extend(made.across["knee"])
     return made
@@ -43,7 +43,7 @@ def alone():
 
 @pytest.fixture(scope="module")
 def found(alone):
-    return muscles_together(alone, silent)
+    return calibrate_together(alone, silent)
 
 
 def test_rows_name_both_ways_and_no_bound_is_told_as_an_estimate(found, alone):
@@ -102,11 +102,11 @@ def test_cards_keep_one_set_of_muscles_for_both_joints(found):
 
 def test_tables_and_figures_have_every_joint(found):
     figures, parameters = together_tables(found, [])
-    words = [*WORDS.values(), "together, with muscles that had no electrode"]
+    words = [*FIT_WORDS.values(), "together, with muscles that had no electrode"]
     assert [row[:3] for row in figures.rows] == [(j, "judged", w) for j in ("knee", "ankle") for w in words]
     assert len(parameters.parameters) == len(found.fits["hill"].parameters)
-    shown = together_shown(found)
-    assert len(joints_together(shown.traces, WORDS, "joints", caption="").figure.axes) == 2
+    shown = together_figure_data(found)
+    assert len(joints_together(shown.traces, FIT_WORDS, "joints", caption="").figure.axes) == 2
     titles = [axis.get_title() for axis in departures(shown.summary, "muscles", caption="").figure.axes]
     assert titles[:4] == ["strength", "tendon slack length", "optimal fibre length", "passive scale"]
     assert not {"knee", "ankle"} & set(titles)
@@ -126,12 +126,12 @@ def test_a_posterior_is_judged_on_what_was_not_fitted(alone, found, few, monkeyp
     assert few.unsettled
     drawn = replace(few, unsettled="") if settled else few
     monkeypatch.setattr(together, "calibration_posterior", lambda fit, **asked: drawn)
-    made = together._drawn(found, alone.across)
+    made = together._add_posterior(found, alone.across)
     said = [v.said for v in together_verdicts(made, alone)]
     rows = {row.id: row.value for row in together_rows("made", made, alone, [])}
     names = [table.title for table in together_tables(made, [])]
     assert any(name.startswith("Posterior of muscles together: knee and ankle") for name in names)
-    assert min(rows["made.together.posterior.told"], 12) == len(together_shown(made).told)
+    assert min(rows["made.together.posterior.told"], 12) == len(together_figure_data(made).told)
     assert any("has not settled" in text for text in said) == (not settled)
     assert any("of the posterior's draws" in text for text in said) == settled
     assert ("made.together.ankle.posterior.coverage" in rows) == settled
@@ -146,7 +146,7 @@ def test_a_posterior_is_judged_on_what_was_not_fitted(alone, found, few, monkeyp
 def test_each_trial_is_left_out_where_none_is_held(alone):
     made = [across(f"t{i}", seconds=3.0, seed=i, true=TRUE) for i in range(3)]
     trials = {j: [replace(t[j], group=t[j].name) for t in made] for j in ("knee", "ankle")}
-    found = muscles_together(Calibrated(across=trials), silent)
+    found = calibrate_together(CalibrationFindings(across=trials), silent)
     assert {(s.joint, s.recording) for s in found.scores} == {("knee", ""), ("ankle", "")}
     assert min(s.score.r2 for s in found.scores) > 0.9
     assert found.traces[0].recording == "t0"
@@ -154,16 +154,16 @@ def test_each_trial_is_left_out_where_none_is_held(alone):
 
 def test_joints_of_different_recordings_are_passed_over_with_the_reason(alone):
     other = {"knee": alone.across["knee"], "ankle": [replace(t, name=f"{t.name}_b") for t in alone.across["ankle"]]}
-    made = Calibrated(across=other)
-    assert muscles_together(made, silent) is None
+    made = CalibrationFindings(across=other)
+    assert calibrate_together(made, silent) is None
     assert "expected both in the same recordings" in made.passed_over["knee and ankle together"]
 
 
 def test_one_joint_or_no_muscles_give_nothing(alone):
-    assert muscles_together(Calibrated(across={"knee": alone.across["knee"]}), silent) is None
-    refused = Calibrated(across=alone.across, passed_over={"knee": "found envelopes in V"})
-    assert muscles_together(refused, silent) is None
+    assert calibrate_together(CalibrationFindings(across={"knee": alone.across["knee"]}), silent) is None
+    refused = CalibrationFindings(across=alone.across, passed_over={"knee": "found envelopes in V"})
+    assert calibrate_together(refused, silent) is None
     for made in (together_tables(None, []), together_verdicts(None, alone), together_rows("x", None, alone, [])):
         assert made == ()
     assert together_cards(SimpleNamespace(name="x"), None, []) == {}
-    assert together_shown(None) is None
+    assert together_figure_data(None) is None

@@ -7,11 +7,12 @@ from made_emg import FS, raw_emg
 from pellucid._errors import RecordingError
 from pellucid.procedures.assessment.procedure import AssessmentTable
 from pellucid.procedures.assessment.recorded_activity import activity
-from pellucid.procedures.emg_torque.evaluated import Calibrated, estimators_for
+from pellucid.procedures.emg_torque.evaluated import CalibrationFindings, find_applicable_estimators
 from pellucid.procedures.emg_torque.study_faults import trial_refusals
 from pellucid.procedures.emg_torque.trial_sources import moment_trials
 from pellucid.procedures.muscle_channels import relative_envelopes
 from pellucid.procedures.onset.find_onsets import find_onsets
+from pellucid.procedures.onset.procedure import OnsetTable
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import check
 
@@ -102,7 +103,7 @@ def test_relative_envelopes_of_windows_are_those_of_the_whole(study):
 
 
 def test_onsets_in_windows_are_those_of_the_whole(study):
-    found = {(each.recording, each.muscle): each.bursts for each in find_onsets(study).muscles}
+    found = {(each.recording, each.muscle): each.bursts for each in find_onsets(study, study.table(OnsetTable)).muscles}
     for (name, muscle), bursts in found.items():
         if WINDOWS[name] is None:
             continue
@@ -136,5 +137,5 @@ def test_what_calibrate_refuses_check_refuses_in_the_same_words(tmp_path):
     (tmp_path / "study.toml").write_text(f"{text}[channels]\n{MOTION}{vastus}{entry}", encoding="utf-8")
     study = open_study(tmp_path)
     with pytest.raises(RecordingError, match="expected none below 0") as refused:
-        estimators_for(moment_trials(study, "knee"), "knee", Calibrated())
+        find_applicable_estimators(moment_trials(study, "knee"), "knee", CalibrationFindings())
     assert [(f.severity, f.message) for f in check(study) if f.kind == "envelope"] == [("refuse", str(refused.value))]

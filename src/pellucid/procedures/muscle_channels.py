@@ -1,4 +1,4 @@
-"""EMG of a study, muscle by muscle: raw as it was recorded, or envelopes that may be compared with each other."""
+"""EMG of a study by muscle: raw as it was recorded, or envelopes that can be compared with each other."""
 
 from __future__ import annotations
 
@@ -15,71 +15,71 @@ from ..signals.emg_chain import EmgChain, emg_chain
 from ..signals.emg_quality import inspect_emg
 from .muscle_tables import EnvelopeTable, MuscleTable
 
-ENVELOPE_RATE = 100.0
-"""At which envelopes are kept, at least [Hz]: nothing in them is faster than their low-pass."""
+MIN_ENVELOPE_RATE_HZ = 100.0
+"""Smallest rate to which envelopes are thinned [Hz]. Their low-pass leaves nothing faster."""
 
-SETTLING = 0.25
-"""Seconds that are left out where a file begins or ends: the filters of a chain know nothing beyond."""
+FILTER_SETTLING_S = 0.25
+"""Duration that is left out where a file begins or ends [s], since a chain's filters have no samples beyond."""
 
 
 @dataclass(frozen=True, eq=False)
 class MuscleEnvelopes:
     """Envelopes of one recording, relative to each muscle's largest of the same participant."""
 
-    name: str  # Of the recording
+    name: str  # Name of the recording
     participant: str | None
     condition: str | None
     heldout: bool
     checksum: str
-    time: np.ndarray  # (n,) [s]
-    envelopes: Mapping[str, np.ndarray]  # (n,) By muscle [1]
+    time: np.ndarray  # Time, shape (n,) [s]
+    envelopes: Mapping[str, np.ndarray]  # Envelopes by muscle, shape (n,) each [1]
 
     @property
     def matrix(self) -> np.ndarray:
-        """All muscles, (n, m)."""
+        """Envelopes of all muscles, shape (n, m)."""
         return np.column_stack(list(self.envelopes.values()))
 
     @property
     def group(self) -> str:
-        """Whose it is and under which condition, as words."""
+        """Participant and condition in words."""
         return ", ".join(part for part in (self.participant, self.condition) if part)
 
 
 def emg_stream(recording: Recording, table: MuscleTable) -> Recording:
-    """The file in which a recording's EMG is, cut to the recording's window."""
+    """Return the stream with a recording's EMG, cut to the recording's window."""
     stream = recording.streams.get(table.emg, recording)
     if stream is recording:
         return recording
-    inside = _within(stream, recording)
+    inside = _find_window(stream, recording)
     if inside == slice(0, len(stream)):
         return stream
     channels = {name: replace(c, samples=c.samples[inside]) for name, c in stream.channels.items()}
     return replace(stream, channels=channels, uncut=stream)
 
 
-def _within(whole: Recording, recording: Recording) -> slice:
-    """Samples of a whole file within a recording's time."""
+def _find_window(whole: Recording, recording: Recording) -> slice:
+    """Return the slice of a whole file's samples within a recording's time."""
     half = 0.5 / whole.fs
     return slice(*map(int, np.searchsorted(whole.time, (recording.time[0] - half, recording.time[-1] + half))))
 
 
-def raw_around(stream: Recording, muscle: str) -> tuple[np.ndarray, slice]:
-    """Raw EMG of a muscle in the whole file, (n,) [V], and which of it is the stream's own."""
+def raw_whole_file(stream: Recording, muscle: str) -> tuple[np.ndarray, slice]:
+    """Return raw EMG of a muscle in the whole file, shape (n,) [V], and the slice of the stream in it."""
     raw_channel(stream, muscle)
     whole = stream.uncut or stream
-    return whole[f"emg.{muscle}"], _within(whole, stream)
+    return whole[f"emg.{muscle}"], _find_window(whole, stream)
 
 
-def with_emg(study: Study, table: MuscleTable) -> list[Recording]:
-    """Recordings that have EMG; RecordingError without any."""
+def find_recordings_with_emg(study: Study, table: MuscleTable) -> list[Recording]:
+    """Return the recordings with EMG; raise a RecordingError if there are none."""
     found = [r for r in study.recordings() if any(n.startswith("emg.") for n in emg_stream(r, table).channels)]
     if not found:
         raise RecordingError(f"{study.folder}: found no recording with EMG, expected channels emg.<muscle>")
     return found
 
 
-def muscles_of(stream: Recording, table: MuscleTable) -> tuple[str, ...]:
-    """Muscles to use of one file; RecordingError where one is not there."""
+def find_used_muscles(stream: Recording, table: MuscleTable) -> tuple[str, ...]:
+    """Return the muscles of a file that a table uses; raise a RecordingError if one is missing."""
     present = [name.removeprefix("emg.") for name in stream.channels if name.startswith("emg.")]
     missing = [muscle for muscle in table.muscles if muscle not in present]
     if missing:
@@ -91,11 +91,11 @@ def muscles_of(stream: Recording, table: MuscleTable) -> tuple[str, ...]:
 
 
 def emg_faults(study: Study, table: MuscleTable) -> list[Fault]:
-    """What is wrong with the EMG of the muscles that a table uses."""
+    """Return the faults of the EMG of the muscles that a table uses."""
     found = []
-    for recording in with_emg(study, table):
+    for recording in find_recordings_with_emg(study, table):
         stream = emg_stream(recording, table)
-        wanted = {f"emg.{muscle}" for muscle in muscles_of(stream, table)} | {"time"}
+        wanted = {f"emg.{muscle}" for muscle in find_used_muscles(stream, table)} | {"time"}
         only = replace(stream, channels={n: c for n, c in stream.channels.items() if n in wanted})
         found += inspect_emg(only, has_notch=isinstance(table, EnvelopeTable))
     return found
@@ -104,7 +104,7 @@ def emg_faults(study: Study, table: MuscleTable) -> list[Fault]:
 def envelope_faults(
     study: Study, table: EnvelopeTable, check: Callable[[Study, list[MuscleEnvelopes]], object], expected: str
 ) -> list[Fault]:
-    """EMG that is not fit to be used, and envelopes that `check` refuses, `expected` in a word."""
+    """Return faults of EMG, and of envelopes that `check` refuses. `expected` names what was missing."""
     found = emg_faults(study, table)
     if any(fault.severity == "refuse" for fault in found):
         return found
@@ -116,35 +116,37 @@ def envelope_faults(
     return found
 
 
-def refuse(faults: Sequence[Fault]) -> None:
-    """RecordingError with every fault that refuses; none without."""
+def raise_refusals(faults: Sequence[Fault]) -> None:
+    """Raise a RecordingError with the messages of all refusing faults, if there are any."""
     told = [fault.message for fault in faults if fault.severity == "refuse"]
     if told:
         raise RecordingError("\n".join(told))
 
 
 def raw_channel(stream: Recording, muscle: str) -> np.ndarray:
-    """Raw EMG of a muscle, (n,) [V]; RecordingError where an envelope was recorded."""
+    """Return raw EMG of a muscle, shape (n,) [V]; raise a RecordingError if an envelope was recorded."""
     channel = stream.channels[f"emg.{muscle}"]
     if channel.unit != "V":
         raise RecordingError(
-            f"{where(stream, muscle)}: found the unit {channel.unit}, expected raw EMG in V: an envelope has lost when "
-            "a muscle began"
+            f"{name_channel(stream, muscle)}: found the unit {channel.unit}, expected raw EMG in V: an envelope has "
+            "lost when a muscle began"
         )
     return channel.samples
 
 
-def where(stream: Recording, muscle: str) -> str:
-    """A channel, as messages name it."""
+def name_channel(stream: Recording, muscle: str) -> str:
+    """Return the words with which messages name a channel."""
     return f"{stream.path.name} (recording {stream.name}), channel emg.{muscle}"
 
 
 def relative_envelopes(study: Study, table: EnvelopeTable) -> list[MuscleEnvelopes]:
-    """Return envelopes of every recording but maximal contractions, relative to the largest of a participant's maximal
-    contractions, or without one to the largest of the participant's fitted recordings.
+    """Return relative envelopes of every recording except maximal contractions.
+
+    The scale is the largest envelope in a participant's maximal contractions, or without any, in the participant's
+    fitted recordings.
     """
-    recordings = with_emg(study, table)
-    made = [(recording, *_envelopes(emg_stream(recording, table), table)) for recording in recordings]
+    recordings = find_recordings_with_emg(study, table)
+    made = [(recording, *_stream_envelopes(emg_stream(recording, table), table)) for recording in recordings]
     top: dict[tuple[str | None, str], float] = {}
     fitted = [r for r in recordings if r.use == "fit"]
     maximal = {r.participant for r in fitted if r.protocol == "mvc"}
@@ -174,53 +176,54 @@ def relative_envelopes(study: Study, table: EnvelopeTable) -> list[MuscleEnvelop
     ]  # fmt: skip
 
 
-def _envelopes(stream: Recording, table: EnvelopeTable) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Times [s] and envelopes, thinned, of one file."""
-    every = slice(None, None, max(1, int(stream.fs / ENVELOPE_RATE)))
+def _stream_envelopes(stream: Recording, table: EnvelopeTable) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Return the times [s] and the envelopes of one file, thinned."""
+    every = slice(None, None, max(1, int(stream.fs / MIN_ENVELOPE_RATE_HZ)))
     if table.chain == "none":
-        return stream.time[every], {m: _recorded(stream, m)[every] for m in muscles_of(stream, table)}
-    chain = _unscaled(emg_chain(table.chain, table.mains))
-    settling = round(SETTLING * stream.fs)
+        return stream.time[every], {m: _recorded_envelope(stream, m)[every] for m in find_used_muscles(stream, table)}
+    chain = _without_normalisation(emg_chain(table.chain, table.mains))
+    settling = round(FILTER_SETTLING_S * stream.fs)
     kept = slice(None)
     if len(stream) < 4 * settling:
         raise RecordingError(
             f"{stream.path.name} (recording {stream.name}): found {len(stream) / stream.fs:.3g} s of EMG, expected at "
-            f"least {4.0 * SETTLING:g} s"
+            f"least {4.0 * FILTER_SETTLING_S:g} s"
         )
     made = {}
-    for muscle in muscles_of(stream, table):
+    for muscle in find_used_muscles(stream, table):
         if stream.channels[f"emg.{muscle}"].unit != "V":
             raise RecordingError(
-                f"{where(stream, muscle)}: found the unit {stream.channels[f'emg.{muscle}'].unit}, expected V for the "
-                f'chain {chain.name}; use chain = "none" where envelopes were recorded'
+                f"{name_channel(stream, muscle)}: found the unit {stream.channels[f'emg.{muscle}'].unit}, expected V "
+                f'for the chain {chain.name}; use chain = "none" where envelopes were recorded'
             )
-        samples, inside = raw_around(stream, muscle)
-        # Only where the file itself begins or ends nothing is known beyond.
+        samples, inside = raw_whole_file(stream, muscle)
+        # Settling time is left out only where the file itself begins or ends, not at the window's ends.
         first, last = max(settling - inside.start, 0), max(settling - (len(samples) - inside.stop), 0)
         kept = slice(first, inside.stop - inside.start - last)
         try:
             made[muscle] = chain.zero_phase(samples, stream.fs, inside=inside)[kept][every]
         except PellucidError as error:
-            raise RecordingError(f"{where(stream, muscle)}: {error}") from None
+            raise RecordingError(f"{name_channel(stream, muscle)}: {error}") from None
     return stream.time[kept][every], made
 
 
-def _recorded(stream: Recording, muscle: str) -> np.ndarray:
+def _recorded_envelope(stream: Recording, muscle: str) -> np.ndarray:
+    """Return a recorded envelope, shape (n,); refuse raw EMG."""
     channel = stream.channels[f"emg.{muscle}"]
     if channel.unit == "V":
         raise RecordingError(
-            f'{where(stream, muscle)}: found the unit V, expected an envelope for chain = "none"; name the chain that '
-            "makes one of raw EMG"
+            f'{name_channel(stream, muscle)}: found the unit V, expected an envelope for chain = "none"; name the '
+            "chain that makes one of raw EMG"
         )
-    # A filter run both ways may leave a little below 0 behind a burst.
+    # A zero-phase filter may undershoot slightly below 0 beside a burst.
     if np.min(channel.samples) < -0.2 * np.max(channel.samples):
         raise RecordingError(
-            f"{where(stream, muscle)}: found {np.min(channel.samples):.3g}, expected an envelope, none below 0: raw "
-            "EMG has a unit of volts and needs a chain"
+            f"{name_channel(stream, muscle)}: found {np.min(channel.samples):.3g}, expected an envelope, none below 0: "
+            "raw EMG has a unit of volts and needs a chain"
         )
     return channel.samples
 
 
-def _unscaled(chain: EmgChain) -> EmgChain:
-    """Without what divides by a recording's own maximum: efforts of several are compared."""
+def _without_normalisation(chain: EmgChain) -> EmgChain:
+    """Return a chain without normalisation by a recording's own maximum, so that recordings can be compared."""
     return replace(chain, stages=tuple(s for s in chain.stages if s.kind != "normalise"))

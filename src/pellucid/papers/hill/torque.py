@@ -14,7 +14,7 @@ from ...estimators.hill import HillMap, fit_hill
 from ...estimators.reconstructions import CORRECTION_FEATURES, CorrectedMap
 from ...estimators.torque_map import fit_torque_map
 from ...fit.swing.leg_balance import bare_leg_torque
-from ...procedures.emg_torque.seated_swings import FLEXORS
+from ...procedures.emg_torque.seated_swings import FLEXOR_MUSCLE
 from .steps import BodyFound, LegFound
 from .trials import ActiveSwing, SubjectTaken, active_swing
 
@@ -91,7 +91,7 @@ def find_torque(empty: BodyFound, leg: LegFound, taken: SubjectTaken) -> TorqueF
 
 
 def _without_flexors(swing: ActiveSwing) -> ActiveSwing:
-    kept = {name: e for name, e in swing.trial.envelopes.items() if name != FLEXORS}
+    kept = {name: e for name, e in swing.trial.envelopes.items() if name != FLEXOR_MUSCLE}
     return replace(swing, trial=replace(swing.trial, envelopes=kept))
 
 

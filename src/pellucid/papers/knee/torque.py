@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...procedures.emg_torque.procedure import EmgTorqueTable
 from ...estimators.cross_validation import Score, score
 from ...estimators.features import MOTION_LOWPASS_HZ
 from ...estimators.strapped_reference import strapped_torque
@@ -16,6 +15,7 @@ from ...estimators.torque_reference import MovedBody, human_torque
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.strap.strap_torque import Orthosis
 from ...lab.knee.rig import KneeRig
+from ...procedures.emg_torque.procedure import EmgTorqueTable
 from ...signals.emg_chain import emg_chain
 from .trials import KneeSession
 from .wearers import WearerFound

@@ -1,1 +1,1 @@
-"""Activations of all muscles, near their EMG, with which a measured torque follows."""
+"""Activations of all muscles, near their EMG, that reproduce a measured torque."""

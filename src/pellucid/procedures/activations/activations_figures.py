@@ -1,4 +1,4 @@
-"""Activations: what EMG gives, what the torque asks for, and what an electrode that was taken away had seen."""
+"""Figures of activations: by EMG, by the measured torque, and of removed electrodes."""
 
 from __future__ import annotations
 
@@ -12,25 +12,26 @@ from ...drawing.style import FIGURE_WIDTH, colour
 from ...estimators.unrecorded import FILLING_METHODS, TORQUE_INFORMED_METHODS, FillingScore
 from .find_activations import AssistedRecording
 
-STRETCH = 5.0
-"""Seconds of a recording that are drawn."""
+DRAWN_STRETCH_S = 5.0
+"""Duration of the drawn stretch of a recording [s]."""
 
-SHOWN = {"synergies": "good", "linear": "fitted", "assisted": "heldout"}
-"""Ways that are drawn over time, and their colours."""
+FILLING_METHOD_TONES = {"synergies": "good", "linear": "fitted", "assisted": "heldout"}
+"""Colour of each filling method that is drawn over time."""
 
-LOWEST = -1.5
-"""R2 below which a mark stands at the edge."""
+MIN_DRAWN_R2 = -1.5
+"""Smallest R2 in a figure. A smaller one is drawn at the edge."""
 
 
-def _middle(count: int, fs: float) -> slice:
-    half = int(0.5 * STRETCH * fs)
+def _drawn_stretch(count: int, fs: float) -> slice:
+    """Return the drawn stretch in the middle of `count` samples."""
+    half = int(0.5 * DRAWN_STRETCH_S * fs)
     return slice(max(0, count // 2 - half), count // 2 + half)
 
 
 def torque_and_activations(each: AssistedRecording, name: str, caption: str) -> Drawing:
-    """The torque, and each muscle's activation by EMG and assisted."""
+    """Draw the torque, and each muscle's activation by EMG alone and EMG-assisted."""
     fs = (len(each.time) - 1) / (each.time[-1] - each.time[0])
-    part = _middle(len(each.time), fs)
+    part = _drawn_stretch(len(each.time), fs)
     time, count = each.time[part], len(each.muscles)
     rows = (count + 1) // 2
     tops, joints = len(each.torque), tuple(each.torque)
@@ -60,13 +61,13 @@ def torque_and_activations(each: AssistedRecording, name: str, caption: str) -> 
     return Drawing(name, figure, caption)
 
 
-def ways_compared(found: Sequence[FillingScore], name: str, caption: str) -> Drawing:
-    """R2 and correlation of every electrode taken away, way by way, with medians."""
+def filling_methods_compared(found: Sequence[FillingScore], name: str, caption: str) -> Drawing:
+    """Draw R2 and correlation of every removed electrode by filling method, with medians."""
     ways = [way for way in FILLING_METHODS if any(each.way == way for each in found)]
     figure = Figure(figsize=(FIGURE_WIDTH, 1.0 + 0.32 * len(ways)), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
     for axis, of, head, low in (
-        (axes[0], "r2", "R² of its activation", LOWEST), (axes[1], "correlation", "Correlation", -1.0)
+        (axes[0], "r2", "R² of its activation", MIN_DRAWN_R2), (axes[1], "correlation", "Correlation", -1.0)
     ):  # fmt: skip
         for row, way in enumerate(ways):
             values = np.maximum([getattr(each, of) for each in found if each.way == way], low)
@@ -82,8 +83,8 @@ def ways_compared(found: Sequence[FillingScore], name: str, caption: str) -> Dra
     return Drawing(name, figure, caption)
 
 
-def electrodes_taken_away(found: Sequence[FillingScore], fs: float, name: str, caption: str) -> Drawing:
-    """Activation by the electrode that was taken away, and as it is filled in, of one recording."""
+def removed_electrodes(found: Sequence[FillingScore], fs: float, name: str, caption: str) -> Drawing:
+    """Draw the activation by each removed electrode of one recording, and the filled activation."""
     channels = list(dict.fromkeys(each.channel for each in found))
     rows = (len(channels) + 1) // 2
     figure = Figure(figsize=(FIGURE_WIDTH, 0.7 + 1.15 * rows), layout="constrained")
@@ -94,16 +95,16 @@ def electrodes_taken_away(found: Sequence[FillingScore], fs: float, name: str, c
             continue
         own = {each.way: each for each in found if each.channel == channels[i]}
         truth = next(iter(own.values())).recorded
-        part = _middle(len(truth), fs)
+        part = _drawn_stretch(len(truth), fs)
         time = np.arange(len(truth))[part] / fs
         line(axis, time, truth[part], color=colour("measured"), linewidth=2.2, alpha=0.6)
-        for way, role in SHOWN.items():
+        for way, role in FILLING_METHOD_TONES.items():
             if way in own:
                 line(axis, time, own[way].filled[part], color=colour(role), linewidth=1.1)
         tidy(axis, first=True, ticks=3)
         axis.set_ylim(0.0, 1.6 * float(np.max(truth[part])) + 1e-6)
         axis.set_title(channels[i].replace("_", " "))
-    words = [("electrode", colour("measured")), *((w, colour(r)) for w, r in SHOWN.items())]
+    words = [("electrode", colour("measured")), *((w, colour(r)) for w, r in FILLING_METHOD_TONES.items())]
     key(axes[0, 1 if len(channels) > 1 else 0], words)
     for axis in axes[-1]:
         axis.set_xlabel("Time (s)")

@@ -1,4 +1,4 @@
-"""The report of activations: electrodes taken away first, then what muscles do."""
+"""The report of activations: first the scores of removed electrodes, then torques and activations."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from ..study_page import figure_tables, study_page
 from . import activations_figures as figures
 from .find_activations import ActivationsResult
 
-DRAWN = 4
-"""Recordings that are drawn."""
+MAX_DRAWN_RECORDINGS = 4
+"""Largest number of recordings that are drawn."""
 
 
 def page(study: Study, found: ActivationsResult) -> Page:
-    """What taking electrodes away says, then torque and activations of the first recordings."""
+    """Return the page with the scores of removed electrodes, and torques and activations of the first recordings."""
     judged, shown = [], []
     for i, joint in enumerate(dict.fromkeys(joint for joint, _ in found.left_out), start=1):
         own = [each for j, each in found.left_out if j == joint]
         judged.append(
             draw(
-                figures.ways_compared, own, f"ways_{i}",
+                figures.filling_methods_compared, own, f"ways_{i}",
                 f"{prose(joint)}: one electrode after another taken away from the recordings that judge, and its "
                 "muscle's activation filled in. Lines are medians; orange ways are told the torque. Marks at the left "
                 "edge lie beyond it.",
@@ -31,13 +31,13 @@ def page(study: Study, found: ActivationsResult) -> Page:
         fs = (len(first.time) - 1) / (first.time[-1] - first.time[0])
         judged.append(
             draw(
-                figures.electrodes_taken_away, [each for each in own if each.recording == first.recording], fs,
+                figures.removed_electrodes, [each for each in own if each.recording == first.recording], fs,
                 f"taken_away_{i}",
                 f"{prose(joint)}, {first.recording.replace('_', ' ')}: activation by the electrode taken away (grey), "
                 "and as it was filled in.",
             )
         )  # fmt: skip
-    for i, each in enumerate(found.recordings[:DRAWN], start=1):
+    for i, each in enumerate(found.recordings[:MAX_DRAWN_RECORDINGS], start=1):
         shown.append(
             draw(
                 figures.torque_and_activations, each, f"activations_{i}",

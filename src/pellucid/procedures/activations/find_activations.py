@@ -1,4 +1,4 @@
-"""Activations of every recording that judges, and what taking each electrode away says of them."""
+"""Find activations in every test recording, and score them by removing each electrode in turn."""
 
 from __future__ import annotations
 
@@ -37,53 +37,53 @@ from ..procedure import Progress, quiet
 from ..result import FigureTable, Result
 from .procedure import ActivationsTable
 
-TOGETHER = "together"
-"""What figures of several joints' muscles are called."""
+JOINTS_TOGETHER_ID = "together"
+"""Part of row ids and file names for the muscles of several joints."""
 
 
-def id_of(what: str) -> str:
-    """A joint, or `TOGETHER` where there are several."""
-    return TOGETHER if " and " in what else what
+def make_joint_id(what: str) -> str:
+    """Return the id of a joint, or `JOINTS_TOGETHER_ID` for several joints in words."""
+    return JOINTS_TOGETHER_ID if " and " in what else what
 
 
 @dataclass(frozen=True, eq=False)
 class AssistedRecording:
-    """What muscles do in one recording."""
+    """Activations and torques in one recording."""
 
-    what: str  # The joint, or joints in words
+    what: str  # Joint, or several joints in words
     recording: str
-    muscles: tuple[str, ...]
-    filled: tuple[str, ...]  # Of these, without EMG
+    muscles: tuple[str, ...]  # Names of the muscles
+    filled: tuple[str, ...]  # Names of the muscles without EMG
     trust: AssistanceWeights
-    emg_driven: Mapping[str, Score]  # Held out, by joint
-    assisted: Mapping[str, Score]  # Told the torque
-    moved: float  # RMS by which activations left their EMG
+    emg_driven: Mapping[str, Score]  # Score of EMG-driven muscles on the held-out torque, by joint
+    assisted: Mapping[str, Score]  # Score of EMG-assisted muscles, which see this torque, by joint
+    moved: float  # RMS difference of assisted activations from those by EMG
     checksum: str
-    time: np.ndarray = field(repr=False)  # (n,) [s]
-    # torque, driven, followed: (n,) [N m], by joint
-    torque: Mapping[str, np.ndarray] = field(repr=False)
-    driven: Mapping[str, np.ndarray] = field(repr=False)
-    followed: Mapping[str, np.ndarray] = field(repr=False)
-    by_emg: np.ndarray = field(repr=False)  # by_emg, activation: (m, n)
-    activation: np.ndarray = field(repr=False)
+    time: np.ndarray = field(repr=False)  # Time, shape (n,) [s]
+    torque: Mapping[str, np.ndarray] = field(repr=False)  # Measured torque by joint, shape (n,) [N m]
+    driven: Mapping[str, np.ndarray] = field(repr=False)  # Torque of EMG-driven muscles by joint, shape (n,) [N m]
+    followed: Mapping[str, np.ndarray] = field(repr=False)  # Torque of assisted muscles by joint, shape (n,) [N m]
+    by_emg: np.ndarray = field(repr=False)  # Activation by EMG, shape (m, n)
+    activation: np.ndarray = field(repr=False)  # Assisted activation, shape (m, n)
 
     @property
     def file(self) -> str:
-        """Its name in ``tables/``."""
-        return f"activations_{id_of(self.what)}_{self.recording}.csv"
+        """Name of the file of activations in ``tables/``."""
+        return f"activations_{make_joint_id(self.what)}_{self.recording}.csv"
 
     def named(self, joint: str) -> str:
-        """What its figures of a joint are called."""
-        own = id_of(self.what)
+        """Return the part of row ids for a joint in this recording."""
+        own = make_joint_id(self.what)
         return f"{own if joint in (self.what, own) else f'{own}.{joint}'}.{self.recording}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class ActivationsResult(Result):
-    """What `activations` found."""
+    """Result of `activations`."""
 
     recordings: tuple[AssistedRecording, ...] = field(default=(), repr=False)
-    left_out: tuple[tuple[str, FillingScore], ...] = field(default=(), repr=False)  # By joint, or joints in words
+    # Scores of filling methods for removed electrodes, each with its joint, or joints in words
+    left_out: tuple[tuple[str, FillingScore], ...] = field(default=(), repr=False)
 
     def written(self, study: Study) -> str:
         return f"Activations over time in {study.made / 'tables'}"
@@ -104,33 +104,36 @@ class ActivationsResult(Result):
 
 
 def find_activations(study: Study, tell: Progress = quiet) -> ActivationsResult:
-    """Activations near EMG with which the torques follow, of several joints by muscles that are calibrated over all of
-    them. `study` [activations]."""
+    """Find activations near EMG that reproduce the measured torques.
+
+    Muscles of several joints are calibrated over all of them, if their torques are in the same recordings. `study`
+    [activations].
+    """
     table, config = study.find_table(ActivationsTable), study.find_table(EmgTorqueTable)
     if table is None or config is None:
         raise IdentificationError(f"{study.folder}: found no tables [activations] and [emg_torque], expected both")
     recordings, left_out, checksums, said = [], [], {}, []
     trials = {joint: moment_trials(study, joint) for joint in config.joints}
     checksums |= {trial.name: trial.checksum for own in trials.values() for trial in own}
-    parts = [tuple(trials)] if _alike(trials) else [(joint,) for joint in trials]
+    parts = [tuple(trials)] if _have_same_recordings(trials) else [(joint,) for joint in trials]
     if len(parts) > 1:
         said.append(
             Verdict("note", f"{', '.join(trials)}: not of the same recordings, so each joint's muscles stand alone.")
         )
     for i, joints in enumerate(parts):
         what = " and ".join(joints)
-        splits = _splits(study, {joint: trials[joint] for joint in joints})
+        splits = _split_recordings(study, {joint: trials[joint] for joint in joints})
         for k, (fitted, judged) in enumerate(splits):
             at = (i + k / len(splits)) / len(parts)
             tell(f"{what}, calibrating muscles", at)
-            found = _calibrated(fitted)
+            found = _calibrate_muscles(fitted)
             stated = None if table.trust is None else AssistanceWeights(table.trust, table.effort, chosen=False)
             trust = stated or choose_trust(found, fitted)
             tell(f"{what}, taking electrodes away", at + 0.3 / len(splits) / len(parts))
             judged = (
                 [EnvelopeFiller(fitted).fill_in(t, table.lost, table.fill) for t in judged] if table.lost else judged
             )
-            recordings += [_assisted(what, found, fitted, trial, trust, table) for trial in judged]
+            recordings += [_assist_recording(what, found, fitted, trial, trust, table) for trial in judged]
             left_out += [(what, each) for each in score_filling_methods(found, fitted, judged, trust, table.lost)]
     return ActivationsResult(
         study=study.name,
@@ -145,20 +148,21 @@ def find_activations(study: Study, tell: Progress = quiet) -> ActivationsResult:
     )
 
 
-def _alike(trials: Mapping[str, Sequence[TorqueTrial]]) -> bool:
-    """Whether every joint's torque is known in the same recordings."""
+def _have_same_recordings(trials: Mapping[str, Sequence[TorqueTrial]]) -> bool:
+    """Return whether every joint's torque is known in the same recordings."""
     return len({tuple(t.name for t in own) for own in trials.values()}) == 1
 
 
-def _calibrated(fitted: Sequence[TrialByJoint]) -> CalibratedMuscleSet:
+def _calibrate_muscles(fitted: Sequence[TrialByJoint]) -> CalibratedMuscleSet:
+    """Calibrate muscles of one joint, or of several at once."""
     by_joint = {joint: [each[joint] for each in fitted] for joint in fitted[0]}
     return fit_together(by_joint) if len(by_joint) > 1 else SingleJointMuscles(fit_hill(next(iter(by_joint.values()))))
 
 
-def _splits(
+def _split_recordings(
     study: Study, trials: Mapping[str, Sequence[TorqueTrial]]
 ) -> list[tuple[list[TrialByJoint], list[TrialByJoint]]]:
-    """What is fitted and what judges: as the study says, or each trial left out in turn where all may be fitted."""
+    """Return pairs of fitted and test recordings: as the study says, or each left out in turn."""
     across = [dict(zip(trials, each, strict=True)) for each in zip(*trials.values(), strict=True)]
     held = [next(iter(each.values())).heldout for each in across]
     fitted = [each for each, out in zip(across, held, strict=True) if not out]
@@ -177,7 +181,7 @@ def _splits(
     )
 
 
-def _assisted(
+def _assist_recording(
     what: str,
     found: CalibratedMuscleSet,
     fitted: Sequence[TrialByJoint],
@@ -185,6 +189,7 @@ def _assisted(
     trust: AssistanceWeights,
     table,
 ) -> AssistedRecording:
+    """Find the assisted activations of one recording and score their torque."""
     muscles, own = make_assisted_muscles(found, trial, torque_standard_deviations(fitted))
     names, one = tuple(found.driven), next(iter(trial.values()))
     channels = {MUSCLE_BY_CHANNEL_ALIAS.get(name, name) for name in one.envelopes}
@@ -204,8 +209,10 @@ def _assisted(
     )  # fmt: skip
 
 
-def pooled(left_out: Sequence[tuple[str, FillingScore]], joint: str, way: str) -> tuple[float, float, float | None]:
-    """Medians over electrodes and recordings: R2 and correlation of activations, R2 of the torque."""
+def median_scores(
+    left_out: Sequence[tuple[str, FillingScore]], joint: str, way: str
+) -> tuple[float, float, float | None]:
+    """Return medians over electrodes and recordings: R2 and correlation of activations, and R2 of the torque."""
     own = [each for j, each in left_out if j == joint and each.way == way]
     torque = [np.mean([s.r2 for s in each.torque.values()]) for each in own if each.torque is not None]
     return (
@@ -215,31 +222,33 @@ def pooled(left_out: Sequence[tuple[str, FillingScore]], joint: str, way: str) -
     )
 
 
-def ways_of(left_out: Sequence[tuple[str, FillingScore]], joint: str) -> list[str]:
-    """Ways that were tried at a joint."""
+def find_scored_methods(left_out: Sequence[tuple[str, FillingScore]], joint: str) -> list[str]:
+    """Return the filling methods that were scored at a joint."""
     present = {each.way for j, each in left_out if j == joint}
     return [way for way in FILLING_METHODS if way in present]
 
 
-def _best(left_out: Sequence[tuple[str, FillingScore]], joint: str) -> str:
-    """Of the ways that are told no torque, the one with the largest median R2."""
+def _best_emg_method(left_out: Sequence[tuple[str, FillingScore]], joint: str) -> str:
+    """Return the filling method with the largest median R2 among those that do not see the torque."""
     return max(
-        (w for w in ways_of(left_out, joint) if w not in TORQUE_INFORMED_METHODS),
-        key=lambda w: pooled(left_out, joint, w)[0],
+        (w for w in find_scored_methods(left_out, joint) if w not in TORQUE_INFORMED_METHODS),
+        key=lambda w: median_scores(left_out, joint, w)[0],
     )
 
 
-def _joints(left_out: Sequence[tuple[str, FillingScore]]) -> list[str]:
+def _joints_left_out(left_out: Sequence[tuple[str, FillingScore]]) -> list[str]:
+    """Return the joints with removed electrodes."""
     return list(dict.fromkeys(joint for joint, _ in left_out))
 
 
 def _headline(recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[str, FillingScore]]) -> str:
     said = []
-    for joint in _joints(left_out):
-        way = _best(left_out, joint)
+    for joint in _joints_left_out(left_out):
+        way = _best_emg_method(left_out, joint)
+        own, assisted = (median_scores(left_out, joint, each)[0] for each in (way, "assisted"))
         said.append(
-            f"{joint}: a muscle whose electrode was taken away is told with R² {pooled(left_out, joint, way)[0]:.2f} "
-            f"by the {FILLING_METHODS[way]}, {pooled(left_out, joint, 'assisted')[0]:.2f} by what the torque asks for"
+            f"{joint}: a muscle whose electrode was taken away is told with R² {own:.2f} by the "
+            f"{FILLING_METHODS[way]}, {assisted:.2f} by what the torque asks for"
         )
     if not said:
         return f"Activations of {len(recordings)} recordings; no electrode could be taken away to judge them."
@@ -263,10 +272,10 @@ def _verdicts(
                     "evidence of them.",
                 )
             )
-        if joint in _joints(left_out):
-            told = pooled(left_out, joint, "assisted")[0]
+        if joint in _joints_left_out(left_out):
+            told = median_scores(left_out, joint, "assisted")[0]
             if told < 0.0:
-                best = _best(left_out, joint)
+                best = _best_emg_method(left_out, joint)
                 said.append(
                     Verdict(
                         "warning",
@@ -298,9 +307,11 @@ def _table(recordings: Sequence[AssistedRecording]) -> FigureTable:
 
 def _left_out_tables(left_out: Sequence[tuple[str, FillingScore]]) -> list[FigureTable]:
     made = []
-    for joint in _joints(left_out):
+    for joint in _joints_left_out(left_out):
         heads = ("Filled in by", "R²", "correlation", "R² of the torque")
-        rows = tuple((FILLING_METHODS[way], *pooled(left_out, joint, way)) for way in ways_of(left_out, joint))
+        rows = tuple(
+            (FILLING_METHODS[way], *median_scores(left_out, joint, way)) for way in find_scored_methods(left_out, joint)
+        )
         made.append(FigureTable(f"Electrode taken away, {joint}: median over electrodes and recordings", heads, rows))
     return made
 
@@ -321,19 +332,19 @@ def _rows(
             row(
                 f"{base}.assisted.r2", each.assisted[joint].r2, "fitted", each.recording, "told the torque: no evidence"
             )
-        base = each.named(id_of(each.what))
+        base = each.named(make_joint_id(each.what))
         row(f"{base}.assisted.moved", each.moved, "fitted", each.recording, "RMS by which activations left EMG")
-    for joint in _joints(left_out):
-        for way in ways_of(left_out, joint):
-            r2, together, torque = pooled(left_out, joint, way)
+    for joint in _joints_left_out(left_out):
+        for way in find_scored_methods(left_out, joint):
+            r2, together, torque = median_scores(left_out, joint, way)
             told = ", told the torque" if way in TORQUE_INFORMED_METHODS else ""
             note = f"median over electrodes taken away and recordings{told}"
-            row(f"{id_of(joint)}.left_out.{way}.r2", r2, "heldout", "", note)
-            row(f"{id_of(joint)}.left_out.{way}.correlation", together, "heldout", "", note)
+            row(f"{make_joint_id(joint)}.left_out.{way}.r2", r2, "heldout", "", note)
+            row(f"{make_joint_id(joint)}.left_out.{way}.correlation", together, "heldout", "", note)
             if torque is not None:
-                row(f"{id_of(joint)}.left_out.{way}.torque.r2", torque, "heldout", "", note)
+                row(f"{make_joint_id(joint)}.left_out.{way}.torque.r2", torque, "heldout", "", note)
     for joint, each in left_out:
-        base = f"{id_of(joint)}.{each.recording}.left_out.{each.channel}.{each.way}"
+        base = f"{make_joint_id(joint)}.{each.recording}.left_out.{each.channel}.{each.way}"
         row(f"{base}.r2", each.r2, "heldout", each.recording)
         row(f"{base}.correlation", each.correlation, "heldout", each.recording)
     return made

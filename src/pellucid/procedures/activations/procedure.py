@@ -1,10 +1,10 @@
-"""Activations of all muscles, near their EMG, with which a measured torque follows; muscles without EMG filled in."""
+"""Procedure that finds activations near EMG that reproduce a measured torque, and fills in muscles without EMG."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
@@ -12,25 +12,30 @@ from ...recordings.study import Study
 from ...recordings.study_fields import ProcedureTable, Word
 from ...recordings.study_file import StudyFile
 from ..emg_torque.procedure import EmgTorqueTable
-from ..procedure import Procedure, late
+from ..procedure import Procedure, Progress, quiet
+
+if TYPE_CHECKING:
+    from ...pages.page import Page
+    from ...recordings.fault import Fault
+    from .find_activations import ActivationsResult
 
 
 class ActivationsTable(ProcedureTable):
-    """Activations of all muscles: ``[activations]``, beside ``[emg_torque]``, which says where EMG and torque are.
+    """Settings of activations: ``[activations]``, beside ``[emg_torque]``, which says where EMG and torque are.
 
     Attributes
     ----------
     trust : float or None
-        In EMG, against the torque; without it chosen within what may be fitted.
+        Weight of the deviation from EMG, against the torque; by default chosen within the fitted recordings.
     effort : float or None
-        What activity costs of a muscle without EMG; chosen with it.
+        Weight of the activity of a muscle without EMG; chosen together with `trust`.
     unrecorded : str
-        Of muscles on which no electrode was: ``"neighbour"``, as one of their group, or ``"static"``, by static
+        Method for muscles that never had an electrode: ``"neighbour"``, the EMG of their group, or ``"static"``, static
         optimisation.
     lost : tuple of str
-        Channels whose electrodes were lost in the recordings that judge: filled in from the others.
+        Channels whose electrodes were lost in the test recordings, which are filled in from the others.
     fill : str
-        How: ``"synergies"`` or ``"linear"``.
+        Method that fills them in: ``"synergies"`` or ``"linear"``.
     """
 
     trust: float | None = Field(None, gt=0)
@@ -40,25 +45,37 @@ class ActivationsTable(ProcedureTable):
     fill: Literal["synergies", "linear"] = "synergies"
 
     def require_in(self, config: StudyFile) -> None:
-        """Muscles, EMG and torques are said elsewhere."""
+        """Require the table [emg_torque], and either both or none of `trust` and `effort`."""
         if config.find_table(EmgTorqueTable) is None:
             raise ValueError("[activations]: found no table [emg_torque], expected it to say where EMG and torque are")
         if (self.trust is None) != (self.effort is None):
             raise ValueError("[activations]: found one of trust and effort, expected both or neither")
 
 
-class ActivationsProcedure(Procedure):
+class ActivationsProcedure(Procedure[ActivationsTable, "ActivationsResult"]):
     """Activations of all muscles."""
 
     name, command = "activations", "activations"
     whole = True
     table = ActivationsTable
-    faults = late("emg_torque.study_faults", "study_faults")
-    run = late("activations.find_activations", "find_activations")
-    page = late("activations.activations_page", "page")
+
+    def faults(self, study: Study, table: ActivationsTable) -> list[Fault]:
+        from ..emg_torque.study_faults import study_faults
+
+        return study_faults(study)
+
+    def run(self, study: Study, table: ActivationsTable, tell: Progress = quiet) -> ActivationsResult:
+        from .find_activations import find_activations
+
+        return find_activations(study, tell)
+
+    def page(self, study: Study, found: ActivationsResult) -> Page:
+        from .activations_page import page
+
+        return page(study, found)
 
     def inputs(self, study: Study) -> Iterable[Path]:
-        """The muscles' constants."""
+        """Yield the file of the muscles' constants."""
         constants = study.table(EmgTorqueTable).muscle_file
         if constants is not None:
             yield study.inside(constants, "[emg_torque] muscle_file")

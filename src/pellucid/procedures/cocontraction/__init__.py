@@ -1,1 +1,1 @@
-"""How much antagonists work against each other."""
+"""Co-contraction of antagonists."""

@@ -1,4 +1,4 @@
-"""Envelopes of antagonists, and what they have in common."""
+"""Figures of co-contraction: envelopes of antagonists, and indices."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .find_cocontraction import PairActivity
 
 
 def overlap(each: PairActivity, name: str, caption: str) -> Drawing:
-    """Two envelopes over time, the part that both have shaded."""
+    """Draw two envelopes over time, with their common part shaded."""
     figure = Figure(figsize=(FIGURE_WIDTH, 2.5), layout="constrained")
     axis = figure.subplots()
     low = np.minimum(each.first, each.second)
@@ -29,7 +29,7 @@ def overlap(each: PairActivity, name: str, caption: str) -> Drawing:
 
 
 def indices(found: Sequence[PairActivity], name: str, caption: str) -> Drawing:
-    """Both indices of every recording with their intervals, a panel for each."""
+    """Draw both indices of every recording with their intervals, a panel for each index."""
     recordings = list(dict.fromkeys(each.recording for each in found))
     pairs = list(dict.fromkeys(each.pair for each in found))
     tones = [colour(role) for role in ("fitted", "heldout", "good", "load", "stribeck", "combined")]

@@ -10,12 +10,12 @@ from ..study_page import figure_tables, study_page
 from .cocontraction_figures import indices, overlap
 from .find_cocontraction import CocontractionResult
 
-DRAWN = 6
-"""Pairs of recordings whose envelopes are drawn."""
+MAX_DRAWN_PAIRS = 6
+"""Largest number of pairs whose envelopes are drawn."""
 
 
 def page(study: Study, found: CocontractionResult) -> Page:
-    """Indices of all, envelopes of the first few."""
+    """Return the page with the indices of all pairs and the envelopes of the first ones."""
     level = f"{100 * found.confidence:g} %"
     drawings = [
         draw(
@@ -27,7 +27,7 @@ def page(study: Study, found: CocontractionResult) -> Page:
                 overlap, each, f"pair_{i}",
                 f"{each.recording.replace('_', ' ')}: envelopes over each muscle's maximum; what both have is shaded.",
             )
-            for i, each in enumerate(found.pairs[:DRAWN], start=1)
+            for i, each in enumerate(found.pairs[:MAX_DRAWN_PAIRS], start=1)
         ),
     ]  # fmt: skip
     said = (

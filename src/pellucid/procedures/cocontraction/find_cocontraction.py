@@ -1,4 +1,4 @@
-"""Indices of co-contraction of every pair in every recording, and of conditions against each other."""
+"""Compute both indices of co-contraction for every pair of antagonists in every recording."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ from ...fit.parameter import Verdict
 from ...recordings.fault import Fault
 from ...recordings.results import ResultRow
 from ...recordings.study import Study
-from ..muscle_channels import MuscleEnvelopes, emg_faults, envelope_faults, refuse, relative_envelopes
+from ..muscle_channels import MuscleEnvelopes, emg_faults, envelope_faults, raise_refusals, relative_envelopes
 from ..procedure import Progress, quiet
 from ..result import FigureTable, Result
 from .procedure import CocontractionTable
 
-STRETCH = 6.0
-"""Seconds of a recording that are drawn."""
+DRAWN_STRETCH_S = 6.0
+"""Duration of the drawn stretch of a recording [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class PairActivity:
-    """A pair in one recording."""
+    """Co-contraction of a pair of antagonists in one recording."""
 
     recording: str
-    pair: tuple[str, str]
-    found: Cocontraction
-    time: np.ndarray = field(repr=False)  # time, first, second: (k,) In the recording's middle [s], [1]
-    first: np.ndarray = field(repr=False)
-    second: np.ndarray = field(repr=False)
+    pair: tuple[str, str]  # Names of the muscles
+    found: Cocontraction  # Both indices
+    time: np.ndarray = field(repr=False)  # Time of the drawn stretch, shape (k,) [s]
+    first: np.ndarray = field(repr=False)  # Envelope of the first muscle in the stretch, shape (k,) [1]
+    second: np.ndarray = field(repr=False)  # Envelope of the second muscle in the stretch, shape (k,) [1]
 
     @property
     def words(self) -> str:
-        """Of the pair."""
+        """Names of the muscles in words."""
         return " and ".join(self.pair)
 
 
 @dataclass(frozen=True, kw_only=True)
 class CocontractionResult(Result):
-    """What `cocontraction` found."""
+    """Result of `cocontraction`."""
 
     pairs: tuple[PairActivity, ...] = field(default=(), repr=False)
 
@@ -48,17 +48,16 @@ class CocontractionResult(Result):
         return "No card is made of indices"
 
 
-def faults(study: Study) -> list[Fault]:
-    """EMG that is not fit to be used, and pairs that are none."""
-    return envelope_faults(study, study.table(CocontractionTable), _checked, "antagonists")
+def faults(study: Study, table: CocontractionTable) -> list[Fault]:
+    """Return faults of EMG that is unfit for use, and of pairs without EMG."""
+    return envelope_faults(study, table, lambda study, made: _require_pairs(study, table, made), "antagonists")
 
 
-def find_cocontraction(study: Study, tell: Progress = quiet) -> CocontractionResult:
-    """Both indices of every pair in every recording. `study` [cocontraction]."""
-    table = study.table(CocontractionTable)
-    refuse(emg_faults(study, table))
+def find_cocontraction(study: Study, table: CocontractionTable, tell: Progress = quiet) -> CocontractionResult:
+    """Compute both indices of every pair in every recording. `study` [cocontraction]."""
+    raise_refusals(emg_faults(study, table))
     tell("envelopes", 0.1)
-    recordings = _checked(study, relative_envelopes(study, table))
+    recordings = _require_pairs(study, table, relative_envelopes(study, table))
     found, rows = [], []
     for each in recordings:
         for pair in table.pairs:
@@ -68,14 +67,14 @@ def find_cocontraction(study: Study, tell: Progress = quiet) -> CocontractionRes
             except RecordingError as error:
                 raise RecordingError(f"recording {each.name}, {' and '.join(pair)}: {error}") from None
             middle = 0.5 * (each.time[0] + each.time[-1])
-            shown = np.abs(each.time - middle) <= 0.5 * STRETCH
+            shown = np.abs(each.time - middle) <= 0.5 * DRAWN_STRETCH_S
             found.append(PairActivity(each.name, pair, index, each.time[shown], first[shown], second[shown]))
             rows += _rows(study.name, found[-1], each, table.confidence)
     return CocontractionResult(
         study=study.name,
         headline=_headline(found),
         tables=(_table(found),),
-        verdicts=_verdicts(study, found),
+        verdicts=_verdicts(study, table, found),
         confidence=table.confidence,
         rows=tuple(rows),
         cards={},
@@ -84,9 +83,9 @@ def find_cocontraction(study: Study, tell: Progress = quiet) -> CocontractionRes
     )
 
 
-def _checked(study: Study, recordings: list[MuscleEnvelopes]) -> list[MuscleEnvelopes]:
-    """Recordings in which every pair is; RecordingError where one is not."""
-    for pair in study.table(CocontractionTable).pairs:
+def _require_pairs(study: Study, table: CocontractionTable, recordings: list[MuscleEnvelopes]) -> list[MuscleEnvelopes]:
+    """Return the recordings; raise a RecordingError if a pair is invalid or lacks EMG in one of them."""
+    for pair in table.pairs:
         if pair[0] == pair[1]:
             raise RecordingError(f"{study.folder}: [cocontraction] pairs: found {pair[0]} twice, expected antagonists")
         for each in recordings:
@@ -122,9 +121,9 @@ def _headline(found: list[PairActivity]) -> str:
     return "; ".join(said) + "."
 
 
-def _verdicts(study: Study, found: list[PairActivity]) -> tuple[Verdict, ...]:
+def _verdicts(study: Study, table: CocontractionTable, found: list[PairActivity]) -> tuple[Verdict, ...]:
     said = []
-    if not any(r.protocol == "mvc" for r in study.recordings()) and study.table(CocontractionTable).chain != "none":
+    if not any(r.protocol == "mvc" for r in study.recordings()) and table.chain != "none":
         said.append(
             Verdict(
                 "warning",
@@ -132,7 +131,7 @@ def _verdicts(study: Study, found: list[PairActivity]) -> tuple[Verdict, ...]:
                 "hangs on which effort that was. Compare conditions of one participant, not participants.",
             )
         )
-    if study.table(CocontractionTable).chain == "none":
+    if table.chain == "none":
         said.append(
             Verdict(
                 "note",

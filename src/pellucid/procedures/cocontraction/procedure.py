@@ -1,35 +1,55 @@
-"""How much antagonists work against each other, from their envelopes."""
+"""Procedure that computes indices of co-contraction from envelopes."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 from pydantic import Field
 
 from ...recordings.study_fields import Word
 from ..muscle_tables import EnvelopeTable
-from ..procedure import Procedure, late
+from ..procedure import Procedure, Progress, quiet
+
+if TYPE_CHECKING:
+    from ...pages.page import Page
+    from ...recordings.fault import Fault
+    from ...recordings.study import Study
+    from .find_cocontraction import CocontractionResult
 
 
 class CocontractionTable(EnvelopeTable):
-    """How much antagonists work against each other: ``[cocontraction]``.
+    """Settings of co-contraction: ``[cocontraction]``.
 
     Attributes
     ----------
     pairs : tuple of (str, str)
-        Antagonists, as channels ``emg.<muscle>`` name them.
+        Antagonists, by the names of their channels ``emg.<muscle>``.
     confidence : float
-        Of the intervals, in (0, 1).
+        Confidence level of the intervals, in (0, 1).
     """
 
     pairs: tuple[tuple[Word, Word], ...] = Field(min_length=1)
     confidence: float = Field(0.95, gt=0, lt=1)
 
 
-class CocontractionProcedure(Procedure):
-    """How much antagonists work against each other."""
+class CocontractionProcedure(Procedure[CocontractionTable, "CocontractionResult"]):
+    """Co-contraction of antagonists."""
 
     name, command = "cocontraction", "cocontraction"
     table = CocontractionTable
     whole = True
-    faults = late("cocontraction.find_cocontraction", "faults")
-    run = late("cocontraction.find_cocontraction", "find_cocontraction")
-    page = late("cocontraction.cocontraction_page", "page")
+
+    def faults(self, study: Study, table: CocontractionTable) -> list[Fault]:
+        from .find_cocontraction import faults
+
+        return faults(study, table)
+
+    def run(self, study: Study, table: CocontractionTable, tell: Progress = quiet) -> CocontractionResult:
+        from .find_cocontraction import find_cocontraction
+
+        return find_cocontraction(study, table, tell)
+
+    def page(self, study: Study, found: CocontractionResult) -> Page:
+        from .cocontraction_page import page
+
+        return page(study, found)

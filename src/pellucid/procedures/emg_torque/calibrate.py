@@ -27,50 +27,63 @@ from ...signals.emg_chain import emg_chain
 from ..loaded_swing.procedure import LoadedSwingTable
 from ..result import FigureTable, Result
 from .calibration_rows import calibration_rows
-from .chosen import BASELINE, Chosen, chosen_in_folds, chosen_of, examined_if_candidate
+from .chosen import (
+    BASELINE_ESTIMATOR,
+    RecommendedEstimator,
+    recommend_by_fold,
+    recommend_estimator,
+    run_tests_if_candidate,
+)
 from .estimator_cards import estimator_cards
-from .evaluated import CAUSAL, EVALUATED, Calibrated, Evaluated, TorqueTrace, estimators_for
+from .evaluated import (
+    CAUSAL_ESTIMATORS,
+    REPORTED_ESTIMATORS,
+    CalibrationFindings,
+    EstimatorEvaluation,
+    TorqueTrace,
+    find_applicable_estimators,
+)
 from .known_muscles import geometry_verdicts
-from .leave_one_out import moments_left_out, repetitions_left_out
-from .leg_extension_trials import EXTENSION
+from .leave_one_out import leave_out_recordings, leave_out_repetitions
+from .leg_extension_trials import EXTENSION_PROTOCOL
 from .muscle_findings import (
     MuscleSummary,
+    calibrated_muscle_verdicts,
     muscle_cards,
     muscle_summaries,
     muscle_tables,
-    muscle_verdicts_of,
     partial_errors,
 )
 from .procedure import EmgTorqueTable
 from .relative_envelopes import normalisation_words
-from .seated_swings import SWINGS, seated_swings
-from .sessions import compared_sessions, elsewhere_words, session_tables, session_verdicts
+from .seated_swings import SWING_PROTOCOL, evaluate_seated_swings
+from .sessions import compare_sessions, invalidity_words, session_tables, session_verdicts
 from .stiffness_findings import (
+    find_stiffness,
     stiffness_cards,
-    stiffness_found,
     stiffness_rows,
     stiffness_tables,
     stiffness_verdicts,
 )
-from .together import muscles_together
+from .together import calibrate_together
 from .together_findings import (
-    TogetherShown,
+    TogetherFigureData,
     together_cards,
+    together_figure_data,
     together_rows,
-    together_shown,
     together_tables,
     together_verdicts,
 )
 from .torque_card import torque_card
-from .trial_sources import STEPS, moment_trials, moved_body, step_trials
+from .trial_sources import STEP_PROTOCOL, moment_trials, moved_body, step_trials
 
-BANDS = "bands"
+INVALID_BANDS_FINDING = "bands"
 """Identifier of the finding that error bands are not known to hold."""
 
-CARD = "ridge"
+CARD_ESTIMATOR = "ridge"
 """Estimator whose causal map becomes a card. It is a sum of products, which a robot can compute."""
 
-STEPPED = (CARD, "hill")
+LIVE_ESTIMATORS = (CARD_ESTIMATOR, "hill")
 """Estimators whose causal maps become cards that a session or a robot runs sample by sample."""
 
 Progress = Callable[[str, float], None]
@@ -81,12 +94,16 @@ Progress = Callable[[str, float], None]
 class CalibrationResult(Result):
     """Result of a calibration, with the data for its figures."""
 
-    evaluated: tuple[Evaluated, ...] = field(default=(), repr=False)  # Scores of every estimator on every recording
-    chosen: tuple[Chosen, ...] = field(default=(), repr=False)  # Recommended estimator, by joint or participant
+    evaluated: tuple[EstimatorEvaluation, ...] = field(
+        default=(), repr=False
+    )  # Scores of every estimator on every recording
+    chosen: tuple[RecommendedEstimator, ...] = field(
+        default=(), repr=False
+    )  # Recommended estimator, by joint or participant
     traces: tuple[TorqueTrace, ...] = field(default=(), repr=False)  # Stretches of held-out torque
     muscles: tuple[MuscleSummary, ...] = field(default=(), repr=False)  # Calibrated muscles, by joint or participant
     stiffness: tuple[JointStiffness, ...] = field(default=(), repr=False)  # Stiffness of each joint by its muscles
-    together: TogetherShown | None = field(default=None, repr=False)  # Muscles of all joints calibrated at once
+    together: TogetherFigureData | None = field(default=None, repr=False)  # Muscles of all joints calibrated at once
 
 
 def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationResult:
@@ -102,31 +119,31 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
         require_sampler()  # A missing sampler is reported before minutes of calibration
     tell = on_progress or (lambda text, share: None)
     with helpers_kept():
-        found = _judge_by(study)(study, tell)
-        together = muscles_together(found, tell, table.posterior)
+        found = _choose_evaluation(study)(study, tell)
+        together = calibrate_together(found, tell, table.posterior)
     evaluated, trials = found.evaluated, found.trials
     for what in dict.fromkeys(each.what for each in evaluated if each.what not in found.chosen):
-        found.chosen[what] = chosen_of(evaluated, what)
-    chosen, bands = tuple(found.chosen.values()), _bands(found)
+        found.chosen[what] = recommend_estimator(evaluated, what)
+    chosen, bands = tuple(found.chosen.values()), _invalid_band_sentences(found)
     stepped = estimator_cards(study, found, together)
-    stiffness = stiffness_found(found, stepped)
-    found.verdicts.extend(Verdict("warning", each, finding=BANDS) for each in bands)
+    stiffness = find_stiffness(found, stepped)
+    found.verdicts.extend(Verdict("warning", each, finding=INVALID_BANDS_FINDING) for each in bands)
     return CalibrationResult(
         study=study.name,
-        headline=_nowhere(found) + "".join(f"{each} " for each in bands) + _headline(chosen),
+        headline=_invalid_recordings_sentence(found) + "".join(f"{each} " for each in bands) + _headline(chosen),
         tables=(
             *_chosen_tables(chosen),
-            *_tables(evaluated),
-            *_examined_tables(evaluated),
+            *_error_tables(evaluated),
+            *_condition_test_tables(evaluated),
             *session_tables(found.sessions),
             *muscle_tables(found.muscles),
             *together_tables(together, evaluated),
             *stiffness_tables(stiffness),
         ),
         verdicts=(
-            *verdicts_of(study, evaluated, trials, chosen),
+            *calibration_verdicts(study, evaluated, trials, chosen),
             *geometry_verdicts(study),
-            *muscle_verdicts_of(found),
+            *calibrated_muscle_verdicts(found),
             *together_verdicts(together, found),
             *stiffness_verdicts(stiffness),
         ),
@@ -147,28 +164,26 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
         chosen=chosen,
         traces=tuple(found.traces),
         muscles=muscle_summaries(found),
-        together=together_shown(together),
+        together=together_figure_data(together),
         stiffness=stiffness,
     )
 
 
-def _judge_by(study: Study) -> Callable[[Study, Progress], Calibrated]:
+def _choose_evaluation(study: Study) -> Callable[[Study, Progress], CalibrationFindings]:
     """Return the evaluation that suits the study's protocols and held-out recordings."""
     protocols = {recording.protocol for recording in study.recordings()}
-    if STEPS in protocols:
-        return _by_repetition
-    if EXTENSION in protocols:
-        return repetitions_left_out
-    if SWINGS in protocols and study.find_table(LoadedSwingTable) is not None:
-        return seated_swings
+    if STEP_PROTOCOL in protocols:
+        return _evaluate_by_repetition
+    if EXTENSION_PROTOCOL in protocols:
+        return leave_out_repetitions
+    if SWING_PROTOCOL in protocols and study.find_table(LoadedSwingTable) is not None:
+        return evaluate_seated_swings
     if len(study.recordings()) > 2 and all(recording.use == "fit" for recording in study.recordings()):
-        return moments_left_out
-    return _by_recording
+        return leave_out_recordings
+    return _evaluate_by_recording
 
 
-def _fitted_and_held(
-    study: Study, joint: str, trials: list[TorqueTrial]
-) -> tuple[list[TorqueTrial], list[TorqueTrial]]:
+def _split_trials(study: Study, joint: str, trials: list[TorqueTrial]) -> tuple[list[TorqueTrial], list[TorqueTrial]]:
     """Return the fitted and the held-out trials of a joint, at least one of each."""
     parts = [t for t in trials if not t.heldout], [t for t in trials if t.heldout]
     if not all(parts):
@@ -179,12 +194,16 @@ def _fitted_and_held(
     return parts
 
 
-def _by_recording(study: Study, tell: Progress) -> Calibrated:
+def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
     """Fit every estimator to the fitted recordings and score it on each held-out one."""
-    found, joints, rescale = Calibrated(), study.table(EmgTorqueTable).joints, study.table(EmgTorqueTable).rescale
+    found, joints, rescale = (
+        CalibrationFindings(),
+        study.table(EmgTorqueTable).joints,
+        study.table(EmgTorqueTable).rescale,
+    )
     trials = {joint: moment_trials(study, joint) for joint in joints}
-    parts = {joint: _fitted_and_held(study, joint, trials[joint]) for joint in joints}
-    session, compared = compared_sessions(study, *parts[joints[0]])
+    parts = {joint: _split_trials(study, joint, trials[joint]) for joint in joints}
+    session, compared = compare_sessions(study, *parts[joints[0]])
     found.sessions.update(compared)
     for joint, (fitted, held) in parts.items():
         again = rescale is not None
@@ -195,9 +214,9 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
     judged = {joint: {t.name: t for t in own if t.heldout} for joint, own in found.across.items()}
     runs = [
         (joint, name, causal)
-        for causal, names in ((False, EVALUATED), (True, CAUSAL))
+        for causal, names in ((False, REPORTED_ESTIMATORS), (True, CAUSAL_ESTIMATORS))
         for joint in joints
-        for name in estimators_for(trials[joint], joint, found, names)
+        for name in find_applicable_estimators(trials[joint], joint, found, names)
     ]
     fits = fit_torque_maps(
         [
@@ -209,9 +228,9 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
     traces: dict[tuple[str, str], TorqueTrace] = {}
     for (joint, name, causal), (fit, (away, predicted)) in zip(runs, fits, strict=True):
         fitted, held = parts[joint]
-        if causal and name in STEPPED:
+        if causal and name in LIVE_ESTIMATORS:
             found.causal[joint, name] = fit
-        if causal and name == CARD:
+        if causal and name == CARD_ESTIMATOR:
             found.cards[f"torque_map_{joint}"] = torque_card(study, fit, fitted, f"torque_map_{joint}")
         if isinstance(fit, HillMap) and name == "hill" and not causal:
             found.muscles[joint], found.shown[joint] = fit, held[0]
@@ -223,7 +242,7 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
             trial, made = judged[joint][trial.name], predicted[trial.name]
             half = fit.half_width(trial) if name == "hill" else None
             found.evaluated.append(
-                Evaluated(
+                EstimatorEvaluation(
                     joint, name, causal, trial.name, score(trial.torque, made), fit.choice.score, fit.choice.words,
                     examined=away,
                     seconds=fit.fit.seconds if isinstance(fit, HillMap) else None,
@@ -258,42 +277,46 @@ class _Examination:
     def __call__(
         self, fit: Any, fitted: Sequence[TorqueTrial]
     ) -> tuple[ConditionTestErrors | None, dict[str, np.ndarray]]:
-        away = None if self.causal else examined_if_candidate(fit, fitted)
+        away = None if self.causal else run_tests_if_candidate(fit, fitted)
         return away, {trial.name: fit.predict(trial) for trial in self.judged}
 
 
-def _by_repetition(study: Study, tell: Progress) -> Calibrated:
+def _evaluate_by_repetition(study: Study, tell: Progress) -> CalibrationFindings:
     """Score every estimator on torque steps against an orthosis, each repetition left out in turn."""
-    steps = [recording for recording in study.recordings() if recording.protocol == STEPS]
+    steps = [recording for recording in study.recordings() if recording.protocol == STEP_PROTOCOL]
     people = list(dict.fromkeys(recording.participant for recording in steps))
-    found = Calibrated()
+    found = CalibrationFindings()
     for i, person in enumerate(people):
         body, joint = moved_body(study, person), study.table(EmgTorqueTable).joints[0]
         what = person or joint
         found.verdicts.append(_reference_verdict(what, body))
-        for causal, names in ((False, EVALUATED), (True, CAUSAL)):
+        for causal, names in ((False, REPORTED_ESTIMATORS), (True, CAUSAL_ESTIMATORS)):
             trials = step_trials(study, person, body, causal=causal, joint=joint)
             base, span = (i + 0.8 * causal) / len(people), (0.2 if causal else 0.8) / len(people)
-            names = estimators_for(trials, what, found, names)
+            names = find_applicable_estimators(trials, what, found, names)
             results = cross_validate_torque_maps(
                 trials,
                 names,
                 causal=causal,
                 on_progress=lambda text, share, b=base, s=span, p=person: tell(f"{p}, {text}", b + s * share),
-                examine=None if causal else examined_if_candidate,
+                examine=None if causal else run_tests_if_candidate,
             )
             own = []
             for name, result in results.items():
                 words = " / ".join(dict.fromkeys(choice.words for choice in result.choices))
                 own.append(
-                    Evaluated(what, name, causal, "", result.score, None, words, kind="steps", by_trial=result.by_trial)
+                    EstimatorEvaluation(
+                        what, name, causal, "", result.score, None, words, kind="steps", by_trial=result.by_trial
+                    )
                 )
             found.evaluated.extend(own)
             if causal:
                 card = f"torque_map_{what}"
-                found.cards[card] = torque_card(study, fit_torque_map(trials, CARD, causal=True), trials, card)
+                found.cards[card] = torque_card(
+                    study, fit_torque_map(trials, CARD_ESTIMATOR, causal=True), trials, card
+                )
             else:
-                found.chosen[what] = chosen_in_folds(trials, results, own)
+                found.chosen[what] = recommend_by_fold(trials, results, own)
                 found.trials.extend(trials)
                 # Up to three trials are drawn: the one with the largest error, then easier ones, evenly spaced.
                 worst = sorted(trials, key=lambda t: -results[names[0]].by_trial[t.name].rmse)[
@@ -316,7 +339,7 @@ def _reference_verdict(what: str, body: MovedBody | StrappedBodies) -> Verdict:
     return Verdict("note", f"{what}: the torque of the wearer goes through the strap of its card: {body.model.words}.")
 
 
-def _tables(evaluated: Sequence[Evaluated]) -> tuple[FigureTable, ...]:
+def _error_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[FigureTable, ...]:
     """Return a table of errors for each joint or person and each recording, angles alone first.
 
     Estimators that see the measured torque are in tables of their own, after the others.
@@ -325,8 +348,8 @@ def _tables(evaluated: Sequence[Evaluated]) -> tuple[FigureTable, ...]:
     heads = ("RMSE", "R²", "of that without EMG", "R² within the fit")
     for what, recording in dict.fromkeys((each.what, each.recording) for each in evaluated):
         own = [each for each in evaluated if (each.what, each.recording) == (what, recording)]
-        bare = next((e.score.rmse for e in own if e.estimator == BASELINE), None)
-        own.sort(key=lambda e: e.estimator != BASELINE)
+        bare = next((e.score.rmse for e in own if e.estimator == BASELINE_ESTIMATOR), None)
+        own.sort(key=lambda e: e.estimator != BASELINE_ESTIMATOR)
         where = f"{what}, " + (recording.replace("_", " ") or "each left out in turn")
         for parts, peers, title in (
             (made, True, f"Torque from EMG: {where}"),
@@ -349,7 +372,7 @@ def _tables(evaluated: Sequence[Evaluated]) -> tuple[FigureTable, ...]:
     return (*made, *told)
 
 
-def _chosen_tables(chosen: Sequence[Chosen]) -> tuple[FigureTable, ...]:
+def _chosen_tables(chosen: Sequence[RecommendedEstimator]) -> tuple[FigureTable, ...]:
     """Return tables of the recommended estimator by condition or trial, beside angles alone."""
     made = []
     for each in chosen:
@@ -376,7 +399,7 @@ def _chosen_tables(chosen: Sequence[Chosen]) -> tuple[FigureTable, ...]:
     return tuple(made)
 
 
-def _examined_tables(evaluated: Sequence[Evaluated]) -> tuple[FigureTable, ...]:
+def _condition_test_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[FigureTable, ...]:
     """Return tables of the condition tests that chose the estimator.
 
     Trials that are left out in turn have no such table, since each fold has its own tests.
@@ -393,13 +416,13 @@ def _examined_tables(evaluated: Sequence[Evaluated]) -> tuple[FigureTable, ...]:
     return tuple(made)
 
 
-def _nowhere(found: Calibrated) -> str:
+def _invalid_recordings_sentence(found: CalibrationFindings) -> str:
     """Return a sentence that names recordings on which no estimate is valid; empty if there are none."""
-    away = [f"{name} ({elsewhere_words(c)})" for name, c in found.sessions.items() if not c.holds]
+    away = [f"{name} ({invalidity_words(c)})" for name, c in found.sessions.items() if not c.holds]
     return f"No estimate holds on {', '.join(away)}. " if away else ""
 
 
-def _bands(found: Calibrated) -> list[str]:
+def _invalid_band_sentences(found: CalibrationFindings) -> list[str]:
     """Return sentences that name where error bands are not known to hold.
 
     They follow from EMG and angles alone, without any reference torque.
@@ -424,7 +447,7 @@ def _bands(found: Calibrated) -> list[str]:
     return said
 
 
-def _headline(chosen: Sequence[Chosen]) -> str:
+def _headline(chosen: Sequence[RecommendedEstimator]) -> str:
     """Return the headline: errors of the recommended estimators, the worst recording first, beside angles alone."""
     said = []
     if len(chosen) > 3:
@@ -434,17 +457,17 @@ def _headline(chosen: Sequence[Chosen]) -> str:
         least = min(e.score.rmse for each in chosen for e in each.judged)
         bare = [each.bare[0].score.rmse for each in chosen if each.bare]
         said.append(
-            f"{', '.join(each.what for each in chosen)}: off by {_figure(one)} at worst ({worst.what}) and by "
+            f"{', '.join(each.what for each in chosen)}: off by {_error_words(one)} at worst ({worst.what}) and by "
             f"{least:.3g} at best, by {words}"
             + (f"; angles alone, without EMG, by {max(bare):.3g} and {min(bare):.3g}" if bare else "")
         )
         chosen = ()
     for each in chosen:
-        judged = [(_place(e), _figure(e)) for e in each.judged[:3]]
+        judged = [(_recording_words(e), _error_words(e)) for e in each.judged[:3]]
         first = f"{judged[0][1]}{judged[0][0]}" + (" at worst" if len(each.judged) > 1 else "")
         others = [f"{figure}{place}" for place, figure in judged[1:]]
         if len(each.judged) > 3:
-            others = [f"{_figure(each.judged[-1])} at best"]
+            others = [f"{_error_words(each.judged[-1])} at best"]
         by_trial = each.judged[0].by_trial
         if by_trial:
             name = max(by_trial, key=lambda t: by_trial[t].rmse)
@@ -460,18 +483,21 @@ def _headline(chosen: Sequence[Chosen]) -> str:
     return "; ".join(said) + (where or ", on what was not fitted") + "."
 
 
-def _figure(judged: Evaluated) -> str:
+def _error_words(judged: EstimatorEvaluation) -> str:
     """Return an estimator's error in words."""
     return f"{judged.score.rmse:.3g} {judged.unit} (R² {judged.score.r2:.3f})"
 
 
-def _place(judged: Evaluated) -> str:
+def _recording_words(judged: EstimatorEvaluation) -> str:
     """Return the words that name the recording of an error."""
     return f" on {judged.recording.replace('_', ' ')}" if judged.recording else ""
 
 
-def verdicts_of(
-    study: Study, evaluated: Sequence[Evaluated], trials: Sequence[TorqueTrial], chosen: Sequence[Chosen] = ()
+def calibration_verdicts(
+    study: Study,
+    evaluated: Sequence[EstimatorEvaluation],
+    trials: Sequence[TorqueTrial],
+    chosen: Sequence[RecommendedEstimator] = (),
 ) -> tuple[Verdict, ...]:
     """Return warnings and notes on the recommended estimators and on their test recordings."""
     said = []

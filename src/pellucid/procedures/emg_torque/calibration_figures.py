@@ -1,4 +1,4 @@
-"""Figures of torque maps: what was predicted over time, and how far each estimator is off."""
+"""Figures of torque maps: predicted torque over time, and the error of each estimator."""
 
 from __future__ import annotations
 
@@ -11,10 +11,16 @@ from ...drawing.drawing import Drawing, key, line, tidy
 from ...drawing.style import FIGURE_WIDTH, colour
 from ...pages.quantities import number
 
-CHOSEN, BARE, MUSCLES = "heldout", "faint", "good"
-"""Colours of what is drawn over time: what is named first, angles alone, and muscles where they are not named."""
+CHOSEN_TONE = "heldout"
+"""Colour of the recommended estimator's torque."""
 
-TONES = {
+BASELINE_TONE = "faint"
+"""Colour of the torque by angles alone."""
+
+MUSCLE_TONE = "good"
+"""Colour of the torque by muscles, if they are not the recommended estimator."""
+
+ESTIMATOR_TONES = {
     "boost": "fitted",
     "bagging": "directional",
     "tree": "load",
@@ -24,10 +30,10 @@ TONES = {
     "linear": "combined",
     "motion": "symmetric",
 }
-"""Colours by estimator; of the defaults of another tool, that of the same kind."""
+"""Colour of each estimator. An estimator with the defaults of another tool has the colour of its kind."""
 
-STRETCH = 8.0
-"""Seconds of a recording that are drawn."""
+DRAWN_STRETCH_S = 8.0
+"""Duration of the drawn stretch of a recording [s]."""
 
 
 def torque_trace(
@@ -43,12 +49,15 @@ def torque_trace(
     half_width: Mapping[str, np.ndarray] | None = None,
     unit: str = "N*m",
 ) -> Drawing:
-    """Torque over time, held out: the reference, what is `chosen` with its band, the `bare` angles, muscles, and their
-    errors beneath. `time`, `reference` (n,) [s], [`unit`]; `predicted`, `half_width` (n,) [`unit`]."""
+    """Draw held-out torque over time: the reference, the `chosen` estimator with its band, muscles, and angles alone.
+
+    Their errors are drawn beneath. `time` [s] and `reference` [`unit`] have shape (n,). `predicted` and `half_width`
+    hold the torque and half its band by estimator, shape (n,) [`unit`]. `bare` is the estimator of angles alone.
+    """
     unit = unit.replace("*", "·")
-    shown = {e: c for e, c in ((bare, BARE), ("hill", MUSCLES), (chosen, CHOSEN)) if e in predicted}
+    shown = {e: c for e, c in ((bare, BASELINE_TONE), ("hill", MUSCLE_TONE), (chosen, CHOSEN_TONE)) if e in predicted}
     middle = 0.5 * (time[0] + time[-1])
-    within = np.abs(time - middle) <= 0.5 * STRETCH
+    within = np.abs(time - middle) <= 0.5 * DRAWN_STRETCH_S
     figure = Figure(figsize=(FIGURE_WIDTH, 4.2), layout="constrained")
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1.0))
     line(top, time[within], reference[within], color=colour("measured"), linewidth=2.2, alpha=0.6)
@@ -77,8 +86,11 @@ def error_by_estimator(
     caption: str,
     unit: str = "N*m",
 ) -> Drawing:
-    """RMSE of every estimator, one panel for each joint or person, a line where angles alone (`bare`) are; `chosen` by
-    panel are set in bold. `errors` [`unit`]."""
+    """Draw the RMSE of every estimator, one panel for each joint or person.
+
+    `errors` holds panel, estimator, its description and its RMSE [`unit`]. A line marks angles alone (`bare`). The
+    `chosen` estimator of each panel is set in bold.
+    """
     unit = unit.replace("*", "·")
     rows = list(dict.fromkeys((estimator, words) for _, estimator, words, _ in errors))
     figure = Figure(figsize=(FIGURE_WIDTH, 1.2 + 0.3 * len(rows)), layout="constrained")
@@ -88,7 +100,7 @@ def error_by_estimator(
         for row, (estimator, _) in enumerate(rows):
             if estimator not in found:
                 continue
-            tone = colour(TONES.get(estimator.split("_published")[0], "ink"))
+            tone = colour(ESTIMATOR_TONES.get(estimator.split("_published")[0], "ink"))
             bold = "bold" if chosen.get(head) == estimator else "normal"
             axis.plot((0.0, found[estimator]), (row, row), color=tone, linewidth=2.0, alpha=0.4, zorder=2)
             axis.plot([found[estimator]], [row], color=tone, marker="o", markersize=6.0, markeredgewidth=0.0, zorder=3)

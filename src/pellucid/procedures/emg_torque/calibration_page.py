@@ -20,14 +20,14 @@ from ..result import ParameterTable
 from ..study_page import figure_tables, study_page
 from . import calibration_figures as figures
 from . import muscle_figures, stiffness_figures
-from .calibrate import BANDS, CalibrationResult
-from .chosen import BASELINE, Chosen
+from .calibrate import INVALID_BANDS_FINDING, CalibrationResult
+from .chosen import BASELINE_ESTIMATOR, RecommendedEstimator
 from .evaluated import TorqueTrace
 from .procedure import EmgTorqueTable
-from .together import WORDS
+from .together import FIT_WORDS
 
-SHORT = {
-    BASELINE: "angles alone", "hill": "muscles", "nmco": "NM-CO", "nmnc": "NM-NC", "mbp": "M-BP",
+SHORT_ESTIMATOR_NAMES = {
+    BASELINE_ESTIMATOR: "angles alone", "hill": "muscles", "nmco": "NM-CO", "nmnc": "NM-NC", "mbp": "M-BP",
     "ridge_lags": "ridge with lags",
 }  # fmt: skip
 """Short names of estimators for legends."""
@@ -43,20 +43,21 @@ def page(study: Study, findings: CalibrationResult) -> Page:
             filter(
                 None,
                 (
-                    _found(findings), _traces(findings), _known(findings), _choices(findings),
-                    _together(findings), _muscles(findings), _stiffness(findings),
-                    _method(study),
+                    _errors_section(findings), _torque_section(findings), _verdicts_section(findings),
+                    _choices_section(findings),
+                    _together_section(findings), _muscles_section(findings), _stiffness_section(findings),
+                    _method_section(study),
                 ),
             )
         ),
         # Verdicts that invalidate results stand above all results. The others follow below the first section.
-        verdicts=[v for v in findings.verdicts if _first(v)],
+        verdicts=[v for v in findings.verdicts if _invalidates_results(v)],
     )  # fmt: skip
 
 
-def _first(verdict: Verdict) -> bool:
+def _invalidates_results(verdict: Verdict) -> bool:
     """Return whether a verdict invalidates results or their error bands."""
-    return verdict.kind == "wrong" or verdict.finding == BANDS
+    return verdict.kind == "wrong" or verdict.finding == INVALID_BANDS_FINDING
 
 
 def _tiles(findings: CalibrationResult) -> tuple[Tile, ...]:
@@ -80,14 +81,14 @@ def _tiles(findings: CalibrationResult) -> tuple[Tile, ...]:
     return tuple(tiles)
 
 
-def _found(findings: CalibrationResult) -> Section:
+def _errors_section(findings: CalibrationResult) -> Section:
     """Return the section with the errors of all estimators."""
     tables = figure_tables(findings)
     first = tuple(t for t in tables if t.caption.startswith("Named first"))
     rest = tuple(
         t for t in tables if t not in first and not t.caption.startswith(("What chose", "Stiffness", "Posterior"))
     )
-    shown = {each.what: _shown(findings, each) for each in findings.chosen}
+    shown = {each.what: _worst_recording(findings, each) for each in findings.chosen}
     several = len({recording for recording in shown.values() if recording}) > 1
     head = {w: f"{w}, {r.replace('_', ' ')}" if several else w for w, r in shown.items()}
     plain = [
@@ -102,7 +103,7 @@ def _found(findings: CalibrationResult) -> Section:
         "errors",
         heads=list(dict.fromkeys(head[e.what] for e in plain)),
         chosen={head[each.what]: each.judged[0].estimator for each in findings.chosen},
-        bare=BASELINE,
+        bare=BASELINE_ESTIMATOR,
         unit=plain[0].torque_unit if plain[0].kind != "normalised" else "of the leg's weight",
         caption=f"RMS error of the torque{on}. The dashed line is what angles alone tell, without EMG; the figure in "
         "bold is what is named first, which tests within what was fitted chose.",
@@ -110,13 +111,13 @@ def _found(findings: CalibrationResult) -> Section:
     return Section("emg_found", "What was found", (), (*first, *rest), (drawing,))
 
 
-def _shown(findings: CalibrationResult, chosen: Chosen) -> str:
+def _worst_recording(findings: CalibrationResult, chosen: RecommendedEstimator) -> str:
     """Return the recording with the largest error among those with valid estimates, or of all if none is valid."""
     void = {v.said.partition(":")[0] for v in findings.verdicts if v.finding == "another_condition"}
     return next((e.recording for e in chosen.judged if e.recording not in void), chosen.judged[0].recording)
 
 
-def _traces(findings: CalibrationResult) -> Section:
+def _torque_section(findings: CalibrationResult) -> Section:
     """Return the section with held-out torque over time."""
     words = {name: family.description for name, family in ESTIMATOR_FAMILIES.items()}
     by = {each.what: each for each in findings.chosen}
@@ -128,7 +129,8 @@ def _traces(findings: CalibrationResult) -> Section:
         drawings.append(
             draw(
                 figures.torque_trace, trace.time, trace.reference, trace.predicted, f"torque_{i}", chosen=chosen,
-                bare=BASELINE, words=words | SHORT, half_width=bands, unit=findings.evaluated[0].torque_unit,
+                bare=BASELINE_ESTIMATOR, words=words | SHORT_ESTIMATOR_NAMES, half_width=bands,
+                unit=findings.evaluated[0].torque_unit,
                 caption=f"Torque of {trace.what}, {trace.recording.replace('_', ' ')}: the reference (grey), what "
                 "was made of EMG and motion that were not fitted, what angles alone make (dashed), and their errors"
                 f"{coverage_text(replace(trace, half_width=bands))}.",
@@ -137,9 +139,11 @@ def _traces(findings: CalibrationResult) -> Section:
     return Section("emg_torque", "Torque over time", drawings=tuple(drawings))
 
 
-def _known(findings: CalibrationResult) -> Section | None:
+def _verdicts_section(findings: CalibrationResult) -> Section | None:
     """Return the section with the remaining verdicts, the worst first; None if there are none."""
-    said = tuple((v.kind, prose(v.said)) for v in rank_verdicts(v for v in findings.verdicts if not _first(v)))
+    said = tuple(
+        (v.kind, prose(v.said)) for v in rank_verdicts(v for v in findings.verdicts if not _invalidates_results(v))
+    )
     return Section("emg_known", "What is to be known", verdicts=said) if said else None
 
 
@@ -153,7 +157,7 @@ def coverage_text(trace: TorqueTrace) -> str:
     return "".join(said)
 
 
-def _muscles(findings: CalibrationResult) -> Section | None:
+def _muscles_section(findings: CalibrationResult) -> Section | None:
     """Return the section with muscle parameters, activations and torques; None if muscles were not fitted."""
     if not findings.muscles:
         return None
@@ -196,7 +200,7 @@ def _muscles(findings: CalibrationResult) -> Section | None:
     return Section("emg_muscles", "Muscles", tables=tables, drawings=tuple(drawings))
 
 
-def _together(findings: CalibrationResult) -> Section | None:
+def _together_section(findings: CalibrationResult) -> Section | None:
     """Return the section on muscles calibrated over all joints at once; None if there are none."""
     if findings.together is None:
         return None
@@ -204,7 +208,7 @@ def _together(findings: CalibrationResult) -> Section | None:
     over, where = summary.what.removesuffix(" together"), summary.recording.replace("_", " ")
     drawings = (
         draw(
-            muscle_figures.joints_together, traces, WORDS, "joints_together",
+            muscle_figures.joints_together, traces, FIT_WORDS, "joints_together",
             caption=f"Torques of {over} by one set of muscles, {where}, which was not fitted: with 10 to 100 ms from "
             "every envelope to its force (and its "
             f"{100.0 * ERROR_BAND_SHARE:g} % band), and with the offset of the EMG's stream found too.",
@@ -228,7 +232,7 @@ def _together(findings: CalibrationResult) -> Section | None:
     return Section("emg_together", "Muscles across joints", said, tables, drawings)
 
 
-def _stiffness(findings: CalibrationResult) -> Section | None:
+def _stiffness_section(findings: CalibrationResult) -> Section | None:
     """Return the section with joint stiffness along a movement; None if muscles were not fitted."""
     if not findings.stiffness:
         return None
@@ -245,7 +249,7 @@ def _stiffness(findings: CalibrationResult) -> Section | None:
     return Section("emg_stiffness", "Joint stiffness", tables=tables, drawings=drawings)
 
 
-def _choices(findings: CalibrationResult) -> Section:
+def _choices_section(findings: CalibrationResult) -> Section:
     """Return the section with the chosen features and settings, and the tests that chose the estimator."""
     first = findings.evaluated[0].recording
     rows = tuple(
@@ -266,7 +270,7 @@ def _choices(findings: CalibrationResult) -> Section:
     return Section("emg_choices", "What each map sees, and which is named first", tables=tables)
 
 
-def _method(study: Study) -> Section:
+def _method_section(study: Study) -> Section:
     """Return the section that describes the method."""
     spec = study.table(EmgTorqueTable)
     said = []

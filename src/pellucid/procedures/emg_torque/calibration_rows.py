@@ -1,4 +1,4 @@
-"""Figures of a calibration by their ids."""
+"""Result rows of a calibration by their ids."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from collections.abc import Mapping, Sequence
 from ...estimators.emg_session import ChannelComparison
 from ...estimators.torque_trial import TorqueTrial
 from ...recordings.results import ResultRow
-from .chosen import Chosen
-from .evaluated import Evaluated
+from .chosen import RecommendedEstimator
+from .evaluated import EstimatorEvaluation
 
 
 def calibration_rows(
     study: str,
-    evaluated: Sequence[Evaluated],
+    evaluated: Sequence[EstimatorEvaluation],
     trials: Sequence[TorqueTrial],
     sessions: Mapping[str, ChannelComparison] | None = None,
-    chosen: Sequence[Chosen] = (),
+    chosen: Sequence[RecommendedEstimator] = (),
 ) -> tuple[ResultRow, ...]:
-    """Every figure; the first held-out recording's have no name in their id, the others' have."""
+    """Return all result rows. Ids name the recording, except for the first held-out one."""
     sums = {trial.name: trial.checksum for trial in trials}
     first = next((trial.name for trial in trials if trial.heldout), "")
     rows: list[ResultRow] = []

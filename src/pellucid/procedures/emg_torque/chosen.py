@@ -1,4 +1,4 @@
-"""The estimator that is named first: chosen by what was fitted alone, and how it did on every recording that judged."""
+"""Recommend an estimator by the fitted recordings alone, and report its errors on every test recording."""
 
 from __future__ import annotations
 
@@ -13,75 +13,82 @@ from ...estimators.cross_validation import Score, score
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.torque_map import CrossValidated
 from ...estimators.torque_trial import TorqueTrial
-from .evaluated import Evaluated
+from .evaluated import EstimatorEvaluation
 
-BASELINE = "motion"
-"""The estimator that sees no EMG."""
+BASELINE_ESTIMATOR = "motion"
+"""Estimator that sees angles alone, no EMG. The others are compared with it."""
 
 
 @dataclass(frozen=True)
-class Judged:
-    """What is named first, on one recording or trial."""
+class ConditionScore:
+    """Score of the recommended estimator on one recording or trial."""
 
-    name: str
+    name: str  # Name of the recording or trial
     estimator: str
     score: Score
-    bare: Score | None  # Of angles alone
-    held: float | None  # Share of the reference within the band
+    bare: Score | None  # Score of angles alone
+    held: float | None  # Share of the reference within the error band
 
 
 @dataclass(frozen=True)
-class Chosen:
-    """What is named first for one joint or participant."""
+class RecommendedEstimator:
+    """The recommended estimator of one joint or participant."""
 
-    what: str
-    estimators: tuple[str, ...]  # One, or one for each outer fold
-    judged: tuple[Evaluated, ...]  # Its figures by recording, the worst first
-    bare: tuple[Evaluated, ...]  # Those of angles alone, in the same order; empty where nothing was fitted to them
+    what: str  # Joint or participant
+    estimators: tuple[str, ...]  # Name of the estimator, or one name for each outer fold
+    judged: tuple[EstimatorEvaluation, ...]  # Its evaluation on each recording, the worst first
+    bare: tuple[
+        EstimatorEvaluation, ...
+    ]  # Evaluations of angles alone, in the same order; empty if these were not fitted
 
-    conditions: int = 1  # That were left out in turn to choose it, the fewest in any fold; 1: parts of one recording
-    by: Mapping[str, str] = field(default_factory=dict)  # Estimator by trial, where trials are left out in turn
-    half_width: Mapping[str, float] = field(default_factory=dict)  # Of the band by trial there [N m]
-    held: Mapping[str, float] = field(default_factory=dict)  # Share of the reference within, by trial there
+    conditions: int = 1  # Smallest number of conditions left out in turn to choose it; 1: parts of one recording
+    by: Mapping[str, str] = field(default_factory=dict)  # Estimator by trial, if trials are left out in turn
+    half_width: Mapping[str, float] = field(default_factory=dict)  # Half width of the error band by such trial [N m]
+    held: Mapping[str, float] = field(default_factory=dict)  # Share of the reference within the band, by such trial
 
-    def by_condition(self) -> list[Judged]:
-        """How it did on each recording or trial."""
+    def by_condition(self) -> list[ConditionScore]:
+        """Return its score on each recording or trial."""
         if not self.by:
             bare = {e.recording: e.score for e in self.bare}
-            return [Judged(e.recording, e.estimator, e.score, bare.get(e.recording), e.held) for e in self.judged]
+            return [
+                ConditionScore(e.recording, e.estimator, e.score, bare.get(e.recording), e.held) for e in self.judged
+            ]
         bare = self.bare[0].by_trial if self.bare else {}
         own = self.judged[0].by_trial
-        return [Judged(t, name, own[t], bare.get(t), self.held.get(t)) for t, name in self.by.items()]
+        return [ConditionScore(t, name, own[t], bare.get(t), self.held.get(t)) for t, name in self.by.items()]
 
     @property
     def words(self) -> str:
-        """What it is."""
+        """Description of the estimator, or of those chosen in all folds."""
         counts = Counter(self.estimators)
         if len(counts) == 1:
-            return ESTIMATOR_FAMILIES[self.estimators[0]].words
+            return ESTIMATOR_FAMILIES[self.estimators[0]].description
         each = (f"{ESTIMATOR_FAMILIES[name].description} for {count}" for name, count in counts.most_common())
         return f"what was chosen without each ({', '.join(each)})"
 
 
-def examined_if_candidate(fit: object, trials: Sequence[TorqueTrial]) -> ConditionTestErrors | None:
-    """How an estimator fares away from what it is fitted to; None for one that is not named first."""
+def run_tests_if_candidate(fit: object, trials: Sequence[TorqueTrial]) -> ConditionTestErrors | None:
+    """Return the condition tests of a fitted estimator; None for one that may not be recommended."""
     return run_condition_tests(fit, trials) if is_candidate(fit.name) else None
 
 
-def chosen_of(evaluated: Sequence[Evaluated], what: str) -> Chosen:
-    """Of estimators judged on recordings of their own; no recording that judges takes part."""
+def recommend_estimator(evaluated: Sequence[EstimatorEvaluation], what: str) -> RecommendedEstimator:
+    """Recommend an estimator for a joint with held-out recordings. No held-out recording influences the choice."""
     own = [e for e in evaluated if e.what == what and not e.causal]
     best = choose_estimator({e.estimator: e.examined for e in own if e.examined is not None})
     judged = sorted((e for e in own if e.estimator == best), key=lambda e: -e.score.rmse)
-    bare = {e.recording: e for e in own if e.estimator == BASELINE}
+    bare = {e.recording: e for e in own if e.estimator == BASELINE_ESTIMATOR}
     bare = tuple(bare[e.recording] for e in judged if e.recording in bare)
-    return Chosen(what, (best,), tuple(judged), bare, judged[0].examined.conditions)
+    return RecommendedEstimator(what, (best,), tuple(judged), bare, judged[0].examined.conditions)
 
 
-def chosen_in_folds(
-    trials: Sequence[TorqueTrial], results: Mapping[str, CrossValidated], evaluated: Sequence[Evaluated]
-) -> Chosen:
-    """Of estimators judged trial by trial: for each left out, what the others alone choose; `evaluated` are theirs."""
+def recommend_by_fold(
+    trials: Sequence[TorqueTrial], results: Mapping[str, CrossValidated], evaluated: Sequence[EstimatorEvaluation]
+) -> RecommendedEstimator:
+    """Recommend an estimator for each trial that is left out, by the other trials alone.
+
+    `results` and `evaluated` hold cross-validation and evaluation of every estimator.
+    """
     groups = list(dict.fromkeys(t.group for t in trials))
     best = [
         choose_estimator({name: r.examined[j] for name, r in results.items() if r.examined[j] is not None})
@@ -103,11 +110,11 @@ def chosen_in_folds(
         t.name: float(np.mean(np.abs(t.torque - results[of[t.group]].predicted[t.name]) <= width[t.name]))
         for t in trials
     }
-    return Chosen(
+    return RecommendedEstimator(
         one.what,
         tuple(best),
         (one,),
-        tuple(e for e in evaluated if e.estimator == BASELINE),
+        tuple(e for e in evaluated if e.estimator == BASELINE_ESTIMATOR),
         min(each.conditions for each in within.values()),
         {t.name: of[t.group] for t in trials},
         width,

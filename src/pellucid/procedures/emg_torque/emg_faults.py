@@ -1,4 +1,4 @@
-"""Are a study's EMG recordings fit for torque maps? Each file by itself, beside its trial, and beside the movement."""
+"""Find faults in a study's EMG recordings: in each file, against its trial, and against the movement."""
 
 from __future__ import annotations
 
@@ -6,24 +6,26 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from .procedure import EmgTorqueTable
 from ..._errors import RecordingError
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...signals.emg_chain import EmgChain, emg_chain
 from ...signals.emg_quality import RATE_TOLERANCE, contrast_faults, inspect_emg, swapped_faults
+from .procedure import EmgTorqueTable
 
-SETTLED = 0.5
-"""Seconds at either end of a recording at which an envelope has not settled."""
+ENVELOPE_SETTLING_S = 0.5
+"""Duration at either end of a recording in which an envelope has not settled [s]."""
 
-FLEXORS = ("hamstring", "biceps", "semitendinosus", "semimembranosus", "brachialis", "brachioradialis")
-EXTENSORS = ("rectus", "vastus", "triceps", "quadriceps")
-"""Parts of names of muscles that bend, and that stretch, a knee or an elbow."""
+FLEXOR_NAME_PARTS = ("hamstring", "biceps", "semitendinosus", "semimembranosus", "brachialis", "brachioradialis")
+"""Parts of the names of muscles that flex a knee or an elbow."""
+
+EXTENSOR_NAME_PARTS = ("rectus", "vastus", "triceps", "quadriceps")
+"""Parts of the names of muscles that extend a knee or an elbow."""
 
 
 def emg_faults(study: Study) -> list[Fault]:
-    """What is wrong with a study's EMG, for a torque that is to be found from it. `study` [emg_torque]."""
+    """Return the faults of a study's EMG that affect a torque map. `study` [emg_torque]."""
     asked = study.table(EmgTorqueTable)
     found: list[Fault] = []
     rates: dict[str, float] = {}
@@ -40,7 +42,7 @@ def emg_faults(study: Study) -> list[Fault]:
             if not any(fault.kind == "rate" for fault in own):
                 rates[f"{stream.path.name} (recording {recording.name})"] = _mean_rate(stream)
             if chain is not None:
-                found += _faults_of_envelopes(recording, stream, chain)
+                found += _envelope_faults(recording, stream, chain)
     usual = float(np.median(list(rates.values()))) if rates else 0.0
     for where, fs in rates.items():
         if abs(fs - usual) > RATE_TOLERANCE * usual:
@@ -53,7 +55,7 @@ def emg_faults(study: Study) -> list[Fault]:
 def trial_faults(
     recording: Recording, stream: Recording, chain: EmgChain | None = None, *, whole: bool = True
 ) -> list[Fault]:
-    """What is wrong with one trial's EMG."""
+    """Return the faults of one trial's EMG. `whole`: whether the trial covers its whole file."""
     found = inspect_emg(stream, has_notch=True)
     if chain is not None:
         try:
@@ -66,12 +68,12 @@ def trial_faults(
 
 
 def _mean_rate(stream: Recording) -> float:
-    """Samples a second, gaps counted [Hz]: ticks of another clock make steps of several lengths."""
+    """Return the mean sampling rate, gaps included [Hz]. Single steps may differ by ticks of another clock."""
     return (len(stream) - 1) / float(stream.time[-1] - stream.time[0])
 
 
 def _length_faults(recording: Recording, stream: Recording) -> list[Fault]:
-    """EMG that ends when its trial does not was taken at another rate than its times say."""
+    """Return a fault if EMG does not end with its trial: it was then sampled at another rate than its times say."""
     trial, emg = (float(r.time[-1] - r.time[0]) for r in (recording, stream))
     beside = max(2.0 / recording.fs, 2.0 / stream.fs, RATE_TOLERANCE * trial)
     if abs(float(stream.time[-1] - recording.time[-1])) <= beside:
@@ -82,33 +84,37 @@ def _length_faults(recording: Recording, stream: Recording) -> list[Fault]:
         f"{(len(stream) - 1) / trial:.4g} Hz"
     )
     message = f"{stream.path.name} (recording {recording.name}), channel time: found {text}, expected {wanted}"
-    # An amplifier may run on when the trial has ended; it cannot have stopped before.
+    # An amplifier may run on after the trial, so longer EMG is only noted. Shorter EMG is refused.
     return [_rate_fault("refuse" if emg < trial else "note", stream, text, wanted, message)]
 
 
 def _rate_fault(severity: str, stream: Recording, found: str, expected: str, message: str) -> Fault:
+    """Return a fault of a stream's sampling rate."""
     return Fault(severity, "rate", stream.path.name, "time", found, expected, message)
 
 
-def _faults_of_envelopes(recording: Recording, stream: Recording, chain: EmgChain) -> list[Fault]:
-    """Contrast where there must be rest and effort; flexor and extensor where the wearer answers torques."""
+def _envelope_faults(recording: Recording, stream: Recording, chain: EmgChain) -> list[Fault]:
+    """Return faults of the envelopes' contrast in maximal contractions, and of swapped channels in torque steps."""
     if recording.protocol not in ("mvc", "torque_steps"):
         return []
     raw = {n.removeprefix("emg."): c for n, c in stream.channels.items() if n.startswith("emg.") and c.unit == "V"}
     try:
         made = {muscle: chain.zero_phase(c.samples, stream.fs) for muscle, c in raw.items()}
-    except RecordingError:  # too short for the chain's filters: calibration says so where it uses them
+    except RecordingError:  # The recording is too short for the chain's filters, which calibration reports itself
         return []
     if recording.protocol == "mvc":
-        inside = (stream.time >= stream.time[0] + SETTLED) & (stream.time <= stream.time[-1] - SETTLED)
+        inside = (stream.time >= stream.time[0] + ENVELOPE_SETTLING_S) & (
+            stream.time <= stream.time[-1] - ENVELOPE_SETTLING_S
+        )
         return contrast_faults(stream, {muscle: e[inside] for muscle, e in made.items()})
-    flexor, extensor = _first(raw, FLEXORS), _first(raw, EXTENSORS)
+    flexor, extensor = _first_muscle_named(raw, FLEXOR_NAME_PARTS), _first_muscle_named(raw, EXTENSOR_NAME_PARTS)
     if flexor is None or extensor is None or "torque" not in recording:
         return []
-    # Holding still, the wearer answers the orthosis's torque by its opposite.
+    # A wearer who holds still counters the orthosis's torque with its opposite.
     answered = -np.interp(stream.time, recording.time, recording["torque"])
     return swapped_faults(stream, flexor, extensor, made, answered)
 
 
-def _first(muscles: Mapping[str, object], parts: Sequence[str]) -> str | None:
+def _first_muscle_named(muscles: Mapping[str, object], parts: Sequence[str]) -> str | None:
+    """Return the first muscle whose name contains one of `parts`; None without one."""
     return next((muscle for muscle in muscles if any(part in muscle for part in parts)), None)

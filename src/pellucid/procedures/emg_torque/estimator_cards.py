@@ -1,4 +1,4 @@
-"""Cards of what a session or a robot steps: causal maps of muscles or by ridge regression, with all that they need."""
+"""Cards of estimators that run sample by sample: causal maps made of muscles or by ridge regression."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from importlib.metadata import version
 
 import numpy as np
 
-from .procedure import EmgTorqueTable
 from ..._errors import PellucidError
 from ...estimators.features import CAUSAL_MOTION_LOWPASS_HZ
 from ...estimators.hill import HillMap
@@ -26,31 +25,38 @@ from ...models.muscle_geometry import muscle_table
 from ...models.muscle_surface import MuscleSurface, fit_muscle_surface, sampled_surface, surface_from_geometry
 from ...recordings.study import Study
 from ...signals.emg_chain import FILTER_STAGES, emg_chain
-from .evaluated import Calibrated
-from .relative_envelopes import maxima_of, stream_of
-from .together import Together
-from .torque_card import PRODUCT
+from .evaluated import CalibrationFindings
+from .procedure import EmgTorqueTable
+from .relative_envelopes import find_maxima, find_stream
+from .together import TogetherFindings
+from .torque_card import PRODUCT_SEPARATOR
 from .trial_sources import moment_trials
 
-CEILING = 2.0
-"""Times the largest envelope that was fitted: what is above is no muscle's."""
+MAX_ENVELOPE_RATIO = 2.0
+"""Largest valid envelope of a channel, as a multiple of the largest fitted one. A larger one is not from a muscle."""
 
-REST = 0.01
-"""Share of the samples fitted whose envelope is below that of a channel at rest."""
+REST_QUANTILE = 0.01
+"""Quantile of a channel's fitted envelope that is taken for its value at rest."""
 
-LIMIT = 1.5
-"""Times the largest torque that was fitted."""
+TORQUE_LIMIT_RATIO = 1.5
+"""Limit of an estimator's torque, as a multiple of the largest fitted torque."""
 
-ACROSS = ("Muscles were fitted with angles filtered both ways: stepped, the angles' rates come 19 ms late.",)
-"""Of muscles over all joints, which are not fitted to the past alone."""
+ACROSS_JOINTS_NOTES = (
+    "Muscles were fitted with angles filtered both ways: stepped, the angles' rates come 19 ms late.",
+)
+"""Notes on a card of muscles over all joints, which are fitted with zero-phase filters."""
 
-COARSE = 2e-3
-"""A surface that misses arms by more is said to [m]."""
+NOTED_ARM_ERROR_M = 2e-3
+"""The card notes a muscle's surface if the RMS error of its moment arms exceeds this [m]."""
 
 
-def estimator_cards(study: Study, found: Calibrated, together: Together | None = None) -> dict[str, EmgEstimatorCard]:
-    """Cards of the causal maps that were fitted, by joint and estimator, and of muscles over all joints. `study`
-    [emg_torque]."""
+def estimator_cards(
+    study: Study, found: CalibrationFindings, together: TogetherFindings | None = None
+) -> dict[str, EmgEstimatorCard]:
+    """Return cards of the fitted causal maps, by joint and estimator, and of muscles over all joints.
+
+    `study` [emg_torque].
+    """
     cards, chain = {}, study.table(EmgTorqueTable).chain
     if chain != "none" and any(stage.kind == "advance" for stage in emg_chain(chain).stages):
         return cards
@@ -59,7 +65,7 @@ def estimator_cards(study: Study, found: Calibrated, together: Together | None =
         if trials[0].unit != "N*m":
             continue
         if chain != "none":
-            # What was judged saw envelopes filtered both ways; what runs live cannot.
+            # The scored maps saw zero-phase envelopes, which are not available live. Maps for cards are fitted anew.
             found.causal[joint, estimator] = fit = fit_torque_map(trials, estimator, causal=True)
         name = f"emg_{joint}_{estimator}"
         if isinstance(fit, HillMap):
@@ -67,11 +73,11 @@ def estimator_cards(study: Study, found: Calibrated, together: Together | None =
             cards[name] = muscle_estimator(study, name, muscles, {joint: trials})
         else:
             cards[name] = map_estimator(study, name, fit, trials)
-    # Of raw EMG these muscles saw envelopes filtered both ways.
+    # With raw EMG, muscles over all joints were fitted to zero-phase envelopes. They then get no card.
     if together is not None and chain == "none":
         trials = {joint: [t for t in own if not t.heldout] for joint, own in found.across.items()}
         name = "emg_together_hill"
-        cards[name] = muscle_estimator(study, name, together.fits["hill"].card_content(), trials, ACROSS)
+        cards[name] = muscle_estimator(study, name, together.fits["hill"].card_content(), trials, ACROSS_JOINTS_NOTES)
     return cards
 
 
@@ -82,11 +88,13 @@ def muscle_estimator(
     trials: Mapping[str, Sequence[TorqueTrial]],
     known: Sequence[str] = (),
 ) -> EmgEstimatorCard:
-    """Of calibrated muscles, whatever joints they move; `trials` that were fitted, by joint; what is `known` already.
-    `study` [emg_torque]."""
+    """Return the card of calibrated muscles of one or several joints.
+
+    `trials` are the fitted ones by joint; `known` are notes for the card. `study` [emg_torque].
+    """
     surfaces, notes = {}, [*known]
     for muscle in muscles.muscles:
-        surfaces[muscle.name], said = _surface(muscle.name, trials)
+        surfaces[muscle.name], said = _muscle_surface(muscle.name, trials)
         notes += said
     made = [
         EstimatorMuscle(
@@ -100,13 +108,14 @@ def muscle_estimator(
     used = {channel for m in made for channel in m.shares}
     needed = {a.angle for m in made for a in m.surface.axes} | set(muscles.joints)
     joints = tuple(
-        EstimatorJoint(joint, *map(float, tissue), _limit(trials[joint])) for joint, tissue in muscles.tissue.items()
+        EstimatorJoint(joint, *map(float, tissue), _torque_limit(trials[joint]))
+        for joint, tissue in muscles.tissue.items()
     )
-    return _card(study, name, next(iter(trials.values())), tuple(made), joints, used, needed, notes)
+    return _make_card(study, name, next(iter(trials.values())), tuple(made), joints, used, needed, notes)
 
 
 def map_estimator(study: Study, name: str, found: TorqueMap, trials: Sequence[TorqueTrial]) -> EmgEstimatorCard:
-    """Of a map by ridge regression. `study` [emg_torque]."""
+    """Return the card of a map by ridge regression. `study` [emg_torque]."""
     chosen, joint = found.choice.features, trials[0].joint
     if chosen.lags:
         raise PellucidError(f"card {name}: found earlier envelopes, expected a map of present ones")
@@ -117,13 +126,13 @@ def map_estimator(study: Study, name: str, found: TorqueMap, trials: Sequence[To
         names += [f"acceleration.{each}"] if chosen.accelerations else []
     terms = []
     for term, weight in found.regressor.unscaled_coefficients(names).items():
-        first, _, second = ("", "", "") if term == "offset" else term.partition(PRODUCT)
+        first, _, second = ("", "", "") if term == "offset" else term.partition(PRODUCT_SEPARATOR)
         terms.append(EstimatorTerm(weight, first, second))
-    one = EstimatorJoint(joint, 0.0, 0.0, 0.0, _limit(trials), tuple(terms))
-    return _card(study, name, trials, (), (one,), set(trials[0].envelopes), set(joints), [])
+    one = EstimatorJoint(joint, 0.0, 0.0, 0.0, _torque_limit(trials), tuple(terms))
+    return _make_card(study, name, trials, (), (one,), set(trials[0].envelopes), set(joints), [])
 
 
-def _card(
+def _make_card(
     study: Study,
     name: str,
     trials: Sequence[TorqueTrial],
@@ -133,11 +142,12 @@ def _card(
     needed: set[str],
     notes: Sequence[str],
 ) -> EmgEstimatorCard:
+    """Return an estimator's card with the channels `used` and the angles `needed`."""
     spec, notes, raw = study.table(EmgTorqueTable), list(notes), {}
     fitted = [r for r in study.recordings() if r.use == "fit" and r.participant == trials[0].participant]
-    top = maxima_of(study, trials[0].participant, [r for r in fitted if r.name in {t.name for t in trials}])
+    top = find_maxima(study, trials[0].participant, [r for r in fitted if r.name in {t.name for t in trials}])
     if spec.chain != "none":
-        rate = stream_of(fitted[0], spec.emg).fs
+        rate = find_stream(fitted[0], spec.emg).fs
         raw = {"chain": spec.chain, "emg_rate": rate, **chain_sections(spec.chain, rate, spec.mains)}
         late = emg_chain(spec.chain, spec.mains).delay(rate).filters
         notes.append(f"The chain {spec.chain} makes envelopes {1e3 * late:.0f} ms late; muscles were fitted to that.")
@@ -145,7 +155,7 @@ def _card(
     for channel in trials[0].envelopes:
         if channel in used:
             seen = np.concatenate([t.envelopes[channel] for t in trials])
-            rest, ceiling = float(np.quantile(seen, REST)), CEILING * float(seen.max())
+            rest, ceiling = float(np.quantile(seen, REST_QUANTILE)), MAX_ENVELOPE_RATIO * float(seen.max())
             channels.append(EstimatorChannel(channel, 1.0 / top.get(channel, 1.0), rest, max(ceiling, rest + 1e-9)))
     return EmgEstimatorCard(
         study.name,
@@ -163,8 +173,11 @@ def _card(
     )
 
 
-def _surface(muscle: str, trials: Mapping[str, Sequence[TorqueTrial]]) -> tuple[MuscleSurface, list[str]]:
-    """Length over the trials' angles: the leg's model as it is, the study's own, or what is nearest to recordings."""
+def _muscle_surface(muscle: str, trials: Mapping[str, Sequence[TorqueTrial]]) -> tuple[MuscleSurface, list[str]]:
+    """Return a muscle's length as a function of the trials' angles, and notes on its errors.
+
+    The function is the leg model's, is sampled from the study's own model, or is fitted to recorded lengths and arms.
+    """
     across = {joint: own for joint, own in trials.items() if own[0].muscles.driven(joint, own[0].envelopes).get(muscle)}
     first = next(iter(across.values()))
     source, angles = first[0].muscles, first[0].angles
@@ -177,23 +190,23 @@ def _surface(muscle: str, trials: Mapping[str, Sequence[TorqueTrial]]) -> tuple[
         path = source.polynomials[muscle]
         own = {a: moved.get(a, np.full(len(moved[first[0].joint]), source.posture.get(a, 0.0))) for a in path.angles}
         arms = {a: path.moment_arm(a, own) for a in path.angles}
-        # The joints themselves, then what else moves the muscle most.
+        # The joints themselves come first, then the angles that change the muscle's length most.
         ranked = sorted(own, key=lambda a: (a not in across, -float(np.std(own[a]) * np.mean(np.abs(arms[a])))))
         kept = [a for a in ranked if a in moved][:2]
         surface = sampled_surface(path, kept, {a: float(np.mean(q)) for a, q in own.items()})
         length, slope, _ = surface.path({a: own[a] for a in kept})
         missed = float(np.sqrt(np.mean((length - path.length(own)) ** 2)))
         arm = float(np.sqrt(np.mean([(slope[j] + arms[j]) ** 2 for j in across])))
-        return surface, _coarse(muscle, surface, missed, arm)
+        return surface, _surface_error_notes(muscle, surface, missed, arm)
     length = np.concatenate([t.muscles.recorded[muscle][0] for t in first])
     arms = {joint: np.concatenate([t.muscles.recorded[muscle][2] for t in own]) for joint, own in across.items()}
     surface, missed, arm = fit_muscle_surface(length, moved, arms)
-    return surface, _coarse(muscle, surface, missed, arm)
+    return surface, _surface_error_notes(muscle, surface, missed, arm)
 
 
-def _coarse(muscle: str, surface: MuscleSurface, missed: float, arm: float) -> list[str]:
-    """What is said of a surface that misses lengths and arms [m]."""
-    if arm <= COARSE:
+def _surface_error_notes(muscle: str, surface: MuscleSurface, missed: float, arm: float) -> list[str]:
+    """Return a note if a muscle's surface is inaccurate, given its RMS errors of length and arm [m]."""
+    if arm <= NOTED_ARM_ERROR_M:
         return []
     return [
         f"{muscle}: lengths and arms are met within {1e3 * missed:.2g} and {1e3 * arm:.2g} mm over "
@@ -201,12 +214,16 @@ def _coarse(muscle: str, surface: MuscleSurface, missed: float, arm: float) -> l
     ]
 
 
-def _limit(trials: Sequence[TorqueTrial]) -> float:
-    return LIMIT * max(float(np.max(np.abs(t.torque))) for t in trials)
+def _torque_limit(trials: Sequence[TorqueTrial]) -> float:
+    """Return the limit of the estimator's torque [N m]."""
+    return TORQUE_LIMIT_RATIO * max(float(np.max(np.abs(t.torque))) for t in trials)
 
 
 def chain_sections(chain: str, rate: float, mains: float | None = None) -> dict[str, tuple[tuple[float, ...], ...]]:
-    """Second-order sections before and after a chain rectifies, its notch at the `mains` [Hz]; None: as published."""
+    """Return a chain's second-order sections before and after rectification.
+
+    `mains` is the frequency of its notch [Hz]; None: the published one.
+    """
     parts: dict[str, list] = {"before": [], "after": []}
     where = "before"
     for stage in emg_chain(chain, mains).stages:

@@ -1,4 +1,4 @@
-"""What calibration reports of an estimator: how it did on what it had not seen, and a stretch of its torque."""
+"""Results of one estimator in a calibration: scores on held-out recordings, and a stretch of its torque."""
 
 from __future__ import annotations
 
@@ -18,87 +18,89 @@ from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
 
 if TYPE_CHECKING:
-    from .chosen import Chosen
+    from .chosen import RecommendedEstimator
 
-EVALUATED = tuple(ESTIMATOR_FAMILIES)
+REPORTED_ESTIMATORS = tuple(ESTIMATOR_FAMILIES)
 """Estimators that `calibrate` reports, in the order of its tables."""
 
-CAUSAL = ("boost", "ridge", "hill")
-"""Those it also reports with features from the past alone."""
+CAUSAL_ESTIMATORS = ("boost", "ridge", "hill")
+"""Estimators that `calibrate` also reports with causal features."""
 
 
 @dataclass(frozen=True)
-class Evaluated:
-    """One estimator on one recording (or on all of a person's), with what it was chosen to see."""
+class EstimatorEvaluation:
+    """Evaluation of one estimator on one recording, or on all trials of a joint or person."""
 
-    what: str  # Joint, or participant
-    estimator: str  # In `ESTIMATOR_FAMILIES`; the past alone where `causal`
-    causal: bool
-    recording: str  # Judged on; ``""`` for all trials, each left out in turn
+    what: str  # Joint or participant
+    estimator: str  # Name in `ESTIMATOR_FAMILIES`
+    causal: bool  # Whether its features use the past alone
+    recording: str  # Test recording; ``""`` for all trials, each left out in turn
     score: Score
-    within: Score | None  # Of cross-validation within what was fitted
-    choice: str  # Features and settings, in words
-    examined: ConditionTestErrors | None = None  # Away from what it is fitted to; None for what is not named first
-    by_trial: Mapping[str, Score] = field(default_factory=dict, repr=False)  # Where trials are left out in turn
-    # What the figures are called: ``"recording"``, ``"steps"`` (torque against an orthosis), ``"trials"`` (means over
-    # trials left out), ``"normalised"`` (a torque relative to the leg's own weight)
+    within: Score | None  # Score of cross-validation within the fitted trials
+    choice: str  # Chosen features and settings, in words
+    examined: ConditionTestErrors | None = None  # Condition tests; None for an estimator that may not be recommended
+    by_trial: Mapping[str, Score] = field(default_factory=dict, repr=False)  # Score of each trial left out in turn
+    # Kind of evaluation, which sets the row's id: ``"recording"``, ``"steps"`` (torque against an orthosis),
+    # ``"trials"`` (means over trials left out), ``"normalised"`` (a torque relative to the leg's own weight)
     kind: str = "recording"
-    seconds: float | None = None  # One calibration took, all starts included, where that is a figure of its own
-    coverage: float | None = None  # Share of held-out samples within the 95 % interval about what is predicted
-    # Share within the band of `condition_choice.LEVEL`, as wide as errors were away from what was fitted
-    held: float | None = None
-    # RMSE where the reference pulls along its main direction, and of both torques cut off at 0 [N m]; or empty
+    seconds: float | None = None  # Duration of one calibration with all starts [s], if it is reported
+    coverage: float | None = None  # Share of held-out samples within the 95 % interval about the prediction
+    held: float | None = None  # Share of held-out samples within the error band of `ConditionTestErrors`
+    # RMSE where the reference pulls along its main direction, and RMSE of both torques cut off at 0 [N m]; or empty
     partial: tuple[float, ...] = ()
-    # The same with envelopes of channels that changed replaced by what the others tell; None where none did
+    # Score with the envelopes of changed channels predicted from the other channels; None if no channel changed
     without_changed: Score | None = None
-    torque_unit: str = "N*m"  # Of the reference; "MVC": shares of a maximal contraction's
+    torque_unit: str = "N*m"  # Unit of the reference; "MVC": shares of a maximal contraction's torque
 
     @property
     def unit(self) -> str:
-        """Of the RMSE."""
+        """Unit of the RMSE."""
         return "of the leg's weight" if self.kind == "normalised" else self.torque_unit
 
 
 @dataclass(frozen=True, eq=False)
 class TorqueTrace:
-    """A stretch of held-out torque, the reference and what maps made of it."""
+    """A stretch of held-out torque: the reference and the predictions."""
 
-    what: str
+    what: str  # Joint or participant
     recording: str
-    time: np.ndarray  # time, reference: (n,) [s] and [N m]
-    reference: np.ndarray
-    predicted: Mapping[str, np.ndarray]  # (n,) By estimator [N m]
-    # (n,) Half the band about what is predicted, of estimators that have one [N m]
+    time: np.ndarray  # Time, shape (n,) [s]
+    reference: np.ndarray  # Reference torque, shape (n,) [N m]
+    predicted: Mapping[str, np.ndarray]  # Predicted torque by estimator, shape (n,) [N m]
+    # Half the band about the prediction, of estimators that have one, shape (n,) [N m]
     half_width: Mapping[str, np.ndarray] = field(default_factory=dict)
-    level: float = 0.95  # What the bands are meant for
+    level: float = 0.95  # Nominal share of samples within the bands
 
 
 @dataclass(frozen=True, eq=False)
-class Calibrated:
-    """All that one way of judging found."""
+class CalibrationFindings:
+    """All findings of one evaluation of a study, collected while it runs."""
 
-    evaluated: list[Evaluated] = field(default_factory=list)
-    traces: list[TorqueTrace] = field(default_factory=list)
-    trials: list[TorqueTrial] = field(default_factory=list)  # That took part
-    # Of each joint, as judged: what muscles of all joints together are calibrated on; empty where there is one joint
+    evaluated: list[EstimatorEvaluation] = field(default_factory=list)  # Evaluations of every estimator
+    traces: list[TorqueTrace] = field(default_factory=list)  # Stretches of held-out torque
+    trials: list[TorqueTrial] = field(default_factory=list)  # Trials that were fitted or scored
+    # Trials by joint, as scored, on which muscles of all joints are calibrated together; empty if there is one joint
     across: dict[str, list[TorqueTrial]] = field(default_factory=dict)
-    cards: dict = field(default_factory=dict)
-    causal: dict = field(default_factory=dict)  # Maps of the past alone that can be stepped, by joint and estimator
-    # Muscles fitted to all that may be fitted, by joint or participant
-    muscles: dict[str, HillMap] = field(default_factory=dict)
-    shown: dict[str, TorqueTrial] = field(default_factory=dict)  # A trial to show them with
-    passed_over: dict[str, str] = field(default_factory=dict)  # Why muscles were not fitted, by joint or participant
-    verdicts: list[Verdict] = field(default_factory=list)  # On this way of judging
-    chosen: dict[str, Chosen] = field(default_factory=dict)  # What is named first, where trials are left out in turn
-    sessions: dict[str, ChannelComparison] = field(
+    cards: dict = field(default_factory=dict)  # Cards by name
+    causal: dict = field(default_factory=dict)  # Causal maps that can run live, by joint and estimator
+    muscles: dict[str, HillMap] = field(default_factory=dict)  # Muscles fitted to all fitted trials, by joint or person
+    shown: dict[str, TorqueTrial] = field(default_factory=dict)  # Trial with which these muscles are drawn
+    passed_over: dict[str, str] = field(default_factory=dict)  # Reason why muscles were not fitted, by joint or person
+    verdicts: list[Verdict] = field(default_factory=list)  # Verdicts on this evaluation
+    chosen: dict[str, RecommendedEstimator] = field(
         default_factory=dict
-    )  # Channels against those fitted, by recording judged
+    )  # Recommended estimator, if trials are left out in turn
+    # Comparison of channels with the fitted ones, by test recording
+    sessions: dict[str, ChannelComparison] = field(default_factory=dict)
 
 
-def estimators_for(
-    trials: Sequence[TorqueTrial], what: str, found: Calibrated, names: Sequence[str] = EVALUATED
+def find_applicable_estimators(
+    trials: Sequence[TorqueTrial], what: str, found: CalibrationFindings, names: Sequence[str] = REPORTED_ESTIMATORS
 ) -> list[str]:
-    """Estimators that these trials can be given to; those with muscles need geometry and relative envelopes."""
+    """Return the estimators that can be fitted to these trials.
+
+    Muscles need a geometry and relative envelopes. The reason is noted if they cannot be fitted.
+    """
     from ...estimators.muscle_trials import find_driven_muscles
 
     try:

@@ -37,7 +37,7 @@ def muscle_source(study: Study, recording: Recording, joint: str) -> MuscleSourc
             name, found.optimal_fibre_length, found.tendon_slack_length, found.largest_force, found.pennation,
             damping=FIBRE_DAMPING,
         )  # fmt: skip
-    recorded = _recorded(recording, joint)
+    recorded = _recorded_paths(recording, joint)
     model = None if recorded else study_geometry(study)
     paths = table.geometry if model is None else model.polynomials
     if not recorded and not any(joint in path.angles for path in paths.values()):
@@ -54,7 +54,7 @@ def muscle_source(study: Study, recording: Recording, joint: str) -> MuscleSourc
     )
 
 
-def _recorded(recording: Recording, joint: str) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def _recorded_paths(recording: Recording, joint: str) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Return length, rate and moment arm of muscles that have all three among the streams, on the recording's clock."""
     every = {
         name: (stream.time, channel.samples)
@@ -72,7 +72,7 @@ def _recorded(recording: Recording, joint: str) -> dict[str, tuple[np.ndarray, n
 
 def geometry_verdicts(study: Study) -> list[Verdict]:
     """Return verdicts on the polynomials of the study's own model: their errors, and muscles that were refused."""
-    if all(_recorded(r, joint) for r in study.recordings() for joint in study.table(EmgTorqueTable).joints):
+    if all(_recorded_paths(r, joint) for r in study.recordings() for joint in study.table(EmgTorqueTable).joints):
         return []
     model = study_geometry(study)
     if model is None:

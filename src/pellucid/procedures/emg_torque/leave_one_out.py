@@ -1,4 +1,4 @@
-"""Estimators judged trial by trial, each left out in turn: moments without a held-out recording, and repetitions."""
+"""Score estimators on trials left out in turn: recordings with moments, or repetitions of leg extensions."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .procedure import EmgTorqueTable
 from ..._errors import IdentificationError
 from ...estimators.condition_choice import ERROR_BAND_SHARE
 from ...estimators.cross_validation import Score
@@ -15,34 +14,37 @@ from ...estimators.torque_map import cross_validate_torque_maps, fit_torque_map
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
 from ...recordings.study import Study
-from .chosen import chosen_in_folds, examined_if_candidate
-from .evaluated import Calibrated, Evaluated, TorqueTrace, estimators_for
-from .leg_extension_trials import EXTENSION, leg_extension_trials
+from .chosen import recommend_by_fold, run_tests_if_candidate
+from .evaluated import CalibrationFindings, EstimatorEvaluation, TorqueTrace, find_applicable_estimators
+from .leg_extension_trials import EXTENSION_PROTOCOL, leg_extension_trials
+from .procedure import EmgTorqueTable
 from .relative_envelopes import normalisation_words
 from .trial_sources import moment_trials
 
 Progress = Callable[[str, float], None]
+"""Function that is told what is done now and the share of all work that is done."""
 
 
-def moments_left_out(study: Study, tell: Progress) -> Calibrated:
-    """Recordings with moments, none of them held out: each is predicted by what was fitted to the others. `study`
-    [emg_torque]."""
-    found, joints = Calibrated(), study.table(EmgTorqueTable).joints
+def leave_out_recordings(study: Study, tell: Progress) -> CalibrationFindings:
+    """Predict each recording with moments by estimators fitted to the others. `study` [emg_torque]."""
+    found, joints = CalibrationFindings(), study.table(EmgTorqueTable).joints
     found.verdicts.append(Verdict("note", normalisation_words(study)))
     for i, joint in enumerate(joints):
         found.across[joint] = moment_trials(study, joint)
-        _judge(found, found.across[joint], joint, "trials", 1.0, _part(tell, i, len(joints)))
+        _evaluate_trials(found, found.across[joint], joint, "trials", 1.0, _part_progress(tell, i, len(joints)))
     return found
 
 
-def repetitions_left_out(study: Study, tell: Progress) -> Calibrated:
-    """Leg extensions, each repetition predicted by what was fitted to the same person's others. `study`
-    [emg_torque]."""
-    found = Calibrated()
-    people = list(dict.fromkeys(r.participant for r in study.recordings() if r.protocol == EXTENSION))
+def leave_out_repetitions(study: Study, tell: Progress) -> CalibrationFindings:
+    """Predict each repetition of leg extensions by estimators fitted to the same person's others.
+
+    `study` [emg_torque].
+    """
+    found = CalibrationFindings()
+    people = list(dict.fromkeys(r.participant for r in study.recordings() if r.protocol == EXTENSION_PROTOCOL))
     for i, person in enumerate(people):
         trials, weight = leg_extension_trials(study, person)
-        _judge(found, trials, person or "knee", "normalised", weight, _part(tell, i, len(people)))
+        _evaluate_trials(found, trials, person or "knee", "normalised", weight, _part_progress(tell, i, len(people)))
     found.verdicts.append(
         Verdict(
             "warning",
@@ -62,30 +64,33 @@ def repetitions_left_out(study: Study, tell: Progress) -> Calibrated:
     return found
 
 
-def _judge(found: Calibrated, trials: list[TorqueTrial], what: str, kind: str, unit: float, tell: Progress) -> None:
+def _evaluate_trials(
+    found: CalibrationFindings, trials: list[TorqueTrial], what: str, kind: str, unit: float, tell: Progress
+) -> None:
+    """Score every estimator on trials left out in turn; `unit` [N m] divides RMSE. Findings are added to `found`."""
     if len(trials) < 3:
         raise IdentificationError(
             f"{what}: found {len(trials)} trials ({', '.join(t.name for t in trials)}), expected at least three, each "
             "to be left out in turn"
         )
-    names = estimators_for(trials, what, found)
+    names = find_applicable_estimators(trials, what, found)
     results = cross_validate_torque_maps(
-        trials, names, on_progress=lambda text, share: tell(f"{what}, {text}", share), examine=examined_if_candidate
+        trials, names, on_progress=lambda text, share: tell(f"{what}, {text}", share), examine=run_tests_if_candidate
     )
     own = []
     for name, result in results.items():
-        # Trials count the same, however long they are.
+        # Trials have equal weight, however long they are.
         every = {t: Score(s.rmse / unit, s.r2) for t, s in result.by_trial.items()}
         score = Score(float(np.mean([s.rmse for s in every.values()])), result.score.r2)
         words = " / ".join(dict.fromkeys(choice.words for choice in result.choices))
         own.append(
-            Evaluated(
+            EstimatorEvaluation(
                 what, name, False, "", score, None, words, kind=kind, by_trial=every, torque_unit=trials[0].unit
             )
         )  # fmt: skip
     found.evaluated.extend(own)
-    found.chosen[what] = chosen_in_folds(trials, results, own)
-    # The worst of what is named first, with its band.
+    found.chosen[what] = recommend_by_fold(trials, results, own)
+    # The recommended estimator's worst trial is drawn with its band.
     chosen = found.chosen[what]
     worst = max(trials, key=lambda t: chosen.judged[0].by_trial[t.name].rmse)
     made = {name: result.predicted[worst.name] for name, result in results.items()}
@@ -96,5 +101,6 @@ def _judge(found: Calibrated, trials: list[TorqueTrial], what: str, kind: str, u
         found.muscles[what], found.shown[what] = fit_torque_map(trials, "hill"), worst
 
 
-def _part(tell: Progress, i: int, count: int) -> Progress:
+def _part_progress(tell: Progress, i: int, count: int) -> Progress:
+    """Return a progress function for part `i` of `count`."""
     return lambda text, share: tell(text, (i + share) / count)

@@ -1,12 +1,12 @@
-r"""Repetitions of a leg extended from sitting, no torque recorded: the reference is that of the shank's motion.
+r"""Repetitions of a leg extended from sitting without a recorded torque. The reference is computed from the motion.
 
-A shank that hangs at rest and is extended by :math:`\alpha` needs (eq. 12 of the paper `hill`, the angle of rest taken
-for that of hanging)
+A shank that hangs at rest and is extended by :math:`\alpha` needs the torque (eq. 12 of the paper `hill`, with the
+angle at rest taken for the hanging angle)
 
 .. math::  \frac{\tau}{m g l} = \frac{I}{m g l}\,\ddot\alpha + \sin\alpha
 
-of which :math:`I/(m g l)` follows from the shank's length alone by anthropometric shares; mass is unknown, and torque
-relative.
+where :math:`I/(m g l)` follows from the shank's length alone by anthropometric shares. The mass is unknown, so the
+torque is relative.
 """
 
 from __future__ import annotations
@@ -20,29 +20,32 @@ from ...recordings.study import Study
 from ...signals.filters import central_difference, zero_phase_lowpass
 from ...signals.repetitions import find_repetitions
 from .known_muscles import muscle_source
-from .relative_envelopes import maxima_of, relative_envelopes
-from .trial_sources import KEPT_RATE
+from .relative_envelopes import find_maxima, relative_envelopes
+from .trial_sources import KEPT_RATE_HZ
 
-EXTENSION = "leg_extension"
+EXTENSION_PROTOCOL = "leg_extension"
 """Protocol in which a sitting person extends the leg, again and again."""
 
-USUAL_MAN = (70.0, 1.7)
-"""Mass [kg] and height [m] of whom nothing else is known; height sets I/(m g l), mass only a unit that cancels."""
+DEFAULT_MASS_AND_HEIGHT = (70.0, 1.7)
+"""Mass [kg] and height [m] of a person without a stated body. Height sets I/(m g l); mass sets a unit that cancels."""
 
-LEAD = 0.3
-"""EMG ahead of each repetition that muscles remember [s]."""
+EMG_LEAD_S = 0.3
+"""Duration of the EMG before each repetition that is passed to muscles [s], since their force depends on it."""
 
 
 def leg_extension_trials(study: Study, participant: str | None) -> tuple[list[TorqueTrial], float]:
-    """Repetitions by one person, each a trial and a group of its own. `study` [emg_torque]; gives `weight` [N m]."""
+    """Return one person's repetitions, each a trial and a group of its own, and the weight torque of the leg [N m].
+
+    `study` [emg_torque].
+    """
     own = [r for r in study.recordings() if r.participant == participant]
-    found = [r for r in own if r.protocol == EXTENSION]
+    found = [r for r in own if r.protocol == EXTENSION_PROTOCOL]
     person = study.config.participants.get(participant) if participant else None
-    mass = getattr(person, "mass", None) or USUAL_MAN[0]
-    height = getattr(person, "height", None) or USUAL_MAN[1]
+    mass = getattr(person, "mass", None) or DEFAULT_MASS_AND_HEIGHT[0]
+    height = getattr(person, "height", None) or DEFAULT_MASS_AND_HEIGHT[1]
     leg = winter(mass, shank_length(height))
     sign = 1.0 if study.config.rig.lifts == "flexion" else -1.0
-    top = maxima_of(study, participant, found)
+    top = find_maxima(study, participant, found)
     trials = []
     for recording in found:
         where = f"{recording.path.name} (recording {recording.name}), channel angle.knee"
@@ -53,8 +56,8 @@ def leg_extension_trials(study: Study, participant: str | None) -> tuple[list[To
         torque = -sign * (leg.inertia * acceleration + leg.gravity() * np.sin(extension))
         flexion = sign * (0.5 * np.pi - extension)
         envelopes = relative_envelopes(study, recording, top, causal=False)
-        every = max(1, round(recording.fs / KEPT_RATE))
-        reach = round(LEAD * recording.fs)
+        every = max(1, round(recording.fs / KEPT_RATE_HZ))
+        reach = round(EMG_LEAD_S * recording.fs)
         for i, repetition in enumerate(repetitions.each, start=1):
             kept = slice(repetition.start, repetition.end, every)
             ahead = np.arange(repetition.start - every, max(repetition.start - reach, -1), -every)[::-1]

@@ -1,4 +1,4 @@
-"""Figures of calibrated muscles: how far each number moved from anatomy, and what each muscle does in a movement."""
+"""Figures of calibrated muscles: departures of parameters from anatomy, activations and torques."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from ...drawing.style import FIGURE_WIDTH, colour
 from .evaluated import TorqueTrace
 from .muscle_findings import MuscleSummary
 
-SHARED = "joint"
-"""Row of what belongs to no muscle alone."""
+SHARED_PARAMETER_PREFIX = "joint"
+"""Prefix of the names of parameters that belong to the joint, not to one muscle."""
 
 
 def departures(found: MuscleSummary, name: str, *, caption: str) -> Drawing:
-    """Every parameter's departure from anatomy with its interval: a panel per quantity, a row per muscle."""
-    split = [_split(p) for p in found.parameters]
+    """Draw every parameter's departure from anatomy with its interval: a panel per quantity, a row per muscle."""
+    split = [_split_parameter_name(p) for p in found.parameters]
     quantities = list(dict.fromkeys(quantity for quantity, _ in split))
     rows = list(found.muscles)
     own = [q for q in quantities if any(s == q and m in rows for s, m in split)]
@@ -45,7 +45,7 @@ def departures(found: MuscleSummary, name: str, *, caption: str) -> Drawing:
 
 
 def muscle_work(found: MuscleSummary, name: str, *, caption: str) -> Drawing:
-    """Activation of every muscle over a stretch, and the torque it gives the joint."""
+    """Draw the activation of every muscle over a stretch of time, and its torque on the joint."""
     time, count = np.array(found.time), len(found.muscles)
     figure = Figure(figsize=(FIGURE_WIDTH, 0.9 + 0.55 * count), layout="constrained")
     axes = figure.subplots(count, 2, sharex=True, sharey="col", squeeze=False)
@@ -63,17 +63,19 @@ def muscle_work(found: MuscleSummary, name: str, *, caption: str) -> Drawing:
     return Drawing(name, figure, caption)
 
 
-def _split(parameter: str) -> tuple[str, str]:
-    """Quantity, and the muscle it belongs to; none for what several share."""
+def _split_parameter_name(parameter: str) -> tuple[str, str]:
+    """Return a parameter's quantity and muscle; the muscle is empty if several share the parameter."""
     quantity, _, muscle = parameter.partition(".")
-    return (parameter, "") if quantity == SHARED or not muscle else (quantity, muscle)
+    return (parameter, "") if quantity == SHARED_PARAMETER_PREFIX or not muscle else (quantity, muscle)
 
 
 def joints_together(
     traces: Sequence[TorqueTrace], words: Mapping[str, str], name: str, *, caption: str, seconds: float = 5.0
 ) -> Drawing:
-    """Torque of every joint over the middle `seconds` of a recording, a panel each: the reference, and what one
-    calibration of all muscles makes of it in each way that has `words`, the first with its band."""
+    """Draw the torque of every joint over the middle `seconds` of a recording, a panel each.
+
+    Beside the reference it draws the prediction of every fit that `words` describes, the first with its band.
+    """
     tones = dict(zip(words, ("good", "heldout"), strict=True))
     figure = Figure(figsize=(FIGURE_WIDTH, 0.8 + 1.9 * len(traces)), layout="constrained")
     axes = figure.subplots(len(traces), 1, sharex=True, squeeze=False)[:, 0]

@@ -1,4 +1,4 @@
-"""What calibration says of muscles: parameters with intervals, cards, verdicts, and errors in parts of a torque."""
+"""Findings on calibrated muscles: parameters with intervals, cards, verdicts, and errors in parts of a torque."""
 
 from __future__ import annotations
 
@@ -21,35 +21,33 @@ from ...models.muscle_card import CARD_KIND, CalibratedMuscles
 from ...models.parameter_card import ParameterCard
 from ...recordings.study import Study
 from ..result import ParameterTable
-from .evaluated import Calibrated
+from .evaluated import CalibrationFindings
 
-SHOWN = 3.0
-"""Of a trial in figures of muscles [s]."""
+DRAWN_STRETCH_S = 3.0
+"""Duration of the stretch of a trial in figures of muscles [s]."""
 
 
 @dataclass(frozen=True)
 class MuscleSummary:
-    """Calibrated muscles of a joint or person, as figures draw them."""
+    """Calibrated muscles of a joint or person, with the data for their figures."""
 
-    what: str  # Joint, or participant
-    parameters: tuple[str, ...]
-    # deviation, half_width: From anatomy, and half of the 95 % interval, in standard deviations among people
-    deviation: tuple[float, ...]
-    half_width: tuple[float, ...]
-    at_bound: tuple[bool, ...]
-    muscles: tuple[str, ...]
-    recording: str  # Of which a stretch follows
-    time: tuple[float, ...]  # [s]
-    activation: tuple[tuple[float, ...], ...]  # A row per muscle [1]
-    torque: tuple[tuple[float, ...], ...]  # What each muscle gives the joint, a row per muscle [N m]
+    what: str  # Joint or participant
+    parameters: tuple[str, ...]  # Names of the parameters
+    deviation: tuple[float, ...]  # Departure of each parameter from anatomy, in standard deviations among people
+    half_width: tuple[float, ...]  # Half of each parameter's 95 % interval, in standard deviations among people
+    at_bound: tuple[bool, ...]  # Whether each parameter ended on a bound
+    muscles: tuple[str, ...]  # Names of the muscles
+    recording: str  # Recording of the drawn stretch
+    time: tuple[float, ...]  # Time in the stretch [s]
+    activation: tuple[tuple[float, ...], ...]  # Activation in the stretch, a row per muscle [1]
+    torque: tuple[tuple[float, ...], ...]  # Torque of each muscle on the joint, a row per muscle [N m]
 
 
 def partial_errors(reference: np.ndarray, predicted: np.ndarray) -> tuple[float, float]:
-    """RMSE where the reference pulls along its main direction, and of both torques cut off at 0.
+    """Return RMSE where the reference pulls along its main direction, and RMSE of both torques cut off at 0 [N m].
 
-    Cut off, half of a movement is 0 on both sides and errs by nothing: the second is up to sqrt(2) below the first.
-
-    `reference`, `predicted` (n,) [N m]; gives `positive`, `truncated` [N m].
+    In half of a movement both cut torques are 0 and have no error. The second is therefore up to sqrt(2) times smaller
+    than the first. `reference` and `predicted` have shape (n,) [N m].
     """
     main = 1.0 if reference.max() >= -reference.min() else -1.0
     a, b = main * reference, main * predicted
@@ -58,14 +56,14 @@ def partial_errors(reference: np.ndarray, predicted: np.ndarray) -> tuple[float,
 
 
 def muscle_tables(muscles: Mapping[str, HillMap]) -> tuple[ParameterTable, ...]:
-    """Parameters of each joint's or person's muscles."""
+    """Return a table of the muscles' parameters for each joint or person."""
     return tuple(ParameterTable(f"Muscles: {what}", muscle_parameters(found.fit)) for what, found in muscles.items())
 
 
 def muscle_cards(
     study: Study, muscles: Mapping[str, HillMap], trials: Sequence[TorqueTrial]
 ) -> dict[str, ParameterCard]:
-    """Cards of calibrated muscles, with their covariance in the parameters' units."""
+    """Return cards of calibrated muscles, with their covariance in the parameters' units."""
     cards = {}
     for what, found in muscles.items():
         name, tissue = f"muscles_{what}", {found.joint: found.fit.passive}
@@ -80,7 +78,7 @@ def muscle_cards(
                 **whole.settings(),
                 "weight": found.choice.weight,
                 "residual_sd": found.residual_sd,
-                **{f"delay.{m}": float(late) for m, late in zip(found.muscles, delays(found), strict=True)},
+                **{f"delay.{m}": float(late) for m, late in zip(found.muscles, activation_delays(found), strict=True)},
             },
             processing="factors of the anatomical model's strength, tendon slack length and optimal fibre length; "
             + found.choice.words,
@@ -90,8 +88,8 @@ def muscle_cards(
     return cards
 
 
-def muscle_summaries(found: Calibrated) -> tuple[MuscleSummary, ...]:
-    """What figures of calibrated muscles need."""
+def muscle_summaries(found: CalibrationFindings) -> tuple[MuscleSummary, ...]:
+    """Return the data for figures of calibrated muscles."""
     made = []
     for what, fitted in found.muscles.items():
         trial = found.shown[what]
@@ -99,7 +97,7 @@ def muscle_summaries(found: Calibrated) -> tuple[MuscleSummary, ...]:
         states = fitted.fit.problem.model.states(
             samples.data, fitted.fit.problem.values(fitted.fit.z)[: len(fitted.fit.problem.priors)]
         )
-        shown = slice(own.start, min(own.stop, own.start + round(SHOWN * trial.fs)))
+        shown = slice(own.start, min(own.stop, own.start + round(DRAWN_STRETCH_S * trial.fs)))
         pull = samples.data.moment_arm * states["force"]
         half = 1.96 * np.sqrt(np.diag(covariance(fitted.fit)))
         made.append(
@@ -119,18 +117,18 @@ def muscle_summaries(found: Calibrated) -> tuple[MuscleSummary, ...]:
     return tuple(made)
 
 
-def delays(found: HillMap) -> np.ndarray:
-    """How late each muscle's activation follows slow envelopes, delay and lags together, shape (m,) [s]."""
+def activation_delays(found: HillMap) -> np.ndarray:
+    """Return the time by which each muscle's activation follows a slow envelope, with all lags, shape (m,) [s]."""
     estimator, _ = found.stream(found.fit.problem.samples.data.period)
     return np.asarray(estimator.delays)
 
 
-def muscle_verdicts_of(found: Calibrated) -> tuple[Verdict, ...]:
-    """What recordings say of muscles, how late they run, whether intervals hold, and why some were passed over."""
+def calibrated_muscle_verdicts(found: CalibrationFindings) -> tuple[Verdict, ...]:
+    """Return verdicts on calibrated muscles: their delays, the coverage of intervals, and why some were not fitted."""
     said: list[Verdict] = list(found.verdicts)
     for what, fitted in found.muscles.items():
         said += muscle_verdicts(fitted.fit, what)
-        late = 1e3 * delays(fitted)
+        late = 1e3 * activation_delays(fitted)
         said.append(
             Verdict(
                 "note",
@@ -138,7 +136,7 @@ def muscle_verdicts_of(found: Calibrated) -> tuple[Verdict, ...]:
                 "and lags together; run causally, the angles' rates come 19 ms late on top.",
             )
         )
-        said += _against_regression(found, what)
+        said += _compare_with_regression(found, what)
     for each in found.evaluated:
         if each.coverage is not None and not each.causal:
             kind = "good" if each.coverage >= 0.9 else "warning"
@@ -154,8 +152,8 @@ def muscle_verdicts_of(found: Calibrated) -> tuple[Verdict, ...]:
     return tuple(said)
 
 
-def _against_regression(found: Calibrated, what: str) -> list[Verdict]:
-    """Muscles beside the regressions that see the same, on what was judged first."""
+def _compare_with_regression(found: CalibrationFindings, what: str) -> list[Verdict]:
+    """Return a verdict that compares muscles with regressions of the same inputs, on the first test recording."""
     own = [e for e in found.evaluated if e.what == what and not e.causal]
     own = [e for e in own if e.recording == own[0].recording] if own else []
     by = {e.estimator: e for e in own}

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field
 
 from ...recordings.study import Study
 from ...recordings.study_fields import Place, ProcedureTable, Said, Word, quantity
-from ..procedure import Procedure, late
+from ..procedure import Procedure, Progress, quiet
 
-BODY_CARDS = ("orthosis", "limb", "coupling", "strap")
-"""Last parts of the names of cards that `identify` wrote, by which the wearer's torque is told."""
+if TYPE_CHECKING:
+    from ...pages.page import Page
+    from ...recordings.fault import Fault
+    from .calibrate import CalibrationResult
+
+BODY_CARD_NAMES = ("orthosis", "limb", "coupling", "strap")
+"""Last parts of the names of cards by `identify` from which the wearer's torque is computed."""
 
 
 class EmgTorqueTable(ProcedureTable):
@@ -22,37 +27,38 @@ class EmgTorqueTable(ProcedureTable):
     Attributes
     ----------
     joints : tuple of str
-        Each with channels ``angle.<joint>`` and ``moment.<joint>``, or the rig's own position and torque.
+        Joints, each with channels ``angle.<joint>`` and ``moment.<joint>``, or the rig's own position and torque.
     muscles : tuple of str
-        Channels ``emg.<muscle>`` to use; empty: all.
+        Muscles to use, by their channels ``emg.<muscle>``; empty: all.
     emg, moments : str
-        Streams, where these channels are not in the recording's own file.
+        Streams of these channels, if they are not in the recording's own file.
     chain : str
-        From raw EMG to envelopes: ``"knee"``, ``"able"``, ``"hill"``, or ``"none"`` where envelopes were recorded.
+        Filter chain from raw EMG to envelopes: ``"knee"``, ``"able"``, ``"hill"``, or ``"none"`` for recorded
+        envelopes.
     mains : float or None
-        Where the notch of the chain ``"hill"`` lies [Hz]; left out: at 50 Hz, as published.
+        Frequency of the notch in the chain ``"hill"`` [Hz]; by default 50 Hz, as published.
     reference_lowpass : float or None
         Cut-off of the zero-phase low-pass on the reference torque [Hz].
     largest_moment : dict of str to float
-        What a maximal contraction reached, by joint [N m]: moments given in %MVC are taken as so many of these.
+        Moment of a maximal contraction, by joint [N m]: the scale of moments that are given in %MVC.
     normalise : str or None
-        ``"mvc"``: envelopes over the largest of recordings with the protocol mvc, whatever the chain; ``"largest"``:
-        over the largest of what is fitted; ``"none"``: as the chain leaves them. Left out: a chain that normalises by
-        mvc recordings, or by the largest where there is none; one that does not, not.
+        Scale of envelopes. ``"mvc"``: the largest envelope in recordings with the protocol mvc; ``"largest"``: the
+        largest envelope in the fitted recordings; ``"none"``: as the chain leaves them. By default the chain decides:
+        one that normalises uses mvc recordings, or without any the fitted ones.
     rescale : float or None
-        Beginning of each recording to be judged by which channels that changed are brought to floor and range as
-        fitted [s], exchanged ones exchanged again, those with another muscle's signal told by the others; without it
-        they are used as they are, and named.
+        Duration of the beginning of each test recording by which changed channels are repaired [s]. Floor and range
+        are scaled to the fitted ones, exchanged channels exchanged back, and channels with another muscle's signal
+        predicted from the others. By default changed channels are used as they are, and named.
     muscle_file : str or None
-        Path from the study's folder to an OpenSim model, a CEINMS subject, or the ``muscle_geometry.json`` that was
-        made of a model: the muscles' constants, and of a model their lengths and moment arms.
+        Path from the study's folder to an OpenSim model, a CEINMS subject, or a ``muscle_geometry.json`` made of a
+        model. It gives the muscles' constants, and if it is of a model, their lengths and moment arms.
     muscle_names : dict of str to str
-        What that file calls the study's muscles.
+        Name of each of the study's muscles in that file.
     coordinates : dict of str to str
-        What an OpenSim model calls each joint's angle, ``"-knee_angle_r"`` where it grows the other way; empty: columns
-        of ``angle.<joint>`` that are called as the model's coordinates are.
+        Name of each joint's angle in an OpenSim model, such as ``"-knee_angle_r"`` if it has the opposite sign. By
+        default the columns of ``angle.<joint>`` must be named as the model's coordinates are.
     posterior : bool
-        Whether a posterior of all joints' muscles together is drawn beside their intervals.
+        Whether a posterior of all joints' muscles together is computed beside their intervals.
     """
 
     joints: tuple[Word, ...] = Field(min_length=1)
@@ -73,26 +79,38 @@ class EmgTorqueTable(ProcedureTable):
     bridges: ClassVar[bool] = False
 
     def reads(self, channel: str, stream: str) -> bool:
-        """Angles, torques and EMG, wherever they are."""
+        """Return whether the procedure reads a channel: angles, torques and EMG in their streams."""
         kind = channel.partition(".")[0]
         if stream:
             return (kind == "emg" and stream == self.emg) or (kind == "moment" and stream == self.moments)
         return channel in ("position", "torque") or kind in ("angle", "moment", "emg")
 
 
-class EmgTorqueProcedure(Procedure):
+class EmgTorqueProcedure(Procedure[EmgTorqueTable, "CalibrationResult"]):
     """Torque of joints from EMG, by several methods, on held-out data."""
 
     name, command = "emg_torque", "calibrate"
     whole = True
     table = EmgTorqueTable
-    faults = late("emg_torque.study_faults", "study_faults")
-    run = late("emg_torque.calibrate", "calibrate")
-    page = late("emg_torque.calibration_page", "page")
+
+    def faults(self, study: Study, table: EmgTorqueTable) -> list[Fault]:
+        from .study_faults import study_faults
+
+        return study_faults(study)
+
+    def run(self, study: Study, table: EmgTorqueTable, tell: Progress = quiet) -> CalibrationResult:
+        from .calibrate import calibrate
+
+        return calibrate(study, tell)
+
+    def page(self, study: Study, found: CalibrationResult) -> Page:
+        from .calibration_page import page
+
+        return page(study, found)
 
     def inputs(self, study: Study) -> Iterable[Path]:
-        """Cards of the bodies that a torque is told by, and the muscles' constants."""
-        yield from (p for p in study.cards() if p.stem.split(".")[-1] in BODY_CARDS)
+        """Yield the cards from which the wearer's torque is computed, and the file of the muscles' constants."""
+        yield from (p for p in study.cards() if p.stem.split(".")[-1] in BODY_CARD_NAMES)
         constants = study.table(EmgTorqueTable).muscle_file
         if constants is not None:
             yield study.inside(constants, "[emg_torque] muscle_file")

@@ -1,4 +1,4 @@
-"""Envelopes on a recording's clock, and what they are relative to: maximal contractions, or the largest effort seen."""
+"""Envelopes on a recording's clock, relative to maximal contractions or to the largest effort seen."""
 
 from __future__ import annotations
 
@@ -6,31 +6,34 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from .procedure import EmgTorqueTable
 from ..._errors import IdentificationError, RecordingError
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...signals.emg_chain import EmgChain, emg_chain
 from .emg_faults import trial_faults
+from .procedure import EmgTorqueTable
 
-MAXIMAL = "mvc"
+MAXIMAL_PROTOCOL = "mvc"
 """Protocol of a maximal contraction."""
 
 
 def relative_envelopes(
     study: Study, recording: Recording, top: Mapping[str, float], *, causal: bool
 ) -> dict[str, np.ndarray]:
-    """Envelopes on the recording's clock, refused where EMG is not fit to be used. `study` [emg_torque]; gives (n,)."""
-    stream, chain = stream_of(recording, study.table(EmgTorqueTable).emg), _chain(study)
+    """Return envelopes by muscle on the recording's clock, shape (n,) each, or refuse EMG that is unfit for use.
+
+    `top` is the envelope of each muscle that counts as 1. `study` [emg_torque].
+    """
+    stream, chain = find_stream(recording, study.table(EmgTorqueTable).emg), _study_chain(study)
     whole = stream.uncut or stream
-    # A stream that ends early is refused below, muscle by muscle.
+    # A stream that ends early is refused below, for each muscle.
     faults = [fault.message for fault in trial_faults(recording, stream, whole=False) if fault.severity == "refuse"]
     if faults:
         raise RecordingError("\n".join(faults))
     made = {}
-    for muscle in muscles_of(study, stream):
+    for muscle in find_used_muscles(study, stream):
         channel = f"emg.{muscle}"
-        inside = inside_of(whole, recording, channel)
+        inside = find_window(whole, recording, channel)
         x = whole[channel]
         if chain is None:
             x = x[inside]
@@ -48,10 +51,12 @@ def relative_envelopes(
     return made
 
 
-def maxima_of(study: Study, participant: str | None, fitted: Sequence[Recording]) -> dict[str, float]:
-    """Largest envelope of each muscle of a participant, in maximal contractions or, where none is asked for nor there,
-    in what is `fitted`; empty where envelopes stay as the chain leaves them. `study` [emg_torque]."""
-    source = _relative_to(study, participant, fitted)
+def find_maxima(study: Study, participant: str | None, fitted: Sequence[Recording]) -> dict[str, float]:
+    """Return the largest envelope of each muscle of a participant; empty if envelopes are not normalised.
+
+    It is taken from maximal contractions or from the `fitted` recordings, as the study says. `study` [emg_torque].
+    """
+    source = _scale_recordings(study, participant, fitted)
     top: dict[str, float] = {}
     for recording in source:
         for muscle, envelope in relative_envelopes(study, recording, {}, causal=False).items():
@@ -66,13 +71,13 @@ def maxima_of(study: Study, participant: str | None, fitted: Sequence[Recording]
 
 
 def normalisation_words(study: Study) -> str:
-    """What envelopes are relative to, in a sentence. `study` [emg_torque]."""
+    """Return a sentence that says what envelopes are relative to. `study` [emg_torque]."""
     people = dict.fromkeys(r.participant for r in study.recordings())
-    mvc = [r.name for person in people for r in _maximal(study, person)]
-    chain, asked = _chain(study), study.table(EmgTorqueTable).normalise
-    if asked == "largest" or (asked is None and _normalises(chain) and not mvc):
+    mvc = [r.name for person in people for r in _maximal_recordings(study, person)]
+    chain, asked = _study_chain(study), study.table(EmgTorqueTable).normalise
+    if asked == "largest" or (asked is None and _has_normalisation(chain) and not mvc):
         return "Envelopes are relative to the largest of what is fitted: a share of that effort, not of a maximal one."
-    if asked == "mvc" or (asked is None and _normalises(chain)):
+    if asked == "mvc" or (asked is None and _has_normalisation(chain)):
         return f"Envelopes are relative to the largest of each muscle in maximal contractions: {', '.join(mvc)}."
     if chain is None:
         return "Envelopes are taken as they were recorded: what they are relative to is not known here."
@@ -80,26 +85,26 @@ def normalisation_words(study: Study) -> str:
 
 
 def is_relative(study: Study) -> bool:
-    """Whether envelopes are shares of an effort. `study` [emg_torque]."""
-    asked, chain = study.table(EmgTorqueTable).normalise, _chain(study)
-    return asked in ("mvc", "largest") or (asked is None and _normalises(chain)) or chain is None
+    """Return whether envelopes are shares of an effort. `study` [emg_torque]."""
+    asked, chain = study.table(EmgTorqueTable).normalise, _study_chain(study)
+    return asked in ("mvc", "largest") or (asked is None and _has_normalisation(chain)) or chain is None
 
 
 def is_maximal(study: Study, participant: str | None) -> bool:
-    """Whether that effort is a maximal one, as far as is said. `study` [emg_torque]."""
-    asked, chain = study.table(EmgTorqueTable).normalise, _chain(study)
+    """Return whether envelopes are relative to a maximal effort, as far as the study says. `study` [emg_torque]."""
+    asked, chain = study.table(EmgTorqueTable).normalise, _study_chain(study)
     if asked is None and chain is None:
         return True
-    return asked != "largest" and bool(_maximal(study, participant) or chain is None)
+    return asked != "largest" and bool(_maximal_recordings(study, participant) or chain is None)
 
 
-def stream_of(recording: Recording, name: str) -> Recording:
-    """A recording's stream, or itself where it has none of that name."""
+def find_stream(recording: Recording, name: str) -> Recording:
+    """Return a recording's stream, or the recording itself if it has no stream of that name."""
     return recording.streams.get(name, recording)
 
 
-def inside_of(stream: Recording, recording: Recording, channel: str) -> slice:
-    """The stream's samples within the recording's window; it must have recorded all of it."""
+def find_window(stream: Recording, recording: Recording, channel: str) -> slice:
+    """Return the slice of a stream's samples within the recording's window, which the stream must cover."""
     start, end, step = recording.time[0], recording.time[-1], 1.0 / stream.fs
     if stream.time[0] > start + 1.5 * step or stream.time[-1] < end - 1.5 * step:
         raise RecordingError(
@@ -110,8 +115,8 @@ def inside_of(stream: Recording, recording: Recording, channel: str) -> slice:
     return slice(*map(int, np.searchsorted(stream.time, (start - 0.5 * step, end + 0.5 * step))))
 
 
-def muscles_of(study: Study, stream: Recording) -> list[str]:
-    """Muscles of a stream that the study uses. `study` [emg_torque]."""
+def find_used_muscles(study: Study, stream: Recording) -> list[str]:
+    """Return the muscles of a stream that the study uses. `study` [emg_torque]."""
     wanted = study.table(EmgTorqueTable).muscles
     present = [name.removeprefix("emg.") for name in stream.channels if name.startswith("emg.")]
     missing = [m for m in wanted if m not in present]
@@ -123,13 +128,15 @@ def muscles_of(study: Study, stream: Recording) -> list[str]:
     return list(wanted) or present
 
 
-def _maximal(study: Study, participant: str | None) -> list[Recording]:
-    return [r for r in study.recordings("fit") if r.participant == participant and r.protocol == MAXIMAL]
+def _maximal_recordings(study: Study, participant: str | None) -> list[Recording]:
+    """Return a participant's recordings of maximal contractions."""
+    return [r for r in study.recordings("fit") if r.participant == participant and r.protocol == MAXIMAL_PROTOCOL]
 
 
-def _relative_to(study: Study, participant: str | None, fitted: Sequence[Recording]) -> Sequence[Recording]:
-    asked, mvc = study.table(EmgTorqueTable).normalise, _maximal(study, participant)
-    if asked == "none" or (asked is None and not _normalises(_chain(study))):
+def _scale_recordings(study: Study, participant: str | None, fitted: Sequence[Recording]) -> Sequence[Recording]:
+    """Return the recordings whose largest envelopes are the scale; empty if envelopes are not normalised."""
+    asked, mvc = study.table(EmgTorqueTable).normalise, _maximal_recordings(study, participant)
+    if asked == "none" or (asked is None and not _has_normalisation(_study_chain(study))):
         return []
     if asked == "mvc" and not mvc:
         who = f" of {participant}" if participant else ""
@@ -140,10 +147,12 @@ def _relative_to(study: Study, participant: str | None, fitted: Sequence[Recordi
     return fitted if asked == "largest" else mvc or fitted
 
 
-def _normalises(chain: EmgChain | None) -> bool:
+def _has_normalisation(chain: EmgChain | None) -> bool:
+    """Return whether a chain divides envelopes by a maximum."""
     return chain is not None and any(stage.kind == "normalise" for stage in chain.stages)
 
 
-def _chain(study: Study) -> EmgChain | None:
+def _study_chain(study: Study) -> EmgChain | None:
+    """Return the study's filter chain; None for recorded envelopes."""
     name = study.table(EmgTorqueTable).chain
     return None if name == "none" else emg_chain(name, study.table(EmgTorqueTable).mains)

@@ -1,8 +1,8 @@
 """Swings of a seated wearer in a passive exoskeleton: envelopes above rest, torque by balance, unrecorded flexors.
 
-The torque is that of the balance of leg and exoskeleton, as swings that the motor made tell it. What a relaxed leg's
-electrodes show is taken off envelopes in squares, as noise adds to a muscle's signal. Nobody records what bends the
-knee: as in other hybrid models flexors are excited so that the balance can be, wherever it asks for bending.
+The torque follows from the balance of leg and exoskeleton, which was identified in swings that the motor made. The
+envelope of a relaxed leg is subtracted in squares, since noise adds to a muscle's signal in squares. The knee's flexors
+have no electrode. As in other hybrid models, they are excited in proportion to the flexing torque of the balance.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .procedure import EmgTorqueTable
 from ..._errors import IdentificationError
 from ...estimators.cross_validation import score
 from ...estimators.families import ESTIMATOR_FAMILIES
@@ -28,49 +27,53 @@ from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...signals.emg_chain import EmgChain, emg_chain
 from ..loaded_swing.identify_loaded_swing import LOADED, identify_swings
-from .chosen import examined_if_candidate
-from .evaluated import Calibrated, Evaluated, TorqueTrace, estimators_for
+from .chosen import run_tests_if_candidate
+from .evaluated import CalibrationFindings, EstimatorEvaluation, TorqueTrace, find_applicable_estimators
 from .muscle_findings import partial_errors
+from .procedure import EmgTorqueTable
 
-SWINGS = "seated_swing"
-"""Protocol in which a seated wearer swings the leg, and the motor gives nothing."""
+SWING_PROTOCOL = "seated_swing"
+"""Protocol in which a seated wearer swings the leg without torque by the motor."""
 
-LOWPASS, KEPT_RATE = 6.0, 50.0
-"""Of position and torque, and the rate of samples that are kept [Hz]."""
+MOTION_LOWPASS_HZ = 6.0
+"""Cut-off of the low-pass on position and torque [Hz]."""
 
-FLEXORS = "biceps_femoris"
-"""What stands for the muscles behind the thigh."""
+KEPT_RATE_HZ = 50.0
+"""Rate of the samples that are kept [Hz]."""
 
-FLEXOR_TORQUE = 60.0
-"""That they pull at most [N m]: only a scale, their strength is calibrated."""
+FLEXOR_MUSCLE = "biceps_femoris"
+"""Muscle that stands for all knee flexors behind the thigh."""
 
-FITTED = ("hill", "nmco", "nmcoa", "nmnc", "mbp", "ridge", "boost", "motion")
-"""Estimators that `calibrate` reports of such a study."""
+FLEXOR_TORQUE_SCALE_NM = 60.0
+"""Flexing torque at which their envelope is 1 [N m]. It is only a scale, since their strength is calibrated."""
+
+FITTED_ESTIMATORS = ("hill", "nmco", "nmcoa", "nmnc", "mbp", "ridge", "boost", "motion")
+"""Estimators that `calibrate` reports for a study of seated swings."""
 
 
 @dataclass(frozen=True, eq=False)
 class WearerSwings:
-    """What a wearer's swings are made ready with."""
+    """Converter of a wearer's swings to trials."""
 
-    loaded: SwingFit  # Of leg and exoskeleton
-    maximal: Recording  # maximal, relaxed: EMG of a maximal contraction, and of a leg that the motor swings
-    relaxed: Recording
+    loaded: SwingFit  # Fitted balance of leg and exoskeleton
+    maximal: Recording  # EMG of a maximal contraction
+    relaxed: Recording  # EMG of a relaxed leg that the motor swings
     chain: EmgChain
     hip: float = SEATED_POSTURE_RAD["hip"]  # Angle of the hip [rad]
 
     def motion(self, recording: Recording) -> Swing:
-        """A swing's position and torque, low-passed alike and thinned."""
-        every = max(1, round(recording.fs / KEPT_RATE))
+        """Return a swing's position and torque with the same low-pass, thinned."""
+        every = max(1, round(recording.fs / KEPT_RATE_HZ))
         r = recording
-        return swing(r.time, r["position"], r["torque"], lowpass=LOWPASS, every=every, recording=r.name)
+        return swing(r.time, r["position"], r["torque"], lowpass=MOTION_LOWPASS_HZ, every=every, recording=r.name)
 
     def trial(self, recording: Recording, *, flexors: bool = True) -> TorqueTrial:
-        """A swing as estimators see it."""
+        """Return a swing as a trial for estimators."""
         motion = self.motion(recording)
         torque = worn_exoskeleton_torque(self.loaded, motion).torque
         envelopes = {n: np.interp(motion.time, *e) for n, e in self._envelopes(recording.streams["emg"]).items()}
         if flexors:
-            envelopes[FLEXORS] = np.maximum(-torque, 0.0) / FLEXOR_TORQUE
+            envelopes[FLEXOR_MUSCLE] = np.maximum(-torque, 0.0) / FLEXOR_TORQUE_SCALE_NM
         constants = {n: replace(m, damping=FIBRE_DAMPING) for n, m in muscle_table().constants.items()}
         return TorqueTrial(
             name=recording.name,
@@ -87,7 +90,7 @@ class WearerSwings:
         )
 
     def _envelopes(self, emg: Recording) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Time and envelope of every muscle, relative to the maximal contraction."""
+        """Return time and envelope of every muscle, relative to the maximal contraction."""
         made = {}
         for channel in emg.channels:
             if not channel.startswith("emg."):
@@ -100,15 +103,15 @@ class WearerSwings:
         return made
 
 
-def seated_swings(study: Study, tell: Callable[[str, float], None]) -> Calibrated:
-    """Estimators fitted to each person's swings and judged on those held out. `study` [emg_torque], [loaded_swing]."""
-    found, recordings = Calibrated(), study.recordings()
+def evaluate_seated_swings(study: Study, tell: Callable[[str, float], None]) -> CalibrationFindings:
+    """Fit estimators to each person's swings and score them on held-out ones. `study` [emg_torque], [loaded_swing]."""
+    found, recordings = CalibrationFindings(), study.recordings()
     tell("legs and exoskeleton", 0.0)
     legs = identify_swings(study.config, recordings).legs
     for i, (who, leg) in enumerate(legs.items()):
         own: Mapping[str, list[Recording]] = {
             protocol: [r for r in recordings if r.participant == who and r.protocol == protocol]
-            for protocol in ("mvc", LOADED, SWINGS)
+            for protocol in ("mvc", LOADED, SWING_PROTOCOL)
         }
         lacking = [protocol for protocol, there in own.items() if not there]
         if lacking:
@@ -120,8 +123,8 @@ def seated_swings(study: Study, tell: Callable[[str, float], None]) -> Calibrate
             leg.loaded, own["mvc"][0].streams["emg"], own[LOADED][-1].streams["emg"],
             emg_chain(study.table(EmgTorqueTable).chain, study.table(EmgTorqueTable).mains),
         )  # fmt: skip
-        trials = [session.trial(r) for r in own[SWINGS]]
-        _judge(found, trials, who, lambda text, s, i=i: tell(text, (i + s) / len(legs)))
+        trials = [session.trial(r) for r in own[SWING_PROTOCOL]]
+        _evaluate_person(found, trials, who, lambda text, s, i=i: tell(text, (i + s) / len(legs)))
     found.verdicts.append(
         Verdict(
             "note",
@@ -132,18 +135,21 @@ def seated_swings(study: Study, tell: Callable[[str, float], None]) -> Calibrate
     return found
 
 
-def _judge(found: Calibrated, trials: list[TorqueTrial], who: str, tell: Callable[[str, float], None]) -> None:
+def _evaluate_person(
+    found: CalibrationFindings, trials: list[TorqueTrial], who: str, tell: Callable[[str, float], None]
+) -> None:
+    """Score every estimator on a person's held-out swings and add the findings to `found`."""
     fitted, held = ([t for t in trials if t.heldout == out] for out in (False, True))
     if not fitted or not held:
         raise IdentificationError(
             f"{who}: found {len(fitted)} swings to fit and {len(held)} to judge, expected at least one of each"
         )
     made, half = {t.name: {} for t in held}, {}
-    names = estimators_for(trials, who, found, FITTED)
+    names = find_applicable_estimators(trials, who, found, FITTED_ESTIMATORS)
     for j, name in enumerate(names):
         tell(f"{who}, {ESTIMATOR_FAMILIES[name].description}", j / len(names))
         fit = fit_torque_map(fitted, name)
-        muscles, away = isinstance(fit, HillMap), examined_if_candidate(fit, fitted)
+        muscles, away = isinstance(fit, HillMap), run_tests_if_candidate(fit, fitted)
         if name == "hill":
             found.muscles[who], found.shown[who] = fit, held[0]
         for trial in held:
@@ -152,7 +158,7 @@ def _judge(found: Calibrated, trials: list[TorqueTrial], who: str, tell: Callabl
                 half[trial.name] = fit.half_width(trial)
             inside = np.abs(trial.torque - torque) <= half[trial.name] if name == "hill" else None
             found.evaluated.append(
-                Evaluated(
+                EstimatorEvaluation(
                     who, name, False, trial.name, score(trial.torque, torque), fit.choice.score, fit.choice.words,
                     examined=away,
                     seconds=fit.fit.seconds if muscles else None,

@@ -1,4 +1,4 @@
-"""Recordings to be judged beside those fitted: which channels changed, and whether anything holds there at all."""
+"""Compare test recordings with the fitted ones: changed channels, and whether estimates are valid at all."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from .procedure import EmgTorqueTable
 from ..._errors import PellucidError
 from ...estimators.emg_session import ChannelChange, ChannelComparison, FittedSession
 from ...estimators.raw_session import MIN_RECORDING_S, RawChannels
@@ -17,83 +16,94 @@ from ...recordings.fault import Fault
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ..result import FigureTable
-from .relative_envelopes import MAXIMAL, inside_of, muscles_of, stream_of
+from .procedure import EmgTorqueTable
+from .relative_envelopes import MAXIMAL_PROTOCOL, find_stream, find_used_muscles, find_window
 from .trial_sources import moment_trials
 
-RESCALE = '[emg_torque] rescale = "3 s"'
-FOREIGN = (
-    f"Look at electrodes and cables; {RESCALE} puts what the other channels tell in its place.",
+RESCALE_KEY = '[emg_torque] rescale = "3 s"'
+"""Key of study.toml that repairs changed channels, as advice names it."""
+
+FOREIGN_SIGNAL_ADVICE = (
+    f"Look at electrodes and cables; {RESCALE_KEY} puts what the other channels tell in its place.",
     "What the other channels tell stands in its place.",
 )
-ELECTRODE = ("Look at the electrode, its contact and its cable: no scaling mends that.",) * 2
-WHAT_TO_DO = {
+"""Advice for a channel with another muscle's signal, without `rescale` and with it."""
+
+ELECTRODE_ADVICE = ("Look at the electrode, its contact and its cable: no scaling mends that.",) * 2
+"""Advice for a change of raw EMG, without `rescale` and with it."""
+
+ADVICE_BY_CHANGE = {
     "swapped": (
-        f"Look at cables and columns; {RESCALE} exchanges them again.",
+        f"Look at cables and columns; {RESCALE_KEY} exchanges them again.",
         "The two channels were exchanged again.",
     ),
-    "crosstalk": FOREIGN,
-    "pattern": FOREIGN,
-    **dict.fromkeys(("spectrum", "hum", "saturation", "shared"), ELECTRODE),
+    "crosstalk": FOREIGN_SIGNAL_ADVICE,
+    "pattern": FOREIGN_SIGNAL_ADVICE,
+    **dict.fromkeys(("spectrum", "hum", "saturation", "shared"), ELECTRODE_ADVICE),
     "floor": (
-        f"{RESCALE} brings floor and range of a channel that changed to those fitted.",
+        f"{RESCALE_KEY} brings floor and range of a channel that changed to those fitted.",
         "Its floor and range were brought to those fitted.",
     ),
 }
-"""Kind of a change -> what to do, and what was done where the study asks for it."""
+"""Advice by kind of change: what to do without `rescale`, and what was done with it."""
 
 
-def compared_sessions(
+def compare_sessions(
     study: Study, fitted: Sequence[TorqueTrial], held: Sequence[TorqueTrial]
 ) -> tuple[FittedSession, dict[str, ChannelComparison]]:
-    """What the channels of fitted trials were, and those of every other trial against them, raw ones too. `study`
-    [emg_torque]."""
-    session, raw = FittedSession.of(fitted), raw_changes(study)
+    """Return the channels of the fitted trials, and the comparison of each held-out trial with them, raw EMG included.
+
+    `study` [emg_torque].
+    """
+    session, raw = FittedSession.of(fitted), find_raw_changes(study)
     found = {trial.name: session.compare(trial) for trial in held}
     return session, {name: replace(c, changes=(*c.changes, *raw.get(name, ()))) for name, c in found.items()}
 
 
-def raw_changes(study: Study) -> dict[str, tuple[ChannelChange, ...]]:
-    """By recording to be judged, raw channels that are not what they were in what is fitted of the same person.
-    `study` [emg_torque]."""
+def find_raw_changes(study: Study) -> dict[str, tuple[ChannelChange, ...]]:
+    """Return, by test recording, raw channels that differ from the same person's fitted recordings.
+
+    `study` [emg_torque].
+    """
     if study.table(EmgTorqueTable).chain == "none":
         return {}
     found: dict[str, tuple[ChannelChange, ...]] = {}
-    read = [(r, stream_of(r, study.table(EmgTorqueTable).emg)) for r in study.recordings()]
+    read = [(r, find_stream(r, study.table(EmgTorqueTable).emg)) for r in study.recordings()]
     wired = [(r, s) for r, s in read if any(c.startswith("emg.") for c in s.channels)]
     long = [(r, s) for r, s in wired if r.time[-1] - r.time[0] >= MIN_RECORDING_S]
     for person in dict.fromkeys(r.participant for r, _ in long):
         own = [(r, s) for r, s in long if r.participant == person]
-        fitted = [(r, s) for r, s in own if r.use == "fit" and r.protocol != MAXIMAL]
-        judged = [(r, s) for r, s in own if r.use != "fit" and r.protocol != MAXIMAL]
+        fitted = [(r, s) for r, s in own if r.use == "fit" and r.protocol != MAXIMAL_PROTOCOL]
+        judged = [(r, s) for r, s in own if r.use != "fit" and r.protocol != MAXIMAL_PROTOCOL]
         if fitted and judged:
-            before = RawChannels.of([_raw(study, r, s) for r, s in fitted])
-            found |= {r.name: before.changes(RawChannels.of([_raw(study, r, s)])) for r, s in judged}
+            before = RawChannels.of([_raw_emg(study, r, s) for r, s in fitted])
+            found |= {r.name: before.changes(RawChannels.of([_raw_emg(study, r, s)])) for r, s in judged}
     return found
 
 
-def _raw(study: Study, recording: Recording, stream: Recording) -> tuple[dict[str, np.ndarray], float]:
-    """Raw EMG by muscle [V] within the recording's window, and its rate [Hz]."""
-    channels = {muscle: f"emg.{muscle}" for muscle in muscles_of(study, stream)}
-    return {m: stream[c][inside_of(stream, recording, c)] for m, c in channels.items()}, stream.fs
+def _raw_emg(study: Study, recording: Recording, stream: Recording) -> tuple[dict[str, np.ndarray], float]:
+    """Return raw EMG by muscle [V] within the recording's window, and its rate [Hz]."""
+    channels = {muscle: f"emg.{muscle}" for muscle in find_used_muscles(study, stream)}
+    return {m: stream[c][find_window(stream, recording, c)] for m, c in channels.items()}, stream.fs
 
 
 def session_faults(study: Study) -> list[Fault]:
-    """Channels that are not what they were in the recordings to be fitted. `study` [emg_torque]."""
+    """Return faults of test recordings whose channels or movements differ from fitted ones. `study` [emg_torque]."""
     asked = study.table(EmgTorqueTable)
     try:
-        found = _compared(study)
+        found = _compare_study(study)
         changes = {name: compared.changes for name, compared in found.items()}
         if any(r.name not in found for r in study.recordings("validate")):
-            changes = {**raw_changes(study), **changes}
-    except PellucidError:  # told where it is found
+            changes = {**find_raw_changes(study), **changes}
+    except PellucidError:  # Other checks report this error
         return []
-    files = {r.name: stream_of(r, asked.emg).path.name for r in study.recordings()}
+    files = {r.name: find_stream(r, asked.emg).path.name for r in study.recordings()}
     faults = []
     for name, changed in changes.items():
         where = f"{files[name]} (recording {name})"
         compared = found.get(name)
         if compared is not None and not compared.holds:
-            text, wanted = elsewhere_words(compared), "envelopes and movement like those to be fitted"
+            text, wanted = invalidity_words(compared), "envelopes and movement like those to be fitted"
             message = f"{where}, channels emg: found {text}, expected {wanted}: record such movements to fit, too"
             faults.append(Fault("warn", "another_condition", files[name], "emg", text, wanted, message))
         for change in changed:
@@ -105,18 +115,18 @@ def session_faults(study: Study) -> list[Fault]:
     return faults
 
 
-def _compared(study: Study) -> dict[str, ChannelComparison]:
-    """Recordings with moments to be judged against those to be fitted; none where there are not both."""
+def _compare_study(study: Study) -> dict[str, ChannelComparison]:
+    """Compare held-out recordings with moments with the fitted ones; empty without both kinds."""
     asked = study.table(EmgTorqueTable)
-    uses = {r.use for r in study.recordings() if f"moment.{asked.joints[0]}" in stream_of(r, asked.moments)}
+    uses = {r.use for r in study.recordings() if f"moment.{asked.joints[0]}" in find_stream(r, asked.moments)}
     if uses != {"fit", "validate"}:
         return {}
     trials = moment_trials(study, asked.joints[0])
-    return compared_sessions(study, [t for t in trials if not t.heldout], [t for t in trials if t.heldout])[1]
+    return compare_sessions(study, [t for t in trials if not t.heldout], [t for t in trials if t.heldout])[1]
 
 
-def elsewhere_words(compared: ChannelComparison) -> str:
-    """Why nothing holds there."""
+def invalidity_words(compared: ChannelComparison) -> str:
+    """Return the reason, in words, why no estimate is valid in a recording."""
     if compared.effort:
         levels = sorted(compared.level.values())
         many = sum(value > 1.0 for value in levels) > len(levels) / 2
@@ -128,24 +138,24 @@ def elsewhere_words(compared: ChannelComparison) -> str:
 
 
 def session_verdicts(sessions: Mapping[str, ChannelComparison], rescaled: bool) -> list[Verdict]:
-    """What is to be known before any figure of these recordings is."""
+    """Return verdicts on test recordings with changed channels or without valid estimates."""
     said = []
     for name, compared in sessions.items():
         if not compared.holds:
-            text = f"{name}: nothing that was fitted says what torque this is: {elsewhere_words(compared)}."
+            text = f"{name}: nothing that was fitted says what torque this is: {invalidity_words(compared)}."
             said.append(Verdict("wrong", text, "Record such movements to fit, too.", finding="another_condition"))
         for muscle in compared.changed:
             own = [change for change in compared.changes if change.muscle == muscle]
             found = "; ".join(f"{change.found}, expected {change.expected}" for change in own)
             kinds = {change.kind for change in own}
-            what = next((words for kind, words in WHAT_TO_DO.items() if kind in kinds), WHAT_TO_DO["floor"])
+            what = next((words for kind, words in ADVICE_BY_CHANGE.items() if kind in kinds), ADVICE_BY_CHANGE["floor"])
             text = f"{name}, channel emg.{muscle}: found {found}."
             said.append(Verdict("warning", text, what[int(rescaled)], finding="changed_channel"))
     return said
 
 
 def session_tables(sessions: Mapping[str, ChannelComparison]) -> tuple[FigureTable, ...]:
-    """Every channel against what it was when it was fitted."""
+    """Return a table for each test recording that compares every channel with the fitted one."""
     heads = ("Channel", "Floor moved (ranges)", "Range (times)", "Own pattern (r)")
     return tuple(
         FigureTable(

@@ -8,14 +8,15 @@ from matplotlib.figure import Figure
 from ...drawing.drawing import Drawing, line, tidy
 from ...drawing.style import FIGURE_WIDTH, colour
 from ...estimators.joint_stiffness import STIFFNESS_KINDS, JointStiffness
-from .muscle_findings import SHOWN
+from .muscle_findings import DRAWN_STRETCH_S
 
-TITLES = {"short_range": "At once: short-range stiffness", "slope": "Slope of the model's torque"}
+PANEL_TITLES = {"short_range": "At once: short-range stiffness", "slope": "Slope of the model's torque"}
+"""Title of the panel of each kind of stiffness."""
 
 
 def stiffness_over_time(found: JointStiffness, name: str, *, caption: str) -> Drawing:
-    """Both kinds with their intervals, and the torque below."""
-    shown = found.time <= SHOWN
+    """Draw both kinds of stiffness with their intervals, and the torque below."""
+    shown = found.time <= DRAWN_STRETCH_S
     time = found.time[shown]
     figure = Figure(figsize=(FIGURE_WIDTH, 5.2), layout="constrained")
     axes = figure.subplots(3, 1, sharex=True)
@@ -24,7 +25,7 @@ def stiffness_over_time(found: JointStiffness, name: str, *, caption: str) -> Dr
         axis.fill_between(time, value - half, value + half, color=colour(tone), alpha=0.15, linewidth=0.0)
         line(axis, time, value, color=colour(tone), linewidth=1.4)
         axis.axhline(0.0, color=colour("rule"), linewidth=0.8, zorder=0)
-        axis.set_title(TITLES[kind], fontsize=9.5, fontweight="bold", loc="left")
+        axis.set_title(PANEL_TITLES[kind], fontsize=9.5, fontweight="bold", loc="left")
         tidy(axis, first=True, text="N·m/rad", ticks=4)
     line(axes[2], time, np.asarray(found.torque)[shown], color=colour("measured"), linewidth=1.4)
     axes[2].set_title("Torque by the muscles", fontsize=9.5, fontweight="bold", loc="left")

@@ -1,4 +1,4 @@
-"""What calibration says of joint stiffness: by posture with intervals, rows, cards, and what of it cannot be proven."""
+"""Findings on joint stiffness: tables by posture with intervals, rows, cards, and verdicts on its limits."""
 
 from __future__ import annotations
 
@@ -16,16 +16,17 @@ from ...models.parameter_card import ParameterCard
 from ...recordings.results import ResultRow
 from ...recordings.study import Study
 from ..result import FigureTable
-from .evaluated import Calibrated
+from .evaluated import CalibrationFindings
 
-UNIT = "N*m/rad"
+STIFFNESS_UNIT = "N*m/rad"
+"""Unit of stiffness in rows and cards."""
 
-WORDS = {"short_range": "at once", "slope": "by Hill's slope"}
-"""The kinds in words."""
+STIFFNESS_KIND_WORDS = {"short_range": "at once", "slope": "by Hill's slope"}
+"""Description of each kind of stiffness."""
 
 
-def stiffness_found(found: Calibrated, cards: Mapping[str, EmgEstimatorCard]) -> tuple[JointStiffness, ...]:
-    """Of every joint whose muscles are stepped, along the recording that muscles are shown with."""
+def find_stiffness(found: CalibrationFindings, cards: Mapping[str, EmgEstimatorCard]) -> tuple[JointStiffness, ...]:
+    """Compute the stiffness of every joint with a live muscle estimator, along the recording that figures show."""
     made = []
     for (joint, estimator), fit in found.causal.items():
         card = cards.get(f"emg_{joint}_{estimator}")
@@ -35,8 +36,12 @@ def stiffness_found(found: Calibrated, cards: Mapping[str, EmgEstimatorCard]) ->
 
 
 def stiffness_tables(stiffness: Sequence[JointStiffness]) -> tuple[FigureTable, ...]:
-    """By posture, a table for each joint."""
-    heads = ("Angle (°)", "Torque (N·m)", *(f"{w[0].upper()}{w[1:]} ± 95 % (N·m/rad)" for w in WORDS.values()))
+    """Return a table of stiffness by posture for each joint."""
+    heads = (
+        "Angle (°)",
+        "Torque (N·m)",
+        *(f"{w[0].upper()}{w[1:]} ± 95 % (N·m/rad)" for w in STIFFNESS_KIND_WORDS.values()),
+    )
     return tuple(
         FigureTable(
             f"Stiffness by calibrated muscles: {s.joint}, {s.recording.replace('_', ' ')}",
@@ -55,11 +60,11 @@ def stiffness_tables(stiffness: Sequence[JointStiffness]) -> tuple[FigureTable, 
 
 
 def stiffness_rows(study: str, stiffness: Sequence[JointStiffness], checksums: Mapping[str, str]) -> list[ResultRow]:
-    """Means over the movement, with standard errors, and the largest."""
+    """Return result rows: mean stiffness over the movement, its standard error, and the largest value."""
     rows = []
     for s in stiffness:
         for kind in STIFFNESS_KINDS:
-            note = f"{WORDS[kind]}, muscles and tissue; ± {1.96 * s.whole.error[kind]:.3g} (95 %)"
+            note = f"{STIFFNESS_KIND_WORDS[kind]}, muscles and tissue; ± {1.96 * s.whole.error[kind]:.3g} (95 %)"
             for name, value, words in (
                 ("mean", s.whole.value[kind], note),
                 (
@@ -67,15 +72,17 @@ def stiffness_rows(study: str, stiffness: Sequence[JointStiffness], checksums: M
                     s.whole.error[kind],
                     "standard error: calibration, and what muscles and tendons differ by",
                 ),
-                ("largest", float(np.max(s.value[kind])), WORDS[kind]),
+                ("largest", float(np.max(s.value[kind])), STIFFNESS_KIND_WORDS[kind]),
             ):
                 where = f"{study}.{s.joint}.stiffness.{kind}.{name}"
-                rows.append(ResultRow(where, value, UNIT, "calibrate", "heldout", checksums.get(s.recording), words))
+                rows.append(
+                    ResultRow(where, value, STIFFNESS_UNIT, "calibrate", "heldout", checksums.get(s.recording), words)
+                )
     return rows
 
 
 def stiffness_cards(study: Study, stiffness: Sequence[JointStiffness]) -> dict[str, ParameterCard]:
-    """By posture, with standard errors."""
+    """Return a card for each joint, with stiffness by posture and standard errors."""
     cards = {}
     for s in stiffness:
         parameters, ranges = [], {}
@@ -83,7 +90,7 @@ def stiffness_cards(study: Study, stiffness: Sequence[JointStiffness]) -> dict[s
             for kind in STIFFNESS_KINDS:
                 value, error = p.value[kind], p.error[kind]
                 half, name = 1.96 * error, f"{kind}.{'mean' if i == 0 else f'posture_{i}'}"
-                parameters.append(CardParameter(name, UNIT, value, error, (value - half, value + half)))
+                parameters.append(CardParameter(name, STIFFNESS_UNIT, value, error, (value - half, value + half)))
             if i:
                 ranges |= {f"posture_{i}.low": p.low, f"posture_{i}.high": p.high, f"posture_{i}.torque": p.torque}
         name = f"stiffness_{s.joint}"
@@ -100,7 +107,7 @@ def stiffness_cards(study: Study, stiffness: Sequence[JointStiffness]) -> dict[s
 
 
 def stiffness_verdicts(stiffness: Sequence[JointStiffness]) -> list[Verdict]:
-    """What a stiffness without a perturbation is worth."""
+    """Return verdicts that state the stiffness and the limits of an estimate without perturbation."""
     return [
         Verdict(
             "note",

@@ -1,4 +1,4 @@
-"""Recordings of a wearer against an orthosis's torque, ready for a causal map of raw EMG."""
+"""Trials for a causal map of raw EMG, made of recordings of a wearer who counters an orthosis's torque."""
 
 from __future__ import annotations
 
@@ -19,8 +19,10 @@ def strapped_emg_trial(
     limb: Limb,
     strap: np.ndarray,
 ) -> EmgTrial:
-    """A recording of torques that a wearer counteracts, ready for `causal_map.fit_causal_map`. `strap` (p,) as
-    the core names it."""
+    """Return a recording as a trial for `causal_map.fit_causal_map`, with the wearer's torque as the reference.
+
+    `strap` holds the strap's parameters in the core's order, shape (p,).
+    """
     emg, position = recording.streams[stream], recording["position"]
     torque = strapped_torque(
         recording.time,

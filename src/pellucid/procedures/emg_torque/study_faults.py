@@ -1,4 +1,4 @@
-"""What is to be known of a study's EMG before it is calibrated: of each file, and of sessions against each other."""
+"""Faults of a study's EMG before calibration: in each file, and between sessions."""
 
 from __future__ import annotations
 
@@ -7,18 +7,20 @@ from ...recordings.fault import Fault
 from ...recordings.study import Study
 from ..loaded_swing.procedure import LoadedSwingTable
 from .emg_faults import emg_faults
-from .evaluated import Calibrated, estimators_for
-from .leg_extension_trials import EXTENSION
+from .evaluated import CalibrationFindings, find_applicable_estimators
+from .leg_extension_trials import EXTENSION_PROTOCOL
 from .procedure import EmgTorqueTable
-from .relative_envelopes import maxima_of, relative_envelopes
-from .seated_swings import SWINGS
+from .relative_envelopes import find_maxima, relative_envelopes
+from .seated_swings import SWING_PROTOCOL
 from .sessions import session_faults
-from .trial_sources import STEPS, moment_trials
+from .trial_sources import STEP_PROTOCOL, moment_trials
 
 
 def study_faults(study: Study) -> list[Fault]:
-    """Return what is wrong with files; where nothing is refused, trials that `calibrate` refuses and channels that are
-    not what they were. `study` [emg_torque]."""
+    """Return faults of files, and if none is refused, trials that `calibrate` refuses and channels that changed.
+
+    `study` [emg_torque].
+    """
     found = emg_faults(study)
     if any(fault.severity == "refuse" for fault in found):
         return found
@@ -26,14 +28,14 @@ def study_faults(study: Study) -> list[Fault]:
 
 
 def trial_refusals(study: Study) -> list[Fault]:
-    """Return what `calibrate` refuses of the trials that it makes, asked of the functions that make them there.
+    """Return faults of trials that `calibrate` refuses, found by the same functions that make the trials there.
 
     `study` [emg_torque].
     """
     protocols = {recording.protocol for recording in study.recordings()}
-    if SWINGS in protocols and study.find_table(LoadedSwingTable) is not None:
+    if SWING_PROTOCOL in protocols and study.find_table(LoadedSwingTable) is not None:
         return []
-    own = next((protocol for protocol in (STEPS, EXTENSION) if protocol in protocols), None)
+    own = next((protocol for protocol in (STEP_PROTOCOL, EXTENSION_PROTOCOL) if protocol in protocols), None)
     asked = study.table(EmgTorqueTable).joints if own is None else [own]
     found = []
     for what in asked:
@@ -41,7 +43,7 @@ def trial_refusals(study: Study) -> list[Fault]:
             if own is None:
                 trials = moment_trials(study, what)
                 if trials:
-                    estimators_for(trials, what, Calibrated())
+                    find_applicable_estimators(trials, what, CalibrationFindings())
             else:
                 _make_envelopes(study, own)
         except RecordingError as error:
@@ -51,10 +53,10 @@ def trial_refusals(study: Study) -> list[Fault]:
 
 
 def _make_envelopes(study: Study, protocol: str) -> None:
-    """Make every envelope of a protocol's recordings; RecordingError where one cannot be made."""
+    """Make every envelope of a protocol's recordings; raise a RecordingError if one cannot be made."""
     recordings = [r for r in study.recordings() if r.protocol == protocol]
     for person in dict.fromkeys(r.participant for r in recordings):
         own = [r for r in recordings if r.participant == person]
-        top = maxima_of(study, person, own)
+        top = find_maxima(study, person, own)
         for recording in own:
             relative_envelopes(study, recording, top, causal=False)

@@ -1,4 +1,4 @@
-"""What one calibration over all joints says: tables, verdicts, rows, cards, and what figures need."""
+"""Findings on muscles calibrated over all joints: tables, verdicts, rows, cards, and the data for figures."""
 
 from __future__ import annotations
 
@@ -25,30 +25,30 @@ from ...recordings.results import ResultRow
 from ...recordings.study import Study
 from ..posterior_beside import Beside, beside, posterior_rows, posterior_table, posterior_verdicts
 from ..result import FigureTable, ParameterTable
-from .evaluated import Calibrated, Evaluated, TorqueTrace
+from .evaluated import CalibrationFindings, EstimatorEvaluation, TorqueTrace
 from .muscle_findings import MuscleSummary
-from .together import BESIDE, DRAWN, NEVER, WORDS, Together
+from .together import FIT_WORDS, POSTERIOR_VARIANT, UNRECORDED_VARIANT, VARIANT_WORDS, TogetherFindings
 
 
 @dataclass(frozen=True, eq=False)
-class TogetherShown:
-    """One calibration over all joints, as figures draw it."""
+class TogetherFigureData:
+    """Data for the figures of a calibration over all joints."""
 
     summary: MuscleSummary
-    traces: tuple[TorqueTrace, ...]  # Of one recording, a joint each; predicted by way, in `WORDS`
-    told: tuple[Beside, ...] = ()  # Of a posterior, what it is told most of
+    traces: tuple[TorqueTrace, ...]  # Torque of each joint in one recording, predicted by the fits in `FIT_WORDS`
+    told: tuple[Beside, ...] = ()  # Posterior parameters that the recording determines best
     posterior: CalibrationPosterior | None = None
 
 
-HELD = (0.8, 0.97)
-"""Shares of held-out torque within its band of `ERROR_BAND_SHARE` between which the band is said to hold."""
+VALID_COVERAGE_BOUNDS = (0.8, 0.97)
+"""A band at the level `ERROR_BAND_SHARE` is said to hold if its share of held-out torque is between these two."""
 
-SHOWN = 12
-"""Parameters of a posterior that are drawn, those first that the recording tells most of."""
+MAX_DRAWN_PARAMETERS = 12
+"""Largest number of posterior parameters in a figure: those that the recording determines best."""
 
 
-def together_tables(found: Together | None, evaluated: Sequence[Evaluated]) -> tuple:
-    """How far off both ways are beside each joint's own muscles among those `evaluated`; the parameters."""
+def together_tables(found: TogetherFindings | None, evaluated: Sequence[EstimatorEvaluation]) -> tuple:
+    """Return tables of both fits' errors, beside muscles of each joint alone among `evaluated`, and of parameters."""
     if found is None:
         return ()
     alone = {(e.what, e.recording): e.score for e in evaluated if e.estimator == "hill" and not e.causal}
@@ -59,7 +59,7 @@ def together_tables(found: Together | None, evaluated: Sequence[Evaluated]) -> t
         if by is not None:
             rows.append((joint, where, "that joint's muscles alone", by.rmse, by.r2, None))
         rows += [
-            (joint, where, (WORDS | BESIDE)[s.how], s.score.rmse, s.score.r2, 100.0 * s.coverage)
+            (joint, where, (FIT_WORDS | VARIANT_WORDS)[s.how], s.score.rmse, s.score.r2, 100.0 * s.coverage)
             for s in (*found.scores, *found.beside)
             if (s.joint, s.recording) == (joint, recording)
         ]
@@ -78,29 +78,33 @@ def together_tables(found: Together | None, evaluated: Sequence[Evaluated]) -> t
     )
 
 
-def told_by_draws(found: Together) -> tuple[Beside, ...]:
-    """What the recording tells more of than anatomy, most first, beside the fit's interval."""
+def find_determined_parameters(found: TogetherFindings) -> tuple[Beside, ...]:
+    """Return parameters that the recording determines more than anatomy does, beside the fit's intervals.
+
+    The parameters with the smallest share of the prior come first.
+    """
     compared = beside(found.fits["hill"].parameters, found.posterior) if found.posterior else ()
     told = [one for one in compared if not one.drawn.told_by_prior]
     return tuple(sorted(told, key=lambda one: one.drawn.prior_share))
 
 
-def _posterior_tables(found: Together) -> tuple[FigureTable, ...]:
+def _posterior_tables(found: TogetherFindings) -> tuple[FigureTable, ...]:
+    """Return the table of the posterior; empty without one."""
     if found.posterior is None:
         return ()
     title = f"Posterior of muscles together: {found.what}, what the recording tells"
-    return (posterior_table(title, told_by_draws(found), found.posterior.confidence),)
+    return (posterior_table(title, find_determined_parameters(found), found.posterior.confidence),)
 
 
-def _of_never_recorded(found: Together) -> Iterator[Verdict]:
-    """Whether muscles without an electrode help, by what was fitted alone; what they do to what was not."""
+def _unrecorded_verdicts(found: TogetherFindings) -> Iterator[Verdict]:
+    """Yield a verdict on muscles without an electrode: their gain in cross-validation and on held-out recordings."""
     if found.never is None:
         return
     by = {(s.joint, s.recording): s.score.r2 for s in found.scores if s.how == "hill"}
     words = ", ".join(
         f"{by[s.joint, s.recording]:.3f} to {s.score.r2:.3f} at the {s.joint} on {s.recording.replace('_', ' ')}"
         for s in found.beside
-        if s.how == NEVER
+        if s.how == UNRECORDED_VARIANT
     )
     names, k = ", ".join(m.name.replace("_", " ") for m in found.never.muscles), len(found.never.synergies)
     without, with_them = (float(np.mean(x)) for x in (found.never.without, found.never.with_them))
@@ -114,12 +118,12 @@ def _of_never_recorded(found: Together) -> Iterator[Verdict]:
     )
 
 
-def _of_posterior(found: Together) -> Iterator[Verdict]:
-    """Whether it can be read, how little it is told, and what its draws predict."""
+def _posterior_verdicts(found: TogetherFindings) -> Iterator[Verdict]:
+    """Yield verdicts on the posterior: its convergence, what the recording determines, and its predictions."""
     posterior = found.posterior
     if posterior is None:
         return
-    who, told = f"{found.what} together", told_by_draws(found)
+    who, told = f"{found.what} together", find_determined_parameters(found)
     yield from posterior_verdicts(told, posterior, posterior.confidence, who)
     if posterior.unsettled:
         return
@@ -128,7 +132,7 @@ def _of_posterior(found: Together) -> Iterator[Verdict]:
         f"{who}: in the posterior the recording tells {len(told)} of {len(posterior)} parameters; of the others it "
         "says what anatomy says of people.",
     )
-    drawn = [s for s in found.beside if s.how == DRAWN]
+    drawn = [s for s in found.beside if s.how == POSTERIOR_VARIANT]
     for name in dict.fromkeys(s.recording for s in drawn):
         own = [s for s in drawn if s.recording == name]
         by = {s.joint: s.score.r2 for s in found.scores if (s.how, s.recording) == ("hill", name)}
@@ -136,7 +140,7 @@ def _of_posterior(found: Together) -> Iterator[Verdict]:
             f"{s.joint} R² {s.score.r2:.2f} (the calibration's {by[s.joint]:.2f}), {100.0 * s.coverage:.0f} % within"
             for s in own
         )
-        held = all(HELD[0] <= s.coverage <= HELD[1] for s in own)
+        held = all(VALID_COVERAGE_BOUNDS[0] <= s.coverage <= VALID_COVERAGE_BOUNDS[1] for s in own)
         yield Verdict(
             "good" if held else "warning",
             f"{who}, mean of the posterior's draws and their {100.0 * ERROR_BAND_SHARE:g} % band on "
@@ -145,13 +149,13 @@ def _of_posterior(found: Together) -> Iterator[Verdict]:
         )
 
 
-def together_verdicts(found: Together | None, alone: Calibrated) -> tuple[Verdict, ...]:
-    """What both ways say of the muscles and of the recording, and whether bands hold."""
+def together_verdicts(found: TogetherFindings | None, alone: CalibrationFindings) -> tuple[Verdict, ...]:
+    """Return verdicts on both fits: muscles, the EMG stream's offset, and the coverage of bands."""
     if found is None:
         return ()
     said = [*muscle_verdicts(found.fits["hill"].fit, f"{found.what} together")]
-    said.append(_of_offset(found))
-    for muscle, strengths in _shared(found, alone).items():
+    said.append(_offset_verdict(found))
+    for muscle, strengths in _shared_strength_words(found, alone).items():
         said.append(
             Verdict(
                 "note",
@@ -159,12 +163,12 @@ def together_verdicts(found: Together | None, alone: Calibrated) -> tuple[Verdic
                 "whatever joint is asked.",
             )
         )
-    for how, words in WORDS.items():
+    for how, words in FIT_WORDS.items():
         own = [s for s in found.scores if s.how == how]
-        worst = max(own, key=lambda s: abs(s.coverage - np.mean(HELD)))
+        worst = max(own, key=lambda s: abs(s.coverage - np.mean(VALID_COVERAGE_BOUNDS)))
         shares = sorted(100.0 * s.coverage for s in own)
         where = f"; farthest off at the {worst.joint}, {worst.recording.replace('_', ' ') or 'each left out'}"
-        held = HELD[0] <= worst.coverage <= HELD[1]
+        held = VALID_COVERAGE_BOUNDS[0] <= worst.coverage <= VALID_COVERAGE_BOUNDS[1]
         said.append(
             Verdict(
                 "good" if held else "warning",
@@ -172,10 +176,11 @@ def together_verdicts(found: Together | None, alone: Calibrated) -> tuple[Verdic
                 f"{100.0 * ERROR_BAND_SHARE:g} % band that was stated beforehand{where * (not held)}.",
             )
         )
-    return (*said, *_of_never_recorded(found), *_of_posterior(found))
+    return (*said, *_unrecorded_verdicts(found), *_posterior_verdicts(found))
 
 
-def _of_offset(found: Together) -> Verdict:
+def _offset_verdict(found: TogetherFindings) -> Verdict:
+    """Return the verdict on the offset of the EMG stream."""
     fit = found.fits["hill.offset"]
     offset, r2 = fit.offset, _r2_words(found)
     span = f"{1e3 * offset.low:.0f} to {1e3 * offset.high:.0f} ms at 95 %"
@@ -204,8 +209,8 @@ def _of_offset(found: Together) -> Verdict:
     )
 
 
-def _r2_words(found: Together) -> str:
-    """R² without and with the offset, on what was judged last."""
+def _r2_words(found: TogetherFindings) -> str:
+    """Return R² without and with the offset in words, on the last test recording."""
     last = found.scores[-1].recording
     by = {(s.joint, s.how): s.score.r2 for s in found.scores if s.recording == last}
     joints = found.fits["hill"].joints
@@ -213,8 +218,8 @@ def _r2_words(found: Together) -> str:
     return f"R² goes from {', '.join(parts)}" + (f" ({last.replace('_', ' ')})" if last else "")
 
 
-def _shared(found: Together, alone: Calibrated) -> dict[str, str]:
-    """Strength of each muscle that several joints have, alone and together, in words."""
+def _shared_strength_words(found: TogetherFindings, alone: CalibrationFindings) -> dict[str, str]:
+    """Return the strength of each muscle across several joints in words, by each joint alone and together."""
     said = {}
     for muscle in found.fits["hill"].driven:
         name = f"strength.{muscle}"
@@ -232,9 +237,9 @@ def _shared(found: Together, alone: Calibrated) -> dict[str, str]:
 
 
 def together_rows(
-    study: str, found: Together | None, alone: Calibrated, trials: Sequence[TorqueTrial]
+    study: str, found: TogetherFindings | None, alone: CalibrationFindings, trials: Sequence[TorqueTrial]
 ) -> tuple[ResultRow, ...]:
-    """Every figure; the first held-out recording's have no name in their id, the others' have."""
+    """Return all result rows. Ids name the recording, except for the first held-out one."""
     rows: list[ResultRow] = []
 
     def add(name: str, value: float, unit: str, note: str, split: str = "fitted", recording: str = "") -> None:
@@ -248,8 +253,8 @@ def together_rows(
         return ()
     first = found.scores[0].recording
     for s in (*found.scores, *found.beside):
-        tail, note = "" if s.recording == first else f".{s.recording}", BESIDE.get(s.how, "")
-        if s.how in WORDS:
+        tail, note = "" if s.recording == first else f".{s.recording}", VARIANT_WORDS.get(s.how, "")
+        if s.how in FIT_WORDS:
             choice = found.fits[s.how].choice
             note = f"{choice.timing.words}; weight of anatomy {choice.weight:g}"
         at = {"split": "heldout", "recording": s.recording}
@@ -276,14 +281,23 @@ def together_rows(
         add("never_recorded.helps", float(found.never.helps), "1", words)
     if found.posterior is not None:
         plain = ResultRow("", None, "1", "calibrate", "fitted", None, found.posterior.settled)
-        rows.extend(posterior_rows(f"{study}.together", told_by_draws(found), found.posterior.confidence, plain))
-        add("posterior.told", len(told_by_draws(found)), "1", f"of {len(found.posterior)} parameters, by the recording")
+        rows.extend(
+            posterior_rows(f"{study}.together", find_determined_parameters(found), found.posterior.confidence, plain)
+        )
+        add(
+            "posterior.told",
+            len(find_determined_parameters(found)),
+            "1",
+            f"of {len(found.posterior)} parameters, by the recording",
+        )
     add("hill.at_bound_unreported", told, "1", "parameters on a bound told as estimates, joint by joint and together")
     return tuple(rows)
 
 
-def together_cards(study: Study, found: Together | None, trials: Sequence[TorqueTrial]) -> dict[str, ParameterCard]:
-    """The whole leg's muscles, both ways, with their covariance in the parameters' units."""
+def together_cards(
+    study: Study, found: TogetherFindings | None, trials: Sequence[TorqueTrial]
+) -> dict[str, ParameterCard]:
+    """Return the cards of both fits, with their covariance in the parameters' units."""
     cards = {}
     for how, fit in found.fits.items() if found else ():
         name = "muscles_together" if how == "hill" else "muscles_together_offset"
@@ -311,8 +325,8 @@ def together_cards(study: Study, found: Together | None, trials: Sequence[Torque
     return cards
 
 
-def together_shown(found: Together | None) -> TogetherShown | None:
-    """What figures need."""
+def together_figure_data(found: TogetherFindings | None) -> TogetherFigureData | None:
+    """Return the data for figures; None without a calibration over all joints."""
     if found is None:
         return None
     fit = found.fits["hill"]
@@ -321,4 +335,6 @@ def together_shown(found: Together | None) -> TogetherShown | None:
         f"{found.what} together", fit.fit.problem.names, tuple(map(float, fit.fit.z)), tuple(map(float, half)),
         tuple(map(bool, fit.fit.at_bound)), tuple(fit.driven), found.traces[0].recording, (), (), (),
     )  # fmt: skip
-    return TogetherShown(summary, found.traces, told_by_draws(found)[:SHOWN], found.posterior)
+    return TogetherFigureData(
+        summary, found.traces, find_determined_parameters(found)[:MAX_DRAWN_PARAMETERS], found.posterior
+    )

@@ -16,14 +16,15 @@ from ...recordings.study import Study
 from .procedure import EmgTorqueTable
 from .relative_envelopes import is_relative
 
-PRODUCT = " * "
-"""Between the two factors in a term's name."""
+PRODUCT_SEPARATOR = " * "
+"""Separator of the two factors in a term's name."""
 
-_UNITS = {"angle": "rad", "velocity": "rad/s", "acceleration": "rad/s^2"}
+_MOTION_UNITS = {"angle": "rad", "velocity": "rad/s", "acceleration": "rad/s^2"}
+"""Unit of each feature of motion, by the first part of its name."""
 
 
 def torque_card(study: Study, found: TorqueMap, trials: Sequence[TorqueTrial], name: str) -> ParameterCard:
-    """Card of a map by ridge regression."""
+    """Return the card of a map by ridge regression."""
     if not hasattr(found.regressor, "unscaled_coefficients"):
         raise PellucidError(f"card {name}: found a map by {found.name}, expected one by ridge regression")
     seen = compute_features(trials[0], found.choice.features, causal=found.causal)
@@ -31,8 +32,8 @@ def torque_card(study: Study, found: TorqueMap, trials: Sequence[TorqueTrial], n
     envelope, torque = "1" if is_relative(study) else "V", trials[0].unit
 
     def unit(term: str) -> str:
-        factors = [_UNITS.get(factor.split(".")[0], envelope) for factor in term.split(PRODUCT)]
-        below = PRODUCT.strip().join(factor for factor in factors if factor != "1")
+        factors = [_MOTION_UNITS.get(factor.split(".")[0], envelope) for factor in term.split(PRODUCT_SEPARATOR)]
+        below = PRODUCT_SEPARATOR.strip().join(factor for factor in factors if factor != "1")
         return f"{torque}/({below})" if below and term != "offset" else torque
 
     lowpass = CAUSAL_MOTION_LOWPASS_HZ if found.causal else MOTION_LOWPASS_HZ
@@ -59,9 +60,9 @@ def torque_card(study: Study, found: TorqueMap, trials: Sequence[TorqueTrial], n
     )
 
 
-def torque_of_card(card: ParameterCard, values: Mapping[str, float]) -> float:
-    """Torque by a card. Gives [N m]."""
-    terms = {name: name.split(PRODUCT) for name in card.values if name != "offset"}
+def predict_by_card(card: ParameterCard, values: Mapping[str, float]) -> float:
+    """Return the torque that a card predicts from `values` of its features by name [N m]."""
+    terms = {name: name.split(PRODUCT_SEPARATOR) for name in card.values if name != "offset"}
     missing = sorted({factor for factors in terms.values() for factor in factors} - set(values))
     if missing:
         raise PellucidError(f"the card {card.name} needs {', '.join(missing)}; found {', '.join(sorted(values))}")

@@ -1,4 +1,4 @@
-"""Trials of a torque map from a study's recordings: moments known from elsewhere, or the wearer against an orthosis."""
+"""Trials of a torque map from a study's recordings: with recorded moments, or of a wearer against an orthosis."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from .procedure import EmgTorqueTable
 from ..._errors import IdentificationError, RecordingError
 from ...estimators.features import MOTION_LOWPASS_HZ
 from ...estimators.strapped_reference import StrappedBodies, strapped_torque
@@ -21,39 +20,50 @@ from ...recordings.study import Study
 from ...signals.filters import zero_phase_lowpass
 from ..card_sources import require_fresh
 from .known_muscles import muscle_source
-from .procedure import BODY_CARDS
-from .relative_envelopes import MAXIMAL, inside_of, maxima_of, muscles_of, relative_envelopes, stream_of
+from .procedure import BODY_CARD_NAMES, EmgTorqueTable
+from .relative_envelopes import (
+    MAXIMAL_PROTOCOL,
+    find_maxima,
+    find_stream,
+    find_used_muscles,
+    find_window,
+    relative_envelopes,
+)
 
-STEPS = "torque_steps"
-"""Protocol in which a wearer counteracts an orthosis's torque."""
+STEP_PROTOCOL = "torque_steps"
+"""Protocol in which a wearer counters an orthosis's torque."""
 
-KEPT_RATE = 100.0
-"""Rate at which samples of faster recordings are kept [Hz]: envelopes and movements have nothing above its half."""
+KEPT_RATE_HZ = 100.0
+"""Rate to which faster recordings are thinned [Hz]. Envelopes and movements have nothing above half of it."""
 
-SAME_ANGLE = 0.1
-"""Medians that are no further apart [rad] are of the same angle held."""
+SAME_ANGLE_TOLERANCE_RAD = 0.1
+"""Two recordings are at the same held angle if their median angles differ by less than this [rad]."""
 
 
 def moment_trials(study: Study, joint: str, *, causal: bool = False) -> list[TorqueTrial]:
-    """Recordings whose joint moments were found by inverse dynamics; `causal`: raw EMG is filtered forwards only.
+    """Return the recordings with joint moments as trials. `causal`: raw EMG is filtered forwards only.
 
-    EMG is filtered with what lies around the recording's window, the reference torque within the window alone: nothing
-    that judges reaches what is fitted.
+    EMG is filtered with the samples around the recording's window. The reference torque is filtered within the window
+    alone, so that no test sample influences a fitted one.
 
     `study` [emg_torque].
     """
     spec = study.table(EmgTorqueTable)
-    found = [r for r in study.recordings() if f"moment.{joint}" in stream_of(r, spec.moments) and r.protocol != MAXIMAL]
+    found = [
+        r
+        for r in study.recordings()
+        if f"moment.{joint}" in find_stream(r, spec.moments) and r.protocol != MAXIMAL_PROTOCOL
+    ]
     fitted = [r for r in found if r.use == "fit"]
     top = {
-        person: maxima_of(study, person, [r for r in fitted if r.participant == person] or fitted)
+        person: find_maxima(study, person, [r for r in fitted if r.participant == person] or fitted)
         for person in dict.fromkeys(r.participant for r in found)
     }
     trials = []
     for recording in found:
         channel = f"moment.{joint}"
-        moments = stream_of(recording, spec.moments)
-        inside = inside_of(moments, recording, channel)
+        moments = find_stream(recording, spec.moments)
+        inside = find_window(moments, recording, channel)
         time, torque = moments.time[inside], moments[channel][inside]
         if spec.reference_lowpass is not None:
             torque = zero_phase_lowpass(torque, spec.reference_lowpass, 4, moments.fs)
@@ -79,16 +89,16 @@ def moment_trials(study: Study, joint: str, *, causal: bool = False) -> list[Tor
                 participant=recording.participant,
                 checksum=recording.checksum,
                 muscles=muscle_source(study, recording, joint),
-                lead=_lead(study, recording),
+                lead=_lead_envelopes(study, recording),
                 unit=unit,
             )
         )
-    return [_thinned(trial) for trial in trials]
+    return [_thin_trial(trial) for trial in trials]
 
 
-def _thinned(trial: TorqueTrial) -> TorqueTrial:
-    """A trial recorded as fast as raw EMG is, at no more than about `KEPT_RATE`; nothing above its half is folded."""
-    every = round(trial.fs / KEPT_RATE)
+def _thin_trial(trial: TorqueTrial) -> TorqueTrial:
+    """Thin a trial at the rate of raw EMG to about `KEPT_RATE_HZ`, with a low-pass against aliasing."""
+    every = round(trial.fs / KEPT_RATE_HZ)
     if every < 2:
         return trial
 
@@ -118,17 +128,20 @@ def step_trials(
     causal: bool = False,
     joint: str = "knee",
 ) -> list[TorqueTrial]:
-    """Recordings in which a wearer counteracts an orthosis's torque, grouped by repetition. `study` [emg_torque]."""
+    """Return the recordings in which a wearer counters an orthosis's torque as trials, grouped by repetition.
+
+    `study` [emg_torque].
+    """
     spec = study.table(EmgTorqueTable)
     own = [r for r in study.recordings() if r.participant == participant]
-    found = [r for r in own if r.protocol == STEPS]
-    top = maxima_of(study, participant, found)
-    lowpass, repetition = spec.reference_lowpass or MOTION_LOWPASS_HZ, repetitions(found)
+    found = [r for r in own if r.protocol == STEP_PROTOCOL]
+    top = find_maxima(study, participant, found)
+    lowpass, repetition = spec.reference_lowpass or MOTION_LOWPASS_HZ, number_repetitions(found)
     trials = []
     for recording in found:
         torque = _wearer_torque(recording, body, lowpass)
         envelopes = relative_envelopes(study, recording, top, causal=causal)
-        every = slice(None, None, max(1, round(recording.fs / KEPT_RATE)))
+        every = slice(None, None, max(1, round(recording.fs / KEPT_RATE_HZ)))
         trials.append(
             TorqueTrial(
                 name=recording.name,
@@ -146,18 +159,19 @@ def step_trials(
     return trials
 
 
-def repetitions(recordings: Sequence[Recording]) -> dict[str, int]:
-    """Which repetition each recording is: as study.toml says, else the n-th in its order at the same angle."""
+def number_repetitions(recordings: Sequence[Recording]) -> dict[str, int]:
+    """Return the repetition of each recording: as study.toml says, or the number of recordings so far at its angle."""
     angles, made = [], {}
     for recording in recordings:
         angle = float(np.nanmedian(recording["position"]))
-        earlier = sum(abs(angle - other) < SAME_ANGLE for other in angles)
+        earlier = sum(abs(angle - other) < SAME_ANGLE_TOLERANCE_RAD for other in angles)
         made[recording.name] = recording.repetition or earlier + 1
         angles.append(angle)
     return made
 
 
 def _wearer_torque(recording: Recording, body: MovedBody | StrappedBodies, lowpass: float) -> np.ndarray:
+    """Return the wearer's torque about the joint, shape (n,) [N m]."""
     position, torque = recording["position"], recording["torque"]
     if isinstance(body, MovedBody):
         return human_torque(position, torque, body, lowpass=lowpass, fs=recording.fs)
@@ -167,8 +181,11 @@ def _wearer_torque(recording: Recording, body: MovedBody | StrappedBodies, lowpa
 
 
 def moved_body(study: Study, participant: str | None) -> MovedBody | StrappedBodies:
-    """Limb and orthosis from the cards that `identify` wrote: apart where it found their strap, else as one."""
-    read = {path: read_parameter_card(path) for path in study.cards() if path.stem.split(".")[-1] in BODY_CARDS}
+    """Return limb and orthosis from the cards that `identify` wrote, with the strap between them if there is a card.
+
+    Without a strap's card, limb and orthosis are one body.
+    """
+    read = {path: read_parameter_card(path) for path in study.cards() if path.stem.split(".")[-1] in BODY_CARD_NAMES}
     orthosis = [c for c in read.values() if c.kind == "orthosis"]
     own = [c for c in read.values() if participant in (None, c.settings.get("participant"))]
     limbs = [c for c in own if c.kind == "limb"]
@@ -183,7 +200,7 @@ def moved_body(study: Study, participant: str | None) -> MovedBody | StrappedBod
     for path, card in read.items():
         if any(card is each for each in used):
             require_fresh(study, path, card)
-    bodies = _body(orthosis[0]), _body(limbs[0])
+    bodies = _body_of_card(orthosis[0]), _body_of_card(limbs[0])
     if not straps:
         return bodies[0] + bodies[1]
     robot, limb = bodies
@@ -199,7 +216,8 @@ def moved_body(study: Study, participant: str | None) -> MovedBody | StrappedBod
     )  # fmt: skip
 
 
-def _body(card: ParameterCard) -> MovedBody:
+def _body_of_card(card: ParameterCard) -> MovedBody:
+    """Return the body that a card describes."""
     values = {name.removeprefix(f"{card.kind}_"): value for name, value in card.values.items()}
     return MovedBody(
         values["gravity"],
@@ -210,12 +228,14 @@ def _body(card: ParameterCard) -> MovedBody:
     )
 
 
-def _lead(study: Study, recording: Recording) -> dict[str, np.ndarray]:
-    """Envelopes before the recording's first sample, where envelopes were recorded and the recording is no window."""
-    stream = stream_of(recording, study.table(EmgTorqueTable).emg)
+def _lead_envelopes(study: Study, recording: Recording) -> dict[str, np.ndarray]:
+    """Return envelopes before the recording's first sample, if they were recorded and the recording is not a window."""
+    stream = find_stream(recording, study.table(EmgTorqueTable).emg)
     spec = next(each for each in study.config.recordings if each.name == recording.name)
     count = int((recording.time[0] - stream.time[0]) * recording.fs)
     if study.table(EmgTorqueTable).chain != "none" or spec.window is not None or count < 1:
         return {}
     time = recording.time[0] - np.arange(count, 0, -1) / recording.fs
-    return {muscle: np.interp(time, stream.time, stream[f"emg.{muscle}"]) for muscle in muscles_of(study, stream)}
+    return {
+        muscle: np.interp(time, stream.time, stream[f"emg.{muscle}"]) for muscle in find_used_muscles(study, stream)
+    }

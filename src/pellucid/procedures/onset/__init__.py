@@ -1,1 +1,1 @@
-"""When muscles become active."""
+"""Onsets of muscle activity."""

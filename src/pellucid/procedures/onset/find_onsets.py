@@ -17,32 +17,41 @@ from ...recordings.fault import Fault
 from ...recordings.results import ResultRow
 from ...recordings.study import Study
 from ...signals.emg_onset import Burst, activations
-from ..muscle_channels import emg_faults, emg_stream, muscles_of, raw_around, raw_channel, refuse, where, with_emg
+from ..muscle_channels import (
+    emg_faults,
+    emg_stream,
+    find_recordings_with_emg,
+    find_used_muscles,
+    name_channel,
+    raise_refusals,
+    raw_channel,
+    raw_whole_file,
+)
 from ..procedure import Progress, quiet
 from ..result import FigureTable, Result
 from .procedure import OnsetTable
 
-DRAWN = 6
-"""Recordings that a page draws."""
+MAX_DRAWN_RECORDINGS = 6
+"""Largest number of recordings that a page draws."""
 
 
 @dataclass(frozen=True, eq=False)
 class MuscleBursts:
-    """What one muscle does in one recording."""
+    """Bursts of one muscle in one recording."""
 
     recording: str
     muscle: str
     bursts: tuple[Burst, ...]
-    rest: tuple[float, float]  # That it was judged by [s]
-    rest_rms: float  # [V]
-    active: float  # Share of the recording
-    time: np.ndarray = field(repr=False)  # time, samples: (k,) What a figure needs of them [s], [V]
-    samples: np.ndarray = field(repr=False)
+    rest: tuple[float, float]  # Beginning and end of the rest with which activity is compared [s]
+    rest_rms: float  # RMS of the raw EMG at rest [V]
+    active: float  # Share of the recording in which the muscle is active
+    time: np.ndarray = field(repr=False)  # Time of the samples for a figure, shape (k,) [s]
+    samples: np.ndarray = field(repr=False)  # Raw EMG for a figure, shape (k,) [V]
 
 
 @dataclass(frozen=True, kw_only=True)
 class OnsetResult(Result):
-    """What `onset` found."""
+    """Result of `onset`."""
 
     muscles: tuple[MuscleBursts, ...] = field(default=(), repr=False)
 
@@ -66,38 +75,36 @@ class OnsetResult(Result):
         write_text_atomically(folder / "onsets.csv", text.getvalue())
 
 
-def faults(study: Study) -> list[Fault]:
-    """EMG that is not fit to be used, or from which no onset can be found."""
-    table = study.table(OnsetTable)
+def faults(study: Study, table: OnsetTable) -> list[Fault]:
+    """Return faults of EMG that is unfit for use, or in which no onset can be found."""
     found = emg_faults(study, table)
-    for recording in with_emg(study, table):
+    for recording in find_recordings_with_emg(study, table):
         stream = emg_stream(recording, table)
-        for muscle in muscles_of(stream, table):
+        for muscle in find_used_muscles(stream, table):
             name = f"emg.{muscle}"
             if any(fault.channel == name and fault.severity == "refuse" for fault in found):
                 continue
             try:
-                _active(stream, muscle, table)
+                _find_activity(stream, muscle, table)
             except RecordingError as error:
                 kind = "refuse" if stream.channels[name].unit != "V" else "note"
                 found.append(Fault(kind, "rest", stream.path.name, name, str(error), "rest and activity", str(error)))
     return found
 
 
-def find_onsets(study: Study, tell: Progress = quiet) -> OnsetResult:
-    """Bursts of every muscle of every recording. `study` [onset]."""
-    table = study.table(OnsetTable)
-    refuse(emg_faults(study, table))
-    recordings = with_emg(study, table)
+def find_onsets(study: Study, table: OnsetTable, tell: Progress = quiet) -> OnsetResult:
+    """Find the bursts of every muscle in every recording. `study` [onset]."""
+    raise_refusals(emg_faults(study, table))
+    recordings = find_recordings_with_emg(study, table)
     found, verdicts, rows, missed = [], [], [], []
     for i, recording in enumerate(recordings):
         tell(f"onsets in {recording.name}", i / len(recordings))
         stream = emg_stream(recording, table)
-        for muscle in muscles_of(stream, table):
+        for muscle in find_used_muscles(stream, table):
             raw_channel(stream, muscle)
             base = f"{study.name}.{recording.name}.{muscle}"
             try:
-                active = _active(stream, muscle, table)
+                active = _find_activity(stream, muscle, table)
             except RecordingError as error:
                 missed.append(str(error))
                 rows.append(ResultRow(f"{base}.bursts", None, "1", "onset", "fitted", stream.checksum, str(error)))
@@ -148,20 +155,23 @@ def find_onsets(study: Study, tell: Progress = quiet) -> OnsetResult:
     )
 
 
-def _active(stream, muscle: str, table):
+def _find_activity(stream, muscle: str, table):
+    """Find the activity of a muscle in a stream; errors name the channel."""
     try:
-        samples, inside = raw_around(stream, muscle)
+        samples, inside = raw_whole_file(stream, muscle)
         return activations(
             (stream.uncut or stream).time, samples, rest=table.rest, height=table.height, shortest=table.shortest,
             pause=table.pause, level=table.confidence, inside=inside,
         )  # fmt: skip
     except RecordingError as error:
         text = str(error)
-        text = text if text.startswith(stream.path.name) else f"{where(stream, muscle)}: {text}"
+        text = text if text.startswith(stream.path.name) else f"{name_channel(stream, muscle)}: {text}"
         raise RecordingError(text) from None
 
 
 def _rows(base: str, each: MuscleBursts, level: float, checksum: str) -> list[ResultRow]:
+    """Return the result rows of one muscle in one recording."""
+
     def row(what: str, value: float | None, unit: str, note: str = "") -> ResultRow:
         return ResultRow(f"{base}.{what}", value, unit, "onset", "fitted", checksum, note)
 
@@ -180,6 +190,7 @@ def _rows(base: str, each: MuscleBursts, level: float, checksum: str) -> list[Re
 
 
 def _table(found: list[MuscleBursts]) -> FigureTable:
+    """Return the table of all muscles and recordings."""
     heads = ("Recording", "Muscle", "bursts", "first onset [s]", "± [ms]", "duration [s]", "active [%]")
     rows = []
     for each in found:

@@ -1,4 +1,4 @@
-"""Raw EMG with its bursts, muscle by muscle."""
+"""Figure of raw EMG with its bursts, by muscle."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .find_onsets import MuscleBursts
 
 
 def burst_traces(muscles: Sequence[MuscleBursts], name: str, caption: str) -> Drawing:
-    """Raw EMG of one recording: activity shaded, the interval of each onset and end darker, rest underlined."""
+    """Draw raw EMG of one recording: activity shaded, the interval of each onset and end darker, rest underlined."""
     figure = Figure(figsize=(FIGURE_WIDTH, 0.6 + 1.15 * len(muscles)), layout="constrained")
     axes = figure.subplots(len(muscles), 1, sharex=True, squeeze=False)[:, 0]
     for axis, each in zip(axes, muscles, strict=True):

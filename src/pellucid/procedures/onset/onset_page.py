@@ -7,13 +7,13 @@ from ...pages.page import Page, Section, Tile
 from ...pages.quantities import prose
 from ...recordings.study import Study
 from ..study_page import figure_tables, study_page
-from .find_onsets import DRAWN, OnsetResult
+from .find_onsets import MAX_DRAWN_RECORDINGS, OnsetResult
 from .onset_figures import burst_traces
 from .procedure import OnsetTable
 
 
 def page(study: Study, found: OnsetResult) -> Page:
-    """Every recording's bursts, the first recordings drawn."""
+    """Return the page with the bursts of all recordings, and drawings of the first ones."""
     names = list(dict.fromkeys(each.recording for each in found.muscles))
     drawings = tuple(
         draw(
@@ -21,10 +21,14 @@ def page(study: Study, found: OnsetResult) -> Page:
             f"{name.replace('_', ' ')}: raw EMG. Blue is activity; orange lines are where it begins and ends, with the "
             f"{100 * found.confidence:g} % interval; green underlines the rest that it is judged by.",
         )
-        for i, name in enumerate(names[:DRAWN], start=1)
+        for i, name in enumerate(names[:MAX_DRAWN_RECORDINGS], start=1)
     )  # fmt: skip
     count = sum(len(each.bursts) for each in found.muscles)
-    notes = () if len(names) <= DRAWN else (f"{len(names) - DRAWN} more recordings are in tables/onsets.csv.",)
+    notes = (
+        ()
+        if len(names) <= MAX_DRAWN_RECORDINGS
+        else (f"{len(names) - MAX_DRAWN_RECORDINGS} more recordings are in tables/onsets.csv.",)
+    )
     table = study.table(OnsetTable)
     said = (
         f"Energy after Teager and Kaiser passes {table.height:g} standard deviations of rest for at least "

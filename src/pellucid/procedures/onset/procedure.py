@@ -1,29 +1,37 @@
-"""When muscles become active, and for how long, from raw EMG."""
+"""Procedure that finds the onsets and durations of muscle activity in raw EMG."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 from pydantic import Field
 
 from ...recordings.study_fields import quantity
 from ..muscle_tables import MuscleTable
-from ..procedure import Procedure, late
+from ..procedure import Procedure, Progress, quiet
+
+if TYPE_CHECKING:
+    from ...pages.page import Page
+    from ...recordings.fault import Fault
+    from ...recordings.study import Study
+    from .find_onsets import OnsetResult
 
 
 class OnsetTable(MuscleTable):
-    """When muscles become active: ``[onset]``.
+    """Settings of onset detection: ``[onset]``.
 
     Attributes
     ----------
     rest : tuple of float or None
-        Where every recording is at rest [s]; without it the quietest half second of each muscle.
+        Beginning and end of the rest in every recording [s]; by default the quietest half second of each muscle.
     height : float
-        Standard deviations of rest above its mean that the energy has to pass.
+        Threshold of the energy above its mean at rest, in standard deviations of rest.
     shortest : float
-        Time that it has to stay there [s].
+        Shortest time for which the energy must exceed the threshold [s].
     pause : float
-        Shorter pauses are within one burst [s].
+        Shortest pause between two bursts [s]; shorter pauses are within one burst.
     confidence : float
-        Of the intervals, in (0, 1).
+        Confidence level of the intervals, in (0, 1).
     """
 
     rest: tuple[quantity("s"), quantity("s")] | None = None
@@ -33,12 +41,24 @@ class OnsetTable(MuscleTable):
     confidence: float = Field(0.95, gt=0, lt=1)
 
 
-class OnsetProcedure(Procedure):
-    """When muscles become active."""
+class OnsetProcedure(Procedure[OnsetTable, "OnsetResult"]):
+    """Onsets of muscle activity."""
 
     name, command = "onset", "onset"
     table = OnsetTable
     whole = True
-    faults = late("onset.find_onsets", "faults")
-    run = late("onset.find_onsets", "find_onsets")
-    page = late("onset.onset_page", "page")
+
+    def faults(self, study: Study, table: OnsetTable) -> list[Fault]:
+        from .find_onsets import faults
+
+        return faults(study, table)
+
+    def run(self, study: Study, table: OnsetTable, tell: Progress = quiet) -> OnsetResult:
+        from .find_onsets import find_onsets
+
+        return find_onsets(study, table, tell)
+
+    def page(self, study: Study, found: OnsetResult) -> Page:
+        from .onset_page import page
+
+        return page(study, found)

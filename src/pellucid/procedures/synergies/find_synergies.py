@@ -1,4 +1,4 @@
-"""Synergies of every participant and condition, how many there are, and how alike they are."""
+"""Find the synergies of every participant and condition, their number, and their similarity."""
 
 from __future__ import annotations
 
@@ -23,61 +23,60 @@ from ...fit.parameter import Verdict
 from ...recordings.fault import Fault
 from ...recordings.results import ResultRow, checksum_of_all
 from ...recordings.study import Study
-from ..muscle_channels import MuscleEnvelopes, emg_faults, envelope_faults, refuse, relative_envelopes
+from ..muscle_channels import MuscleEnvelopes, emg_faults, envelope_faults, raise_refusals, relative_envelopes
 from ..procedure import Progress, quiet
 from ..result import FigureTable, Result
 from .procedure import SynergiesTable
 
-STRETCH = 6.0
-"""Seconds of a recording that are drawn."""
+DRAWN_STRETCH_S = 6.0
+"""Duration of the drawn stretch of a recording [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class GroupSynergies:
-    """What belongs together, a participant under one condition."""
+    """Synergies of one group: a participant under one condition."""
 
-    name: str
+    name: str  # Participant and condition in words
     synergies: Synergies
-    count: SynergyCount
-    judged_on: str  # What is held out, in words
-    time: np.ndarray = field(repr=False)  # time, envelopes, activations: (k,), (k, m), (k, s) Of one recording, drawn
-    envelopes: np.ndarray = field(repr=False)
-    activations: np.ndarray = field(repr=False)
+    count: SynergyCount  # Variance that each number of synergies explains
+    judged_on: str  # Held-out samples, in words
+    time: np.ndarray = field(repr=False)  # Time of the drawn stretch of one recording, shape (k,) [s]
+    envelopes: np.ndarray = field(repr=False)  # Envelopes in the stretch, shape (k, m)
+    activations: np.ndarray = field(repr=False)  # Activations of the synergies in the stretch, shape (k, s)
 
 
 @dataclass(frozen=True)
-class Alike:
-    """Two groups."""
+class GroupSimilarity:
+    """Similarity of the synergies of two groups."""
 
-    one: str
-    other: str
-    cosine: float  # Mean over synergies that belong together
-    chance: float  # That mixed weights exceed once in twenty
-    crossed: float  # VAF of the other's envelopes by the first's weights
+    one: str  # Name of the first group
+    other: str  # Name of the second group
+    cosine: float  # Mean cosine of matched synergies
+    chance: float  # Cosine that randomly permuted weights exceed once in twenty
+    crossed: float  # VAF of the second group's envelopes by the first group's weights
 
 
 @dataclass(frozen=True, kw_only=True)
 class SynergiesResult(Result):
-    """What `synergies` found."""
+    """Result of `synergies`."""
 
     groups: tuple[GroupSynergies, ...] = field(default=(), repr=False)
-    alike: tuple[Alike, ...] = ()
+    alike: tuple[GroupSimilarity, ...] = ()
 
     def written(self, study: Study) -> str:
         return "Weights and variances of each group are rows"
 
 
-def faults(study: Study) -> list[Fault]:
-    """EMG that is not fit to be used, or too few muscles."""
-    return envelope_faults(study, study.table(SynergiesTable), _groups, "muscles")
+def faults(study: Study, table: SynergiesTable) -> list[Fault]:
+    """Return faults of EMG that is unfit for use, or of too few muscles."""
+    return envelope_faults(study, table, _group_recordings, "muscles")
 
 
-def run(study: Study, tell: Progress = quiet) -> SynergiesResult:
-    """Synergies of every group, and how alike groups are. `study` [synergies]."""
-    table = study.table(SynergiesTable)
-    refuse(emg_faults(study, table))
+def run(study: Study, table: SynergiesTable, tell: Progress = quiet) -> SynergiesResult:
+    """Find the synergies of every group, and the similarity of groups. `study` [synergies]."""
+    raise_refusals(emg_faults(study, table))
     tell("envelopes", 0.05)
-    grouped = _groups(study, relative_envelopes(study, table))
+    grouped = _group_recordings(study, relative_envelopes(study, table))
     muscles = tuple(next(iter(grouped.values()))[0].envelopes)
     if table.number is not None and table.number > len(muscles):
         raise IdentificationError(
@@ -94,24 +93,24 @@ def run(study: Study, tell: Progress = quiet) -> SynergiesResult:
             np.concatenate([each.matrix for each in fitted]), _joined_time(fitted), muscles,
             np.concatenate([each.matrix for each in heldout]) if heldout else None, table.most,
         )  # fmt: skip
-    # Groups are compared synergy by synergy: all have as many as the median needs.
+    # Groups are compared synergy by synergy. All therefore have the median of the groups' numbers.
     usual = table.number or int(np.median([count.enough for count in counts.values()]))
     groups = []
     for name, (fitted, heldout) in parts.items():
         found = find_synergies(np.concatenate([each.matrix for each in fitted]), muscles, usual)
         drawn = (heldout or fitted)[0]
         middle = 0.5 * (drawn.time[0] + drawn.time[-1])
-        shown = np.abs(drawn.time - middle) <= 0.5 * STRETCH
+        shown = np.abs(drawn.time - middle) <= 0.5 * DRAWN_STRETCH_S
         judged = ", ".join(each.name for each in heldout) or "blocks of time left out in turn"
         envelopes = drawn.matrix[shown]
         active = found.activations(envelopes)
         groups.append(GroupSynergies(name, found, counts[name], judged, drawn.time[shown], envelopes, active))
-    alike = tuple(_alike(one, other, parts) for one, other in combinations(groups, 2))
+    alike = tuple(_compare_groups(one, other, parts) for one, other in combinations(groups, 2))
     checksum = checksum_of_all(each.checksum for members in grouped.values() for each in members)
     return SynergiesResult(
         study=study.name,
         headline=_headline(groups, alike),
-        tables=(*_tables(groups), *_alike_table(alike)),
+        tables=(*_tables(groups), *_similarity_table(alike)),
         verdicts=_verdicts(groups, alike, table.number),
         rows=tuple(_rows(study.name, groups, alike, checksum)),
         cards={},
@@ -121,8 +120,8 @@ def run(study: Study, tell: Progress = quiet) -> SynergiesResult:
     )
 
 
-def _groups(study: Study, recordings: list[MuscleEnvelopes]) -> dict[str, list[MuscleEnvelopes]]:
-    """Recordings by participant and condition; an error where they cannot be factored."""
+def _group_recordings(study: Study, recordings: list[MuscleEnvelopes]) -> dict[str, list[MuscleEnvelopes]]:
+    """Return recordings by participant and condition; refuse those that cannot be factored."""
     if not recordings:
         raise RecordingError(f"{study.folder}: found maximal contractions alone, expected a recording of movement too")
     grouped: dict[str, list[MuscleEnvelopes]] = {}
@@ -141,7 +140,7 @@ def _groups(study: Study, recordings: list[MuscleEnvelopes]) -> dict[str, list[M
 
 
 def _joined_time(members: list[MuscleEnvelopes]) -> np.ndarray:
-    """Times of one recording after another, (n,) [s]."""
+    """Return the times of recordings one after another, shape (n,) [s]."""
     times, at = [], 0.0
     for each in members:
         times.append(at + each.time - each.time[0])
@@ -149,15 +148,16 @@ def _joined_time(members: list[MuscleEnvelopes]) -> np.ndarray:
     return np.concatenate(times)
 
 
-def _alike(one: GroupSynergies, other: GroupSynergies, parts: dict) -> Alike:
+def _compare_groups(one: GroupSynergies, other: GroupSynergies, parts: dict) -> GroupSimilarity:
+    """Compare the synergies of two groups."""
     envelopes = np.concatenate([each.matrix for group in parts[other.name] for each in group])
-    return Alike(
+    return GroupSimilarity(
         one.name, other.name, similarity(one.synergies, other.synergies)[0],
         chance_similarity(one.synergies, other.synergies), vaf(envelopes, one.synergies.reconstruct(envelopes)),
     )  # fmt: skip
 
 
-def _headline(groups: list[GroupSynergies], alike: tuple[Alike, ...]) -> str:
+def _headline(groups: list[GroupSynergies], alike: tuple[GroupSimilarity, ...]) -> str:
     count, number = groups[0].count, len(groups[0].synergies)
     several = "y accounts" if number == 1 else "ies account"
     where = list(count.numbers).index(number) if number in count.numbers else -1
@@ -183,7 +183,7 @@ def _tables(groups: list[GroupSynergies]) -> list[FigureTable]:
     return made
 
 
-def _alike_table(alike: tuple[Alike, ...]) -> tuple[FigureTable, ...]:
+def _similarity_table(alike: tuple[GroupSimilarity, ...]) -> tuple[FigureTable, ...]:
     if not alike:
         return ()
     rows = tuple((a.one, a.other, a.cosine, a.chance, a.crossed) for a in alike)
@@ -191,7 +191,9 @@ def _alike_table(alike: tuple[Alike, ...]) -> tuple[FigureTable, ...]:
     return (FigureTable("How alike synergies are", heads, rows),)
 
 
-def _verdicts(groups: list[GroupSynergies], alike: tuple[Alike, ...], asked: int | None) -> tuple[Verdict, ...]:
+def _verdicts(
+    groups: list[GroupSynergies], alike: tuple[GroupSimilarity, ...], asked: int | None
+) -> tuple[Verdict, ...]:
     said = []
     for g in groups:
         name, c = f"{g.name}: " if g.name else "", g.count
@@ -232,7 +234,9 @@ def _verdicts(groups: list[GroupSynergies], alike: tuple[Alike, ...], asked: int
     return tuple(said)
 
 
-def _rows(study: str, groups: list[GroupSynergies], alike: tuple[Alike, ...], checksum: str) -> list[ResultRow]:
+def _rows(
+    study: str, groups: list[GroupSynergies], alike: tuple[GroupSimilarity, ...], checksum: str
+) -> list[ResultRow]:
     made = []
 
     def row(name: str, value: float, split: str, note: str = "") -> None:

@@ -1,34 +1,54 @@
-"""Muscle synergies, how many, and whether people and conditions share them."""
+"""Procedure that finds muscle synergies, their number, and their similarity between people and conditions."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 from pydantic import Field
 
 from ..muscle_tables import EnvelopeTable
-from ..procedure import Procedure, late
+from ..procedure import Procedure, Progress, quiet
+
+if TYPE_CHECKING:
+    from ...pages.page import Page
+    from ...recordings.fault import Fault
+    from ...recordings.study import Study
+    from .find_synergies import SynergiesResult
 
 
 class SynergiesTable(EnvelopeTable):
-    """Muscle synergies: ``[synergies]``.
+    """Settings of muscle synergies: ``[synergies]``.
 
     Attributes
     ----------
     number : int or None
-        Of synergies; without it as few as account for 90 % of the variance of what was not fitted.
+        Number of synergies; by default the smallest that accounts for 90 % of the variance of held-out samples.
     most : int
-        That are tried.
+        Largest number of synergies that is tried.
     """
 
     number: int | None = Field(None, ge=1, le=30)
     most: int = Field(8, ge=1, le=30)
 
 
-class SynergiesProcedure(Procedure):
+class SynergiesProcedure(Procedure[SynergiesTable, "SynergiesResult"]):
     """Muscle synergies."""
 
     name, command = "synergies", "synergies"
     table = SynergiesTable
     whole = True
-    faults = late("synergies.find_synergies", "faults")
-    run = late("synergies.find_synergies", "run")
-    page = late("synergies.synergies_page", "page")
+
+    def faults(self, study: Study, table: SynergiesTable) -> list[Fault]:
+        from .find_synergies import faults
+
+        return faults(study, table)
+
+    def run(self, study: Study, table: SynergiesTable, tell: Progress = quiet) -> SynergiesResult:
+        from .find_synergies import run
+
+        return run(study, table, tell)
+
+    def page(self, study: Study, found: SynergiesResult) -> Page:
+        from .synergies_page import page
+
+        return page(study, found)

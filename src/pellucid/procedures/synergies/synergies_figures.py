@@ -1,4 +1,4 @@
-"""Synergies: how many, which muscles, and when."""
+"""Figures of synergies: their number, their weights and their activations."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from ...drawing.drawing import Drawing, key, line, tidy
 from ...drawing.style import FIGURE_WIDTH, colour
 from .find_synergies import GroupSynergies
 
-TONES = ("fitted", "heldout", "good", "load", "stribeck", "combined", "directional", "symmetric")
+SYNERGY_TONES = ("fitted", "heldout", "good", "load", "stribeck", "combined", "directional", "symmetric")
+"""Colours of the synergies, in their order."""
 
 
-def numbers(group: GroupSynergies, name: str, caption: str) -> Drawing:
-    """Variance accounted for by each number of synergies, and how well a muscle left out is told."""
+def synergy_counts(group: GroupSynergies, name: str, caption: str) -> Drawing:
+    """Draw the variance that each number of synergies accounts for, and R2 of muscles predicted from the others."""
     c = group.count
     figure = Figure(figsize=(FIGURE_WIDTH, 2.8), layout="constrained")
     left, right = figure.subplots(1, 2)
@@ -39,13 +40,13 @@ def numbers(group: GroupSynergies, name: str, caption: str) -> Drawing:
 
 
 def weights_and_activations(group: GroupSynergies, name: str, caption: str) -> Drawing:
-    """Weights of each synergy, and its activation over time."""
+    """Draw the weights of each synergy, and its activation over time."""
     k = len(group.synergies)
     figure = Figure(figsize=(FIGURE_WIDTH, 0.9 + 1.15 * k), layout="constrained")
     axes = figure.subplots(k, 2, width_ratios=(1.0, 1.7), sharex="col", squeeze=False)
     places = range(len(group.synergies.muscles))
     for i in range(k):
-        tone = colour(TONES[i % len(TONES)])
+        tone = colour(SYNERGY_TONES[i % len(SYNERGY_TONES)])
         axes[i, 0].bar(places, group.synergies.weights[i], color=tone, width=0.7)
         tidy(axes[i, 0], first=True, text=f"{i + 1}", ticks=3)
         axes[i, 0].set_ylim(0.0, 1.05)
@@ -60,8 +61,8 @@ def weights_and_activations(group: GroupSynergies, name: str, caption: str) -> D
     return Drawing(name, figure, caption)
 
 
-def rebuilt(group: GroupSynergies, name: str, caption: str) -> Drawing:
-    """Envelopes, and what the synergies make of them."""
+def reconstructed_envelopes(group: GroupSynergies, name: str, caption: str) -> Drawing:
+    """Draw envelopes, and their reconstruction by synergies."""
     made = group.activations @ group.synergies.weights
     count = len(group.synergies.muscles)
     rows = (count + 1) // 2

@@ -1,4 +1,4 @@
-"""The report of synergies: how many, which, when, and whose are alike."""
+"""The report of synergies: their number, weights, activations and similarity."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from ..study_page import figure_tables, study_page
 from . import synergies_figures as figures
 from .find_synergies import SynergiesResult
 
-DRAWN = 4
-"""Groups that are drawn."""
+MAX_DRAWN_GROUPS = 4
+"""Largest number of groups that are drawn."""
 
 
 def page(study: Study, found: SynergiesResult) -> Page:
-    """How many, which muscles when, and whose are alike."""
+    """Return the page with the number, weights, activations and similarity of synergies."""
     how_many, which = [], []
-    for i, group in enumerate(found.groups[:DRAWN], start=1):
+    for i, group in enumerate(found.groups[:MAX_DRAWN_GROUPS], start=1):
         of = f"{group.name.replace('_', ' ')}: " if group.name else ""
         how_many.append(
             draw(
-                figures.numbers, group, f"synergy_count_{i}",
+                figures.synergy_counts, group, f"synergy_count_{i}",
                 f"{of}Variance that each number of synergies accounts for, held out: "
                 f"{group.judged_on.replace('_', ' ')}. Grey: the same envelopes shifted apart in time, which share "
                 "nothing. Right: one muscle left out in turn and told from the others; less than -1 is drawn there.",
@@ -34,7 +34,12 @@ def page(study: Study, found: SynergiesResult) -> Page:
             )
         )  # fmt: skip
         which.append(
-            draw(figures.rebuilt, group, f"synergies_rebuilt_{i}", f"{of}Envelopes, and as the synergies make them.")
+            draw(
+                figures.reconstructed_envelopes,
+                group,
+                f"synergies_rebuilt_{i}",
+                f"{of}Envelopes, and as the synergies make them.",
+            )
         )
     said = (
         "Weights are fitted on one part, and variance is counted on another. More synergies always account for more of "
