@@ -1,4 +1,4 @@
-"""Files that are either whole or as they were: a killed command leaves no half-written result."""
+"""Write files completely or not at all, so that a killed command leaves no half-written result."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-LEFT_OVER = 60.0
-"""After which an unfinished file of nobody who lives is taken away [s]; a folder may be shared with other machines."""
+MIN_LEFTOVER_AGE_S = 60.0
+"""An unfinished file of a process that no longer runs is removed after this time [s]. The process may run on another
+machine that shares the folder."""
 
 
 def write_text_atomically(path: str | os.PathLike, text: str) -> Path:
@@ -21,7 +22,7 @@ def write_text_atomically(path: str | os.PathLike, text: str) -> Path:
 
 
 def write_bytes_atomically(path: str | os.PathLike, content: bytes | memoryview, *, private: bool = False) -> Path:
-    """`write_text_atomically` of bytes; `private` ones nobody else may read."""
+    """Write bytes beside `path`, then rename the file into place; other users cannot read a `private` file."""
     with atomically(path, private=private) as file:
         file.write(content)
     return Path(path)
@@ -29,7 +30,7 @@ def write_bytes_atomically(path: str | os.PathLike, content: bytes | memoryview,
 
 @contextmanager
 def atomically(path: str | os.PathLike, *, private: bool = False) -> Iterator[BinaryIO]:
-    """A file to be written in parts, renamed into place when all are there; nobody else may read a `private` one."""
+    """Open a file for writing, and rename it into place at the end; other users cannot read a `private` file."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.{os.getpid()}-", suffix=".tmp")
@@ -38,7 +39,7 @@ def atomically(path: str | os.PathLike, *, private: bool = False) -> Iterator[Bi
             yield file
             file.flush()
             os.fsync(file.fileno())
-        # mkstemp makes private files; a result is meant to be read by the whole lab.
+        # mkstemp makes private files, but the whole laboratory should be able to read a result.
         os.chmod(temporary, (0o600 if private else 0o666) & ~_umask())
         os.replace(temporary, path)
     except BaseException:
@@ -47,17 +48,17 @@ def atomically(path: str | os.PathLike, *, private: bool = False) -> Iterator[Bi
 
 
 def remove_leftovers(*folders: Path) -> None:
-    """Take away what commands that were killed had not finished writing; whoever still lives keeps theirs."""
+    """Remove the unfinished files of commands that were killed; those of running commands stay."""
     for folder in folders:
         for path in folder.glob(".*-*.tmp") if folder.is_dir() else ():
             written_by = re.fullmatch(r"\..*\.(\d+)-[^.]+\.tmp", path.name)
             with suppress(OSError):
-                old = time.time() - path.stat().st_mtime > LEFT_OVER
-                if written_by and old and not _alive(int(written_by[1])):
+                old = time.time() - path.stat().st_mtime > MIN_LEFTOVER_AGE_S
+                if written_by and old and not _is_running(int(written_by[1])):
                     path.unlink()
 
 
-def _alive(process: int) -> bool:
+def _is_running(process: int) -> bool:
     try:
         os.kill(process, 0)
     except ProcessLookupError:

@@ -1,4 +1,4 @@
-"""What can go wrong, as types: every message names the file, the channel, what was found and what was expected."""
+"""Types of errors. Every message names the file, the channel, what was found and what was expected."""
 
 
 class PellucidError(ValueError):
@@ -16,7 +16,7 @@ class PellucidError(ValueError):
 
 
 def missing_package(part: str, package: str, extra: str) -> PellucidError:
-    """Return the error that a library which one part alone needs is not installed, with how to install it."""
+    """Return the error that an optional library is not installed, with the command that installs it."""
     return PellucidError(
         f"{part}: found no package {package}, expected it: in the clone of Pellucid, {install_command(extra)}"
     )
@@ -28,7 +28,7 @@ def install_command(extra: str) -> str:
 
 
 class StudyError(PellucidError):
-    """study.toml says something that cannot be understood, or contradicts itself."""
+    """A study.toml is not understood, or contradicts itself."""
 
 
 class RecordingError(PellucidError):
@@ -36,7 +36,7 @@ class RecordingError(PellucidError):
 
 
 class UnfitRecordingError(RecordingError):
-    """Recordings were read, and `check` refuses them; the command line ends with the same status as `check` does."""
+    """Recordings were read, but `check` refuses them. The command line ends with the same status as `check`."""
 
 
 class DatasetError(PellucidError):

@@ -1,4 +1,4 @@
-"""Jobs spread over processes that share the processors, each with one thread: more would wait for each other."""
+"""Run jobs in several processes with one thread each, since more threads than processors would wait for each other."""
 
 from __future__ import annotations
 
@@ -12,18 +12,21 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from threading import Lock
 from typing import Any
 
-VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""What libraries of linear algebra and of trees ask how many threads they may have, when they are loaded."""
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Environment variables from which libraries of linear algebra and of trees read their number of threads when they are
+loaded."""
 
 Job = tuple
-"""A function and its arguments."""
+"""A function, followed by its arguments."""
 
 
 def finished(
     jobs: Sequence[Job], workers: int | None = None, executor: Executor | None = None
 ) -> Iterator[tuple[int, Any]]:
-    """Do jobs, and hand over what each gave as soon as it is there; a list of jobs may grow meanwhile. An `executor`,
-    a cluster's for instance, takes the place of this machine's processes."""
+    """Run jobs, and yield the index and the result of each as soon as it is done; the list of jobs may grow meanwhile.
+
+    An `executor`, such as a cluster's, replaces the processes of this machine.
+    """
     workers = workers or os.cpu_count() or 1
     if workers <= 1 and executor is None:
         for i, (make, *arguments) in enumerate(jobs):
@@ -44,8 +47,10 @@ def in_order(
     tell: Callable[[int, int], None] = lambda done, of: None,
     executor: Executor | None = None,
 ) -> list:
-    """What each of `jobs` gave, in their order, by `workers` processes or an `executor`; `tell` hears how many of how
-    many are done."""
+    """Run `jobs` in `workers` processes or in an `executor`, and return their results in the order of the jobs.
+
+    After each job, `tell` is called with the number of finished jobs and of all jobs.
+    """
     found: dict[int, Any] = {}
     for i, result in finished(jobs, workers, executor):
         found[i] = result
@@ -56,12 +61,14 @@ def in_order(
 def among_helpers(
     jobs: Sequence[Job], workers: int | None = None, begun: Callable[[int, float], None] = lambda i, share: None
 ) -> list:
-    """What each of `jobs` gave, in their order, this process being one of the `workers`: it has loaded already what
-    helpers load first. `begun` hears which job begins, and the share of them that is done. The longest are best first.
+    """Run `jobs` in `workers` processes, this one included, and return their results in the order of the jobs.
+
+    This process works too, because it has already loaded what the others must load first. Before each job, `begun` is
+    called with its index and the share of finished jobs. Long jobs should come first.
     """
     from threadpoolctl import threadpool_limits
 
-    # Helpers have no helpers of their own.
+    # A helper process does not start helpers of its own.
     workers = 1 if parent_process() else min(workers or os.cpu_count() or 1, len(jobs))
     left, found, turn = iter(enumerate(jobs)), {}, Lock()
 
@@ -76,54 +83,54 @@ def among_helpers(
                     begun(i, len(found) / len(jobs))
                 found[i] = do(*job)
         except BaseException:
-            # Where one fails no other begins.
+            # After a failure no other job begins.
             left = iter(())
             raise
 
-    # One thread here too, so that a job gives the same bits wherever it is done.
+    # This process also uses one thread, so that a job gives the same bits in every process.
     with threadpool_limits(1):
         if workers <= 1:
-            work(_do)
+            work(_call)
         else:
-            with _helpers(workers - 1) as pool, ThreadPoolExecutor(workers - 1) as threads:
+            with _helper_pool(workers - 1) as pool, ThreadPoolExecutor(workers - 1) as threads:
                 helped = [threads.submit(work, lambda *job: pool.submit(*job).result()) for _ in range(workers - 1)]
-                work(_do)
+                work(_call)
                 for each in helped:
                     each.result()
     return [found[i] for i in range(len(jobs))]
 
 
-def _do(make: Callable, *arguments: Any) -> Any:
+def _call(make: Callable, *arguments: Any) -> Any:
     return make(*arguments)
 
 
-_kept: list[tuple[ExitStack, list[ProcessPoolExecutor]]] = []
+_kept_pools: list[tuple[ExitStack, list[ProcessPoolExecutor]]] = []
 
 
 @contextmanager
 def helpers_kept() -> Iterator[None]:
-    """Calls of `among_helpers` meanwhile have the same helpers, begun with the first that needs some: each loads what
-    it works with once."""
+    """Keep the helper processes for all calls of `among_helpers` in this context, so that each loads its libraries
+    only once."""
     with ExitStack() as stack:
-        _kept.append((stack, []))
-        stack.callback(_kept.pop)
+        _kept_pools.append((stack, []))
+        stack.callback(_kept_pools.pop)
         yield
 
 
 @contextmanager
-def _helpers(workers: int) -> Iterator[ProcessPoolExecutor]:
-    if not _kept:
+def _helper_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
+    if not _kept_pools:
         with processes(workers) as pool:
             yield pool
         return
-    stack, pools = _kept[-1]
+    stack, pools = _kept_pools[-1]
     if not pools:
         pools.append(stack.enter_context(processes(max(workers, (os.cpu_count() or 1) - 1))))
     yield pools[0]
 
 
-class _Helper(SpawnProcess):
-    """A process that does not run once more the script that calls Pellucid: no job is of the script's making."""
+class _HelperProcess(SpawnProcess):
+    """Process that does not import the script which calls Pellucid, because no job needs it."""
 
     def start(self) -> None:
         script = sys.modules["__main__"]
@@ -135,22 +142,25 @@ class _Helper(SpawnProcess):
                 script.__file__ = path
 
 
-class _Helpers(SpawnContext):
-    Process = _Helper
+class _HelperContext(SpawnContext):
+    Process = _HelperProcess
 
 
 @contextmanager
 def processes(workers: int | None = None) -> Iterator[ProcessPoolExecutor]:
-    """A pool of `workers`, as many as there are processors if None; forked, they would inherit libraries' locks."""
-    with one_thread_each(), ProcessPoolExecutor(workers, mp_context=_Helpers()) as pool:
+    """Provide a pool of `workers` processes, by default one for each processor.
+
+    The processes are spawned, because forked ones would inherit the locks of libraries.
+    """
+    with one_thread_each(), ProcessPoolExecutor(workers, mp_context=_HelperContext()) as pool:
         yield pool
 
 
 @contextmanager
 def one_thread_each() -> Iterator[None]:
-    """Processes that are begun meanwhile use one thread each."""
-    before = {name: os.environ.get(name) for name in VARIABLES}
-    os.environ.update(dict.fromkeys(VARIABLES, "1"))
+    """Let the processes that are started in this context use one thread each."""
+    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
     try:
         yield
     finally:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def data_frame(columns: Mapping[str, Sequence[Any]], index: Sequence[Any] | None = None) -> pandas.DataFrame:
-    """Return columns of equal length as a data frame; PellucidError with what to install where pandas is missing."""
+    """Return columns of equal length as a data frame; a PellucidError says what to install if pandas is missing."""
     try:
         import pandas
     except ModuleNotFoundError:
@@ -43,7 +43,7 @@ def html_table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]],
 def columns_of(frame: object, caller: str) -> dict[str, list[Any]]:
     """Return the columns of a data frame (pandas, Polars, PyArrow) or of a mapping, by name, as lists.
 
-    PellucidError of the function `caller` where the object has no columns or they differ in length.
+    Raise a PellucidError that names the function `caller` if the object has no columns or they differ in length.
     """
     from ._errors import PellucidError
 

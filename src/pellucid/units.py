@@ -1,4 +1,4 @@
-"""Units as people write them, turned into SI numbers; nothing inside the package knows any other unit.
+"""Convert quantities with units into SI numbers. The rest of the package knows SI units only.
 
 A unit is plain text: ``N*m``, ``kg*m^2``, ``N*m*s/rad``, ``deg``, ``mA``, ``%``, ``1``. An angle is a dimension of its
 own, so that a position in degrees cannot pass for one in metres, nor ``rad/s`` for ``Hz``.
@@ -14,8 +14,8 @@ from functools import lru_cache
 
 from ._errors import StudyError
 
-# Pint's own file holds 1,000 units, in which rad is a plain number and a typo easily names something.
-_DEFINITIONS = """
+# Pint's own definitions have 1,000 units. There rad is a plain number, and a typo easily names another unit.
+_PINT_DEFINITIONS = """
 mega- = 1e6 = M-
 kilo- = 1e3 = k-
 centi- = 1e-2 = c-
@@ -52,40 +52,42 @@ maximal_contraction = [effort] = MVC
 percent_MVC = 0.01 * maximal_contraction
 """
 
-# The texts SI values are shown in, one of each dimension; N*m and not J because torques are what is measured here.
+# SI unit in which values of each dimension are shown. N*m stands before J, because torques are more common here.
 _SI_TEXTS = (
     "1", "s", "Hz", "m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2", "kg", "kg*m^2", "N", "N*m", "W", "A", "V", "ohm",
     "H", "Pa", "T", "K", "count", "N*s/m", "N*m*s/rad", "N*m/rad", "N/m", "N*m/A", "N*m/V", "N/A", "N/V",
     "V*s/rad", "V*s^2/rad", "V*s^2/m", "A*s/rad", "A*s^2/rad", "A*s^2/m", "MVC",
 )  # fmt: skip
 
-# Pint also reads what only a program may hold, comments for one, and raises numbers to powers without end.
-_TEXT = re.compile(r"(?!.*(?:\d{3}|[\d)]\s*(?:\^|\*\*)))[\w°%^*/(). -]{1,60}")
+# Texts that Pint may parse. Pint itself would also accept comments, and powers that take endless time.
+_UNIT_PATTERN = re.compile(r"(?!.*(?:\d{3}|[\d)]\s*(?:\^|\*\*)))[\w°%^*/(). -]{1,60}")
 
-_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf|nan)\s*(.*?)\s*", re.DOTALL)
+_QUANTITY_PATTERN = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf|nan)\s*(.*?)\s*", re.DOTALL)
 
 
 @dataclass(frozen=True)
 class Coordinate:
-    """What a joint moves along, an angle or a length, and how people are told of it."""
+    """The coordinate along which a joint moves, an angle or a length, and its presentation."""
 
-    unit: str  # SI
-    shown: str  # shown, factor: Unit of tables, and how many of it make one of `unit`
-    factor: float
-    effort: str  # SI unit of what moves it
-    radian: float  # What counts as a radian where a rule names an angle [unit]
-    ways: Mapping[str, str]  # What a direction, "up" or "down", is called
+    unit: str  # SI unit
+    shown: str  # unit in tables
+    factor: float  # number of `shown` units in one `unit`
+    effort: str  # SI unit of the effort that moves it
+    radian: float  # value that replaces one radian in rules about angles [unit]
+    ways: Mapping[str, str]  # word for each direction, "up" and "down"
 
 
 COORDINATES: Mapping[str, Coordinate] = {
     "rad": Coordinate("rad", "deg", math.degrees(1.0), "N*m", 1.0, {"up": "upwards", "down": "downwards"}),
     "m": Coordinate("m", "mm", 1e3, "N", 0.1, {"up": "forwards", "down": "backwards"}),
 }
-"""By their SI unit."""
+"""Coordinates by their SI unit."""
 
+MIN_MAGNITUDE = 1e-15
+"""Smallest accepted magnitude of a quantity that is not 0, in SI."""
 
-SMALLEST, LARGEST = 1e-15, 1e15
-"""Magnitude of any quantity that is not 0, in SI."""
+MAX_MAGNITUDE = 1e15
+"""Largest accepted magnitude of a quantity, in SI."""
 
 
 def parse_quantity(text: str | float, expected: str | tuple[str, ...] | None, where: str) -> float:
@@ -94,11 +96,11 @@ def parse_quantity(text: str | float, expected: str | tuple[str, ...] | None, wh
     Parameters
     ----------
     text : str or float
-        Number and unit. A bare number is accepted only where `expected` is ``"1"``.
+        Number and unit. A bare number is accepted only if `expected` is ``"1"``.
     expected : str, tuple of str, or None
-        SI unit whose dimension the quantity must have; several where more than one is meaningful; None for any unit.
+        SI unit of the dimension that the quantity must have; a tuple of alternatives; None for any unit.
     where : str
-        What the quantity is, for the message: ``"[rig.drive] torque_constant"``; may be empty.
+        Place of the quantity, for the message: ``"[rig.drive] torque_constant"``; may be empty.
 
     Returns
     -------
@@ -121,7 +123,7 @@ def parse_quantity(text: str | float, expected: str | tuple[str, ...] | None, wh
         if expected == "1":
             return float(text)
         raise StudyError(f"{_at(where)}found {text!r} without a unit, expected e.g. {_example(expected, text)}")
-    match = _NUMBER.fullmatch(text)
+    match = _QUANTITY_PATTERN.fullmatch(text)
     if match is None:
         raise StudyError(f'{_at(where)}found "{text}", which starts with no number, expected e.g. {_example(expected)}')
     number, unit = float(match[1]), match[2]
@@ -131,27 +133,28 @@ def parse_quantity(text: str | float, expected: str | tuple[str, ...] | None, wh
         raise StudyError(f'{_at(where)}found "{text}" without a unit, expected e.g. {_example(expected, match[1])}')
     factor, offset = _factor(unit or "1", expected, where)
     value = number * factor + offset
-    if value and not SMALLEST <= abs(value) <= LARGEST:
+    if value and not MIN_MAGNITUDE <= abs(value) <= MAX_MAGNITUDE:
         raise StudyError(
-            f'{_at(where)}found "{text}", expected 0 or from {SMALLEST:g} to {LARGEST:g} in SI, as no machine has more'
+            f'{_at(where)}found "{text}", expected 0 or from {MIN_MAGNITUDE:g} to {MAX_MAGNITUDE:g} in SI, as no '
+            "machine has more"
         )
     return value
 
 
 def to_si_factor(unit: str, expected: str | tuple[str, ...] | None, where: str = "unit") -> tuple[float, float]:
-    """Factor and offset that turn values in `unit` into SI: ``si = value * factor + offset``."""
+    """Return the factor and offset that convert values in `unit` to SI: ``si = value * factor + offset``."""
     return _factor(unit, expected, where)
 
 
 def si_text(unit: str) -> str:
-    """SI unit in which values given in `unit` are kept, as plain text: ``si_text("mN*m")`` is ``"N*m"``."""
+    """Return the SI unit for values in `unit`, as plain text: ``si_text("mN*m")`` is ``"N*m"``."""
     return _si_text(unit)
 
 
 @lru_cache(maxsize=1024)
 def _si_text(unit: str) -> str:
     if unit in _SI_TEXTS:
-        return unit  # and Pint is not loaded for it
+        return unit  # without loading Pint
     dimension = _parse(unit, "unit")[2]
     for text in _SI_TEXTS:
         if _parse(text, "unit")[2] == dimension:
@@ -177,7 +180,7 @@ def _example(expected, number="1.0") -> str:
 def _factor(unit: str, expected: str | tuple[str, ...] | None, where: str) -> tuple[float, float]:
     wanted = () if expected is None else (expected,) if isinstance(expected, str) else expected
     if unit in _SI_TEXTS and (not wanted or unit in wanted):
-        return 1.0, 0.0  # and Pint is not loaded for it
+        return 1.0, 0.0  # without loading Pint
     factor, offset, dimension = _parse(unit, where)
     if wanted and all(_parse(w, where)[2] != dimension for w in wanted):
         hint = ""
@@ -193,7 +196,7 @@ def _registry():
     import pint
 
     registry = pint.UnitRegistry(None, on_redefinition="raise", autoconvert_offset_to_baseunit=True)
-    registry.load_definitions(_DEFINITIONS.strip().splitlines())
+    registry.load_definitions(_PINT_DEFINITIONS.strip().splitlines())
     return registry
 
 
@@ -205,14 +208,14 @@ def _parse(unit: str, where: str) -> tuple[float, float, frozenset]:
         return 1.0, 0.0, frozenset()
     registry = _registry()
     try:
-        if _TEXT.fullmatch(unit) is None:
+        if _UNIT_PATTERN.fullmatch(unit) is None:
             raise ValueError(unit)
-        # Pint reads a leading 1 as a number, which a unit may not hold.
+        # Pint reads a leading 1 as a number, and refuses numbers in units.
         text = re.sub(r"^\s*1\s*/", "dimensionless/", unit).replace("%MVC", "percent_MVC")
         parsed = registry.parse_units(text)
         zero, one = (registry.Quantity(v, parsed).to_base_units().magnitude for v in (0.0, 1.0))
         dimension = frozenset((k, float(p)) for k, p in parsed.dimensionality.items())
-    except Exception as error:  # Pint raises its own, tokenizer and attribute errors for text it cannot read
+    except Exception as error:  # Pint raises its own errors, tokenizer errors and attribute errors
         raise StudyError(f'{_at(where)}found the unknown unit "{unit}"{_nearest(unit)}') from error
     return one - zero, zero, dimension
 

@@ -106,7 +106,7 @@ def test_what_a_killed_command_left_is_taken_away_later(tmp_path, monkeypatch):
         file.write(b"{}")
         _atomic.remove_leftovers(tmp_path)  # it is too young to be nobody's
         assert left.exists()
-        monkeypatch.setattr(_atomic, "LEFT_OVER", -1.0)
+        monkeypatch.setattr(_atomic, "MIN_LEFTOVER_AGE_S", -1.0)
         _atomic.remove_leftovers(tmp_path)  # one of a process that lives stays
     assert [path.name for path in tmp_path.iterdir()] == ["other.json"]
 

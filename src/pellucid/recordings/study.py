@@ -1,4 +1,4 @@
-"""A study: a folder with study.toml, the recordings it names, and what was made of them."""
+"""A study: a folder with study.toml, the recordings that it names, and their results."""
 
 from __future__ import annotations
 
@@ -29,33 +29,39 @@ if TYPE_CHECKING:
     from .study_file import ChannelSpec, JointTable, Model, Processing, RecordingEntry, SeveralJoints, StudyFile
 
 STUDY_FILE = "study.toml"
+"""Name of the file that describes a study."""
+
 RESULTS_FILE = "results.json"
+"""Name of the file with every figure that the commands printed."""
+
+DISPLAYED_FILE_COUNT = 20
+"""A message about a missing file lists at most this many of the files that are there."""
 
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """A study's folder, and what its study.toml says.
+    """A study's folder and the contents of its study.toml.
 
     Attributes
     ----------
     folder : Path
-        The study.
+        Folder of the study.
     config : StudyFile
-        study.toml, in SI.
+        Contents of study.toml, in SI.
     out : Path or None
-        Folder that everything is written to instead of the study's own, which may be read-only.
+        Folder for everything that is written, instead of the study's own, which may be read-only.
     allow_outside : bool
-        Whether files outside the study's folder are read where study.toml names them, or a link leads there.
+        Whether files outside the study's folder may be read, if study.toml names them or a link leads there.
     accept_stale : bool
-        Whether a model card is used that was made from something else than the study as it is now.
+        Whether a model card may be used that was made from an earlier state of the study.
     """
 
     folder: Path
     config: StudyFile = field(repr=False)
     _loaded: dict = field(default_factory=dict, repr=False)
     _digests: dict[Path, str] = field(default_factory=dict, repr=False)
-    _apart: dict[str, Recording] = field(default_factory=dict, repr=False)  # Before streams were joined
-    found: dict = field(default_factory=dict, repr=False)  # What a procedure found of the recordings, not to ask twice
+    _apart: dict[str, Recording] = field(default_factory=dict, repr=False)  # recordings before streams were joined
+    found: dict = field(default_factory=dict, repr=False)  # cache for results that procedures need more than once
     _left_out: frozenset[str] = field(default=frozenset(), repr=False)
     out: Path | None = None
     allow_outside: bool = False
@@ -63,22 +69,22 @@ class Study:
 
     @property
     def name(self) -> str:
-        """First part of every figure's id."""
+        """Name of the study, which begins every figure's id."""
         return self.config.name
 
     @property
     def rig(self) -> JointTable | SeveralJoints:
-        """The machine: its joint, or several of them in `joints`."""
+        """The machine: its joint, or several joints in `joints`."""
         return self.config.rig
 
     @property
     def processing(self) -> Processing:
-        """What is done to samples before a regression."""
+        """Processing of samples before a regression."""
         return self.config.processing
 
     @property
     def model(self) -> Model:
-        """What is identified."""
+        """The model that is identified."""
         return self.config.model
 
     def find_table(self, kind: type[Table]) -> Table | None:
@@ -106,52 +112,54 @@ class Study:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Remarks the report repeats."""
+        """Remarks that the report repeats."""
         return self.config.notes
 
     @property
     def models_dir(self) -> Path:
-        """Where model cards are written."""
+        """Folder for model cards."""
         return self.place("models")
 
     @property
     def results_path(self) -> Path:
-        """Every figure the commands printed."""
+        """File with every figure that the commands printed."""
         return self.made / RESULTS_FILE
 
     @property
     def report_dir(self) -> Path:
-        """Where the report is."""
+        """Folder of the report."""
         return self.place("report")
 
     def kept_path(self, procedure: str) -> Path:
-        """Where what a procedure found is kept, to be drawn again."""
+        """Return the file with a procedure's complete result, from which the report draws its figures."""
         return self.place("kept") / f"{procedure}.npz"
 
     @property
     def made(self) -> Path:
-        """Folder of everything that is made of the study."""
+        """Folder for everything that the commands write."""
         return self.folder if self.out is None else self.out
 
     def place(self, name: str) -> Path:
-        """Folder below `made` that something is written to; a PellucidError if a link leads out of the study."""
+        """Return the path `name` in the folder `made`; raise a PellucidError if a link leads out of the study."""
         path = self.made / name
         return path if self.out is not None else require_inside(path, self.folder, self.allow_outside, name)
 
     def inside(self, file: str | Path, where: str) -> Path:
-        """A file of the study by its path from the folder; a PellucidError, which says `where` it was named, if it lies
-        outside."""
+        """Return a file of the study by its path from the folder.
+
+        Raise a PellucidError, which says `where` the file was named, if it lies outside the folder.
+        """
         return require_inside(self.folder / file, self.folder, self.allow_outside, where)
 
     def cards(self, pattern: str = "*.json") -> tuple[Path, ...]:
-        """Model cards whose names match, in order of name; of two of one name the one in `models_dir`."""
+        """Return the model cards whose names match, in order of name; `models_dir` has precedence."""
         found = {path.name: path for path in sorted((self.folder / "models").glob(pattern))}
         found = {name: self.inside(Path("models") / name, f"model card {name}") for name in found}
         found |= {path.name: path for path in self.models_dir.glob(pattern) if self.out is not None}
         return tuple(found[name] for name in sorted(found))
 
     def card(self, name: str) -> Path:
-        """Where the model card of that file name is, or would be."""
+        """Return the path of the model card with the file name `name`, whether or not it exists."""
         where = f"model card {name}"
         if self.out is not None:
             own = require_inside(self.models_dir / name, self.out, self.allow_outside, where)
@@ -160,30 +168,30 @@ class Study:
         return self.inside(Path("models") / name, where)
 
     def files(self) -> tuple[Path, ...]:
-        """Every file that study.toml names among the recordings, once."""
+        """Return every file that study.toml names among the recordings, once."""
         found = []
         for entry in self.config.recordings:
             found += [path for _, path in self._paths(entry)]
-            beside = [file for file in (entry.optical, *entry.streams.values()) if file is not None]
-            found += [self.inside(file, self._named_by(entry)) for file in beside]
+            others = [file for file in (entry.optical, *entry.streams.values()) if file is not None]
+            found += [self.inside(file, self._entry_text(entry)) for file in others]
         return tuple(dict.fromkeys(found))
 
     def fingerprint(self, more: Iterable[Path] = ()) -> str:
-        """SHA-256 of study.toml, of every recording's file, of `more` files, and of Pellucid's own code."""
+        """Return the SHA-256 of study.toml, of all recordings' files, of `more` files and of Pellucid's own code."""
         from .kept import code_fingerprint
 
         digests = {}
         for path in (self.folder / STUDY_FILE, *self.files()):
             digests[path] = self.digest(path)
-        # Cards are written anew while a study is open; its recordings are read once.
+        # Cards may change while a study is open, so they are read again. Recordings are read once.
         digests |= {path: checksum(path) if path.is_file() else "" for path in more}
         parts = [code_fingerprint()]
-        # A file may lie outside the study's folder.
+        # relpath also works for a file outside the study's folder.
         parts += [f"{os.path.relpath(path, self.folder)} {digest}" for path, digest in digests.items()]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
     def recordings(self, use: str | None = None) -> tuple[Recording, ...]:
-        """Recordings in the order study.toml names them; each file is read once.
+        """Return the recordings in the order of study.toml; each file is read once.
 
         Parameters
         ----------
@@ -193,7 +201,7 @@ class Study:
         Raises
         ------
         RecordingError
-            If a file is missing or unreadable, or lacks a column; names file, channel, found and expected.
+            If a file is missing or unreadable, or lacks a column. The message names the file and the channel.
         """
         if use not in (None, "fit", "validate"):
             raise RecordingError(f'use: found {use!r}, expected "fit", "validate" or None')
@@ -208,11 +216,11 @@ class Study:
         return tuple(found)
 
     def without(self, names: Iterable[str]) -> Study:
-        """The same study without some of its recordings."""
+        """Return the same study without the recordings `names`."""
         return replace(self, _left_out=self._left_out | frozenset(names))
 
     def recording(self, name: str) -> Recording:
-        """One recording by its name.
+        """Return one recording by its name.
 
         Raises
         ------
@@ -231,45 +239,47 @@ class Study:
                     return self._load(entry, each, path, {})
         raise RecordingError(f'{self.folder / STUDY_FILE}: no recording "{name}", found {", ".join(names) or "none"}')
 
-    def _named_by(self, entry: RecordingEntry) -> str:
+    def _entry_text(self, entry: RecordingEntry) -> str:
         return f'{self.folder / STUDY_FILE}: [[recordings]] "{entry.name}"'
 
     def _matching(self, entry: RecordingEntry) -> list[Path]:
         pattern = Path(entry.files)
-        # Whoever may not read outside may not look there either.
+        # A pattern must not list files outside the folder either.
         if ".." in pattern.parts or pattern.is_absolute():
-            self.inside(entry.files, self._named_by(entry))
-        if any("**" in part and part != "**" for part in pattern.parts):  # another meaning from Python 3.13 on
-            raise RecordingError(f'{self._named_by(entry)}: found files = "{entry.files}", expected ** to stand alone')
+            self.inside(entry.files, self._entry_text(entry))
+        if any("**" in part and part != "**" for part in pattern.parts):  # Python 3.13 changes its meaning
+            raise RecordingError(
+                f'{self._entry_text(entry)}: found files = "{entry.files}", expected ** to stand alone'
+            )
         try:
             paths = sorted(path for path in self.folder.glob(entry.files) if path.is_file())
         except (ValueError, NotImplementedError) as error:
-            raise RecordingError(f'{self._named_by(entry)}: found files = "{entry.files}": {error}') from None
-        return [self.inside(path.relative_to(self.folder), self._named_by(entry)) for path in paths]
+            raise RecordingError(f'{self._entry_text(entry)}: found files = "{entry.files}": {error}') from None
+        return [self.inside(path.relative_to(self.folder), self._entry_text(entry)) for path in paths]
 
     def _paths(self, entry: RecordingEntry) -> list[tuple[str, Path]]:
         if entry.file is not None:
-            path = self.inside(entry.file, self._named_by(entry))
+            path = self.inside(entry.file, self._entry_text(entry))
             if not path.is_file():
                 raise RecordingError(
-                    f'{path}: no such file, expected by [[recordings]] "{entry.name}"{_present(path.parent)}'
+                    f'{path}: no such file, expected by [[recordings]] "{entry.name}"{_folder_contents(path.parent)}'
                 )
             return [(entry.name, path)]
         paths = self._matching(entry)
         if not paths:
             raise RecordingError(
                 f'{self.folder / STUDY_FILE}: [[recordings]] "{entry.name}": no file matches "{entry.files}"'
-                f"{_present((self.folder / entry.files).parent)}"
+                f"{_folder_contents((self.folder / entry.files).parent)}"
             )
         if len(paths) == 1:
             return [(entry.name, paths[0])]
-        return [(f"{entry.name}.{_as_name(path.stem)}", path) for path in paths]
+        return [(f"{entry.name}.{_name_from_stem(path.stem)}", path) for path in paths]
 
     def _load(self, entry, name, path, files) -> Recording:
         if name in self._loaded:
             return self._loaded[name]
         columns, digest = self._read_once(path, files)
-        channels, repeats = _delivered_once(_channels(columns, self.config.channels_of(entry), entry.window))
+        channels, repeats = _without_repeats(_make_channels(columns, self.config.channels_of(entry), entry.window))
         payload = Payload(entry.payload.mass, entry.payload.distance) if entry.payload else None
         recording = Recording(
             name=name,
@@ -289,44 +299,48 @@ class Study:
             repetition=entry.repetition,
             period=entry.period,
             cuts=(
-                *_excluded(entry, path, channels["time"].samples),
-                *_cut_row(path, channels["time"].samples, entry.window),
+                *_excluded_cuts(entry, path, channels["time"].samples),
+                *_truncated_row_cut(path, channels["time"].samples, entry.window),
             ),
             repeats=repeats,
-            uncut=self._uncut_emg(entry, name, path, columns, digest),
+            uncut=self._uncut_emg(entry, name, path, columns=columns, digest=digest),
         )
         specs = self.config.channels_of(entry)
-        recording = _in_time(self._without_defects(recording, specs, entry.processing or self.config.processing), specs)
+        recording = _correct_delays(
+            self._without_defects(recording, specs, entry.processing or self.config.processing), specs
+        )
         self._apart[name] = recording
         self._loaded[name] = self._joined(recording, entry, {})
         return self._loaded[name]
 
-    def _uncut_emg(self, entry, name, path, columns, digest) -> Recording | None:
-        """Time and EMG of the whole file, where a recording is a window of it; None without either."""
+    def _uncut_emg(self, entry, name, path, *, columns, digest) -> Recording | None:
+        """Return time and EMG of the whole file if a recording is a window of it; None without a window or EMG."""
         specs = {n: s for n, s in self.config.channels_of(entry).items() if n == "time" or n.startswith("emg.")}
         if entry.window is None or len(specs) < 2:
             return None
-        channels, _ = _delivered_once(_channels(columns, specs, None))
-        return _in_time(Recording(name, path, digest, entry.use, channels, entry.protocol, entry.participant), specs)
+        channels, _ = _without_repeats(_make_channels(columns, specs, None))
+        return _correct_delays(
+            Recording(name, path, digest, entry.use, channels, entry.protocol, entry.participant), specs
+        )
 
     def apart(self, name: str) -> Recording:
-        """A recording before streams were joined."""
+        """Return a recording as it was before streams were joined."""
         return self._apart[name]
 
     def rejoined(self, name: str, clocks: Mapping[str, tuple[float, float]]) -> Recording:
-        """A recording with its streams joined by offsets [s] and drifts that were found of their `clocks`."""
+        """Return a recording with its streams joined by the offsets [s] and drifts of their `clocks`."""
         entry = self.config.entry_of(name)
         return self._joined(self._apart[name], entry, clocks)
 
     def _joined(self, recording: Recording, entry: RecordingEntry, clocks: Mapping[str, tuple[float, float]]):
         for stream in entry.streams:
-            table, beside = self.config.streams[stream], recording.streams[stream]
+            table, other = self.config.streams[stream], recording.streams[stream]
             if not table.join:
                 continue
             offset, drift = entry.offsets.get(stream, table.offset), table.drift
-            first = initial_offset(recording, beside) if offset == "auto" else offset
+            first = initial_offset(recording, other) if offset == "auto" else offset
             found = clocks.get(stream, (first, 0.0 if drift == "auto" else drift))
-            recording = join_stream(recording, beside, *found)
+            recording = join_stream(recording, other, *found)
         return recording
 
     def _read_once(self, path: Path, files: dict[Path, Columns]) -> tuple[Columns, str]:
@@ -338,16 +352,16 @@ class Study:
         return files[path], digest
 
     def digest(self, path: Path) -> str:
-        """SHA-256 of a file, taken once."""
+        """Return the SHA-256 of a file, computed once."""
         if path not in self._digests:
             try:
                 self._digests[path] = checksum(path) if path.is_file() else ""
-            except OSError:  # whoever reads it says so
+            except OSError:  # reading the file will report the error
                 self._digests[path] = ""
         return self._digests[path]
 
     def specs_of(self, recording: Recording) -> dict[str, ChannelSpec]:
-        """What study.toml says of a recording's channels."""
+        """Return the entries of study.toml for a recording's channels."""
         entry = self.config.entry_of(recording.name)
         if entry is None:
             return self.config.channels
@@ -355,37 +369,39 @@ class Study:
         return {**streams, **self.config.channels_of(entry)}
 
     def processing_of(self, recording: Recording) -> Processing:
-        """What is done to the samples of a recording before a regression."""
+        """Return the processing of a recording's samples before a regression."""
         return self.config.processing_of(recording.name)
 
     def _load_stream(self, entry, name, stream, files) -> Recording:
-        path = self._beside(entry, entry.streams[stream], f"the stream {stream}")
+        path = self._require_file(entry, entry.streams[stream], f"the stream {stream}")
         columns, digest = self._read_once(path, files)
         specs = self.config.streams[stream].channels
-        channels, repeats = _delivered_once(_channels(columns, specs, None))
-        made = Recording(f"{name}.{stream}", path, digest, entry.use, channels, entry.protocol, entry.participant)
-        made = replace(made, cuts=_cut_row(path, made.time), repeats=repeats)
-        return _in_time(self._without_defects(made, specs, entry.processing or self.config.processing, stream), specs)
+        channels, repeats = _without_repeats(_make_channels(columns, specs, None))
+        other = Recording(f"{name}.{stream}", path, digest, entry.use, channels, entry.protocol, entry.participant)
+        other = replace(other, cuts=_truncated_row_cut(path, other.time), repeats=repeats)
+        processing = entry.processing or self.config.processing
+        return _correct_delays(self._without_defects(other, specs, processing, stream), specs)
 
     def _without_defects(
         self, recording: Recording, specs: Mapping[str, ChannelSpec], processing: Processing, stream: str = ""
     ) -> Recording:
-        """The recording, or one of its streams, with what is bad in it cut out."""
+        """Return the recording, or one of its streams, with its defects cut out."""
         found = find_cuts(recording, self.config, specs, processing, stream)
         return replace(recording, cuts=tuple(sorted((*recording.cuts, *found), key=lambda cut: cut.first)))
 
-    def _beside(self, entry, file, what) -> Path:
-        path = self.inside(file, self._named_by(entry))
+    def _require_file(self, entry, file, what) -> Path:
+        path = self.inside(file, self._entry_text(entry))
         if not path.is_file():
             raise RecordingError(
-                f'{path}: no such file, expected by {what} of [[recordings]] "{entry.name}"{_present(path.parent)}'
+                f'{path}: no such file, expected by {what} of [[recordings]] "{entry.name}"'
+                f"{_folder_contents(path.parent)}"
             )
         return path
 
     def _load_optical(self, entry, files) -> OpticalRecording | None:
         if entry.optical is None:
             return None
-        columns, digest = self._read_once(self._beside(entry, entry.optical, "optical"), files)
+        columns, digest = self._read_once(self._require_file(entry, entry.optical, "optical"), files)
         rail, spec = self.config.rail, self.config.optical
         time = _to_si(columns.column(spec.time.column, "time"), spec.time)
         return read_optical(columns, digest, time, spec, carriage=rail.marker if rail is not None else None)
@@ -398,7 +414,7 @@ def open_folder(
     out: str | os.PathLike | None = None,
     allow_outside: bool = False,
 ) -> Study:
-    """Open a study's folder; recordings are read when they are asked for."""
+    """Open a study's folder. Recordings are read only when they are used."""
     from .study_file import StudyFile, parse_study_file
 
     folder = Path(folder)
@@ -413,7 +429,7 @@ def open_folder(
 
 
 def _require_own_results(out: Path, folder: Path, name: str) -> None:
-    """Refuse a folder to write to that is another study's, or holds its results: cards of both have the same names."""
+    """Refuse a folder for results that belongs to another study or has its results: their cards have equal names."""
     if out.resolve() == folder.resolve():
         return
     if (out / STUDY_FILE).exists():
@@ -427,35 +443,34 @@ def _require_own_results(out: Path, folder: Path, name: str) -> None:
 
 
 def _rows_in(path: Path) -> list[ResultRow]:
-    """Rows of a results.json; none where there is no such file, or none that can be read."""
+    """Return the rows of a results.json; none if the file is missing or cannot be read."""
     try:
         return read_rows(path) if path.is_file() else []
     except RecordingError:
         return []
 
 
-def _in_time(recording: Recording, specs: Mapping[str, ChannelSpec]) -> Recording:
-    """A recording whose channels lie where study.toml says that they belong."""
+def _correct_delays(recording: Recording, specs: Mapping[str, ChannelSpec]) -> Recording:
+    """Return a recording without the lags and delays that study.toml states for its channels."""
     recording = led(recording, {n: spec.lag for n, spec in specs.items() if spec.lag is not None})
     return moved(recording, {n: spec.delay for n, spec in specs.items() if isinstance(spec.delay, float)})
 
 
 def checksum(path: Path) -> str:
-    """SHA-256 of a file, hexadecimal."""
+    """Return the SHA-256 of a file, hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _channels(columns: Columns, specs: dict[str, ChannelSpec], window) -> dict[str, Channel]:
-    _require_the_files_units(columns, specs)
+def _make_channels(columns: Columns, specs: dict[str, ChannelSpec], window) -> dict[str, Channel]:
+    _require_file_units(columns, specs)
     for name, spec in specs.items():
         if columns.angle_unit not in (None, spec.unit) and spec.unit in ("deg", "rad"):
             raise RecordingError(
                 f"{columns.path.name}: channel {name}: study.toml says {spec.unit}, the file's header says "
                 f"{columns.angle_unit}"
             )
-    # One column after another: of hours each takes much memory.
-    values = {n: _of_columns(columns, n, spec) for n, spec in specs.items() if spec.rate is None}
+    values = {n: _read_samples(columns, n, spec) for n, spec in specs.items() if spec.rate is None}
     rate = specs["time"].rate
     if rate is not None:
         values["time"] = np.arange(max((len(samples) for samples in values.values()), default=0)) / rate
@@ -478,12 +493,12 @@ def _channels(columns: Columns, specs: dict[str, ChannelSpec], window) -> dict[s
             )
         values = {name: samples[inside] for name, samples in values.items()}
     for samples in values.values():
-        samples.flags.writeable = False  # nobody else has them: a channel needs no copy
+        samples.flags.writeable = False  # so that the channel does not copy them
     return {name: Channel(name, values[name], spec.si_unit, spec.column) for name, spec in specs.items()}
 
 
-def _delivered_once(channels: dict[str, Channel]) -> tuple[dict[str, Channel], int]:
-    """The channels without rows that are a packet's second delivery, and how many rows those were."""
+def _without_repeats(channels: dict[str, Channel]) -> tuple[dict[str, Channel], int]:
+    """Return the channels without the rows of packets delivered twice, and the number of those rows."""
     samples = {name: channel.samples for name, channel in channels.items() if name != "time"}
     first = first_deliveries(channels["time"].samples, samples)
     repeats = int(np.sum(~first))
@@ -492,7 +507,7 @@ def _delivered_once(channels: dict[str, Channel]) -> tuple[dict[str, Channel], i
     return {name: replace(channel, samples=channel.samples[first]) for name, channel in channels.items()}, repeats
 
 
-def _of_columns(columns: Columns, name: str, spec: ChannelSpec) -> np.ndarray:
+def _read_samples(columns: Columns, name: str, spec: ChannelSpec) -> np.ndarray:
     less = columns.column(spec.minus.column, name) if spec.minus is not None else None
     stored = columns.column(spec.column, name) if spec.value is None else np.array([spec.value])
     if less is not None and len(less) != len(stored) and min(len(less), len(stored)) != 1:
@@ -511,8 +526,8 @@ def _of_columns(columns: Columns, name: str, spec: ChannelSpec) -> np.ndarray:
     return _to_si(stored, spec, less)
 
 
-def _excluded(entry: RecordingEntry, path: Path, time: np.ndarray) -> tuple[Cut, ...]:
-    """What study.toml leaves out of a recording whose samples were taken at `time`, shape (n,) [s]."""
+def _excluded_cuts(entry: RecordingEntry, path: Path, time: np.ndarray) -> tuple[Cut, ...]:
+    """Return the cuts that study.toml asks for in a recording with samples at `time`, shape (n,) [s]."""
     cuts = []
     for start, stop in entry.exclude:
         inside = np.flatnonzero((time >= start) & (time < stop))
@@ -521,7 +536,7 @@ def _excluded(entry: RecordingEntry, path: Path, time: np.ndarray) -> tuple[Cut,
             found = "what study.toml excludes"
             cuts.append(Cut("excluded", "time", float(time[first]), stop, first, last, found, by="hand"))
         elif entry.file is not None:
-            # Of many files some are shorter than others; of one, a stretch that is not there is a mistake.
+            # A pattern may match files of different lengths. In a single file, a missing stretch is a mistake.
             raise RecordingError(
                 f"{path.name} (recording {entry.name}): exclude {start:g} s to {stop:g} s holds no sample, found times "
                 f"from {np.nanmin(time):g} s to {np.nanmax(time):g} s"
@@ -529,9 +544,11 @@ def _excluded(entry: RecordingEntry, path: Path, time: np.ndarray) -> tuple[Cut,
     return tuple(cuts)
 
 
-def _cut_row(path: Path, time: np.ndarray, window: tuple[float, float] | None = None) -> tuple[Cut, ...]:
-    """The last row of a text file in which its writer was cut off, after samples at `time`, shape (n,) [s], of a
-    `window` [s]."""
+def _truncated_row_cut(path: Path, time: np.ndarray, window: tuple[float, float] | None = None) -> tuple[Cut, ...]:
+    """Return a cut for the incomplete last row of a text file, if its `window` [s] reaches the end; else none.
+
+    The complete samples were taken at `time`, shape (n,) [s].
+    """
     from .readers.csv import ENDINGS, cut_row
 
     cut = cut_row(path) if path.suffix.lower() in ENDINGS else None
@@ -542,10 +559,10 @@ def _cut_row(path: Path, time: np.ndarray, window: tuple[float, float] | None = 
     return (Cut("truncated", "time", float(time[-1]), float(time[-1]), len(time), len(time) - 1, found),)
 
 
-def _require_the_files_units(columns: Columns, specs: dict[str, ChannelSpec]) -> None:
+def _require_file_units(columns: Columns, specs: dict[str, ChannelSpec]) -> None:
     for name, spec in specs.items():
-        of = (spec.column,) if spec.minus is None else (spec.column, spec.minus.column)
-        said = next((columns.units[c] for c in of if columns.units.get(c) not in (None, spec.unit)), None)
+        used = (spec.column,) if spec.minus is None else (spec.column, spec.minus.column)
+        said = next((columns.units[c] for c in used if columns.units.get(c) not in (None, spec.unit)), None)
         if said is not None:
             raise RecordingError(
                 f'{columns.path.name}: channel {name}: study.toml says {spec.unit}, the file itself "{said}"'
@@ -553,13 +570,13 @@ def _require_the_files_units(columns: Columns, specs: dict[str, ChannelSpec]) ->
 
 
 def _to_si(stored: np.ndarray, spec: ChannelSpec, less: np.ndarray | None = None) -> np.ndarray:
-    """Stored numbers, and those of the column taken off them, to SI, in the order `ChannelSpec` states."""
-    values = _counts(stored, spec)
-    # Of hours each pass takes long: what changes nothing is left out.
+    """Convert stored numbers, minus those of the column `less`, to SI, in the order that `ChannelSpec` states."""
+    values = _decode_counts(stored, spec)
+    # Each pass over a recording of hours takes long, so steps without an effect are skipped.
     if spec.sign * spec.scale != 1.0:
         values *= spec.sign * spec.scale
     if less is not None:
-        values = values - spec.sign * (spec.minus.scale or spec.scale) * _counts(less, spec)
+        values = values - spec.sign * (spec.minus.scale or spec.scale) * _decode_counts(less, spec)
     if spec.offset:
         values += spec.offset
     if spec.si_factor != 1.0:
@@ -571,8 +588,8 @@ def _to_si(stored: np.ndarray, spec: ChannelSpec, less: np.ndarray | None = None
     return values
 
 
-def _counts(stored: np.ndarray, spec: ChannelSpec) -> np.ndarray:
-    """What is stored, as the numbers that were meant."""
+def _decode_counts(stored: np.ndarray, spec: ChannelSpec) -> np.ndarray:
+    """Return stored numbers with their sign, without jumps of a rolling count, and with missing samples as NaN."""
     values = np.array(stored, dtype=np.float64)
     if isinstance(spec.missing, float):
         values[values == spec.missing] = np.nan
@@ -584,18 +601,18 @@ def _counts(stored: np.ndarray, spec: ChannelSpec) -> np.ndarray:
 
 
 def _unwrap(values: np.ndarray, period: float) -> None:
-    """Undo jumps of whole periods in place; a gap is stepped over, and missing samples stay missing."""
+    """Remove jumps of whole periods in place, across gaps too; missing samples stay missing."""
     known = np.isfinite(values)
     values[known] = np.unwrap(values[known], period=period)
 
 
-def _as_name(stem: str) -> str:
-    """A file's name as part of a recording's: what could mean something on a page or in a formula is left out."""
+def _name_from_stem(stem: str) -> str:
+    """Return a file's stem as part of a recording's name, without characters that pages or formulas interpret."""
     return re.sub(r"[^\w .()+,=-]", "_", stem)
 
 
-def _present(folder: Path) -> str:
+def _folder_contents(folder: Path) -> str:
     names = sorted(p.name for p in folder.iterdir()) if folder.is_dir() else None
     if names is None:
         return f"; there is no folder {folder.name}"
-    return f"; {folder.name} holds {', '.join(names[:20]) or 'nothing'}"
+    return f"; {folder.name} holds {', '.join(names[:DISPLAYED_FILE_COUNT]) or 'nothing'}"

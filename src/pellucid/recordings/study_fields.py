@@ -1,4 +1,4 @@
-"""What every table of study.toml is made of: quantities with units, and no key that nobody knows."""
+"""Base classes and field types of the tables in study.toml: quantities have units, and unknown keys are refused."""
 
 from __future__ import annotations
 
@@ -14,20 +14,22 @@ if TYPE_CHECKING:
     from .study_file import StudyFile
 
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"
-"""What a study's name may look like."""
+"""Pattern of a study's name."""
 
 DERIVED = "\0"
-"""What the names of fields begin with that follow from others; no person can write such a key."""
+"""First character in the names of fields that are computed from others; no person can write such a key."""
 
+SMALLEST = 1e-30
+"""Smallest accepted magnitude of a plain number that is not 0."""
 
-SMALLEST, LARGEST = 1e-30, 1e30
-"""Magnitude of any plain number that is not 0."""
+LARGEST = 1e30
+"""Largest accepted magnitude of a plain number."""
 
 WHOLE = 10**9
-"""Largest whole number."""
+"""Largest accepted magnitude of a whole number."""
 
 LONGEST = 10_000
-"""Most characters of a text."""
+"""A text has at most this many characters."""
 
 
 def _word(text: str) -> str:
@@ -37,17 +39,17 @@ def _word(text: str) -> str:
 
 
 Word = Annotated[str, AfterValidator(_word)]
-"""What may become part of a file's name, of a column's or of a figure's id."""
+"""Text that may become part of the name of a file or column, or of a figure's id."""
 
 Said = Annotated[str, Field(max_length=300)]
-"""What is only shown."""
+"""Text that is only shown."""
 
 Place = Annotated[str, Field(min_length=1, max_length=1000)]
-"""Of files, from the study's folder."""
+"""Path of a file, relative to the study's folder."""
 
 
 class StudyTable(BaseModel):
-    """A table; quantities are SI once it is read."""
+    """A table of study.toml. Its quantities are converted to SI when it is read."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, hide_input_in_errors=True)
 
@@ -65,23 +67,23 @@ class StudyTable(BaseModel):
 
 
 class ProcedureTable(StudyTable):
-    """A table of study.toml that asks for a procedure."""
+    """A table of study.toml that requests a procedure."""
 
     alone: ClassVar[bool] = False
-    """Whether no other such table may stand beside it: each is a study of its own."""
+    """Whether a study with this table may have no other such table."""
 
     several: ClassVar[bool] = False
-    """Whether all joints of a machine are identified at once."""
+    """Whether the procedure identifies all joints of a machine at once."""
 
     bridges: ClassVar[bool] = True
-    """Whether it deals with gaps and missing samples by itself; otherwise they are cut out."""
+    """Whether the procedure handles gaps and missing samples by itself; otherwise they are cut out."""
 
     def reads(self, channel: str, stream: str) -> bool:
-        """Whether a channel's spikes would spoil what is made of it; `stream` is "" for the recording's own file."""
+        """Return whether spikes in a channel would spoil the result; `stream` is "" for the recording's own file."""
         return False
 
     def require_in(self, config: StudyFile) -> None:
-        """Raise ValueError where what the table names is not among the rest of study.toml."""
+        """Raise a ValueError if the table refers to something that is missing in the rest of study.toml."""
 
 
 Table = TypeVar("Table", bound=ProcedureTable)
@@ -89,7 +91,7 @@ Table = TypeVar("Table", bound=ProcedureTable)
 
 
 def quantity(expected: str, **bounds: float) -> Any:
-    """Type of a field given as ``"1.5 V"``; an expected unit in <> is looked up among the rig's units."""
+    """Return the type of a field written as ``"1.5 V"``; an expected unit in <> is looked up among the rig's units."""
 
     def convert(value: Any, info: ValidationInfo) -> float | None:
         if value is None:
