@@ -1,4 +1,4 @@
-"""What study.toml may say: its keys, their units, and what each leaves out.
+"""The keys of study.toml, their units and their defaults.
 
 Quantities are texts with a unit; they become SI numbers here. ``docs/study-file.md`` explains every key.
 """
@@ -30,9 +30,9 @@ from .study_fields import DERIVED, NAME, Place, ProcedureTable, Said, StudyTable
 from .toml_place import explain_errors
 
 MOST_BYTES = 3_000_000
-"""Of a study.toml; Python's reader takes a second for each million [B]."""
+"""A study.toml has at most this size [B]; Python's reader takes a second for each million bytes."""
 
-# Gains that a kind of loop needs, and those it may have.
+# Gains that each kind of loop requires, and those that are optional.
 _GAINS = {
     "p": (("kp",), ()),
     "pi": (("kp", "ki"), ()),
@@ -43,11 +43,11 @@ _GAINS = {
 
 
 MOST_KNOWN = 1e5
-"""Largest magnitude of a known parameter [SI]; that of an industrial robot's first axis is below."""
+"""Largest accepted magnitude of a known parameter [SI]. An industrial robot's first axis is below it."""
 
 
 class Drive(StudyTable):
-    """How the effort is known: ``[rig.drive]``.
+    """The joint's drive and how its effort is known: ``[rig.drive]``.
 
     Attributes
     ----------
@@ -59,9 +59,9 @@ class Drive(StudyTable):
     gear_ratio : float
         Motor turns per turn of the joint; the constant times it is the effort at the joint.
     resistance : float or None
-        Of the winding [ohm]; with it a voltage drive's back-EMF is known.
+        Resistance of the winding [ohm]; it gives the back-EMF of a voltage drive.
     supply : float or None
-        Voltage at full duty [V], where the drive is known by its duty.
+        Voltage at full duty [V], if the drive's command is recorded as a duty.
     limit : float or None
         Largest magnitude of the command, in the channel's SI unit.
     """
@@ -76,7 +76,7 @@ class Drive(StudyTable):
 
     @property
     def constant(self) -> float | None:
-        """`torque_constant` of a rotary rig, `force_constant` of a prismatic one."""
+        """`torque_constant` of a rotary joint, `force_constant` of a prismatic one."""
         return self.torque_constant if self.torque_constant is not None else self.force_constant
 
     @model_validator(mode="after")
@@ -108,9 +108,9 @@ class Loop(StudyTable):
     injected : str or None
         Channel that is added to the command after the limit.
     velocity_span : int
-        Over how many samples the machine differences position to get its velocity; 0 where it is not known.
+        Number of samples over which the machine differentiates position to get its velocity; 0 if it is not known.
     period : float or None
-        Of the controller [s]; None: that of the recording.
+        Period of the controller [s]; None for the recording's own.
     """
 
     kind: Literal["p", "pi", "pd", "cascade", "velocity_pi"]
@@ -136,11 +136,11 @@ class Loop(StudyTable):
 
 
 InMetres = tuple[quantity("m"), quantity("m"), quantity("m")]
-"""Three coordinates."""
+"""Three coordinates [m]."""
 
 
 class JointLimits(StudyTable):
-    """What the joint may not pass: ``[rig.limits]``, each [rad] or [m], [rad/s] or [m/s], [N*m] or [N]."""
+    """Limits of the joint: ``[rig.limits]``, each in [rad] or [m], [rad/s] or [m/s], [N*m] or [N]."""
 
     position_min: quantity("<coordinate>") | None = None
     position_max: quantity("<coordinate>") | None = None
@@ -161,12 +161,12 @@ class Slider(StudyTable):
     Attributes
     ----------
     low, high : float
-        The rail's ends, as distances from the joint's axis along the segment [m].
+        Distances of the rail's ends from the joint's axis along the segment [m].
     marker : str or None
-        Marker on the carriage, one of ``[optical]``'s; None where every position is known by a ruler.
+        Marker on the carriage, one of ``[optical]``'s; None if every position is measured with a ruler.
     mass : float or None
-        Of the carriage, weighed [kg]; it lets friction while the motor drives be told from friction while the load
-        does.
+        Weighed mass of the carriage [kg]. It separates friction while the motor drives from friction while the load
+        drives.
     """
 
     low: quantity("m", ge=0)
@@ -189,12 +189,12 @@ class JointTable(StudyTable):
     motion : str
         ``"rotary"`` or ``"prismatic"``.
     lifts : str
-        What positive motion does.
+        Effect of a positive motion, in words.
     moving_mass : float or None
-        Upper limit on the mass that moves about a rotary axis [kg]; it bounds the inertia from below.
+        Upper limit of the mass that moves about a rotary axis [kg]; it bounds the inertia from below.
     drive, loop, limits, slider
-        Its tables; `drive` is None where no motor takes part, `loop` where the machine's controller is not known,
-        `slider` where the machine has none.
+        Tables of the joint. `drive` is None without a motor, `loop` if the machine's controller is not known, and
+        `slider` if the machine has none.
     """
 
     motion: Literal["rotary", "prismatic"]
@@ -213,19 +213,21 @@ class JointTable(StudyTable):
 
     @property
     def joints(self) -> tuple[JointTable, ...]:
-        """This one, as a machine of several gives its own."""
+        """This joint alone, so that a machine of one joint can be used like a machine of several."""
         return (self,)
 
 
 class OneJoint(JointTable):
-    """The machine, of one joint: ``[rig]``. `joint` is what it is called: ``"elbow"``."""
+    """The machine, if it has one joint: ``[rig]``. `joint` is its name, such as ``"elbow"``."""
 
     joint: Word = "joint"
 
 
 class Body(StudyTable):
-    """What hangs on a joint: mass [kg], its centre in the joint's frame [m], and moments about that centre in the
-    frame's axes, I_xx I_xy I_xz I_yy I_yz I_zz [kg m^2]."""
+    """The body that a joint carries: its mass [kg], its centre of mass in the joint's frame [m] and its inertia.
+
+    `inertia` holds I_xx, I_xy, I_xz, I_yy, I_yz and I_zz about the centre of mass, along the frame's axes [kg m^2].
+    """
 
     mass: quantity("kg", gt=0)
     centre: InMetres = (0.0, 0.0, 0.0)
@@ -238,22 +240,23 @@ class RigJoint(JointTable):
     Attributes
     ----------
     name : str
-        What its channels end in: ``position.elbow``; where a robot's file is given, the joint's name in it.
+        Name of the joint, which ends the names of its channels: ``position.elbow``. If a robot's file is given, it is
+        the joint's name in that file.
     parent : str or None
-        The joint on whose body it is, ``"base"`` for none; None for the one before it in the list.
+        Joint whose body carries this one; ``"base"`` for none; None for the preceding joint in the list.
     place, turned, axis : tuple of float or None
-        Where the joint's frame is in its parent's [m], roll, pitch and yaw of it [rad], and the axis in it; None where
-        a robot's file says so.
+        Origin of the joint's frame in its parent's frame [m], its roll, pitch and yaw [rad], and the joint's axis in
+        it; None if a robot's file states them.
     body : Body or None
-        What hangs on it; None where a robot's file says so.
+        Body that the joint carries; None if a robot's file states it.
     rotor_inertia : float
-        Of the motor's rotor, at the joint [kg m^2; kg].
+        Inertia of the motor's rotor, at the joint [kg m^2; kg].
     turns : dict[str, float]
-        How often its motor turns with each joint; what the drive reports is then the motor's.
+        Turns of the joint's motor per turn of each joint; the drive then reports the motor's position.
     zero : float
-        Position where motors are at 0, of joints that are known by their motors [rad; m].
+        Position of the joint at which its motor is at 0, for joints that are measured by their motors [rad; m].
     dead_band : float or None
-        Slower, it counts as at rest [rad/s; m/s]; None for that of ``[processing]``.
+        Speed below which the joint counts as resting [rad/s; m/s]; None for that of ``[processing]``.
     """
 
     name: str = Field(pattern=NAME)
@@ -269,12 +272,12 @@ class RigJoint(JointTable):
 
     @property
     def joint(self) -> str:
-        """What it is called."""
+        """Name of the joint."""
         return self.name
 
     @property
     def of_a_tree(self) -> tuple[str, ...]:
-        """Its keys that mean something only where all joints are identified at once."""
+        """Keys of the table that are meaningful only if all joints are identified at once."""
         others = {*JointTable.model_fields, "name"}
         return tuple(key for key in RigJoint.model_fields if key in self.model_fields_set - others)
 
@@ -312,7 +315,7 @@ class RigJoint(JointTable):
 class SeveralJoints(StudyTable):
     """The machine, joint by joint: ``[rig]`` with ``[[rig.joints]]``.
 
-    Whoever asks it for what one joint has is told that there are several.
+    Access to an attribute of a single joint raises a StudyError that names the joints.
 
     Attributes
     ----------
@@ -346,7 +349,7 @@ class SeveralJoints(StudyTable):
 
     @property
     def refusal(self) -> str:
-        """What is said where only one joint is supported."""
+        """Message of a command that supports one joint only."""
         names = ", ".join(joint.name for joint in self.joints)
         return (
             f"study.toml: found {len(self.joints)} joints in [[rig.joints]] ({names}), expected one: without a table "
@@ -360,24 +363,28 @@ class SeveralJoints(StudyTable):
         return super().__getattr__(name)
 
 
-_ONE, _SEVERAL = DERIVED + "one", DERIVED + "several"
+_ONE_TAG = DERIVED + "one"
+_SEVERAL_TAG = DERIVED + "several"
 
 
-def _single(rig: OneJoint | SeveralJoints) -> JointTable | SeveralJoints:
-    """A list of one joint is that joint."""
+def _unpack_single_joint(rig: OneJoint | SeveralJoints) -> JointTable | SeveralJoints:
+    """Return the joint itself if the list has only one."""
     return rig.joints[0] if len(rig.joints) == 1 else rig
 
 
 RigTable = Annotated[
-    Annotated[OneJoint, Tag(_ONE)] | Annotated[SeveralJoints, Tag(_SEVERAL)],
-    Discriminator(lambda table: _SEVERAL if isinstance(table, dict) and "joints" in table else _ONE),
-    AfterValidator(_single),
+    Annotated[OneJoint, Tag(_ONE_TAG)] | Annotated[SeveralJoints, Tag(_SEVERAL_TAG)],
+    Discriminator(lambda table: _SEVERAL_TAG if isinstance(table, dict) and "joints" in table else _ONE_TAG),
+    AfterValidator(_unpack_single_joint),
 ]
 """``[rig]`` in either form."""
 
 
 class Participant(StudyTable):
-    """Who wears it: ``[participants.NAME]``. Mass [kg], height [m], age [years], from the knee to the heel [m]."""
+    """A person who wears the machine: ``[participants.NAME]``.
+
+    Mass [kg], height [m], age [years], length of the shank from the knee to the heel [m].
+    """
 
     mass: quantity("kg", gt=0) | None = None
     height: quantity("m", gt=0) | None = None
@@ -387,7 +394,7 @@ class Participant(StudyTable):
 
 
 DRIVEN = ("torque", "force", "current", "voltage", "duty")
-"""Channels of a drive, whose delay against the position can be estimated."""
+"""Channels of a drive. Their delay against the position can be estimated."""
 
 
 def _not_zero(scale: float | None) -> float | None:
@@ -401,8 +408,8 @@ def _require_column(column: Any) -> None:
         raise ValueError(f"found {column!r}, expected a column's name or its number from 0")
 
 
-def _constant(table: Mapping[str, Any]) -> dict[str, Any]:
-    """A channel that is one value at all times, as a column of it: `value` is a number with its unit."""
+def _split_constant(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the table of a constant channel with `value`, a number with its unit, split into number and unit."""
     others = sorted(key for key in table if key != "value" and not key.startswith(DERIVED))
     if others or table[DERIVED + "name"] == "time":
         raise ValueError(f"found value beside {', '.join(others) or 'no times'}, expected it alone: it is every sample")
@@ -415,8 +422,10 @@ def _constant(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class Subtracted(StudyTable):
-    """A column that is taken off another: `column`, as a channel's, and `scale`, the channel's unit per stored count;
-    None for the channel's own."""
+    """A column that is subtracted from another.
+
+    `column` is its name or number, and `scale` the channel's unit per stored count; None for the channel's own scale.
+    """
 
     column: str | int
     scale: Annotated[float | None, AfterValidator(_not_zero)] = None
@@ -431,48 +440,48 @@ class Subtracted(StudyTable):
 
 
 class ChannelSpec(StudyTable):
-    """Where a channel's numbers are and what they mean: one entry of ``[channels]``.
+    """The source and meaning of a channel's numbers: one entry of ``[channels]``.
 
-    In order: stored bits are signed, missing marks become NaN, a rolling encoder is unwrapped, then
-    value = sign * (scale * stored - what `minus` takes off) + offset in `unit`, then a rolling value is unwrapped, then
-    SI.
+    The conversion has these steps. Unsigned counts become signed ones, missing marks become NaN, and a rolling count is
+    unwrapped. Then value = sign * (scale * stored - scale of `minus` * its stored number) + offset, in `unit`. Finally
+    a rolling value is unwrapped, and the value is converted to SI.
 
     Attributes
     ----------
     name : str
-        The channel.
+        Name of the channel.
     column : str or int
         Column of a table, dotted path into a structure, or 0-based column number.
     unit : str
-        Of the value after `scale`.
+        Unit of the value after `scale`.
     sign : int
         1 or -1.
     offset : float
-        Added last, in `unit`.
+        Offset that is added last, in `unit`.
     scale : float
         `unit` per stored count.
     value : float or None
-        What the channel is at all times [unit], in place of a column: of a joint that was held.
+        Constant value of the channel [unit], in place of a column, such as the position of a joint that was held.
     minus : Subtracted or None
-        Another column that is taken off: of two cables that pull against each other, of a spring's two ends.
+        Another column that is subtracted, such as that of an opposing cable or of a spring's other end.
     wrap_bits : int or None
-        The stored count rolls over after this many bits.
+        Number of bits after which the stored count rolls over.
     wrap : float or None
-        The value rolls over after this much [SI].
+        Period after which the value rolls over [SI].
     signed_bits : int or None
-        The count is a signed number of this many bits that was stored unsigned.
+        Number of bits of a signed count that was stored as an unsigned one.
     missing : str, float or None
         ``"NaN"``, or the number that marks a missing sample.
     rate : float or None
-        Of a file that has no column of times: sample n is at n / rate [Hz].
+        Sampling rate of a file without a column of times: sample n is at n / rate [Hz].
     clip : str
-        ``"refuse"``, or ``"accept"`` where the channel may rest at its largest value.
+        ``"refuse"``, or ``"accept"`` if the channel may rest at its largest value.
     delay : str, float or None
-        How much later the channel is than the file's time says [s]; ``"auto"`` or None: estimated where it can be.
+        Delay of the channel behind the file's time [s]; it is estimated if possible for ``"auto"`` or None.
     lag : float or None
-        Time constant of the first-order lag that the channel went through [s].
+        Time constant of the first-order lag in the channel [s].
     si_factor, si_offset : float
-        SI value = value * si_factor + si_offset.
+        Numbers of the conversion: SI value = value * si_factor + si_offset.
     si_unit : str
         SI unit as plain text.
     """
@@ -509,7 +518,7 @@ class ChannelSpec(StudyTable):
         return delay if delay in ("auto", None) else parse_quantity(delay, "s", "")
 
     @model_validator(mode="after")
-    def _of_a_signal(self) -> ChannelSpec:
+    def _delay_fits_channel(self) -> ChannelSpec:
         if self.name == "time" and not self.delay is self.lag is None:
             raise ValueError("found a delay of time, expected one of the channel that is late")
         if self.delay == "auto" and self.name.partition(".")[0] not in DRIVEN:
@@ -527,7 +536,7 @@ class ChannelSpec(StudyTable):
                 raise ValueError("found rate, which stands in place of the column and the unit of time")
             table = {"column": 0, "unit": "s", **table}
         if "value" in table:
-            table = _constant(table)
+            table = _split_constant(table)
         expected = channel_unit(name, info.context or {}, table.get("unit"))
         if table.get("unit") in (None, ""):
             such = f'expected one such as "{expected}"' if expected else 'expected one such as "V", or "1" for none'
@@ -542,18 +551,18 @@ class ChannelSpec(StudyTable):
 
 
 class Optical(StudyTable):
-    """What the files of a motion capture hold, beside the machine's own: ``[optical]``.
+    """The contents of the motion capture's files: ``[optical]``.
 
     Attributes
     ----------
     time : ChannelSpec
-        The motion capture's own clock.
+        Channel of the motion capture's own clock.
     unit : str
-        Of the coordinates.
+        Unit of the coordinates.
     markers : tuple of str
         Names of the markers to read.
     columns : str
-        Name of a coordinate's column: ``{marker}`` and ``{axis}`` (x, y, z) stand for what they say.
+        Name of a coordinate's column, in which ``{marker}`` and ``{axis}`` (x, y or z) are replaced.
     down : tuple of float
         Direction of gravity along the lab's axes, of length 1.
     """
@@ -619,23 +628,23 @@ class Optical(StudyTable):
         return to_si_factor(self.unit, "m", "")[0]
 
     def column(self, marker: str, axis: str) -> str:
-        """Name of the column with one coordinate of a marker; `axis` is ``"x"``, ``"y"`` or ``"z"``."""
+        """Return the name of the column with one coordinate of a marker; `axis` is ``"x"``, ``"y"`` or ``"z"``."""
         return self.columns.replace("{marker}", marker).replace("{axis}", axis)
 
 
 class Stream(StudyTable):
-    """Another instrument's files, beside the machine's own: ``[streams.NAME]``.
+    """The files of another instrument: ``[streams.NAME]``.
 
     Attributes
     ----------
     channels : dict[str, ChannelSpec]
         ``[streams.NAME.channels]``; ``time`` is the instrument's own clock.
     join : bool
-        Whether its channels are taken over into the recording, onto the recording's time.
+        Whether its channels are joined to the recording, resampled at the recording's times.
     offset : str or float
-        How much later its clock is, once joined [s]; ``"auto"``: found from the motion.
+        Offset of its clock against the recording's, if joined [s]; ``"auto"`` estimates it from the motion.
     drift : str or float
-        Share by which its clock runs faster; ``"auto"``: found from the motion.
+        Share by which its clock runs faster; ``"auto"`` estimates it from the motion.
     """
 
     channels: dict[Word, ChannelSpec]
@@ -671,29 +680,29 @@ class Stream(StudyTable):
 
 
 class Processing(StudyTable):
-    """What is done to the samples before a regression: ``[processing]``.
+    """The processing of samples before a regression: ``[processing]``.
 
     Attributes
     ----------
     lowpass : float or None
-        Cut-off of the zero-phase low-pass applied to both sides [Hz]; identification needs it.
+        Cut-off of the zero-phase low-pass on both sides of the regression [Hz]; identification requires it.
     order : int
-        Of the Butterworth filter, run forwards and backwards.
+        Order of the Butterworth filter, which runs forwards and backwards.
     decimate : int
-        Every how many samples one is kept after filtering.
+        Factor of decimation after filtering: one of so many samples is kept.
     resample : float or None
-        Uniform rate to interpolate to first, where the clock jitters [Hz].
+        Uniform rate for interpolation before filtering, if the clock jitters [Hz].
     dead_band : float
-        Samples slower than this are left out [rad/s or m/s].
+        Speed below which samples are left out [rad/s or m/s].
     trim : int
-        Samples dropped at each border, where the filter has not settled.
+        Number of samples that are dropped at each border, because the filter has not settled there.
     velocity : str
-        ``"differentiated"`` from the position, or ``"recorded"``: the channel of that name.
+        Source of the velocity: ``"differentiated"`` from the position, or ``"recorded"`` in the channel of that name.
     cut : str
-        ``"automatic"``: spikes, dropouts, frozen and clipped stretches, gaps and missing samples are left out;
-        ``"none"``: they refuse the recording.
+        ``"automatic"`` leaves out spikes, dropouts, frozen and clipped stretches, gaps and missing samples; ``"none"``
+        refuses a recording that has them.
     cut_share : float
-        Largest share of a recording's samples that may be left out so, in [0, 1).
+        Largest share of a recording's samples that may be left out automatically, in [0, 1).
     """
 
     lowpass: quantity("Hz", gt=0) | None = None
@@ -708,22 +717,22 @@ class Processing(StudyTable):
 
 
 class Model(StudyTable):
-    """What is identified: ``[model]``.
+    """The model that is identified: ``[model]``.
 
     Attributes
     ----------
     families : tuple of str
-        Friction models to compare.
+        Friction models that are compared.
     gravity : str
-        ``"none"``, ``"sine"`` or ``"sine+cosine"`` (the zero of the encoder is not known).
+        Gravity term: ``"none"``, ``"sine"`` or ``"sine+cosine"`` (if the zero of the encoder is not known).
     known : Mapping[str, float]
-        Parameters held at a known value, in SI.
+        Parameters that are held at a known value, in SI.
     purpose : str
-        What the headline's values are for: ``"torque"`` or ``"simulation"``.
+        Purpose of the headline's values: ``"torque"`` or ``"simulation"``.
     confidence : float
-        Of the intervals, in (0, 1).
+        Confidence level of the intervals, in (0, 1).
     posterior : bool
-        Whether a posterior is drawn beside the intervals.
+        Whether a posterior is computed beside the intervals.
     """
 
     families: tuple[Literal[tuple(FAMILIES)], ...] = DEFAULT_FAMILIES
@@ -742,7 +751,7 @@ class Model(StudyTable):
 
     @field_validator("families")
     @classmethod
-    def _some(cls, families: tuple) -> tuple:
+    def _each_family_once(cls, families: tuple) -> tuple:
         if not families or len(set(families)) < len(families):
             raise ValueError(f"found {list(families)}, expected at least one, each once")
         return families
@@ -772,8 +781,11 @@ class Model(StudyTable):
 
 
 class PayloadSpec(StudyTable):
-    """A known mass on the moving segment: mass [kg], distance from the axis [m]. Of a robot of several joints: the link
-    that carries it, None for the last one, and the mass's centre there [m], None if unknown."""
+    """A known mass on the moving segment: mass [kg] and distance from the axis [m].
+
+    A robot of several joints has instead the `link` that carries it, None for the last one, and the mass's `centre` in
+    that link's frame [m], None if unknown.
+    """
 
     mass: quantity("kg", gt=0)
     distance: quantity("m", ge=0) = 0.0
@@ -787,41 +799,41 @@ class RecordingEntry(StudyTable):
     Attributes
     ----------
     name : str
-        The recording's part of an id.
+        Name of the recording, which is part of the ids of its figures.
     file, files : str or None
-        Path from the study's folder, or a pattern that names several; one of the two.
+        Path of a file from the study's folder, or a pattern that matches several; exactly one of the two.
     protocol : str or None
-        ``"swept_sine"``.
+        Name of the protocol, such as ``"swept_sine"``.
     use : str
         ``"fit"`` or ``"validate"``.
     window : tuple of float or None
-        Samples with start <= time < end are taken, on the file's own clock [s].
+        Start and end of the samples that are used, start <= time < end on the file's own clock [s].
     exclude : tuple of tuple of float
-        Samples with start <= time < end are left out, on the file's own clock [s].
+        Starts and ends of the samples that are left out, start <= time < end on the file's own clock [s].
     participant, condition : str or None
-        Who, and under which condition.
+        Participant and condition of the trial.
     repetition : int or None
-        Which time of several that the same was done, from 1.
+        Number of the repetition, from 1.
     period : int or None
-        When the participant did it: 1 what came first, 2 what came then.
+        Position of the trial in the participant's order, from 1.
     amplitude : float or None
-        How far each movement in it was to go, signed [rad or m], where no channel says so.
+        Signed distance that each movement was to cover [rad or m], if no channel records it.
     payload : PayloadSpec or None
-        Known mass carried.
+        Known mass carried during the trial.
     optical : str or None
         Path of the motion capture's file of the same trial, from the study's folder.
     streams : dict[str, str]
         Paths of other instruments' files of the same trial, by the name of their ``[streams.NAME]``.
     offsets : dict[str, float]
-        How much later those instruments' clocks are in this trial [s], where a stream is joined.
+        Offsets of those instruments' clocks in this trial [s], for streams that are joined.
     slider : float or None
-        Where the carriage was clamped, by a ruler: distance from the axis [m].
+        Distance from the axis at which the carriage was clamped, measured with a ruler [m].
     start : str
-        Where a simulation of it starts: ``"measured"`` (position and velocity of the first samples) or ``"rest"``.
+        Initial state of a simulation: ``"measured"`` (position and velocity of the first samples) or ``"rest"``.
     processing : Processing or None
-        What differs from ``[processing]``; complete. None where nothing does.
+        Complete processing of this recording; None for that of ``[processing]``.
     channels : dict[str, ChannelSpec]
-        Those that differ from, or are added to, ``[channels]``; complete.
+        Complete channels that are added to ``[channels]`` or replace some of them.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")
@@ -870,13 +882,13 @@ class StudyFile(StudyTable):
     name : str
         First part of every figure's id.
     citation : str
-        What to cite for the recordings; printed in the report.
+        Source to cite for the recordings; the report prints it.
     notes : tuple of str
-        Remarks the report repeats.
+        Remarks that the report repeats.
     rig, participants, channels, optical, streams, processing, model, recordings
-        Its tables; `optical` is None where no motion capture took part.
+        Tables of the file; `optical` is None without a motion capture.
 
-    `study_file_model` adds a field for each table that asks for a procedure, None where it is not there.
+    `study_file_model` adds a field for each table that requests a procedure, which is None if the table is absent.
     """
 
     name: str = Field(pattern=NAME)
@@ -899,10 +911,10 @@ class StudyFile(StudyTable):
             return raw
         raw = {"model": {}, **raw}
         if isinstance(raw.get("channels"), dict):
-            raw["channels"] = _plain_where_single(_flat_channels(raw["channels"]), joint_names(raw))
+            raw["channels"] = _without_single_joint(_flat_channels(raw["channels"]), joint_names(raw))
         entries = raw.get("recordings")
         if isinstance(entries, list) and isinstance(raw.get("channels"), dict):
-            raw["recordings"] = [_complete(entry, raw["channels"], joint_names(raw)) for entry in entries]
+            raw["recordings"] = [_complete_entry(entry, raw["channels"], joint_names(raw)) for entry in entries]
         common = raw.get("processing", {})
         if isinstance(raw.get("recordings"), list) and isinstance(common, dict):
             raw["recordings"] = [
@@ -914,7 +926,7 @@ class StudyFile(StudyTable):
         return raw
 
     @model_validator(mode="after")
-    def _refers_to_what_exists(self) -> StudyFile:
+    def _references_exist(self) -> StudyFile:
         names: set[str] = set()
         for entry in self.recordings:
             if entry.participant is not None and entry.participant not in self.participants:
@@ -953,7 +965,7 @@ class StudyFile(StudyTable):
         return self
 
     @model_validator(mode="after")
-    def _says_whose_channels_they_are(self) -> StudyFile:
+    def _channels_name_their_joints(self) -> StudyFile:
         names = [joint.joint for joint in self.rig.joints]
         everywhere = {**self.channels, **{n: c for entry in self.recordings for n, c in entry.channels.items()}}
         for name in everywhere if len(names) > 1 else ():
@@ -966,7 +978,7 @@ class StudyFile(StudyTable):
         return self
 
     @model_validator(mode="after")
-    def _asks_one_thing(self) -> StudyFile:
+    def _tables_fit_together(self) -> StudyFile:
         alone = [name for name, table in self.procedures.items() if table.alone]
         if len(alone) > 1:
             raise ValueError(f"found the tables {', '.join(alone)}, expected one of them: each is a study of its own")
@@ -990,7 +1002,7 @@ class StudyFile(StudyTable):
         return self
 
     @model_validator(mode="after")
-    def _places_the_slider(self) -> StudyFile:
+    def _slider_is_located(self) -> StudyFile:
         rail = self.rail
         marker = rail.marker if rail is not None else None
         if self.optical is not None and marker is not None and marker not in self.optical.markers:
@@ -1015,12 +1027,12 @@ class StudyFile(StudyTable):
 
     @property
     def rail(self) -> Slider | None:
-        """What a carriage moves on; None where the machine has none."""
+        """The rail of the carriage; None if the machine has none."""
         return next((joint.slider for joint in self.rig.joints if joint.slider is not None), None)
 
     @property
     def procedures(self) -> dict[str, ProcedureTable]:
-        """The tables that ask for a procedure, by their names."""
+        """The tables that request a procedure, by their names."""
         found = {name: getattr(self, name) for name in type(self).model_fields}
         return {name: table for name, table in found.items() if isinstance(table, ProcedureTable)}
 
@@ -1041,34 +1053,34 @@ class StudyFile(StudyTable):
         return next((name for name, each in fields.items() if kind in get_args(each.annotation)), kind.__name__)
 
     def joined_channels(self, stream: str) -> dict[str, ChannelSpec]:
-        """Channels that a recording has of a stream."""
+        """Return the channels that a joined stream adds to a recording."""
         table = self.streams.get(stream)
         return {n: c for n, c in table.channels.items() if n != "time"} if table is not None and table.join else {}
 
     def entry_of(self, recording: str) -> RecordingEntry | None:
-        """What is said of a recording by its name; None of one that is not named, as one held in memory."""
+        """Return the entry of a recording by its name; None if study.toml does not name it, as one held in memory."""
         named = {entry.name: entry for entry in self.recordings}
         begun = [name for name in named if recording == name or recording.startswith(f"{name}.")]
         return named[max(begun, key=len)] if begun else None
 
     def processing_of(self, recording: str) -> Processing:
-        """What is done to the samples of a recording, by its name."""
+        """Return the processing of a recording's samples, by its name."""
         entry = self.entry_of(recording)
         return self.processing if entry is None or entry.processing is None else entry.processing
 
     def channels_of(self, entry: RecordingEntry) -> dict[str, ChannelSpec]:
-        """All channels of one recording's own file: the defaults, with its own in their place."""
+        """Return all channels of a recording's own file: the defaults, replaced by the recording's own ones."""
         return {**self.channels, **entry.channels}
 
 
 def study_file_model(tables: Mapping[str, type[ProcedureTable]]) -> type[StudyFile]:
-    """`StudyFile` with a field for each table, by its name, that may ask for a procedure."""
+    """Return `StudyFile` with a field for each table that may request a procedure, by the table's name."""
     fields: dict[str, Any] = {name: (table | None, None) for name, table in tables.items()}
     return create_model("StudyFile", __base__=StudyFile, **fields)
 
 
-# What the last or last but one part of a dotted name says of its unit.
-_PARTS = {
+# SI unit of a channel by the first or the last but one part of its dotted name.
+_UNITS_BY_PART = {
     "acceleration": "m/s^2", "angular_velocity": "rad/s", "magnetic_field": "T", "orientation": "1", "angle": "rad",
     "moment": "N*m", "length": "m", "lengthening": "m/s", "moment_arm": "m",
 }  # fmt: skip
@@ -1078,11 +1090,11 @@ OF_A_JOINT = frozenset(
     ("position", "reference", "velocity", "acceleration", "current", "voltage", "duty", "supply", "torque", "force",
      "enabled", "temperature", "motor_position", "target", "interaction", "desired_current", "desired_torque")
 )  # fmt: skip
-"""Channels that are a joint's: where a machine has several, their names end in its name."""
+"""Channels that belong to a joint. If a machine has several joints, these names end in the joint's name."""
 
 
 def channel_unit(name: str, units: Mapping[str, Any], given: str | None = None) -> str | None:
-    """SI unit a channel must have, by its name; None where any unit is meaningful."""
+    """Return the SI unit that a channel must have, by its name; None if any unit is meaningful."""
     fixed = {
         "time": "s", "position": "<coordinate>", "reference": "<reference>", "velocity": "<velocity>",
         "acceleration": "<acceleration>", "current": "A", "voltage": "V", "duty": "1", "supply": "V", "torque": "N*m",
@@ -1100,7 +1112,7 @@ def channel_unit(name: str, units: Mapping[str, Any], given: str | None = None) 
     if expected is None and parts[0] == "emg" and len(parts) > 1:
         expected = "1" if given in ("1", "%") else "V"
     if expected is None and len(parts) > 1:
-        expected = next((_PARTS[part] for part in (parts[-2], parts[0]) if part in _PARTS), None)
+        expected = next((_UNITS_BY_PART[part] for part in (parts[-2], parts[0]) if part in _UNITS_BY_PART), None)
     if expected is None and name == units.get("injected"):
         expected = "<injected>"
     return units.get(expected, expected) if expected else None
@@ -1123,16 +1135,17 @@ def parameter_units(name: str, units: Mapping[str, str | None]) -> tuple[str, ..
 
 
 def joint_names(raw: Mapping[str, Any]) -> list[str]:
-    """Names in ``[[rig.joints]]``, from the raw text of study.toml; empty in the other form of ``[rig]``."""
+    """Return the names in ``[[rig.joints]]`` of a parsed study.toml; empty in the other form of ``[rig]``."""
     rig = raw.get("rig") if isinstance(raw.get("rig"), dict) else {}
     tables = rig.get("joints") if isinstance(rig.get("joints"), list) else []
     return [t["name"] for t in tables if isinstance(t, dict) and isinstance(t.get("name"), str)]
 
 
 def rig_units(raw: Mapping[str, Any]) -> dict[str, Any]:
-    """SI units that follow from a joint's motion and drive, from the raw text of study.toml.
+    """Return the SI units that follow from a joint's motion and drive, from a parsed study.toml.
 
-    Those of a machine's only joint; under ``"joints"`` those of each in ``[[rig.joints]]``, by name.
+    With ``[[rig.joints]]`` the units of each joint are under ``"joints"``, by its name; the others are those that all
+    joints share.
     """
     rig = raw.get("rig") if isinstance(raw.get("rig"), dict) else {}
     channels = raw.get("channels") if isinstance(raw.get("channels"), dict) else {}
@@ -1149,18 +1162,18 @@ def rig_units(raw: Mapping[str, Any]) -> dict[str, Any]:
     for name, table in tables.items():
         own = flat if len(names) == 1 else {n for n in flat if n.endswith(f".{name}")}
         units[name] = _joint_units(table, {n.removesuffix(f".{name}") for n in own})
-    # What is of no joint alone, such as a dead band, has the unit that all share, if they do.
-    alike = units[names[0]]
+    # A setting for all joints, such as a dead band, has a unit only if all joints share it.
+    shared = units[names[0]]
     for other in list(units.values())[1:]:
-        alike = {key: value if other[key] == value else None for key, value in alike.items()}
-    return {**alike, "joints": units}
+        shared = {key: value if other[key] == value else None for key, value in shared.items()}
+    return {**shared, "joints": units}
 
 
 def _joint_units(rig: Mapping[str, Any], channels: Collection[str]) -> dict[str, str | None]:
     drive = rig.get("drive") if isinstance(rig.get("drive"), dict) else {}
     loop = rig.get("loop") if isinstance(rig.get("loop"), dict) else {}
     motion, kind = (x if isinstance(x, str) else None for x in (rig.get("motion"), drive.get("kind")))
-    # Without a valid motion or kind nothing is expected of a unit, so that only the true cause is told.
+    # Without a valid motion or kind no unit is expected, so that only the true cause is reported.
     coordinate, effort = {"rotary": ("rad", "N*m"), "prismatic": ("m", "N")}.get(motion, (None, None))
     electrical = {"torque": effort, "current": "A", "voltage": "V"}.get(kind)
     duty = kind == "voltage" and "duty" in channels and "voltage" not in channels
@@ -1204,18 +1217,18 @@ def parse_study_file(path: Path, model: type[StudyFile] = StudyFile) -> StudyFil
     except StudyError:
         raise
     except (TypeError, ValueError, KeyError, AttributeError, ArithmeticError, RecursionError) as error:
-        # What stands where another type is expected may break what looks at it before its own check.
+        # A value of the wrong type may break a validator that runs before the value's own check.
         raise StudyError(f"{path}: not understood: {type(error).__name__}: {error}") from error
 
 
 def json_schema(model: type[StudyFile] = StudyFile) -> dict[str, Any]:
-    """JSON Schema of study.toml, for editors that complete and check as one types."""
+    """Return the JSON Schema of study.toml, for editors that complete and check keys."""
     schema = model.model_json_schema()
     channel = schema["$defs"]["ChannelSpec"]
     channel["properties"] = {key: value for key, value in channel["properties"].items() if key[0] != DERIVED}
     channel["required"] = ["column", "unit"]
     one = {"$ref": "#/$defs/ChannelSpec"}
-    # emg.biceps is a table in a table; a recording's own channel may give only what differs.
+    # emg.biceps is a table in a table; a recording's own channel may state only the keys that differ.
     schema["properties"]["channels"]["additionalProperties"] = {
         "anyOf": [one, {"type": "object", "additionalProperties": one}]
     }
@@ -1237,8 +1250,8 @@ def _flat_channels(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any
     return flat
 
 
-def _plain_where_single(channels: dict[str, Any], joints: list[str]) -> dict[str, Any]:
-    """A machine's only joint may be left out of its channels' names, and is."""
+def _without_single_joint(channels: dict[str, Any], joints: list[str]) -> dict[str, Any]:
+    """Remove the name of a machine's only joint from its channels' names."""
     if len(joints) != 1:
         return channels
 
@@ -1252,17 +1265,19 @@ def _plain_where_single(channels: dict[str, Any], joints: list[str]) -> dict[str
     }
 
 
-def _complete(entry: Any, defaults: Mapping[str, Any], joints: list[str]) -> Any:
+def _complete_entry(entry: Any, defaults: Mapping[str, Any], joints: list[str]) -> Any:
     if not isinstance(entry, dict) or not isinstance(entry.get("channels"), dict):
         return entry
-    own = _plain_where_single(_flat_channels(entry["channels"]), joints)
+    own = _without_single_joint(_flat_channels(entry["channels"]), joints)
     merged = {
-        name: {**defaults[name], **table} if isinstance(table, dict) and _adds_to(defaults.get(name), table) else table
+        name: {**defaults[name], **table}
+        if isinstance(table, dict) and _can_complete(defaults.get(name), table)
+        else table
         for name, table in own.items()
     }
     return {**entry, "channels": merged}
 
 
-def _adds_to(default: Any, own: Mapping[str, Any]) -> bool:
-    """Whether a recording's channel differs from the study's; a constant beside a column is another one."""
+def _can_complete(default: Any, own: Mapping[str, Any]) -> bool:
+    """Whether the study's channel can complete a recording's own one: both are columns, or both constants."""
     return isinstance(default, dict) and ("value" in default) == ("value" in own)
