@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from benchmarks._size import sized
 
-from pellucid._processes import in_order
+from pellucid._processes import ordered_results
 from pellucid.control.control_law import ControlLaw
 from pellucid.control.elbow_controllers import BEST_CONTROLLER, DITHERED_BODY, transparent_and
 from pellucid.control.transparent_laws import with_dither
@@ -51,7 +51,7 @@ def rows(robots: int = ROBOTS) -> Iterator[ResultRow]:
     """By law and travel: torque over FC's, energy given, speed at rest; and by travel what was measured of it."""
     drawn = drawn_rigs(able_elbow(), robots)
     jobs = [(tried, robot, travel) for travel in TRAVELS.values() for robot in drawn]
-    made = in_order(jobs)
+    made = ordered_results(jobs)
     for i, (name, travel) in enumerate(TRAVELS.items()):
         of_travel = made[i * robots : (i + 1) * robots]
         said = f"{robots} drawn robots that slip over {1e3 * travel:g} mrad"

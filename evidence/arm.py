@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from benchmarks._size import sized
 
-from pellucid._processes import in_order
+from pellucid._processes import ordered_results
 from pellucid.control.tree_laws import with_measured_drives
 from pellucid.control.tree_stability import (
     DRAWN_LIMBS,
@@ -181,7 +181,7 @@ def excitation_rows(rig: ArmRig) -> Iterator[ResultRow]:
     """Intervals of optimised motions beside random ones within the same limits, and beside one joint after another."""
     jobs = [(asked, rig, "step_by_step", 1), (asked, rig, "optimised", 1), (asked, rig, "optimised", 2)]
     jobs += [(asked, rig, "random", 10 + i) for i in range(RANDOM)]
-    steps, *others = in_order(jobs)
+    steps, *others = ordered_results(jobs)
     best, random = others[:2], others[2:]
 
     def over(one: Asked, other: Asked) -> np.ndarray:
@@ -340,7 +340,7 @@ def fault_rows(arms: Sequence[ArmRig]) -> Iterator[ResultRow]:
     """Single faults until the supervisor has stopped the arm, and after, when its weight is theirs."""
     wearers, motion = wearers_of(arms)
     jobs = [(faulted, rig, person, k) for k, (rig, person) in enumerate(zip(arms, wearers, strict=True))]
-    made = in_order(jobs)
+    made = ordered_results(jobs)
     said = f"{len(arms)} robots and people, {motion}; {WATCHED:g} s from the onset, {ONSET:g} s after the start"
     every: list[ArmFaultTrial] = []
     for law in (PUBLISHED, BEST):

@@ -25,7 +25,7 @@ import numpy as np
 from benchmarks._size import sized
 from scipy.special import log_ndtr
 
-from pellucid._processes import in_order
+from pellucid._processes import ordered_results
 from pellucid.assessment.certificate import PASS, certificate
 from pellucid.assessment.equivalence import Margin
 from pellucid.assessment.equivalence_power import equivalence_power, find_equivalence_participants
@@ -98,7 +98,7 @@ def rows(studies: int = STUDIES) -> Iterator[ResultRow]:
         "certificate.false_transparent.three_looks", 100.0 * sequential(studies), "%", "12 people at the end, ranks"
     )
     yield from power_rows(studies)
-    for name, share, note in _doubted.rows(in_order(_doubted.jobs(studies))):
+    for name, share, note in _doubted.rows(ordered_results(_doubted.jobs(studies))):
         yield _row(f"certificate.{name}", 100.0 * share, "%", note)
 
 
@@ -111,7 +111,7 @@ def false_rows(studies: int) -> Iterator[ResultRow]:
               for n in PEOPLE_COUNTS for shape in SKEWED for which in ("one", "all")]  # fmt: skip
     cases += [("mean", shape, "one", 12, "t") for shape in SKEWED]
     jobs = [(false_transparent, shape, which, n, method, studies, centre) for centre, shape, which, n, method in cases]
-    found = dict(zip(cases, in_order(jobs), strict=True))
+    found = dict(zip(cases, ordered_results(jobs), strict=True))
     head = "certificate.false_transparent"
     for (centre, shape, which, n, method), share in found.items():
         if which == "one":

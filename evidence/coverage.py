@@ -28,7 +28,7 @@ import numpy as np
 from benchmarks._size import sized
 
 import pellucid as pl
-from pellucid._processes import in_order
+from pellucid._processes import ordered_results
 from pellucid.datasets.init import init
 from pellucid.fit.parameter import Parameter
 from pellucid.fit.slider.coherent_body import FIRST_LOAD_COEFFICIENT, fit_coherent
@@ -73,9 +73,9 @@ class Elbow:
 def rows(rigs: int = RIGS, benches: int = BENCHES, data_sets: tuple[str, ...] = DATA_SETS) -> Iterator[ResultRow]:
     """Every figure."""
     jobs = [(identified, rig, seed) for rig in drawn_rigs(able_elbow(), rigs) for seed in SEEDS]
-    yield from elbow_rows(in_order(jobs))
+    yield from elbow_rows(ordered_results(jobs))
     jobs = [(bench_identified, rig, i + 1) for i, rig in enumerate(drawn_benches(benches))]
-    yield from bench_rows(in_order(jobs))
+    yield from bench_rows(ordered_results(jobs))
     yield from real_rows(data_sets)
 
 

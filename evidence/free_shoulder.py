@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks._size import sized
 
 from pellucid._errors import PellucidError
-from pellucid._processes import in_order
+from pellucid._processes import ordered_results
 from pellucid.lab.arm.free_shoulder import LAWS, SHOULDERS, ShoulderFigures, compare_shoulders
 from pellucid.lab.arm.human_motion import people
 from pellucid.lab.arm.rig import able_arm, drawn_arms
@@ -33,7 +33,7 @@ def rows(arms: int = ARMS) -> Iterator[ResultRow]:
     except PellucidError:
         recorded = ()
     pairs = zip(drawn_arms(able_arm(), arms), drawn_people(arms, recorded=recorded), strict=True)
-    found = in_order([(compare_shoulders, rig, person) for rig, person in pairs])
+    found = ordered_results([(compare_shoulders, rig, person) for rig, person in pairs])
     motion = "recorded reaching" if recorded else "generated reaching"
     for law in LAWS:
         by = {shoulder: [_of(figures, law, shoulder) for figures in found] for shoulder in SHOULDERS}

@@ -31,7 +31,7 @@ import numpy as np
 from benchmarks._size import sized
 
 from pellucid import _core
-from pellucid._processes import in_order
+from pellucid._processes import ordered_results
 from pellucid.datasets.init import init
 from pellucid.fit.joint.friction_solver import solve_family
 from pellucid.fit.joint.presliding import Presliding, estimate_presliding
@@ -70,7 +70,9 @@ def rows(benches: int = BENCHES) -> Iterator[ResultRow]:
     for lugre in (False, True):
         for travel in TRAVELS[1 if lugre else 0 :]:
             played = (lugre_joints if lugre else own_joints)(drawn, travel)
-            found = in_order([(identified, rig, *p, i) for i, (rig, p) in enumerate(zip(drawn, played, strict=True))])
+            found = ordered_results(
+                [(identified, rig, *p, i) for i, (rig, p) in enumerate(zip(drawn, played, strict=True))]
+            )
             yield from _travel_rows(found, travel, lugre) if travel else _slip_rows(found)
     yield from bam_rows()
     yield _row("real.modexo.openloop.change", None, "%", "not judged: the torque is one of its software", "heldout")

@@ -30,7 +30,7 @@ from benchmarks._size import sized
 from scipy.special import chdtrc
 
 import pellucid as pl
-from pellucid._processes import in_order
+from pellucid._processes import ordered_results
 from pellucid.fit.parameter import Parameter
 from pellucid.fit.posterior.ensemble import drawn
 from pellucid.fit.posterior.marginal_likelihood import MarginalLikelihood, Noise, Prior
@@ -84,15 +84,15 @@ def rows(
 ) -> Iterator[ResultRow]:
     """Every figure."""
     seeds = np.random.default_rng(SEED).integers(2**31, size=truths)
-    yield from calibration_rows(in_order([(ranks, int(seed)) for seed in seeds]))
+    yield from calibration_rows(ordered_results([(ranks, int(seed)) for seed in seeds]))
     jobs = [(bench, rig, i + 1) for i, rig in enumerate(drawn_benches(benches, SEED))]
-    found = in_order(jobs)
+    found = ordered_results(jobs)
     for name in ("inertia", "gravity", "load_friction"):
         said = f"{len(found)} drawn benches, recordings of {SECONDS:g} s, the best of five families"
         yield from coverage_rows(f"bench.{name}", [one[name] for one in found if name in one], said)
-    found = in_order([(muscle, SEED + i) for i in range(muscles)])
+    found = ordered_results([(muscle, SEED + i) for i in range(muscles)])
     yield from coverage_rows("muscle.offset", found, f"{len(found)} drawn muscles, constants and fatigue unmodelled")
-    found = in_order([(strap, SEED + i, i % 2 == 1) for i in range(wearers)])
+    found = ordered_results([(strap, SEED + i, i % 2 == 1) for i in range(wearers)])
     for kind, some in (("as_modelled", found[::2]), ("hardening", found[1::2])):
         for name in ("stiffness", "damping"):
             pairs = [one[name] for one in some if name in one]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from benchmarks._size import sized
 
-from pellucid._processes import in_order
+from pellucid._processes import ordered_results
 from pellucid.lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from pellucid.lab.knee.rig import knee_orthosis
 from pellucid.lab.pointing.conditions import TUNING_SEED, chosen_exponents, condition_of, identified_cards, offered
@@ -85,7 +85,7 @@ def rows(robots: int = ROBOTS, names: tuple[str, ...] = NAMES) -> Iterator[Resul
     of_travel = {travel: tuple(n for n in names if LINES[n].travel == travel) for travel in travels}
     elbows = [(elbow, rig, travel, of_travel[travel]) for travel in travels for rig in drawn_rigs(able_elbow(), robots)]
     knees = [name for name in names if name in KNEE_LINES]
-    made = in_order([*elbows, *((knee, name) for name in knees)])
+    made = ordered_results([*elbows, *((knee, name) for name in knees)])
     found: dict[str, list[dict[str, float]]] = {name: [] for name in names}
     for one in made[: len(elbows)]:
         for name, figures in one.items():

@@ -26,7 +26,7 @@ import numpy as np
 from benchmarks._size import sized
 
 from pellucid._errors import PellucidError
-from pellucid._processes import in_order
+from pellucid._processes import ordered_results
 from pellucid.fit.parameter import Parameter
 from pellucid.fit.strap.coupled_impedance import fit_coupling
 from pellucid.fit.strap.identified_strap import identify_strap
@@ -77,7 +77,7 @@ def rows(
 ) -> Iterator[ResultRow]:
     """Every figure."""
     rig = knee_orthosis()
-    orthoses = in_order([(identified_alone, rig, ORTHOSIS_SEED + i) for i in range(ORTHOSES)])
+    orthoses = ordered_results([(identified_alone, rig, ORTHOSIS_SEED + i) for i in range(ORTHOSES)])
     groups: dict[str, list[tuple]] = {"all": []}
     for name in range(wearers):
         groups["all"] += [(rig, WEARER_SEED + name, seed) for seed in SEEDS]
@@ -89,7 +89,7 @@ def rows(
     creeps = rig.strapped(_but())
     groups["creeping"] = [(creeps, begin + plain + i, 1, FAST_CREEP) for i in range(creeping)]
     jobs = [(identified, orthoses[job[1] % ORTHOSES], *job) for group in groups.values() for job in group]
-    done = iter(in_order(jobs))
+    done = iter(ordered_results(jobs))
     found = {name: [next(done) for _ in group] for name, group in groups.items()}
     yield from power_rows(found)
     yield from stiffness_rows(found["all"])

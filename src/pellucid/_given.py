@@ -7,20 +7,20 @@ from pathlib import Path
 
 from ._errors import PellucidError
 
-MOST_BYTES = 50_000_000
+MAX_FILE_BYTES = 50_000_000
 """A file that is read as one text has at most this size, such as a card, a rig or a model of muscles [B]."""
 
-NAME = r"^\w[\w .-]{0,99}$"
+NAME_PATTERN = r"^\w[\w .-]{0,99}$"
 """Pattern of a name that may be part of a file's name, a figure's id or a column's name: letters and digits of any
 language, blanks . - _"""
 
-STEM = r"^[\w(+=][\w .()+,=-]{0,199}$"
+STEM_PATTERN = r"^[\w(+=][\w .()+,=-]{0,199}$"
 """Pattern of the stem of a file's name."""
 
 _INVISIBLE_CHARACTERS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
-def read_given(path: Path, most: int = MOST_BYTES) -> bytes:
+def read_given(path: Path, most: int = MAX_FILE_BYTES) -> bytes:
     """Return the content of a regular file of at most `most` bytes; raise a FileNotFoundError if there is none."""
     path = Path(path)
     # Reading a pipe or a device may wait for ever or never end.
@@ -39,7 +39,7 @@ def require_inside(path: Path, folder: Path, allowed: bool, where: str) -> Path:
         inside = False
     if not inside:
         raise PellucidError(
-            f"{where}: found {seen(str(path))} outside the study's folder, expected a file in it; --allow-outside "
+            f"{where}: found {visible_text(str(path))} outside the study's folder, expected a file in it; --allow-outside "
             "(allow_outside=True) takes it all the same"
         )
     return path
@@ -51,11 +51,11 @@ def require_folder(path: Path, expected: str, error: type[PellucidError] = Pellu
         if place.is_dir():
             break
         if place.exists():
-            raise error(f"{seen(str(place))}: found a file, expected {expected}")
+            raise error(f"{visible_text(str(place))}: found a file, expected {expected}")
     return path
 
 
-def seen(text: str) -> str:
+def visible_text(text: str) -> str:
     """Return a text in which replacement characters stand for invisible and control characters."""
     return _INVISIBLE_CHARACTERS.sub("\N{REPLACEMENT CHARACTER}", text)
 

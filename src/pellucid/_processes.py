@@ -20,7 +20,7 @@ Job = tuple
 """A function, followed by its arguments."""
 
 
-def finished(
+def finished_results(
     jobs: Sequence[Job], workers: int | None = None, executor: Executor | None = None
 ) -> Iterator[tuple[int, Any]]:
     """Run jobs, and yield the index and the result of each as soon as it is done; the list of jobs may grow meanwhile.
@@ -41,7 +41,7 @@ def finished(
                 yield waiting.pop(done), done.result()
 
 
-def in_order(
+def ordered_results(
     jobs: Sequence[Job],
     workers: int | None = None,
     tell: Callable[[int, int], None] = lambda done, of: None,
@@ -52,13 +52,13 @@ def in_order(
     After each job, `tell` is called with the number of finished jobs and of all jobs.
     """
     found: dict[int, Any] = {}
-    for i, result in finished(jobs, workers, executor):
+    for i, result in finished_results(jobs, workers, executor):
         found[i] = result
         tell(len(found), len(jobs))
     return [found[i] for i in range(len(jobs))]
 
 
-def among_helpers(
+def results_with_helpers(
     jobs: Sequence[Job], workers: int | None = None, begun: Callable[[int, float], None] = lambda i, share: None
 ) -> list:
     """Run `jobs` in `workers` processes, this one included, and return their results in the order of the jobs.
@@ -108,8 +108,8 @@ _kept_pools: list[tuple[ExitStack, list[ProcessPoolExecutor]]] = []
 
 
 @contextmanager
-def helpers_kept() -> Iterator[None]:
-    """Keep the helper processes for all calls of `among_helpers` in this context, so that each loads its libraries
+def keep_helpers() -> Iterator[None]:
+    """Keep the helper processes for all calls of `results_with_helpers` in this context, so that each loads its libraries
     only once."""
     with ExitStack() as stack:
         _kept_pools.append((stack, []))

@@ -150,7 +150,7 @@ def check(folder: Folder, allow_outside: Outside = False) -> None:
     """Are these recordings fit to identify from? Status 1 if not."""
     from .procedures.registry import asked, open_study
     from .procedures.run import check as run
-    from .recordings.fault import grouped
+    from .recordings.fault import grouped_messages
 
     study = open_study(folder, allow_outside=allow_outside)
     with _progress() as tell:
@@ -160,8 +160,8 @@ def check(folder: Folder, allow_outside: Outside = False) -> None:
     refused = [f for f in faults if f.severity == "refuse"]
     warned = [f for f in faults if f.severity == "warn"]
     others = [f for f in faults if f.severity != "warn"]
-    _list(out, [("warning", text) for text in [*(f.message for f in refused), *grouped(warned)]])
-    _list(out, [("note", text) for text in grouped(others)])
+    _list(out, [("warning", text) for text in [*(f.message for f in refused), *grouped_messages(warned)]])
+    _list(out, [("note", text) for text in grouped_messages(others)])
     if refused:
         _say(out, f"Not fit to identify from: {_count(len(refused), 'fault')}.")
         raise typer.Exit(1)
@@ -646,9 +646,9 @@ def main() -> None:
 
 def _complain(text: str, status: int = 2) -> None:
     """One message, and the exit status; a stranger's text in it does nothing to the terminal."""
-    from ._given import seen
+    from ._given import visible_text
 
-    typer.echo(f"pellucid: {seen(text)}", err=True)
+    typer.echo(f"pellucid: {visible_text(text)}", err=True)
     raise SystemExit(status)
 
 
@@ -773,9 +773,9 @@ def _found(study: Study, command: str, json: bool, run: Callable[[Study, Callabl
 def _print_json(result: Result) -> None:
     from json import dumps
 
-    from .recordings.results import as_table, finite
+    from .recordings.results import finite_row, row_table
 
-    typer.echo(dumps({"figures": [as_table(finite(row)) for row in result.rows]}, indent=1, ensure_ascii=False))
+    typer.echo(dumps({"figures": [row_table(finite_row(row)) for row in result.rows]}, indent=1, ensure_ascii=False))
 
 
 def _list(out: Console, items: Sequence[tuple[str, str]]) -> None:

@@ -14,7 +14,7 @@ from pellucid.procedures.joint.aligned_motions import alignments, motions
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import check, identify
 from pellucid.recordings.cut import Cut
-from pellucid.recordings.delay import at_times, led, moved
+from pellucid.recordings.delay import interpolate_at, shift_channels, undo_lags
 from pellucid.recordings.recording import Channel, Recording
 
 
@@ -52,14 +52,14 @@ def late(study, channel: str, samples: int, which=None, use="fit"):
 
 def test_whole_samples_are_moved_exactly():
     n = np.arange(50.0)
-    found = moved(recording(time=0.01 * n, position=n, current=n - 3.0), {"current": 0.03})
+    found = shift_channels(recording(time=0.01 * n, position=n, current=n - 3.0), {"current": 0.03})
     assert len(found) == 47
     assert np.array_equal(found["current"], found["position"])
 
 
 def test_parts_of_a_sample_are_moved_by_a_smooth_curve():
     time = np.arange(400) / 100.0
-    early = at_times(time, np.sin(6.0 * time), time - 0.0043)
+    early = interpolate_at(time, np.sin(6.0 * time), time - 0.0043)
     inside = np.isfinite(early)
     assert inside.sum() == 399
     assert early[2:-1] == pytest.approx(np.sin(6.0 * (time[2:-1] - 0.0043)), abs=2e-5)
@@ -68,7 +68,7 @@ def test_parts_of_a_sample_are_moved_by_a_smooth_curve():
 def test_nothing_is_taken_from_beyond_a_cut():
     n = np.arange(60.0)
     cut = Cut("spike", "current", 0.30, 0.32, 30, 31, "a spike")
-    found = moved(recording(cuts=(cut,), time=0.01 * n, current=n), {"current": 0.05})
+    found = shift_channels(recording(cuts=(cut,), time=0.01 * n, current=n), {"current": 0.05})
     assert [(s.start, s.stop) for s in found.spans] == [(0, 25), (32, 55)]
     assert np.array_equal(found["current"][0:25], n[5:30])
 
@@ -136,14 +136,14 @@ def test_a_time_that_is_missing_stops_nothing():
     n = np.arange(60.0)
     time = np.where(n == 30, np.nan, 0.01 * n)
     cut = Cut("missing_samples", "time", np.nan, 0.31, 30, 30, "1 missing sample")
-    found = moved(recording(cuts=(cut,), time=time, current=n), {"current": 0.05})
+    found = shift_channels(recording(cuts=(cut,), time=time, current=n), {"current": 0.05})
     assert [(s.start, s.stop) for s in found.spans] == [(0, 25), (31, 55)]
     assert np.array_equal(found["current"][31:55], n[36:60])
 
 
 def test_what_lagged_is_undone_by_its_slope():
     time = np.arange(300) / 100.0
-    found = led(recording(time=time, current=np.sin(3.0 * time)), {"current": 0.2})
+    found = undo_lags(recording(time=time, current=np.sin(3.0 * time)), {"current": 0.2})
     assert found["current"][1:-1] == pytest.approx((np.sin(3.0 * time) + 0.6 * np.cos(3.0 * time))[1:-1], abs=2e-4)
 
 

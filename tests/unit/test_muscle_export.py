@@ -10,7 +10,7 @@ from pellucid._errors import PellucidError, RecordingError
 from pellucid.models.hill import HillData, HillModel, HillMuscle
 from pellucid.models.muscle_card import CARD_KIND, CalibratedMuscles
 from pellucid.models.parameter_card import ParameterCard
-from pellucid.recordings.ceinms_writer import curves, write_subject
+from pellucid.recordings.ceinms_writer import mean_curves, write_subject
 from pellucid.recordings.muscle_remark import MuscleRemark, osim_numbers, read_calibrated
 from pellucid.recordings.osim_writer import write_osim
 from pellucid.recordings.readers.ceinms_xml import read_subject
@@ -98,7 +98,7 @@ def test_a_subject_is_one_that_ceinms_users_know(kept, tmp_path):
 
 
 def test_curves_are_the_cores(kept):
-    found = curves(kept.muscles)
+    found = mean_curves(kept.muscles)
     length, active = found["activeForceLength"]
     inside = (length >= 0.15) & (length <= 2.0)  # a shorter fibre's tendon is slack
     assert active[inside] == pytest.approx(np.exp(-((length[inside] - 1.0) ** 2) / 0.45), abs=1e-9)

@@ -10,7 +10,7 @@ import sys
 import pytest
 
 from pellucid import _processes
-from pellucid._processes import among_helpers, helpers_kept
+from pellucid._processes import keep_helpers, results_with_helpers
 
 SCRIPT = """
 import math
@@ -22,26 +22,28 @@ print(among_helpers([(math.factorial, i) for i in range(6)], 2), __file__)
 @pytest.mark.parametrize("workers", [1, 2])
 def test_what_was_found_is_in_the_order_of_the_jobs(workers):
     begun = []
-    made = among_helpers([(math.factorial, i) for i in range(6)], workers, lambda i, share: begun.append((i, share)))
+    made = results_with_helpers(
+        [(math.factorial, i) for i in range(6)], workers, lambda i, share: begun.append((i, share))
+    )
     assert made == [1, 1, 2, 6, 24, 120]
     assert sorted(i for i, _ in begun) == list(range(6))
     assert [share for _, share in begun] == sorted(share for _, share in begun)
     with pytest.raises(ZeroDivisionError):
-        among_helpers([(operator.truediv, 1, i) for i in (1, 0, 1)], workers)
+        results_with_helpers([(operator.truediv, 1, i) for i in (1, 0, 1)], workers)
 
 
 def test_kept_helpers_are_begun_once(monkeypatch):
     begun, begin = [], _processes.processes
     monkeypatch.setattr(_processes, "processes", lambda workers: begun.append(workers) or begin(workers))
     jobs = [(math.factorial, i) for i in range(6)]
-    with helpers_kept():
-        assert among_helpers(jobs, 1) == [1, 1, 2, 6, 24, 120]
+    with keep_helpers():
+        assert results_with_helpers(jobs, 1) == [1, 1, 2, 6, 24, 120]
         assert not begun
         with pytest.raises(ZeroDivisionError):
-            among_helpers([(operator.truediv, 1, i) for i in (1, 0, 1)], 2)
-        assert among_helpers(jobs, 2) == [1, 1, 2, 6, 24, 120]
+            results_with_helpers([(operator.truediv, 1, i) for i in (1, 0, 1)], 2)
+        assert results_with_helpers(jobs, 2) == [1, 1, 2, 6, 24, 120]
         assert len(begun) == 1
-    assert among_helpers(jobs, 2) == [1, 1, 2, 6, 24, 120]
+    assert results_with_helpers(jobs, 2) == [1, 1, 2, 6, 24, 120]
     assert len(begun) == 2
 
 

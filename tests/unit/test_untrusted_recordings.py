@@ -165,7 +165,7 @@ def test_the_page_says_the_caps():
         f"unpacked: {1e-6 * _caps.DEFAULT_MAX_UNPACKED_BYTES:.0f} MB, "
         f"or so many times the file's own size | {_caps.MAX_UNPACKED_SIZE_RATIO:.0f} |",
         f"one for each {1e-6 * _caps.MIN_READING_SPEED:.0f} MB | {_caps.BASE_READING_TIME_S:.0f} |",
-        f"a model of muscles | {_given.MOST_BYTES:.0e} |".replace("e+0", "e"),
+        f"a model of muscles | {_given.MAX_FILE_BYTES:.0e} |".replace("e+0", "e"),
     ):
         assert said in page, said
 

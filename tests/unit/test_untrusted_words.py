@@ -12,7 +12,7 @@ from evidence.files import MUSCLE_FILES
 from matplotlib.figure import Figure
 
 from pellucid._errors import PellucidError, RecordingError
-from pellucid._given import seen, words_in_csv
+from pellucid._given import visible_text, words_in_csv
 from pellucid.drawing.drawing import Drawing, draw
 from pellucid.pages.page import Page, Section, write_page
 from pellucid.procedures.assessment.paper_tables import csv_text, latex
@@ -94,7 +94,7 @@ def test_a_terminal_says_what_it_can(tmp_path, encoding):
 
 
 def test_what_cannot_be_seen_is_shown():
-    assert seen("a\x1b[2J\u202eb\tc\n") == "a\ufffd[2J\ufffdb\tc\n"
+    assert visible_text("a\x1b[2J\u202eb\tc\n") == "a\ufffd[2J\ufffdb\tc\n"
 
 
 @pytest.mark.parametrize(

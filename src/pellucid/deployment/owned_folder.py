@@ -8,7 +8,7 @@ from pathlib import Path
 
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
-from .._given import read_given, require_folder, seen
+from .._given import read_given, require_folder, visible_text
 
 OWNER_FILE = "pellucid.json"
 """File of an exported folder that says what Pellucid wrote there."""
@@ -58,4 +58,4 @@ def _owner_of(folder: Path) -> dict[str, str] | None:
 
 def _told(owner: Mapping[str, str]) -> str:
     """Say an owner in words."""
-    return seen(", ".join(f"{key} {value}" for key, value in owner.items() if value) or "nothing")[:300]
+    return visible_text(", ".join(f"{key} {value}" for key, value in owner.items() if value) or "nothing")[:300]

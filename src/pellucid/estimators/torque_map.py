@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._errors import IdentificationError
-from .._processes import among_helpers
+from .._processes import results_with_helpers
 from .cross_validation import Fold, Score, block_folds, grouped_folds, score
 from .families import ESTIMATOR_FAMILIES, find_family
 from .families.family import Family, Regressor
@@ -106,7 +106,7 @@ def fit_torque_maps(
     """
     order = sorted(range(len(jobs)), key=lambda i: _job_order_key(jobs[i].name))
     size = sum(min(sum(len(trial) for trial in job.trials), MAX_CHOICE_SAMPLES) for job in jobs)
-    made = among_helpers(
+    made = results_with_helpers(
         [(_run_job, jobs[i]) for i in order],
         1 if size < MIN_PARALLEL_SAMPLES else workers,
         lambda i, share: begun(order[i], share),

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from .._errors import StudyError
-from .._given import seen
+from .._given import visible_text
 
 LIKE = 1000.0
 """How many times a number may be that of the package's own rig."""
@@ -42,8 +42,8 @@ def require_like(found: Any, reference: Any, where: str, free: Collection[str] =
         for key, value in found.items():
             own = reference.get(key, named[0] if named else None)
             if own is None and where.rpartition(" ")[2] not in free:
-                raise StudyError(f"{where}: found {seen(key)[:50]}, expected some of {', '.join(reference)}")
-            require_like(value, own, f"{where} {seen(key)[:50]}", free)
+                raise StudyError(f"{where}: found {visible_text(key)[:50]}, expected some of {', '.join(reference)}")
+            require_like(value, own, f"{where} {visible_text(key)[:50]}", free)
     elif reference is None:
         _require_anything(found, where)
     elif isinstance(reference, list):
@@ -52,7 +52,7 @@ def require_like(found: Any, reference: Any, where: str, free: Collection[str] =
         for i, value in enumerate(found):
             require_like(value, reference[min(i, len(reference) - 1)], f"{where}[{i}]", free)
     elif isinstance(reference, str):
-        if not isinstance(found, str) or len(found) > MOST or seen(found) != found:
+        if not isinstance(found, str) or len(found) > MOST or visible_text(found) != found:
             raise StudyError(f"{where}: found {_short(found)}, expected a text")
     elif type(found) is bool or type(reference) is bool:
         if type(found) is not type(reference):
@@ -77,12 +77,12 @@ def _require_anything(found: Any, where: str) -> None:
     """A number, a text or a list of them that the package's own rig does not have."""
     for x in found if isinstance(found, list) and len(found) <= MOST else (found,):
         number = isinstance(x, (int, float)) and abs(x) <= ANY
-        if not number and not (isinstance(x, str) and len(x) <= MOST and seen(x) == x):
+        if not number and not (isinstance(x, str) and len(x) <= MOST and visible_text(x) == x):
             raise StudyError(f"{where}: found {_short(found)}, expected a number up to {ANY:g} or a short text")
 
 
 def _short(x: Any) -> str:
     try:
-        return seen(repr(x))[:100]
+        return visible_text(repr(x))[:100]
     except ValueError:  # an integer too long to be written
         return "a number of too many digits"

@@ -80,7 +80,7 @@ def _typed(hint: Any, x: Any, where: str, missing: bool) -> Any:
         raise ValueError(f"{where}: found {_short(x)}, expected {hint.__name__}")
     if hint is int and abs(x) > MAX_CARD_NUMBER:
         raise ValueError(f"{where}: found {_short(x)}, expected at most {MAX_CARD_NUMBER:g}")
-    if hint is str and (len(x) > MAX_TEXT_LENGTH or _given.seen(x) != x):
+    if hint is str and (len(x) > MAX_TEXT_LENGTH or _given.visible_text(x) != x):
         raise ValueError(f"{where}: found {_short(x)}, expected at most {MAX_TEXT_LENGTH} characters that can be seen")
     return x
 
@@ -90,7 +90,7 @@ def require_sound(path: Path, card: Any) -> None:
     try:
         for name in ("name", "joint"):
             text = getattr(card, name, "")
-            if text and re.fullmatch(_given.STEM, text) is None:
+            if text and re.fullmatch(_given.STEM_PATTERN, text) is None:
                 raise ValueError(f"{name}: found {_short(text)}, expected letters, digits, blanks and . - _")
         if not 0.0 < card.confidence < 1.0:
             raise ValueError(f"confidence: found {card.confidence:g}, expected above 0 and below 1")
@@ -143,7 +143,7 @@ def require_between(name: str, value: float, low: float, high: float) -> None:
 
 def _short(x: Any) -> str:
     try:
-        text = _given.seen(repr(x))
+        text = _given.visible_text(repr(x))
     except ValueError:  # an integer too long to be written
         text = "a number of too many digits"
     return text if len(text) <= 100 else f"{text[:100]}..."

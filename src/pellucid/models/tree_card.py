@@ -161,19 +161,21 @@ def read_tree_card(path: Path) -> TreeCard:
 def _rows(key: str, given: Any, columns: tuple[str, ...]) -> list[list[float]]:
     """Rows in the core's order; a number that a file does not have is the core's default."""
     if not isinstance(given, list) or len(given) > MAX_LINKS:
-        raise ValueError(f"{key}: found {_given.seen(repr(given))[:100]}, expected a list of at most {MAX_LINKS}")
+        raise ValueError(
+            f"{key}: found {_given.visible_text(repr(given))[:100]}, expected a list of at most {MAX_LINKS}"
+        )
     made = []
     for i, row in enumerate(given):
         if not isinstance(row, Mapping):
-            raise ValueError(f"{key}[{i}]: found {_given.seen(repr(row))[:100]}, expected an object")
+            raise ValueError(f"{key}[{i}]: found {_given.visible_text(repr(row))[:100]}, expected an object")
         unknown = sorted(set(row) - set(columns))
         if unknown:
-            raise ValueError(f"{key}[{i}]: found the unknown key {_given.seen(repr(unknown[0]))[:100]}")
+            raise ValueError(f"{key}[{i}]: found the unknown key {_given.visible_text(repr(unknown[0]))[:100]}")
         bounds = _bounds(key)
         numbers = [row.get(name, bounds[name][2]) for name in columns]
         for name, x in zip(columns, numbers, strict=True):
             if isinstance(x, bool) or not isinstance(x, (int, float)):
-                raise ValueError(f"{key}[{i}].{name}: found {_given.seen(repr(x))[:100]}, expected a number")
+                raise ValueError(f"{key}[{i}].{name}: found {_given.visible_text(repr(x))[:100]}, expected a number")
             require_between(f"{key}[{i}].{name}", x, *bounds[name][:2])
         made.append(numbers)
     return made
@@ -216,7 +218,7 @@ def _require_tree(card: TreeCard) -> None:
     for unit in (*card.effort_units, *card.drive_units):
         if unit not in JOINT_EFFORT_UNITS:
             raise ValueError(
-                f"found the unit {_given.seen(repr(unit))[:100]}, expected one of {', '.join(JOINT_EFFORT_UNITS)}"
+                f"found the unit {_given.visible_text(repr(unit))[:100]}, expected one of {', '.join(JOINT_EFFORT_UNITS)}"
             )
     for name, gain in zip(card.names, card.gains, strict=True):
         if not 1e-9 <= abs(gain) <= MAX_CARD_NUMBER:
@@ -230,19 +232,21 @@ def _require_tree(card: TreeCard) -> None:
                 require_between(f"ranges: {name}", x, 0.0, MAX_CARD_NUMBER)
     for ripple in card.ripples:
         if ripple.joint not in card.names:
-            raise ValueError(f"ripples: found the joint {_given.seen(repr(ripple.joint))[:100]}, expected one of names")
+            raise ValueError(
+                f"ripples: found the joint {_given.visible_text(repr(ripple.joint))[:100]}, expected one of names"
+            )
         for x in (ripple.order, ripple.cosine, ripple.sine):
             require_between("ripples", x, -MAX_CARD_NUMBER, MAX_CARD_NUMBER)
     for name, x in card.known.items():
-        require_between(_given.seen(name)[:100], x, -MAX_CARD_NUMBER, MAX_CARD_NUMBER)
+        require_between(_given.visible_text(name)[:100], x, -MAX_CARD_NUMBER, MAX_CARD_NUMBER)
     card.driven(1e-3)  # links in a loop, an axis of no length, turns that hang on one another
 
 
 def _require_names(what: str, texts: Iterable[str]) -> None:
     seen: set[str] = set()
     for text in texts:
-        if re.fullmatch(_given.NAME, text) is None or text in seen:
-            raise ValueError(f"{what}: found {_given.seen(repr(text))[:100]}, expected a name, each once")
+        if re.fullmatch(_given.NAME_PATTERN, text) is None or text in seen:
+            raise ValueError(f"{what}: found {_given.visible_text(repr(text))[:100]}, expected a name, each once")
         seen.add(text)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from .._errors import IdentificationError, PellucidError, RecordingError, UnfitRecordingError
 from ..fit.parameter import VERDICT_KINDS, Verdict, rank_verdicts
 from ..recordings.duplicates import find_duplicates
-from ..recordings.fault import Fault, grouped
+from ..recordings.fault import Fault, grouped_messages
 from ..recordings.study import Study
 from .combined_result import CombinedResult
 from .procedure import Procedure, Progress, quiet
@@ -495,8 +495,10 @@ def _run(procedure: Procedure, study: Study, on_progress: Progress | None, **opt
         raise UnfitRecordingError("\n".join(fault.message for fault in twice))
     found = procedure.run(procedure.taken(study), tell, **options)
     told = procedure.cut(study)
-    warned = [Verdict("warning", text) for text in grouped([fault for fault in told if fault.severity == "warn"])]
-    cut = [Verdict("note", text) for text in grouped([fault for fault in told if fault.severity != "warn"])]
+    warned = [
+        Verdict("warning", text) for text in grouped_messages([fault for fault in told if fault.severity == "warn"])
+    ]
+    cut = [Verdict("note", text) for text in grouped_messages([fault for fault in told if fault.severity != "warn"])]
     found = found_by(procedure, study, replace(found, verdicts=(*rank_verdicts((*found.verdicts, *warned)), *cut)))
     tell("done", 1.0)
     return found

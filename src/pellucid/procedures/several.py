@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .._errors import PellucidError
-from .._processes import finished
+from .._processes import finished_results
 from ..fit.parameter import Parameter
 from ..pages.quantities import number, unit_text
 from .procedure import Progress, quiet
@@ -44,7 +44,7 @@ def identify_several(
     jobs = [(_identified, str(Path(folder).resolve()), families, allow_outside) for folder in folders]
     found: dict[int, Outcome] = {}
     tell(f"identifying {len(jobs)} studies", 0.0)
-    for i, outcome in finished(jobs, executor=executor):
+    for i, outcome in finished_results(jobs, executor=executor):
         found[i] = outcome
         tell(f"{folders[i]}: {outcome.failure or outcome.headline}".splitlines()[0], len(found) / len(jobs))
     return tuple(found[i] for i in range(len(jobs)))

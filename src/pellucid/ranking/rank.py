@@ -11,7 +11,7 @@ from scipy import stats
 
 from .._errors import PellucidError
 from .._given import require_folder
-from .._processes import in_order
+from .._processes import ordered_results
 from ..assessment.friedman import FriedmanTest, friedman, nemenyi
 from ..recordings.results import ResultRow, require_own_page, write_rows
 from .elbow import elbow_pair
@@ -115,7 +115,7 @@ def rank(
     # What takes longest first; whether anybody sways takes as long as all else, and is tried where time was given.
     jobs = [(knee_pair, i, seed, i < SWAYED and pairs > SWAYED) for i in range(pairs)]
     jobs += [(elbow_pair, i, pairs, seed) for i in range(pairs)]
-    found = in_order(
+    found = ordered_results(
         jobs, workers, lambda done, of: tell(f"{done} of {of} pairs of a person and a robot", 0.95 * done / of)
     )
     tried = [one for made in found for one in made]

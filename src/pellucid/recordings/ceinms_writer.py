@@ -29,7 +29,7 @@ def write_subject(path: Path, remark: MuscleRemark, joints: Mapping[str, Sequenc
         f"  <percentageChange>{_mean(muscles, 'optimal_length_shift')!r}</percentageChange>",
         f"  <damping>{_mean(muscles, 'damping')!r}</damping>",
     ]
-    for name, (x, y) in curves(muscles).items():
+    for name, (x, y) in mean_curves(muscles).items():
         points = [
             f"<{tag}>{' '.join(repr(float(v)) for v in row)}</{tag}>" for tag, row in (("xPoints", x), ("yPoints", y))
         ]
@@ -64,7 +64,7 @@ def _mean(muscles: Sequence[HillMuscle], quantity: str) -> float:
     return float(values[0] if len(set(values)) == 1 else np.mean(values))
 
 
-def curves(muscles: Sequence[HillMuscle]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+def mean_curves(muscles: Sequence[HillMuscle]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Return the points of the core's own curves for the mean muscle, since a subject has one curve for all muscles."""
     shaped = ("force_length_width", "passive_scale", "curvature", "eccentric_force", "passive_strain", "passive_shape")
     mean_muscle = HillMuscle("mean", 1.0, 0.0, 1.0, **{q: _mean(muscles, q) for q in shaped})

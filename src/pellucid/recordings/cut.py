@@ -11,14 +11,14 @@ import numpy as np
 if TYPE_CHECKING:
     from .recording import Recording
 
-GAP_STEPS = 1.5
+MIN_GAP_STEP_RATIO = 1.5
 """A time step longer than this many usual steps is a gap, because at least one sample is missing there."""
 
-BEYOND_JITTER = 1.3
+MIN_GAP_JITTER_RATIO = 1.3
 """A time step is a gap only if it is also longer than this many times the 98th percentile of all steps. The bound
 keeps the long steps of a clock that jitters. Chosen by judgement; no measurement is recorded."""
 
-JITTER_SHARE = 0.1
+MAX_EVEN_JITTER = 0.1
 """Samples count as unevenly spaced if 1 in 100 time steps is off by more than this share of the usual step. Chosen by
 judgement; no measurement is recorded."""
 

@@ -11,14 +11,14 @@ from .cut import make_cut
 from .defects.watched import find_runs
 from .recording import Channel, Recording, channels_within
 
-MOVED = "moved"
+SHIFTED_KIND = "moved"
 """Kind of a cut in which a shifted channel has no sample. Reports list the delay, but not these cuts."""
 
 TIME_TOLERANCE = 1e-6
 """A time counts as that of a sample if both differ by at most this share of a step."""
 
 
-def moved(recording: Recording, delays: Mapping[str, float]) -> Recording:
+def shift_channels(recording: Recording, delays: Mapping[str, float]) -> Recording:
     """Return the recording with each channel of `delays` shifted to earlier times by its delay [s].
 
     The result is shortened to the time that all channels cover.
@@ -30,10 +30,12 @@ def moved(recording: Recording, delays: Mapping[str, float]) -> Recording:
     for name, delay in delays.items():
         old, new = recording[name], np.full(len(time), np.nan)
         for span in recording.spans:
-            new[span] = at_times(time[span], old[span], time[span] + delay, hold=name.partition(".")[0] == "enabled")
+            new[span] = interpolate_at(
+                time[span], old[span], time[span] + delay, hold=name.partition(".")[0] == "enabled"
+            )
         channels[name] = replace(recording.channels[name], samples=new)
     lost = np.any([np.isnan(c.samples) & ~np.isnan(recording[name]) for name, c in channels.items()], axis=0)
-    return with_channels(recording, channels, lost)
+    return replace_channels(recording, channels, lost)
 
 
 def _advances(recording: Recording) -> bool:
@@ -41,7 +43,7 @@ def _advances(recording: Recording) -> bool:
     return all((np.diff(recording.time[span]) > 0.0).all() for span in recording.spans)
 
 
-def led(recording: Recording, lags: Mapping[str, float]) -> Recording:
+def undo_lags(recording: Recording, lags: Mapping[str, float]) -> Recording:
     """Return the recording with the first-order lag of each channel of `lags` undone: x + lag * dx/dt, lags [s]."""
     lags = {name: lag for name, lag in lags.items() if name in recording}
     if not lags or not _advances(recording):
@@ -56,8 +58,13 @@ def led(recording: Recording, lags: Mapping[str, float]) -> Recording:
     return replace(recording, channels=channels)
 
 
-def with_channels(
-    recording: Recording, channels: Mapping[str, Channel], lost: np.ndarray, *, kind: str = MOVED, found: str = ""
+def replace_channels(
+    recording: Recording,
+    channels: Mapping[str, Channel],
+    lost: np.ndarray,
+    *,
+    kind: str = SHIFTED_KIND,
+    found: str = "",
 ) -> Recording:
     """Return the recording with `channels` added or replaced, without the samples in which they are `lost`, (n,) bool.
 
@@ -77,10 +84,10 @@ def with_channels(
         make_cut(recording, kind, "time", first=first, last=first + length - 1, found=found)
         for first, length in zip(whole.start + firsts, lengths, strict=True)
     ]
-    return part_of(replace(recording, channels=channels, cuts=(*recording.cuts, *cuts)), whole.start, whole.stop)
+    return recording_part(replace(recording, channels=channels, cuts=(*recording.cuts, *cuts)), whole.start, whole.stop)
 
 
-def part_of(recording: Recording, first: int, stop: int) -> Recording:
+def recording_part(recording: Recording, first: int, stop: int) -> Recording:
     """Return a recording's samples from `first` to before `stop`, with the cuts among them."""
     cuts = (cut for cut in recording.cuts if cut.last >= first and cut.first < stop)
     within = (
@@ -90,7 +97,7 @@ def part_of(recording: Recording, first: int, stop: int) -> Recording:
     return replace(recording, channels=channels_within(recording, slice(first, stop)), cuts=tuple(within))
 
 
-def at_times(time: np.ndarray, samples: np.ndarray, wanted: np.ndarray, *, hold: bool = False) -> np.ndarray:
+def interpolate_at(time: np.ndarray, samples: np.ndarray, wanted: np.ndarray, *, hold: bool = False) -> np.ndarray:
     """Interpolate samples, (n,) at `time`, (n,) [s], at the times `wanted`, (m,), by cubics through neighbours.
 
     With `hold` the last sample counts instead. The result is NaN beyond the record and beside a missing sample.

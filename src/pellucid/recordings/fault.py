@@ -41,7 +41,7 @@ class Fault:
     message: str
 
 
-def grouped(faults: Sequence[Fault], most: int = 3, most_cuts: int = 10) -> list[str]:
+def grouped_messages(faults: Sequence[Fault], most: int = 3, most_cuts: int = 10) -> list[str]:
     """Return the messages of the faults that do not refuse, shortened.
 
     If more than `most` differ only in their file, only the first is listed, with the number of the others. Of cuts of

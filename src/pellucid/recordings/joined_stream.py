@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from .._errors import RecordingError
-from .cut import GAP_STEPS
-from .delay import at_times, with_channels
+from .cut import MIN_GAP_STEP_RATIO
+from .delay import interpolate_at, replace_channels
 from .recording import Recording
 
 MIN_SHARED_SHARE = 0.5
@@ -36,7 +36,7 @@ def join_stream(recording: Recording, stream: Recording, offset: float, drift: f
     channels, lost = {}, np.ones(len(time), bool)
     spans = [part for span in stream.spans for part in _without_gaps(stream.time, span)]
     for span in spans:
-        lost &= np.isnan(at_times(stream.time[span], np.zeros(span.stop - span.start), at))
+        lost &= np.isnan(interpolate_at(stream.time[span], np.zeros(span.stop - span.start), at))
     for name, channel in stream.channels.items():
         if name == "time":
             continue
@@ -52,7 +52,7 @@ def join_stream(recording: Recording, stream: Recording, offset: float, drift: f
             f"{at[0]:.6g} s to {at[-1]:.6g} s"
         )
     found = f"no sample of {', '.join(channels)} in {stream.path.name}"
-    return with_channels(recording, channels, lost, kind="gap", found=found)
+    return replace_channels(recording, channels, lost, kind="gap", found=found)
 
 
 def initial_offset(recording: Recording, stream: Recording) -> float:
@@ -69,18 +69,18 @@ def _without_gaps(time: np.ndarray, span: slice) -> list[slice]:
         return []
     # An uneven clock has longer usual steps than its median, so the 99th percentile counts too.
     usual = max(float(np.median(steps)), float(np.quantile(steps, 0.99)))
-    ends = [span.start, *(span.start + 1 + np.flatnonzero(steps > GAP_STEPS * usual)).tolist(), span.stop]
+    ends = [span.start, *(span.start + 1 + np.flatnonzero(steps > MIN_GAP_STEP_RATIO * usual)).tolist(), span.stop]
     return [slice(a, b) for a, b in pairwise(ends) if b - a > 1]
 
 
 def _resample(time: np.ndarray, samples: np.ndarray, at: np.ndarray, width: float, *, hold: bool) -> np.ndarray:
     """Return samples, (n,), interpolated at the times `at`, (m,), or averaged over a `width` around each [s]."""
     if width == 0.0 or hold or len(time) < 3:
-        return at_times(time, samples, at, hold=hold)
+        return interpolate_at(time, samples, at, hold=hold)
     known = np.isfinite(samples)
     steps = 0.5 * np.diff(time) * (samples[1:] + samples[:-1])
     whole = np.concatenate([[0.0], np.cumsum(np.where(np.isfinite(steps), steps, 0.0))])
-    mean = (at_times(time, whole, at + 0.5 * width) - at_times(time, whole, at - 0.5 * width)) / width
+    mean = (interpolate_at(time, whole, at + 0.5 * width) - interpolate_at(time, whole, at - 0.5 * width)) / width
     if known.all():
         return mean
-    return np.where(np.isnan(at_times(time, samples, at)), np.nan, mean)
+    return np.where(np.isnan(interpolate_at(time, samples, at)), np.nan, mean)

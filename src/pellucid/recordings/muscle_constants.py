@@ -35,9 +35,9 @@ Muscle = TypeVar("Muscle", bound=MuscleConstants)
 
 def require_physical(path: Path, muscle: Muscle) -> Muscle:
     """Return the muscle; raise a RecordingError if its name or a constant is not plausible."""
-    if re.fullmatch(_given.NAME, muscle.name) is None:
+    if re.fullmatch(_given.NAME_PATTERN, muscle.name) is None:
         raise RecordingError(
-            f"{path.name}: found the muscle {_given.seen(muscle.name[:100])!r}, expected letters, digits, blanks and "
+            f"{path.name}: found the muscle {_given.visible_text(muscle.name[:100])!r}, expected letters, digits, blanks and "
             ". - _"
         )
     for what, bounds in PLAUSIBLE_RANGES.items():

@@ -16,7 +16,7 @@ import numpy as np
 
 from .._atomic import write_text_atomically
 from .._errors import PellucidError, RecordingError
-from .._given import read_given, seen
+from .._given import read_given, visible_text
 from ..models.muscle_polynomial import MusclePolynomial, PolynomialError, fit_muscle_polynomial
 from .muscle_constants import MuscleConstants, require_physical
 from .readers.osim import read_model
@@ -101,7 +101,7 @@ def _require_coordinate(model: MuscleModel, joint: str, name: str) -> None:
     known = [n for n in model.skeleton.coordinates if n not in model.skeleton.couplings]
     if name not in known:
         raise RecordingError(
-            f'{model.path.name}: found no coordinate "{seen(name)}" of joint {joint} that moves freely, expected one '
+            f'{model.path.name}: found no coordinate "{visible_text(name)}" of joint {joint} that moves freely, expected one '
             f"of {', '.join(known[:40])}: say it in [emg_torque.coordinates]"
         )
 
@@ -177,7 +177,7 @@ def read_polynomials(path: Path) -> ModelMuscles:
     try:
         constants, made = {}, {}
         for name, row in table["muscles"].items():
-            where = f"{path.name}, muscle {seen(str(name))[:100]}"
+            where = f"{path.name}, muscle {visible_text(str(name))[:100]}"
             constants[name] = require_physical(
                 path, MuscleConstants(str(row["name_in_the_model"]), *(float(row[key]) for key in _CONSTANT_FIELDS))
             )

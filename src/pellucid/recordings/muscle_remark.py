@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from .._errors import PellucidError, RecordingError
-from .._given import read_given, seen
+from .._given import read_given, visible_text
 from ..models.hill import HillMuscle
 from ..models.muscle_card import CARD_KIND, CalibratedMuscles, calibrated_muscles
 from ..models.parameter_card import ParameterCard
@@ -96,7 +96,7 @@ def read_calibrated(path: Path) -> CalibratedMuscles:
         name = remark.names.get(muscle.name, muscle.name)
         if name not in constants:
             raise RecordingError(
-                f"{path.name}: found no muscle {seen(name)}, expected it, as the remark in the file has it"
+                f"{path.name}: found no muscle {visible_text(name)}, expected it, as the remark in the file has it"
             )
         found = constants[name]
         if isinstance(found, SubjectMuscle):

@@ -8,7 +8,7 @@ from xml.parsers import expat
 
 from .._atomic import write_bytes_atomically
 from .._errors import RecordingError
-from .._given import read_given, seen
+from .._given import read_given, visible_text
 from .muscle_remark import MuscleRemark, osim_numbers, without_remark
 from .readers.osim import read_model
 
@@ -22,7 +22,7 @@ def write_osim(path: Path, source: Path, remark: MuscleRemark) -> Path:
     lacking = [name for name in remark.names.values() if name not in known]
     if lacking:
         raise RecordingError(
-            f"{source.name}: found the muscles {', '.join(list(known)[:40])}, expected {', '.join(map(seen, lacking))} "
+            f"{source.name}: found the muscles {', '.join(list(known)[:40])}, expected {', '.join(map(visible_text, lacking))} "
             "too: say what the model calls the study's muscles in [emg_torque] muscle_names"
         )
     content = without_remark(read_given(source))

@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .._errors import UnfitRecordingError
-from .cut import JITTER_SHARE, sound_samples
+from .cut import MAX_EVEN_JITTER, sound_samples
 from .defects import clipped
 from .defects.find import MAX_CLIPPED_SHARE, find_defects, max_bridged_gap, needed_kinds, watched_part
 from .defects.magnitude import find_implausible
 from .defects.watched import WatchedRecording
-from .delay import MOVED
+from .delay import SHIFTED_KIND
 from .drive_channel import DRIVE_CHANNELS, command_channel
 from .fault import Fault
 from .optical_faults import find_optical_faults
 from .recording import Recording
-from .rollover import find_rollover, to_write
+from .rollover import find_rollover, wrap_setting
 
 if TYPE_CHECKING:
     from .study import Study
@@ -78,7 +78,7 @@ def cut_faults(recording: Recording) -> list[Fault]:
     """Return a fault for each cut of a recording and of its streams."""
     faults = []
     for part in (recording, *recording.streams.values()):
-        for cut in (c for c in part.cuts if c.kind != MOVED):
+        for cut in (c for c in part.cuts if c.kind != SHIFTED_KIND):
             found = f"{cut.found} at {cut.start:.6g} s ({cut.where})"
             message = f"{part.path.name} (recording {part.name}), channel {cut.channel}: found {found}, cut out"
             faults.append(Fault("cut", cut.kind, part.path.name, cut.channel, found, "none", message))
@@ -102,7 +102,7 @@ def _repeat_fault(recording: Recording) -> Fault | None:
 
 
 def _jitter_fault(recording: Recording, study: Study) -> Fault | None:
-    if not recording.advances or recording.jitter <= JITTER_SHARE:
+    if not recording.advances or recording.jitter <= MAX_EVEN_JITTER:
         return None
     clock, smoothed, step = recording.clock, recording.stamped_evenly, 1.0 / recording.fs
     own_rate = 1.0 / float(np.median(np.diff(clock.time))) if smoothed else recording.fs
@@ -125,7 +125,7 @@ def share_faults(recording: Recording, study: Study) -> list[Fault]:
     allows."""
     faults, share = [], study.processing_of(recording).cut_share
     for part in (recording, *recording.streams.values()):
-        found = [cut for cut in part.cuts if cut.by == "automatic" and cut.kind != MOVED]
+        found = [cut for cut in part.cuts if cut.by == "automatic" and cut.kind != SHIFTED_KIND]
         if not found:
             continue
         on = int(part.enabled.sum())
@@ -144,7 +144,7 @@ def share_faults(recording: Recording, study: Study) -> list[Fault]:
 
 def left_out_fault(recording: Recording, study: Study, whole: bool) -> Fault | None:
     """Return why a recording is left out of a study: too much of it is cut, or anything if it must be `whole`."""
-    cuts = [cut for part in (recording, *recording.streams.values()) for cut in part.cuts if cut.kind != MOVED]
+    cuts = [cut for part in (recording, *recording.streams.values()) for cut in part.cuts if cut.kind != SHIFTED_KIND]
     too_much = share_faults(recording, study)
     if too_much:
         return replace(too_much[0], severity="cut", message=f"{too_much[0].message}: the recording is left out")
@@ -319,7 +319,7 @@ def _check_wrap(watched: WatchedRecording, specs: Mapping[str, ChannelSpec], add
             continue
         x = watched.samples(name)
         found = find_rollover(x)
-        write = to_write(found, specs[name]) if found is not None and name in specs else ""
+        write = wrap_setting(found, specs[name]) if found is not None and name in specs else ""
         if write:
             first = watched.recording.time[found.jumps[0]]
             times = "once" if len(found.jumps) == 1 else f"{len(found.jumps)} times"

@@ -12,7 +12,7 @@ import numpy as np
 
 from .._errors import RecordingError
 from .clock import SampleClock, sample_clock
-from .cut import BEYOND_JITTER, GAP_STEPS, Cut, sound_samples, spans_between
+from .cut import MIN_GAP_JITTER_RATIO, MIN_GAP_STEP_RATIO, Cut, sound_samples, spans_between
 from .optical import OpticalRecording
 
 BLOCK_SAMPLES = 100_000
@@ -236,7 +236,7 @@ class Recording:
             If there are fewer than two samples or time does not advance.
         """
         shortest, longest = self._step_range
-        if shortest > 0.0 and longest < GAP_STEPS * shortest:
+        if shortest > 0.0 and longest < MIN_GAP_STEP_RATIO * shortest:
             # No step is a gap, so that a long recording does not need its median.
             return (len(self) - 1) / float(self.time[-1] - self.time[0])
         steps = np.diff(self.time)
@@ -244,7 +244,7 @@ class Recording:
         if steps.size == 0:
             raise RecordingError(f"{self.path.name} (recording {self.name}): time does not advance, so it has no rate")
         # The median alone is only as fine as the clock's last digit; the mean alone would count gaps.
-        return 1.0 / float(np.mean(steps[steps < GAP_STEPS * np.median(steps)]))
+        return 1.0 / float(np.mean(steps[steps < MIN_GAP_STEP_RATIO * np.median(steps)]))
 
     @cached_property
     def advances(self) -> bool:
@@ -262,14 +262,14 @@ class Recording:
     @cached_property
     def longest_step(self) -> float:
         """Longest time step without a missing sample [s]: half as long again as usual, more if the clock jitters."""
-        usual = GAP_STEPS / self.fs
+        usual = MIN_GAP_STEP_RATIO / self.fs
         if self._step_range[1] <= usual:
             return usual
         steps = np.diff(self.time)
         steps = steps[np.isfinite(steps)]
         if steps.max(initial=0.0) <= usual:
             return usual
-        return max(usual, BEYOND_JITTER * float(np.quantile(steps[:: max(1, len(steps) // 200_000)], 0.98)))
+        return max(usual, MIN_GAP_JITTER_RATIO * float(np.quantile(steps[:: max(1, len(steps) // 200_000)], 0.98)))
 
     @cached_property
     def jitter(self) -> float:

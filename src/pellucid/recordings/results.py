@@ -50,7 +50,7 @@ class ResultRow:
         object.__setattr__(self, "value", number)
 
 
-def checksum_of_all(checksums: Iterable[str]) -> str:
+def combined_checksum(checksums: Iterable[str]) -> str:
     """Return the SHA-256 of several recordings' checksums in any order, for a figure that is computed from all."""
     return sha256("".join(sorted(checksums)).encode()).hexdigest()
 
@@ -66,7 +66,7 @@ def write_rows(path: str | os.PathLike, command: str, rows: Iterable[ResultRow])
 
 def replace_rows(path: Path, command: str, rows: Iterable[ResultRow]) -> tuple[ResultRow, ...]:
     """Do what `write_rows` does, for a caller that holds the lock of `path`."""
-    rows = tuple(finite(row) for row in rows)
+    rows = tuple(finite_row(row) for row in rows)
     for row in rows:
         if row.command != command:
             raise RecordingError(f"{row.id}: found the command {row.command!r}, expected {command!r}")
@@ -79,7 +79,7 @@ def replace_rows(path: Path, command: str, rows: Iterable[ResultRow]) -> tuple[R
                 f"{path}: the id {row.id} occurs twice, in rows of {seen[row.id]} and of {row.command}"
             )
         seen[row.id] = row.command
-    text = json.dumps({"figures": [as_table(row) for row in both]}, indent=1, ensure_ascii=False, allow_nan=False)
+    text = json.dumps({"figures": [row_table(row) for row in both]}, indent=1, ensure_ascii=False, allow_nan=False)
     write_text_atomically(path, text + "\n")
     return both
 
@@ -97,7 +97,7 @@ def require_own_page(folder: Path, command: str, page: str = "index.html") -> No
         )
 
 
-def as_table(row: ResultRow) -> dict[str, Any]:
+def row_table(row: ResultRow) -> dict[str, Any]:
     """Return a row as a table for JSON; the key "undetermined" is left out if it is False."""
     return {key: value for key, value in asdict(row).items() if key != "undetermined" or value}
 
@@ -126,7 +126,7 @@ def read_rows(path: str | os.PathLike) -> list[ResultRow]:
     return rows
 
 
-def finite(row: ResultRow) -> ResultRow:
+def finite_row(row: ResultRow) -> ResultRow:
     """Return a row for a file: a value that is not finite becomes None, with a note."""
     if row.value is None or math.isfinite(row.value):
         return row

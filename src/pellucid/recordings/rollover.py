@@ -80,7 +80,7 @@ def find_rollover(samples: np.ndarray) -> Rollover | None:
     return Rollover(period, known[jumps + 1])
 
 
-def to_write(found: Rollover, spec: ChannelSpec) -> str:
+def wrap_setting(found: Rollover, spec: ChannelSpec) -> str:
     """Return the setting for study.toml that unwraps a channel; "" for a single jump that fits no common encoder.
 
     Such a jump may have any other cause.

@@ -17,7 +17,7 @@ from .._given import require_folder, require_inside
 from .clock import first_deliveries
 from .cut import Cut
 from .defects.find import find_cuts
-from .delay import led, moved
+from .delay import shift_channels, undo_lags
 from .joined_stream import initial_offset, join_stream
 from .optical import OpticalRecording, read_optical
 from .recording import Channel, Payload, Recording
@@ -452,8 +452,8 @@ def _rows_in(path: Path) -> list[ResultRow]:
 
 def _correct_delays(recording: Recording, specs: Mapping[str, ChannelSpec]) -> Recording:
     """Return a recording without the lags and delays that study.toml states for its channels."""
-    recording = led(recording, {n: spec.lag for n, spec in specs.items() if spec.lag is not None})
-    return moved(recording, {n: spec.delay for n, spec in specs.items() if isinstance(spec.delay, float)})
+    recording = undo_lags(recording, {n: spec.lag for n, spec in specs.items() if spec.lag is not None})
+    return shift_channels(recording, {n: spec.delay for n, spec in specs.items() if isinstance(spec.delay, float)})
 
 
 def checksum(path: Path) -> str:

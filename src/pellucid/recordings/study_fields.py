@@ -13,27 +13,27 @@ from ..units import parse_quantity
 if TYPE_CHECKING:
     from .study_file import StudyFile
 
-NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"
+NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"
 """Pattern of a study's name."""
 
-DERIVED = "\0"
+DERIVED_PREFIX = "\0"
 """First character in the names of fields that are computed from others; no person can write such a key."""
 
-SMALLEST = 1e-30
+MIN_NUMBER_MAGNITUDE = 1e-30
 """Smallest accepted magnitude of a plain number that is not 0."""
 
-LARGEST = 1e30
+MAX_NUMBER_MAGNITUDE = 1e30
 """Largest accepted magnitude of a plain number."""
 
-WHOLE = 10**9
+MAX_WHOLE_NUMBER = 10**9
 """Largest accepted magnitude of a whole number."""
 
-LONGEST = 10_000
+MAX_TEXT_LENGTH = 10_000
 """A text has at most this many characters."""
 
 
 def _word(text: str) -> str:
-    if re.fullmatch(_given.NAME, text) is None:
+    if re.fullmatch(_given.NAME_PATTERN, text) is None:
         raise ValueError(f"found {text[:100]!r}, expected letters, digits, blanks and . - _, at most 100 of them")
     return text
 
@@ -41,10 +41,10 @@ def _word(text: str) -> str:
 Word = Annotated[str, AfterValidator(_word)]
 """Text that may become part of the name of a file or column, or of a figure's id."""
 
-Said = Annotated[str, Field(max_length=300)]
+ShownText = Annotated[str, Field(max_length=300)]
 """Text that is only shown."""
 
-Place = Annotated[str, Field(min_length=1, max_length=1000)]
+RelativePath = Annotated[str, Field(min_length=1, max_length=1000)]
 """Path of a file, relative to the study's folder."""
 
 
@@ -57,12 +57,18 @@ class StudyTable(BaseModel):
     @classmethod
     def _legible(cls, value: Any) -> Any:
         for text in value if isinstance(value, (list, tuple)) else (value,):
-            if isinstance(text, str) and (len(text) > LONGEST or text != _given.seen(text)):
-                raise ValueError(f"found {text[:100]!r}, expected at most {LONGEST} characters that can be seen")
-            if isinstance(text, int) and abs(text) > WHOLE:
-                raise ValueError(f"found a whole number of {text.bit_length()} bits, expected at most {WHOLE}")
-            if isinstance(text, float) and text and not SMALLEST <= abs(text) <= LARGEST:
-                raise ValueError(f"found {text:g}, expected 0, or {SMALLEST:g} to {LARGEST:g} of either sign")
+            if isinstance(text, str) and (len(text) > MAX_TEXT_LENGTH or text != _given.visible_text(text)):
+                raise ValueError(
+                    f"found {text[:100]!r}, expected at most {MAX_TEXT_LENGTH} characters that can be seen"
+                )
+            if isinstance(text, int) and abs(text) > MAX_WHOLE_NUMBER:
+                raise ValueError(
+                    f"found a whole number of {text.bit_length()} bits, expected at most {MAX_WHOLE_NUMBER}"
+                )
+            if isinstance(text, float) and text and not MIN_NUMBER_MAGNITUDE <= abs(text) <= MAX_NUMBER_MAGNITUDE:
+                raise ValueError(
+                    f"found {text:g}, expected 0, or {MIN_NUMBER_MAGNITUDE:g} to {MAX_NUMBER_MAGNITUDE:g} of either sign"
+                )
         return value
 
 

@@ -26,14 +26,24 @@ from .._errors import IdentificationError, StudyError
 from .._given import read_given
 from ..models.joint import DEFAULT_FAMILIES, FAMILIES, SYMBOLS_BY_NAME
 from ..units import parse_quantity, si_text, to_si_factor
-from .study_fields import DERIVED, NAME, Place, ProcedureTable, Said, StudyTable, Table, Word, quantity
+from .study_fields import (
+    DERIVED_PREFIX,
+    NAME_PATTERN,
+    ProcedureTable,
+    RelativePath,
+    ShownText,
+    StudyTable,
+    Table,
+    Word,
+    quantity,
+)
 from .toml_place import explain_errors
 
-MOST_BYTES = 3_000_000
+MAX_FILE_BYTES = 3_000_000
 """A study.toml has at most this size [B]; Python's reader takes a second for each million bytes."""
 
 # Gains that each kind of loop requires, and those that are optional.
-_GAINS = {
+_LOOP_GAINS = {
     "p": (("kp",), ()),
     "pi": (("kp", "ki"), ()),
     "pd": (("kp", "kd"), ()),
@@ -42,7 +52,7 @@ _GAINS = {
 }
 
 
-MOST_KNOWN = 1e5
+MAX_KNOWN_MAGNITUDE = 1e5
 """Largest accepted magnitude of a known parameter [SI]. An industrial robot's first axis is below it."""
 
 
@@ -125,7 +135,7 @@ class Loop(StudyTable):
 
     @model_validator(mode="after")
     def _gains(self) -> Loop:
-        needed, optional = _GAINS[self.kind]
+        needed, optional = _LOOP_GAINS[self.kind]
         missing = [gain for gain in needed if getattr(self, gain) is None]
         used = {*needed, *optional}
         unused = [gain for gain in ("kp", "ki", "kd", "kv") if gain not in used and getattr(self, gain) is not None]
@@ -135,7 +145,7 @@ class Loop(StudyTable):
         return self
 
 
-InMetres = tuple[quantity("m"), quantity("m"), quantity("m")]
+PositionInMetres = tuple[quantity("m"), quantity("m"), quantity("m")]
 """Three coordinates [m]."""
 
 
@@ -171,7 +181,7 @@ class Slider(StudyTable):
 
     low: quantity("m", ge=0)
     high: quantity("m", gt=0)
-    marker: Said | None = None
+    marker: ShownText | None = None
     mass: quantity("kg", gt=0) | None = None
 
     @model_validator(mode="after")
@@ -198,7 +208,7 @@ class JointTable(StudyTable):
     """
 
     motion: Literal["rotary", "prismatic"]
-    lifts: Said = ""
+    lifts: ShownText = ""
     moving_mass: quantity("kg", gt=0) | None = None
     drive: Drive | None = None
     loop: Loop | None = None
@@ -230,7 +240,7 @@ class Body(StudyTable):
     """
 
     mass: quantity("kg", gt=0)
-    centre: InMetres = (0.0, 0.0, 0.0)
+    centre: PositionInMetres = (0.0, 0.0, 0.0)
     inertia: tuple[(quantity("kg*m^2"),) * 6] = (0.0,) * 6
 
 
@@ -259,9 +269,9 @@ class RigJoint(JointTable):
         Speed below which the joint counts as resting [rad/s; m/s]; None for that of ``[processing]``.
     """
 
-    name: str = Field(pattern=NAME)
+    name: str = Field(pattern=NAME_PATTERN)
     parent: Word | None = None
-    place: InMetres | None = None
+    place: PositionInMetres | None = None
     turned: tuple[quantity("rad"), quantity("rad"), quantity("rad")] | None = None
     axis: tuple[float, float, float] | None = None
     body: Body | None = None
@@ -363,8 +373,8 @@ class SeveralJoints(StudyTable):
         return super().__getattr__(name)
 
 
-_ONE_TAG = DERIVED + "one"
-_SEVERAL_TAG = DERIVED + "several"
+_ONE_TAG = DERIVED_PREFIX + "one"
+_SEVERAL_TAG = DERIVED_PREFIX + "several"
 
 
 def _unpack_single_joint(rig: OneJoint | SeveralJoints) -> JointTable | SeveralJoints:
@@ -393,7 +403,7 @@ class Participant(StudyTable):
     shank_length: quantity("m", gt=0) | None = None
 
 
-DRIVEN = ("torque", "force", "current", "voltage", "duty")
+DELAYED_CHANNELS = ("torque", "force", "current", "voltage", "duty")
 """Channels of a drive. Their delay against the position can be estimated."""
 
 
@@ -410,8 +420,8 @@ def _require_column(column: Any) -> None:
 
 def _split_constant(table: Mapping[str, Any]) -> dict[str, Any]:
     """Return the table of a constant channel with `value`, a number with its unit, split into number and unit."""
-    others = sorted(key for key in table if key != "value" and not key.startswith(DERIVED))
-    if others or table[DERIVED + "name"] == "time":
+    others = sorted(key for key in table if key != "value" and not key.startswith(DERIVED_PREFIX))
+    if others or table[DERIVED_PREFIX + "name"] == "time":
         raise ValueError(f"found value beside {', '.join(others) or 'no times'}, expected it alone: it is every sample")
     number, _, unit = str(table["value"]).strip().partition(" ")
     try:
@@ -486,7 +496,7 @@ class ChannelSpec(StudyTable):
         SI unit as plain text.
     """
 
-    name: str = Field(validation_alias=DERIVED + "name")
+    name: str = Field(validation_alias=DERIVED_PREFIX + "name")
     column: str | int
     unit: str
     sign: Literal[1, -1] = 1
@@ -502,9 +512,9 @@ class ChannelSpec(StudyTable):
     clip: Literal["refuse", "accept"] = "refuse"
     delay: Annotated[Literal["auto"] | float | None, Field(json_schema_extra={"type": "string"})] = None
     lag: quantity("s", gt=0) | None = None
-    si_factor: float = Field(validation_alias=DERIVED + "si_factor")
-    si_offset: float = Field(validation_alias=DERIVED + "si_offset")
-    si_unit: str = Field(validation_alias=DERIVED + "si_unit")
+    si_factor: float = Field(validation_alias=DERIVED_PREFIX + "si_factor")
+    si_offset: float = Field(validation_alias=DERIVED_PREFIX + "si_offset")
+    si_unit: str = Field(validation_alias=DERIVED_PREFIX + "si_unit")
 
     @field_validator("column", mode="before")
     @classmethod
@@ -521,8 +531,10 @@ class ChannelSpec(StudyTable):
     def _delay_fits_channel(self) -> ChannelSpec:
         if self.name == "time" and not self.delay is self.lag is None:
             raise ValueError("found a delay of time, expected one of the channel that is late")
-        if self.delay == "auto" and self.name.partition(".")[0] not in DRIVEN:
-            raise ValueError(f'found delay = "auto", which is estimated of {", ".join(DRIVEN)} alone; expected a time')
+        if self.delay == "auto" and self.name.partition(".")[0] not in DELAYED_CHANNELS:
+            raise ValueError(
+                f'found delay = "auto", which is estimated of {", ".join(DELAYED_CHANNELS)} alone; expected a time'
+            )
         return self
 
     @model_validator(mode="before")
@@ -530,7 +542,7 @@ class ChannelSpec(StudyTable):
     def _to_si(cls, table: Any, info: ValidationInfo) -> Any:
         if not isinstance(table, dict):
             raise ValueError(f'found {table!r}, expected a table such as {{ column = "q", unit = "rad" }}')
-        name = table[DERIVED + "name"]
+        name = table[DERIVED_PREFIX + "name"]
         if "rate" in table:
             if name != "time" or "column" in table:
                 raise ValueError("found rate, which stands in place of the column and the unit of time")
@@ -547,7 +559,7 @@ class ChannelSpec(StudyTable):
                 raise ValueError("found wrap and wrap_bits, expected one of them: the value or the count rolls over")
             table = {**table, "wrap": parse_quantity(table["wrap"], expected or si_text(table["unit"]), "wrap")}
         si = {"si_factor": factor, "si_offset": offset, "si_unit": expected or si_text(table["unit"])}
-        return {**table, **{DERIVED + key: value for key, value in si.items()}}
+        return {**table, **{DERIVED_PREFIX + key: value for key, value in si.items()}}
 
 
 class Optical(StudyTable):
@@ -569,7 +581,7 @@ class Optical(StudyTable):
 
     time: ChannelSpec
     unit: str
-    markers: tuple[Said, ...]
+    markers: tuple[ShownText, ...]
     columns: str = "{marker}_{axis}"
     down: tuple[float, float, float]
 
@@ -577,7 +589,7 @@ class Optical(StudyTable):
     @classmethod
     def _name_time(cls, table: Any) -> Any:
         if isinstance(table, dict) and isinstance(table.get("time"), dict):
-            return {**table, "time": {**table["time"], DERIVED + "name": "time"}}
+            return {**table, "time": {**table["time"], DERIVED_PREFIX + "name": "time"}}
         return table
 
     @field_validator("time", mode="before")
@@ -670,7 +682,7 @@ class Stream(StudyTable):
             raise ValueError("no channel time found, expected one with its column and unit, or its rate")
         if not self.join and {"offset", "drift"} & self.model_fields_set:
             raise ValueError("found offset or drift of a stream on a clock of its own, expected join = true beside it")
-        both = {"position", *DRIVEN} & set(self.channels)
+        both = {"position", *DELAYED_CHANNELS} & set(self.channels)
         if self.join and not both and "auto" in (self.offset, self.drift):
             raise ValueError(
                 'found join = true with neither position nor the drive among its channels: expected offset = "... s" '
@@ -769,8 +781,8 @@ class Model(StudyTable):
                 raise ValueError(f"{found} more than 0: every body has inertia")
             if name in SYMBOLS_BY_NAME and value < SYMBOLS_BY_NAME[name].lower:
                 raise ValueError(f"{found} {SYMBOLS_BY_NAME[name].lower:g} or more: friction takes energy")
-            if abs(value) > MOST_KNOWN:
-                raise ValueError(f"{found} at most {MOST_KNOWN:g} in SI: no such machine has more")
+            if abs(value) > MAX_KNOWN_MAGNITUDE:
+                raise ValueError(f"{found} at most {MAX_KNOWN_MAGNITUDE:g} in SI: no such machine has more")
         return values
 
     @model_validator(mode="after")
@@ -789,8 +801,8 @@ class PayloadSpec(StudyTable):
 
     mass: quantity("kg", gt=0)
     distance: quantity("m", ge=0) = 0.0
-    link: Said | None = None
-    centre: InMetres | None = None
+    link: ShownText | None = None
+    centre: PositionInMetres | None = None
 
 
 class RecordingEntry(StudyTable):
@@ -837,20 +849,20 @@ class RecordingEntry(StudyTable):
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")
-    file: Place | None = None
-    files: Place | None = None
+    file: RelativePath | None = None
+    files: RelativePath | None = None
     protocol: Word | None = None
     use: Literal["fit", "validate"] = "fit"
     window: tuple[quantity("s"), quantity("s")] | None = None
     exclude: tuple[tuple[quantity("s"), quantity("s")], ...] = ()
     participant: Word | None = None
-    condition: Said | None = None
+    condition: ShownText | None = None
     repetition: int | None = Field(None, ge=1)
     period: int | None = Field(None, ge=1)
     amplitude: quantity("<coordinate>") | None = None
     payload: PayloadSpec | None = None
-    optical: Place | None = None
-    streams: dict[Word, Place] = Field({})
+    optical: RelativePath | None = None
+    streams: dict[Word, RelativePath] = Field({})
     offsets: dict[Word, quantity("s")] = Field({})
     slider: quantity("m", ge=0) | None = None
     start: Literal["measured", "rest"] = "measured"
@@ -891,7 +903,7 @@ class StudyFile(StudyTable):
     `study_file_model` adds a field for each table that requests a procedure, which is None if the table is absent.
     """
 
-    name: str = Field(pattern=NAME)
+    name: str = Field(pattern=NAME_PATTERN)
     citation: str = ""
     notes: tuple[str, ...] = ()
     rig: RigTable
@@ -969,11 +981,11 @@ class StudyFile(StudyTable):
         names = [joint.joint for joint in self.rig.joints]
         everywhere = {**self.channels, **{n: c for entry in self.recordings for n, c in entry.channels.items()}}
         for name in everywhere if len(names) > 1 else ():
-            if name in OF_A_JOINT:
+            if name in JOINT_CHANNELS:
                 wanted = ", ".join(f"{name}.{joint}" for joint in names)
                 raise ValueError(f"[channels] {name}: found no joint's name in it, expected one of {wanted}")
             head, _, last = name.rpartition(".")
-            if head in OF_A_JOINT and last not in names:
+            if head in JOINT_CHANNELS and last not in names:
                 raise ValueError(f'[channels] {name}: found the joint "{last}", expected one of {", ".join(names)}')
         return self
 
@@ -1086,7 +1098,7 @@ _UNITS_BY_PART = {
 }  # fmt: skip
 
 
-OF_A_JOINT = frozenset(
+JOINT_CHANNELS = frozenset(
     ("position", "reference", "velocity", "acceleration", "current", "voltage", "duty", "supply", "torque", "force",
      "enabled", "temperature", "motor_position", "target", "interaction", "desired_current", "desired_torque")
 )  # fmt: skip
@@ -1103,7 +1115,7 @@ def channel_unit(name: str, units: Mapping[str, Any], given: str | None = None) 
     }  # fmt: skip
     head, _, joint = name.rpartition(".")
     own = units.get("joints", {}).get(joint)
-    if own is not None and (head in OF_A_JOINT or head == own["injected"]):
+    if own is not None and (head in JOINT_CHANNELS or head == own["injected"]):
         return channel_unit(head, own, given)
     expected = fixed.get(name)
     parts = name.split(".")
@@ -1201,7 +1213,7 @@ def parse_study_file(path: Path, model: type[StudyFile] = StudyFile) -> StudyFil
     import tomllib
 
     try:
-        text = read_given(path, MOST_BYTES).decode("utf-8-sig")
+        text = read_given(path, MAX_FILE_BYTES).decode("utf-8-sig")
     except FileNotFoundError:
         raise StudyError(f"{path}: no such file; a study is a folder with a study.toml in it") from None
     except (OSError, UnicodeDecodeError) as error:
@@ -1225,7 +1237,7 @@ def json_schema(model: type[StudyFile] = StudyFile) -> dict[str, Any]:
     """Return the JSON Schema of study.toml, for editors that complete and check keys."""
     schema = model.model_json_schema()
     channel = schema["$defs"]["ChannelSpec"]
-    channel["properties"] = {key: value for key, value in channel["properties"].items() if key[0] != DERIVED}
+    channel["properties"] = {key: value for key, value in channel["properties"].items() if key[0] != DERIVED_PREFIX}
     channel["required"] = ["column", "unit"]
     one = {"$ref": "#/$defs/ChannelSpec"}
     # emg.biceps is a table in a table; a recording's own channel may state only the keys that differ.
@@ -1246,7 +1258,7 @@ def _flat_channels(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any
         if group:
             flat.update(_flat_channels(table, f"{name}."))
         else:
-            flat[name] = {**table, DERIVED + "name": name} if isinstance(table, dict) else table
+            flat[name] = {**table, DERIVED_PREFIX + "name": name} if isinstance(table, dict) else table
     return flat
 
 
@@ -1257,10 +1269,10 @@ def _without_single_joint(channels: dict[str, Any], joints: list[str]) -> dict[s
 
     def plain(name: str) -> str:
         head = name.removesuffix(f".{joints[0]}")
-        return head if head in OF_A_JOINT else name
+        return head if head in JOINT_CHANNELS else name
 
     return {
-        plain(name): {**table, DERIVED + "name": plain(name)} if isinstance(table, dict) else table
+        plain(name): {**table, DERIVED_PREFIX + "name": plain(name)} if isinstance(table, dict) else table
         for name, table in channels.items()
     }
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from .study_fields import DERIVED
+from .study_fields import DERIVED_PREFIX
 
 MAX_LINE_LENGTH = 300
 """Keys are not searched in lines with more characters than this."""
@@ -26,7 +26,9 @@ def explain_errors(error: ValidationError, path: Path, text: str, root: type[Bas
     lines = []
     for problem in error.errors(include_url=False):
         where = tuple(
-            part for part in problem["loc"] if not (isinstance(part, str) and part.startswith(("function-", DERIVED)))
+            part
+            for part in problem["loc"]
+            if not (isinstance(part, str) and part.startswith(("function-", DERIVED_PREFIX)))
         )
         number = line_of(text, where)
         place = f"{path}{f', line {number}' if number else ''}: {format_place(where)}"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._errors import RecordingError
-from ..recordings.cut import GAP_STEPS
+from ..recordings.cut import MIN_GAP_STEP_RATIO
 from ..recordings.recording import Recording
 from .filters import runs
 
@@ -86,7 +86,7 @@ def input_output(recording: Recording, channels: Sequence[str]) -> InputOutput:
             f"{name_out} over time that increases, expected a recorded movement"
         )
     steps = np.diff(table[:, 0])
-    gaps = steps > GAP_STEPS * np.median(steps)
+    gaps = steps > MIN_GAP_STEP_RATIO * np.median(steps)
     if gaps.any():
         word = "gap" if gaps.sum() == 1 else "gaps"
         notes.append(f"{int(gaps.sum())} {word} of up to {steps.max():.3g} s bridged by the input's hold")

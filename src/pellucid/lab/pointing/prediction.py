@@ -18,7 +18,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from ..._errors import PellucidError
-from ..._processes import in_order
+from ..._processes import ordered_results
 from ...control.elbow_controllers import ELBOW_CONTROLLERS
 from ..elbow.rig import ElbowRig
 from .conditions import Cards, chosen_exponents, condition_of, identified_cards, offered
@@ -232,7 +232,9 @@ def predict_effects(
         one = DrawnRobot(replace(rigs[model], robot=robot), model, scale, k)
         jobs.append((_worn, one, who[model], named, movements, (seed, 1, i)))
     tell(f"{people} people without a robot, and on {robots} robots", 0.0)
-    found = in_order(jobs, workers, lambda done, of: tell(f"{done} of {of} robots and controls", done / of), executor)
+    found = ordered_results(
+        jobs, workers, lambda done, of: tell(f"{done} of {of} robots and controls", done / of), executor
+    )
     free, worn = found[: len(rigs)], found[len(rigs) :]
     names = tuple(rig.name for rig in rigs)
     return Prediction(tuple(named), names, np.array(free), tuple(worn), movements, time.perf_counter() - begun)

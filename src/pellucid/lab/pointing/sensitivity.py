@@ -23,7 +23,7 @@ from types import ModuleType
 import numpy as np
 
 from ..._errors import missing_package
-from ..._processes import in_order
+from ..._processes import ordered_results
 from .conditions import EXPONENTS, Cards, identified_cards
 from .people import draw_people
 from .prediction import FRICTION, INDICES, LAWS, indices_of, law_of, with_friction
@@ -150,14 +150,14 @@ def screen(
     tell(f"{len(ladder)} robots are identified", 0.0)
     robots = [with_friction(rig.robot, scale) for scale in ladder]
     cards = dict(
-        zip(ladder, in_order([(identified_cards, r) for r in robots], workers, executor=executor), strict=True)
+        zip(ladder, ordered_results([(identified_cards, r) for r in robots], workers, executor=executor), strict=True)
     )
     jobs = [
         (_effects, rig, factors, point, cards[scale], people, movements, named, seed)
         for point, scale in zip(points, scales, strict=True)
     ]
     found = np.array(
-        in_order(jobs, workers, lambda done, of: tell(f"{done} of {of} points", 0.1 + 0.9 * done / of), executor)
+        ordered_results(jobs, workers, lambda done, of: tell(f"{done} of {of} points", 0.1 + 0.9 * done / of), executor)
     )
     shape = (len(named), len(SHOWN), len(factors))
     strength, half, direction, scatter = (np.full(shape, np.nan) for _ in range(4))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ... import _core
-from ..._processes import in_order
+from ..._processes import ordered_results
 from ...control.supervised import SupervisedLaw
 from ..drive_reading import stated_readings
 from ..elbow.rig import able_elbow, drawn_rigs
@@ -181,7 +181,7 @@ def fault_table(
     """The whole table on so many `robots` of a `seed`, and so many `hours` of healthy use of all laws together.
 
     Drives measure their effort exactly, or, if `inexact`, each by one of `stated_readings`."""
-    made = in_order([(_one, index, hours / robots, seed, inexact) for index in range(robots)], workers)
+    made = ordered_results([(_one, index, hours / robots, seed, inexact) for index in range(robots)], workers)
     return FaultTable(
         tuple(trial for one in made for trial in one.trials), tuple(life for one in made for life in one.healthy)
     )

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ... import _core
-from ..._processes import in_order
+from ..._processes import ordered_results
 from ...control.coupling import Coupling
 from ...control.residual_compensator import ResidualDesign, design, within
 from ...control.supervised import SupervisedLaw
@@ -198,7 +198,7 @@ def knee_table(
     """The whole table on so many drawn `wearers` from the `first` on, and so many `hours` of healthy swinging.
 
     Springs are measured exactly, or, if `inexact`, each by one of `stated_readings`."""
-    made = in_order([(_one, seed, hours / wearers, inexact) for seed in range(first, first + wearers)], workers)
+    made = ordered_results([(_one, seed, hours / wearers, inexact) for seed in range(first, first + wearers)], workers)
     return FaultTable(
         tuple(trial for one in made for trial in one.trials), tuple(life for one in made for life in one.healthy)
     )

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..._errors import DatasetError
-from ..._processes import in_order
+from ..._processes import ordered_results
 from ...fit.tree.consistent_fit import fit_consistent
 from ...fit.tree.directional_sets import DirectionalRow, compare_directional
 from ...fit.tree.drive_gains import gains_from_payload
@@ -118,7 +118,7 @@ def identified(rig: ArmRig, seed: int = 1) -> ArmIdentified:
 
 def identified_many(jobs: Sequence[tuple[ArmRig, int]], workers: int | None = None) -> list[ArmIdentified]:
     """Several, in processes of their own."""
-    return in_order([(identified, *job) for job in jobs], workers)
+    return ordered_results([(identified, *job) for job in jobs], workers)
 
 
 HOLDING = {"abduction": 0.5, "flexion": 0.6, "internal_rotation": 0.2}
@@ -155,4 +155,4 @@ def directional_many(
     jobs: Sequence[tuple[ArmRig, int, int]], workers: int | None = None
 ) -> list[tuple[DirectionalRow, ...]]:
     """Several, in processes of their own."""
-    return in_order([(directional, *job) for job in jobs], workers)
+    return ordered_results([(directional, *job) for job in jobs], workers)

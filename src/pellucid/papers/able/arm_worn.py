@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..._errors import PellucidError
-from ..._processes import in_order
+from ..._processes import ordered_results
 from ...control.tree_laws import TreeLaw, carried, full_compensation, transparent, with_force_sensor
 from ...lab.arm.card_law import CardLaw, card_of, identified, sensor_points
 from ...lab.arm.human_motion import people
@@ -71,4 +71,4 @@ def wearers_of(arms: Sequence[ArmRig]) -> tuple[Sequence[Person], str]:
 def arms_worn(arms: Sequence[ArmRig]) -> tuple[list[dict[str, ArmWorn]], str]:
     """Every law on each of some robots, and how their wearers moved, in words."""
     wearers, said = wearers_of(arms)
-    return in_order([(worn, rig, person) for rig, person in zip(arms, wearers, strict=True)]), said
+    return ordered_results([(worn, rig, person) for rig, person in zip(arms, wearers, strict=True)]), said

@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from ..._processes import in_order
+from ..._processes import ordered_results
 from ...control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
 from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from ...lab.pointing.conditions import (
@@ -134,7 +134,7 @@ def compare_controllers(
     robots: Sequence[ElbowRig], *, seed: int = TORQUE_SEED, count: int = 3, workers: int | None = None
 ) -> dict[str, tuple[LawOnRobot, ...]]:
     """Every law on several robots, each of which is identified for itself."""
-    made = in_order([(try_laws, robot, seed, count) for robot in robots], workers)
+    made = ordered_results([(try_laws, robot, seed, count) for robot in robots], workers)
     return {name: tuple(one[name] for one in made) for name in (*CONTROLLERS, UNPOWERED, *OTHER_INERTIAS)}
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import ttest_rel
 
-from ..._processes import in_order
+from ..._processes import ordered_results
 from ...fit.slider.slider_fit import SLIDER_METHODS, SliderFit
 from ...lab.elbow.protocol import ElbowTrial, trials
 from ...lab.elbow.rig import ElbowRig
@@ -110,4 +110,4 @@ def compare_many(
     jobs: Sequence[tuple[ElbowRig, int]], workers: int | None, tell: Callable[[int, int], None]
 ) -> list[ModelsCompared]:
     """The same for many rigs and seeds, in processes of their own and in the order of the jobs."""
-    return in_order([(_one, *job) for job in jobs], workers, tell)
+    return ordered_results([(_one, *job) for job in jobs], workers, tell)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from ..._processes import in_order
+from ..._processes import ordered_results
 from ...lab.seated.protocol import SeatedTrial, seated_trials
 from ...lab.seated.rig import SeatedRig, load_seated_rig
 from ...lab.seated.subject import subjects
@@ -68,7 +68,7 @@ class HillPaper(Paper):
         alone = record_in_memory(rig, [t for t in made if t.subject is None], seed=self.seed)[1]
         swings = {recording.name.removeprefix("empty_"): driven_swing(recording) for recording in alone}
         self.empty = empty = find_body(swings)
-        found = in_order(
+        found = ordered_results(
             [(_subject, rig, made, empty, name, self.seed) for name in chosen],
             self.workers,
             lambda done, of: tell(f"{done} of {of} subjects", 0.05 + 0.9 * done / of),

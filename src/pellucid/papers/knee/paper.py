@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from ..._processes import Job, finished
+from ..._processes import Job, finished_results
 from ...lab.knee.rig import KneeRig, knee_orthosis
 from ...pages.page import Section, Tile
 from ...pages.quantities import number
@@ -86,7 +86,7 @@ class KneePaper(Paper):
         jobs: list[Job] = [(_whole, self.rig, name, self.seeds[0], self.bench) for name in names]
         jobs += [(evaluate_wearer, self.rig, name) for name in self.compared]
         jobs += [(_drawn, self.rig, seed) for seed in self.seeds[1:]]
-        for count, (_, result) in enumerate(finished(jobs, self.workers), 1):
+        for count, (_, result) in enumerate(finished_results(jobs, self.workers), 1):
             tell(f"{count} of {total} parts", 0.05 + 0.9 * count / total)
             jobs += self._keep(result, maps)
         self.wearers = {n: self.wearers[n] for n in names}

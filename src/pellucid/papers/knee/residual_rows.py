@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from ..._processes import in_order
+from ..._processes import ordered_results
 from ...drawing.drawing import draw
 from ...lab.knee.rig import knee_orthosis
 from ...pages.page import Section
@@ -167,11 +167,11 @@ def main() -> None:
     """Compare on every wearer, then where something is not as it was identified; print what came out."""
     rig = knee_orthosis()
     fresh = [f"D{seed}" for seed in FRESH]
-    everyone = in_order([(evaluate_wearer, rig, name, SWINGS) for name in (*rig.subjects, *fresh)])
+    everyone = ordered_results([(evaluate_wearer, rig, name, SWINGS) for name in (*rig.subjects, *fresh)])
     for row in residual_rows([row for one in everyone for row in one]):
         between = "" if row.lower is None else f" ({row.lower:.4g} to {row.upper:.4g})"
         print(f"{row.id}: {row.ours:.4g}{between} {row.unit}")
-    for row in change_rows(in_order([(evaluate_changes, rig, name) for name in fresh])):
+    for row in change_rows(ordered_results([(evaluate_changes, rig, name) for name in fresh])):
         print(*row, sep="; ")
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...recordings.results import ResultRow, checksum_of_all
+from ...recordings.results import ResultRow, combined_checksum
 from .certified_rows import certificate_rows
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ def result_rows(found: AssessmentResult) -> tuple[ResultRow, ...]:
     rest.
     """
     # One checksum for all recordings together: every figure comes from all of them.
-    digest = checksum_of_all(found.checksums.values())
+    digest = combined_checksum(found.checksums.values())
     rows: list[ResultRow] = []
 
     def add(name: str, value: float | None, unit: str, note: str = "") -> None:

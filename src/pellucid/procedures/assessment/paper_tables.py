@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..._atomic import write_text_atomically
-from ..._given import seen, words_in_csv
+from ..._given import visible_text, words_in_csv
 from ..result import FigureTable
 from .assessment_result import AssessmentResult
 from .assessment_tables import (
@@ -129,4 +129,4 @@ def _latex(cell) -> str:
     text = f"{cell:.3g}" if isinstance(cell, float) else str(cell)
     text = text.replace("-", MINUS) if isinstance(cell, float) else text
     # In one pass: what stands for a character is not looked at again.
-    return re.sub("|".join(map(re.escape, LATEX)), lambda found: LATEX[found[0]], seen(text))
+    return re.sub("|".join(map(re.escape, LATEX)), lambda found: LATEX[found[0]], visible_text(text))

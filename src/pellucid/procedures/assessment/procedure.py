@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from ...recordings.study_fields import ProcedureTable, Said, Word, quantity
+from ...recordings.study_fields import ProcedureTable, ShownText, Word, quantity
 from ...recordings.study_file import StudyFile
 from ..procedure import Procedure, late
 
@@ -62,7 +62,7 @@ class AssessmentTable(ProcedureTable):
         control's largest, ``interaction`` with a unit.
     """
 
-    control: Said
+    control: ShownText
     angle: Word = "position"
     segment: tuple[Word, ...] = ()
     target: Word = "target"
@@ -77,12 +77,12 @@ class AssessmentTable(ProcedureTable):
     thresholds: tuple[Annotated[float, Field(gt=0, lt=0.5)], ...] = (0.025, 0.05, 0.1)
     advance: quantity("s", ge=0) = 0.1
     confidence: float = Field(0.95, gt=0, lt=1)
-    margins: dict[Word, Said] = Field(default_factory=dict)
-    spreads: dict[Word, Said] = Field(default_factory=dict)
+    margins: dict[Word, ShownText] = Field(default_factory=dict)
+    spreads: dict[Word, ShownText] = Field(default_factory=dict)
     false_transparent: float = Field(0.05, gt=0, lt=0.5)
     equivalence: Literal["signed_rank", "mixed_model"] = "signed_rank"
     max_left_out: float = Field(0.10, ge=0, lt=1)
-    curves: dict[Literal["velocity", "interaction", "emg"], Said] = Field(default_factory=dict)
+    curves: dict[Literal["velocity", "interaction", "emg"], ShownText] = Field(default_factory=dict)
 
     def reads(self, channel: str, stream: str) -> bool:
         """The angle, the robot's torque, and EMG."""

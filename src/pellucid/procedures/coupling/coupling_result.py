@@ -19,7 +19,7 @@ from ...fit.strap.published_coupling import PublishedCoupling
 from ...fit.strap.strap_model import STRAP_FEATURES, StrapModel
 from ...fit.strap.wearer_coupling import MODEL_NAMES, WearerCoupling
 from ...models.parameter_card import ParameterCard
-from ...recordings.results import ResultRow, checksum_of_all
+from ...recordings.results import ResultRow, combined_checksum
 from ..posterior_beside import beside, posterior_rows, posterior_table, posterior_verdicts
 from ..result import FigureTable, ParameterTable, Result
 
@@ -201,7 +201,7 @@ def _rows(
     files: Callable[[str | None], Mapping[str, str]],
     confidence: float,
 ) -> Iterator[ResultRow]:
-    all_of = {who: checksum_of_all(files(who).values()) for who in (None, *wearers, *refused)}
+    all_of = {who: combined_checksum(files(who).values()) for who in (None, *wearers, *refused)}
 
     def row(what: str, value, unit: str, split: str, note: str = "", checksum: str | None = None) -> ResultRow:
         # Ids begin with the orthosis or with a wearer.

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..._errors import IdentificationError
-from ..._processes import helpers_kept
+from ..._processes import keep_helpers
 from ...estimators.condition_choice import ERROR_BAND_SHARE, MIN_ERROR_BAND_CONDITIONS, ConditionTestErrors
 from ...estimators.cross_validation import score
 from ...estimators.families import ESTIMATOR_FAMILIES
@@ -118,7 +118,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
     if table.posterior:
         require_sampler()  # A missing sampler is reported before minutes of calibration
     tell = on_progress or (lambda text, share: None)
-    with helpers_kept():
+    with keep_helpers():
         found = _choose_evaluation(study)(study, tell)
         together = calibrate_together(found, tell, table.posterior)
     evaluated, trials = found.evaluated, found.trials

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 from pydantic import Field
 
 from ...recordings.study import Study
-from ...recordings.study_fields import Place, ProcedureTable, Said, Word, quantity
+from ...recordings.study_fields import ProcedureTable, RelativePath, ShownText, Word, quantity
 from ..procedure import Procedure, Progress, quiet
 
 if TYPE_CHECKING:
@@ -71,9 +71,9 @@ class EmgTorqueTable(ProcedureTable):
     largest_moment: dict[Word, quantity("N*m", gt=0)] = Field(default_factory=dict)
     normalise: Literal["mvc", "largest", "none"] | None = None
     rescale: quantity("s", gt=0) | None = None
-    muscle_file: Place | None = None
-    muscle_names: dict[Word, Said] = Field(default_factory=dict)
-    coordinates: dict[Word, Said] = Field(default_factory=dict)
+    muscle_file: RelativePath | None = None
+    muscle_names: dict[Word, ShownText] = Field(default_factory=dict)
+    coordinates: dict[Word, ShownText] = Field(default_factory=dict)
     posterior: bool = False
 
     bridges: ClassVar[bool] = False

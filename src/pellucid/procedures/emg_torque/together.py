@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..._errors import IdentificationError
-from ..._processes import among_helpers
+from ..._processes import results_with_helpers
 from ...estimators.condition_choice import ERROR_BAND_SHARE
 from ...estimators.cross_validation import Score, score
 from ...estimators.hill_together import HillTogether, TrialByJoint, fit_together
@@ -104,7 +104,7 @@ def _evaluate_fits(
     # Without held-out recordings, each group of trials is predicted by muscles fitted to the others.
     left_out = () if names else next(iter(fitted.values()))
     runs = [(how, out) for how in FIT_WORDS for out in (None, *dict.fromkeys(t.group for t in left_out))]
-    found = among_helpers([(_fit_without_group, fitted, how, out) for how, out in runs], begun=begun)
+    found = results_with_helpers([(_fit_without_group, fitted, how, out) for how, out in runs], begun=begun)
     by_run = dict(zip(runs, found, strict=True))
     fits = {how: by_run[how, None] for how in FIT_WORDS}
     scores, shown = [], {}

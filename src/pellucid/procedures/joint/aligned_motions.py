@@ -10,7 +10,7 @@ import numpy as np
 from ..._errors import PellucidError
 from ...fit.delay import Delay
 from ...fit.joint.drive_delay import estimate_drive_delay
-from ...recordings.delay import led, moved
+from ...recordings.delay import shift_channels, undo_lags
 from ...recordings.drive_channel import drive_channel
 from ...recordings.recording import Recording
 from ...recordings.study import Study
@@ -27,7 +27,7 @@ lack moves each a little."""
 
 @dataclass(frozen=True)
 class Alignment:
-    """What was found of a drive's delay, of one recording or, without a name, of all: `moved` [s] is by how much its
+    """What was found of a drive's delay, of one recording or, without a name, of all: `shift_channels` [s] is by how much its
     channel was moved; `asked` in study.toml."""
 
     channel: str
@@ -98,7 +98,7 @@ def _aligned(recording: Recording, study: Study) -> Recording:
     late = found.get(recording.name, found.get(""))
     if late is None:
         return recording
-    return (led if late.delay.lag else moved)(recording, {late.channel: late.moved})
+    return (undo_lags if late.delay.lag else shift_channels)(recording, {late.channel: late.moved})
 
 
 def _open(recording: Recording, study: Study) -> bool:

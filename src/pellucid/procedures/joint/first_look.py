@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...models.joint import JointModel, joint_model
-from ...recordings.delay import part_of
+from ...recordings.delay import recording_part
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...signals.effort import drive_model
@@ -43,5 +43,5 @@ def some_of(recordings: Sequence[Recording], most: int = MOST) -> list[Recording
     for recording in recordings:
         starts = np.linspace(0, len(recording), STRETCHES + 1)[:-1].astype(int) if len(recording) > most else [0]
         ends = [s + length for s in starts] if len(starts) > 1 else [STRETCHES * length]
-        made += [part_of(recording, s, min(e, len(recording))) for s, e in zip(starts, ends, strict=True)]
+        made += [recording_part(recording, s, min(e, len(recording))) for s, e in zip(starts, ends, strict=True)]
     return made

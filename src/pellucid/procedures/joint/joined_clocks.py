@@ -9,7 +9,7 @@ import numpy as np
 from ..._errors import PellucidError, RecordingError
 from ...fit.delay import Delay, find_likely_delays
 from ...fit.joint.drive_delay import estimate_drive_delay
-from ...recordings.delay import part_of
+from ...recordings.delay import recording_part
 from ...recordings.joined_stream import initial_offset
 from ...recordings.quality import DRIVE_CHANNELS
 from ...recordings.recording import Recording
@@ -202,7 +202,7 @@ def _drifting(clock: Clock, recording: Recording, sense: float, study: Study) ->
     whole = study.rejoined(recording.name, {clock.stream: (clock.offset, 0.0)})
     n, halves = len(whole), []
     for first, stop in ((0, n // 2), (n // 2, n)):
-        found = _delay(part_of(whole, first, stop), study)
+        found = _delay(recording_part(whole, first, stop), study)
         if found is None:
             return clock
         at = 0.5 * float(whole.time[first] + whole.time[stop - 1])

@@ -16,7 +16,7 @@ from ...fit.parameter import Parameter, Verdict
 from ...fit.posterior.posterior import Posterior
 from ...models.card import ModelCard
 from ...pages.quantities import METHODS
-from ...recordings.results import ResultRow, checksum_of_all
+from ...recordings.results import ResultRow, combined_checksum
 from ...recordings.study import Study
 from ...signals.effort import drive_model
 from ...signals.motion import Motion
@@ -194,7 +194,7 @@ def card_of(study: Study, fit: JointResult, family: FamilyFit) -> ModelCard:
 def rows_of(fit: JointResult) -> Iterator[ResultRow]:
     """Every figure of a fit: `<study>.<family>.<figure>[.<recording>[.<signal>]]`, other estimators as
     `<study>.<family>.<method>.<figure>`."""
-    together = checksum_of_all(fit.checksums.values())
+    together = combined_checksum(fit.checksums.values())
     if fit.drive_constant is not None:
         p = fit.drive_constant
         yield ResultRow(f"{fit.study}.drive.constant", p.value, p.unit, COMMAND, "fitted", together, p.sentence())

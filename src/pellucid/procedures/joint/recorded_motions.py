@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..._errors import RecordingError
-from ...recordings.cut import JITTER_SHARE
-from ...recordings.delay import at_times
+from ...recordings.cut import MAX_EVEN_JITTER
+from ...recordings.delay import interpolate_at
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording, channels_within
 from ...recordings.study import Study
@@ -188,14 +188,14 @@ def evenly_sampled(recording: Recording, span: slice, processing: Processing) ->
     """Sampling rate [Hz] and channels, each shape (n,), of a span on an even grid; interpolated only where the study
     says so or the clock jitters."""
     values = {name: channel.samples[span] for name, channel in recording.channels.items()}
-    jitters = recording.jitter > JITTER_SHARE
+    jitters = recording.jitter > MAX_EVEN_JITTER
     if processing.resample is None and not jitters:
         return recording.fs, values
     fs, time = processing.resample or recording.fs, recording.clock.time[span] if jitters else values["time"]
     if processing.resample is None and recording.stamped_evenly and len(time) > 2:
         step, first = np.polyfit(np.arange(len(time)), time, 1)
         line = first + step * np.arange(len(time))
-        if np.abs(time - line).max() <= JITTER_SHARE * step:
+        if np.abs(time - line).max() <= MAX_EVEN_JITTER * step:
             return 1.0 / step, {**values, "time": line}
         # Packets that come in batches leave a usual step between stamps that says nothing of the rate.
         fs = (len(time) - 1) / float(time[-1] - time[0])
@@ -205,7 +205,7 @@ def evenly_sampled(recording: Recording, span: slice, processing: Processing) ->
     # Where nobody asked for straight lines there are cubics through neighbours, which lose less.
     curved = processing.resample is None
     even = {
-        n: x[nearest] if n in held else at_times(time, x, grid) if curved else np.interp(grid, time, x)
+        n: x[nearest] if n in held else interpolate_at(time, x, grid) if curved else np.interp(grid, time, x)
         for n, x in values.items()
         if n != "time"
     }

@@ -21,7 +21,7 @@ from ...models.joint import GRAVITY
 from ...models.parameter_card import ParameterCard
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording, channels_within
-from ...recordings.results import ResultRow, checksum_of_all
+from ...recordings.results import ResultRow, combined_checksum
 from ...recordings.study import Study
 from ...recordings.study_file import Participant, StudyFile
 from ..result import FigureTable, ParameterTable, Result
@@ -178,7 +178,7 @@ def _findings(config, confidence, empty, legs, swings, wearers, checksums) -> Lo
     )
     results = [
         ResultRow(
-            f"{study}.{who}.{name}", value, unit, "identify", "fitted", checksum_of_all(files(*whose).values()), note
+            f"{study}.{who}.{name}", value, unit, "identify", "fitted", combined_checksum(files(*whose).values()), note
         )
         for who, leg in legs.items()
         for name, value, unit, note, whose in (
@@ -187,7 +187,7 @@ def _findings(config, confidence, empty, legs, swings, wearers, checksums) -> Lo
             ("residual", leg.loaded.residual_rms, "N*m", "", (who,)),
         )
     ]
-    alone = checksum_of_all(files(None).values())
+    alone = combined_checksum(files(None).values())
     results += [
         ResultRow(f"{study}.exoskeleton.{name}", p.value, p.unit, "identify", "fitted", alone, "")
         for name, p in (("p", empty.inertia), ("q", empty.weight_moment))

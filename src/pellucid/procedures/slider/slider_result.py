@@ -9,7 +9,7 @@ from importlib.metadata import version
 from ...fit.slider.slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit
 from ...models.slider_card import SliderCard
 from ...models.slider_joint import SliderJointModel
-from ...recordings.results import ResultRow, checksum_of_all
+from ...recordings.results import ResultRow, combined_checksum
 from ...recordings.study import Study
 from ..result import FigureTable, ParameterTable, Result
 
@@ -78,7 +78,7 @@ def slider_card(study: Study, fit: SliderFit, estimate: SliderEstimate) -> Slide
 def slider_rows(fit: SliderFit) -> Iterator[ResultRow]:
     """Every figure of a fit: `<study>.<method>.<figure>[.<recording>]`, and `<study>.slider.<recording>` for where the
     carriage was."""
-    together = checksum_of_all(fit.checksums.values())
+    together = combined_checksum(fit.checksums.values())
     plain = ResultRow("", None, "1", COMMAND, "fitted", together, fit.filter_note)
     for p in fit.static:
         yield replace(plain, id=f"{fit.study}.static.{p.name}", value=p.value, unit=p.unit)

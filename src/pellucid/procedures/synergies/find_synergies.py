@@ -21,7 +21,7 @@ from ...estimators.synergies import (
 )
 from ...fit.parameter import Verdict
 from ...recordings.fault import Fault
-from ...recordings.results import ResultRow, checksum_of_all
+from ...recordings.results import ResultRow, combined_checksum
 from ...recordings.study import Study
 from ..muscle_channels import MuscleEnvelopes, emg_faults, envelope_faults, raise_refusals, relative_envelopes
 from ..procedure import Progress, quiet
@@ -106,7 +106,7 @@ def run(study: Study, table: SynergiesTable, tell: Progress = quiet) -> Synergie
         active = found.activations(envelopes)
         groups.append(GroupSynergies(name, found, counts[name], judged, drawn.time[shown], envelopes, active))
     alike = tuple(_compare_groups(one, other, parts) for one, other in combinations(groups, 2))
-    checksum = checksum_of_all(each.checksum for members in grouped.values() for each in members)
+    checksum = combined_checksum(each.checksum for members in grouped.values() for each in members)
     return SynergiesResult(
         study=study.name,
         headline=_headline(groups, alike),

@@ -8,7 +8,7 @@ import re
 from ..._errors import StudyError
 from ...models.kinematic_tree import TreeJoint
 from ...recordings.readers.urdf import Limits, Urdf
-from ...recordings.study_fields import NAME
+from ...recordings.study_fields import NAME_PATTERN
 
 ROBOT_FILE = "robot.urdf"
 """What the copy of the robot's file is called."""
@@ -93,7 +93,7 @@ def new_study(robot: Urdf, folder: str) -> str:
     tree, _ = robot.tree(held)
     joints = tree.moving
     for joint in joints:
-        if re.fullmatch(NAME, joint.name) is None:
+        if re.fullmatch(NAME_PATTERN, joint.name) is None:
             raise StudyError(
                 f"{robot.path.name}: found a joint {joint.name!r}, expected letters, digits, - and _ in its name, "
                 "which channels end in: rename it in the file"

@@ -17,7 +17,7 @@ from ...fit.tree.tree_regression import TreeModel
 from ...fit.tree.tree_verdicts import states
 from ...models.robot import Robot
 from ...models.tree_card import JointRange, Ripple, TreeCard
-from ...recordings.results import ResultRow, checksum_of_all
+from ...recordings.results import ResultRow, combined_checksum
 from ...recordings.study import Study
 from ..result import FigureTable, ParameterTable, Result
 from .tree_table import TreeTable
@@ -326,7 +326,7 @@ def _rows(values: np.ndarray) -> tuple[tuple[float, ...], ...]:
 
 def tree_rows_of(found: TreeResult) -> Iterator[ResultRow]:
     """Every figure: `<study>.<model>.<judged>.error.joint_<k>` and `.mean`, `<study>.<model>.<parameter>`, ..."""
-    together = checksum_of_all(found.checksums.values())
+    together = combined_checksum(found.checksums.values())
     plain = ResultRow("", None, "1", COMMAND, "fitted", together, found.filter_note)
     kept = replace(plain, split="heldout")
     for e in found.errors:

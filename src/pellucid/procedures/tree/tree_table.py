@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from ...recordings.study_fields import Place, ProcedureTable, Word, quantity
+from ...recordings.study_fields import ProcedureTable, RelativePath, Word, quantity
 from ...recordings.study_file import RigJoint
 from ...units import parse_quantity
 
@@ -62,7 +62,7 @@ class TreeTable(ProcedureTable):
     several: ClassVar[bool] = True
     bridges: ClassVar[bool] = False
 
-    urdf: Place | None = None
+    urdf: RelativePath | None = None
     gravity: tuple[float, float, float] = (0.0, 0.0, -1.0)
     held: dict[str, Annotated[float, Field(json_schema_extra={"type": "string"})]] = Field({})
     effort_lowpass: quantity("Hz", gt=0) | None = None

@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from ..._errors import RecordingError
-from ..._given import seen
+from ..._given import visible_text
 from ...models.coordinate_function import (
     Constant,
     CoordinateFunction,
@@ -68,7 +68,7 @@ def _version(path: Path, root: Element) -> int:
     said = root.get("Version", "")
     if not said.isdigit() or int(said) < 20000:
         raise RecordingError(
-            f'{path.name}: found the version "{seen(said)[:40]}", expected one from 20000 on; OpenSim 3 or 4 '
+            f'{path.name}: found the version "{visible_text(said)[:40]}", expected one from 20000 on; OpenSim 3 or 4 '
             "writes the model again"
         )
     return int(said)
@@ -119,7 +119,7 @@ class _ModelReader:
             values = np.array([math.nan])
         wrong = not np.isfinite(values).all() or not len(values) or (count is not None and len(values) != count)
         if wrong:
-            said = "none" if element is None else f'"{seen(text.strip())[:60]}"'
+            said = "none" if element is None else f'"{visible_text(text.strip())[:60]}"'
             self._refuse(where, said, f"{count or 'one or more'} number{'s' if count != 1 else ''}")
         return values
 
@@ -188,7 +188,7 @@ class _ModelReader:
         elif parent in self.frames and self.frames[parent][0]:
             body, base = self.frames[parent]
         else:
-            self._refuse(where, f'the parent "{seen(said)[:60]}"', "a body or another frame of the model")
+            self._refuse(where, f'the parent "{visible_text(said)[:60]}"', "a body or another frame of the model")
         return body, base @ here
 
     def _resolve_socket(
@@ -199,7 +199,7 @@ class _ModelReader:
         if own and last in own:
             return self._resolve_frame(own[last], own, {}, ())
         if not last or last not in self.frames:
-            self._refuse(where, f'the frame "{seen(name)[:60]}"', "a body or frame of the model")
+            self._refuse(where, f'the frame "{visible_text(name)[:60]}"', "a body or frame of the model")
         return self.frames[last]
 
     # Joints.
@@ -208,7 +208,7 @@ class _ModelReader:
         found = []
         for element in self.root.find("JointSet").findall("./objects/*"):
             name = element.get("name", "")
-            where = f"joint {seen(name)}"
+            where = f"joint {visible_text(name)}"
             own = {f.get("name"): f for f in element.findall("./frames/PhysicalOffsetFrame")}
             parent, parent_frame = self._resolve_socket(self._text(element, "socket_parent_frame"), where, own)
             child, child_frame = self._resolve_socket(self._text(element, "socket_child_frame"), where, own)
@@ -224,7 +224,7 @@ class _ModelReader:
             if element is None:
                 continue
             name = element.get("name", "")
-            where = f"joint {seen(name)}"
+            where = f"joint {visible_text(name)}"
             parent, _ = self._resolve_socket(self._text(element, "parent_body"), where)
             found.append(
                 self._joint(
@@ -240,7 +240,7 @@ class _ModelReader:
         return found
 
     def _joint(self, element, name, coordinates, *, parent, child, parent_frame, child_frame) -> SkeletonJoint:
-        where = f"joint {seen(name)}"
+        where = f"joint {visible_text(name)}"
         names = [c.get("name", "") for c in coordinates]
         frames = (name, parent, child, parent_frame, child_frame)
         refused = ""
@@ -252,7 +252,7 @@ class _ModelReader:
             axes = element.findall("./SpatialTransform/TransformAxis")
             if len(axes) != 6:
                 self._refuse(where, f"{len(axes)} <TransformAxis>", "6: three turns and three shifts")
-            made = [self._axis(axis, f"{where}, {seen(axis.get('name', ''))}") for axis in axes]
+            made = [self._axis(axis, f"{where}, {visible_text(axis.get('name', ''))}") for axis in axes]
             turns, shifts = [a for a in made[:3] if a], [a for a in made[3:] if a]
         else:
             plain: dict[str, tuple[Sequence, Sequence]] = {
@@ -262,7 +262,7 @@ class _ModelReader:
             }  # fmt: skip
             if element.tag not in plain:
                 kinds = ", ".join(["CustomJoint", *plain])
-                refused = f"found a {seen(element.tag)}, which is not followed, expected one of {kinds}"
+                refused = f"found a {visible_text(element.tag)}, which is not followed, expected one of {kinds}"
             about, alongs = plain.get(element.tag, ((), ()))
             if not refused and len(names) != len(about) + len(alongs):
                 self._refuse(where, f"{len(names)} coordinates", f"{len(about) + len(alongs)} of a {element.tag}")
@@ -276,7 +276,7 @@ class _ModelReader:
 
     def _coordinate(self, element: Element, turns: bool) -> None:
         name = element.get("name", "")
-        where = f"coordinate {seen(name)}"
+        where = f"coordinate {visible_text(name)}"
         low, high = -math.pi, math.pi
         if element.find("range") is not None:
             low, high = self._numbers(element.find("range"), f"{where}, <range>", 2)
@@ -313,7 +313,7 @@ class _ModelReader:
 
     def _unknown_function(self, element: Element, where: str) -> None:
         known = ", ".join(_FUNCTION_READERS)
-        self._refuse(where, f"a {seen(element.tag)}, which is not followed", f"one of {known}")
+        self._refuse(where, f"a {visible_text(element.tag)}, which is not followed", f"one of {known}")
 
     def _function(self, element: Element, where: str) -> CoordinateFunction:
         if element.tag not in _FUNCTION_READERS:
@@ -346,7 +346,7 @@ class _ModelReader:
     def _couplings(self) -> dict[str, Coupling]:
         found = {}
         for element in self.root.iter("CoordinateCouplerConstraint"):
-            where = f"constraint {seen(element.get('name', ''))}"
+            where = f"constraint {visible_text(element.get('name', ''))}"
             on = self._text(element, "isEnforced").lower() != "false" and (
                 self._text(element, "isDisabled").lower() != "true"
             )
@@ -356,7 +356,7 @@ class _ModelReader:
             independent = tuple(self._text(element, "independent_coordinate_names").split())
             for name in (dependent, *independent):
                 if name not in self.coordinates:
-                    self._refuse(where, f'the coordinate "{seen(name)[:60]}"', "one of the model")
+                    self._refuse(where, f'the coordinate "{visible_text(name)[:60]}"', "one of the model")
             holder = element.find("coupled_coordinates_function")
             if holder is None or not len(holder):
                 self._refuse(where, "no function", "a <coupled_coordinates_function>")
@@ -379,7 +379,7 @@ class _ModelReader:
         for body, holder, base in holders:
             for each in holder.findall("./WrapObjectSet/objects/*"):
                 name = each.get("name", "")
-                where = f"wrap object {seen(name)}"
+                where = f"wrap object {visible_text(name)}"
                 turned = "xyz_body_rotation"
                 found[name] = (body, base @ self._frame(each, where, "translation", turned), self._surface(each, where))
         return found
@@ -391,7 +391,7 @@ class _ModelReader:
         said = self._text(element, "quadrant").lower() or "all"
         axis = -1 if said == "all" else "xyz".find(said[-1])
         if said != "all" and (axis < 0 or said.strip("+-xyz")):
-            self._refuse(f"{where}, <quadrant>", f'"{seen(said)[:20]}"', "all, or x, y or z with a sign")
+            self._refuse(f"{where}, <quadrant>", f'"{visible_text(said)[:20]}"', "all, or x, y or z with a sign")
         side = Side(axis, -1.0 if said.startswith("-") else 1.0)
         if element.tag == "WrapCylinder":
             if axis == 2:
@@ -406,11 +406,11 @@ class _ModelReader:
         if element.tag == "WrapEllipsoid":
             radii = self._require_metres(self._numbers(element.find("dimensions"), f"{where}, <dimensions>", 3), where)
             return Ellipsoid(tuple(map(float, radii)), side)
-        return f"found a {seen(element.tag)}, which is not followed, expected WrapCylinder, WrapSphere or WrapEllipsoid"
+        return f"found a {visible_text(element.tag)}, which is not followed, expected WrapCylinder, WrapSphere or WrapEllipsoid"
 
     def _muscle(self, element: Element, surfaces) -> MusclePath:
         name = element.get("name")
-        where = f"muscle {seen(name)[:100]}"
+        where = f"muscle {visible_text(name)[:100]}"
         way = next(element.iter("GeometryPath"), None)
         if way is None:
             return MusclePath(name, (), (), "found no <GeometryPath>, expected the points that it runs through")
@@ -421,7 +421,7 @@ class _ModelReader:
         for each in way.findall("./PathWrapSet/objects/PathWrap"):
             target = self._text(each, "wrap_object").split("/")[-1]
             if target not in surfaces:
-                self._refuse(where, f'the wrap object "{seen(target)[:60]}"', "one of the model")
+                self._refuse(where, f'the wrap object "{visible_text(target)[:60]}"', "one of the model")
             body, base, surface = surfaces[target]
             if surface == "off":
                 continue
@@ -430,7 +430,7 @@ class _ModelReader:
             if isinstance(surface, Ellipsoid):
                 method = self._text(each, "method").lower() or "hybrid"
                 if method not in METHODS:
-                    why = f'found the method "{seen(method)[:20]}", which is not followed, expected '
+                    why = f'found the method "{visible_text(method)[:20]}", which is not followed, expected '
                     return MusclePath(name, points, (), f"wrap object {target}: {why}{' or '.join(METHODS)}")
                 surface = Ellipsoid(surface.radii, surface.side, method)
             first, last = -1.0, -1.0
@@ -441,7 +441,7 @@ class _ModelReader:
         return MusclePath(name, points, tuple(around))
 
     def _point(self, element: Element, muscle: str) -> PathPoint:
-        where = f"{muscle}, point {seen(element.get('name', ''))[:60]}"
+        where = f"{muscle}, point {visible_text(element.get('name', ''))[:60]}"
         socket = self._text(element, "socket_parent_frame") or self._text(element, "body")
         body, base = self._resolve_socket(socket, where)
         place = self._require_metres(self._vector(element, "location", where), f"{where}, <location>")
@@ -454,7 +454,7 @@ class _ModelReader:
             low, high = self._numbers(element.find("range"), f"{where}, <range>", 2)
             only = (self._point_coordinate(element, "", where), float(low), float(high))
         elif element.tag != "PathPoint":
-            self._refuse(where, f"a {seen(element.tag)}", "PathPoint, ConditionalPathPoint or MovingPathPoint")
+            self._refuse(where, f"a {visible_text(element.tag)}", "PathPoint, ConditionalPathPoint or MovingPathPoint")
         return PathPoint(body, base[:3, :3] @ place + base[:3, 3], moves, only)
 
     def _moving_coordinate(self, element: Element, axis: str, otherwise: float, where: str):
@@ -470,13 +470,15 @@ class _ModelReader:
         said = self._text(element, f"socket_{prefix}coordinate") or self._text(element, f"{prefix}coordinate")
         name = said.split("/")[-1]
         if name not in self.coordinates:
-            self._refuse(where, f'the coordinate "{seen(said)[:60]}"', "one of the model")
+            self._refuse(where, f'the coordinate "{visible_text(said)[:60]}"', "one of the model")
         return name
 
     def _require_joined(self, muscle: MusclePath, skeleton: Skeleton) -> None:
         for body in muscle.bodies:
             if body != GROUND_BODY and body not in skeleton.joints:
-                self._refuse(f"muscle {muscle.muscle}", f"the body {seen(body)} without a joint", "one that is joined")
+                self._refuse(
+                    f"muscle {muscle.muscle}", f"the body {visible_text(body)} without a joint", "one that is joined"
+                )
 
 
 # Method that reads each element of a function.
