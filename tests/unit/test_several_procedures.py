@@ -28,10 +28,10 @@ class Backlash(Procedure):
     def asked(self, study):
         return True
 
-    def faults(self, study):
+    def faults(self, study, table):
         return []
 
-    def run(self, study, tell=quiet, **options):
+    def run(self, study, table, tell=quiet, **options):
         assert not options
         tell("looking for backlash", 0.5)
         gap = Parameter("gap", "rad", 0.01, 0.001)

@@ -1,4 +1,4 @@
-"""What several procedures of one command found in one study, as one result."""
+"""What several procedures found in one study, as one result."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class CombinedResult(Result):
-    """Results of every procedure that a study asks of one command.
+    """Results of several procedures of one study.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class CombinedResult(Result):
 
     @classmethod
     def from_parts(cls, parts: Sequence[Result]) -> Self:
-        """Return one result of all `parts`, which are of one study and one command."""
+        """Return one result of all `parts`, which are of one study."""
         first = parts[0]
         return cls(
             study=first.study,
@@ -39,7 +39,7 @@ class CombinedResult(Result):
             checksums={name: checksum for part in parts for name, checksum in part.checksums.items()},
             confidence=first.confidence,
             procedure=" and ".join(part.procedure for part in parts),
-            command=first.command,
+            command=" and ".join(dict.fromkeys(part.command for part in parts)),
             parts=tuple(parts),
         )
 

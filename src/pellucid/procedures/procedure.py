@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
 
 from .._errors import RecordingError
 
@@ -19,24 +18,22 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str, float], None]
 
+Table = TypeVar("Table", bound="ProcedureTable | None")
+"""The class of the table that asks for a procedure; None where other tables do."""
+
+Found = TypeVar("Found", bound="Result")
+"""The class of the result that a procedure returns, and that its page shows."""
+
 
 def quiet(text: str, share: float) -> None:
     """Tell nobody."""
 
 
-def late(module: str, function: str) -> Callable:
-    """A method that is a function of a module below this folder, imported when it is called."""
+class Procedure(ABC, Generic[Table, Found]):
+    """A question that a study can ask: the table that asks it, the faults that prevent it, its run and its page.
 
-    def call(self, study, *arguments, **options):
-        return getattr(import_module(f".{module}", __package__), function)(study, *arguments, **options)
-
-    return call
-
-
-class Procedure(ABC):
-    """Something that a study can be asked. One object each, listed in `procedures.registry`.
-
-    What is heavy is imported when a method is called: a study is opened, and its table checked, without it.
+    `procedures.registry` finds each class in its folder and keeps one object of it. Methods import what is heavy when
+    they are called, so that a study is opened and its table checked without it.
     """
 
     name: ClassVar[str]
@@ -45,7 +42,7 @@ class Procedure(ABC):
     command: ClassVar[str]
     """That runs it: ``"identify"``, ``"calibrate"`` or ``"assess"``."""
 
-    table: ClassVar[type[ProcedureTable] | None] = None
+    table: type[Table] | None = None
     """What study.toml may say under its name; None where other tables ask for it."""
 
     whole: ClassVar[bool] = False
@@ -56,11 +53,23 @@ class Procedure(ABC):
 
     def asked(self, study: Study) -> bool:
         """Whether this study asks for it; nobody else looks at that."""
-        return self.table is not None and study.find_table(self.table) is not None
+        table = cast("type[ProcedureTable] | None", self.table)
+        return table is not None and study.find_table(table) is not None
+
+    def table_of(self, study: Study) -> Table:
+        """Return the table of a study that asks for this procedure; None where other tables do."""
+        table = cast("type[ProcedureTable] | None", self.table)
+        return cast("Table", None if table is None else study.table(table))
 
     @abstractmethod
-    def faults(self, study: Study) -> list[Fault]:
-        """What keeps recordings from being used, or is to be known of them; RecordingError if one is unreadable."""
+    def faults(self, study: Study, table: Table) -> list[Fault]:
+        """Return the faults that keep recordings from being used, or that a user should know of.
+
+        Raises
+        ------
+        RecordingError
+            If a recording cannot be read.
+        """
 
     def cut(self, study: Study) -> list[Fault]:
         """What of the recordings it leaves out, to be told beside what it found."""
@@ -84,12 +93,21 @@ class Procedure(ABC):
         return study.without(unfit) if unfit else study
 
     @abstractmethod
-    def run(self, study: Study, tell: Progress = quiet, **options) -> Result:
-        """Everything that was found; a PellucidError where recordings cannot carry it."""
+    def run(self, study: Study, table: Table, *tell: Any, **options: Any) -> Found:
+        """Return the result of a study whose `table` asks for this procedure.
+
+        The third argument, `tell`, is called with a text and the share done. A procedure names the `options` that it
+        has.
+
+        Raises
+        ------
+        PellucidError
+            If the recordings cannot carry a result.
+        """
 
     @abstractmethod
-    def page(self, study: Study, result: Result) -> Page:
-        """What the report shows of a result."""
+    def page(self, study: Study, found: Found) -> Page:
+        """Return the part of the report that shows a result."""
 
     def inputs(self, study: Study) -> Iterable[Path]:
         """Files that it reads beside study.toml and the recordings."""

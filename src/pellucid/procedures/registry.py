@@ -46,9 +46,9 @@ PROCEDURES: tuple[Procedure, ...] = (
 """In the order in which a study is checked and its report shows them."""
 
 
-def asked(study: Study, command: str | None = None) -> tuple[Procedure, ...]:
-    """What a study asks for, of one command or of all."""
-    return tuple(p for p in PROCEDURES if command in (None, p.command) and p.asked(study))
+def asked(study: Study, name: str | None = None) -> tuple[Procedure, ...]:
+    """Return the procedures that a study asks for: all, or those of one command or of one name."""
+    return tuple(p for p in PROCEDURES if name in (None, p.command, p.name) and p.asked(study))
 
 
 @cache

@@ -175,7 +175,9 @@ class Result:
             study.models_dir.mkdir(exist_ok=True)
             for name, card in self.cards.items():
                 _write(study.models_dir / f"{name}.json", card)
-            replace_rows(study.results_path, self.command, self.rows)
+            for command in dict.fromkeys(part.command for part in self.each):
+                own = [row for part in self.each if part.command == command for row in part.rows]
+                replace_rows(study.results_path, command, own)
             for part in self.each:
                 part.save_more(study)
                 if part.made_from:

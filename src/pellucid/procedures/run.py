@@ -18,9 +18,10 @@ from ..fit.parameter import VERDICT_KINDS, Verdict, rank_verdicts
 from ..recordings.duplicates import find_duplicates
 from ..recordings.fault import Fault, grouped_messages
 from ..recordings.study import Study
+from . import registry
 from .combined_result import CombinedResult
 from .procedure import Procedure, Progress, quiet
-from .registry import PROCEDURES, asked
+from .registry import asked
 from .result import Result, found_by
 from .subject import as_study, is_study
 
@@ -62,13 +63,61 @@ def check(study: Study) -> list[Fault]:
     faults = find_duplicates(study.recordings())
     for procedure in reversed(asked(study)):
         try:
-            faults += procedure.cut(study) + procedure.faults(procedure.taken(study))
+            taken = procedure.taken(study)
+            faults += procedure.cut(study) + procedure.faults(taken, procedure.table_of(taken))
         except RecordingError:
             if not procedure.unfit(study):
                 raise
             faults += [replace(fault, severity="refuse") for fault in procedure.unfit(study).values()]
     first = ("refuse", "warn")
     return sorted(dict.fromkeys(faults), key=lambda f: first.index(f.severity) if f.severity in first else len(first))
+
+
+def run(
+    study: Study,
+    name: str | None = None,
+    *,
+    on_progress: Callable[[str, float], None] | None = None,
+    **options: Mapping[str, object],
+) -> Result:
+    """Run every procedure that a study asks for, or those of one name.
+
+    Parameters
+    ----------
+    study : Study
+    name : str, optional
+        Name of a procedure (``"joint"``) or of a command (``"identify"``), which may run several.
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+    **options
+        Options of a procedure by its name: ``joint={"thorough": False}``.
+
+    Returns
+    -------
+    Result
+        The procedure's own result where one ran. Where several ran, all of them; ``result.parts`` has each.
+
+    Raises
+    ------
+    IdentificationError
+        If the study asks for nothing of that name, or the recordings cannot carry a result.
+    RecordingError
+        If a recording is not fit to be used.
+    PellucidError
+        If no procedure and no command has that name.
+    """
+    study = as_study(study, "run")
+    unknown = options.keys() - {procedure.name for procedure in registry.PROCEDURES}
+    if unknown:
+        raise PellucidError(f"run: found options of {', '.join(sorted(unknown))}, expected those of procedures by name")
+    tell, procedures, found = on_progress or quiet, _required(study, name), []
+    for i, procedure in enumerate(procedures):
+
+        def tell_part(text: str, share: float, i: int = i) -> None:
+            tell(text, (i + share) / len(procedures))
+
+        found.append(_run(procedure, study, tell_part, **options.get(procedure.name, {})))
+    return found[0] if len(found) == 1 else CombinedResult.from_parts(found)
 
 
 def identify(
@@ -120,7 +169,7 @@ def identify(
     procedures = _required(study, "identify")
     if families and all(procedure.name != "joint" for procedure in procedures):
         raise IdentificationError("this study is identified by methods of its own; leave out --family")
-    return _run_all(study, "identify", on_progress, joint={"families": families, "thorough": thorough})
+    return run(study, "identify", on_progress=on_progress, joint={"families": families, "thorough": thorough})
 
 
 def calibrate(study: Study, on_progress: Callable[[str, float], None] | None = None) -> Result:
@@ -150,7 +199,7 @@ def calibrate(study: Study, on_progress: Callable[[str, float], None] | None = N
     >>> result = pl.calibrate(pl.open("my-leg"))                             # doctest: +SKIP
     >>> print(result)                                                        # doctest: +SKIP
     """
-    return _run_all(as_study(study, "calibrate"), "calibrate", on_progress)
+    return run(as_study(study, "calibrate"), "calibrate", on_progress=on_progress)
 
 
 def assess(
@@ -220,7 +269,7 @@ def assess(
     if studies < 1:
         raise IdentificationError(f"assess: found {studies} studies to simulate, expected 1 or more")
     study = as_study(subject, "assess")
-    return _run_all(study, "assess", on_progress, assessment={"studies": studies, "executor": executor})
+    return run(study, "assess", on_progress=on_progress, assessment={"studies": studies, "executor": executor})
 
 
 def onset(
@@ -265,8 +314,7 @@ def onset(
     1.0
     """
     if is_study(subject):
-        _require_no_options("onset", options)
-        return _run_all(as_study(subject, "onset"), "onset", on_progress)
+        return _run_study("onset", subject, on_progress, options)
     from ..signals.onset import onset as onset_of_arrays
 
     return onset_of_arrays(subject, **_array_options("onset", subject, options))
@@ -316,9 +364,7 @@ def cocontraction(
     78
     """
     if is_study(subject):
-        _require_no_options("cocontraction", options)
-        tell = second if callable(second) else on_progress
-        return _run_all(as_study(subject, "cocontraction"), "cocontraction", tell)
+        return _run_study("cocontraction", subject, second if callable(second) else on_progress, options)
     from ..assessment.envelope_cocontraction import cocontraction as cocontraction_of_arrays
 
     given = _array_options("cocontraction", subject, options)
@@ -369,8 +415,7 @@ def synergies(
     (2, 4)
     """
     if is_study(subject):
-        _require_no_options("synergies", options)
-        return _run_all(as_study(subject, "synergies"), "synergies", on_progress)
+        return _run_study("synergies", subject, on_progress, options)
     from ..estimators.envelope_synergies import synergies as synergies_of_arrays
 
     return synergies_of_arrays(subject, **_array_options("synergies", subject, options))
@@ -403,7 +448,7 @@ def activations(study: Study, on_progress: Callable[[str, float], None] | None =
     >>> result = pl.activations(pl.open("my-leg"))                           # doctest: +SKIP
     >>> print(result)                                                        # doctest: +SKIP
     """
-    return _run_all(as_study(study, "activations"), "activations", on_progress)
+    return run(as_study(study, "activations"), "activations", on_progress=on_progress)
 
 
 def report(
@@ -483,9 +528,11 @@ def _array_options(caller: str, subject: object, options: dict[str, object]) -> 
     return options
 
 
-def _require_no_options(caller: str, options: Mapping[str, object]) -> None:
+def _run_study(command: str, subject: object, on_progress: Progress | None, options: Mapping[str, object]) -> Result:
+    """Run a command on the study that a subject names; PellucidError if options of arrays are given with it."""
     if options:
-        raise PellucidError(f"{caller}: found {', '.join(options)} with a study, expected them in its study.toml")
+        raise PellucidError(f"{command}: found {', '.join(options)} with a study, expected them in its study.toml")
+    return run(as_study(subject, command), command, on_progress=on_progress)
 
 
 def _run(procedure: Procedure, study: Study, on_progress: Progress | None, **options) -> Result:
@@ -493,7 +540,8 @@ def _run(procedure: Procedure, study: Study, on_progress: Progress | None, **opt
     twice = find_duplicates(study.recordings())
     if twice:
         raise UnfitRecordingError("\n".join(fault.message for fault in twice))
-    found = procedure.run(procedure.taken(study), tell, **options)
+    taken = procedure.taken(study)
+    found = procedure.run(taken, procedure.table_of(taken), tell, **options)
     told = procedure.cut(study)
     warned = [
         Verdict("warning", text) for text in grouped_messages([fault for fault in told if fault.severity == "warn"])
@@ -504,31 +552,24 @@ def _run(procedure: Procedure, study: Study, on_progress: Progress | None, **opt
     return found
 
 
-def _run_all(study: Study, command: str, on_progress: Progress | None, **options: Mapping[str, object]) -> Result:
-    """Run every procedure that the study asks of a command; `options` of a procedure by its name."""
-    tell, procedures, found = on_progress or quiet, _required(study, command), []
-    for i, procedure in enumerate(procedures):
-
-        def tell_part(text: str, share: float, i: int = i) -> None:
-            tell(text, (i + share) / len(procedures))
-
-        found.append(_run(procedure, study, tell_part, **options.get(procedure.name, {})))
-    return found[0] if len(found) == 1 else CombinedResult.from_parts(found)
-
-
-def _required(study: Study, command: str) -> tuple[Procedure, ...]:
-    """Return the procedures that the study asks of a command, at least one; IdentificationError if there is none."""
-    found = asked(study, command)
+def _required(study: Study, name: str | None) -> tuple[Procedure, ...]:
+    """Return the procedures of that command or name that the study asks for; IdentificationError if there is none."""
+    known = dict.fromkeys(said for p in registry.PROCEDURES for said in (p.command, p.name))
+    if name is not None and name not in known:
+        raise PellucidError(f"run: found {name!r}, expected a procedure or a command: {', '.join(known)}")
+    found = asked(study, name)
     whole = any(p.table is not None and p.table.several for p in found)
-    if command == "identify" and len(study.rig.joints) > 1 and not whole:
+    identifies = name == "identify" or any(p.command == "identify" for p in found)
+    if identifies and len(study.rig.joints) > 1 and not whole:
         raise IdentificationError(study.rig.refusal)
     if found:
         return found
-    tables = [f"[{p.name}]" for p in PROCEDURES if p.command == command and p.table is not None]
-    wanted = ["[rig.drive]"] if command == "identify" else tables
+    of_name = [p for p in registry.PROCEDURES if name in (p.command, p.name)]
+    tables = ["[rig.drive]" if p.table is None else f"[{p.name}]" for p in of_name]
+    wanted = ["[rig.drive]"] if name == "identify" else dict.fromkeys(tables)
     others = ", ".join(dict.fromkeys(p.command for p in asked(study)))
     raise IdentificationError(
-        f"{study.folder}: study.toml has no table {' or '.join(wanted)} and asks for nothing that {command} does; use: "
+        f"{study.folder}: study.toml has no table {' or '.join(wanted)} and asks for nothing that {name} does; use: "
         f"pellucid {others} {study.folder}"
     )
 

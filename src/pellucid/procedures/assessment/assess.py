@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from ..._errors import RecordingError, StudyError
+from ..._errors import RecordingError
 from ...assessment.comparison import compare_conditions
 from ...assessment.indices import INDICES, index_table, indices_along, isochrony
 from ...assessment.measured import DIRECTION_UP, MeasuredMovement
@@ -20,6 +20,7 @@ from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...signals.movements import MovementRule
 from ...units import Coordinate
+from ..procedure import Progress, quiet
 from .assessment_result import Assessed, AssessmentResult, Needed, Profile, Sensitivity, Settling
 from .assessment_rows import result_rows
 from .assessment_tables import tables
@@ -30,7 +31,7 @@ from .measured_study import MeasuredStudy, activities, joined, measure
 from .movement_curves import Curves, participants_curves
 from .pointing import PointingRecord, assessed, labels, with_rule
 from .pointing_faults import pointing_faults, usable_records
-from .procedure import AssessmentTable
+from .procedure import DEFAULT_STUDIES, AssessmentTable
 from .session_order import session_order
 from .statements import headline, paragraph, verdicts
 
@@ -58,28 +59,22 @@ PLANNED = (
 CHANGES = (0.05, 0.1, 0.2, 0.3)
 """... to find changes from control of these shares."""
 
-STUDIES = 1000
-"""Simulated for each number of participants, unless more are asked for."""
-
 ORDER = ("duration_median", "unsettled", *(name for name in INDICES if name not in ("duration_median", "unsettled")))
 """In which indices are shown: first how long movements last."""
 
-Progress = Callable[[str, float], None]
-
 
 def assess(
-    study: Study, on_progress: Progress | None = None, *, studies: int = STUDIES, executor: Any = None
+    study: Study,
+    table: AssessmentTable,
+    tell: Progress = quiet,
+    *,
+    studies: int = DEFAULT_STUDIES,
+    executor: Any = None,
 ) -> AssessmentResult:
-    """Compare a study's conditions. `study` [assessment]."""
-    spec = study.find_table(AssessmentTable)
-    if spec is None:
-        raise StudyError(
-            f"{study.folder}: found no table [assessment] in study.toml, expected one that names the control"
-        )
-    tell = on_progress or (lambda text, share: None)
+    """Compare a study's conditions as its `table` asks."""
     tell("reading recordings", 0.05)
     return assess_recordings(
-        study.name, study.recordings(), spec, on_progress=on_progress, studies=studies, executor=executor
+        study.name, study.recordings(), table, on_progress=tell, studies=studies, executor=executor
     )
 
 
@@ -89,7 +84,7 @@ def assess_recordings(
     spec: AssessmentTable,
     *,
     on_progress: Progress | None = None,
-    studies: int = STUDIES,
+    studies: int = DEFAULT_STUDIES,
     executor: Any = None,
 ) -> AssessmentResult:
     """Compare conditions of recordings that need not be files. `spec` [assessment]."""

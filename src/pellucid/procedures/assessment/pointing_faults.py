@@ -30,9 +30,8 @@ LEFT_OUT = 0.2
 """Share of a recording's movements that may be left out before it is told."""
 
 
-def assessment_faults(study: Study) -> list[Fault]:
-    """What is wrong with recordings that are to be assessed. `study` [assessment]."""
-    spec = study.table(AssessmentTable)
+def assessment_faults(study: Study, spec: AssessmentTable) -> list[Fault]:
+    """Return what is wrong with the recordings that are to be assessed."""
     faults: list[Fault] = []
     records: list[PointingRecord] = []
     for recording in assessed(study.recordings()):

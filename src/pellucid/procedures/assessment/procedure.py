@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from ...recordings.study_fields import ProcedureTable, ShownText, Word, quantity
 from ...recordings.study_file import StudyFile
-from ..procedure import Procedure, late
+from ..procedure import Procedure, Progress, quiet
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from ...pages.page import Page
+    from ...recordings.fault import Fault
+    from ...recordings.study import Study
+    from .assessment_result import AssessmentResult
+
+DEFAULT_STUDIES = 1000
+"""Studies that are simulated for each number of participants, unless the caller asks for another number."""
 
 
 class AssessmentTable(ProcedureTable):
@@ -116,11 +127,31 @@ class AssessmentTable(ProcedureTable):
             )
 
 
-class AssessmentProcedure(Procedure):
+class AssessmentProcedure(Procedure[AssessmentTable, "AssessmentResult"]):
     """Whether conditions change how people move."""
 
     name, command = "assessment", "assess"
     table = AssessmentTable
-    faults = late("assessment.pointing_faults", "assessment_faults")
-    run = late("assessment.assess", "assess")
-    page = late("assessment.assessment_page", "page")
+
+    def faults(self, study: Study, table: AssessmentTable) -> list[Fault]:
+        from .pointing_faults import assessment_faults
+
+        return assessment_faults(study, table)
+
+    def run(
+        self,
+        study: Study,
+        table: AssessmentTable,
+        tell: Progress = quiet,
+        *,
+        studies: int = DEFAULT_STUDIES,
+        executor: Executor | None = None,
+    ) -> AssessmentResult:
+        from .assess import assess
+
+        return assess(study, table, tell, studies=studies, executor=executor)
+
+    def page(self, study: Study, found: AssessmentResult) -> Page:
+        from .assessment_page import page
+
+        return page(study, found)

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field
 
 from ...recordings.study_fields import ProcedureTable, Word
-from ..procedure import Procedure, late
+from ..procedure import Procedure, Progress, quiet
+
+if TYPE_CHECKING:
+    from ...pages.page import Page
+    from ...recordings.fault import Fault
+    from ...recordings.study import Study
+    from .coupling_result import CouplingResult
 
 
 class CouplingTable(ProcedureTable):
@@ -41,11 +47,23 @@ class CouplingTable(ProcedureTable):
         return stream == self.imu if stream else channel in ("torque", "position")
 
 
-class CouplingProcedure(Procedure):
+class CouplingProcedure(Procedure[CouplingTable, "CouplingResult"]):
     """A wearer strapped to an orthosis: both bodies, and what couples them."""
 
     name, command = "coupling", "identify"
     table = CouplingTable
-    faults = late("coupling.identify_coupling", "faults")
-    run = late("coupling.identify_coupling", "identify_coupling")
-    page = late("coupling.coupling_page", "page")
+
+    def faults(self, study: Study, table: CouplingTable) -> list[Fault]:
+        from .identify_coupling import faults
+
+        return faults(study)
+
+    def run(self, study: Study, table: CouplingTable, tell: Progress = quiet) -> CouplingResult:
+        from .identify_coupling import identify_coupling
+
+        return identify_coupling(study, tell)
+
+    def page(self, study: Study, found: CouplingResult) -> Page:
+        from .coupling_page import page
+
+        return page(study, found)

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from ...recordings.study_fields import ProcedureTable, Word, quantity
-from ..procedure import Procedure, late
+from ..procedure import Procedure, Progress, quiet
+
+if TYPE_CHECKING:
+    from ...pages.page import Page
+    from ...recordings.fault import Fault
+    from ...recordings.study import Study
+    from .identify_hinge import HingeResult
 
 
 class HingeTable(ProcedureTable):
@@ -42,11 +48,23 @@ class HingeTable(ProcedureTable):
         return not stream and side in (self.proximal, self.distal) and measured
 
 
-class HingeProcedure(Procedure):
+class HingeProcedure(Procedure[HingeTable, "HingeResult"]):
     """A hinge between two segments, each with an inertial sensor."""
 
     name, command = "hinge", "identify"
     table = HingeTable
-    faults = late("hinge.identify_hinge", "faults")
-    run = late("hinge.identify_hinge", "identify_hinge")
-    page = late("hinge.hinge_page", "page")
+
+    def faults(self, study: Study, table: HingeTable) -> list[Fault]:
+        from .identify_hinge import faults
+
+        return faults(study)
+
+    def run(self, study: Study, table: HingeTable, tell: Progress = quiet) -> HingeResult:
+        from .identify_hinge import identify_hinge
+
+        return identify_hinge(study, tell)
+
+    def page(self, study: Study, found: HingeResult) -> Page:
+        from .hinge_page import page
+
+        return page(study, found)

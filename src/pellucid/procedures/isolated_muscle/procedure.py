@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import Field
 
 from ...recordings.study_fields import ProcedureTable, Word, quantity
-from ..procedure import Procedure, late
+from ..procedure import Procedure, Progress, quiet
+
+if TYPE_CHECKING:
+    from ...pages.page import Page
+    from ...recordings.fault import Fault
+    from ...recordings.study import Study
+    from .isolated_muscle import IsolatedMuscleResult
 
 
 class IsolatedMuscleTable(ProcedureTable):
@@ -63,11 +69,23 @@ class IsolatedMuscleTable(ProcedureTable):
         return channel == self.displacement if stream == self.stream else not stream and channel == self.force
 
 
-class IsolatedMuscleProcedure(Procedure):
+class IsolatedMuscleProcedure(Procedure[IsolatedMuscleTable, "IsolatedMuscleResult"]):
     """One muscle, fully active, whose free end is moved."""
 
     name, command = "isolated_muscle", "calibrate"
     table = IsolatedMuscleTable
-    faults = late("isolated_muscle.isolated_muscle", "faults")
-    run = late("isolated_muscle.isolated_muscle", "isolated_result")
-    page = late("isolated_muscle.isolated_page", "page")
+
+    def faults(self, study: Study, table: IsolatedMuscleTable) -> list[Fault]:
+        from .isolated_muscle import faults
+
+        return faults(study)
+
+    def run(self, study: Study, table: IsolatedMuscleTable, tell: Progress = quiet) -> IsolatedMuscleResult:
+        from .isolated_muscle import isolated_result
+
+        return isolated_result(study, tell)
+
+    def page(self, study: Study, found: IsolatedMuscleResult) -> Page:
+        from .isolated_page import page
+
+        return page(study, found)

@@ -5,19 +5,43 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ...recordings.study import Study
-from ..procedure import Procedure, late
+from ..procedure import Procedure, Progress, quiet
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ...pages.page import Page
     from ...recordings.fault import Fault
+    from .joint_result import JointResult
 
 
-class JointProcedure(Procedure):
+class JointProcedure(Procedure[None, "JointResult"]):
     """A joint with friction, driven by a motor."""
 
     name, command = "joint", "identify"
-    faults = late("joint.joint_faults", "joint_faults")
-    run = late("joint.identify_joint", "identify_joint")
-    page = late("joint.joint_page", "page")
+
+    def faults(self, study: Study, table: None) -> list[Fault]:
+        from .joint_faults import joint_faults
+
+        return joint_faults(study)
+
+    def run(
+        self,
+        study: Study,
+        table: None,
+        tell: Progress = quiet,
+        *,
+        families: Sequence[str] | None = None,
+        thorough: bool = True,
+    ) -> JointResult:
+        from .identify_joint import identify_joint
+
+        return identify_joint(study, tell, families=families, thorough=thorough)
+
+    def page(self, study: Study, found: JointResult) -> Page:
+        from .joint_page import page
+
+        return page(study, found)
 
     def cut(self, study: Study) -> list[Fault]:
         """Cuts, what between them is too short, and what was made of clocks."""

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import Field
 
 from ...recordings.study_fields import ProcedureTable, quantity
-from ..procedure import Procedure, late
+from ..procedure import Procedure, Progress, quiet
+
+if TYPE_CHECKING:
+    from ...pages.page import Page
+    from ...recordings.fault import Fault
+    from ...recordings.study import Study
+    from .identify_loaded_swing import LoadedSwingResult
 
 
 class LoadedSwingTable(ProcedureTable):
@@ -33,11 +39,23 @@ class LoadedSwingTable(ProcedureTable):
         return not stream and channel in ("position", "torque")
 
 
-class LoadedSwingProcedure(Procedure):
+class LoadedSwingProcedure(Procedure[LoadedSwingTable, "LoadedSwingResult"]):
     """An exoskeleton's swings, empty and with relaxed legs in it."""
 
     name, command = "loaded_swing", "identify"
     table = LoadedSwingTable
-    faults = late("loaded_swing.identify_loaded_swing", "faults")
-    run = late("loaded_swing.identify_loaded_swing", "identify_loaded_swing")
-    page = late("loaded_swing.loaded_swing_page", "page")
+
+    def faults(self, study: Study, table: LoadedSwingTable) -> list[Fault]:
+        from .identify_loaded_swing import faults
+
+        return faults(study)
+
+    def run(self, study: Study, table: LoadedSwingTable, tell: Progress = quiet) -> LoadedSwingResult:
+        from .identify_loaded_swing import identify_loaded_swing
+
+        return identify_loaded_swing(study, tell)
+
+    def page(self, study: Study, found: LoadedSwingResult) -> Page:
+        from .loaded_swing_page import page
+
+        return page(study, found)

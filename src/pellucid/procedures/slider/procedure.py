@@ -5,19 +5,33 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ...recordings.study import Study
-from ..procedure import Procedure, late
+from ..procedure import Procedure, Progress, quiet
 
 if TYPE_CHECKING:
+    from ...pages.page import Page
     from ...recordings.fault import Fault
+    from .slider_result import SliderResult
 
 
-class SliderProcedure(Procedure):
+class SliderProcedure(Procedure[None, "SliderResult"]):
     """A joint that carries a movable mass."""
 
     name, command = "slider", "identify"
-    faults = late("slider.slider_faults", "slider_faults")
-    run = late("slider.identify_slider", "identify_slider")
-    page = late("slider.slider_page", "page")
+
+    def faults(self, study: Study, table: None) -> list[Fault]:
+        from .slider_faults import slider_faults
+
+        return slider_faults(study)
+
+    def run(self, study: Study, table: None, tell: Progress = quiet) -> SliderResult:
+        from .identify_slider import identify_slider
+
+        return identify_slider(study, tell)
+
+    def page(self, study: Study, found: SliderResult) -> Page:
+        from .slider_page import page
+
+        return page(study, found)
 
     def unfit(self, study: Study) -> dict[str, Fault]:
         """None: a recording of which too much is cut refuses the study."""

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from ...recordings.study_fields import ProcedureTable, Word, quantity
-from ..procedure import Procedure, late
+from ..procedure import Procedure, Progress, quiet
+
+if TYPE_CHECKING:
+    from ...pages.page import Page
+    from ...recordings.fault import Fault
+    from ...recordings.study import Study
+    from .identify_transfer import TransferResult
 
 
 class TransferFunctionTable(ProcedureTable):
@@ -51,11 +57,23 @@ class TransferFunctionTable(ProcedureTable):
         return self
 
 
-class TransferFunctionProcedure(Procedure):
+class TransferFunctionProcedure(Procedure[TransferFunctionTable, "TransferResult"]):
     """A linear model from one channel to another."""
 
     name, command = "transfer_function", "identify"
     table = TransferFunctionTable
-    faults = late("transfer_function.identify_transfer", "faults")
-    run = late("transfer_function.identify_transfer", "identify_transfer")
-    page = late("transfer_function.transfer_page", "page")
+
+    def faults(self, study: Study, table: TransferFunctionTable) -> list[Fault]:
+        from .identify_transfer import faults
+
+        return faults(study)
+
+    def run(self, study: Study, table: TransferFunctionTable, tell: Progress = quiet) -> TransferResult:
+        from .identify_transfer import identify_transfer
+
+        return identify_transfer(study, tell)
+
+    def page(self, study: Study, found: TransferResult) -> Page:
+        from .transfer_page import page
+
+        return page(study, found)

@@ -6,23 +6,37 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..procedure import Procedure, late
+from ..procedure import Procedure, Progress, quiet
 from .tree_table import TreeTable
 
 if TYPE_CHECKING:
+    from ...pages.page import Page
     from ...recordings.fault import Fault
     from ...recordings.study import Study
+    from .tree_result import TreeResult
 
 
-class TreeProcedure(Procedure):
+class TreeProcedure(Procedure[TreeTable, "TreeResult"]):
     """A robot of several joints, identified at once."""
 
     name, command = "tree", "identify"
     uses_limits = True
     table = TreeTable
-    faults = late("tree.tree_faults", "tree_faults")
-    run = late("tree.identify_tree", "identify_tree")
-    page = late("tree.tree_page", "page")
+
+    def faults(self, study: Study, table: TreeTable) -> list[Fault]:
+        from .tree_faults import tree_faults
+
+        return tree_faults(study)
+
+    def run(self, study: Study, table: TreeTable, tell: Progress = quiet) -> TreeResult:
+        from .identify_tree import identify_tree
+
+        return identify_tree(study, tell)
+
+    def page(self, study: Study, found: TreeResult) -> Page:
+        from .tree_page import page
+
+        return page(study, found)
 
     def inputs(self, study: Study) -> Iterable[Path]:
         """The robot's file."""
