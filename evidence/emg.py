@@ -160,7 +160,7 @@ def changed_rows(study: Study, folder: Path) -> Iterator[ResultRow]:
 def rescaled_rows(study: Study) -> Iterator[ResultRow]:
     """The ankle's torque by muscles on the last 36 s: as recorded, spoilt, and brought back by three seconds."""
     fitted, _, rest = moment_trials(study, "ankle")
-    session, found = FittedSession.of([fitted]), fit_torque_map([fitted], "hill")
+    session, found = FittedSession.from_trials([fitted]), fit_torque_map([fitted], "hill")
     spoilt = replace(rest, envelopes=SWAPPED.of(STUCK.of(rest.envelopes)))
     compared = session.compare(spoilt)
     bare = fit_torque_map([fitted], "motion")
@@ -221,7 +221,7 @@ def stretches(trial: TorqueTrial, seconds: float) -> list[TorqueTrial]:
 def drawn_rows(study: Study) -> Iterator[ResultRow]:
     """Of many changes, the share that is named; of channels left alone, the share that is, too."""
     fitted, *held = moment_trials(study, "ankle")
-    session, rng = FittedSession.of([fitted]), np.random.default_rng(SEED)
+    session, rng = FittedSession.from_trials([fitted]), np.random.default_rng(SEED)
     pieces = [piece for trial in held for piece in stretches(trial, STRETCH)]
     tops = dict(zip(session.muscles, session.span, strict=True))
     told: dict[str, list[bool]] = {}
@@ -247,7 +247,7 @@ def drawn_rows(study: Study) -> Iterator[ResultRow]:
 def mended_rows(study: Study) -> Iterator[ResultRow]:
     """The ankle's torque by muscles on drawn changes, as they are and mended by their first seconds."""
     fitted, _, rest = moment_trials(study, "ankle")
-    session, found = FittedSession.of([fitted]), fit_torque_map([fitted], "hill")
+    session, found = FittedSession.from_trials([fitted]), fit_torque_map([fitted], "hill")
     tops, rng = dict(zip(session.muscles, session.span, strict=True)), np.random.default_rng(SEED + 1)
     own = ("soleus", "gastrocnemius_medialis", "gastrocnemius_lateralis", "tibialis_anterior")
     said = f"{MENDED} drawn changes of one of the ankle's muscles or more, on 36 s"
@@ -273,7 +273,7 @@ def mended_rows(study: Study) -> Iterator[ResultRow]:
 def faster_rows(study: Study) -> Iterator[ResultRow]:
     """The recording played faster, all envelopes larger and each a little by itself: nothing changed but the pace."""
     fitted, _, rest = moment_trials(study, "ankle")
-    session, rng = FittedSession.of([fitted]), np.random.default_rng(SEED + 4)
+    session, rng = FittedSession.from_trials([fitted]), np.random.default_rng(SEED + 4)
     held, named = [], 0
     for _ in range(LIVE):
         pace, effort = rng.uniform(1.05, 1.4), rng.uniform(1.0, 1.8)
@@ -289,7 +289,7 @@ def faster_rows(study: Study) -> Iterator[ResultRow]:
             angles={j: played(q) for j, q in rest.angles.items()},
         )  # fmt: skip
         compared = session.compare(trial)
-        held.append(compared.holds)
+        held.append(compared.is_valid)
         named += len(compared.changed)
     said = (
         f"{LIVE} made of walking: 1.05 to 1.4 times as fast, envelopes 1 to 1.8 times as large, each by 25 % of itself"
@@ -301,7 +301,7 @@ def faster_rows(study: Study) -> Iterator[ResultRow]:
 def live_rows(study: Study) -> Iterator[ResultRow]:
     """Channels that change while they are recorded: how long until each is named, and what is named before."""
     fitted, _, rest = moment_trials(study, "ankle")
-    session, rng = FittedSession.of([fitted]), np.random.default_rng(SEED + 2)
+    session, rng = FittedSession.from_trials([fitted]), np.random.default_rng(SEED + 2)
     tops, start = dict(zip(session.muscles, session.span, strict=True)), round(WATCHED * rest.fs)
     waited, missed, false = [], 0, set()
     for _ in range(LIVE):
@@ -361,10 +361,10 @@ def raw_rows(folder: Path) -> Iterator[ResultRow]:
     pairs = []
     for name, found in recordings.items():
         half = len(found.time) // 2
-        pairs.append((RawChannels.of([raw(name, slice(half))]), raw(name, slice(half, None))))
+        pairs.append((RawChannels.from_recordings([raw(name, slice(half))]), raw(name, slice(half, None))))
         if f"{name}_standing" in recordings:
-            pairs.append((RawChannels.of([raw(name, slice(None))]), raw(f"{name}_standing", slice(None))))
-    named = [before.changes(RawChannels.of([now])) for before, now in pairs]
+            pairs.append((RawChannels.from_recordings([raw(name, slice(None))]), raw(f"{name}_standing", slice(None))))
+    named = [before.changes(RawChannels.from_recordings([now])) for before, now in pairs]
     channels = sum(len(before.muscles) for before, _ in pairs)
     said = f"raw EMG of {len(recordings)} recordings of people who extend a leg, or bend it standing"
     wrong = sum(len({c.muscle for c in each}) for each in named)
@@ -376,7 +376,7 @@ def raw_rows(folder: Path) -> Iterator[ResultRow]:
             before, (emg, fs) = pairs[rng.integers(len(pairs))]
             muscle, other = (str(m) for m in rng.choice(before.muscles, 2, replace=False))
             spoilt = {**emg, muscle: worn_otherwise(emg[muscle], emg[other], kind, fs, rng)}
-            changes = before.changes(RawChannels.of([(spoilt, fs)]))
+            changes = before.changes(RawChannels.from_recordings([(spoilt, fs)]))
             hit.append(any((c.muscle, c.kind) == (muscle, kind) for c in changes))
         yield row(f"raw.named.{kind}", np.mean(hit), "1", f"of {PER_KIND} drawn; {said}")
 

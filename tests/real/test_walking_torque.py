@@ -106,15 +106,15 @@ def test_walks_that_were_fitted_at_several_speeds_pass_their_own_watch(study, pa
     exponent = {muscle: rng.uniform(0.5, 3.0) for muscle in walk.envelopes}
     # At 0.8 and 1.2 of the speed every envelope is 20 % smaller and larger, and more by what is the muscle's own.
     trials = [at_pace(walk, p, {m: p ** (1.0 + exponent[m]) for m in walk.envelopes}) for p in paces]
-    session = FittedSession.of(trials)
+    session = FittedSession.from_trials(trials)
     for trial in trials:
         found = session.compare(trial)
-        assert (found.changes, found.holds) == ((), True)
+        assert (found.changes, found.is_valid) == ((), True)
         watch = SessionWatch(session, tuple(trial.angles), trial.fs)
         for i in range(len(trial)):
             said = watch.step({m: x[i] for m, x in trial.envelopes.items()}, {j: q[i] for j, q in trial.angles.items()})
             assert said == ()
-            assert watch.last_comparison is None or watch.last_comparison.holds
+            assert watch.last_comparison is None or watch.last_comparison.is_valid
 
 
 def test_walking_passes_where_running_was_fitted_too(study, data_folder, tmp_path):
@@ -131,10 +131,10 @@ def test_walking_passes_where_running_was_fitted_too(study, data_folder, tmp_pat
             'streams = { emg = "recordings/run81_emgFilt.sto", moments = "recordings/run81_id.sto" }\nuse = "fit"\n'
         )
     walk, *held, run = moment_trials(open_study(folder), "ankle")
-    session = FittedSession.of([walk, run])
+    session = FittedSession.from_trials([walk, run])
     for trial in (walk, run, *held):
         found = session.compare(trial)
-        assert (found.changes, found.holds) == ((), True)
+        assert (found.changes, found.is_valid) == ((), True)
 
 
 def test_one_set_of_muscles_moves_knee_and_ankle(study):

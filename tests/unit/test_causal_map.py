@@ -55,7 +55,7 @@ def test_a_card_keeps_every_number(found, tmp_path):
     card = read_parameter_card(path)
     assert card["rectus_femoris * angle"].unit == "N*m/(V*rad)"
     assert card["offset"].unit == "N*m"
-    again = CausalMap.of_card(card)
+    again = CausalMap.from_card(card)
     assert again.muscles == found.muscles
     for name, value in found.parameters().items():
         np.testing.assert_array_equal(again.parameters()[name], value, err_msg=name)
@@ -65,9 +65,9 @@ def test_a_card_keeps_every_number(found, tmp_path):
 def test_another_card_is_refused(found):
     card = found.card("study", "S1.emg")
     with pytest.raises(PellucidError, match='of kind "limb", expected "causal_emg_map"'):
-        CausalMap.of_card(replace(card, kind="limb"))
+        CausalMap.from_card(replace(card, kind="limb"))
     with pytest.raises(PellucidError, match="found no 'corner'"):
-        CausalMap.of_card(replace(card, settings={k: v for k, v in card.settings.items() if k != "corner"}))
+        CausalMap.from_card(replace(card, settings={k: v for k, v in card.settings.items() if k != "corner"}))
 
 
 def test_repetitions_that_were_not_held_are_left_out(found, trials):

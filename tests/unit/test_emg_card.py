@@ -43,7 +43,7 @@ def test_two_repetitions_give_a_card_that_the_core_runs(steps, known):
     assert card.name == "S1.emg"
     assert card.settings["participant"] == "S1"
     assert set(card.checksums) == {r.name for r in steps}
-    found = CausalMap.of_card(card)
+    found = CausalMap.from_card(card)
     assert found.muscles == tuple(RIG["emg"]["muscles"])
     assert found.rmse < 2.5
     core = found.build()

@@ -13,7 +13,7 @@ from pellucid.estimators.session_watch import SessionWatch
 
 @pytest.fixture(scope="module")
 def session():
-    return FittedSession.of([walking(0, seconds=6.0)])
+    return FittedSession.from_trials([walking(0, seconds=6.0)])
 
 
 def at_paces(paces, seed=0):
@@ -36,38 +36,38 @@ PACES = [(1.0,), (0.8, 1.2), (0.8, 1.0, 1.2), (0.7, 1.6), (0.6, 1.0, 1.7)]
 @pytest.mark.parametrize("seed", range(4))
 def test_what_was_fitted_passes_the_comparison_with_itself(paces, seed):
     trials = at_paces(paces, seed)
-    own = FittedSession.of(trials)
+    own = FittedSession.from_trials(trials)
     for trial in trials:
         found = own.compare(trial)
         assert found.changes == ()
-        assert found.holds
+        assert found.is_valid
 
 
 @pytest.mark.parametrize("paces", PACES, ids=str)
 def test_what_was_fitted_passes_a_watch_of_it(paces):
     trials = at_paces(paces, seed=5)
-    own = FittedSession.of(trials)
+    own = FittedSession.from_trials(trials)
     for trial in trials:
         watch = SessionWatch(own, tuple(trial.angles), trial.fs)
         rows = list(zip(*trial.envelopes.values(), strict=True)), list(zip(*trial.angles.values(), strict=True))
         for envelopes, angles in zip(*rows, strict=True):
             said = watch.step(dict(zip(MUSCLES, envelopes, strict=True)), dict(zip(trial.angles, angles, strict=True)))
             assert said == ()
-            assert watch.last_comparison is None or watch.last_comparison.holds
+            assert watch.last_comparison is None or watch.last_comparison.is_valid
 
 
 @pytest.mark.parametrize("pace", [0.7, 0.9, 1.1])
 def test_a_pace_between_those_fitted_is_the_same_session(pace):
-    own = FittedSession.of(at_paces((0.6, 1.0, 1.2), seed=1))
+    own = FittedSession.from_trials(at_paces((0.6, 1.0, 1.2), seed=1))
     (trial,) = at_paces((pace,), seed=1)
     found = own.compare(trial)
     assert found.changes == ()
-    assert found.holds
+    assert found.is_valid
 
 
 @pytest.mark.parametrize("pace", [0.7, 1.0, 1.6])
 def test_a_channel_that_changed_is_named_beside_several_paces(pace):
-    own = FittedSession.of(at_paces((0.7, 1.0, 1.6), seed=2))
+    own = FittedSession.from_trials(at_paces((0.7, 1.0, 1.6), seed=2))
     (trial,) = at_paces((pace,), seed=2)
     x = trial.envelopes
     spoilt = changed(trial, soleus=40.0 * x["soleus"])
@@ -78,7 +78,7 @@ def test_a_channel_that_changed_is_named_beside_several_paces(pace):
 
 def test_a_channel_is_brought_back_to_the_trial_whose_other_channels_it_is_like():
     trials = at_paces((0.7, 1.6), seed=2)
-    own = FittedSession.of(trials)
+    own = FittedSession.from_trials(trials)
     for trial in trials:
         x = trial.envelopes["soleus"]
         back = own.rescale(changed(trial, soleus=30.0 * x + 1.0), 6.0, ["soleus"]).envelopes["soleus"]
@@ -89,7 +89,7 @@ def test_a_channel_is_brought_back_to_the_trial_whose_other_channels_it_is_like(
 def test_another_minute_of_the_same_walking_is_the_same_session(session, seed):
     found = session.compare(walking(seed))
     assert found.changes == ()
-    assert found.holds
+    assert found.is_valid
 
 
 @pytest.mark.parametrize("muscle", MUSCLES)
@@ -99,7 +99,7 @@ def test_a_floor_that_rose_is_named(session, muscle):
     found = session.compare(changed(trial, **{muscle: 2.6 * x + 0.6 * np.max(x)}))
     assert found.changed == (muscle,)
     assert {change.kind for change in found.changes} >= {"floor"}
-    assert found.holds
+    assert found.is_valid
 
 
 def test_a_gain_is_named_where_the_others_stay(session):
@@ -126,15 +126,15 @@ def test_two_channels_exchanged_are_both_named(session, pair):
 def test_more_effort_is_no_electrode(session):
     found = session.compare(walking(1, strength=8.0))
     assert found.changes == ()
-    assert found.effort
-    assert not found.holds
+    assert found.has_other_effort
+    assert not found.is_valid
 
 
 def test_a_movement_beyond_the_fitted_ones_does_not_hold(session):
     found = session.compare(walking(1, cadence=2.0))
-    assert found.own == {}  # no pattern is asked of a movement that was not seen
-    assert found.elsewhere > 0.5
-    assert not found.holds
+    assert found.own_correlation == {}  # no pattern is asked of a movement that was not seen
+    assert found.outside_share > 0.5
+    assert not found.is_valid
 
 
 def test_a_few_seconds_bring_a_channel_back(session):
@@ -173,7 +173,7 @@ def test_what_the_others_tell_takes_a_channel_s_place():
     trial = walking(0)
     # Two heads of one muscle, as far as envelopes tell.
     trial = changed(trial, rectus=0.5 * trial.envelopes["vastus"] + 1e-4 * rng.uniform(size=len(trial)))
-    own = FittedSession.of([trial])
+    own = FittedSession.from_trials([trial])
     other = changed(walking(2))
     other = changed(other, rectus=0.5 * other.envelopes["vastus"])
     without = own.predict_channels(changed(other, rectus=np.ones(len(other))), ["rectus"]).envelopes["rectus"]
@@ -186,4 +186,4 @@ def test_trials_with_other_muscles_are_refused():
     trial = walking(0)
     fewer = replace(trial, envelopes={"soleus": trial.envelopes["soleus"]})
     with pytest.raises(IdentificationError, match="same muscles and angles"):
-        FittedSession.of([trial, fewer])
+        FittedSession.from_trials([trial, fewer])

@@ -23,11 +23,11 @@ def worn(seed, seconds=8.0):
 
 @pytest.fixture(scope="module")
 def fitted():
-    return RawChannels.of([(worn(0), FS), (worn(1), FS)])
+    return RawChannels.from_recordings([(worn(0), FS), (worn(1), FS)])
 
 
 def kinds(fitted, channels):
-    return {(c.muscle, c.kind, c.other) for c in fitted.changes(RawChannels.of([(channels, FS)]))}
+    return {(c.muscle, c.kind, c.other) for c in fitted.changes(RawChannels.from_recordings([(channels, FS)]))}
 
 
 @pytest.mark.parametrize("seed", [2, 3, 4])
@@ -62,6 +62,6 @@ def test_a_muscle_that_does_nothing_has_no_spectrum_to_compare(fitted):
 
 def test_what_cannot_be_compared_is_refused(fitted):
     with pytest.raises(IdentificationError, match=f"found 1 s, expected at least {MIN_RECORDING_S:g} s"):
-        RawChannels.of([(worn(2, seconds=1.0), FS)])
+        RawChannels.from_recordings([(worn(2, seconds=1.0), FS)])
     with pytest.raises(IdentificationError, match="expected the same in each"):
-        RawChannels.of([(worn(2), FS), ({"vastus": worn(2)["vastus"]}, FS)])
+        RawChannels.from_recordings([(worn(2), FS), ({"vastus": worn(2)["vastus"]}, FS)])

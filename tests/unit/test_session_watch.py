@@ -11,7 +11,7 @@ from pellucid.estimators.session_watch import SessionWatch
 
 @pytest.fixture(scope="module")
 def session():
-    return FittedSession.of([walking(0, seconds=6.0)])
+    return FittedSession.from_trials([walking(0, seconds=6.0)])
 
 
 def played(watch, trial):
@@ -30,7 +30,7 @@ def test_the_words_are_those_of_the_recording(session):
     said = played(watch, trial)
     assert said[round(MIN_WATCH_S * FS) - 2] == ()
     assert said[-1] == session.compare(trial).changes
-    assert watch.last_comparison.holds
+    assert watch.last_comparison.is_valid
     assert {c.muscle for c in said[-1]} == {"soleus"}
 
 

@@ -108,12 +108,12 @@ SCRIPT = """
 import sys
 import numpy as np
 import pellucid as pl
-from pellucid.estimators.families import ESTIMATORS
+from pellucid.estimators.families import ESTIMATOR_FAMILIES
 X = np.linspace(0.0, 1.0, 50)[:, None]
 assert abs(pl.TorqueRegressor("neighbours").fit(X, X[:, 0]).predict(X)[25] - X[25, 0]) < 0.05
-for name in set(ESTIMATORS) - {"neighbours", "ridge", "motion", "boost", "hill"}:
-    del ESTIMATORS[name]
-ESTIMATORS["boost"] = ESTIMATORS["ridge"]
+for name in set(ESTIMATOR_FAMILIES) - {"neighbours", "ridge", "motion", "boost", "hill"}:
+    del ESTIMATOR_FAMILIES[name]
+ESTIMATOR_FAMILIES["boost"] = ESTIMATOR_FAMILIES["ridge"]
 rows = {row.id: row.value for row in pl.calibrate(pl.open(sys.argv[1])).rows}
 print(rows["leg.knee.neighbours.r2"])
 """

@@ -109,7 +109,7 @@ class CausalMap:
         return _core.EmgTorque(**self.parameters())
 
     def card(self, study: str, name: str, checksums: Mapping[str, str] | None = None, **settings: str) -> ParameterCard:
-        """Return the map as a parameter card, which `of_card` reads again."""
+        """Return the map as a parameter card, which `from_card` reads again."""
         muscles = self.muscles or tuple(f"emg{m}" for m in range(len(self.floor)))
         parameters = [
             CardParameter(_weight_name(muscle, power), _weight_unit(muscle, power), float(w), nan, (nan, nan))
@@ -135,7 +135,7 @@ class CausalMap:
         )
 
     @classmethod
-    def of_card(cls, card: ParameterCard) -> CausalMap:
+    def from_card(cls, card: ParameterCard) -> CausalMap:
         """Return the map that a parameter card holds."""
         if card.kind != CARD_KIND:
             raise PellucidError(f'the card {card.name} is of kind "{card.kind}", expected "{CARD_KIND}"')

@@ -122,12 +122,16 @@ class ChannelChange:
 class ChannelComparison:
     """Result of comparing a recording's channels with the fitted ones."""
 
-    floor: Mapping[str, float]  # Shift of each floor, as a share of the fitted range
-    level: Mapping[str, float]  # Range of each channel over the fitted range
-    own: Mapping[str, float]  # Correlation with the muscle's own pattern; empty if the movement is another one
+    floor_shift: Mapping[str, float]  # Shift of each floor, as a share of the fitted range
+    range_ratio: Mapping[str, float]  # Range of each channel over the fitted range
+    own_correlation: Mapping[
+        str, float
+    ]  # Correlation with the muscle's own pattern; empty if the movement is another one
     changes: tuple[ChannelChange, ...]  # Channels that differ from the fitted ones
-    elsewhere: float  # Share of the time in which an angle, a speed or several envelopes are outside the fitted ranges
-    effort: bool  # Whether most ranges changed: by another speed or load, not by an electrode
+    outside_share: (
+        float  # Share of the time in which an angle, a speed or several envelopes are outside the fitted ranges
+    )
+    has_other_effort: bool  # Whether most ranges changed: by another speed or load, not by an electrode
 
     @property
     def changed(self) -> tuple[str, ...]:
@@ -135,9 +139,9 @@ class ChannelComparison:
         return tuple(dict.fromkeys(change.muscle for change in self.changes))
 
     @property
-    def holds(self) -> bool:
+    def is_valid(self) -> bool:
         """Whether the fitted estimator may be used on this recording at all."""
-        return not self.effort and self.elsewhere <= MAX_OUTSIDE_TIME_SHARE
+        return not self.has_other_effort and self.outside_share <= MAX_OUTSIDE_TIME_SHARE
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +167,7 @@ class FittedSession:
     swap_doubt: np.ndarray = field(repr=False)
 
     @classmethod
-    def of(cls, trials: Sequence[TorqueTrial]) -> FittedSession:
+    def from_trials(cls, trials: Sequence[TorqueTrial]) -> FittedSession:
         """Describe the channels of fitted trials, all with the same muscles and angles."""
         muscles = tuple(trials[0].envelopes)
         if any(tuple(t.envelopes) != muscles or tuple(t.angles) != tuple(trials[0].angles) for t in trials):

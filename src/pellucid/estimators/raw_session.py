@@ -71,7 +71,7 @@ class RawChannels:
     together: np.ndarray  # Correlation of raw signals without the mains' frequencies, shape (k, k)
 
     @classmethod
-    def of(cls, recordings: Sequence[tuple[Mapping[str, np.ndarray], float]]) -> RawChannels:
+    def from_recordings(cls, recordings: Sequence[tuple[Mapping[str, np.ndarray], float]]) -> RawChannels:
         """Describe the channels of recordings: samples by muscle, shape (n,) [V], with their rate [Hz]."""
         muscles = tuple(recordings[0][0])
         if any(set(channels) != set(muscles) for channels, _ in recordings):

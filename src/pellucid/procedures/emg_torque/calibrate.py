@@ -418,7 +418,7 @@ def _condition_test_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[Fi
 
 def _invalid_recordings_sentence(found: CalibrationFindings) -> str:
     """Return a sentence that names recordings on which no estimate is valid; empty if there are none."""
-    away = [f"{name} ({invalidity_words(c)})" for name, c in found.sessions.items() if not c.holds]
+    away = [f"{name} ({invalidity_words(c)})" for name, c in found.sessions.items() if not c.is_valid]
     return f"No estimate holds on {', '.join(away)}. " if away else ""
 
 
@@ -431,7 +431,7 @@ def _invalid_band_sentences(found: CalibrationFindings) -> list[str]:
     changed = [
         f"{name} ({', '.join(m.replace('_', ' ') for m in c.changed)})"
         for name, c in found.sessions.items()
-        if c.holds and c.changed
+        if c.is_valid and c.changed
     ]
     if changed:
         said.append(f"Bands do not hold on {', '.join(changed)}: channels changed.")

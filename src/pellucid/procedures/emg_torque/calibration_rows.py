@@ -82,6 +82,6 @@ def calibration_rows(
     for recording, compared in (sessions or {}).items():
         at = {"recording": recording}
         add(f"session.{recording}.channels_changed", len(compared.changed), "1", ", ".join(compared.changed), **at)
-        add(f"session.{recording}.elsewhere", compared.elsewhere, "1", "share of time beyond what was fitted", **at)
-        add(f"session.{recording}.holds", float(compared.holds), "1", "1: what was fitted may be asked of it", **at)
+        add(f"session.{recording}.elsewhere", compared.outside_share, "1", "share of time beyond what was fitted", **at)
+        add(f"session.{recording}.holds", float(compared.is_valid), "1", "1: what was fitted may be asked of it", **at)
     return tuple(rows)

@@ -55,7 +55,7 @@ def compare_sessions(
 
     `study` [emg_torque].
     """
-    session, raw = FittedSession.of(fitted), find_raw_changes(study)
+    session, raw = FittedSession.from_trials(fitted), find_raw_changes(study)
     found = {trial.name: session.compare(trial) for trial in held}
     return session, {name: replace(c, changes=(*c.changes, *raw.get(name, ()))) for name, c in found.items()}
 
@@ -76,8 +76,8 @@ def find_raw_changes(study: Study) -> dict[str, tuple[ChannelChange, ...]]:
         fitted = [(r, s) for r, s in own if r.use == "fit" and r.protocol != MAXIMAL_PROTOCOL]
         judged = [(r, s) for r, s in own if r.use != "fit" and r.protocol != MAXIMAL_PROTOCOL]
         if fitted and judged:
-            before = RawChannels.of([_raw_emg(study, r, s) for r, s in fitted])
-            found |= {r.name: before.changes(RawChannels.of([_raw_emg(study, r, s)])) for r, s in judged}
+            before = RawChannels.from_recordings([_raw_emg(study, r, s) for r, s in fitted])
+            found |= {r.name: before.changes(RawChannels.from_recordings([_raw_emg(study, r, s)])) for r, s in judged}
     return found
 
 
@@ -102,7 +102,7 @@ def session_faults(study: Study) -> list[Fault]:
     for name, changed in changes.items():
         where = f"{files[name]} (recording {name})"
         compared = found.get(name)
-        if compared is not None and not compared.holds:
+        if compared is not None and not compared.is_valid:
             text, wanted = invalidity_words(compared), "envelopes and movement like those to be fitted"
             message = f"{where}, channels emg: found {text}, expected {wanted}: record such movements to fit, too"
             faults.append(Fault("warn", "another_condition", files[name], "emg", text, wanted, message))
@@ -127,21 +127,19 @@ def _compare_study(study: Study) -> dict[str, ChannelComparison]:
 
 def invalidity_words(compared: ChannelComparison) -> str:
     """Return the reason, in words, why no estimate is valid in a recording."""
-    if compared.effort:
-        levels = sorted(compared.level.values())
+    if compared.has_other_effort:
+        levels = sorted(compared.range_ratio.values())
         many = sum(value > 1.0 for value in levels) > len(levels) / 2
         ends = (levels[len(levels) // 2], levels[-1]) if many else (levels[0], levels[len(levels) // 2])
         return f"most envelopes ranging {ends[0]:.2g} to {ends[1]:.2g} times as far as those to be fitted"
-    return (
-        f"angles, speeds or envelopes beyond all that is to be fitted in {100.0 * compared.elsewhere:.0f} % of the time"
-    )
+    return f"angles, speeds or envelopes beyond all that is to be fitted in {100.0 * compared.outside_share:.0f} % of the time"
 
 
 def session_verdicts(sessions: Mapping[str, ChannelComparison], rescaled: bool) -> list[Verdict]:
     """Return verdicts on test recordings with changed channels or without valid estimates."""
     said = []
     for name, compared in sessions.items():
-        if not compared.holds:
+        if not compared.is_valid:
             text = f"{name}: nothing that was fitted says what torque this is: {invalidity_words(compared)}."
             said.append(Verdict("wrong", text, "Record such movements to fit, too.", finding="another_condition"))
         for muscle in compared.changed:
@@ -162,7 +160,13 @@ def session_tables(sessions: Mapping[str, ChannelComparison]) -> tuple[FigureTab
             f"Channels of {name.replace('_', ' ')} against those fitted",
             heads,
             tuple(
-                (m + (" – changed" if m in c.changed else ""), c.floor[m], c.level[m], c.own.get(m)) for m in c.floor
+                (
+                    m + (" – changed" if m in c.changed else ""),
+                    c.floor_shift[m],
+                    c.range_ratio[m],
+                    c.own_correlation.get(m),
+                )
+                for m in c.floor_shift
             ),
         )
         for name, c in sessions.items()
