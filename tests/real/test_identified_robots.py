@@ -5,7 +5,7 @@ import pytest
 
 from pellucid.datasets import init
 from pellucid.fit.tree.identify_tree import identify_tree
-from pellucid.fit.tree.tree_verdicts import state_of
+from pellucid.fit.tree.tree_verdicts import parameter_verdict
 from pellucid.procedures.tree.recorded_tree import recorded_tree
 
 pytestmark = pytest.mark.slow
@@ -60,7 +60,7 @@ def test_segments_that_took_no_part(staubli):
 def test_intervals_are_those_of_the_jackknife_within_two(staubli):
     assert staubli.jackknife.share_within >= 80.0
     assert staubli.jackknife.textbook_ratio > 4.0
-    states = [state_of(p) for p in staubli.base.parameters.values()]
+    states = [parameter_verdict(p) for p in staubli.base.parameters.values()]
     assert 15 <= states.count("weak") <= 35  # small products of inertia cannot be read off this record
 
 

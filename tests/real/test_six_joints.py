@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import pellucid
-from pellucid.fit.tree.consistent_fit import consistent_estimate, solve_consistent
+from pellucid.fit.tree.consistent_fit import make_consistent_estimate, solve_consistent
 from pellucid.fit.tree.drive_gains import gains_from_desired
-from pellucid.fit.tree.fit_tree import estimate_of
+from pellucid.fit.tree.fit_tree import make_tree_estimate
 from pellucid.fit.tree.identify_tree import plain_model
-from pellucid.fit.tree.payload import identify_payload, with_gains
+from pellucid.fit.tree.payload import identify_payload, with_drive_gains
 from pellucid.fit.tree.segments_out import heldout_errors
-from pellucid.fit.tree.tree_regression import fit_rows, tree_rows
+from pellucid.fit.tree.tree_regression import collect_rows, fit_rows
 from pellucid.models.pseudo_inertia import least_eigenvalue
 from pellucid.procedures.tree.recorded_tree import recorded_tree
 
@@ -142,7 +142,7 @@ def test_a_payload_weighs_what_it_was_weighed(universal):
     robot, motions = universal
     of = {name: [m for m in motions if m.recording == name] for name in ("14harm50sec", "14harm50secLoad")}
     gains = gains_from_desired(robot, of["14harm50sec"], width=WIDTH)
-    empty, loaded = ([with_gains(m, robot, [g.value for g in gains]) for m in each] for each in of.values())
+    empty, loaded = ([with_drive_gains(m, robot, [g.value for g in gains]) for m in each] for each in of.values())
     found = identify_payload(robot, empty, loaded, width=WIDTH, gains=gains)
     assert found.mass.value == pytest.approx(2.805, rel=0.04)
     assert least_eigenvalue(found.body) >= 0.0
@@ -151,12 +151,12 @@ def test_a_payload_weighs_what_it_was_weighed(universal):
 def test_bodies_that_can_exist_predict_as_well(universal):
     """On movements that took no part, with plain friction."""
     robot, motions = universal
-    rows = tree_rows(robot, [m for m in motions if m.recording == "40sec"], width=WIDTH)
+    rows = collect_rows(robot, [m for m in motions if m.recording == "40sec"], width=WIDTH)
     bodies = solve_consistent(plain_model(rows), rows)
-    consistent = consistent_estimate("consistent", rows, bodies)
+    consistent = make_consistent_estimate("consistent", rows, bodies)
     assert min(least_eigenvalue(link[-10:]) for link in consistent.links()) >= 0.0
     judged = [m for m in motions if m.recording == "14harm50sec"]
-    base = estimate_of("base", rows, *fit_rows(plain_model(rows), rows))
+    base = make_tree_estimate("base", rows, *fit_rows(plain_model(rows), rows))
     loss = heldout_errors(consistent, judged).mean() - heldout_errors(base, judged).mean()
     assert loss <= 0.1
 

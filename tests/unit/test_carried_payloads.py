@@ -8,8 +8,8 @@ import pytest
 from test_payload import GAINS, LOAD, arm, played
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.tree.friction_terms import PLAIN
-from pellucid.fit.tree.payload import with_gains as with_known_gains
+from pellucid.fit.tree.friction_terms import PLAIN_TERMS
+from pellucid.fit.tree.payload import with_drive_gains as with_known_gains
 from pellucid.procedures.tree.carried_payloads import carried_payloads, with_gains
 from pellucid.procedures.tree.findings.payload import find
 from pellucid.recordings.study_file import PayloadSpec
@@ -23,7 +23,7 @@ def study(gains="payload"):
 
 
 def best(joints=2):
-    return SimpleNamespace(families=(PLAIN,) * joints, velocity_width=0.0)
+    return SimpleNamespace(families=(PLAIN_TERMS,) * joints, velocity_width=0.0)
 
 
 def recorded(robot, name, seed, *, stated=None, use="fit", spoilt=1.0):

@@ -5,12 +5,12 @@ import pytest
 from scipy.optimize import minimize
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.tree.base_parameters import base_parameters
-from pellucid.fit.tree.consistent_fit import FROM_PRIOR, Spread, fit_consistent, solve_consistent
-from pellucid.fit.tree.consistent_inertias import consistent_inertias
-from pellucid.fit.tree.friction_terms import PLAIN
-from pellucid.fit.tree.inertia_prior import entropic, fit_with_prior
-from pellucid.fit.tree.tree_regression import TreeModel, fit_rows, tree_rows
+from pellucid.fit.tree.base_parameters import find_base_parameters
+from pellucid.fit.tree.consistent_fit import FROM_PRIOR_REASON, FullParametrisation, fit_consistent, solve_consistent
+from pellucid.fit.tree.consistent_inertias import solve_consistent_inertias
+from pellucid.fit.tree.friction_terms import PLAIN_TERMS
+from pellucid.fit.tree.inertia_prior import entropic_solver, fit_with_prior
+from pellucid.fit.tree.tree_regression import TreeModel, collect_rows, fit_rows
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
 from pellucid.models.pseudo_inertia import (
     MIN_EIGENVALUE,
@@ -50,7 +50,7 @@ def drawn_sums(rng, truth, rows=40, noise=0.0):
 
 def test_where_least_squares_is_consistent_nothing_is_lost(rng):
     normal, projected = drawn_sums(rng, BAR.numbers)
-    found = consistent_inertias(normal, projected, 1, nearest=BAR.numbers[None])
+    found = solve_consistent_inertias(normal, projected, 1, nearest=BAR.numbers[None])
     assert found.free
     assert found.loss <= 1e-12 * float(projected @ found.values)
     np.testing.assert_allclose(found.values, BAR.numbers, atol=1e-7)
@@ -63,7 +63,7 @@ def test_the_least_is_that_of_a_search_over_bodies_alone(seed):
     ways = rng.normal(size=(50, 11))
     target = ways @ truth + 0.1 * rng.normal(size=50)
     lowest = np.append(np.full(10, -np.inf), 0.0)
-    found = consistent_inertias(ways.T @ ways, ways.T @ target, 1, lowest=lowest)
+    found = solve_consistent_inertias(ways.T @ ways, ways.T @ target, 1, lowest=lowest)
     assert not found.free
     assert found.held[0]
     assert found.at_bound[10]
@@ -92,7 +92,7 @@ def test_a_weight_draws_towards_the_preferred_bodies(rng):
     apart = [
         np.linalg.norm(
             scaled_pseudo_inertia(
-                consistent_inertias(normal, projected, 1, nearest=other[None], weight=w).values[:10] - other
+                solve_consistent_inertias(normal, projected, 1, nearest=other[None], weight=w).values[:10] - other
             )
         )
         for w in (1.0, 1e3, 1e9)
@@ -103,7 +103,7 @@ def test_a_weight_draws_towards_the_preferred_bodies(rng):
 
 def test_bounds_that_contradict_each_other_are_refused():
     with pytest.raises(IdentificationError, match="check the signs of drives and gears"):
-        consistent_inertias(
+        solve_consistent_inertias(
             np.eye(11), np.ones(11), 1, lowest=np.append(np.full(10, -np.inf), 1.0), highest=np.full(11, 0.5)
         )
 
@@ -133,14 +133,14 @@ def played(robot, rng, noise=0.02, n=1200):
 @pytest.fixture(scope="module")
 def identified():
     robot = two_joints()
-    rows = tree_rows(robot, [played(robot, np.random.default_rng(5))])
-    model = TreeModel(robot, base_parameters(robot), (PLAIN, PLAIN))
+    rows = collect_rows(robot, [played(robot, np.random.default_rng(5))])
+    model = TreeModel(robot, find_base_parameters(robot), (PLAIN_TERMS, PLAIN_TERMS))
     return robot, rows, model
 
 
 def test_a_robot_of_true_bodies_is_found_again(identified):
     robot, rows, model = identified
-    made = Spread.of(model)
+    made = FullParametrisation.of(model)
     start, _ = fit_rows(model, rows)
     found = solve_consistent(model, rows, start=start, nearest=made.maker)
     np.testing.assert_allclose(made.matrix[: len(model.base.names), : len(model.base.members)] @ np.append(
@@ -151,7 +151,7 @@ def test_a_robot_of_true_bodies_is_found_again(identified):
     rms = np.sqrt(np.mean((motion.effort - estimate.effort(motion))[motion.moving] ** 2))
     assert rms < 0.01
     # What this plane does not show is the maker's, and says so; friction is told.
-    assert estimate.parameters["lower.inertia_xx"].refused == FROM_PRIOR
+    assert estimate.parameters["lower.inertia_xx"].refused == FROM_PRIOR_REASON
     assert estimate.parameters["lower.inertia_xx"].value == pytest.approx(0.001, abs=5e-4)
     low, high = estimate.interval("elbow.coulomb")
     assert low < 0.4 < high
@@ -170,8 +170,8 @@ def test_every_leave_one_out_is_consistent(identified):
 def poor_recording(seed):
     """Little motion in much noise, of a robot whose maker is right."""
     robot = two_joints()
-    rows = tree_rows(robot, [played(robot, np.random.default_rng(seed), noise=1.5, n=400)])
-    return robot, rows, TreeModel(robot, rows.base, (PLAIN, PLAIN))
+    rows = collect_rows(robot, [played(robot, np.random.default_rng(seed), noise=1.5, n=400)])
+    return robot, rows, TreeModel(robot, rows.base, (PLAIN_TERMS, PLAIN_TERMS))
 
 
 @pytest.mark.parametrize("distance", ["entropic", "euclidean"])
@@ -185,13 +185,13 @@ def test_a_right_prior_is_believed_where_the_motion_shows_little(distance):
     judged = played(robot, np.random.default_rng(9), noise=0.0)
     missed = [np.linalg.norm(judged.effort - e.effort(judged)) for e in (estimate, plain)]
     assert missed[0] < missed[1]
-    assert estimate.parameters["upper.mass"].refused == FROM_PRIOR
+    assert estimate.parameters["upper.mass"].refused == FROM_PRIOR_REASON
     assert not estimate.parameters["elbow.coulomb"].refused
 
 
 def test_a_wrong_prior_gives_way(identified):
     _, rows, model = identified
-    wrong = 3.0 * Spread.of(model).maker
+    wrong = 3.0 * FullParametrisation.of(model).maker
     estimate, choice = fit_with_prior(model, rows, maker=wrong)
     # What three times the bodies would miss is far beyond the noise of this recording.
     assert choice.missed[choice.weight] < 0.5 * choice.missed[max(choice.missed)]
@@ -202,7 +202,7 @@ def test_the_entropic_distance_is_least_where_its_slope_is_nothing(identified):
     _, rows, model = identified
     found = solve_consistent(model, rows)
     maker, weight = found.spread.maker, 50.0
-    fit = entropic(maker, weight)(found.spread, found.equations, found.sd)
+    fit = entropic_solver(maker, weight)(found.spread, found.equations, found.sd)
     normal, projected = found.spread.sums(found.equations, found.sd)
     back = np.linalg.inv(pseudo_inertia(maker))
 
@@ -221,13 +221,13 @@ def test_the_entropic_distance_is_least_where_its_slope_is_nothing(identified):
 
 def test_a_prior_that_is_no_body_is_refused(identified):
     _, rows, model = identified
-    odd = Spread.of(model).maker.copy()
+    odd = FullParametrisation.of(model).maker.copy()
     odd[1, 4:] = [0.01, 0.0, 0.0, 0.01, 0.0, 0.9]
     with pytest.raises(IdentificationError, match="moments of inertia of body 2 that no body has"):
         fit_with_prior(model, rows, maker=odd)
     with pytest.raises(IdentificationError, match="found distance 'other' of a prior, expected one of entropic"):
         fit_with_prior(model, rows, distance="other")
     # A point is a body without extent: it is given some.
-    point = Spread.of(model).maker.copy()
+    point = FullParametrisation.of(model).maker.copy()
     point[1] = Link.about_centre("point", 1.0, (0.12, 0.0, 0.0), (0.0,) * 6).numbers
     assert fit_with_prior(model, rows, maker=point)[1].weight > 0.0

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.tree.directional_sets import closed_paths, compare_directional, fit_directional
-from pellucid.fit.tree.tree_regression import tree_rows
+from pellucid.fit.tree.directional_sets import compare_directional, draw_closed_paths, fit_directional
+from pellucid.fit.tree.tree_regression import collect_rows
 from pellucid.models.held_joints import hold_joints
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
 from pellucid.models.robot import Robot
@@ -61,7 +61,7 @@ def test_held_joints_leave_the_others_as_they_were(arm):
 
 @pytest.mark.parametrize(("coupling", "others"), [("own", (0, 0, 0)), ("one side", (2, 1, 0)), ("all", (2, 2, 2))])
 def test_sets_are_as_many_as_the_formulas_say(arm, coupling, others):
-    sets = fit_directional(tree_rows(arm, [reaching(arm, 1)]), coupling)
+    sets = fit_directional(collect_rows(arm, [reaching(arm, 1)]), coupling)
     # Each joint's own two directions, times those of the joints that it is coupled to.
     assert [len(joints) - 1 for joints in sets.seen] == list(others)
     assert sets.possible == sum(2 * 2**k for k in others)
@@ -75,7 +75,7 @@ def test_sets_that_no_motion_visits_are_named(arm):
     # Abduction moves back only while the elbow moves forwards.
     apart = (motion.velocity[:, 0] < 0.0) & (motion.velocity[:, 2] < 0.0)
     motion.moving[apart, 0] = False
-    sets = fit_directional(tree_rows(arm, [motion]), "one side")
+    sets = fit_directional(collect_rows(arm, [motion]), "one side")
     assert sets.visited == sets.possible - 2
     assert sets.missing == (
         "abduction: abduction -, flexion -, elbow -",
@@ -103,8 +103,8 @@ def test_a_single_joint_is_the_case_where_both_agree(arm):
 
 
 def test_closed_paths_close_and_stay_where_the_rows_are(arm):
-    rows = tree_rows(arm, [reaching(arm, 1)])
-    for path in closed_paths(rows, 5):
+    rows = collect_rows(arm, [reaching(arm, 1)])
+    for path in draw_closed_paths(rows, 5):
         np.testing.assert_allclose(path.velocity.sum(axis=0), 0.0, atol=1e-9)
         assert np.all(path.position >= rows.position.min(axis=0))
         assert np.all(path.position <= rows.position.max(axis=0))

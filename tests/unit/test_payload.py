@@ -8,9 +8,9 @@ import pytest
 from pellucid._errors import IdentificationError
 from pellucid.fit.parameter import Parameter
 from pellucid.fit.tree.drive_gains import gains_from_desired, gains_from_payload
-from pellucid.fit.tree.fit_tree import UNSEEN
-from pellucid.fit.tree.friction_terms import PLAIN
-from pellucid.fit.tree.payload import identify_payload, with_gains
+from pellucid.fit.tree.fit_tree import UNDETERMINED_REASON
+from pellucid.fit.tree.friction_terms import PLAIN_TERMS
+from pellucid.fit.tree.payload import identify_payload, with_drive_gains
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
 from pellucid.models.pseudo_inertia import least_eigenvalue
 from pellucid.models.robot import Robot
@@ -73,8 +73,10 @@ def pair(robot, rng, **more):
 
 def test_the_load_is_within_its_intervals_and_a_body(rng):
     robot = arm()
-    empty, loaded = ([with_gains(x, robot, GAINS) for x in each] for each in pair(robot, rng, load_friction=SHARE))
-    families = ((*PLAIN, "load"),) * 3
+    empty, loaded = (
+        [with_drive_gains(x, robot, GAINS) for x in each] for each in pair(robot, rng, load_friction=SHARE)
+    )
+    families = ((*PLAIN_TERMS, "load"),) * 3
     found = identify_payload(robot, empty, loaded, families)
     assert found.link == "lower"
     assert least_eigenvalue(found.body) > 0.0
@@ -102,11 +104,11 @@ def test_gains_that_were_found_widen_the_load(rng):
 
 def test_what_a_plane_does_not_tell_is_refused(rng):
     robot = arm(joints=2)
-    empty, loaded = ([with_gains(x, robot, GAINS[1:]) for x in each] for each in pair(robot, rng))
+    empty, loaded = ([with_drive_gains(x, robot, GAINS[1:]) for x in each] for each in pair(robot, rng))
     found = identify_payload(robot, empty, loaded)
     told = [name for name in found if not found[name].refused]
     assert told == ["mass", "moment_x", "moment_z", "inertia_yy"]
-    assert found["inertia_zz"].refused == UNSEEN
+    assert found["inertia_zz"].refused == UNDETERMINED_REASON
     assert np.isnan(found.centre).all()  # moment_y is not told
 
 
@@ -129,7 +131,7 @@ def test_gains_hold_where_a_motor_turns_with_two_joints_and_load_is_lost(rng):
     turns = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 1.0, 1.0))
     robot = arm(turns=turns)
     empty, loaded = pair(robot, rng, load_friction=SHARE, noise=0.01)
-    family = (*PLAIN, "load")
+    family = (*PLAIN_TERMS, "load")
     found = gains_from_payload(robot, empty, [loaded], [1.5], (family,) * 3)
     np.testing.assert_allclose([g.value for g in found], GAINS, rtol=0.03)
     assert {g.unit for g in found} == {"N*m/A"}

@@ -140,7 +140,7 @@ def test_it_is_asked_and_fit(study):
 
 
 def test_terms_that_a_study_names_are_those_of_the_fit():
-    assert RICHER == friction_terms.RICHER
+    assert RICHER == friction_terms.FURTHER_TERMS
 
 
 def test_a_clock_may_count_from_1970(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 
 from pellucid import _core
 from pellucid._errors import PellucidError
-from pellucid.fit.tree.friction_terms import NUMBERS
+from pellucid.fit.tree.friction_terms import FRICTION_COEFFICIENTS
 from pellucid.models.card import CardParameter
 from pellucid.models.tree_card import JointRange, Ripple, TreeCard, read_tree_card, write_tree_card
 
@@ -97,7 +97,7 @@ def test_what_no_robot_can_be_is_refused_by_name(tmp_path, at, value, message):
 def test_units_of_every_friction_term_are_read(tmp_path):
     """A unit that no reader knows would make a card of its joint unreadable."""
     card = card_of_two()
-    for number in NUMBERS.values():
+    for number in FRICTION_COEFFICIENTS.values():
         for unit in number.unit:
             with_it = replace(card, parameters=(replace(card.parameters[0], unit=unit),))
             assert read_tree_card(write_tree_card(tmp_path / "tree.json", with_it)) == with_it

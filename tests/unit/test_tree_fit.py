@@ -8,14 +8,14 @@ import pytest
 
 from pellucid import _core
 from pellucid._errors import IdentificationError
-from pellucid.fit.tree.base_parameters import base_parameters
-from pellucid.fit.tree.fit_tree import estimate_of, fit_tree
+from pellucid.fit.tree.base_parameters import find_base_parameters
+from pellucid.fit.tree.fit_tree import fit_tree, make_tree_estimate
 from pellucid.fit.tree.friction_terms import plain_families
 from pellucid.fit.tree.identify_tree import identify_tree, plain_model
 from pellucid.fit.tree.segments_out import heldout_errors
-from pellucid.fit.tree.tree_estimators import METHODS, solved_by
-from pellucid.fit.tree.tree_regression import TreeModel, fit_rows, tree_rows
-from pellucid.fit.tree.tree_verdicts import state_of
+from pellucid.fit.tree.tree_estimators import ESTIMATION_METHODS, solve_by_method
+from pellucid.fit.tree.tree_regression import TreeModel, collect_rows, fit_rows
+from pellucid.fit.tree.tree_verdicts import parameter_verdict
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
 from pellucid.models.robot import Robot
 from pellucid.signals.tree_motion import TreeMotion
@@ -89,7 +89,7 @@ def coupled():
 
 
 def test_what_a_base_parameter_stands_for():
-    base = base_parameters(four_joints())
+    base = find_base_parameters(four_joints())
     y = four_joints().tree.core
     q, v, a = np.random.default_rng(1).normal(size=(3, 50, 4))
     numbers = four_joints().tree.parameters
@@ -111,7 +111,7 @@ def test_numbers_are_found_again(coupled):
         assert fit[f"{name}.load"].value == pytest.approx(0.1, rel=1e-3)
     assert fit["wrist.motor_inertia"].value == pytest.approx(0.02, rel=1e-3)
     assert fit["wrist.motor_coulomb"].value == pytest.approx(0.5, rel=1e-3)
-    truth = base_parameters(coupled.robot)
+    truth = find_base_parameters(coupled.robot)
     motors = [0.02]
     everything = np.concatenate([coupled.robot.tree.parameters, [0.05, 0.05, 0.03, 0.01], motors])
     found = [fit[name].value for name in truth.names]
@@ -186,7 +186,7 @@ def test_intervals_agree_with_the_jackknife_and_textbooks_do_not(rubbing):
 
 def test_each_number_is_told_from_0_or_not(rubbing):
     best = rubbing.found.best
-    kinds = {name: state_of(p) for name, p in best.parameters.items()}
+    kinds = {name: parameter_verdict(p) for name, p in best.parameters.items()}
     assert kinds["elbow.load"] == "identified"
     assert set(kinds.values()) == {"identified", "weak"}
 
@@ -194,7 +194,7 @@ def test_each_number_is_told_from_0_or_not(rubbing):
 def test_intervals_hold_the_truth():
     """On virtual robots in coloured noise, 95 % intervals hold the truth about as often as they say."""
     robot = four_joints()
-    base = base_parameters(robot)
+    base = find_base_parameters(robot)
     truth = base.combination @ np.concatenate([robot.tree.parameters, [0.05, 0.05, 0.03, 0.01]])
     hits = []
     for seed in range(12):
@@ -211,16 +211,16 @@ def test_intervals_hold_the_truth():
 def test_estimators_agree_where_nothing_spoils_them():
     robot = four_joints()
     motion = motion_of(robot, FRICTION, n=1000)
-    rows = tree_rows(robot, [motion])
+    rows = collect_rows(robot, [motion])
     first = None
-    for method in METHODS:
-        values = solved_by(method, plain_model(rows), rows, 200.0)[0].values
+    for method in ESTIMATION_METHODS:
+        values = solve_by_method(method, plain_model(rows), rows, 200.0)[0].values
         first = values if first is None else first
         # Windows hold an effort through a period, where least squares compare instants.
         close = {"rtol": 0.02, "atol": 2e-3} if method == "output_error" else {"rtol": 1e-4, "atol": 1e-6}
         np.testing.assert_allclose(values, first, err_msg=method, **close)
     with pytest.raises(IdentificationError, match="found method 'magic', expected one of ordinary"):
-        solved_by("magic", plain_model(rows), rows, 200.0)
+        solve_by_method("magic", plain_model(rows), rows, 200.0)
 
 
 def test_outliers_move_the_robust_one_less_and_noise_in_the_motion_instruments_less():
@@ -228,17 +228,20 @@ def test_outliers_move_the_robust_one_less_and_noise_in_the_motion_instruments_l
     motion = motion_of(robot, FRICTION)
     rng = np.random.default_rng(3)
     spoilt = motion.effort + 8.0 * (rng.random(motion.effort.shape) < 0.03)
-    rows = tree_rows(robot, [replace(motion, effort=spoilt)])
+    rows = collect_rows(robot, [replace(motion, effort=spoilt)])
     names = plain_model(rows).names
     at = [names.index(f"{joint}.offset") for joint in robot.names]
-    off = {m: solved_by(m, plain_model(rows), rows, 200.0)[0].values[at] - 0.3 for m in ("weighted", "robust")}
+    off = {m: solve_by_method(m, plain_model(rows), rows, 200.0)[0].values[at] - 0.3 for m in ("weighted", "robust")}
     assert np.abs(off["robust"]).max() < 0.2 * np.abs(off["weighted"]).max()
     noisy = motion.acceleration + 4.0 * rng.normal(size=motion.acceleration.shape)
-    rows = tree_rows(robot, [replace(motion, acceleration=noisy)])
+    rows = collect_rows(robot, [replace(motion, acceleration=noisy)])
     yaw = plain_model(rows).names.index("post.inertia_zz.regrouped")
-    base = base_parameters(robot)
+    base = find_base_parameters(robot)
     truth = (base.combination @ np.concatenate([robot.tree.parameters, [0.05, 0.05, 0.03, 0.01]]))[yaw]
-    off = {m: solved_by(m, plain_model(rows), rows, 200.0)[0].values[yaw] - truth for m in ("weighted", "instrumental")}
+    off = {
+        m: solve_by_method(m, plain_model(rows), rows, 200.0)[0].values[yaw] - truth
+        for m in ("weighted", "instrumental")
+    }
     assert abs(off["instrumental"]) < 0.5 * abs(off["weighted"])
 
 
@@ -255,7 +258,7 @@ def test_a_joint_that_rests_is_named():
 def test_the_core_knows_every_term(coupled, width):
     """Whatever terms a joint is given, its numbers for the core predict what the estimate predicts."""
     robot, motion = coupled.robot, coupled.motion
-    rows = tree_rows(robot, [motion], width=width)
+    rows = collect_rows(robot, [motion], width=width)
     families = (
         ("viscous", "coulomb", "offset", "square_root", "load"),
         ("viscous", "coulomb", "offset", "directional"),
@@ -263,7 +266,7 @@ def test_the_core_knows_every_term(coupled, width):
         ("viscous", "coulomb", "offset", "motor_viscous", "motor_coulomb", "motor_square_root"),
     )
     model = TreeModel(robot, rows.base, families, speeds={2: 0.2})
-    fit = estimate_of("all", rows, *fit_rows(model, rows))
+    fit = make_tree_estimate("all", rows, *fit_rows(model, rows))
     assert fit["elbow.stribeck_velocity"].value == 0.2
     turns = np.asarray(robot.turns)
     plant = _core.DrivenTree(

@@ -31,7 +31,8 @@ from typing import Protocol
 
 import numpy as np
 
-from ..models.carried_friction import NORMAL_DRAW_SEED, SteadyStates, carried_friction, draw_normal, is_friction
+from ..models.carried_friction import NORMAL_DRAW_SEED, SteadyStates, carried_friction, draw_normal
+from ..models.friction_terms import SEPARATE_LOAD, features_of, is_friction, shape_index
 from ..signals.motion import SLOW_SHARE
 from .regression import Stack
 
@@ -230,7 +231,7 @@ def neglected_columns(
         return None
     rows = np.flatnonzero(kept)[:: max(1, int(kept.sum()) // MAX_ROWS)]
     columns, words, sizes = _effect_columns(
-        states, rows, w[rows], size, "" if "load_motoring" in names else UNEQUAL_LOAD_LOSSES
+        states, rows, w[rows], size, "" if SEPARATE_LOAD in features_of(names) else UNEQUAL_LOAD_LOSSES
     )
     x, y = np.hstack([w[rows], columns]), residual[rows]
     # The noise variance for which ordinary least squares on the used rows has the statistical standard errors.
@@ -319,7 +320,8 @@ class _FrictionTerms:
     def of(cls, names: Sequence[str], values: np.ndarray, states: States) -> _FrictionTerms:
         at = np.array([i for i, name in enumerate(names) if is_friction(name)], int)
         own = tuple(names[i] for i in at)
-        boundary = float(values[list(names).index("stribeck_velocity")]) if "stribeck_velocity" in names else 0.0
+        shape = shape_index(names)
+        boundary = float(values[shape]) if shape is not None else 0.0
         steady = SteadyStates.within(states.velocity, states.load)
         return cls(states, steady, at, own, values[at], steady.terms(own, boundary))
 

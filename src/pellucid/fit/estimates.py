@@ -41,7 +41,7 @@ class Estimates(Mapping[str, Parameter]):
 
     @property
     def every(self) -> tuple[Parameter, ...]:
-        """The parameters, then quantities derived from them."""
+        """The parameters, followed by quantities derived from them."""
         return self.parameters
 
     @property
@@ -137,6 +137,7 @@ def _shown(parameter: Parameter, level: float) -> tuple[str, str]:
 
 
 def _remark(parameter: Parameter) -> str:
+    """Return the remark on a parameter's interval; empty if there is none."""
     if parameter.at_bound:
         return "held by its bound"
     if parameter.refused:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .._errors import PellucidError, StudyError
-from ..fit.tree.base_parameters import base_parameters
+from ..fit.tree.base_parameters import find_base_parameters
 from ..models.robot import Robot
 from ..protocols.capsules import Capsules, capsules_along_links
 from ..protocols.protocol import write_references
@@ -40,7 +40,7 @@ def tree_information(robot: Robot, limits: TreeLimits) -> Information:
     # Of all columns of the core: bodies, then rotor, speed, sign and one of each joint, then what motors share.
     chosen = [
         i if i < bodies else bodies + 4 * (i - bodies) if i < bodies + m else i + own - m
-        for i in base_parameters(robot).chosen
+        for i in find_base_parameters(robot).chosen
     ]
     chosen += [bodies + 4 * k + j for k in range(m) for j in (1, 2, 3)]
     band = AT_REST * limits.velocity
@@ -164,7 +164,7 @@ def tree_protocol(
     limits = limits_of(study, robot, acceleration=acceleration, radius=radius, clearance=clearance)
     units = [unit for unit, _ in robot.units]
     information = tree_information(robot, limits)
-    parameters = len(base_parameters(robot).names) + 3 * len(robot.names)
+    parameters = len(find_base_parameters(robot).names) + 3 * len(robot.names)
     if name == STEPWISE:
         steps = step_by_step(limits, rate, posture=posture or None)
         columns = _columns(robot, steps.position, units)

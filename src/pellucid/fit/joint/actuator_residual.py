@@ -1,4 +1,4 @@
-"""What an actuator's torque loop lets through of its own motor and gear, from recordings of commands and torques."""
+"""Residual motor and gear effects behind an actuator's torque loop, from recordings of commands and torques."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from ..._errors import IdentificationError
 def actuator_residual(
     recordings: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]], fs: float, *, cutoff: float = 20.0
 ) -> dict[str, float]:
-    """Inertia and friction that reach the spring, the loop's lag, and how fast its integral forgets them.
+    """Estimate the inertia and friction that reach the spring, the loop's natural frequency, and its leak rate.
 
     With e = command - torque, K the spring and the motor's angle q_m = q + torque/K, a motor under proportional,
     integral and rate feedback of the spring's torque has
 
-        e + leak integral(e) = J a_m + b v_m + F sign(v_m) + c dtorque/dt + constant,
+        e + leak integral(e) = J a_m + b v_m + F sign(v_m) + c dtorque/dt + constant.
 
-    from which the lag of torque behind command, at an orthosis that is held, has w^2 = K/J and 2 zeta w = b/J + c K/J.
-    Every signal goes through the same zero-phase low-pass; the leak is searched, the rest is least squares.
+    With the orthosis held, torque follows the command with w^2 = K/J and 2 zeta w = b/J + c K/J. Every signal goes
+    through the same zero-phase low-pass. The leak is found by a line search, the other parameters by least squares.
 
-    `recordings` (n,) [N m], [rad]; `fs` [Hz]; `cutoff` [Hz]; gives [kg m^2], [N m s/rad], [N m], [1/s], [rad/s],
-    [N m/rad].
+    Each of `recordings` has command [N m], torque [N m], joint position [rad] and motor angle [rad], each (n,); `fs`
+    and `cutoff` are in [Hz]. The results are in [kg m^2], [N m s/rad], [N m], [1/s], [rad/s], 1, [N m/rad] and 1.
     """
     from scipy.optimize import minimize_scalar
     from scipy.signal import butter, sosfiltfilt

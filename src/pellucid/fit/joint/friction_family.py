@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..._errors import IdentificationError
+from ...models.friction_terms import shaped_by
 from ...models.joint import JointModel
 from ...signals.motion import Motion
 from ..crossed_residuals import cross_validated_residuals
@@ -125,7 +126,7 @@ def fit_family(
         _apply_other_methods(model, part, start, estimate, taken, machine, level) if thorough else ({}, {}, {})
     )
     # The other methods use the Stribeck velocity of least squares, so its Stribeck level is no better determined.
-    taken_over = loose | {"stribeck"} if "stribeck_velocity" in loose else loose
+    taken_over = loose | shaped_by(loose)
     others = {name: replace(e, parameters=mark_undetermined(e.parameters, taken_over)) for name, e in others.items()}
     estimates = {"ls": estimate, **others}
     by_method = {"ls": predict(model, first.values, taken, half_width) if said else predictions}
@@ -160,9 +161,9 @@ def _apply_other_methods(
     level: float,
 ) -> tuple[dict[str, JointEstimate], dict[str, tuple[Simulation, ...]], dict[str, str]]:
     """Return the estimates by the other methods, the simulations, and the reasons for failures."""
-    if "stribeck_velocity" in model.names:
+    if model.shape_index is not None:
         # Only least squares searches the Stribeck velocity; the other methods use its value.
-        at = model.names.index("stribeck_velocity")
+        at = model.shape_index
         model = with_known_stribeck_velocity(model, float(first.values[at]))
         first = replace(
             first,

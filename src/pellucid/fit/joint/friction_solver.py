@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..._errors import IdentificationError
+from ...models.friction_terms import STRIBECK_VELOCITY
 from ...models.joint import MAX_STRIBECK_SHARE, JointModel
 from ..regression import (
     Solution,
@@ -54,7 +55,7 @@ def solve_family(
     `consistent` keeps inertia, friction levels and load coefficients physical. `after` is an earlier solution on the
     same data, from which the search starts.
     """
-    if "stribeck_velocity" in model.names:
+    if model.shape_index is not None:
         w = np.ones(len(data.target)) if weights is None else np.asarray(weights, float)
         return _profile_stribeck_velocity(model, data, w, consistent, after)
     lower, upper = model.bounds()
@@ -95,9 +96,9 @@ def _gauss_newton_steps(model: JointModel, data: Stack, values: np.ndarray, clos
         triangle = np.linalg.qr(np.column_stack([jacobian[:, free], residual]), mode="r")
         require_full_rank([n for n, f in zip(model.names, free, strict=True) if f], triangle[:, :-1], model.label)
         low, high = lower.copy(), upper.copy()
-        if "stribeck_velocity" in model.names:
+        if model.shape_index is not None:
             # A step changes the Stribeck velocity by at most a factor of two, because it may be poorly determined.
-            at = model.names.index("stribeck_velocity")
+            at = model.shape_index
             slowest = min(_min_stribeck_velocity(data, upper[at]), values[at])
             low[at], high[at] = max(0.5 * values[at], slowest), min(2.0 * values[at], upper[at])
         room = (low - values)[free], (high - values)[free]
@@ -123,8 +124,8 @@ def _from_linear_part(model: JointModel, data: Stack, weights: np.ndarray | None
 
 def with_known_stribeck_velocity(model: JointModel, velocity: float) -> JointModel:
     """Return the model with its Stribeck velocity fixed. The other parameters are then linear, or nearly so."""
-    symbols = tuple(s for s in model.symbols if s.name != "stribeck_velocity")
-    return replace(model, symbols=symbols, known={**model.known, "stribeck_velocity": velocity})
+    symbols = tuple(s for s in model.symbols if s.name != STRIBECK_VELOCITY.name)
+    return replace(model, symbols=symbols, known={**model.known, STRIBECK_VELOCITY.name: velocity})
 
 
 def _profile_stribeck_velocity(
@@ -133,7 +134,7 @@ def _profile_stribeck_velocity(
     """Profile over the Stribeck velocity. With it fixed, the other parameters have no local minima."""
     from scipy.optimize import minimize_scalar
 
-    at = model.names.index("stribeck_velocity")
+    at = model.names.index(STRIBECK_VELOCITY.name)
     top = float(model.bounds()[1][at])
     if not np.isfinite(top):
         top = MAX_STRIBECK_SHARE * max(float(np.abs(m.velocity).max()) for m in data.motions)
@@ -216,5 +217,5 @@ def _polish(
 
 def _stribeck_index(model: JointModel) -> int:
     """Return the index of the Stribeck level among the parameters without the Stribeck velocity."""
-    names = [n for n in model.names if n != "stribeck_velocity"]
-    return names.index("stribeck")
+    names = [n for n in model.names if n != STRIBECK_VELOCITY.name]
+    return names.index(STRIBECK_VELOCITY.shapes)

@@ -1,4 +1,4 @@
-"""A robot that carries something in some recordings: its base parameters, and ten numbers of each load beside."""
+"""Regression rows of a robot that carries payloads: its base parameters and ten inertial parameters of each payload."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from ..._errors import IdentificationError
 from ...models.kinematic_tree import BODY_QUANTITIES
 from ...models.robot import Robot
 from ...signals.tree_motion import TreeMotion
-from .base_parameters import BaseParameters, base_parameters
-from .tree_regression import TreeRows, tree_rows
+from .base_parameters import BaseParameters, find_base_parameters
+from .tree_regression import TreeRows, collect_rows
 
-PAYLOAD = "payload"
+PAYLOAD_PREFIX = "payload"
+"""Prefix of the names of a payload's parameters."""
 
 
 @dataclass(frozen=True, eq=False)
 class LoadedRows:
-    """`rows` of recordings without and with loads, whose base parameters end in ten numbers of each load, in the frame
-    of the `link` that carries it; `place` is where the first load's stand."""
+    """Regression rows of recordings without and with loads."""
 
-    rows: TreeRows
-    link: int
-    place: int
-    loads: int
+    rows: TreeRows  # rows whose base parameters end in ten parameters of each load, in the frame of the carrying link
+    link: int  # index of the link that carries the loads
+    place: int  # index of the first load's first parameter
+    loads: int  # number of different loads
 
     def numbers(self, load: int = 0) -> np.ndarray:
-        """Where the ten numbers of a load stand among the parameters, (10,)."""
+        """Return the indices of the ten parameters of a load, (10,)."""
         return self.place + len(BODY_QUANTITIES) * load + np.arange(len(BODY_QUANTITIES))
 
 
-def loaded_rows(
+def collect_loaded_rows(
     robot: Robot,
     empty: Sequence[TreeMotion],
     loaded: Sequence[Sequence[TreeMotion]],
@@ -40,8 +40,10 @@ def loaded_rows(
     width: float = 0.0,
     link: str | None = None,
 ) -> LoadedRows:
-    """Rows of recordings without load, and of those with each of several; `link` carries them, the last if not given;
-    `width` of the smooth sign of friction [rad/s; m/s]."""
+    """Collect the rows of `empty` recordings and of those with each of several loads.
+
+    `link` carries the loads; the last link by default. `width` is that of the smooth sign of friction [rad/s; m/s].
+    """
     children = [joint.child for joint in robot.tree.order]
     if link is not None and link not in children:
         raise IdentificationError(
@@ -54,7 +56,7 @@ def loaded_rows(
         )
     at = len(children) - 1 if link is None else children.index(link)
     motions = [*empty, *(x for each in loaded for x in each)]
-    rows = tree_rows(robot, motions, width=width, base=base_parameters(robot))
+    rows = collect_rows(robot, motions, width=width, base=find_base_parameters(robot))
     carried = np.zeros((*rows.rigid.shape[:2], len(BODY_QUANTITIES) * len(loaded)))
     first, columns = sum(map(len, empty)), slice(len(BODY_QUANTITIES) * at, len(BODY_QUANTITIES) * (at + 1))
     for k, each in enumerate(loaded):
@@ -63,15 +65,17 @@ def loaded_rows(
             carried[first : first + len(x), :, len(BODY_QUANTITIES) * k : len(BODY_QUANTITIES) * (k + 1)] = y
             first += len(x)
     names = tuple(
-        f"{PAYLOAD}{f'_{k + 1}' if len(loaded) > 1 else ''}.{n}" for k in range(len(loaded)) for n in BODY_QUANTITIES
+        f"{PAYLOAD_PREFIX}{f'_{k + 1}' if len(loaded) > 1 else ''}.{n}"
+        for k in range(len(loaded))
+        for n in BODY_QUANTITIES
     )
     rigid = np.concatenate([rows.rigid, carried], axis=2)
-    extended = replace(rows, base=_with(rows.base, names), rigid=rigid)
+    extended = replace(rows, base=_append_independent(rows.base, names), rigid=rigid)
     return LoadedRows(extended, at, len(rows.base.names), len(loaded))
 
 
-def _with(base: BaseParameters, names: tuple[str, ...]) -> BaseParameters:
-    """Base parameters, and others that stand for themselves."""
+def _append_independent(base: BaseParameters, names: tuple[str, ...]) -> BaseParameters:
+    """Append parameters `names` that are independent to base parameters."""
     (r, p), more = base.combination.shape, len(names)
     combination = np.zeros((r + more, p + more))
     combination[:r, :p], combination[r:, p:] = base.combination, np.eye(more)

@@ -1,14 +1,15 @@
-r"""Inertias that bodies can have, from normal equations alone.
+r"""Solve normal equations for physically consistent inertial parameters.
 
-Least squares finds base parameters; of the bodies that make the same effort, all or none may exist. With P_i, linear in
-theta, the pseudo-inertia of link i (`models/pseudo_inertia.py`),
+Least squares finds base parameters. Bodies with these base parameters may or may not be physically possible. With P_i,
+linear in theta, the pseudo-inertia of link i (`models/pseudo_inertia.py`),
 
 .. math::
    \min_\theta\ \tfrac12\theta^\top N\theta - b^\top\theta
    \quad\text{s.t.}\quad P_i(\theta) \succeq \epsilon\,1,\quad l_j \le \theta_j \le u_j
 
-is convex [1]_. First it is asked whether bodies exist that make just the effort of least squares; if they do they are
-taken, and nothing is lost. What efforts do not show (directions in which N is flat) goes to the `nearest` bodies.
+is convex [1]_. If possible bodies reproduce the effort of least squares exactly, they are the solution, without loss.
+In directions that the efforts do not determine, where N is flat, the solution is as close as possible to the `nearest`
+bodies.
 
 .. [1] C. D. Sousa, R. Cortesao, "Physical feasibility of robot base inertial parameter identification: a linear matrix
    inequality approach", Int. J. Robotics Research 33, 2014.
@@ -31,65 +32,74 @@ from ...models.pseudo_inertia import (
     triangle_matrix,
 )
 
-BODY = 10
-SEEN = 1e-10
-"""Eigenvalue of N with unit diagonal, over its largest, below which a direction is not shown."""
+BODY_PARAMETER_COUNT = 10
+"""Number of inertial parameters of a body."""
 
-UNTOLD = 1e-6
-"""Share of a parameter in directions that are not shown, squared, from which on it has no value of its own."""
+MIN_RELATIVE_EIGENVALUE = 1e-10
+"""A direction is undetermined if its eigenvalue of N, scaled to unit diagonal, is below this share of the largest."""
 
-PULL = 1e-9
-"""Weight of nearness to `nearest` while a bound acts, as a share of the objective."""
+MAX_UNDETERMINED_SHARE = 1e-6
+"""A parameter is undetermined if the undetermined directions contain at least this squared share of it."""
 
-TOLERANCE = 1e-9  # of the solver
-SOLVED = ("Solved", "AlmostSolved")
+PREFERENCE_WEIGHT_SHARE = 1e-9
+"""Weight of the distance to `nearest` while a bound is active, as a share of the objective."""
+
+SOLVER_TOLERANCE = 1e-9
+"""Tolerance of the conic solver on gap and feasibility."""
+
+SOLVED_STATUSES = ("Solved", "AlmostSolved")
+"""Statuses of the conic solver that count as a solution."""
 
 
 @dataclass(frozen=True)
-class Quadratic:
-    """A sum of squares as least squares leave it: theta' N theta / 2 - b' theta, in directions that N shows.
+class SplitObjective:
+    """The quadratic objective theta' N theta / 2 - b' theta, split into determined and undetermined directions.
 
-    theta = seen y + unseen z, where the sum grows by |y - best|^2 / 2 and z changes nothing.
+    theta = seen y + unseen z. The objective grows by |y - best|^2 / 2 and does not depend on z.
     """
 
-    best: np.ndarray  # (s,)
-    seen: np.ndarray  # (c, s)
-    unseen: np.ndarray  # (c, c - s)
-    told: np.ndarray  # (c,) bool: parameters that have a value of their own
+    best: np.ndarray  # minimiser in the determined directions, (s,)
+    seen: np.ndarray  # determined directions, (c, s)
+    unseen: np.ndarray  # undetermined directions, (c, c - s)
+    told: np.ndarray  # mask of the determined parameters, (c,)
 
     @classmethod
-    def of(cls, normal: np.ndarray, projected: np.ndarray, least: float = SEEN) -> Quadratic:
-        """`normal` N (c, c), `projected` b (c,)."""
+    def of(cls, normal: np.ndarray, projected: np.ndarray, least: float = MIN_RELATIVE_EIGENVALUE) -> SplitObjective:
+        """Split the objective with N = `normal`, (c, c), and b = `projected`, (c,).
+
+        `least` is the smallest relative eigenvalue of a determined direction.
+        """
         size = np.sqrt(np.diag(normal))
         scale = 1.0 / np.where(size > 0.0, size, 1.0)
         values, vectors = np.linalg.eigh(normal * np.outer(scale, scale))
         shown = values > least * values[-1]
         seen = scale[:, None] * vectors[:, shown] / np.sqrt(values[shown])
-        told = np.sum(vectors[:, ~shown] ** 2, axis=1) < UNTOLD
+        told = np.sum(vectors[:, ~shown] ** 2, axis=1) < MAX_UNDETERMINED_SHARE
         return cls(seen.T @ projected, seen, scale[:, None] * vectors[:, ~shown], told)
 
     def loss(self, values: np.ndarray, normal: np.ndarray, projected: np.ndarray) -> float:
-        """How far the sum of squares at `values` is above its least."""
+        """Return by how much the sum of squares at `values`, (c,), exceeds its minimum."""
         return float(max(values @ normal @ values - 2.0 * projected @ values + self.best @ self.best, 0.0))
 
 
 @dataclass(frozen=True)
 class ConsistentFit:
-    """A consistent theta.
+    """A physically consistent solution.
 
     Attributes
     ----------
     values : ndarray, shape (c,)
+        Parameters.
     loss : float
-        By how much the weighted sum of squares is above that of least squares.
+        Excess of the weighted sum of squares over that of least squares.
     told : ndarray of bool, shape (c,)
-        Parameters that the efforts tell; others have the values that bodies near the preferred ones have.
+        Parameters that the efforts determine. The others have the values of bodies near the preferred ones.
     free : bool
-        Whether least squares itself was consistent: `loss` is then 0 to rounding.
+        Whether least squares itself was consistent; `loss` is then 0 to rounding.
     held : ndarray of bool, shape (links,)
         Links whose pseudo-inertia is on the bound.
     at_bound : ndarray of bool, shape (c,)
-        Other parameters that are on theirs.
+        Other parameters that are on their bounds.
     """
 
     values: np.ndarray
@@ -100,7 +110,7 @@ class ConsistentFit:
     at_bound: np.ndarray
 
 
-def consistent_inertias(
+def solve_consistent_inertias(
     normal: np.ndarray,
     projected: np.ndarray,
     links: int,
@@ -110,7 +120,7 @@ def consistent_inertias(
     nearest: np.ndarray | None = None,
     weight: float | np.ndarray = 0.0,
 ) -> ConsistentFit:
-    """The consistent theta of least squares.
+    """Minimise the sum of squares over physically consistent parameters.
 
     Parameters
     ----------
@@ -118,29 +128,31 @@ def consistent_inertias(
         Y'WY; the first 10 `links` columns are those of `KinematicTree.regressor`.
     projected : ndarray, shape (c,)
         Y'W effort.
+    links : int
+        Number of links.
     lowest, highest : ndarray, shape (c,), optional
-        Bounds of what stands behind the links' numbers; left out, none.
+        Bounds of the parameters that follow those of the links; none by default.
     nearest : ndarray, shape (links, 10), optional
-        Bodies that are preferred among those that make the same effort; left out, the smallest are.
+        Preferred bodies among those with the same effort; the smallest by default.
     weight : float or ndarray, shape (links,)
-        Of each body's squared distance to `nearest` [1 / (kg m^2)^2], in Frobenius' norm of the scaled pseudo-inertia:
-        how much these are believed against the efforts.
+        Weight of each body's squared distance to `nearest` [1 / (kg m^2)^2], in the Frobenius norm of the scaled
+        pseudo-inertia.
     """
     normal, projected = np.asarray(normal, float), np.asarray(projected, float)
     c = len(projected)
     lowest = np.full(c, -np.inf) if lowest is None else np.asarray(lowest, float)
     highest = np.full(c, np.inf) if highest is None else np.asarray(highest, float)
-    start = np.zeros((links, BODY)) if nearest is None else np.asarray(nearest, float)
-    told = Quadratic.of(normal, projected)
+    start = np.zeros((links, BODY_PARAMETER_COUNT)) if nearest is None else np.asarray(nearest, float)
+    told = SplitObjective.of(normal, projected)
     problem = _Problem(links, (start @ triangle_matrix().T).ravel(), lowest, highest)
     found = None if np.any(np.asarray(weight) > 0.0) else problem.on_the_way(told)
     free = found is not None
     if found is None:
         found = problem.compromise(told, weight)
-    values = np.clip(_repaired(found, links), lowest, highest)
+    values = np.clip(_lift_onto_bound(found, links), lowest, highest)
     room = np.minimum(values - lowest, highest - values)
-    bodies = values[: links * BODY].reshape(links, BODY)
-    # What 1e-6 of the effort makes of a column alone is nothing.
+    bodies = values[: links * BODY_PARAMETER_COUNT].reshape(links, BODY_PARAMETER_COUNT)
+    # Parameters closer to a bound than 1e-6 of the effort count as on the bound.
     nothing = 1e-6 * np.sqrt((told.best @ told.best) / np.maximum(np.diag(normal), 1e-12 * np.max(np.diag(normal))))
     return ConsistentFit(
         values,
@@ -153,49 +165,56 @@ def consistent_inertias(
     )
 
 
-def _square(x: np.ndarray) -> float:
+def _squared_norm(x: np.ndarray) -> float:
+    """Return the squared norm of a vector."""
     return float(x @ x)
 
 
-def _repaired(values: np.ndarray, links: int) -> np.ndarray:
-    """What the solver left below the bound by its tolerance is lifted onto it."""
-    bodies = values[: links * BODY].reshape(links, BODY)
+def _lift_onto_bound(values: np.ndarray, links: int) -> np.ndarray:
+    """Lift pseudo-inertias onto the bound if the solver left them below it by its tolerance."""
+    bodies = values[: links * BODY_PARAMETER_COUNT].reshape(links, BODY_PARAMETER_COUNT)
     rounding = 1e-14 * np.linalg.norm(scaled_pseudo_inertia(bodies), axis=(1, 2))
     short = np.maximum(MIN_EIGENVALUE + rounding - least_eigenvalue(bodies), 0.0)
     lift = np.diag([1.0, 1.0, 1.0, SCALING_LENGTH_M**-2])
     lifted = bodies_from_pseudo_inertia(pseudo_inertia(bodies) + 1.01 * short[:, None, None] * lift)
-    return np.concatenate([np.where(short[:, None] > 0.0, lifted, bodies).ravel(), values[links * BODY :]])
+    return np.concatenate(
+        [np.where(short[:, None] > 0.0, lifted, bodies).ravel(), values[links * BODY_PARAMETER_COUNT :]]
+    )
 
 
 @dataclass(frozen=True)
 class _Problem:
-    """Bodies and bounds, and which bodies are preferred."""
+    """The conic problem: number of links, preferred bodies and bounds."""
 
     links: int
-    wanted: np.ndarray  # (10 links,) triangles
-    lowest: np.ndarray  # (c,)
-    highest: np.ndarray  # (c,)
+    wanted: np.ndarray  # triangles of the preferred bodies' pseudo-inertias, (10 links,)
+    lowest: np.ndarray  # lower bounds, (c,)
+    highest: np.ndarray  # upper bounds, (c,)
 
     def _pseudo(self, ways: np.ndarray) -> np.ndarray:
-        """Triangles of links, (10 links, k), of theta's columns (c, k)."""
-        blocks = ways[: self.links * BODY].reshape(self.links, BODY, -1)
-        return (triangle_matrix() @ blocks).reshape(self.links * BODY, -1)
+        """Return the triangles of the links' pseudo-inertias, (10 links, k), for columns of theta, (c, k)."""
+        blocks = ways[: self.links * BODY_PARAMETER_COUNT].reshape(self.links, BODY_PARAMETER_COUNT, -1)
+        return (triangle_matrix() @ blocks).reshape(self.links * BODY_PARAMETER_COUNT, -1)
 
-    def on_the_way(self, told: Quadratic) -> np.ndarray | None:
-        """Of least squares the consistent theta nearest to what is wanted; None where there is none."""
+    def on_the_way(self, told: SplitObjective) -> np.ndarray | None:
+        """Return the consistent least-squares solution nearest to the preferred bodies; None if there is none."""
         base = told.seen @ told.best
         near = self._pseudo(told.unseen)
         found = self._solve(told.unseen, base, near.T @ near, near.T @ (self._pseudo(base)[:, 0] - self.wanted))
         return None if found is None else base + told.unseen @ found
 
-    def compromise(self, told: Quadratic, weight: float | np.ndarray) -> np.ndarray:
-        """The consistent theta whose loss and weighted distance to what is wanted are least together."""
+    def compromise(self, told: SplitObjective, weight: float | np.ndarray) -> np.ndarray:
+        """Return the consistent theta that minimises the loss plus the weighted distance to the preferred bodies."""
         ways = np.hstack([told.seen, told.unseen])
         near, s = self._pseudo(ways), len(told.best)
         if not np.any(np.asarray(weight) > 0.0):
-            whole = _square(told.best)
-            weight = PULL * whole / max(_square(near[:, :s] @ told.best), _square(self.wanted))
-        each = np.repeat(np.broadcast_to(weight, self.links), BODY)
+            whole = _squared_norm(told.best)
+            weight = (
+                PREFERENCE_WEIGHT_SHARE
+                * whole
+                / max(_squared_norm(near[:, :s] @ told.best), _squared_norm(self.wanted))
+            )
+        each = np.repeat(np.broadcast_to(weight, self.links), BODY_PARAMETER_COUNT)
         hessian = (near * each[:, None]).T @ near
         hessian[np.arange(s), np.arange(s)] += 1.0
         slope = -near.T @ (each * self.wanted)
@@ -209,7 +228,7 @@ class _Problem:
         return ways @ found
 
     def _solve(self, ways: np.ndarray, base: np.ndarray, hessian: np.ndarray, slope: np.ndarray) -> np.ndarray | None:
-        """x with the least x'Hx / 2 + slope'x of consistent base + ways x; None where there is none."""
+        """Minimise x'Hx / 2 + slope'x subject to a consistent theta = base + ways x; None if there is none."""
         import clarabel
         from scipy import sparse
 
@@ -230,8 +249,8 @@ class _Problem:
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         settings.max_threads = 1
-        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = TOLERANCE
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = SOLVER_TOLERANCE
         size = np.abs(hessian).max(initial=1e-300)
         quadratic, constraints = sparse.csc_matrix(np.triu(hessian / size)), sparse.csc_matrix(a)
         solution = clarabel.DefaultSolver(quadratic, slope / size, constraints, b, cones, settings).solve()
-        return np.array(solution.x) if str(solution.status) in SOLVED else None
+        return np.array(solution.x) if str(solution.status) in SOLVED_STATUSES else None

@@ -1,18 +1,18 @@
-r"""Models dissociated by the directions of motion, as the ABLE paper's eq. 7 counts them, beside one body.
+r"""Direction-dependent models, as counted by the ABLE paper's eq. 7, compared with one rigid-body model.
 
-Every joint has a set of parameters, its row of base parameters with an offset and viscous friction, for each
-combination of the signs of velocities: its own, and those of the joints that it is coupled to. With p parameters of a
-joint, both its own directions among them, n joints have
+Every joint has one set of parameters for each combination of the signs of velocities: its own, and those of the joints
+to which it is coupled. A set consists of the joint's row of base parameters, an offset and viscous friction. With p
+parameters of a joint, both its own directions among them, n joints have
 
 .. math::
    N = p\sum_{i=0}^{n-1} 2^i = p\,(2^n - 1) \quad\text{(printed)}, \qquad N = n\,p\,2^{n-1} \quad\text{(errata, A15)}
 
-The printed sum couples a joint to those on one side of it, here to those that it carries; the second to all others. A
-sample belongs to the set of the signs of its velocities, 0 counting as forwards. A set that no fitted sample belongs to
-has no parameters; where a judged motion visits it, the joint's sets of its own directions alone stand in.
+The printed sum couples a joint to those on one side of it, here to those that it carries. The second couples it to all
+others. A sample belongs to the set of the signs of its velocities; 0 counts as forwards. A set without fitted samples
+has no parameters. If a test motion visits it, the joint's sets by its own direction alone replace it.
 
-A body loses energy along every closed path. Sets know nothing of each other: going around a path the model may give out
-more than it takes, and a controller that compensates it then drives the wearer. `energy` counts how often.
+A physical joint loses energy along every closed path. Independent sets need not: along a closed path such a model may
+create energy, and a controller that compensates it then drives the wearer. `DirectionalRow.creates` counts how often.
 """
 
 from __future__ import annotations
@@ -26,54 +26,67 @@ from ...models.robot import Robot
 from ...signals.tree_motion import TreeMotion
 from .base_parameters import rigid_columns
 from .fit_tree import fit_tree
-from .friction_terms import PLAIN, plain_families
-from .tree_regression import TreeModel, TreeRows, linearised, normal_equations, told, tree_rows
+from .friction_terms import PLAIN_TERMS, plain_families
+from .tree_regression import (
+    TreeModel,
+    TreeRows,
+    collect_rows,
+    determined_parameters,
+    linearise_rows,
+    sum_normal_equations,
+)
 
-COUPLINGS = ("own", "one side", "all")
-"""Whose directions a joint's parameters change with, beside its own: nobody's, those it carries, everybody's."""
+DIRECTION_COUPLINGS = ("own", "one side", "all")
+"""Couplings of a joint's parameters to directions: its own alone, also those of joints it carries, or of all joints."""
 
-FEWEST_ROWS = 2  # for each parameter of a set: fewer are not fitted
-CYCLES, STEPS = 200, 240  # closed paths, and samples of each
-SEED = 7
+MIN_ROWS_PER_PARAMETER = 2
+"""Smallest number of rows per parameter for which a set is fitted."""
+
+CLOSED_PATH_COUNT = 200
+"""Number of closed paths along which energy is measured."""
+
+SAMPLES_PER_PATH = 240
+"""Number of samples in each closed path."""
+
+PATH_SEED = 7
+"""Random seed of the closed paths."""
 
 Effort = Callable[[TreeMotion], np.ndarray]
+"""A function from a motion to the effort at the joints, (n, m)."""
 
 
 @dataclass(frozen=True, eq=False)
 class DirectionalModel:
-    """Parameters of each joint's row by the signs of velocities: `sets[j]` from a pattern of +1 and -1 of the joints
-    `seen[j]`, its own first, to values (r + 2,); `conditions` of their columns."""
+    """Parameters of each joint's row by the signs of velocities."""
 
     robot: Robot
-    chosen: np.ndarray  # (r,) of all numbers of the robot, its base parameters
-    coupling: str
-    seen: tuple[tuple[int, ...], ...]
-    sets: tuple[dict[tuple[int, ...], np.ndarray], ...]
-    own: tuple[dict[tuple[int, ...], np.ndarray], ...]
-    conditions: tuple[float, ...]
-    per_direction: tuple[int, ...]
-    """Of each joint: parameters of one set."""
-    fitted: int
-    """Parameters that the rows tell, of all sets."""
+    chosen: np.ndarray  # indices of the base parameters among all inertial parameters, (r,)
+    coupling: str  # one of `DIRECTION_COUPLINGS`
+    seen: tuple[tuple[int, ...], ...]  # for each joint, the joints whose directions select its set, its own first
+    sets: tuple[dict[tuple[int, ...], np.ndarray], ...]  # for each joint, values (r + 2,) by the signs of these joints
+    own: tuple[dict[tuple[int, ...], np.ndarray], ...]  # the same by the sign of its own velocity alone
+    conditions: tuple[float, ...]  # condition number of each fitted set
+    per_direction: tuple[int, ...]  # number of parameters of one set of each joint
+    fitted: int  # number of parameters in all sets that the rows determine
 
     @property
     def possible(self) -> int:
-        """Sets of all joints."""
+        """Number of sets of all joints."""
         return sum(2 ** len(joints) for joints in self.seen)
 
     @property
     def parameters(self) -> int:
-        """That all sets would have."""
+        """Number of parameters in all sets, visited or not."""
         return sum(p * 2 ** len(joints) for p, joints in zip(self.per_direction, self.seen, strict=True))
 
     @property
     def visited(self) -> int:
-        """Sets that the fitted motions visit often enough."""
+        """Number of sets that the fitted motions visit often enough."""
         return sum(map(len, self.sets))
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Sets that they do not: "elbow: elbow +, shoulder -"."""
+        """Sets that the fitted motions do not visit often enough: "elbow: elbow +, shoulder -"."""
         said = []
         for joints, known in zip(self.seen, self.sets, strict=True):
             for code in range(2 ** len(joints)):
@@ -85,11 +98,11 @@ class DirectionalModel:
         return tuple(said)
 
     def effort(self, motion: TreeMotion) -> np.ndarray:
-        """Predicted at the joints, shape (n, m) [N m; N]."""
-        columns = _columns(self.robot, self.chosen, motion)
+        """Predict the effort at the joints, shape (n, m) [N m; N]."""
+        columns = _row_columns(self.robot, self.chosen, motion)
         made = np.zeros_like(motion.velocity)
         for j, joints in enumerate(self.seen):
-            for signs, mine in _patterns(motion.velocity[:, joints]):
+            for signs, mine in _sign_patterns(motion.velocity[:, joints]):
                 values = self.sets[j].get(signs)
                 values = self.own[j].get(signs[:1]) if values is None else values
                 if values is not None:
@@ -97,15 +110,15 @@ class DirectionalModel:
         return made
 
 
-def _columns(robot: Robot, chosen: np.ndarray, motion: TreeMotion) -> np.ndarray:
-    """Of every joint's row, (n, m, r + 2): base parameters, its velocity, 1."""
+def _row_columns(robot: Robot, chosen: np.ndarray, motion: TreeMotion) -> np.ndarray:
+    """Return the columns of every joint's row, (n, m, r + 2): base parameters, its velocity, and 1."""
     v = motion.velocity
     rigid = rigid_columns(robot, motion.position, v, motion.acceleration)[:, :, chosen]
     return np.concatenate([rigid, v[:, :, None], np.ones((*v.shape, 1))], axis=2)
 
 
-def _patterns(velocity: np.ndarray) -> list[tuple[tuple[int, ...], np.ndarray]]:
-    """Signs that occur and the rows, (k,), in which they do; `velocity` (n, joints)."""
+def _sign_patterns(velocity: np.ndarray) -> list[tuple[tuple[int, ...], np.ndarray]]:
+    """Return the sign patterns of `velocity`, (n, joints), that occur, each with the indices of its rows, (k,)."""
     code = (velocity >= 0.0) @ (1 << np.arange(velocity.shape[1]))
     found = []
     for c in np.unique(code):
@@ -114,8 +127,8 @@ def _patterns(velocity: np.ndarray) -> list[tuple[tuple[int, ...], np.ndarray]]:
     return found
 
 
-def _coupled(robot: Robot, j: int, coupling: str) -> tuple[int, ...]:
-    """Whose directions joint j's parameters change with, its own first."""
+def _coupled_joints(robot: Robot, j: int, coupling: str) -> tuple[int, ...]:
+    """Return the joints whose directions select the parameters of joint j, itself first."""
     if coupling == "own":
         return (j,)
     if coupling == "all":
@@ -130,38 +143,38 @@ def _coupled(robot: Robot, j: int, coupling: str) -> tuple[int, ...]:
 
 
 def fit_directional(rows: TreeRows, coupling: str = "all") -> DirectionalModel:
-    """Least squares of every set of every joint; `coupling` one of `COUPLINGS`."""
+    """Fit every set of every joint by least squares; `coupling` is one of `DIRECTION_COUPLINGS`."""
     robot = rows.robot
     columns = np.concatenate([rows.rigid, rows.velocity[:, :, None], np.ones((*rows.velocity.shape, 1))], axis=2)
-    seen = tuple(_coupled(robot, j, coupling) for j in range(len(robot.names)))
+    seen = tuple(_coupled_joints(robot, j, coupling) for j in range(len(robot.names)))
     sets, own, conditions, sizes, fitted = [], [], [], [], 0
     for j, joints in enumerate(seen):
         lines = rows.lines[j]
         x, y, v = columns[lines, j], rows.effort[lines, j], rows.velocity[lines]
-        # What is one column for this joint whatever moves is one parameter, in every set.
-        kept = np.flatnonzero(told(x.T @ x))
+        # Columns that are dependent for this joint in all motions are one parameter in every set.
+        kept = np.flatnonzero(determined_parameters(x.T @ x))
         sizes.append(len(kept))
         mine = {}
-        for signs, at in _patterns(v[:, joints]):
-            if len(at) >= FEWEST_ROWS * len(kept):
-                mine[signs], condition, rank = _solved(x[at], y[at], kept)
+        for signs, at in _sign_patterns(v[:, joints]):
+            if len(at) >= MIN_ROWS_PER_PARAMETER * len(kept):
+                mine[signs], condition, rank = _solve_set(x[at], y[at], kept)
                 conditions.append(condition)
                 fitted += rank
         sets.append(mine)
         alone = {}
-        for signs, at in _patterns(v[:, [j]]):
-            alone[signs] = _solved(x[at], y[at], kept)[0]
+        for signs, at in _sign_patterns(v[:, [j]]):
+            alone[signs] = _solve_set(x[at], y[at], kept)[0]
         own.append(alone)
     return DirectionalModel(
         robot, rows.base.chosen, coupling, seen, tuple(sets), tuple(own), tuple(conditions), tuple(sizes), fitted
     )
 
 
-def _solved(x: np.ndarray, y: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray, float, int]:
-    """Values (r + 2,), condition of the columns that are `kept` at unit length, and how many are told."""
+def _solve_set(x: np.ndarray, y: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray, float, int]:
+    """Return values, (r + 2,), the condition number of the scaled columns `kept`, and the number determined."""
     gram = x[:, kept].T @ x[:, kept]
     size = np.sqrt(np.diag(gram))
-    known = told(gram)
+    known = determined_parameters(gram)
     spread = np.linalg.eigvalsh(gram / np.outer(np.where(size > 0, size, 1.0), np.where(size > 0, size, 1.0)))
     condition = float(np.sqrt(spread[-1] / spread[0])) if spread[0] > 1e-14 * spread[-1] else float("inf")
     values, at = np.zeros(x.shape[1]), kept[known]
@@ -171,27 +184,24 @@ def _solved(x: np.ndarray, y: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray,
 
 @dataclass(frozen=True)
 class DirectionalRow:
-    """One model of n joints: `parameters` that it has and how many of them motions tell, sets and how many are
-    visited, `error` (m,) of a motion that it was not fitted to [% of each joint's effort], condition, and energy."""
+    """One model in the comparison of direction-dependent models."""
 
-    joints: int
-    model: str
-    parameters: int
-    fitted: int
-    sets: int
-    visited: int
-    error: tuple[float, ...]
-    condition: float  # Median over sets
-    worst_condition: float
-    creates: float
-    """Share of closed paths along which the model gives energy out [%]."""
-    least: float
-    """Energy that it takes along the worst path, over what one body loses there."""
-    missing: tuple[str, ...] = field(default=(), repr=False)
+    joints: int  # number of joints, m
+    model: str  # name of the model
+    parameters: int  # number of parameters in all sets
+    fitted: int  # number of parameters that the motions determine
+    sets: int  # number of sets
+    visited: int  # number of sets with enough fitted samples
+    error: tuple[float, ...]  # error on test motions, (m,) [% of each joint's RMS effort]
+    condition: float  # median condition number over sets
+    worst_condition: float  # largest condition number of any set
+    creates: float  # share of closed paths along which the model creates energy [%]
+    least: float  # energy lost along the worst path, divided by the loss of the rigid-body model there
+    missing: tuple[str, ...] = field(default=(), repr=False)  # sets without enough fitted samples
 
     @property
     def mean(self) -> float:
-        """Of the errors [%]."""
+        """Mean error over joints [%]."""
         return float(np.mean(self.error))
 
 
@@ -203,23 +213,28 @@ def compare_directional(
     width: float = 0.0,
     families: Sequence[Sequence[str]] | None = None,
 ) -> tuple[DirectionalRow, ...]:
-    """One body with load friction (or other `families`), one body with plain friction, and directional sets by own
-    directions, as printed and as the errata have it, all fitted to the same rows and judged on the same others."""
-    rows = tree_rows(robot, fitted, width=width)
+    """Compare rigid-body models with direction-dependent ones, fitted to the same rows and tested on the same others.
+
+    The first has load friction (or other `families`), the second plain friction. The others have sets by each joint's
+    own direction, as printed in the paper, and as in its errata.
+    """
+    rows = collect_rows(robot, fitted, width=width)
     n = len(robot.names)
-    load = tuple((*PLAIN, "load") for _ in range(n)) if families is None else families
+    load = tuple((*PLAIN_TERMS, "load") for _ in range(n)) if families is None else families
     body = fit_tree(robot, fitted, load, name="load", width=width)
     plain = fit_tree(robot, fitted, None, name="plain", width=width)
-    paths = closed_paths(rows)
-    lost = _taken(body.effort, paths)
+    paths = draw_closed_paths(rows)
+    lost = _dissipated_energy(body.effort, paths)
     made = [
-        _row(name, robot, judged, paths, lost, each.effort, (len(each.array),) * 2, (1, 1), (_condition(rows),))
+        _evaluate(
+            name, robot, judged, paths, lost, each.effort, (len(each.array),) * 2, (1, 1), (_condition_number(rows),)
+        )
         for name, each in (("one body, load friction", body), ("one body, plain friction", plain))
     ]
-    for coupling in COUPLINGS if n > 1 else COUPLINGS[:1]:
+    for coupling in DIRECTION_COUPLINGS if n > 1 else DIRECTION_COUPLINGS[:1]:
         sets = fit_directional(rows, coupling)
         made.append(
-            _row(
+            _evaluate(
                 f"sets, {coupling}",
                 robot,
                 judged,
@@ -235,7 +250,7 @@ def compare_directional(
     return tuple(made)
 
 
-def _row(
+def _evaluate(
     name: str,
     robot: Robot,
     judged: Sequence[TreeMotion],
@@ -247,8 +262,8 @@ def _row(
     conditions: Sequence[float],
     missing: tuple[str, ...] = (),
 ) -> DirectionalRow:
-    """What is to be said of one model's `effort`; one body loses `lost` (paths,) along `paths`."""
-    taken = _taken(effort, paths)
+    """Evaluate one model's `effort`; the rigid-body model loses energy `lost`, (paths,) [J], along `paths`."""
+    taken = _dissipated_energy(effort, paths)
     return DirectionalRow(
         len(robot.names),
         name,
@@ -264,30 +279,30 @@ def _row(
 
 
 def _errors(effort: Effort, judged: Sequence[TreeMotion]) -> tuple[float, ...]:
-    """RMS error of each joint over its RMS effort, where it moves [%]."""
+    """Return the RMS error of each joint divided by its RMS effort, over the samples in which it moves [%]."""
     apart = np.concatenate([np.where(x.moving, x.effort - effort(x), 0.0) for x in judged])
     whole = np.concatenate([np.where(x.moving, x.effort, 0.0) for x in judged])
     return tuple((100.0 * np.linalg.norm(apart, axis=0) / np.linalg.norm(whole, axis=0)).tolist())
 
 
-def _condition(rows: TreeRows) -> float:
-    """Of one body's columns at unit length, joints weighing alike."""
+def _condition_number(rows: TreeRows) -> float:
+    """Return the condition number of the rigid-body model's scaled columns, with equal weights of joints."""
     model = TreeModel(rows.robot, rows.base, plain_families(len(rows.robot.names), rows.robot.shared))
-    grams = normal_equations(linearised(model, rows), apart=False).total().gram[0]
+    grams = sum_normal_equations(linearise_rows(model, rows), apart=False).total().gram[0]
     gram = np.tensordot(1.0 / np.maximum(rows.size, 1e-12) ** 2, grams, 1)
-    known = told(gram)
+    known = determined_parameters(gram)
     size = np.sqrt(np.diag(gram)[known])
     spread = np.linalg.eigvalsh(gram[np.ix_(known, known)] / np.outer(size, size))
     return float(np.sqrt(spread[-1] / spread[0]))
 
 
-def closed_paths(rows: TreeRows, count: int = CYCLES, seed: int = SEED) -> tuple[TreeMotion, ...]:
-    """Ellipses through all joints within what the rows cover of places and speeds: all joints at one period."""
+def draw_closed_paths(rows: TreeRows, count: int = CLOSED_PATH_COUNT, seed: int = PATH_SEED) -> tuple[TreeMotion, ...]:
+    """Return random ellipses within the positions and speeds of the rows, with one period for all joints."""
     rng, n = np.random.default_rng(seed), rows.velocity.shape[1]
     some = rows.used.any(axis=1)
     low, high = np.quantile(rows.position[some], [0.05, 0.95], axis=0)
     fast = np.maximum(np.quantile(np.abs(rows.velocity[some]), 0.9, axis=0), 1e-9)
-    phase = 2.0 * np.pi * np.arange(STEPS) / STEPS
+    phase = 2.0 * np.pi * np.arange(SAMPLES_PER_PATH) / SAMPLES_PER_PATH
     made = []
     for _ in range(count):
         size = 0.5 * (high - low) * rng.uniform(0.1, 1.0, n)
@@ -298,10 +313,10 @@ def closed_paths(rows: TreeRows, count: int = CYCLES, seed: int = SEED) -> tuple
         q, v = centre + size * np.sin(way), omega * size * np.cos(way)
         a = -(omega**2) * size * np.sin(way)
         nothing, every = np.zeros_like(q), np.ones(q.shape, bool)
-        made.append(TreeMotion("path", "validate", t, q, v, a, nothing, every, np.zeros(STEPS, int)))
+        made.append(TreeMotion("path", "validate", t, q, v, a, nothing, every, np.zeros(SAMPLES_PER_PATH, int)))
     return tuple(made)
 
 
-def _taken(effort: Effort, paths: Sequence[TreeMotion]) -> np.ndarray:
-    """Energy that each closed path takes by a model's effort, (paths,) [J]; below 0 it gives some out."""
+def _dissipated_energy(effort: Effort, paths: Sequence[TreeMotion]) -> np.ndarray:
+    """Return the energy that a model's effort dissipates along each closed path, (paths,) [J]; negative if created."""
     return np.array([np.sum(effort(x) * x.velocity) * (x.time[1] - x.time[0]) for x in paths])

@@ -1,17 +1,18 @@
-r"""Gains of drives, effort for each ampere or volt: from a known payload, or from what a controller says of its torque.
+r"""Estimate drive gains (effort per ampere or volt) from a known payload, or from a controller's reported torque.
 
-**From a payload.** With y what robot and load need at the motors, friction with it, and i what a drive reports,
+**From a payload.** The motors' effort includes friction, and i is the drive's reported current or voltage:
 
 .. math::
    i_j = \gamma_j\,(Y x + Y_l\varphi + m\,Y_m)_j + e_j,\qquad k_j = 1/\gamma_j
 
-where the load's mass m is known and its other nine numbers are not. Noise is in i: with i among the regressors, and
-residuals in N m, small gains make small residuals, and gains come out low. Here residuals are in ampere, each drive
-weighing as its own residual, and the problem, linear in all but gamma, is solved for both together by Gauss and Newton.
+where the load's mass m is known and its other nine inertial parameters are not. The noise is in i. With i among the
+regressors and residuals in N m, small gains would make small residuals, and gains would be biased low. The residuals
+are therefore in ampere, each drive is weighted by its own residual, and gamma and the other parameters are solved
+together by Gauss-Newton steps.
 
-**From a controller.** A controller that reports the torque of its own rigid-body model beside the current it asks for
-says its gain: the current regressed on torque, v, sign(v) and 1, friction being what the torque leaves out. It needs no
-load, and is as right as the controller's own model.
+**From a controller.** Some controllers report the torque of their own rigid-body model and the current they demand. The
+gain follows from a regression of the current on torque, v, sign(v) and 1; the last three represent friction, which the
+torque lacks. No load is needed, but the gain is only as accurate as the controller's model.
 
 Intervals are the jackknife's over segments.
 """
@@ -28,19 +29,28 @@ from ...models.robot import Robot
 from ...signals.tree_motion import TreeMotion
 from ..parameter import Parameter
 from ..uncertainty import student_to_normal_ratio
-from .carried_load import LoadedRows, loaded_rows
-from .friction_terms import direction, plain_families
-from .tree_regression import TreeModel, fit_rows, linearised, loads_of, told
+from .carried_load import LoadedRows, collect_loaded_rows
+from .friction_terms import plain_families, smooth_sign
+from .tree_regression import TreeModel, compute_loads, determined_parameters, fit_rows, linearise_rows
 
-STEPS = 30  # of Gauss and Newton
-SETTLED = 1e-9  # relative change of a gain
-WEIGHED = 6  # steps after which weights stay
-PARTS_OF_LOAD = 3  # rounds of what load terms take
+MAX_STEPS = 30
+"""Largest number of Gauss-Newton steps."""
+
+GAIN_CHANGE_TOLERANCE = 1e-9
+"""Steps stop when no gain changes by this relative amount."""
+
+WEIGHTED_STEPS = 6
+"""Number of steps after which the weights of drives stay fixed."""
+
+LOAD_ROUND_COUNT = 3
+"""Number of relinearisations of load-dependent friction."""
 
 
 def gains_from_desired(robot: Robot, motions: Sequence[TreeMotion], *, width: float = 0.0) -> tuple[Parameter, ...]:
-    """Of each motor, from the controller's `desired` effort and `desired_drive`; `width` of the smooth sign of friction
-    [rad/s; m/s]."""
+    """Estimate the gain of each motor from the controller's `desired` effort and `desired_drive`.
+
+    `width` is that of the smooth sign of friction [rad/s; m/s].
+    """
     lacking = [x.recording for x in motions if x.desired is None or x.desired_drive is None]
     if lacking or not motions:
         where = lacking[0] if lacking else "no recording"
@@ -55,25 +65,28 @@ def gains_from_desired(robot: Robot, motions: Sequence[TreeMotion], *, width: fl
         wanted, speed = motion.desired @ back, motion.velocity @ turns.T
         for i in range(len(robot.names)):
             v = speed[:, i]
-            z = np.column_stack([wanted[:, i], v, direction(v, width), np.ones_like(v), motion.desired_drive[:, i]])
+            z = np.column_stack([wanted[:, i], v, smooth_sign(v, width), np.ones_like(v), motion.desired_drive[:, i]])
             for s in range(int(motion.segment.max(initial=-1)) + 1):
                 mine = z[motion.moving[:, i] & (motion.segment == s)]
                 sums[i].append(mine.T @ mine)
     found = []
     for i, each in enumerate(sums):
         whole = np.sum(each, axis=0)
-        if len(each) < 2 or not _slope(whole) > 0.0:
+        if len(each) < 2 or not _partial_slope(whole) > 0.0:
             raise IdentificationError(
                 f"motor of {robot.names[i]}: its desired current does not rise with its desired torque; check the "
                 "signs of both channels, and that the joint moves"
             )
-        left = 1.0 / np.array([_slope(whole - part) for part in each])
-        found.append(_gain(robot, motions[0], i, 1.0 / _slope(whole), _jackknife(left)))
+        left = 1.0 / np.array([_partial_slope(whole - part) for part in each])
+        found.append(_gain_parameter(robot, motions[0], i, 1.0 / _partial_slope(whole), _jackknife_error(left)))
     return tuple(found)
 
 
-def _slope(gram: np.ndarray) -> float:
-    """Of the last column on the first, the others beside it; 0 where it cannot be told."""
+def _partial_slope(gram: np.ndarray) -> float:
+    """Return the regression coefficient of the last column on the first, with the others as covariates.
+
+    Returns 0 if the normal equations `gram` do not determine it.
+    """
     size = np.sqrt(np.maximum(np.diag(gram), 0.0))
     kept = np.flatnonzero(size[:-1] > 0.0)
     if not size[0] > 0.0:
@@ -84,14 +97,15 @@ def _slope(gram: np.ndarray) -> float:
     return float(np.linalg.solve(unit, gram[kept, -1] / size[kept])[0] / size[0])
 
 
-def _jackknife(left: np.ndarray) -> float:
-    """Standard error of what came out as `left`, (s,), without each segment."""
+def _jackknife_error(left: np.ndarray) -> float:
+    """Return the jackknife's standard error from estimates `left`, (s,), each without one segment."""
     n = len(left)
     error = np.sqrt((n - 1) / n * np.sum((left - left.mean()) ** 2))
     return float(error * (student_to_normal_ratio(n - 1.0) if n > 2 else 6.5))
 
 
-def _gain(robot: Robot, motion: TreeMotion, i: int, value: float, error: float) -> Parameter:
+def _gain_parameter(robot: Robot, motion: TreeMotion, i: int, value: float, error: float) -> Parameter:
+    """Return the gain of motor i as a parameter."""
     unit = robot.units[i][1]
     drive = motion.drive_units[i] if motion.drive_units else "A"
     shown = value > 1.959964 * error
@@ -100,31 +114,36 @@ def _gain(robot: Robot, motion: TreeMotion, i: int, value: float, error: float) 
 
 @dataclass(frozen=True, eq=False)
 class _DriveSums:
-    """Of each segment and motor, Z'Z with Z = [columns of all parameters, their known part, what the drive reports]:
-    `gram` (S, m, p + 2, p + 2), from `count` (S, m) rows. The known part counts against the columns."""
+    """Sums Z'Z for each segment and motor, with Z = [columns of all parameters, known part, reported drive].
 
-    gram: np.ndarray
-    count: np.ndarray
+    The known part is subtracted from the columns.
+    """
+
+    gram: np.ndarray  # Z'Z, (S, m, p + 2, p + 2)
+    count: np.ndarray  # number of rows, (S, m)
 
     def without(self, segment: int) -> _DriveSums:
-        """All rows but those of a segment."""
+        """Return the sums over all rows but those of a segment."""
         return _DriveSums(
             self.gram.sum(axis=0, keepdims=True) - self.gram[segment : segment + 1],
             self.count.sum(axis=0, keepdims=True) - self.count[segment : segment + 1],
         )
 
     def solved(self, gamma: np.ndarray, x: np.ndarray, fixed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """1 / gains (m,) and parameters (p,), from a start; those `fixed` (p,) bool stay."""
+        """Solve for inverse gains, (m,), and parameters, (p,), from the start `gamma` and `x`.
+
+        Parameters in the mask `fixed`, (p,), stay.
+        """
         gram, count = self.gram.sum(axis=0), self.count.sum(axis=0)
         m, p = len(gamma), len(x)
         free = np.flatnonzero(~fixed)
         weight = None
-        for step in range(STEPS):
-            model = np.append(x, -1.0)  # columns x less the known part
+        for step in range(MAX_STEPS):
+            model = np.append(x, -1.0)  # coefficients of the columns and of the known part
             made = gram[:, :-1, :-1] @ model  # (m, p + 1): Z'a
             power = made @ model  # a'a
             met = gram[:, :-1, -1]  # Z'i
-            if step < WEIGHED:
+            if step < WEIGHTED_STEPS:
                 square = gram[:, -1, -1] - 2.0 * gamma * (met @ model) + gamma**2 * power
                 weight = count / np.maximum(square, 1e-12 * gram[:, -1, -1])
             left = met - gamma[:, None] * made  # Z'r
@@ -137,7 +156,7 @@ class _DriveSums:
             slope[p:] = weight * (left @ model)
             kept = np.append(free, p + np.arange(m))
             inner = hessian[np.ix_(kept, kept)]
-            seen = told(inner)
+            seen = determined_parameters(inner)
             size = np.sqrt(np.diag(inner)[seen])
             move = np.zeros(len(kept))
             unit = inner[np.ix_(seen, seen)] / np.outer(size, size)
@@ -147,7 +166,7 @@ class _DriveSums:
             share = min(1.0, 0.5 / max(np.max(np.abs(change / gamma)), 1e-300))
             x[free] += share * move[: len(free)]
             gamma = gamma + share * change
-            if share == 1.0 and step >= WEIGHED and np.max(np.abs(change / gamma)) < SETTLED:
+            if share == 1.0 and step >= WEIGHTED_STEPS and np.max(np.abs(change / gamma)) < GAIN_CHANGE_TOLERANCE:
                 break
         return gamma, x
 
@@ -162,13 +181,16 @@ def gains_from_payload(
     width: float = 0.0,
     link: str | None = None,
 ) -> tuple[Parameter, ...]:
-    """Of each motor, from recordings without load and with each of several whose `masses` are known [kg]; `families` of
-    friction of each joint, plain ones if not given; the `link` that carries them, the last if not given."""
+    """Estimate the gain of each motor from recordings without load and with loads of known `masses` [kg].
+
+    `families` are the friction terms of each joint, plain ones by default. `link` carries the loads; the last by
+    default.
+    """
     if len(masses) != len(loaded) or not all(mass > 0.0 for mass in masses):
         raise IdentificationError(
             f"found masses {list(masses)}, expected one above 0 kg for each of {len(loaded)} payloads"
         )
-    carried = loaded_rows(robot, empty, loaded, width=width, link=link)
+    carried = collect_loaded_rows(robot, empty, loaded, width=width, link=link)
     rows = carried.rows
     drive = np.concatenate([x.drive for x in (*empty, *(y for each in loaded for y in each))])
     plain = plain_families(len(robot.names), robot.shared)
@@ -176,16 +198,16 @@ def gains_from_payload(
     fixed = np.zeros(len(model.names), bool)
     known = [carried.numbers(k)[0] for k in range(carried.loads)]
     fixed[known] = True
-    # Least squares with any gains is a start; its scale is set by the masses.
+    # Least squares with the recorded gains is the start; the known masses correct its scale.
     start, _ = fit_rows(model, rows)
     found = start.values[known]
     scale = float(np.median(np.asarray(masses) / np.where(found > 0.0, found, np.nan)))
     scale = scale if np.isfinite(scale) else 1.0
     gains = np.array(empty[0].gain if empty[0].gain is not None else np.ones(len(robot.names))) * scale
-    x = start.values * np.where(_is_effort(model), scale, 1.0)
+    x = start.values * np.where(_scales_with_effort(model), scale, 1.0)
     x[known] = masses
     gamma = 1.0 / gains
-    for _ in range(PARTS_OF_LOAD if model.loads else 1):
+    for _ in range(LOAD_ROUND_COUNT if model.loads else 1):
         sums = _drive_sums(model, carried, x, drive)
         gamma, x = sums.solved(gamma, x.copy(), fixed)
     if not np.all(gamma > 0.0):
@@ -194,24 +216,26 @@ def gains_from_payload(
             f"motor of {robot.names[i]}: the payload asks for a gain below 0; check the sign of its drive and the mass"
         )
     left = np.array([1.0 / sums.without(s).solved(gamma, x.copy(), fixed)[0] for s in range(len(sums.count))])
-    return tuple(_gain(robot, empty[0], i, 1.0 / gamma[i], _jackknife(left[:, i])) for i in range(len(gamma)))
+    return tuple(
+        _gain_parameter(robot, empty[0], i, 1.0 / gamma[i], _jackknife_error(left[:, i])) for i in range(len(gamma))
+    )
 
 
-def _is_effort(model: TreeModel) -> np.ndarray:
-    """Which parameters grow with the scale of efforts: all but load coefficients, (p,)."""
+def _scales_with_effort(model: TreeModel) -> np.ndarray:
+    """Return a mask of the parameters that scale with the efforts: all but load coefficients, (p,)."""
     scales = np.ones(len(model.names), bool)
     scales[list(model.loads.values())] = False
     return scales
 
 
 def _drive_sums(model: TreeModel, carried: LoadedRows, x: np.ndarray, drive: np.ndarray) -> _DriveSums:
-    """Sums of the model linearised at `x`, in motors' rows."""
+    """Compute the sums of the model linearised at `x`, (p,), in the motors' rows."""
     rows = carried.rows
     n, m = rows.velocity.shape
     p, turns = len(model.names), np.asarray(rows.robot.turns)
-    load = loads_of(rows, model, x) if model.loads else None
-    at = linearised(model, replace(rows, effort=np.zeros((n, m))), load, model.alpha(x) if model.loads else None)
-    back = np.linalg.inv(turns).T  # Efforts of motors = back @ efforts of joints
+    load = compute_loads(rows, model, x) if model.loads else None
+    at = linearise_rows(model, replace(rows, effort=np.zeros((n, m))), load, model.alpha(x) if model.loads else None)
+    back = np.linalg.inv(turns).T  # matrix from efforts of joints to efforts of motors
     gram, count = np.zeros((rows.segments, m, p + 2, p + 2)), np.zeros((rows.segments, m))
     for i in range(m):
         joints = np.flatnonzero(np.abs(back[i]) > 1e-12)

@@ -1,4 +1,4 @@
-"""A robot of several joints, identified from arrays."""
+"""Identify a robot of several joints from arrays."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ...signals.motion import Filtering
 from ...signals.tree_motion import TreeMotion, tree_motion_of
 from .identify_tree import identify_tree
 from .tree_estimate import TreeEstimate
-from .tree_families import RICHER, RICHER_SHARED
+from .tree_families import FURTHER_MOTOR_TERMS, FURTHER_TERMS
 
 SETTLING_PERIODS = 2.0
 """Samples within this many periods of the low-pass's cut-off are dropped at either border by default."""
@@ -49,9 +49,9 @@ def fit_robot(
     order : int
         Order of one pass of the filter.
     decimate : int
-        One sample in so many is kept after filtering.
+        Decimation factor after filtering.
     dead_band : float or sequence of float
-        Slower samples are excluded, for all joints or each [rad/s or m/s].
+        Speed below which samples are excluded, for all joints or each [rad/s or m/s].
     trim : int, optional
         Samples dropped at either border; two periods of `lowpass` by default.
     velocity_width : float
@@ -86,12 +86,13 @@ def fit_robot(
         _motion(whole, each, f"recording {i + 1}", lowpass, order, decimate, dead_band, trim)
         for i, each in enumerate(recordings)
     ]
-    terms = () if plain else RICHER + RICHER_SHARED
+    terms = () if plain else FURTHER_TERMS + FURTHER_MOTOR_TERMS
     found = identify_tree(whole, motions, width=velocity_width, leave_out=False, terms=terms, ripple=False)
     return found.base if plain else found.best
 
 
 def _motion(robot: Robot, arrays, name: str, lowpass, order, decimate, dead_band, trim) -> TreeMotion:
+    """Check the arrays of one recording and turn them into a filtered motion."""
     missing = [key for key in ("time", "position", "effort") if key not in arrays]
     if missing:
         raise RecordingError(

@@ -1,4 +1,4 @@
-"""A robot identified: one model, one estimator, and everything that is to be said of its numbers."""
+"""Fit one model of a robot by weighted least squares, with intervals for its parameters."""
 
 from __future__ import annotations
 
@@ -11,13 +11,16 @@ from ...models.robot import Robot
 from ...signals.tree_motion import TreeMotion
 from ..parameter import Parameter
 from ..regression import make_parameters
-from .friction_terms import SPEED, plain_families
+from .friction_terms import STRIBECK_VELOCITY_NAME, plain_families
 from .tree_estimate import TreeEstimate
-from .tree_regression import Linearised, TreeModel, TreeRows, TreeSolution, fit_rows, tree_rows
-from .tree_uncertainty import TreeUncertainty, tree_uncertainty
+from .tree_regression import LinearisedModel, TreeModel, TreeRows, TreeSolution, collect_rows, fit_rows
+from .tree_uncertainty import TreeUncertainty, estimate_uncertainty
 
-UNSEEN = "nothing in these recordings tells it from the others"
-SEARCHED = "searched on a grid, not fitted"
+UNDETERMINED_REASON = "nothing in these recordings tells it from the others"
+"""Reason for refusing the interval of a parameter that the recordings do not determine."""
+
+GRID_SEARCH_REASON = "searched on a grid, not fitted"
+"""Reason for refusing the interval of a Stribeck velocity."""
 
 
 def fit_tree(
@@ -28,36 +31,39 @@ def fit_tree(
     name: str = "base",
     width: float = 0.0,
 ) -> TreeEstimate:
-    """Weighted least squares of base parameters with friction `families` of each joint, plain ones if not given;
-    `width` of the smooth sign of friction, 0 for the true sign [rad/s; m/s]."""
-    rows = tree_rows(robot, motions, width=width)
+    """Fit base parameters and friction by weighted least squares.
+
+    `families` are the friction terms of each joint, plain ones by default. `width` is that of the smooth sign of
+    friction, 0 for the true sign [rad/s; m/s].
+    """
+    rows = collect_rows(robot, motions, width=width)
     plain = plain_families(len(robot.names), robot.shared)
     model = TreeModel(robot, rows.base, plain if families is None else tuple(map(tuple, families)))
-    return estimate_of(name, rows, *fit_rows(model, rows))
+    return make_tree_estimate(name, rows, *fit_rows(model, rows))
 
 
-def estimate_of(
+def make_tree_estimate(
     name: str,
     rows: TreeRows,
     found: TreeSolution,
-    at: Linearised,
+    at: LinearisedModel,
     *,
     method: str = "weighted",
     uncertainty: TreeUncertainty | None = None,
     notes: Sequence[str] = (),
 ) -> TreeEstimate:
-    """What was `found` of the rows, linearised `at` it, with intervals."""
+    """Build an estimate with intervals from the solution `found` of the rows, linearised there (`at`)."""
     model = at.model
-    sure = tree_uncertainty(at, found) if uncertainty is None else uncertainty
+    sure = estimate_uncertainty(at, found) if uncertainty is None else uncertainty
     parameters = _parameters(model, rows, found, at, sure)
-    speeds = {f"{model.robot.names[k]}.{SPEED}": (k, v) for k, v in (model.speeds or {}).items()}
+    speeds = {f"{model.robot.names[k]}.{STRIBECK_VELOCITY_NAME}": (k, v) for k, v in (model.speeds or {}).items()}
     ripples = []
     for i, ripple in enumerate(model.ripples):
         first = len(model.base.names) + len(model.parts) + 2 * i
         ripples.append(replace(ripple, sine=found.values[first], cosine=found.values[first + 1]))
     for label, (k, value) in speeds.items():
         unit = f"{model.robot.units[k][0]}/s"
-        parameters[label] = Parameter(label, unit, value, 0.0, refused=SEARCHED)
+        parameters[label] = Parameter(label, unit, value, 0.0, refused=GRID_SEARCH_REASON)
     size = len(parameters)
     covariance = np.zeros((size, size))
     covariance[: len(found.values), : len(found.values)] = sure.covariance
@@ -79,9 +85,9 @@ def estimate_of(
 
 
 def _parameters(
-    model: TreeModel, rows: TreeRows, found: TreeSolution, at: Linearised, sure: TreeUncertainty
+    model: TreeModel, rows: TreeRows, found: TreeSolution, at: LinearisedModel, sure: TreeUncertainty
 ) -> dict[str, Parameter]:
-    """By name, with what each makes of all joints' effort."""
+    """Return the parameters by name, each with its influence on the effort of all joints."""
     power = np.zeros(len(found.values))
     for place, x in zip(at.places, at.columns, strict=True):
         power[place] += np.sum(x**2, axis=0)
@@ -89,7 +95,7 @@ def _parameters(
     plain = make_parameters(model.names, model.units, found.values, sure.covariance, found.held, ~found.seen)
     made = {}
     for parameter, seen, strength in zip(plain, found.seen, power, strict=True):
-        refused = "" if seen else UNSEEN
+        refused = "" if seen else UNDETERMINED_REASON
         influence = float(np.sqrt(strength / whole))
         made[parameter.name] = replace(parameter, influence=influence, refused=refused)
     return made

@@ -1,8 +1,8 @@
-"""What rubs at each joint, term by term: the columns that efforts are linear in, and the core's numbers for them.
+"""Friction terms of a joint: their regressor columns, and the core's parameters for them.
 
-A family is a tuple of terms; `PLAIN` is what every joint has. The load that a load term takes is what bodies, rotors
-and motors' inertias need, the core's y (theory, sections 2 and 20): friction is alpha |y| sign(v). Terms of a motor
-that turns with several joints begin with ``motor_`` and stand in the family of the joint with the motor's number.
+A family is a tuple of terms; every joint has at least those of `PLAIN_TERMS`. A load term makes friction alpha |y|
+sign(v), with y the load that bodies, rotors and motor inertias need (theory, sections 2 and 20). Terms of a motor that
+turns with several joints begin with ``motor_`` and belong to the family of the joint with the motor's number.
 """
 
 from __future__ import annotations
@@ -15,86 +15,104 @@ import numpy as np
 from ... import _core
 from ..._errors import IdentificationError
 
-PLAIN = ("viscous", "coulomb", "offset")
-"""Terms of every joint."""
-SHARED = ("motor_viscous", "motor_coulomb")
-"""Terms that a motor has besides where it turns with several joints."""
-RICHER = ("load", "square_root", "stribeck", "directional")
-"""Terms that a joint may have besides, plainest first."""
-RICHER_SHARED = ("motor_square_root",)
+PLAIN_TERMS = ("viscous", "coulomb", "offset")
+"""Friction terms of every joint."""
 
-MOST_LOAD = 0.9
-"""Of a load coefficient: with more, what drives backwards would never move."""
+SHARED_MOTOR_TERMS = ("motor_viscous", "motor_coulomb")
+"""Additional friction terms of a motor that turns with several joints."""
+
+FURTHER_TERMS = ("load", "square_root", "stribeck", "directional")
+"""Further terms that a joint may have, the plainest first."""
+
+FURTHER_MOTOR_TERMS = ("motor_square_root",)
+"""Further terms that a motor may have if it turns with several joints."""
+
+MAX_LOAD_COEFFICIENT = 0.9
+"""Upper bound of a load coefficient. With a larger one the joint could hardly be driven backwards."""
 
 Column = Callable[[np.ndarray, float, float], np.ndarray]
+"""A function from velocities, (n,), the width of the smooth sign and a Stribeck speed to a column, (n,)."""
 
 
 @dataclass(frozen=True)
-class Number:
-    """A coefficient of friction: its column of velocities, (n,), of the width of the smooth sign and of a Stribeck
-    speed; what one unit of it is; the range that is physical."""
+class FrictionCoefficient:
+    """A friction coefficient: its regressor column, unit and bounds."""
 
-    column: Column
-    unit: tuple[str, str]  # Of a rotary and of a prismatic joint
-    lower: float = 0.0
-    upper: float = np.inf
+    column: Column  # friction per unit of the coefficient
+    unit: tuple[str, str]  # unit for a rotary and for a prismatic joint
+    lower: float = 0.0  # smallest physical value
+    upper: float = np.inf  # largest physical value
 
 
-def direction(velocity: np.ndarray, width: float = 0.0) -> np.ndarray:
-    """The sign of a velocity; smooth, tanh(v / w), with a width w [rad/s; m/s]."""
+def smooth_sign(velocity: np.ndarray, width: float = 0.0) -> np.ndarray:
+    """Return the sign of a velocity, or the smooth sign tanh(v / w) with a width w [rad/s; m/s]."""
     return np.tanh(velocity / width) if width > 0.0 else np.sign(velocity)
 
 
 def signed_root(velocity: np.ndarray, width: float = 0.0) -> np.ndarray:
-    """sqrt|v| sign v; smooth, v / (v^2 + w^2)^(1/4), with a width w."""
+    """Return sqrt|v| sign v, or the smooth v / (v^2 + w^2)^(1/4) with a width w [rad/s; m/s]."""
     return velocity / np.maximum(velocity**2 + width**2, 1e-36) ** 0.25
 
 
-EFFORT, VISCOUS = ("N*m", "N"), ("N*m*s/rad", "N*s/m")
-ROOT = ("N*m*s^0.5/rad^0.5", "N*s^0.5/m^0.5")
-INERTIA = ("kg*m^2", "kg")
+EFFORT_UNITS = ("N*m", "N")
+"""Units of effort, for a rotary and a prismatic joint."""
 
-NUMBERS: Mapping[str, Number] = {
-    "viscous": Number(lambda v, w, _: v, VISCOUS),
-    "viscous_positive": Number(lambda v, w, _: np.maximum(v, 0.0), VISCOUS),
-    "viscous_negative": Number(lambda v, w, _: np.minimum(v, 0.0), VISCOUS),
-    "coulomb": Number(lambda v, w, _: direction(v, w), EFFORT),
-    "offset": Number(lambda v, w, _: np.ones_like(v), EFFORT, lower=-np.inf),
-    "square_root": Number(lambda v, w, _: signed_root(v, w), ROOT),
-    "stribeck": Number(lambda v, w, speed: np.exp(-((v / speed) ** 2)) * direction(v, w), EFFORT),
-    "load": Number(lambda v, w, _: direction(v, w), ("1", "1"), upper=MOST_LOAD),
-}  # The load's column is |y| times this one
-TERMS: Mapping[str, tuple[str, ...]] = {
+VISCOUS_UNITS = ("N*m*s/rad", "N*s/m")
+"""Units of a viscous coefficient, for a rotary and a prismatic joint."""
+
+SQUARE_ROOT_UNITS = ("N*m*s^0.5/rad^0.5", "N*s^0.5/m^0.5")
+"""Units of a square-root coefficient, for a rotary and a prismatic joint."""
+
+ROTOR_INERTIA_UNITS = ("kg*m^2", "kg")
+"""Units of a rotor inertia, for a rotary and a prismatic joint."""
+
+FRICTION_COEFFICIENTS: Mapping[str, FrictionCoefficient] = {
+    "viscous": FrictionCoefficient(lambda v, w, _: v, VISCOUS_UNITS),
+    "viscous_positive": FrictionCoefficient(lambda v, w, _: np.maximum(v, 0.0), VISCOUS_UNITS),
+    "viscous_negative": FrictionCoefficient(lambda v, w, _: np.minimum(v, 0.0), VISCOUS_UNITS),
+    "coulomb": FrictionCoefficient(lambda v, w, _: smooth_sign(v, w), EFFORT_UNITS),
+    "offset": FrictionCoefficient(lambda v, w, _: np.ones_like(v), EFFORT_UNITS, lower=-np.inf),
+    "square_root": FrictionCoefficient(lambda v, w, _: signed_root(v, w), SQUARE_ROOT_UNITS),
+    "stribeck": FrictionCoefficient(lambda v, w, speed: np.exp(-((v / speed) ** 2)) * smooth_sign(v, w), EFFORT_UNITS),
+    "load": FrictionCoefficient(lambda v, w, _: smooth_sign(v, w), ("1", "1"), upper=MAX_LOAD_COEFFICIENT),
+}
+"""Friction coefficients by name. The column of ``load`` is multiplied by |y| where it is used."""
+
+TERM_COEFFICIENTS: Mapping[str, tuple[str, ...]] = {
     **{name: (name,) for name in ("viscous", "coulomb", "offset", "square_root", "stribeck", "load")},
     "directional": ("viscous_positive", "viscous_negative"),
 }
-"""Linear coefficients of each term; ``directional`` takes the place of ``viscous``."""
-SPEED = "stribeck_velocity"
-MOTOR = "motor_"
+"""Linear coefficients of each term; ``directional`` replaces ``viscous``."""
+
+STRIBECK_VELOCITY_NAME = "stribeck_velocity"
+"""Name of the Stribeck velocity, the only friction parameter that is not linear."""
+
+MOTOR_PREFIX = "motor_"
+"""Prefix of terms and parameters of a motor that turns with several joints."""
 
 
-def numbers_of(family: Sequence[str], of_motor: bool = False) -> tuple[str, ...]:
-    """Linear coefficients of a family's terms: of the joint, or of the motor it shares, without ``motor_``."""
-    terms = [t.removeprefix(MOTOR) for t in family if t.startswith(MOTOR) == of_motor]
+def coefficient_names(family: Sequence[str], of_motor: bool = False) -> tuple[str, ...]:
+    """Return the linear coefficients of a family's terms, those of the joint or of its motor, without ``motor_``."""
+    terms = [t.removeprefix(MOTOR_PREFIX) for t in family if t.startswith(MOTOR_PREFIX) == of_motor]
     if "directional" in terms:
         terms = [t for t in terms if t != "viscous"]
     for term in terms:
-        if term not in TERMS or (of_motor and term in ("offset", "load")):
-            known = ", ".join((*TERMS, *SHARED, *RICHER_SHARED))
-            name = f"{MOTOR}{term}" if of_motor else term
+        if term not in TERM_COEFFICIENTS or (of_motor and term in ("offset", "load")):
+            known = ", ".join((*TERM_COEFFICIENTS, *SHARED_MOTOR_TERMS, *FURTHER_MOTOR_TERMS))
+            name = f"{MOTOR_PREFIX}{term}" if of_motor else term
             raise IdentificationError(f"found friction term {name!r}, expected some of {known}")
-    return tuple(name for term in terms for name in TERMS[term])
+    return tuple(name for term in terms for name in TERM_COEFFICIENTS[term])
 
 
 def check_families(families: Sequence[Sequence[str]], joints: Sequence[str], shared: Sequence[int]) -> None:
-    """Refuse families, (m,), that do not fit the joints, or that give a motor terms that it does not have."""
+    """Refuse families, (m,), that do not match the joints, or give a motor terms that it cannot have."""
     if len(families) != len(joints):
         raise IdentificationError(
             f"found {len(families)} friction families, expected one for each of {len(joints)} joints"
         )
     for k, family in enumerate(families):
-        numbers_of(family), numbers_of(family, True)
-        if k not in shared and any(term.startswith(MOTOR) for term in family):
+        coefficient_names(family), coefficient_names(family, True)
+        if k not in shared and any(term.startswith(MOTOR_PREFIX) for term in family):
             raise IdentificationError(
                 f"joint {joints[k]!r}: found terms of a motor that turns with several joints, expected none: its motor "
                 "turns with it alone"
@@ -102,24 +120,24 @@ def check_families(families: Sequence[Sequence[str]], joints: Sequence[str], sha
 
 
 def plain_families(joints: int, shared: Sequence[int]) -> tuple[tuple[str, ...], ...]:
-    """What every joint has, and shared motors too."""
-    return tuple(PLAIN + SHARED if k in shared else PLAIN for k in range(joints))
+    """Return the plain friction terms of every joint, with those of shared motors."""
+    return tuple(PLAIN_TERMS + SHARED_MOTOR_TERMS if k in shared else PLAIN_TERMS for k in range(joints))
 
 
-def friction(
+def sum_friction(
     numbers: Mapping[str, float], velocity: np.ndarray, load: np.ndarray | None, width: float = 0.0
 ) -> np.ndarray:
-    """Friction of named coefficients at velocities, and loads, of shape (n,)."""
+    """Return the friction, (n,), of named coefficients at velocities and loads of shape (n,)."""
     total = np.zeros_like(velocity)
     for name, value in numbers.items():
-        if name != SPEED:
-            column = NUMBERS[name].column(velocity, width, numbers.get(SPEED, np.nan))
+        if name != STRIBECK_VELOCITY_NAME:
+            column = FRICTION_COEFFICIENTS[name].column(velocity, width, numbers.get(STRIBECK_VELOCITY_NAME, np.nan))
             total += value * column * (np.abs(load) if name == "load" else 1.0)
     return total
 
 
-def core_row(numbers: Mapping[str, float], names: Sequence[str], width: float, who: str) -> np.ndarray:
-    """The core's numbers `names` of one joint, or motor, with these coefficients."""
+def core_parameters(numbers: Mapping[str, float], names: Sequence[str], width: float, who: str) -> np.ndarray:
+    """Return the core's parameters `names` of one joint or motor with these coefficients; `who` begins messages."""
     both = {"coulomb": ("coulomb_positive", "coulomb_negative"), "viscous": ("viscous_positive", "viscous_negative"),
             "load": ("load_motoring", "load_generating")}  # fmt: skip
     row = np.zeros(len(names))
@@ -131,11 +149,11 @@ def core_row(numbers: Mapping[str, float], names: Sequence[str], width: float, w
     return row
 
 
-def joint_row(numbers: Mapping[str, float], width: float, who: str) -> np.ndarray:
-    """Of a joint, in the order of `_core.TREE_JOINT_PARAMETER_NAMES`."""
-    return core_row(numbers, _core.TREE_JOINT_PARAMETER_NAMES, width, who)
+def joint_core_parameters(numbers: Mapping[str, float], width: float, who: str) -> np.ndarray:
+    """Return the core's parameters of a joint, in the order of `_core.TREE_JOINT_PARAMETER_NAMES`."""
+    return core_parameters(numbers, _core.TREE_JOINT_PARAMETER_NAMES, width, who)
 
 
-def motor_row(numbers: Mapping[str, float], inertia: float, width: float, who: str) -> np.ndarray:
-    """Of a motor that joints share, in the order of `_core.TREE_MOTOR_PARAMETER_NAMES`."""
-    return core_row({**numbers, "motor_inertia": inertia}, _core.TREE_MOTOR_PARAMETER_NAMES, width, who)
+def motor_core_parameters(numbers: Mapping[str, float], inertia: float, width: float, who: str) -> np.ndarray:
+    """Return the core's parameters of a shared motor, in the order of `_core.TREE_MOTOR_PARAMETER_NAMES`."""
+    return core_parameters({**numbers, "motor_inertia": inertia}, _core.TREE_MOTOR_PARAMETER_NAMES, width, who)

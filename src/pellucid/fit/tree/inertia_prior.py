@@ -1,18 +1,19 @@
-r"""A maker's inertias as a prior: what is believed where the motion shows little.
+r"""Fit a robot with the maker's inertias as a prior, for parameters that the motion hardly determines.
 
-Two distances of bodies from the maker's, both convex in the ten numbers, so that normal equations suffice:
+There are two distances of bodies from the maker's. Both are convex in the ten inertial parameters, so normal equations
+suffice:
 
 .. math::
    d_E = \sum_i \lVert S(P_i - P_i^0)S \rVert_F^2 \big/ \lVert S P_i^0 S \rVert_F^2, \qquad
    d_B = \sum_i \mathrm{tr}(P_i {P_i^0}^{-1}) - \ln\det(P_i {P_i^0}^{-1}) - 4
 
-with P the pseudo-inertia. The Euclidean one hangs on the length that masses and moments are compared by; the entropic
-one [1]_ is the same in every frame, and grows without bound towards what no body can be, so that its bodies are always
-inside. The sum of squares is then least together with weight times distance. The weight is the one whose fits err least
-on segments left out, each in turn, of those that are fitted; no other rows are looked at.
+with P the pseudo-inertia. The Euclidean distance depends on the length by which masses and moments are compared. The
+entropic one [1]_ is the same in every frame. It grows without bound towards impossible bodies, so its solutions are
+always consistent. The fit minimises the sum of squares plus weight times distance. The weight is chosen by
+cross-validation over the segments of the fitted recordings.
 
-A number comes from the prior where the efforts' share of what is known of it, the diagonal of
-:math:`(N + wH)^{-1} N` with H the distance's curvature, is below one half.
+A parameter counts as coming from the prior if the efforts' share of its information is below one half. This share is
+the diagonal of :math:`(N + wH)^{-1} N`, with H the distance's curvature.
 
 .. [1] T. Lee, P. M. Wensing, F. C. Park, "Geometric robot dynamic identification: a convex programming approach", IEEE
    Trans. Robotics 36, 2020.
@@ -36,79 +37,100 @@ from ...models.pseudo_inertia import (
     scaled_pseudo_inertia,
     triangle_matrix,
 )
-from .consistent_fit import ConsistentSolution, Solver, Spread, consistent_estimate, nearest_bodies, solve_consistent
-from .consistent_inertias import BODY, ConsistentFit, Quadratic
+from .consistent_fit import (
+    ConsistentSolution,
+    FullParametrisation,
+    Solver,
+    make_consistent_estimate,
+    nearest_bodies_solver,
+    solve_consistent,
+)
+from .consistent_inertias import BODY_PARAMETER_COUNT, ConsistentFit, SplitObjective
 from .tree_estimate import TreeEstimate
 from .tree_regression import NormalEquations, TreeModel, TreeRows, TreeSolution, fit_rows
 
-WEIGHTS = tuple(float(10.0**k) for k in range(-3, 6))
-"""Tried, on the scale of the weighted sum of squares."""
+PRIOR_WEIGHTS = tuple(float(10.0**k) for k in range(-3, 6))
+"""Weights of the prior that are tried, on the scale of the weighted sum of squares."""
 
-STEPS = 100  # of Newton, at most
-SETTLED = 1e-9  # decrement at which they stop, over the objective
-BARRIER = 1e-6  # of what is least: how strongly bounds of other numbers push
-UNSHOWN = 0.5  # share of what is known
-EXTENT = 0.01
-"""Root mean square reach that a body of the prior has in every direction [m]: a description may hold points."""
+MAX_NEWTON_STEPS = 100
+"""Largest number of Newton steps."""
+
+DECREMENT_TOLERANCE = 1e-9
+"""Newton steps stop when the decrement is at most this share of the objective."""
+
+BARRIER_SHARE = 1e-6
+"""Strength of the logarithmic barrier at the bounds of other parameters, as a share of the objective per parameter."""
+
+MIN_EFFORT_SHARE = 0.5
+"""A parameter comes from the prior if the efforts contribute less than this share of its information."""
+
+MIN_BODY_EXTENT_M = 0.01
+"""Smallest root mean square extent of a body of the prior in every direction [m]. A robot's description may contain
+point masses, which have no entropic distance."""
 
 
 @dataclass(frozen=True)
 class PriorChoice:
-    """A `weight` that was chosen, and for each that was tried the mean weighted square of what is `missed` on segments
-    left out."""
+    """Choice of a prior's weight."""
 
-    distance: str
-    weight: float
-    missed: Mapping[float, float]
+    distance: str  # "entropic" or "euclidean"
+    weight: float  # chosen weight
+    missed: Mapping[float, float]  # mean weighted squared error on left-out segments, by weight
 
 
-def euclidean(maker: np.ndarray, weight: float) -> Solver:
-    """Near to the `maker`'s bodies, (links, 10), by the Euclidean distance."""
+def euclidean_solver(maker: np.ndarray, weight: float) -> Solver:
+    """Return a solver that pulls towards the `maker`'s bodies, (links, 10), by the Euclidean distance."""
     size = np.sum(scaled_pseudo_inertia(maker) ** 2, axis=(1, 2))
-    return nearest_bodies(maker, weight / np.maximum(size, 1e-6 * size.max()))
+    return nearest_bodies_solver(maker, weight / np.maximum(size, 1e-6 * size.max()))
 
 
-def entropic(maker: np.ndarray, weight: float) -> Solver:
-    """Near to the `maker`'s bodies, (links, 10), by the entropic distance."""
-    maker = _rounded(maker)
+def entropic_solver(maker: np.ndarray, weight: float) -> Solver:
+    """Return a solver that pulls towards the `maker`'s bodies, (links, 10), by the entropic distance."""
+    maker = _with_extent(maker)
 
-    def solve(spread: Spread, equations: NormalEquations, sd: np.ndarray) -> ConsistentFit:
-        return _newton(*spread.sums(equations, sd), maker, weight, *spread.numbers.bounds)
+    def solve(spread: FullParametrisation, equations: NormalEquations, sd: np.ndarray) -> ConsistentFit:
+        return _minimise_entropic(*spread.sums(equations, sd), maker, weight, *spread.numbers.bounds)
 
     return solve
 
 
-def _rounded(maker: np.ndarray) -> np.ndarray:
-    """The same with extent: points, rods and plates reach `EXTENT` in every direction."""
+def _with_extent(maker: np.ndarray) -> np.ndarray:
+    """Give points, rods and plates among the bodies an extent of `MIN_BODY_EXTENT_M` in every direction."""
     wrong = np.flatnonzero(least_eigenvalue(maker) < -EIGENVALUE_TOLERANCE)
     if wrong.size:
         raise IdentificationError(
             f"found moments of inertia of body {wrong[0] + 1} that no body has, expected each to be at most the sum of "
             "the other two about the centre of mass: mend the robot's description, or take the euclidean distance"
         )
-    flat = least_eigenvalue(maker) < maker[:, 0] * EXTENT**2
+    flat = least_eigenvalue(maker) < maker[:, 0] * MIN_BODY_EXTENT_M**2
     lift = (flat * np.maximum(maker[:, 0], MIN_EIGENVALUE / SCALING_LENGTH_M**2))[:, None, None] * np.diag(
         [1.0, 1.0, 1.0, 0.0]
     )
     return bodies_from_pseudo_inertia(
-        pseudo_inertia(maker) + EXTENT**2 * lift + MIN_EIGENVALUE * flat[:, None, None] * np.eye(4)
+        pseudo_inertia(maker) + MIN_BODY_EXTENT_M**2 * lift + MIN_EIGENVALUE * flat[:, None, None] * np.eye(4)
     )
 
 
-DISTANCES: Mapping[str, Callable[[np.ndarray, float], Solver]] = {"entropic": entropic, "euclidean": euclidean}
+DISTANCE_SOLVERS: Mapping[str, Callable[[np.ndarray, float], Solver]] = {
+    "entropic": entropic_solver,
+    "euclidean": euclidean_solver,
+}
+"""Solvers with a prior, by the name of their distance."""
 
 
-def _newton(
+def _minimise_entropic(
     normal: np.ndarray, projected: np.ndarray, maker: np.ndarray, weight: float, lowest: np.ndarray, highest: np.ndarray
 ) -> ConsistentFit:
-    """The least of theta'N theta / 2 - b'theta + weight / 2 the entropic distance, bounds pushing a little: damped
-    Newton, which stays inside."""
-    k, c = BODY * len(maker), len(projected)
-    basis = pseudo_inertia(np.eye(BODY))  # (10, 4, 4)
+    """Minimise theta'N theta / 2 - b'theta + weight / 2 times the entropic distance by a damped Newton method.
+
+    Weak logarithmic barriers keep the parameters inside their bounds.
+    """
+    k, c = BODY_PARAMETER_COUNT * len(maker), len(projected)
+    basis = pseudo_inertia(np.eye(BODY_PARAMETER_COUNT))  # (10, 4, 4)
     back = np.linalg.inv(pseudo_inertia(maker))
     pull = np.einsum("iab,tba->it", back, basis).ravel()
-    told = Quadratic.of(normal, projected)
-    push = BARRIER * (told.best @ told.best) / max(len(told.best), 1)
+    told = SplitObjective.of(normal, projected)
+    push = BARRIER_SHARE * (told.best @ told.best) / max(len(told.best), 1)
     below, above = np.isfinite(lowest), np.isfinite(highest)
     start = told.seen @ told.best
     room = 1e-3 * np.sqrt((told.best @ told.best) / np.maximum(np.diag(normal), 1e-12 * normal.max()))
@@ -120,7 +142,7 @@ def _newton(
     theta[k:] = np.where(np.diag(normal)[k:] > 0.0, theta[k:], np.where(below[k:], lowest[k:] + 1.0, 0.0))
 
     def value(x: np.ndarray) -> float:
-        p = pseudo_inertia(x[:k].reshape(-1, BODY))
+        p = pseudo_inertia(x[:k].reshape(-1, BODY_PARAMETER_COUNT))
         sign, log = np.linalg.slogdet(p)
         if np.any(sign <= 0) or np.any(p[:, 3, 3] <= 0.0) or np.any(np.linalg.eigvalsh(p)[:, 0] <= 0.0):
             return np.inf
@@ -130,14 +152,14 @@ def _newton(
         return float(0.5 * x @ normal @ x - projected @ x + 0.5 * weight * (pull @ x[:k] - log.sum()) - push * edges)
 
     now = value(theta)
-    for _ in range(STEPS):
-        inverse = np.linalg.inv(pseudo_inertia(theta[:k].reshape(-1, BODY)))
+    for _ in range(MAX_NEWTON_STEPS):
+        inverse = np.linalg.inv(pseudo_inertia(theta[:k].reshape(-1, BODY_PARAMETER_COUNT)))
         moved = np.einsum("iab,tbc->itac", inverse, basis)  # P^-1 E_t
         slope, hessian = normal @ theta - projected, normal.copy()
         slope[:k] += 0.5 * weight * (pull - np.trace(moved, axis1=2, axis2=3).ravel())
         curve = np.einsum("itab,isba->its", moved, moved)
         for i in range(len(maker)):
-            at = slice(BODY * i, BODY * (i + 1))
+            at = slice(BODY_PARAMETER_COUNT * i, BODY_PARAMETER_COUNT * (i + 1))
             hessian[at, at] += 0.5 * weight * curve[i]
         for mask, gap, way in ((below, theta - lowest, -1.0), (above, highest - theta, 1.0)):
             slope[mask] += way * push / gap[mask]
@@ -151,7 +173,7 @@ def _newton(
             share *= 0.5
         theta = theta + share * step
         now = value(theta)
-        if decrement <= SETTLED * (told.best @ told.best):
+        if decrement <= DECREMENT_TOLERANCE * (told.best @ told.best):
             break
     return ConsistentFit(
         theta,
@@ -163,11 +185,13 @@ def _newton(
     )
 
 
-def chosen_weight(
-    found: ConsistentSolution, maker: np.ndarray, distance: str = "entropic", weights: Sequence[float] = WEIGHTS
+def choose_weight(
+    found: ConsistentSolution, maker: np.ndarray, distance: str = "entropic", weights: Sequence[float] = PRIOR_WEIGHTS
 ) -> PriorChoice:
-    """The weight of the `maker`'s bodies, (links, 10), with which least is missed on segments left out in turn, of a
-    solution without prior; `distance` one of `DISTANCES`."""
+    """Choose the weight of the `maker`'s bodies, (links, 10), with the smallest error on left-out segments.
+
+    `found` is the solution without prior; `distance` is one of `DISTANCE_SOLVERS`.
+    """
     equations, spread = found.equations, found.spread
     whole = equations.total()
     numbers = np.flatnonzero(equations.count.any(axis=1))
@@ -175,7 +199,7 @@ def chosen_weight(
         raise IdentificationError(f"found {len(numbers)} segment to choose a prior's weight by, expected at least 2")
     missed = {}
     for weight in weights:
-        solver, total = DISTANCES[distance](maker, weight), 0.0
+        solver, total = DISTANCE_SOLVERS[distance](maker, weight), 0.0
         for s in numbers:
             part = equations.segment(s)
             values = spread.matrix @ solver(spread, whole.minus(part), found.sd).values
@@ -184,18 +208,19 @@ def chosen_weight(
     return PriorChoice(distance, min(missed, key=missed.__getitem__), missed)
 
 
-def shown_share(found: ConsistentSolution, maker: np.ndarray, choice: PriorChoice) -> np.ndarray:
-    """Of every number, (c,), the share of what is known of it that the efforts tell: 1 where the prior says nothing."""
+def effort_information_shares(found: ConsistentSolution, maker: np.ndarray, choice: PriorChoice) -> np.ndarray:
+    """Return the share of each parameter's information that comes from the efforts, (c,); the rest is from the
+    prior."""
     spread = found.spread
     normal, _ = spread.sums(found.equations, found.sd)
-    k, c = BODY * len(maker), len(normal)
+    k, c = BODY_PARAMETER_COUNT * len(maker), len(normal)
     curve = np.zeros((c, c))
-    inverse, basis = None, pseudo_inertia(np.eye(BODY))
+    inverse, basis = None, pseudo_inertia(np.eye(BODY_PARAMETER_COUNT))
     if choice.distance == "entropic":
-        inverse = np.linalg.inv(pseudo_inertia(_rounded(maker)))
+        inverse = np.linalg.inv(pseudo_inertia(_with_extent(maker)))
     size = np.sum(scaled_pseudo_inertia(maker) ** 2, axis=(1, 2))
     for i in range(len(maker)):
-        at = slice(BODY * i, BODY * (i + 1))
+        at = slice(BODY_PARAMETER_COUNT * i, BODY_PARAMETER_COUNT * (i + 1))
         if inverse is None:
             curve[at, at] = triangle_matrix().T @ triangle_matrix() / max(size[i], 1e-6 * size.max())
         else:
@@ -218,18 +243,22 @@ def fit_with_prior(
     distance: str = "entropic",
     name: str = "prior",
 ) -> tuple[TreeEstimate, PriorChoice]:
-    """An estimate drawn to the `maker`'s bodies, (links, 10), those of the robot's description if not given, by a
-    weight that is chosen within `rows`; of each number it is said whether it comes from the prior."""
-    if distance not in DISTANCES:
-        raise IdentificationError(f"found distance {distance!r} of a prior, expected one of {', '.join(DISTANCES)}")
+    """Fit a model with a prior at the `maker`'s bodies, (links, 10), by default those of the robot's description.
+
+    The prior's weight is chosen within `rows`. Parameters that come from the prior are marked.
+    """
+    if distance not in DISTANCE_SOLVERS:
+        raise IdentificationError(
+            f"found distance {distance!r} of a prior, expected one of {', '.join(DISTANCE_SOLVERS)}"
+        )
     start = fit_rows(model, rows)[0] if start is None else start
-    maker = Spread.of(model).maker if maker is None else maker
+    maker = FullParametrisation.of(model).maker if maker is None else maker
     plain = solve_consistent(model, rows, start=start, nearest=maker)
-    choice = chosen_weight(plain, maker, distance)
-    found = solve_consistent(model, rows, start=start, solver=DISTANCES[distance](maker, choice.weight))
-    share = shown_share(found, maker, choice)
+    choice = choose_weight(plain, maker, distance)
+    found = solve_consistent(model, rows, start=start, solver=DISTANCE_SOLVERS[distance](maker, choice.weight))
+    share = effort_information_shares(found, maker, choice)
     note = (
         f"the maker's inertias weigh {choice.weight:g} ({distance}): what is missed on segments left out is then least"
     )
-    told = share >= UNSHOWN
-    return consistent_estimate(name, rows, found, nearest=maker, told=told, notes=(note,)), choice
+    told = share >= MIN_EFFORT_SHARE
+    return make_consistent_estimate(name, rows, found, nearest=maker, told=told, notes=(note,)), choice

@@ -1,14 +1,15 @@
-r"""Output error of a robot: its numbers by the motion that recorded efforts make, not by the efforts of a motion.
+r"""Output-error identification of a robot: fit the motion that recorded efforts produce, instead of the efforts.
 
-Efforts alone, simulated from one recorded state, leave the recording within a second: what an effort misses is summed
-twice. A controller that was not recorded cannot bring the simulation back. So the recording is cut into short windows,
-and each is simulated from a state of its own [1]_: with x_w the state at its start,
+A simulation from one recorded state diverges from the recording within a second, because errors of the effort are
+integrated twice and no controller corrects them. The recording is therefore cut into short windows, and each is
+simulated from a state of its own [1]_. With x_w the state at its start,
 
 .. math::
    \min_{\beta,\,x_w} \sum_w \sum_{t,j} \frac{1}{\sigma_j^2}\big(q_{jt} - q_{jt}(\beta, x_w)\big)^2 .
 
-The plant is the core's, stiction of several joints with it, so that rest and reversals count like all else. Derivatives
-are differences; the states are eliminated window by window. No acceleration is used, and no velocity but as a start.
+The plant is the core's and includes stiction, so samples at rest and at reversals count like all others. Derivatives
+are finite differences, and the states are eliminated window by window. Accelerations are not used, and velocities only
+as starting values.
 
 .. [1] H. G. Bock, "Recent advances in parameter identification techniques for ODE", Birkhauser, 1983: multiple
    shooting.
@@ -24,27 +25,38 @@ import numpy as np
 from ... import _core
 from ..parameter import Parameter
 from .tree_estimate import TreeEstimate
-from .tree_regression import Linearised, TreeModel, TreeRows, TreeSolution, fit_rows, linearised, loads_of
+from .tree_regression import LinearisedModel, TreeModel, TreeRows, TreeSolution, compute_loads, fit_rows, linearise_rows
 
-WINDOW = 0.2
-"""Length of a window [s]: a tenth of an effort's misfit is then about what filters leave of a position."""
-STEPS = 8  # of Gauss and Newton, at most
-DIFFERENCE = 1e-3  # of the RMS effort, by which one parameter changes a joint's effort in a difference
-SETTLED = 1e-3  # of the RMS effort, the change at which steps stop
-SUBSTEPS = 4
-STATE_DIFFERENCE = 1e-4  # rad, m; per second ten times that
+WINDOW_LENGTH_S = 0.2
+"""Length of a window [s]. In this time a tenth of the effort's error moves a joint by about the residual position noise
+after filtering."""
+
+MAX_STEPS = 8
+"""Largest number of Gauss-Newton steps."""
+
+DIFFERENCE_EFFORT_SHARE = 1e-3
+"""Step of a finite difference: a parameter changes a joint's effort by this share of the RMS effort."""
+
+STEP_TOLERANCE = 1e-3
+"""Steps stop when no parameter changes the effort, or the step does not change the cost, by more than this share."""
+
+PLANT_SUBSTEP_COUNT = 4
+"""Number of integration steps of the plant in a sampling period."""
+
+STATE_DIFFERENCE_STEP = 1e-4
+"""Step of a finite difference of a position [rad or m]. That of a velocity is ten times as large [rad/s or m/s]."""
 
 
-def solve_output_error(model: TreeModel, rows: TreeRows, rate: float) -> tuple[TreeSolution, Linearised]:
-    """A model's numbers from its motion under recorded efforts, rows at `rate` [Hz]; starts at weighted least
-    squares."""
+def solve_output_error(model: TreeModel, rows: TreeRows, rate: float) -> tuple[TreeSolution, LinearisedModel]:
+    """Fit a model's motion under the recorded efforts, from a start at weighted least squares; `rate` is that of the
+    rows [Hz]."""
     found, at = fit_rows(model, rows)
-    windows = list(_windows(rows, max(4, round(WINDOW * rate))))
+    windows = list(_windows(rows, max(4, round(WINDOW_LENGTH_S * rate))))
     free = np.flatnonzero(found.seen & ~found.held)
-    step_of = DIFFERENCE / _strength(at)
+    step_of = DIFFERENCE_EFFORT_SHARE / _effort_shares(at)
     values, sd, converged, iterations = found.values.copy(), np.ones(rows.effort.shape[1]), False, 0
-    gram, pull, cost, sd = _normal(model, rows, rate, windows, values, free, step_of, sd, measure=True)
-    while not converged and iterations < STEPS:
+    gram, pull, cost, sd = _normal_equations(model, rows, rate, windows, values, free, step_of, sd, measure=True)
+    while not converged and iterations < MAX_STEPS:
         iterations += 1
         size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         step = np.zeros(len(values))
@@ -53,22 +65,22 @@ def solve_output_error(model: TreeModel, rows: TreeRows, rate: float) -> tuple[T
         share, better = 1.0, False
         while share > 0.05 and not better:
             after = np.clip(values + share * step, lower, upper)
-            tried = _normal(model, rows, rate, windows, after, free, step_of, sd, jacobian=False)[2]
+            tried = _normal_equations(model, rows, rate, windows, after, free, step_of, sd, jacobian=False)[2]
             better, share = tried < cost, 0.5 * share
-        if not better:  # stiction has corners: near the least cost no step need lower it
+        if not better:  # stiction is not smooth, so near the minimum no step need lower the cost
             break
-        moved = float(np.max(np.abs(after - values) / step_of)) * DIFFERENCE
-        converged, values = moved < SETTLED or tried > (1.0 - SETTLED) * cost, after
+        moved = float(np.max(np.abs(after - values) / step_of)) * DIFFERENCE_EFFORT_SHARE
+        converged, values = moved < STEP_TOLERANCE or tried > (1.0 - STEP_TOLERANCE) * cost, after
         if not converged:
-            gram, pull, cost, _ = _normal(model, rows, rate, windows, values, free, step_of, sd)
-    at = linearised(model, rows, loads_of(rows, model, values), model.alpha(values))
+            gram, pull, cost, _ = _normal_equations(model, rows, rate, windows, values, free, step_of, sd)
+    at = linearise_rows(model, rows, compute_loads(rows, model, values), model.alpha(values))
     spread = np.array([np.sqrt(np.mean(r**2)) for r in at.residuals(values)])
     held = found.seen & ((values <= model.bounds[0]) | (values >= model.bounds[1]))
     return TreeSolution(values, spread, found.seen, held, iterations, converged), at
 
 
 def _windows(rows: TreeRows, length: int) -> Iterator[slice]:
-    """Windows of `length` rows of one segment each, none shorter than half of it."""
+    """Yield windows of `length` rows within one segment each; windows shorter than half of it are dropped."""
     key = np.where(rows.segment >= 0, rows.segment, -1)
     edges = np.flatnonzero(np.diff(key, prepend=key[0] - 1, append=key[-1] - 1))
     for first, last in pairwise(edges):
@@ -80,15 +92,16 @@ def _windows(rows: TreeRows, length: int) -> Iterator[slice]:
                 yield slice(start, stop)
 
 
-def _strength(at: Linearised) -> np.ndarray:
-    """Largest share of a joint's RMS effort that one unit of each parameter makes, (p,)."""
+def _effort_shares(at: LinearisedModel) -> np.ndarray:
+    """Return the largest share of any joint's RMS effort that one unit of each parameter makes, (p,)."""
     most = np.full(len(at.model.names), 1e-12)
     for place, x, size in zip(at.places, at.columns, at.rows.size, strict=True):
         most[place] = np.maximum(most[place], np.sqrt(np.mean(x**2, axis=0)) / size)
     return most
 
 
-def _plant(model: TreeModel, rows: TreeRows, rate: float, values: np.ndarray) -> _core.DrivenTree:
+def _make_plant(model: TreeModel, rows: TreeRows, rate: float, values: np.ndarray) -> _core.DrivenTree:
+    """Return the core's plant with these parameters, (p,)."""
     parameters = {n: Parameter(n, "", float(v), 0.0) for n, v in zip(model.names, values, strict=True)}
     for k, speed in (model.speeds or {}).items():
         name = f"{model.robot.names[k]}.stribeck_velocity"
@@ -103,13 +116,17 @@ def _plant(model: TreeModel, rows: TreeRows, rate: float, values: np.ndarray) ->
     )
     shared = {"turns": np.asarray(model.robot.turns), "motors": numbers.motors()} if model.robot.shared else {}
     return _core.DrivenTree(
-        numbers.links(), np.array(model.robot.tree.gravity), numbers.joints(), period=1.0 / rate, substeps=SUBSTEPS,
+        numbers.links(),
+        np.array(model.robot.tree.gravity),
+        numbers.joints(),
+        period=1.0 / rate,
+        substeps=PLANT_SUBSTEP_COUNT,
         **shared,
-    )  # fmt: skip
+    )
 
 
-def _efforts(model: TreeModel, rows: TreeRows, values: np.ndarray) -> np.ndarray:
-    """Of motors while a row's period lasts, without the ripple, which the core's plant does not have, (N, m)."""
+def _motor_efforts(model: TreeModel, rows: TreeRows, values: np.ndarray) -> np.ndarray:
+    """Return the motors' efforts during each row's period, (N, m), without ripple, which the plant does not model."""
     turns = np.asarray(rows.robot.turns)
     effort = rows.effort.copy()
     first = len(model.base.names) + len(model.parts)
@@ -122,7 +139,7 @@ def _efforts(model: TreeModel, rows: TreeRows, values: np.ndarray) -> np.ndarray
     return of_motors
 
 
-def _normal(
+def _normal_equations(
     model: TreeModel,
     rows: TreeRows,
     rate: float,
@@ -135,16 +152,18 @@ def _normal(
     jacobian: bool = True,
     measure: bool = False,
 ) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
-    """Normal equations of the `free` parameters with every window's state eliminated, the cost, and the spread of each
-    joint's position, (m,), by which positions are weighed; `measure` it here."""
+    """Return the normal equations of the `free` parameters, the cost, and the position noise of each joint, (m,).
+
+    The states of all windows are eliminated. Positions are weighted by the noise `sd`, which is estimated if `measure`.
+    """
     m = rows.effort.shape[1]
-    effort = _efforts(model, rows, values)
+    effort = _motor_efforts(model, rows, values)
 
     def run(plant: _core.DrivenTree, window: slice, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         plant.reset(q, v)
         return plant.run(effort[window])[0]
 
-    plant = _plant(model, rows, rate, values)
+    plant = _make_plant(model, rows, rate, values)
     made, states = [], []
     for window in windows:
         q, v = rows.position[window.start], rows.velocity[window.start]
@@ -152,14 +171,14 @@ def _normal(
         ways = []
         for k in range(2 * m):
             by = np.zeros(2 * m)
-            by[k] = STATE_DIFFERENCE * (1.0 if k < m else 10.0)
+            by[k] = STATE_DIFFERENCE_STEP * (1.0 if k < m else 10.0)
             ways.append((run(plant, window, q + by[:m], v + by[m:]) - made[-1]) / by[k])
         states.append(np.stack(ways, axis=-1))
     off = [rows.position[window] - x for window, x in zip(windows, made, strict=True)]
     if not all(np.all(np.isfinite(x)) for x in off):
         return np.eye(len(free)), np.zeros(len(free)), np.inf, sd
     if measure:
-        free_of_state = [_without(s, x[..., None], np.ones(m))[1] for s, x in zip(states, off, strict=True)]
+        free_of_state = [_remove_state(s, x[..., None], np.ones(m))[1] for s, x in zip(states, off, strict=True)]
         left = np.concatenate([x.reshape(-1, m) for x in free_of_state])
         sd = np.sqrt(np.mean(left**2, axis=0)) + 1e-12
     by_parameter = []
@@ -167,7 +186,7 @@ def _normal(
         for i in free:
             moved = values.copy()
             moved[i] += step_of[i]
-            other = _plant(model, rows, rate, moved)
+            other = _make_plant(model, rows, rate, moved)
             by_parameter.append(
                 [
                     (run(other, w, rows.position[w.start], rows.velocity[w.start]) - x) / step_of[i]
@@ -177,7 +196,7 @@ def _normal(
     gram, pull, cost = np.zeros((len(free), len(free))), np.zeros(len(free)), 0.0
     for n, (state, x) in enumerate(zip(states, off, strict=True)):
         columns = [x, *(each[n] for each in by_parameter)]
-        left = _without(state, np.stack(columns, axis=-1), sd)[0]
+        left = _remove_state(state, np.stack(columns, axis=-1), sd)[0]
         cost += float(left[:, 0] @ left[:, 0])
         if jacobian:
             gram += left[:, 1:].T @ left[:, 1:]
@@ -185,9 +204,11 @@ def _normal(
     return gram, pull, cost, sd
 
 
-def _without(state: np.ndarray, columns: np.ndarray, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`columns` (n, m, k) over each joint's `sd`, less what a window's `state` (n, m, 2 m) can make of them: rows under
-    one another, and as they were."""
+def _remove_state(state: np.ndarray, columns: np.ndarray, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Remove from `columns`, (n, m, k), their projection on a window's `state` derivatives, (n, m, 2 m).
+
+    Joints are weighted by 1 / `sd`. Returns the weighted remainder, (n m, k), and the unweighted one, (n, m, k).
+    """
     n, m, k = columns.shape
     way = np.linalg.qr((state / sd[:, None]).reshape(n * m, -1))[0]
     flat = (columns / sd[:, None]).reshape(n * m, k)

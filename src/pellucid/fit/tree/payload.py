@@ -1,11 +1,11 @@
-r"""What a robot carries: ten numbers of a load from recordings without it and with it.
+r"""Identify the ten inertial parameters of a payload from recordings without it and with it.
 
-The load turns with the link that carries it, so that its columns are those of this link, where it is carried. Robot and
-load are fitted together, with friction that may take the load's share too; then, with what the robot leaves free taken
-out of the sums (Schur's complement), the load is the body that can exist with the least sum of squares. A number that
-the motion does not tell from the others is not reported, a mass of which only first moments show among them.
+The payload moves with the link that carries it, so its columns are those of this link. Robot and payload are fitted
+together, with friction that may depend on the load. The robot's parameters are then eliminated (Schur complement), and
+the payload is the consistent body with the smallest sum of squares. Parameters that the motion does not determine are
+not reported. The mass is among them if only first moments affect the effort.
 
-Intervals are those of all parameters in blocks; gains of drives that were found elsewhere add their own share.
+Intervals come from the block covariance of all parameters. The uncertainty of drive gains from elsewhere is added.
 """
 
 from __future__ import annotations
@@ -21,33 +21,43 @@ from ...signals.tree_motion import TreeMotion
 from ..estimates import Estimates
 from ..parameter import Parameter
 from ..regression import make_parameters
-from .carried_load import PAYLOAD, LoadedRows, loaded_rows
-from .consistent_inertias import consistent_inertias
-from .fit_tree import UNSEEN
+from .carried_load import PAYLOAD_PREFIX, LoadedRows, collect_loaded_rows
+from .consistent_inertias import solve_consistent_inertias
+from .fit_tree import UNDETERMINED_REASON
 from .friction_terms import plain_families
-from .tree_regression import Linearised, TreeModel, TreeSolution, fit_rows, linearised, loads_of, normal_equations
-from .tree_uncertainty import tree_uncertainty
+from .tree_regression import (
+    LinearisedModel,
+    TreeModel,
+    TreeSolution,
+    compute_loads,
+    fit_rows,
+    linearise_rows,
+    sum_normal_equations,
+)
+from .tree_uncertainty import estimate_uncertainty
 
-FAINT = 1e-6
-"""Of a number's column, what the robot's own must leave of it."""
+MIN_COLUMN_REMAINDER = 1e-6
+"""A payload parameter is estimable only if its column, after projection on the robot's columns, keeps at least this
+share of its norm."""
 
-UNITS = ("kg", *("kg*m",) * 3, *("kg*m^2",) * 6)
+BODY_UNITS = ("kg", *("kg*m",) * 3, *("kg*m^2",) * 6)
+"""Units of the ten inertial parameters of a body."""
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class PayloadEstimate(Estimates):
-    """A load in the frame of the link that carries it: mass, first moments, moments of inertia about its origin.
+    """A payload in the frame of the link that carries it: mass, first moments, moments of inertia about its origin.
 
     Attributes
     ----------
     link : str
-        That carries it.
+        Link that carries the payload.
     body : ndarray, shape (10,)
-        A body that can exist; numbers that are not told are the smallest such.
+        Consistent inertial parameters. Those that the motion does not determine are as small as possible.
     consistent : bool
-        Whether least squares was such a body already.
+        Whether least squares alone was consistent.
     centre : tuple of float
-        Of mass, in the link's frame [m]; nan where the mass is not told.
+        Centre of mass in the link's frame [m]; nan if the mass is not determined.
     """
 
     link: str
@@ -56,12 +66,12 @@ class PayloadEstimate(Estimates):
 
     @property
     def mass(self) -> Parameter:
-        """[kg]."""
+        """Mass [kg]."""
         return self["mass"]
 
     @property
     def centre(self) -> tuple[float, float, float]:
-        """Of mass, in the link's frame [m]; nan where mass or moment is not told."""
+        """Centre of mass in the link's frame [m]; nan if the mass or a first moment is not determined."""
         told = not any(p.refused for p in self.parameters[:4])
         return tuple(self.body[1:4] / self.body[0]) if told else (float("nan"),) * 3
 
@@ -81,78 +91,81 @@ def identify_payload(
     link: str | None = None,
     gains: Sequence[Parameter] | None = None,
 ) -> PayloadEstimate:
-    """The load that a robot carries in `loaded` and not in `empty`.
+    """Identify the payload that a robot carries in `loaded` and not in `empty`.
 
     Parameters
     ----------
     robot : Robot
+        Robot without the payload.
     empty, loaded : sequence of TreeMotion
+        Motions without and with the payload.
     families : sequence of sequence of str, optional
-        Friction terms of each joint; left out, plain ones.
+        Friction terms of each joint; plain ones by default.
     width : float
-        Of the smooth sign of friction; 0: the true sign [rad/s; m/s].
+        Width of the smooth sign of friction; 0 for the true sign [rad/s; m/s].
     link : str, optional
-        Which carries it; left out, the last.
+        Link that carries the payload; the last by default.
     gains : sequence of Parameter, optional
-        Of drives, in the order of motors, where they were identified too: they take the place of the motions' own, and
-        their standard errors widen the load's.
+        Identified drive gains, in the order of motors. They replace the motions' own, and their standard errors widen
+        the payload's intervals.
     """
     if gains is not None:
         factors = np.array([g.value for g in gains])
-        empty, loaded = ([with_gains(x, robot, factors) for x in motions] for motions in (empty, loaded))
-    carried = loaded_rows(robot, empty, [loaded], width=width, link=link)
+        empty, loaded = ([with_drive_gains(x, robot, factors) for x in motions] for motions in (empty, loaded))
+    carried = collect_loaded_rows(robot, empty, [loaded], width=width, link=link)
     plain = plain_families(len(robot.names), robot.shared)
     model = TreeModel(robot, carried.rows.base, plain if families is None else tuple(map(tuple, families)))
     start, at = fit_rows(model, carried.rows)
-    covariance = tree_uncertainty(at, start).covariance
+    covariance = estimate_uncertainty(at, start).covariance
     place = carried.numbers()
-    body, free, told = _body(model, carried, start)
+    body, free, told = _solve_body(model, carried, start)
     own = covariance[np.ix_(place, place)]
     if gains is not None:
-        own = own + _of_gains(model, carried, start, at, gains)
-    made = make_parameters(BODY_QUANTITIES, UNITS, body, own, idle=~told)
-    refused = tuple(p if t else replace(p, refused=UNSEEN) for p, t in zip(made, told, strict=True))
+        own = own + _gain_covariance(model, carried, start, at, gains)
+    made = make_parameters(BODY_QUANTITIES, BODY_UNITS, body, own, idle=~told)
+    refused = tuple(p if t else replace(p, refused=UNDETERMINED_REASON) for p, t in zip(made, told, strict=True))
     return PayloadEstimate(
         parameters=refused,
         covariance=own,
-        title=f"{PAYLOAD} on {robot.tree.order[carried.link].child}",
+        title=f"{PAYLOAD_PREFIX} on {robot.tree.order[carried.link].child}",
         link=robot.tree.order[carried.link].child,
         body=body,
         consistent=free,
     )
 
 
-def with_gains(motion: TreeMotion, robot: Robot, gains: np.ndarray) -> TreeMotion:
-    """The same, its effort by other gains of its drives, (m,)."""
+def with_drive_gains(motion: TreeMotion, robot: Robot, gains: np.ndarray) -> TreeMotion:
+    """Return the motion with its effort computed from other drive gains, (m,)."""
     effort = (gains * motion.drive) @ np.asarray(robot.turns)
     return replace(motion, effort=effort, gain=gains, gain_known=(True,) * len(gains))
 
 
-def _body(model: TreeModel, carried: LoadedRows, start: TreeSolution) -> tuple[np.ndarray, bool, np.ndarray]:
-    """The load as a body, (10,); whether least squares was one; which of its numbers efforts tell, (10,)."""
+def _solve_body(model: TreeModel, carried: LoadedRows, start: TreeSolution) -> tuple[np.ndarray, bool, np.ndarray]:
+    """Return the payload's consistent parameters, (10,), whether least squares was consistent, and a mask of the
+    determined parameters, (10,)."""
     rows, place = carried.rows, carried.numbers()
-    load = loads_of(rows, model, start.values) if model.loads else None
-    whole = normal_equations(linearised(model, rows, load, model.alpha(start.values)), apart=False).total()
+    load = compute_loads(rows, model, start.values) if model.loads else None
+    whole = sum_normal_equations(linearise_rows(model, rows, load, model.alpha(start.values)), apart=False).total()
     weight = 1.0 / start.sd**2
     gram, moment = np.tensordot(weight, whole.gram[0], 1), weight @ whole.moment[0]
-    # The robot's own: those that rows tell and no bound holds, which stay where they are.
+    # The robot's determined parameters are eliminated; those on a bound keep their values.
     rest = np.setdiff1d(np.flatnonzero(start.seen & ~start.held), place)
     moment = moment - gram[:, start.held] @ start.values[start.held]
     shares = np.linalg.solve(gram[np.ix_(rest, rest)], np.column_stack([gram[np.ix_(rest, place)], moment[rest]]))
     normal = gram[np.ix_(place, place)] - gram[np.ix_(place, rest)] @ shares[:, :-1]
     projected = moment[place] - gram[np.ix_(place, rest)] @ shares[:, -1]
     size = np.sqrt(np.diag(gram)[place])
-    # What rounding left of a column that the robot's own make too is no column.
-    own = np.sqrt(np.maximum(np.diag(normal), 0.0)) > FAINT * size
+    # Columns within the span of the robot's columns consist of rounding only, and are removed.
+    own = np.sqrt(np.maximum(np.diag(normal), 0.0)) > MIN_COLUMN_REMAINDER * size
     normal, projected = normal * np.outer(own, own), projected * own
-    fit = consistent_inertias(0.5 * (normal + normal.T), projected, 1)
+    fit = solve_consistent_inertias(0.5 * (normal + normal.T), projected, 1)
     return fit.values, fit.free, fit.told & own
 
 
-def _of_gains(
-    model: TreeModel, carried: LoadedRows, start: TreeSolution, at: Linearised, gains: Sequence[Parameter]
+def _gain_covariance(
+    model: TreeModel, carried: LoadedRows, start: TreeSolution, at: LinearisedModel, gains: Sequence[Parameter]
 ) -> np.ndarray:
-    """Covariance of the load's numbers, (10, 10), that the gains' standard errors make."""
+    """Return the covariance of the payload's parameters, (10, 10), that the gains' standard errors cause."""
     rows, place = carried.rows, carried.numbers()
     turns = np.asarray(rows.robot.turns)
     of_motors = rows.effort @ np.linalg.inv(turns)

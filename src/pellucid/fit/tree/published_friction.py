@@ -1,4 +1,4 @@
-"""What others published of a robot's friction and rotors, with bodies as its file states them: a simple rival."""
+"""Baseline model from published friction and rotor inertias, with links as the robot's file states them."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ from ...models.kinematic_tree import BODY_QUANTITIES
 from .tree_regression import TreeModel
 
 
-def published_numbers(model: TreeModel, published: Mapping[str, Mapping[str, float]]) -> np.ndarray | None:
-    """The model's parameters, (p,), as `published` of each joint, bodies as stated; None where that does not say every
-    joint's dry and viscous friction."""
+def published_parameters(model: TreeModel, published: Mapping[str, Mapping[str, float]]) -> np.ndarray | None:
+    """Return the model's parameters, (p,), from `published` values by joint and name, and the stated links.
+
+    Returns None if dry or viscous friction of any joint is missing.
+    """
     base, robot = model.base, model.robot
     said = {f"{joint}.{name}": value for joint, table in published.items() for name, value in table.items()}
     if any(f"{joint}.{name}" not in said for joint in robot.names for name in ("coulomb", "viscous")):

@@ -1,17 +1,17 @@
-r"""Drive ripple: what a gear or a motor adds once in so many turns, of an order that nobody stated.
+r"""Find drive ripple: effort that is periodic in the motor's angle, with an order that is not known beforehand.
 
-Cogging, teeth and eccentric bearings make an effort that repeats with the motor's angle. Its order need not be whole: a
-gear's intermediate shafts turn at other ratios. So the residual of each motor's joint is looked at over that angle: its
-power at orders from a few periods within the range that was travelled up to what the rows can follow, each beside the
-median of its neighbours. With m independent orders and a line x times the neighbours' mean, noise has such a line
-somewhere with probability
+Cogging, gear teeth and eccentric bearings make an effort that repeats with the motor's angle. Its order need not be a
+whole number, because intermediate shafts of a gear turn at other ratios. The power spectrum of each joint's residual
+over that angle is searched. The orders range from a few periods in the travelled range up to what the rows can resolve.
+Each order is compared with the median of its neighbours. With m independent orders and a line x times the neighbours'
+mean, noise has such a line somewhere with probability
 
 .. math::
    p = 1 - (1 - e^{-x})^m .
 
-What is left of a rigid body's or a friction's misfit fills neighbouring orders alike and is no line. A line below 1 %
-is then fitted, sine and cosine in one regression with everything else, and kept where it also predicts segments left
-out better, by the test that friction terms pass.
+Errors of the rigid-body or friction model spread over neighbouring orders and make no line. A line with p below 1 % is
+fitted by a sine and a cosine in the joint regression. It is kept if it also improves the prediction of left-out
+segments, by the same test as friction terms.
 """
 
 from __future__ import annotations
@@ -23,76 +23,87 @@ import numpy as np
 
 from ..block_test import sign_flip_p_value
 from .tree_estimate import Ripple
-from .tree_families import RARE
+from .tree_families import MAX_TERM_P_VALUE
 from .tree_regression import (
-    Linearised,
+    LinearisedModel,
     TreeSolution,
+    compute_loads,
     left_out_losses,
-    linearised,
-    loads_of,
-    normal_equations,
+    linearise_rows,
+    sum_normal_equations,
 )
 
-LINE = 0.01
-"""p of a line that is worth a fit."""
-FEWEST_PERIODS = 4.0
-"""Within the range that an angle travels: slower lines are what bodies and gravity make."""
-SLOWEST_ORDER = 4.0
-"""Periods a turn: gravity makes one, products of it with inertia two."""
-ROWS_A_PERIOD = 8.0
-"""At the median speed, of the fastest line."""
-OVERSAMPLED = 8  # orders tried for each independent one
-NEIGHBOURS = 30  # independent orders, half on either side, that a line is held against
+MAX_LINE_P_VALUE = 0.01
+"""A spectral line is fitted only if its p value is below this."""
+
+MIN_PERIODS = 4.0
+"""A ripple must have at least this many periods within the travelled range. Links and gravity cause slower lines."""
+
+MIN_ORDER = 4.0
+"""Smallest order of a ripple, in periods per turn. Gravity has order one, its products with inertia order two."""
+
+MIN_ROWS_PER_PERIOD = 8.0
+"""The highest order has this many rows per period at the median speed."""
+
+ORDER_OVERSAMPLING = 8
+"""Number of orders that are evaluated for each independent one."""
+
+NEIGHBOUR_COUNT = 30
+"""Number of independent neighbouring orders with which a line is compared, half on either side."""
 
 
 @dataclass(frozen=True)
-class Line:
-    """A line of a motor's residual over its angle: its order, how many times the mean of its neighbours, its p."""
+class SpectralLine:
+    """A spectral line in a motor's residual over its angle."""
 
-    motor: int
-    order: float
-    prominence: float
-    p_value: float
+    motor: int  # index of the motor
+    order: float  # periods per turn
+    prominence: float  # power divided by the mean power of neighbouring orders
+    p_value: float  # probability of such a line anywhere in noise
 
 
-def strongest_line(motor: int, angle: np.ndarray, speed: np.ndarray, residual: np.ndarray, rate: float) -> Line | None:
-    """Of a `residual` (n,) over an `angle` (n,) that moves at `speed` (n,), rows at `rate` [Hz]; None where no order
-    can be seen."""
+def find_strongest_line(
+    motor: int, angle: np.ndarray, speed: np.ndarray, residual: np.ndarray, rate: float
+) -> SpectralLine | None:
+    """Return the strongest line of a `residual`, (n,), over an `angle`, (n,), that moves at `speed`, (n,).
+
+    `rate` is that of the rows [Hz]. Returns None if the rows resolve too few orders.
+    """
     low, high = float(angle.min()), float(angle.max())
     turns = (high - low) / (2.0 * np.pi)
     if turns <= 0.0 or not np.isfinite(rate):
         return None
-    first = max(SLOWEST_ORDER, FEWEST_PERIODS / turns)
-    last = 2.0 * np.pi * rate / ROWS_A_PERIOD / float(np.median(np.abs(speed)))
+    first = max(MIN_ORDER, MIN_PERIODS / turns)
+    last = 2.0 * np.pi * rate / MIN_ROWS_PER_PERIOD / float(np.median(np.abs(speed)))
     independent = (last - first) * turns
-    if independent < NEIGHBOURS:
+    if independent < NEIGHBOUR_COUNT:
         return None
-    # Rows are gathered into bins of the angle, 16 to a period of the fastest line; then one transform has all orders.
+    # Rows are summed in bins of the angle, 16 per period of the highest order; one transform then has all orders.
     bins = int(np.ceil(16.0 * last * turns))
-    padded = 1 << int(np.ceil(np.log2(bins * OVERSAMPLED)))
+    padded = 1 << int(np.ceil(np.log2(bins * ORDER_OVERSAMPLING)))
     at = np.minimum(((angle - low) / (high - low) * bins).astype(int), bins - 1)
     gathered = np.bincount(at, residual - residual.mean(), minlength=bins)
     power = np.abs(np.fft.rfft(gathered, padded)) ** 2
     orders = np.arange(len(power)) * bins / padded / turns
     inside = np.flatnonzero((orders >= first) & (orders <= last))
-    beside = _beside(power, max(1, round(NEIGHBOURS / 2 * padded / bins)))
+    beside = _neighbour_mean(power, max(1, round(NEIGHBOUR_COUNT / 2 * padded / bins)))
     prominence = power[inside] / np.maximum(beside[inside], 1e-300)
     best = int(inside[np.argmax(prominence)])
     x = float(prominence.max())
-    order = _refined(angle, residual, float(orders[best]), 1.0 / turns / OVERSAMPLED)
-    return Line(motor, order, x, float(-np.expm1(independent * np.log1p(-np.exp(-max(x, 1e-9))))))
+    order = _refine_order(angle, residual, float(orders[best]), 1.0 / turns / ORDER_OVERSAMPLING)
+    return SpectralLine(motor, order, x, float(-np.expm1(independent * np.log1p(-np.exp(-max(x, 1e-9))))))
 
 
-def _beside(power: np.ndarray, half: int) -> np.ndarray:
-    """Mean of each order's neighbours as their median tells it, for powers that are exponential; in steps."""
+def _neighbour_mean(power: np.ndarray, half: int) -> np.ndarray:
+    """Return the mean power of each order's neighbours, estimated from medians of exponentially distributed powers."""
     step = max(1, half // 4)
     centres = np.arange(0, len(power), step)
     medians = [np.median(power[max(0, c - half) : c + half + 1]) for c in centres]
     return np.interp(np.arange(len(power)), centres, medians) / np.log(2.0)
 
 
-def _refined(angle: np.ndarray, residual: np.ndarray, order: float, step: float) -> float:
-    """The order near a coarse one whose sine and cosine take most of the residual."""
+def _refine_order(angle: np.ndarray, residual: np.ndarray, order: float, step: float) -> float:
+    """Refine a coarse order to the one whose sine and cosine explain most of the residual."""
     from scipy.optimize import minimize_scalar
 
     def left(x: float) -> float:
@@ -104,31 +115,33 @@ def _refined(angle: np.ndarray, residual: np.ndarray, order: float, step: float)
     return float(found.x)
 
 
-def lines_of(at: Linearised, found: TreeSolution, rate: float) -> tuple[Line, ...]:
-    """The strongest line of every motor, rows at `rate` [Hz]."""
+def find_lines(at: LinearisedModel, found: TreeSolution, rate: float) -> tuple[SpectralLine, ...]:
+    """Return the strongest line of every motor, from rows at `rate` [Hz]."""
     rows, made = at.rows, []
     for k, residual in enumerate(at.residuals(found.values)):
         lines = rows.lines[k]
-        line = strongest_line(k, rows.turned[lines, k], rows.turning[lines, k], residual, rate)
+        line = find_strongest_line(k, rows.turned[lines, k], rows.turning[lines, k], residual, rate)
         if line is not None:
             made.append(line)
     return tuple(made)
 
 
-def chosen_ripples(at: Linearised, found: TreeSolution, rate: float) -> tuple[tuple[Ripple, ...], Sequence[Line]]:
-    """Ripples that a model fitted to rows lacks, sizes still to be fitted, and the lines that were looked at."""
-    lines = lines_of(at, found, rate)
+def choose_ripples(
+    at: LinearisedModel, found: TreeSolution, rate: float
+) -> tuple[tuple[Ripple, ...], Sequence[SpectralLine]]:
+    """Choose the ripples that a fitted model lacks; return them without amplitudes, and the lines considered."""
+    lines = find_lines(at, found, rate)
     model, rows = at.model, at.rows
-    load = loads_of(rows, model, found.values)
+    load = compute_loads(rows, model, found.values)
     kept: list[Ripple] = []
-    best = left_out_losses(normal_equations(at), found.sd)
+    best = left_out_losses(sum_normal_equations(at), found.sd)
     for line in sorted(lines, key=lambda x: x.p_value):
-        if line.p_value >= LINE:
+        if line.p_value >= MAX_LINE_P_VALUE:
             continue
         tried = replace(model, ripples=(*model.ripples, *kept, Ripple(line.motor, line.order, 0.0, 0.0)))
-        equations = normal_equations(linearised(tried, rows, load, model.alpha(found.values)))
+        equations = sum_normal_equations(linearise_rows(tried, rows, load, model.alpha(found.values)))
         losses = left_out_losses(equations, found.sd)
-        if sign_flip_p_value(best - losses) < RARE:
+        if sign_flip_p_value(best - losses) < MAX_TERM_P_VALUE:
             kept.append(Ripple(line.motor, line.order, 0.0, 0.0))
             best = losses
     return tuple(kept), lines

@@ -1,4 +1,4 @@
-"""How a robot's model predicts segments that took no part in anything: each left out in turn, all chosen anew."""
+"""Cross-validate a robot's model over segments: each is left out in turn, and all choices are repeated without it."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...signals.tree_motion import TreeMotion
 from .tree_estimate import TreeEstimate
-from .tree_regression import TreeModel, TreeRows, TreeSolution, linearised, loads_of
+from .tree_regression import TreeModel, TreeRows, TreeSolution, compute_loads, linearise_rows
 
-Fit = Callable[[TreeRows], tuple[TreeModel, TreeSolution]]
-"""From rows to a model and its values, with everything that is chosen on the way."""
+ModelFit = Callable[[TreeRows], tuple[TreeModel, TreeSolution]]
+"""A function from rows to a model and its values, which includes all choices."""
 
 
 @dataclass(frozen=True)
 class SegmentsOut:
-    """What was missed.
+    """Errors of cross-validation over segments.
 
     Attributes
     ----------
     errors : ndarray, shape (m,)
-        RMS of what was missed over the RMS effort, both over rows that count [%].
+        RMS error divided by the RMS effort, both over the rows that count [%].
     each : ndarray, shape (S, m)
-        The same of each segment, over the same RMS effort; nan where a joint rested.
+        Error of each segment, divided by the same RMS effort [%]; nan where a joint rests.
     models : tuple of TreeModel
-        What was chosen without each segment.
+        Model chosen without each segment.
     values : tuple of ndarray
-        And its parameters.
+        Parameters of each of these models.
     """
 
     errors: np.ndarray
@@ -39,23 +39,23 @@ class SegmentsOut:
 
     @property
     def mean(self) -> float:
-        """Over joints [%]."""
+        """Mean error over joints [%]."""
         return float(self.errors.mean())
 
 
-def missed(model: TreeModel, values: np.ndarray, rows: TreeRows) -> tuple[np.ndarray, ...]:
-    """Residuals of each joint on the rows that count, (n_j,)."""
-    return linearised(model, rows, loads_of(rows, model, values)).residuals(values)
+def residuals_on(model: TreeModel, values: np.ndarray, rows: TreeRows) -> tuple[np.ndarray, ...]:
+    """Return the residuals of each joint on the rows that count, (n_j,)."""
+    return linearise_rows(model, rows, compute_loads(rows, model, values)).residuals(values)
 
 
-def errors_of(residuals: tuple[np.ndarray, ...], size: np.ndarray) -> np.ndarray:
-    """RMS over a joint's RMS effort `size`, (m,) each [%]; nan without rows."""
+def relative_errors(residuals: tuple[np.ndarray, ...], size: np.ndarray) -> np.ndarray:
+    """Return the RMS residual of each joint divided by its RMS effort `size`, (m,) [%]; nan without rows."""
     found = [np.sqrt(np.mean(r**2)) if len(r) else np.nan for r in residuals]
     return 100.0 * np.array(found) / size
 
 
-def segments_out(rows: TreeRows, fit: Fit) -> SegmentsOut:
-    """Errors of what `fit` makes of all segments but one, on that one."""
+def cross_validate_segments(rows: TreeRows, fit: ModelFit) -> SegmentsOut:
+    """Return the errors on each segment of what `fit` finds from all other segments."""
     numbers = np.unique(rows.segment[rows.used.any(axis=1)])
     if len(numbers) < 2:
         raise IdentificationError(f"found {len(numbers)} segment to fit and judge by, expected at least 2")
@@ -63,19 +63,18 @@ def segments_out(rows: TreeRows, fit: Fit) -> SegmentsOut:
     squares, counts = np.zeros((2, len(rows.size)))
     for number in numbers:
         model, found = fit(rows.only(numbers[numbers != number]))
-        residuals = missed(model, found.values, rows.only([number]))
+        residuals = residuals_on(model, found.values, rows.only([number]))
         models.append(model)
         values.append(found.values)
         squares += [np.sum(r**2) for r in residuals]
         counts += [len(r) for r in residuals]
-        each.append(errors_of(residuals, rows.size))
+        each.append(relative_errors(residuals, rows.size))
     errors = 100.0 * np.sqrt(squares / np.maximum(counts, 1)) / rows.size
     return SegmentsOut(errors, np.array(each), tuple(models), tuple(values))
 
 
 def heldout_errors(estimate: TreeEstimate, motions: Sequence[TreeMotion]) -> np.ndarray:
-    """Of recordings that took no part, together: RMS of what an estimate misses over the RMS effort, over rows that
-    count, (m,) [%]."""
+    """Return the RMS error of an estimate on held-out recordings, divided by the RMS effort of each joint, (m,) [%]."""
     off = np.concatenate([m.effort - estimate.effort(m) for m in motions])
     effort, moving = (np.concatenate([getattr(m, name) for m in motions]) for name in ("effort", "moving"))
     count = moving.sum(axis=0)

@@ -1,4 +1,4 @@
-"""An identified robot: its numbers with their intervals, what effort it predicts, and the core's numbers for it."""
+"""Estimate of a robot: parameters with intervals, predicted effort, and the core's parameters."""
 
 from __future__ import annotations
 
@@ -13,8 +13,15 @@ from ...models.kinematic_tree import BODY_QUANTITIES
 from ...models.robot import Robot
 from ..estimates import Estimates
 from ..parameter import Parameter
-from .base_parameters import REGROUPED
-from .friction_terms import MOTOR, SPEED, friction, joint_row, motor_row, numbers_of
+from .base_parameters import REGROUPED_SUFFIX
+from .friction_terms import (
+    MOTOR_PREFIX,
+    STRIBECK_VELOCITY_NAME,
+    coefficient_names,
+    joint_core_parameters,
+    motor_core_parameters,
+    sum_friction,
+)
 
 if TYPE_CHECKING:
     from ...signals.tree_motion import TreeMotion
@@ -22,20 +29,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Ripple:
-    """What a drive adds with its motor's angle, gears taken out: `order` periods a turn (of a slide: in 2 pi m)."""
+    """Periodic effort of a drive over its motor's angle, measured at the joint side of the gear."""
 
-    motor: int
-    order: float
-    sine: float  # [N m; N]
-    cosine: float
+    motor: int  # index of the motor
+    order: float  # periods per turn, or per 2 pi m for a prismatic joint
+    sine: float  # coefficient of the sine [N m; N]
+    cosine: float  # coefficient of the cosine [N m; N]
 
     @property
     def amplitude(self) -> float:
-        """[N m; N]."""
+        """Amplitude of the ripple [N m; N]."""
         return float(np.hypot(self.sine, self.cosine))
 
     def effort(self, angle: np.ndarray) -> np.ndarray:
-        """Along the motor's angle, (n,)."""
+        """Return the effort along the motor's angle, (n,)."""
         phase = self.order * angle
         return self.sine * np.sin(phase) + self.cosine * np.cos(phase)
 
@@ -47,26 +54,29 @@ class TreeEstimate(Estimates):
     Attributes
     ----------
     name : str
-        "base", "best", "consistent", ...
+        Name of the estimate: "base", "best", "consistent", ...
     robot : Robot
+        Robot that was identified.
     families : tuple of tuple of str
-        Friction terms of each joint, out of `friction_terms`.
+        Friction terms of each joint, from `friction_terms`.
     parameters : mapping of str to Parameter
-        In the order of the covariance: ``joint_3.viscous``, ``link_2.mass``, ``link_2.moment_x.regrouped``.
+        Parameters in the order of the covariance: ``joint_3.viscous``, ``link_2.mass``, ``link_2.moment_x.regrouped``.
     covariance : ndarray, shape (p, p)
+        Covariance of the parameters, SI.
     velocity_width : float
-        Of the smooth sign of friction; 0: the true sign [rad/s; m/s].
+        Width of the smooth sign of friction; 0 for the true sign [rad/s; m/s].
     ripples : tuple of Ripple
-        What drives add with their angle. `effort` has it, the core's numbers have not.
+        Drive ripple. `effort` includes it, the core's parameters do not.
     readings : mapping of str to str
-        What regrouped parameters stand for.
+        Combinations that regrouped parameters represent.
     residual_sd : tuple of float
-        Of each joint, over the rows that were fitted [N m; N].
+        Standard deviation of each joint's residual over the fitted rows [N m; N].
     freedom : float
         Degrees of freedom of the intervals.
     method : str
-        Which estimator.
+        Name of the estimator.
     notes : tuple of str
+        Sentences on the choices and bounds of the fit.
     """
 
     name: str
@@ -88,16 +98,18 @@ class TreeEstimate(Estimates):
 
     @property
     def array(self) -> np.ndarray:
-        """Their values, shape (p,), SI."""
+        """Values of the parameters, shape (p,), SI."""
         return np.array([p.value for p in self.every])
 
     def value(self, name: str) -> float:
-        """Of a parameter; 0 where this estimate has none of this name."""
+        """Return the value of a parameter, or 0 if this estimate has none of this name."""
         return self.parameters[name].value if name in self.parameters else 0.0
 
     def links(self) -> np.ndarray:
-        """Numbers of every link for the core, shape (l, 22): regrouped ones are given to the member they are called by,
-        which no effort can tell from any other share."""
+        """Return the core's parameters of every link, shape (l, 22).
+
+        A regrouped parameter is assigned to its leading member. No effort can distinguish this from other shares.
+        """
         made = self.robot.tree.links_array.copy()
         first = _core.LINK_PARAMETER_NAMES.index(BODY_QUANTITIES[0])
         rotor = _core.LINK_PARAMETER_NAMES.index("rotor_inertia")
@@ -108,50 +120,51 @@ class TreeEstimate(Estimates):
         return made
 
     def _rigid(self, name: str) -> float:
-        return self.value(name) or self.value(f"{name}.{REGROUPED}")
+        """Return the value of an inertial parameter, plain or regrouped."""
+        return self.value(name) or self.value(f"{name}.{REGROUPED_SUFFIX}")
 
     def joint_numbers(self, k: int, of_motor: bool = False) -> dict[str, float]:
-        """Coefficients of the friction of joint k, or of the motor of its number."""
-        prefix = f"{self.robot.names[k]}.{MOTOR if of_motor else ''}"
-        names = numbers_of(self.families[k], of_motor)
-        names += (SPEED,) if "stribeck" in names else ()
+        """Return the friction coefficients of joint k, or of the motor with its number."""
+        prefix = f"{self.robot.names[k]}.{MOTOR_PREFIX if of_motor else ''}"
+        names = coefficient_names(self.families[k], of_motor)
+        names += (STRIBECK_VELOCITY_NAME,) if "stribeck" in names else ()
         return {name: self.value(prefix + name) for name in names}
 
     def joints(self) -> np.ndarray:
-        """What loses effort at each joint, for the core, shape (m, k)."""
+        """Return the core's friction parameters of each joint, shape (m, k)."""
         each = enumerate(self.robot.names)
-        return np.array([joint_row(self.joint_numbers(k), self.velocity_width, name) for k, name in each])
+        return np.array([joint_core_parameters(self.joint_numbers(k), self.velocity_width, name) for k, name in each])
 
     def motors(self) -> np.ndarray | None:
-        """Of motors, where some turn with several joints, for the core, shape (m, k); else None."""
+        """Return the core's parameters of the motors, shape (m, k); None if no motor turns with several joints."""
         if not self.robot.shared:
             return None
         made = np.zeros((len(self.robot.names), len(_core.TREE_MOTOR_PARAMETER_NAMES)))
         for i in self.robot.shared:
             name = self.robot.names[i]
-            inertia = self._rigid(f"{name}.{MOTOR}inertia")
-            made[i] = motor_row(self.joint_numbers(i, True), inertia, self.velocity_width, name)
+            inertia = self._rigid(f"{name}.{MOTOR_PREFIX}inertia")
+            made[i] = motor_core_parameters(self.joint_numbers(i, True), inertia, self.velocity_width, name)
         return made
 
     def load(self, motion: TreeMotion) -> np.ndarray:
-        """What bodies, rotors and motors' inertias need, without friction, shape (n, m) [N m; N]."""
+        """Return the effort of links, rotors and motor inertias without friction, shape (n, m) [N m; N]."""
         tree = _core.KinematicTree(self.links(), np.array(self.robot.tree.gravity, float))
         y = tree.inverse_dynamics(motion.position, motion.velocity, motion.acceleration)
         turns = np.asarray(self.robot.turns)
         for i in self.robot.shared:
-            inertia = self._rigid(f"{self.robot.names[i]}.{MOTOR}inertia")
+            inertia = self._rigid(f"{self.robot.names[i]}.{MOTOR_PREFIX}inertia")
             y += inertia * np.outer(motion.acceleration @ turns[i], turns[i])
         return y
 
     def effort(self, motion: TreeMotion, *, ripple: bool = True) -> np.ndarray:
-        """Predicted at the joints, shape (n, m) [N m; N]; drives' ripple with it, unless it is left out."""
+        """Predict the effort at the joints, shape (n, m) [N m; N], with or without drive ripple."""
         turns = np.asarray(self.robot.turns)
         y = self.load(motion)
         made = y.copy()
         for k in range(y.shape[1]):
-            made[:, k] += friction(self.joint_numbers(k), motion.velocity[:, k], y[:, k], self.velocity_width)
+            made[:, k] += sum_friction(self.joint_numbers(k), motion.velocity[:, k], y[:, k], self.velocity_width)
         for i in self.robot.shared:
-            lost = friction(self.joint_numbers(i, True), motion.velocity @ turns[i], None, self.velocity_width)
+            lost = sum_friction(self.joint_numbers(i, True), motion.velocity @ turns[i], None, self.velocity_width)
             made += np.outer(lost, turns[i])
         for each in self.ripples if ripple else ():
             made += np.outer(each.effort(motion.position @ turns[each.motor]), turns[each.motor])

@@ -1,16 +1,16 @@
-r"""How sure the numbers of a robot are: residuals remember, joints are disturbed together, and the fit bends to both.
+r"""Covariance of a robot's parameters, robust to residuals that are correlated in time and between joints.
 
-The textbook counts every row of every joint as news. Here rows are cut into blocks of ten correlation times, the mean
-of the joints', all joints of a block together; blocks are as good as independent of each other, rows within one are not
-[1]_. With W_b the weighted rows of block b, H_b its part of the projection, and r_b its residuals,
+The textbook covariance treats every row of every joint as independent. Here rows are cut into blocks of ten correlation
+times (the mean of the joints'), with all joints of a block together. Blocks are nearly independent of each other, rows
+within one are not [1]_. With W_b the weighted rows of block b, H_b its part of the projection, and r_b its residuals,
 
 .. math::
    C = k^2 B \Big(\sum_b W_b^T (I - H_b)^{-1/2} r_b\, r_b^T (I - H_b)^{-1/2} W_b\Big) B,
    \qquad B = \Big(\sum_b W_b^T W_b\Big)^{-1}.
 
-The root undoes what the fit took of each block's residual (CR2 [2]_); k is Student's quantile over the normal one, for
-as many degrees of freedom as there are blocks less one. Nothing is fitted again and segments play no part, so that the
-jackknife over segments is an independent check: it leaves out stretches that end where a robot stops, and refits.
+The root corrects for the part of each block's residual that the fit removed (CR2 [2]_). k is the ratio of Student's
+quantile to the normal one, with one degree of freedom less than there are blocks. Segments play no part and nothing is
+fitted again. The jackknife over segments, which end where a robot stops, is therefore an independent check.
 
 .. [1] K.-Y. Liang, S. L. Zeger, "Longitudinal data analysis using generalized linear models", Biometrika 73, 1986.
 .. [2] R. M. Bell, D. F. McCaffrey, "Bias reduction in standard errors for linear regression with multi-stage samples",
@@ -24,26 +24,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..uncertainty import BLOCK_CORRELATION_TIMES, MIN_BLOCKS, correlation_time, student_to_normal_ratio
-from .tree_regression import Linearised, TreeRows, TreeSolution
+from .tree_regression import LinearisedModel, TreeRows, TreeSolution
 
-MOST_TAKEN = 0.999
-"""Share of a block's direction that the fit may take: all of it would leave nothing to judge by."""
+MAX_LEVERAGE = 0.999
+"""Upper limit of a block's leverage in any direction. A leverage of 1 would leave no residual."""
 
 
 @dataclass(frozen=True)
 class TreeUncertainty:
-    """`covariance` (p, p), over `freedom` degrees, of blocks of `block` rows; the `textbook`'s (p, p); `memory` (m,) of
-    each joint's residual in rows."""
+    """Covariance of a robot's parameters from blocks of rows."""
 
-    covariance: np.ndarray
-    freedom: float
-    block: int
-    textbook: np.ndarray
-    memory: np.ndarray
+    covariance: np.ndarray  # block-robust covariance, (p, p)
+    freedom: float  # degrees of freedom
+    block: int  # number of rows in the longest block
+    textbook: np.ndarray  # covariance for independent rows, (p, p)
+    memory: np.ndarray  # correlation time of each joint's residual in rows, (m,)
 
 
-def memories(rows: TreeRows, residuals: tuple[np.ndarray, ...]) -> np.ndarray:
-    """Correlation time of each joint's residual, (m,), in rows; what does not count is 0."""
+def correlation_times(rows: TreeRows, residuals: tuple[np.ndarray, ...]) -> np.ndarray:
+    """Return the correlation time of each joint's residual, (m,), in rows; rows that do not count enter as 0."""
     lengths = np.bincount(rows.stretch).tolist()
     found = []
     for lines, residual in zip(rows.lines, residuals, strict=True):
@@ -53,8 +52,11 @@ def memories(rows: TreeRows, residuals: tuple[np.ndarray, ...]) -> np.ndarray:
     return np.array(found)
 
 
-def blocks_of(rows: TreeRows, memory: float) -> np.ndarray:
-    """The block of each row, (N,), from 0: ten correlation times of `memory` rows each, and none across recordings."""
+def block_numbers(rows: TreeRows, memory: float) -> np.ndarray:
+    """Return the block number of each row, (N,).
+
+    A block has ten correlation times of `memory` rows, and never spans two recordings.
+    """
     lengths = np.bincount(rows.stretch)
     length = int(np.clip(round(BLOCK_CORRELATION_TIMES * memory), 1, max(1, len(rows.stretch) // MIN_BLOCKS)))
     made, first = [], 0
@@ -65,15 +67,18 @@ def blocks_of(rows: TreeRows, memory: float) -> np.ndarray:
     return np.concatenate(made)
 
 
-def tree_uncertainty(at: Linearised, found: TreeSolution) -> TreeUncertainty:
-    """Of a solution, on the model linearised there; what a bound holds, or no row tells, has no covariance."""
+def estimate_uncertainty(at: LinearisedModel, found: TreeSolution) -> TreeUncertainty:
+    """Compute the covariance of a solution on the model linearised there.
+
+    It is 0 for parameters that are on a bound or undetermined.
+    """
     rows, p = at.rows, len(found.values)
     free = np.flatnonzero(found.seen & ~found.held)
     place_of = np.full(p, -1)
     place_of[free] = np.arange(len(free))
     residuals = at.residuals(found.values)
-    memory = memories(rows, residuals)
-    block = blocks_of(rows, float(memory.mean()))
+    memory = correlation_times(rows, residuals)
+    block = block_numbers(rows, float(memory.mean()))
     parts, gram = [], np.zeros((len(free), len(free)))
     for j, (place, x, r) in enumerate(zip(at.places, at.columns, residuals, strict=True)):
         known = place_of[place] >= 0
@@ -81,7 +86,7 @@ def tree_uncertainty(at: Linearised, found: TreeSolution) -> TreeUncertainty:
         parts.append((place_of[place[known]], own, r / found.sd[j], block[rows.lines[j]]))
         gram[np.ix_(parts[-1][0], parts[-1][0])] += own.T @ own
     size = np.sqrt(np.diag(gram))
-    # B = L'L with L in the place of W: the projection's part of a block is (W L')(W L')'.
+    # B = L'L with L = `root`: the projection's part of a block is (W L')(W L')'.
     root = np.linalg.inv(np.linalg.cholesky(gram / np.outer(size, size))) / size
     scores = []
     for b in range(int(block.max()) + 1):
@@ -93,9 +98,9 @@ def tree_uncertainty(at: Linearised, found: TreeSolution) -> TreeUncertainty:
             pull[place] += mine.T @ r[first:last]
         if not pull.any():
             continue
-        # (I - A A')^(-1/2) on a residual, seen through A', is (I - A'A)^(-1/2) on A'r.
+        # A' (I - A A')^(-1/2) r equals (I - A'A)^(-1/2) A' r.
         taken, ways = np.linalg.eigh(root @ inner @ root.T)
-        left = 1.0 - np.clip(taken, 0.0, MOST_TAKEN)
+        left = 1.0 - np.clip(taken, 0.0, MAX_LEVERAGE)
         scores.append(root.T @ (ways @ ((ways.T @ (root @ pull)) / np.sqrt(left))))
     scores = np.array(scores)
     freedom = float(max(len(scores) - 1, 1))

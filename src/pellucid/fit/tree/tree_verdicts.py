@@ -1,23 +1,34 @@
-"""What the recordings show of each number, in a word."""
+"""Verdict on each estimated parameter of a robot, in a word."""
 
 from __future__ import annotations
 
 from ..parameter import Parameter
 from .tree_estimate import TreeEstimate
 
-IDENTIFIED, WEAK, ON_A_BOUND, NOT_IDENTIFIABLE = "identified", "weak", "on a bound", "not identifiable"
+IDENTIFIED_VERDICT = "identified"
+"""Verdict on a parameter whose 95 % interval excludes 0."""
+
+WEAK_VERDICT = "weak"
+"""Verdict on a parameter whose 95 % interval contains 0."""
+
+ON_BOUND_VERDICT = "on a bound"
+"""Verdict on a parameter that a physical bound holds."""
+
+NOT_IDENTIFIABLE_VERDICT = "not identifiable"
+"""Verdict on a parameter that the recordings do not determine."""
 
 
-def state_of(parameter: Parameter) -> str:
-    """Of an estimated number: identified where its 95 % interval leaves out 0; else weak, on a bound, or not
-    identifiable."""
+def parameter_verdict(parameter: Parameter) -> str:
+    """Return the verdict on a parameter: identified, weak, on a bound, or not identifiable."""
     if parameter.at_bound:
-        return ON_A_BOUND
+        return ON_BOUND_VERDICT
     if parameter.refused and not parameter.standard_error:
-        return NOT_IDENTIFIABLE
-    return IDENTIFIED if parameter.identifiable else WEAK
+        return NOT_IDENTIFIABLE_VERDICT
+    return IDENTIFIED_VERDICT if parameter.identifiable else WEAK_VERDICT
 
 
-def states(estimate: TreeEstimate) -> dict[str, str]:
-    """Of every number that was fitted."""
-    return {name: state_of(p) for name, p in estimate.parameters.items() if not name.endswith("stribeck_velocity")}
+def parameter_verdicts(estimate: TreeEstimate) -> dict[str, str]:
+    """Return the verdict on every fitted parameter by name."""
+    return {
+        name: parameter_verdict(p) for name, p in estimate.parameters.items() if not name.endswith("stribeck_velocity")
+    }

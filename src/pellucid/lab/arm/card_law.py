@@ -9,10 +9,10 @@ from importlib.metadata import version
 import numpy as np
 
 from ...control.tree_laws import TreeLaw
-from ...fit.tree.fit_tree import estimate_of
-from ...fit.tree.identify_tree import best_fit
+from ...fit.tree.fit_tree import make_tree_estimate
+from ...fit.tree.identify_tree import fit_best_model
 from ...fit.tree.tree_estimate import TreeEstimate
-from ...fit.tree.tree_regression import tree_rows
+from ...fit.tree.tree_regression import collect_rows
 from ...models.tree_card import JointRange, TreeCard
 from ...signals.motion import Filtering
 from ...signals.tree_motion import TreeMotion, tree_motion_of
@@ -84,9 +84,9 @@ def motions_of(rig: ArmRig, trials: Sequence[ArmTrial], seed: int) -> list[TreeM
 def identified(rig: ArmRig, seed: int = 1) -> TreeEstimate:
     """The best model of an arm, of the recordings of its protocol that are fitted."""
     motions = motions_of(rig, [trial for trial in rig.trials(seed) if trial.use == "fit"], seed)
-    rows = tree_rows(rig.robot, motions)
-    _, _, found, at = best_fit(rows, motions[0].rate)
-    return estimate_of("best", rows, found, at)
+    rows = collect_rows(rig.robot, motions)
+    _, _, found, at = fit_best_model(rows, motions[0].rate)
+    return make_tree_estimate("best", rows, found, at)
 
 
 def card_of(rig: ArmRig, estimate: TreeEstimate) -> TreeCard:

@@ -17,12 +17,12 @@ from ..._processes import ordered_results
 from ...fit.tree.consistent_fit import fit_consistent
 from ...fit.tree.directional_sets import DirectionalRow, compare_directional
 from ...fit.tree.drive_gains import gains_from_payload
-from ...fit.tree.fit_tree import estimate_of, fit_tree
-from ...fit.tree.identify_tree import best_fit
-from ...fit.tree.payload import with_gains
+from ...fit.tree.fit_tree import fit_tree, make_tree_estimate
+from ...fit.tree.identify_tree import fit_best_model
+from ...fit.tree.payload import with_drive_gains
 from ...fit.tree.segments_out import heldout_errors
 from ...fit.tree.tree_estimate import TreeEstimate
-from ...fit.tree.tree_regression import tree_rows
+from ...fit.tree.tree_regression import collect_rows
 from ...lab.arm.card_law import card_of, motions_of
 from ...lab.arm.human_motion import JOINTS, generated_motion, people, recorded_motion
 from ...lab.arm.protocol import ArmTrial, followed
@@ -93,11 +93,11 @@ def identified(rig: ArmRig, seed: int = 1) -> ArmIdentified:
     families = (LOAD,) * len(JOINTS)
     plain, stated = fit_tree(robot, empty, name="plain"), fit_tree(robot, empty, families, name="load")
     gains = np.array([p.value for p in gains_from_payload(robot, empty, [loaded], [PAYLOAD], families)])
-    by_weight, others = ([with_gains(m, robot, gains) for m in motions] for motions in (empty, judged))
+    by_weight, others = ([with_drive_gains(m, robot, gains) for m in motions] for motions in (empty, judged))
     load = fit_tree(robot, by_weight, families, name="load")
-    rows = tree_rows(robot, by_weight)
-    _, _, found, at = best_fit(rows, by_weight[0].rate)
-    best = estimate_of("best", rows, found, at)
+    rows = collect_rows(robot, by_weight)
+    _, _, found, at = fit_best_model(rows, by_weight[0].rate)
+    best = make_tree_estimate("best", rows, found, at)
     consistent = fit_consistent(at.model, rows, start=found)
     errors = {"plain": heldout_errors(plain, judged), "load_stated_gains": heldout_errors(stated, judged)}
     errors |= {e.name: heldout_errors(e, others) for e in (load, best, consistent)}

@@ -1,1 +1,3 @@
 """Do conditions change how people move: from recordings to tests, tables and sentences."""
+
+ORDER = 140

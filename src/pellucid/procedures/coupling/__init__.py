@@ -1,1 +1,3 @@
 """A wearer strapped to an orthosis: recordings to both bodies and what couples them."""
+
+ORDER = 60

@@ -14,7 +14,7 @@ from ...models.parameter_card import ParameterCard
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ..emg_torque.strapped_trials import strapped_emg_trial
-from ..emg_torque.trial_sources import STEPS, repetitions
+from ..emg_torque.trial_sources import STEP_PROTOCOL, number_repetitions
 from .procedure import CouplingTable
 
 
@@ -24,7 +24,7 @@ def emg_cards(
     """The card of everybody who has one, by its file's name without ending. `study` [coupling]."""
     stream, made = study.table(CouplingTable).emg, {}
     for who, stages in wearers.items():
-        steps = [r for r in recordings if r.participant == who and r.protocol == STEPS]
+        steps = [r for r in recordings if r.participant == who and r.protocol == STEP_PROTOCOL]
         limb = None if stages.limb is None else stages.limb.limb
         card = emg_card(study.name, who, steps, stream, orthosis=orthosis, limb=limb, coupling=stages.coupling)
         if card is not None:
@@ -48,7 +48,7 @@ def emg_card(
     if limb is None or not np.isfinite(limb.inertia) or not steps:
         return None
     # The law that the map serves has this strap.
-    repetition, strap = repetitions(steps), coupling.plain
+    repetition, strap = number_repetitions(steps), coupling.plain
     trials = [
         strapped_emg_trial(r, stream, str(repetition[r.name]), orthosis=orthosis, limb=limb, strap=strap) for r in steps
     ]

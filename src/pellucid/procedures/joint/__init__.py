@@ -1,1 +1,3 @@
 """A joint with friction: recordings to families, verdicts and a report."""
+
+ORDER = 10

@@ -27,7 +27,7 @@ lack moves each a little."""
 
 @dataclass(frozen=True)
 class Alignment:
-    """What was found of a drive's delay, of one recording or, without a name, of all: `shift_channels` [s] is by how much its
+    """What was found of a drive's delay, of one recording or, without a name, of all: `moved` [s] is by how much its
     channel was moved; `asked` in study.toml."""
 
     channel: str

@@ -19,7 +19,7 @@ from ...signals.effort import drive_model
 from ..dead_effort import dead_effort_faults
 from .aligned_motions import alignments, motions
 from .drive_sign import sign_error
-from .findings.weak_parameter import RECORD
+from .findings.weak_parameter import advice
 from .joined_clocks import clocks
 from .recorded_motions import left_out
 from .velocity_faults import velocity_faults
@@ -86,7 +86,7 @@ def _excitation(study: Study, model: JointModel, data: Stack) -> Fault:
     say = f"what the fitted motion shows, whatever drove it: {text}"
     if weak:
         shares = ", ".join(f"{name.replace('_', ' ')} ({100 * found.own[name]:.2g} %)" for name in weak)
-        say += f"; others do nearly all of what these do, which have of their own: {shares}. {RECORD.get(weak[0], '')}"
+        say += f"; others do nearly all of what these do, which have of their own: {shares}. {advice(weak[0])}"
     else:
         say += "; every parameter shows"
     expected = f"{100 * OWN:.0f} % of what each parameter does to be its own"

@@ -15,10 +15,11 @@ from matplotlib.ticker import MaxNLocator
 
 from ...drawing.drawing import Drawing, Head, dots, heads, key, label_ends, line, one_panel, origin, tidy
 from ...drawing.line_points import LINE_POINTS, broken, every
-from ...drawing.style import FIGURE_WIDTH, colour, family_colour
+from ...drawing.style import FIGURE_WIDTH, colour
 from ...fit.joint.friction_family import FamilyFit
 from ...fit.joint.replay import Simulation
 from ...models.friction import FrictionCurve, friction_curve
+from ...models.friction_terms import FAMILIES_BY_NAME, grows_with_load
 from ...pages.quantities import EFFORTS, METHODS, READINGS, label, percent, unit_text
 from ...pages.series import (
     autocorrelation,
@@ -298,10 +299,10 @@ def friction(fit: JointResult, name: str = "friction") -> Drawing:
         for branch in _branches(velocity):
             curve = _curve(family, branch, 0.0)
             right.plot(
-                reading.scale * curve.velocity, curve.friction, color=family_colour(family.family),
+                reading.scale * curve.velocity, curve.friction, color=colour(FAMILIES_BY_NAME[family.family].colour),
                 linewidth=2.2 if is_best else 1.3, zorder=4 if is_best else 3,
             )  # fmt: skip
-        ends.append((float(curve.friction[-1]), family.family, family_colour(family.family)))
+        ends.append((float(curve.friction[-1]), family.family, colour(FAMILIES_BY_NAME[family.family].colour)))
     right.set_title("every family, at no load", pad=9)
     right.set_xlabel(f"Velocity ({reading.velocity})")
     tidy(right, first=False, ticks=7)
@@ -340,7 +341,7 @@ def families(fit: JointResult, name: str = "families") -> Drawing:
         )
         axis.set_title(
             f"{family.family} · {percent(error)} % {split}" + (" · best" if family.family == fit.best else ""),
-            color=family_colour(family.family),
+            color=colour(FAMILIES_BY_NAME[family.family].colour),
             fontweight="bold" if family.family == fit.best else "normal",
         )
     return Drawing(
@@ -357,7 +358,7 @@ def _friction_panel(axis: Axes, fit: JointResult, family: FamilyFit) -> None:
     x = reading.scale * np.concatenate([p.velocity for p in chosen])
     y = np.concatenate([p.effort - p.load - offset for p in chosen])
     dots(axis, x, y, colour("muted"), alpha=0.32, size=1.8 if len(x) > 600 else 2.4)
-    tone = family_colour(family.family)
+    tone = colour(FAMILIES_BY_NAME[family.family].colour)
     velocity = _velocities(fit, family)
     top = 0.0
     for branch in _branches(velocity):
@@ -406,7 +407,7 @@ def _branches(limits: tuple[float, float]) -> list[np.ndarray]:
 
 
 def _loaded(family: FamilyFit) -> bool:
-    return any(p.name.startswith("load_") and p.value > 1e-3 for p in family.estimate.parameters)
+    return any(grows_with_load(p.name) and p.value > 1e-3 for p in family.estimate.parameters)
 
 
 # --- estimators and families in numbers -----------------------------------------------------------------------------
@@ -471,7 +472,7 @@ def heldout(fit: JointResult, name: str = "heldout") -> Drawing:
     axis.set_ylim(len(chosen) - 0.5, -0.6)
     axis.set_yticks(range(len(chosen)), [f.family for f in chosen])
     for text, family in zip(axis.get_yticklabels(), chosen, strict=True):
-        text.set_color(family_colour(family.family))
+        text.set_color(colour(FAMILIES_BY_NAME[family.family].colour))
         text.set_fontweight("bold" if family.family == fit.best else "normal")
     axis.tick_params(axis="y", length=0)
     axis.grid(axis="y", visible=False)

@@ -1,1 +1,3 @@
 """A robot of several joints, identified at once."""
+
+ORDER = 30

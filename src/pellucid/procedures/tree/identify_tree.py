@@ -9,14 +9,14 @@ import numpy as np
 
 from ..._errors import IdentificationError, RecordingError
 from ...fit.tree import identify_tree as identification
-from ...fit.tree.consistent_fit import ConsistentSolution, consistent_estimate, solve_consistent
-from ...fit.tree.friction_terms import MOTOR
-from ...fit.tree.identify_tree import TreeIdentification, maker_rows, plain_model
+from ...fit.tree.consistent_fit import ConsistentSolution, make_consistent_estimate, solve_consistent
+from ...fit.tree.friction_terms import MOTOR_PREFIX
+from ...fit.tree.identify_tree import TreeIdentification, plain_model, rows_without_maker_effort
 from ...fit.tree.inertia_prior import fit_with_prior
-from ...fit.tree.published_friction import published_numbers
-from ...fit.tree.segments_out import errors_of, heldout_errors, missed, segments_out
+from ...fit.tree.published_friction import published_parameters
+from ...fit.tree.segments_out import cross_validate_segments, heldout_errors, relative_errors, residuals_on
 from ...fit.tree.tree_estimate import TreeEstimate
-from ...fit.tree.tree_regression import TreeModel, TreeRows, TreeSolution, fit_rows, tree_rows
+from ...fit.tree.tree_regression import TreeModel, TreeRows, TreeSolution, collect_rows, fit_rows
 from ...recordings.study import Study
 from ...signals.tree_motion import TreeMotion
 from ..findings import findings_of
@@ -45,7 +45,7 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
     if not fitted:
         raise IdentificationError('no recording without payload is marked use = "fit"; at least one must be')
     tell("friction of each joint, each segment left out in turn", 0.1)
-    terms = (*table.families, *(f"{MOTOR}{term}" for term in table.families if term == "square_root"))
+    terms = (*table.families, *(f"{MOTOR_PREFIX}{term}" for term in table.families if term == "square_root"))
     found = identification.identify_tree(
         robot, fitted, judged, width=table.velocity_width, terms=terms, ripple=table.ripple
     )
@@ -54,7 +54,7 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
     models, failures, bodies = {"base": found.base, "best": found.best}, {}, None
     try:
         bodies = solve_consistent(best, found.rows)
-        models["consistent"] = consistent_estimate("consistent", found.rows, bodies)
+        models["consistent"] = make_consistent_estimate("consistent", found.rows, bodies)
         if table.inertia_prior:
             models["prior"] = fit_with_prior(best, found.rows)[0]
     except IdentificationError as error:
@@ -106,24 +106,27 @@ def _rivals(
         return  # kilograms say nothing of amperes, and what stands in for bodies is nobody's statement
     kinds = {"fitted": found.rows}
     if judged:
-        kinds["heldout"] = tree_rows(found.rows.robot, judged, width=found.rows.width, base=found.rows.base)
+        kinds["heldout"] = collect_rows(found.rows.robot, judged, width=found.rows.width, base=found.rows.base)
     rows = {
-        kind: maker_rows(each, motions) for (kind, each), motions in zip(kinds.items(), (fitted, judged), strict=False)
+        kind: rows_without_maker_effort(each, motions)
+        for (kind, each), motions in zip(kinds.items(), (fitted, judged), strict=False)
     }
     model = plain_model(rows["fitted"])
     values = fit_rows(model, rows["fitted"])[0].values
     for kind, each in rows.items():
-        yield Errors("stated", kind, _plain(errors_of(missed(model, values, each), kinds[kind].size)))
+        yield Errors("stated", kind, _plain(relative_errors(residuals_on(model, values, each), kinds[kind].size)))
     if found.maker_out is not None:
         yield Errors("stated", "segments_out", _plain(found.maker_out.errors))
     plain = plain_model(found.rows)
-    published = published_numbers(plain, study.table(TreeTable).published)
+    published = published_parameters(plain, study.table(TreeTable).published)
     for kind, each in kinds.items() if published is not None else ():
-        yield Errors("published", kind, _plain(errors_of(missed(plain, published, each), each.size)))
+        yield Errors("published", kind, _plain(relative_errors(residuals_on(plain, published, each), each.size)))
     if published is not None and found.base_out is not None:
         # Nothing is fitted, so that segments left out are all there are.
         yield Errors(
-            "published", "segments_out", _plain(errors_of(missed(plain, published, found.rows), found.rows.size))
+            "published",
+            "segments_out",
+            _plain(relative_errors(residuals_on(plain, published, found.rows), found.rows.size)),
         )
 
 
@@ -141,7 +144,9 @@ def _of_base_and_best(
 def _of_bodies(found: TreeIdentification, bodies: ConsistentSolution, judged: Sequence[TreeMotion]) -> Iterator[Errors]:
     """Of bodies that can exist: without each segment with the friction that was chosen without it."""
     rows, model = found.rows, bodies.spread.model
-    yield Errors("consistent", "fitted", _plain(errors_of(missed(model, bodies.parameters, rows), rows.size)))
+    yield Errors(
+        "consistent", "fitted", _plain(relative_errors(residuals_on(model, bodies.parameters, rows), rows.size))
+    )
     if found.best_out is not None:
         chosen = iter(found.best_out.models)
 
@@ -150,10 +155,12 @@ def _of_bodies(found: TreeIdentification, bodies: ConsistentSolution, judged: Se
             start = fit_rows(each, part)[0]
             return each, replace(start, values=solve_consistent(each, part, start=start).parameters)
 
-        yield Errors("consistent", "segments_out", _plain(segments_out(rows, fit).errors))
+        yield Errors("consistent", "segments_out", _plain(cross_validate_segments(rows, fit).errors))
     if judged:
-        kept = tree_rows(rows.robot, judged, width=rows.width, base=rows.base)
-        yield Errors("consistent", "heldout", _plain(errors_of(missed(model, bodies.parameters, kept), kept.size)))
+        kept = collect_rows(rows.robot, judged, width=rows.width, base=rows.base)
+        yield Errors(
+            "consistent", "heldout", _plain(relative_errors(residuals_on(model, bodies.parameters, kept), kept.size))
+        )
 
 
 def _of_prior(

@@ -8,8 +8,8 @@ import numpy as np
 
 from ...drawing.drawing import draw
 from ...fit.parameter import Parameter
-from ...fit.tree.friction_terms import friction
-from ...fit.tree.tree_verdicts import state_of
+from ...fit.tree.friction_terms import sum_friction
+from ...fit.tree.tree_verdicts import parameter_verdict
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import label, number, parameter_interval, percent, prose, relative_sd, unit_text
 from ...pages.tables import Row, Table, number_table
@@ -118,7 +118,7 @@ def _tiles(found: TreeResult) -> list[Tile]:
     best = found.errors_of("best", found.judged)
     worst = found.worst
     base = found.models["base"].parameters
-    told = sum(state_of(p) == "identified" for p in found.best.parameters.values())
+    told = sum(parameter_verdict(p) == "identified" for p in found.best.parameters.values())
     tiles = [
         Tile("Mean effort error", percent(best.mean), "%", f"on {JUDGED[found.judged]}"),
         Tile("Worst joint", percent(best.each[worst]), "%", short(found.names[worst])),
@@ -159,11 +159,11 @@ def _curves(found: TreeResult) -> list[FrictionCurve]:
         step = max(1, len(speed) // ROWS_SHOWN)
         speed, load, left = speed[::step], load[::step], left[::step]
         numbers = best.joint_numbers(k)
-        measured = left + friction(numbers, speed, load, width)
+        measured = left + sum_friction(numbers, speed, load, width)
         top = float(np.abs(speed).max(initial=1e-6))
         grid = np.concatenate([np.linspace(-top, -0.002 * top, 120), np.linspace(0.002 * top, top, 120)])
         loads = np.quantile(np.abs(load), (1 / 6, 1 / 2, 5 / 6)) if len(load) else np.array([0.0, 0.5, 1.0])
-        curves = {repr(float(x)): friction(numbers, grid, np.full_like(grid, x), width) for x in loads}
+        curves = {repr(float(x)): sum_friction(numbers, grid, np.full_like(grid, x), width) for x in loads}
         coordinate = "rad/s" if found.robot.units[k][0] == "rad" else "m/s"
         made.append(
             FrictionCurve(
@@ -292,7 +292,7 @@ def _parameters(found: TreeResult, name: str) -> Table:
                     unit_text(p.unit) or "–",
                     parameter_interval(p, found.confidence),
                     f"{relative_sd(p)} %".replace("– %", "–"),
-                    state_of(p),
+                    parameter_verdict(p),
                     stands.replace("_", " "),
                 )
             )

@@ -10,11 +10,11 @@ from typing import Literal
 import numpy as np
 
 from ...fit.parameter import Parameter
-from ...fit.tree.ripple import Line
+from ...fit.tree.ripple import SpectralLine
 from ...fit.tree.segment_jackknife import SegmentJackknife
 from ...fit.tree.tree_estimate import TreeEstimate
 from ...fit.tree.tree_regression import TreeModel
-from ...fit.tree.tree_verdicts import states
+from ...fit.tree.tree_verdicts import parameter_verdicts
 from ...models.robot import Robot
 from ...models.tree_card import JointRange, Ripple, TreeCard
 from ...recordings.results import ResultRow, combined_checksum
@@ -119,7 +119,7 @@ class TreeResult(Result):
     failures: Mapping[str, str]  # Models that could not be found, and why
     errors: tuple[Errors, ...]
     choice: Choice | None
-    lines: tuple[Line, ...]  # The strongest line of each drive's residual
+    lines: tuple[SpectralLine, ...]  # The strongest line of each drive's residual
     jackknife: SegmentJackknife | None
     payloads: tuple[FoundPayload, ...]
     gains: tuple[tuple[float, str, bool], ...]  # Of each drive: effort per unit, its unit, whether it is known
@@ -226,7 +226,7 @@ def _short(found: TreeResult, k: int) -> str:
 def joint_states(found: TreeResult, k: int) -> dict[str, str]:
     """Verdict of each of a joint's own numbers, by the number's name."""
     head = f"{found.names[k]}."
-    return {n.removeprefix(head): s for n, s in states(found.best).items() if n.startswith(head)}
+    return {n.removeprefix(head): s for n, s in parameter_verdicts(found.best).items() if n.startswith(head)}
 
 
 def terms_of(found: TreeResult, k: int) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ....fit.parameter import Verdict
+from ....models.friction_terms import grows_with_load
 from ..joint_case import JointCase
 
 SURE = 4.0  # standard errors by which the implied constant must miss the stated one
@@ -69,8 +70,7 @@ def _nearest_ratio(case: JointCase, implied: float) -> float:
     twice d, it is 1 / (1 + d), and d is at most their mean.
     """
     model = case.fit.model
-    names = ("load_motoring", "load_generating", "load_friction")
-    lost = [case.fit[name].value for name in names if name in model.names]
+    lost = [case.fit[name].value for name in model.names if grows_with_load(name)]
     mean = sum(lost) / len(lost) if lost else 0.0
     largest = 1.0 / (1.0 - mean) if mean < 1.0 else float("inf")
     return min(max(implied, 1.0 / (1.0 + mean)), largest)

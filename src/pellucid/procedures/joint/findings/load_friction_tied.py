@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ....fit.parameter import Verdict
+from ....models.friction_terms import LOAD, features_of
 from ..joint_case import JointCase
 
 TIED = (
@@ -36,7 +37,7 @@ REASONS = {
 
 def find(case: JointCase) -> Iterator[Verdict]:
     """That one coefficient stands for two, and why."""
-    if "load_friction" not in case.fit.model.names:
+    if LOAD not in features_of(case.fit.model.names):
         return
     why = case.shares.why
     if why == "no known load" and any(mass for mass, _ in (motion.payload for motion in case.motions)):

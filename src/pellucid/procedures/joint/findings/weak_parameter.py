@@ -8,34 +8,28 @@ import numpy as np
 
 from ....fit.joint.joint_estimate import JointEstimate
 from ....fit.parameter import Verdict
+from ....models.friction_terms import TERMS
 from ..joint_case import JointCase
 
-MEANING = {
+WEAK_BECAUSE = {
     "inertia": "it hardly accelerates",
     "gravity": "it hardly leaves its resting angle",
     "gravity_cosine": "its range of angles is too small",
-    "stribeck": "it spends too little time just above zero speed",
-    "stribeck_velocity": "it spends too little time just above zero speed",
-    "load_friction": "the load hardly changes",
-    "load_motoring": "the load hardly changes",
-    "load_generating": "the load hardly changes",
-    "coulomb": "the other friction terms explain what it would",
-    "coulomb_positive": "the other friction terms explain what it would",
-    "coulomb_negative": "the other friction terms explain what it would",
     "offset": "friction in the two directions hides it",
-}
-RECORD = {
+} | {term.name: term.weak_because for term in TERMS}
+"""Reason why recordings may not show a parameter; ``{speed}`` is the largest recorded speed."""
+
+DEFAULT_REASON = "it never moves faster than {speed}"
+"""Reason for a parameter without one of its own."""
+
+ADVICE = {
     "inertia": "Record quick reversals too: steps, or a motion of several frequencies.",
     "gravity": "Record over a wider range of angles.",
     "gravity_cosine": "Record over a wider range of angles.",
-    "viscous": "Record at several speeds, up to fast ones.",
-    "square_root": "Record at several speeds, from slow to fast ones.",
-    "stribeck": "Record slow reversals, so that the joint is often just above zero speed.",
-    "load": "Record with and without a known mass attached, or over a wider range of angles.",
-    "coulomb": "Record slow motions as well as fast ones, in both directions.",
     "offset": "Record both directions over the same positions.",
-}
-"""What shows a parameter."""
+} | {term.name: term.advice for term in TERMS}
+"""What to record so that a parameter shows."""
+
 MISFIT = 20.0  # error of the fit [%] from where a motion is not to blame
 SURE = 1.96  # statistical standard errors
 NEGLIGIBLE = 0.05  # share of the RMS effort below which an interval around zero settles the matter
@@ -71,7 +65,7 @@ def find(case: JointCase) -> Iterator[Verdict]:
             why = _rival(estimate, parameter.name)
             if why is None and missed > MISFIT:
                 why = f"the model misses {missed:.2g} % of the effort, in which it drowns"
-            why = why or MEANING.get(parameter.name, f"it never moves faster than {speed}")
+            why = why or WEAK_BECAUSE.get(parameter.name, DEFAULT_REASON).format(speed=speed)
             yield Verdict(
                 "warning",
                 f"{name} is not identifiable from these recordings: {why} (interval {low:.3g} to {high:.3g} "
@@ -81,8 +75,8 @@ def find(case: JointCase) -> Iterator[Verdict]:
 
 
 def advice(name: str) -> str:
-    """Return what to record so that a parameter shows; one of a direction falls back on its kind."""
-    return RECORD.get(name, RECORD.get(name.partition("_")[0], ""))
+    """Return what to record so that a parameter shows; empty for one that has no advice."""
+    return ADVICE.get(name, "")
 
 
 def _rival(estimate: JointEstimate, name: str) -> str | None:

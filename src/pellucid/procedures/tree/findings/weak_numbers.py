@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from ....fit.parameter import Verdict
-from ....fit.tree.tree_verdicts import IDENTIFIED, NOT_IDENTIFIABLE, states
+from ....fit.tree.tree_verdicts import IDENTIFIED_VERDICT, NOT_IDENTIFIABLE_VERDICT, parameter_verdicts
 from ..tree_result import TreeResult, unsure
 
 
@@ -15,9 +15,11 @@ def find(case: TreeResult) -> Iterator[Verdict]:
         do = "Record these joints slowly and fast, both ways, with more load and less."
         yield Verdict("note", f"Not sure of a joint's own numbers: {said}.", do, weight=len(weak))
     of_joints = {f"{joint}." for joint in case.names}
-    bodies = {n: s for n, s in states(case.best).items() if not any(n.startswith(joint) for joint in of_joints)}
-    told = sum(state == IDENTIFIED for state in bodies.values())
-    lost = sum(state == NOT_IDENTIFIABLE for state in bodies.values())
+    bodies = {
+        n: s for n, s in parameter_verdicts(case.best).items() if not any(n.startswith(joint) for joint in of_joints)
+    }
+    told = sum(state == IDENTIFIED_VERDICT for state in bodies.values())
+    lost = sum(state == NOT_IDENTIFIABLE_VERDICT for state in bodies.values())
     text = f"Of {len(bodies)} combinations of the bodies' numbers, {told} are told from 0"
     text += f", and {lost} cannot be told at all." if lost else "."
     do = (
