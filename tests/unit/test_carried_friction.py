@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from pellucid.models.carried_friction import SteadyStates, carried_friction, draw_normal, is_friction
+from pellucid.models.carried_friction import SteadyStates, carried_friction, draw_normal
+from pellucid.models.friction_terms import is_friction
 
 NAMES = ("coulomb", "viscous", "load_friction")
 VALUES = np.array([0.3, 0.1, 0.1])

@@ -6,48 +6,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from simulated_joint import BODY, FRICTION, SimulatedJoint, identified, live
+from term_battery import LOAD, friction_of, law_with
 
 import pellucid as pl
 from pellucid import _core
 from pellucid._errors import IdentificationError, StudyError
-from pellucid.control.control_law import LAWS, ControlLaw
+from pellucid.control.control_law import LAWS
 from pellucid.control.joint_compensation import carried, suggested_limits
-from pellucid.control.supervised import body_of
-from pellucid.models.carried_friction import SteadyStates, is_friction
+from pellucid.control.supervised import body_of, body_resistance
+from pellucid.models.carried_friction import SteadyStates
 from pellucid.models.fields import largest_friction, model_fields
+from pellucid.models.friction_terms import is_friction
 from pellucid.models.joint import NAMES, PARAMETER_INDEX, SYMBOLS_BY_NAME
-from pellucid.pages.quantities import LABELS
-from pellucid.procedures.joint.findings.weak_parameter import advice
 
 TERMS = tuple(field.name for field in model_fields("joint") if field.resists is not None)
-SPEED, LOAD = 1.7, 1.2
+SPEED = 1.7
 
 BODIES = {
     "usual": {},
     "horizontal": {"gravity_sine": 0.0},
     "viscous": {"viscous_positive": 1.0, "viscous_negative": 1.0},
 }
-
-
-def friction_of(term: str, value: float, speed: float, load: float) -> float:
-    """The most that the core's friction with one term resists by at a speed under a load, in any direction."""
-    vector = np.zeros(len(NAMES))
-    vector[PARAMETER_INDEX["inertia"]], vector[PARAMETER_INDEX["stribeck_velocity"]], vector[PARAMETER_INDEX[term]] = (
-        1.0,
-        0.1,
-        value,
-    )
-    v, y = np.array([speed, speed, -speed, -speed]), np.array([load, -load, load, -load])
-    return float(np.max(np.abs(_core.inverse_dynamics(vector, np.zeros(4), v, y) - y)))
-
-
-def law_with(**values: float) -> ControlLaw:
-    known = {
-        "inertia": 0.05, "gravity_sine": LOAD, "stribeck_velocity": 0.1, "velocity_width": 0.1, "effort_limit": 5.0,
-        "rate_limit": 500.0, "velocity_limit": 10.0, "position_min": -2.0, "position_max": 2.0, "period": 0.001,
-        "max_age": 0.005,
-    }  # fmt: skip
-    return ControlLaw("joint", LAWS["joint"].defaults | known | values)
 
 
 def test_every_number_that_takes_energy_is_a_term():
@@ -79,10 +58,7 @@ def _with(card, term):
 def test_the_supervisor_counts_it(term):
     body = body_of(law_with(**{term: 0.2}))
     for speed in (1e-6, 0.5, SPEED, 10.0):
-        resists = (
-            body["coulomb"] + body["load"] * LOAD + body["viscous"] * speed + body["square_root"] * math.sqrt(speed)
-        )
-        assert resists >= 0.999 * friction_of(term, 0.2, speed, LOAD)
+        assert body_resistance(body, speed, LOAD) >= 0.999 * friction_of(term, 0.2, speed, LOAD)
     assert sum(body_of(law_with())[name] for name in ("coulomb", "load", "viscous", "square_root")) == 0.0
 
 
@@ -117,16 +93,10 @@ def test_a_negative_prior_is_refused(name, make_study):
     t = np.linspace(0.0, 10.0, 2000)
     with pytest.raises(IdentificationError, match=f"known: found {name} = -1, expected 0 to"):
         pl.fit_joint(t, np.sin(t), np.sin(t), lowpass=None, known={name: -1.0})
-    said = "-1 N*m*s/rad" if name.startswith("viscous") else "-1 N*m"
+    said = f"-1 {SYMBOLS_BY_NAME[name].unit()}"
     with pytest.raises(StudyError) as error:
         make_study(None, ("trim = 20", f'trim = 20\n[model]\nknown = {{ {name} = "{said}" }}'))
     assert f'{name}: found "{said}", expected 0 or more: friction takes energy' in str(error.value)
-
-
-@pytest.mark.parametrize("name", [name for name in SYMBOLS_BY_NAME if is_friction(name)])
-def test_the_page_has_words_and_advice_for_it(name):
-    assert LABELS[name]
-    assert advice(name).endswith(".")
 
 
 @pytest.mark.parametrize("base", BODIES)

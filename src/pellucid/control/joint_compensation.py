@@ -8,8 +8,8 @@ import numpy as np
 
 from .._errors import PellucidError
 from ..models.card import Card, CardParameter, ModelCard
-from ..models.carried_friction import is_friction
 from ..models.fields import largest_friction
+from ..models.friction_terms import is_friction
 from ..models.joint import NAMES, SYMBOLS_BY_NAME
 from ..models.slider_card import SliderCard
 from ..models.slider_joint import SliderJointModel

@@ -423,6 +423,11 @@ def body_friction(law: ControlLaw, weight: float) -> dict[str, float]:
     return made | {"load": min(made["load"], 1.0)}
 
 
+def body_resistance(body: Mapping[str, float], speed: float, load: float) -> float:
+    """Return the friction of a supervisor's `body` at a `speed` [rad/s or m/s] under a `load`, in the load's unit."""
+    return sum(body.get(name, 0.0) * speed**power * load**loaded for name, (power, loaded) in FRICTION_POWERS.items())
+
+
 @dataclass(frozen=True)
 class StartUpWave:
     """The wave of effort that tests polarity and gain at start-up."""
@@ -477,11 +482,10 @@ def supervision_of(
     period, effort, speed = v["period"], v["effort_limit"], v["velocity_limit"]
     inertia = body["inertia"]
     weight = weight_of(body)
-    friction = body["coulomb"] + body["load"] * weight
+    friction = body_resistance(body, 0.0, weight)
     carried_share, reversing = v.get("friction_share", 1.0), friction
     if math.isfinite(speed):
-        slow = REVERSAL_SPEED_SHARE * speed
-        reversing += body["viscous"] * slow + body.get("square_root", 0.0) * math.sqrt(slow)
+        reversing = body_resistance(body, REVERSAL_SPEED_SHARE * speed, weight)
     # Weight that the law leaves to the wearer, because of its share of gravity or its effort limit.
     left = max(weight - min(v.get("gravity_share", 1.0) * weight, effort), 0.0)
     made = {
@@ -521,8 +525,7 @@ def supervision_of(
     }
     if math.isfinite(speed):
         # The law may always use the power that carries weight and friction at the velocity limit.
-        moving = friction + body["viscous"] * speed + body.get("square_root", 0.0) * math.sqrt(speed)
-        due = min(effort, weight - left + moving)
+        due = min(effort, weight - left + body_resistance(body, speed, weight))
         made |= {
             "power_limit": max(POWER_LIMIT_SHARE * effort, due) * speed,
             "budget_power": ENERGY_BUDGET_POWER_SHARE * effort * speed,

@@ -15,6 +15,7 @@ import numpy as np
 
 from .._errors import PellucidError
 from ..models.anthropometry import Segment
+from ..models.fields import largest_friction
 from ..models.joint import NAMES
 from ..models.slider_card import SliderCard
 from ..models.slider_joint import SliderJointModel
@@ -191,9 +192,8 @@ def with_rules(law: ControlLaw, rules: Mapping[str, float]) -> ControlLaw:
 
 def breakaway(law: ControlLaw) -> float:
     """Torque that it takes to move the robot of a transparent law from rest, where gravity loads it most [N m]."""
-    v = law.values
-    load = max(v["load_motoring"], v["load_generating"]) * math.hypot(v["gravity_sine"], v["gravity_cosine"])
-    return max(v["coulomb_positive"], v["coulomb_negative"]) + v["stribeck"] + load
+    weight = math.hypot(law.values["gravity_sine"], law.values["gravity_cosine"])
+    return float(largest_friction(LAWS[law.kind].fields, law.values, 0.0, weight))
 
 
 def zero_impedance(card: SliderCard, slider: float, *, proportional: float = 1.5, **settings) -> ControlLaw:

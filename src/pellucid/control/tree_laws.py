@@ -281,8 +281,7 @@ def with_dither(law: TreeLaw, *, share: float = 2.0, frequency: float = 1000.0) 
                 f"{name}: found a presliding_travel of {1e3 * travel:.2g} mrad, expected at most "
                 f"{1e3 * DITHER_TRAVEL:g} for dither: over more it does not free a joint"
             )
-        level = max(joint["coulomb_positive"], joint["coulomb_negative"]) + joint["stribeck"]
-        level += max(joint["load_motoring"], joint["load_generating"]) * float(reach.weight[k])
+        level = float(largest_friction(model_fields("tree_joint"), joint, 0.0, float(reach.weight[k])))
         period = one["period"]
         steepest = one["rate_limit"] * period / (2.0 * math.sin(0.5 * frequency * period))
         shares.append({**one, "dither": min(share * level, steepest), "dither_frequency": frequency})

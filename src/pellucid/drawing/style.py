@@ -85,11 +85,6 @@ def colour(role: str) -> str:
     return COLOURS[role][0]
 
 
-def family_colour(family: str) -> str:
-    """Colour of a friction family; ink for one without a colour of its own."""
-    return colour(family if family in COLOURS else "ink")
-
-
 def css_variables(dark: bool = False) -> str:
     """The roles as CSS custom properties, one declaration each."""
     return " ".join(f"--{role}: {pair[dark]};" for role, pair in COLOURS.items())

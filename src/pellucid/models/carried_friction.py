@@ -20,7 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import _core
-from .joint import PARAMETER_FIELDS, PARAMETER_INDEX, SYMBOLS_BY_NAME
+from .friction_terms import STRIBECK_VELOCITY
+from .joint import PARAMETER_INDEX, SYMBOLS_BY_NAME
 
 EXCEEDANCE_PROBABILITY = 0.05
 """Probability with which the carried friction may exceed the true friction somewhere."""
@@ -39,14 +40,6 @@ NORMAL_DRAW_SEED = 20261122
 
 PROBE_COEFFICIENT = 0.5
 """Value at which a coefficient's friction per unit is asked of the core: within the bounds of every one."""
-
-
-def is_friction(name: str) -> bool:
-    """Whether a parameter is a coefficient of friction."""
-    return name in SYMBOLS_BY_NAME and any(
-        PARAMETER_FIELDS[target].resists is not None for target in SYMBOLS_BY_NAME[name].targets
-    )
-
 
 RECORDED_QUANTILES = (0.01, 0.99)
 """Quantiles of the recorded speeds and loads between which friction counts as known."""
@@ -80,7 +73,7 @@ class SteadyStates:
         for column, name in enumerate(names):
             vector = np.zeros(len(PARAMETER_INDEX))
             # An inertia of 1 makes the load the acceleration.
-            vector[PARAMETER_INDEX["inertia"]], vector[PARAMETER_INDEX["stribeck_velocity"]] = 1.0, stribeck_velocity
+            vector[PARAMETER_INDEX["inertia"]], vector[PARAMETER_INDEX[STRIBECK_VELOCITY.name]] = 1.0, stribeck_velocity
             vector[[PARAMETER_INDEX[target] for target in SYMBOLS_BY_NAME[name].targets]] = PROBE_COEFFICIENT
             effort = _core.inverse_dynamics(vector, still, velocity, self.load)
             made[:, column] = (effort - self.load) * direction / PROBE_COEFFICIENT

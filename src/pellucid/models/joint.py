@@ -18,10 +18,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .._errors import IdentificationError
-from .fields import COORDINATE_UNITS, Field, model_fields
+from .fields import COORDINATE_UNITS, Field
 from .filtered_dynamics import FilteredMotion, filtered_effort, filtered_jacobian, filtered_rows
+from .friction_terms import CORE_FIELDS, DIRECTIONAL, FRICTION_FAMILIES, TERMS, freed_terms, shape_index
 
-PARAMETER_FIELDS: Mapping[str, Field] = {field.name: field for field in model_fields("joint")}
+PARAMETER_FIELDS: Mapping[str, Field] = CORE_FIELDS
 """What the core says of its parameters, in its order."""
 
 NAMES: tuple[str, ...] = tuple(PARAMETER_FIELDS)
@@ -54,15 +55,11 @@ class Symbol:
         return PARAMETER_FIELDS[self.targets[0]].unit(motion, effort_unit)
 
 
-NONLINEAR_PARAMETERS = frozenset({"stribeck_velocity", "load_motoring", "load_generating", "velocity_width"})
+NONLINEAR_PARAMETERS = frozenset({"velocity_width"} | {name for t in TERMS if not t.linear for name in t.targets})
 """Parameters of the core that effort is not proportional to."""
 
-TIED_PARAMETERS: Mapping[str, tuple[str, ...]] = {
-    "gravity": ("gravity_sine",),
-    "viscous": ("viscous_positive", "viscous_negative"),
-    "coulomb": ("coulomb_positive", "coulomb_negative"),
-    # Without a known payload only the sum of the two coefficients shows: one value then drives both.
-    "load_friction": ("load_motoring", "load_generating"),
+TIED_PARAMETERS: Mapping[str, tuple[str, ...]] = {"gravity": ("gravity_sine",)} | {
+    term.name: term.targets for term in TERMS if term.targets != (term.name,)
 }
 """Parameters that are reported under a name of their own."""
 
@@ -75,21 +72,11 @@ SYMBOLS_BY_NAME: Mapping[str, Symbol] = {
 MAX_STRIBECK_SHARE = 0.25
 GRAVITY = 9.80665  # m/s^2
 
-TERMS: Mapping[str, tuple[str, ...]] = {"stribeck": ("stribeck", "stribeck_velocity"), "root": ("square_root",)}
-"""Symbols that a feature adds to a family; "directional" and "load" choose between symbols instead."""
-
-FAMILIES: Mapping[str, frozenset[str]] = {
-    "symmetric": frozenset(),
-    "directional": frozenset({"directional"}),
-    "load": frozenset({"load"}),
-    "stribeck": frozenset({"stribeck"}),
-    "combined": frozenset({"directional", "load", "stribeck"}),
-    "root": frozenset({"root"}),
-}
+FAMILIES: Mapping[str, frozenset[str]] = {family.name: family.features for family in FRICTION_FAMILIES}
 """Friction families, as the features each adds to symmetric Coulomb and viscous friction."""
 
-DEFAULT_FAMILIES: tuple[str, ...] = tuple(name for name in FAMILIES if name != "root")
-"""What is compared unless a study names families: not the root of speed, which few joints of one axis show."""
+DEFAULT_FAMILIES: tuple[str, ...] = tuple(family.name for family in FRICTION_FAMILIES if family.is_default)
+"""Families that are compared unless a study names families."""
 
 
 UNITS: Mapping[str, Mapping[str, str]] = {
@@ -119,9 +106,14 @@ class JointModel:
         """
         lower = np.array([s.lower for s in self.symbols])
         upper = np.array([s.upper for s in self.symbols])
-        if "stribeck_velocity" in self.names:
-            upper[self.names.index("stribeck_velocity")] = MAX_STRIBECK_SHARE * self.velocity_range
+        if self.shape_index is not None:
+            upper[self.shape_index] = MAX_STRIBECK_SHARE * self.velocity_range
         return lower, upper
+
+    @property
+    def shape_index(self) -> int | None:
+        """Position of the free symbol that shapes a friction curve instead of scaling it; None without one."""
+        return shape_index(self.names)
 
     @property
     def linear(self) -> bool:
@@ -203,16 +195,11 @@ def joint_model(
     if gravity not in terms:
         raise IdentificationError(f"gravity is {gravity!r}; expected one of {', '.join(terms)}")
     features = FAMILIES[family]
-    names = ["inertia", *terms[gravity]]
-    if "directional" in features:
-        # An offset and two Coulomb levels are collinear (their columns add up to 1): the offset goes.
-        names += ["viscous_positive", "coulomb_positive", "viscous_negative", "coulomb_negative"]
-    else:
-        names += ["viscous", "coulomb", "offset"]
-    for feature, terms in TERMS.items():
-        names += terms if feature in features else ()
-    if "load" in features:
-        names += ["load_motoring", "load_generating"] if separate_load else ["load_friction"]
+    plain = freed_terms(features & {DIRECTIONAL})
+    # An offset and two Coulomb levels are collinear (their columns add up to 1): the offset goes.
+    offset = [] if DIRECTIONAL in features else ["offset"]
+    richer = [term for term in freed_terms(features, separate_load=separate_load) if term not in plain]
+    names = ["inertia", *terms[gravity], *(t.name for t in plain), *offset, *(t.name for t in richer)]
     known = dict(known or {})
     symbols = tuple(SYMBOLS_BY_NAME[n] for n in names if n not in known)
     return JointModel(family, symbols, motion, effort_unit, known, velocity_range)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from ..fit.parameter import Parameter
+from ..models.friction_terms import FRICTION_FAMILIES, TERMS
 from ..models.joint import SYMBOLS_BY_NAME
 
 MINUS = "\N{MINUS SIGN}"
@@ -20,32 +21,12 @@ LABELS: Mapping[str, str] = MappingProxyType(
         "gravity": "Gravity, sine",
         "gravity_cosine": "Gravity, cosine",
         "offset": "Offset",
-        "viscous": "Viscous friction",
-        "viscous_positive": "Viscous friction, + direction",
-        "viscous_negative": "Viscous friction, \N{MINUS SIGN} direction",
-        "coulomb": "Coulomb friction",
-        "coulomb_positive": "Coulomb friction, + direction",
-        "coulomb_negative": "Coulomb friction, \N{MINUS SIGN} direction",
-        "stribeck": "Stribeck friction",
-        "stribeck_velocity": "Stribeck velocity",
-        "square_root": "Friction with the root of speed",
-        "load_friction": "Load friction",
-        "load_motoring": "Load friction, motoring",
-        "load_generating": "Load friction, generating",
+        **{term.name: term.words for term in TERMS},
         "drive_constant": "Drive constant",
     }
 )
 
-FAMILIES: Mapping[str, str] = MappingProxyType(
-    {
-        "symmetric": "Coulomb and viscous friction, the same in both directions",
-        "directional": "Coulomb and viscous friction of its own in each direction",
-        "load": "friction that grows with the load the joint carries",
-        "stribeck": "friction that falls with speed near standstill (Stribeck)",
-        "combined": "direction, load and Stribeck effect together",
-        "root": "friction that also grows with the root of speed",
-    }
-)
+FAMILIES: Mapping[str, str] = MappingProxyType({family.name: family.words for family in FRICTION_FAMILIES})
 
 METHODS: Mapping[str, str] = MappingProxyType(
     {

@@ -11,7 +11,7 @@ from ..control.joint_compensation import carried
 from ..control.transparent_laws import transparent, with_rules
 from ..estimators.learnt_rules import LearntRules, RecordedResidual, RuleKind, learn_rules
 from ..fit.slider.slider_fit import SliderFit
-from ..models.carried_friction import is_friction
+from ..models.friction_terms import is_friction
 from ..models.slider_card import SliderCard
 
 FRICTION_SHARE = 0.95

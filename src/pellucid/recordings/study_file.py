@@ -24,6 +24,7 @@ from pydantic import (
 
 from .._errors import IdentificationError, StudyError
 from .._given import read_given
+from ..models.friction_terms import TERMS_BY_NAME
 from ..models.joint import DEFAULT_FAMILIES, FAMILIES, SYMBOLS_BY_NAME
 from ..units import parse_quantity, si_text, to_si_factor
 from .study_fields import (
@@ -1130,18 +1131,18 @@ def channel_unit(name: str, units: Mapping[str, Any], given: str | None = None) 
     return units.get(expected, expected) if expected else None
 
 
-def parameter_units(name: str, units: Mapping[str, str | None]) -> tuple[str, ...] | None:
-    """SI units a known parameter may have, by its name; None where the name says nothing."""
+def parameter_units(name: str, units: Mapping[str, str | None]) -> str | tuple[str, ...] | None:
+    """Return the SI unit that a known parameter must have, or several; None where its name says nothing."""
     effort, coordinate = units["<scaled_effort>"], units["<coordinate>"]
     if effort is None or coordinate is None:
         return None
     per_acceleration = f"{effort}*s^2/{coordinate}"
+    if name in TERMS_BY_NAME:
+        return TERMS_BY_NAME[name].unit("prismatic" if coordinate == "m" else "rotary", effort)
     kind = name.split("_")[0]
     if kind in ("inertia", "mass"):
         return {"N*m": ("kg*m^2", per_acceleration), "N": ("kg", per_acceleration)}.get(effort, (per_acceleration,))
-    if kind == "viscous":
-        return (f"{effort}*s/{coordinate}",)
-    if kind in ("gravity", "coulomb", "offset"):
+    if kind in ("gravity", "offset"):
         return (effort,)
     return None
 

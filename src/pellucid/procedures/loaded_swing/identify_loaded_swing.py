@@ -17,6 +17,7 @@ from ...fit.parameter import Parameter, Verdict
 from ...fit.swing.leg_balance import leg_alone
 from ...fit.swing.loaded_swing import Swing, SwingFit, corrected_form, fit_swings, swing
 from ...models.anthropometry import WINTER_MASS, shank_length, winter
+from ...models.friction_terms import is_friction
 from ...models.joint import GRAVITY
 from ...models.parameter_card import ParameterCard
 from ...recordings.fault import Fault
@@ -272,7 +273,7 @@ def _cards(study, empty, legs, files, confidence) -> dict[str, ParameterCard]:
 
     orthosis = [
         *body(empty.inertia, empty.weight_moment),
-        *(p for p in empty.others if p.name in ("viscous", "coulomb", "offset")),
+        *(p for p in empty.others if is_friction(p.name) or p.name == "offset"),
     ]
     made = {"orthosis": card("orthosis", "orthosis", orthosis, of(orthosis, empty.covariance), None)}
     for who, leg in legs.items():

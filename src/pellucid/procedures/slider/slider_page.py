@@ -8,6 +8,7 @@ import numpy as np
 
 from ...drawing.drawing import Drawing, draw
 from ...fit.slider.slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit
+from ...models.friction_terms import COULOMB, LOAD_FRICTION, LOAD_GENERATING, LOAD_MOTORING, VISCOUS
 from ...models.joint import GRAVITY, PARAMETER_INDEX
 from ...models.slider_joint import BODY_UNITS
 from ...pages.page import Page, Section, Tile
@@ -62,11 +63,7 @@ WORDS: Mapping[str, str] = {
     "inertia": "Inertia at slider 0",
     "gravity": "Gravity, sine, at slider 0",
     "gravity_cosine": "Gravity, cosine",
-    "coulomb": "Coulomb friction",
-    "viscous": "Viscous friction",
-    "load_friction": "Load friction",
-    "load_motoring": "Load friction, motoring",
-    "load_generating": "Load friction, generating",
+    **{term.name: term.words for term in (COULOMB, VISCOUS, LOAD_FRICTION, LOAD_MOTORING, LOAD_GENERATING)},
     "adherence": "Adherence",
 }
 """What the parameters are."""
@@ -254,8 +251,9 @@ def _friction(fit: SliderFit, middle: float, angles: np.ndarray) -> Drawing:
     curves = {SHORT["dissociated"]: directional_friction(fit["dissociated"].model, np.array([middle]), angles)[0]}
     for method in ("consistent", "load"):
         vector = fit[method].model.vector(fit[method].values, middle)
-        dry = 0.5 * (vector[PARAMETER_INDEX["coulomb_positive"]] + vector[PARAMETER_INDEX["coulomb_negative"]])
-        share = 0.5 * (vector[PARAMETER_INDEX["load_motoring"]] + vector[PARAMETER_INDEX["load_generating"]])
+        dry, share = (
+            np.mean([vector[PARAMETER_INDEX[target]] for target in term.targets]) for term in (COULOMB, LOAD_FRICTION)
+        )
         curves[SHORT[method]] = dry + share * np.abs(load)
     return draw(
         figures.friction_by_load, load, curves, roles=ROLES,
