@@ -133,7 +133,7 @@ def of_curves(studies: int, people: int) -> float:
 
 
 def jobs(studies: int) -> list[tuple]:
-    """For `in_order`, in the order in which `rows` reads them."""
+    """For `ordered_results`, in the order in which `rows` reads them."""
     few, third = studies // 8, MARGIN.high / 3.0
     return [
         (by_model, 8, SPREAD, studies // 2), (by_model, 16, SPREAD, few), (by_model, 8, 0.0, few),

@@ -39,8 +39,8 @@ def require_inside(path: Path, folder: Path, allowed: bool, where: str) -> Path:
         inside = False
     if not inside:
         raise PellucidError(
-            f"{where}: found {visible_text(str(path))} outside the study's folder, expected a file in it; --allow-outside "
-            "(allow_outside=True) takes it all the same"
+            f"{where}: found {visible_text(str(path))} outside the study's folder, expected a file in it; "
+            "--allow-outside (allow_outside=True) takes it all the same"
         )
     return path
 

@@ -109,8 +109,8 @@ _kept_pools: list[tuple[ExitStack, list[ProcessPoolExecutor]]] = []
 
 @contextmanager
 def keep_helpers() -> Iterator[None]:
-    """Keep the helper processes for all calls of `results_with_helpers` in this context, so that each loads its libraries
-    only once."""
+    """Keep the helper processes for all calls of `results_with_helpers` in this context, so that each loads its
+    libraries only once."""
     with ExitStack() as stack:
         _kept_pools.append((stack, []))
         stack.callback(_kept_pools.pop)

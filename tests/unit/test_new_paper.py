@@ -34,7 +34,7 @@ import numpy as np
 
 from pellucid.papers.figure import figure
 from pellucid.papers.paper import Paper
-from pellucid._processes import in_order
+from pellucid._processes import ordered_results
 
 SEEDS = range(4)
 
@@ -49,7 +49,8 @@ class Tides(Paper):
     splits = {"simulated": ("tides.",)}
 
     def figures(self, tell):
-        drawn = in_order([(period, seed, self.printed["length"]) for seed in SEEDS], 1, lambda n, of: tell("", n / of))
+        jobs = [(period, seed, self.printed["length"]) for seed in SEEDS]
+        drawn = ordered_results(jobs, 1, lambda n, of: tell("", n / of))
         yield figure("tides", "period", "Period", "s", drawn, self.printed["period"])
         yield figure("tides", "exact", "Period without noise", "s", 2.00607, self.printed.values["period"])
 '''

@@ -14,8 +14,8 @@ from pellucid._processes import keep_helpers, results_with_helpers
 
 SCRIPT = """
 import math
-from pellucid._processes import among_helpers
-print(among_helpers([(math.factorial, i) for i in range(6)], 2), __file__)
+from pellucid._processes import results_with_helpers
+print(results_with_helpers([(math.factorial, i) for i in range(6)], 2), __file__)
 """
 
 

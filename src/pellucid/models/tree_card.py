@@ -218,7 +218,8 @@ def _require_tree(card: TreeCard) -> None:
     for unit in (*card.effort_units, *card.drive_units):
         if unit not in JOINT_EFFORT_UNITS:
             raise ValueError(
-                f"found the unit {_given.visible_text(repr(unit))[:100]}, expected one of {', '.join(JOINT_EFFORT_UNITS)}"
+                f"found the unit {_given.visible_text(repr(unit))[:100]}, expected one of "
+                f"{', '.join(JOINT_EFFORT_UNITS)}"
             )
     for name, gain in zip(card.names, card.gains, strict=True):
         if not 1e-9 <= abs(gain) <= MAX_CARD_NUMBER:

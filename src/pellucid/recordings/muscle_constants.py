@@ -37,8 +37,8 @@ def require_physical(path: Path, muscle: Muscle) -> Muscle:
     """Return the muscle; raise a RecordingError if its name or a constant is not plausible."""
     if re.fullmatch(_given.NAME_PATTERN, muscle.name) is None:
         raise RecordingError(
-            f"{path.name}: found the muscle {_given.visible_text(muscle.name[:100])!r}, expected letters, digits, blanks and "
-            ". - _"
+            f"{path.name}: found the muscle {_given.visible_text(muscle.name[:100])!r}, expected letters, digits, "
+            "blanks and . - _"
         )
     for what, bounds in PLAUSIBLE_RANGES.items():
         require_range(path, muscle.name, what, getattr(muscle, what), bounds=bounds)

@@ -101,8 +101,8 @@ def _require_coordinate(model: MuscleModel, joint: str, name: str) -> None:
     known = [n for n in model.skeleton.coordinates if n not in model.skeleton.couplings]
     if name not in known:
         raise RecordingError(
-            f'{model.path.name}: found no coordinate "{visible_text(name)}" of joint {joint} that moves freely, expected one '
-            f"of {', '.join(known[:40])}: say it in [emg_torque.coordinates]"
+            f'{model.path.name}: found no coordinate "{visible_text(name)}" of joint {joint} that moves freely, '
+            f"expected one of {', '.join(known[:40])}: say it in [emg_torque.coordinates]"
         )
 
 

@@ -67,7 +67,8 @@ class StudyTable(BaseModel):
                 )
             if isinstance(text, float) and text and not MIN_NUMBER_MAGNITUDE <= abs(text) <= MAX_NUMBER_MAGNITUDE:
                 raise ValueError(
-                    f"found {text:g}, expected 0, or {MIN_NUMBER_MAGNITUDE:g} to {MAX_NUMBER_MAGNITUDE:g} of either sign"
+                    f"found {text:g}, expected 0, or {MIN_NUMBER_MAGNITUDE:g} to {MAX_NUMBER_MAGNITUDE:g} of either "
+                    "sign"
                 )
         return value
 

@@ -406,7 +406,8 @@ class _ModelReader:
         if element.tag == "WrapEllipsoid":
             radii = self._require_metres(self._numbers(element.find("dimensions"), f"{where}, <dimensions>", 3), where)
             return Ellipsoid(tuple(map(float, radii)), side)
-        return f"found a {visible_text(element.tag)}, which is not followed, expected WrapCylinder, WrapSphere or WrapEllipsoid"
+        known = "WrapCylinder, WrapSphere or WrapEllipsoid"
+        return f"found a {visible_text(element.tag)}, which is not followed, expected {known}"
 
     def _muscle(self, element: Element, surfaces) -> MusclePath:
         name = element.get("name")
