@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ._errors import PellucidError, UnfitRecordingError
+from .procedures.command import Command, procedure_commands
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -216,14 +217,28 @@ def _several(folders: list[Path], families: list[str] | None, allow_outside: boo
         raise typer.Exit(1)
 
 
-@app.command()
-def calibrate(
-    folder: Folder, json: Json = False, out: Out = None, allow_outside: Outside = False, accept_stale: Stale = False
-) -> None:
-    """Torque from EMG by several methods, judged held out."""
-    from .procedures.run import calibrate as run
+def _add_command(command: Command) -> None:
+    """Add a command that runs procedures on one study, as their folder describes it."""
 
-    _found(_opened(folder, out, allow_outside, accept_stale), "calibrate", json, run)
+    def found(folder: Path, json: bool, out: Path | None, allow_outside: bool, accept_stale: bool = False) -> None:
+        from .procedures.run import run
+
+        study = _opened(folder, out, allow_outside, accept_stale)
+        _found(study, command.name, json, lambda study, tell: run(study, command.name, on_progress=tell))
+
+    def plain(folder: Folder, json: Json = False, out: Out = None, allow_outside: Outside = False) -> None:
+        found(folder, json, out, allow_outside)
+
+    def reading_cards(
+        folder: Folder, json: Json = False, out: Out = None, allow_outside: Outside = False, accept_stale: Stale = False
+    ) -> None:
+        found(folder, json, out, allow_outside, accept_stale)
+
+    app.command(command.name, help=command.help)(reading_cards if command.reads_cards else plain)
+
+
+for _command in procedure_commands():
+    _add_command(_command)
 
 
 @app.command()
@@ -267,40 +282,6 @@ def plan(
     for table in fitting_tables(found.heads, rows, console.width):
         console.print(table)
     _say(console, found.note)
-
-
-@app.command()
-def onset(folder: Folder, json: Json = False, out: Out = None, allow_outside: Outside = False) -> None:
-    """When muscles become active, from raw EMG, with intervals."""
-    from .procedures.run import onset as run
-
-    _found(_opened(folder, out, allow_outside), "onset", json, run)
-
-
-@app.command()
-def cocontraction(folder: Folder, json: Json = False, out: Out = None, allow_outside: Outside = False) -> None:
-    """How much antagonists work against each other."""
-    from .procedures.run import cocontraction as run
-
-    _found(_opened(folder, out, allow_outside), "cocontraction", json, run)
-
-
-@app.command()
-def synergies(folder: Folder, json: Json = False, out: Out = None, allow_outside: Outside = False) -> None:
-    """Groups of muscles that move together."""
-    from .procedures.run import synergies as run
-
-    _found(_opened(folder, out, allow_outside), "synergies", json, run)
-
-
-@app.command()
-def activations(
-    folder: Folder, json: Json = False, out: Out = None, allow_outside: Outside = False, accept_stale: Stale = False
-) -> None:
-    """Muscles' activations near EMG, by a measured torque."""
-    from .procedures.run import activations as run
-
-    _found(_opened(folder, out, allow_outside, accept_stale), "activations", json, run)
 
 
 @app.command()
@@ -444,7 +425,7 @@ def export(
     """Write the controller as C, or muscles for other programs."""
     from .deployment.export import export as run
     from .deployment.microcontroller import measure, missing_tools, save_measured
-    from .deployment.subject import muscles_said
+    from .deployment.subject import describe_muscles
 
     study = _opened(folder, None, allow_outside)
     with _progress() as tell:
@@ -461,7 +442,7 @@ def export(
         found = None if absent or muscles else measure(made)
     console = _console()
     if muscles:
-        _say(console, f"{made}: {muscles_said(made, to)}")
+        _say(console, f"{made}: {describe_muscles(made, to)}")
         return
     if found is None:
         _say(console, f"Not run on a Cortex-M4F: {', '.join(absent)} not installed.")

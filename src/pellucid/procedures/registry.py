@@ -5,45 +5,31 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 from functools import cache
+from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING
 
-from .activations.procedure import ActivationsProcedure
-from .assessment.procedure import AssessmentProcedure
-from .cocontraction.procedure import CocontractionProcedure
-from .coupling.procedure import CouplingProcedure
-from .emg_torque.procedure import EmgTorqueProcedure
-from .hinge.procedure import HingeProcedure
-from .isolated_muscle.procedure import IsolatedMuscleProcedure
-from .joint.procedure import JointProcedure
-from .loaded_swing.procedure import LoadedSwingProcedure
-from .onset.procedure import OnsetProcedure
+from .command import procedure_folders
 from .procedure import Procedure
-from .slider.procedure import SliderProcedure
-from .synergies.procedure import SynergiesProcedure
-from .transfer_function.procedure import TransferFunctionProcedure
-from .tree.procedure import TreeProcedure
 
 if TYPE_CHECKING:
     from ..recordings.study import Study
     from ..recordings.study_file import StudyFile
 
-PROCEDURES: tuple[Procedure, ...] = (
-    JointProcedure(),
-    SliderProcedure(),
-    TreeProcedure(),
-    TransferFunctionProcedure(),
-    HingeProcedure(),
-    CouplingProcedure(),
-    LoadedSwingProcedure(),
-    EmgTorqueProcedure(),
-    ActivationsProcedure(),
-    IsolatedMuscleProcedure(),
-    OnsetProcedure(),
-    CocontractionProcedure(),
-    SynergiesProcedure(),
-    AssessmentProcedure(),
-)
-"""In the order in which a study is checked and its report shows them."""
+
+def find_procedures() -> tuple[Procedure, ...]:
+    """Return an object of every procedure: each subclass of `Procedure` in the ``procedure.py`` of a folder."""
+    modules = [import_module(f"{folder.__name__}.procedure") for folder in procedure_folders()]
+    kinds = [kind for module in modules for kind in vars(module).values() if _is_procedure_of(kind, module)]
+    return tuple(kind() for kind in kinds)
+
+
+def _is_procedure_of(kind: object, module: ModuleType) -> bool:
+    return isinstance(kind, type) and issubclass(kind, Procedure) and kind.__module__ == module.__name__
+
+
+PROCEDURES: tuple[Procedure, ...] = find_procedures()
+"""Every procedure, in the order in which a study is checked and its report shows them."""
 
 
 def asked(study: Study, name: str | None = None) -> tuple[Procedure, ...]:

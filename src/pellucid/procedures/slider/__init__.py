@@ -1,1 +1,3 @@
 """A joint with a carriage: recordings to three-step and coherent models."""
+
+ORDER = 20

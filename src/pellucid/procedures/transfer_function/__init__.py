@@ -1,1 +1,3 @@
 """A linear model from one channel to another."""
+
+ORDER = 40

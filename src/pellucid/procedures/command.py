@@ -1,0 +1,39 @@
+"""Folders of procedures, and the commands that they bring to the command line.
+
+Nothing heavy is imported here: ``pellucid --help`` names every command.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from pkgutil import iter_modules
+from types import ModuleType
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command of ``pellucid`` that runs procedures on one study.
+
+    A folder brings it as ``COMMAND`` in its ``__init__.py``. `identify` and `assess`, which have options of their own,
+    are written in `cli.py`.
+    """
+
+    name: str
+    help: str  # One line, at most 58 characters: what ``pellucid --help`` prints
+    reads_cards: bool = False  # Whether it offers ``--accept-stale``, because procedures read cards of other commands
+
+
+def procedure_folders() -> tuple[ModuleType, ...]:
+    """Return the package of every procedure's folder, in the order of their ``ORDER``.
+
+    A study is checked, and its report drawn, in this order.
+    """
+    here = import_module(__package__)
+    names = [each.name for each in iter_modules(here.__path__) if each.ispkg]
+    return tuple(sorted((import_module(f"{__package__}.{name}") for name in names), key=lambda folder: folder.ORDER))
+
+
+def procedure_commands() -> tuple[Command, ...]:
+    """Return the commands that folders bring, in the order of the folders."""
+    return tuple(folder.COMMAND for folder in procedure_folders() if hasattr(folder, "COMMAND"))
