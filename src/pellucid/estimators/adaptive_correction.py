@@ -29,10 +29,14 @@ LENGTH_SCALE_CANDIDATES = (1.0, 2.0, 4.0)
 """Candidate length scales of the kernel, in standard deviations of a feature.
 
 Each is multiplied by the root of the number of features. The likelihood chooses among them.
+Chosen by judgement; no measurement is recorded.
 """
 
 NOISE_SHARE_CANDIDATES = (0.03, 0.1, 0.3, 1.0)
-"""Candidate shares of the errors' variance that features do not explain. The likelihood chooses among them."""
+"""Candidate shares of the errors' variance that features do not explain. The likelihood chooses among them.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,13 +34,19 @@ from ..fit.muscles.muscle_calibration import MuscleSamples
 from ..models.hill import MUSCLE_QUANTITIES, HillMuscle
 
 LINEARISATION_COUNT = 4
-"""Number of times that forces are linearised about the activations found so far."""
+"""Number of times that forces are linearised about the activations found so far.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 MAX_NEWTON_STEPS = 60
-"""Largest number of Newton steps on the dual problem."""
+"""Largest number of Newton steps on the dual problem. Chosen by judgement; no measurement is recorded."""
 
 ACTIVATION_STEP = 1e-4
-"""Difference of activations by which the slope of a muscle's force is computed [1]."""
+"""Difference of activations by which the slope of a muscle's force is computed [1].
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 INSTANT_ACTIVATION_DYNAMICS = {"delay": 0.0, "time_constant_1": 1e-9, "time_constant_2": 1e-9, "shape": 0.0}
 """Activation dynamics of a muscle whose activation equals its excitation."""

@@ -30,16 +30,22 @@ CARD_KIND = "causal_emg_map"
 """Kind of the parameter card that holds a causal map."""
 
 EMG_BAND_HZ = (30.0, 450.0)
-"""Corner frequencies of the band-pass before rectification [Hz]."""
+"""Corner frequencies of the band-pass before rectification [Hz]. Chosen by judgement; no measurement is recorded."""
 
 ANGLE_LOWPASS_HZ = 6.0
-"""Cut-off of the zero-phase low-pass on the angle, before a trial's fastest motion is determined [Hz]."""
+"""Cut-off of the zero-phase low-pass on the angle, before a trial's fastest motion is determined [Hz].
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 FILTER_SETTLING_S = 2.0
 """Duration that is left out at the start of a trial [s], until the filters have settled."""
 
 MAX_HELD_JOINT_SPEED_RAD_S = 3.0
-"""A trial is left out if its joint ever turns faster than this [rad/s]: the joint was then not held."""
+"""A trial is left out if its joint ever turns faster than this [rad/s]: the joint was then not held.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 REGRESSION_RATE_HZ = 20.0
 """Rate at which samples enter the regression [Hz]. Envelopes hold nothing faster."""
@@ -48,7 +54,10 @@ PENALTY_CANDIDATES = (0.0, 1.0, 10.0, 100.0)
 """Candidate penalties of the ridge regression. Repetitions left out choose among them."""
 
 DEFAULT_PATIENCE_SAMPLES = 400
-"""EMG is declared invalid after this many samples in a row outside floor and ceiling."""
+"""EMG is declared invalid after this many samples in a row outside floor and ceiling.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 
 @dataclass(frozen=True)

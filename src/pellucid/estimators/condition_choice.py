@@ -31,19 +31,31 @@ from .torque_map import MAX_CHOICE_SAMPLES, TorqueMap
 from .torque_trial import TorqueTrial
 
 MAX_TEST_COUNT = 5
-"""Largest number of tests if several recordings are fitted. Recordings of similar speed are then left out together."""
+"""Largest number of tests if several recordings are fitted. Recordings of similar speed are then left out together.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 MIN_STRIDE_S = 0.4
 """Shortest period of a movement that is looked for [s]. Chosen by judgement; no measurement is recorded."""
 
 MIN_STRIDE_COUNT = 4
-"""Smallest number of strides that a recording must hold before they are divided into slow and fast ones."""
+"""Smallest number of strides that a recording must hold before they are divided into slow and fast ones.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 MIN_PERIODIC_AUTOCORRELATION = 0.5
-"""A movement counts as periodic if the autocorrelation of the joint's speed reaches at least this value."""
+"""A movement counts as periodic if the autocorrelation of the joint's speed reaches at least this value.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 FITTED_CALM_SHARE = 0.8
-"""Share of the samples that are fitted if those with the most effort or speed are the test set."""
+"""Share of the samples that are fitted if those with the most effort or speed are the test set.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 ERROR_BAND_SHARE = 0.9
 """Share of the test samples that the error band about a prediction holds."""

@@ -47,6 +47,7 @@ GAIN_CHANGE_COST = 1.5
 """Log-likelihood cost of explaining a channel's range by another gain.
 
 Two channels do not count as exchanged if a change of gain explains their ranges as well.
+Chosen by judgement; no measurement is recorded.
 """
 
 SWAP_LOG_LIKELIHOOD_THRESHOLD = 1.2
@@ -56,13 +57,19 @@ Walkers and runners who were never fitted, and whose cables were right, reach 1.
 """
 
 MIN_PATTERN_CORRELATION = 0.6
-"""An envelope matches a pattern if their correlation exceeds this."""
+"""An envelope matches a pattern if their correlation exceeds this. Chosen by judgement; no measurement is recorded."""
 
 UNCHANGED_PATTERN_CORRELATION = 0.7
-"""An envelope whose correlation with its own pattern reaches this is unchanged, whatever other pattern it matches."""
+"""An envelope whose correlation with its own pattern reaches this is unchanged, whatever other pattern it matches.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 MIN_COPY_CORRELATION = 0.9
-"""Two envelopes can be one signal only if their correlation exceeds this."""
+"""Two envelopes can be one signal only if their correlation exceeds this.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 MIN_COPY_Z_RISE = 1.2
 """Two envelopes count as one signal only if Fisher's z of their correlation rose by more than this since the fit.
@@ -71,25 +78,40 @@ Between walking and crouching it rises by 0.83.
 """
 
 PATTERN_LOG_LIKELIHOOD_THRESHOLD = 0.6
-"""A channel counts as another muscle's only if its log-likelihood ratio for that muscle's pattern exceeds this."""
+"""A channel counts as another muscle's only if its log-likelihood ratio for that muscle's pattern exceeds this.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 FITTED_RANGE_MARGIN_SHARE = 0.25
-"""A value may leave its fitted range by this share of the range before it counts as outside."""
+"""A value may leave its fitted range by this share of the range before it counts as outside.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 MIN_MOTION_MARGINS = (0.1, 0.2)
-"""Smallest margins about the fitted angles [rad] and rates [rad/s], for joints that were held and so hardly moved."""
+"""Smallest margins about the fitted angles [rad] and rates [rad/s], for joints that were held and so hardly moved.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 MAX_OUTSIDE_TIME_SHARE = 0.25
-"""A recording can be judged only if at most this share of its time lies outside the fitted ranges."""
+"""A recording can be judged only if at most this share of its time lies outside the fitted ranges.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 PATTERN_PENALTY = 10.0
-"""Penalty of the ridge regression that finds a pattern, for standardised terms."""
+"""Penalty of the ridge regression that finds a pattern, for standardised terms.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 MIN_WATCH_S = 5.0
 """A watch makes its first comparison after this duration [s]. Quantiles of less time are those of a single stride."""
 
 COMPARISON_INTERVAL_S = 1.0
-"""Time between two comparisons of a watch [s]."""
+"""Time between two comparisons of a watch [s]. Chosen by judgement; no measurement is recorded."""
 
 WINDOW_S = 6.0
 """Duration of the samples that a watch compares [s]. A raised floor counts only if it lasts nearly all of this time."""
@@ -98,10 +120,14 @@ INTERPOLATION_SHARES = (0.25, 0.5, 0.75)
 """Shares of the way between two fitted trials at which ranges are interpolated.
 
 The way leads from the trial with less effort to the one with more, in logarithms of the ranges.
+Chosen by judgement; no measurement is recorded.
 """
 
 MAX_LOG_DISTANCE = 10.0
-"""Distance of the logarithms of two ranges if only one of them is 0."""
+"""Distance of the logarithms of two ranges if only one of them is 0.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 MAX_STRETCH_COUNT = 300
 """Largest number of stretches kept of a fitted trial: all of five minutes, evenly spaced ones of a longer trial."""

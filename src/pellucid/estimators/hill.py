@@ -21,13 +21,16 @@ ANATOMY_WEIGHT_CANDIDATES = (0.05, 0.02, 0.01, 0.005)
 """Candidate weights of the anatomical prior. Cross-validation within the fitted trials chooses among them."""
 
 BLOCK_COUNT = 5
-"""Number of blocks into which a single trial is divided for cross-validation."""
+"""Number of blocks into which a single trial is divided for cross-validation.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 EFFORT_CANDIDATES = np.geomspace(0.02, 1.0, 18)
 """Candidates for the largest effort, as a share of a maximal contraction, if no maximal contraction was recorded."""
 
 FOLD_GAP_S = 0.15
-"""Gap between fitted and scored samples in cross-validation [s]."""
+"""Gap between fitted and scored samples in cross-validation [s]. Chosen by judgement; no measurement is recorded."""
 
 
 @dataclass(frozen=True)

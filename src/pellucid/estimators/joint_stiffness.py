@@ -32,10 +32,13 @@ TENDON_STRAIN_ERROR_SHARE = 0.3
 """Standard error of a tendon's strain under F_0, as a share of the strain. Tendons of one leg differ by as much."""
 
 POSTURE_COUNT = 4
-"""Number of postures into which a movement is divided, from its smallest angle to its largest, of equal time."""
+"""Number of postures into which a movement is divided, from its smallest angle to its largest, of equal time.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 MAX_SAMPLE_COUNT = 3000
-"""Largest number of samples of a movement that are used."""
+"""Largest number of samples of a movement that are used. Chosen by judgement; no measurement is recorded."""
 
 MIN_PARAMETER_STEP = 0.05
 """Smallest step of a parameter in the derivative of stiffness, in standard deviations among people.

@@ -32,10 +32,16 @@ SPEED_RULE_COUNT = 7
 """Number of rules over speed, the same as in the core."""
 
 RULE_SPEED_RAD_S = 0.3
-"""Speed w below which half of the rules of either direction lie [rad/s]."""
+"""Speed w below which half of the rules of either direction lie [rad/s].
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 FOLD_COUNT = 3
-"""Number of groups of recordings. Each is left out once in cross-validation."""
+"""Number of groups of recordings. Each is left out once in cross-validation.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 STIFFNESS_CANDIDATES = {"fuzzy": (1e-3, 1e-2, 1e-1, 1.0), "network": (0.1, 1.0, 10.0)}
 """Candidate stiffnesses: the ridge as a share of the samples, and the network's weight decay [1]."""

@@ -16,13 +16,22 @@ MAX_JOINT_ANGLE_RAD = 2.0 * np.pi
 """Largest angle that a joint can have [rad]. A larger one is probably in degrees."""
 
 MIN_ENVELOPE_PEAK = 5e-3
-"""An envelope must exceed this share of a maximal contraction at least once. Otherwise no muscle was recorded."""
+"""An envelope must exceed this share of a maximal contraction at least once. Otherwise no muscle was recorded.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 MIN_SWAPPED_CORRELATION = 0.3
-"""Flexors and extensors count as swapped if both sides' EMG correlates with the wrong torque by more than this."""
+"""Flexors and extensors count as swapped if both sides' EMG correlates with the wrong torque by more than this.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 UNIT_MAXIMUM_TOLERANCE = 1e-3
-"""A file's largest envelope counts as normalised to 1 if it differs from 1 by less than this."""
+"""A file's largest envelope counts as normalised to 1 if it differs from 1 by less than this.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 
 def refuse_unfit_trials(trials: Sequence[TorqueTrial]) -> None:

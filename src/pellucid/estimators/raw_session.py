@@ -48,10 +48,13 @@ Chosen by judgement; no measurement is recorded.
 """
 
 SPECTRUM_WINDOW_S = 0.5
-"""Duration of the window of one spectrum [s]."""
+"""Duration of the window of one spectrum [s]. Chosen by judgement; no measurement is recorded."""
 
 MIN_ACTIVE_POWER_RATIO = 4.0
-"""A muscle counts as active only if the upper quartile of its power exceeds the lower quartile by this factor."""
+"""A muscle counts as active only if the upper quartile of its power exceeds the lower quartile by this factor.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 MIN_RECORDING_S = 4.0
 """Shortest recording that can be compared [s]. Chosen by judgement; no measurement is recorded."""

@@ -39,16 +39,19 @@ MAX_FACTORISATION_ITERATIONS = 500
 """Largest number of iterations of the factorisation."""
 
 DEFAULT_MIN_MUSCLES = 3
-"""Smallest number of muscles in which synergies are looked for."""
+"""Smallest number of muscles by default. Two muscles have a single synergy, their common activation."""
 
 VAF_THRESHOLD = 0.9
-"""The number of synergies is the smallest whose held-out variance accounted for reaches this share."""
+"""The number of synergies is the smallest whose held-out variance accounted for reaches this share [3]_."""
 
 BLOCK_COUNT = 5
-"""Number of blocks of time that are left out in turn if there is no held-out recording."""
+"""Number of blocks of time that are left out in turn if there is no held-out recording.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 FOLD_GAP_S = 0.2
-"""Gap between fitted and test samples [s]."""
+"""Gap between fitted and test samples [s]. Chosen by judgement; no measurement is recorded."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -242,6 +242,7 @@ def _joints_left_out(left_out: Sequence[tuple[str, FillingScore]]) -> list[str]:
 
 
 def _headline(recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[str, FillingScore]]) -> str:
+    """Return the headline: the median scores of filling in a removed electrode, by joint."""
     said = []
     for joint in _joints_left_out(left_out):
         way = _best_emg_method(left_out, joint)
@@ -258,6 +259,7 @@ def _headline(recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[
 def _verdicts(
     recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[str, FillingScore]]
 ) -> tuple[Verdict, ...]:
+    """Return notes on torques, trusts and muscles without EMG, and a warning if static optimisation fails."""
     said = []
     for joint in dict.fromkeys(each.what for each in recordings):
         own = [each for each in recordings if each.what == joint]
@@ -296,6 +298,7 @@ def _verdicts(
 
 
 def _table(recordings: Sequence[AssistedRecording]) -> FigureTable:
+    """Return the table of torque scores by joint and recording."""
     heads = ("Joint", "Recording", "EMG-driven R²", "assisted R² (told)", "activations moved")
     rows = tuple(
         (joint, e.recording.replace("_", " "), e.emg_driven[joint].r2, e.assisted[joint].r2, e.moved)
@@ -306,6 +309,7 @@ def _table(recordings: Sequence[AssistedRecording]) -> FigureTable:
 
 
 def _left_out_tables(left_out: Sequence[tuple[str, FillingScore]]) -> list[FigureTable]:
+    """Return a table of median scores by filling method for each joint."""
     made = []
     for joint in _joints_left_out(left_out):
         heads = ("Filled in by", "R²", "correlation", "R² of the torque")
@@ -319,6 +323,7 @@ def _left_out_tables(left_out: Sequence[tuple[str, FillingScore]]) -> list[Figur
 def _rows(
     study: str, recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[str, FillingScore]]
 ) -> list[ResultRow]:
+    """Return all result rows."""
     made, checksums = [], {each.recording: each.checksum for each in recordings}
 
     def row(name: str, value: float, split: str, recording: str, note: str = "") -> None:

@@ -101,6 +101,7 @@ def _require_pairs(study: Study, table: CocontractionTable, recordings: list[Mus
 
 
 def _rows(study: str, each: PairActivity, of: MuscleEnvelopes, level: float) -> list[ResultRow]:
+    """Return the result rows of one pair in one recording."""
     base = f"{study}.{each.recording}.{'_'.join(each.pair)}"
     made = []
     for name, index in (("falconer_winter", each.found.common), ("rudolph", each.found.weighed)):
@@ -113,6 +114,7 @@ def _rows(study: str, each: PairActivity, of: MuscleEnvelopes, level: float) -> 
 
 
 def _headline(found: list[PairActivity]) -> str:
+    """Return the headline: the range of the common index for each pair."""
     said = []
     for pair in dict.fromkeys(each.pair for each in found):
         values = [each.found.common.value for each in found if each.pair == pair]
@@ -122,6 +124,7 @@ def _headline(found: list[PairActivity]) -> str:
 
 
 def _verdicts(study: Study, table: CocontractionTable, found: list[PairActivity]) -> tuple[Verdict, ...]:
+    """Return verdicts on the scale of envelopes and on recordings too short for an interval."""
     said = []
     if not any(r.protocol == "mvc" for r in study.recordings()) and table.chain != "none":
         said.append(
@@ -146,6 +149,8 @@ def _verdicts(study: Study, table: CocontractionTable, found: list[PairActivity]
 
 
 def _table(found: list[PairActivity]) -> FigureTable:
+    """Return the table of both indices by recording and pair."""
+
     def words(index) -> str:
         if index.interval is None:
             return "–"

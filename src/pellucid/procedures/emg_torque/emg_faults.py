@@ -15,7 +15,10 @@ from ...signals.emg_quality import RATE_TOLERANCE, contrast_faults, inspect_emg,
 from .procedure import EmgTorqueTable
 
 ENVELOPE_SETTLING_S = 0.5
-"""Duration at either end of a recording in which an envelope has not settled [s]."""
+"""Duration at either end of a recording in which an envelope has not settled [s].
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 FLEXOR_NAME_PARTS = ("hamstring", "biceps", "semitendinosus", "semimembranosus", "brachialis", "brachioradialis")
 """Parts of the names of muscles that flex a knee or an elbow."""

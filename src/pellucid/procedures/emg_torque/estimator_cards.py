@@ -33,13 +33,22 @@ from .torque_card import PRODUCT_SEPARATOR
 from .trial_sources import moment_trials
 
 MAX_ENVELOPE_RATIO = 2.0
-"""Largest valid envelope of a channel, as a multiple of the largest fitted one. A larger one is not from a muscle."""
+"""Largest valid envelope of a channel, as a multiple of the largest fitted one. A larger one is not from a muscle.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 REST_QUANTILE = 0.01
-"""Quantile of a channel's fitted envelope that is taken for its value at rest."""
+"""Quantile of a channel's fitted envelope that is taken for its value at rest.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 TORQUE_LIMIT_RATIO = 1.5
-"""Limit of an estimator's torque, as a multiple of the largest fitted torque."""
+"""Limit of an estimator's torque, as a multiple of the largest fitted torque.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 ACROSS_JOINTS_NOTES = (
     "Muscles were fitted with angles filtered both ways: stepped, the angles' rates come 19 ms late.",
@@ -47,7 +56,10 @@ ACROSS_JOINTS_NOTES = (
 """Notes on a card of muscles over all joints, which are fitted with zero-phase filters."""
 
 NOTED_ARM_ERROR_M = 2e-3
-"""The card notes a muscle's surface if the RMS error of its moment arms exceeds this [m]."""
+"""The card notes a muscle's surface if the RMS error of its moment arms exceeds this [m].
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 
 def estimator_cards(

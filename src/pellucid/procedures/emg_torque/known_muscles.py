@@ -17,10 +17,16 @@ from .relative_envelopes import is_maximal, is_relative
 from .study_muscles import study_geometry, study_muscles
 
 MAX_LENGTH_ERROR_M = 1e-3
-"""A muscle's polynomial is reported as poor if the RMS error of its length exceeds this [m]."""
+"""A muscle's polynomial is reported as poor if the RMS error of its length exceeds this [m].
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 MAX_ARM_ERROR_M = 2e-3
-"""A muscle's polynomial is reported as poor if the RMS error of its moment arm exceeds this [m]."""
+"""A muscle's polynomial is reported as poor if the RMS error of its moment arm exceeds this [m].
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 
 def muscle_source(study: Study, recording: Recording, joint: str) -> MuscleSource | None:

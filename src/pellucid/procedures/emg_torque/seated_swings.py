@@ -36,10 +36,10 @@ SWING_PROTOCOL = "seated_swing"
 """Protocol in which a seated wearer swings the leg without torque by the motor."""
 
 MOTION_LOWPASS_HZ = 6.0
-"""Cut-off of the low-pass on position and torque [Hz]."""
+"""Cut-off of the low-pass on position and torque [Hz]. Chosen by judgement; no measurement is recorded."""
 
 KEPT_RATE_HZ = 50.0
-"""Rate of the samples that are kept [Hz]."""
+"""Rate of the samples that are kept [Hz]. Chosen by judgement; no measurement is recorded."""
 
 FLEXOR_MUSCLE = "biceps_femoris"
 """Muscle that stands for all knee flexors behind the thigh."""

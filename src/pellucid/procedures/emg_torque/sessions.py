@@ -132,7 +132,8 @@ def invalidity_words(compared: ChannelComparison) -> str:
         many = sum(value > 1.0 for value in levels) > len(levels) / 2
         ends = (levels[len(levels) // 2], levels[-1]) if many else (levels[0], levels[len(levels) // 2])
         return f"most envelopes ranging {ends[0]:.2g} to {ends[1]:.2g} times as far as those to be fitted"
-    return f"angles, speeds or envelopes beyond all that is to be fitted in {100.0 * compared.outside_share:.0f} % of the time"
+    share = 100.0 * compared.outside_share
+    return f"angles, speeds or envelopes beyond all that is to be fitted in {share:.0f} % of the time"
 
 
 def session_verdicts(sessions: Mapping[str, ChannelComparison], rescaled: bool) -> list[Verdict]:

@@ -1,4 +1,4 @@
-"""A study's muscles, from the file of the model that it names: constants, and lengths over its joints."""
+"""Read a study's muscles from the model file that it names: constants, and lengths over its joints."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .procedure import EmgTorqueTable
 
 
 def read_muscle_constants(path: Path) -> dict[str, MuscleConstants]:
-    """Constants of all muscles of a file, by the names it has for them."""
+    """Return the constants of all muscles in a file, by the file's own names."""
     path = Path(path)
     if path.suffix.lower() == ".osim":
         return read_model(path)
@@ -34,7 +34,7 @@ def read_muscle_constants(path: Path) -> dict[str, MuscleConstants]:
 
 
 def study_muscles(study: Study) -> dict[str, MuscleConstants]:
-    """Constants of a study's muscles, by the study's own names. `study` [emg_torque]."""
+    """Return the constants of a study's muscles, by the study's own names. `study` [emg_torque]."""
     spec = study.find_table(EmgTorqueTable)
     if spec is None or spec.muscle_file is None:
         return {}
@@ -52,9 +52,9 @@ def study_muscles(study: Study) -> dict[str, MuscleConstants]:
 
 
 def study_geometry(study: Study) -> ModelMuscles | None:
-    """Lengths of a study's muscles over its joints, from an OpenSim model; None where it names none that can be used.
+    """Return the lengths of a study's muscles over its joints, from an OpenSim model; None without a usable model.
 
-    They are made once and kept in the study as ``muscle_geometry.json``. `study` [emg_torque].
+    They are computed once and stored in the study as ``muscle_geometry.json``. `study` [emg_torque].
     """
     spec = study.find_table(EmgTorqueTable)
     if spec is None or spec.muscle_file is None:
@@ -71,11 +71,11 @@ def study_geometry(study: Study) -> ModelMuscles | None:
     if not coordinates:
         return None
     asked = tuple(coordinates.items()), tuple(spec.muscle_names.items())
-    return _kept_or_made(path, study.place(FILE), path.stat().st_mtime_ns, *asked)
+    return _load_or_make_polynomials(path, study.place(FILE), path.stat().st_mtime_ns, *asked)
 
 
 def study_coordinates(study: Study) -> dict[str, str]:
-    """The OpenSim model's coordinate of each joint, with a minus where it grows the other way. `study` [emg_torque]."""
+    """Return the OpenSim model's coordinate of each joint, with a minus for an opposite sign. `study` [emg_torque]."""
     spec = study.table(EmgTorqueTable)
     if spec.coordinates or spec.muscle_file is None or not spec.muscle_file.lower().endswith(".osim"):
         return dict(spec.coordinates)
@@ -90,21 +90,26 @@ def study_coordinates(study: Study) -> dict[str, str]:
 
 @lru_cache(maxsize=8)
 def _known_coordinates(path: Path, changed: int) -> tuple[str, ...]:
+    """Return the names of a model's coordinates. `changed` is the file's time, so that a new file is read again."""
     return tuple(read_paths(path).skeleton.coordinates)
 
 
 @lru_cache(maxsize=8)
-def _kept_or_made(path: Path, place: Path, changed: int, coordinates: tuple, names: tuple) -> ModelMuscles:
+def _load_or_make_polynomials(path: Path, place: Path, changed: int, coordinates: tuple, names: tuple) -> ModelMuscles:
+    """Return the muscles' polynomials that are stored at `place`, or compute and store them.
+
+    `changed` is the time of the model's file, so that a changed model is read again.
+    """
     checksum = hashlib.sha256(read_given(path)).hexdigest()
     asked = checksum, dict(coordinates), dict(names)
     if place.is_file():
-        # What cannot be read, or is of another model, is made again.
+        # A stored file that cannot be read, or belongs to another model, is computed again.
         with suppress(PellucidError):
             kept = read_polynomials(place)
             if (kept.checksum, dict(kept.coordinates), dict(kept.named)) == asked:
                 return kept
     made = model_muscles(path, *asked)
-    # A folder that may not be written keeps nothing.
+    # In a folder without permission to write, nothing is stored.
     with suppress(OSError):
         write_polynomials(place, made)
     return made

@@ -41,7 +41,10 @@ class TogetherFigureData:
 
 
 VALID_COVERAGE_BOUNDS = (0.8, 0.97)
-"""A band at the level `ERROR_BAND_SHARE` is said to hold if its share of held-out torque is between these two."""
+"""A band at the level `ERROR_BAND_SHARE` is said to hold if its share of held-out torque is between these two.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 MAX_DRAWN_PARAMETERS = 12
 """Largest number of posterior parameters in a figure: those that the recording determines best."""

@@ -37,7 +37,10 @@ KEPT_RATE_HZ = 100.0
 """Rate to which faster recordings are thinned [Hz]. Envelopes and movements have nothing above half of it."""
 
 SAME_ANGLE_TOLERANCE_RAD = 0.1
-"""Two recordings are at the same held angle if their median angles differ by less than this [rad]."""
+"""Two recordings are at the same held angle if their median angles differ by less than this [rad].
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 
 def moment_trials(study: Study, joint: str, *, causal: bool = False) -> list[TorqueTrial]:

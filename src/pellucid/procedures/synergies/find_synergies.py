@@ -158,6 +158,7 @@ def _compare_groups(one: GroupSynergies, other: GroupSynergies, parts: dict) -> 
 
 
 def _headline(groups: list[GroupSynergies], alike: tuple[GroupSimilarity, ...]) -> str:
+    """Return the headline: number of synergies, held-out variance, and similarity of groups."""
     count, number = groups[0].count, len(groups[0].synergies)
     several = "y accounts" if number == 1 else "ies account"
     where = list(count.numbers).index(number) if number in count.numbers else -1
@@ -173,6 +174,7 @@ def _headline(groups: list[GroupSynergies], alike: tuple[GroupSimilarity, ...]) 
 
 
 def _tables(groups: list[GroupSynergies]) -> list[FigureTable]:
+    """Return a table of explained variance by number of synergies for each group."""
     heads = ("Synergies", "VAF fitted", "held out", "worst muscle", "shifted", "R² of a muscle left out")
     made = []
     for g in groups:
@@ -184,6 +186,7 @@ def _tables(groups: list[GroupSynergies]) -> list[FigureTable]:
 
 
 def _similarity_table(alike: tuple[GroupSimilarity, ...]) -> tuple[FigureTable, ...]:
+    """Return the table of similarities; empty for a single group."""
     if not alike:
         return ()
     rows = tuple((a.one, a.other, a.cosine, a.chance, a.crossed) for a in alike)
@@ -237,6 +240,7 @@ def _verdicts(
 def _rows(
     study: str, groups: list[GroupSynergies], alike: tuple[GroupSimilarity, ...], checksum: str
 ) -> list[ResultRow]:
+    """Return all result rows."""
     made = []
 
     def row(name: str, value: float, split: str, note: str = "") -> None:
