@@ -1,1 +1,1 @@
-"""Off the PC: identified controllers as source that a microcontroller runs, with what proves that it runs the same."""
+"""Export identified controllers as source code for microcontrollers, with tests that they compute the same there."""

@@ -1,4 +1,4 @@
-"""A controller as a folder of C and C++: headers, constants, interface, test vector, and what builds it."""
+"""Write a controller as a folder of C and C++: headers, constants, interface, test vector and build files."""
 
 from __future__ import annotations
 
@@ -33,20 +33,23 @@ TEMPLATES = {
         "test",
     ),
 }
-"""What is rendered, and the folder that it goes to."""
+"""Templates that are rendered, each with the folder of its file."""
 
-HEADERS, OUTPUTS = "include/pellucid", "test/vector_outputs.h"
-"""Where the core's headers are, and what this machine answered to the test vector."""
+HEADERS = "include/pellucid"
+"""Folder of the core's headers in the exported folder."""
+
+OUTPUTS = "test/vector_outputs.h"
+"""File with this machine's outputs for the test vector."""
 
 COMPILERS = ("make", "cc", "c++")
-"""What playing the test vector needs."""
+"""Programs that are needed to play the test vector."""
 
 LARGEST = "3.40282347e+38f"
-"""The largest float, which stands for no limit."""
+"""Literal of the largest float, which stands for the absence of a limit."""
 
 
 def core_headers() -> Path:
-    """Where the core's headers are: beside the sources in a checkout, inside the package where it is installed."""
+    """Return the folder of the core's headers: beside the sources in a checkout, inside an installed package."""
     package = Path(__file__).parents[1]
     for folder in (package / "include", package.parents[1] / "include"):
         if (folder / "pellucid" / "math.hpp").is_file():
@@ -57,7 +60,7 @@ def core_headers() -> Path:
 
 
 def needed_headers(header: str) -> list[str]:
-    """A header of the core, and all that it includes."""
+    """Return the names of a header of the core and of all headers that it includes."""
     folder, found, waiting = core_headers() / "pellucid", set(), [header]
     while waiting:
         name = waiting.pop()
@@ -68,7 +71,7 @@ def needed_headers(header: str) -> list[str]:
 
 
 def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
-    """Write the folder; files that it has from before are replaced, all others stay."""
+    """Write the folder; files of an earlier export are replaced, all others stay."""
     refuse_other_makefile(out)
     law = LAWS[values.law]
     headers = sorted({*needed_headers(law.header), *needed_headers("supervisor.hpp"), "watchdog.hpp"})
@@ -97,19 +100,19 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
         "literal": literal,
     }
     files |= {place_of(name): rendered(f"{name}.j2", **content) for name in TEMPLATES}
-    files |= _answers(files, out, vector.motion)
+    files |= _output_files(files, out, vector.motion)
     return put_down(files, out)
 
 
 def refuse_other_makefile(out: Path) -> None:
-    """PellucidError where make would obey a file that is not the controller's own."""
+    """Raise a PellucidError if the folder has a makefile that make would prefer to the controller's own."""
     obeyed = {"GNUmakefile", "makefile"}.intersection(path.name for path in (out.iterdir() if out.is_dir() else ()))
     if obeyed:
         raise PellucidError(f"{out}: found {obeyed.pop()}, expected none: make would obey it, not the controller's own")
 
 
 def put_down(files: Mapping[str, str], out: Path) -> Path:
-    """Write a controller's files; answers of another are taken away."""
+    """Write a controller's files, and remove the outputs of an earlier one."""
     remove_leftovers(out, *(out / folder for folder in dict.fromkeys(Path(name).parent for name in files)))
     (out / OUTPUTS).unlink(missing_ok=True)
     for name, text in files.items():
@@ -117,8 +120,8 @@ def put_down(files: Mapping[str, str], out: Path) -> Path:
     return out
 
 
-def _answers(files: Mapping[str, str], out: Path, motion: int) -> dict[str, str]:
-    """This machine's to the test vector, as one file more; none without a compiler."""
+def _output_files(files: Mapping[str, str], out: Path, motion: int) -> dict[str, str]:
+    """Return the file with this machine's outputs for the test vector; none without a compiler."""
     lines = recorded(files, out)
     outputs = [(int(bits, 16), int(said)) for bits, said in (line.split() for line in lines)]
     refuse_faults(out, [said for _, said in outputs[:motion]])
@@ -126,17 +129,17 @@ def _answers(files: Mapping[str, str], out: Path, motion: int) -> dict[str, str]
 
 
 def refuse_faults(out: Path, said: Iterable[int]) -> None:
-    """PellucidError where what was said of a motion names a fault."""
+    """Raise a PellucidError if one of the status words `said` of a motion contains a fault."""
     wrong = next((word & 0xFF for word in said if word & 0xFF), 0)
     if wrong:
         raise PellucidError(f"{out}: found fault {wrong} in the test vector's motion, expected none")
 
 
 def recorded(files: Mapping[str, str], out: Path) -> list[str]:
-    """Lines that this machine says to the test vector; none without a compiler."""
+    """Return the lines that this machine prints for the test vector; none without a compiler."""
     if not all(map(shutil.which, COMPILERS)):
         return []
-    # Nothing is compiled but what was just rendered, whatever lies in the folder already.
+    # Only the files that were just rendered are compiled, whatever else is in the folder.
     with TemporaryDirectory() as scratch:
         for name, text in files.items():
             path = Path(scratch) / name
@@ -150,7 +153,7 @@ def recorded(files: Mapping[str, str], out: Path) -> list[str]:
 
 @contextmanager
 def copied(folder: Path) -> Iterator[Path]:
-    """A controller's own files in a folder that goes again: what else lies beside them is neither compiled nor run."""
+    """Copy a controller's own files into a temporary folder, so that no other file is compiled or run."""
     names = [OUTPUTS, *map(place_of, TEMPLATES)]
     names += [f"{HEADERS}/{path.name}" for path in (core_headers() / "pellucid").glob("*.hpp")]
     with TemporaryDirectory() as scratch:
@@ -162,7 +165,10 @@ def copied(folder: Path) -> Iterator[Path]:
 
 
 def check_here(folder: Path) -> tuple[int, int] | None:
-    """Play the test vector on this machine, as ``make check`` does."""
+    """Play the test vector on this machine as ``make check`` does; return the number of steps and of wrong ones.
+
+    The result is None without recorded outputs or without a compiler.
+    """
     if not (folder / OUTPUTS).is_file() or not all(map(shutil.which, COMPILERS)):
         return None
     with copied(folder) as copy:
@@ -174,12 +180,12 @@ def check_here(folder: Path) -> tuple[int, int] | None:
 
 
 def place_of(template: str) -> str:
-    """Where a rendered template goes in the folder."""
+    """Return the path of a rendered template in the exported folder."""
     return f"{TEMPLATES[template]}/{template}".lstrip("/")
 
 
 def rendered(template: str, **content: object) -> str:
-    """A template filled in."""
+    """Return a template filled in with `content`."""
     import jinja2
 
     environment = jinja2.Environment(
@@ -188,13 +194,13 @@ def rendered(template: str, **content: object) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
-        finalize=_within_a_line,
+        finalize=_safe_in_comment,
     )
     return environment.get_template(template).render(**content)
 
 
-def _within_a_line(x: object) -> object:
-    """What is put into a template: no name, unit or remark ends a comment, begins one or goes on in the next line."""
+def _safe_in_comment(x: object) -> object:
+    """Return a text for a template in which nothing ends a comment, begins one or starts a new line."""
     if not isinstance(x, str):
         return x
     x = re.sub(r"[\x00-\x1f\x7f\x85\u2028\u2029\\]", " ", x)
@@ -202,7 +208,7 @@ def _within_a_line(x: object) -> object:
 
 
 def literal(x: float) -> str:
-    """A float that reads back as the same bits."""
+    """Return a C literal that is read back as the same float."""
     single = np.float32(x)
     if np.isinf(single):
         return LARGEST if x > 0 else f"-{LARGEST}"

@@ -1,4 +1,4 @@
-"""The numbers of one exported controller, and where each came from."""
+"""The numbers of one exported controller, with the source of each."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ NO_TEST = (
 class ControllerValues:
     """A law of `control_law.LAWS` with its parameters for one study."""
 
-    law: str  # Name in `LAWS`
-    numbers: Mapping[str, float]  # Every parameter of the law, SI
-    remarks: Mapping[str, str]  # By parameter: its card's value with interval, or why it was chosen
-    cards: tuple[str, ...]  # File names in the study's models folder
+    law: str  # name in `LAWS`
+    numbers: Mapping[str, float]  # value of every parameter of the law, SI
+    remarks: Mapping[str, str]  # source of each parameter: the interval on its card, or the reason of its choice
+    cards: tuple[str, ...]  # file names in the study's models folder
     checksums: Mapping[str, str]  # SHA-256 of each card
-    motion: str = "rotary"  # motion, effort_unit: "rotary" or "prismatic"; "N*m", "N", "A" or "V"
-    effort_unit: str = "N*m"
-    speed: float = 3.0  # Largest speed that the model was fitted on, that of the test vector [rad/s or m/s]
-    notes: tuple[str, ...] = field(default=())  # What an engineer must know before switching on
-    uses: frozenset[str] = frozenset()  # Of the law's optional sensors, those that it makes use of
+    motion: str = "rotary"  # "rotary" or "prismatic"
+    effort_unit: str = "N*m"  # "N*m", "N", "A" or "V"
+    speed: float = 3.0  # largest speed in the recordings of the model, also that of the test vector [rad/s or m/s]
+    notes: tuple[str, ...] = field(default=())  # remarks that an engineer must read before switching on
+    uses: frozenset[str] = frozenset()  # names of the law's optional sensors that it uses
 
     @property
     def all_notes(self) -> tuple[str, ...]:
-        """The notes, and whether the supervisor has no test at start-up."""
+        """The notes, with a further one if the supervisor has no test at start-up."""
         supervision = self.supervised.supervision
         if self.law == "worn" or supervision["test_effort"] > 0.0 or not supervision["body_inertia"] > 0.0:
             return self.notes
@@ -41,6 +41,6 @@ class ControllerValues:
 
     @cached_property
     def supervised(self) -> SupervisedLaw:
-        """The law under the supervisor that goes with it, tested at start-up where its effort is the joint's."""
+        """The law with its supervisor, which tests the drive at start-up if the law's effort is that of the joint."""
         law = ControlLaw(self.law, self.numbers, self.uses)
         return watched_worn(law) if self.law == "worn" else supervised(law)

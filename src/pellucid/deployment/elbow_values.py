@@ -1,4 +1,4 @@
-"""From the card of a joint with a carriage to the numbers of a law of a worn elbow robot."""
+"""Derive the numbers of a worn elbow robot's law from the card of a joint with a carriage."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from .controller_values import ControllerValues
 from .joint_values import drive_notes
 from .study_limits import limits_of
 
-BY_CARD = ("inertia", "gravity", "stribeck_velocity", "offset", "stiffness", "energy_store")
-"""What the names of parameters begin with that follow from the card beside friction; all others are chosen."""
+CARD_PREFIXES = ("inertia", "gravity", "stribeck_velocity", "offset", "stiffness", "energy_store")
+"""Beginnings of the names of parameters that follow from the card, beside friction; all other parameters are chosen."""
 
-LIMITED = {
+LIMIT_KEYS = {
     "effort_limit": "effort",
     "velocity_limit": "velocity",
     "position_min": "position_min",
     "position_max": "position_max",
 }
-"""Parameters of the gate, by the key of [rig.limits] that sets them."""
+"""Key of [rig.limits] that sets each parameter of the safety gate."""
 
 
 def elbow_values(
@@ -39,7 +39,7 @@ def elbow_values(
     exponents: tuple[float, float] | None = None,
     period: float | None = None,
 ) -> ControllerValues:
-    """A law of a worn elbow robot for one study. `slider` [m]; `period` [s]."""
+    """Return the numbers of a worn elbow robot's law for one study. `slider` [m]; `period` [s]."""
     if controller not in ELBOW_CONTROLLERS:
         known = ", ".join(ELBOW_CONTROLLERS)
         raise PellucidError(f'export of {study.name}: found the controller "{controller}", expected one of {known}')
@@ -76,7 +76,7 @@ def elbow_values(
     if named.exponents:
         said = "chosen" if exponents else "chosen by five people on another robot"
         remarks |= dict.fromkeys(("exponent_up", "exponent_down"), said)
-    notes += tuple(_notes(law, named, card, controller, exponents, place))
+    notes += tuple(_notes(law, named, card, controller=controller, exponents=exponents, place=place))
     notes += source_notes(named.card, card)
     return ControllerValues(
         law=law.kind,
@@ -114,9 +114,9 @@ def _remarks(study: Study, law: ControlLaw, card: str) -> Mapping[str, str]:
     friction = {field.name for field in LAWS[law.kind].fields if field.resists is not None}
     remarks = {}
     for name, value in law.values.items():
-        if name in friction or (name.startswith(BY_CARD) and not name.endswith("_share")):
+        if name in friction or (name.startswith(CARD_PREFIXES) and not name.endswith("_share")):
             remarks[name] = f"from {card}"
-        elif name in LIMITED and getattr(given, LIMITED[name]) == value:
+        elif name in LIMIT_KEYS and getattr(given, LIMIT_KEYS[name]) == value:
             remarks[name] = "from [rig.limits]"
         else:
             remarks[name] = "chosen"
@@ -127,6 +127,7 @@ def _notes(
     law: ControlLaw,
     named: ElbowController,
     card: SliderCard,
+    *,
     controller: str,
     exponents: tuple[float, float] | None,
     place: float,

@@ -1,4 +1,4 @@
-"""A calibrated estimator of torque from EMG as a folder of C and C++, with a test vector of a motion and of faults."""
+"""Write a calibrated estimator of torque from EMG as a folder of C and C++, with a test vector of motion and faults."""
 
 from __future__ import annotations
 
@@ -31,13 +31,17 @@ from .c_folder import (
 )
 from .replay_vector import ReplayVector
 
-TITLE = "torque of joints from EMG"
+FOLDER_TITLE = "torque of joints from EMG"
+"""Title in the exported files."""
 
-SHARED = ("Makefile", "CMakeLists.txt", "say.h", "say_host.c", "m4.c", "m4.ld")
-"""Templates that are those of a controller."""
+SHARED_TEMPLATES = ("Makefile", "CMakeLists.txt", "say.h", "say_host.c", "m4.c", "m4.ld")
+"""Templates that an estimator shares with a controller."""
 
-MOTION, WRONG = 200, 24
-"""Steps of the test vector's motion, and of each stretch in which something goes wrong."""
+MOTION_STEPS = 200
+"""Number of steps of the test vector's motion."""
+
+FAULT_STEPS = 24
+"""Number of steps of each stretch of the test vector with a fault."""
 
 FAULT_WORDS = {
     "none": "as good as its calibration",
@@ -49,22 +53,24 @@ FAULT_WORDS = {
     "limit": "a torque was beyond its limit, and was cut off",
     "restarted": "the first step, or the first after a gap: lags and rates begin anew",
 }
-ESTIMATORS = ("hill", "ridge")
-"""What a card may be of, the first preferred."""
+"""Explanation of each fault that the estimator reports."""
+
+ESTIMATOR_KINDS = ("hill", "ridge")
+"""Kinds of estimators that can be exported; the first one is preferred."""
 
 
 @dataclass(frozen=True)
-class Heard:
-    """What one step is given."""
+class EstimatorStep:
+    """Inputs of one step of the estimator."""
 
-    now: int  # [us]
-    emg: np.ndarray  # Envelopes, or how large raw EMG is
-    angle: np.ndarray
-    before: int = 0
+    now: int  # time of the step [us]
+    emg: np.ndarray  # envelopes, or magnitudes of raw EMG
+    angle: np.ndarray  # angles of the joints [rad]
+    before: int = 0  # event before the step; 1 for a power-on
 
     @property
     def text(self) -> str:
-        """As a C initialiser."""
+        """The inputs as a C initialiser."""
 
         def bits(values: np.ndarray) -> str:
             return ", ".join(f"0x{int(x):08x}u" for x in np.asarray(values, np.float32).view(np.uint32))
@@ -76,14 +82,16 @@ def chosen_card(
     study: Study, *, card: str | None = None, controller: str | None = None, participant: str | None = None,
     allow_outside: bool = False,
 ) -> EmgEstimatorCard:  # fmt: skip
-    """The estimator that a calibrated study can step: by file name, else the first joint's, of muscles before a map."""
-    if controller is not None and controller not in ESTIMATORS:
-        raise PellucidError(f'export: found the controller "{controller}", expected one of {", ".join(ESTIMATORS)}')
+    """Return the estimator's card by its file name, else that of the first joint, of muscles rather than of a map."""
+    if controller is not None and controller not in ESTIMATOR_KINDS:
+        raise PellucidError(
+            f'export: found the controller "{controller}", expected one of {", ".join(ESTIMATOR_KINDS)}'
+        )
     if card is not None:
         path = Path(card) if allow_outside and Path(card).is_absolute() else study.card(card)
         return require_fresh(study, path, read_estimator_card(path))
     who = (*((participant,) if participant else ()), *study.table(EmgTorqueTable).joints, "together")
-    names = [f"emg_{what}_{kind}.json" for what in who for kind in ([controller] if controller else ESTIMATORS)]
+    names = [f"emg_{what}_{kind}.json" for what in who for kind in ([controller] if controller else ESTIMATOR_KINDS)]
     found = next((path for path in map(study.card, names) if path.is_file()), None)
     if found is None:
         raise PellucidError(
@@ -101,11 +109,12 @@ def write_estimator_folder(
     period: float | None = None,
     motion: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Path:
-    """Write the folder; files that it has from before are replaced, all others stay. `motion`: envelopes (n, channels)
-    and angles (n, angles) [rad] for the test vector, in place of made ones.
+    """Write the folder; files of an earlier export are replaced, all others stay.
+
+    `motion` holds envelopes, (n, channels), and angles, (n, angles) [rad], for the test vector; None for made ones.
     """
     refuse_other_makefile(out)
-    card.build(period)  # refuses what cannot be stepped
+    card.build(period)  # raises an error if the estimator cannot be stepped
     arrays, raw = card.arrays(period), card.chain != "none"
     headers = needed_headers("emg_estimator.hpp")
     files = {f"{HEADERS}/{name}": (core_headers() / "pellucid" / name).read_text(encoding="utf-8") for name in headers}
@@ -131,8 +140,8 @@ def write_estimator_folder(
     sizes = {"delay": int(np.ceil(late)) + 4, "lag": 1 + max(arrays["lags"], default=0)}
     vector = estimator_vector(card, arrays["period"], motion)
     content = {
-        "title": TITLE, "card": card, "arrays": arrays, "study": study, "version": version("pellucid"), "raw": raw,
-        "headers": headers, "literal": literal, "vector": vector, "joints": joints, "terms": terms,
+        "title": FOLDER_TITLE, "card": card, "arrays": arrays, "study": study, "version": version("pellucid"),
+        "raw": raw, "headers": headers, "literal": literal, "vector": vector, "joints": joints, "terms": terms,
         "muscles": muscles, "surface": surface, "lags": arrays["lags"], **sizes,
         "before": arrays["before"] if raw else (), "after": arrays["after"] if raw else (),
         "fields": {name: model_fields(name) for name in ("muscle", "emg_channel", "estimated_joint")},
@@ -141,7 +150,9 @@ def write_estimator_folder(
         "storage": _storage(card, len(terms), **sizes),
     }  # fmt: skip
     for name in TEMPLATES:
-        files[place_of(name)] = rendered(f"{name}.j2" if name in SHARED else f"estimator/{name}.j2", **content)
+        files[place_of(name)] = rendered(
+            f"{name}.j2" if name in SHARED_TEMPLATES else f"estimator/{name}.j2", **content
+        )
     outputs = [(int(said), [int(x, 16) for x in bits]) for said, *bits in map(str.split, recorded(files, out))]
     wrong = {said & 0xFF for said, _ in outputs[1 : vector.motion]} - {0}
     if wrong:
@@ -154,12 +165,12 @@ def write_estimator_folder(
 def estimator_vector(
     card: EmgEstimatorCard, period: float, motion: tuple[np.ndarray, np.ndarray] | None = None, seed: int = 1
 ) -> ReplayVector:
-    """A motion with a missed period and a channel that is silent for a moment; then each fault, and an end of it."""
+    """Return a motion with a missed period and a channel that is silent for a moment, then each fault and its end."""
     emg, angle = _motion(card, period, seed) if motion is None else motion
     step, patience = round(1e6 * period), max(1, card.periods(card.patience, period))
 
-    def heard(i: int) -> Heard:
-        return Heard(
+    def heard(i: int) -> EstimatorStep:
+        return EstimatorStep(
             1_000_000 + i * step, emg[i % len(emg)].astype(np.float32), angle[i % len(angle)].astype(np.float32)
         )
 
@@ -168,24 +179,24 @@ def estimator_vector(
     if card.chain == "none":
         rows[len(rows) // 2].emg[0] = np.nan
     last = len(emg)
-    steps = [*rows, *_wrong(heard, last, patience, step)]
+    steps = [*rows, *_fault_steps(heard, last, patience, step)]
     return ReplayVector(tuple(steps), len(rows))
 
 
-def _wrong(heard: Callable[[int], Heard], at: int, patience: int, step: int) -> Iterator[Heard]:
-    """Every fault, each after a power-on of its own, and what comes after it."""
+def _fault_steps(heard: Callable[[int], EstimatorStep], at: int, patience: int, step: int) -> Iterator[EstimatorStep]:
+    """Yield the steps of every fault, each after a power-on of its own, and the steps after the fault."""
     for number in (np.nan, np.inf, -np.inf, 3e38):
         for of in ("emg", "angle"):
-            for i in range(WRONG + patience):
+            for i in range(FAULT_STEPS + patience):
                 row = replace(heard(at + i), before=int(i == 0))
                 if 6 <= i < 10 + patience:
                     getattr(row, of)[-1] = number
                 yield row
     for changed in (0, -10 * step, 5 * step, 40 * step):
-        for i in range(WRONG):
+        for i in range(FAULT_STEPS):
             row = replace(heard(at + i), before=int(i == 0))
             yield replace(row, now=row.now + changed) if i >= 12 else row
-    for i in range(WRONG):  # not every angle was heard at first
+    for i in range(FAULT_STEPS):  # not every angle was heard at first
         row = replace(heard(at + i), before=int(i == 0))
         if i < 4:
             row.angle[0] = np.nan
@@ -193,9 +204,9 @@ def _wrong(heard: Callable[[int], Heard], at: int, patience: int, step: int) -> 
 
 
 def _motion(card: EmgEstimatorCard, period: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Bursts of every channel and angles within every surface, (n, channels) and (n, angles)."""
-    rng, t = np.random.default_rng(seed), period * np.arange(MOTION)
-    rate = 2.0 * np.pi * 3.0 / (MOTION * period)
+    """Return bursts of every channel, (n, channels), and angles within every surface, (n, angles) [rad]."""
+    rng, t = np.random.default_rng(seed), period * np.arange(MOTION_STEPS)
+    rate = 2.0 * np.pi * 3.0 / (MOTION_STEPS * period)
     waves = 0.5 + 0.5 * np.sin(rate * t[:, None] + rng.uniform(0.0, 6.0, len(card.channels)))
     low, high = (np.array([getattr(c, end) for c in card.channels]) for end in ("rest", "ceiling"))
     emg = low + (0.4 * high - low) * waves**2
@@ -211,7 +222,7 @@ def _motion(card: EmgEstimatorCard, period: float, seed: int) -> tuple[np.ndarra
 
 
 def _storage(card: EmgEstimatorCard, terms: int, *, delay: int, lag: int) -> int:
-    """Bytes of a context, some to spare; the compiler refuses too few."""
+    """Return the size of a context with a margin [bytes]; the compiler refuses too small a size."""
     c, a, m, j = len(card.channels), len(card.angles), max(len(card.muscles), 1), len(card.joints)
     numbers = 512 + c * (80 + 4 * lag) + 80 * a + m * (432 + 4 * c + 4 * delay) + 96 * j + 16 * terms + c * 40
     return (numbers + 63) // 64 * 64

@@ -1,4 +1,4 @@
-"""An identified study's controller as source for a microcontroller; its calibrated muscles for other programs."""
+"""Export an identified study's controller as source code for a microcontroller, or muscles to other programs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,11 @@ from .tree_folder import write_tree_folder
 from .tree_values import tree_values
 from .worn_values import worn_values
 
-LANGUAGES = ("c",)
+EXPORT_LANGUAGES = ("c",)
+"""Programming languages in which a controller can be exported."""
+
+MAX_PERIOD_S = 0.1
+"""Largest accepted period of a controller [s]."""
 
 
 def export(
@@ -52,33 +56,36 @@ def export(
     Parameters
     ----------
     study : Study
-        Identified.
+        Identified study.
     to : str
-        ``"c"``; ``"osim"``: a copy of the study's OpenSim model with the calibrated constants in it; ``"ceinms"``: a
+        ``"c"``; ``"osim"`` for a copy of the study's OpenSim model with the calibrated constants; ``"ceinms"`` for a
         CEINMS subject.
     out : Path or None
-        Folder to make; None: ``controller`` in the study's folder, of muscles ``subject``; of muscles it may be a file.
+        Folder to create, or for muscles also a file; None for the folder ``controller``, or ``subject`` for muscles, in
+        the study's folder.
     card : str or None
-        File name in the study's models folder, of a joint or of muscles; None: the best, or the one of most joints.
+        File name of a joint's or of muscles' card in the study's models folder; None for the best one, or for the one
+        with most joints.
     slider : float or None
-        Where the carriage is, for a joint that has one [m]; None: the middle of its rail.
+        Position of the carriage, for a joint that has one [m]; None for the middle of its rail.
     participant : str or None
-        Whose cards, for an orthosis, None where there is one only; who wears it, for a controller led by EMG.
+        For an orthosis, the wearer whose cards are used; None if there is only one. For a controller led by EMG, the
+        wearer.
     controller : str or None
-        For a joint with a carriage, a name of `ELBOW_CONTROLLERS`; None: gravity and friction alone. For a robot of
-        several joints ``"full"``, ``"carried"`` or ``"transparent"``; None: ``"carried"``. For torque from EMG
-        ``"hill"`` or ``"ridge"``; None: muscles where there are any.
+        For a joint with a carriage, a name of `ELBOW_CONTROLLERS`; None for gravity and friction alone. For a robot
+        with several joints ``"full"``, ``"carried"`` or ``"transparent"``; None for ``"carried"``. For torque from EMG
+        ``"hill"`` or ``"ridge"``; None for muscles if there are any.
     exponents : tuple of float or None
-        k of equation 8, upwards and downwards, for "fc" and "pcfr"; None: the paper's.
+        Exponents k of equation 8, upwards and downwards, for "fc" and "pcfr"; None for the paper's.
     period : float or None
-        Of the controller [s]; None: 1 ms, or that of the recordings of an orthosis, of EMG, or of a CEINMS subject.
+        Period of the controller [s]; None for 1 ms, or for that of the recordings of an orthosis, of EMG, or of a
+        CEINMS subject.
     allow_outside : bool
         Whether `card` may lie outside the study's folder.
     accept_stale : bool
-        Whether a card is exported that was made from something else than the study as it is now: an old one, or one
-        of another study.
+        Whether a card may be exported that was made from an earlier state of the study, or from another study.
     overwrite : bool
-        Whether files are replaced that this export did not write: another controller's, or somebody's own.
+        Whether files may be replaced that this export did not write.
 
     Returns
     -------
@@ -88,12 +95,12 @@ def export(
     Raises
     ------
     PellucidError
-        If `to` is no language known, a card is missing, outside or stale, the study has no controller that can be
-        exported, or the folder holds another one.
+        If `to` is not known, a card is missing, outside or stale, the study has no controller that can be exported, or
+        the folder holds another one.
 
     Examples
     --------
-    Of a study that was identified:
+    Export the controller of an identified study:
 
     >>> import pellucid as pl
     >>> folder = pl.export(pl.open("my-elbow"))
@@ -109,18 +116,18 @@ def export(
     place = study.place("controller") if out is None else Path(out)
     if study.find_table(TreeTable) is not None:
         refused = {"slider": slider, "participant": participant, "exponents": exponents}
-        _require_language(study, to, period, refused, "this robot has several joints")
+        _require_language(study, to, period, refused=refused, why="this robot has several joints")
         given = {} if period is None else {"period": period}
         values = tree_values(study, card=card, controller=controller, allow_outside=allow_outside, **given)
-        with _owned(place, study, controller or "carried", values.cards, overwrite=overwrite):
+        with _own_folder(place, study, controller or "carried", values.cards, overwrite=overwrite):
             return write_tree_folder(study.name, values, place)
-    if _steps_emg(study, card):
+    if _exports_estimator(study, card):
         refused = {"slider": slider, "exponents": exponents}
-        _require_language(study, to, period, refused, "torque from EMG has none")
+        _require_language(study, to, period, refused=refused, why="torque from EMG has none")
         found = chosen_card(
             study, card=card, controller=controller, participant=participant, allow_outside=allow_outside
         )
-        with _owned(place, study, "torque from EMG", (f"{found.name}.json",), overwrite=overwrite):
+        with _own_folder(place, study, "torque from EMG", (f"{found.name}.json",), overwrite=overwrite):
             return write_estimator_folder(study.name, found, place, period=period)
     values = values_for(
         study, to, card=card, slider=slider, participant=participant, controller=controller, exponents=exponents,
@@ -128,15 +135,15 @@ def export(
     )  # fmt: skip
     worn = study.find_table(CouplingTable) is not None  # its wearer is named by the cards
     named = controller or ("residual compensator" if worn else "compensation")
-    with _owned(place, study, named, values.cards, None if worn else participant, overwrite=overwrite):
+    with _own_folder(place, study, named, values.cards, participant=None if worn else participant, overwrite=overwrite):
         return write_c_folder(study.name, values, place)
 
 
 @contextmanager
-def _owned(
-    place: Path, study: Study, controller: str, cards: Sequence[str], participant: str | None = None, *, overwrite: bool
+def _own_folder(
+    place: Path, study: Study, controller: str, cards: Sequence[str], *, participant: str | None = None, overwrite: bool
 ) -> Iterator[None]:
-    """Refuse a folder that holds another controller or somebody's files, and mark it once it holds this one."""
+    """Refuse a folder that holds another controller or other files, and mark it after this controller is written."""
     owner = {
         "controller": controller,
         "participant": participant or "",
@@ -149,23 +156,23 @@ def _owned(
     mark_own_folder(place, owner)
 
 
-def _steps_emg(study: Study, card: str | None) -> bool:
-    """Whether what is asked for is the estimator of torque from EMG: of a study with nothing else, or by its card."""
+def _exports_estimator(study: Study, card: str | None) -> bool:
+    """Return whether the estimator of torque from EMG is requested: by its card, or if the study has nothing else."""
     if study.find_table(EmgTorqueTable) is None:
         return False
     return not asked(study, "identify") or (card is not None and Path(card).name.startswith("emg_"))
 
 
 def _require_language(
-    study: Study, to: str, period: float | None, refused: Mapping[str, object], why: str = ""
+    study: Study, to: str, period: float | None, *, refused: Mapping[str, object] | None = None, why: str = ""
 ) -> None:
-    """PellucidError for another language, a period of no controller, or what means nothing for this study."""
-    if to not in LANGUAGES:
-        known = " or ".join(f'"{each}"' for each in (*LANGUAGES, *ENDINGS))
+    """Raise a PellucidError for an unknown language, an impossible period, or settings that the study cannot use."""
+    if to not in EXPORT_LANGUAGES:
+        known = " or ".join(f'"{each}"' for each in (*EXPORT_LANGUAGES, *ENDINGS))
         raise PellucidError(f'export: found to = "{to}", expected {known}')
-    if period is not None and not 0.0 < period <= 0.1:
+    if period is not None and not 0.0 < period <= MAX_PERIOD_S:
         raise PellucidError(f"export: found a period of {period:g} s, expected one above 0 and up to 0.1 s")
-    _require_none(f"export of {study.name}", refused, why)
+    _require_none(f"export of {study.name}", refused or {}, why)
 
 
 def _require_none(where: str, refused: Mapping[str, object], why: str) -> None:
@@ -186,8 +193,8 @@ def values_for(
     period: float | None = None,
     allow_outside: bool = False,
 ) -> ControllerValues:
-    """The numbers that `export` writes."""
-    _require_language(study, to, period, {})
+    """Return the numbers that `export` writes."""
+    _require_language(study, to, period)
     if not asked(study, "identify"):
         others = ", ".join(dict.fromkeys(procedure.command for procedure in asked(study)))
         raise PellucidError(

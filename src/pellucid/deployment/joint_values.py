@@ -1,4 +1,4 @@
-"""From the card of a joint to the numbers of its compensation."""
+"""Derive the numbers of a joint's compensation from its card."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from ..procedures.card_sources import require_fresh, source_notes
 from ..recordings.study import Study
 from .controller_values import ControllerValues
 
-CARDS = ("joint.json", "slider.load.json", "slider.consistent.json")
-"""Cards that can be compensated, the first that is there first."""
+CARD_NAMES = ("joint.json", "slider.load.json", "slider.consistent.json")
+"""File names of the cards that a compensation can be built from; the first one that exists is used."""
 
 
 def joint_values(
@@ -34,14 +34,15 @@ def joint_values(
     period: float = DEFAULT_PERIOD_S,
     allow_outside: bool = False,
 ) -> ControllerValues:
-    """Compensation of gravity and friction by a card that `identify` wrote.
+    """Return the numbers that compensate gravity and friction, from a card that `identify` wrote.
 
-    `card` is its file name in the models folder of `study`, or the first of `CARDS` that is there; `slider` where a
-    carriage is, or amid its rail [m]; `period` in [s]; `allow_outside` of the study's folder.
+    `card` is its file name in the study's models folder; None for the first of `CARD_NAMES` that exists. `slider` is
+    the position of a carriage [m]; None for the middle of its rail. `period` is that of the controller [s], and
+    `allow_outside` admits a card outside the study's folder.
     """
     if allow_outside:
         study = replace(study, allow_outside=True)
-    name = card or next((n for n in CARDS if study.card(n).is_file()), CARDS[study.rig.slider is not None])
+    name = card or next((n for n in CARD_NAMES if study.card(n).is_file()), CARD_NAMES[study.rig.slider is not None])
     path = study.card(name)
     read = read_slider_card if read_table(path).get("kind") == "slider" else read_card
     found = require_fresh(study, path, read(path))
@@ -99,7 +100,7 @@ def joint_values(
 
 
 def drive_notes(card: Card) -> tuple[str, ...]:
-    """What turns the effort into the drive's command, if that is known."""
+    """Return a note with the gain from the drive's command to the effort, if it is known."""
     gain = card.drive.get("gain", 1.0)
     if gain == 1.0 or card.effort_unit not in ("N*m", "N"):
         return ()

@@ -1,4 +1,4 @@
-"""What an exported controller costs on a Cortex-M4F, and whether it answers there as it did here: QEMU's board."""
+"""Run an exported controller on a Cortex-M4F in QEMU, count its instructions, and compare outputs with the host's."""
 
 from __future__ import annotations
 
@@ -14,32 +14,33 @@ from ..recordings.results import ResultRow, write_rows
 from ..recordings.study import Study
 from .c_folder import copied
 
-COMMAND = "export"
+COMMAND_NAME = "export"
+"""Name of the command in the rows of results.json."""
 
-TOOLS = ("make", "cc", "arm-none-eabi-g++", "arm-none-eabi-size", "qemu-system-arm")
-"""What `measure` needs."""
+NEEDED_TOOLS = ("make", "cc", "arm-none-eabi-g++", "arm-none-eabi-size", "qemu-system-arm")
+"""Programs that `measure` needs."""
 
 
 @dataclass(frozen=True)
 class OnCortexM4:
     """Figures of one controller on a Cortex-M4F."""
 
-    steps: int  # steps, wrong: Of the test vector, and how many of them differ in a bit from the host's
-    wrong: int
-    instructions: float  # A step, mean over the vector's motion
-    most: int  # The costliest step, within 40
-    code: int  # code, constants: Text and initialised data of the interface with the law, and the configuration [bytes]
-    constants: int
-    memory: int  # A context [bytes]
+    steps: int  # number of steps of the test vector
+    wrong: int  # number of steps with an output that differs from the host's in any bit
+    instructions: float  # mean number of instructions in a step of the test vector's motion
+    most: int  # number of instructions in the costliest step, accurate to 40
+    code: int  # size of text and initialised data of the interface and the law [bytes]
+    constants: int  # size of the configuration [bytes]
+    memory: int  # size of a context [bytes]
 
     @property
     def bytes(self) -> int:
-        """Code and constants."""
+        """Size of code and constants [bytes]."""
         return self.code + self.constants
 
     @property
     def text(self) -> str:
-        """In one line."""
+        """The figures in one line."""
         same = "equal to this machine's bit by bit" if not self.wrong else f"{self.wrong} not equal to this machine's"
         return (
             f"{self.steps} steps, {same}; {self.instructions:.0f} instructions a step, {self.bytes} bytes of code and "
@@ -48,17 +49,17 @@ class OnCortexM4:
 
 
 def missing_tools() -> list[str]:
-    """Which of `TOOLS` are not installed."""
-    return [tool for tool in TOOLS if shutil.which(tool) is None]
+    """Return those of `NEEDED_TOOLS` that are not installed."""
+    return [tool for tool in NEEDED_TOOLS if shutil.which(tool) is None]
 
 
 def measure(folder: Path) -> OnCortexM4:
-    """Compile an exported controller for a Cortex-M4F, play its test vector in QEMU, and count."""
+    """Compile an exported controller for a Cortex-M4F, play its test vector in QEMU, and count the instructions."""
     absent = missing_tools()
     if absent:
         raise PellucidError(f"{folder}: found no {', '.join(absent)}, expected the tools for a Cortex-M4 and QEMU")
     with copied(folder) as copy:
-        checked, counted = _said(copy, "m4"), _said(copy, "count")
+        checked, counted = _run_target(copy, "m4"), _run_target(copy, "count")
         text, data = _size(copy)
     return OnCortexM4(
         steps=checked["steps"],
@@ -78,13 +79,13 @@ def save_measured(
     checksum = sha256((folder / "pellucid_constants.h").read_bytes()).hexdigest()
     rows = [] if found is None else list(_rows(study.name, found, checksum, controller))
     if rows or study.results_path.exists():
-        write_rows(study.results_path, COMMAND, rows)
+        write_rows(study.results_path, COMMAND_NAME, rows)
     return rows
 
 
 def _rows(study: str, found: OnCortexM4, checksum: str, controller: str | None) -> Iterator[ResultRow]:
     def row(name: str, value: float, unit: str, note: str) -> ResultRow:
-        return ResultRow(f"{study}.export.m4.{name}", value, unit, COMMAND, "simulated", checksum, note)
+        return ResultRow(f"{study}.export.m4.{name}", value, unit, COMMAND_NAME, "simulated", checksum, note)
 
     which = f"controller {controller}; " if controller else ""
     how = f"{which}QEMU, Cortex-M4F, -icount shift=0, SysTick; mean over the test vector's motion"
@@ -94,10 +95,10 @@ def _rows(study: str, found: OnCortexM4, checksum: str, controller: str | None) 
     yield row("wrong", found.wrong, "1", f"of {found.steps} steps, those that differ from the host's in any bit")
 
 
-def _said(folder: Path, target: str) -> dict[str, int]:
+def _run_target(folder: Path, target: str) -> dict[str, int]:
     run = _make(folder, target)
     said = dict(line.split() for line in run.stdout.splitlines() if len(line.split()) == 2)
-    # A check that found something wrong says so and fails; what cannot run says nothing.
+    # A check that finds a wrong output prints their number and fails. A program that cannot run prints nothing.
     if "steps" not in said or (run.returncode and not int(said.get("wrong", 0))):
         raise PellucidError(f"{folder}: make {target} failed:\n{(run.stderr or run.stdout).strip()}")
     return {word: int(number) for word, number in said.items()}

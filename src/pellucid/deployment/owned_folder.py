@@ -1,4 +1,4 @@
-"""A folder that an export writes to says what it holds, so that no other export replaces it by mistake."""
+"""Mark the folder of an export with its contents, so that no other export replaces it by mistake."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from .._errors import PellucidError
 from .._given import read_given, require_folder, visible_text
 
 OWNER_FILE = "pellucid.json"
-"""File of an exported folder that says what Pellucid wrote there."""
+"""File of an exported folder that states what Pellucid wrote there."""
 
 MAX_OWNER_BYTES = 100_000
-"""Largest size of an owner file that is read: it holds a few names."""
+"""An owner file has at most this size, since it holds only a few names."""
 
 
 def require_own_folder(folder: Path, owner: Mapping[str, str], names: Iterable[str], *, overwrite: bool) -> None:
@@ -35,11 +35,13 @@ def require_own_folder(folder: Path, owner: Mapping[str, str], names: Iterable[s
             )
         return
     if found != dict(owner):
-        raise PellucidError(f"{folder}: found {_told(found)}, expected {_told(owner)} or nothing. {_WAY_OUT}")
+        raise PellucidError(
+            f"{folder}: found {_describe_owner(found)}, expected {_describe_owner(owner)} or nothing. {_WAY_OUT}"
+        )
 
 
 def mark_own_folder(folder: Path, owner: Mapping[str, str]) -> Path:
-    """Write into `folder` whose it is."""
+    """Write the `owner` into its file in `folder`."""
     return write_text_atomically(folder / OWNER_FILE, json.dumps(dict(owner), indent=1, ensure_ascii=False) + "\n")
 
 
@@ -47,7 +49,7 @@ _WAY_OUT = "Name another folder with --out, or let it be replaced: --overwrite (
 
 
 def _owner_of(folder: Path) -> dict[str, str] | None:
-    """Return what a folder says that it holds; None if it says nothing that can be understood."""
+    """Return the owner that a folder states; None if it has no readable owner file."""
     try:
         found = json.loads(read_given(folder / OWNER_FILE, MAX_OWNER_BYTES).decode("utf-8"))
     except (OSError, ValueError, RecursionError):
@@ -56,6 +58,6 @@ def _owner_of(folder: Path) -> dict[str, str] | None:
     return found if whole else None
 
 
-def _told(owner: Mapping[str, str]) -> str:
-    """Say an owner in words."""
+def _describe_owner(owner: Mapping[str, str]) -> str:
+    """Return a description of an owner."""
     return visible_text(", ".join(f"{key} {value}" for key, value in owner.items() if value) or "nothing")[:300]

@@ -1,4 +1,5 @@
-"""Inputs that an exported controller must answer the same on every machine: a motion, then every fault."""
+"""Make the test vector of an exported controller: a motion, then every fault. Every machine must give the same
+outputs."""
 
 from __future__ import annotations
 
@@ -11,75 +12,155 @@ from .. import _core
 from ..control.control_law import LAWS, LawSensor
 from .controller_values import ControllerValues
 
-NOTHING, STOP, INIT_AGAIN, MEMORY, POWER_ON = 0, 1, 2, 3, 16
-"""What happens before a step; POWER_ON and more: a start as a variant, by its place in `VARIANTS`."""
+NOTHING = 0
+"""Code of a step without an event before it."""
+
+STOP = 1
+"""Code of a stop before a step."""
+
+INIT_AGAIN = 2
+"""Code of a repeated initialisation before a step."""
+
+MEMORY = 3
+"""Code of a fault in the memory before a step."""
+
+POWER_ON = 16
+"""Code of a power-on before a step. The index in `VARIANTS` of the configuration to start with is added to it."""
 
 MOTION = 400
-"""Steps of the motion."""
+"""Number of steps of the motion."""
 
 FAULT = 12
-"""Steps of most faults: ten of motion first, where it is not the first sample that is wrong."""
+"""Number of steps of most faults. The first ten are motion, unless the first sample itself is faulty."""
 
-_ANY = float("inf")
+_NO_LIMIT = float("inf")
 
-_LAW: Mapping[str, float] = {
-    "test_effort": 0.0, "raw_speed_limit": _ANY, "raw_acceleration_limit": _ANY, "range_min": -_ANY, "range_max": _ANY,
-    "freeze_speed": _ANY, "body_inertia": 0.0, "wearer_torque": _ANY, "wearer_push": _ANY, "force_tolerance": _ANY,
-    "force_burst": _ANY, "force_excess": _ANY,
-    "force_expected": 0.0, "muscle_expected": 0.0, "drive_expected": 0.0, "joint_expected": 0.0, "budget_store": _ANY,
-    "push_limit": _ANY, "power_limit": _ANY, "ringing_limit": _ANY, "drive_surplus": _ANY, "reset_delay": 0.02,
-    "healthy_samples": 10.0, "rest_speed": _ANY, "hold_damping": 0.0,
-}  # fmt: skip
-_BODY: Mapping[str, float] = {"body_inertia": 0.05, "body_coulomb": 0.0, "body_load": 0.0, "residual_bandwidth": 40.0}
+# Configuration of the supervisor in which no check trips.
+_UNCHECKED_LAW: Mapping[str, float] = {
+    "test_effort": 0.0,
+    "raw_speed_limit": _NO_LIMIT,
+    "raw_acceleration_limit": _NO_LIMIT,
+    "range_min": -_NO_LIMIT,
+    "range_max": _NO_LIMIT,
+    "freeze_speed": _NO_LIMIT,
+    "body_inertia": 0.0,
+    "wearer_torque": _NO_LIMIT,
+    "wearer_push": _NO_LIMIT,
+    "force_tolerance": _NO_LIMIT,
+    "force_burst": _NO_LIMIT,
+    "force_excess": _NO_LIMIT,
+    "force_expected": 0.0,
+    "muscle_expected": 0.0,
+    "drive_expected": 0.0,
+    "joint_expected": 0.0,
+    "budget_store": _NO_LIMIT,
+    "push_limit": _NO_LIMIT,
+    "power_limit": _NO_LIMIT,
+    "ringing_limit": _NO_LIMIT,
+    "drive_surplus": _NO_LIMIT,
+    "reset_delay": 0.02,
+    "healthy_samples": 10.0,
+    "rest_speed": _NO_LIMIT,
+    "hold_damping": 0.0,
+}
+# Numbers of the body for variants in which the supervisor needs a model of it.
+_BODY_NUMBERS: Mapping[str, float] = {
+    "body_inertia": 0.05,
+    "body_coulomb": 0.0,
+    "body_load": 0.0,
+    "residual_bandwidth": 40.0,
+}
 
 VARIANTS: Mapping[str, Mapping[str, float]] = {
-    "law": _LAW,
-    "jump": {**_LAW, "raw_acceleration_limit": 2000.0},
-    "raw": {**_LAW, "raw_speed_limit": 4.0, "range_min": -10.0, "range_max": 10.0, "freeze_speed": 0.5,
-            "freeze_samples": 5.0},
-    "joint": {**_LAW, "joint_expected": 1.0, "joint_tolerance": 0.01},
-    "drive": {**_LAW, "drive_expected": 1.0, "drive_tolerance": 6.0},
-    "surplus": {**_LAW, "drive_expected": 1.0, "drive_tolerance": _ANY, "drive_surplus": 1e-3},
-    "unexplained": {**_LAW, **_BODY, "wearer_torque": 0.01},
-    "force": {**_LAW, **_BODY, "force_expected": 1.0, "force_tolerance": 0.01, "force_quiet_samples": 1000.0,
-              "force_range": _ANY, "hold_damping": 1.0, "hold_limit": 1.0},
-    "energy": {**_LAW, **_BODY, "budget_store": 1e-6, "budget_power": 0.0, "hold_damping": 1.0, "hold_limit": 1.0},
-    "push": {**_LAW, "push_limit": 1e-6},
-    "power": {**_LAW, "power_limit": 1e-6},
-    "ringing": {**_LAW, "ringing_limit": 1e-4},
-    "lost": {**_LAW, "force_expected": 1.0, "force_range": _ANY, "force_quiet_samples": 3.0, "degrades": 1.0},
-    "muscle": {**_LAW, "muscle_expected": 1.0, "muscle_range": 1e-3},
-    "test": {**_LAW, "test_effort": 0.5, "test_samples": 8.0, "test_rest": 4.0, "test_least": 1e-9, "test_most": 1e-6},
-    # Every check of a robot with encoder, force and current sensor, and none that trips: what a step costs.
-    "counted": {**_LAW, **_BODY, "force_expected": 1.0, "force_range": _ANY, "force_quiet_samples": 1e6,
-                "drive_expected": 1.0, "drive_tolerance": _ANY},
-}  # fmt: skip
-# Every check of a robot with one encoder, force and current sensor, and none that trips: what a step costs.
+    "law": _UNCHECKED_LAW,
+    "jump": {**_UNCHECKED_LAW, "raw_acceleration_limit": 2000.0},
+    "raw": {
+        **_UNCHECKED_LAW,
+        "raw_speed_limit": 4.0,
+        "range_min": -10.0,
+        "range_max": 10.0,
+        "freeze_speed": 0.5,
+        "freeze_samples": 5.0,
+    },
+    "joint": {**_UNCHECKED_LAW, "joint_expected": 1.0, "joint_tolerance": 0.01},
+    "drive": {**_UNCHECKED_LAW, "drive_expected": 1.0, "drive_tolerance": 6.0},
+    "surplus": {**_UNCHECKED_LAW, "drive_expected": 1.0, "drive_tolerance": _NO_LIMIT, "drive_surplus": 1e-3},
+    "unexplained": {**_UNCHECKED_LAW, **_BODY_NUMBERS, "wearer_torque": 0.01},
+    "force": {
+        **_UNCHECKED_LAW,
+        **_BODY_NUMBERS,
+        "force_expected": 1.0,
+        "force_tolerance": 0.01,
+        "force_quiet_samples": 1000.0,
+        "force_range": _NO_LIMIT,
+        "hold_damping": 1.0,
+        "hold_limit": 1.0,
+    },
+    "energy": {
+        **_UNCHECKED_LAW,
+        **_BODY_NUMBERS,
+        "budget_store": 1e-6,
+        "budget_power": 0.0,
+        "hold_damping": 1.0,
+        "hold_limit": 1.0,
+    },
+    "push": {**_UNCHECKED_LAW, "push_limit": 1e-6},
+    "power": {**_UNCHECKED_LAW, "power_limit": 1e-6},
+    "ringing": {**_UNCHECKED_LAW, "ringing_limit": 1e-4},
+    "lost": {
+        **_UNCHECKED_LAW,
+        "force_expected": 1.0,
+        "force_range": _NO_LIMIT,
+        "force_quiet_samples": 3.0,
+        "degrades": 1.0,
+    },
+    "muscle": {**_UNCHECKED_LAW, "muscle_expected": 1.0, "muscle_range": 1e-3},
+    "test": {
+        **_UNCHECKED_LAW,
+        "test_effort": 0.5,
+        "test_samples": 8.0,
+        "test_rest": 4.0,
+        "test_least": 1e-9,
+        "test_most": 1e-6,
+    },
+    # All checks of a robot with encoder, force sensor and current sensor run here and none trips, to count a step's
+    # instructions.
+    "counted": {
+        **_UNCHECKED_LAW,
+        **_BODY_NUMBERS,
+        "force_expected": 1.0,
+        "force_range": _NO_LIMIT,
+        "force_quiet_samples": 1e6,
+        "drive_expected": 1.0,
+        "drive_tolerance": _NO_LIMIT,
+    },
+}
+"""Configurations of the supervisor that stretches of the test vector are played with, by name."""
 
 
 @dataclass
 class Reading:
     """One sensor's sample."""
 
-    value: np.float32
-    sequence: int
-    time: int  # [us]
-    valid: int = 1
+    value: np.float32  # measured value
+    sequence: int  # number of the sample
+    time: int  # time of the sample [us]
+    valid: int = 1  # 1 for a valid sample, else 0
 
 
 @dataclass(frozen=True)
-class Row:
-    """What one step is given."""
+class StepInputs:
+    """Inputs of one step of the controller."""
 
-    now: int  # [us]
-    read: tuple[Reading, ...]  # Of the law's sensors
-    before: int = NOTHING
-    token: int = 0  # 1: the challenge is answered
-    drive: float = 0.0  # By which the drive's measurement differs from the last effort [N m]
+    now: int  # time of the step [us]
+    read: tuple[Reading, ...]  # samples of the law's sensors
+    before: int = NOTHING  # code of the event before the step
+    token: int = 0  # 1 if the challenge is answered
+    drive: float = 0.0  # difference between the drive's measurement and the last effort [N m]
 
     @property
     def text(self) -> str:
-        """As a C initialiser."""
+        """The inputs as a C initialiser."""
         made = ", ".join(
             f"{{0x{int(s.value.view(np.uint32)):08x}u, {s.sequence & 0xFFFFFFFF}u, {s.time}, {s.valid}u}}"
             for s in self.read
@@ -90,46 +171,47 @@ class Row:
 
 @dataclass(frozen=True)
 class ReplayVector:
-    """Rows, of which the first are the motion."""
+    """Inputs of all steps; the motion comes first."""
 
-    steps: tuple[Row, ...]
-    motion: int  # How many of the first are the motion
+    steps: tuple[StepInputs, ...]
+    motion: int  # number of steps of the motion
 
     @property
     def rows(self) -> tuple[str, ...]:
-        """As C initialisers, one a step."""
+        """One C initialiser for each step."""
         return tuple(row.text for row in self.steps)
 
 
 @dataclass(frozen=True)
 class _Block:
-    """A stretch after a power-on: `wrong` changes the row of a step, which it is given with its number."""
+    """A stretch of steps after a power-on."""
 
-    variant: str
-    wrong: Callable[[int, Row], Row] = field(default=lambda i, row: row)
-    length: int = FAULT
+    variant: str  # configuration in `VARIANTS`
+    # Function that returns the faulty inputs of a step, from its number and its sound inputs
+    wrong: Callable[[int, StepInputs], StepInputs] = field(default=lambda i, row: row)
+    length: int = FAULT  # number of steps
 
 
 def replay_vector(values: ControllerValues, seed: int = 1) -> ReplayVector:
-    """A motion with a repeated and a lost sample and optional sensors that come and go; then every fault."""
+    """Return a motion with a repeated sample, a lost one and optional sensors that come and go, then every fault."""
     sensors = LAWS[values.law].sensors
     period = round(1e6 * values.numbers["period"])
     rng = np.random.default_rng(seed)
     signals = [_signal(s, values, MOTION, rng) for s in sensors]
 
-    def row(i: int, start: int = 1_000_000) -> Row:
+    def row(i: int, start: int = 1_000_000) -> StepInputs:
         now = start + i * period
-        return Row(now, tuple(Reading(x[i], 0xFFFFFF00 + i & 0xFFFFFFFF, now - period // 10) for x in signals))
+        return StepInputs(now, tuple(Reading(x[i], 0xFFFFFF00 + i & 0xFFFFFFFF, now - period // 10) for x in signals))
 
     steps = []
     for i in range(MOTION):
         made = row(i)
-        if i == MOTION // 4:  # seen again
+        if i == MOTION // 4:  # the sample before is repeated
             made = replace(made, read=row(i - 1).read)
         for s, sensor in zip(made.read, sensors, strict=True):
             if not sensor.required and MOTION // 2 <= i < 3 * MOTION // 4:
                 s.valid = 0
-        if i == MOTION // 3:  # a control period was missed: neither its sample nor its step
+        if i == MOTION // 3:  # a control period is missed, with its sample and its step
             continue
         steps.append(replace(made, before=POWER_ON) if i == 0 else made)
     motion = len(steps)
@@ -142,9 +224,9 @@ def replay_vector(values: ControllerValues, seed: int = 1) -> ReplayVector:
 
 
 def _signal(sensor: LawSensor, values: ControllerValues, n: int, rng: np.random.Generator) -> np.ndarray:
-    """Two sines and noise, shape (n,), no faster than the model knows, as float."""
+    """Return two sines with noise, shape (n,) float32, no faster than the recordings of the model."""
     t = np.arange(n) * values.numbers["period"]
-    # The motion's angular frequency, and the swing that goes with it.
+    # The amplitude follows from the motion's angular frequency and the largest speed.
     rate = 2 * np.pi * 4.0 / t[-1]
     swing = sensor.swing
     if sensor.name == "position":
@@ -156,14 +238,14 @@ def _signal(sensor: LawSensor, values: ControllerValues, n: int, rng: np.random.
 
 
 def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: int) -> Iterator[_Block]:
-    """Every fault of the law's front and gate, of the supervisor, and what ends a fault and what does not."""
+    """Yield every fault of the law's inputs, of its safety gate and of the supervisor, and attempts to end a fault."""
     too_long = round(1e6 * values.numbers["max_age"]) + 10 * period
 
-    def at_end(change: Callable[[Row], Row]) -> _Block:
+    def at_end(change: Callable[[StepInputs], StepInputs]) -> _Block:
         return _Block("law", lambda i, row: change(row) if i == FAULT - 2 else row)
 
     def value(x: float) -> _Block:
-        def wrong(row: Row) -> Row:
+        def wrong(row: StepInputs) -> StepInputs:
             for s, sensor in zip(row.read, sensors, strict=True):
                 if sensor.required:
                     s.value = np.float32(x)
@@ -172,7 +254,7 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
         return at_end(wrong)
 
     def first(**change: int) -> _Block:
-        def wrong(row: Row) -> Row:
+        def wrong(row: StepInputs) -> StepInputs:
             for name, by in change.items():
                 setattr(row.read[0], name, getattr(row.read[0], name) + by)
             return row
@@ -180,9 +262,9 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
         return at_end(wrong)
 
     def placed(variant: str, place: Callable[[int], float], length: int = FAULT) -> _Block:
-        """The position is where a function of the step says."""
+        """Return a block in which the position is a function of the step's number."""
 
-        def wrong(i: int, row: Row) -> Row:
+        def wrong(i: int, row: StepInputs) -> StepInputs:
             row.read[0].value = np.float32(place(i))
             return row
 
@@ -216,7 +298,7 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
     yield _Block("ringing", length=60)
     yield placed("power", lambda i: 0.3 + 1.0 * h * i, 24)
 
-    def silent(i: int, row: Row) -> Row:
+    def silent(i: int, row: StepInputs) -> StepInputs:
         for s in row.read[1:]:
             s.valid = int(i < 6)
         return row
@@ -225,13 +307,13 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
     yield _Block("muscle", length=24)
     yield placed("test", lambda i: 0.5, 32)
     yield placed("test", lambda i: 0.5 + 0.2 * h * max(i - 6, 0), 32)
-    # Eight words every fourth period: long enough for the law's numbers to be gone through twice.
+    # The supervisor checks eight words of memory in every fourth period: this is enough to check all of them twice.
     through = 4 * -(-_core.supervised_storage(values.law) // (4 * 8))
     yield _Block("law", lambda i, row: replace(row, before=MEMORY) if i == 4 else row, 4 + through)
-    # Stopped; started again, which does not help; then a token that does.
+    # The controller is stopped. Initialising it again does not end the stop, but a token does.
     late = max(30, round(0.02 / h) + 14)
 
-    def mended(i: int, row: Row) -> Row:
+    def mended(i: int, row: StepInputs) -> StepInputs:
         what = {4: STOP, 8: INIT_AGAIN}.get(i, NOTHING)
         return replace(row, before=what, token=int(i >= 12))
 

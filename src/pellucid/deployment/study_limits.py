@@ -1,4 +1,4 @@
-"""What a study says that its joint may not pass, and what stands in where it says nothing."""
+"""Combine the limits that a study states for its joint with default ones."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from ..recordings.study import Study
 
 
 def limits_of(study: Study, otherwise: Limits) -> tuple[Limits, tuple[str, ...]]:
-    """Limits of the gate."""
+    """Return the limits of the safety gate, `otherwise` those that the study does not state, and notes about them."""
     given = study.rig.limits
     stops = zip((given.position_min, given.position_max), otherwise.position, strict=True)
     limits = Limits(

@@ -1,4 +1,4 @@
-"""Calibrated muscles for other programs: a copy of the study's OpenSim model with their constants, a CEINMS subject."""
+"""Export calibrated muscles to other programs: as a copy of the study's OpenSim model, or as a CEINMS subject."""
 
 from __future__ import annotations
 
@@ -22,10 +22,13 @@ from ..recordings.osim_writer import write_osim
 from ..recordings.study import Study
 
 ENDINGS = {"osim": ".osim", "ceinms": ".xml"}
-"""Of what muscles can be exported to."""
+"""Ending of the file for each program to which muscles can be exported."""
 
-TOGETHER = "muscles_together"
-"""The card of muscles over all joints."""
+JOINT_CARD_NAME = "muscles_together"
+"""Name of the card with muscles that were calibrated over all joints."""
+
+MAX_PERIOD_S = 1.0
+"""Largest accepted period of a subject's recursion [s]."""
 
 
 def export_subject(
@@ -39,12 +42,12 @@ def export_subject(
 ) -> Path:
     """Write the study's calibrated muscles to a file, ``"osim"`` or ``"ceinms"``.
 
-    `out` is a folder, or a file by its ending; `period` of a subject's recursion [s], None: that of the recordings.
-    `study` [emg_torque]. A file that no export of this study wrote is replaced only if `overwrite`.
+    `out` is a folder, or a file with the right ending. `period` is that of a subject's recursion [s]; None for the
+    recordings' own. `study` [emg_torque]. A file that no export of this study wrote is replaced only if `overwrite`.
     """
     if study.find_table(EmgTorqueTable) is None:
         raise PellucidError(f"export of {study.name}: found no [emg_torque], expected the study of muscles for {to}")
-    if period is not None and not 0.0 < period <= 1.0:
+    if period is not None and not 0.0 < period <= MAX_PERIOD_S:
         raise PellucidError(f"export: found a period of {period:g} s, expected one above 0 and up to 1 s")
     kept = calibrated_muscles(_card(study, card))
     folder = study.place("subject") if out is None else Path(out)
@@ -59,7 +62,8 @@ def export_subject(
     if to == "osim":
         return write_osim(path, _model(study), MuscleRemark(kept, _names(study, kept), study=study.name))
     step = period or float(np.median([1.0 / r.fs for r in study.recordings()]))
-    return write_subject(path, MuscleRemark(kept, _names(study, kept), step, study.name), _moved(study, kept))
+    remark = MuscleRemark(kept, _names(study, kept), step, study.name)
+    return write_subject(path, remark, _muscles_by_coordinate(study, kept))
 
 
 def _card(study: Study, name: str | None) -> ParameterCard:
@@ -72,11 +76,11 @@ def _card(study: Study, name: str | None) -> ParameterCard:
         raise PellucidError(
             f"{study.models_dir}: found no card of muscles, expected one: pellucid calibrate {study.folder}"
         )
-    # One set of muscles over all joints before several sets of one joint each.
-    most = max(len(calibrated_muscles(card).joints) for card in found)
-    widest = [card for card in found if len(calibrated_muscles(card).joints) == most]
-    # What takes the EMG's times as they were recorded, before what shifts them as this recording wants it.
-    widest = [card for card in widest if card.name == TOGETHER] or widest
+    # One set of muscles over all joints is preferred to several sets for one joint each.
+    joint_count = max(len(calibrated_muscles(card).joints) for card in found)
+    widest = [card for card in found if len(calibrated_muscles(card).joints) == joint_count]
+    # A card that uses the recorded times of the EMG is preferred to one that shifts them to fit this recording.
+    widest = [card for card in widest if card.name == JOINT_CARD_NAME] or widest
     if len(widest) > 1:
         raise PellucidError(
             f"export of {study.name}: found the cards {', '.join(c.name for c in widest)}, expected one: say which by "
@@ -99,14 +103,14 @@ def _model(study: Study) -> Path:
 
 
 def _names(study: Study, kept: CalibratedMuscles) -> dict[str, str]:
-    """What other programs call each muscle: as study.toml says, else as the package's own leg has it."""
+    """Return the name of each muscle in other programs, from study.toml or from the package's own leg."""
     said, table = study.table(EmgTorqueTable).muscle_names, muscle_table().labels
     own = study.table(EmgTorqueTable).muscle_file is None
     return {m.name: said.get(m.name, table.get(m.name, m.name) if own else m.name) for m in kept.muscles}
 
 
-def _moved(study: Study, kept: CalibratedMuscles) -> dict[str, list[str]]:
-    """Muscles that move each joint, by the coordinate's name where it is known."""
+def _muscles_by_coordinate(study: Study, kept: CalibratedMuscles) -> dict[str, list[str]]:
+    """Return the muscles that move each joint, by the coordinate's name, or by the joint's name if that is unknown."""
     recording, coordinates = study.recordings()[0], study_coordinates(study)
     moved = {}
     for joint in kept.joints:
@@ -117,8 +121,8 @@ def _moved(study: Study, kept: CalibratedMuscles) -> dict[str, list[str]]:
     return moved
 
 
-def muscles_said(path: Path, to: str) -> str:
-    """What a file has of calibrated muscles, and what the other program has no place for, in words."""
+def describe_muscles(path: Path, to: str) -> str:
+    """Return a sentence about the calibrated muscles in a file, and one about what only the remark keeps."""
     kept = read_calibrated(path)
     lacking = ["the joints' own tissue"] if any(any(numbers) for numbers in kept.tissue.values()) else []
     lacking += ["delays"] if any(m.delay for m in kept.muscles) else []

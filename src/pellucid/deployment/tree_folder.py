@@ -1,4 +1,4 @@
-"""A law of several joints as a folder of C and C++: arrays for joints and links, and a test vector of all of them."""
+"""Write a law of several joints as a folder of C and C++, with arrays of joints and links and with a test vector."""
 
 from __future__ import annotations
 
@@ -28,31 +28,54 @@ from .c_folder import (
 from .replay_vector import FAULT, INIT_AGAIN, MEMORY, MOTION, NOTHING, POWER_ON, STOP, Reading, ReplayVector
 from .tree_values import TreeValues
 
-SHARED = ("Makefile", "CMakeLists.txt", "say.h", "say_host.c", "m4.c", "m4.ld")
-"""Templates that are those of one joint."""
+SHARED_TEMPLATES = ("Makefile", "CMakeLists.txt", "say.h", "say_host.c", "m4.c", "m4.ld")
+"""Templates that a robot of several joints shares with a single joint."""
 
-TITLE = "compensation of all joints of a robot"
+FOLDER_TITLE = "compensation of all joints of a robot"
+"""Title in the exported files."""
 
-_ANY = float("inf")
-_LAW = {
-    "raw_speed_limit": _ANY, "raw_acceleration_limit": _ANY, "range_min": -_ANY, "range_max": _ANY,
-    "freeze_speed": _ANY, "drive_expected": 0.0, "budget_store": _ANY, "push_limit": _ANY, "power_limit": _ANY,
-    "ringing_limit": _ANY, "drive_surplus": _ANY, "outside_limit": _ANY, "raw_power_limit": _ANY,
-    "raw_end_speed_limit": _ANY, "rest_speed": _ANY, "reset_delay": 0.02, "healthy_samples": 10.0,
-}  # fmt: skip
+_NO_LIMIT = float("inf")
+
+# Configuration of the supervisor in which no check trips.
+_UNCHECKED_LAW = {
+    "raw_speed_limit": _NO_LIMIT,
+    "raw_acceleration_limit": _NO_LIMIT,
+    "range_min": -_NO_LIMIT,
+    "range_max": _NO_LIMIT,
+    "freeze_speed": _NO_LIMIT,
+    "drive_expected": 0.0,
+    "budget_store": _NO_LIMIT,
+    "push_limit": _NO_LIMIT,
+    "power_limit": _NO_LIMIT,
+    "ringing_limit": _NO_LIMIT,
+    "drive_surplus": _NO_LIMIT,
+    "outside_limit": _NO_LIMIT,
+    "raw_power_limit": _NO_LIMIT,
+    "raw_end_speed_limit": _NO_LIMIT,
+    "rest_speed": _NO_LIMIT,
+    "reset_delay": 0.02,
+    "healthy_samples": 10.0,
+}
 VARIANTS = {
-    "law": _LAW,
-    "jump": {**_LAW, "raw_acceleration_limit": 2000.0},
-    "drive": {**_LAW, "drive_expected": 1.0, "drive_tolerance": 6.0},
-    "power": {**_LAW, "raw_power_limit": 1e-6},
-    "speed": {**_LAW, "raw_end_speed_limit": 1e-6},
-    "ringing": {**_LAW, "ringing_limit": 1e-5},
-    "outside": {**_LAW, "outside_limit": 1e-6},
-    # Every check at work and none that trips: what a step costs.
-    "counted": {**_LAW, "raw_speed_limit": 1e6, "raw_acceleration_limit": 1e9, "raw_power_limit": 1e6,
-                "raw_end_speed_limit": 1e6, "ringing_limit": 1e6, "budget_store": 1e6},
-}  # fmt: skip
-"""Numbers of the supervisor that a stretch of the test vector is played with."""
+    "law": _UNCHECKED_LAW,
+    "jump": {**_UNCHECKED_LAW, "raw_acceleration_limit": 2000.0},
+    "drive": {**_UNCHECKED_LAW, "drive_expected": 1.0, "drive_tolerance": 6.0},
+    "power": {**_UNCHECKED_LAW, "raw_power_limit": 1e-6},
+    "speed": {**_UNCHECKED_LAW, "raw_end_speed_limit": 1e-6},
+    "ringing": {**_UNCHECKED_LAW, "ringing_limit": 1e-5},
+    "outside": {**_UNCHECKED_LAW, "outside_limit": 1e-6},
+    # All checks run here and none trips, to count a step's instructions.
+    "counted": {
+        **_UNCHECKED_LAW,
+        "raw_speed_limit": 1e6,
+        "raw_acceleration_limit": 1e9,
+        "raw_power_limit": 1e6,
+        "raw_end_speed_limit": 1e6,
+        "ringing_limit": 1e6,
+        "budget_store": 1e6,
+    },
+}
+"""Configurations of the supervisor that stretches of the test vector are played with, by name."""
 
 
 @dataclass(frozen=True)
@@ -66,24 +89,24 @@ class Table:
 
     @property
     def single(self) -> bool:
-        """Whether the configuration has one of it, of all joints together."""
+        """Whether the configuration has one such struct for all joints together."""
         return self.name.startswith("whole")
 
 
 @dataclass(frozen=True)
-class TreeRow:
-    """What one step is given."""
+class TreeStepInputs:
+    """Inputs of one step of the controller."""
 
-    now: int  # [us]
-    read: tuple[Reading, ...]  # Of each joint's encoder
-    before: int = NOTHING
-    token: int = 0
-    drive: float = 0.0  # By which the first drive's measurement differs [N m]
-    pushed: float = 0.0  # By a wearer [N m], [N]
+    now: int  # time of the step [us]
+    read: tuple[Reading, ...]  # samples of the joints' encoders
+    before: int = NOTHING  # code of the event before the step
+    token: int = 0  # 1 if the challenge is answered
+    drive: float = 0.0  # difference between the first drive's measurement and its last effort [N m]
+    pushed: float = 0.0  # effort of the wearer [N m], [N]
 
     @property
     def text(self) -> str:
-        """As a C initialiser."""
+        """The inputs as a C initialiser."""
 
         def bits(x: float) -> str:
             return f"0x{int(np.float32(x).view(np.uint32)):08x}u"
@@ -93,13 +116,13 @@ class TreeRow:
 
 
 def write_tree_folder(study: str, values: TreeValues, out: Path) -> Path:
-    """Write the folder; files that it has from before are replaced, all others stay."""
+    """Write the folder; files of an earlier export are replaced, all others stay."""
     refuse_other_makefile(out)
     headers = sorted({*needed_headers("tree_supervisor.hpp"), "watchdog.hpp"})
     files = {f"{HEADERS}/{name}": (core_headers() / "pellucid" / name).read_text(encoding="utf-8") for name in headers}
     tables, vector, card = tables_of(values), tree_vector(values), values.law.card
     content = {
-        "title": TITLE, "values": values, "study": study, "version": version("pellucid"), "headers": headers,
+        "title": FOLDER_TITLE, "values": values, "study": study, "version": version("pellucid"), "headers": headers,
         "joints": len(card.names), "links": len(card.links), "faults": _core.FAULTS, "modes": _core.MODES,
         "tables": tables, "literal": literal, "vector": vector,
         "storage": _core.tree_law_storage(len(card.links)), "variants": VARIANTS,
@@ -107,7 +130,7 @@ def write_tree_folder(study: str, values: TreeValues, out: Path) -> Path:
         "period": values.law.shares[0]["period"],
     }  # fmt: skip
     for name in TEMPLATES:
-        files[place_of(name)] = rendered(f"{name}.j2" if name in SHARED else f"tree/{name}.j2", **content)
+        files[place_of(name)] = rendered(f"{name}.j2" if name in SHARED_TEMPLATES else f"tree/{name}.j2", **content)
     lines = [line.split() for line in recorded(files, out)]
     outputs = [(int(said), [int(x, 16) for x in bits]) for said, *bits in lines]
     refuse_faults(out, [said for said, _ in outputs[: vector.motion]])
@@ -117,36 +140,36 @@ def write_tree_folder(study: str, values: TreeValues, out: Path) -> Path:
 
 
 def tables_of(values: TreeValues) -> tuple[Table, ...]:
-    """Every kind of row that the configuration has."""
+    """Return the tables of the configuration: links, joints, motors, shares and watches."""
     law, card = values.law, values.law.card
     numbers = law.numbers
     motors = numbers.get("motors", np.zeros((len(card.names), len(_core.TREE_MOTOR_PARAMETER_NAMES))))
 
-    def table(name: str, title: str, model: str, rows: np.ndarray, names: tuple[str, ...]) -> Table:
+    def table(name: str, title: str, model: str, *, rows: np.ndarray, names: tuple[str, ...]) -> Table:
         made = tuple(
             {"name": who, "numbers": tuple(map(float, row))}
             for who, row in zip(names, np.atleast_2d(rows), strict=True)
         )
         return Table(name, title, model_fields(model), made)
 
-    def of(tables: tuple, model: str) -> np.ndarray:
+    def rows_of(tables: tuple, model: str) -> np.ndarray:
         return np.array([[one[field.name] for field in model_fields(model)] for one in tables])
 
+    joint_watches = rows_of(law.watches, "tree_watch_joint")
+    whole_watch = rows_of((law.whole_watch,), "tree_watch_whole")
     return (
-        table("link", "A link, and the joint by which it hangs.", "link", numbers["links"], card.bodies),
-        table("joint", "What is lost at a joint.", "tree_joint", numbers["joints"], card.names),
-        table("motor", "A motor that turns with several joints.", "tree_motor", motors, card.names),
-        table("share", "What is done at a joint.", "tree_law_joint", numbers["shares"], card.names),
-        table("whole", "What is done with all.", "tree_law_whole", numbers["whole"], ("whole",)),
-        table(
-            "watch", "What is watched of a joint.", "tree_watch_joint", of(law.watches, "tree_watch_joint"), card.names
-        ),
-        table("whole_watch", "And of all.", "tree_watch_whole", of((law.whole_watch,), "tree_watch_whole"), ("whole",)),
+        table("link", "A link, and the joint that carries it.", "link", rows=numbers["links"], names=card.bodies),
+        table("joint", "Friction of a joint.", "tree_joint", rows=numbers["joints"], names=card.names),
+        table("motor", "A motor that turns with several joints.", "tree_motor", rows=motors, names=card.names),
+        table("share", "Control of one joint.", "tree_law_joint", rows=numbers["shares"], names=card.names),
+        table("whole", "Control of all joints.", "tree_law_whole", rows=numbers["whole"], names=("whole",)),
+        table("watch", "Watch of one joint.", "tree_watch_joint", rows=joint_watches, names=card.names),
+        table("whole_watch", "Watch of all joints.", "tree_watch_whole", rows=whole_watch, names=("whole",)),
     )
 
 
 def tree_vector(values: TreeValues, seed: int = 1) -> ReplayVector:
-    """A motion of all joints with a repeated and a lost sample; then faults of joints and of the whole."""
+    """Return a motion of all joints with a repeated and a lost sample, then faults of single joints and of all."""
     law = values.law
     period = round(1e6 * law.shares[0]["period"])
     rng = np.random.default_rng(seed)
@@ -165,17 +188,17 @@ def tree_vector(values: TreeValues, seed: int = 1) -> ReplayVector:
     place = (place + 1e-5 * rng.standard_normal(place.shape)).astype(np.float32)
     pushed = 0.5 * np.sin(1.7 * rate * t)
 
-    def row(i: int) -> TreeRow:
+    def row(i: int) -> TreeStepInputs:
         now = 1_000_000 + i * period
         read = tuple(Reading(x, 0xFFFFFF00 + i & 0xFFFFFFFF, now - period // 10) for x in place[i])
-        return TreeRow(now, read, pushed=float(pushed[i]))
+        return TreeStepInputs(now, read, pushed=float(pushed[i]))
 
     steps = []
     for i in range(MOTION):
         made = row(i)
-        if i == MOTION // 4:  # seen again
+        if i == MOTION // 4:  # the sample before is repeated
             made = replace(made, read=row(i - 1).read)
-        if i == MOTION // 3:  # a control period was missed
+        if i == MOTION // 3:  # a control period is missed
             continue
         steps.append(replace(made, before=POWER_ON) if i == 0 else made)
     motion = len(steps)
@@ -189,10 +212,10 @@ def tree_vector(values: TreeValues, seed: int = 1) -> ReplayVector:
 
 def _blocks(
     joints: int, values: TreeValues, period: int
-) -> Iterator[tuple[str, Callable[[int, TreeRow], TreeRow], int]]:
-    """Faults of the last joint and of the whole, and what ends a stop."""
+) -> Iterator[tuple[str, Callable[[int, TreeStepInputs], TreeStepInputs], int]]:
+    """Yield faults of the last joint and of all joints, and attempts to end a stop."""
 
-    def changed(i: int, row: TreeRow, **change) -> TreeRow:
+    def changed(i: int, row: TreeStepInputs, **change) -> TreeStepInputs:
         if i != FAULT - 2:
             return row
         read = (*row.read[:-1], replace(row.read[-1], **change))
@@ -209,12 +232,12 @@ def _blocks(
     yield "drive", lambda i, row: replace(row, drive=np.nan) if i > 12 else row, 3 * FAULT
     for variant in ("power", "speed", "outside", "ringing"):
         yield variant, lambda i, row: row, 60
-    # Eight words every fourth period: long enough for the law's numbers to be gone through twice.
+    # The supervisor checks eight words of memory in every fourth period: this is enough to check all of them twice.
     through = min(4 * -(-_core.tree_law_storage(len(values.law.card.links)) // (4 * 8)), MOTION - 5)
     yield "law", lambda i, row: replace(row, before=MEMORY) if i == 4 else row, 4 + through
     late = max(40, round(0.02 / (1e-6 * period)) + 14)
 
-    def mended(i: int, row: TreeRow) -> TreeRow:
+    def mended(i: int, row: TreeStepInputs) -> TreeStepInputs:
         return replace(row, before={4: STOP, 8: INIT_AGAIN}.get(i, NOTHING), token=int(i >= 12))
 
     yield "law", mended, late + 20

@@ -1,4 +1,4 @@
-"""From the card of a robot of several joints to the law that is exported."""
+"""Derive the exported law of a robot with several joints from its card."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from ..models.tree_card import TreeCard, read_tree_card
 from ..procedures.card_sources import require_fresh, source_notes
 from ..recordings.study import Study
 
-CARDS = ("tree.best.json", "tree.consistent.json", "tree.base.json")
-"""The first that is there is taken."""
+CARD_NAMES = ("tree.best.json", "tree.consistent.json", "tree.base.json")
+"""File names of the cards that can be exported; the first one that exists is used."""
 
 LAWS: Mapping[str, Callable[..., TreeLaw]] = {
     "carried": carried,
     "full": full_compensation,
     "transparent": transparent,
 }
-"""What can be exported of a card alone."""
+"""Laws that can be built from a card alone."""
 
 
 @dataclass(frozen=True)
@@ -29,9 +29,9 @@ class TreeValues:
     """A law of several joints for one study."""
 
     law: TreeLaw
-    cards: tuple[str, ...]  # File names in the study's models folder
-    checksums: Mapping[str, str]  # SHA-256 of each
-    notes: tuple[str, ...]  # What an engineer must know before switching on
+    cards: tuple[str, ...]  # file names in the study's models folder
+    checksums: Mapping[str, str]  # SHA-256 of each card
+    notes: tuple[str, ...]  # remarks that an engineer must read before switching on
 
 
 def tree_values(
@@ -42,13 +42,16 @@ def tree_values(
     period: float = DEFAULT_PERIOD_S,
     allow_outside: bool = False,
 ) -> TreeValues:
-    """The law of a robot's joints by a card that `identify` wrote: its file name in the models folder, or the first of
-    `CARDS` that is there; `controller` of `LAWS`; `period` in [s]."""
+    """Return the law of a robot's joints from a card that `identify` wrote.
+
+    `card` is its file name in the models folder; None for the first of `CARD_NAMES` that exists. `controller` is a key
+    of `LAWS`, and `period` that of the controller [s].
+    """
     if controller not in (None, *LAWS):
         raise PellucidError(f"export of {study.name}: found {controller!r}, expected one of {', '.join(LAWS)}")
     if allow_outside:
         study = replace(study, allow_outside=True)
-    name = card or next((n for n in CARDS if study.card(n).is_file()), CARDS[0])
+    name = card or next((n for n in CARD_NAMES if study.card(n).is_file()), CARD_NAMES[0])
     path = study.card(name)
     found = require_fresh(study, path, read_tree_card(path))
     law = LAWS[controller or "carried"](found, period=period)
@@ -57,7 +60,7 @@ def tree_values(
 
 
 def notes_of(card: TreeCard) -> tuple[str, ...]:
-    """What a card alone cannot settle."""
+    """Return remarks about the settings that a card does not determine."""
     notes = []
     for name, known, gain, unit in zip(card.names, card.ranges, card.gains, card.drive_units, strict=True):
         if known.low is None or known.high is None:

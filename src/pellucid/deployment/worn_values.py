@@ -1,4 +1,4 @@
-"""From the cards of an orthosis and its wearer to the numbers of the residual compensator."""
+"""Derive the numbers of the residual compensator from the cards of an orthosis and its wearer."""
 
 from __future__ import annotations
 
@@ -16,16 +16,19 @@ from ..recordings.study import Study
 from .controller_values import ControllerValues
 from .study_limits import limits_of
 
-GAIN_DB, DELAY = 6.0, 0.020
-"""Margins that the loop keeps on every strap of `UNCERTAIN` [dB], [s]."""
+MIN_GAIN_MARGIN_DB = 6.0
+"""Gain margin that the loop keeps with every strap of `STRAP_FACTORS` [dB]."""
 
-UNCERTAIN = (0.7, 1.3)
-"""Factors on the strap's stiffness and damping, in every combination [1]."""
+MIN_DELAY_MARGIN_S = 0.020
+"""Delay margin that the loop keeps with every strap of `STRAP_FACTORS` [s]."""
 
-DEAD_SAMPLES = 1
-"""Of the actuator's torque loop, from reading to current."""
+STRAP_FACTORS = (0.7, 1.3)
+"""Factors on the identified stiffness and damping of the strap, in every combination [1]."""
 
-IDENTIFIED: Mapping[str, tuple[str, str]] = {
+DEAD_TIME_SAMPLES = 1
+"""Dead time of the actuator's torque loop, from the reading to the current [samples]."""
+
+IDENTIFIED_PARAMETERS: Mapping[str, tuple[str, str]] = {
     "orthosis_inertia": ("orthosis", "inertia"),
     "orthosis_viscous": ("orthosis", "damping"),
     "orthosis_gravity": ("orthosis", "gravity"),
@@ -36,35 +39,35 @@ IDENTIFIED: Mapping[str, tuple[str, str]] = {
     "strap_stiffness": ("coupling", "stiffness"),
     "strap_damping": ("coupling", "damping"),
 }
-"""The law's parameter, by card and by its name there."""
+"""Kind of card and name on it of each parameter of the law that is identified."""
 
 
 def worn_values(study: Study, *, participant: str | None = None, period: float | None = None) -> ControllerValues:
-    """The residual compensator for one wearer, weakened until its margins hold on every strap that may be the true
-    one. `period` [s]."""
+    """Return the residual compensator's numbers for one wearer, weakened until its margins hold with every strap of
+    `STRAP_FACTORS`. `period` [s]."""
     wearer = _wearer(study, participant)
     names = {"orthosis": "orthosis.json", "limb": f"{wearer}.limb.json", "coupling": f"{wearer}.coupling.json"}
     paths = {kind: study.card(name) for kind, name in names.items()}
     cards = {kind: require_fresh(study, path, read_parameter_card(path)) for kind, path in paths.items()}
     actuator, sampled = _actuator(study)
     coupling = Coupling.of_cards(cards["orthosis"], cards["limb"], cards["coupling"], actuator)
-    straps = [coupling.scaled(strap_stiffness=k, strap_damping=b) for k in UNCERTAIN for b in UNCERTAIN]
+    straps = [coupling.scaled(strap_stiffness=k, strap_damping=b) for k in STRAP_FACTORS for b in STRAP_FACTORS]
     limits, stops = limits_of(study, Limits())
     made = design(coupling, sampled if period is None else period, limits=limits)
-    made = within(made, [coupling, *straps], gain_db=GAIN_DB, delay=DELAY)
+    made = within(made, [coupling, *straps], gain_db=MIN_GAIN_MARGIN_DB, delay=MIN_DELAY_MARGIN_S)
     law = made.control_law()
     remarks = {name: "chosen" for name in law.values}
-    for name, (kind, parameter) in IDENTIFIED.items():
+    for name, (kind, parameter) in IDENTIFIED_PARAMETERS.items():
         if parameter in cards[kind].values:
             low, high = cards[kind][parameter].interval
             remarks[name] = f"identified, {low:.6g} to {high:.6g}"
     remarks |= {name: "from recordings of the orthosis alone" for name in actuator if name in remarks}
     remarks |= {name: "of the steady-state Kalman filter" for name in remarks if name.startswith("correct_")}
-    gain, delay = f"{GAIN_DB:g} dB", f"{1e3 * DELAY:g} ms"
+    gain, delay = f"{MIN_GAIN_MARGIN_DB:g} dB", f"{1e3 * MIN_DELAY_MARGIN_S:g} ms"
     told = [note for kind, name in names.items() for note in source_notes(name, cards[kind])]
     notes = (
         f"For the wearer {wearer} alone: limb and strap are theirs.",
-        f"The loop keeps {gain} and {delay} on straps {1 - UNCERTAIN[0]:.0%} softer and stiffer than identified.",
+        f"The loop keeps {gain} and {delay} on straps {1 - STRAP_FACTORS[0]:.0%} softer and stiffer than identified.",
         "muscle is the output of your EMG chain; without it (valid = 0) what needs no EMG goes on.",
         "The effort is the torque wanted from the spring: your torque loop follows it.",
     )
@@ -92,8 +95,10 @@ def _wearer(study: Study, participant: str | None) -> str:
 
 
 def _actuator(study: Study) -> tuple[dict[str, float], float]:
-    """By the names of `Coupling`, and the sampling period [s]; the card of a study identified before there was one is
-    made of its recordings."""
+    """Return the actuator's parameters by the names of `Coupling`, and the sampling period [s].
+
+    A study that was identified by an earlier version has no actuator card, which is then made from its recordings.
+    """
     path = study.card(f"{NAME}.json")
     if path.is_file():
         card = require_fresh(study, path, read_parameter_card(path))
@@ -105,4 +110,4 @@ def _actuator(study: Study) -> tuple[dict[str, float], float]:
             "shows the actuator, expected one: its lag comes from it"
         )
     period, known = float(card.settings["period"]), Coupling.__dataclass_fields__
-    return {n: x for n, x in card.values.items() if n in known} | {"delay": DEAD_SAMPLES * period}, period
+    return {n: x for n, x in card.values.items() if n in known} | {"delay": DEAD_TIME_SAMPLES * period}, period

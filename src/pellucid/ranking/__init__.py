@@ -1,1 +1,1 @@
-"""Controllers ranked on one page: every strategy that is reviewed, at elbow and knee, over people and robots."""
+"""Rank controllers on one page: all reviewed strategies, at elbow and knee, over drawn people and robots."""

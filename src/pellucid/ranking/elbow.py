@@ -1,4 +1,4 @@
-"""Every controller of the elbow on one drawn robot and one drawn person who points: torque, energy, indices, faults."""
+"""Simulate every elbow controller with a drawn robot and a drawn person who points: torque, energy, indices, faults."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from .strategies import ELBOW, of_task
 from .tried import Tried, energies
 
 ROBOTS_SEED = 20261100
-"""Of the robots and people that are ranked on, beside the seed asked for: nothing was chosen on them."""
+"""Seed of the robots and people for the ranking, added to the user's seed. No constant was chosen on them."""
 
-AMPLIFICATION = 4.0
-"""Of the wearer's torque [1]."""
+AMPLIFICATION_FACTOR = 4.0
+"""Factor of the sensitivity amplification on the wearer's torque [1]."""
 
-STEPS = 20_000
-"""Of which the median time is taken."""
+TIMED_STEPS = 20_000
+"""Number of steps for the median time of a step."""
 
-SHOWN = {kind.name for kind in FAULT_KINDS if not kind.hidden}
-"""Faults that some sensor of the robot can show."""
+DETECTABLE_FAULTS = {kind.name for kind in FAULT_KINDS if not kind.hidden}
+"""Names of the faults that some sensor of the robot can detect."""
 
 
 def elbow_pair(index: int, pairs: int, seed: int) -> list[Tried]:
-    """Robot and person `index` of so many `pairs`: the robot identified, its laws built, each worn by the person."""
+    """Identify robot `index` of `pairs`, build its laws, and let person `index` wear each of them."""
     robot = drawn_rigs(able_elbow(), index + 1, seed=ROBOTS_SEED + seed)[index]
     rig = elbow_participants(robot)
     person = draw_people(rig, np.random.default_rng([ROBOTS_SEED, seed]), count=max(pairs, 6))[index]
@@ -44,7 +44,7 @@ def elbow_pair(index: int, pairs: int, seed: int) -> list[Tried]:
 
 
 def try_elbow(rig: PointingRig, person: Person, index: int, seed: int) -> list[Tried]:
-    """Every controller of `STRATEGIES` on one robot and one person."""
+    """Try every controller of `RANKED_STRATEGIES` on one robot and one person."""
     robot = rig.robot
     laws, cards = elbow_laws(robot, rig, person)
     free = session_indices(_pointing(rig, person, None, [seed, index]))
@@ -57,8 +57,8 @@ def try_elbow(rig: PointingRig, person: Person, index: int, seed: int) -> list[T
         made.append(
             Tried(
                 ELBOW, name, index, interaction_rms(session), *energies(power, session.fs), **_changes(moved, free),
-                fault_energy=_worst(worn, index, name, law) if isinstance(law, ControlLaw) else None,
-                cost=float(np.median(step_times(law, STEPS))) if isinstance(law, ControlLaw) else None,
+                fault_energy=_worst_fault_energy(worn, index, name, law) if isinstance(law, ControlLaw) else None,
+                cost=float(np.median(step_times(law, TIMED_STEPS))) if isinstance(law, ControlLaw) else None,
                 fault=session.fault,
             )
         )  # fmt: skip
@@ -66,7 +66,7 @@ def try_elbow(rig: PointingRig, person: Person, index: int, seed: int) -> list[T
 
 
 def elbow_laws(robot: ElbowRig, rig: PointingRig, person: Person) -> tuple[dict[str, RobotLaw], Cards]:
-    """Every controller for one person on a robot that is identified for it, by name; and its cards."""
+    """Return every controller for one person on an identified robot, by name, and the robot's cards."""
     fit, cards = identified(robot)
     exponents = chosen_exponents(rig, cards)[0]
     place = person.slider(rig)
@@ -78,7 +78,7 @@ def elbow_laws(robot: ElbowRig, rig: PointingRig, person: Person) -> tuple[dict[
             rules = elbow_rules(fit, cards["load"], "fuzzy" if name == "fuzzy" else "network")
             return learnt_compensation(cards["load"], place, rules)
         if name == "amplification":
-            return sensitivity_amplification(cards["load"], place, amplification=AMPLIFICATION)
+            return sensitivity_amplification(cards["load"], place, amplification=AMPLIFICATION_FACTOR)
         chosen = offered(cards, name) if name == BEST_CONTROLLER else name
         return condition_of(cards, chosen, exponents=exponents)(person, place)
 
@@ -92,7 +92,10 @@ def _pointing(rig: PointingRig, person: Person, law: RobotLaw | None, seed: list
 
 
 def _changes(worn: SessionIndices, free: SessionIndices) -> Mapping[str, float]:
-    """Medians where movements may never end, means else, from no robot [%]."""
+    """Return changes from movements without a robot [%]: of the median duration, and of means otherwise.
+
+    Durations have medians because some movements may never end.
+    """
     with_robot, without = worn.means[PUBLISHED_RULE], free.means[PUBLISHED_RULE]
     pairs = {"duration": "duration_median", "peak_velocity": "vmax", "emg": "emg_per_acc"}
     return {
@@ -101,7 +104,7 @@ def _changes(worn: SessionIndices, free: SessionIndices) -> Mapping[str, float]:
     }
 
 
-def _worst(worn: WornRobot, index: int, name: str, law: ControlLaw) -> float:
-    """The most that a single fault which some sensor can show gives the person until the robot is safe [J]."""
+def _worst_fault_energy(worn: WornRobot, index: int, name: str, law: ControlLaw) -> float:
+    """Return the largest energy that a single detectable fault gives the person until the robot is safe [J]."""
     trials = try_law(worn, index, name, worn.watched(law))
-    return max(trial.excess for trial in trials if trial.kind in SHOWN)
+    return max(trial.excess for trial in trials if trial.kind in DETECTABLE_FAULTS)

@@ -1,4 +1,4 @@
-"""Every controller of the knee orthosis on one drawn wearer who swings the shank, and who takes it through walking."""
+"""Simulate every controller of the knee orthosis with a drawn wearer who swings the shank and who walks."""
 
 from __future__ import annotations
 
@@ -16,24 +16,30 @@ from ..papers.knee.swings import SETTLING, driven_back, holds_margins, root_mean
 from .strategies import SWINGS, WALKING, of_task
 from .tried import Tried, energies
 
-DURATION = 12.0
-"""Of a swing and of a walk [s]; the first `swings.SETTLING` are not scored."""
+TRIAL_DURATION_S = 12.0
+"""Duration of the swings and of the walk [s]; the first `swings.SETTLING` seconds are not scored."""
 
-FIRST, APART = 400, 1000
-"""The first of the drawn wearers of seed 1, whom nothing was chosen on; and how far those of the next seed are."""
+FIRST_WEARER = 400
+"""Number of the first drawn wearer of seed 1. No constant was chosen on these wearers."""
+
+WEARERS_PER_SEED = 1000
+"""Difference between the numbers of the first wearers of two successive seeds."""
 
 
 def knee_pair(index: int, seed: int, sway: bool = False, only: Sequence[str] = tuple(of_task(SWINGS))) -> list[Tried]:
-    """Wearer `index` in an orthosis of their own: identified, every controller built, worn in swings and in walking.
-    With `sway` also whether those without linear margins keep them in the simulation, which takes longest."""
-    identified = wearer(knee_orthosis(), f"D{FIRST + APART * (seed - 1) + index}")
+    """Identify wearer `index` in an orthosis of their own, and try every controller in swings and in walking.
+
+    With `sway`, controllers without linear margins are also tested for their margins in simulation, which takes most of
+    the time.
+    """
+    identified = wearer(knee_orthosis(), f"D{FIRST_WEARER + WEARERS_PER_SEED * (seed - 1) + index}")
     rig, name, constants, session = identified.rig, identified.name, chosen(), session_of(identified)
     pace = rig["swing"]
     middle = (pace["centre"], np.pi * sum(pace["frequency"]))
     built = controllers(identified.card(constants.emg), rig.period, middle, constants, only)
     built = {"no_control": Built(lambda: None), **built}
     plain = without_control(rig, name) if sway else None
-    path, _ = walking(1.0 / rig.period, DURATION, np.random.default_rng([seed, index, 3]))
+    path, _ = walking(1.0 / rig.period, TRIAL_DURATION_S, np.random.default_rng([seed, index, 3]))
     made = []
     for kind in only:
         one, where = built[kind], driven_back(rig) if kind == "no_control" else rig
@@ -46,19 +52,19 @@ def knee_pair(index: int, seed: int, sway: bool = False, only: Sequence[str] = t
             controller: Controller | None = one.build()
             subject = rig.subjects[name]
             trial = (
-                swing_trial(rig, "swing", subject, duration=DURATION)
+                swing_trial(rig, "swing", subject, duration=TRIAL_DURATION_S)
                 if task == SWINGS
                 else walking_trial(rig, "walking", subject, path)
             )
             rng = np.random.default_rng([seed, index, 7])
-            taken = run_trial(where, trial, rng=rng, controller=controller, mounting=session)
-            given = energies(_power(taken), 1.0 / rig.period)
+            readings = run_trial(where, trial, rng=rng, controller=controller, mounting=session)
+            given = energies(_power(readings), 1.0 / rig.period)
             fault = getattr(controller, "fault", "none")
-            made.append(Tried(task, kind, index, root_mean_square(taken)[1], *given, **safety, fault=fault))
+            made.append(Tried(task, kind, index, root_mean_square(readings)[1], *given, **safety, fault=fault))
     return made
 
 
-def _power(taken: KneeReadings) -> np.ndarray:
-    """Of the orthosis on the wearer through the strap, once settled, shape (n,) [W]."""
-    late = taken.time >= SETTLING
-    return -taken.truth.strap_torque[late] * taken.truth.orthosis_velocity[late]
+def _power(readings: KneeReadings) -> np.ndarray:
+    """Return the power of the orthosis on the wearer through the strap after the settling time, shape (n,) [W]."""
+    late = readings.time >= SETTLING
+    return -readings.truth.strap_torque[late] * readings.truth.orthosis_velocity[late]

@@ -1,4 +1,4 @@
-"""Fuzzy and neural compensation of a worn elbow: what the recordings of its identification show beyond its model."""
+"""Fuzzy and neural compensation of a worn elbow robot, learnt from the residuals of its identification."""
 
 from __future__ import annotations
 
@@ -15,16 +15,19 @@ from ..models.friction_terms import is_friction
 from ..models.slider_card import SliderCard
 
 FRICTION_SHARE = 0.95
-"""Of the friction that `transparent` carries: the rest is left for rules [1]."""
+"""Share of the friction that the transparent law compensates; the rest is left to the rules [1]."""
 
-SHARES: Mapping[RuleKind, float] = {"fuzzy": 0.5, "network": 0.25}
-"""Of what rules say that is carried [1]: of 0.25, 0.5, 0.75 and 1 those with the least torque on four of the robots
-that other constants were chosen on. Beside dither, which leaves less than either, no share left less than none."""
+RULE_SHARES: Mapping[RuleKind, float] = {"fuzzy": 0.5, "network": 0.25}
+"""Share of the rules' output that is added to the effort [1]. Of 0.25, 0.5, 0.75 and 1 these gave the least torque on
+four of the robots on which other constants were chosen. With dither, which gives less torque than either, no share
+improved on 0."""
 
 
-def left_over(fit: SliderFit, card: SliderCard) -> list[RecordedResidual]:
-    """What the robot took in every fitted recording beyond what the transparent law of its card carries: what its
-    friction is more than the law dares, and what no model says."""
+def recorded_residuals(fit: SliderFit, card: SliderCard) -> list[RecordedResidual]:
+    """Return the effort in every fitted recording beyond that of the transparent law of the robot's card.
+
+    It contains the friction that the law leaves, and the effects that the model lacks.
+    """
     shares = [FRICTION_SHARE if is_friction(p.name) else 1.0 for p in card.parameters]
     values = np.array([share * carried(p) for share, p in zip(shares, card.parameters, strict=True)])
     model, made = card.model(), []
@@ -36,10 +39,10 @@ def left_over(fit: SliderFit, card: SliderCard) -> list[RecordedResidual]:
 
 
 def elbow_rules(fit: SliderFit, card: SliderCard, kind: RuleKind) -> LearntRules:
-    """Rules of a kind for a robot, from the recordings that identified it."""
-    return learn_rules(left_over(fit, card), kind)
+    """Learn rules of a kind for a robot from the recordings that identified it."""
+    return learn_rules(recorded_residuals(fit, card), kind)
 
 
 def learnt_compensation(card: SliderCard, slider: float, rules: LearntRules) -> ControlLaw:
-    """The transparent law, and a share of what rules say beyond it; the carriage is at `slider` [m]."""
-    return with_rules(transparent(card, slider, friction_share=FRICTION_SHARE), rules.numbers(SHARES[rules.kind]))
+    """Return the transparent law with a share of the rules' output added; the carriage is at `slider` [m]."""
+    return with_rules(transparent(card, slider, friction_share=FRICTION_SHARE), rules.numbers(RULE_SHARES[rules.kind]))

@@ -1,4 +1,4 @@
-"""Controllers ranked by one rule on each task: the mean rank of the interaction torque over people in robots."""
+"""Rank controllers on each task by one rule: the mean rank of the interaction torque over pairs of person and robot."""
 
 from __future__ import annotations
 
@@ -19,13 +19,15 @@ from .knee import knee_pair
 from .strategies import RIVALS, TASKS, of_task
 from .tried import Tried
 
-COMMAND = "rank"
+COMMAND_NAME = "rank"
+"""Name of the command in the rows of results.json."""
 
-SWAYED = 2
-"""Wearers with whom it is tried whether they sway, if there are more than these."""
+SWAY_TESTED_COUNT = 2
+"""Number of wearers with whom margins are tested in simulation, if there are more wearers than these. The test takes as
+long as everything else."""
 
-LEVEL = 0.05
-"""Of Nemenyi's test: whom it does not tell from the first, shares the first's place [1]."""
+SIGNIFICANCE_LEVEL = 0.05
+"""Significance level of Nemenyi's test. A controller that does not differ from the first shares its place [1]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,33 +35,33 @@ class TaskRanking:
     """The controllers of one task, from the first to the last."""
 
     task: str
-    controllers: tuple[str, ...]  # By mean rank of the torque over pairs; ties by the median torque
-    torque: np.ndarray  # (pairs, controllers) RMS [N m], in that order; infinite where nobody arrived
-    ranks: np.ndarray  # (controllers,) Mean over pairs [1]
-    test: FriedmanTest | None  # Whether they differ at all; None with one pair
-    like_first: np.ndarray  # (controllers,) Whether Nemenyi's test does not tell it from the first; all with one pair
-    tried: Mapping[str, tuple[Tried, ...]]  # By controller, pair by pair
+    controllers: tuple[str, ...]  # names in the order of the mean rank over pairs, ties by the median torque
+    torque: np.ndarray  # RMS torque, shape (pairs, controllers) [N m]; infinite if the person never arrived
+    ranks: np.ndarray  # mean rank over pairs, shape (controllers,) [1]
+    test: FriedmanTest | None  # test whether the controllers differ at all; None with one pair
+    like_first: np.ndarray  # whether each does not differ from the first by Nemenyi's test, shape (controllers,)
+    tried: Mapping[str, tuple[Tried, ...]]  # results of each controller, one per pair
 
     def over(self, rival: str) -> np.ndarray:
-        """Torque of every controller over a rival's, shape (pairs, controllers) [1]."""
+        """Return the torque of every controller divided by a rival's, shape (pairs, controllers) [1]."""
         return self.torque / self.torque[:, [self.controllers.index(rival)]]
 
     def spread(self, values: np.ndarray) -> np.ndarray:
-        """Lower end, median and upper end over pairs of what 80 % of them are within, shape (3, controllers)."""
+        """Return the 10 % quantile, median and 90 % quantile of `values` over pairs, shape (3, controllers)."""
         low, high = np.quantile(values, (0.1, 0.9), axis=0, method="inverted_cdf")
         return np.stack([low, np.median(values, axis=0), high])
 
     @property
     def critical(self) -> float:
-        """Difference of mean ranks from which Nemenyi's test tells two controllers apart [1]."""
+        """Smallest difference of mean ranks that is significant in Nemenyi's test [1]."""
         pairs, k = self.torque.shape
-        quantile = float(stats.studentized_range.ppf(1.0 - LEVEL, k, np.inf)) / np.sqrt(2.0)
+        quantile = float(stats.studentized_range.ppf(1.0 - SIGNIFICANCE_LEVEL, k, np.inf)) / np.sqrt(2.0)
         return quantile * float(np.sqrt(k * (k + 1) / (6.0 * pairs)))
 
 
 @dataclass(frozen=True)
 class Ranked:
-    """What was ranked, and its page."""
+    """Rankings of all tasks, and their page."""
 
     tasks: tuple[TaskRanking, ...]
     pairs: int
@@ -80,15 +82,15 @@ def rank(
     Parameters
     ----------
     out : path-like
-        Folder, made if it is not there.
+        Folder, which is created if it does not exist.
     pairs : int
-        Of a drawn person and a drawn robot, for either joint.
+        Number of pairs of a drawn person and a drawn robot, for each joint.
     seed : int
-        Of people, robots and noise, from 1.
+        Seed of people, robots and noise, from 1.
     workers : int, optional
-        Processes; as many as there are processors if left out.
+        Number of processes; by default one per processor.
     on_progress : callable, optional
-        Called with a text and the share done, 0 to 1.
+        Function that is called with a text and the share done, 0 to 1.
 
     Returns
     -------
@@ -109,11 +111,11 @@ def rank(
     if pairs < 1 or seed < 1:
         raise PellucidError(f"rank: found {pairs} pairs and seed {seed}, expected 1 or more of either")
     out = require_folder(Path(out), "a folder for the page")
-    require_own_page(out, COMMAND)
+    require_own_page(out, COMMAND_NAME)
     tell = on_progress or (lambda text, share: None)
     tell("identifying robots and wearers, and wearing every controller", 0.0)
-    # What takes longest first; whether anybody sways takes as long as all else, and is tried where time was given.
-    jobs = [(knee_pair, i, seed, i < SWAYED and pairs > SWAYED) for i in range(pairs)]
+    # The longest jobs come first. The test for sway takes as long as everything else, so it runs for few wearers.
+    jobs = [(knee_pair, i, seed, i < SWAY_TESTED_COUNT and pairs > SWAY_TESTED_COUNT) for i in range(pairs)]
     jobs += [(elbow_pair, i, pairs, seed) for i in range(pairs)]
     found = ordered_results(
         jobs, workers, lambda done, of: tell(f"{done} of {of} pairs of a person and a robot", 0.95 * done / of)
@@ -121,12 +123,12 @@ def rank(
     tried = [one for made in found for one in made]
     tasks = tuple(rank_task(task, [one for one in tried if one.task == task]) for task in TASKS)
     out.mkdir(parents=True, exist_ok=True)
-    write_rows(out / "results.json", COMMAND, [row for task in tasks for row in rows_of(task)])
+    write_rows(out / "results.json", COMMAND_NAME, [row for task in tasks for row in rows_of(task)])
     return Ranked(tasks, pairs, seed, write_ranking(out, tasks, pairs, seed))
 
 
 def rank_task(task: str, tried: Sequence[Tried]) -> TaskRanking:
-    """The controllers of a task by the stated rule. One under which nobody arrives comes last on that pair."""
+    """Rank the controllers of a task. A controller with which the person never arrives is the last on that pair."""
     names = tuple(of_task(task))
     pairs = sorted({one.pair for one in tried})
     by = {(one.controller, one.pair): one for one in tried}
@@ -142,13 +144,13 @@ def rank_task(task: str, tried: Sequence[Tried]) -> TaskRanking:
         torque,
         ranks.mean(axis=0),
         friedman(ranks) if several else None,
-        nemenyi(ranks)[0] >= LEVEL if several else np.ones(len(names), bool),
+        nemenyi(ranks)[0] >= SIGNIFICANCE_LEVEL if several else np.ones(len(names), bool),
         {name: tuple(by[name, pair] for pair in pairs) for name in names},
     )
 
 
 def rows_of(ranking: TaskRanking) -> list[ResultRow]:
-    """The figures of a task, as every command writes its own."""
+    """Return the rows of results.json for a task."""
     head, made = ranking.task.replace(" ", "_"), []
     low, middle, high = ranking.spread(ranking.torque)
     for i, name in enumerate(ranking.controllers):
@@ -156,22 +158,22 @@ def rows_of(ranking: TaskRanking) -> list[ResultRow]:
         figures = {"torque": (middle[i], "N*m", note), "mean_rank": (ranking.ranks[i], "1", "")}
         for rival in RIVALS[ranking.task]:
             figures[f"over_{rival}"] = (np.median(ranking.over(rival)[:, i]), "1", "median of pairs")
-        for quantity, unit in FIGURES.items():
+        for quantity, unit in FIGURE_UNITS.items():
             values = [v for one in ranking.tried[name] if (v := getattr(one, quantity)) is not None]
             if values and np.all(np.isfinite(values)):
-                figures[quantity] = (float(OVER_PAIRS.get(quantity, np.median)(values)), unit, "")
+                figures[quantity] = (float(PAIR_SUMMARIES.get(quantity, np.median)(values)), unit, "")
         made += [
-            ResultRow(f"ranking.{head}.{name}.{quantity}", float(value), unit, COMMAND, "simulated", note=note)
+            ResultRow(f"ranking.{head}.{name}.{quantity}", float(value), unit, COMMAND_NAME, "simulated", note=note)
             for quantity, (value, unit, note) in figures.items()
         ]
     return made
 
 
-FIGURES: Mapping[str, str] = {
+FIGURE_UNITS: Mapping[str, str] = {
     "given": "W", "taken": "W", "duration": "percent", "peak_velocity": "percent", "emg": "percent",
     "fault_energy": "J", "cost": "s", "gain": "dB", "delay": "s", "holds": "1",
 }  # fmt: skip
-"""What is written beside the torque, an attribute of `Tried`, with its unit."""
+"""Unit of each attribute of `Tried` that is written beside the torque."""
 
-OVER_PAIRS: Mapping[str, Callable] = {"fault_energy": max, "gain": min, "delay": min, "holds": min}
-"""What of several pairs is written, where it is the worst and no median."""
+PAIR_SUMMARIES: Mapping[str, Callable] = {"fault_energy": max, "gain": min, "delay": min, "holds": min}
+"""Function that summarises an attribute of `Tried` over pairs, if the worst value is written and not the median."""

@@ -1,4 +1,4 @@
-"""The ranking's figure: torque of every controller on every pair, as a share of the robot's without power."""
+"""Draw the ranking: torque of every controller on every pair, relative to the unpowered robot's."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from ..drawing.style import colour
 
 @dataclass(frozen=True)
 class Line:
-    """One controller: name, torque over that without power, pair by pair (k,) [1], and whether it is a rival."""
+    """One controller in the figure."""
 
     name: str
-    shares: np.ndarray
-    rival: bool
+    shares: np.ndarray  # torque over that of the unpowered robot, for each pair, shape (k,) [1]
+    rival: bool  # whether it is one of the simplest rivals
 
 
 def ranked_torque(lines: Sequence[Line], name: str, *, caption: str) -> Drawing:
-    """From the first to the last a dot for each pair, and a bar for the median."""
+    """Draw a dot for each pair and a bar for the median of every controller, from the first rank to the last."""
     figure, axis = one_panel(0.27 * len(lines) + 0.9)
     for place, one in enumerate(lines):
         tone = colour("measured" if one.rival else "fitted")

@@ -1,4 +1,4 @@
-"""The page on which elbow and knee stand: one table of strategies, then every task's ranking with all its columns."""
+"""Write the page of the ranking: one table of strategies, then the ranking of every task with all its columns."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ import numpy as np
 from ..drawing.drawing import draw
 from ..pages.page import Page, Section, write_page
 from ..pages.tables import Row, Table, number_table
-from .rank import LEVEL, TaskRanking
+from .rank import SIGNIFICANCE_LEVEL, TaskRanking
 from .ranking_figures import Line, ranked_torque
-from .strategies import RIVALS, STRATEGIES, TASKS, of_task, senses
+from .strategies import RANKED_STRATEGIES, RIVALS, TASKS, of_task, senses
 from .tried import Tried
 
-NONE = "–"
+EMPTY_CELL = "–"
+"""Text of a table's cell without a value."""
 
 
 def write_ranking(out: Path, tasks: Sequence[TaskRanking], pairs: int, seed: int) -> Path:
@@ -27,18 +28,18 @@ def write_ranking(out: Path, tasks: Sequence[TaskRanking], pairs: int, seed: int
         kicker="pellucid rank",
         headline=f"Every strategy that reviews name, worn by {pairs} drawn people in {pairs} drawn robots at either "
         f"joint, none of which any constant was chosen on. Least torque between robot and person: {'; '.join(best)}.",
-        sections=(_strategies(tasks), *(_task(task) for task in tasks), _said()),
+        sections=(_strategy_section(tasks), *(_task_section(task) for task in tasks), _method_section()),
         footer=f"Written by pellucid {version('pellucid')}; seed {seed}. Every figure is simulated.",
     )
     return write_page(out, page)
 
 
-def _strategies(tasks: Sequence[TaskRanking]) -> Section:
-    """By strategy: place and torque in every task."""
+def _strategy_section(tasks: Sequence[TaskRanking]) -> Section:
+    """Return the table of strategies with their place and torque in every task."""
     rows = []
-    for one in STRATEGIES:
-        cells = [_placed(task, getattr(one, TASKS[task.task])) for task in tasks]
-        rows.append(Row((one.name, one.reviewed or NONE, *cells)))
+    for one in RANKED_STRATEGIES:
+        cells = [_place_text(task, getattr(one, TASKS[task.task])) for task in tasks]
+        rows.append(Row((one.name, one.reviewed or EMPTY_CELL, *cells)))
     heads = ("strategy", "reviewed for", *(f"{task.task}: place, torque" for task in tasks))
     caption = (
         "Place by mean rank of the interaction torque, and its median over pairs as a share of the robot's without "
@@ -47,9 +48,9 @@ def _strategies(tasks: Sequence[TaskRanking]) -> Section:
     return Section("strategies", "By strategy", (), (number_table(heads, rows, caption, words=2),))
 
 
-def _placed(task: TaskRanking, controller: str | None) -> str:
+def _place_text(task: TaskRanking, controller: str | None) -> str:
     if controller is None:
-        return NONE
+        return EMPTY_CELL
     i = task.controllers.index(controller)
     return f"{i + 1}., {np.median(_shares(task)[:, i]):.2f}"
 
@@ -58,7 +59,7 @@ def _shares(task: TaskRanking) -> np.ndarray:
     return task.over(RIVALS[task.task][0])
 
 
-def _task(task: TaskRanking) -> Section:
+def _task_section(task: TaskRanking) -> Section:
     known, rivals = of_task(task.task), RIVALS[task.task]
     shares = _shares(task)
     lines = [
@@ -111,7 +112,7 @@ def _table(task: TaskRanking) -> Table:
 def _median(name: str, text: str, scale: float = 1.0) -> Callable[[Sequence[Tried]], str]:
     def cell(tried: Sequence[Tried]) -> str:
         values = [v for one in tried if (v := getattr(one, name)) is not None and np.isfinite(v)]
-        return format(scale * float(np.median(values)), text) if values else NONE
+        return format(scale * float(np.median(values)), text) if values else EMPTY_CELL
 
     return cell
 
@@ -120,7 +121,7 @@ def _extreme(name: str, text: str, of: Callable, scale: float = 1.0) -> Callable
     def cell(tried: Sequence[Tried]) -> str:
         values = [v for one in tried if (v := getattr(one, name)) is not None]
         if not values:
-            return NONE
+            return EMPTY_CELL
         found = scale * of(values)
         return format(found, text) if np.isfinite(found) else "beyond search"
 
@@ -129,17 +130,17 @@ def _extreme(name: str, text: str, of: Callable, scale: float = 1.0) -> Callable
 
 def _holds(tried: Sequence[Tried]) -> str:
     found = [one.holds for one in tried if one.holds is not None]
-    return ("no" if not all(found) else "yes") if found else NONE
+    return ("no" if not all(found) else "yes") if found else EMPTY_CELL
 
 
 def _faults(tried: Sequence[Tried]) -> str:
     return str(sum(one.fault != "none" for one in tried))
 
 
-ENERGY = (("given (mW)", _median("given", ".0f", 1e3)), ("taken (mW)", _median("taken", ".0f", 1e3)))
+ENERGY_COLUMNS = (("given (mW)", _median("given", ".0f", 1e3)), ("taken (mW)", _median("taken", ".0f", 1e3)))
 
 ELBOW_COLUMNS = (
-    *ENERGY,
+    *ENERGY_COLUMNS,
     ("duration (%)", _median("duration", "+.0f")),
     ("peak velocity (%)", _median("peak_velocity", "+.0f")),
     ("EMG/Acc (%)", _median("emg", "+.0f")),
@@ -153,7 +154,7 @@ ELBOW_CAPTION = (
 )
 
 KNEE_COLUMNS = (
-    *ENERGY,
+    *ENERGY_COLUMNS,
     ("gain margin (dB)", _extreme("gain", ".1f", min)),
     ("delay margin (ms)", _extreme("delay", ".0f", min, 1e3)),
     ("no sway", _holds),
@@ -165,8 +166,8 @@ KNEE_CAPTION = (
 )
 
 
-def _said() -> Section:
-    """What a reader must know to believe the page, and no more."""
+def _method_section() -> Section:
+    """Return the section about the method of the ranking and its limits."""
     return Section(
         "how",
         "How it was done",
@@ -178,6 +179,7 @@ def _said() -> Section:
             "and gravity are of the same form in plant and model: what learns beyond the model has little to find "
             "here, and a machine that differs in form may reward it more. In walking the thigh stays where it is and "
             "the foot meets no ground.",
-            f"A difference is called one at {100 * LEVEL:g} %. Few pairs tell little apart: --pairs asks for more.",
+            f"The significance level is {100 * SIGNIFICANCE_LEVEL:g} %. Few pairs separate few controllers; --pairs "
+            "sets a larger number.",
         ),
     )
