@@ -379,7 +379,7 @@ def rank(
     """Rank every controller, elbow and knee, on one page."""
     from .procedures.print_result import fitting_tables
     from .ranking.rank import rank as run
-    from .ranking.strategies import of_task
+    from .ranking.strategies import strategies_of_task
 
     with _progress() as tell:
         made = run(out, pairs=pairs, seed=seed, on_progress=tell)
@@ -388,7 +388,7 @@ def rank(
         low, middle, high = task.spread(task.torque)
         rows = [
             [
-                of_task(task.task)[name].name,
+                strategies_of_task(task.task)[name].name,
                 f"{task.ranks[i]:.1f}",
                 f"{middle[i]:.3g}",
                 f"{low[i]:.3g} to {high[i]:.3g}",

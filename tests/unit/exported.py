@@ -10,7 +10,7 @@ from pellucid import _core
 from pellucid.control.control_law import LAWS
 from pellucid.control.supervised import SUPERVISOR_NAMES
 from pellucid.deployment.controller_values import ControllerValues
-from pellucid.deployment.replay_vector import VARIANTS
+from pellucid.deployment.replay_vector import SUPERVISOR_VARIANTS
 
 
 class Sample(ctypes.Structure):
@@ -60,7 +60,7 @@ class Loaded:
         self.law, self.values, self.input_type, self.config_type = law, values, Input, Config
         self.core.pellucid_log.restype = Logged
         # The law's own faults, unless a test asks for more.
-        self.numbers = {**values.numbers, **values.supervised.supervision, **VARIANTS["law"]}
+        self.numbers = {**values.numbers, **values.supervised.supervision, **SUPERVISOR_VARIANTS["law"]}
         self.context = (ctypes.c_uint64 * (1 + _core.supervised_storage(values.law) // 8))()
         self.period = round(1e6 * values.numbers["period"])
         self.now, self.count = 10**6, 0

@@ -11,7 +11,7 @@ from scipy.signal import butter, sosfilt
 
 from pellucid import _core
 from pellucid._errors import PellucidError
-from pellucid.deployment.c_folder import check_here
+from pellucid.deployment.c_folder import check_on_host
 from pellucid.deployment.estimator_folder import chosen_card, estimator_vector, write_estimator_folder
 from pellucid.deployment.microcontroller import measure, missing_tools
 from pellucid.estimators.live_torque import LiveTorque
@@ -189,7 +189,7 @@ def folder(cards, tmp_path_factory):
 def test_c_answers_as_recorded_and_as_python_does(folder, cards):
     card = cards["emg_knee_hill"]
     vector = estimator_vector(card, card.period)
-    assert check_here(folder) == (len(vector.rows), 0)
+    assert check_on_host(folder) == (len(vector.rows), 0)
     lines = (folder / "test" / "vector_outputs.h").read_text().splitlines()
     wanted = [line.split("{")[2].split("}")[0].split(", ")[0].strip() for line in lines if line.startswith("    { ")]
     single = card.build(single=True)
@@ -218,7 +218,7 @@ def test_raw_emg_is_exported_with_its_filters(cards, tmp_path):
         channels=tuple(replace(c, scale=2000.0) for c in cards["emg_knee_hill"].channels),
     )  # fmt: skip
     made_of = write_estimator_folder("made", card, tmp_path / "raw", period=0.005)
-    assert check_here(made_of)[1] == 0
+    assert check_on_host(made_of)[1] == 0
     assert "PELLUCID_RAW = 1" in (made_of / "pellucid_controller.h").read_text()
     rng, live = np.random.default_rng(1), LiveTorque(card, period=0.005)
     for k in range(60):

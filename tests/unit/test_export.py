@@ -21,7 +21,7 @@ from pellucid.control.control_law import LAWS, ControlLaw
 from pellucid.control.coupling import Coupling
 from pellucid.control.residual_compensator import design
 from pellucid.control.supervised import SUPERVISOR_NAMES
-from pellucid.deployment.c_folder import check_here, core_headers, needed_headers, write_c_folder
+from pellucid.deployment.c_folder import check_on_host, core_headers, needed_headers, write_c_folder
 from pellucid.deployment.controller_values import ControllerValues
 from pellucid.deployment.joint_values import joint_values
 from pellucid.deployment.microcontroller import measure, missing_tools
@@ -430,9 +430,9 @@ def test_what_lies_in_the_folder_already_is_neither_compiled_nor_run(study, tmp_
     with pytest.raises(PellucidError, match="controller: found include, without a word"):
         pellucid.export(study)
     pellucid.export(study, overwrite=True)
-    assert check_here(folder)[1] == 0
+    assert check_on_host(folder)[1] == 0
     (folder / "GNUmakefile").write_text(f"record check:\n\ttouch {sign}\n", encoding="utf-8")
-    assert check_here(folder)[1] == 0
+    assert check_on_host(folder)[1] == 0
     with pytest.raises(PellucidError, match="found GNUmakefile, expected none"):
         pellucid.export(study)
     assert not sign.exists()

@@ -10,9 +10,9 @@ from pellucid import _core
 from pellucid._errors import PellucidError
 from pellucid.control import tree_laws
 from pellucid.deployment import tree_values
-from pellucid.deployment.c_folder import check_here
+from pellucid.deployment.c_folder import check_on_host
 from pellucid.deployment.microcontroller import measure, missing_tools
-from pellucid.deployment.tree_folder import VARIANTS, tree_vector, write_tree_folder
+from pellucid.deployment.tree_folder import SUPERVISOR_VARIANTS, tree_vector, write_tree_folder
 from pellucid.deployment.tree_values import TreeValues, notes_of
 from pellucid.models.tree_card import write_tree_card
 
@@ -32,7 +32,7 @@ def folder(values, tmp_path_factory):
 
 @COMPILERS
 def test_it_compiles_and_answers_as_recorded(folder, values):
-    steps, wrong = check_here(folder)
+    steps, wrong = check_on_host(folder)
     assert (steps, wrong) == (len(tree_vector(values).rows), 0)
     header = (folder / "pellucid_controller.h").read_text()
     assert "PELLUCID_JOINTS = 4, PELLUCID_LINKS = 4" in header
@@ -75,7 +75,7 @@ def test_motors_that_turn_together_are_exported_too(tmp_path):
     turns[3, 1] = 0.7
     card = arm(turns=tuple(map(tuple, turns.tolist())), motors=((0.0,) * len(_core.TREE_MOTOR_PARAMETER_NAMES),) * M)
     made = write_tree_folder("arm", TreeValues(tree_laws.carried(card), ("x.json",), {}, ()), tmp_path / "c")
-    assert check_here(made)[1] == 0
+    assert check_on_host(made)[1] == 0
     assert "1.0e+00f, /* coupled */" in (made / "pellucid_constants.h").read_text()
 
 
@@ -84,7 +84,7 @@ def test_numbers_are_the_cards(folder, values):
     for name in values.law.card.names:
         assert f"/* {name} */" in constants
     assert constants.count("/* coulomb_positive ") == 2 * M
-    assert len(VARIANTS) == 8
+    assert len(SUPERVISOR_VARIANTS) == 8
 
 
 def test_a_study_without_a_card_or_with_another_law_is_told(values, tmp_path):

@@ -14,7 +14,14 @@ from pellucid.control.control_law import LAWS, ControlLaw
 from pellucid.control.law_fuzz import fuzz
 from pellucid.deployment.c_folder import write_c_folder
 from pellucid.deployment.controller_values import ControllerValues
-from pellucid.deployment.replay_vector import INIT_AGAIN, MEMORY, POWER_ON, STOP, VARIANTS, replay_vector
+from pellucid.deployment.replay_vector import (
+    INIT_EVENT,
+    MEMORY_EVENT,
+    POWER_ON_EVENT,
+    STOP_EVENT,
+    SUPERVISOR_VARIANTS,
+    replay_vector,
+)
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.models.card import CardParameter, ModelCard
@@ -52,17 +59,17 @@ def test_python_answers_bit_by_bit_as_c(name, tmp_path):
     recorded = re.findall(r"\{ 0x(\w{8})u, (\d+)u\}", (folder / "test" / "vector_outputs.h").read_text())
     steps = replay_vector(values).steps
     assert len(steps) == len(recorded) > 400
-    variants = [values.supervised.changed(**changes) for changes in VARIANTS.values()]
+    variants = [values.supervised.changed(**changes) for changes in SUPERVISOR_VARIANTS.values()]
     running, faults, moved, lost, number = None, set(), 0, False, values.supervised
     for row, (bits, said) in zip(steps, recorded, strict=True):
-        if row.before >= POWER_ON:
-            number = variants[row.before - POWER_ON]
+        if row.before >= POWER_ON_EVENT:
+            number = variants[row.before - POWER_ON_EVENT]
             running, lost = number.start(single=True), False
-        elif row.before == STOP:
+        elif row.before == STOP_EVENT:
             running.stop()
-        elif row.before == INIT_AGAIN:
+        elif row.before == INIT_EVENT:
             running.configure(number.parameters, number.supervisor)
-        lost = lost or row.before == MEMORY  # this machine's memory keeps its bits
+        lost = lost or row.before == MEMORY_EVENT  # this machine's memory keeps its bits
         faults.add(FAULTS[int(said) & 0xFF])
         if lost:
             continue

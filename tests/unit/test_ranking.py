@@ -10,33 +10,41 @@ from pellucid.control.elbow_controllers import ELBOW_CONTROLLERS
 from pellucid.papers.knee.controllers import BODY_NAMES, NAMES
 from pellucid.ranking.rank import rank, rank_task, rows_of
 from pellucid.ranking.ranking_page import write_ranking
-from pellucid.ranking.strategies import ELBOW, RIVALS, SWINGS, TASKS, WALKING, of_task, senses
-from pellucid.ranking.tried import Tried, energies
+from pellucid.ranking.strategies import (
+    CONTROLLER_FIELDS,
+    POINTING_TASK,
+    SIMPLE_RIVALS,
+    SWING_TASK,
+    WALKING_TASK,
+    sensors_read,
+    strategies_of_task,
+)
+from pellucid.ranking.tried import ControllerTrial, given_and_taken_power
 
 
 def made_up(task, pairs=8, seed=1):
     """Torques of all controllers of a task, each a tenth above the one before it in the list, with noise."""
     rng = np.random.default_rng(seed)
     return [
-        Tried(task, name, pair, 0.2 * 1.1**i * np.exp(0.05 * rng.standard_normal()), 0.01, 0.02, **(
-            {"duration": 3.0, "peak_velocity": -2.0, "emg": 5.0, "fault_energy": 0.1 * pair} if task == ELBOW
+        ControllerTrial(task, name, pair, 0.2 * 1.1**i * np.exp(0.05 * rng.standard_normal()), 0.01, 0.02, **(
+            {"duration": 3.0, "peak_velocity": -2.0, "emg": 5.0, "fault_energy": 0.1 * pair} if task == POINTING_TASK
             else {"gain": 6.5, "delay": np.inf, "holds": pair > 0 if name == "body" else None}
         ))
-        for i, name in enumerate(of_task(task)) for pair in range(pairs)
+        for i, name in enumerate(strategies_of_task(task)) for pair in range(pairs)
     ]  # fmt: skip
 
 
 def test_every_controller_of_either_joint_is_ranked():
     # Amplification stands once at the elbow; the knee's plain modes are no controllers.
-    assert set(of_task(ELBOW)) >= set(ELBOW_CONTROLLERS) - {"without_friction"}
-    assert set(of_task(SWINGS)) == set(of_task(WALKING)) == {*NAMES, *BODY_NAMES}
-    assert all(senses(task, name) for task in TASKS for name in of_task(task))
-    assert all(set(rivals) <= set(of_task(task)) for task, rivals in RIVALS.items())
+    assert set(strategies_of_task(POINTING_TASK)) >= set(ELBOW_CONTROLLERS) - {"without_friction"}
+    assert set(strategies_of_task(SWING_TASK)) == set(strategies_of_task(WALKING_TASK)) == {*NAMES, *BODY_NAMES}
+    assert all(sensors_read(task, name) for task in CONTROLLER_FIELDS for name in strategies_of_task(task))
+    assert all(set(rivals) <= set(strategies_of_task(task)) for task, rivals in SIMPLE_RIVALS.items())
 
 
 def test_the_order_is_that_of_mean_ranks_and_the_far_are_told_from_the_first():
-    found = rank_task(ELBOW, made_up(ELBOW))
-    assert list(found.controllers[:3]) == list(of_task(ELBOW))[:3]
+    found = rank_task(POINTING_TASK, made_up(POINTING_TASK))
+    assert list(found.controllers[:3]) == list(strategies_of_task(POINTING_TASK))[:3]
     assert found.ranks == pytest.approx(np.sort(found.ranks))
     assert found.test.p < 1e-6
     assert found.like_first[0]
@@ -48,27 +56,29 @@ def test_the_order_is_that_of_mean_ranks_and_the_far_are_told_from_the_first():
 
 def test_under_whom_nobody_arrives_comes_last():
     tried = [
-        Tried(ELBOW, one.controller, one.pair, float("nan") if one.controller == "fc" else one.torque, 0.0, 0.0)
-        for one in made_up(ELBOW, pairs=2)
+        ControllerTrial(
+            POINTING_TASK, one.controller, one.pair, float("nan") if one.controller == "fc" else one.torque, 0.0, 0.0
+        )
+        for one in made_up(POINTING_TASK, pairs=2)
     ]
-    assert rank_task(ELBOW, tried).controllers[-1] == "fc"
+    assert rank_task(POINTING_TASK, tried).controllers[-1] == "fc"
 
 
 def test_one_pair_is_ordered_and_tells_nobody_apart():
-    found = rank_task(SWINGS, made_up(SWINGS, pairs=1))
+    found = rank_task(SWING_TASK, made_up(SWING_TASK, pairs=1))
     assert found.test is None
     assert found.like_first.all()
 
 
 def test_energy_is_told_by_its_direction():
     power = np.array([2.0, -1.0, 0.0, -3.0])
-    assert energies(power, 2.0) == (0.5, 1.0)
+    assert given_and_taken_power(power, 2.0) == (0.5, 1.0)
 
 
 def test_the_page_has_every_controller_and_the_worst_of_what_is_safe(tmp_path):
-    tasks = [rank_task(task, made_up(task)) for task in TASKS]
+    tasks = [rank_task(task, made_up(task)) for task in CONTROLLER_FIELDS]
     text = write_ranking(tmp_path, tasks, 8, 1).read_text(encoding="utf-8")
-    assert all(one.name in text for task in TASKS for one in of_task(task).values())
+    assert all(one.name in text for task in CONTROLLER_FIELDS for one in strategies_of_task(task).values())
     assert "beyond search" in text
     rows = {row.id: row for task in tasks for row in rows_of(task)}
     assert rows["ranking.elbow_pointing.fc.fault_energy"].value == pytest.approx(0.7)

@@ -17,7 +17,7 @@ from .._given import require_folder
 from ..control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
 from ..datasets import init
 from ..datasets.registry import names, shipped
-from ..deployment.c_folder import check_here
+from ..deployment.c_folder import check_on_host
 from ..deployment.export import export
 from ..deployment.microcontroller import measure, missing_tools, save_measured
 from ..fit.slider.slider_fit import SliderFit
@@ -99,7 +99,7 @@ def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:
     people, findings = _assessed_people(folders[PEOPLE], robot, elbow, _part(tell, 0.4, 0.78))
     tell(f"its controller {BEST_SENSED_CONTROLLER} leaves the PC", 0.78)
     controller = export(elbow, controller=BEST_SENSED_CONTROLLER)
-    played, absent = check_here(controller), missing_tools()
+    played, absent = check_on_host(controller), missing_tools()
     cost = None if absent else measure(controller)
     save_measured(elbow, controller, cost, controller=BEST_SENSED_CONTROLLER)
     if absent:

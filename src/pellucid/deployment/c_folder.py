@@ -19,9 +19,9 @@ from .._errors import PellucidError
 from ..control.control_law import LAWS, LawSensor
 from ..models.fields import COORDINATE_UNITS, Field, model_fields
 from .controller_values import ControllerValues
-from .replay_vector import VARIANTS, replay_vector
+from .replay_vector import SUPERVISOR_VARIANTS, replay_vector
 
-TEMPLATES = {
+TEMPLATE_FOLDERS = {
     "pellucid_controller.h": "",
     "pellucid_controller.cpp": "",
     "pellucid_constants.h": "",
@@ -35,16 +35,16 @@ TEMPLATES = {
 }
 """Templates that are rendered, each with the folder of its file."""
 
-HEADERS = "include/pellucid"
+HEADER_FOLDER = "include/pellucid"
 """Folder of the core's headers in the exported folder."""
 
-OUTPUTS = "test/vector_outputs.h"
+OUTPUT_FILE = "test/vector_outputs.h"
 """File with this machine's outputs for the test vector."""
 
-COMPILERS = ("make", "cc", "c++")
+COMPILER_PROGRAMS = ("make", "cc", "c++")
 """Programs that are needed to play the test vector."""
 
-LARGEST = "3.40282347e+38f"
+MAX_FLOAT_LITERAL = "3.40282347e+38f"
 """Literal of the largest float, which stands for the absence of a limit."""
 
 
@@ -75,7 +75,9 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
     refuse_other_makefile(out)
     law = LAWS[values.law]
     headers = sorted({*needed_headers(law.header), *needed_headers("supervisor.hpp"), "watchdog.hpp"})
-    files = {f"{HEADERS}/{name}": (core_headers() / "pellucid" / name).read_text(encoding="utf-8") for name in headers}
+    files = {
+        f"{HEADER_FOLDER}/{name}": (core_headers() / "pellucid" / name).read_text(encoding="utf-8") for name in headers
+    }
 
     def unit(of: Field | LawSensor) -> str:
         return of.unit(values.motion, values.effort_unit)
@@ -89,7 +91,7 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
         "storage": _core.supervised_storage(values.law),
         "faults": _core.FAULTS,
         "modes": _core.MODES,
-        "variants": VARIANTS,
+        "variants": SUPERVISOR_VARIANTS,
         "study": study,
         "version": version("pellucid"),
         "vector": vector,
@@ -97,11 +99,11 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
         "unit": unit,
         "coordinate": COORDINATE_UNITS[values.motion],
         "effort_unit": values.effort_unit,
-        "literal": literal,
+        "literal": float_literal,
     }
-    files |= {place_of(name): rendered(f"{name}.j2", **content) for name in TEMPLATES}
+    files |= {template_path(name): render(f"{name}.j2", **content) for name in TEMPLATE_FOLDERS}
     files |= _output_files(files, out, vector.motion)
-    return put_down(files, out)
+    return write_files(files, out)
 
 
 def refuse_other_makefile(out: Path) -> None:
@@ -111,10 +113,10 @@ def refuse_other_makefile(out: Path) -> None:
         raise PellucidError(f"{out}: found {obeyed.pop()}, expected none: make would obey it, not the controller's own")
 
 
-def put_down(files: Mapping[str, str], out: Path) -> Path:
+def write_files(files: Mapping[str, str], out: Path) -> Path:
     """Write a controller's files, and remove the outputs of an earlier one."""
     remove_leftovers(out, *(out / folder for folder in dict.fromkeys(Path(name).parent for name in files)))
-    (out / OUTPUTS).unlink(missing_ok=True)
+    (out / OUTPUT_FILE).unlink(missing_ok=True)
     for name, text in files.items():
         write_text_atomically(out / name, text)
     return out
@@ -122,10 +124,10 @@ def put_down(files: Mapping[str, str], out: Path) -> Path:
 
 def _output_files(files: Mapping[str, str], out: Path, motion: int) -> dict[str, str]:
     """Return the file with this machine's outputs for the test vector; none without a compiler."""
-    lines = recorded(files, out)
+    lines = record_outputs(files, out)
     outputs = [(int(bits, 16), int(said)) for bits, said in (line.split() for line in lines)]
     refuse_faults(out, [said for _, said in outputs[:motion]])
-    return {OUTPUTS: rendered("vector_outputs.h.j2", outputs=outputs)} if lines else {}
+    return {OUTPUT_FILE: render("vector_outputs.h.j2", outputs=outputs)} if lines else {}
 
 
 def refuse_faults(out: Path, said: Iterable[int]) -> None:
@@ -135,9 +137,9 @@ def refuse_faults(out: Path, said: Iterable[int]) -> None:
         raise PellucidError(f"{out}: found fault {wrong} in the test vector's motion, expected none")
 
 
-def recorded(files: Mapping[str, str], out: Path) -> list[str]:
+def record_outputs(files: Mapping[str, str], out: Path) -> list[str]:
     """Return the lines that this machine prints for the test vector; none without a compiler."""
-    if not all(map(shutil.which, COMPILERS)):
+    if not all(map(shutil.which, COMPILER_PROGRAMS)):
         return []
     # Only the files that were just rendered are compiled, whatever else is in the folder.
     with TemporaryDirectory() as scratch:
@@ -152,10 +154,10 @@ def recorded(files: Mapping[str, str], out: Path) -> list[str]:
 
 
 @contextmanager
-def copied(folder: Path) -> Iterator[Path]:
+def copied_controller(folder: Path) -> Iterator[Path]:
     """Copy a controller's own files into a temporary folder, so that no other file is compiled or run."""
-    names = [OUTPUTS, *map(place_of, TEMPLATES)]
-    names += [f"{HEADERS}/{path.name}" for path in (core_headers() / "pellucid").glob("*.hpp")]
+    names = [OUTPUT_FILE, *map(template_path, TEMPLATE_FOLDERS)]
+    names += [f"{HEADER_FOLDER}/{path.name}" for path in (core_headers() / "pellucid").glob("*.hpp")]
     with TemporaryDirectory() as scratch:
         for name in names:
             if (folder / name).is_file():
@@ -164,14 +166,14 @@ def copied(folder: Path) -> Iterator[Path]:
         yield Path(scratch)
 
 
-def check_here(folder: Path) -> tuple[int, int] | None:
+def check_on_host(folder: Path) -> tuple[int, int] | None:
     """Play the test vector on this machine as ``make check`` does; return the number of steps and of wrong ones.
 
     The result is None without recorded outputs or without a compiler.
     """
-    if not (folder / OUTPUTS).is_file() or not all(map(shutil.which, COMPILERS)):
+    if not (folder / OUTPUT_FILE).is_file() or not all(map(shutil.which, COMPILER_PROGRAMS)):
         return None
-    with copied(folder) as copy:
+    with copied_controller(folder) as copy:
         run = subprocess.run(["make", "-s", "check"], cwd=copy, capture_output=True, text=True)
     said = dict(line.split() for line in run.stdout.splitlines() if len(line.split()) == 2)
     if not {"steps", "wrong"} <= set(said):
@@ -179,12 +181,12 @@ def check_here(folder: Path) -> tuple[int, int] | None:
     return int(said["steps"]), int(said["wrong"])
 
 
-def place_of(template: str) -> str:
+def template_path(template: str) -> str:
     """Return the path of a rendered template in the exported folder."""
-    return f"{TEMPLATES[template]}/{template}".lstrip("/")
+    return f"{TEMPLATE_FOLDERS[template]}/{template}".lstrip("/")
 
 
-def rendered(template: str, **content: object) -> str:
+def render(template: str, **content: object) -> str:
     """Return a template filled in with `content`."""
     import jinja2
 
@@ -207,9 +209,9 @@ def _safe_in_comment(x: object) -> object:
     return re.sub(r"\*(?=/)|/(?=[*/])|\?(?=\?)", r"\g<0> ", x)
 
 
-def literal(x: float) -> str:
+def float_literal(x: float) -> str:
     """Return a C literal that is read back as the same float."""
     single = np.float32(x)
     if np.isinf(single):
-        return LARGEST if x > 0 else f"-{LARGEST}"
+        return MAX_FLOAT_LITERAL if x > 0 else f"-{MAX_FLOAT_LITERAL}"
     return f"{np.format_float_scientific(single, unique=True, trim='0')}f"

@@ -17,17 +17,17 @@ from ..procedures.card_sources import require_fresh
 from ..procedures.emg_torque.procedure import EmgTorqueTable
 from ..recordings.study import Study
 from .c_folder import (
-    HEADERS,
-    OUTPUTS,
-    TEMPLATES,
+    HEADER_FOLDER,
+    OUTPUT_FILE,
+    TEMPLATE_FOLDERS,
     core_headers,
-    literal,
+    float_literal,
     needed_headers,
-    place_of,
-    put_down,
-    recorded,
+    record_outputs,
     refuse_other_makefile,
-    rendered,
+    render,
+    template_path,
+    write_files,
 )
 from .replay_vector import ReplayVector
 
@@ -117,7 +117,9 @@ def write_estimator_folder(
     card.build(period)  # raises an error if the estimator cannot be stepped
     arrays, raw = card.arrays(period), card.chain != "none"
     headers = needed_headers("emg_estimator.hpp")
-    files = {f"{HEADERS}/{name}": (core_headers() / "pellucid" / name).read_text(encoding="utf-8") for name in headers}
+    files = {
+        f"{HEADER_FOLDER}/{name}": (core_headers() / "pellucid" / name).read_text(encoding="utf-8") for name in headers
+    }
     terms, joints, muscles, surface = [], [], [], []
     for joint, named in zip(arrays["joints"], card.joints, strict=True):
         own = arrays["terms"][len(joints)]
@@ -141,7 +143,7 @@ def write_estimator_folder(
     vector = estimator_vector(card, arrays["period"], motion)
     content = {
         "title": FOLDER_TITLE, "card": card, "arrays": arrays, "study": study, "version": version("pellucid"),
-        "raw": raw, "headers": headers, "literal": literal, "vector": vector, "joints": joints, "terms": terms,
+        "raw": raw, "headers": headers, "literal": float_literal, "vector": vector, "joints": joints, "terms": terms,
         "muscles": muscles, "surface": surface, "lags": arrays["lags"], **sizes,
         "before": arrays["before"] if raw else (), "after": arrays["after"] if raw else (),
         "fields": {name: model_fields(name) for name in ("muscle", "emg_channel", "estimated_joint")},
@@ -149,17 +151,17 @@ def write_estimator_folder(
         "listened": max(1, round(card.emg_rate * arrays["period"])) if raw else 0,
         "storage": _storage(card, len(terms), **sizes),
     }  # fmt: skip
-    for name in TEMPLATES:
-        files[place_of(name)] = rendered(
+    for name in TEMPLATE_FOLDERS:
+        files[template_path(name)] = render(
             f"{name}.j2" if name in SHARED_TEMPLATES else f"estimator/{name}.j2", **content
         )
-    outputs = [(int(said), [int(x, 16) for x in bits]) for said, *bits in map(str.split, recorded(files, out))]
+    outputs = [(int(said), [int(x, 16) for x in bits]) for said, *bits in map(str.split, record_outputs(files, out))]
     wrong = {said & 0xFF for said, _ in outputs[1 : vector.motion]} - {0}
     if wrong:
         raise PellucidError(f"{out}: found {_core.EMG_FAULTS[wrong.pop()]} in the test vector's motion, expected none")
     if outputs:
-        files[OUTPUTS] = rendered("estimator/vector_outputs.h.j2", outputs=outputs)
-    return put_down(files, out)
+        files[OUTPUT_FILE] = render("estimator/vector_outputs.h.j2", outputs=outputs)
+    return write_files(files, out)
 
 
 def estimator_vector(

@@ -13,7 +13,7 @@ from ..procedures.emg_torque.procedure import EmgTorqueTable
 from ..procedures.registry import asked
 from ..procedures.tree.tree_table import TreeTable
 from ..recordings.study import Study
-from .c_folder import HEADERS, TEMPLATES, place_of, write_c_folder
+from .c_folder import HEADER_FOLDER, TEMPLATE_FOLDERS, template_path, write_c_folder
 from .controller_values import ControllerValues
 from .elbow_values import elbow_values
 from .estimator_folder import chosen_card, write_estimator_folder
@@ -150,7 +150,7 @@ def _own_folder(
         "study": study.name,
         "cards": ", ".join(cards),
     }
-    names = {Path(place_of(name)).parts[0] for name in TEMPLATES} | {Path(HEADERS).parts[0]}
+    names = {Path(template_path(name)).parts[0] for name in TEMPLATE_FOLDERS} | {Path(HEADER_FOLDER).parts[0]}
     require_own_folder(place, owner, names, overwrite=overwrite)
     yield
     mark_own_folder(place, owner)

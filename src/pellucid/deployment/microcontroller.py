@@ -12,7 +12,7 @@ from pathlib import Path
 from .._errors import PellucidError
 from ..recordings.results import ResultRow, write_rows
 from ..recordings.study import Study
-from .c_folder import copied
+from .c_folder import copied_controller
 
 COMMAND_NAME = "export"
 """Name of the command in the rows of results.json."""
@@ -58,7 +58,7 @@ def measure(folder: Path) -> OnCortexM4:
     absent = missing_tools()
     if absent:
         raise PellucidError(f"{folder}: found no {', '.join(absent)}, expected the tools for a Cortex-M4 and QEMU")
-    with copied(folder) as copy:
+    with copied_controller(folder) as copy:
         checked, counted = _run_target(copy, "m4"), _run_target(copy, "count")
         text, data = _size(copy)
     return OnCortexM4(

@@ -12,25 +12,25 @@ from .. import _core
 from ..control.control_law import LAWS, LawSensor
 from .controller_values import ControllerValues
 
-NOTHING = 0
+NO_EVENT = 0
 """Code of a step without an event before it."""
 
-STOP = 1
+STOP_EVENT = 1
 """Code of a stop before a step."""
 
-INIT_AGAIN = 2
+INIT_EVENT = 2
 """Code of a repeated initialisation before a step."""
 
-MEMORY = 3
+MEMORY_EVENT = 3
 """Code of a fault in the memory before a step."""
 
-POWER_ON = 16
-"""Code of a power-on before a step. The index in `VARIANTS` of the configuration to start with is added to it."""
+POWER_ON_EVENT = 16
+"""Code of a power-on before a step. The index in `SUPERVISOR_VARIANTS` of the configuration to start with is added to it."""
 
-MOTION = 400
+MOTION_STEPS = 400
 """Number of steps of the motion."""
 
-FAULT = 12
+FAULT_STEPS = 12
 """Number of steps of most faults. The first ten are motion, unless the first sample itself is faulty."""
 
 _NO_LIMIT = float("inf")
@@ -71,7 +71,7 @@ _BODY_NUMBERS: Mapping[str, float] = {
     "residual_bandwidth": 40.0,
 }
 
-VARIANTS: Mapping[str, Mapping[str, float]] = {
+SUPERVISOR_VARIANTS: Mapping[str, Mapping[str, float]] = {
     "law": _UNCHECKED_LAW,
     "jump": {**_UNCHECKED_LAW, "raw_acceleration_limit": 2000.0},
     "raw": {
@@ -154,7 +154,7 @@ class StepInputs:
 
     now: int  # time of the step [us]
     read: tuple[Reading, ...]  # samples of the law's sensors
-    before: int = NOTHING  # code of the event before the step
+    before: int = NO_EVENT  # code of the event before the step
     token: int = 0  # 1 if the challenge is answered
     drive: float = 0.0  # difference between the drive's measurement and the last effort [N m]
 
@@ -186,10 +186,10 @@ class ReplayVector:
 class _Block:
     """A stretch of steps after a power-on."""
 
-    variant: str  # configuration in `VARIANTS`
+    variant: str  # configuration in `SUPERVISOR_VARIANTS`
     # Function that returns the faulty inputs of a step, from its number and its sound inputs
     wrong: Callable[[int, StepInputs], StepInputs] = field(default=lambda i, row: row)
-    length: int = FAULT  # number of steps
+    length: int = FAULT_STEPS  # number of steps
 
 
 def replay_vector(values: ControllerValues, seed: int = 1) -> ReplayVector:
@@ -197,26 +197,26 @@ def replay_vector(values: ControllerValues, seed: int = 1) -> ReplayVector:
     sensors = LAWS[values.law].sensors
     period = round(1e6 * values.numbers["period"])
     rng = np.random.default_rng(seed)
-    signals = [_signal(s, values, MOTION, rng) for s in sensors]
+    signals = [_signal(s, values, MOTION_STEPS, rng) for s in sensors]
 
     def row(i: int, start: int = 1_000_000) -> StepInputs:
         now = start + i * period
         return StepInputs(now, tuple(Reading(x[i], 0xFFFFFF00 + i & 0xFFFFFFFF, now - period // 10) for x in signals))
 
     steps = []
-    for i in range(MOTION):
+    for i in range(MOTION_STEPS):
         made = row(i)
-        if i == MOTION // 4:  # the sample before is repeated
+        if i == MOTION_STEPS // 4:  # the sample before is repeated
             made = replace(made, read=row(i - 1).read)
         for s, sensor in zip(made.read, sensors, strict=True):
-            if not sensor.required and MOTION // 2 <= i < 3 * MOTION // 4:
+            if not sensor.required and MOTION_STEPS // 2 <= i < 3 * MOTION_STEPS // 4:
                 s.valid = 0
-        if i == MOTION // 3:  # a control period is missed, with its sample and its step
+        if i == MOTION_STEPS // 3:  # a control period is missed, with its sample and its step
             continue
-        steps.append(replace(made, before=POWER_ON) if i == 0 else made)
+        steps.append(replace(made, before=POWER_ON_EVENT) if i == 0 else made)
     motion = len(steps)
     for block in _blocks(sensors, values, period):
-        at = POWER_ON + list(VARIANTS).index(block.variant)
+        at = POWER_ON_EVENT + list(SUPERVISOR_VARIANTS).index(block.variant)
         for i in range(block.length):
             made = block.wrong(i, row(i))
             steps.append(replace(made, before=at) if i == 0 else made)
@@ -242,7 +242,7 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
     too_long = round(1e6 * values.numbers["max_age"]) + 10 * period
 
     def at_end(change: Callable[[StepInputs], StepInputs]) -> _Block:
-        return _Block("law", lambda i, row: change(row) if i == FAULT - 2 else row)
+        return _Block("law", lambda i, row: change(row) if i == FAULT_STEPS - 2 else row)
 
     def value(x: float) -> _Block:
         def wrong(row: StepInputs) -> StepInputs:
@@ -261,7 +261,7 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
 
         return at_end(wrong)
 
-    def placed(variant: str, place: Callable[[int], float], length: int = FAULT) -> _Block:
+    def placed(variant: str, place: Callable[[int], float], length: int = FAULT_STEPS) -> _Block:
         """Return a block in which the position is a function of the step's number."""
 
         def wrong(i: int, row: StepInputs) -> StepInputs:
@@ -278,7 +278,7 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
     yield from (value(np.nan), value(np.inf), value(-np.inf), value(float(np.float32(jump))))
     yield from (first(valid=-1), first(time=-(10**6)), first(time=10**6), first(sequence=-20))
     yield at_end(lambda row: replace(row, now=row.now + too_long))
-    yield at_end(lambda row: replace(row, before=STOP))
+    yield at_end(lambda row: replace(row, before=STOP_EVENT))
     yield placed("jump", lambda i: 0.5 + (0.1 if i > 8 else 0.0))
     yield placed("raw", lambda i: 8.0 * h * i)
     yield placed("raw", lambda i: 12.0)
@@ -309,12 +309,12 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
     yield placed("test", lambda i: 0.5 + 0.2 * h * max(i - 6, 0), 32)
     # The supervisor checks eight words of memory in every fourth period: this is enough to check all of them twice.
     through = 4 * -(-_core.supervised_storage(values.law) // (4 * 8))
-    yield _Block("law", lambda i, row: replace(row, before=MEMORY) if i == 4 else row, 4 + through)
+    yield _Block("law", lambda i, row: replace(row, before=MEMORY_EVENT) if i == 4 else row, 4 + through)
     # The controller is stopped. Initialising it again does not end the stop, but a token does.
     late = max(30, round(0.02 / h) + 14)
 
     def mended(i: int, row: StepInputs) -> StepInputs:
-        what = {4: STOP, 8: INIT_AGAIN}.get(i, NOTHING)
+        what = {4: STOP_EVENT, 8: INIT_EVENT}.get(i, NO_EVENT)
         return replace(row, before=what, token=int(i >= 12))
 
     yield _Block("law", mended, late + 20)

@@ -12,20 +12,30 @@ import numpy as np
 from .. import _core
 from ..models.fields import Field, model_fields
 from .c_folder import (
-    HEADERS,
-    OUTPUTS,
-    TEMPLATES,
+    HEADER_FOLDER,
+    OUTPUT_FILE,
+    TEMPLATE_FOLDERS,
     core_headers,
-    literal,
+    float_literal,
     needed_headers,
-    place_of,
-    put_down,
-    recorded,
+    record_outputs,
     refuse_faults,
     refuse_other_makefile,
-    rendered,
+    render,
+    template_path,
+    write_files,
 )
-from .replay_vector import FAULT, INIT_AGAIN, MEMORY, MOTION, NOTHING, POWER_ON, STOP, Reading, ReplayVector
+from .replay_vector import (
+    FAULT_STEPS,
+    INIT_EVENT,
+    MEMORY_EVENT,
+    MOTION_STEPS,
+    NO_EVENT,
+    POWER_ON_EVENT,
+    STOP_EVENT,
+    Reading,
+    ReplayVector,
+)
 from .tree_values import TreeValues
 
 SHARED_TEMPLATES = ("Makefile", "CMakeLists.txt", "say.h", "say_host.c", "m4.c", "m4.ld")
@@ -56,7 +66,7 @@ _UNCHECKED_LAW = {
     "reset_delay": 0.02,
     "healthy_samples": 10.0,
 }
-VARIANTS = {
+SUPERVISOR_VARIANTS = {
     "law": _UNCHECKED_LAW,
     "jump": {**_UNCHECKED_LAW, "raw_acceleration_limit": 2000.0},
     "drive": {**_UNCHECKED_LAW, "drive_expected": 1.0, "drive_tolerance": 6.0},
@@ -99,7 +109,7 @@ class TreeStepInputs:
 
     now: int  # time of the step [us]
     read: tuple[Reading, ...]  # samples of the joints' encoders
-    before: int = NOTHING  # code of the event before the step
+    before: int = NO_EVENT  # code of the event before the step
     token: int = 0  # 1 if the challenge is answered
     drive: float = 0.0  # difference between the first drive's measurement and its last effort [N m]
     pushed: float = 0.0  # effort of the wearer [N m], [N]
@@ -119,24 +129,26 @@ def write_tree_folder(study: str, values: TreeValues, out: Path) -> Path:
     """Write the folder; files of an earlier export are replaced, all others stay."""
     refuse_other_makefile(out)
     headers = sorted({*needed_headers("tree_supervisor.hpp"), "watchdog.hpp"})
-    files = {f"{HEADERS}/{name}": (core_headers() / "pellucid" / name).read_text(encoding="utf-8") for name in headers}
+    files = {
+        f"{HEADER_FOLDER}/{name}": (core_headers() / "pellucid" / name).read_text(encoding="utf-8") for name in headers
+    }
     tables, vector, card = tables_of(values), tree_vector(values), values.law.card
     content = {
         "title": FOLDER_TITLE, "values": values, "study": study, "version": version("pellucid"), "headers": headers,
         "joints": len(card.names), "links": len(card.links), "faults": _core.FAULTS, "modes": _core.MODES,
-        "tables": tables, "literal": literal, "vector": vector,
-        "storage": _core.tree_law_storage(len(card.links)), "variants": VARIANTS,
+        "tables": tables, "literal": float_literal, "vector": vector,
+        "storage": _core.tree_law_storage(len(card.links)), "variants": SUPERVISOR_VARIANTS,
         "whole_names": {field.name for field in model_fields("tree_watch_whole")},
         "period": values.law.shares[0]["period"],
     }  # fmt: skip
-    for name in TEMPLATES:
-        files[place_of(name)] = rendered(f"{name}.j2" if name in SHARED_TEMPLATES else f"tree/{name}.j2", **content)
-    lines = [line.split() for line in recorded(files, out)]
+    for name in TEMPLATE_FOLDERS:
+        files[template_path(name)] = render(f"{name}.j2" if name in SHARED_TEMPLATES else f"tree/{name}.j2", **content)
+    lines = [line.split() for line in record_outputs(files, out)]
     outputs = [(int(said), [int(x, 16) for x in bits]) for said, *bits in lines]
     refuse_faults(out, [said for said, _ in outputs[: vector.motion]])
     if outputs:
-        files[OUTPUTS] = rendered("tree/vector_outputs.h.j2", outputs=outputs)
-    return put_down(files, out)
+        files[OUTPUT_FILE] = render("tree/vector_outputs.h.j2", outputs=outputs)
+    return write_files(files, out)
 
 
 def tables_of(values: TreeValues) -> tuple[Table, ...]:
@@ -173,12 +185,12 @@ def tree_vector(values: TreeValues, seed: int = 1) -> ReplayVector:
     law = values.law
     period = round(1e6 * law.shares[0]["period"])
     rng = np.random.default_rng(seed)
-    rate, swings = 2 * np.pi * 4.0 / (MOTION * 1e-6 * period), []
+    rate, swings = 2 * np.pi * 4.0 / (MOTION_STEPS * 1e-6 * period), []
     for share, known in zip(law.shares, law.card.ranges, strict=True):
         low, high = max(share["position_min"], -1.0), min(share["position_max"], 1.0)
         speed = min(share["velocity_limit"], known.seen_velocity or 1.0)
         swings.append((0.5 * (low + high), min(0.3 * (high - low), 0.2 * speed / rate)))
-    t = 1e-6 * period * np.arange(MOTION)
+    t = 1e-6 * period * np.arange(MOTION_STEPS)
     place = np.column_stack(
         [
             middle + swing * (np.sin(rate * t + k) + 0.2 * np.sin(2.3 * rate * t))
@@ -194,16 +206,16 @@ def tree_vector(values: TreeValues, seed: int = 1) -> ReplayVector:
         return TreeStepInputs(now, read, pushed=float(pushed[i]))
 
     steps = []
-    for i in range(MOTION):
+    for i in range(MOTION_STEPS):
         made = row(i)
-        if i == MOTION // 4:  # the sample before is repeated
+        if i == MOTION_STEPS // 4:  # the sample before is repeated
             made = replace(made, read=row(i - 1).read)
-        if i == MOTION // 3:  # a control period is missed
+        if i == MOTION_STEPS // 3:  # a control period is missed
             continue
-        steps.append(replace(made, before=POWER_ON) if i == 0 else made)
+        steps.append(replace(made, before=POWER_ON_EVENT) if i == 0 else made)
     motion = len(steps)
     for variant, wrong, length in _blocks(len(swings), values, period):
-        at = POWER_ON + list(VARIANTS).index(variant)
+        at = POWER_ON_EVENT + list(SUPERVISOR_VARIANTS).index(variant)
         for i in range(length):
             made = wrong(i, row(i))
             steps.append(replace(made, before=at) if i == 0 else made)
@@ -216,28 +228,28 @@ def _blocks(
     """Yield faults of the last joint and of all joints, and attempts to end a stop."""
 
     def changed(i: int, row: TreeStepInputs, **change) -> TreeStepInputs:
-        if i != FAULT - 2:
+        if i != FAULT_STEPS - 2:
             return row
         read = (*row.read[:-1], replace(row.read[-1], **change))
         return replace(row, read=read)
 
     for value in (np.nan, np.inf, -np.inf):
-        yield "law", lambda i, row, x=value: changed(i, row, value=np.float32(x)), 3 * FAULT
-    yield "law", lambda i, row: changed(i, row, valid=0), 3 * FAULT
-    yield "law", lambda i, row: changed(i, row, time=row.read[-1].time - 10**6), 3 * FAULT
-    yield "law", lambda i, row: changed(i, row, sequence=row.read[-1].sequence - 20), 3 * FAULT
-    yield "law", lambda i, row: replace(row, before=STOP) if i == 6 else row, 3 * FAULT
-    yield "jump", lambda i, row: changed(i, row, value=row.read[-1].value + np.float32(0.1)), 3 * FAULT
-    yield "drive", lambda i, row: replace(row, drive=15.0 + i) if i > 12 else row, 3 * FAULT
-    yield "drive", lambda i, row: replace(row, drive=np.nan) if i > 12 else row, 3 * FAULT
+        yield "law", lambda i, row, x=value: changed(i, row, value=np.float32(x)), 3 * FAULT_STEPS
+    yield "law", lambda i, row: changed(i, row, valid=0), 3 * FAULT_STEPS
+    yield "law", lambda i, row: changed(i, row, time=row.read[-1].time - 10**6), 3 * FAULT_STEPS
+    yield "law", lambda i, row: changed(i, row, sequence=row.read[-1].sequence - 20), 3 * FAULT_STEPS
+    yield "law", lambda i, row: replace(row, before=STOP_EVENT) if i == 6 else row, 3 * FAULT_STEPS
+    yield "jump", lambda i, row: changed(i, row, value=row.read[-1].value + np.float32(0.1)), 3 * FAULT_STEPS
+    yield "drive", lambda i, row: replace(row, drive=15.0 + i) if i > 12 else row, 3 * FAULT_STEPS
+    yield "drive", lambda i, row: replace(row, drive=np.nan) if i > 12 else row, 3 * FAULT_STEPS
     for variant in ("power", "speed", "outside", "ringing"):
         yield variant, lambda i, row: row, 60
     # The supervisor checks eight words of memory in every fourth period: this is enough to check all of them twice.
-    through = min(4 * -(-_core.tree_law_storage(len(values.law.card.links)) // (4 * 8)), MOTION - 5)
-    yield "law", lambda i, row: replace(row, before=MEMORY) if i == 4 else row, 4 + through
+    through = min(4 * -(-_core.tree_law_storage(len(values.law.card.links)) // (4 * 8)), MOTION_STEPS - 5)
+    yield "law", lambda i, row: replace(row, before=MEMORY_EVENT) if i == 4 else row, 4 + through
     late = max(40, round(0.02 / (1e-6 * period)) + 14)
 
     def mended(i: int, row: TreeStepInputs) -> TreeStepInputs:
-        return replace(row, before={4: STOP, 8: INIT_AGAIN}.get(i, NOTHING), token=int(i >= 12))
+        return replace(row, before={4: STOP_EVENT, 8: INIT_EVENT}.get(i, NO_EVENT), token=int(i >= 12))
 
     yield "law", mended, late + 20

@@ -19,8 +19,8 @@ from ..lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, chang
 from ..lab.safety.fault_table import FAULT_KINDS, try_law
 from ..lab.safety.worn_robot import WornRobot, worn_robot
 from .learnt_elbow import elbow_rules, learnt_compensation
-from .strategies import ELBOW, of_task
-from .tried import Tried, energies
+from .strategies import POINTING_TASK, strategies_of_task
+from .tried import ControllerTrial, given_and_taken_power
 
 ROBOTS_SEED = 20261100
 """Seed of the robots and people for the ranking, added to the user's seed. No constant was chosen on them."""
@@ -35,7 +35,7 @@ DETECTABLE_FAULTS = {kind.name for kind in FAULT_KINDS if not kind.hidden}
 """Names of the faults that some sensor of the robot can detect."""
 
 
-def elbow_pair(index: int, pairs: int, seed: int) -> list[Tried]:
+def elbow_pair(index: int, pairs: int, seed: int) -> list[ControllerTrial]:
     """Identify robot `index` of `pairs`, build its laws, and let person `index` wear each of them."""
     robot = drawn_rigs(able_elbow(), index + 1, seed=ROBOTS_SEED + seed)[index]
     rig = elbow_participants(robot)
@@ -43,7 +43,7 @@ def elbow_pair(index: int, pairs: int, seed: int) -> list[Tried]:
     return try_elbow(rig, person, index, seed)
 
 
-def try_elbow(rig: PointingRig, person: Person, index: int, seed: int) -> list[Tried]:
+def try_elbow(rig: PointingRig, person: Person, index: int, seed: int) -> list[ControllerTrial]:
     """Try every controller of `RANKED_STRATEGIES` on one robot and one person."""
     robot = rig.robot
     laws, cards = elbow_laws(robot, rig, person)
@@ -55,8 +55,8 @@ def try_elbow(rig: PointingRig, person: Person, index: int, seed: int) -> list[T
         moved = session_indices(session)
         power = -session.signals["interaction"] * session.signals["link"]
         made.append(
-            Tried(
-                ELBOW, name, index, interaction_rms(session), *energies(power, session.fs), **_changes(moved, free),
+            ControllerTrial(
+                POINTING_TASK, name, index, interaction_rms(session), *given_and_taken_power(power, session.fs), **_changes(moved, free),
                 fault_energy=_worst_fault_energy(worn, index, name, law) if isinstance(law, ControlLaw) else None,
                 cost=float(np.median(step_times(law, TIMED_STEPS))) if isinstance(law, ControlLaw) else None,
                 fault=session.fault,
@@ -82,7 +82,7 @@ def elbow_laws(robot: ElbowRig, rig: PointingRig, person: Person) -> tuple[dict[
         chosen = offered(cards, name) if name == BEST_CONTROLLER else name
         return condition_of(cards, chosen, exponents=exponents)(person, place)
 
-    return {name: make(name) for name in of_task(ELBOW)}, cards
+    return {name: make(name) for name in strategies_of_task(POINTING_TASK)}, cards
 
 
 def _pointing(rig: PointingRig, person: Person, law: RobotLaw | None, seed: list[int]) -> PointingSession:

@@ -13,8 +13,8 @@ from ..lab.knee.trial import Controller, KneeReadings, run_trial
 from ..papers.knee.controllers import Built, chosen, controllers
 from ..papers.knee.residual import session_of, wearer
 from ..papers.knee.swings import SETTLING, driven_back, holds_margins, root_mean_square, without_control
-from .strategies import SWINGS, WALKING, of_task
-from .tried import Tried, energies
+from .strategies import SWING_TASK, WALKING_TASK, strategies_of_task
+from .tried import ControllerTrial, given_and_taken_power
 
 TRIAL_DURATION_S = 12.0
 """Duration of the swings and of the walk [s]; the first `swings.SETTLING` seconds are not scored."""
@@ -26,7 +26,9 @@ WEARERS_PER_SEED = 1000
 """Difference between the numbers of the first wearers of two successive seeds."""
 
 
-def knee_pair(index: int, seed: int, sway: bool = False, only: Sequence[str] = tuple(of_task(SWINGS))) -> list[Tried]:
+def knee_pair(
+    index: int, seed: int, sway: bool = False, only: Sequence[str] = tuple(strategies_of_task(SWING_TASK))
+) -> list[ControllerTrial]:
     """Identify wearer `index` in an orthosis of their own, and try every controller in swings and in walking.
 
     With `sway`, controllers without linear margins are also tested for their margins in simulation, which takes most of
@@ -48,19 +50,21 @@ def knee_pair(index: int, seed: int, sway: bool = False, only: Sequence[str] = t
         if plain is not None and margins is None and kind not in ("no_control", "zero_impedance"):
             held = holds_margins(rig, name, one.build, plain)
         safety = {"gain": margins and margins.gain_db, "delay": margins and margins.delay, "holds": held}
-        for task in (SWINGS, WALKING):
+        for task in (SWING_TASK, WALKING_TASK):
             controller: Controller | None = one.build()
             subject = rig.subjects[name]
             trial = (
                 swing_trial(rig, "swing", subject, duration=TRIAL_DURATION_S)
-                if task == SWINGS
+                if task == SWING_TASK
                 else walking_trial(rig, "walking", subject, path)
             )
             rng = np.random.default_rng([seed, index, 7])
             readings = run_trial(where, trial, rng=rng, controller=controller, mounting=session)
-            given = energies(_power(readings), 1.0 / rig.period)
+            given = given_and_taken_power(_power(readings), 1.0 / rig.period)
             fault = getattr(controller, "fault", "none")
-            made.append(Tried(task, kind, index, root_mean_square(readings)[1], *given, **safety, fault=fault))
+            made.append(
+                ControllerTrial(task, kind, index, root_mean_square(readings)[1], *given, **safety, fault=fault)
+            )
     return made
 
 

@@ -16,8 +16,8 @@ from ..assessment.friedman import FriedmanTest, friedman, nemenyi
 from ..recordings.results import ResultRow, require_own_page, write_rows
 from .elbow import elbow_pair
 from .knee import knee_pair
-from .strategies import RIVALS, TASKS, of_task
-from .tried import Tried
+from .strategies import CONTROLLER_FIELDS, SIMPLE_RIVALS, strategies_of_task
+from .tried import ControllerTrial
 
 COMMAND_NAME = "rank"
 """Name of the command in the rows of results.json."""
@@ -40,7 +40,7 @@ class TaskRanking:
     ranks: np.ndarray  # mean rank over pairs, shape (controllers,) [1]
     test: FriedmanTest | None  # test whether the controllers differ at all; None with one pair
     like_first: np.ndarray  # whether each does not differ from the first by Nemenyi's test, shape (controllers,)
-    tried: Mapping[str, tuple[Tried, ...]]  # results of each controller, one per pair
+    tried: Mapping[str, tuple[ControllerTrial, ...]]  # results of each controller, one per pair
 
     def over(self, rival: str) -> np.ndarray:
         """Return the torque of every controller divided by a rival's, shape (pairs, controllers) [1]."""
@@ -60,7 +60,7 @@ class TaskRanking:
 
 
 @dataclass(frozen=True)
-class Ranked:
+class ControllerRanking:
     """Rankings of all tasks, and their page."""
 
     tasks: tuple[TaskRanking, ...]
@@ -76,7 +76,7 @@ def rank(
     seed: int = 1,
     workers: int | None = None,
     on_progress: Callable[[str, float], None] | None = None,
-) -> Ranked:
+) -> ControllerRanking:
     """Rank every controller on the elbow and on the knee, and write the page.
 
     Parameters
@@ -121,15 +121,15 @@ def rank(
         jobs, workers, lambda done, of: tell(f"{done} of {of} pairs of a person and a robot", 0.95 * done / of)
     )
     tried = [one for made in found for one in made]
-    tasks = tuple(rank_task(task, [one for one in tried if one.task == task]) for task in TASKS)
+    tasks = tuple(rank_task(task, [one for one in tried if one.task == task]) for task in CONTROLLER_FIELDS)
     out.mkdir(parents=True, exist_ok=True)
     write_rows(out / "results.json", COMMAND_NAME, [row for task in tasks for row in rows_of(task)])
-    return Ranked(tasks, pairs, seed, write_ranking(out, tasks, pairs, seed))
+    return ControllerRanking(tasks, pairs, seed, write_ranking(out, tasks, pairs, seed))
 
 
-def rank_task(task: str, tried: Sequence[Tried]) -> TaskRanking:
+def rank_task(task: str, tried: Sequence[ControllerTrial]) -> TaskRanking:
     """Rank the controllers of a task. A controller with which the person never arrives is the last on that pair."""
-    names = tuple(of_task(task))
+    names = tuple(strategies_of_task(task))
     pairs = sorted({one.pair for one in tried})
     by = {(one.controller, one.pair): one for one in tried}
     torque = np.array([[by[name, pair].torque for name in names] for pair in pairs])
@@ -156,7 +156,7 @@ def rows_of(ranking: TaskRanking) -> list[ResultRow]:
     for i, name in enumerate(ranking.controllers):
         note = f"median of {len(ranking.torque)} pairs; 80 % within {low[i]:.4g} to {high[i]:.4g}"
         figures = {"torque": (middle[i], "N*m", note), "mean_rank": (ranking.ranks[i], "1", "")}
-        for rival in RIVALS[ranking.task]:
+        for rival in SIMPLE_RIVALS[ranking.task]:
             figures[f"over_{rival}"] = (np.median(ranking.over(rival)[:, i]), "1", "median of pairs")
         for quantity, unit in FIGURE_UNITS.items():
             values = [v for one in ranking.tried[name] if (v := getattr(one, quantity)) is not None]
@@ -173,7 +173,7 @@ FIGURE_UNITS: Mapping[str, str] = {
     "given": "W", "taken": "W", "duration": "percent", "peak_velocity": "percent", "emg": "percent",
     "fault_energy": "J", "cost": "s", "gain": "dB", "delay": "s", "holds": "1",
 }  # fmt: skip
-"""Unit of each attribute of `Tried` that is written beside the torque."""
+"""Unit of each attribute of `ControllerTrial` that is written beside the torque."""
 
 PAIR_SUMMARIES: Mapping[str, Callable] = {"fault_energy": max, "gain": min, "delay": min, "holds": min}
-"""Function that summarises an attribute of `Tried` over pairs, if the worst value is written and not the median."""
+"""Function that summarises an attribute of `ControllerTrial` over pairs, if the worst value is written and not the median."""

@@ -13,8 +13,8 @@ from ..pages.page import Page, Section, write_page
 from ..pages.tables import Row, Table, number_table
 from .rank import SIGNIFICANCE_LEVEL, TaskRanking
 from .ranking_figures import Line, ranked_torque
-from .strategies import RANKED_STRATEGIES, RIVALS, TASKS, of_task, senses
-from .tried import Tried
+from .strategies import CONTROLLER_FIELDS, RANKED_STRATEGIES, SIMPLE_RIVALS, sensors_read, strategies_of_task
+from .tried import ControllerTrial
 
 EMPTY_CELL = "–"
 """Text of a table's cell without a value."""
@@ -22,7 +22,7 @@ EMPTY_CELL = "–"
 
 def write_ranking(out: Path, tasks: Sequence[TaskRanking], pairs: int, seed: int) -> Path:
     """Write index.html and its figures."""
-    best = [f"{task.task}: {of_task(task.task)[task.controllers[0]].name}" for task in tasks]
+    best = [f"{task.task}: {strategies_of_task(task.task)[task.controllers[0]].name}" for task in tasks]
     page = Page(
         title="Which controller?",
         kicker="pellucid rank",
@@ -38,7 +38,7 @@ def _strategy_section(tasks: Sequence[TaskRanking]) -> Section:
     """Return the table of strategies with their place and torque in every task."""
     rows = []
     for one in RANKED_STRATEGIES:
-        cells = [_place_text(task, getattr(one, TASKS[task.task])) for task in tasks]
+        cells = [_place_text(task, getattr(one, CONTROLLER_FIELDS[task.task])) for task in tasks]
         rows.append(Row((one.name, one.reviewed or EMPTY_CELL, *cells)))
     heads = ("strategy", "reviewed for", *(f"{task.task}: place, torque" for task in tasks))
     caption = (
@@ -56,11 +56,11 @@ def _place_text(task: TaskRanking, controller: str | None) -> str:
 
 
 def _shares(task: TaskRanking) -> np.ndarray:
-    return task.over(RIVALS[task.task][0])
+    return task.over(SIMPLE_RIVALS[task.task][0])
 
 
 def _task_section(task: TaskRanking) -> Section:
-    known, rivals = of_task(task.task), RIVALS[task.task]
+    known, rivals = strategies_of_task(task.task), SIMPLE_RIVALS[task.task]
     shares = _shares(task)
     lines = [
         Line(known[name].name, shares[:, i][np.isfinite(shares[:, i])], name in rivals)
@@ -83,9 +83,9 @@ def _task_section(task: TaskRanking) -> Section:
 
 
 def _table(task: TaskRanking) -> Table:
-    known, elbow = of_task(task.task), TASKS[task.task] == "elbow"
+    known, elbow = strategies_of_task(task.task), CONTROLLER_FIELDS[task.task] == "elbow"
     low, middle, high = task.spread(task.torque)
-    rivals = RIVALS[task.task]
+    rivals = SIMPLE_RIVALS[task.task]
     over = [np.median(task.over(rival), axis=0) for rival in rivals]
     own = ELBOW_COLUMNS if elbow else KNEE_COLUMNS
     rows = []
@@ -94,7 +94,7 @@ def _table(task: TaskRanking) -> Table:
         rows.append(
             Row(
                 (
-                    f"{i + 1}. {known[name].name}{'' if task.like_first[i] else ' *'}", senses(task.task, name),
+                    f"{i + 1}. {known[name].name}{'' if task.like_first[i] else ' *'}", sensors_read(task.task, name),
                     f"{task.ranks[i]:.1f}", f"{middle[i]:.3g} ({low[i]:.3g} to {high[i]:.3g})",
                     *(f"{one[i]:.2f}" for one in over), *(cell(tried) for _, cell in own),
                 ),
@@ -109,16 +109,16 @@ def _table(task: TaskRanking) -> Table:
     return number_table(heads, rows, caption, words=2)
 
 
-def _median(name: str, text: str, scale: float = 1.0) -> Callable[[Sequence[Tried]], str]:
-    def cell(tried: Sequence[Tried]) -> str:
+def _median(name: str, text: str, scale: float = 1.0) -> Callable[[Sequence[ControllerTrial]], str]:
+    def cell(tried: Sequence[ControllerTrial]) -> str:
         values = [v for one in tried if (v := getattr(one, name)) is not None and np.isfinite(v)]
         return format(scale * float(np.median(values)), text) if values else EMPTY_CELL
 
     return cell
 
 
-def _extreme(name: str, text: str, of: Callable, scale: float = 1.0) -> Callable[[Sequence[Tried]], str]:
-    def cell(tried: Sequence[Tried]) -> str:
+def _extreme(name: str, text: str, of: Callable, scale: float = 1.0) -> Callable[[Sequence[ControllerTrial]], str]:
+    def cell(tried: Sequence[ControllerTrial]) -> str:
         values = [v for one in tried if (v := getattr(one, name)) is not None]
         if not values:
             return EMPTY_CELL
@@ -128,12 +128,12 @@ def _extreme(name: str, text: str, of: Callable, scale: float = 1.0) -> Callable
     return cell
 
 
-def _holds(tried: Sequence[Tried]) -> str:
+def _holds(tried: Sequence[ControllerTrial]) -> str:
     found = [one.holds for one in tried if one.holds is not None]
     return ("no" if not all(found) else "yes") if found else EMPTY_CELL
 
 
-def _faults(tried: Sequence[Tried]) -> str:
+def _faults(tried: Sequence[ControllerTrial]) -> str:
     return str(sum(one.fault != "none" for one in tried))
 
 

@@ -62,28 +62,28 @@ RANKED_STRATEGIES: tuple[Strategy, ...] = (
 )
 """All strategies of the ranking."""
 
-ELBOW = "elbow pointing"
+POINTING_TASK = "elbow pointing"
 """Task of pointing with the elbow."""
 
-SWINGS = "knee swings"
+SWING_TASK = "knee swings"
 """Task of swinging the shank."""
 
-WALKING = "knee walking"
+WALKING_TASK = "knee walking"
 """Task of walking with the knee orthosis."""
 
-TASKS: dict[str, str] = {ELBOW: "elbow", SWINGS: "knee", WALKING: "knee"}
+CONTROLLER_FIELDS: dict[str, str] = {POINTING_TASK: "elbow", SWING_TASK: "knee", WALKING_TASK: "knee"}
 """Tasks in the order of the page, each with the attribute of `Strategy` that holds its controller."""
 
-RIVALS: dict[str, tuple[str, ...]] = {ELBOW: ("unpowered", "fc", "pcfr"), SWINGS: ("no_control", "zero_impedance"),
-                                      WALKING: ("no_control", "zero_impedance")}  # fmt: skip
+SIMPLE_RIVALS: dict[str, tuple[str, ...]] = {POINTING_TASK: ("unpowered", "fc", "pcfr"), SWING_TASK: ("no_control", "zero_impedance"),
+                                      WALKING_TASK: ("no_control", "zero_impedance")}  # fmt: skip
 """Simplest rivals of each task. Every controller's torque is also given relative to theirs."""
 
 
-def of_task(task: str) -> dict[str, Strategy]:
+def strategies_of_task(task: str) -> dict[str, Strategy]:
     """Return the strategies of a task by their controllers."""
-    return {name: one for one in RANKED_STRATEGIES if (name := getattr(one, TASKS[task]))}
+    return {name: one for one in RANKED_STRATEGIES if (name := getattr(one, CONTROLLER_FIELDS[task]))}
 
 
-def senses(task: str, controller: str) -> str:
+def sensors_read(task: str, controller: str) -> str:
     """Return the sensors that a controller reads in a task."""
-    return of_task(task)[controller].senses[0 if TASKS[task] == "elbow" else 1]
+    return strategies_of_task(task)[controller].senses[0 if CONTROLLER_FIELDS[task] == "elbow" else 1]

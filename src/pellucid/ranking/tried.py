@@ -8,7 +8,7 @@ import numpy as np
 
 
 @dataclass(frozen=True)
-class Tried:
+class ControllerTrial:
     """Results of one controller on one pair of a person and a robot in one task."""
 
     task: str
@@ -28,7 +28,7 @@ class Tried:
     fault: str = "none"  # fault of the safety gate at the end
 
 
-def energies(power: np.ndarray, fs: float) -> tuple[float, float]:
+def given_and_taken_power(power: np.ndarray, fs: float) -> tuple[float, float]:
     """Return the means of the positive and of the negated negative part of a power, shape (n,) [W] at a rate [Hz]."""
     seconds = len(power) / fs
     return float(np.sum(np.maximum(power, 0.0)) / fs / seconds), float(-np.sum(np.minimum(power, 0.0)) / fs / seconds)
