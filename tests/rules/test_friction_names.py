@@ -22,13 +22,6 @@ LOOK_UPS = {"get", "pop", "index", "count", "startswith", "endswith", "setdefaul
 # Comparisons and subscripts with a term's name, by file. The numbers may only fall. Those in the lab are keys of the
 # files that describe its rigs.
 ALLOWED: dict[str, int] = {
-    "fit/slider/three_steps.py": 2,
-    "fit/strap/orthosis_alone.py": 1,
-    "fit/tree/friction_terms.py": 1,
-    "fit/tree/tree_estimate.py": 1,
-    "fit/tree/tree_families.py": 3,
-    "fit/tree/tree_regression.py": 1,
-    "fit/tree/tree_verdicts.py": 1,
     "lab/arm/bodies.py": 6,
     "lab/elbow/rig.py": 12,
     "lab/knee/drawn.py": 1,
@@ -40,9 +33,6 @@ ALLOWED: dict[str, int] = {
     "lab/seated/subject.py": 1,
     "lab/seated/trial.py": 3,
     "lab/seated/wearer.py": 3,
-    "procedures/emg_torque/trial_sources.py": 1,
-    "procedures/tree/carried_payloads.py": 1,
-    "procedures/tree/identify_tree.py": 1,
 }
 
 

@@ -28,6 +28,7 @@ from ...models.directional_slider import (
     DirectionalSliderModel,
     columns,
 )
+from ...models.friction_terms import is_friction
 from ...models.joint import GRAVITY
 from ...signals.slider_motion import REGRESSION_STRIDE, SliderMotion
 from ..parameter import Parameter
@@ -44,7 +45,7 @@ MAX_STEADY_ACCELERATION = 0.5
 PARAMETER_NAMES = tuple(UNITS)
 """Names of the model's parameters, in its order."""
 
-LOWER_BOUNDS = np.array([0.0 if name in ("coulomb", "viscous") else -np.inf for name in PARAMETER_NAMES])
+LOWER_BOUNDS = np.array([0.0 if is_friction(name) else -np.inf for name in PARAMETER_NAMES])
 """Lower bounds of the parameters: friction is not negative."""
 
 DIRECTION_NAMES = ("up", "down")

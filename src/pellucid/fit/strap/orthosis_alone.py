@@ -70,12 +70,12 @@ class OrthosisFit:
     @property
     def orthosis(self) -> Orthosis:
         """The parameters as the strap's torque needs them."""
-        values = dict(zip(("inertia", "damping", "coulomb"), self.pendulum.complete[:3], strict=True))
+        inertia, damping, coulomb = self.pendulum.complete[:3]
         return Orthosis(
-            values["inertia"],
-            values["damping"],
+            inertia,
+            damping,
             self.gravity.gravity.value,
-            values["coulomb"],
+            coulomb,
             self.covariance,
             self.gravity.zero.value,
             float(self.pendulum.complete[5]),

@@ -14,6 +14,20 @@ import numpy as np
 
 from ... import _core
 from ..._errors import IdentificationError
+from ...models.friction_terms import (
+    COULOMB,
+    DIRECTIONAL,
+    LOAD,
+    LOAD_FRICTION,
+    SQUARE_ROOT,
+    STRIBECK,
+    STRIBECK_VELOCITY,
+    VISCOUS,
+    VISCOUS_NEGATIVE,
+    VISCOUS_POSITIVE,
+    FrictionTerm,
+    grows_with_load,
+)
 
 PLAIN_TERMS = ("viscous", "coulomb", "offset")
 """Friction terms of every joint."""
@@ -42,6 +56,14 @@ class FrictionCoefficient:
     unit: tuple[str, str]  # unit for a rotary and for a prismatic joint
     lower: float = 0.0  # smallest physical value
     upper: float = np.inf  # largest physical value
+    targets: tuple[str, ...] = ()  # numbers of the core that take its value; empty: the one of the same name
+    grows_with_load: bool = False  # whether its column is multiplied by |y| where it is used
+
+    @classmethod
+    def from_term(cls, term: FrictionTerm, column: Column, **bounds: float) -> FrictionCoefficient:
+        """Return the coefficient of a term of the catalogue, with its unit, its numbers and what it resists by."""
+        unit = term.unit("rotary", "N*m"), term.unit("prismatic", "N")
+        return cls(column, unit, **bounds, targets=term.targets, grows_with_load=grows_with_load(term.name))
 
 
 def smooth_sign(velocity: np.ndarray, width: float = 0.0) -> np.ndarray:
@@ -57,34 +79,30 @@ def signed_root(velocity: np.ndarray, width: float = 0.0) -> np.ndarray:
 EFFORT_UNITS = ("N*m", "N")
 """Units of effort, for a rotary and a prismatic joint."""
 
-VISCOUS_UNITS = ("N*m*s/rad", "N*s/m")
-"""Units of a viscous coefficient, for a rotary and a prismatic joint."""
-
-SQUARE_ROOT_UNITS = ("N*m*s^0.5/rad^0.5", "N*s^0.5/m^0.5")
-"""Units of a square-root coefficient, for a rotary and a prismatic joint."""
-
 ROTOR_INERTIA_UNITS = ("kg*m^2", "kg")
 """Units of a rotor inertia, for a rotary and a prismatic joint."""
 
 FRICTION_COEFFICIENTS: Mapping[str, FrictionCoefficient] = {
-    "viscous": FrictionCoefficient(lambda v, w, _: v, VISCOUS_UNITS),
-    "viscous_positive": FrictionCoefficient(lambda v, w, _: np.maximum(v, 0.0), VISCOUS_UNITS),
-    "viscous_negative": FrictionCoefficient(lambda v, w, _: np.minimum(v, 0.0), VISCOUS_UNITS),
-    "coulomb": FrictionCoefficient(lambda v, w, _: smooth_sign(v, w), EFFORT_UNITS),
+    VISCOUS.name: FrictionCoefficient.from_term(VISCOUS, lambda v, w, _: v),
+    VISCOUS_POSITIVE.name: FrictionCoefficient.from_term(VISCOUS_POSITIVE, lambda v, w, _: np.maximum(v, 0.0)),
+    VISCOUS_NEGATIVE.name: FrictionCoefficient.from_term(VISCOUS_NEGATIVE, lambda v, w, _: np.minimum(v, 0.0)),
+    COULOMB.name: FrictionCoefficient.from_term(COULOMB, lambda v, w, _: smooth_sign(v, w)),
     "offset": FrictionCoefficient(lambda v, w, _: np.ones_like(v), EFFORT_UNITS, lower=-np.inf),
-    "square_root": FrictionCoefficient(lambda v, w, _: signed_root(v, w), SQUARE_ROOT_UNITS),
-    "stribeck": FrictionCoefficient(lambda v, w, speed: np.exp(-((v / speed) ** 2)) * smooth_sign(v, w), EFFORT_UNITS),
-    "load": FrictionCoefficient(lambda v, w, _: smooth_sign(v, w), ("1", "1"), upper=MAX_LOAD_COEFFICIENT),
+    SQUARE_ROOT.name: FrictionCoefficient.from_term(SQUARE_ROOT, lambda v, w, _: signed_root(v, w)),
+    STRIBECK.name: FrictionCoefficient.from_term(
+        STRIBECK, lambda v, w, speed: np.exp(-((v / speed) ** 2)) * smooth_sign(v, w)
+    ),
+    LOAD: FrictionCoefficient.from_term(LOAD_FRICTION, lambda v, w, _: smooth_sign(v, w), upper=MAX_LOAD_COEFFICIENT),
 }
 """Friction coefficients by name. The column of ``load`` is multiplied by |y| where it is used."""
 
 TERM_COEFFICIENTS: Mapping[str, tuple[str, ...]] = {
-    **{name: (name,) for name in ("viscous", "coulomb", "offset", "square_root", "stribeck", "load")},
-    "directional": ("viscous_positive", "viscous_negative"),
+    **{name: (name,) for name in FRICTION_COEFFICIENTS if name not in VISCOUS.targets},
+    DIRECTIONAL: VISCOUS.targets,
 }
 """Linear coefficients of each term; ``directional`` replaces ``viscous``."""
 
-STRIBECK_VELOCITY_NAME = "stribeck_velocity"
+STRIBECK_VELOCITY_NAME = STRIBECK_VELOCITY.name
 """Name of the Stribeck velocity, the only friction parameter that is not linear."""
 
 MOTOR_PREFIX = "motor_"
@@ -94,10 +112,10 @@ MOTOR_PREFIX = "motor_"
 def coefficient_names(family: Sequence[str], of_motor: bool = False) -> tuple[str, ...]:
     """Return the linear coefficients of a family's terms, those of the joint or of its motor, without ``motor_``."""
     terms = [t.removeprefix(MOTOR_PREFIX) for t in family if t.startswith(MOTOR_PREFIX) == of_motor]
-    if "directional" in terms:
-        terms = [t for t in terms if t != "viscous"]
+    if DIRECTIONAL in terms:
+        terms = [t for t in terms if t != VISCOUS.name]
     for term in terms:
-        if term not in TERM_COEFFICIENTS or (of_motor and term in ("offset", "load")):
+        if term not in TERM_COEFFICIENTS or (of_motor and term in ("offset", LOAD)):
             known = ", ".join((*TERM_COEFFICIENTS, *SHARED_MOTOR_TERMS, *FURTHER_MOTOR_TERMS))
             name = f"{MOTOR_PREFIX}{term}" if of_motor else term
             raise IdentificationError(f"found friction term {name!r}, expected some of {known}")
@@ -132,17 +150,16 @@ def sum_friction(
     for name, value in numbers.items():
         if name != STRIBECK_VELOCITY_NAME:
             column = FRICTION_COEFFICIENTS[name].column(velocity, width, numbers.get(STRIBECK_VELOCITY_NAME, np.nan))
-            total += value * column * (np.abs(load) if name == "load" else 1.0)
+            total += value * column * (np.abs(load) if FRICTION_COEFFICIENTS[name].grows_with_load else 1.0)
     return total
 
 
 def core_parameters(numbers: Mapping[str, float], names: Sequence[str], width: float, who: str) -> np.ndarray:
     """Return the core's parameters `names` of one joint or motor with these coefficients; `who` begins messages."""
-    both = {"coulomb": ("coulomb_positive", "coulomb_negative"), "viscous": ("viscous_positive", "viscous_negative"),
-            "load": ("load_motoring", "load_generating")}  # fmt: skip
+    targets = {name: each.targets for name, each in FRICTION_COEFFICIENTS.items() if each.targets}
     row = np.zeros(len(names))
     for name, value in {**numbers, "velocity_width": width}.items():
-        for part in both.get(name, (name,)):
+        for part in targets.get(name, (name,)):
             if part not in names:
                 raise IdentificationError(f"{who}: the core has no friction term {part!r}")
             row[names.index(part)] = value

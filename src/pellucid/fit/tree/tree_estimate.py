@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ... import _core
+from ...models.friction_terms import STRIBECK_VELOCITY
 from ...models.kinematic_tree import BODY_QUANTITIES
 from ...models.robot import Robot
 from ..estimates import Estimates
@@ -127,7 +128,7 @@ class TreeEstimate(Estimates):
         """Return the friction coefficients of joint k, or of the motor with its number."""
         prefix = f"{self.robot.names[k]}.{MOTOR_PREFIX if of_motor else ''}"
         names = coefficient_names(self.families[k], of_motor)
-        names += (STRIBECK_VELOCITY_NAME,) if "stribeck" in names else ()
+        names += (STRIBECK_VELOCITY_NAME,) if STRIBECK_VELOCITY.shapes in names else ()
         return {name: self.value(prefix + name) for name in names}
 
     def joints(self) -> np.ndarray:

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..._errors import IdentificationError
+from ...models.friction_terms import LOAD, STRIBECK
 from ...models.robot import Robot
 from ...signals.tree_motion import TreeMotion
 from ..regression import least_squares_within
@@ -168,7 +169,7 @@ class TreeModel:
         """All friction coefficients."""
         speeds = self.speeds or {}
         own = [
-            FrictionPart(k, False, n, speeds[k] if n == "stribeck" else np.nan)
+            FrictionPart(k, False, n, speeds[k] if n == STRIBECK.name else np.nan)
             for k, family in enumerate(self.families)
             for n in coefficient_names(family)
         ]
@@ -210,7 +211,7 @@ class TreeModel:
     def loads(self) -> dict[int, int]:
         """Index of the load coefficient of each joint that has one."""
         r = len(self.base.names)
-        return {x.joint: r + i for i, x in enumerate(self.parts) if x.number == "load"}
+        return {x.joint: r + i for i, x in enumerate(self.parts) if FRICTION_COEFFICIENTS[x.number].grows_with_load}
 
     def alpha(self, values: np.ndarray) -> np.ndarray:
         """Return the load coefficients of all joints, (m,), from `values`, (p,)."""
@@ -269,7 +270,7 @@ def linearise_rows(
                 continue
             column = FRICTION_COEFFICIENTS[number].column(rows.turning[lines, k] if of_motor else v, rows.width, own)
             place.append(i)
-            made.append(column * (np.abs(y) if number == "load" else ratio))
+            made.append(column * (np.abs(y) if FRICTION_COEFFICIENTS[number].grows_with_load else ratio))
         for i, ripple in enumerate(model.ripples):
             ratio = turns[ripple.motor, j]
             if ratio:
@@ -499,7 +500,7 @@ def fit_rows(
             sum_normal_equations(at, weights, apart=False), model.bounds, floor=floor, rounds=rounds
         ), at
     if start is None and load is None:
-        plain = tuple(tuple(t for t in family if t != "load") for family in model.families)
+        plain = tuple(tuple(t for t in family if t != LOAD) for family in model.families)
         load = compute_loads(rows, bare := replace(model, families=plain), fit_rows(bare, rows)[0].values)
     values = None if start is None else start.values
     alpha, sd = (None, None) if start is None else (model.alpha(values), start.sd)

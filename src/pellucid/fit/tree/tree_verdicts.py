@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ..parameter import Parameter
+from .friction_terms import STRIBECK_VELOCITY_NAME
 from .tree_estimate import TreeEstimate
 
 IDENTIFIED_VERDICT = "identified"
@@ -30,5 +31,7 @@ def parameter_verdict(parameter: Parameter) -> str:
 def parameter_verdicts(estimate: TreeEstimate) -> dict[str, str]:
     """Return the verdict on every fitted parameter by name."""
     return {
-        name: parameter_verdict(p) for name, p in estimate.parameters.items() if not name.endswith("stribeck_velocity")
+        name: parameter_verdict(p)
+        for name, p in estimate.parameters.items()
+        if not name.endswith(STRIBECK_VELOCITY_NAME)
     }

@@ -12,6 +12,7 @@ from ...fit.parameter import Parameter
 from ...fit.tree.drive_gains import gains_from_desired, gains_from_payload
 from ...fit.tree.payload import identify_payload
 from ...fit.tree.tree_estimate import TreeEstimate
+from ...models.friction_terms import STRIBECK
 from ...models.robot import Robot
 from ...recordings.study import Study
 from ...signals.tree_motion import TreeMotion
@@ -56,7 +57,7 @@ def carried_payloads(
     if not all(motions[0].gain_known):
         return ()  # what is in ampere weighs nothing
     # Speeds of Stribeck terms are searched for a robot without load; beside a load that term is too little to matter.
-    families = tuple(tuple(term for term in family if term != "stribeck") for family in best.families)
+    families = tuple(tuple(term for term in family if term != STRIBECK.name) for family in best.families)
     calibrating = _calibrating(study, motions)
     for name in _with_payload(motions):
         loaded = [m for m in motions if m.recording == name]

@@ -10,7 +10,7 @@ import numpy as np
 from ..._errors import IdentificationError, RecordingError
 from ...fit.tree import identify_tree as identification
 from ...fit.tree.consistent_fit import ConsistentSolution, make_consistent_estimate, solve_consistent
-from ...fit.tree.friction_terms import MOTOR_PREFIX
+from ...fit.tree.friction_terms import FURTHER_MOTOR_TERMS, MOTOR_PREFIX
 from ...fit.tree.identify_tree import TreeIdentification, plain_model, rows_without_maker_effort
 from ...fit.tree.inertia_prior import fit_with_prior
 from ...fit.tree.published_friction import published_parameters
@@ -45,7 +45,8 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
     if not fitted:
         raise IdentificationError('no recording without payload is marked use = "fit"; at least one must be')
     tell("friction of each joint, each segment left out in turn", 0.1)
-    terms = (*table.families, *(f"{MOTOR_PREFIX}{term}" for term in table.families if term == "square_root"))
+    of_motors = (f"{MOTOR_PREFIX}{term}" for term in table.families)
+    terms = (*table.families, *(term for term in of_motors if term in FURTHER_MOTOR_TERMS))
     found = identification.identify_tree(
         robot, fitted, judged, width=table.velocity_width, terms=terms, ripple=table.ripple
     )
