@@ -75,7 +75,7 @@ def test_muscles_without_an_electrode_are_left_away_where_they_do_not_help(found
     # None of them crosses the ankle.
     assert rows["made.together.ankle.never_recorded.r2"] == pytest.approx(rows["made.together.ankle.hill.r2"], abs=1e-9)
     (said,) = (v.said for v in together_verdicts(found, alone) if "had no electrode" in v.said)
-    assert ("left away" in said) == (not found.never.helps)
+    assert ("are not used" in said) == (not found.never.helps)
 
 
 def test_an_offset_that_does_not_carry_over_is_not_the_recordings(found, alone):

@@ -22,9 +22,9 @@ def page(study: Study, found: ActivationsResult) -> Page:
         judged.append(
             draw(
                 figures.filling_methods_compared, own, f"ways_{i}",
-                f"{prose(joint)}: one electrode after another taken away from the recordings that judge, and its "
-                "muscle's activation filled in. Lines are medians; orange ways are told the torque. Marks at the left "
-                "edge lie beyond it.",
+                f"{prose(joint)}: each electrode of the test recordings removed in turn, and its muscle's activation "
+                "filled in. Lines are medians; orange methods see the measured torque. Marks at the left edge lie "
+                "beyond it.",
             )
         )  # fmt: skip
         first = next(each for each in found.recordings if each.what == joint)
@@ -33,23 +33,24 @@ def page(study: Study, found: ActivationsResult) -> Page:
             draw(
                 figures.removed_electrodes, [each for each in own if each.recording == first.recording], fs,
                 f"taken_away_{i}",
-                f"{prose(joint)}, {first.recording.replace('_', ' ')}: activation by the electrode taken away (grey), "
-                "and as it was filled in.",
+                f"{prose(joint)}, {first.recording.replace('_', ' ')}: activation by the removed electrode (grey), "
+                "and filled in.",
             )
         )  # fmt: skip
     for i, each in enumerate(found.recordings[:MAX_DRAWN_RECORDINGS], start=1):
         shown.append(
             draw(
                 figures.torque_and_activations, each, f"activations_{i}",
-                f"{prose(each.what)}, {each.recording.replace('_', ' ')}: the torque, and what muscles do by "
-                "their EMG (blue) and so that the torque follows (orange).",
+                f"{prose(each.what)}, {each.recording.replace('_', ' ')}: the torque, and the muscles' activations by "
+                "EMG (blue) and EMG-assisted, so that they reproduce the torque (orange).",
             )
         )  # fmt: skip
     sections = []
     if judged:
         said = (
-            "That assisted muscles meet a torque says nothing of them: they are told it. An electrode that was there, "
-            "taken away, does. Of ways that see EMG and angles alone the torque that follows is judged as well."
+            "Assisted muscles are found from the measured torque, so reproducing it is no evidence for them. Removing "
+            "a recorded electrode and predicting its activation is. For methods that see EMG and angles alone, the "
+            "resulting torque is scored as well."
         )
         tables = figure_tables(found, "taken away")
         sections.append(Section("taken_away", "An electrode taken away", (said,), tables, tuple(judged)))

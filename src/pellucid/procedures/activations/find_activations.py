@@ -248,11 +248,11 @@ def _headline(recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[
         way = _best_emg_method(left_out, joint)
         own, assisted = (median_scores(left_out, joint, each)[0] for each in (way, "assisted"))
         said.append(
-            f"{joint}: a muscle whose electrode was taken away is told with R² {own:.2f} by the "
-            f"{FILLING_METHODS[way]}, {assisted:.2f} by what the torque asks for"
+            f"{joint}: the activation of a muscle whose electrode was removed is predicted with R² {own:.2f} by the "
+            f"{FILLING_METHODS[way]}, {assisted:.2f} by EMG-assisted muscles"
         )
     if not said:
-        return f"Activations of {len(recordings)} recordings; no electrode could be taken away to judge them."
+        return f"Activations of {len(recordings)} recordings; no electrode could be removed to score them."
     return "; ".join(said) + " (median)."
 
 
@@ -269,9 +269,9 @@ def _verdicts(
             said.append(
                 Verdict(
                     "note",
-                    f"{joint if of == joint else f'{joint}, {of}'}: assisted activations meet the torque with R² "
-                    f"{met:.3f}, EMG-driven ones predict it with {driven:.3f}. The first are told it: that is no "
-                    "evidence of them.",
+                    f"{joint if of == joint else f'{joint}, {of}'}: assisted activations reproduce the torque with R² "
+                    f"{met:.3f}, EMG-driven ones predict it with {driven:.3f}. Assisted ones are found from this "
+                    "torque, so that is no evidence for them.",
                 )
             )
         if joint in _joints_left_out(left_out):
@@ -281,15 +281,14 @@ def _verdicts(
                 said.append(
                     Verdict(
                         "warning",
-                        f"{joint}: what the torque asks of a muscle without EMG is further from what it did than its "
-                        f"mean is (R² {told:.2f}). Fill it in by the {FILLING_METHODS[best]}, and do not read "
-                        "activations that "
-                        "static optimisation found.",
+                        f"{joint}: the activation that the torque implies for a muscle without EMG is worse than the "
+                        f"muscle's mean (R² {told:.2f}). Fill it in by the {FILLING_METHODS[best]}, and do not "
+                        "interpret activations by static optimisation.",
                     )
                 )
         trusts = {(each.trust.trust, each.trust.effort, each.trust.chosen) for each in own}
         for trust, effort, chosen in sorted(trusts):
-            how = "chosen within what was fitted" if chosen else "stated"
+            how = "chosen within the fitted recordings" if chosen else "given by the study"
             said.append(Verdict("note", f"{joint}: trust in EMG {trust:g}, effort without it {effort:g}, {how}."))
         without = sorted({muscle for each in own for muscle in each.filled})
         if without:

@@ -49,8 +49,8 @@ def leave_out_repetitions(study: Study, tell: Progress) -> CalibrationFindings:
         Verdict(
             "warning",
             "No torque was recorded: the reference is a formula in the angle and its acceleration, most of it the sine "
-            "of the angle. Whatever regresses on the angle finds that formula again, without EMG too; its small error "
-            "says nothing of EMG. Compare estimators with muscles among each other.",
+            "of the angle. Any regression on the angle reproduces that formula, without EMG too; its small error is no "
+            "evidence about EMG. Compare estimators with muscles among each other.",
         )
     )
     if any(t.muscles is not None and not t.muscles.maximal for t in found.trials):
@@ -58,7 +58,8 @@ def leave_out_repetitions(study: Study, tell: Progress) -> CalibrationFindings:
             Verdict(
                 "warning",
                 "No maximal contraction was recorded (protocol mvc): envelopes are relative to the largest effort "
-                "seen, whose share of a maximal one is found together with the muscles. Strengths are then none.",
+                "seen, whose share of a maximal one is estimated together with the muscles. Strengths are then not "
+                "strengths of muscles.",
             )
         )
     return found

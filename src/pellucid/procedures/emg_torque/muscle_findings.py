@@ -148,7 +148,7 @@ def calibrated_muscle_verdicts(found: CalibrationFindings) -> tuple[Verdict, ...
                     "95 % interval that was stated beforehand.",
                 )
             )
-    said += [Verdict("note", f"{what}: muscles were passed over: {why}.") for what, why in found.passed_over.items()]
+    said += [Verdict("note", f"{what}: muscles were not fitted: {why}.") for what, why in found.passed_over.items()]
     return tuple(said)
 
 
@@ -163,9 +163,9 @@ def _compare_with_regression(found: CalibrationFindings, what: str) -> list[Verd
     best = min((by[n] for n in ("ridge", "ridge_lags") if n in by), key=lambda e: e.score.rmse)
     ahead = muscles.score.rmse < best.score.rmse
     end = (
-        "physics helps here."
+        "the muscle model helps here."
         if ahead
-        else "it sees the same movement again; in movements unlike those fitted it may not hold."
+        else "regression is tested on the fitted kind of movement; in other movements it may not hold."
     )
     return [
         Verdict(

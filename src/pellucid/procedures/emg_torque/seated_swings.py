@@ -128,8 +128,8 @@ def evaluate_seated_swings(study: Study, tell: Callable[[str, float], None]) -> 
     found.verdicts.append(
         Verdict(
             "note",
-            "The torque is computed from motion: who sees acceleration finds it again without any EMG. Flexors have no "
-            "electrode and are excited as the balance asks.",
+            "The torque is computed from motion: an estimator that sees acceleration can reproduce it without any EMG. "
+            "Flexors have no electrode and are excited by the flexing torque of the balance.",
         )
     )
     return found

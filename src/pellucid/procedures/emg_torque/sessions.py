@@ -24,25 +24,25 @@ RESCALE_KEY = '[emg_torque] rescale = "3 s"'
 """Key of study.toml that repairs changed channels, as advice names it."""
 
 FOREIGN_SIGNAL_ADVICE = (
-    f"Look at electrodes and cables; {RESCALE_KEY} puts what the other channels tell in its place.",
-    "What the other channels tell stands in its place.",
+    f"Look at electrodes and cables; {RESCALE_KEY} replaces the channel by a prediction from the others.",
+    "The channel was replaced by a prediction from the others.",
 )
 """Advice for a channel with another muscle's signal, without `rescale` and with it."""
 
-ELECTRODE_ADVICE = ("Look at the electrode, its contact and its cable: no scaling mends that.",) * 2
+ELECTRODE_ADVICE = ("Look at the electrode, its contact and its cable: no scaling repairs that.",) * 2
 """Advice for a change of raw EMG, without `rescale` and with it."""
 
 ADVICE_BY_CHANGE = {
     "swapped": (
-        f"Look at cables and columns; {RESCALE_KEY} exchanges them again.",
-        "The two channels were exchanged again.",
+        f"Look at cables and columns; {RESCALE_KEY} exchanges them back.",
+        "The two channels were exchanged back.",
     ),
     "crosstalk": FOREIGN_SIGNAL_ADVICE,
     "pattern": FOREIGN_SIGNAL_ADVICE,
     **dict.fromkeys(("spectrum", "hum", "saturation", "shared"), ELECTRODE_ADVICE),
     "floor": (
-        f"{RESCALE_KEY} brings floor and range of a channel that changed to those fitted.",
-        "Its floor and range were brought to those fitted.",
+        f"{RESCALE_KEY} scales floor and range of a changed channel to the fitted ones.",
+        "Its floor and range were scaled to the fitted ones.",
     ),
 }
 """Advice by kind of change: what to do without `rescale`, and what was done with it."""
@@ -141,7 +141,9 @@ def session_verdicts(sessions: Mapping[str, ChannelComparison], rescaled: bool) 
     said = []
     for name, compared in sessions.items():
         if not compared.is_valid:
-            text = f"{name}: nothing that was fitted says what torque this is: {invalidity_words(compared)}."
+            text = (
+                f"{name}: no estimate is valid, since fitted recordings do not cover it: {invalidity_words(compared)}."
+            )
             said.append(Verdict("wrong", text, "Record such movements to fit, too.", finding="another_condition"))
         for muscle in compared.changed:
             own = [change for change in compared.changes if change.muscle == muscle]

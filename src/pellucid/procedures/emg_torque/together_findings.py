@@ -111,13 +111,13 @@ def _unrecorded_verdicts(found: TogetherFindings) -> Iterator[Verdict]:
     )
     names, k = ", ".join(m.name.replace("_", " ") for m in found.never.muscles), len(found.never.synergies)
     without, with_them = (float(np.mean(x)) for x in (found.never.without, found.never.with_them))
-    told = "better" if found.never.helps else "no better"
+    gain = "improve" if found.never.helps else "do not improve"
     yield Verdict(
         "note",
-        f"{found.what} together: {names} had no electrode. Excited by {k} synergies of the others as the torque asks, "
-        f"they tell parts of what was fitted, left out in turn, {told} ({100 * without:.1f} % of the variance missed "
-        f"without, {100 * with_them:.1f} % with them){'' if found.never.helps else ' and are left away'}. R² of what "
-        f"was not fitted goes from {words}.",
+        f"{found.what} together: {names} had no electrode. Excited by {k} synergies of the others, fitted to the "
+        f"torque, they {gain} the prediction of fitted parts left out in turn ({100 * without:.1f} % of the variance "
+        f"unexplained without, {100 * with_them:.1f} % with them){'' if found.never.helps else ' and are not used'}. "
+        f"R² on held-out recordings goes from {words}.",
     )
 
 
@@ -132,8 +132,8 @@ def _posterior_verdicts(found: TogetherFindings) -> Iterator[Verdict]:
         return
     yield Verdict(
         "note",
-        f"{who}: in the posterior the recording tells {len(told)} of {len(posterior)} parameters; of the others it "
-        "says what anatomy says of people.",
+        f"{who}: in the posterior the recording determines {len(told)} of {len(posterior)} parameters; the others have "
+        "the spread of anatomy among people.",
     )
     drawn = [s for s in found.beside if s.how == POSTERIOR_VARIANT]
     for name in dict.fromkeys(s.recording for s in drawn):
@@ -162,8 +162,8 @@ def together_verdicts(found: TogetherFindings | None, alone: CalibrationFindings
         said.append(
             Verdict(
                 "note",
-                f"{muscle.replace('_', ' ')}: {strengths}, of what the anatomical model has. It is one muscle, "
-                "whatever joint is asked.",
+                f"{muscle.replace('_', ' ')}: {strengths}, relative to the anatomical model. It is the same muscle at "
+                "every joint.",
             )
         )
     for how, words in FIT_WORDS.items():
@@ -190,9 +190,9 @@ def _offset_verdict(found: TogetherFindings) -> Verdict:
     if next(p for p in fit.parameters if p.name == "delay").at_bound:
         return Verdict(
             "warning",
-            f"{found.what} together: the offset of the EMG's stream ends on the limit of what is looked for and is "
+            f"{found.what} together: the offset of the EMG's stream ends on the limit of its range and is "
             "undetermined.",
-            "Check whether EMG, angles and moments are of one clock.",
+            "Check whether EMG, angles and moments have the same clock.",
         )
     if not offset.certain:
         text = f"EMG and moments are in time: an offset of {span} leaves muscles their 10 to 100 ms."
@@ -201,9 +201,9 @@ def _offset_verdict(found: TogetherFindings) -> Verdict:
     late = f"{abs(1e3 * offset.value):.0f} ms {way} the moments ({span})"
     if not found.offset_carries_over:
         text = (
-            f"EMG that runs {late} would fit better, but what was not fitted is told worse: {r2}. It is not taken for"
+            f"EMG that runs {late} would fit better, but predicts held-out recordings worse: {r2}. It is therefore not "
         )
-        return Verdict("note", f"{found.what} together: {text} the recording's.")
+        return Verdict("note", f"{found.what} together: {text}attributed to the recording.")
     return Verdict(
         "warning",
         f"{found.what} together: the EMG's stream runs {late}, whatever from 10 to 100 ms each muscle takes. That is "

@@ -123,7 +123,7 @@ def find_onsets(study: Study, table: OnsetTable, tell: Progress = quiet) -> Onse
         verdicts.append(
             Verdict(
                 "note",
-                "The quietest half second of each muscle stands for rest; rest = [start, end] in [onset] names "
+                "The quietest half second of each muscle is taken for rest; rest = [start, end] in [onset] sets "
                 "another.",
             )
         )
@@ -136,8 +136,8 @@ def find_onsets(study: Study, table: OnsetTable, tell: Progress = quiet) -> Onse
     verdicts.append(
         Verdict(
             "note",
-            f"Thresholds alone would put the median onset {1e3 * late:.0f} ms later; an interval is of when the "
-            "variance begins to rise, at once or within up to 0.3 s.",
+            f"A threshold alone would put the median onset {1e3 * late:.0f} ms later. An interval covers the time at "
+            "which the variance begins to rise, at once or within up to 0.3 s.",
         )
     )
     return OnsetResult(

@@ -69,7 +69,7 @@ class SynergiesResult(Result):
 
 def faults(study: Study, table: SynergiesTable) -> list[Fault]:
     """Return faults of EMG that is unfit for use, or of too few muscles."""
-    return envelope_faults(study, table, _group_recordings, "muscles")
+    return envelope_faults(study, table, lambda made: _group_recordings(study, made), "muscles")
 
 
 def run(study: Study, table: SynergiesTable, tell: Progress = quiet) -> SynergiesResult:
@@ -122,8 +122,6 @@ def run(study: Study, table: SynergiesTable, tell: Progress = quiet) -> Synergie
 
 def _group_recordings(study: Study, recordings: list[MuscleEnvelopes]) -> dict[str, list[MuscleEnvelopes]]:
     """Return recordings by participant and condition; refuse those that cannot be factored."""
-    if not recordings:
-        raise RecordingError(f"{study.folder}: found maximal contractions alone, expected a recording of movement too")
     grouped: dict[str, list[MuscleEnvelopes]] = {}
     for each in recordings:
         if list(each.envelopes) != list(recordings[0].envelopes):
@@ -162,14 +160,14 @@ def _headline(groups: list[GroupSynergies], alike: tuple[GroupSimilarity, ...]) 
     count, number = groups[0].count, len(groups[0].synergies)
     several = "y accounts" if number == 1 else "ies account"
     where = list(count.numbers).index(number) if number in count.numbers else -1
-    said = f"{number} synerg{several} for {100 * count.heldout[where]:.0f} % of what was not fitted"
+    said = f"{number} synerg{several} for {100 * count.heldout[where]:.0f} % of the held-out variance"
     if len(groups) == 1:
         return said + "."
     least = min(100 * g.count.heldout[where] for g in groups)
     above = sum(each.cosine > each.chance for each in alike)
     return (
-        f"{number} synerg{several} for at least {least:.0f} % of what was not fitted in {len(groups)} groups; {above} "
-        f"of {len(alike)} pairs of groups are more alike than mixed weights are."
+        f"{number} synerg{several} for at least {least:.0f} % of the held-out variance in {len(groups)} groups; "
+        f"{above} of {len(alike)} pairs of groups are more alike than with weights permuted at random."
     )
 
 
@@ -204,8 +202,9 @@ def _verdicts(
             said.append(
                 Verdict(
                     "warning",
-                    f"{name}{c.numbers[-1]} synergies account for {100 * c.heldout[-1]:.0f} % of what was not fitted, "
-                    f"less than {100 * VAF_THRESHOLD:g} %: what was fitted does not hold there, or most is low.",
+                    f"{name}{c.numbers[-1]} synergies account for {100 * c.heldout[-1]:.0f} % of the held-out "
+                    f"variance, less than {100 * VAF_THRESHOLD:g} %: the fitted synergies do not hold there, or "
+                    "most in [synergies] is too small.",
                 )
             )
         chance = float(c.shuffled[list(c.numbers).index(c.enough)])
@@ -221,17 +220,16 @@ def _verdicts(
             said.append(
                 Verdict(
                     "warning",
-                    f"{name}no number of synergies tells a muscle that is left out from the others (R² below 0): do "
-                    "not fill in unrecorded muscles with them.",
+                    f"{name}no number of synergies predicts a muscle that is left out from the others (R² below 0): "
+                    "do not fill in unrecorded muscles with them.",
                 )
             )
         elif c.predicting != c.enough and asked is None:
             said.append(
                 Verdict(
                     "note",
-                    f"{name}{100 * VAF_THRESHOLD:g} % of the variance needs {c.enough}; a muscle left out is told best "
-                    "by "
-                    f"{c.predicting} (R² {c.left_out.max():.2f}).",
+                    f"{name}{100 * VAF_THRESHOLD:g} % of the variance needs {c.enough}; a muscle left out is predicted "
+                    f"best by {c.predicting} (R² {c.left_out.max():.2f}).",
                 )
             )
     return tuple(said)

@@ -24,7 +24,8 @@ def page(study: Study, found: SynergiesResult) -> Page:
                 figures.synergy_counts, group, f"synergy_count_{i}",
                 f"{of}Variance that each number of synergies accounts for, held out: "
                 f"{group.judged_on.replace('_', ' ')}. Grey: the same envelopes shifted apart in time, which share "
-                "nothing. Right: one muscle left out in turn and told from the others; less than -1 is drawn there.",
+                "nothing. Right: each muscle left out in turn and predicted from the others; values below -1 are "
+                "drawn at -1.",
             )
         )  # fmt: skip
         which.append(
@@ -38,12 +39,12 @@ def page(study: Study, found: SynergiesResult) -> Page:
                 figures.reconstructed_envelopes,
                 group,
                 f"synergies_rebuilt_{i}",
-                f"{of}Envelopes, and as the synergies make them.",
+                f"{of}Envelopes, and their reconstruction.",
             )
         )
     said = (
-        "Weights are fitted on one part, and variance is counted on another. More synergies always account for more of "
-        "it; a muscle left out is told best by a number of its own."
+        "Weights are fitted on one part, and the variance is computed on another. More synergies always account for "
+        "more of it; a muscle left out is predicted best by a certain number, which may be smaller."
     )
     sections = [
         Section("synergy_count", "How many synergies", (said,), figure_tables(found, "How many"), tuple(how_many)),
@@ -51,8 +52,8 @@ def page(study: Study, found: SynergiesResult) -> Page:
     ]
     if found.alike:
         said = (
-            "Synergies that belong together are found by the largest cosines of their weights. By chance: what mixed "
-            "weights exceed once in twenty. VAF across: envelopes of the second by weights of the first."
+            "Synergies are matched by the largest cosines of their weights. By chance: the cosine that randomly "
+            "permuted weights exceed once in twenty. VAF across: envelopes of the second by weights of the first."
         )
         sections.append(Section("synergies_alike", "How alike", (said,), figure_tables(found, "How alike")))
     return study_page(
