@@ -52,7 +52,8 @@ if TYPE_CHECKING:
     from .signals.envelope import envelope as envelope
     from .signals.fit_hinge import fit_hinge as fit_hinge
 
-_WHERE = {
+# Module and attribute of each public name; the attribute is None for a module.
+_PUBLIC_SOURCES = {
     "PellucidError": ("_errors", "PellucidError"),
     "calibrate_muscles": ("estimators.calibrate_muscles", "calibrate_muscles"),
     "certify": ("assessment.certify", "certify"),
@@ -141,14 +142,14 @@ def __getattr__(name: str):
         from importlib.metadata import version
 
         return version("pellucid")
-    if name not in _WHERE:
+    if name not in _PUBLIC_SOURCES:
         raise AttributeError(f"module 'pellucid' has no attribute {name!r}; it has {', '.join(__dir__())}")
     from importlib import import_module
 
-    module, attribute = _WHERE[name]
+    module, attribute = _PUBLIC_SOURCES[name]
     found = import_module(f".{module}", __name__)
     return found if attribute is None else getattr(found, attribute)
 
 
 def __dir__() -> list[str]:
-    return sorted({*__all__, *_WHERE})
+    return sorted({*__all__, *_PUBLIC_SOURCES})

@@ -1,6 +1,6 @@
-"""The command line. Each command parses, calls the Python function of its name, and prints.
+"""The command line. Each command parses its arguments, calls the Python function of its name, and prints the result.
 
-Nothing heavy is imported before a command runs: ``pellucid --help`` has to answer at once.
+Large modules are imported only when a command runs, so that ``pellucid --help`` answers at once.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ datasets_app = typer.Typer(
 )
 app.add_typer(datasets_app)
 
-INSTEAD = {
+CHARACTER_REPLACEMENTS = {
     "−": "-", "–": "-", "—": "-", "±": "+-", "·": "*", "×": "x", "²": "^2", "³": "^3", "µ": "u", "°": "deg", "…": "...",
     "≤": "<=", "≥": ">=", "≈": "~", "√": "sqrt", "χ": "chi", "δ": "delta", "Δ": "Delta", "Ω": "ohm", "✗": "x", "━": "-",
     "─": "-", "│": "|", "\N{RIGHT SINGLE QUOTATION MARK}": "'",
 }  # fmt: skip
-"""What is printed where a terminal has no such character."""
+"""Text that replaces each character on a terminal that cannot print it."""
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the study.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the figures as JSON instead of tables.")]
@@ -50,10 +50,10 @@ Outside = Annotated[
 ]
 Stale = Annotated[
     bool,
-    typer.Option("--accept-stale", help="Use cards that were made from something else than the study as it is now."),
+    typer.Option("--accept-stale", help="Use cards that were made from an earlier state of the study."),
 ]
 Out = Annotated[
-    Path | None, typer.Option("--out", metavar="DIR", help="Folder to write to, where the study's own cannot be.")
+    Path | None, typer.Option("--out", metavar="DIR", help="Folder to write to, instead of the study's own.")
 ]
 Family = Annotated[
     list[str] | None,
@@ -63,10 +63,10 @@ Family = Annotated[
 
 @app.command()
 def init(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to create.")],
     dataset: Annotated[str | None, typer.Option(metavar="NAME", help="Public data set to fill it from.")] = None,
-    rig: Annotated[str | None, typer.Option(metavar="NAME", help="Virtual rig that is to fill it.")] = None,
-    urdf: Annotated[Path | None, typer.Option(metavar="FILE", help="Robot of several joints that it is about.")] = None,
+    rig: Annotated[str | None, typer.Option(metavar="NAME", help="Virtual rig to fill it from.")] = None,
+    urdf: Annotated[Path | None, typer.Option(metavar="FILE", help="Robot with several joints to study.")] = None,
 ) -> None:
     """Make a study: recordings, and a study.toml about them."""
     from .lab.init import init as run
@@ -92,7 +92,7 @@ def simulate(
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of every random draw.")] = 1,
     controller: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="That virtual people wear, as export names it; again for another."),
+        typer.Option(metavar="NAME", help="Controller that virtual people wear, as export names it; repeatable."),
     ] = None,
 ) -> None:
     """Let a virtual rig make the recordings."""
@@ -116,12 +116,14 @@ def predict(
         list[Path],
         typer.Argument(metavar="DIR...", help="Folders with lab/rig.toml; several models share the robots."),
     ],
-    people: Annotated[int, typer.Option(metavar="N", min=1, help="Drawn of each folder.")] = 12,
-    robots: Annotated[int, typer.Option(metavar="N", min=1, help="Drawn in all.")] = 12,
-    movements: Annotated[int, typer.Option(metavar="N", min=2, help="Of a person under each controller.")] = 20,
-    participants: Annotated[int, typer.Option(metavar="N", min=1, help="Of a study.")] = 6,
+    people: Annotated[int, typer.Option(metavar="N", min=1, help="People to draw for each folder.")] = 12,
+    robots: Annotated[int, typer.Option(metavar="N", min=1, help="Robots to draw.")] = 12,
+    movements: Annotated[
+        int, typer.Option(metavar="N", min=2, help="Movements of a person with each controller.")
+    ] = 20,
+    participants: Annotated[int, typer.Option(metavar="N", min=1, help="Participants in a study.")] = 6,
     controller: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="As export names it; again for another.")
+        list[str] | None, typer.Option(metavar="NAME", help="Controller as export names it; repeatable.")
     ] = None,
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of every random draw.")] = 1,
     scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to simulate on.")] = None,
@@ -176,13 +178,13 @@ def check(folder: Folder, allow_outside: Outside = False) -> None:
 
 @app.command()
 def identify(
-    folders: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders of studies; of several, a table.")],
+    folders: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders of studies; several give a table.")],
     family: Family = None,
     json: Json = False,
     out: Out = None,
     allow_outside: Outside = False,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers take the studies.")
+        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers process the studies.")
     ] = None,
 ) -> None:
     """Identify what study.toml asks for, with intervals."""
@@ -194,11 +196,11 @@ def identify(
         _several(folders, family or None, allow_outside, scheduler)
         return
     study = _opened(folders[0], out, allow_outside)
-    _found(study, "identify", json, lambda study, tell: run(study, families=family or None, on_progress=tell))
+    _run_and_save(study, "identify", json, lambda study, tell: run(study, families=family or None, on_progress=tell))
 
 
 def _several(folders: list[Path], families: list[str] | None, allow_outside: bool, scheduler: str | None) -> None:
-    """Identify studies side by side, and print one table over all; status 1 if one failed."""
+    """Identify several studies in parallel, and print one table of all; exit with status 1 if one failed."""
     from .assessment.cluster import cluster
     from .procedures.print_result import fitting_tables
     from .procedures.several import identify_several, table_of
@@ -224,7 +226,7 @@ def _add_command(command: Command) -> None:
         from .procedures.run import run
 
         study = _opened(folder, out, allow_outside, accept_stale)
-        _found(study, command.name, json, lambda study, tell: run(study, command.name, on_progress=tell))
+        _run_and_save(study, command.name, json, lambda study, tell: run(study, command.name, on_progress=tell))
 
     def plain(folder: Folder, json: Json = False, out: Out = None, allow_outside: Outside = False) -> None:
         found(folder, json, out, allow_outside)
@@ -245,7 +247,9 @@ for _command in procedure_commands():
 def assess(
     folder: Folder,
     json: Json = False,
-    studies: Annotated[int, typer.Option(metavar="N", min=100, help="Simulated to plan the next study.")] = 1000,
+    studies: Annotated[
+        int, typer.Option(metavar="N", min=100, help="Studies to simulate for the plan of the next one.")
+    ] = 1000,
     scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to simulate on.")] = None,
     out: Out = None,
     allow_outside: Outside = False,
@@ -256,16 +260,18 @@ def assess(
 
     study = _opened(folder, out, allow_outside)
     with cluster(scheduler) as executor:
-        _found(study, "assess", json, lambda study, tell: run(study, tell, studies=studies, executor=executor))
+        _run_and_save(study, "assess", json, lambda study, tell: run(study, tell, studies=studies, executor=executor))
 
 
 @app.command()
 def plan(
     folder: Folder,
     power: Annotated[
-        float, typer.Option(metavar="P", min=0.5, max=0.999, help="Share of studies that are to show it.")
+        float, typer.Option(metavar="P", min=0.5, max=0.999, help="Share of studies that should show it (power).")
     ] = 0.9,
-    studies: Annotated[int, typer.Option(metavar="N", min=100, help="Simulated for each number of people.")] = 2000,
+    studies: Annotated[
+        int, typer.Option(metavar="N", min=100, help="Studies to simulate for each number of people.")
+    ] = 2000,
     scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to simulate on.")] = None,
     allow_outside: Outside = False,
 ) -> None:
@@ -294,7 +300,7 @@ def report(folder: Folder, out: Out = None, allow_outside: Outside = False, acce
         page = run(study, on_progress=tell)
     _say(_console(), f"Report: {page}")
     if page.parent != study.report_dir:
-        _complain(f"{study.report_dir} could not be written; the report is elsewhere", 1)
+        _exit_with_message(f"{study.report_dir} could not be written; the report is elsewhere", 1)
 
 
 @app.command()
@@ -372,8 +378,10 @@ def reproduce(
 
 @app.command()
 def rank(
-    pairs: Annotated[int, typer.Option(metavar="N", min=1, help="Of drawn people and robots, each joint.")] = 2,
-    seed: Annotated[int, typer.Option(metavar="N", min=1, help="Of people, robots and noise.")] = 1,
+    pairs: Annotated[
+        int, typer.Option(metavar="N", min=1, help="Pairs of a drawn person and a robot, for each joint.")
+    ] = 2,
+    seed: Annotated[int, typer.Option(metavar="N", min=1, help="Seed of people, robots and noise.")] = 1,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the page.")] = Path("ranking"),
 ) -> None:
     """Rank every controller, elbow and knee, on one page."""
@@ -404,22 +412,22 @@ def rank(
 @app.command()
 def export(
     folder: Folder,
-    to: Annotated[str, typer.Option("--to", metavar="LANGUAGE", help="c; of muscles osim, ceinms.")] = "c",
-    out: Annotated[Path | None, typer.Option("--out", metavar="FOLDER", help="Folder to make.")] = None,
-    participant: Annotated[str | None, typer.Option(metavar="NAME", help="Who wears it.")] = None,
+    to: Annotated[str, typer.Option("--to", metavar="LANGUAGE", help="c; for muscles osim or ceinms.")] = "c",
+    out: Annotated[Path | None, typer.Option("--out", metavar="FOLDER", help="Folder to create.")] = None,
+    participant: Annotated[str | None, typer.Option(metavar="NAME", help="Wearer of the robot.")] = None,
     card: Annotated[str | None, typer.Option(metavar="FILE", help="Card in models/, of a joint or muscles.")] = None,
-    slider: Annotated[float | None, typer.Option(metavar="M", help="Where the carriage is [m].")] = None,
+    slider: Annotated[float | None, typer.Option(metavar="M", help="Position of the carriage [m].")] = None,
     controller: Annotated[
         str | None, typer.Option(metavar="NAME", help="For a carriage: fc, transparent, force_sensor ...")
     ] = None,
     exponents: Annotated[
-        tuple[float, float] | None, typer.Option(metavar="UP DOWN", help="Of fc and pcfr, as people chose them.")
+        tuple[float, float] | None, typer.Option(metavar="UP DOWN", help="Exponents of fc and pcfr.")
     ] = None,
-    period: Annotated[float | None, typer.Option(metavar="S", help="Of the controller [s].")] = None,
+    period: Annotated[float | None, typer.Option(metavar="S", help="Period of the controller [s].")] = None,
     allow_outside: Outside = False,
     accept_stale: Stale = False,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace another controller's files, or somebody's own.")
+        bool, typer.Option("--overwrite", help="Replace files that this export did not write.")
     ] = False,
 ) -> None:
     """Write the controller as C, or muscles for other programs."""
@@ -464,38 +472,46 @@ def protocol(
         str,
         typer.Argument(
             metavar="NAME",
-            help="Of the motion: random_phase_multisine, reversals; of all joints: optimised_fourier, step_by_step.",
+            help="Motion: random_phase_multisine or reversals; of all joints: optimised_fourier or step_by_step.",
         ),
     ],
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for its files.")],
-    rate: Annotated[float, typer.Option(metavar="HZ", help="At which the controller takes references.")],
-    low: Annotated[float | None, typer.Option(metavar="HZ", help="Where the multisine's band begins.")] = None,
-    high: Annotated[float | None, typer.Option(metavar="HZ", help="Where its band ends.")] = None,
+    rate: Annotated[float, typer.Option(metavar="HZ", help="Rate of the controller's references.")],
+    low: Annotated[float | None, typer.Option(metavar="HZ", help="Lower end of the multisine's band.")] = None,
+    high: Annotated[float | None, typer.Option(metavar="HZ", help="Upper end of its band.")] = None,
     resolution: Annotated[float | None, typer.Option(metavar="HZ", help="One over its period.")] = None,
-    study: Annotated[Path | None, typer.Option(metavar="STUDY", help="Whose joints move, within their limits.")] = None,
-    criterion: Annotated[str, typer.Option(metavar="D|A", help="What an optimised motion is to lessen.")] = "D",
-    harmonics: Annotated[int, typer.Option(metavar="N", min=2, help="Of an optimised motion.")] = 5,
+    study: Annotated[
+        Path | None, typer.Option(metavar="STUDY", help="Study whose joints move, within their limits.")
+    ] = None,
+    criterion: Annotated[str, typer.Option(metavar="D|A", help="Criterion of an optimised motion.")] = "D",
+    harmonics: Annotated[int, typer.Option(metavar="N", min=2, help="Harmonics of an optimised motion.")] = 5,
     acceleration: Annotated[
         float | None, typer.Option(metavar="SIZE", min=0, help="Limit of every joint of a study, SI.")
     ] = None,
-    radius: Annotated[float, typer.Option(metavar="M", min=0, help="Of links, not to touch; 0: they cannot.")] = 0.05,
+    radius: Annotated[
+        float, typer.Option(metavar="M", min=0, help="Radius of links, which must not touch; 0: no check.")
+    ] = 0.05,
     rms: Annotated[float | None, typer.Option(metavar="SIZE", help="RMS excursion, in --unit.")] = None,
     peak: Annotated[float | None, typer.Option(metavar="SIZE", help="Largest excursion; lowers the RMS.")] = None,
-    centre: Annotated[float, typer.Option(metavar="PLACE", help="About which it moves.")] = 0.0,
-    lines: Annotated[str, typer.Option(metavar="KIND", help="odd_random, odd or full.")] = "odd_random",
+    centre: Annotated[float, typer.Option(metavar="PLACE", help="Centre of the motion.")] = 0.0,
+    lines: Annotated[
+        str, typer.Option(metavar="KIND", help="Excited frequencies: odd_random, odd or full.")
+    ] = "odd_random",
     realisations: Annotated[
-        int | None, typer.Option(metavar="N", help="Files, with phases of their own; 7, of several joints 1.")
+        int | None, typer.Option(metavar="N", help="Files with different phases; by default 7, of several joints 1.")
     ] = None,
-    periods: Annotated[int, typer.Option(metavar="N", help="Periods to be measured in each.")] = 4,
-    settle: Annotated[int, typer.Option(metavar="N", help="Periods before, to ease in.")] = 1,
-    fall: Annotated[float, typer.Option(metavar="POWER", help="Of frequency, by which amplitudes fall.")] = 0.0,
-    smallest: Annotated[float | None, typer.Option(metavar="SIZE", help="Of the reversals' strokes.")] = None,
-    largest: Annotated[float | None, typer.Option(metavar="SIZE", help="The last one's.")] = None,
-    around: Annotated[list[float] | None, typer.Option(metavar="PLACE", help="Where they are; again for more.")] = None,
-    frequency: Annotated[float, typer.Option(metavar="HZ", help="Of each stroke there and back.")] = 1.0,
-    duration: Annotated[float, typer.Option(metavar="S", help="Of the reversals.")] = 20.0,
-    unit: Annotated[str, typer.Option(metavar="UNIT", help="Of the reference.")] = "rad",
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of lines left out and phases.")] = 1,
+    periods: Annotated[int, typer.Option(metavar="N", help="Periods to measure in each file.")] = 4,
+    settle: Annotated[int, typer.Option(metavar="N", help="Periods before them, to settle.")] = 1,
+    fall: Annotated[float, typer.Option(metavar="POWER", help="Power of frequency by which amplitudes fall.")] = 0.0,
+    smallest: Annotated[float | None, typer.Option(metavar="SIZE", help="Smallest stroke of the reversals.")] = None,
+    largest: Annotated[float | None, typer.Option(metavar="SIZE", help="Largest stroke, which is the last.")] = None,
+    around: Annotated[
+        list[float] | None, typer.Option(metavar="PLACE", help="Centre of the reversals; repeatable.")
+    ] = None,
+    frequency: Annotated[float, typer.Option(metavar="HZ", help="Frequency of strokes there and back.")] = 1.0,
+    duration: Annotated[float, typer.Option(metavar="S", help="Duration of the reversals.")] = 20.0,
+    unit: Annotated[str, typer.Option(metavar="UNIT", help="Unit of the reference.")] = "rad",
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of excited frequencies and phases.")] = 1,
 ) -> None:
     """Write a motion that shows what usual ones hide."""
     if study is not None or name in ("optimised_fourier", "step_by_step"):
@@ -532,7 +548,7 @@ def protocol(
 
 
 def _tree_protocol(name: str, study: Path | None, folder: Path, **asked: Any) -> None:
-    """Write a motion of all joints of a study's robot, and say what it shows."""
+    """Write a motion of all joints of a study's robot, and print its properties."""
     from .procedures.tree_excitation import tree_protocol
 
     if study is None:
@@ -600,21 +616,25 @@ def datasets_path(name: Annotated[str, typer.Argument(metavar="NAME")]) -> None:
 
 
 def main() -> None:
-    """Run the command line; what a user can cause or mend ends as one message and exit status 2, recordings that
-    `check` refuses with its status 1."""
-    # The matrices are small: threads over them would only wait for each other. Read once, when NumPy is loaded.
+    """Run the command line.
+
+    An error that the user can cause or correct ends with one message and exit status 2. Recordings that `check` refuses
+    end with its status 1.
+    """
+    # The matrices are small, so that threads would only wait for each other. NumPy reads the variable when it is
+    # loaded.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    _speak_what_the_terminal_can()
+    _replace_unprintable_characters()
     try:
         app()
     except UnfitRecordingError as error:
-        _complain(str(error), 1)
+        _exit_with_message(str(error), 1)
     except PellucidError as error:
-        _complain(str(error))
+        _exit_with_message(str(error))
     except OSError as error:
-        _complain(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}")
+        _exit_with_message(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}")
     except MemoryError as error:
-        _complain(f"not enough memory{f': {error}' if str(error) else ''}")
+        _exit_with_message(f"not enough memory{f': {error}' if str(error) else ''}")
     except Exception as error:
         if os.environ.get("PELLUCID_TRACEBACK"):
             raise
@@ -622,25 +642,27 @@ def main() -> None:
         while place.tb_next is not None:
             place = place.tb_next
         where = f"{Path(place.tb_frame.f_code.co_filename).name}:{place.tb_lineno}"
-        _complain(f"a fault of Pellucid's own, at {where}: {error!r}; PELLUCID_TRACEBACK=1 shows where from", 70)
+        _exit_with_message(
+            f"a fault of Pellucid's own, at {where}: {error!r}; PELLUCID_TRACEBACK=1 shows where from", 70
+        )
 
 
-def _complain(text: str, status: int = 2) -> None:
-    """One message, and the exit status; a stranger's text in it does nothing to the terminal."""
+def _exit_with_message(text: str, status: int = 2) -> None:
+    """Print one message, with its control characters replaced, and exit with a status."""
     from ._given import visible_text
 
     typer.echo(f"pellucid: {visible_text(text)}", err=True)
     raise SystemExit(status)
 
 
-def _speak_what_the_terminal_can() -> None:
-    """A character that a terminal does not have becomes one that it has, or a question mark."""
+def _replace_unprintable_characters() -> None:
+    """Print a similar text, or a question mark, for a character that the terminal does not have."""
     import codecs
 
     def instead(error: UnicodeError) -> tuple[str, int]:
         if not isinstance(error, UnicodeEncodeError):
             raise error
-        return "".join(INSTEAD.get(c, "?") for c in error.object[error.start : error.end]), error.end
+        return "".join(CHARACTER_REPLACEMENTS.get(c, "?") for c in error.object[error.start : error.end]), error.end
 
     codecs.register_error("pellucid", instead)
     for stream in (sys.stdout, sys.stderr):
@@ -658,13 +680,13 @@ def _console() -> Console:
 
 
 def _say(out: Console, text: str) -> None:
-    """A line as it is: paths are neither wrapped nor read as markup."""
+    """Print a line unchanged: paths are neither wrapped nor read as markup."""
     out.print(text, markup=False, soft_wrap=True)
 
 
 @contextmanager
 def _progress() -> Iterator[Callable[[str, float], None]]:
-    """A progress bar on standard error; where that is not a terminal a line after two seconds, and one now and then."""
+    """Show a progress bar on standard error; without a terminal, print a line after two seconds and at intervals."""
     if not sys.stderr.isatty():
         with _first_line() as tell:
             yield tell
@@ -680,16 +702,16 @@ def _progress() -> Iterator[Callable[[str, float], None]]:
 
 @contextmanager
 def _first_line(seconds: float = 2.0) -> Iterator[Callable[[str, float], None]]:
-    """Says what takes longer than so many seconds, even where nothing has been done by then; more now and then."""
+    """Print the progress after `seconds`, even if no step has ended by then, and later at intervals."""
     from threading import Timer
 
-    later, told = _now_and_then(), []
+    later, last = _lines_at_intervals(), []
 
     def tell(text: str, share: float) -> None:
-        told[:] = text, share
+        last[:] = text, share
         later(text, share)
 
-    first = Timer(seconds, lambda: told and _tell_line(*told))
+    first = Timer(seconds, lambda: last and _print_progress(*last))
     first.daemon = True
     first.start()
     try:
@@ -698,12 +720,12 @@ def _first_line(seconds: float = 2.0) -> Iterator[Callable[[str, float], None]]:
         first.cancel()
 
 
-def _tell_line(text: str, share: float) -> None:
+def _print_progress(text: str, share: float) -> None:
     typer.echo(f"pellucid: {100.0 * share:.0f} % {text}", err=True)
 
 
-def _now_and_then(seconds: float = 5.0) -> Callable[[str, float], None]:
-    """Says how far it is if nothing was said for so many seconds."""
+def _lines_at_intervals(seconds: float = 5.0) -> Callable[[str, float], None]:
+    """Return a function that prints the progress if nothing was printed for `seconds`."""
     from time import monotonic
 
     last = [monotonic()]
@@ -711,7 +733,7 @@ def _now_and_then(seconds: float = 5.0) -> Callable[[str, float], None]:
     def tell(text: str, share: float) -> None:
         if monotonic() - last[0] >= seconds and share < 1.0:
             last[0] = monotonic()
-            _tell_line(text, share)
+            _print_progress(text, share)
 
     return tell
 
@@ -722,8 +744,8 @@ def _opened(folder: Path, out: Path | None, allow_outside: bool, accept_stale: b
     return open_study(folder, out=out, allow_outside=allow_outside, accept_stale=accept_stale)
 
 
-def _found(study: Study, command: str, json: bool, run: Callable[[Study, Callable], Result]) -> None:
-    """Find what a study asks for, save that and print it."""
+def _run_and_save(study: Study, command: str, json: bool, run: Callable[[Study, Callable], Result]) -> None:
+    """Run a command on a study, then save and print its result."""
     from .procedures.print_result import print_result
     from .procedures.registry import asked
 
@@ -732,9 +754,9 @@ def _found(study: Study, command: str, json: bool, run: Callable[[Study, Callabl
     try:
         study, elsewhere = result.save_somewhere(study)
     except OSError as error:
-        # Minutes of work are not lost for want of a place: here they are.
+        # The result of minutes of work is printed if it cannot be written.
         _print_json(result)
-        _complain(f"nothing could be written: {error.strerror or error}; what was found is printed above")
+        _exit_with_message(f"nothing could be written: {error.strerror or error}; what was found is printed above")
     if json:
         _print_json(result)
     else:
@@ -742,8 +764,8 @@ def _found(study: Study, command: str, json: bool, run: Callable[[Study, Callabl
         print_result(out, result)
         _say(out, f"{result.written(study)}, every figure in {study.results_path}.")
     if elsewhere:
-        # What follows with && would take the study's own cards, which are older.
-        _complain(elsewhere, 1)
+        # A next command after && would use the study's own cards, which are older, so it must not run.
+        _exit_with_message(elsewhere, 1)
     if json:
         return
     later = [p.command for p in asked(study)]

@@ -69,7 +69,7 @@ def test_where_nothing_can_be_written_the_figures_are_printed(found, full, capsy
     monkeypatch.setattr(results, "mkdtemp", lambda **options: (_ for _ in ()).throw(OSError(28, "No space left")))
     full(study.folder)
     with pytest.raises(SystemExit):
-        cli._found(study, "identify", False, lambda study, tell: result)
+        cli._run_and_save(study, "identify", False, lambda study, tell: result)
     told = capsys.readouterr()
     assert len(json.loads(told.out)["figures"]) == len(result.rows)
     assert "No space left" in told.err

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from typer.testing import CliRunner
 
-from pellucid.cli import _first_line, _now_and_then, app
+from pellucid.cli import _first_line, _lines_at_intervals, app
 from pellucid.lab.bench.rig import bench_joint
 from pellucid.lab.study import write_study
 from pellucid.procedures.several import Outcome, identify_several, table_of
@@ -59,7 +59,7 @@ def test_a_table_over_none_has_no_columns_of_parameters():
 def test_progress_where_there_is_no_terminal_is_a_line_now_and_then(capsys, monkeypatch):
     clock = iter([0.0, 1.0, 6.0, 6.0, 7.0, 12.0, 12.0, 30.0])
     monkeypatch.setattr("time.monotonic", lambda: next(clock))
-    tell = _now_and_then(5.0)
+    tell = _lines_at_intervals(5.0)
     for share in (0.1, 0.2, 0.3, 0.4, 1.0):
         tell("fitting", share)
     assert capsys.readouterr().err == "pellucid: 20 % fitting\npellucid: 40 % fitting\n"

@@ -78,7 +78,7 @@ def test_a_channel_that_would_be_a_formula_is_not_written(tmp_path):
 def test_a_terminal_says_what_it_can(tmp_path, encoding):
     code = (
         "from pellucid import cli\nfrom rich.console import Console\n"
-        "cli._speak_what_the_terminal_can()\nConsole().print('0.05 ± 0.01 kg·m² Ж')\ncli.main()"
+        "cli._replace_unprintable_characters()\nConsole().print('0.05 ± 0.01 kg·m² Ж')\ncli.main()"
     )
     environment = os.environ | {"PYTHONIOENCODING": encoding, "COLUMNS": "80"}
     run = subprocess.run(

@@ -56,12 +56,17 @@ def try_elbow(rig: PointingRig, person: Person, index: int, seed: int) -> list[C
         power = -session.signals["interaction"] * session.signals["link"]
         made.append(
             ControllerTrial(
-                POINTING_TASK, name, index, interaction_rms(session), *given_and_taken_power(power, session.fs), **_changes(moved, free),
+                POINTING_TASK,
+                name,
+                index,
+                interaction_rms(session),
+                *given_and_taken_power(power, session.fs),
+                **_changes(moved, free),
                 fault_energy=_worst_fault_energy(worn, index, name, law) if isinstance(law, ControlLaw) else None,
                 cost=float(np.median(step_times(law, TIMED_STEPS))) if isinstance(law, ControlLaw) else None,
                 fault=session.fault,
             )
-        )  # fmt: skip
+        )
     return made
 
 

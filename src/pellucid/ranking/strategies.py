@@ -74,8 +74,11 @@ WALKING_TASK = "knee walking"
 CONTROLLER_FIELDS: dict[str, str] = {POINTING_TASK: "elbow", SWING_TASK: "knee", WALKING_TASK: "knee"}
 """Tasks in the order of the page, each with the attribute of `Strategy` that holds its controller."""
 
-SIMPLE_RIVALS: dict[str, tuple[str, ...]] = {POINTING_TASK: ("unpowered", "fc", "pcfr"), SWING_TASK: ("no_control", "zero_impedance"),
-                                      WALKING_TASK: ("no_control", "zero_impedance")}  # fmt: skip
+SIMPLE_RIVALS: dict[str, tuple[str, ...]] = {
+    POINTING_TASK: ("unpowered", "fc", "pcfr"),
+    SWING_TASK: ("no_control", "zero_impedance"),
+    WALKING_TASK: ("no_control", "zero_impedance"),
+}
 """Simplest rivals of each task. Every controller's torque is also given relative to theirs."""
 
 
