@@ -82,7 +82,7 @@ def test_an_offset_that_does_not_carry_over_is_not_the_recordings(found, alone):
     worse = [replace(s, score=replace(s.score, r2=-1.0)) if s.how == "hill.offset" else s for s in found.scores]
     said = [v for v in together_verdicts(replace(found, scores=tuple(worse)), alone) if "would fit better" in v.text]
     assert [v.kind for v in said] == ["note"]
-    assert "not taken for the recording's" in said[0].text
+    assert "not attributed to the recording" in said[0].text
 
 
 def test_cards_keep_one_set_of_muscles_for_both_joints(found):
