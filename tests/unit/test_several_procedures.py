@@ -1,13 +1,13 @@
 """A study that asks one command for several procedures gets all of them, saved together."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pytest
 from typer.testing import CliRunner
 
 import pellucid as pl
-from pellucid._errors import IdentificationError
+from pellucid._errors import IdentificationError, PellucidError
 from pellucid.cli import app
 from pellucid.fit.parameter import Parameter, Verdict
 from pellucid.models.parameter_card import ParameterCard
@@ -15,6 +15,7 @@ from pellucid.pages.page import Page, Section
 from pellucid.procedures import registry
 from pellucid.procedures.procedure import Procedure, quiet
 from pellucid.procedures.result import ParameterTable, Result
+from pellucid.procedures.run import run
 from pellucid.recordings import read_rows
 from pellucid.recordings.results import ResultRow
 
@@ -102,3 +103,31 @@ def test_where_one_runs_its_own_result_is_returned(make_study):
     found = pl.identify(make_study(), families=["symmetric"], thorough=False)
     assert type(found) is JointResult
     assert found.each == (found,)
+
+
+class Play(Backlash):
+    """The same of a command of its own."""
+
+    name, command = "play", "play"
+
+    def run(self, study, table, tell=quiet, **options):
+        found = super().run(study, table, tell, **options)
+        return replace(found, rows=tuple(replace(row, command=self.command) for row in found.rows))
+
+
+def test_one_function_runs_all_or_one_by_its_name(make_study, monkeypatch):
+    monkeypatch.setattr(registry, "PROCEDURES", (*registry.PROCEDURES, Play()))
+    study, quick = make_study(), {"families": ["symmetric"], "thorough": False}
+    found = run(study, joint=quick)
+    assert [part.procedure for part in found.parts] == ["joint", "play"]
+    found.save(study)
+    commands = {row.id: row.command for row in read_rows(study.results_path)}
+    assert (commands["bench.symmetric.inertia"], commands["bench.backlash.gap"]) == ("identify", "play")
+    assert run(study, "play").procedure == "play"
+    assert run(study, "joint", joint=quick)["inertia"].value == found["inertia"].value
+    with pytest.raises(PellucidError, match="run: found 'jiont', expected a procedure or a command: identify, joint"):
+        run(study, "jiont")
+    with pytest.raises(PellucidError, match="run: found options of jiont"):
+        run(study, jiont=quick)
+    with pytest.raises(IdentificationError, match=r"no table \[hinge\] and asks for nothing that hinge does"):
+        run(study, "hinge")

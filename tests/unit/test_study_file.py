@@ -5,7 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from pellucid._errors import PellucidError, RecordingError, StudyError
+from pellucid._errors import IdentificationError, PellucidError, RecordingError, StudyError
+from pellucid.procedures.hinge.procedure import HingeTable
+from pellucid.procedures.onset.procedure import OnsetTable
 from pellucid.procedures.registry import open_study
 
 
@@ -382,3 +384,14 @@ def test_the_schema_for_editors_knows_both_forms_of_a_rig(make_joints):
     raw["rig"]["joints"][0]["motions"] = "rotary"
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(raw, json_schema())
+
+
+def test_a_table_is_taken_by_its_class(make_study):
+    study = make_study(append='[onset]\npause = "50 ms"\n')
+    assert study.table(OnsetTable) is study.find_table(OnsetTable) is study.config.table(OnsetTable)
+    assert study.table(OnsetTable).pause == pytest.approx(0.05)
+    assert study.find_table(HingeTable) is None
+    with pytest.raises(IdentificationError, match=r"bench: found no table \[hinge\] in study.toml, expected one"):
+        study.table(HingeTable)
+    with pytest.raises(IdentificationError, match=r"study.toml: found no table \[hinge\], expected one"):
+        study.config.table(HingeTable)

@@ -102,14 +102,14 @@ def emg_faults(study: Study, table: MuscleTable) -> list[Fault]:
 
 
 def envelope_faults(
-    study: Study, table: EnvelopeTable, check: Callable[[Study, list[MuscleEnvelopes]], object], expected: str
+    study: Study, table: EnvelopeTable, check: Callable[[list[MuscleEnvelopes]], object], expected: str
 ) -> list[Fault]:
     """Return faults of EMG, and of envelopes that `check` refuses. `expected` names what was missing."""
     found = emg_faults(study, table)
     if any(fault.severity == "refuse" for fault in found):
         return found
     try:
-        check(study, relative_envelopes(study, table))
+        check(relative_envelopes(study, table))
     except (RecordingError, IdentificationError) as error:
         message = str(error)
         found.append(Fault("refuse", "missing_channel", "study.toml", "", message, expected, message))
@@ -166,6 +166,8 @@ def relative_envelopes(study: Study, table: EnvelopeTable) -> list[MuscleEnvelop
     silent = sorted({muscle for (_, muscle), most in top.items() if not most > 0.0})
     if silent:
         raise RecordingError(f"{study.folder}: found no activity at all of {', '.join(silent)}, expected some")
+    if all(recording.protocol == "mvc" for recording in recordings):
+        raise RecordingError(f"{study.folder}: found maximal contractions alone, expected a recording of movement too")
     return [
         MuscleEnvelopes(
             r.name, r.participant, r.condition, r.use != "fit", r.checksum, time,

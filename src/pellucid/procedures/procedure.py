@@ -1,4 +1,4 @@
-"""What a procedure is: which table of study.toml asks for it, what it needs, how it runs, what it shows."""
+"""The base class of procedures: the table that asks for one, its faults, its run and its page."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from .result import Result
 
 Progress = Callable[[str, float], None]
+"""A function that is told what is done now, and the share of all work that is done."""
 
 Table = TypeVar("Table", bound="ProcedureTable | None")
 """The class of the table that asks for a procedure; None where other tables do."""
@@ -26,7 +27,7 @@ Found = TypeVar("Found", bound="Result")
 
 
 def quiet(text: str, share: float) -> None:
-    """Tell nobody."""
+    """Ignore progress."""
 
 
 class Procedure(ABC, Generic[Table, Found]):
@@ -37,22 +38,23 @@ class Procedure(ABC, Generic[Table, Found]):
     """
 
     name: ClassVar[str]
-    """Of its folder, and of its table in study.toml."""
+    """Name of its folder, and of its table in study.toml."""
 
     command: ClassVar[str]
-    """That runs it: ``"identify"``, ``"calibrate"`` or ``"assess"``."""
+    """Command that runs it, such as ``"identify"``; a command may run several procedures."""
 
     table: type[Table] | None = None
-    """What study.toml may say under its name; None where other tables ask for it."""
+    """Class of its table in study.toml; None where other tables ask for it."""
 
     whole: ClassVar[bool] = False
-    """Whether it needs recordings without a break; those with a cut are left out, and named."""
+    """Whether it needs recordings without a break. Recordings with a cut are then left out, and named."""
 
     uses_limits: ClassVar[bool] = False
-    """Whether its cards hold the limits of joints; those of others are a controller's, and may be set later."""
+    """Whether its cards hold the limits of joints. For other procedures the limits belong to a controller, and may be
+    set after an identification."""
 
     def asked(self, study: Study) -> bool:
-        """Whether this study asks for it; nobody else looks at that."""
+        """Return whether a study asks for this procedure."""
         table = cast("type[ProcedureTable] | None", self.table)
         return table is not None and study.find_table(table) is not None
 
@@ -72,21 +74,22 @@ class Procedure(ABC, Generic[Table, Found]):
         """
 
     def cut(self, study: Study) -> list[Fault]:
-        """What of the recordings it leaves out, to be told beside what it found."""
+        """Return what is left out of the recordings, to be told beside the result."""
         from ..recordings.quality import cut_faults
 
         faults = [fault for recording in study.recordings() for fault in cut_faults(recording)]
         return faults + list(self.unfit(study).values())
 
     def unfit(self, study: Study) -> dict[str, Fault]:
-        """Recordings that are left out, by name: of which too much was cut, or anything where none may be."""
+        """Return the fault of each recording that is left out, by its name: too much of it was cut, or, where none may
+        be missing, anything."""
         from ..recordings.quality import left_out_fault
 
         told = {r.name: left_out_fault(r, study, self.whole) for r in study.recordings()}
         return {name: fault for name, fault in told.items() if fault is not None}
 
     def taken(self, study: Study) -> Study:
-        """The study without recordings that are unfit; RecordingError where no other is left."""
+        """Return the study without unfit recordings; raise a RecordingError where no other is left."""
         unfit = self.unfit(study)
         if unfit and len(unfit) == len(study.recordings()):
             raise RecordingError("\n".join(fault.message for fault in unfit.values()))
@@ -110,5 +113,5 @@ class Procedure(ABC, Generic[Table, Found]):
         """Return the part of the report that shows a result."""
 
     def inputs(self, study: Study) -> Iterable[Path]:
-        """Files that it reads beside study.toml and the recordings."""
+        """Return the files that it reads beside study.toml and the recordings."""
         return ()

@@ -1,4 +1,4 @@
-"""Every procedure, once; what a study asks for, and the study.toml that can ask."""
+"""The list of procedures, those that a study asks for, and the model of study.toml with their tables."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ def find_procedures() -> tuple[Procedure, ...]:
 
 
 def _is_procedure_of(kind: object, module: ModuleType) -> bool:
+    """Return whether `kind` is a procedure's class that `module` itself defines."""
     return isinstance(kind, type) and issubclass(kind, Procedure) and kind.__module__ == module.__name__
 
 
@@ -39,7 +40,7 @@ def asked(study: Study, name: str | None = None) -> tuple[Procedure, ...]:
 
 @cache
 def study_model() -> type[StudyFile]:
-    """study.toml with the tables of every procedure."""
+    """Return the model of study.toml with the table of every procedure."""
     from ..recordings.study_file import study_file_model
 
     return study_file_model({p.name: p.table for p in PROCEDURES if p.table is not None})

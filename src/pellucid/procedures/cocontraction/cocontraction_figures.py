@@ -16,8 +16,8 @@ def overlap(each: PairActivity, name: str, caption: str) -> Drawing:
     """Draw two envelopes over time, with their common part shaded."""
     figure = Figure(figsize=(FIGURE_WIDTH, 2.5), layout="constrained")
     axis = figure.subplots()
-    low = np.minimum(each.first, each.second)
-    axis.fill_between(each.time, 0.0, low, color=colour("load"), alpha=0.3, linewidth=0.0)
+    common = np.minimum(each.first, each.second)
+    axis.fill_between(each.time, 0.0, common, color=colour("load"), alpha=0.3, linewidth=0.0)
     line(axis, each.time, each.first, color=colour("fitted"))
     line(axis, each.time, each.second, color=colour("heldout"))
     axis.set_ylim(0.0, 1.15 * max(float(np.max(each.first)), float(np.max(each.second)), 1e-3))
@@ -36,9 +36,8 @@ def indices(found: Sequence[PairActivity], name: str, caption: str) -> Drawing:
     figure = Figure(figsize=(FIGURE_WIDTH, 1.2 + 0.28 * len(recordings) * max(1.0, 0.5 * len(pairs))))
     figure.set_layout_engine("constrained")
     axes = figure.subplots(1, 2, sharey=True)
-    for axis, head, of in zip(
-        axes, ("common (Falconer and Winter)", "weighed (Rudolph)"), ("common", "weighed"), strict=True
-    ):
+    heads = {"common": "common (Falconer and Winter)", "weighed": "weighed (Rudolph)"}
+    for axis, (of, head) in zip(axes, heads.items(), strict=True):
         for i, pair in enumerate(pairs):
             for each in (e for e in found if e.pair == pair):
                 index = getattr(each.found, of)
@@ -52,8 +51,7 @@ def indices(found: Sequence[PairActivity], name: str, caption: str) -> Drawing:
         axis.set_xlim(left=0.0)
     axes[0].set_yticks(range(len(recordings)), [r.replace("_", " ") for r in recordings])
     axes[0].set_ylim(len(recordings) - 0.4, -0.9)
-    named = [(" and ".join(p).replace("_", " "), tones[i % len(tones)]) for i, p in enumerate(pairs)]
-    if len(pairs) > 1:
-        for i, (text, tone) in enumerate(named):
-            figure.text(0.995, 0.995 - 0.16 * i / figure.get_figheight(), text, ha="right", va="top", color=tone)
+    for i, pair in enumerate(pairs if len(pairs) > 1 else ()):
+        text, tone = " and ".join(pair).replace("_", " "), tones[i % len(tones)]
+        figure.text(0.995, 0.995 - 0.16 * i / figure.get_figheight(), text, ha="right", va="top", color=tone)
     return Drawing(name, figure, caption)

@@ -17,19 +17,12 @@ MAX_DRAWN_PAIRS = 6
 def page(study: Study, found: CocontractionResult) -> Page:
     """Return the page with the indices of all pairs and the envelopes of the first ones."""
     level = f"{100 * found.confidence:g} %"
-    drawings = [
-        draw(
-            indices, found.pairs, "cocontraction",
-            f"Indices of every recording with {level} intervals, from leaving out one block of time after another.",
-        ),
-        *(
-            draw(
-                overlap, each, f"pair_{i}",
-                f"{each.recording.replace('_', ' ')}: envelopes over each muscle's maximum; what both have is shaded.",
-            )
-            for i, each in enumerate(found.pairs[:MAX_DRAWN_PAIRS], start=1)
-        ),
-    ]  # fmt: skip
+    caption = f"Indices of every recording with {level} intervals, from leaving out one block of time after another."
+    drawings = [draw(indices, found.pairs, "cocontraction", caption)]
+    for i, each in enumerate(found.pairs[:MAX_DRAWN_PAIRS], start=1):
+        name = each.recording.replace("_", " ")
+        caption = f"{name}: envelopes over each muscle's maximum; what both have is shaded."
+        drawings.append(draw(overlap, each, f"pair_{i}", caption))
     said = (
         "Common is twice the lower envelope over the sum of both: 100 % where both do the same, however little. "
         "Weighed is the lower over the higher, times their sum: how hard they work counts as well."

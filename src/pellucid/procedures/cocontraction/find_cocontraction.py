@@ -2,23 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..._errors import RecordingError
-from ...assessment.cocontraction import Cocontraction, cocontraction
+from ...assessment.cocontraction import Cocontraction, CocontractionIndex, cocontraction
 from ...fit.parameter import Verdict
-from ...recordings.fault import Fault
 from ...recordings.results import ResultRow
 from ...recordings.study import Study
-from ..muscle_channels import MuscleEnvelopes, emg_faults, envelope_faults, raise_refusals, relative_envelopes
+from ..muscle_channels import MuscleEnvelopes, emg_faults, raise_refusals, relative_envelopes
 from ..procedure import Progress, quiet
 from ..result import FigureTable, Result
 from .procedure import CocontractionTable
 
 DRAWN_STRETCH_S = 6.0
 """Duration of the drawn stretch of a recording [s]."""
+
+NO_MAXIMAL_CONTRACTION = (
+    "No maximal contraction was recorded: envelopes are relative to the largest effort seen, and an index hangs on "
+    "which effort that was. Compare conditions of one participant, not participants."
+)
+"""Warning where envelopes have no maximal contraction as their scale."""
+
+RECORDED_ENVELOPES = (
+    "Envelopes were recorded: they are taken over the largest of each muscle in all recordings of a participant."
+)
+"""Note where study.toml says that the channels are envelopes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,11 +43,6 @@ class PairActivity:
     first: np.ndarray = field(repr=False)  # Envelope of the first muscle in the stretch, shape (k,) [1]
     second: np.ndarray = field(repr=False)  # Envelope of the second muscle in the stretch, shape (k,) [1]
 
-    @property
-    def words(self) -> str:
-        """Names of the muscles in words."""
-        return " and ".join(self.pair)
-
 
 @dataclass(frozen=True, kw_only=True)
 class CocontractionResult(Result):
@@ -48,16 +54,11 @@ class CocontractionResult(Result):
         return "No card is made of indices"
 
 
-def faults(study: Study, table: CocontractionTable) -> list[Fault]:
-    """Return faults of EMG that is unfit for use, and of pairs without EMG."""
-    return envelope_faults(study, table, lambda study, made: _require_pairs(study, table, made), "antagonists")
-
-
 def find_cocontraction(study: Study, table: CocontractionTable, tell: Progress = quiet) -> CocontractionResult:
-    """Compute both indices of every pair in every recording. `study` [cocontraction]."""
+    """Compute both indices of every pair of the `table` in every recording."""
     raise_refusals(emg_faults(study, table))
     tell("envelopes", 0.1)
-    recordings = _require_pairs(study, table, relative_envelopes(study, table))
+    recordings = require_pairs(study, table, relative_envelopes(study, table))
     found, rows = [], []
     for each in recordings:
         for pair in table.pairs:
@@ -66,15 +67,14 @@ def find_cocontraction(study: Study, table: CocontractionTable, tell: Progress =
                 index = cocontraction(each.time, first, second, level=table.confidence)
             except RecordingError as error:
                 raise RecordingError(f"recording {each.name}, {' and '.join(pair)}: {error}") from None
-            middle = 0.5 * (each.time[0] + each.time[-1])
-            shown = np.abs(each.time - middle) <= 0.5 * DRAWN_STRETCH_S
+            shown = np.abs(each.time - 0.5 * (each.time[0] + each.time[-1])) <= 0.5 * DRAWN_STRETCH_S
             found.append(PairActivity(each.name, pair, index, each.time[shown], first[shown], second[shown]))
             rows += _rows(study.name, found[-1], each, table.confidence)
     return CocontractionResult(
         study=study.name,
         headline=_headline(found),
         tables=(_table(found),),
-        verdicts=_verdicts(study, table, found),
+        verdicts=tuple(_verdicts(study, table, found)),
         confidence=table.confidence,
         rows=tuple(rows),
         cards={},
@@ -83,7 +83,7 @@ def find_cocontraction(study: Study, table: CocontractionTable, tell: Progress =
     )
 
 
-def _require_pairs(study: Study, table: CocontractionTable, recordings: list[MuscleEnvelopes]) -> list[MuscleEnvelopes]:
+def require_pairs(study: Study, table: CocontractionTable, recordings: list[MuscleEnvelopes]) -> list[MuscleEnvelopes]:
     """Return the recordings; raise a RecordingError if a pair is invalid or lacks EMG in one of them."""
     for pair in table.pairs:
         if pair[0] == pair[1]:
@@ -95,22 +95,16 @@ def _require_pairs(study: Study, table: CocontractionTable, recordings: list[Mus
                     f"{study.folder}: [cocontraction] pairs, recording {each.name}: found EMG of "
                     f"{', '.join(each.envelopes)}, expected {', '.join(missing)} too"
                 )
-    if not recordings:
-        raise RecordingError(f"{study.folder}: found maximal contractions alone, expected a recording of movement too")
     return recordings
 
 
-def _rows(study: str, each: PairActivity, of: MuscleEnvelopes, level: float) -> list[ResultRow]:
+def _rows(study: str, each: PairActivity, of: MuscleEnvelopes, level: float) -> Iterator[ResultRow]:
     """Return the result rows of one pair in one recording."""
     base = f"{study}.{each.recording}.{'_'.join(each.pair)}"
-    made = []
     for name, index in (("falconer_winter", each.found.common), ("rudolph", each.found.weighed)):
-        if index.interval is None:
-            note = "too short for an interval"
-        else:
-            note = f"{100 * level:g} % interval {index.interval[0]:.3g} to {index.interval[1]:.3g} %"
-        made.append(ResultRow(f"{base}.{name}", index.value, "%", "cocontraction", "fitted", of.checksum, note))
-    return made
+        interval = _interval_text(index)
+        note = f"{100 * level:g} % interval {interval} %" if interval else "too short for an interval"
+        yield ResultRow(f"{base}.{name}", index.value, "%", "cocontraction", "fitted", of.checksum, note)
 
 
 def _headline(found: list[PairActivity]) -> str:
@@ -123,45 +117,28 @@ def _headline(found: list[PairActivity]) -> str:
     return "; ".join(said) + "."
 
 
-def _verdicts(study: Study, table: CocontractionTable, found: list[PairActivity]) -> tuple[Verdict, ...]:
+def _verdicts(study: Study, table: CocontractionTable, found: list[PairActivity]) -> Iterator[Verdict]:
     """Return verdicts on the scale of envelopes and on recordings too short for an interval."""
-    said = []
-    if not any(r.protocol == "mvc" for r in study.recordings()) and table.chain != "none":
-        said.append(
-            Verdict(
-                "warning",
-                "No maximal contraction was recorded: envelopes are relative to the largest effort seen, and an index "
-                "hangs on which effort that was. Compare conditions of one participant, not participants.",
-            )
-        )
     if table.chain == "none":
-        said.append(
-            Verdict(
-                "note",
-                "Envelopes were recorded: they are taken over the largest of each muscle in all recordings of a "
-                "participant.",
-            )
-        )
+        yield Verdict("note", RECORDED_ENVELOPES)
+    elif not any(r.protocol == "mvc" for r in study.recordings()):
+        yield Verdict("warning", NO_MAXIMAL_CONTRACTION)
     short = sorted({each.recording for each in found if each.found.common.interval is None})
     if short:
-        said.append(Verdict("note", f"{', '.join(short)}: shorter than 4 s, no interval."))
-    return tuple(said)
+        yield Verdict("note", f"{', '.join(short)}: shorter than 4 s, no interval.")
 
 
 def _table(found: list[PairActivity]) -> FigureTable:
     """Return the table of both indices by recording and pair."""
-
-    def words(index) -> str:
-        if index.interval is None:
-            return "–"
-        return f"{index.interval[0]:.3g} to {index.interval[1]:.3g}"
-
-    rows = tuple(
-        (
-            e.recording, e.words, e.found.common.value, words(e.found.common), e.found.weighed.value,
-            words(e.found.weighed),
-        )
-        for e in found
-    )  # fmt: skip
+    rows = []
+    for each in found:
+        common, weighed = each.found.common, each.found.weighed
+        cells = common.value, _interval_text(common) or "–", weighed.value, _interval_text(weighed) or "–"
+        rows.append((each.recording, " and ".join(each.pair), *cells))
     heads = ("Recording", "Pair", "common [%]", "interval", "weighed [%]", "its interval")
-    return FigureTable("Co-contraction: common after Falconer and Winter, weighed after Rudolph", heads, rows)
+    return FigureTable("Co-contraction: common after Falconer and Winter, weighed after Rudolph", heads, tuple(rows))
+
+
+def _interval_text(index: CocontractionIndex) -> str:
+    """Return both ends of an index's interval, in per cent; nothing where the recording is too short for one."""
+    return "" if index.interval is None else f"{index.interval[0]:.3g} to {index.interval[1]:.3g}"

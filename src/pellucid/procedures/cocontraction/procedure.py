@@ -40,9 +40,10 @@ class CocontractionProcedure(Procedure[CocontractionTable, "CocontractionResult"
     whole = True
 
     def faults(self, study: Study, table: CocontractionTable) -> list[Fault]:
-        from .find_cocontraction import faults
+        from ..muscle_channels import envelope_faults
+        from .find_cocontraction import require_pairs
 
-        return faults(study, table)
+        return envelope_faults(study, table, lambda made: require_pairs(study, table, made), "antagonists")
 
     def run(self, study: Study, table: CocontractionTable, tell: Progress = quiet) -> CocontractionResult:
         from .find_cocontraction import find_cocontraction
