@@ -386,7 +386,7 @@ class Study:
         self, recording: Recording, specs: Mapping[str, ChannelSpec], processing: Processing, stream: str = ""
     ) -> Recording:
         """Return the recording, or one of its streams, with its defects cut out."""
-        found = find_cuts(recording, self.config, specs, processing, stream)
+        found = find_cuts(recording, self.config, specs, processing, stream=stream)
         return replace(recording, cuts=tuple(sorted((*recording.cuts, *found), key=lambda cut: cut.first)))
 
     def _require_file(self, entry, file, what) -> Path:

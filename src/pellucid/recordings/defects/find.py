@@ -32,6 +32,7 @@ def watched_part(
     config: StudyFile,
     specs: Mapping[str, ChannelSpec],
     processing: Processing,
+    *,
     stream: str = "",
 ) -> WatchedRecording:
     """Return the part of a recording, or of one of its streams, that the procedures of a study read."""
@@ -103,10 +104,11 @@ def find_cuts(
     config: StudyFile,
     specs: Mapping[str, ChannelSpec],
     processing: Processing,
+    *,
     stream: str = "",
 ) -> tuple[Cut, ...]:
     """Return the automatic cuts of a recording, or of one of its streams; none if its time is unfit."""
     if processing.cut == "none" or len(recording) < 2 or not recording.advances:
         return ()
-    watched = watched_part(recording, config, specs, processing, stream)
+    watched = watched_part(recording, config, specs, processing, stream=stream)
     return tuple(find_defects(watched, needed_kinds(config))) if watched.channels else ()
