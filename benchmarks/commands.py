@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pellucid.procedures.joint.aligned_motions import motions
+from pellucid.procedures.joint.aligned_motions import aligned_motions
 from pellucid.signals.effort import drive_model
 
 from ._size import sized
@@ -60,7 +60,7 @@ def run() -> list[dict]:
     """One row for each command, for all of them together, and for what they are measured by."""
     with tempfile.TemporaryDirectory() as folder:
         study = study_at(Path(folder))
-        arrays, motion, processing = Path(folder) / "recording.npz", motions(study, "fit")[0], study.processing
+        arrays, motion, processing = Path(folder) / "recording.npz", aligned_motions(study, "fit")[0], study.processing
         np.savez(
             arrays, position=motion.raw_position, command=motion.command, fs=motion.fs,
             gain=drive_model(study.rig).gain, order=processing.order, lowpass=processing.lowpass,

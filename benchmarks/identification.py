@@ -28,7 +28,7 @@ from pellucid.lab.bench.rig import bench_joint
 from pellucid.lab.study import write_study
 from pellucid.models.joint import joint_model
 from pellucid.models.simulate import substeps_for
-from pellucid.procedures.joint.aligned_motions import motions
+from pellucid.procedures.joint.aligned_motions import aligned_motions
 from pellucid.procedures.joint.identify_joint import machine_of
 from pellucid.recordings.study import Study
 from pellucid.signals.effort import drive_model
@@ -99,7 +99,7 @@ def plain_simulation() -> Callable | None:
 def plain_output_error(study: Study, start: np.ndarray, run: Callable) -> np.ndarray:
     """Fit the simulated effort with SciPy's least squares and finite differences."""
     loop, gain = study.rig.loop, drive_model(study.rig).gain
-    made = motions(study, "fit")
+    made = aligned_motions(study, "fit")
 
     def residual(scaled: np.ndarray) -> np.ndarray:
         values = np.append(scaled * start, np.zeros(5 - len(start)))
@@ -141,9 +141,9 @@ def run() -> list[dict]:
         )
 
         def least_squares() -> np.ndarray:
-            return solve_family(model, stack(motions(study, "fit"))).values
+            return solve_family(model, stack(aligned_motions(study, "fit"))).values
 
-        data, machine = stack(motions(study, "fit")), machine_of(study.rig)
+        data, machine = stack(aligned_motions(study, "fit")), machine_of(study.rig)
         first = solve_family(model, data)
         order = [model.names.index(n) for n in ("inertia", "viscous", "coulomb", "offset")]
         order += [model.names.index("gravity")] if "gravity" in model.names else []

@@ -40,7 +40,7 @@ from pellucid.fit.regression import stack
 from pellucid.lab.bench.rig import STROKES, BenchRig
 from pellucid.lab.noise import noise
 from pellucid.models.joint import JointModel, joint_model
-from pellucid.procedures.joint.aligned_motions import aligned
+from pellucid.procedures.joint.aligned_motions import align_recordings
 from pellucid.procedures.joint.identify_joint import machine_of
 from pellucid.procedures.joint.recorded_motions import motions_of
 from pellucid.protocols.reversals import reversals
@@ -206,7 +206,7 @@ def bam_rows() -> Iterator[ResultRow]:
     """A servo's position from its duty, and its effort, on held-out recordings: with the travel and without."""
     with tempfile.TemporaryDirectory() as folder:
         study = init(Path(folder) / "bam", "bam_servo")
-        motions, machine = motions_of(aligned(study), study), machine_of(study.rig)
+        motions, machine = motions_of(align_recordings(study), study), machine_of(study.rig)
         unit, gravity = drive_model(study.rig).effort_unit, study.model.gravity
     fitted, held = ([m for m in motions if m.split == s] for s in ("fitted", "heldout"))
     top = max(float(np.abs(m.velocity[m.inner]).max()) for m in fitted)

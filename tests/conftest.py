@@ -158,10 +158,10 @@ def emps_data(emps_study):
     """The symmetric model, and the EMPS recording to fit, reduced."""
     from pellucid.fit.regression import stack
     from pellucid.models.joint import joint_model
-    from pellucid.procedures.joint.aligned_motions import motions
+    from pellucid.procedures.joint.aligned_motions import aligned_motions
 
     model = joint_model("symmetric", motion="prismatic", effort_unit="N", gravity="none")
-    return model, stack(motions(emps_study, "fit"))
+    return model, stack(aligned_motions(emps_study, "fit"))
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,7 @@ from test_payload import GAINS, LOAD, arm, played
 from pellucid._errors import IdentificationError
 from pellucid.fit.tree.friction_terms import PLAIN_TERMS
 from pellucid.fit.tree.payload import with_drive_gains as with_known_gains
-from pellucid.procedures.tree.carried_payloads import carried_payloads, with_gains
+from pellucid.procedures.tree.carried_payloads import identify_payloads, with_gains
 from pellucid.procedures.tree.findings.payload import find
 from pellucid.recordings.study_file import PayloadSpec
 
@@ -36,7 +36,7 @@ def recorded(robot, name, seed, *, stated=None, use="fit", spoilt=1.0):
 def masses(motions, gains="payload"):
     """The masses found in a study of these recordings by name, and the gains."""
     motions, found = with_gains(study(gains), arm(joints=2), motions)
-    return {p.recording: p for p in carried_payloads(study(gains), arm(joints=2), motions, best(), found)}, found
+    return {p.recording: p for p in identify_payloads(study(gains), arm(joints=2), motions, best(), found)}, found
 
 
 def test_a_held_out_recording_is_no_part_of_the_empty_robot():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError, StudyError
-from pellucid.procedures.joint.aligned_motions import motions
+from pellucid.procedures.joint.aligned_motions import aligned_motions
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import check, identify
 from pellucid.recordings.rollover import find_rollover
@@ -166,7 +166,7 @@ def test_a_recorded_velocity_needs_its_channel(study):
 
 def test_a_recording_may_have_processing_of_its_own(study):
     made = study(entry='processing = { lowpass = "10 Hz", trim = 200 }')
-    (motion,) = motions(made)
+    (motion,) = aligned_motions(made)
     assert (motion.filtering.lowpass, motion.filtering.trim, motion.filtering.decimate) == (10.0, 200, 10)
     assert made.processing.lowpass == 30.0
     found = identify(made, families=["symmetric"], thorough=False)

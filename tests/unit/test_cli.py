@@ -13,7 +13,7 @@ import pellucid
 from pellucid import cli
 from pellucid._errors import DatasetError
 from pellucid.fit.parameter import Verdict
-from pellucid.procedures.joint.joint_result import completed
+from pellucid.procedures.joint.joint_result import complete_result
 from pellucid.procedures.print_result import print_result
 from pellucid.procedures.result import FigureTable, Result
 
@@ -34,7 +34,7 @@ def bench(fit, tmp_path, monkeypatch):
     def identify(study, tell, *, families=None, thorough=True):
         asked.append(families)
         tell("halfway", 0.5)
-        return completed(study, fit)
+        return complete_result(study, fit)
 
     monkeypatch.setattr("pellucid.procedures.joint.identify_joint.identify_joint", identify)
     return SimpleNamespace(folder=study.folder, asked=asked)
@@ -80,7 +80,8 @@ def test_the_widest_table_fits_80_columns(bench, fit, monkeypatch):
     """The richest family, with the longest names and units."""
     widest = fabricate.fit(samples=300, motion="rotary", families=("combined",), seed=3)
     monkeypatch.setattr(
-        "pellucid.procedures.joint.identify_joint.identify_joint", lambda study, *_, **__: completed(study, widest)
+        "pellucid.procedures.joint.identify_joint.identify_joint",
+        lambda study, *_, **__: complete_result(study, widest),
     )
     folder = fabricate.study(bench.folder.parent / "rotary", widest).folder
     result = run(cli.app, ["identify", str(folder)])

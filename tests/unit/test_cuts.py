@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError, RecordingError, StudyError
-from pellucid.procedures.joint.aligned_motions import motions
+from pellucid.procedures.joint.aligned_motions import aligned_motions
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import check, identify
 from pellucid.recordings.cut import Cut, sound_samples, spans_between
@@ -30,7 +30,7 @@ def test_what_is_excluded_by_hand_takes_no_part(make_study):
     columns["i"] = columns["i"].copy()
     columns["i"][800:820] += 1.0
     study = make_study(columns, EXCLUDED)
-    first, second = motions(study)
+    first, second = aligned_motions(study)
     assert (len(first.time), second.time[0]) == (800, 4.1)
     assert second.initial[1] != 0.0
     found = identify(study, families=["symmetric"], thorough=False)
@@ -43,7 +43,7 @@ def test_what_is_excluded_by_hand_takes_no_part(make_study):
 
 def test_a_stretch_between_cuts_that_is_too_short_is_told(make_study):
     study = make_study(None, ('use = "fit"', 'use = "fit"\nexclude = [["4 s", "4.1 s"], ["4.2 s", "4.3 s"]]'))
-    assert len(motions(study)) == 2
+    assert len(aligned_motions(study)) == 2
     (told,) = [fault for fault in check(study) if fault.kind == "short_stretch"]
     assert told.severity == "cut"
     assert "found 20 samples between cuts, from 4.1 s to 4.195 s, expected at least 190; left out" in told.message

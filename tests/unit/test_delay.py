@@ -10,7 +10,7 @@ import pytest
 from pellucid._errors import StudyError
 from pellucid.lab.bench.rig import bench_joint
 from pellucid.lab.study import write_study
-from pellucid.procedures.joint.aligned_motions import alignments, motions
+from pellucid.procedures.joint.aligned_motions import aligned_motions, find_alignments
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import check, identify
 from pellucid.recordings.cut import Cut
@@ -32,7 +32,7 @@ def bench(tmp_path_factory):
 
 def alignment(study):
     """What is found of all recordings together."""
-    (found,) = alignments(study)
+    (found,) = find_alignments(study)
     return found
 
 
@@ -92,22 +92,22 @@ def test_of_a_drive_in_time_nothing_is_said_or_moved(bench):
     assert alignment(bench).said == ""
     assert not [fault for fault in check(bench) if fault.kind == "delay"]
     raw = [r["current"][0] for r in bench.recordings()]
-    assert [m.command[0] for m in motions(bench)] == raw
+    assert [m.command[0] for m in aligned_motions(bench)] == raw
 
 
 def test_of_recordings_that_contradict_each_other_the_late_one_is_moved(bench):
     study = late(bench, "current", 25, "point_to_point")
-    (found,) = alignments(study)
+    (found,) = find_alignments(study)
     assert found.recording == "point_to_point"
     assert found.moved == pytest.approx(0.0245, abs=3e-3)
     assert "channels.current = { delay = " in found.do
-    assert len(motions(study)[0].time) < len(motions(bench)[0].time)
-    assert np.array_equal(motions(study)[1].time, motions(bench)[1].time)
+    assert len(aligned_motions(study)[0].time) < len(aligned_motions(bench)[0].time)
+    assert np.array_equal(aligned_motions(study)[1].time, aligned_motions(bench)[1].time)
 
 
 def test_one_that_is_held_out_is_told_and_stays(bench):
     study = late(bench, "current", 25, "point_to_point", use="validate")
-    (together, apart) = alignments(study)
+    (together, apart) = find_alignments(study)
     assert together.said == ""
     assert (apart.recording, apart.moved) == ("point_to_point", 0.0)
     assert "it is held out and stays so" in apart.said
@@ -170,9 +170,9 @@ def test_a_delay_by_hand_is_taken_and_none_is_estimated(bench, tmp_path):
         return open_study(tmp_path)
 
     study = said("4 ms")
-    assert alignments(study) == ()
+    assert find_alignments(study) == ()
     assert np.array_equal(study.recordings()[0]["current"], bench.recordings()[0]["current"][4:])
-    assert alignments(said("0 s")) == ()
+    assert find_alignments(said("0 s")) == ()
     asked = alignment(said("auto"))
     assert asked.asked
     assert "No delay of current" in asked.said

@@ -15,7 +15,7 @@ from pellucid.fit.joint.friction_solver import solve_family
 from pellucid.fit.regression import stack
 from pellucid.models.joint import joint_model
 from pellucid.pages.quantities import parameter_note
-from pellucid.procedures.joint.aligned_motions import motions
+from pellucid.procedures.joint.aligned_motions import aligned_motions
 from pellucid.recordings import read_rows
 
 KERNELS = ("Haswell", "SkylakeX", "Nehalem")
@@ -29,7 +29,7 @@ print(json.dumps({row.id: row.value for row in found.rows if not row.undetermine
 
 @pytest.fixture
 def data(make_study):
-    return stack(motions(make_study(), "fit"))
+    return stack(aligned_motions(make_study(), "fit"))
 
 
 def test_what_the_recordings_carry_is_determined(data):

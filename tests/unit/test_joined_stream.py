@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError, StudyError
-from pellucid.procedures.joint.aligned_motions import aligned, motions
-from pellucid.procedures.joint.joined_clocks import clocks
+from pellucid.procedures.joint.aligned_motions import align_recordings, aligned_motions
+from pellucid.procedures.joint.joined_clocks import find_clocks
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import check, identify
 
@@ -63,17 +63,17 @@ def study(bench_samples, tmp_path):
 @pytest.mark.parametrize(("own", "offset"), [("q", 0.237), ("i", -3.4), ("q", 1.7e9)])
 def test_an_offset_is_found_from_the_motion(study, own, offset):
     """The bench reads its current half a sample early."""
-    (clock,) = clocks(study(own, offset))
+    (clock,) = find_clocks(study(own, offset))
     assert clock.why == ""
     assert clock.offset == pytest.approx(offset, abs=2.5e-3)
     assert clock.low < offset < clock.high
 
 
 def test_a_drift_is_found_where_it_shows(study):
-    (clock,) = clocks(study(offset=0.5, drift=2e-3))
+    (clock,) = find_clocks(study(offset=0.5, drift=2e-3))
     assert clock.drift == pytest.approx(2e-3, abs=3 * clock.drift_error)
     assert clock.drift > 1e-3
-    (still,) = clocks(study(offset=0.5))
+    (still,) = find_clocks(study(offset=0.5))
     assert still.drift == 0.0
     assert "would not show" in still.said
 
@@ -88,7 +88,7 @@ def test_of_a_motion_that_repeats_itself_the_nearest_offset_is_taken(study, tmp_
     for name, column, values, late in (("a.csv", "q", q, 0.0), ("b.csv", "i", current, 0.2)):
         rows = np.column_stack([time + late, values])
         np.savetxt(tmp_path / name, rows, "%.9f", ",", header=f"time,{column}", comments="")
-    (clock,) = clocks(open_study(tmp_path))
+    (clock,) = find_clocks(open_study(tmp_path))
     assert clock.offset == pytest.approx(0.2, abs=3e-3)
     assert min(abs(abs(x - clock.offset) - 5.0) for x in clock.others) < 0.02
     assert "repeats itself" in clock.said
@@ -107,19 +107,19 @@ def test_it_is_told_and_the_parameters_are_those_of_one_file(study):
 
 def test_an_offset_by_hand_is_taken(study, bench_samples):
     given = study(offset=0.4, clock="drift = 0", entry='offsets = { beside = "0.4 s" }')
-    assert clocks(given) == ()
+    assert find_clocks(given) == ()
     (recording,) = given.recordings()
     same = np.isin(bench_samples["time"].round(6), recording.time.round(6))
     assert recording["current"][::2] == pytest.approx(bench_samples["i"][same][::2], abs=1e-6)
 
 
 def test_no_sample_is_taken_from_a_gap(study):
-    (recording,) = aligned(study(clock='offset = "0 s"\ndrift = 0', gap=(3.0, 3.5)))
+    (recording,) = align_recordings(study(clock='offset = "0 s"\ndrift = 0', gap=(3.0, 3.5)))
     (cut,) = recording.cuts
     assert (cut.kind, cut.found) == ("gap", "no sample of current in b.csv")
     assert recording.time[cut.first] == pytest.approx(3.0, abs=5e-3)
     assert recording.time[cut.last] == pytest.approx(3.5, abs=5e-3)
-    assert len(motions(study(clock='offset = "0 s"\ndrift = 0', gap=(3.0, 3.5)))) == 2
+    assert len(aligned_motions(study(clock='offset = "0 s"\ndrift = 0', gap=(3.0, 3.5)))) == 2
 
 
 def test_files_of_two_trials_are_refused(study, bench_samples, tmp_path):

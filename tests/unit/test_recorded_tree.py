@@ -11,7 +11,7 @@ from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
 from pellucid.procedures.registry import asked, open_study
 from pellucid.procedures.run import check
 from pellucid.procedures.tree.recorded_tree import recorded_tree, robot_of
-from pellucid.procedures.tree.tree_table import RICHER
+from pellucid.procedures.tree.tree_table import FURTHER_TERMS
 
 STUDY = """name = "arm"
 [tree]
@@ -140,7 +140,7 @@ def test_it_is_asked_and_fit(study):
 
 
 def test_terms_that_a_study_names_are_those_of_the_fit():
-    assert RICHER == friction_terms.FURTHER_TERMS
+    assert FURTHER_TERMS == friction_terms.FURTHER_TERMS
 
 
 def test_a_clock_may_count_from_1970(tmp_path):

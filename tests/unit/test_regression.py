@@ -13,7 +13,7 @@ from pellucid.fit.joint.friction_solver import solve_family
 from pellucid.fit.joint.reweighting import solve_robust, solve_weighted
 from pellucid.fit.regression import stack
 from pellucid.models.joint import joint_model
-from pellucid.procedures.joint.drive_sign import sign_error
+from pellucid.procedures.joint.drive_sign import require_sign
 from pellucid.signals.motion import Filtering
 
 
@@ -174,6 +174,6 @@ def test_one_payload_cannot_give_the_drive_constant():
 
 def test_a_reversed_drive_is_named():
     motion = motion_of(vector_of(), effort_sd=0.05)
-    sign_error(model(), stack([motion]), "current")
+    require_sign(model(), stack([motion]), "current")
     with pytest.raises(IdentificationError, match=r"takes [\d.]+ J of work .* set sign = -1 on channel 'current'"):
-        sign_error(model(), stack([replace(motion, effort=-motion.effort)]), "current")
+        require_sign(model(), stack([replace(motion, effort=-motion.effort)]), "current")

@@ -14,7 +14,7 @@ from pellucid.fit.parameter import Parameter
 from pellucid.models.tree_card import read_tree_card
 from pellucid.procedures.compare import compare
 from pellucid.procedures.tree.findings import held_by_a_bound, sign_in_doubt
-from pellucid.procedures.tree.tree_result import MODELS
+from pellucid.procedures.tree.tree_result import MODEL_DESCRIPTIONS
 
 
 @pytest.fixture(scope="module")
@@ -128,7 +128,7 @@ def test_a_kept_result_draws_the_same_page(study, written):
 def test_a_terminal_and_a_notebook_show_it(found):
     text = str(found)
     assert "shoulder" in text
-    assert MODELS["best"] in text
+    assert MODEL_DESCRIPTIONS["best"] in text
     assert max(map(len, text.splitlines())) <= 100
     html = found._repr_html_()
     assert html.count("<table>") == len(found.tables)

@@ -1,4 +1,4 @@
-"""What a robot of several joints should be asked to do to be identified, within what its study says it may do."""
+"""Design identification motions for a robot of several joints within the limits of its study."""
 
 from __future__ import annotations
 
@@ -23,27 +23,39 @@ from .procedure import Progress, quiet
 if TYPE_CHECKING:
     from ..recordings.study import Study
 
-OPTIMISED, STEPWISE = "optimised_fourier", "step_by_step"
-MOTIONS = (OPTIMISED, STEPWISE)
-"""What `pellucid protocol` calls motions of several joints, and study.toml the `protocol` of a recording."""
+OPTIMISED_MOTION = "optimised_fourier"
+"""Name of the optimised motion in `pellucid protocol`, and in `protocol` of a recording in study.toml."""
 
-AT_REST = 0.05  # of a joint's velocity limit: slower, it counts as at rest
-SOON = 0.5  # s; in which a joint reaches its velocity limit, where nobody says how fast it may
-UNKNOWN = 0.5  # of the effort limit, left to friction and to what a stated body does not say
+STEPWISE_MOTION = "step_by_step"
+"""Name of the motion that moves joints in isolation, in the same places."""
+
+MOTION_NAMES = (OPTIMISED_MOTION, STEPWISE_MOTION)
+"""Names of all motions of several joints."""
+
+MAX_REST_SPEED_SHARE = 0.05
+"""Below this share of its velocity limit a joint counts as at rest."""
+
+DEFAULT_ACCELERATION_TIME_S = 0.5
+"""Time in which a joint reaches its velocity limit if no acceleration limit is stated [s]."""
+
+RESERVED_EFFORT_SHARE = 0.5
+"""Share of the effort limit that is reserved for friction and for errors of the stated bodies."""
 
 
 def tree_information(robot: Robot, limits: TreeLimits) -> Information:
-    """Of base parameters, and of each joint's viscous and dry friction and offset: rows at rest tell nothing of what
-    moves, and efforts count in shares of what the drive gives."""
+    """Return the information of a motion on base parameters and each joint's plain friction.
+
+    Rows at rest carry no information, and efforts are divided by the drive's limit.
+    """
     m, links = len(robot.names), len(robot.tree.order)
     bodies, own = 10 * links, 4 * m
-    # Of all columns of the core: bodies, then rotor, speed, sign and one of each joint, then what motors share.
+    # The core's columns are those of links, then rotor, speed, sign and 1 of each joint, then those of shared motors.
     chosen = [
         i if i < bodies else bodies + 4 * (i - bodies) if i < bodies + m else i + own - m
         for i in find_base_parameters(robot).chosen
     ]
     chosen += [bodies + 4 * k + j for k in range(m) for j in (1, 2, 3)]
-    band = AT_REST * limits.velocity
+    band = MAX_REST_SPEED_SHARE * limits.velocity
     size = np.ones(m) if limits.effort is None else np.where(np.isfinite(limits.effort), limits.effort, 1.0)
     turns = robot.turns_array[list(robot.shared)]
 
@@ -51,7 +63,7 @@ def tree_information(robot: Robot, limits: TreeLimits) -> Information:
         q, v, a = (np.ascontiguousarray(x, float) for x in (position, velocity, acceleration))
         normal, _, _ = robot.tree.core.normal_equations(
             q, v, a, np.zeros_like(q),
-            # Smooth where a row begins to count: a search follows slopes.
+            # A smooth transition between rest and motion, because the search follows gradients.
             weight=np.square(np.tanh((v / band) ** 2) / size),
             own=np.stack([a, v, np.tanh(v / band), np.ones_like(v)], axis=2),
             shared=(a @ turns.T)[:, None, :] * turns.T if robot.shared else None,
@@ -64,10 +76,11 @@ def tree_information(robot: Robot, limits: TreeLimits) -> Information:
 def limits_of(
     study: Study, robot: Robot, *, acceleration: float | None = None, radius: float = 0.05, clearance: float = 0.02
 ) -> TreeLimits:
-    """What study.toml says that a robot may do, ``[rig.limits]`` of each joint.
+    """Return the limits of a robot from ``[rig.limits]`` of each joint.
 
-    `acceleration` [rad/s^2; m/s^2], of every joint, half a second to the velocity limit if not given; `radius` of links
-    and `clearance` between them [m], a radius of 0 for an arm that cannot meet itself.
+    `acceleration` applies to every joint [rad/s^2; m/s^2]; by default a joint reaches its velocity limit in half a
+    second. `radius` is that of links and `clearance` the distance between them [m]. A radius of 0 is for an arm that
+    cannot collide with itself.
     """
     said = {joint.joint: joint.limits for joint in study.rig.joints}
     for name in robot.names:
@@ -91,18 +104,20 @@ def limits_of(
         def needed(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
             return core.inverse_dynamics(*(np.ascontiguousarray(x, float) for x in (q, v, a)))
 
-        bound = {"effort": (1.0 - UNKNOWN) * effort, "effort_of": needed}
+        bound = {"effort": (1.0 - RESERVED_EFFORT_SHARE) * effort, "effort_of": needed}
     shape = shape_of(robot, radius, clearance) if radius > 0.0 else None
     if shape is not None and shape.pairs:
         core_of = robot.tree.core
         bound["distance"] = lambda q: shape.distance(core_of.placements(np.ascontiguousarray(q, float)))
-    change = velocity / SOON if acceleration is None else np.full(len(velocity), acceleration)
+    change = velocity / DEFAULT_ACCELERATION_TIME_S if acceleration is None else np.full(len(velocity), acceleration)
     return TreeLimits(robot.names, low, high, velocity, change, clearance=clearance, **bound)
 
 
 def shape_of(robot: Robot, radius: float, clearance: float = 0.0) -> Capsules:
-    """Capsules along the links, from joint to joint; the last ones to twice their centre of mass. `radius` and
-    `clearance` [m]."""
+    """Return capsules along the links from joint to joint; the last ones end at twice their centre of mass.
+
+    `radius` and `clearance` are in [m].
+    """
     order = robot.tree.order
     number = {joint.child: i for i, joint in enumerate(order)}
     bodies = {link.name: link for link in robot.tree.links}
@@ -116,18 +131,20 @@ def shape_of(robot: Robot, radius: float, clearance: float = 0.0) -> Capsules:
 
 @dataclass(frozen=True, eq=False)
 class TreeProtocol:
-    """Motions written for a robot, and what was asked of them."""
+    """Motions written for a robot."""
 
-    files: tuple[Path, ...]
+    files: tuple[Path, ...]  # files that were written
     limits: TreeLimits
-    duration: float  # s
+    duration: float  # duration of the motion [s]
     made: Excitation | StepByStep
-    parameters: int  # that the motion is to show
+    parameters: int  # number of parameters that the motion should identify
 
     @property
     def gain(self) -> float | None:
-        """By how much intervals are smaller than those of a random motion within the same limits, the median of those
-        drawn, in the mean over parameters [1]; None of a motion that is not optimised."""
+        """Mean ratio of interval widths between a random motion within the same limits and this one.
+
+        The random motion is the median of those drawn. None for a motion that is not optimised.
+        """
         if not isinstance(self.made, Excitation):
             return None
         return float(np.exp((np.median(self.made.drawn) - self.made.cost) / (2.0 * self.parameters)))
@@ -151,24 +168,24 @@ def tree_protocol(
     seed: int = 1,
     on_progress: Progress = quiet,
 ) -> TreeProtocol:
-    """Write a motion of all joints of a study's robot to a `folder`, CSV of time and of a reference for each joint.
+    """Write a motion of all joints of a study's robot to a `folder`, as CSV of time and a reference for each joint.
 
-    `rate` [Hz]; `resolution` one over an optimised motion's period [Hz], 0.1 if not given; `posture` (m,) about which
-    joints are isolated [rad; m].
+    `rate` is in [Hz]. `resolution` is one over an optimised motion's period [Hz], 0.1 by default. `posture`, (m,), is
+    the position about which joints are isolated [rad; m].
     """
     from .tree.recorded_tree import robot_of
 
-    if name not in MOTIONS:
-        raise PellucidError(f"unknown motion {name!r}; known: {', '.join(MOTIONS)}")
+    if name not in MOTION_NAMES:
+        raise PellucidError(f"unknown motion {name!r}; known: {', '.join(MOTION_NAMES)}")
     robot = robot_of(study)
     limits = limits_of(study, robot, acceleration=acceleration, radius=radius, clearance=clearance)
     units = [unit for unit, _ in robot.units]
     information = tree_information(robot, limits)
     parameters = len(find_base_parameters(robot).names) + 3 * len(robot.names)
-    if name == STEPWISE:
+    if name == STEPWISE_MOTION:
         steps = step_by_step(limits, rate, posture=posture or None)
         columns = _columns(robot, steps.position, units)
-        file = write_references(Path(folder) / f"{STEPWISE}.csv", rate, columns)
+        file = write_references(Path(folder) / f"{STEPWISE_MOTION}.csv", rate, columns)
         return TreeProtocol((file,), limits, steps.duration, steps, parameters)
     made, files = None, []
     for i in range(realisations):
@@ -180,7 +197,7 @@ def tree_protocol(
         made = one if made is None or one.cost < made.cost else made
         time = np.arange(round(periods * one.series.period * rate) + 1) / rate
         columns = _columns(robot, one.series.motion(time)[0], units)
-        files.append(write_references(Path(folder) / f"{OPTIMISED}_{i + 1}.csv", rate, columns))
+        files.append(write_references(Path(folder) / f"{OPTIMISED_MOTION}_{i + 1}.csv", rate, columns))
     if made is None:
         raise PellucidError(f"realisations: found {realisations}, expected at least 1")
     return TreeProtocol(tuple(files), limits, periods * made.series.period, made, parameters)

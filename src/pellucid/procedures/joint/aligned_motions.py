@@ -1,4 +1,4 @@
-"""A study's motions with its drive where it belongs: recorded late against the encoder, it is moved."""
+"""A study's motions after correction of the delay between drive and encoder."""
 
 from __future__ import annotations
 
@@ -16,29 +16,28 @@ from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...signals.effort import drive_model
 from ...signals.motion import Motion
-from .first_look import MOST, simple_model, some_of
-from .joined_clocks import clocks_to_find, rejoined
+from .first_look import MAX_SAMPLES, simple_model, thin_recordings
+from .joined_clocks import clocks_to_find, rejoin_streams
 from .recorded_motions import motions_of
 
-CONTRADICTS = 0.25
-"""Share of a delay by which another recording's must certainly differ before they are not one: what friction models
-lack moves each a little."""
+MIN_DELAY_DIFFERENCE_SHARE = 0.25
+"""Two recordings have different delays only if these certainly differ by more than this share. Friction errors shift
+each estimate a little."""
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """What was found of a drive's delay, of one recording or, without a name, of all: `moved` [s] is by how much its
-    channel was moved; `asked` in study.toml."""
+    """Estimated delay of a drive, and its correction."""
 
-    channel: str
-    delay: Delay | None
-    moved: float
-    asked: bool
-    recording: str = ""
+    channel: str  # channel of the drive
+    delay: Delay | None  # estimated delay; None if the recordings do not determine it
+    moved: float  # time by which the channel was shifted [s]; 0 if it was not
+    asked: bool  # whether study.toml asks for an estimate
+    recording: str = ""  # recording concerned; empty for all recordings
 
     @property
     def said(self) -> str:
-        """One sentence; empty where there is nothing to tell."""
+        """The finding in one sentence; empty if there is none."""
         d, where = self.delay, f" in recording {self.recording}" if self.recording else ""
         if d is None:
             what = f"The delay of {self.channel} against position was not found: nothing in these recordings shows it."
@@ -61,7 +60,7 @@ class Alignment:
 
     @property
     def do(self) -> str:
-        """What to write."""
+        """The entry to write into study.toml, in a sentence."""
         if self.delay is None or not (self.moved or self.recording):
             return ""
         key = f'{"lag" if self.delay.lag else "delay"} = "{1e3 * self.delay.value:.3g} ms"'
@@ -74,56 +73,59 @@ class Alignment:
         )
 
 
-def motions(study: Study, use: str | None = None) -> tuple[Motion, ...]:
-    """Every stretch of every recording of a study in which nothing was cut out and the drive was enabled, its drive
-    moved to where it belongs, filtered and differentiated."""
-    return motions_of(aligned(study, use), study)
+def aligned_motions(study: Study, use: str | None = None) -> tuple[Motion, ...]:
+    """Return the motion of every uncut stretch with the drive enabled, aligned with the drive, filtered and
+    differentiated."""
+    return motions_of(align_recordings(study, use), study)
 
 
-def aligned(study: Study, use: str | None = None) -> list[Recording]:
-    """A study's recordings with their streams joined by the clocks found, and the drive where it belongs."""
-    return [_aligned(rejoined(r, study), study) for r in study.recordings(use)]
+def align_recordings(study: Study, use: str | None = None) -> list[Recording]:
+    """Return a study's recordings with joined streams on one clock and the drive's delay corrected."""
+    return [_align(rejoin_streams(r, study), study) for r in study.recordings(use)]
 
 
-def alignments(study: Study) -> tuple[Alignment, ...]:
-    """The drive's delay against the encoder, from the fitted recordings: one for all, or, where they contradict each
-    other, of each that is late; and of each held out that is late by itself. Empty where study.toml states them."""
+def find_alignments(study: Study) -> tuple[Alignment, ...]:
+    """Estimate the drive's delay against the encoder; return nothing if study.toml states it.
+
+    There is one delay for all fitted recordings. If they contradict each other, each late recording has its own. A
+    held-out recording with a different delay is reported too.
+    """
     if "alignments" not in study.found:
-        study.found["alignments"] = tuple(_alignments(study))
+        study.found["alignments"] = tuple(_estimate_alignments(study))
     return study.found["alignments"]
 
 
-def _aligned(recording: Recording, study: Study) -> Recording:
-    found = {a.recording: a for a in alignments(study) if a.moved} if _open(recording, study) else {}
+def _align(recording: Recording, study: Study) -> Recording:
+    found = {a.recording: a for a in find_alignments(study) if a.moved} if _has_open_delay(recording, study) else {}
     late = found.get(recording.name, found.get(""))
     if late is None:
         return recording
     return (undo_lags if late.delay.lag else shift_channels)(recording, {late.channel: late.moved})
 
 
-def _open(recording: Recording, study: Study) -> bool:
-    """Whether a recording's delay is to be estimated: study.toml gives none."""
+def _has_open_delay(recording: Recording, study: Study) -> bool:
+    """Return whether a recording's delay is to be estimated, because study.toml states none."""
     spec = study.specs_of(recording).get(drive_channel(recording, study) or "")
     given = spec is None or isinstance(spec.delay, float) or spec.lag is not None
     return not given and not clocks_to_find(recording, study)
 
 
-def _alignments(study: Study) -> Iterator[Alignment]:
-    every = [r for r in study.recordings() if "position" in r and _open(r, study)]
+def _estimate_alignments(study: Study) -> Iterator[Alignment]:
+    every = [r for r in study.recordings() if "position" in r and _has_open_delay(r, study)]
     fitted = [r for r in every if r.use == "fit"]
     if not fitted:
         return
     channel = drive_channel(fitted[0], study)
     asked = any(study.specs_of(r)[channel].delay == "auto" for r in fitted if channel in r)
     step = max(1.0 / r.fs for r in every)
-    pooled = _estimated(fitted, study, step)
+    pooled = _estimate_delay(fitted, study, step)
     alone = every if len(fitted) > 1 else [r for r in every if r.use != "fit"]
-    each = {r.name: _estimated([r], study, step, MOST // len(every)) for r in alone}
+    each = {r.name: _estimate_delay([r], study, step, MAX_SAMPLES // len(every)) for r in alone}
     own = {r.name: d for r in fitted if (d := each.get(r.name)) is not None}
     late = {name: d for name, d in own.items() if d.clear(step)}
 
     def apart(one: Delay, value: float) -> bool:
-        return abs(one.beyond(value)) > max(step, CONTRADICTS * abs(value))
+        return abs(one.beyond(value)) > max(step, MIN_DELAY_DIFFERENCE_SHARE * abs(value))
 
     if any(apart(other, d.value) for d in late.values() for other in own.values()):
         yield from (Alignment(channel, d, d.value, asked, name) for name, d in late.items())
@@ -138,10 +140,12 @@ def _alignments(study: Study) -> Iterator[Alignment]:
             yield Alignment(channel, d, 0.0, asked, r.name)
 
 
-def _estimated(recordings: Sequence[Recording], study: Study, step: float, most: int = MOST) -> Delay | None:
+def _estimate_delay(
+    recordings: Sequence[Recording], study: Study, step: float, most: int = MAX_SAMPLES
+) -> Delay | None:
     back_emf = drive_model(study.rig).back_emf
     try:
-        made = motions_of(some_of(recordings, most), study)
+        made = motions_of(thin_recordings(recordings, most), study)
         return estimate_drive_delay(simple_model(study), made, back_emf, quantile=1.96, step=step)
     except (PellucidError, np.linalg.LinAlgError):
-        return None  # what is wrong with them is told by those who fit
+        return None  # the fit that follows reports the error

@@ -1,4 +1,4 @@
-"""The sign of the drive: its effort causes the motion, and does work on the joint."""
+"""Check the sign of the drive: its effort must do work on the joint."""
 
 from __future__ import annotations
 
@@ -9,22 +9,23 @@ from ...fit.joint.friction_solver import solve_family
 from ...fit.regression import Stack
 from ...models.joint import UNITS, JointModel
 
-FEWEST = 10
-"""Rows for each parameter below which one recording's sign is not asked for."""
+MIN_ROWS_PER_PARAMETER = 10
+"""A single recording's sign is checked only with more than this many rows per parameter."""
 
 
-def sign_error(model: JointModel, data: Stack, channel: str) -> None:
-    """Refuse recordings in which the drive's effort acts against the motion it causes, all of them or one alone."""
+def require_sign(model: JointModel, data: Stack, channel: str) -> None:
+    """Refuse recordings in which the drive's effort has the wrong sign, in all of them or in one."""
     _refuse_reversed(model, data, channel)
     names = dict.fromkeys(m.recording for m in data.motions)
     for name in names if len(names) > 1 else ():
         own = [i for i, m in enumerate(data.motions) if m.recording == name and len(data.targets[i])]
         part = Stack(tuple(data.motions[i] for i in own), tuple(data.targets[i] for i in own))
-        if len(part.lengths) and sum(part.lengths) > FEWEST * len(model.names):
+        if len(part.lengths) and sum(part.lengths) > MIN_ROWS_PER_PARAMETER * len(model.names):
             _refuse_reversed(model, part, channel, name)
 
 
 def _refuse_reversed(model: JointModel, data: Stack, channel: str, alone: str = "") -> None:
+    """Refuse data with negative work and a negative inertia; `alone` names a single recording."""
     try:
         found = solve_family(model, data, consistent=False)
     except IdentificationError:

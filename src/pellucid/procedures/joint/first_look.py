@@ -1,4 +1,4 @@
-"""With what a study's recordings are looked at before any family is fitted: the simplest model, some of the samples."""
+"""The simplest model and an excerpt of the samples, for checks before any friction family is fitted."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...signals.effort import drive_model
 
-MOST = 200_000
-"""Samples, at the recordings' rate, that are looked at; of more, stretches of every recording."""
+MAX_SAMPLES = 200_000
+"""Largest number of samples that are checked, at the recordings' rate. Of longer recordings stretches are used."""
 
-STRETCHES = 4
-"""Stretches of a long recording that are looked at."""
+STRETCH_COUNT = 4
+"""Number of stretches that are used of a long recording."""
 
 
 def simple_model(study: Study) -> JointModel:
-    """Symmetric friction; payloads count as part of the joint where the drive's constant is not known."""
+    """Return the model with symmetric friction; payloads are part of the joint if the drive constant is unknown."""
     unit = drive_model(study.rig).effort_unit
     made = joint_model(
         "symmetric",
@@ -33,15 +33,15 @@ def simple_model(study: Study) -> JointModel:
     return replace(made, payload_scale=1.0 if unit in ("N*m", "N") else 0.0)
 
 
-def some_of(recordings: Sequence[Recording], most: int = MOST) -> list[Recording]:
-    """The recordings, of long ones a few stretches spread over them."""
+def thin_recordings(recordings: Sequence[Recording], most: int = MAX_SAMPLES) -> list[Recording]:
+    """Return the recordings; of long ones return a few evenly spaced stretches."""
     total = sum(len(r) for r in recordings)
     if total <= most:
         return list(recordings)
-    length = max(most // (STRETCHES * len(recordings)), 1)
+    length = max(most // (STRETCH_COUNT * len(recordings)), 1)
     made = []
     for recording in recordings:
-        starts = np.linspace(0, len(recording), STRETCHES + 1)[:-1].astype(int) if len(recording) > most else [0]
-        ends = [s + length for s in starts] if len(starts) > 1 else [STRETCHES * length]
+        starts = np.linspace(0, len(recording), STRETCH_COUNT + 1)[:-1].astype(int) if len(recording) > most else [0]
+        ends = [s + length for s in starts] if len(starts) > 1 else [STRETCH_COUNT * length]
         made += [recording_part(recording, s, min(e, len(recording))) for s, e in zip(starts, ends, strict=True)]
     return made

@@ -1,4 +1,4 @@
-"""The staged identification of one joint: filter once, fit every family, judge on what was not fitted, explain."""
+"""Identify a joint in stages: filter once, fit every family, test on held-out recordings, and report findings."""
 
 from __future__ import annotations
 
@@ -29,19 +29,22 @@ from ..dead_effort import require_live_effort
 from ..findings import findings_of
 from ..procedure import Progress, quiet
 from . import findings
-from .aligned_motions import aligned
-from .drive_sign import sign_error
+from .aligned_motions import align_recordings
+from .drive_sign import require_sign
 from .joined_clocks import require_clocks
 from .joint_case import JointCase
-from .joint_result import JointResult, completed, traces_of
-from .recorded_motions import excerpt_of, filtering_of, motions_of
+from .joint_result import JointResult, complete_result, traces_of
+from .recorded_motions import filtering_of, motions_of, take_excerpt
 from .velocity_faults import require_velocity
 
 
 def identify_joint(
     study: Study, tell: Progress = quiet, *, families: Sequence[str] | None = None, thorough: bool = True
 ) -> JointResult:
-    """Every family of a study's joint; `thorough` adds the other estimators and simulations to least squares."""
+    """Identify a study's joint with all friction families.
+
+    `thorough` adds the other estimators and simulations to least squares.
+    """
     names = tuple(families or study.model.families)
     for name in names:
         if name not in FAMILIES:
@@ -57,9 +60,9 @@ def identify_joint(
     require_velocity(study)
     require_clocks(study)
     tell("filtering", 0.1)
-    aligned_ones = aligned(study)
+    aligned_ones = align_recordings(study)
     everything = motions_of(aligned_ones, study)
-    part = excerpt_of(aligned_ones, study, everything)
+    part = take_excerpt(aligned_ones, study, everything)
     data = stack([m for m in everything if m.split == "fitted"])
     drive = drive_model(study.rig)
 
@@ -79,7 +82,7 @@ def identify_joint(
         scale = 1.0 if known_drive else 0.0 if constant is None else 1.0 / constant.value
         return replace(plain, payload_scale=scale)
 
-    sign_error(model_of("symmetric"), data, drive_channel(recordings[0], study))
+    require_sign(model_of("symmetric"), data, drive_channel(recordings[0], study))
     constant, no_constant = None, ""
     if payloads:
         try:
@@ -151,17 +154,22 @@ def identify_joint(
         presliding=below_slip,
         traces=traces_of(everything),
     )
-    return completed(study, found)
+    return complete_result(study, found)
 
 
 def filter_note(study: Study) -> str:
-    """The study's processing in one line, and whose is another."""
+    """Return the study's processing in one line, with that of recordings that differ."""
     unit = "rad/s" if study.rig.motion == "rotary" else "m/s"
-    own = [f"{e.name}: {_processed(e.processing, unit)}" for e in study.config.recordings if e.processing is not None]
-    return "; of ".join([_processed(study.processing, unit), *own])
+    own = [
+        f"{e.name}: {_processing_sentence(e.processing, unit)}"
+        for e in study.config.recordings
+        if e.processing is not None
+    ]
+    return "; of ".join([_processing_sentence(study.processing, unit), *own])
 
 
-def _processed(processing: Processing, unit: str) -> str:
+def _processing_sentence(processing: Processing, unit: str) -> str:
+    """Return one processing in words."""
     said = filtering_of(processing).sentence(unit)
     if processing.velocity == "recorded":
         said = said.replace("central differences", "velocity as recorded")
@@ -169,7 +177,7 @@ def _processed(processing: Processing, unit: str) -> str:
 
 
 def machine_of(rig: JointTable) -> Machine:
-    """A rig's drive, and its controller where it states one."""
+    """Return a rig's drive, with its controller if the rig states one."""
     drive, loop = drive_model(rig), rig.loop
     if loop is None:
         return Machine(drive.gain, drive.back_emf)

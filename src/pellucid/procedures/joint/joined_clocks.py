@@ -1,4 +1,4 @@
-"""How a joined instrument's clock lies against the recording's: found from what the drive does to the joint."""
+"""Estimate the clock offset between joined instruments, from the motion that the drive causes."""
 
 from __future__ import annotations
 
@@ -15,50 +15,52 @@ from ...recordings.quality import DRIVE_CHANNELS
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...signals.effort import command_of, drive_model
-from .first_look import simple_model, some_of
+from .first_look import simple_model, thin_recordings
 from .recorded_motions import motions_of
 
-FARTHEST = 60.0
-"""Offsets are looked for up to here from the first guess [s]."""
+MAX_OFFSET_DISTANCE_S = 60.0
+"""Largest distance of an offset from the first guess in the search [s]."""
 
-STEP = 0.01
-"""Offsets that are tried lie so far apart [s]: joints swing slower than ten times a second."""
+OFFSET_STEP_S = 0.01
+"""Distance of neighbouring offsets in the search [s]. Joints swing slower than ten times a second."""
 
-SURER = 1.2
-"""By how much more another offset must leave unexplained, or it fits alike."""
+AMBIGUITY_RATIO = 1.2
+"""Another offset is ambiguous if its residual share is below this multiple of the best one's."""
 
-UNLIKE = 0.5
-"""Share of the effort that no offset may leave unexplained."""
+MAX_UNEXPLAINED_SHARE = 0.5
+"""An offset is refused if more than this share of the effort remains unexplained."""
 
-ROWS = 1500
-"""Samples with which offsets are tried."""
+TRIAL_SAMPLE_COUNT = 1500
+"""Approximate number of samples with which offsets are tried."""
 
-SURE = 4.0
-"""Standard errors by which a drift is off zero before it is used."""
+MIN_DRIFT_STANDARD_ERRORS = 4.0
+"""A clock drift is used only if it differs from zero by more than this many standard errors."""
 
-SETTLED, NEAR = 3, 1e-4
-"""Times that an offset is found anew from where it was found last, unless it was so near [s]."""
+MAX_REFINEMENTS = 3
+"""Largest number of refinements of an offset."""
+
+OFFSET_TOLERANCE_S = 1e-4
+"""Refinement stops when the offset changes by less than this [s]."""
 
 
 @dataclass(frozen=True)
 class Clock:
-    """A joined stream's clock: it shows time * (1 + `drift`) + `offset` [s]; the interval holds the offset [s]; `why`
-    is why it was not found."""
+    """A joined stream's clock, which shows time * (1 + `drift`) + `offset` [s]."""
 
     recording: str
-    stream: str
-    file: str
-    offset: float
-    low: float = float("nan")
-    high: float = float("nan")
-    drift: float = 0.0
-    drift_error: float = float("nan")
-    others: tuple[float, ...] = ()  # Offsets that fit alike [s]
-    why: str = ""
+    stream: str  # name of the joined stream
+    file: str  # file of the joined stream
+    offset: float  # [s]
+    low: float = float("nan")  # lower end of the offset's 95 % interval [s]
+    high: float = float("nan")  # upper end of that interval [s]
+    drift: float = 0.0  # relative drift; 0 if it is not significant
+    drift_error: float = float("nan")  # standard error of the drift
+    others: tuple[float, ...] = ()  # other offsets that fit about as well [s]
+    why: str = ""  # reason why no offset was found; empty if one was
 
     @property
     def said(self) -> str:
-        """One sentence."""
+        """The finding in one sentence."""
         clocks = f"the clock of {self.file}", f"that of recording {self.recording}"
         if self.why:
             return f"How {clocks[0]} lies against {clocks[1]} was not found: {self.why}."
@@ -66,7 +68,7 @@ class Clock:
         if self.drift:
             runs = f" and runs faster by {1e6 * self.drift:.3g} ± {1.96e6 * self.drift_error:.2g} millionths"
         elif np.isfinite(self.drift_error):
-            runs = f"; a drift below {SURE * 1e6 * self.drift_error:.2g} millionths would not show"
+            runs = f"; a drift below {MIN_DRIFT_STANDARD_ERRORS * 1e6 * self.drift_error:.2g} millionths would not show"
         if self.others:
             alike = ", ".join(f"{x:.2f} s" for x in self.others[:4]) + (" and more" if len(self.others) > 4 else "")
             alike = (
@@ -79,14 +81,14 @@ class Clock:
 
     @property
     def do(self) -> str:
-        """What to write."""
+        """The entry to write into study.toml, in a sentence."""
         if self.why:
             return f'Write offsets = {{ {self.stream} = "... s" }} at this recording.'
         return f'Write offsets = {{ {self.stream} = "{self.offset:.4f} s" }} at this recording to keep it.'
 
 
 def clocks_to_find(recording: Recording, study: Study) -> tuple[str, ...]:
-    """Joined streams of a recording whose offset study.toml leaves open."""
+    """Return the joined streams of a recording whose offset study.toml does not state."""
     entry = study.config.entry_of(recording.name)
     tables = study.config.streams
     return tuple(
@@ -96,20 +98,20 @@ def clocks_to_find(recording: Recording, study: Study) -> tuple[str, ...]:
     )
 
 
-def clocks(study: Study) -> tuple[Clock, ...]:
-    """Every clock that was to be found, of every recording."""
+def find_clocks(study: Study) -> tuple[Clock, ...]:
+    """Estimate every clock that study.toml leaves open, in every recording."""
     return tuple(clock for recording in study.recordings() for clock in _clocks_of(recording, study))
 
 
 def require_clocks(study: Study) -> None:
-    """Refuse recordings whose drive cannot be brought together with their position."""
-    unknown = [f"{clock.said} {clock.do}" for clock in clocks(study) if clock.why]
+    """Refuse recordings whose drive and position could not be brought onto one clock."""
+    unknown = [f"{clock.said} {clock.do}" for clock in find_clocks(study) if clock.why]
     if unknown:
         raise RecordingError("\n".join(unknown))
 
 
-def rejoined(recording: Recording, study: Study) -> Recording:
-    """A recording with its streams joined by the clocks that were found."""
+def rejoin_streams(recording: Recording, study: Study) -> Recording:
+    """Return a recording with its streams joined by the estimated clocks."""
     found = {clock.stream: (clock.offset, clock.drift) for clock in _clocks_of(recording, study) if not clock.why}
     kept = study.found.setdefault("rejoined", {})
     if found and recording.name not in kept:
@@ -120,11 +122,13 @@ def rejoined(recording: Recording, study: Study) -> Recording:
 def _clocks_of(recording: Recording, study: Study) -> tuple[Clock, ...]:
     kept = study.found.setdefault("clocks", {})
     if recording.name not in kept:
-        kept[recording.name] = tuple(_clock(recording, stream, study) for stream in clocks_to_find(recording, study))
+        kept[recording.name] = tuple(
+            _find_clock(recording, stream, study) for stream in clocks_to_find(recording, study)
+        )
     return kept[recording.name]
 
 
-def _clock(recording: Recording, name: str, study: Study) -> Clock:
+def _find_clock(recording: Recording, name: str, study: Study) -> Clock:
     stream, apart = recording.streams[name], study.apart(recording.name)
     first, drift = initial_offset(apart, stream), study.config.streams[name].drift
     given = 0.0 if drift == "auto" else drift
@@ -133,48 +137,49 @@ def _clock(recording: Recording, name: str, study: Study) -> Clock:
         return Clock(recording.name, name, stream.path.name, first, drift=given, why=why)
 
     drives = DRIVE_CHANNELS[study.rig.drive.kind]
-    # The drive's file is late by what is found; the position's is early by it.
+    # A positive delay means that the drive's file is late, or that the position's file is early.
     sense = 1.0 if any(channel in stream for channel in drives) else -1.0
     try:
-        rough, left = _roughly(recording, apart, stream, first, sense, study)
-        if not len(left) or left[0] > UNLIKE:
+        rough, left = _search_offsets(recording, apart, stream, first, sense, study)
+        if not len(left) or left[0] > MAX_UNEXPLAINED_SHARE:
             return unknown("its drive explains no motion that was recorded")
-        alike = rough[left < SURER * left[0]]
-        # Of swings that are all the same, the one for which the loggers were started together.
+        alike = rough[left < AMBIGUITY_RATIO * left[0]]
+        # A periodic motion has several possible offsets; the one nearest to the first guess is chosen.
         offset, *others = alike[np.argsort(np.abs(alike - first), kind="stable")].tolist()
-        for _ in range(SETTLED):
-            found = _delay(study.rejoined(recording.name, {name: (offset, given)}), study)
+        for _ in range(MAX_REFINEMENTS):
+            found = _estimate_delay(study.rejoined(recording.name, {name: (offset, given)}), study)
             if found is None:
                 return unknown("its motion does not show it")
             offset += sense * found.value
-            if abs(found.value) < NEAR:
+            if abs(found.value) < OFFSET_TOLERANCE_S:
                 break
         low, high = sorted(offset + sense * (end - found.value) for end in (found.low, found.high))
         found = Clock(recording.name, name, stream.path.name, offset, low, high, given, others=tuple(others))
-        return _drifting(found, recording, sense, study) if drift == "auto" else found
+        return _with_drift(found, recording, sense, study) if drift == "auto" else found
     except (PellucidError, np.linalg.LinAlgError) as error:
         return unknown(str(error))
 
 
-def _roughly(
+def _search_offsets(
     recording: Recording, apart: Recording, stream: Recording, first: float, sense: float, study: Study
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Offsets [s] to some milliseconds, the likeliest first, and the share of the effort that each leaves."""
-    model, made = simple_model(study), motions_of(some_of([recording]), study)
+    """Return offsets [s], accurate to some milliseconds, the best first, with the effort share each leaves
+    unexplained."""
+    model, made = simple_model(study), motions_of(thin_recordings([recording]), study)
     regressors, times = [], []
     for motion in made:
         kept = motion.kept
         regressors.append(model.jacobian(np.zeros(len(model.names)), motion)[1][kept])
         times.append(motion.time[kept])
     w, at = np.concatenate(regressors), np.concatenate(times)
-    some = slice(None, None, max(len(at) // ROWS, 1))
+    some = slice(None, None, max(len(at) // TRIAL_SAMPLE_COUNT, 1))
     source = stream if sense > 0.0 else apart
     command = command_of(source, study.rig)
-    # Noise beyond the motion would only blur it: a step's mean is enough.
-    width = max(int(STEP * source.fs), 1)
+    # The command is averaged over one step of the search, to remove noise faster than the motion.
+    width = max(int(OFFSET_STEP_S * source.fs), 1)
     smooth = np.convolve(command, np.ones(width) / width, mode="same")
-    reach = min(FARTHEST, max(np.ptp(apart.time), np.ptp(stream.time)))
-    tried = np.arange(-reach, reach + STEP, STEP)
+    reach = min(MAX_OFFSET_DISTANCE_S, max(np.ptp(apart.time), np.ptp(stream.time)))
+    tried = np.arange(-reach, reach + OFFSET_STEP_S, OFFSET_STEP_S)
     start = first if sense > 0.0 else 0.0
 
     def effort(t: np.ndarray) -> np.ndarray:
@@ -184,33 +189,34 @@ def _roughly(
     return first + sense * delays, left
 
 
-def _delay(recording: Recording, study: Study) -> Delay | None:
+def _estimate_delay(recording: Recording, study: Study) -> Delay | None:
+    """Estimate the drive's delay in one recording."""
     drive = drive_model(study.rig)
     return estimate_drive_delay(
         simple_model(study),
-        motions_of(some_of([recording]), study),
+        motions_of(thin_recordings([recording]), study),
         drive.back_emf,
         quantile=1.96,
         step=1.0 / recording.fs,
     )
 
 
-def _drifting(clock: Clock, recording: Recording, sense: float, study: Study) -> Clock:
-    """The same with its drift, from both halves of the recording."""
-    from ...signals.clocks import Alignment, clock_drift  # with SciPy's optimisers: only where files were joined
+def _with_drift(clock: Clock, recording: Recording, sense: float, study: Study) -> Clock:
+    """Return the clock with its drift, estimated from both halves of the recording."""
+    from ...signals.clocks import Alignment, clock_drift  # imported late, because it loads SciPy's optimisers
 
     whole = study.rejoined(recording.name, {clock.stream: (clock.offset, 0.0)})
     n, halves = len(whole), []
     for first, stop in ((0, n // 2), (n // 2, n)):
-        found = _delay(recording_part(whole, first, stop), study)
+        found = _estimate_delay(recording_part(whole, first, stop), study)
         if found is None:
             return clock
         at = 0.5 * float(whole.time[first] + whole.time[stop - 1])
         halves.append(Alignment(sense * found.value, found.error, 1.0, 0.0, 1.0, at))
     drift, error = clock_drift(*halves)
-    if abs(drift) <= SURE * error:
+    if abs(drift) <= MIN_DRIFT_STANDARD_ERRORS * error:
         return replace(clock, drift_error=error)
-    # The offset is the clock's at time zero; what was found is that of the middle.
+    # The offset refers to time zero, while the estimates refer to the middle of each half.
     at = 0.5 * float(whole.time[0] + whole.time[-1])
     moved = -drift * at + 0.5 * (halves[0].delay + halves[1].delay)
     ends = {key: getattr(clock, key) + moved for key in ("offset", "low", "high")}

@@ -1,4 +1,4 @@
-"""What findings of a joint look at: the study, its motions, and every family fitted to them."""
+"""Input of the findings of a joint: the study, its motions, and every family fitted to them."""
 
 from __future__ import annotations
 
@@ -19,40 +19,40 @@ from ...signals.motion import Motion
 
 @dataclass(frozen=True)
 class JointCase:
-    """A joint as identified, before anything is said of it."""
+    """An identified joint, from which the findings are derived."""
 
     study: Study
-    motions: tuple[Motion, ...]  # Of every recording, fitted and held out
-    data: Stack  # The fitted ones
-    excerpt: tuple[Motion, ...]  # All of them, or parts of each where there are hours: for what searches
-    fits: Mapping[str, FamilyFit]
-    best: str
-    contest: HeldOutComparison | None = None  # Of the families; None where there was none
+    motions: tuple[Motion, ...]  # motions of every recording, fitted and held out
+    data: Stack  # fitted motions
+    excerpt: tuple[Motion, ...]  # all motions, or parts of each if there are hours, for methods that search
+    fits: Mapping[str, FamilyFit]  # fit of each family
+    best: str  # name of the best family
+    contest: HeldOutComparison | None = None  # comparison of the families; None if there was none
     machine: Machine = field(default_factory=Machine)
-    failures: Mapping[str, str] = field(default_factory=dict)  # Families that could not be fitted, and why
-    constant: Parameter | None = None  # The drive's, from known payloads; over the stated one where that is known
-    no_constant: str = ""  # Why the payloads give none
-    posterior: Posterior | None = None  # Of the best family, if it was asked for
-    no_posterior: str = ""  # Why there is none although it was asked for
-    presliding: Presliding | None = None  # Of friction below slip; None where nobody asked
-    shares: LoadShares = field(default_factory=lambda: LoadShares(False, "no known load"))  # Of load friction
+    failures: Mapping[str, str] = field(default_factory=dict)  # reasons, by family, why it could not be fitted
+    constant: Parameter | None = None  # drive constant from payloads, divided by the stated one if that is known
+    no_constant: str = ""  # reason why the payloads give no drive constant
+    posterior: Posterior | None = None  # posterior of the best family, if requested
+    no_posterior: str = ""  # reason why a requested posterior is missing
+    presliding: Presliding | None = None  # estimate of the presliding travel; None if not requested
+    shares: LoadShares = field(default_factory=lambda: LoadShares(False, "no known load"))  # decision on load shares
 
     @property
     def fit(self) -> FamilyFit:
-        """The best family."""
+        """Fit of the best family."""
         return self.fits[self.best]
 
     @property
     def level(self) -> float:
-        """Confidence of the study's intervals."""
+        """Confidence level of the study's intervals."""
         return self.study.model.confidence
 
     @property
     def judged_on_held_out(self) -> bool:
-        """Whether anything was held out."""
+        """Whether any recording was held out."""
         return any(m.split == "heldout" for m in self.motions)
 
     @property
     def rotary(self) -> bool:
-        """Whether the joint turns."""
+        """Whether the joint is rotary."""
         return self.study.rig.motion == "rotary"

@@ -1,4 +1,4 @@
-"""Are recordings of a joint fit to identify from? Faults of the files, then faults of the motion."""
+"""Check whether recordings of a joint are suitable: faults of the files, then faults of the motion."""
 
 from __future__ import annotations
 
@@ -17,34 +17,35 @@ from ...recordings.quality import inspect
 from ...recordings.study import Study
 from ...signals.effort import drive_model
 from ..dead_effort import dead_effort_faults
-from .aligned_motions import alignments, motions
-from .drive_sign import sign_error
+from .aligned_motions import aligned_motions, find_alignments
+from .drive_sign import require_sign
 from .findings.weak_parameter import advice
-from .joined_clocks import clocks
-from .recorded_motions import left_out
+from .joined_clocks import find_clocks
+from .recorded_motions import short_stretch_faults
 from .velocity_faults import velocity_faults
 
-OWN = 0.15  # share of what a parameter does, below which another hides it
+MIN_UNEXPLAINED_SHARE = 0.15
+"""A parameter is hidden by others if less than this share of its effort cannot be explained by them."""
 
 
 def joint_faults(study: Study) -> list[Fault]:
-    """Faults of every file; where none refuses, whether the simplest family can be told at all, and with which sign."""
+    """Return the faults of every file and, if none refuses, those of delay, sign and excitation."""
     faults = [fault for recording in study.recordings() for fault in inspect(recording, study)]
     if any(fault.severity == "refuse" for fault in faults):
         return faults
     faults += dead_effort_faults(study)
     if any(fault.severity == "refuse" for fault in faults):
         return faults
-    faults += left_out(study) + velocity_faults(study)
+    faults += short_stretch_faults(study) + velocity_faults(study)
     if any(fault.severity == "refuse" for fault in faults):
         return faults
-    for clock in clocks(study):
+    for clock in find_clocks(study):
         said, kind = f"{clock.said} {clock.do}", "refuse" if clock.why else "note"
         faults.append(Fault(kind, "clock", clock.file, "time", f"{clock.offset:.6g} s", "its offset", said))
     if any(fault.severity == "refuse" for fault in faults):
         return faults
     try:
-        data = stack([m for m in motions(study) if m.split == "fitted"])
+        data = stack([m for m in aligned_motions(study) if m.split == "fitted"])
         model = joint_model(
             "symmetric",
             motion=study.rig.motion,
@@ -52,10 +53,10 @@ def joint_faults(study: Study) -> list[Fault]:
             gravity=study.model.gravity,
             known=study.model.known,
         )
-        faults.append(_excitation(study, model, data))
+        faults.append(_excitation_note(study, model, data))
         solve_family(model, data)
-        sign_error(model, data, drive_channel(study.recordings("fit")[0], study))
-        faults += _late(study)
+        require_sign(model, data, drive_channel(study.recordings("fit")[0], study))
+        faults += _delay_notes(study)
     except PellucidError as error:
         faults.append(
             Fault(
@@ -71,8 +72,8 @@ def joint_faults(study: Study) -> list[Fault]:
     return faults
 
 
-def _excitation(study: Study, model: JointModel, data: Stack) -> Fault:
-    """What the motion alone can show, and which parameter it will show least."""
+def _excitation_note(study: Study, model: JointModel, data: Stack) -> Fault:
+    """Describe the excitation by the motion, and name the parameters that others hide."""
     found = measure_excitation(model, data)
     rotary = study.rig.motion == "rotary"
     scale, unit = (float(np.degrees(1.0)), "deg") if rotary else (1e3, "mm")
@@ -81,7 +82,7 @@ def _excitation(study: Study, model: JointModel, data: Stack) -> Fault:
         f"{'angle' if rotary else 'position'} from {low:.3g} to {high:.3g} {unit}, speed to {scale * found.speed:.3g} "
         f"{unit}/s, acceleration to {scale * found.acceleration:.3g} {unit}/s²"
     )
-    weak = [name for name in sorted(found.own, key=found.own.__getitem__) if found.own[name] < OWN]
+    weak = [name for name in sorted(found.own, key=found.own.__getitem__) if found.own[name] < MIN_UNEXPLAINED_SHARE]
     text = f"{ranges}; condition number {found.condition:.3g}"
     say = f"what the fitted motion shows, whatever drove it: {text}"
     if weak:
@@ -89,13 +90,13 @@ def _excitation(study: Study, model: JointModel, data: Stack) -> Fault:
         say += f"; others do nearly all of what these do, which have of their own: {shares}. {advice(weak[0])}"
     else:
         say += "; every parameter shows"
-    expected = f"{100 * OWN:.0f} % of what each parameter does to be its own"
+    expected = f"{100 * MIN_UNEXPLAINED_SHARE:.0f} % of what each parameter does to be its own"
     return Fault("note", "excitation", "study.toml", "position", text, expected, say.rstrip())
 
 
-def _late(study: Study) -> Iterator[Fault]:
-    """Drives that were recorded late, or early, and were moved."""
-    for found in alignments(study):
+def _delay_notes(study: Study) -> Iterator[Fault]:
+    """Yield a note on each drive whose delay was found."""
+    for found in find_alignments(study):
         if found.said:
             of = found.recording or study.recordings("fit")[0].name
             file = study.recording(of).path.name

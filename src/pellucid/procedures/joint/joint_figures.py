@@ -33,17 +33,18 @@ from ...pages.series import (
 )
 from .joint_result import JointResult, Trace
 
-COLUMNS = 4
-"""Recordings side by side in one figure."""
-SPLITS = {"fitted": "fitted", "heldout": "held out"}
-"""What a split is called."""
+COLUMN_COUNT = 4
+"""Number of recordings side by side in one figure."""
+
+SPLIT_LABELS = {"fitted": "fitted", "heldout": "held out"}
+"""Labels of the splits in figures."""
 
 
 # --- the recordings -------------------------------------------------------------------------------------------------
 
 
 def recordings(traces: Sequence[Trace], fit: JointResult, name: str = "recordings") -> Drawing:
-    """Position, velocity and effort of each recording against time, fitted and held out apart by colour."""
+    """Draw position, velocity and effort of each recording against time, coloured by split."""
     reading = READINGS[fit.motion]
     figure = Figure(figsize=(FIGURE_WIDTH, 5.4), layout="constrained")
     axes = figure.subplots(
@@ -60,7 +61,7 @@ def recordings(traces: Sequence[Trace], fit: JointResult, name: str = "recording
             line(axis, trace.time, scale * getattr(trace, signal), color=colour(trace.split), linewidth=1.1)
             tidy(axis, first=column == 0, text=text, ticks=5)
         axes[2, column].set_xlabel("Time (s)")
-    heads(axes[0], [Head(t.recording, SPLITS[t.split], colour(t.split)) for t in traces])
+    heads(axes[0], [Head(t.recording, SPLIT_LABELS[t.split], colour(t.split)) for t in traces])
     held = any(t.split == "heldout" for t in traces)
     return Drawing(
         name,
@@ -74,7 +75,7 @@ def recordings(traces: Sequence[Trace], fit: JointResult, name: str = "recording
 
 
 def effort(fit: JointResult, family: FamilyFit, name: str = "effort") -> Drawing:
-    """Measured and predicted effort with the prediction interval, and a zoom where the effort changes most."""
+    """Draw measured and predicted effort with the prediction interval, and a zoom on the largest changes."""
     groups = by_recording(family.predictions)
     shown = [g for g in groups if g[0].split == "fitted"][:2] + [g for g in groups if g[0].split == "heldout"][:4]
     figure = Figure(figsize=(FIGURE_WIDTH, 0.5 + 2.15 * len(shown)), layout="constrained")
@@ -108,7 +109,9 @@ def effort(fit: JointResult, family: FamilyFit, name: str = "effort") -> Drawing
             pooled_error(group),
             np.average([p.coverage for p in group], weights=[len(p.time) for p in group]),
         )
-        rest = f"{SPLITS[first.split]} · error {percent(error)} % · {percent(100.0 * covered)} % of samples inside"
+        rest = (
+            f"{SPLIT_LABELS[first.split]} · error {percent(error)} % · {percent(100.0 * covered)} % of samples inside"
+        )
         heads([wide], [Head(first.recording, rest, colour(first.split))])
         if row == 0:
             key(
@@ -134,7 +137,7 @@ def effort(fit: JointResult, family: FamilyFit, name: str = "effort") -> Drawing
 def simulation(
     fit: JointResult, simulations: Mapping[str, Sequence[Simulation]], mode: str, name: str = "simulation"
 ) -> Drawing:
-    """Measured and simulated motion, and their difference in position, for one mode of simulation."""
+    """Draw measured and simulated motion, and their difference in position, for one mode of simulation."""
     reading = READINGS[fit.motion]
     reference = next(iter(simulations))
     chosen = _shown([whole(g) for g in by_recording(simulations[reference])])
@@ -181,7 +184,7 @@ def simulation(
     heads(
         axes[0],
         [
-            Head(r.recording, f"{SPLITS[r.split]} · position {percent(r.errors['position'])} %", colour(r.split))
+            Head(r.recording, f"{SPLIT_LABELS[r.split]} · position {percent(r.errors['position'])} %", colour(r.split))
             for r in chosen
         ],
     )
@@ -206,7 +209,7 @@ def simulation(
 
 
 def residuals(fit: JointResult, family: FamilyFit, name: str = "residuals") -> Drawing:
-    """Residual effort against position, velocity and load, with running medians."""
+    """Draw residual effort against position, velocity and load, with running medians."""
     reading = READINGS[fit.motion]
     unit = unit_text(fit.effort_unit)
     figure = Figure(figsize=(FIGURE_WIDTH, 3.3), layout="constrained")
@@ -222,7 +225,7 @@ def residuals(fit: JointResult, family: FamilyFit, name: str = "residuals") -> D
         axis.axhline(0.0, color=colour("muted"), linewidth=0.8)
         half = family.predictions[0].half_width
         axis.axhspan(-half, half, color=colour("faint"), alpha=0.18, linewidth=0)
-        for split in SPLITS:
+        for split in SPLIT_LABELS:
             chosen = [p for p in family.predictions if p.split == split]
             if not chosen:
                 continue
@@ -235,8 +238,8 @@ def residuals(fit: JointResult, family: FamilyFit, name: str = "residuals") -> D
         axis.set_xlabel(text)
         axis.set_ylim(-limit, limit)
         tidy(axis, first=axis is axes[0], text=f"Residual ({unit})", ticks=6)
-    present = [s for s in SPLITS if any(p.split == s for p in family.predictions)]
-    key(axes[0], [(SPLITS[s], colour(s)) for s in present])
+    present = [s for s in SPLIT_LABELS if any(p.split == s for p in family.predictions)]
+    key(axes[0], [(SPLIT_LABELS[s], colour(s)) for s in present])
     return Drawing(
         name,
         figure,
@@ -247,10 +250,10 @@ def residuals(fit: JointResult, family: FamilyFit, name: str = "residuals") -> D
 
 
 def whiteness(fit: JointResult, family: FamilyFit, name: str = "whiteness") -> Drawing:
-    """Autocorrelation of the residuals of the fitted recordings."""
+    """Draw the autocorrelation of the residuals of the fitted recordings."""
     chosen = [p for p in family.predictions if p.split == "fitted"] or list(family.predictions)
     longest = max(chosen, key=lambda p: len(p.time))
-    # With samples left out, a lag is a count and no time.
+    # With samples left out, a lag is a number of samples and not a time.
     even = all(len(broken(p.time, p.time)[0]) == len(p.time) for p in chosen)
     step = float(np.median(np.diff(longest.time))) if even and len(longest.time) > 1 else 1.0
     found = family.estimate.whiteness
@@ -283,7 +286,7 @@ def whiteness(fit: JointResult, family: FamilyFit, name: str = "whiteness") -> D
 
 
 def friction(fit: JointResult, name: str = "friction") -> Drawing:
-    """Friction against velocity: the best family with its interval over the data, and all families beside it."""
+    """Draw friction against velocity: the best family with its interval over the data, and all other families."""
     best = fit.families[fit.best]
     figure = Figure(figsize=(FIGURE_WIDTH, 4.3), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=(1.35, 1.0))
@@ -318,7 +321,7 @@ def friction(fit: JointResult, name: str = "friction") -> Drawing:
 
 
 def families(fit: JointResult, name: str = "families") -> Drawing:
-    """Small multiples of the friction curve, one panel a family, on common axes."""
+    """Draw the friction curve of each family in its own panel, on common axes."""
     count = len(fit.families)
     columns = min(count, 2 if count in (2, 4) else 3)
     rows = -(-count // columns)
@@ -396,7 +399,7 @@ def _velocities(fit: JointResult, family: FamilyFit) -> tuple[float, float]:
 
 
 def _branches(limits: tuple[float, float]) -> list[np.ndarray]:
-    """Negative and positive velocities, dense towards standstill, where Stribeck friction bends."""
+    """Return negative and positive velocities, dense near standstill, where Stribeck friction is curved."""
     shape = np.geomspace(1e-3, 1.0, 90)
     branches = []
     if limits[0] < 0.0:
@@ -414,7 +417,7 @@ def _loaded(family: FamilyFit) -> bool:
 
 
 def estimators(fit: JointResult, family: FamilyFit, name: str = "estimators") -> Drawing:
-    """Every parameter by every way of estimating it, with 95 % intervals."""
+    """Draw every parameter by every estimator, with 95 % intervals."""
     estimates = {family.estimate.method: family.estimate, **family.others}
     names = family.model.names
     columns = {5: 3, 6: 3, 9: 3}.get(len(names), min(len(names), 4))
@@ -453,7 +456,7 @@ def estimators(fit: JointResult, family: FamilyFit, name: str = "estimators") ->
 
 
 def heldout(fit: JointResult, name: str = "heldout") -> Drawing:
-    """Effort error of every family, fitted and held out."""
+    """Draw the effort error of every family, fitted and held out."""
     chosen = list(fit.families.values())
     figure, axis = one_panel(0.75 + 0.34 * len(chosen))
     for row, family in enumerate(chosen):
@@ -493,17 +496,17 @@ def _effort_label(fit: JointResult) -> str:
 
 def _durations(times: Iterable[np.ndarray]) -> list[float]:
     spans = [float(np.nanmax(t) - np.nanmin(t)) if len(t) else 1.0 for t in times]
-    # Recordings of very different length stay readable side by side.
+    # Panel widths are limited, so that recordings of very different length stay readable side by side.
     least = 0.35 if len(spans) < 3 else 0.75
     return [max(s, least * max(spans)) for s in spans]
 
 
 def _shown(runs: Sequence[Simulation]) -> list[Simulation]:
-    """As many as fit side by side: held-out recordings fill at least half of the places."""
+    """Return as many simulations as fit side by side; held-out recordings get at least half of the places."""
     held, fitted = ([r for r in runs if r.split == s] for s in ("heldout", "fitted"))
-    places = COLUMNS - min(len(held), COLUMNS // 2)
+    places = COLUMN_COUNT - min(len(held), COLUMN_COUNT // 2)
     fitted = fitted[:places]
-    return fitted + held[: COLUMNS - len(fitted)]
+    return fitted + held[: COLUMN_COUNT - len(fitted)]
 
 
 def _rest(count: int) -> str:

@@ -49,7 +49,7 @@ WHAT_ESTIMATORS_DO = (
 
 
 def page(study: Study, result: JointResult) -> Page:
-    """Everything that was found, as a page."""
+    """Build the page of a result."""
     result = result.for_page()
     best = result.headlined
     simulated, compared = result.simulated, _compared_family(result)
@@ -149,13 +149,13 @@ def _simulation_drawings(fit: JointResult, simulated: FamilyFit | None) -> tuple
 
 
 def _in_columns(traces: Sequence[Trace]) -> list[Sequence[Trace]]:
-    """Groups of nearly equal size, none larger than a figure holds."""
-    count = -(-len(traces) // figures.COLUMNS)
+    """Split traces into groups of nearly equal size that fit into a figure."""
+    count = -(-len(traces) // figures.COLUMN_COUNT)
     return [part for part in (traces[i * len(traces) // count : (i + 1) * len(traces) // count] for i in range(count))]
 
 
 def _compared_family(fit: JointResult) -> FamilyFit | None:
-    """The family with the most estimators; the best one where several have as many."""
+    """Return the family with the most estimators; the best family if several have as many."""
     ordered = [fit.families[fit.best], *fit.families.values()]
     most = max(ordered, key=lambda f: len(f.others))
     return most if most.others else None
@@ -205,7 +205,7 @@ def _tiles(fit: JointResult, level: float) -> list[Tile]:
         )
     else:
         tiles.append(Tile("Error on fitted data", percent(best.fitted_effort_error), "%", "nothing was held out"))
-    # What moves, what falls, what rubs: the parameters of any joint that a reader looks for first.
+    # Inertia, gravity and friction are the parameters that a reader looks for first.
     wanted = ("inertia", "gravity", "coulomb", "coulomb_positive", "viscous", "viscous_positive")
     for name in [n for n in wanted if n in best.model.names][:3]:
         tiles.append(_tile(best[name], level))
@@ -215,7 +215,7 @@ def _tiles(fit: JointResult, level: float) -> list[Tile]:
 
 
 def _by_whom(best: FamilyFit) -> str:
-    """Whose values are shown, and why."""
+    """Return in words which estimator's values are shown, and why."""
     chosen = METHODS[best.estimate.method]
     if not best.others:
         return f"Values are by {chosen} on filtered data."
@@ -293,7 +293,7 @@ def _by_recording(fit: JointResult) -> Table:
     names = {p.recording: p.split for f in fit.families.values() for p in f.predictions}
     rows = []
     for recording, split in names.items():
-        cells = [recording, figures.SPLITS.get(split, split)]
+        cells = [recording, figures.SPLIT_LABELS.get(split, split)]
         for f in fit.families.values():
             found = [p for p in f.predictions if p.recording == recording]
             cells.append(percent(found[0].effort_error) if found else "–")
@@ -377,7 +377,7 @@ def _simulated(fit: JointResult, family: FamilyFit | None) -> Table:
                 Row(
                     (
                         s.recording,
-                        figures.SPLITS.get(s.split, s.split),
+                        figures.SPLIT_LABELS.get(s.split, s.split),
                         MODES.get(s.mode, s.mode),
                         METHODS.get(method, method),
                         *(percent(s.errors.get(k, np.nan)) for k in ("position", "velocity", "acceleration", "effort")),
@@ -406,7 +406,7 @@ def _simulated(fit: JointResult, family: FamilyFit | None) -> Table:
 
 
 def _estimators_words(family: FamilyFit | None) -> str:
-    """Why the estimators at hand differ, in one sentence."""
+    """Explain in one sentence how the estimators differ."""
     if family is None:
         return ""
     present = {family.estimate.method, *family.others}
@@ -460,13 +460,13 @@ def _provenance(study: Study, fit: JointResult) -> Section:
 
 
 def _drive(study: Study, fit: JointResult) -> str:
-    """Where the effort comes from, in words."""
+    """Return the source of the effort in words."""
     drive = study.rig.drive
     if drive.kind == "torque":
         return "as a sensor measured it"
     if drive.constant is None:
         return f"the drive's own {drive.kind}: no constant is known, so results are per {drive.kind}"
-    # With a resistance, a voltage drive's constant is the motor's own, per ampere.
+    # With a known resistance, a voltage drive's constant is the motor's own, per ampere.
     per = "V" if drive.kind == "voltage" and drive.resistance is None else "A"
     unit = f"{fit.effort_unit}/{per}"
     text = f"from the drive's {drive.kind}, constant {number(drive.constant)} {unit_text(unit)}"
@@ -480,6 +480,7 @@ def _drive(study: Study, fit: JointResult) -> str:
 def _checksums(fit: JointResult) -> Table:
     splits = {p.recording: p.split for p in fit.families[fit.best].predictions}
     rows = tuple(
-        Row((name, figures.SPLITS.get(splits.get(name, ""), "–"), digest)) for name, digest in fit.checksums.items()
+        Row((name, figures.SPLIT_LABELS.get(splits.get(name, ""), "–"), digest))
+        for name, digest in fit.checksums.items()
     )
     return Table(("Recording", "Use", "SHA-256 of its file"), rows, wide=True)

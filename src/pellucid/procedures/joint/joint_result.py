@@ -1,4 +1,4 @@
-"""What `identify` finds of a joint with friction: families, verdicts, and all of it as tables, rows and cards."""
+"""Result of `identify` for a joint with friction: families and verdicts, as tables, rows and cards."""
 
 from __future__ import annotations
 
@@ -23,14 +23,16 @@ from ...signals.motion import Motion
 from ..posterior_beside import beside, posterior_rows, posterior_table
 from ..result import FigureTable, ParameterTable, Result
 
-COMMAND = "identify"
-SHOWN = 50_000
-"""Samples of a recording, about, that figures get at most: a page shows no more."""
+COMMAND_NAME = "identify"
+"""Name of the command that writes these results."""
+
+MAX_DRAWN_SAMPLES = 50_000
+"""Approximate largest number of samples of a recording in a figure; a page shows no more."""
 
 
 @dataclass(frozen=True)
 class Trace:
-    """A recording as filtered, stretches joined by a break; signals have shape (n,), SI, the effort in its own unit."""
+    """A filtered recording with a gap between stretches; signals have shape (n,), SI, the effort its own unit."""
 
     recording: str
     split: str
@@ -42,23 +44,23 @@ class Trace:
 
 @dataclass(frozen=True, kw_only=True)
 class JointResult(Result):
-    """Everything `identify` found on one joint."""
+    """Result of `identify` for one joint."""
 
-    motion: str
+    motion: str  # "rotary" or "prismatic"
     effort_unit: str
-    lifts: str
-    families: Mapping[str, FamilyFit]  # In the order they were asked for
-    # The simplest family whose held-out error is close to the smallest; fitted errors where nothing is held out
-    best: str
-    filter_note: str  # The processing, as one line: it stands beside every figure
-    drive_constant: Parameter | None = None  # From recordings with a known payload
-    posterior: Posterior | None = None  # Of the best family, if [model] posterior asks for it
-    presliding: Presliding = field(default_factory=Presliding)  # What friction does below slip
-    traces: tuple[Trace, ...] = field(default=(), repr=False)  # Every recording, fitted ones first
+    lifts: str  # effect of positive motion, in words
+    families: Mapping[str, FamilyFit]  # fits of the families, in the requested order
+    best: str  # simplest family that is not significantly worse than the best
+    filter_note: str  # processing in one line
+    drive_constant: Parameter | None = None  # drive constant from recordings with a known payload
+    posterior: Posterior | None = None  # posterior of the best family, if [model] posterior requests it
+    presliding: Presliding = field(default_factory=Presliding)  # estimate of the presliding travel
+    traces: tuple[Trace, ...] = field(default=(), repr=False)  # recordings for figures, fitted ones first
 
     @property
     def estimates(self) -> Mapping[str, Parameter]:
-        """The headline's parameters by name, least squares' of every family as ``"load.inertia"``."""
+        """Parameters by name: those of the chosen estimate, and those of each family by least squares as
+        ``"load.inertia"``."""
         found = {p.name: p for p in self.headlined.estimate.parameters}
         if self.drive_constant is not None:
             found[self.drive_constant.name] = self.drive_constant
@@ -68,27 +70,27 @@ class JointResult(Result):
 
     @property
     def headlined(self) -> FamilyFit:
-        """The best family, by the estimator that was chosen."""
+        """Best family with the values of the chosen estimator."""
         return self.families[self.best].headline
 
     @property
     def simulated(self) -> FamilyFit | None:
-        """The family whose simulations are drawn: the best one, or else the first that was simulated."""
+        """Family whose simulations are drawn: the best one, or else the first with simulations."""
         ordered = [self.families[self.best], *self.families.values()]
         return next((f for f in ordered if any(f.simulations.values())), None)
 
     def for_page(self) -> JointResult:
         drawn = self.simulated
         families = {n: f if f is drawn else replace(f, simulations={}) for n, f in self.families.items()}
-        return replace(self, families={n: f.shown(SHOWN) for n, f in families.items()})
+        return replace(self, families={n: f.shown(MAX_DRAWN_SAMPLES) for n, f in families.items()})
 
 
-def completed(study: Study, found: JointResult) -> JointResult:
-    """The same with headline, tables, rows and cards of its families."""
+def complete_result(study: Study, found: JointResult) -> JointResult:
+    """Add the headline, tables, rows and cards to a result."""
     cards = {f"joint.{name}": card_of(study, found, family) for name, family in found.families.items()}
     return replace(
         found,
-        headline=_headline(found.families, found.best) + _unless(found.verdicts),
+        headline=_headline(found.families, found.best) + _faults_to_correct(found.verdicts),
         tables=(*_tables(found.families, found.best, found.drive_constant), *_posterior_table(found)),
         rows=tuple(rows_of(found)),
         cards={**cards, "joint": card_of(study, found, found.headlined)},
@@ -103,8 +105,8 @@ def _headline(families: Mapping[str, FamilyFit], best: str) -> str:
     return f"{best} friction{by}, {split} effort error {error:.3g} %"
 
 
-def _unless(verdicts: Sequence[Verdict]) -> str:
-    """What must be mended before a headline is one."""
+def _faults_to_correct(verdicts: Sequence[Verdict]) -> str:
+    """Return the faults that must be corrected before the headline can be used, in words."""
     wrong = list(dict.fromkeys(v.finding.replace("_", " ") for v in verdicts if v.kind == "wrong"))
     return f"; not to be used before this is mended: {', '.join(wrong)}" if wrong else ""
 
@@ -145,13 +147,13 @@ def _finite(x: float) -> float | None:
 
 
 def traces_of(motions: Sequence[Motion]) -> tuple[Trace, ...]:
-    """Recordings as filtered, fitted ones first."""
+    """Return the filtered recordings, fitted ones first."""
     whole: dict[str, list[Motion]] = {}
     for motion in motions:
         whole.setdefault(motion.recording, []).append(motion)
 
     def joined(parts: list[Motion], signal: str) -> np.ndarray:
-        keep = max(1, sum(len(m.position) for m in parts) // SHOWN)
+        keep = max(1, sum(len(m.position) for m in parts) // MAX_DRAWN_SAMPLES)
         return np.concatenate([np.append(getattr(m, signal)[m.inner][::keep], np.nan) for m in parts])[:-1]
 
     traces = [
@@ -162,7 +164,7 @@ def traces_of(motions: Sequence[Motion]) -> tuple[Trace, ...]:
 
 
 def card_of(study: Study, fit: JointResult, family: FamilyFit) -> ModelCard:
-    """The model card of a family's estimate: of least squares, or of what was chosen."""
+    """Return the model card of a family's estimate."""
     level = study.model.confidence
     drive = drive_model(study.rig)
     fitted = [p for p in family.predictions if p.split == "fitted"]
@@ -192,23 +194,28 @@ def card_of(study: Study, fit: JointResult, family: FamilyFit) -> ModelCard:
 
 
 def rows_of(fit: JointResult) -> Iterator[ResultRow]:
-    """Every figure of a fit: `<study>.<family>.<figure>[.<recording>[.<signal>]]`, other estimators as
-    `<study>.<family>.<method>.<figure>`."""
+    """Yield the result rows of a fit.
+
+    Their ids are `<study>.<family>.<figure>[.<recording>[.<signal>]]`, and `<study>.<family>.<method>.<figure>` for
+    other estimators.
+    """
     together = combined_checksum(fit.checksums.values())
     if fit.drive_constant is not None:
         p = fit.drive_constant
-        yield ResultRow(f"{fit.study}.drive.constant", p.value, p.unit, COMMAND, "fitted", together, p.sentence())
+        yield ResultRow(f"{fit.study}.drive.constant", p.value, p.unit, COMMAND_NAME, "fitted", together, p.sentence())
     if fit.presliding.travel is not None:
         p = fit.presliding.travel
-        yield ResultRow(f"{fit.study}.presliding.travel", p.value, p.unit, COMMAND, "fitted", together, p.sentence())
+        yield ResultRow(
+            f"{fit.study}.presliding.travel", p.value, p.unit, COMMAND_NAME, "fitted", together, p.sentence()
+        )
     yield from _headline_rows(fit, together)
     if fit.posterior is not None:
-        plain = ResultRow("", None, "1", COMMAND, "fitted", together, fit.posterior.settled)
+        plain = ResultRow("", None, "1", COMMAND_NAME, "fitted", together, fit.posterior.settled)
         compared = beside(fit.families[fit.best].estimate.parameters, fit.posterior)
         yield from posterior_rows(f"{fit.study}.{fit.best}", compared, fit.confidence, plain)
     for name, family in fit.families.items():
         head = f"{fit.study}.{name}"
-        plain = ResultRow("", None, "1", COMMAND, "fitted", together, fit.filter_note)
+        plain = ResultRow("", None, "1", COMMAND_NAME, "fitted", together, fit.filter_note)
         yield from _estimate_rows(head, family.estimate, plain)
         yield replace(plain, id=f"{head}.r2", value=family.fitted_r2)
         if np.isfinite(family.heldout_r2):
@@ -229,7 +236,7 @@ def rows_of(fit: JointResult) -> Iterator[ResultRow]:
 def _headline_rows(fit: JointResult, together: str) -> Iterator[ResultRow]:
     one = fit.headlined
     how = f"method {one.estimate.method}; family {fit.best}; chosen for {one.choice.purpose}"
-    plain = ResultRow("", None, "1", COMMAND, "fitted", together, how)
+    plain = ResultRow("", None, "1", COMMAND_NAME, "fitted", together, how)
     head = f"{fit.study}.headline"
     for p in one.estimate.parameters:
         note = f"{p.sentence()}; {how}; {fit.filter_note}"

@@ -44,15 +44,15 @@ class JointProcedure(Procedure[None, "JointResult"]):
         return page(study, found)
 
     def cut(self, study: Study) -> list[Fault]:
-        """Cuts, what between them is too short, and what was made of clocks."""
+        """Return the cuts, the stretches that are too short, and the notes on clocks."""
         from ...recordings.quality import clock_faults
-        from .recorded_motions import left_out
+        from .recorded_motions import short_stretch_faults
 
         clocks = (fault for recording in study.recordings() for fault in clock_faults(recording, study))
-        return [*super().cut(study), *left_out(study), *clocks]
+        return [*super().cut(study), *short_stretch_faults(study), *clocks]
 
     def unfit(self, study: Study) -> dict[str, Fault]:
-        """None: a recording of which too much is cut refuses the study."""
+        """Return nothing, because a recording with too many cuts refuses the whole study."""
         return {}
 
     def asked(self, study: Study) -> bool:

@@ -1,4 +1,4 @@
-"""A study's recordings as motions: evenly sampled, cut where the drive was off, filtered as study.toml says."""
+"""Turn a study's recordings into motions: evenly sampled, cut where the drive was off, and filtered."""
 
 from __future__ import annotations
 
@@ -20,39 +20,38 @@ from ...signals.filters import runs
 from ...signals.long_motion import MIN_LONG_SAMPLES, pieces
 from ...signals.motion import Filtering, Motion, motion_of, shortest
 
-EXCERPT = 12_000
-"""Samples of fitted recordings, and of held-out ones, that simulations and what needs them get where there are more."""
+EXCERPT_SAMPLE_COUNT = 12_000
+"""Number of samples in an excerpt of fitted, and of held-out, recordings. Methods that simulate use the excerpt."""
 
-PARTS = 4
-"""Parts of an excerpt, of one recording."""
+EXCERPT_PART_COUNT = 4
+"""Number of parts in which an excerpt is taken from one recording."""
 
-FEWEST_ROWS = 100
-"""Rows that each part gives at least."""
+MIN_ROWS_PER_PART = 100
+"""Smallest number of regression rows in each part."""
 
 
 def filtering_of(processing: Processing) -> Filtering:
-    """A study's [processing], but for its resampling."""
+    """Return the filtering of a study's [processing], without its resampling."""
     p = processing
     return Filtering(p.lowpass, p.order, p.decimate, p.dead_band, p.trim)
 
 
 def motions_of(recordings: Iterable[Recording], study: Study) -> tuple[Motion, ...]:
-    """Every stretch of `recordings` of a study in which nothing was cut out and the drive was enabled, filtered and
-    differentiated."""
+    """Return the motion of every uncut stretch with the drive enabled, filtered and differentiated."""
     model = drive_model(study.rig)
     return tuple(m for r in recordings for m in _motions_of(r, study, model))
 
 
 @dataclass(frozen=True)
 class Excerpt:
-    """Parts of long recordings as they were sampled: what would take hours on all of them is done on these."""
+    """Parts of long recordings, for methods that would take hours on all samples."""
 
     motions: tuple[Motion, ...]
-    said: str  # How much of what, in words; empty where it is everything
+    said: str  # description of the parts, in words; empty if they are everything
 
 
-def excerpt_of(recordings: Iterable[Recording], study: Study, everything: tuple[Motion, ...]) -> Excerpt:
-    """`everything` itself, the motions of all `recordings`, where it is little; parts of each recording otherwise."""
+def take_excerpt(recordings: Iterable[Recording], study: Study, everything: tuple[Motion, ...]) -> Excerpt:
+    """Return an excerpt of `recordings`, or `everything`, the motions of all of them, if that is little."""
     long = [m for m in everything if m.command is None]
     samples = {s: sum(len(m.position) for m in everything if m.split == s) for s in ("fitted", "heldout")}
     if not long and max(samples.values()) < MIN_LONG_SAMPLES:
@@ -60,18 +59,20 @@ def excerpt_of(recordings: Iterable[Recording], study: Study, everything: tuple[
     model, made, told = drive_model(study.rig), [], []
     for recording in recordings:
         needed = shortest(filtering_of(study.processing_of(recording)))
-        least = PARTS * (needed + everything[0].filtering.decimate * FEWEST_ROWS)
+        least = EXCERPT_PART_COUNT * (needed + everything[0].filtering.decimate * MIN_ROWS_PER_PART)
         split = "fitted" if recording.use == "fit" else "heldout"
         share = len(recording) / max(samples[split], 1)
-        parts = list(_motions_of(recording, study, model, within=max(int(EXCERPT * min(share, 1.0)), least)))
+        parts = list(
+            _motions_of(recording, study, model, within=max(int(EXCERPT_SAMPLE_COUNT * min(share, 1.0)), least))
+        )
         made += parts
         lasts = sum(m.time[-1] - m.time[0] for m in parts)
         told.append(f"{lasts:.0f} s of {recording.name} from {', '.join(f'{m.time[0]:.0f}' for m in parts)} s")
     return Excerpt(tuple(made), "; ".join(told[:4]) + (f" and of {len(told) - 4} more" if len(told) > 4 else ""))
 
 
-def left_out(study: Study) -> list[Fault]:
-    """Stretches between cuts that are too short to be used."""
+def short_stretch_faults(study: Study) -> list[Fault]:
+    """Return a fault for each stretch between cuts that is too short to be used."""
     faults = []
     for recording in study.recordings():
         processing = study.processing_of(recording)
@@ -135,12 +136,12 @@ def _motions_of(recording: Recording, study: Study, model: DriveModel, within: i
 
 
 def _parts(stretches: list[Stretch], samples: int) -> list[Stretch]:
-    """About so many `samples` of them: parts of equal length, as far apart as may be."""
+    """Return parts of stretches with about `samples` samples together, equally long and evenly spaced."""
     whole = sum(len(s.time) for s in stretches)
     if whole <= samples:
         return stretches
-    length, made, before = samples // PARTS, [], 0
-    places = [(i + 0.5) * whole / PARTS for i in range(PARTS)]
+    length, made, before = samples // EXCERPT_PART_COUNT, [], 0
+    places = [(i + 0.5) * whole / EXCERPT_PART_COUNT for i in range(EXCERPT_PART_COUNT)]
     for stretch in stretches:
         n = len(stretch.time)
         for place in (x for x in places if before <= x < before + n):
@@ -160,33 +161,35 @@ class Stretch:
 
     @property
     def time(self) -> np.ndarray:
-        """Shape (n,) [s]."""
+        """Time of the samples, shape (n,) [s]."""
         return self.recording.time
 
     def part(self, samples: slice) -> Stretch:
-        """Some of its samples."""
+        """Return some of the samples as a stretch."""
         start = "measured" if samples.start else self.start
         return Stretch(replace(self.recording, channels=channels_within(self.recording, samples)), self.fs, start)
 
 
 def stretches_of(recording: Recording, processing: Processing) -> Iterator[Stretch]:
-    """Every stretch of a recording in which nothing was cut out and the drive was enabled."""
+    """Yield every stretch of a recording without cuts in which the drive was enabled."""
     for span in recording.spans:
-        fs, channels = evenly_sampled(recording, span, processing)
+        fs, channels = sample_evenly(recording, span, processing)
         enabled = np.ones(len(channels["time"]), bool)
         for name in channels:
             if name.partition(".")[0] == "enabled":
                 enabled &= channels[name] != 0.0
         for part in runs(enabled):
             cut = {n: replace(recording.channels[n], samples=x[part]) for n, x in channels.items()}
-            # Where it was cut the machine moves, wherever the recording itself begins.
+            # A stretch after a cut begins in motion, whatever the start of the recording is.
             start = "measured" if part.start == 0 and span.start > 0 else recording.start
             yield Stretch(replace(recording, channels=cut, cuts=()), fs, start)
 
 
-def evenly_sampled(recording: Recording, span: slice, processing: Processing) -> tuple[float, dict[str, np.ndarray]]:
-    """Sampling rate [Hz] and channels, each shape (n,), of a span on an even grid; interpolated only where the study
-    says so or the clock jitters."""
+def sample_evenly(recording: Recording, span: slice, processing: Processing) -> tuple[float, dict[str, np.ndarray]]:
+    """Return the sampling rate [Hz] and the channels, each (n,), of a span on an even grid.
+
+    Samples are interpolated only if the study says so or the clock jitters.
+    """
     values = {name: channel.samples[span] for name, channel in recording.channels.items()}
     jitters = recording.jitter > MAX_EVEN_JITTER
     if processing.resample is None and not jitters:
@@ -197,12 +200,12 @@ def evenly_sampled(recording: Recording, span: slice, processing: Processing) ->
         line = first + step * np.arange(len(time))
         if np.abs(time - line).max() <= MAX_EVEN_JITTER * step:
             return 1.0 / step, {**values, "time": line}
-        # Packets that come in batches leave a usual step between stamps that says nothing of the rate.
+        # Packets that arrive in batches have a median step between stamps that does not give the rate.
         fs = (len(time) - 1) / float(time[-1] - time[0])
     grid = even_times(time, fs)
     held = {name for name in values if name.partition(".")[0] == "enabled"}
     nearest = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, len(time) - 1)
-    # Where nobody asked for straight lines there are cubics through neighbours, which lose less.
+    # Cubic interpolation loses less than linear; linear is used only if the study asks for resampling.
     curved = processing.resample is None
     even = {
         n: x[nearest] if n in held else interpolate_at(time, x, grid) if curved else np.interp(grid, time, x)

@@ -1,4 +1,4 @@
-"""Does a recorded velocity belong to the position? Its sign, its unit, and how late it is."""
+"""Check a recorded velocity against the position: its sign, its unit and its delay."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from ...recordings.study_file import Processing
 from ...signals.motion import differentiate, lowpassed, shortest
 from .recorded_motions import filtering_of, stretches_of
 
-FOLLOWS = 0.7
-"""Correlation with the position's derivative below which a velocity does not follow it."""
+MIN_CORRELATION = 0.7
+"""A velocity follows the position if its correlation with the position's derivative is at least this."""
 
-APART = 0.1
-"""Share by which a velocity may be larger or smaller than the position's derivative."""
+MAX_SCALE_DIFFERENCE = 0.1
+"""Largest relative difference of a velocity's scale from that of the position's derivative."""
 
-LONGEST = 0.1
-"""Delays are looked for up to here [s]."""
+MAX_DELAY_S = 0.1
+"""Largest delay in the search [s]."""
 
-MOST = 10_000
-"""Samples that are compared, in the middle of the longest stretch."""
+MAX_COMPARED_SAMPLES = 10_000
+"""Number of samples that are compared, from the middle of the longest stretch."""
 
-SCALES = {
+UNIT_CONFUSIONS = {
     math.degrees(1.0): "deg/s given as rad/s", math.radians(1.0): "rad/s given as deg/s", 1e3: "mm/s given as m/s",
     1e-3: "m/s given as mm/s", 60.0 / (2.0 * math.pi): "rpm given as rad/s", math.pi / 30.0: "rad/s given as rpm",
 }  # fmt: skip
-"""By how much a velocity is too large where its unit is another."""
+"""Confusions of units, by the factor by which they enlarge the velocity."""
 
 
 def velocity_faults(study: Study) -> list[Fault]:
-    """Of every recording with a velocity beside its position."""
+    """Return the faults of every recorded velocity."""
     return [
         fault
         for recording in study.recordings()
@@ -45,14 +45,14 @@ def velocity_faults(study: Study) -> list[Fault]:
 
 
 def require_velocity(study: Study) -> None:
-    """Refuse recorded velocities that are to be used and do not belong to the position."""
+    """Refuse recorded velocities that are to be used but do not follow the position."""
     refused = [fault.message for fault in velocity_faults(study) if fault.severity == "refuse"]
     if refused:
         raise UnfitRecordingError("\n".join(refused))
 
 
 def _faults(recording: Recording, processing: Processing) -> Iterator[Fault]:
-    from ...signals.clocks import align  # with SciPy's optimisers: only where a velocity was recorded
+    from ...signals.clocks import align  # imported late, because it loads SciPy's optimisers
 
     longest = max(stretches_of(recording, processing), key=lambda s: len(s.time), default=None)
     filtering = filtering_of(processing)
@@ -63,11 +63,11 @@ def _faults(recording: Recording, processing: Processing) -> Iterator[Fault]:
         expected = differentiate(measured["position"], fs, filtering)[1]
         recorded = lowpassed(measured["velocity"], fs, filtering)
     except ValueError:
-        return  # too short for its filter, which is told of the recording
+        return  # too short for its filter, which is reported elsewhere
     used = processing.velocity == "recorded"
     thin = max(int(fs / (10.0 * filtering.lowpass)), 1) if filtering.lowpass else 1
-    first = max((len(expected) - MOST * thin) // 2, 0)
-    part = slice(first, first + MOST * thin, thin)
+    first = max((len(expected) - MAX_COMPARED_SAMPLES * thin) // 2, 0)
+    part = slice(first, first + MAX_COMPARED_SAMPLES * thin, thin)
     time, expected, recorded = longest.time[part], expected[part], recorded[part]
 
     def fault(kind: str, found: str, wanted: str, severity: str = "refuse" if used else "note") -> Fault:
@@ -78,10 +78,10 @@ def _faults(recording: Recording, processing: Processing) -> Iterator[Fault]:
 
     moving = float(np.std(expected)) > 0.0 and float(np.std(recorded)) > 0.0
     try:
-        lies = align(time, expected, time, recorded, longest=LONGEST) if moving else None
+        lies = align(time, expected, time, recorded, longest=MAX_DELAY_S) if moving else None
     except RecordingError:
         lies = None
-    if lies is None or abs(lies.correlation) < FOLLOWS:
+    if lies is None or abs(lies.correlation) < MIN_CORRELATION:
         found = f"a correlation of {lies.correlation:.2f} with" if lies is not None else "no likeness to"
         yield fault("velocity_mismatch", f"{found} the position's derivative", "one that follows the position")
         return
@@ -90,8 +90,15 @@ def _faults(recording: Recording, processing: Processing) -> Iterator[Fault]:
         yield fault(
             "velocity_sign", "the position's derivative reversed", "its sign: set sign = -1 on channel velocity"
         )
-    if abs(size - 1.0) > APART:
-        like = next((f", which looks like {text}" for by, text in SCALES.items() if abs(size / by - 1.0) < APART), "")
+    if abs(size - 1.0) > MAX_SCALE_DIFFERENCE:
+        like = next(
+            (
+                f", which looks like {text}"
+                for by, text in UNIT_CONFUSIONS.items()
+                if abs(size / by - 1.0) < MAX_SCALE_DIFFERENCE
+            ),
+            "",
+        )
         yield fault(
             "velocity_scale", f"{size:.4g} times the position's derivative{like}", "the same: its unit or scale"
         )

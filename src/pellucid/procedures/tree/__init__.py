@@ -1,3 +1,4 @@
-"""A robot of several joints, identified at once."""
+"""A robot of several joints, identified together."""
 
 ORDER = 30
+"""Position of this procedure among all procedures; the smallest comes first."""

@@ -1,4 +1,4 @@
-"""Gains of a robot's drives as a study asks for them, and what the robot carried in recordings with a payload."""
+"""Drive gains of a robot by the study's choice, and payloads identified from recordings."""
 
 from __future__ import annotations
 
@@ -19,19 +19,21 @@ from ...signals.tree_motion import TreeMotion
 from .tree_result import FoundPayload
 from .tree_table import TreeTable
 
-GAINS = {
+GAIN_SOURCES = {
     "stated": "as stated in study.toml",
     "desired": "from the controller's desired torque and current",
     "payload": "from recordings with and without a known payload",
 }
-"""Where gains come from, in words."""
+"""Sources of the drive gains, in words."""
 
 
 def with_gains(
     study: Study, robot: Robot, motions: Sequence[TreeMotion]
 ) -> tuple[list[TreeMotion], tuple[Parameter, ...]]:
-    """The motions with efforts by the gains that `[tree] gains` asks for, and these gains; none where they are
-    stated. Only recordings that are fitted set gains."""
+    """Return the motions with efforts by the gains that `[tree] gains` requests, and these gains.
+
+    There are no gains if they are stated. Only fitted recordings determine gains.
+    """
     table = study.table(TreeTable)
     if table.gains == "desired":
         gains = gains_from_desired(robot, _empty(motions), width=table.velocity_width)
@@ -45,18 +47,18 @@ def with_gains(
     return [replace(m, gain=each, gain_known=known, effort=(each * m.drive) @ turns) for m in motions], gains
 
 
-def carried_payloads(
+def identify_payloads(
     study: Study, robot: Robot, motions: Sequence[TreeMotion], best: TreeEstimate, gains: Sequence[Parameter]
 ) -> tuple[FoundPayload, ...]:
-    """What hung on the robot in each recording with a payload, found with the fitted recordings without one.
+    """Identify the payload of each recording with one, together with the fitted recordings without one.
 
-    A recording whose stated mass set the gains is weighed with gains from the other such recordings. If it is the only
-    one, its mass is marked as no test of the gains.
+    If a recording's stated mass determined the gains, its payload is identified with gains from the other such
+    recordings. If it is the only one, its mass is marked as no test of the gains.
     """
     made = []
     if not all(motions[0].gain_known):
-        return ()  # what is in ampere weighs nothing
-    # Speeds of Stribeck terms are searched for a robot without load; beside a load that term is too little to matter.
+        return ()  # without gains there is no effort in N m, and so no mass
+    # Stribeck terms are left out: their velocities are searched only without load, and the terms are small beside one.
     families = tuple(tuple(term for term in family if term != STRIBECK.name) for family in best.families)
     calibrating = _calibrating(study, motions)
     for name in _with_payload(motions):
@@ -77,7 +79,7 @@ def carried_payloads(
 
 
 def _calibrating(study: Study, motions: Sequence[TreeMotion]) -> list[str]:
-    """Recordings whose stated payloads set the gains: those that are fitted, where `[tree] gains` asks for payloads."""
+    """Return the recordings whose stated payloads determine the gains, if `[tree] gains` requests payloads."""
     if study.table(TreeTable).gains != "payload":
         return []
     return _with_payload([m for m in motions if m.use == "fit"])
@@ -86,7 +88,10 @@ def _calibrating(study: Study, motions: Sequence[TreeMotion]) -> list[str]:
 def _gains_from_payloads(
     robot: Robot, motions: Sequence[TreeMotion], names: Sequence[str], width: float
 ) -> tuple[Parameter, ...]:
-    """Gains by the stated payloads of the recordings `names`; `width` of the smooth sign of friction [rad/s; m/s]."""
+    """Estimate the gains from the stated payloads of the recordings `names`.
+
+    `width` is that of the smooth sign of friction [rad/s; m/s].
+    """
     loaded = [[m for m in motions if m.recording == name] for name in names]
     last = robot.tree.order[-1].child
     links = list(dict.fromkeys(each[0].payload.link or last for each in loaded))
@@ -101,10 +106,10 @@ def _gains_from_payloads(
 
 
 def _with_payload(motions: Sequence[TreeMotion]) -> list[str]:
-    """Names of the recordings with a payload, each once."""
+    """Return the names of the recordings with a payload, each once."""
     return list(dict.fromkeys(m.recording for m in motions if m.payload is not None))
 
 
 def _empty(motions: Sequence[TreeMotion]) -> list[TreeMotion]:
-    """Motions of the robot without a payload that may be fitted."""
+    """Return the motions without a payload that may be fitted."""
     return [m for m in motions if m.payload is None and m.use == "fit"]

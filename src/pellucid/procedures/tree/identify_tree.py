@@ -1,4 +1,4 @@
-"""All joints of a robot identified at once: base parameters, friction of each joint, bodies that can exist."""
+"""Identify all joints of a robot together: base parameters, friction of each joint, consistent inertias."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from ..findings import findings_of
 from ..joint.recorded_motions import filtering_of
 from ..procedure import Progress, quiet
 from . import findings
-from .carried_payloads import GAINS, carried_payloads, with_gains
+from .carried_payloads import GAIN_SOURCES, identify_payloads, with_gains
 from .recorded_tree import file_of, recorded_tree
 from .tree_faults import tree_faults
-from .tree_result import Errors, TreeResult, TreeTrace, choice_of, completed
+from .tree_result import Errors, TreeResult, TreeTrace, choice_of, complete_result
 from .tree_table import TreeTable
 
 
 def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
-    """Every model of a study's robot."""
+    """Identify every model of a study's robot."""
     tell("reading recordings", 0.0)
     faults = tree_faults(study)
     refused = [fault.message for fault in faults if fault.severity == "refuse"]
@@ -59,14 +59,14 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
         if table.inertia_prior:
             models["prior"] = fit_with_prior(best, found.rows)[0]
     except IdentificationError as error:
-        # Efforts that no body can make, as of a wrong sign, leave base parameters that may show where.
+        # Without consistent bodies, for example after a wrong sign, the base parameters may still show the cause.
         failures["consistent" if bodies is None else "prior"] = str(error)
     tell("judging", 0.75)
-    errors = [*_rivals(study, found, fitted, judged), *_of_base_and_best(found, fitted, judged)]
-    errors += _of_bodies(found, bodies, judged) if bodies is not None else ()
-    errors += _of_prior(models, fitted, judged)
+    errors = [*_baseline_errors(study, found, fitted, judged), *_errors_of_base_and_best(found, fitted, judged)]
+    errors += _errors_of_consistent(found, bodies, judged) if bodies is not None else ()
+    errors += _errors_of_prior(models, fitted, judged)
     tell("payloads", 0.9)
-    payloads = carried_payloads(study, robot, motions, found.best, gains)
+    payloads = identify_payloads(study, robot, motions, found.best, gains)
     out = found.best_out
     result = TreeResult(
         study=study.name,
@@ -87,7 +87,7 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
         payloads=payloads,
         gains=tuple(zip(map(float, fitted[0].gain), fitted[0].drive_units, fitted[0].gain_known, strict=True)),
         identified_gains=gains,
-        gains_note=GAINS[table.gains],
+        gains_note=GAIN_SOURCES[table.gains],
         published=table.published,
         filter_note=filtering_of(study.processing_of(study.recordings()[0])).sentence("rad/s"),
         doubts=tuple(f"{f.found}, expected {f.expected}" for f in faults if f.kind == "sign"),
@@ -95,16 +95,16 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
         traces=tuple(_trace(m, found) for m in motions if m.payload is None),
     )
     result = replace(result, verdicts=findings_of(findings, result))
-    return completed(study, result)
+    return complete_result(study, result)
 
 
-def _rivals(
+def _baseline_errors(
     study: Study, found: TreeIdentification, fitted: Sequence[TreeMotion], judged: Sequence[TreeMotion]
 ) -> Iterator[Errors]:
-    """The simplest ones: bodies as the robot's file states them, with friction as fitted and as published."""
+    """Yield the errors of the baselines: stated bodies with fitted and with published friction."""
     urdf = file_of(study)
     if not all(fitted[0].gain_known) or (urdf is not None and not urdf.has_bodies):
-        return  # kilograms say nothing of amperes, and what stands in for bodies is nobody's statement
+        return  # stated masses predict no effort in amperes, and placeholder bodies are no baseline
     kinds = {"fitted": found.rows}
     if judged:
         kinds["heldout"] = collect_rows(found.rows.robot, judged, width=found.rows.width, base=found.rows.base)
@@ -123,7 +123,7 @@ def _rivals(
     for kind, each in kinds.items() if published is not None else ():
         yield Errors("published", kind, _plain(relative_errors(residuals_on(plain, published, each), each.size)))
     if published is not None and found.base_out is not None:
-        # Nothing is fitted, so that segments left out are all there are.
+        # Nothing is fitted, so every segment counts as left out.
         yield Errors(
             "published",
             "segments_out",
@@ -131,7 +131,7 @@ def _rivals(
         )
 
 
-def _of_base_and_best(
+def _errors_of_base_and_best(
     found: TreeIdentification, fitted: Sequence[TreeMotion], judged: Sequence[TreeMotion]
 ) -> Iterator[Errors]:
     for model, out in ((found.base, found.base_out), (found.best, found.best_out)):
@@ -142,8 +142,10 @@ def _of_base_and_best(
             yield Errors(model.name, "heldout", _plain(found.heldout[model.name]))
 
 
-def _of_bodies(found: TreeIdentification, bodies: ConsistentSolution, judged: Sequence[TreeMotion]) -> Iterator[Errors]:
-    """Of bodies that can exist: without each segment with the friction that was chosen without it."""
+def _errors_of_consistent(
+    found: TreeIdentification, bodies: ConsistentSolution, judged: Sequence[TreeMotion]
+) -> Iterator[Errors]:
+    """Yield the errors of the consistent model; each left-out segment has the friction chosen without it."""
     rows, model = found.rows, bodies.spread.model
     yield Errors(
         "consistent", "fitted", _plain(relative_errors(residuals_on(model, bodies.parameters, rows), rows.size))
@@ -164,11 +166,13 @@ def _of_bodies(found: TreeIdentification, bodies: ConsistentSolution, judged: Se
         )
 
 
-def _of_prior(
+def _errors_of_prior(
     models: Mapping[str, TreeEstimate], fitted: Sequence[TreeMotion], judged: Sequence[TreeMotion]
 ) -> Iterator[Errors]:
-    """Of bodies drawn to the stated ones, by a weight that segments left out have chosen: no judges of it are left
-    among these."""
+    """Yield the errors of the model with a prior.
+
+    Left-out segments chose the prior's weight, so they cannot test the model.
+    """
     for kind, motions in (("fitted", fitted), ("heldout", judged)) if "prior" in models else ():
         if motions:
             yield Errors("prior", kind, _plain(heldout_errors(models["prior"], motions)))

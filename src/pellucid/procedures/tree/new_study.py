@@ -1,4 +1,4 @@
-"""A study.toml for a robot's file: its joints and limits, and what is to be filled in."""
+"""Write a study.toml for a robot's file, with its joints and limits, and places to fill in."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from ...recordings.readers.urdf import Limits, Urdf
 from ...recordings.study_fields import NAME_PATTERN
 
 ROBOT_FILE = "robot.urdf"
-"""What the copy of the robot's file is called."""
+"""Name of the copy of the robot's file."""
 
-HEAD = """# {robot}: {count} joints, all identified at once.
+HEAD_TEXT = """# {robot}: {count} joints, all identified at once.
 # Every quantity is a text with its unit. docs/study-file.md explains each key; `pellucid check` says what is missing.
 
 name = "{name}"
@@ -28,14 +28,15 @@ urdf = "robot.urdf"                 # copied from {file}; its bodies are a start
 
 """
 
-JOINT = """[[rig.joints]]
+JOINT_TEXT = """[[rig.joints]]
 name = "{name}"
 motion = "{motion}"
 {band}[rig.joints.drive]
 kind = "torque"
 """
 
-FIRST_JOINT = """# Names are those of the robot's file; channels end in them. Where channels are the motors', say how
+FIRST_JOINT_TEXT = """\
+# Names are those of the robot's file; channels end in them. Where channels are the motors', say how
 # these turn for each turn of a joint, with a minus against it, and where the joint is while its motor is at 0; a motor
 # may move with two:
 # turns = {{ {name} = 100.0 }}
@@ -48,7 +49,7 @@ motion = "{motion}"
 kind = "torque"                     # or "current" with torque_constant = "12 N*m/A", or without one: results per ampere
 """
 
-CHANNELS = """
+CHANNELS_TEXT = """
 [channels]                          # a column's name, or its number from 0 in files without a header
 time = {{ column = 0, unit = "s" }}   # also "ms" or "ns"; time = {{ rate = "1 kHz" }} where there is no such column
 {channels}
@@ -56,7 +57,7 @@ time = {{ column = 0, unit = "s" }}   # also "ms" or "ns"; time = {{ rate = "1 k
 # desired_current.{name} = {{ column = {next}, unit = "A" }}
 # desired_torque.{name} = {{ column = {after}, unit = "N*m" }}
 
-# Of efforts in a file of their own: move their lines to [streams.drives.channels], and name the file in [[recordings]].
+# If efforts are in a file of their own, move their lines to [streams.drives.channels], and name it in [[recordings]].
 # [streams.drives]
 # join = true
 # offset = "0 s"
@@ -87,8 +88,8 @@ use = "fit"
 
 
 def new_study(robot: Urdf, folder: str) -> str:
-    """The text of a study.toml for a robot, in a `folder` of that name; an error where it cannot be identified so."""
-    # Whatever follows another joint is held at first, and told.
+    """Return the text of a study.toml for a robot in a `folder` of that name; refuse a robot that is not supported."""
+    # Joints that mimic another one are held at first, and the text says so.
     held = {name: mimic.offset for name, mimic in robot.mimics.items()}
     tree, _ = robot.tree(held)
     joints = tree.moving
@@ -100,7 +101,7 @@ def new_study(robot: Urdf, folder: str) -> str:
             )
     mixed = len({joint.kind for joint in joints}) > 1
     name = re.sub(r"[^A-Za-z0-9_-]+", "-", folder).strip("-_") or "robot"
-    said = HEAD.format(robot=_comment(robot.name), count=len(joints), name=name, file=_comment(robot.path.name))
+    said = HEAD_TEXT.format(robot=_comment(robot.name), count=len(joints), name=name, file=_comment(robot.path.name))
     if held:
         places = ", ".join(f'"{key}" = "{x:.6g} {_unit(robot, key)}"' for key, x in held.items())
         line = f"held = {{ {places} }}  # they follow other joints; hold those too, if they do not move\n"
@@ -109,7 +110,7 @@ def new_study(robot: Urdf, folder: str) -> str:
     for i, joint in enumerate(joints):
         band = f'dead_band = "{_band(joint)}"\n' if mixed else ""
         motion = "prismatic" if joint.kind == "prismatic" else "rotary"
-        text = (JOINT if i else FIRST_JOINT).format(name=joint.name, motion=motion, band=band)
+        text = (JOINT_TEXT if i else FIRST_JOINT_TEXT).format(name=joint.name, motion=motion, band=band)
         tables.append(text + _limits(joint, robot.limits[joint.name]))
     n = len(joints)
     channels = [
@@ -123,7 +124,7 @@ def new_study(robot: Urdf, folder: str) -> str:
     ]
     alike = f'dead_band = "{_band(joints[0])}"'
     dead_band = "" if mixed else f"{alike:<35} # slower, friction may be anything up to its level\n"
-    tail = CHANNELS.format(
+    tail = CHANNELS_TEXT.format(
         channels="\n".join(channels), name=joints[0].name, next=1 + 2 * n, after=1 + 3 * n, dead_band=dead_band
     )
     return said + "\n".join(tables) + tail
@@ -139,7 +140,7 @@ def _limits(joint: TreeJoint, limits: Limits) -> str:
     units |= {"upper": units["lower"], "effort": "N" if slides else "N*m"}
     keys = {"lower": "position_min", "upper": "position_max", "velocity": "velocity", "effort": "effort"}
     found = {key: getattr(limits, name) for name, key in keys.items()}
-    # Files say very large numbers, or less than 0, of what they do not know.
+    # Robot files state very large or negative numbers for unknown limits.
     lines = [
         f'{key} = "{x:.6g} {units[name]}"\n'
         for (name, key), x in zip(keys.items(), found.values(), strict=True)
@@ -153,5 +154,5 @@ def _unit(robot: Urdf, name: str) -> str:
 
 
 def _comment(text: str) -> str:
-    """A name as part of a comment: nothing that could end it."""
+    """Return a text on one line, so that it can stand in a comment."""
     return re.sub(r"[^\w .()+-]", "_", text)[:100]

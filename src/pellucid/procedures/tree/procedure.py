@@ -1,4 +1,4 @@
-"""A robot of several joints, identified at once."""
+"""Procedure for a robot of several joints, identified together."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class TreeProcedure(Procedure[TreeTable, "TreeResult"]):
-    """A robot of several joints, identified at once."""
+    """Procedure for a robot of several joints, identified together."""
 
     name, command = "tree", "identify"
     uses_limits = True
@@ -39,16 +39,16 @@ class TreeProcedure(Procedure[TreeTable, "TreeResult"]):
         return page(study, found)
 
     def inputs(self, study: Study) -> Iterable[Path]:
-        """The robot's file."""
+        """Return the robot's file."""
         urdf = study.table(TreeTable).urdf
         return () if urdf is None else (study.inside(urdf, "[tree] urdf"),)
 
     def cut(self, study: Study) -> list[Fault]:
-        """Cuts, and what was made of clocks that jitter."""
-        from .tree_faults import evened
+        """Return the cuts, and the notes on jittering clocks."""
+        from .tree_faults import even_sampling_notes
 
-        return [*super().cut(study), *evened(study)]
+        return [*super().cut(study), *even_sampling_notes(study)]
 
     def unfit(self, study: Study) -> dict[str, Fault]:
-        """None: a recording of which too much is cut refuses the study."""
+        """Return nothing, because a recording with too many cuts refuses the whole study."""
         return {}

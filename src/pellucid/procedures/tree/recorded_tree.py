@@ -1,4 +1,4 @@
-"""A study's robot and its recordings as motions of all joints."""
+"""Read a study's robot, and its recordings as motions of all joints."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from ...signals.tree_motion import TreeMotion, segments_of, tree_motion_of
 from ..joint.recorded_motions import filtering_of, stretches_of
 from .tree_table import TreeTable
 
-BASE = "base"
-"""What the link is called that does not move, where no file names it."""
+BASE_LINK_NAME = "base"
+"""Name of the fixed base link if no file names it."""
 
 
 def recorded_tree(study: Study) -> tuple[Robot, list[TreeMotion]]:
-    """The robot, and every stretch of every recording; segments are numbered through."""
+    """Return the robot and the motion of every stretch, with segments numbered over all recordings."""
     robot = robot_of(study)
     return robot, motions_of(study, robot)
 
 
 def file_of(study: Study) -> Urdf | None:
-    """What the robot's file says; None where study.toml says it all."""
+    """Return the robot's file; None if study.toml describes the robot."""
     said = study.table(TreeTable).urdf
     if said is None:
         return None
@@ -50,12 +50,12 @@ def file_of(study: Study) -> Urdf | None:
 
 
 def robot_of(study: Study) -> Robot:
-    """The robot that study.toml, or the file that it names, describes."""
+    """Return the robot that study.toml or its robot file describes."""
     return _with_frames(study)[0]
 
 
 def frames_of(study: Study) -> dict[str, tuple[str, Pose]]:
-    """Of every link, welded ones too: the link that carries it, and where on that it is."""
+    """Return, for every link including welded ones, the moving link that carries it, and its pose on that link."""
     return dict(_with_frames(study)[1])
 
 
@@ -75,11 +75,11 @@ def _with_frames(study: Study) -> tuple[Robot, dict[str, tuple[str, Pose]]]:
 
 
 def _tree_of(joints: dict[str, RigJoint], gravity: tuple[float, float, float], study: Study) -> Tree:
-    made, links, before = [], [], BASE
+    made, links, before = [], [], BASE_LINK_NAME
     for name, joint in joints.items():
         parent = before if joint.parent is None else joint.parent
         kind = {"rotary": "revolute", "prismatic": "prismatic"}[joint.motion]
-        carrier = BASE if parent == BASE else f"{parent}_link"
+        carrier = BASE_LINK_NAME if parent == BASE_LINK_NAME else f"{parent}_link"
         turned = joint.turned or (0.0, 0.0, 0.0)
         made.append(
             TreeJoint(name, carrier, f"{name}_link", kind, joint.axis, joint.place, turned, joint.rotor_inertia)
@@ -90,7 +90,7 @@ def _tree_of(joints: dict[str, RigJoint], gravity: tuple[float, float, float], s
 
 
 def _require_same(tree: Tree, joints: dict[str, RigJoint], path: Path) -> None:
-    """That study.toml lists the joints that move in the file, each as what it is there."""
+    """Refuse a study.toml whose joints differ from the moving joints of the robot's file."""
     found = {joint.name: joint.kind for joint in tree.moving}
     unknown = [name for name in joints if name not in found]
     if unknown:
@@ -113,7 +113,7 @@ def _require_same(tree: Tree, joints: dict[str, RigJoint], path: Path) -> None:
 
 
 def _gearing(tree: Tree, joints: dict[str, RigJoint]) -> np.ndarray:
-    """Turns (m, m) of motors by joints, gears with them; a row of the unit matrix where motors are not spoken of."""
+    """Return the turns of motors per turn of joints, (m, m); a row of the unit matrix if study.toml states none."""
     names = [joint.name for joint in tree.moving]
     gearing = np.eye(len(names))
     for i, name in enumerate(names):
@@ -129,16 +129,16 @@ def _turns(tree: Tree, joints: dict[str, RigJoint]) -> tuple[tuple[float, ...], 
 
 @dataclass(frozen=True)
 class Drives:
-    """Of each motor: effort at the joint per unit of the drive, what its own motion takes off, and in which unit."""
+    """Drives of a robot's motors."""
 
-    gain: np.ndarray  # (m,) [N m; N per drive's unit]; 1 or -1 where it is not known
-    back_emf: np.ndarray  # (m,) [N m s/rad; N s/m]
-    known: tuple[bool, ...]
-    units: tuple[str, ...]
+    gain: np.ndarray  # effort at the joint per unit of the drive, (m,) [N m or N per drive's unit]; 1 or -1 if unknown
+    back_emf: np.ndarray  # effort lost per speed, (m,) [N m s/rad; N s/m]
+    known: tuple[bool, ...]  # whether each gain is known
+    units: tuple[str, ...]  # unit of each drive's channel
 
 
 def drives_of(study: Study, robot: Robot) -> Drives:
-    """What study.toml says of the drives, in the order of the robot's joints."""
+    """Return the drives that study.toml states, in the order of the robot's joints."""
     joints: dict[str, RigJoint] = {joint.joint: joint for joint in study.rig.joints}
     gears = np.diag(_gearing(robot.tree, joints))
     models = [drive_model(joints[name]) for name in robot.names]
@@ -164,7 +164,7 @@ def drives_of(study: Study, robot: Robot) -> Drives:
 
 
 def positions_of(recording: Recording, study: Study, robot: Robot) -> np.ndarray:
-    """Position of each joint, shape (n, m) [rad; m], whether joints or their motors were recorded."""
+    """Return the position of each joint, (n, m) [rad; m], from recorded joints or motors."""
     joints: dict[str, RigJoint] = {joint.joint: joint for joint in study.rig.joints}
     gearing = _gearing(robot.tree, joints)
     rows, values = np.eye(len(robot.names)), np.empty((len(recording), len(robot.names)))
@@ -179,7 +179,7 @@ def positions_of(recording: Recording, study: Study, robot: Robot) -> np.ndarray
 
 
 def position_channel(recording: Recording, joint: RigJoint, alone: bool = False) -> str:
-    """Of a joint: the motor's where study.toml says how that turns, and it was recorded."""
+    """Return a joint's position channel: the motor's if study.toml states its gear and it was recorded."""
     for head in ("position", "motor_position") if not joint.turns else ("motor_position", "position"):
         name = head if alone and head in recording else f"{head}.{joint.joint}"
         if name in recording and (head == "position" or joint.turns):
@@ -192,17 +192,17 @@ def position_channel(recording: Recording, joint: RigJoint, alone: bool = False)
 
 
 def motions_of(study: Study, robot: Robot, use: str | None = None) -> list[TreeMotion]:
-    """Every stretch of the recordings in which nothing was cut out, in order; segments are numbered through."""
+    """Return the motion of every uncut stretch in order, with segments numbered over all recordings."""
     made, first = [], 0
     for recording in study.recordings(use):
         every = list(_motions_of(recording, study, robot))
-        # Stretches in which everything rests say nothing, beside others.
+        # Stretches in which all joints rest are left out if there are others.
         motions = [motion for motion in every if motion.moving.any()] or every
-        # A cut does not make segments: they are those of the whole recording.
+        # Segments are those of the whole recording; a cut makes no new ones.
         time, moving, still = (
             np.concatenate([getattr(m, name) for m in motions]) for name in ("time", "moving", "still")
         )
-        segment = segments_of(time, moving, still, _segments_asked(recording, study))
+        segment = segments_of(time, moving, still, _requested_segments(recording, study))
         segment = np.where(segment < 0, -1, segment + first)
         first = max(first, int(segment.max(initial=-1)) + 1)
         ends = np.cumsum([len(m) for m in motions])[:-1]
@@ -210,7 +210,7 @@ def motions_of(study: Study, robot: Robot, use: str | None = None) -> list[TreeM
     return made
 
 
-def _segments_asked(recording: Recording, study: Study) -> int | tuple[float, ...] | None:
+def _requested_segments(recording: Recording, study: Study) -> int | tuple[float, ...] | None:
     asked = study.table(TreeTable).segments
     if isinstance(asked, dict):
         entry = study.config.entry_of(recording.name)
@@ -241,9 +241,11 @@ def _motions_of(recording: Recording, study: Study, robot: Robot) -> Iterator[Tr
                 gain=drives.gain,
                 back_emf=drives.back_emf,
                 turns=robot.turns_array,
-                velocity=_of_all(stretch.recording, "velocity", robot) if processing.velocity == "recorded" else None,
-                desired=_of_all(stretch.recording, "desired_torque", robot, needed=False),
-                desired_drive=_of_all(stretch.recording, "desired_current", robot, needed=False),
+                velocity=_quantity_of_all_joints(stretch.recording, "velocity", robot)
+                if processing.velocity == "recorded"
+                else None,
+                desired=_quantity_of_all_joints(stretch.recording, "desired_torque", robot, needed=False),
+                desired_drive=_quantity_of_all_joints(stretch.recording, "desired_current", robot, needed=False),
                 effort_lowpass=table.effort_lowpass,
                 dead_band=[processing.dead_band if band is None else band for band in bands],
                 recording=recording.name,
@@ -258,7 +260,7 @@ def _motions_of(recording: Recording, study: Study, robot: Robot) -> Iterator[Tr
 
 
 def _payload(study: Study, said: PayloadSpec | None) -> PayloadSpec | None:
-    """A payload on the link that moves, where study.toml names one that is welded to it."""
+    """Return a payload on the moving link, if study.toml names a link that is welded to it."""
     link, frames = said.link if said is not None else None, frames_of(study)
     if link not in frames or frames[link][0] == link:
         return said
@@ -268,7 +270,7 @@ def _payload(study: Study, said: PayloadSpec | None) -> PayloadSpec | None:
 
 
 def _command(recording: Recording, joint: RigJoint, joints: int) -> np.ndarray:
-    """What a joint's drive reports, shape (n,)."""
+    """Return the signal of a joint's drive, shape (n,)."""
     if joints == 1 and command_channel(recording, joint.drive.kind):
         return command_of(recording, joint)
     ending = f".{joint.joint}"
@@ -283,8 +285,10 @@ def _command(recording: Recording, joint: RigJoint, joints: int) -> np.ndarray:
         ) from None
 
 
-def _of_all(recording: Recording, quantity: str, robot: Robot, needed: bool = True) -> np.ndarray | None:
-    """A quantity of every joint, shape (n, m); None where it is not `needed` and of any it was not recorded."""
+def _quantity_of_all_joints(
+    recording: Recording, quantity: str, robot: Robot, needed: bool = True
+) -> np.ndarray | None:
+    """Return a quantity of every joint, (n, m); None if it is not `needed` and was not recorded for every joint."""
     names = [f"{quantity}.{name}" for name in robot.names]
     if len(names) == 1 and quantity in recording:
         names = [quantity]

@@ -1,4 +1,4 @@
-"""Does a robot's effort fit its motion: does friction take energy at every joint, and is any joint turned around?"""
+"""Check the signs of a robot's efforts and positions: friction must dissipate energy, and no joint may be flipped."""
 
 from __future__ import annotations
 
@@ -10,48 +10,53 @@ import numpy as np
 from ...models.robot import Robot
 from ...signals.tree_motion import TreeMotion
 
-ROWS = 4000
-"""Of all recordings, spread over them, that signs are looked for in."""
+ROW_COUNT = 4000
+"""Approximate number of rows, spread over all recordings, from which signs are determined."""
 
-GIVES, SURELY_GIVES = 0.02, 0.2
-"""Power that friction gives, as a share of a joint's RMS effort times its RMS speed, from which on a motor's sign is
-wrong, and a torque sensor's: one behind the friction that is some milliseconds late gives a few hundredths."""
+MOTOR_POWER_THRESHOLD = 0.02
+"""A motor's sign is wrong if its friction creates at least this share of RMS effort times RMS speed."""
 
-TELLS = 1.15
-"""A joint is turned around where that leaves so many times less of the efforts unexplained, in most segments."""
+SENSOR_POWER_THRESHOLD = 0.2
+"""The same threshold for a torque sensor at the joint. It sees little friction, and a delay of some milliseconds makes
+a few hundredths."""
 
-HINTS = 1.01
-"""And may be, where it leaves so many times less."""
+DECISIVE_RATIO = 1.15
+"""A joint is flipped if the other sign reduces the unexplained effort by more than this factor, in most segments."""
 
-NEARLY = 0.8
-"""Share of what a joint's turning explains, from which on another joint's is as good a guess."""
+HINT_RATIO = 1.01
+"""A joint may be flipped if the other sign reduces the unexplained effort by at least this factor."""
 
-MOST = 0.9
-"""Share of segments."""
+MIN_ALTERNATIVE_SHARE = 0.8
+"""Another joint is an equally good candidate if flipping it explains more than this share of the same reduction."""
+
+MIN_SEGMENT_SHARE = 0.9
+"""Smallest share of segments in which the other sign must fit better."""
 
 
 @dataclass(frozen=True)
-class TurnedAround:
+class FlippedJoint:
     """A joint that fits the others better with the other sign of position and effort, or of effort alone."""
 
-    joint: int
-    ratio: float  # Of what its sign leaves over to what the other one does
-    sure: bool
-    effort_alone: bool  # Whether it is the effort's sign alone
-    others: tuple[int, ...] = ()  # Joints that do nearly as well in its place: mirror images move alike
-    stated: bool = False  # Whether it is the stated bodies that tell it
+    joint: int  # index of the joint
+    ratio: float  # residual with the stated sign over residual with the other
+    sure: bool  # whether the evidence is decisive
+    effort_alone: bool  # whether only the effort's sign is wrong
+    others: tuple[int, ...] = ()  # joints that fit nearly as well if flipped instead, because mirror images move alike
+    stated: bool = False  # whether the evidence comes from the stated bodies
 
 
-def giving(robot: Robot, motions: Sequence[TreeMotion]) -> np.ndarray:
-    """Power that friction takes of each joint, as a share of its RMS effort times its RMS speed, shape (m,): negative
-    where the effort's sign is wrong against that of the motion."""
+def friction_power_shares(robot: Robot, motions: Sequence[TreeMotion]) -> np.ndarray:
+    """Return the power that friction dissipates at each joint, divided by RMS effort times RMS speed, shape (m,).
+
+    A negative share means that the sign of effort or velocity is wrong.
+    """
     rows = _rows(motions)
-    return _taken(robot, rows, np.ones((2, len(robot.names))), np.zeros(len(robot.names)), _weights(rows))
+    return _dissipated_power(robot, rows, np.ones((2, len(robot.names))), np.zeros(len(robot.names)), _weights(rows))
 
 
-def _taken(robot: Robot, rows, signs, zeros, weights) -> np.ndarray:
-    """The same with other signs."""
-    theta, _ = _solved(robot, rows, signs, zeros, weights)
+def _dissipated_power(robot: Robot, rows, signs, zeros, weights) -> np.ndarray:
+    """Return the friction power shares, (m,), for other `signs`, (2, m), of gears and drives."""
+    theta, _ = _solve(robot, rows, signs, zeros, weights)
     first = 10 * len(robot.tree.order)
     own = theta[first : first + 4 * len(robot.names)].reshape(-1, 4)[:, 1:3]
     of_motors = theta[first + 4 * len(robot.names) :].reshape(-1, 3)[:, 1:]
@@ -75,8 +80,8 @@ def _taken(robot: Robot, rows, signs, zeros, weights) -> np.ndarray:
     return shares
 
 
-def as_bodies_need(robot: Robot, motions: Sequence[TreeMotion]) -> float:
-    """Correlation of the efforts with what the stated bodies need, over all joints, each by its own size."""
+def stated_effort_correlation(robot: Robot, motions: Sequence[TreeMotion]) -> float:
+    """Return the mean correlation of the efforts with those of the stated bodies, over all joints."""
     effort, needed, moving = (
         np.concatenate(each)
         for each in zip(
@@ -93,52 +98,67 @@ def as_bodies_need(robot: Robot, motions: Sequence[TreeMotion]) -> float:
     return float(alike.mean()) if told.any() else 0.0
 
 
-def turned_around(
+def find_flipped_joints(
     robot: Robot, motions: Sequence[TreeMotion], zeros: np.ndarray, stated: bool = False
-) -> list[TurnedAround]:
-    """Joints, the clearest first, that fit better turned around about their `zeros` (m,), one after the other. Bodies
-    are free, and a mirror image of most makes nearly the same efforts; where they are `stated`, these are asked too."""
+) -> list[FlippedJoint]:
+    """Find joints that fit better when flipped about their `zeros`, (m,), one after the other, the clearest first.
+
+    Inertial parameters are free, and the mirror image of most bodies makes nearly the same efforts. If they are
+    `stated`, the stated ones are tried too.
+    """
     rows, found = _rows(motions), []
-    weights, signs = _weights(rows), np.ones((2, len(robot.names)))  # Of gears, and of drives
-    left = _solved(robot, rows, signs, zeros, weights)[1]
+    weights, signs = _weights(rows), np.ones((2, len(robot.names)))  # signs of gears and of drives
+    left = _solve(robot, rows, signs, zeros, weights)[1]
     for _ in robot.names:
         tried = []
         for k in np.flatnonzero((signs > 0.0).all(axis=0)):
             for turned in ([-1.0, 1.0], [1.0, -1.0]):
                 other = signs.copy()
                 other[:, k] = turned
-                tried.append((_solved(robot, rows, other, zeros, weights)[1], k, other))
-        # What fits by friction that gives energy is no better.
-        better = (one for one in sorted(tried, key=lambda one: one[0]) if left >= HINTS * one[0])
-        chosen = next((one for one in better if _taken(robot, rows, one[2], zeros, weights).min() > -GIVES), None)
+                tried.append((_solve(robot, rows, other, zeros, weights)[1], k, other))
+        # A fit in which friction creates energy is no improvement.
+        better = (one for one in sorted(tried, key=lambda one: one[0]) if left >= HINT_RATIO * one[0])
+        chosen = next(
+            (
+                one
+                for one in better
+                if _dissipated_power(robot, rows, one[2], zeros, weights).min() > -MOTOR_POWER_THRESHOLD
+            ),
+            None,
+        )
         if chosen is None:
             break
         best, k, other = chosen
         ratio, told = left / best, False
-        sure = _tells(ratio, *(_by_segment(robot, rows, s, zeros, weights) for s in (signs, other)))
+        sure = _is_decisive(ratio, *(_residuals_by_segment(robot, rows, s, zeros, weights) for s in (signs, other)))
         if stated and not sure:
-            before, after = (_solved(robot, rows, s, zeros, weights, stated=True)[1] for s in (signs, other))
-            sure = told = _tells(
-                before / after, *(_by_segment(robot, rows, s, zeros, weights, stated=True) for s in (signs, other))
+            before, after = (_solve(robot, rows, s, zeros, weights, stated=True)[1] for s in (signs, other))
+            sure = told = _is_decisive(
+                before / after,
+                *(_residuals_by_segment(robot, rows, s, zeros, weights, stated=True) for s in (signs, other)),
             )
             ratio = before / after if told else ratio
         alone = bool(other[0, k] > 0.0)
         alike = (
-            i for one, i, s in tried if i != k and (s[0, i] > 0.0) == alone and left - one > NEARLY * (left - best)
+            i
+            for one, i, s in tried
+            if i != k and (s[0, i] > 0.0) == alone and left - one > MIN_ALTERNATIVE_SHARE * (left - best)
         )
         others = () if told else tuple(int(i) for i in alike)
-        found.append(TurnedAround(int(k), float(ratio), sure, alone, others, told))
+        found.append(FlippedJoint(int(k), float(ratio), sure, alone, others, told))
         signs, left = other, best
     return found
 
 
-def _tells(ratio: float, before: np.ndarray, after: np.ndarray) -> bool:
-    """Whether so many times less is left over, and in most segments."""
-    return ratio > TELLS and float(np.mean(before > after)) >= MOST
+def _is_decisive(ratio: float, before: np.ndarray, after: np.ndarray) -> bool:
+    """Return whether the residual falls by a decisive `ratio`, and in most segments."""
+    return ratio > DECISIVE_RATIO and float(np.mean(before > after)) >= MIN_SEGMENT_SHARE
 
 
 @dataclass(frozen=True)
 class _Rows:
+    """Thinned samples of one motion, each (n, m); `segment` (n,)."""
+
     position: np.ndarray
     velocity: np.ndarray
     acceleration: np.ndarray
@@ -148,26 +168,26 @@ class _Rows:
 
 
 def _rows(motions: Sequence[TreeMotion]) -> list[_Rows]:
-    step = max(1, sum(len(m) for m in motions) // ROWS)
+    step = max(1, sum(len(m) for m in motions) // ROW_COUNT)
     names = ("position", "velocity", "acceleration", "effort", "moving", "segment")
     return [_Rows(*(getattr(m, name)[::step] for name in names)) for m in motions]
 
 
 def _weights(rows: Sequence[_Rows]) -> np.ndarray:
-    """One over each joint's mean square effort, (m,)."""
+    """Return one over each joint's mean square effort, (m,)."""
     size = sum((row.effort**2 * row.moving).sum(axis=0) for row in rows)
     count = sum(row.moving.sum(axis=0) for row in rows)
     return np.where(size > 0.0, count / np.where(size > 0.0, size, 1.0), 0.0)
 
 
 def _turns(robot: Robot, signs: np.ndarray) -> np.ndarray:
-    """Of motors, whose own turns have other signs, those by other joints not: gears taken out, the other way round."""
+    """Return the turns of motors per turn of joints, (m, m), with the signs of gears applied to other joints' turns."""
     told = robot.turns_array
     return np.where(np.eye(len(told)) > 0.0, told, signs[0][:, None] * told)
 
 
 def _arguments(robot: Robot, row: _Rows, signs: np.ndarray, zeros: np.ndarray):
-    """Motion, efforts and columns of friction with other `signs` (2, m): of each motor's gear, and of its drive."""
+    """Return motion, efforts and friction columns with other `signs`, (2, m), of gears and of drives."""
     told, (gear, drive), turns = robot.turns_array, signs, _turns(robot, signs)
     moved = np.linalg.solve(turns, gear[:, None] * told)
     effort = np.linalg.solve(told.T, row.effort.T).T * (gear * drive) @ turns
@@ -182,8 +202,9 @@ def _arguments(robot: Robot, row: _Rows, signs: np.ndarray, zeros: np.ndarray):
     return (q, v, a), effort, {"own": own, "shared": np.stack(shared, axis=-1) if shared else None}
 
 
-def _solved(robot: Robot, rows, signs, zeros, weights, stated: bool = False) -> tuple[np.ndarray, float]:
-    """Least squares of all rows, with bodies as `stated` or free: its numbers, and the weighted squares left over."""
+def _solve(robot: Robot, rows, signs, zeros, weights, stated: bool = False) -> tuple[np.ndarray, float]:
+    """Solve least squares over all rows with free or `stated` bodies; return parameters and weighted squared
+    residual."""
     normal, projected, whole = 0.0, 0.0, 0.0
     for row in rows:
         motion, effort, columns = _arguments(robot, row, signs, zeros)
@@ -200,9 +221,9 @@ def _solved(robot: Robot, rows, signs, zeros, weights, stated: bool = False) -> 
     return theta, whole - float(theta @ (2.0 * projected - normal @ theta))
 
 
-def _by_segment(robot: Robot, rows, signs, zeros, weights, stated: bool = False) -> np.ndarray:
-    """Weighted squares left over in each segment."""
-    theta, _ = _solved(robot, rows, signs, zeros, weights, stated)
+def _residuals_by_segment(robot: Robot, rows, signs, zeros, weights, stated: bool = False) -> np.ndarray:
+    """Return the weighted squared residual of each segment."""
+    theta, _ = _solve(robot, rows, signs, zeros, weights, stated)
     squares: dict[int, float] = {}
     for row in rows:
         motion, effort, columns = _arguments(robot, row, signs, zeros)

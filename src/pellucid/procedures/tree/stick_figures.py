@@ -1,4 +1,4 @@
-"""An arm as a stick figure: links as lines, joints as circles with their axes, drawn from the tree alone."""
+"""Draw an arm as a stick figure: links as lines, joints as circles with their axes."""
 
 from __future__ import annotations
 
@@ -9,26 +9,34 @@ from ...drawing.style import colour
 from ...models.kinematic_tree import Tree
 from ...pages.moving import Way, strokes
 
-FRAMES, LONGEST = 120, 20.0
-"""Of the movement, and seconds of a recording that are shown."""
+FRAME_COUNT = 120
+"""Number of frames of the moving figure."""
 
-GHOSTS = 6
-"""Poses that stand faintly behind the one that moves."""
+MAX_SHOWN_S = 20.0
+"""Longest part of a recording that is shown [s]."""
 
-AZIMUTHS, ELEVATION = 24, np.radians(20.0)
-"""Directions to look from that are tried, and how far from above."""
+GHOST_COUNT = 6
+"""Number of poses that are drawn faintly behind the moving figure."""
 
-STUB = 0.1
-"""How far a last link goes on along its axis, and how long a joint's axis is drawn, of the arm's reach."""
+VIEW_COUNT = 24
+"""Number of viewing directions that are tried."""
+
+VIEW_ELEVATION_RAD = np.radians(20.0)
+"""Elevation of the viewing directions [rad]."""
+
+STUB_LENGTH_SHARE = 0.1
+"""Length of a last link beyond its joint, and of a joint's drawn axis, as a share of the arm's reach."""
 
 
 def stick_figure(
     axis: Axes, tree: Tree, time: np.ndarray, position: np.ndarray, *, worst: str = "", name: str = "arm"
 ) -> tuple[dict[str, Way], float]:
-    """Draw the arm along a recording, `time` (n,) [s], `position` (n, m) [rad; m]; the joint `worst` stands out. Gives
-    what moves, and for how long [s]."""
-    shown = np.flatnonzero(time - time[0] <= LONGEST)
-    dense = np.unique(np.linspace(shown[0], shown[-1], 4 * FRAMES).astype(int))
+    """Draw the arm along a recording with `time`, (n,) [s], and `position`, (n, m) [rad; m].
+
+    The joint `worst` is highlighted. Returns the moving parts, and the duration [s].
+    """
+    shown = np.flatnonzero(time - time[0] <= MAX_SHOWN_S)
+    dense = np.unique(np.linspace(shown[0], shown[-1], 4 * FRAME_COUNT).astype(int))
     frames = dense[::4]
     links, pins = _lines(tree, position[dense])
     up = -np.asarray(tree.gravity, float)
@@ -44,7 +52,7 @@ def stick_figure(
     base, reach = links[0, 0], float(np.ptp(everywhere, axis=0).max())
     axis.plot(base[0] + np.array([-0.09, 0.09]) * reach, [base[1], base[1]], color=colour("muted"), linewidth=3.0)
     links, pins = links[::4], pins[::4]
-    for i in np.linspace(0, len(links) - 1, GHOSTS + 1).astype(int)[1:]:
+    for i in np.linspace(0, len(links) - 1, GHOST_COUNT + 1).astype(int)[1:]:
         strokes(axis, links[i], f"{name}-ghost-{i}", edgecolor=colour("rule"), linewidth=3.0, zorder=1)
     joints = links[:, 1::2][:, _moves(tree)]
     parts = {
@@ -67,8 +75,10 @@ def _moves(tree: Tree) -> np.ndarray:
 
 
 def _lines(tree: Tree, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Ends of the strokes of links and of joints' axes, (n, 2 links + 2, 3) and (n, 2 m, 3) [m]; the last pair is of
-    the link that is furthest out."""
+    """Return the ends of the strokes of links, (n, 2 links + 2, 3) [m], and of joint axes, (n, 2 m, 3) [m].
+
+    The last pair of the links belongs to the end of the outermost link.
+    """
     number = {tree.base: -1} | {joint.child: i for i, joint in enumerate(tree.order)}
     frames = tree.core.placements(position)
     places = np.concatenate([frames[..., 3], np.zeros((len(frames), 1, 3))], axis=1)  # the base is the last, number -1
@@ -78,28 +88,32 @@ def _lines(tree: Tree, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     pins = []
     for i in _moves(tree):
         turned = frames[:, i, :, :3] @ np.asarray(tree.order[i].axis, float)
-        pins += [places[:, i] - 0.4 * STUB * reach * turned, places[:, i] + 0.4 * STUB * reach * turned]
+        pins += [
+            places[:, i] - 0.4 * STUB_LENGTH_SHARE * reach * turned,
+            places[:, i] + 0.4 * STUB_LENGTH_SHARE * reach * turned,
+        ]
     last = _moves(tree)[-1]
     end = places[:, len(tree.order) - 1]
-    stub = end + STUB * reach * frames[:, last, :, :3] @ np.asarray(tree.order[last].axis, float)
+    stub = end + STUB_LENGTH_SHARE * reach * frames[:, last, :, :3] @ np.asarray(tree.order[last].axis, float)
     links = np.concatenate([links, end[:, None], stub[:, None]], axis=1)
     return links, np.stack(pins, axis=1)
 
 
 def _view(points: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """Two directions, (2, 3), onto which `points` (n, p, 3) are drawn: from where most of the movement shows."""
+    """Return the two directions, (2, 3), onto which `points`, (n, p, 3), are projected, in the view that shows the most
+    movement."""
     first = np.cross(up, [1.0, 0.0, 0.0] if abs(up[0]) < 0.9 else [0.0, 1.0, 0.0])
     first /= np.linalg.norm(first)
     second = np.cross(up, first)
     moved = points.reshape(-1, 3) - points.reshape(-1, 3).mean(axis=0)
-    turns = 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
+    turns = 2.0 * np.pi * np.arange(VIEW_COUNT) / VIEW_COUNT
     rights = [np.cos(turn) * first + np.sin(turn) * second for turn in turns]
     right = max(rights, key=lambda direction: round(float(np.var(moved @ direction)), 9))
     towards = np.cross(right, up)
-    return np.stack([right, np.cos(ELEVATION) * up - np.sin(ELEVATION) * towards])
+    return np.stack([right, np.cos(VIEW_ELEVATION_RAD) * up - np.sin(VIEW_ELEVATION_RAD) * towards])
 
 
 def _dots(points: np.ndarray) -> np.ndarray:
-    """Strokes of next to no length, (n, 2 p, 2), whose round ends are dots."""
+    """Return strokes of almost no length, (n, 2 p, 2); their round ends appear as dots."""
     tiny = np.array([1e-4, 0.0]) * np.ptp(points)
     return np.stack([points, points + tiny], axis=2).reshape(len(points), -1, 2)

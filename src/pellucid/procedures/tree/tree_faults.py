@@ -1,4 +1,4 @@
-"""Are recordings of a robot fit to identify all its joints from? Faults of the files, then of the motion."""
+"""Check whether recordings of a robot are suitable: faults of the files, then faults of the motion."""
 
 from __future__ import annotations
 
@@ -15,49 +15,55 @@ from ...recordings.study import Study
 from ...recordings.study_file import RigJoint
 from ...signals.tree_motion import TreeMotion
 from ..dead_effort import dead_effort_faults
-from ..joint.recorded_motions import left_out
+from ..joint.recorded_motions import short_stretch_faults
 from .recorded_tree import file_of, frames_of, motions_of, position_channel, robot_of
-from .sign_search import GIVES, SURELY_GIVES, as_bodies_need, giving, turned_around
+from .sign_search import (
+    MOTOR_POWER_THRESHOLD,
+    SENSOR_POWER_THRESHOLD,
+    find_flipped_joints,
+    friction_power_shares,
+    stated_effort_correlation,
+)
 from .tree_table import TreeTable
 
-FEWEST_ROWS = 50
-"""In which a joint moves; with fewer it never does."""
+MIN_MOVING_ROWS = 50
+"""A joint counts as moving only if it moves in at least this many rows."""
 
-RESTS = {False: 2e-3, True: 2e-4}
-"""What a joint that turns [rad], or slides [m], stays within that never moves."""
+MIN_MOVING_RANGE = {False: 2e-3, True: 2e-4}
+"""A joint counts as moving only if its range exceeds this: key False for rotary [rad], True for prismatic [m]."""
 
-ALIKE = 0.9995
-"""Correlation of two joints' speeds from which on they move only together."""
+MAX_SPEED_CORRELATION = 0.9995
+"""Two joints move only together if the correlation of their speeds exceeds this."""
 
-VELOCITY = 0.2
-"""Share by which a recorded velocity may differ from what the position does."""
+MAX_VELOCITY_DIFFERENCE = 0.2
+"""Largest relative difference between a recorded velocity and the position's derivative."""
 
-SHORTER = 0.01
-"""Share of a recording that another file of it may lack at its ends."""
+MAX_LOST_SHARE = 0.01
+"""Largest share of a recording that may be lost because another file of it is shorter."""
 
-OPPOSED = -0.5
-"""Correlation of efforts with what stated bodies need, over all joints, below which all of them are turned around."""
+OPPOSED_CORRELATION = -0.5
+"""All efforts have the wrong sign if their correlation with those of the stated bodies is below this."""
 
-BEYOND = 0.05
-"""Share of a joint's range by which it may pass its limits."""
+MAX_LIMIT_EXCESS_SHARE = 0.05
+"""Share of a joint's range by which a position may exceed its limits."""
 
 
 def tree_faults(study: Study) -> list[Fault]:
-    """Faults of the robot's file and of every recording; where none refuses, those of the motion."""
+    """Return the faults of the robot's file and of every recording and, if none refuses, those of the motion."""
     try:
         robot = robot_of(study)
     except PellucidError as error:
         return [_fault("refuse", "robot", "", "", str(error), "a robot", str(error))]
     urdf = file_of(study)
     faults = [_fault("note", "robot", urdf.path.name, "", text, "a body", text) for text in urdf.notes] if urdf else []
-    faults += list(_said(study, robot))
+    faults += list(_unmet_requests(study, robot))
     faults += [fault for recording in study.recordings() for fault in inspect(recording, study)]
     if any(fault.severity == "refuse" for fault in faults):
         return faults
     faults += dead_effort_faults(study)
     if any(fault.severity == "refuse" for fault in faults):
         return faults
-    faults += left_out(study)
+    faults += short_stretch_faults(study)
     try:
         motions = motions_of(study, robot)
     except PellucidError as error:
@@ -69,8 +75,8 @@ def tree_faults(study: Study) -> list[Fault]:
     return faults
 
 
-def evened(study: Study) -> list[Fault]:
-    """What was made of clocks that jitter, and of packets that were delivered twice."""
+def even_sampling_notes(study: Study) -> list[Fault]:
+    """Return the notes on jittering clocks and on packets that were delivered twice."""
     return [fault for recording in study.recordings() for fault in clock_faults(recording, study)]
 
 
@@ -80,8 +86,8 @@ def _fault(severity: str, kind: str, file: str, channel: str, found: str, expect
     return Fault(severity, kind, file, channel, found, expected, said)
 
 
-def _said(study: Study, robot: Robot) -> Iterator[Fault]:
-    """What study.toml asks for that is not there."""
+def _unmet_requests(study: Study, robot: Robot) -> Iterator[Fault]:
+    """Yield faults of requests in study.toml that cannot be met."""
     table, entries = study.table(TreeTable), study.config.recordings
     links = {joint.child for joint in robot.tree.order} | set(frames_of(study))
     for entry in entries:
@@ -107,8 +113,8 @@ def _said(study: Study, robot: Robot) -> Iterator[Fault]:
             yield _fault("refuse", "gains", "", missing[0], found, 'one for each joint, or gains = "stated"')
 
 
-def _fitted(motions: Sequence[TreeMotion]) -> list[TreeMotion]:
-    """Motions of the robot without a payload that may be fitted."""
+def _fitted_motions(motions: Sequence[TreeMotion]) -> list[TreeMotion]:
+    """Return the motions without a payload that may be fitted."""
     return [motion for motion in motions if motion.use == "fit" and motion.payload is None]
 
 
@@ -122,10 +128,10 @@ def _channel(study: Study, robot: Robot, k: int) -> str:
 
 
 def _lengths(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterator[Fault]:
-    """Files of one recording that are not equally long: only what all of them saw is used."""
+    """Yield a fault for files of one recording with different lengths; only their common part is used."""
     for recording in study.recordings():
         before = len(study.apart(recording.name))
-        if recording.streams and len(recording) < (1.0 - SHORTER) * before:
+        if recording.streams and len(recording) < (1.0 - MAX_LOST_SHARE) * before:
             files = ", ".join(stream.path.name for stream in recording.streams.values())
             found = f"{before} samples, of which {files} has {len(recording)} (recording {recording.name})"
             yield _fault(
@@ -134,7 +140,7 @@ def _lengths(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Itera
 
 
 def _velocities(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterator[Fault]:
-    """Recorded velocities of another sign or size than positions have."""
+    """Yield a fault for recorded velocities whose sign or scale differs from the position's derivative."""
     for motion in motions:
         if study.config.processing_of(motion.recording).velocity != "recorded" or len(motion) < 3:
             continue
@@ -143,7 +149,10 @@ def _velocities(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> It
         for k, name in enumerate(robot.names):
             size = float(moved[:, k] @ moved[:, k])
             slope = float(moved[:, k] @ motion.velocity[:, k]) / size if size > 0.0 else 1.0
-            if np.ptp(motion.position[:, k]) > RESTS[robot.prismatic[k]] and not abs(slope - 1.0) <= VELOCITY:
+            if (
+                np.ptp(motion.position[:, k]) > MIN_MOVING_RANGE[robot.prismatic[k]]
+                and not abs(slope - 1.0) <= MAX_VELOCITY_DIFFERENCE
+            ):
                 degrees = "; is one of them in degrees?" if 50.0 < max(slope, 1.0 / slope) < 65.0 else ""
                 looks = "; turn one of them around" if slope < 0.0 else degrees
                 found = f"a velocity {slope:.3g} times what position does in recording {motion.recording}"
@@ -151,12 +160,12 @@ def _velocities(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> It
 
 
 def _resting(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterator[Fault]:
-    """Joints that never move while fitting."""
-    fitted = _fitted(motions)
+    """Yield a fault for joints that never move in the fitted recordings."""
+    fitted = _fitted_motions(motions)
     for k, name in enumerate(robot.names):
         places = np.concatenate([m.position[:, k] for m in fitted])
         rows = sum(int(m.moving[:, k].sum()) for m in fitted)
-        if rows >= FEWEST_ROWS and np.ptp(places) > RESTS[robot.prismatic[k]]:
+        if rows >= MIN_MOVING_ROWS and np.ptp(places) > MIN_MOVING_RANGE[robot.prismatic[k]]:
             continue
         unit = robot.units[k][0]
         found = f"joint {name} within {np.ptp(places):.3g} {unit} in all that is fitted ({rows} rows that move)"
@@ -171,12 +180,12 @@ def _resting(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Itera
 
 
 def _together(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterator[Fault]:
-    """Pairs of joints whose speeds are one another's all along."""
-    v = np.concatenate([m.velocity[m.moving.any(axis=1)] for m in _fitted(motions)])
+    """Yield a fault for pairs of joints whose speeds are always proportional."""
+    v = np.concatenate([m.velocity[m.moving.any(axis=1)] for m in _fitted_motions(motions)])
     size = np.linalg.norm(v, axis=0)
     for i, k in combinations(range(len(robot.names)), 2):
         alike = float(v[:, i] @ v[:, k]) / (size[i] * size[k])
-        if abs(alike) > ALIKE:
+        if abs(alike) > MAX_SPEED_CORRELATION:
             pair = f"joints {robot.names[i]} and {robot.names[k]}"
             ratio = float(v[:, i] @ v[:, k]) / size[i] ** 2
             found = f"{pair} moving only together (speeds {ratio:.3g} to 1, correlation {alike:.5f})"
@@ -188,14 +197,14 @@ def _together(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iter
 
 
 def _signs(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterator[Fault]:
-    """Efforts against their motion, and joints that are turned around."""
-    fitted = _fitted(motions)
-    shares = giving(robot, fitted)
+    """Yield faults of efforts with the wrong sign, and of flipped joints."""
+    fitted = _fitted_motions(motions)
+    shares = friction_power_shares(robot, fitted)
     joints: dict[str, RigJoint] = {joint.joint: joint for joint in study.rig.joints}
-    wrong = np.flatnonzero(shares < -GIVES)
+    wrong = np.flatnonzero(shares < -MOTOR_POWER_THRESHOLD)
     # A torque sensor at the joint sees little of its friction, a motor all of it.
     motors = np.array([bool(joints[name].turns) or joints[name].drive.kind != "torque" for name in robot.names])
-    sure = set(np.flatnonzero(shares < np.where(motors, -GIVES, -SURELY_GIVES)).tolist())
+    sure = set(np.flatnonzero(shares < np.where(motors, -MOTOR_POWER_THRESHOLD, -SENSOR_POWER_THRESHOLD)).tolist())
     for k in wrong:
         name = robot.names[k]
         found = f"friction of joint {name} that gives energy, {-100 * shares[k]:.2g} % of its effort times its speed"
@@ -209,8 +218,8 @@ def _signs(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterato
         yield _fault(severity, "sign", _files(study), _channel(study, robot, k), found, wanted)
     if sure:
         return
-    urdf, alike = file_of(study), as_bodies_need(robot, fitted)
-    if alike < OPPOSED and (urdf is None or urdf.has_bodies):
+    urdf, alike = file_of(study), stated_effort_correlation(robot, fitted)
+    if alike < OPPOSED_CORRELATION and (urdf is None or urdf.has_bodies):
         found = f"efforts that oppose what the stated bodies need (correlation {alike:.2f})"
         yield _fault(
             "refuse", "sign", _files(study), "", found, "the other sign of all drives' channels, or of gravity"
@@ -218,7 +227,7 @@ def _signs(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterato
         return
     zeros = np.array([joints[name].zero if joints[name].turns else _offset(study, robot, name) for name in robot.names])
     stated = (urdf is None or urdf.has_bodies) and all(fitted[0].gain_known)
-    for turned in turned_around(robot, fitted, zeros, stated):
+    for turned in find_flipped_joints(robot, fitted, zeros, stated):
         name = robot.names[turned.joint]
         of = f"turns.{name}" if joints[name].turns else f"position.{name} and of its drive's channel"
         either = " or ".join([name, *(robot.names[i] for i in turned.others)])
@@ -237,14 +246,14 @@ def _signs(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterato
 
 
 def _offset(study: Study, robot: Robot, name: str) -> float:
-    """What is added to a position's stored numbers [rad; m]: where they turn around."""
+    """Return the offset that is added to a position's stored values [rad; m], about which they are flipped."""
     specs = study.specs_of(study.recordings()[0])
     spec = specs.get(f"position.{name}", specs.get("position"))
     return spec.offset * spec.si_factor if spec is not None else 0.0
 
 
 def _limits(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterator[Fault]:
-    """Positions beyond the limits that study.toml, or the robot's file, states."""
+    """Yield a fault for positions beyond the limits of study.toml or the robot's file."""
     urdf, joints = file_of(study), {joint.joint: joint for joint in study.rig.joints}
     for k, name in enumerate(robot.names):
         said, unit = joints[name].limits, robot.units[k][0]
@@ -254,7 +263,9 @@ def _limits(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterat
         if low is None or high is None:
             continue
         seen = [min(m.position[:, k].min() for m in motions), max(m.position[:, k].max() for m in motions)]
-        if seen[0] < low - BEYOND * (high - low) or seen[1] > high + BEYOND * (high - low):
+        if seen[0] < low - MAX_LIMIT_EXCESS_SHARE * (high - low) or seen[1] > high + MAX_LIMIT_EXCESS_SHARE * (
+            high - low
+        ):
             found = f"joint {name} from {seen[0]:.4g} to {seen[1]:.4g} {unit}"
             wanted = f"{low:.4g} to {high:.4g} {unit}, its limits: are zero, sign and unit right?"
             yield _fault("note", "limits", _files(study), _channel(study, robot, k), found, wanted)

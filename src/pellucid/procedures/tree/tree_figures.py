@@ -1,4 +1,4 @@
-"""Figures of a robot of several joints: how well each joint's effort is predicted, what rubs, what the motion shows."""
+"""Figures of a robot of several joints: predicted efforts, friction, and identified parameters."""
 
 from __future__ import annotations
 
@@ -15,22 +15,26 @@ from ...drawing.style import FIGURE_WIDTH, colour
 from ...pages.moving import MovingDrawing
 from ...pages.quantities import number, percent, unit_text
 from .stick_figures import stick_figure
-from .tree_result import MODELS, TreeResult, TreeTrace
+from .tree_result import MODEL_DESCRIPTIONS, TreeResult, TreeTrace
 
-COLUMNS = 3
-"""Joints beside each other."""
+COLUMN_COUNT = 3
+"""Number of joints side by side."""
 
-WELL, BARELY = 10.0, 30.0
-"""Relative standard deviations up to which a parameter is shown well, and barely [%]."""
+MAX_GOOD_SD_PERCENT = 10.0
+"""Largest relative standard deviation of a well identified parameter [%]."""
+
+MAX_FAIR_SD_PERCENT = 30.0
+"""Largest relative standard deviation of a barely identified parameter [%]."""
 
 WORST_SHARE = 0.08
-"""Of a recording: the stretch that is drawn large."""
+"""Length of the enlarged stretch with the largest errors, as a share of the recording."""
 
 
 def efforts(
     trace: TreeTrace, names: Sequence[str], units: Sequence[str], errors: Sequence[float], name: str = "effort"
 ) -> Drawing:
-    """Measured, predicted and their difference of each joint: the whole recording, and the worst stretch of it."""
+    """Draw measured and predicted effort of each joint, and their difference, over the recording and its worst
+    stretch."""
     m = len(names)
     figure = Figure(figsize=(FIGURE_WIDTH, 1.55 * m + 0.4), layout="constrained")
     axes = figure.subplots(m, 2, width_ratios=(2.3, 1.0), sharey="row", squeeze=False)
@@ -68,7 +72,7 @@ def efforts(
 
 
 def _worst(time: np.ndarray, difference: np.ndarray) -> tuple[float, float]:
-    """The stretch in which a difference (n,) is largest; NaN does not count."""
+    """Return the stretch in which a difference, (n,), is largest; NaN does not count."""
     span = float(time[-1] - time[0])
     width = min(max(WORST_SHARE * span, 12.0 * float(np.median(np.diff(time)))), span)
     squares = np.where(np.isfinite(difference), difference, 0.0) ** 2
@@ -80,14 +84,14 @@ def _worst(time: np.ndarray, difference: np.ndarray) -> tuple[float, float]:
 
 
 def short(name: str) -> str:
-    """A joint's name for a head."""
+    """Return a joint's name, shortened for a table head."""
     return name.removesuffix("_joint").replace("_", " ")
 
 
 def error_dots(
     axis: Axes, names: Sequence[str], errors: Mapping[str, Sequence[float]], roles: Mapping[str, str]
 ) -> None:
-    """Error of each joint, a row, by each model, a dot."""
+    """Draw the error of each joint in a row, with a dot for each model."""
     values = np.array([list(each) for each in errors.values()], float)
     for k in range(len(names)):
         known = values[:, k][np.isfinite(values[:, k])]
@@ -116,26 +120,25 @@ def error_dots(
 
 @dataclass(frozen=True)
 class FrictionCurve:
-    """What rubs at a joint: `speed` and `measured` (n,) with the load (n,) at which it was; curves over `grid` (g,) by
-    load [rad/s; m/s, N m; N]."""
+    """Friction of a joint, measured and modelled."""
 
-    name: str
-    unit: str
+    name: str  # name of the joint
+    unit: str  # unit of friction and load
     speed_unit: str
-    speed: np.ndarray
-    load: np.ndarray
-    measured: np.ndarray
-    grid: np.ndarray
-    curves: Mapping[str, np.ndarray]
-    slope: float  # By how much friction grows with load
+    speed: np.ndarray  # (n,) [rad/s; m/s]
+    load: np.ndarray  # load at these samples, (n,) [N m; N]
+    measured: np.ndarray  # measured friction, (n,) [N m; N]
+    grid: np.ndarray  # speeds of the modelled curves, (g,) [rad/s; m/s]
+    curves: Mapping[str, np.ndarray]  # modelled friction by load in words, (g,) each [N m; N]
+    slope: float  # increase of friction with load
 
 
 LOAD_ROLES = ("fitted", "load", "heldout")
-"""Of little, medium and much load."""
+"""Colour roles of the curves at small, medium and large load."""
 
 
 def friction(curves: Sequence[FrictionCurve], name: str = "friction") -> Drawing:
-    """Friction of each joint against speed: what recordings leave of a joint's effort without bodies, and the model."""
+    """Draw the friction of each joint against speed: recorded effort minus that of the links, and the model."""
     figure, axes = _grid(len(curves), 2.3)
     for axis, curve in zip(axes, curves, strict=True):
         thirds = np.quantile(np.abs(curve.load), (1 / 3, 2 / 3)) if len(curve.load) else (0.0, 0.0)
@@ -147,7 +150,7 @@ def friction(curves: Sequence[FrictionCurve], name: str = "friction") -> Drawing
         axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
         axis.axvline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
         tidy(axis, first=True, text=unit_text(curve.unit), ticks=5)
-        # A few wild rows would leave nothing to see of all others.
+        # The axis ignores a few outliers, which would compress all other rows.
         low, high = np.quantile(curve.measured, (0.003, 0.997)) if len(curve.measured) else (-1.0, 1.0)
         made = np.concatenate([np.array([low, high]), *curve.curves.values()])
         pad = 0.08 * float(np.ptp(made) or 1.0)
@@ -170,7 +173,7 @@ def friction(curves: Sequence[FrictionCurve], name: str = "friction") -> Drawing
 
 
 def friction_by_load(curves: Sequence[FrictionCurve], name: str = "friction-load") -> Drawing:
-    """What friction has beyond that without load, against the load that the joint carries."""
+    """Draw the load-dependent part of friction against the load of each joint."""
     figure, axes = _grid(len(curves), 2.2)
     for axis, curve in zip(axes, curves, strict=True):
         first = next(iter(curve.curves))
@@ -198,16 +201,16 @@ def friction_by_load(curves: Sequence[FrictionCurve], name: str = "friction-load
 
 @dataclass(frozen=True)
 class Cell:
-    """Of a parameter: relative standard deviation [%], and a remark where that is no number to read."""
+    """Entry of a parameter in the map."""
 
-    sd: float
-    remark: str = ""
+    sd: float  # relative standard deviation [%]
+    remark: str = ""  # remark in place of the number, if it should not be read
 
 
 def shown_parameters(
     rows: Sequence[str], columns: Sequence[str], cells: Mapping[tuple[str, str], Cell], name: str = "shown"
 ) -> Drawing:
-    """A map of what the motion shows: rows of joints and links, columns of what there is to know of each."""
+    """Draw a map of identified parameters: a row for each joint or link, a column for each kind of parameter."""
     height = 0.9 + 0.34 * len(rows)
     figure = Figure(figsize=(FIGURE_WIDTH, height), layout="constrained")
     axis = figure.subplots()
@@ -236,7 +239,8 @@ def shown_parameters(
         name,
         figure,
         "How well the motion shows each parameter: its relative standard deviation in per cent. Green up to "
-        f"{WELL:g} %, blue up to {BARELY:g} %, orange above; an empty place belongs to a number that no motion of this "
+        f"{MAX_GOOD_SD_PERCENT:g} %, blue up to {MAX_FAIR_SD_PERCENT:g} %, "
+        "orange above; an empty place belongs to a number that no motion of this "
         "robot tells from the others, which its neighbours stand for.",
     )
 
@@ -244,9 +248,9 @@ def shown_parameters(
 def _shade(cell: Cell) -> tuple[str, float]:
     if cell.remark:
         return "faint", 0.35
-    if cell.sd <= WELL:
+    if cell.sd <= MAX_GOOD_SD_PERCENT:
         return "good", 0.38
-    return ("fitted", 0.28) if cell.sd <= BARELY else ("heldout", 0.28)
+    return ("fitted", 0.28) if cell.sd <= MAX_FAIR_SD_PERCENT else ("heldout", 0.28)
 
 
 def chosen_families(
@@ -257,7 +261,7 @@ def chosen_families(
     folds: int,
     name: str = "families",
 ) -> Drawing:
-    """Which friction terms were chosen: `shares` (m, t) of the folds, and by all of them, `chosen` (m, t)."""
+    """Draw the chosen friction terms: `shares`, (m, t), of the folds, and `chosen`, (m, t), from all data."""
     figure = Figure(figsize=(FIGURE_WIDTH, 0.8 + 0.3 * len(joints)), layout="constrained")
     axis = figure.subplots()
     for y in range(len(joints)):
@@ -291,7 +295,7 @@ def chosen_families(
 
 
 def intervals(stated: np.ndarray, jackknife: np.ndarray, share: float, name: str = "intervals") -> Drawing:
-    """Stated standard errors against those of the jackknife over segments, both (p,) over the parameter's value."""
+    """Draw stated against jackknife standard errors, both (p,) and divided by the parameter's value."""
     figure = Figure(figsize=(FIGURE_WIDTH, 3.9), layout="constrained")
     axis = figure.subplots()
     good = (stated > 0.0) & (jackknife > 0.0) & np.isfinite(stated) & np.isfinite(jackknife)
@@ -323,17 +327,17 @@ def intervals(stated: np.ndarray, jackknife: np.ndarray, share: float, name: str
 
 @dataclass(frozen=True)
 class RippleSpectrum:
-    """Amplitude (n,) of what goes round with a drive, over its order (n,), periods in a turn of the motor."""
+    """Spectrum of a drive's residual over its motor's angle."""
 
     joint: str
-    unit: str
-    order: np.ndarray
-    amplitude: np.ndarray
-    found: float
+    unit: str  # unit of the amplitude
+    order: np.ndarray  # periods per turn of the motor, (n,)
+    amplitude: np.ndarray  # amplitude at each order, (n,)
+    found: float  # order of the ripple that was found
 
 
 def ripples(spectra: Sequence[RippleSpectrum], name: str = "ripple") -> Drawing:
-    """What drives add as they go round, a panel each."""
+    """Draw the ripple spectrum of each drive in a panel."""
     rows = -(-len(spectra) // 2)
     figure = Figure(figsize=(FIGURE_WIDTH, 2.4 * rows + 0.2), layout="constrained")
     axes = figure.subplots(rows, min(2, len(spectra)), squeeze=False).ravel()
@@ -360,16 +364,16 @@ def ripples(spectra: Sequence[RippleSpectrum], name: str = "ripple") -> Drawing:
 
 
 def _grid(count: int, height: float) -> tuple[Figure, list[Axes]]:
-    rows = -(-count // COLUMNS)
+    rows = -(-count // COLUMN_COUNT)
     figure = Figure(figsize=(FIGURE_WIDTH, height * rows + 0.2), layout="constrained")
-    axes = figure.subplots(rows, min(COLUMNS, count), squeeze=False).ravel()
+    axes = figure.subplots(rows, min(COLUMN_COUNT, count), squeeze=False).ravel()
     for axis in axes[count:]:
         axis.set_axis_off()
     return figure, list(axes[:count])
 
 
 def arm(found: TreeResult, errors: Mapping[str, Sequence[float]], judged: str, name: str = "arm") -> Drawing:
-    """The arm along a recording, and beside it how well each joint is predicted by each model."""
+    """Draw the arm along a recording, and beside it each joint's prediction error by each model."""
     trace = drawn_trace(found)
     figure = Figure(figsize=(FIGURE_WIDTH, max(4.4, 1.6 + 0.42 * len(found.names))), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
@@ -379,7 +383,7 @@ def arm(found: TreeResult, errors: Mapping[str, Sequence[float]], judged: str, n
         right,
         found.names,
         errors,
-        {MODELS[model]: role for model, role in MODEL_ROLES.items()},
+        {MODEL_DESCRIPTIONS[model]: role for model, role in MODEL_ROLES.items()},
     )
     said = (
         f"Left: the arm, along {seconds:.3g} s of {trace.recording.replace('_', ' ')}: links as lines, joints as "
@@ -393,9 +397,9 @@ MODEL_ROLES: Mapping[str, str] = {
     "published": "faint", "stated": "symmetric", "base": "fitted", "best": "heldout", "consistent": "good",
     "prior": "load",
 }  # fmt: skip
-"""Colours of models."""
+"""Colour roles of the models."""
 
 
 def drawn_trace(found: TreeResult) -> TreeTrace:
-    """The recording that is drawn: the first that was held out, or else the first."""
+    """Return the recording that is drawn: the first held-out one, or else the first."""
     return next((t for t in found.traces if t.use == "validate"), found.traces[0])

@@ -1,4 +1,4 @@
-"""The page of a robot: its arm in motion, what each joint's effort shows, what rubs, and how sure every number is."""
+"""Page of a robot: the moving arm, efforts and friction of each joint, and the uncertainty of all parameters."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from ...recordings.study import Study
 from ..study_page import figure_tables, provenance, study_page
 from . import tree_figures as figures
 from .tree_figures import Cell, FrictionCurve, RippleSpectrum, short
-from .tree_result import JUDGED, MODELS, TreeResult, terms_of
+from .tree_result import MODEL_DESCRIPTIONS, ROW_KIND_DESCRIPTIONS, TreeResult, terms_of
 
 BODY_HEADS = {
     "mass": "m", "moment_x": "m·x", "moment_y": "m·y", "moment_z": "m·z", "inertia_xx": "Ixx", "inertia_xy": "Ixy",
     "inertia_xz": "Ixz", "inertia_yy": "Iyy", "inertia_yz": "Iyz", "inertia_zz": "Izz",
 }  # fmt: skip
-"""What a map calls the ten numbers of a body."""
+"""Column heads of the ten inertial parameters of a body."""
 
 _COLUMNS = ("inertia", "viscous", "positive", "negative", "coulomb", "offset", "load", "root", "stribeck", "velocity",
             "sine", "cosine")  # fmt: skip
 
-ROWS_SHOWN = 4000
-"""Of all recordings, that figures of friction draw."""
+MAX_DRAWN_ROWS = 4000
+"""Largest number of rows, over all recordings, in figures of friction."""
 
 
 def page(study: Study, result: TreeResult) -> Page:
-    """Everything that was found, as a page."""
-    judged = JUDGED[result.judged]
-    errors = {MODELS[e.model]: e.each for e in _in_order(result) if e.judged == result.judged}
+    """Build the page of a result."""
+    judged = ROW_KIND_DESCRIPTIONS[result.judged]
+    errors = {MODEL_DESCRIPTIONS[e.model]: e.each for e in _in_order(result) if e.judged == result.judged}
     arm = draw(figures.arm, result, errors, judged)
     trace = figures.drawn_trace(result)
     own = [_error(trace, k) for k in range(len(result.names))]
@@ -72,7 +72,9 @@ def page(study: Study, result: TreeResult) -> Page:
             ),
             drawings=(draw(figures.shown_parameters, *_map(result)),),
             tables=figure_tables(result, "Joints"),
-            folded=tuple((f"Every parameter: {MODELS[name]}", _parameters(result, name)) for name in result.models),
+            folded=tuple(
+                (f"Every parameter: {MODEL_DESCRIPTIONS[name]}", _parameters(result, name)) for name in result.models
+            ),
         ),
         *_intervals(result),
         *_drives(result),
@@ -87,7 +89,7 @@ def page(study: Study, result: TreeResult) -> Page:
 
 
 def _in_order(found: TreeResult) -> Iterator:
-    for model in MODELS:
+    for model in MODEL_DESCRIPTIONS:
         yield from (e for e in found.errors if e.model == model)
 
 
@@ -108,7 +110,8 @@ def _headline(found: TreeResult) -> str:
     count = "one recording" if len(names) == 1 else f"{len(names)} recordings"
     text += f"A robot of {len(found.names)} joints, identified from {count}. "
     text += (
-        f"On {JUDGED[found.judged]} its model misses {percent(best.mean)} % of the effort, mean over joints; with "
+        f"On {ROW_KIND_DESCRIPTIONS[found.judged]} its model misses {percent(best.mean)} % of the effort, "
+        "mean over joints; with "
         f"plain friction {percent(base.mean)} %"
     )
     return text + (f", with bodies as stated {percent(stated.mean)} %." if stated else ".")
@@ -120,7 +123,7 @@ def _tiles(found: TreeResult) -> list[Tile]:
     base = found.models["base"].parameters
     told = sum(parameter_verdict(p) == "identified" for p in found.best.parameters.values())
     tiles = [
-        Tile("Mean effort error", percent(best.mean), "%", f"on {JUDGED[found.judged]}"),
+        Tile("Mean effort error", percent(best.mean), "%", f"on {ROW_KIND_DESCRIPTIONS[found.judged]}"),
         Tile("Worst joint", percent(best.each[worst]), "%", short(found.names[worst])),
         Tile(
             "Parameters told from 0", f"{told}", f"of {len(found.best.parameters)}", f"{len(base)} with plain friction"
@@ -151,12 +154,12 @@ def _friction_words(found: TreeResult) -> str:
 
 
 def _curves(found: TreeResult) -> list[FrictionCurve]:
-    """Friction of each joint as recorded, with the model's at little, medium and much load."""
+    """Return the recorded friction of each joint, and the modelled one at small, medium and large load."""
     best, width = found.best, found.best.velocity_width
     made = []
     for k, name in enumerate(found.names):
         speed, load, left = (np.concatenate(parts) for parts in zip(*_rows_of(found, k), strict=True))
-        step = max(1, len(speed) // ROWS_SHOWN)
+        step = max(1, len(speed) // MAX_DRAWN_ROWS)
         speed, load, left = speed[::step], load[::step], left[::step]
         numbers = best.joint_numbers(k)
         measured = left + sum_friction(numbers, speed, load, width)
@@ -181,7 +184,7 @@ def _rows_of(found: TreeResult, k: int) -> Iterator[tuple[np.ndarray, np.ndarray
 
 
 def _published(found: TreeResult) -> tuple[tuple[str, Table], ...]:
-    """What others found beside what is found here, with plain friction as theirs is."""
+    """Return a table of published values beside those of the model with plain friction."""
     base = found.models["base"].parameters
     rows = []
     for joint, table in found.published.items():
@@ -243,7 +246,7 @@ def _ripple(found: TreeResult) -> tuple[Section, ...]:
 
 
 def _spectrum(angle: np.ndarray, left: np.ndarray, order: float) -> tuple[np.ndarray, np.ndarray]:
-    """Amplitude of what is left over (n,) at orders around one, by waves fitted one at a time."""
+    """Return orders around a given one, and the residual's amplitude at each, (n,), by fitting one wave at a time."""
     low, high = max(0.3 * order, order - 40.0), order + 40.0
     turns = float(np.ptp(angle)) / (2.0 * np.pi)
     orders = np.unique(np.append(np.arange(low, high, max(0.12 / max(turns, 1e-3), (high - low) / 1500)), order))
@@ -252,7 +255,7 @@ def _spectrum(angle: np.ndarray, left: np.ndarray, order: float) -> tuple[np.nda
 
 
 def _map(found: TreeResult) -> tuple[tuple[str, ...], tuple[str, ...], dict[tuple[str, str], Cell]]:
-    """Rows, columns and cells of the map of what the motion shows."""
+    """Return rows, columns and cells of the map of identified parameters."""
     columns, rows, cells = [], [], {}
     bodies = tuple(joint.child for joint in found.robot.tree.order)
     for name, parameter in found.best.parameters.items():
@@ -332,7 +335,7 @@ def _intervals(found: TreeResult) -> tuple[Section, ...]:
 
 
 def _drives(found: TreeResult) -> tuple[Section, ...]:
-    """Gains, where they say something, and payloads."""
+    """Return the section on gains, if they were identified, and payloads."""
     tables = list(figure_tables(found, "Payloads"))
     if found.identified_gains:
         rows = [

@@ -1,4 +1,4 @@
-"""What `identify` finds of a robot of several joints: its models, what each predicts, as tables, rows and cards."""
+"""Result of `identify` for a robot of several joints: its models and their errors, as tables, rows and cards."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ from ...recordings.study import Study
 from ..result import FigureTable, ParameterTable, Result
 from .tree_table import TreeTable
 
-COMMAND = "identify"
+COMMAND_NAME = "identify"
+"""Name of the command that writes these results."""
 
-MODELS: Mapping[str, str] = {
+MODEL_DESCRIPTIONS: Mapping[str, str] = {
     "published": "published friction, stated bodies",
     "stated": "stated bodies, friction fitted",
     "base": "base parameters, plain friction",
@@ -32,145 +33,146 @@ MODELS: Mapping[str, str] = {
     "consistent": "the same with bodies that can exist",
     "prior": "the same, drawn to stated bodies",
 }
-"""Models in words, the simplest rivals first."""
+"""Models in words, the simplest baselines first."""
 
-JUDGED: Mapping[str, str] = {
+ROW_KIND_DESCRIPTIONS: Mapping[str, str] = {
     "fitted": "what was fitted",
     "segments_out": "segments left out in turn",
     "heldout": "held-out recordings",
 }
-"""What errors are of."""
+"""Kinds of rows on which errors are measured, in words."""
 
 PAYLOAD_NOTES: Mapping[str, str] = {
     "gains": "",
     "gains of other payloads": "; with gains from the other payloads",
     "nothing": "; it set the gains of the drives, and is no test of them",
 }
-"""What rows add about a payload's mass, by what it tests."""
+"""Remarks on a payload's mass in result rows, by what the mass tests."""
 
-PLAIN = ("viscous", "coulomb", "offset", "motor_viscous", "motor_coulomb")
-"""Friction terms that every joint has, or every motor that joints share."""
+PLAIN_TERMS = ("viscous", "coulomb", "offset", "motor_viscous", "motor_coulomb")
+"""Friction terms of every joint, and of every motor that turns with several joints."""
 
 
 @dataclass(frozen=True)
 class Errors:
-    """Of a model: RMS of what it misses over the RMS effort, over rows in which a joint moves, (m,) [%]."""
+    """Errors of one model on one kind of rows, over the rows in which a joint moves."""
 
-    model: str
-    judged: Literal["fitted", "segments_out", "heldout"]
-    each: tuple[float, ...]
+    model: str  # name of the model
+    judged: Literal["fitted", "segments_out", "heldout"]  # kind of rows
+    each: tuple[float, ...]  # RMS error of each joint over its RMS effort, (m,) [%]
 
     @property
     def mean(self) -> float:
-        """Over joints [%]."""
+        """Mean error over joints [%]."""
         return float(np.mean(self.each))
 
 
 @dataclass(frozen=True)
 class TreeTrace:
-    """A recording of all joints as it was judged; n rows, m joints [rad; m, N m; N]."""
+    """A filtered recording of all joints; n rows, m joints."""
 
     recording: str
     use: Literal["fit", "validate"]
-    time: np.ndarray  # (n,)
-    position: np.ndarray
-    velocity: np.ndarray
-    effort: np.ndarray
-    moving: np.ndarray
-    load: np.ndarray  # What bodies and rotors need, by the best model
-    predicted: np.ndarray  # By the best model
+    time: np.ndarray  # (n,) [s]
+    position: np.ndarray  # (n, m) [rad; m]
+    velocity: np.ndarray  # (n, m) [rad/s; m/s]
+    effort: np.ndarray  # measured effort, (n, m) [N m; N]
+    moving: np.ndarray  # mask of the rows in which a joint moves, (n, m)
+    load: np.ndarray  # effort of links and rotors by the best model, (n, m) [N m; N]
+    predicted: np.ndarray  # effort predicted by the best model, (n, m) [N m; N]
 
 
 @dataclass(frozen=True)
 class Choice:
-    """Which friction terms and ripples were chosen within the rows that were left, a segment out in turn."""
+    """Friction terms and ripples that were chosen with each segment left out in turn."""
 
-    folds: int
-    terms: tuple[Mapping[str, int], ...]  # Of each joint, how often a term was chosen
-    ripples: Mapping[str, int]  # How often a ripple was found in a joint's drive
+    folds: int  # number of segments left out in turn
+    terms: tuple[Mapping[str, int], ...]  # for each joint, number of folds in which a term was chosen
+    ripples: Mapping[str, int]  # number of folds in which a ripple was found, by joint
 
 
 @dataclass(frozen=True)
 class FoundPayload:
-    """What hung on the robot in one recording, as found with the model, beside what study.toml says of it."""
+    """Identified payload of one recording, with the stated mass."""
 
     recording: str
-    mass: Parameter
-    known: float | None = None  # kg
-    centre: tuple[float, ...] = ()  # In the link's frame [m]; NaN where the motion does not tell
-    link: str = ""
-    # What the mass tests: the gains; where the stated mass set them, gains from the other payloads, or nothing
-    tests: Literal["gains", "gains of other payloads", "nothing"] = "gains"
+    mass: Parameter  # identified mass
+    known: float | None = None  # stated mass [kg]
+    centre: tuple[float, ...] = ()  # centre of mass in the link's frame [m]; NaN if it is not determined
+    link: str = ""  # link that carries the payload
+    tests: Literal["gains", "gains of other payloads", "nothing"] = "gains"  # gains that the identified mass tests
 
     @property
     def error(self) -> float:
-        """Error of the mass [%]; NaN where the mass is not known, or set the gains that it was found with."""
+        """Error of the mass [%]; NaN if the true mass is unknown or determined the gains in use."""
         unknown = self.known is None or bool(self.mass.refused) or self.tests == "nothing"
         return float("nan") if unknown else 100.0 * abs(self.mass.value - self.known) / self.known
 
 
 @dataclass(frozen=True, kw_only=True)
 class TreeResult(Result):
-    """Everything `identify` found on a robot; ``result["joint_3.viscous"]`` is of the best model, ``"base.…"`` and
-    ``"consistent.…"`` of the others."""
+    """Result of `identify` for a robot.
+
+    ``result["joint_3.viscous"]`` belongs to the best model, ``"base.…"`` and ``"consistent.…"`` to the others.
+    """
 
     robot: Robot
-    models: Mapping[str, TreeEstimate]  # base, best, consistent, as far as there are
-    failures: Mapping[str, str]  # Models that could not be found, and why
+    models: Mapping[str, TreeEstimate]  # estimates by name: base, best, consistent, as far as they exist
+    failures: Mapping[str, str]  # reasons, by model, why it could not be fitted
     errors: tuple[Errors, ...]
-    choice: Choice | None
-    lines: tuple[SpectralLine, ...]  # The strongest line of each drive's residual
+    choice: Choice | None  # choices of terms in cross-validation; None if there was none
+    lines: tuple[SpectralLine, ...]  # strongest line of each drive's residual
     jackknife: SegmentJackknife | None
     payloads: tuple[FoundPayload, ...]
-    gains: tuple[tuple[float, str, bool], ...]  # Of each drive: effort per unit, its unit, whether it is known
-    identified_gains: tuple[Parameter, ...]  # Of each drive; () where they were stated
-    gains_note: str  # Where they come from
-    published: Mapping[str, Mapping[str, float]]
-    filter_note: str
-    segments: int
-    doubts: tuple[str, ...] = ()  # What speaks against a joint's sign, and does not prove it
-    traces: tuple[TreeTrace, ...] = field(default=(), repr=False)
+    gains: tuple[tuple[float, str, bool], ...]  # gain of each drive, its unit, and whether it is known
+    identified_gains: tuple[Parameter, ...]  # identified gain of each drive; empty if they were stated
+    gains_note: str  # source of the gains, in words
+    published: Mapping[str, Mapping[str, float]]  # published values by joint and parameter, SI
+    filter_note: str  # processing in one line
+    segments: int  # number of segments
+    doubts: tuple[str, ...] = ()  # joints whose sign is in doubt, in words
+    traces: tuple[TreeTrace, ...] = field(default=(), repr=False)  # filtered recordings
 
     @property
     def best(self) -> TreeEstimate:
-        """The model whose figures are drawn."""
+        """Estimate whose figures are drawn."""
         return self.models["best"]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the joints that move."""
+        """Names of the moving joints."""
         return self.robot.names
 
     @property
     def effort_units(self) -> tuple[str, ...]:
-        """Of each joint's effort: the drive's where its gain is not known."""
+        """Unit of each joint's effort; the drive's unit if its gain is unknown."""
         return tuple(
             own[1] if known else unit for own, (_, unit, known) in zip(self.robot.units, self.gains, strict=True)
         )
 
     @property
     def estimates(self) -> Mapping[str, Parameter]:
-        """The best model's parameters by name; those of every model below its name too."""
+        """Parameters of the best model by name, and those of every model with its name as prefix."""
         found = {f"{name}.{p.name}": p for name, model in self.models.items() for p in model.parameters.values()}
         return dict(self.best.parameters) | found
 
     def errors_of(self, model: str, judged: str) -> Errors | None:
-        """Of a model on one kind of rows; None where these are not there."""
+        """Return the errors of a model on one kind of rows; None if there are none."""
         return next((e for e in self.errors if (e.model, e.judged) == (model, judged)), None)
 
     @property
     def judged(self) -> str:
-        """The most demanding kind of rows that there is."""
+        """Most demanding kind of rows that is available."""
         return next(kind for kind in ("heldout", "segments_out", "fitted") if self.errors_of("best", kind))
 
     @property
     def worst(self) -> int:
-        """The joint that is predicted worst."""
+        """Index of the joint with the largest error."""
         return int(np.nanargmax(self.errors_of("best", self.judged).each))
 
 
-def completed(study: Study, found: TreeResult) -> TreeResult:
-    """The same with headline, tables, rows and cards."""
+def complete_result(study: Study, found: TreeResult) -> TreeResult:
+    """Add the headline, tables, rows and cards to a result."""
     return replace(
         found,
         headline=_headline(found),
@@ -184,18 +186,21 @@ def _headline(found: TreeResult) -> str:
     best, base = (found.errors_of(name, found.judged) for name in ("best", "base"))
     wrong = list(dict.fromkeys(v.finding.replace("_", " ") for v in found.verdicts if v.kind == "wrong"))
     said = (
-        f"{len(found.names)} joints; mean effort error {best.mean:.3g} % on {JUDGED[found.judged]} with friction "
+        f"{len(found.names)} joints; mean effort error {best.mean:.3g} % on {ROW_KIND_DESCRIPTIONS[found.judged]} "
+        "with friction "
         f"chosen for each joint, {base.mean:.3g} % with plain friction"
     )
     return said + (f"; not to be used before this is mended: {', '.join(wrong)}" if wrong else "")
 
 
 def _tables(found: TreeResult) -> Iterator[ParameterTable | FigureTable]:
-    for kind, words in JUDGED.items():
-        errors = sorted((e for e in found.errors if e.judged == kind), key=lambda e: list(MODELS).index(e.model))
+    for kind, words in ROW_KIND_DESCRIPTIONS.items():
+        errors = sorted(
+            (e for e in found.errors if e.judged == kind), key=lambda e: list(MODEL_DESCRIPTIONS).index(e.model)
+        )
         if errors:
             heads = ("model", *(f"{_short(found, k)} %" for k in range(len(found.names))), "mean %")
-            rows = tuple((MODELS[e.model], *e.each, e.mean) for e in errors)
+            rows = tuple((MODEL_DESCRIPTIONS[e.model], *e.each, e.mean) for e in errors)
             yield FigureTable(f"Effort errors on {words}", heads, rows)
     yield FigureTable(
         "Joints", ("joint", "friction beside viscous and dry", "numbers shown", "verdict"), tuple(_joints(found))
@@ -218,31 +223,37 @@ def _tables(found: TreeResult) -> Iterator[ParameterTable | FigureTable]:
 
 
 def _short(found: TreeResult, k: int) -> str:
-    """A joint's name where all names are short, else its number."""
+    """Return a joint's name if all names are short, else its number."""
     names = [name.replace("_", " ") for name in found.names]
     return names[k] if max(map(len, names)) <= 8 else f"joint {k + 1}"
 
 
 def joint_states(found: TreeResult, k: int) -> dict[str, str]:
-    """Verdict of each of a joint's own numbers, by the number's name."""
+    """Return the verdict on each parameter of a joint, by the parameter's name."""
     head = f"{found.names[k]}."
     return {n.removeprefix(head): s for n, s in parameter_verdicts(found.best).items() if n.startswith(head)}
 
 
 def terms_of(found: TreeResult, k: int) -> tuple[str, ...]:
-    """Friction terms that were chosen for a joint beside those that every joint has."""
-    return tuple(term for term in found.best.families[k] if term not in PLAIN)
+    """Return the friction terms of a joint in addition to plain ones."""
+    return tuple(term for term in found.best.families[k] if term not in PLAIN_TERMS)
 
 
-FINE = ("identified", "on a bound")
-SMALL = ("offset", "ripple_")
-"""Small on a good machine, and a phase: that one of these may be 0 is nothing to act upon."""
+ACCEPTABLE_VERDICTS = ("identified", "on a bound")
+"""Verdicts that need no action."""
+
+OFTEN_ZERO_PARAMETERS = ("offset", "ripple_")
+"""Beginnings of the names of parameters that may be 0 without need for action."""
 
 
-def unsure(found: TreeResult, k: int) -> list[str]:
-    """A joint's own numbers that are not told from 0, and ought to be."""
+def unidentified_parameters(found: TreeResult, k: int) -> list[str]:
+    """Return the parameters of a joint that are not identified but should be."""
     said = joint_states(found, k)
-    return [n.replace("_", " ") for n, state in said.items() if state not in FINE and not n.startswith(SMALL)]
+    return [
+        n.replace("_", " ")
+        for n, state in said.items()
+        if state not in ACCEPTABLE_VERDICTS and not n.startswith(OFTEN_ZERO_PARAMETERS)
+    ]
 
 
 def _joints(found: TreeResult) -> Iterator[tuple[str, str, str, str]]:
@@ -252,7 +263,7 @@ def _joints(found: TreeResult) -> Iterator[tuple[str, str, str, str]]:
         terms = ", ".join(term.replace("_", " ") for term in terms_of(found, k)) or "nothing"
         if any(ripple.motor == k for ripple in found.best.ripples):
             terms += ", ripple"
-        weak = unsure(found, k)
+        weak = unidentified_parameters(found, k)
         yield name, terms, f"{good} of {len(said)}", "good" if not weak else f"not sure: {', '.join(weak)}"
 
 
@@ -275,7 +286,7 @@ def _friction_rows(found: TreeResult) -> Iterator[tuple[str | float | None, ...]
 
 
 def tree_card(study: Study, found: TreeResult, model: TreeEstimate) -> TreeCard:
-    """The card of one of the models."""
+    """Return the card of one of the models."""
     tree, level = found.robot.tree, study.table(TreeTable).confidence
     judged = next((e for kind in ("heldout", "segments_out") if (e := found.errors_of(model.name, kind))), None)
     motors = model.motors()
@@ -325,13 +336,14 @@ def _rows(values: np.ndarray) -> tuple[tuple[float, ...], ...]:
 
 
 def tree_rows_of(found: TreeResult) -> Iterator[ResultRow]:
-    """Every figure: `<study>.<model>.<judged>.error.joint_<k>` and `.mean`, `<study>.<model>.<parameter>`, ..."""
+    """Yield the result rows: `<study>.<model>.<judged>.error.joint_<k>`, `.mean`, `<study>.<model>.<parameter>`, ..."""
     together = combined_checksum(found.checksums.values())
-    plain = ResultRow("", None, "1", COMMAND, "fitted", together, found.filter_note)
+    plain = ResultRow("", None, "1", COMMAND_NAME, "fitted", together, found.filter_note)
     kept = replace(plain, split="heldout")
     for e in found.errors:
         of = plain if e.judged == "fitted" else kept
-        note = f"{MODELS[e.model]}; on {JUDGED[e.judged]}; RMS missed over RMS effort, rows in which the joint moves"
+        note = f"{MODEL_DESCRIPTIONS[e.model]}; on {ROW_KIND_DESCRIPTIONS[e.judged]}; RMS missed over RMS effort, "
+        note += "rows in which the joint moves"
         head = f"{found.study}.{e.model}.{e.judged}.error"
         for k, (name, value) in enumerate(zip(found.names, e.each, strict=True), 1):
             yield replace(of, id=f"{head}.joint_{k}", value=value, unit="%", note=f"{name}: {note}")
@@ -380,11 +392,11 @@ def _of_joint(robot: Robot, name: str) -> bool:
 
 
 def choice_of(robot: Robot, models: Sequence[TreeModel]) -> Choice:
-    """How often each term, and a ripple, was chosen over the `models` of all folds."""
+    """Count how often each term, and a ripple, was chosen in the `models` of all folds."""
     terms: list[dict[str, int]] = []
     for k in range(len(robot.names)):
         counted: dict[str, int] = {}
-        for term in (term for model in models for term in model.families[k] if term not in PLAIN):
+        for term in (term for model in models for term in model.families[k] if term not in PLAIN_TERMS):
             counted[term] = counted.get(term, 0) + 1
         terms.append(counted)
     found = {name: sum(any(r.motor == k for r in m.ripples) for m in models) for k, name in enumerate(robot.names)}

@@ -1,4 +1,4 @@
-"""What study.toml may say of a robot whose joints are identified at once: ``[tree]``."""
+"""Table ``[tree]`` of study.toml: a robot whose joints are identified together."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from ...units import parse_quantity
 if TYPE_CHECKING:
     from ...recordings.study_file import StudyFile
 
-READ = frozenset(
+READ_QUANTITIES = frozenset(
     ("position", "motor_position", "velocity", "torque", "force", "current", "voltage", "duty", "supply", "enabled")
 )
-"""Channels that efforts and motions are made of, where their names end in a joint's."""
+"""Quantities of the channels that are read; the channel's name ends in a joint's name."""
 
-RICHER = ("load", "square_root", "stribeck", "directional")
-"""Friction terms that a joint may have beside viscous and dry friction and an offset."""
+FURTHER_TERMS = ("load", "square_root", "stribeck", "directional")
+"""Friction terms that a joint may have in addition to viscous and dry friction and an offset."""
 
 
 class TreeTable(ProcedureTable):
-    """A robot whose joints are identified at once: ``[tree]``.
+    """Table ``[tree]`` of study.toml: a robot whose joints are identified together.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class TreeTable(ProcedureTable):
     segments: Literal["automatic"] | Annotated[int, Field(ge=2, le=1000)] | dict[Word, tuple[quantity("s"), ...]] = (
         "automatic"
     )
-    families: tuple[Literal[RICHER], ...] = RICHER
+    families: tuple[Literal[FURTHER_TERMS], ...] = FURTHER_TERMS
     ripple: bool = True
     inertia_prior: bool = False
     gains: Literal["stated", "desired", "payload"] = "stated"
@@ -117,12 +117,12 @@ class TreeTable(ProcedureTable):
         return self
 
     def reads(self, channel: str, stream: str) -> bool:
-        """How joints and motors move, and what drives them; of a joined stream too."""
+        """Return whether a channel of motion or drive is read, also in a joined stream."""
         head, _, joint = channel.rpartition(".")
-        return (head or joint) in READ
+        return (head or joint) in READ_QUANTITIES
 
     def require_in(self, config: StudyFile) -> None:
-        """That the machine is a robot whose bodies are said once."""
+        """Refuse a study whose robot is not described, or described twice."""
         for message in self._missing(config):
             raise ValueError(message)
 

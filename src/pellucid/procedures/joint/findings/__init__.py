@@ -1,1 +1,1 @@
-"""What there may be to say of an identified joint: a file for each finding, with a function ``find(case)``."""
+"""Findings on an identified joint: one file for each, with a function ``find(case)``."""

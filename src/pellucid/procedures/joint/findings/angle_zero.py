@@ -1,4 +1,4 @@
-"""An encoder whose zero is not where the joint hangs."""
+"""Finding: the encoder's zero is not where the joint hangs."""
 
 from __future__ import annotations
 
@@ -14,19 +14,32 @@ from ....fit.parameter import Verdict
 from ....fit.regression import stack
 from ..joint_case import JointCase
 
-SMALLEST = np.radians(3.0)  # below it, gravity and friction that the model misses look the same
-SURE = 3.0  # standard errors
-COARSE = np.radians(15.0)  # standard error above which no angle is told
-HELPS = 1.1  # times the error on held-out effort, that a zero in the wrong place makes
-PLAIN = ("symmetric", "directional", "load")  # families that are solved at once
+MIN_ZERO_ERROR_RAD = np.radians(3.0)
+"""Smallest zero error that is reported [rad]. Smaller ones cannot be told from errors of the friction model."""
+
+MIN_STANDARD_ERRORS = 3.0
+"""A zero error is reported only if it differs from 0 by more than this many standard errors."""
+
+MAX_STANDARD_ERROR_RAD = np.radians(15.0)
+"""No angle is reported if its standard error exceeds this [rad]."""
+
+MIN_ERROR_REDUCTION = 1.1
+"""A zero error is reported only if correcting it reduces the effort error by at least this factor."""
+
+TRIED_FAMILIES = ("symmetric", "directional", "load")
+"""Families that are solved fast enough to be tried with a free zero."""
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
-    """The angle that gravity implies, with its interval, and the offset to write."""
+    """Report the zero error that gravity implies, with its interval, and the offset to write."""
     if not has_free_gravity(case.fit.model):
         return
     found = _best(case)
-    if found is None or found.standard_error > COARSE or abs(found.angle) < max(SMALLEST, SURE * found.standard_error):
+    if (
+        found is None
+        or found.standard_error > MAX_STANDARD_ERROR_RAD
+        or abs(found.angle) < max(MIN_ZERO_ERROR_RAD, MIN_STANDARD_ERRORS * found.standard_error)
+    ):
         return
     half = float(np.degrees(ndtri(0.5 + 0.5 * case.level) * found.standard_error))
     at = f"the joint hangs where the encoder says {-np.degrees(found.angle):.1f} ± {half:.1f} deg"
@@ -34,8 +47,8 @@ def find(case: JointCase) -> Iterator[Verdict]:
         text = f"The zero of the angle is free, as study.toml asks, and {at}"
         yield Verdict("note", f"{text} ({100 * case.level:g} %).")
         return
-    turned = np.cos(found.angle) < 0.0  # then both fits explain as much, one with a weight below zero
-    if not turned and not (found.p_value < SIGNIFICANCE_LEVEL and found.before > HELPS * found.after):
+    turned = np.cos(found.angle) < 0.0  # both zeros then fit equally well, one of them with a negative weight
+    if not turned and not (found.p_value < SIGNIFICANCE_LEVEL and found.before > MIN_ERROR_REDUCTION * found.after):
         return
     unit = case.fit.model.effort_unit
     yield Verdict(
@@ -48,20 +61,20 @@ def find(case: JointCase) -> Iterator[Verdict]:
 
 
 def _best(case: JointCase) -> AngleZero | None:
-    """By the family that predicts best with its zero free: one that misses friction finds a coarser angle."""
+    """Return the zero error by the family that predicts best with a free zero."""
     held = [m for m in case.excerpt if m.split == "heldout"]
     data = stack([m for m in case.excerpt if m.split == "fitted"])
     made = []
-    for fit in [case.fits[n] for n in PLAIN if n in case.fits] or [case.fit]:
+    for fit in [case.fits[n] for n in TRIED_FAMILIES if n in case.fits] or [case.fit]:
         try:
             made.append(estimate_angle_zero(fit.model, data, held))
         except IdentificationError:
-            continue  # too small a range of angles to tell
+            continue  # the range of angles is too small
     return min(made, key=lambda each: each.after, default=None)
 
 
 def _offset(case: JointCase, angle: float) -> str:
-    """The entry of [channels] that puts the zero right."""
+    """Return the entry of [channels] that corrects the zero."""
     spec = case.study.config.channels["position"]
     offset = spec.offset + angle / spec.si_factor
     return f"offset = {offset:.4g} in [channels] position ({spec.unit})"

@@ -1,4 +1,4 @@
-"""Columns of the regressor that are nearly proportional."""
+"""Finding: columns of the regressor are nearly proportional."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from collections.abc import Iterator
 from ....fit.parameter import Verdict
 from ..joint_case import JointCase
 
-NEARLY = 100.0  # condition number, with columns of equal length
+MAX_CONDITION_NUMBER = 100.0
+"""The columns are nearly proportional if the condition number of the scaled regressor exceeds this."""
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
-    """A condition number above which parameters trade off."""
+    """Report a condition number at which parameters trade off."""
     condition = case.fit.estimate.scaled_condition_number
-    if condition > NEARLY:
+    if condition > MAX_CONDITION_NUMBER:
         yield Verdict(
             "warning",
             f"The regressor's columns are nearly collinear (condition number {condition:.0f} with columns of equal "

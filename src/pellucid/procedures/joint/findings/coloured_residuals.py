@@ -1,4 +1,4 @@
-"""Residuals that remember each other."""
+"""Finding: the residuals are autocorrelated."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..joint_case import JointCase
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
-    """How many independent samples a hundred residuals are worth."""
+    """Report how many of a hundred residuals are effectively independent."""
     white = case.fit.estimate.whiteness
     if white is not None and white.effective_share < 0.5:
         yield Verdict(

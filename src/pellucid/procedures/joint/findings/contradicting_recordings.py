@@ -1,4 +1,4 @@
-"""Recordings that cannot be of one machine: the same parameter, far apart from one of them and from the others."""
+"""Finding: a recording contradicts the others, because a parameter estimated from it is far from theirs."""
 
 from __future__ import annotations
 
@@ -12,24 +12,27 @@ from ....fit.parameter import Verdict
 from ....pages.quantities import label, number, unit_text
 from ..joint_case import JointCase
 
-SCALED = 0.1  # from 1, from where a recording differs by a factor
-TURNED = np.radians(5.0)  # from where it differs by its zero
+MIN_SCALE_DIFFERENCE = 0.1
+"""A recording differs by a factor on the effort if that factor is farther than this from 1."""
+
+MIN_ZERO_DIFFERENCE_RAD = np.radians(5.0)
+"""A recording differs by its encoder zero if the zeros are farther apart than this [rad]."""
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
-    """Each recording that contradicts the others, in what, and what they give without it."""
+    """Report each contradicting recording, its parameters, and those of the others."""
     names = {m.recording for m in case.excerpt}
     if len(names) < 2:
         return
-    found = _found(case)
+    found = _find_disagreements(case)
     pair = len(names) - len(found) == 1 and len(found) == 1
     for i, each in enumerate(found):
         rest = next(iter(names - {each.recording})) if pair else ""
         yield _verdict(case, each, rest, 12.0 - 0.01 * i)
 
 
-def _found(case: JointCase) -> tuple[Disagreement, ...]:
-    """By the best family; where it sees none in the body, by those that fit better, which miss less friction."""
+def _find_disagreements(case: JointCase) -> tuple[Disagreement, ...]:
+    """Find disagreements with the best family, or with families that fit better if it finds none in the body."""
     fits = sorted(case.fits.values(), key=lambda f: (f.family != case.best, f.fitted_effort_error))
     every = [find_disagreements(f.model, f.estimate.array, case.excerpt) for f in fits]
     bodily = [found for found in every if any(BODY_PARAMETERS & set(each.own) for each in found)]
@@ -51,10 +54,10 @@ def _verdict(case: JointCase, each: Disagreement, rest: str, weight: float) -> V
     )
     said = f"Recording '{each.recording}' contradicts {repr(rest) if rest else 'the others'}: {apart}."
     which = f"'{each.recording}'" + (f" and in '{rest}'" if rest else "")
-    if "gravity_cosine" in each.own and abs(each.turned) > TURNED:
+    if "gravity_cosine" in each.own and abs(each.turned) > MIN_ZERO_DIFFERENCE_RAD:
         said += f" By its weight, its angle reads {-np.degrees(each.turned):+.1f} deg against theirs."
         do = f"Check the encoder's zero in {which}: an offset of its own in that recording's channels puts it right"
-    elif np.isfinite(each.scale) and abs(each.scale - 1.0) > SCALED:
+    elif np.isfinite(each.scale) and abs(each.scale - 1.0) > MIN_SCALE_DIFFERENCE:
         said += f" Its effort is {each.scale:.3g} times what the others' model asks for."
         do = f"Check the drive's unit, scale and sign in {which}"
     else:

@@ -1,4 +1,4 @@
-"""The drive's constant: found from known payloads, against the one that is stated, or not known."""
+"""Finding: the drive constant from known payloads, compared with the stated one, if any."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ from ....fit.parameter import Verdict
 from ....models.friction_terms import grows_with_load
 from ..joint_case import JointCase
 
-SURE = 4.0  # standard errors by which the implied constant must miss the stated one
-FAR = 0.1  # share of it, likewise
+MIN_STANDARD_ERRORS = 4.0
+"""The implied constant contradicts the stated one only if they differ by more than this many standard errors."""
+
+MIN_RELATIVE_DIFFERENCE = 0.1
+"""The implied constant contradicts the stated one only if they differ by more than this share."""
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
-    """What known payloads say of the drive's constant; without them, that a drive has none."""
+    """Report the drive constant from known payloads, or that it is unknown."""
     drive = case.study.rig.drive
     if drive.kind == "torque" or drive.constant is not None:
         yield from _against_stated(case)
@@ -37,16 +40,21 @@ def find(case: JointCase) -> Iterator[Verdict]:
 
 
 def _against_stated(case: JointCase) -> Iterator[Verdict]:
-    """Payloads whose effort the drive tells otherwise than its constant, or its sensor, says."""
+    """Report payloads whose effort contradicts the stated drive constant or sensor."""
     found = case.constant
     if found is None:
         return
-    if abs(found.value - _nearest_ratio(case, found.value)) < max(FAR, SURE * found.standard_error):
+    if abs(found.value - _nearest_ratio(case, found.value)) < max(
+        MIN_RELATIVE_DIFFERENCE, MIN_STANDARD_ERRORS * found.standard_error
+    ):
         return
     low, high = found.interval(case.level)
     drive = case.study.rig.drive
     what = "torque_constant" if case.rotary else "force_constant"
-    thousand = any(abs(found.value / k - 1.0) < max(FAR, SURE * found.standard_error / k) for k in (1e3, 1e-3))
+    thousand = any(
+        abs(found.value / k - 1.0) < max(MIN_RELATIVE_DIFFERENCE, MIN_STANDARD_ERRORS * found.standard_error / k)
+        for k in (1e3, 1e-3)
+    )
     if thousand and drive.kind == "current":
         do = "That is the step from A to mA: check the unit of [channels] current."
     elif drive.constant is not None and drive.resistance is None:
@@ -59,15 +67,15 @@ def _against_stated(case: JointCase) -> Iterator[Verdict]:
         f"The known payloads imply {found.value:.4g} times the effort that the drive is said to give (interval "
         f"{low:.4g} to {high:.4g}).",
         do,
-        weight=12.5,  # a payload that is taken for too little makes its recording contradict the others
+        weight=12.5,  # more weight than a contradicting recording, which a wrong constant also causes
     )
 
 
 def _nearest_ratio(case: JointCase, implied: float) -> float:
-    """What a right constant makes payloads imply, nearest to what they do `implied`.
+    """Return the ratio that payloads would imply with a correct constant, as near as possible to `implied`.
 
-    The ratio is 1 without load friction. Where the shares of the load lost in motoring and in generating differ by
-    twice d, it is 1 / (1 + d), and d is at most their mean.
+    The ratio is 1 without load friction. If the shares of the load lost in motoring and in generating differ by twice
+    d, it is 1 / (1 + d), and d is at most their mean.
     """
     model = case.fit.model
     lost = [case.fit[name].value for name in model.names if grows_with_load(name)]

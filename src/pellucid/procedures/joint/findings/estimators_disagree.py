@@ -1,4 +1,4 @@
-"""Where estimators of the same parameters disagree by more than their intervals allow, and whose values are used."""
+"""Finding: estimators of the same parameters disagree by more than their intervals allow."""
 
 from __future__ import annotations
 
@@ -13,17 +13,20 @@ from ....fit.parameter import Parameter, Verdict
 from ....pages.quantities import METHODS, label, number, unit_text
 from ..joint_case import JointCase
 
-NOTICEABLE = 0.02  # share of the RMS effort that a difference between two values must make
-FAR = 1.2  # times the best one's error on held-out data, from where an estimator is the wrong one to take
+MIN_EFFORT_SHARE = 0.02
+"""A difference between two values is reported only if it changes the effort by more than this share (RMS)."""
+
+MAX_ERROR_RATIO = 1.2
+"""An estimator is the wrong choice if its held-out error exceeds this multiple of the best one's."""
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
-    """On what which estimators disagree, how each does on what is held out, and which is the headline."""
+    """Report the disagreeing estimators, their parameters and held-out errors, and which one is used."""
     fit, choice = case.fit, case.fit.choice
     estimates = {fit.estimate.method: fit.estimate, **{n: e for n, e in fit.others.items() if e.converged}}
-    apart = {p.name: _apart(p, estimates, case.level) for p in fit.estimate.parameters}
+    apart = {p.name: _disagreeing_methods(p, estimates, case.level) for p in fit.estimate.parameters}
     apart = {name: methods for name, methods in apart.items() if methods}
-    worse = {what: found for what, found in _contests(case).items() if _far(found, choice.method)}
+    worse = {what: found for what, found in _contests(case).items() if _is_wrong_choice(found, choice.method)}
     winners = {found.winner for found in _contests(case).values()}
     shown = {"ls", choice.method, *winners, *(m for methods in apart.values() for m in methods)}
     involved = [m for m in estimates if m in shown]
@@ -43,8 +46,11 @@ def find(case: JointCase) -> Iterator[Verdict]:
         yield Verdict("note", f"{text} {_used(case, involved)}", weight=5.0)
 
 
-def _apart(parameter: Parameter, estimates: dict[str, JointEstimate], level: float) -> list[str]:
-    """Methods whose interval of a parameter, at a level for all comparisons together, leaves least squares' alone."""
+def _disagreeing_methods(parameter: Parameter, estimates: dict[str, JointEstimate], level: float) -> list[str]:
+    """Return the methods whose interval of a parameter does not overlap that of least squares.
+
+    The level holds for all comparisons together.
+    """
     if parameter.at_bound:
         return []
     count = max(1, sum(len(e.parameters) for m, e in estimates.items() if m != "ls"))
@@ -56,7 +62,7 @@ def _apart(parameter: Parameter, estimates: dict[str, JointEstimate], level: flo
             continue
         difference = abs(other.value - parameter.value)
         sure = difference > times * np.hypot(other.standard_error, parameter.standard_error)
-        if sure and difference * parameter.influence > NOTICEABLE:
+        if sure and difference * parameter.influence > MIN_EFFORT_SHARE:
             found.append(method)
     return found
 
@@ -66,8 +72,12 @@ def _contests(case: JointCase) -> dict[str, HeldOutComparison]:
     return {what: contest for what, contest in found.items() if contest is not None}
 
 
-def _far(found: HeldOutComparison, method: str) -> bool:
-    return method in found.errors and found.worse(method) and found.errors[method] > FAR * found.errors[found.winner]
+def _is_wrong_choice(found: HeldOutComparison, method: str) -> bool:
+    return (
+        method in found.errors
+        and found.worse(method)
+        and found.errors[method] > MAX_ERROR_RATIO * found.errors[found.winner]
+    )
 
 
 def _value(p: Parameter) -> str:
@@ -76,7 +86,7 @@ def _value(p: Parameter) -> str:
 
 
 def _used(case: JointCase, involved: list[str]) -> str:
-    """How each of the methods does, and whose values are the headline's."""
+    """Return in words the errors of the methods, and which one's values are used."""
     choice = case.fit.choice
     if choice.torque is None:
         return f"Nothing is held out that could choose: the headline is by {METHODS[choice.method]}."

@@ -1,4 +1,4 @@
-"""Families, estimators and simulations that came to nothing."""
+"""Finding: families, estimators or simulations failed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..joint_case import JointCase
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
-    """Each, and why."""
+    """Report each failure with its reason."""
     for family, why in case.failures.items():
         yield Verdict("note", f"The '{family}' family could not be fitted: {why}.")
     for what, why in case.fit.failures.items():

@@ -1,4 +1,4 @@
-"""Why this friction family: what the others do on the same held-out samples, and whether that is chance."""
+"""Finding: the reason for the chosen friction family, from errors on the same held-out samples."""
 
 from __future__ import annotations
 
@@ -12,21 +12,23 @@ from ....fit.joint.joint_estimate import JointEstimate
 from ....fit.parameter import Verdict
 from ..joint_case import JointCase
 
-SPLIT = (("_positive", "_negative", ""), ("_motoring", "_generating", "_friction"))
-"""Endings of two terms that a simpler family has as one, and the ending of that one."""
+SPLIT_SUFFIXES = (("_positive", "_negative", ""), ("_motoring", "_generating", "_friction"))
+"""Suffixes of two terms that a simpler family combines into one, and the suffix of that one."""
 
 
 def added_terms(estimate: JointEstimate, simpler: Sequence[str], level: float) -> dict[str, bool]:
-    """Terms of an estimate that a simpler family, with the parameters `simpler`, lacks, and whether each is told: its
-    interval at `level` leaves 0 out. Of a term that the simpler family has for both directions at once, it is the
-    difference between the directions that is added."""
+    """Return the terms of an estimate that a simpler family lacks, and whether each is identified.
+
+    `simpler` are the parameters of the simpler family. A term is identified if its interval at `level` excludes 0. If
+    the simpler family has one term for both directions, the difference between the directions counts.
+    """
     names, added = [p.name for p in estimate.parameters], {}
     times = float(ndtri(0.5 + 0.5 * level))
     for i, parameter in enumerate(estimate.parameters):
         name = parameter.name
         if name in simpler:
             continue
-        for one, other, both in SPLIT:
+        for one, other, both in SPLIT_SUFFIXES:
             stem = name.removesuffix(one).removesuffix(other)
             if stem == name or f"{stem}{both}" not in simpler or f"{stem}{other}" not in names:
                 continue
@@ -45,7 +47,7 @@ def added_terms(estimate: JointEstimate, simpler: Sequence[str], level: float) -
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
-    """The families that do significantly worse, and those that do no better."""
+    """Report the families that predict significantly worse, and those that predict no better."""
     if len(case.fits) == 1 or case.contest is None:
         return
     found, best = case.contest, case.best

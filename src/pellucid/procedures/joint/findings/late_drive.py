@@ -1,17 +1,17 @@
-"""How late the drive was recorded against the encoder, and that it was moved."""
+"""Finding: the drive is delayed against the encoder."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from ....fit.parameter import Verdict
-from ..aligned_motions import alignments
+from ..aligned_motions import find_alignments
 from ..joint_case import JointCase
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
-    """A delay that was found, or that was asked for in vain."""
-    for found in alignments(case.study):
+    """Report a delay that was found, or a requested one that was not."""
+    for found in find_alignments(case.study):
         if found.said:
             told = found.moved or found.recording
             yield Verdict("warning" if told else "note", found.said, found.do)

@@ -1,4 +1,4 @@
-"""Load friction that one coefficient stands for: why both directions of power cannot be told apart."""
+"""Finding: one load-friction coefficient represents both directions of power, which cannot be told apart."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from ....fit.parameter import Verdict
 from ....models.friction_terms import LOAD, features_of
 from ..joint_case import JointCase
 
-TIED = (
+COMMON_COEFFICIENT_TEXT = (
     "motoring and generating load friction cannot be told apart from the load itself: one coefficient stands for both, "
     "and the intervals of inertia and gravity leave room for either."
 )
 
-REASONS = {
+REASON_TEXTS = {
     "no known load": ("Without a known load,", ""),
     "held out": (
         "Only held-out recordings carry a known load, so that",
@@ -32,15 +32,15 @@ REASONS = {
         "Record with a heavier payload, or fix it farther from the axis.",
     ),
 }
-"""Beginning of the sentence and what to do about it, by why one coefficient stands for both."""
+"""Beginning of the sentence, and the remedy, by the reason for a common coefficient."""
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
-    """That one coefficient stands for two, and why."""
+    """Report that one coefficient represents two, and why."""
     if LOAD not in features_of(case.fit.model.names):
         return
     why = case.shares.why
     if why == "no known load" and any(mass for mass, _ in (motion.payload for motion in case.motions)):
         why = "held out"
-    begins, do = REASONS[why]
-    yield Verdict("note", f"{begins} {TIED}", do)
+    begins, do = REASON_TEXTS[why]
+    yield Verdict("note", f"{begins} {COMMON_COEFFICIENT_TEXT}", do)

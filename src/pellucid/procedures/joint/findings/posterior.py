@@ -1,4 +1,4 @@
-"""Whether a posterior says the same as the intervals, and what it says where one is refused."""
+"""Finding: agreement of a posterior with the intervals, and its result where an interval is refused."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..joint_case import JointCase
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
-    """Of the best family by least squares, where a posterior was asked for."""
+    """Compare a requested posterior with the least-squares intervals of the best family."""
     if case.no_posterior:
         yield Verdict("warning", f"No posterior could be drawn: {case.no_posterior}.")
     if case.posterior is not None:

@@ -1,4 +1,4 @@
-"""How the headline's model predicts effort that it has never seen, and on how many independent samples that stands."""
+"""Finding: held-out prediction error of the chosen model, and the number of independent samples behind it."""
 
 from __future__ import annotations
 
@@ -8,17 +8,24 @@ from ....fit.block_test import count_independent_samples
 from ....fit.parameter import Verdict
 from ..joint_case import JointCase
 
-FAILED = 0.5  # R2 below which a model does not explain the effort
-SOUND = 0.8  # R2 above which it does
-MAX_GOOD_ERROR = 20.0  # held-out error [% of the RMS effort] up to which a prediction is called good
-FEW = 20.0  # independent samples
+FAILED_R2 = 0.5
+"""A model does not explain the effort if its R2 is below this."""
+
+SOUND_R2 = 0.8
+"""A model explains the effort if its R2 is above this."""
+
+MAX_GOOD_ERROR = 20.0
+"""Largest held-out error of a good prediction [% of the RMS effort]."""
+
+MIN_INDEPENDENT_SAMPLES = 20.0
+"""Below this number of independent samples the error is stated with a reservation."""
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
-    """The held-out error of the best family, that it fails, or that nothing is held out."""
+    """Report the held-out error of the best family, its failure, or the lack of held-out recordings."""
     fit = case.fit.headline
     held = [p.residual for p in fit.predictions if p.split == "heldout"]
-    if fit.fitted_r2 < FAILED:
+    if fit.fitted_r2 < FAILED_R2:
         yield Verdict(
             "wrong",
             "The fit failed: even of what was fitted, the model explains no more than "
@@ -35,7 +42,7 @@ def find(case: JointCase) -> Iterator[Verdict]:
         return
     count = count_independent_samples(held)
     error = f"an error of {fit.heldout_effort_error:.2g} % (R2 {fit.heldout_r2:.3f}, {count:.0f} independent samples)"
-    if fit.heldout_r2 < FAILED:
+    if fit.heldout_r2 < FAILED_R2:
         yield Verdict(
             "wrong",
             f"The '{case.best}' family fails on recordings it has never seen: {error}; on the fitted recordings "
@@ -44,8 +51,8 @@ def find(case: JointCase) -> Iterator[Verdict]:
             weight=9.0,
         )
         return
-    few, large = count < FEW, fit.heldout_effort_error > MAX_GOOD_ERROR
-    good = fit.heldout_r2 > SOUND and fit.fitted_r2 > FAILED and not large
+    few, large = count < MIN_INDEPENDENT_SAMPLES, fit.heldout_effort_error > MAX_GOOD_ERROR
+    good = fit.heldout_r2 > SOUND_R2 and fit.fitted_r2 > FAILED_R2 and not large
     do = f"More than {MAX_GOOD_ERROR:g} % is no good prediction: look for what the model misses." if large else ""
     yield Verdict(
         "warning" if large else "note" if few else "good" if good else "warning",

@@ -1,4 +1,4 @@
-"""Whether friction gives before it slips, and over which way: measured, bounded, or unknown."""
+"""Finding: the presliding travel, measured, bounded or unknown."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Iterator
 from ....fit.parameter import Verdict
 from ..joint_case import JointCase
 
-RECORD = (
+RECORDING_ADVICE = (
     "Before dither or a law that acts near standstill is used, record small slow reversals of growing size around "
     "several angles: pellucid protocol reversals."
 )
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
-    """The travel before slip, with what it does for effort that was not fitted."""
+    """Report the presliding travel, and its effect on the prediction of held-out effort."""
     found = case.presliding
     if found is None:
         return
@@ -39,5 +39,7 @@ def find(case: JointCase) -> Iterator[Verdict]:
         )
     else:
         yield Verdict(
-            "note", f"It is unknown over which way friction builds up before the joint slips: {found.why}.", RECORD
+            "note",
+            f"It is unknown over which way friction builds up before the joint slips: {found.why}.",
+            RECORDING_ADVICE,
         )

@@ -1,4 +1,4 @@
-"""A fit that fails on an angle in degrees that study.toml calls radians."""
+"""Finding: the angle is recorded in degrees although study.toml states radians."""
 
 from __future__ import annotations
 
@@ -14,23 +14,26 @@ from ....fit.parameter import Verdict
 from ....fit.regression import stack
 from ....models.joint import JointModel
 from ..joint_case import JointCase
-from .prediction import FAILED
+from .prediction import FAILED_R2
 
-SAVES = 0.5  # times the error, that the angle read in degrees must not exceed
-WIDE = 2.0 * np.pi  # range of an angle [rad] that few joints with a weight have, and any has in degrees
+MAX_ERROR_RATIO = 0.5
+"""The unit is wrong only if reading the angle in degrees reduces the error to at most this share."""
+
+MIN_SUSPICIOUS_RANGE_RAD = 2.0 * np.pi
+"""Smallest range of motion that suggests degrees [rad]. Few joints with a weight have such a range in radians."""
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
-    """That a failed fit is one no more with the angle read in degrees: the sine of the weight tells."""
-    # Radians called degrees make no fit fail: weight is proportional to small angles, and inertia takes the factor.
-    if not has_free_gravity(case.fit.model) or case.fit.fitted_r2 > FAILED:
+    """Report a failed fit that succeeds with the angle read in degrees; the sine in gravity makes the difference."""
+    # Radians stated as degrees cannot be detected: gravity is linear at small angles, and inertia absorbs the factor.
+    if not has_free_gravity(case.fit.model) or case.fit.fitted_r2 > FAILED_R2:
         return
     position = case.data.reduced([m.position for m in case.data.motions])
-    if np.ptp(position) < WIDE:
+    if np.ptp(position) < MIN_SUSPICIOUS_RANGE_RAD:
         return
     model = case.fits.get("symmetric", case.fit).model
     said, read = _error(case, model, 1.0), _error(case, model, np.pi / 180.0)
-    if read < SAVES * said:
+    if read < MAX_ERROR_RATIO * said:
         yield Verdict(
             "wrong",
             f"The position looks like degrees declared as radians: read so, the model misses {read:.3g} % of the "
@@ -41,7 +44,7 @@ def find(case: JointCase) -> Iterator[Verdict]:
 
 
 def _error(case: JointCase, model: JointModel, factor: float) -> float:
-    """Error of the effort [%] with the motion times a factor; infinite where it cannot be fitted."""
+    """Return the effort error [%] with the motion multiplied by a factor; infinite if it cannot be fitted."""
     motions = [
         replace(
             m,

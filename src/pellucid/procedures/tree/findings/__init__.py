@@ -1,1 +1,1 @@
-"""What there may be to say of an identified robot: a file for each finding, with a function ``find(case)``."""
+"""Findings on an identified robot: one file for each, with a function ``find(case)``."""

@@ -1,16 +1,16 @@
-"""What it costs that every link is a body that can exist."""
+"""Finding: the increase of the error by physically consistent links."""
 
 from collections.abc import Iterator
 
 from ....fit.parameter import Verdict
-from ..tree_result import JUDGED, TreeResult
+from ..tree_result import ROW_KIND_DESCRIPTIONS, TreeResult
 
-CHEAP = 0.1
-"""Points of the mean error that are worth nothing [%]."""
+MAX_NEGLIGIBLE_LOSS = 0.1
+"""Largest increase of the mean error that is negligible, in percentage points."""
 
 
 def find(case: TreeResult) -> Iterator[Verdict]:
-    """The loss, and what least squares alone made of the bodies."""
+    """Report the increase of the error, and models that failed."""
     for model, why in case.failures.items():
         yield Verdict("warning", f"No {model} model: {why}.", "Check masses, signs and gears.")
     best, bodies = case.errors_of("best", case.judged), case.errors_of("consistent", case.judged)
@@ -18,9 +18,9 @@ def find(case: TreeResult) -> Iterator[Verdict]:
         return
     loss = bodies.mean - best.mean
     said = "; ".join(case.models["consistent"].notes)
-    text = f"Bodies that can exist change the mean error on {JUDGED[case.judged]} by {loss:+.2g} points"
+    text = f"Bodies that can exist change the mean error on {ROW_KIND_DESCRIPTIONS[case.judged]} by {loss:+.2g} points"
     text += f" ({said})." if said else "."
-    if loss <= CHEAP:
+    if loss <= MAX_NEGLIGIBLE_LOSS:
         yield Verdict("good", text)
     else:
         yield Verdict(

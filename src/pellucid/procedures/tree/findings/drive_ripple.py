@@ -1,4 +1,4 @@
-"""What drives add as they go round."""
+"""Finding: ripple of the drives."""
 
 from collections.abc import Iterator
 
@@ -7,7 +7,7 @@ from ..tree_result import TreeResult
 
 
 def find(case: TreeResult) -> Iterator[Verdict]:
-    """Where a ripple was found."""
+    """Report each drive with a ripple."""
     said = [
         f"{case.names[r.motor]} {r.amplitude:.2g} {case.effort_units[r.motor]}, {r.order:.4g} times in a turn"
         for r in case.best.ripples

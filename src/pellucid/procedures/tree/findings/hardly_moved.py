@@ -1,4 +1,4 @@
-"""Joints that moved so little that their numbers rest on few rows."""
+"""Finding: a joint moves so little that its parameters depend on few rows."""
 
 from collections.abc import Iterator
 
@@ -7,18 +7,18 @@ import numpy as np
 from ....fit.parameter import Verdict
 from ..tree_result import TreeResult
 
-SHARE = 0.2
-"""Of the rows, in which a joint that is excited moves at least."""
+MIN_MOVING_SHARE = 0.2
+"""Smallest share of the rows in which a joint should move."""
 
 
 def find(case: TreeResult) -> Iterator[Verdict]:
-    """Which joints hardly move."""
+    """Report the joints that hardly move."""
     moving = np.concatenate([t.moving for t in case.traces if t.use == "fit"]).mean(axis=0)
     for joint, share in zip(case.names, moving, strict=True):
-        if share < SHARE:
+        if share < MIN_MOVING_SHARE:
             yield Verdict(
                 "warning",
                 f"Joint {joint} moves in {100.0 * share:.2g} % of the fitted rows: its friction rests on these.",
                 "Record motion in which it goes both ways, slowly and fast.",
-                weight=SHARE - share,
+                weight=MIN_MOVING_SHARE - share,
             )

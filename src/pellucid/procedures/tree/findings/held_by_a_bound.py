@@ -1,4 +1,4 @@
-"""Friction or inertia that least squares would have below 0."""
+"""Finding: friction or inertia is held at a physical bound."""
 
 from collections.abc import Iterator
 
@@ -7,7 +7,7 @@ from ..tree_result import TreeResult
 
 
 def find(case: TreeResult) -> Iterator[Verdict]:
-    """What a physical bound holds."""
+    """Report the parameters on a physical bound."""
     named = (p.name.rpartition(".") for p in case.best.parameters.values() if p.at_bound)
     held = [f"{number} of {of}".replace("_", " ") for of, _, number in named]
     if held:

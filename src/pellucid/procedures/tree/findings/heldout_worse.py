@@ -1,28 +1,34 @@
-"""Joints that are predicted much worse where nothing was fitted."""
+"""Finding: a joint is predicted much worse on data that were not fitted."""
 
 from collections.abc import Iterator
 
 from ....fit.parameter import Verdict
-from ..tree_result import JUDGED, TreeResult
+from ..tree_result import ROW_KIND_DESCRIPTIONS, TreeResult
 
-TIMES = 1.5
+MAX_ERROR_RATIO = 1.5
+"""A joint is predicted much worse if its error exceeds this multiple of the fitted error. Chosen by judgement; no
+measurement is recorded."""
 
 MAX_GOOD_ERROR = 20.0
-"""Error [% of the RMS effort] up to which a joint's prediction is called good."""
+"""Largest error of a good prediction of a joint [% of the RMS effort]."""
 
 
 def find(case: TreeResult) -> Iterator[Verdict]:
-    """How the errors compare."""
+    """Report joints with much larger, or with large, errors on data that were not fitted."""
     fitted, judged = case.errors_of("best", "fitted"), case.errors_of("best", case.judged)
     if case.judged == "fitted":
         yield Verdict("warning", "Nothing was left out to judge by.", "Record more, or mark a recording to validate.")
         return
-    worse = {joint: (a, b) for joint, a, b in zip(case.names, fitted.each, judged.each, strict=True) if b > TIMES * a}
+    worse = {
+        joint: (a, b)
+        for joint, a, b in zip(case.names, fitted.each, judged.each, strict=True)
+        if b > MAX_ERROR_RATIO * a
+    }
     for joint, (a, b) in worse.items():
         yield Verdict(
             "warning",
-            f"At {joint} the model misses {b:.2g} % on {JUDGED[case.judged]} and {a:.2g} % on what was fitted: it has "
-            "learnt what does not last, or the machine has changed.",
+            f"At {joint} the model misses {b:.2g} % on {ROW_KIND_DESCRIPTIONS[case.judged]} and {a:.2g} % on what was "
+            "fitted: it has learnt what does not last, or the machine has changed.",
             "Record more motion of that kind, or compare recordings of one day.",
             weight=b / a,
         )
@@ -34,14 +40,14 @@ def find(case: TreeResult) -> Iterator[Verdict]:
     for joint, error in large.items():
         yield Verdict(
             "warning",
-            f"At {joint} the model misses {error:.2g} % on {JUDGED[case.judged]}, more than the {MAX_GOOD_ERROR:g} % "
-            "of a good prediction.",
+            f"At {joint} the model misses {error:.2g} % on {ROW_KIND_DESCRIPTIONS[case.judged]}, more than the "
+            f"{MAX_GOOD_ERROR:g} % of a good prediction.",
             "Look for what the model lacks there: load friction, ripple, a cable, or an effort that is hardly used.",
             weight=error / 100.0,
         )
     if not worse and not large:
         text = (
-            f"On {JUDGED[case.judged]} no joint is predicted more than {TIMES:g} times worse than on what was fitted, "
-            f"and each to {MAX_GOOD_ERROR:g} % or better."
+            f"On {ROW_KIND_DESCRIPTIONS[case.judged]} no joint is predicted more than {MAX_ERROR_RATIO:g} times worse "
+            f"than on what was fitted, and each to {MAX_GOOD_ERROR:g} % or better."
         )
         yield Verdict("good", text)

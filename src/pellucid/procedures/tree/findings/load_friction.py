@@ -1,4 +1,4 @@
-"""Friction that grows with the load: what a model without it takes for gravity."""
+"""Finding: friction grows with the load, which a model without load friction mistakes for gravity."""
 
 from collections.abc import Iterator
 
@@ -7,7 +7,7 @@ from ..tree_result import TreeResult
 
 
 def find(case: TreeResult) -> Iterator[Verdict]:
-    """Where it is."""
+    """Report the joints with load friction."""
     shares = {
         joint: p.value for joint in case.names if (p := case.best.parameters.get(f"{joint}.load")) and not p.refused
     }

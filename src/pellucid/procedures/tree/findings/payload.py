@@ -1,16 +1,16 @@
-"""What the robot carried, as its efforts tell it."""
+"""Finding: the identified payloads."""
 
 from collections.abc import Iterator
 
 from ....fit.parameter import Verdict
 from ..tree_result import TreeResult
 
-NEAR = 5.0
-"""Per cent of a known mass within which it counts as found."""
+MAX_MASS_ERROR_PERCENT = 5.0
+"""Largest error of an identified mass that counts as correct [%]."""
 
 
 def find(case: TreeResult) -> Iterator[Verdict]:
-    """Each payload beside what was weighed."""
+    """Report each identified payload, compared with its stated mass."""
     for p in case.payloads:
         if p.mass.refused:
             do = "Move the link that carries it in more directions."
@@ -29,5 +29,9 @@ def find(case: TreeResult) -> Iterator[Verdict]:
             continue
         text += ", by gains from the other payloads" if p.tests == "gains of other payloads" else ""
         text += f", {p.error:.2g} % from the {p.known:.4g} kg that were stated."
-        do = "" if p.error <= NEAR else "Check the gains of the drives: [tree] gains says where they come from."
-        yield Verdict("good" if p.error <= NEAR else "warning", text, do, weight=p.error)
+        do = (
+            ""
+            if p.error <= MAX_MASS_ERROR_PERCENT
+            else "Check the gains of the drives: [tree] gains says where they come from."
+        )
+        yield Verdict("good" if p.error <= MAX_MASS_ERROR_PERCENT else "warning", text, do, weight=p.error)

@@ -1,4 +1,4 @@
-"""Recordings of one robot that its one model fits unequally well."""
+"""Finding: one model fits the recordings of a robot unequally well."""
 
 from collections.abc import Iterator
 
@@ -7,12 +7,15 @@ import numpy as np
 from ....fit.parameter import Verdict
 from ..tree_result import TreeResult
 
-TIMES, LEAST = 1.5, 2.0
-"""How much worse a recording is than the best, and by how many points of the effort [%]."""
+MIN_ERROR_RATIO = 1.5
+"""A recording disagrees only if its error exceeds this multiple of the best recording's."""
+
+MIN_ERROR_DIFFERENCE_PERCENT = 2.0
+"""A recording disagrees only if its error exceeds the best recording's by more than this [% of the effort]."""
 
 
 def find(case: TreeResult) -> Iterator[Verdict]:
-    """Joints at which fitted recordings disagree."""
+    """Report the joints at which fitted recordings disagree."""
     fitted = [t for t in case.traces if t.use == "fit"]
     names = list(dict.fromkeys(t.recording for t in fitted))
     if len(names) < 2:
@@ -28,7 +31,7 @@ def find(case: TreeResult) -> Iterator[Verdict]:
             if len(off):
                 errors[name] = 100.0 * float(np.sqrt(np.mean(off**2) / np.mean(effort**2)))
         worst, best = max(errors, key=errors.get), min(errors, key=errors.get)
-        if errors[worst] > max(TIMES * errors[best], errors[best] + LEAST):
+        if errors[worst] > max(MIN_ERROR_RATIO * errors[best], errors[best] + MIN_ERROR_DIFFERENCE_PERCENT):
             yield Verdict(
                 "warning",
                 f"One model for all recordings misses {errors[worst]:.2g} % of {joint}'s effort in {worst} and "

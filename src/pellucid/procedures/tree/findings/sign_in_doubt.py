@@ -1,4 +1,4 @@
-"""A joint that fits a little better turned around."""
+"""Finding: a joint fits slightly better when flipped."""
 
 from collections.abc import Iterator
 
@@ -7,6 +7,6 @@ from ..tree_result import TreeResult
 
 
 def find(case: TreeResult) -> Iterator[Verdict]:
-    """What speaks against a sign: efforts like these hardly tell, and those of other motions may be far off."""
+    """Report the evidence against a sign; predictions for other motions may then be far off."""
     for doubt in case.doubts:
         yield Verdict("warning", f"A sign may be wrong: {doubt}.")

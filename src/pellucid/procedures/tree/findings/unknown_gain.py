@@ -1,4 +1,4 @@
-"""Drives whose gain nobody stated: everything of their joints is per ampere or per volt."""
+"""Finding: the gain of a drive is unknown, so its joint's parameters are per ampere or per volt."""
 
 from collections.abc import Iterator
 
@@ -7,7 +7,7 @@ from ..tree_result import TreeResult
 
 
 def find(case: TreeResult) -> Iterator[Verdict]:
-    """Which they are."""
+    """Report the drives with unknown gains."""
     unknown = [joint for joint, (_, _, known) in zip(case.names, case.gains, strict=True) if not known]
     if unknown:
         several = len(case.names) > 1

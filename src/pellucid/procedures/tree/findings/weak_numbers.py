@@ -1,15 +1,15 @@
-"""Numbers of friction that the recordings leave open, by joint; how many of the bodies' are told."""
+"""Finding: friction parameters that are not identified, by joint, and the number of identified inertial parameters."""
 
 from collections.abc import Iterator
 
 from ....fit.parameter import Verdict
 from ....fit.tree.tree_verdicts import IDENTIFIED_VERDICT, NOT_IDENTIFIABLE_VERDICT, parameter_verdicts
-from ..tree_result import TreeResult, unsure
+from ..tree_result import TreeResult, unidentified_parameters
 
 
 def find(case: TreeResult) -> Iterator[Verdict]:
-    """What is not told from 0, and what nothing tells from others."""
-    weak = {joint: ", ".join(own) for k, joint in enumerate(case.names) if (own := unsure(case, k))}
+    """Report the parameters that do not differ from 0, and those that the recordings do not determine."""
+    weak = {joint: ", ".join(own) for k, joint in enumerate(case.names) if (own := unidentified_parameters(case, k))}
     if weak:
         said = "; ".join(f"{joint}: {names}" for joint, names in weak.items())
         do = "Record these joints slowly and fast, both ways, with more load and less."
