@@ -167,11 +167,11 @@ def healthy(folder: Path, n: int = 2000) -> Iterator[Path]:
 
     An ending that nothing here writes gets every other format's files: a new reader is tried too.
     """
-    from pellucid.recordings.readers.read import formats
+    from pellucid.recordings.readers.read import readers_by_ending
 
     known = swing(n)
     others = tuple(each for many in WRITERS.values() for each in many)
-    for ending in sorted(formats()):
+    for ending in sorted(readers_by_ending()):
         for number, (write, (time, position, current)) in enumerate(WRITERS.get(ending, others)):
             study = folder / f"{ending[1:]}-{number}"
             (study / "recordings").mkdir(parents=True)

@@ -11,7 +11,7 @@ from evidence._healthy import healthy
 from evidence._mutations import damaged
 
 from pellucid._errors import PellucidError
-from pellucid.recordings.readers.read import formats, read_columns
+from pellucid.recordings.readers.read import read_columns, readers_by_ending
 
 EACH = int(os.environ.get("FUZZ", "300"))
 
@@ -21,7 +21,7 @@ def studies(tmp_path_factory):
     return list(healthy(tmp_path_factory.mktemp("healthy"), 200))
 
 
-@pytest.mark.parametrize("ending", sorted(formats()))
+@pytest.mark.parametrize("ending", sorted(readers_by_ending()))
 def test_every_reader_answers_whatever_it_is_given(tmp_path, studies, ending):
     own = [study for study in studies if study.name.rpartition("-")[0] == ending[1:]]
     assert own

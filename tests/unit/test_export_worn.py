@@ -59,7 +59,7 @@ def study(tmp_path, monkeypatch):
         made = tuple(CardParameter(n, "1", v, 0.05 * v, (0.9 * v, 1.1 * v)) for n, v in values.items())
         write_parameter_card(tmp_path / "models" / f"{name}.json", ParameterCard(kind, "knee", name, made))
     monkeypatch.setattr(module, "_actuator", lambda study: (ACTUATOR, 0.002))
-    monkeypatch.setattr(module, "UNCERTAIN", (0.9,))
+    monkeypatch.setattr(module, "STRAP_FACTORS", (0.9,))
     return pellucid.open(tmp_path)
 
 

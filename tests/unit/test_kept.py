@@ -14,7 +14,7 @@ from pellucid.procedures.registry import open_study
 from pellucid.procedures.result import FigureTable, ParameterTable, Result
 from pellucid.recordings import keepers_mark, kept, kept_columns
 from pellucid.recordings.keepers_mark import SEAL_LENGTH, mark, seal
-from pellucid.recordings.kept import TREE, keep, read_kept
+from pellucid.recordings.kept import TREE_KEY, keep, read_kept
 from pellucid.recordings.results import ResultRow
 
 
@@ -112,7 +112,7 @@ def test_arrays_keep_bits_and_are_stored_once(tmp_path):
 
 def packed(path, tree):
     """A file with a tree of somebody's own, under this user's mark."""
-    np.savez(path, **{TREE: np.frombuffer(tree.encode(), np.uint8)})
+    np.savez(path, **{TREE_KEY: np.frombuffer(tree.encode(), np.uint8)})
     path.write_bytes(path.read_bytes() + seal(path.read_bytes()))
     return path
 
@@ -122,15 +122,15 @@ def packed(path, tree):
     ["os:system", "builtins:eval", "pellucid.cli:main", "pellucid.fit.parameter:nothing", "subprocess:Popen", ""],
 )
 def test_only_the_packages_own_dataclasses_are_made(tmp_path, kind):
-    tree = json.dumps({"made_from": "fresh", TREE: {"d": kind, "v": {"args": "echo"}}})
+    tree = json.dumps({"made_from": "fresh", TREE_KEY: {"d": kind, "v": {"args": "echo"}}})
     assert read_kept(packed(tmp_path / "a.npz", tree), "fresh") is None
 
 
 def test_a_dataclass_whose_fields_are_others_is_none(tmp_path):
-    tree = json.dumps({"made_from": "fresh", TREE: {"d": "pellucid.fit.parameter:Verdict", "v": {"kind": "good"}}})
+    tree = json.dumps({"made_from": "fresh", TREE_KEY: {"d": "pellucid.fit.parameter:Verdict", "v": {"kind": "good"}}})
     assert read_kept(packed(tmp_path / "a.npz", tree), "fresh") is None
     whole = {"d": "pellucid.fit.parameter:Verdict", "v": vars(Verdict("a", "b"))}
-    tree = json.dumps({"made_from": "fresh", TREE: whole})
+    tree = json.dumps({"made_from": "fresh", TREE_KEY: whole})
     assert read_kept(packed(tmp_path / "a.npz", tree), "fresh") == Verdict("a", "b")
 
 

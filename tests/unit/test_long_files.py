@@ -25,8 +25,8 @@ ROWS = "\n".join(f"{i * 0.001:.3f},{x},{DRAWN.normal():.4f}" for i, x in enumera
 def both(path, monkeypatch):
     """What each reader makes of a file, and whether the fast one took it."""
     slow = csv.read(path)
-    monkeypatch.setattr(csv, "LONG", 1)
-    taken = csv._long(path) is not None
+    monkeypatch.setattr(csv, "MIN_LONG_FILE_BYTES", 1)
+    taken = csv._read_long(path) is not None
     return csv.read(path), slow, taken
 
 
