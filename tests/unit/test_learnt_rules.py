@@ -39,11 +39,11 @@ def test_a_rule_holds_whole_at_its_place_and_all_sum_to_one():
 @pytest.mark.parametrize("kind", ["fuzzy", "network"])
 def test_what_a_model_leaves_is_learnt_and_judged_on_other_recordings(kind):
     found = learn_rules(moved(2, 0.3, 0.02), kind)
-    assert found.left < 0.3 * found.before
+    assert found.rms_with_rules < 0.3 * found.rms_without_rules
     assert np.isfinite(found.stiffness)
     fresh = moved(3, 0.3, 0.0)[0]
     off = fresh.torque - found.predict(fresh.position, fresh.velocity)
-    assert np.sqrt(np.mean(off**2)) == pytest.approx(found.left, rel=0.6)
+    assert np.sqrt(np.mean(off**2)) == pytest.approx(found.rms_with_rules, rel=0.6)
 
 
 @pytest.mark.parametrize("kind", ["fuzzy", "network"])
@@ -51,7 +51,7 @@ def test_noise_teaches_nothing(kind):
     # Far more noise than samples could average: rules that say much would be wrong on recordings left out.
     found = learn_rules(moved(4, 0.0, 1.0), kind)
     assert np.abs(found.torque).max() < 0.5
-    assert found.left > 0.97 * found.before
+    assert found.rms_with_rules > 0.97 * found.rms_without_rules
 
 
 def test_too_few_recordings_and_one_angle_are_refused():

@@ -68,8 +68,8 @@ class LearntRules:
     high: float  # Largest angle of the rules [rad]
     torque: np.ndarray  # Torque of each rule, shape (angle rules, speed rules) [N m]
     stiffness: float  # Chosen stiffness; infinite if no rules were better than none
-    left: float  # RMS of the residual with rules, in recordings of the outer cross-validation [N m]
-    before: float  # RMS of the residual without rules [N m]
+    rms_with_rules: float  # RMS of the residual with rules, in recordings of the outer cross-validation [N m]
+    rms_without_rules: float  # RMS of the residual without rules [N m]
 
     def predict(self, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """Predict the residual torque at angles [rad] and velocities [rad/s], all of shape (n,) [N m]."""

@@ -48,14 +48,14 @@ class UnrecordedMuscles:
     top: np.ndarray = field(repr=False)  # Largest excitation of each recorded muscle, shape (r,) [1]
     weights: np.ndarray = field(repr=False)  # Weight of each synergy in each muscle's excitation, shape (m, k) [1]
     # Mean squared error over the reference's variance in each fold without these muscles, shape (f,)
-    without: np.ndarray = field(repr=False, default_factory=lambda: np.zeros(0))
+    errors_without: np.ndarray = field(repr=False, default_factory=lambda: np.zeros(0))
     # Mean squared error over the reference's variance in each fold with these muscles, shape (f,)
-    with_them: np.ndarray = field(repr=False, default_factory=lambda: np.zeros(0))
+    errors_with: np.ndarray = field(repr=False, default_factory=lambda: np.zeros(0))
 
     @property
     def helps(self) -> bool:
         """Whether these muscles reduce the error in cross-validation by more than the standard error."""
-        gain = self.without - self.with_them
+        gain = self.errors_without - self.errors_with
         return bool(len(gain) > 1 and np.mean(gain) > np.std(gain, ddof=1) / np.sqrt(len(gain)))
 
     def added_torque(self, trial: TrialByJoint) -> dict[str, np.ndarray]:
@@ -149,4 +149,4 @@ def fit_unrecorded_muscles(fit: HillTogether, trials: Mapping[str, Sequence[Torq
         without.append(float(np.mean(left[:, judged] ** 2)))
         with_them.append(float(np.mean((left - more)[:, judged] ** 2)))
     weights = made._solve_weights(activations, bare, left, counted)
-    return replace(made, weights=weights, without=np.array(without), with_them=np.array(with_them))
+    return replace(made, weights=weights, errors_without=np.array(without), errors_with=np.array(with_them))

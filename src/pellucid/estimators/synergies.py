@@ -218,9 +218,9 @@ def vaf(truth: np.ndarray, rebuilt: np.ndarray) -> float:
     return float(1.0 - np.sum((truth - rebuilt) ** 2) / np.sum(truth**2))
 
 
-def r_squared(truth: np.ndarray, told: np.ndarray) -> float:
-    """Return R2 of `told` about the mean of `truth`, both of shape (n,), or of all their columns together."""
-    return float(1.0 - np.sum((truth - told) ** 2) / np.sum((truth - truth.mean(axis=0)) ** 2))
+def r_squared(truth: np.ndarray, predicted: np.ndarray) -> float:
+    """Return R2 of `predicted` about the mean of `truth`, both of shape (n,), or of all their columns together."""
+    return float(1.0 - np.sum((truth - predicted) ** 2) / np.sum((truth - truth.mean(axis=0)) ** 2))
 
 
 def solve_non_negative(a: np.ndarray, b: np.ndarray, ridge: float = 0.0) -> np.ndarray:

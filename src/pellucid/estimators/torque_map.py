@@ -250,7 +250,7 @@ def _cross_validate_settings(
     for fitted, scored in stack.folds:
         fitted = np.intersect1d(fitted, stack.tried, assume_unique=True)
         rows = scored[::every]
-        made = family.predicted(settings, seen, seen.x[fitted], stack.torque[fitted], seen.x[rows])
+        made = family.fit_and_predict(settings, seen, seen.x[fitted], stack.torque[fitted], seen.x[rows])
         for own, raw in zip(predicted, made, strict=True):
             own[rows] = (
                 raw if every > 1 or not family.smoothing else _smooth_by_trial(stack, raw, rows, family.smoothing)

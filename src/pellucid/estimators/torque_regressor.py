@@ -211,7 +211,7 @@ class TorqueRegressor(RegressorMixin, BaseEstimator):
         settings, predicted = list(candidates.values()), np.empty((len(candidates), len(y)))
         for fitted, out in parts:
             within = replace(seen, x=seen.x[fitted])
-            predicted[:, out] = family.predicted(settings, within, within.x, y[fitted], seen.x[out])
+            predicted[:, out] = family.fit_and_predict(settings, within, within.x, y[fitted], seen.x[out])
         errors = [score(y, own).rmse for own in predicted]
         words = [", ".join(f"{key} {value}" for key, value in each.items()) for each in settings]
         best = min(range(len(settings)), key=errors.__getitem__)

@@ -3,7 +3,8 @@
 For the score, a recorded electrode is removed from the test recordings. Each method then predicts the activation of its
 muscle, which is compared with the activation by the recorded EMG. Activations can be compared for methods that predict
 an envelope as well as for those that find an activation from a torque. Some methods see the measured torque of the test
-samples (``told``). The others see EMG and angles alone; only for those is the resulting torque a meaningful test.
+samples (marked "told" in tables). The others see EMG and angles alone; only for those is the resulting torque a
+meaningful test.
 """
 
 from __future__ import annotations
@@ -161,9 +162,9 @@ def choose_trust(fitted: CalibratedMuscleSet, trials: Sequence[TrialByJoint]) ->
                 kept = count_warm_up_samples(_any_joint_trial(trial))
                 for muscle, lost in find_removable_channels(fitted, trial).values():
                     at = list(fitted.driven).index(muscle)
-                    told = muscles.find_activations(lost, trust=trust, effort=effort)[at, own]
+                    predicted = muscles.find_activations(lost, trust=trust, effort=effort)[at, own]
                     truth = muscles.recorded[at, own]
-                    missed += float(np.sum((told - truth)[kept:] ** 2) / np.sum(truth[kept:] ** 2))
+                    missed += float(np.sum((predicted - truth)[kept:] ** 2) / np.sum(truth[kept:] ** 2))
             best = min(best, (missed, AssistanceWeights(trust, effort)), key=lambda each: each[0])
     return best[1]
 
@@ -201,19 +202,19 @@ def score_filling_methods(
                 torque, plain = None, way.removesuffix("_assisted")
                 if way in ("assisted", "static"):
                     how = FIXED_EMG_TRUST if way == "static" else trust.trust
-                    told = muscles.find_activations(its_own, trust=how, effort=trust.effort)[at, own]
+                    predicted = muscles.find_activations(its_own, trust=how, effort=trust.effort)[at, own]
                 elif plain == "synergies" and not filling.grouped:
                     continue
                 else:
                     without = filling.fill_in(trial, (*lost, channel), plain)
                     seen, part = make_assisted_muscles(fitted, without, scale)
                     if way in TORQUE_INFORMED_METHODS:
-                        told = seen.find_activations(trust=trust.trust, effort=trust.effort)[at, part]
+                        predicted = seen.find_activations(trust=trust.trust, effort=trust.effort)[at, part]
                     else:
-                        told = seen.recorded[at, part]
+                        predicted = seen.recorded[at, part]
                         made = fitted.predict(without)
                         torque = {j: score(trial[j].torque[kept], made[j][kept]) for j in fitted.joints}
-                a, b = truth[at, own][kept], told[kept]
+                a, b = truth[at, own][kept], predicted[kept]
                 together = float(np.corrcoef(a, b)[0, 1]) if np.std(a) > 0.0 and np.std(b) > 0.0 else 0.0
                 found.append(
                     FillingScore(
@@ -308,9 +309,9 @@ class EnvelopeFiller:
         return range(1, len(self.channels) - 1)
 
 
-def _squared_error(told: np.ndarray, truth: np.ndarray) -> float:
+def _squared_error(predicted: np.ndarray, truth: np.ndarray) -> float:
     """Return the sum of squared errors of a prediction, whose negative values count as 0."""
-    return float(np.sum((np.maximum(told, 0.0) - truth) ** 2))
+    return float(np.sum((np.maximum(predicted, 0.0) - truth) ** 2))
 
 
 def _make_folds(trials: Sequence[TorqueTrial]) -> list[Fold]:

@@ -65,7 +65,7 @@ class Family:
             return (self.only_features,)
         return list_feature_sets(neighbours=neighbours, lags=self.lags, muscles=self.muscles)
 
-    def predicted(
+    def fit_and_predict(
         self, settings: Sequence[Mapping[str, Any]], seen: Features, x: np.ndarray, y: np.ndarray, new: np.ndarray
     ) -> list[np.ndarray]:
         """Fit an estimator for each of `settings` and return its predictions for rows `new`, shape (m, k).

@@ -110,7 +110,7 @@ def _unrecorded_verdicts(found: TogetherFindings) -> Iterator[Verdict]:
         if s.how == UNRECORDED_VARIANT
     )
     names, k = ", ".join(m.name.replace("_", " ") for m in found.never.muscles), len(found.never.synergies)
-    without, with_them = (float(np.mean(x)) for x in (found.never.without, found.never.with_them))
+    without, with_them = (float(np.mean(x)) for x in (found.never.errors_without, found.never.errors_with))
     gain = "improve" if found.never.helps else "do not improve"
     yield Verdict(
         "note",
