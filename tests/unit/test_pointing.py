@@ -9,7 +9,13 @@ import pytest
 
 from pellucid._errors import RecordingError
 from pellucid.procedures.assessment.measured_study import measure
-from pellucid.procedures.assessment.pointing import assessed, drop_mistaken, labels, pointing_record, with_rule
+from pellucid.procedures.assessment.pointing import (
+    drop_mistaken,
+    labelled_amplitudes,
+    pointing_record,
+    recordings_with_condition,
+    with_rule,
+)
 from pellucid.procedures.assessment.pointing_faults import pointing_faults
 from pellucid.procedures.assessment.procedure import AssessmentTable as Assessment
 from pellucid.recordings.optical import OpticalRecording
@@ -56,7 +62,7 @@ def test_a_motion_captures_drift_is_found_and_taken_back(fast):
     assert none == []
     late = np.array([m.start for m in found]) - [start for start, _, _ in truth]
     assert abs(np.median(late[-13:]) - np.median(late[:13])) < 0.01
-    (said,) = [f for f in pointing_faults(record, SPEC, labels([record])) if f.kind == "drift"]
+    (said,) = [f for f in pointing_faults(record, SPEC, labelled_amplitudes([record])) if f.kind == "drift"]
     assert f"{1e6 * record.drift:+.0f} millionths" in said.message
 
 
@@ -86,7 +92,7 @@ def test_a_recording_without_angle_or_participant_is_refused():
         pointing_record(recording, Assessment(control="Ctrl"))
     nameless = Recording("r", Path("r.csv"), "0", "fit", dict(recording.channels), condition="Ctrl")
     with pytest.raises(RecordingError, match="expected a participant too"):
-        assessed([nameless])
+        recordings_with_condition([nameless])
     still = Recording(
         "r", Path("r.csv"), "0", "fit",
         {**recording.channels, "target": Channel("target", np.zeros(len(recording)), "rad", 0)},
@@ -106,8 +112,8 @@ def test_rounded_labels_are_one_and_random_ones_are_pooled():
         participant="P1", condition="Ctrl", optical=recording.optical,
     )  # fmt: skip
     record = pointing_record(recording, SPEC)
-    assert len(labels([record])) == 5
-    assert len([x for x in labels([pointing_record(rounded, SPEC)]) if x > 0.01]) == 5
+    assert len(labelled_amplitudes([record])) == 5
+    assert len([x for x in labelled_amplitudes([pointing_record(rounded, SPEC)]) if x > 0.01]) == 5
     session = measure([record], SPEC, with_rule(SPEC), {}, {})
     assert {m.cell for m in session.movements} == {(a, d) for a in made_pointing.AMPLITUDES for d in ("up", "down")}
 
@@ -116,10 +122,10 @@ def test_a_movement_to_another_target_is_dropped():
     recording, _ = made()
     record = pointing_record(recording, SPEC)
     _, found, _ = record.movements(with_rule(SPEC))
-    kept, dropped = drop_mistaken(found, labels([record]))
+    kept, dropped = drop_mistaken(found, labelled_amplitudes([record]))
     assert (len(kept), dropped) == (10, 0)
-    wrong = replace(found[0], amplitude=next(a for a in labels([record]) if abs(a - found[0].reach) > 0.1))
-    kept, dropped = drop_mistaken([wrong, *found[1:]], labels([record]))
+    wrong = replace(found[0], amplitude=next(a for a in labelled_amplitudes([record]) if abs(a - found[0].reach) > 0.1))
+    kept, dropped = drop_mistaken([wrong, *found[1:]], labelled_amplitudes([record]))
     assert (len(kept), dropped) == (9, 1)
 
 

@@ -1,7 +1,6 @@
-"""The whole story in a minute: a real joint; a virtual robot identified, people who wear it, its controller off the PC.
+"""Run the whole workflow in a minute: a real joint, a virtual robot, people who wear it, and its exported controller.
 
-Each chapter is an ordinary study in a folder of its own, made and read as a user's would be, so that every command can
-be tried on it afterwards.
+Each chapter is an ordinary study in a folder of its own, so that every command can be tried on it afterwards.
 """
 
 from __future__ import annotations
@@ -39,26 +38,36 @@ from .coverage import Coverage, coverage
 from .demonstration import Demonstration
 from .story import write_story
 
-COMMAND = "demo"
+COMMAND_NAME = "demo"
+"""Name of the command in the rows of results.json."""
+
 SEED = 11
+"""Seed of every random draw."""
 
-ELBOW, PEOPLE = "elbow", "people"
-"""Folders of the virtual chapters, and names of their studies."""
+ELBOW_STUDY = "elbow"
+"""Name and folder of the virtual robot's study."""
 
-WORN = ("clpc", BEST_CONTROLLER, BEST_SENSED_CONTROLLER)
-"""Controllers that people wear: the maker's as published, the toolkit's best without and with a force sensor."""
+PEOPLE_STUDY = "people"
+"""Name and folder of the study of virtual people who wear the robot."""
 
-COUNT, REPETITIONS = 3, 2
-"""People, and how often each makes every movement: enough to show, far too few to prove."""
+WORN_CONTROLLERS = ("clpc", BEST_CONTROLLER, BEST_SENSED_CONTROLLER)
+"""Controllers that people wear: the published one of the robot's maker, and the best without and with a force
+sensor."""
 
-RECORDED = 100
-"""Times that a joint is identified to see how often intervals hold the truth."""
+PEOPLE_COUNT = 3
+"""Number of virtual people: enough for a demonstration, far too few for a proof."""
 
-JUDGED_PLACES = 2
-"""Of the carriage, at which trials are recorded that are never fitted."""
+REPETITION_COUNT = 2
+"""Number of repetitions of every movement by each person."""
+
+COVERAGE_REPETITIONS = 100
+"""Number of identifications from which the coverage of intervals is estimated."""
+
+HELD_OUT_PLACE_COUNT = 2
+"""Number of positions of the carriage at which held-out trials are recorded."""
 
 DEMO_FILE = "demo.txt"
-"""File that says of a folder that a demo may replace its studies."""
+"""File that marks a folder whose studies a demo may replace."""
 
 DEMO_TEXT = "The folders beside this file were made by: pellucid demo. The next demo in this folder replaces them.\n"
 
@@ -66,14 +75,14 @@ Tell = Callable[[str, float], None]
 
 
 def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:
-    """Run the whole story into a folder.
+    """Run the whole workflow in a folder.
 
     Parameters
     ----------
     out : path
-        Made if it is not there; studies an earlier demo left in it are replaced.
+        Folder, which is created if it does not exist; studies of an earlier demo in it are replaced.
     on_progress : callable, optional
-        Called with a text and the share done, 0 to 1.
+        Function that is called with a text and the share done, 0 to 1.
 
     Returns
     -------
@@ -82,7 +91,7 @@ def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:
     Raises
     ------
     PellucidError
-        If `out` holds something that no demo made.
+        If `out` contains a file that no demo made.
 
     Examples
     --------
@@ -92,11 +101,11 @@ def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:
     tell = on_progress or (lambda text, share: None)
     out, robot, notes = require_folder(Path(out), "a folder for the demo's studies"), able_elbow(), []
     real_name = next(name for name in names() if shipped(name) is not None)
-    folders = {name: out / name for name in (real_name, ELBOW, PEOPLE)}
-    _cleared(tuple(folders.values()), out)
-    real, real_fit = _identified_machine(folders[real_name], real_name, _part(tell, 0.0, 0.2))
-    elbow, fit = _identified_elbow(folders[ELBOW], robot, _part(tell, 0.2, 0.4))
-    people, findings = _assessed_people(folders[PEOPLE], robot, elbow, _part(tell, 0.4, 0.78))
+    folders = {name: out / name for name in (real_name, ELBOW_STUDY, PEOPLE_STUDY)}
+    _clear_folders(tuple(folders.values()), out)
+    real, real_fit = _identified_machine(folders[real_name], real_name, _progress_part(tell, 0.0, 0.2))
+    elbow, fit = _identified_elbow(folders[ELBOW_STUDY], robot, _progress_part(tell, 0.2, 0.4))
+    people, findings = _assessed_people(folders[PEOPLE_STUDY], robot, elbow, _progress_part(tell, 0.4, 0.78))
     tell(f"its controller {BEST_SENSED_CONTROLLER} leaves the PC", 0.78)
     controller = export(elbow, controller=BEST_SENSED_CONTROLLER)
     played, absent = check_on_host(controller), missing_tools()
@@ -106,9 +115,12 @@ def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:
         notes.append(f"The exported controller was not run on a Cortex-M4F: {', '.join(absent)} not installed.")
     coverages = []
     for i, colour in enumerate(("white", "coloured")):
-        tell(f"{RECORDED} virtual recordings with {colour} noise: do intervals hold the truth?", 0.84 + 0.05 * i)
-        coverages.append(coverage(bench_joint(), colour, repetitions=RECORDED))
-    write_rows(out / "results.json", COMMAND, [_coverage_row(found) for found in coverages])
+        tell(
+            f"{COVERAGE_REPETITIONS} virtual recordings with {colour} noise: do intervals hold the truth?",
+            0.84 + 0.05 * i,
+        )
+        coverages.append(coverage(bench_joint(), colour, repetitions=COVERAGE_REPETITIONS))
+    write_rows(out / "results.json", COMMAND_NAME, [_coverage_row(found) for found in coverages])
     tell("the page that tells it all", 0.96)
     made = Demonstration(
         page=out, robot=robot, elbow=elbow, fit=fit, people=people, findings=findings, controller=controller, cost=cost,
@@ -120,18 +132,18 @@ def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:
 
 
 def elbow_trials(robot: ElbowRig) -> tuple[ElbowTrial, ...]:
-    """What the robot is asked to do: constant velocities and sweeps to fit; both and slow movements to judge."""
+    """Return the robot's trials: constant velocities and sweeps for the fit; both and slow movements held out."""
     made = [
         trial for trial in trials(robot) if trial.protocol in ("constant_velocity", "swept_sine", "slow", "reversals")
     ]
     unseen = [t for t in made if t.name.startswith("unseen")]
-    places = sorted({t.slider for t in unseen})[:: -(-len({t.slider for t in unseen}) // JUDGED_PLACES)]
+    places = sorted({t.slider for t in unseen})[:: -(-len({t.slider for t in unseen}) // HELD_OUT_PLACE_COUNT)]
     return tuple(t for t in made if t.use == "fit" or (t in unseen and t.slider in places))
 
 
 def few_people(robot: ElbowRig) -> PointingRig:
-    """The virtual people, fewer of them and with fewer repetitions; nothing that moves them is another."""
-    return elbow_participants(robot).changed({"people.count": COUNT, "pointing.repetitions": REPETITIONS})
+    """Return the rig of virtual people with fewer of them and fewer repetitions, and otherwise unchanged."""
+    return elbow_participants(robot).changed({"people.count": PEOPLE_COUNT, "pointing.repetitions": REPETITION_COUNT})
 
 
 def _identified_machine(folder: Path, name: str, tell: Tell) -> tuple[Study, JointResult]:
@@ -146,37 +158,37 @@ def _identified_machine(folder: Path, name: str, tell: Tell) -> tuple[Study, Joi
 
 def _identified_elbow(folder: Path, robot: ElbowRig, tell: Tell) -> tuple[Study, SliderFit]:
     tell("a virtual elbow exoskeleton moves", 0.0)
-    study = write_study(folder, robot, name=ELBOW, seed=SEED, trials=elbow_trials(robot))
-    fit = identify(study, on_progress=lambda text, share: tell(f"{ELBOW}: {text}", 0.25 + 0.4 * share))
+    study = write_study(folder, robot, name=ELBOW_STUDY, seed=SEED, trials=elbow_trials(robot))
+    fit = identify(study, on_progress=lambda text, share: tell(f"{ELBOW_STUDY}: {text}", 0.25 + 0.4 * share))
     fit.save(study)
-    tell(f"{ELBOW}: report", 0.65)
+    tell(f"{ELBOW_STUDY}: report", 0.65)
     write_report(study, fit)
     return study, fit.fit
 
 
 def _assessed_people(folder: Path, robot: ElbowRig, elbow: Study, tell: Tell) -> tuple[Study, AssessmentResult]:
-    """People point without the robot and under controllers that are built of the cards on disk."""
-    needed = {controller.method: controller.card for controller in map(ELBOW_CONTROLLERS.get, WORN)}
+    """Let people point without the robot and with controllers built from the cards on disk, and assess them."""
+    needed = {controller.method: controller.card for controller in map(ELBOW_CONTROLLERS.get, WORN_CONTROLLERS)}
     cards = {method: read_slider_card(elbow.models_dir / card) for method, card in needed.items()}
-    conditions = {CONTROL: None, **{name: condition_of(cards, name) for name in WORN}}
-    tell(f"{COUNT} virtual people point, without the robot and with it", 0.0)
+    conditions = {CONTROL: None, **{name: condition_of(cards, name) for name in WORN_CONTROLLERS}}
+    tell(f"{PEOPLE_COUNT} virtual people point, without the robot and with it", 0.0)
     study = write_study(
         folder,
         few_people(robot).under(conditions),
-        name=PEOPLE,
+        name=PEOPLE_STUDY,
         seed=SEED,
         threads=2,
         on_progress=lambda text, share: tell(text, 0.5 * share),
     )
-    findings = assess(study, on_progress=lambda text, share: tell(f"{PEOPLE}: {text}", 0.5 + 0.3 * share))
+    findings = assess(study, on_progress=lambda text, share: tell(f"{PEOPLE_STUDY}: {text}", 0.5 + 0.3 * share))
     findings.save(study)
-    tell(f"{PEOPLE}: report", 0.8)
+    tell(f"{PEOPLE_STUDY}: report", 0.8)
     write_report(study, findings)
     return study, findings
 
 
-def _part(tell: Tell, start: float, stop: float) -> Tell:
-    """A progress function whose 0 to 1 is `start` to `stop` of another's."""
+def _progress_part(tell: Tell, start: float, stop: float) -> Tell:
+    """Return a progress function that maps shares of 0 to 1 to shares of `start` to `stop` for `tell`."""
     return lambda text, share: tell(text, start + share * (stop - start))
 
 
@@ -186,7 +198,7 @@ def _coverage_row(found: Coverage) -> ResultRow:
         id=f"virtual.symmetric.coverage.{found.colour}",
         value=found.lowest,
         unit="%",
-        command=COMMAND,
+        command=COMMAND_NAME,
         split="simulated",
         data_checksum="",
         note=(
@@ -196,11 +208,13 @@ def _coverage_row(found: Coverage) -> ResultRow:
     )
 
 
-def _cleared(folders: Sequence[Path], out: Path) -> None:
-    """Remove what an earlier demo left in them; where `out` is of no demo, they are refused and none is touched."""
+def _clear_folders(folders: Sequence[Path], out: Path) -> None:
+    """Remove the folders of an earlier demo; raise a PellucidError, before any is removed, if no demo made them."""
     found = [folder for folder in folders if folder.exists()]
     results = out / RESULTS_FILE
-    made = (out / DEMO_FILE).is_file() or (results.is_file() and any(r.command == COMMAND for r in read_rows(results)))
+    made = (out / DEMO_FILE).is_file() or (
+        results.is_file() and any(r.command == COMMAND_NAME for r in read_rows(results))
+    )
     for folder in found:
         if not folder.is_dir() or (any(folder.iterdir()) and not (made and (folder / STUDY_FILE).is_file())):
             raise PellucidError(

@@ -1,4 +1,4 @@
-"""The page of the demo: what each chapter did and found, in the order in which a lab would go, with ways into each."""
+"""Write the page of the demo: the steps and results of each chapter in a laboratory's order, with links to each."""
 
 from __future__ import annotations
 
@@ -20,12 +20,14 @@ from ..procedures.assessment.assessment_result import AssessmentResult
 from ..procedures.joint import joint_figures as figures
 from ..procedures.slider import direction_figures
 from ..procedures.slider.slider_page import DRAWN, PROTOCOLS, ROLES, SHORT
-from .coverage import RICHER
+from .coverage import RICHER_PLANTS
 from .demonstration import Demonstration
 
-LEVEL = 0.95
-SHOWN = ("duration_median", "torque_rms", "emg_level")
-"""Indices that the page draws."""
+CONFIDENCE_LEVEL = 0.95
+"""Confidence level of the intervals on the page."""
+
+DRAWN_INDICES = ("duration_median", "torque_rms", "emg_level")
+"""Indices of movement that the page draws."""
 
 
 def write_story(out: Path, made: Demonstration) -> Path:
@@ -49,7 +51,7 @@ def write_story(out: Path, made: Demonstration) -> Path:
 
 
 def told(made: Demonstration) -> list[tuple[str, str]]:
-    """The story in a sentence a chapter, as page and command line tell it."""
+    """Return the heading and the main sentence of each chapter, for the page and the command line."""
     off, error = percent(100.0 * _gravity_error(made)), 1e3 * made.fit.evaluated_error("load") * made.fit.gain
     found = (
         f"A virtual elbow exoskeleton was identified from {_minutes(made):.0f} minutes of recordings: its gravity to "
@@ -95,7 +97,7 @@ def _means(findings: AssessmentResult, index: str) -> dict[str, float]:
 
 
 def _changes(findings: AssessmentResult) -> Mapping[str, float]:
-    """Of the median duration against control, by condition: each person's own, the median over people [%]."""
+    """Return the change of the median duration against control under each condition, median over people [%]."""
     found, control = findings.assessed["duration_median"], findings.control
     changes = {c: found.change_of_median(control, c) for c in found.table.conditions if c != control}
     return {condition: 100.0 * (change or 0.0) for condition, change in changes.items()}
@@ -131,8 +133,12 @@ def _identified(made: Demonstration) -> Section:
     rows = []
     for name, true in (("gravity", sine), ("gravity_cosine", cosine), ("inertia", robot.inertia(0.0))):
         p = fit["load"][name]
-        low, high = p.interval(LEVEL)
-        found = (number(p.value, p.standard_error), parameter_interval(p, LEVEL), number(true, p.standard_error))
+        low, high = p.interval(CONFIDENCE_LEVEL)
+        found = (
+            number(p.value, p.standard_error),
+            parameter_interval(p, CONFIDENCE_LEVEL),
+            number(true, p.standard_error),
+        )
         off = percent(100.0 * abs(p.value / true - 1.0))
         words = name.replace("_", ", ")
         rows.append(Row((words, unit_text(p.unit), *found, off, "yes" if low <= true <= high else "no")))
@@ -189,7 +195,7 @@ def _people(made: Demonstration) -> Section:
         for c, x in torque.items()
     )
     heads = ("Condition", f"Duration against {findings.control}", "Never settled", "Interaction torque, RMS (N·m)")
-    drawn = {name: findings.assessed[name] for name in SHOWN if name in findings.assessed}
+    drawn = {name: findings.assessed[name] for name in DRAWN_INDICES if name in findings.assessed}
     return Section(
         "people",
         "People wear it, and point",
@@ -254,15 +260,15 @@ def _coverage(made: Demonstration) -> Section:
         "coverage",
         "Are the intervals honest?",
         (
-            "A virtual joint that the model describes exactly was identified again and again, with new noise each "
-            "time. How often did a 95 % interval hold the truth? Textbook intervals, which take residuals for white, "
-            "fail where they are coloured, as filters and friction make them.",
-            "No machine is what its model says, and that proof has nothing to say of it: here plant and model are the "
-            f"same. On {RICHER.identifications} recordings of drawn virtual elbows with a gap, a spring, ripple and "
-            "friction that no model identified from them has, intervals for coloured residuals alone hold "
-            f"the worst of inertia, gravity and load friction in {RICHER.statistical:.0f} %. Intervals are therefore "
-            f"widened by what the model leaves out, and hold in {RICHER.held:.0f} %; `python -m evidence coverage` "
-            "measures it.",
+            "A virtual joint that the model describes exactly was identified repeatedly, with new noise each time. How "
+            "often did a 95 % interval contain the truth? Textbook intervals, which assume white residuals, fail if "
+            "the residuals are coloured, as filters and friction make them.",
+            "This test says nothing about a real machine, because plant and model are the same here. On "
+            f"{RICHER_PLANTS.identifications} recordings of drawn virtual elbows with a gap, a spring, ripple and "
+            "friction that the identified models lack, intervals for coloured residuals alone contain the worst of "
+            f"inertia, gravity and load friction in {RICHER_PLANTS.statistical:.0f} %. Intervals are therefore widened "
+            f"by the effects that the model lacks, and contain the truth in {RICHER_PLANTS.held:.0f} %; "
+            "`python -m evidence coverage` measures it.",
         ),
         (Table(heads, rows, frozenset({1, 2, 3}), wide=True),),
     )
@@ -274,7 +280,7 @@ def _real(made: Demonstration) -> Section:
     best = fit.families[fit.best]
     rows = []
     for p in best.estimate.parameters:
-        words = (p.name.replace("_", " "), number(p.value, p.standard_error), parameter_interval(p, LEVEL))
+        words = (p.name.replace("_", " "), number(p.value, p.standard_error), parameter_interval(p, CONFIDENCE_LEVEL))
         rows.append(Row((*words, unit_text(p.unit))))
     heads = ("Parameter", "Value", "95 % interval", "Unit")
     return Section(

@@ -11,7 +11,7 @@ from ..control.limits import Limits
 from ..control.residual_compensator import design, within
 from ..models.parameter_card import read_parameter_card
 from ..procedures.card_sources import require_fresh, source_notes
-from ..procedures.coupling.actuator_card import CHANNELS, NAME, actuator_card
+from ..procedures.coupling.actuator_card import CARD_NAME, REQUIRED_CHANNELS, actuator_card
 from ..recordings.study import Study
 from .controller_values import ControllerValues
 from .study_limits import limits_of
@@ -99,14 +99,15 @@ def _actuator(study: Study) -> tuple[dict[str, float], float]:
 
     A study that was identified by an earlier version has no actuator card, which is then made from its recordings.
     """
-    path = study.card(f"{NAME}.json")
+    path = study.card(f"{CARD_NAME}.json")
     if path.is_file():
         card = require_fresh(study, path, read_parameter_card(path))
     else:
         card = actuator_card(study.name, study.recordings("fit"))
     if card is None:
         raise PellucidError(
-            f'export of {study.name}: found no recording of protocol "sine_tracking" with {", ".join(CHANNELS)} that '
+            f'export of {study.name}: found no recording of protocol "sine_tracking" with '
+            f"{', '.join(REQUIRED_CHANNELS)} that "
             "shows the actuator, expected one: its lag comes from it"
         )
     period, known = float(card.settings["period"]), Coupling.__dataclass_fields__

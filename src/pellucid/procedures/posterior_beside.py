@@ -13,8 +13,8 @@ from ..pages.quantities import number, unit_text
 from ..recordings.results import ResultRow
 from .result import FigureTable
 
-FACTOR = 2.0
-"""Between the widths of an interval and of a posterior, from where they disagree."""
+AGREEMENT_FACTOR = 2.0
+"""An interval and a posterior disagree if their widths differ by more than this factor."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,9 @@ class Beside:
             return "told by the prior"
         if self.fitted.refused:
             return "interval refused, posterior told by the data"
-        if ratio > FACTOR:
+        if ratio > AGREEMENT_FACTOR:
             return "interval too narrow, by the posterior"
-        if ratio < 1.0 / FACTOR:
+        if ratio < 1.0 / AGREEMENT_FACTOR:
             return "interval too wide, by the posterior"
         return ""
 
@@ -100,7 +100,9 @@ def posterior_verdicts(
     told = [one for one in compared if not one.drawn.told_by_prior]
     # Wider than what a posterior was told beforehand an interval may well be; narrower it should not.
     apart = [
-        one for one in compared if one.widths(level) > FACTOR or (one in told and one.widths(level) < 1.0 / FACTOR)
+        one
+        for one in compared
+        if one.widths(level) > AGREEMENT_FACTOR or (one in told and one.widths(level) < 1.0 / AGREEMENT_FACTOR)
     ]
     if apart:
         said = "; ".join(
@@ -109,7 +111,7 @@ def posterior_verdicts(
         )
         yield Verdict(
             "warning",
-            f"{head}Intervals and posterior differ in width by more than a factor of {FACTOR:g}: {said}.",
+            f"{head}Intervals and posterior differ in width by more than a factor of {AGREEMENT_FACTOR:g}: {said}.",
             "Take the wider of the two.",
         )
     for one in (one for one in told if one.fitted.refused):
@@ -128,7 +130,8 @@ def posterior_verdicts(
     if any(np.isfinite(one.widths(level)) for one in told) and not apart:
         yield Verdict(
             "good",
-            f"{head}Where an interval and the posterior can both be read, they agree within a factor of {FACTOR:g}.",
+            f"{head}Where an interval and the posterior can both be read, they agree within a factor of "
+            f"{AGREEMENT_FACTOR:g}.",
         )
 
 

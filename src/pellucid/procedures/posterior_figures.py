@@ -13,11 +13,11 @@ from ..drawing.style import FIGURE_WIDTH, colour
 from ..pages.quantities import label, unit_text
 from .posterior_beside import Beside
 
-BARS = 25
-"""Of a histogram."""
+HISTOGRAM_BAR_COUNT = 25
+"""Number of bars in a histogram."""
 
-SHOWN = (0.002, 0.998)
-"""Quantiles between which draws are shown."""
+DRAWN_QUANTILES = (0.002, 0.998)
+"""Quantiles between which the draws are drawn."""
 
 
 def posterior_figure(compared: Sequence[Beside], level: float, file: str = "posterior") -> Drawing:
@@ -30,8 +30,10 @@ def posterior_figure(compared: Sequence[Beside], level: float, file: str = "post
         axis.set_visible(False)
     for axis, one in zip(axes.flat, compared, strict=False):
         draws = one.drawn.draws
-        ends = np.quantile(draws, SHOWN)
-        counts, edges = np.histogram(draws, BARS, tuple(ends)) if ends[1] > ends[0] else (np.ones(1), ends)
+        ends = np.quantile(draws, DRAWN_QUANTILES)
+        counts, edges = (
+            np.histogram(draws, HISTOGRAM_BAR_COUNT, tuple(ends)) if ends[1] > ends[0] else (np.ones(1), ends)
+        )
         height = counts / max(counts.max(), 1)
         axis.stairs(height, edges, fill=True, color=colour("fitted"), alpha=0.3, linewidth=0)
         axis.plot(one.drawn.interval(level), (-0.16, -0.16), color=colour("fitted"), linewidth=2.2)

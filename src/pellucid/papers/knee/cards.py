@@ -16,7 +16,7 @@ from ...control.coupling import Coupling
 from ...estimators.causal_map import CausalMap, EmgSettings, EmgTrial, fit_causal_map
 from ...fit.joint.actuator_residual import actuator_residual
 from ...lab.knee.rig import KneeRig
-from ...procedures.coupling.actuator_card import CHANNELS
+from ...procedures.coupling.actuator_card import REQUIRED_CHANNELS
 from ...procedures.coupling.identify_coupling import identify_worn
 from ...procedures.emg_torque.strapped_trials import strapped_emg_trial
 from .trials import STRAP_ONLY, take
@@ -61,7 +61,7 @@ def identify_wearer_of(rig: KneeRig, name: str, seed: int) -> Identified:
         why = findings.refused.get(name) or "; ".join(stages.notes)
         raise IdentificationError(f"{name}: found no card of limb and strap, expected both: {why}")
     sines = taken.of("sine_tracking", "fit")
-    actuator = actuator_residual([tuple(r[c] for c in CHANNELS) for r in sines], sines[0].fs)
+    actuator = actuator_residual([tuple(r[c] for c in REQUIRED_CHANNELS) for r in sines], sines[0].fs)
     actuator |= {"delay": DEAD_SAMPLES / sines[0].fs}
     coupling = Coupling.of_cards(cards["orthosis"], cards[f"{name}.limb"], cards[f"{name}.coupling"], actuator)
     known = {"orthosis": findings.orthosis.orthosis, "limb": stages.limb.limb, "strap": stages.coupling.plain}

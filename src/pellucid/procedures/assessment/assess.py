@@ -1,4 +1,4 @@
-"""Do conditions change how people move? From a study's recordings to tables, tests and a paragraph."""
+"""Assess whether conditions change how people move: from a study's recordings to tables, tests and a paragraph."""
 
 from __future__ import annotations
 
@@ -24,27 +24,36 @@ from ..procedure import Progress, quiet
 from .assessment_result import Assessed, AssessmentResult, Needed, Profile, Sensitivity, Settling
 from .assessment_rows import result_rows
 from .assessment_tables import tables
-from .certified import certified, end_points
+from .certified import certify_conditions, end_points
 from .certified_rows import certificate_verdicts
 from .clocks import delay_notes, with_assumed_delays
-from .measured_study import MeasuredStudy, activities, joined, measure
+from .measured_study import MeasuredStudy, activities, join_studies, measure
 from .movement_curves import Curves, participants_curves
-from .pointing import PointingRecord, assessed, labels, with_rule
+from .pointing import PointingRecord, labelled_amplitudes, recordings_with_condition, with_rule
 from .pointing_faults import pointing_faults, usable_records
 from .procedure import DEFAULT_STUDIES, AssessmentTable
 from .session_order import session_order
 from .statements import headline, paragraph, verdicts
 
-SEED = 1
-"""Of the bootstraps and of the simulated studies."""
+RANDOM_SEED = 1
+"""Random seed of the bootstraps and of the simulated studies."""
 
-WATCHED = ("duration", "vmax", "vmean", "acceleration", "peak_time_up", "peak_time_down", "emg_level", "emgacc")
-"""Indices that are computed again with other filters and rules: the published ones, and the level of EMG."""
+SENSITIVITY_INDICES = (
+    "duration",
+    "vmax",
+    "vmean",
+    "acceleration",
+    "peak_time_up",
+    "peak_time_down",
+    "emg_level",
+    "emgacc",
+)
+"""Indices of the sensitivity analysis with other filters and rules: the published ones, and the level of EMG."""
 
-TIMED = ("emgacc", "emg_level")
-"""Indices that hang on the delay between markers and EMG."""
+DELAY_SENSITIVE_INDICES = ("emgacc", "emg_level")
+"""Indices that depend on the delay between markers and EMG."""
 
-PLANNED = (
+PLANNED_INDICES = (
     "duration_median",
     "duration",
     "vmax",
@@ -54,13 +63,17 @@ PLANNED = (
     "emg_level",
     "emgacc",
 )
-"""Indices for which the participants needed are told ..."""
+"""Indices for which the number of participants needed is computed."""
 
-CHANGES = (0.05, 0.1, 0.2, 0.3)
-"""... to find changes from control of these shares."""
+PLANNED_CHANGE_SHARES = (0.05, 0.1, 0.2, 0.3)
+"""Changes from control that these participants should detect, as shares."""
 
-ORDER = ("duration_median", "unsettled", *(name for name in INDICES if name not in ("duration_median", "unsettled")))
-"""In which indices are shown: first how long movements last."""
+INDEX_ORDER = (
+    "duration_median",
+    "unsettled",
+    *(name for name in INDICES if name not in ("duration_median", "unsettled")),
+)
+"""Indices in the order in which they are shown; durations come first."""
 
 
 def assess(
@@ -71,7 +84,7 @@ def assess(
     studies: int = DEFAULT_STUDIES,
     executor: Any = None,
 ) -> AssessmentResult:
-    """Compare a study's conditions as its `table` asks."""
+    """Compare a study's conditions by the settings of its `table`."""
     tell("reading recordings", 0.05)
     return assess_recordings(
         study.name, study.recordings(), table, on_progress=tell, studies=studies, executor=executor
@@ -87,9 +100,9 @@ def assess_recordings(
     studies: int = DEFAULT_STUDIES,
     executor: Any = None,
 ) -> AssessmentResult:
-    """Compare conditions of recordings that need not be files. `spec` [assessment]."""
+    """Compare conditions of recordings, which need not be files; `spec` is the table [assessment]."""
     tell = on_progress or (lambda text, share: None)
-    used = assessed(recordings)
+    used = recordings_with_condition(recordings)
     conditions = _conditions(used, spec.control)
     tell("finding movements", 0.1)
     records, gaps = usable_records(used, spec)
@@ -98,10 +111,10 @@ def assess_recordings(
     records = [record for record in records if record.recording.participant in participants]
     used = [record.recording for record in records]
     along = _along(records)
-    # What cannot be held against anything is told before it is computed.
+    # Margins and conditions without a reference are refused before any computation.
     end_points(spec, indices_along(along))
     order = session_order(used)
-    named = labels(records)
+    named = labelled_amplitudes(records)
     faults = [fault for record in records for fault in pointing_faults(record, spec, named)]
     _require_none_refused(faults)
     records, delays = with_assumed_delays(records)
@@ -112,7 +125,7 @@ def assess_recordings(
     for i, person in enumerate(participants):
         tell(f"indices, {person}", 0.2 + 0.6 * i / len(participants))
         own = [record for record in records if record.recording.participant == person]
-        # One person's EMG at a time: that of a whole study need not fit into memory.
+        # EMG is processed for one person at a time, because that of a whole study may not fit into memory.
         emg, largest, clocks = activities(own, spec, with_rule(spec))
         _require_none_refused(clocks)
         faults += clocks
@@ -124,13 +137,15 @@ def assess_recordings(
         if delays.recordings and emg:
             moved = {n: a.later(delays.span) if n in delays.recordings else a for n, a in emg.items()}
             shifted.append(measure(own, spec, with_rule(spec), moved, largest, named=named, detailed=False))
-    measured = {words: joined(each) for words, each in parts.items() if any(part.movements for part in each)}
+    measured = {words: join_studies(each) for words, each in parts.items() if any(part.movements for part in each)}
     whole = next(iter(measured.values()))
     found = _assessed(whole, participants, conditions, spec, along)
     sensitivity = _sensitivity(measured, spec, participants, conditions, along)
     if any(part.movements for part in shifted):
         words = f"{1e3 * delays.span:.0f} ms"
-        sensitivity += _sensitivity({words: joined(shifted)}, spec, participants, conditions, along, TIMED)
+        sensitivity += _sensitivity(
+            {words: join_studies(shifted)}, spec, participants, conditions, along, DELAY_SENSITIVE_INDICES
+        )
     tell("participants needed", 0.85)
     needed = _needed(found, spec, len(conditions) - 1, studies, executor)
     lines = isochrony(whole.movements, participants, conditions, along)
@@ -166,7 +181,7 @@ def assess_recordings(
         measured=whole.movements,
     )
     notes = [fault.message for fault in faults] + delay_notes(delays) + _without_index(found, participants, conditions)
-    made = replace(made, certified=certified(made, spec, whole, order, curves, executor))
+    made = replace(made, certified=certify_conditions(made, spec, whole, order, curves, executor))
     return _told(made, notes)
 
 
@@ -188,7 +203,7 @@ def _told(made: AssessmentResult, notes: Sequence[str]) -> AssessmentResult:
 
 
 def _conditions(used: Sequence[Recording], control: str) -> tuple[str, ...]:
-    """Control first, the others in the order of the recordings."""
+    """Return the conditions, control first, the others in the order of the recordings."""
     found = list(dict.fromkeys(recording.condition for recording in used))
     if control not in found:
         raise RecordingError(
@@ -208,7 +223,7 @@ def _others(used: Sequence[Recording], records: Sequence[PointingRecord]) -> lis
 
 
 def _along(records: Sequence[PointingRecord]) -> Coordinate:
-    """What people moved along, the same in all recordings."""
+    """Return the coordinate of the movements, which must be the same in all recordings."""
     first = records[0]
     other = next((record for record in records if record.along != first.along), None)
     if other is not None:
@@ -221,7 +236,10 @@ def _along(records: Sequence[PointingRecord]) -> Coordinate:
 def _participants(
     used: Sequence[Recording], records: Sequence[PointingRecord], conditions: Sequence[str]
 ) -> tuple[tuple[str, ...], dict[str, tuple[str, ...]], dict[str, str]]:
-    """Those with a usable recording in every condition; which ones the others lack, and why they are left out."""
+    """Return the participants with a usable recording in every condition.
+
+    Returns also the conditions that the others lack, and the reasons for their exclusion.
+    """
     people = tuple(dict.fromkeys(recording.participant for recording in used))
     there = {(r.recording.participant, r.recording.condition) for r in records}
     absent = {person: tuple(c for c in conditions if (person, c) not in there) for person in people}
@@ -245,15 +263,15 @@ def _assessed(
     conditions: Sequence[str],
     spec: AssessmentTable,
     along: Coordinate,
-    names: Sequence[str] = ORDER,
+    names: Sequence[str] = INDEX_ORDER,
 ) -> dict[str, Assessed]:
     found, indices = {}, indices_along(along)
     for name in names:
         table = index_table(whole.movements, indices[name], participants, conditions, spec.control, whole.lasted)
         if table is None:
             continue
-        # A stream of its own for each index: leaving one out does not move another's interval.
-        rng = np.random.default_rng([SEED, list(INDICES).index(name)])
+        # Each index has its own random stream, so that leaving one out does not change another's interval.
+        rng = np.random.default_rng([RANDOM_SEED, list(INDICES).index(name)])
         control = spec.control if spec.control in table.conditions else None
         compared = compare_conditions(
             table.values, table.conditions, control, against_zero=table.index.over_control,
@@ -264,7 +282,7 @@ def _assessed(
 
 
 def _without_index(found: Mapping[str, Assessed], participants: Sequence[str], conditions: Sequence[str]) -> list[str]:
-    """Who lacks an index that others have, in words."""
+    """State in words which participants lack an index that others have."""
     lacking: dict[tuple[str, ...], list[str]] = {}
     for each in found.values():
         absent = tuple(person for person in participants if person not in each.table.participants)
@@ -278,7 +296,7 @@ def _without_index(found: Mapping[str, Assessed], participants: Sequence[str], c
 
 
 def _rules(records: Sequence[PointingRecord], spec: AssessmentTable) -> dict[str, MovementRule]:
-    """The study's rule, first, and those it is compared with; those with the same filter stand together."""
+    """Return the study's rule first, then the rules of the sensitivity analysis, grouped by filter."""
     rules = {}
     rates = [1.0 / float(np.median(np.diff(record.time))) for record in records]
     rules[f"{spec.lowpass:g} Hz"] = with_rule(spec)
@@ -297,7 +315,7 @@ def _sensitivity(
     participants: Sequence[str],
     conditions: Sequence[str],
     along: Coordinate,
-    names: Sequence[str] = WATCHED,
+    names: Sequence[str] = SENSITIVITY_INDICES,
 ) -> tuple[Sensitivity, ...]:
     return tuple(
         _sensitive(words, each, condition, spec.control)
@@ -320,18 +338,23 @@ def _needed(
     found: Mapping[str, Assessed], spec: AssessmentTable, comparisons: int, studies: int, executor: Any
 ) -> tuple[Needed, ...]:
     wanted: list[tuple[str, float | None, float]] = [("", None, effect) for effect in STANDARDISED_CHANGES]
-    for name in PLANNED:
+    for name in PLANNED_INDICES:
         each = found.get(name)
         if each is None or len(each.table.participants) < 3 or not each.comparison.against_control:
             continue
-        # The condition in which people differ most: the plan should do for all of them.
+        # The condition in which people differ most, so that the number suffices for all conditions.
         deviation = max(a.deviation for a in each.comparison.against_control)
         share = each.share_of_control(spec.control)
         if share is not None and deviation > 0.0:
-            wanted += [(name, change, change * share / deviation) for change in CHANGES]
+            wanted += [(name, change, change * share / deviation) for change in PLANNED_CHANGE_SHARES]
     effects = [effect for _, _, effect in wanted]
     people = participants_for_effects(
-        effects, comparisons=comparisons, alpha=1.0 - spec.confidence, studies=studies, seed=SEED, executor=executor
+        effects,
+        comparisons=comparisons,
+        alpha=1.0 - spec.confidence,
+        studies=studies,
+        seed=RANDOM_SEED,
+        executor=executor,
     )
     return tuple(Needed(*each, n) for each, n in zip(wanted, people, strict=True))
 
@@ -339,7 +362,7 @@ def _needed(
 def _profiles(
     whole: MeasuredStudy, participants: Sequence[str], conditions: Sequence[str], along: Coordinate
 ) -> tuple[tuple[Profile, ...], str]:
-    """Mean movements upwards of the middle amplitude, from their start; each participant counts the same."""
+    """Return mean upward movements of the middle amplitude from their start, with equal weights of participants."""
     cells = {m.cell for m in whole.movements if m.cell[1] == DIRECTION_UP} or {m.cell for m in whole.movements}
     cell = sorted(cells, key=str)[0] if None in {c[0] for c in cells} else sorted(cells)[len(cells) // 2]
     chosen = [m for m in whole.movements if m.cell == cell]
@@ -362,7 +385,7 @@ def _profiles(
 
 
 def _settling(whole: MeasuredStudy, conditions: Sequence[str]) -> tuple[Settling, ...]:
-    """All participants' movements together, by condition."""
+    """Return the settling curves of all participants' movements together, by condition."""
     made = []
     for condition in conditions:
         own = [each for each in whole.lasted if each.condition == condition]

@@ -17,23 +17,26 @@ from ...pages.quantities import unit_text
 from ...units import COORDINATES, Coordinate
 from .assessment_result import Assessed, Profile, Settling
 from .certified import Certified
-from .movement_curves import WORDS
+from .movement_curves import QUANTITY_NAMES
 
-TONES = ("measured", "fitted", "heldout", "directional", "load", "stribeck", "combined", "good")
-"""Control's colour, and those of the other conditions in their order; more than these share the last."""
+CONDITION_COLOUR_ROLES = ("measured", "fitted", "heldout", "directional", "load", "stribeck", "combined", "good")
+"""Colour roles of control and of the other conditions in their order; further conditions share the last."""
 
-DIRECTIONS = {DIRECTION_UP: "Upwards", DIRECTION_DOWN: "Downwards"}
+DIRECTION_LABELS = {DIRECTION_UP: "Upwards", DIRECTION_DOWN: "Downwards"}
+"""Labels of the directions of movement."""
 
 
 def tones(conditions: Sequence[str]) -> dict[str, str]:
-    """Colour of every condition, control first."""
-    return {c: colour(TONES[min(i, len(TONES) - 1)]) for i, c in enumerate(conditions)}
+    """Return the colour of every condition, control first."""
+    return {
+        c: colour(CONDITION_COLOUR_ROLES[min(i, len(CONDITION_COLOUR_ROLES) - 1)]) for i, c in enumerate(conditions)
+    }
 
 
 def profile_figure(
     profiles: Sequence[Profile], what: str, conditions: Sequence[str], along: Coordinate = COORDINATES["rad"]
 ) -> Drawing:
-    """Mean angle or place, velocity and acceleration of one kind of movement, from its start."""
+    """Draw mean position, velocity and acceleration of one kind of movement from its start."""
     tone = tones(conditions)
     figure = Figure(figsize=(FIGURE_WIDTH, 3.2), layout="constrained")
     axes = figure.subplots(1, 3)
@@ -61,7 +64,7 @@ def profile_figure(
 
 
 def settling_figure(settling: Sequence[Settling], conditions: Sequence[str]) -> Drawing:
-    """Share of movements that still go on, over the time since they began."""
+    """Draw the share of movements that have not settled, against the time since their start."""
     tone = tones(conditions)
     figure = Figure(figsize=(FIGURE_WIDTH, 3.2), layout="constrained")
     axis = figure.subplots()
@@ -95,10 +98,10 @@ def settling_figure(settling: Sequence[Settling], conditions: Sequence[str]) -> 
 
 
 def isochrony_figure(lines: Sequence[Isochrony], conditions: Sequence[str]) -> Drawing:
-    """Mean velocity, and duration, over amplitude: every participant, means over them, and straight lines."""
+    """Draw mean velocity and duration against amplitude: every participant, means over them, and straight lines."""
     tone = tones(conditions)
     along = COORDINATES[lines[0].unit]
-    names = DIRECTIONS if along.unit == "rad" else {DIRECTION_UP: "Forwards", DIRECTION_DOWN: "Backwards"}
+    names = DIRECTION_LABELS if along.unit == "rad" else {DIRECTION_UP: "Forwards", DIRECTION_DOWN: "Backwards"}
     directions = [d for d in names if any(each.direction == d for each in lines)]
     figure = Figure(figsize=(FIGURE_WIDTH, 5.6), layout="constrained")
     axes = figure.subplots(2, len(directions), squeeze=False, sharex=True, sharey="row")
@@ -139,7 +142,7 @@ def isochrony_figure(lines: Sequence[Isochrony], conditions: Sequence[str]) -> D
 
 
 def index_figure(assessed: Mapping[str, Assessed], conditions: Sequence[str]) -> Drawing:
-    """Every participant in every condition: a line a participant, over boxes."""
+    """Draw every participant in every condition as a line over box plots."""
     tone = tones(conditions)
     columns = min(len(assessed), 3)
     rows = -(-len(assessed) // columns)
@@ -179,12 +182,12 @@ def _panel(axis, each: Assessed, tone: Mapping[str, str]) -> None:
     axis.grid(visible=False, axis="x")
 
 
-SAID = {"within": "good", "undecided": "faint", "beyond": "measured"}
-"""Tone of what is said of an end point."""
+VERDICT_COLOUR_ROLES = {"within": "good", "undecided": "faint", "beyond": "measured"}
+"""Colour role of each verdict on an end point."""
 
 
 def certificate_figure(certified: Sequence[Certified]) -> Drawing:
-    """Every end point's interval in its margins' size, condition by condition: inside, across or beyond."""
+    """Draw every end point's interval divided by its margin, by condition."""
     rows = [(each, name) for each in certified for name in each.end_points]
     figure = Figure(figsize=(FIGURE_WIDTH, 0.9 + 0.3 * len(rows) + 0.12 * len(certified)), layout="constrained")
     axis = figure.subplots()
@@ -196,9 +199,9 @@ def certificate_figure(certified: Sequence[Certified]) -> Drawing:
         own, size = each.certificate.end_points[name], each.end_points[name].margin.high
         at -= 1.0 if last in (None, each.condition) else 1.4
         last = each.condition
-        tone = colour(SAID[each.certificate.said_of(name)])
-        low, high = (float(np.clip(end / size, -LIMIT, LIMIT)) for end in own.interval)
-        middle = float(np.clip(own.estimate / size, -LIMIT, LIMIT))
+        tone = colour(VERDICT_COLOUR_ROLES[each.certificate.said_of(name)])
+        low, high = (float(np.clip(end / size, -MAX_DRAWN_MARGINS, MAX_DRAWN_MARGINS)) for end in own.interval)
+        middle = float(np.clip(own.estimate / size, -MAX_DRAWN_MARGINS, MAX_DRAWN_MARGINS))
         reach = max(reach, abs(low), abs(high), abs(middle))
         axis.plot([low, high], [at, at], color=tone, linewidth=2.2, solid_capstyle="butt",
                   linestyle="-" if np.isfinite(own.interval[0]) else ":")  # fmt: skip
@@ -214,14 +217,14 @@ def certificate_figure(certified: Sequence[Certified]) -> Drawing:
         "certificate",
         figure,
         "Changes from control with their intervals, in sizes of their margins (shaded): inside is shown to be small "
-        f"enough, outside to be too large, across neither. Beyond {LIMIT:g} sizes lines are cut.",
+        f"enough, outside to be too large, across neither. Beyond {MAX_DRAWN_MARGINS:g} sizes lines are cut.",
     )
 
 
 def curves_figure(certified: Sequence[Certified], conditions: Sequence[str]) -> Drawing:
-    """Differences of curves from control, with the band that holds all of each, the margin, and clusters."""
+    """Draw differences of curves from control with their simultaneous bands, the margin, and clusters."""
     tone = tones(conditions)
-    kinds = [name for name in WORDS if any(c.quantity == name for each in certified for c in each.curves)]
+    kinds = [name for name in QUANTITY_NAMES if any(c.quantity == name for each in certified for c in each.curves)]
     figure = Figure(figsize=(FIGURE_WIDTH, 0.5 + 2.3 * len(kinds)), layout="constrained")
     axes = figure.subplots(len(kinds), len(certified), squeeze=False, sharex=True, sharey="row")
     share = np.linspace(0.0, 100.0, 101)
@@ -242,7 +245,7 @@ def curves_figure(certified: Sequence[Certified], conditions: Sequence[str]) -> 
                 if cluster.p_value <= 0.05:
                     axis.plot([cluster.first, cluster.last], [0.03, 0.03], color=colour("measured"), linewidth=3.0,
                               transform=axis.get_xaxis_transform(), solid_capstyle="butt")  # fmt: skip
-            tidy(axis, first=axis is row[0], text=f"{WORDS[kind]} ({unit_text(curve.unit)})")
+            tidy(axis, first=axis is row[0], text=f"{QUANTITY_NAMES[kind]} ({unit_text(curve.unit)})")
             if kind == kinds[0]:
                 axis.set_title(each.condition, fontweight="bold")
             if kind == kinds[-1]:
@@ -257,5 +260,5 @@ def curves_figure(certified: Sequence[Certified], conditions: Sequence[str]) -> 
     )
 
 
-LIMIT = 4.0
-"""Sizes of a margin beyond which lines are cut."""
+MAX_DRAWN_MARGINS = 4.0
+"""Largest drawn distance of an interval's end, as a multiple of the margin; longer lines are cut."""

@@ -1,4 +1,4 @@
-"""The report of an assessment: what was found, what was not, and every participant."""
+"""Page of an assessment: findings, missing evidence, and every participant."""
 
 from __future__ import annotations
 
@@ -16,13 +16,15 @@ from .assessment_result import AssessmentResult
 from .certified_rows import certificate_remarks, certificate_sentences
 from .procedure import AssessmentTable
 
-TILES = (
+TILE_INDICES = (
     ("duration_median", "Median duration"),
     ("vmax", "Peak velocity"),
     ("emgacc", "EMG/Acc"),
     ("torque_rms", "Interaction"),
 )
-DRAWN = (
+"""Indices at the top of the page, with their labels."""
+
+DRAWN_INDICES = (
     "duration_median", "unsettled", "vmax", "acceleration", "peak_time_up", "peak_time_down", "sparc", "end_absolute",
     "end_spread", "emg_level", "emgacc", "torque_rms", "work",
 )  # fmt: skip
@@ -30,7 +32,7 @@ DRAWN = (
 
 
 def page(study: Study, findings: AssessmentResult) -> Page:
-    """Everything that an assessment found, as a page."""
+    """Build the page of an assessment."""
     sections = [
         *((_certificate(findings),) if findings.certified else ()),
         _found(findings),
@@ -57,7 +59,7 @@ def page(study: Study, findings: AssessmentResult) -> Page:
 
 def _tiles(findings: AssessmentResult) -> tuple[Tile, ...]:
     made = []
-    for name, words in TILES:
+    for name, words in TILE_INDICES:
         each = findings.assessed.get(name)
         if each is None:
             continue
@@ -116,7 +118,7 @@ def _found(findings: AssessmentResult) -> Section:
 
 
 def _people(findings: AssessmentResult) -> Section:
-    drawn = {name: findings.assessed[name] for name in DRAWN if name in findings.assessed}
+    drawn = {name: findings.assessed[name] for name in DRAWN_INDICES if name in findings.assessed}
     described = tuple(_table(tables.description_table(findings, each)) for each in findings.assessed.values())
     drawing = draw(figures.index_figure, drawn, findings.conditions)
     return Section("assess_people", "Every participant", tables=described, drawings=(drawing,))

@@ -1,4 +1,4 @@
-"""What an assessment found, with what its tables, figures and sentences need."""
+"""Result of an assessment, with the data for its tables, figures and sentences."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from .certified import Certified
 
 @dataclass(frozen=True, eq=False)
 class Assessed:
-    """One index: every participant's values (`table`) and what they say of the conditions (`comparison`)."""
+    """One index: every participant's values (`table`) and the comparison of conditions (`comparison`)."""
 
     table: IndexTable
     comparison: ConditionComparison
 
     @property
     def name(self) -> str:
-        """Of the index."""
+        """Name of the index."""
         return self.table.index.name
 
     def change_of_median(self, control: str, condition: str) -> float | None:
-        """Median over participants of each one's own change from control, as a share; None without a control."""
+        """Return the median over participants of the change from control, as a share; None without a control."""
         if control not in self.table.conditions or condition not in self.table.conditions:
             return None
         base = self.table.column(control)
         return float(np.median(self.table.column(condition) / base - 1.0)) if (base > 0.0).all() else None
 
     def share_of_control(self, control: str) -> float | None:
-        """What a change is to be divided by to become a share of control's mean; None where shares say little."""
+        """Return the divisor that makes a change a share of control's mean; None if shares are not meaningful."""
         if self.table.index.over_control:
             return 1.0
         if not self.table.index.scaled or control not in self.table.conditions:
@@ -49,28 +49,28 @@ class Assessed:
 class Sensitivity:
     """Change from control by one rule for movements."""
 
-    words: str  # The rule
+    words: str  # rule, in words
     index: str
     condition: str
-    control: float  # Mean in the control condition, in the index's unit; NaN for an index over control
-    change: float  # From control, as a share
-    p_value: float  # Friedman's, counted where it can be
+    control: float  # mean in the control condition, in the index's unit; NaN for an index relative to control
+    change: float  # change from control, as a share
+    p_value: float  # p value of Friedman's test, exact if possible
 
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """Mean movement of one condition, all participants' movements of one kind."""
+    """Mean movement of one kind in one condition, over all participants."""
 
     condition: str
-    time: np.ndarray  # (n,) From the movement's start [s]
-    angle: np.ndarray  # angle, velocity, acceleration: (n,) The angle from where it started [rad], [rad/s], [rad/s^2]
-    velocity: np.ndarray
-    acceleration: np.ndarray
+    time: np.ndarray  # time since the movement's start, (n,) [s]
+    angle: np.ndarray  # angle relative to the start, (n,) [rad]
+    velocity: np.ndarray  # (n,) [rad/s]
+    acceleration: np.ndarray  # (n,) [rad/s^2]
 
 
 @dataclass(frozen=True, eq=False)
 class Settling:
-    """How many movements of a condition still went on after a time, all participants' together."""
+    """Share of movements of a condition that have not settled after a time, over all participants."""
 
     condition: str
     curve: Survival
@@ -78,47 +78,46 @@ class Settling:
 
 @dataclass(frozen=True)
 class Needed:
-    """Participants with whom a change from control would be found in 8 of 10 studies."""
+    """Number of participants with whom a change from control is detected in 8 of 10 studies."""
 
-    index: str  # ``""`` where the effect stands for that of any index
-    change: float | None  # As a share of control's mean
-    effect: float  # The change over the standard deviation of participants' changes (d of pairs)
-    participants: int | None  # None where more than were tried
+    index: str  # ``""`` if the effect holds for any index
+    change: float | None  # change as a share of control's mean
+    effect: float  # change divided by the standard deviation of participants' changes (d of pairs)
+    participants: int | None  # None if more than the largest number tried
 
 
 @dataclass(frozen=True, kw_only=True)
 class AssessmentResult(Result):
-    """Everything an assessment found."""
+    """Result of an assessment."""
 
-    paragraph: str = ""  # What was found and what was not, in plain sentences
+    paragraph: str = ""  # findings and missing evidence, in plain sentences
     control: str = ""
-    conditions: tuple[str, ...] = ()  # conditions, participants: That were compared; control is the first condition
-    participants: tuple[str, ...] = ()
-    without: Mapping[str, str] = field(default_factory=dict)  # Participants who were left out, and why
-    absent: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # Conditions that each of them lacks
-    unusable: Mapping[str, str] = field(default_factory=dict)  # Recordings that were left out, and why
-    movements: int = 0  # That were used
-    left_out: Mapping[str, int] = field(default_factory=dict)  # Stretches without a movement that could be used, by why
-    assessed: Mapping[str, Assessed] = field(default_factory=dict, repr=False)  # By index
+    conditions: tuple[str, ...] = ()  # compared conditions, control first
+    participants: tuple[str, ...] = ()  # compared participants
+    without: Mapping[str, str] = field(default_factory=dict)  # reasons, by participant, for exclusion
+    absent: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # conditions that each excluded one lacks
+    unusable: Mapping[str, str] = field(default_factory=dict)  # reasons, by recording, for exclusion
+    movements: int = 0  # number of movements in use
+    left_out: Mapping[str, int] = field(default_factory=dict)  # number of stretches without a movement, by reason
+    assessed: Mapping[str, Assessed] = field(default_factory=dict, repr=False)  # comparisons by index
     isochrony: tuple[Isochrony, ...] = field(default=(), repr=False)
     sensitivity: tuple[Sensitivity, ...] = field(default=(), repr=False)
     needed: tuple[Needed, ...] = ()
-    certified: tuple[Certified, ...] = ()  # By condition, where margins are stated
+    certified: tuple[Certified, ...] = ()  # certificates by condition, if margins are stated
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
     settling: tuple[Settling, ...] = field(default=(), repr=False)
-    profile_of: str = ""  # Which movements the profiles are the means of
-    # Every movement that was used, by the study's own rule
-    measured: tuple[MeasuredMovement, ...] = field(default=(), repr=False)
-    unit: str = "rad"  # Of what people moved along: "rad", or "m"
+    profile_of: str = ""  # kind of movement that the profiles show, in words
+    measured: tuple[MeasuredMovement, ...] = field(default=(), repr=False)  # movements in use, by the study's own rule
+    unit: str = "rad"  # unit of the coordinate of movement: "rad" or "m"
 
     @property
     def along(self) -> Coordinate:
-        """What people moved along."""
+        """Coordinate of the movements."""
         return COORDINATES[self.unit]
 
     @property
     def indices(self) -> Mapping[str, Index]:
-        """Every index there could be, in this unit."""
+        """All possible indices, in this unit."""
         return indices_along(self.along)
 
     def written(self, study: Study) -> str:

@@ -13,22 +13,23 @@ from .certified_rows import certificate_rows
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult
 
-COMMAND = "assess"
+COMMAND_NAME = "assess"
+"""Name of the command that writes these results."""
 
 
 def result_rows(found: AssessmentResult) -> tuple[ResultRow, ...]:
-    """Every figure of an assessment.
+    """Return the result rows of an assessment.
 
     ``<study>.transparency.<index>.<condition>`` is the change of the mean from control in % (SPARC, LDLJ and the signed
     end-point error: in their own unit; interaction: the mean itself); ``<study>.assess.<index>.<condition>.<what>`` the
     rest.
     """
-    # One checksum for all recordings together: every figure comes from all of them.
+    # All recordings share one checksum, because every value comes from all of them.
     digest = combined_checksum(found.checksums.values())
     rows: list[ResultRow] = []
 
     def add(name: str, value: float | None, unit: str, note: str = "") -> None:
-        rows.append(ResultRow(f"{found.study}.{name}", value, unit, COMMAND, "fitted", digest, note))
+        rows.append(ResultRow(f"{found.study}.{name}", value, unit, COMMAND_NAME, "fitted", digest, note))
 
     add("assess.participants", len(found.participants), "1", _without(found))
     add(
@@ -113,7 +114,7 @@ def _index_rows(found: AssessmentResult, each: Assessed, add) -> None:
 
 
 def _describe(column: np.ndarray) -> dict[str, float]:
-    """Mean, standard deviation (n - 1), least, median, largest."""
+    """Return mean, standard deviation (n - 1), minimum, median and maximum."""
     return {
         "mean": float(np.mean(column)),
         "sd": float(np.std(column, ddof=1)) if len(column) > 1 else float("nan"),

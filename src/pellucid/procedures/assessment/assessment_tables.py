@@ -13,11 +13,23 @@ from .certified_rows import beside_table, certificate_table, curve_table, doubt_
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult, Needed
 
-MINUS = "\N{MINUS SIGN}"
-UNITS = {"rad/s^2": "rad/s²", "m/s^2": "m/s²", "N*m": "N·m", "1": ""}
+MINUS_SIGN = "\N{MINUS SIGN}"
+"""Minus sign in tables."""
 
-SHOWN = ("duration_median", "unsettled", "duration", "vmax", "end_absolute", "emg_level", "emgacc", "torque_rms")
-"""Indices with a table of their own among an assessment's tables; a report has one for each."""
+UNITS = {"rad/s^2": "rad/s²", "m/s^2": "m/s²", "N*m": "N·m", "1": ""}
+"""Printed form of units that differ from their plain text."""
+
+INDICES_WITH_TABLE = (
+    "duration_median",
+    "unsettled",
+    "duration",
+    "vmax",
+    "end_absolute",
+    "emg_level",
+    "emgacc",
+    "torque_rms",
+)
+"""Indices with a table of their own in the terminal; a report has one for every index."""
 
 
 def tables(found: AssessmentResult) -> tuple[FigureTable, ...]:
@@ -26,7 +38,7 @@ def tables(found: AssessmentResult) -> tuple[FigureTable, ...]:
     made = [*certificate, summary_table(found)]
     if found.settling:
         made.append(settling_table(found))
-    made += [description_table(found, found.assessed[name]) for name in SHOWN if name in found.assessed]
+    made += [description_table(found, found.assessed[name]) for name in INDICES_WITH_TABLE if name in found.assessed]
     if any(each.comparison.nemenyi is not None for each in found.assessed.values()):
         made.insert(1 + len(certificate), test_table(found))
         made.append(pair_table(found))
@@ -196,7 +208,7 @@ def _decimals(values: np.ndarray) -> int:
 
 
 def _fixed(value: float, decimals: int) -> str:
-    return f"{value:.{decimals}f}".replace("-", MINUS)
+    return f"{value:.{decimals}f}".replace("-", MINUS_SIGN)
 
 
 def _range(scale: float, interval: tuple[float, float]) -> str | None:
@@ -214,7 +226,7 @@ def _range(scale: float, interval: tuple[float, float]) -> str | None:
 
 def _short(value: float, digits: int = 3) -> str:
     text = f"{value:.0f}" if abs(value) >= 10.0**digits else f"{value:.{digits}g}"
-    return (f"{value:.0f}" if "e+" in text else text).replace("-", MINUS)
+    return (f"{value:.0f}" if "e+" in text else text).replace("-", MINUS_SIGN)
 
 
 def pair_table(found: AssessmentResult) -> FigureTable:

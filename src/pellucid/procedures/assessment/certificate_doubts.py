@@ -1,5 +1,4 @@
-"""What else than the condition may have changed an end point: order, what came before, learning, movements that
-failed."""
+"""Alternative explanations for the change of an end point: period, carry-over, learning, lost and failed movements."""
 
 from __future__ import annotations
 
@@ -23,27 +22,39 @@ if TYPE_CHECKING:
     from .assessment_result import AssessmentResult
     from .certified import EndPoint
 
-PERIOD, CARRY_OVER, LEARNING, LEFT_OUT = "period", "carry-over", "learning", "left out"
-LOST = "lost movements"
-"""More movements than `max_left_out` allows gave an end point no value."""
+PERIOD_DOUBT = "period"
+"""Doubt: the period of the session may have changed the end point."""
 
-Lost = Mapping[str, tuple[int, int]]
-"""By condition, how many movements gave no value, and how many there were."""
+CARRY_OVER_DOUBT = "carry-over"
+"""Doubt: the preceding condition may have changed the end point."""
+
+LEARNING_DOUBT = "learning"
+"""Doubt: the end point was still changing during the session."""
+
+LEFT_OUT_DOUBT = "left out"
+"""Doubt: failed movements, counted as longer than any other, would change the verdict."""
+
+LOST_MOVEMENTS_DOUBT = "lost movements"
+"""Doubt: more movements than `max_left_out` allows gave the end point no value."""
+
+LostCounts = Mapping[str, tuple[int, int]]
+"""Number of movements without a value, and of all movements, by condition."""
 
 
 def lost_movements(
     whole: MeasuredStudy, wanted: Mapping[str, EndPoint], curves: Iterable[str], pair: tuple[str, str],
     people: list[str],
-) -> dict[str, Lost]:  # fmt: skip
-    """By end point and by curve, the movements of both conditions of which it knows nothing.
+) -> dict[str, LostCounts]:  # fmt: skip
+    """Count the movements of both conditions that gave no value, for each end point and curve.
 
-    Median durations count movements that were cut off and targets that were never reached; other indices of duration
-    count those that were cut off."""
+    Median durations include movements that were cut off and targets that were never reached. Other indices of duration
+    include those that were cut off.
+    """
 
     def count(each: Iterable, condition: str) -> int:
         return sum(x.condition == condition and x.participant in people for x in each)
 
-    found: dict[str, Lost] = {}
+    found: dict[str, LostCounts] = {}
     for name in (*wanted, *curves):
         known = whole.movements
         if name in ("duration_median", "duration", "unsettled"):
@@ -59,32 +70,35 @@ def lost_movements(
     return found
 
 
-def too_many_lost(lost: Lost, max_share: float) -> dict[str, tuple[int, int]]:
-    """The conditions of which more movements were lost than `max_share`, with both counts."""
+def too_many_lost(lost: LostCounts, max_share: float) -> dict[str, tuple[int, int]]:
+    """Return the conditions that lost more than a share `max_share` of their movements, with both counts."""
     return {condition: (gone, of) for condition, (gone, of) in lost.items() if gone > max_share * of}
 
 
 def doubts_of_loss(
-    tests: Mapping[str, Equivalence | CurveComparison], lost: Mapping[str, Lost], alpha: float, max_share: float
+    tests: Mapping[str, Equivalence | CurveComparison], lost: Mapping[str, LostCounts], alpha: float, max_share: float
 ) -> dict[str, Doubt]:
-    """A doubt for each end point that would be within its margin although too many of its movements were lost.
+    """Return a doubt for each end point within its margin of which too many movements were lost.
 
-    The worst that is possible of them is unbounded, so that without them nothing can be said. A claim that an end point
-    lies beyond its margin stands: a loss does not make a robot transparent."""
+    The values of lost movements are unbounded, so no claim of transparency is possible. A claim that an end point lies
+    beyond its margin is not affected.
+    """
     unknown = equivalence(np.full(2, -np.inf), Margin.either_way(1.0), upper=np.full(2, np.inf), alpha=alpha)
     return {
-        name: Doubt(LOST, float("nan"), unknown, always=True)
+        name: Doubt(LOST_MOVEMENTS_DOUBT, float("nan"), unknown, always=True)
         for name, test in tests.items()
         if test.p_within <= alpha and too_many_lost(lost[name], max_share)
     }
 
 
-def doubts_of(
+def find_doubts(
     found: AssessmentResult, whole: MeasuredStudy, wanted: Mapping[str, EndPoint], condition: str, people: list[str],
     seen: Mapping[str, np.ndarray], order: SessionOrder, alpha: float,
 ) -> tuple[dict[str, tuple[Doubt, ...]], dict[str, tuple[float, float]], tuple[str, ...]]:  # fmt: skip
-    """By end point its doubts and its trend, from the first third of a session to the last, with its p; and sentences
-    on what cannot be told."""
+    """Return the doubts and the trend of each end point, and sentences on what cannot be tested.
+
+    A trend is the change from the first to the last third of a session, with its p value.
+    """
     doubts, trends, unknown = {}, {}, []
     if not order.period:
         unknown.append(f"{order.unknown}: what order and carry-over did cannot be told from what conditions did.")
@@ -113,7 +127,7 @@ def _of_order(found, point, condition, people, seen, order, alpha, unknown) -> l
             "be told from its own."
         )
     else:
-        made.append(Doubt(PERIOD, told.p_value, told.without, always=True))
+        made.append(Doubt(PERIOD_DOUBT, told.p_value, told.without, always=True))
     if found.control in table.conditions:
         rows = [table.participants.index(person) for person in people]
         values = np.log(table.values[rows]) if point.ratio else table.values[rows]
@@ -125,7 +139,7 @@ def _of_order(found, point, condition, people, seen, order, alpha, unknown) -> l
                 "Orders differ too little between people to tell what lingers of the condition before (carry-over)."
             )
         else:
-            made.append(Doubt(CARRY_OVER, lingers.p_value, lingers.without))
+            made.append(Doubt(CARRY_OVER_DOUBT, lingers.p_value, lingers.without))
     return made
 
 
@@ -150,14 +164,14 @@ def _learning(found, whole, point, condition, people, seen, order, alpha, trends
     p = signed_rank(drift).p_value
     trends[point.index.name] = float(np.median(drift)), p
     at_end = (1.0 + seen) * np.exp(late) - 1.0 if point.index.over_control else seen + late
-    return [Doubt(LEARNING, p, equivalence(at_end, point.margin, alpha=alpha))]
+    return [Doubt(LEARNING_DOUBT, p, equivalence(at_end, point.margin, alpha=alpha))]
 
 
 def _left_out(found, whole, point, condition, people, alpha) -> list[Doubt]:
-    """Failed movements count as longer than any: what was thrown away may be what was slow."""
+    """Return a doubt if failed movements, counted as longer than any other, change the verdict."""
     every = whole.lasted + whole.failed
     bounds = lasting_bounds(every, people, found.conditions, found.control, condition, point.differences)
     if bounds is None:
         return []
     low, high = bounds
-    return [Doubt(LEFT_OUT, float("nan"), equivalence(low, point.margin, upper=high, alpha=alpha), always=True)]
+    return [Doubt(LEFT_OUT_DOUBT, float("nan"), equivalence(low, point.margin, upper=high, alpha=alpha), always=True)]

@@ -1,4 +1,4 @@
-"""Is a condition transparent? Indices against the margins that study.toml states, all of them together."""
+"""Certify the transparency of a condition: test all indices together against the margins of study.toml."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from ...assessment.indices import Index
 from ...assessment.lasting_bounds import lasting_bounds
 from ...assessment.mixed_model import MixedModel
 from ...units import parse_quantity
-from .certificate_doubts import doubts_of, doubts_of_loss, lost_movements
+from .certificate_doubts import doubts_of_loss, find_doubts, lost_movements
 from .measured_study import MeasuredStudy
-from .movement_curves import CurveEndPoint, Curves, compared_curves
+from .movement_curves import CurveEndPoint, Curves, compare_with_control
 from .movement_model import model_of, of_model
 from .session_order import SessionOrder
 
@@ -27,42 +27,45 @@ if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult
     from .procedure import AssessmentTable
 
-UPWARDS = ("unsettled", "end_absolute", "end_spread", "torque_rms", "torque_peak", "work")
-"""Indices of which less is never worse: their margin has an upper end alone."""
+ONE_SIDED_INDICES = ("unsettled", "end_absolute", "end_spread", "torque_rms", "torque_peak", "work")
+"""Indices for which less is never worse; their margin has an upper end only."""
 
-PLANNED_POWER, STUDIES = 0.9, 1000
-"""Of a study whose size is told, and simulated studies behind that."""
+PLANNED_POWER = 0.9
+"""Power for which the number of participants is planned."""
+
+SIMULATED_STUDY_COUNT = 1000
+"""Number of simulated studies behind the planned number of participants."""
 
 
 @dataclass(frozen=True)
 class EndPoint:
-    """One index with its margin, as the study states it."""
+    """One index with its stated margin."""
 
     index: Index
-    stated: str
-    margin: Margin  # Of logarithms of ratios where `ratio`, else in the index's unit
-    ratio: bool
+    stated: str  # margin as stated
+    margin: Margin  # margin for logarithms of ratios if `ratio`, else in the index's unit
+    ratio: bool  # whether the margin is relative to control
 
     def differences(self, own: np.ndarray, control: np.ndarray | None) -> np.ndarray:
-        """By participant, what is held against the margin; (n,) each."""
+        """Return each participant's difference that is compared with the margin, (n,)."""
         if control is None:
             return own
         return np.log(own / control) if self.ratio else own - control
 
     def shown(self, value: float) -> float:
-        """A difference as people read it: in %, or in the unit that tables show."""
+        """Convert a difference for display: to %, or to the unit of tables."""
         if self.ratio:
             return 100.0 * float(np.expm1(value))
         return (100.0 if self.index.over_control else self.index.shown[0]) * value
 
     @property
     def logs(self) -> bool:
-        """Whether movements are compared by logarithms: where people are by ratios."""
+        """Whether movements are compared by logarithms, as participants are by ratios."""
         return self.ratio or self.index.over_control
 
     @property
     def unit(self) -> str:
-        """Of `shown`."""
+        """Unit of `shown`."""
         if self.ratio or self.index.over_control:
             return "%"
         return self.index.shown[1]
@@ -70,28 +73,27 @@ class EndPoint:
 
 @dataclass(frozen=True)
 class Certified:
-    """What a study says of one condition's transparency."""
+    """Certificate of one condition's transparency, with its evidence."""
 
     condition: str
     certificate: Certificate
     end_points: Mapping[str, EndPoint]
-    participants: int  # With all end points
-    needed: int | None  # Who would show it with a chance of 90 %, were there no change at all; None: more than tried
-    rests_on: str = "signed_rank"  # The test that the study states
-    models: Mapping[str, MixedModel] = field(default_factory=dict)  # By end point, of every movement
-    # By end point, the test that the verdict does not rest on: signed ranks, or the model
-    beside: Mapping[str, Equivalence] = field(default_factory=dict)
-    trends: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # From first to last third; and its p
-    unknown: tuple[str, ...] = ()  # What could not be told, in sentences
-    failed: Mapping[str, tuple[int, int]] = field(default_factory=dict)  # By condition, targets without a movement, of
+    participants: int  # number of participants with all end points
+    needed: int | None  # participants for a power of 90 % if there is no change; None if more than were tried
+    rests_on: str = "signed_rank"  # test that the study states
+    models: Mapping[str, MixedModel] = field(default_factory=dict)  # mixed model of all movements, by end point
+    beside: Mapping[str, Equivalence] = field(default_factory=dict)  # result of the other test, by end point
+    trends: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # trend and its p value, by end point
+    unknown: tuple[str, ...] = ()  # questions that could not be tested, in sentences
+    failed: Mapping[str, tuple[int, int]] = field(default_factory=dict)  # failed and all targets, by condition
     curves: tuple[CurveEndPoint, ...] = ()
-    # By end point and by condition, movements of which it knows nothing, of
+    # lost and all movements, by end point and condition
     lost: Mapping[str, Mapping[str, tuple[int, int]]] = field(default_factory=dict)
-    max_left_out: float = 0.0  # The share of movements that the study allows to be lost
+    max_left_out: float = 0.0  # largest share of movements that may be lost
 
 
 def end_points(spec: AssessmentTable, indices: Mapping[str, Index]) -> dict[str, EndPoint]:
-    """The stated margins; a name or a unit that does not fit is told."""
+    """Return the end points with stated margins; refuse an unknown name or unit."""
     made = {}
     for name, stated in spec.margins.items():
         where = f"[assessment.margins] {name}"
@@ -108,11 +110,11 @@ def end_points(spec: AssessmentTable, indices: Mapping[str, Index]) -> dict[str,
         if ratio and name.startswith(("torque", "work")):
             raise StudyError(f'{where}: found "{stated}", expected {index.unit}: without the robot there is none')
         margin = Margin.of_ratio(size) if ratio else Margin.either_way(size)
-        made[name] = EndPoint(index, stated, Margin(-inf, margin.high) if name in UPWARDS else margin, ratio)
+        made[name] = EndPoint(index, stated, Margin(-inf, margin.high) if name in ONE_SIDED_INDICES else margin, ratio)
     return made
 
 
-def certified(
+def certify_conditions(
     found: AssessmentResult,
     spec: AssessmentTable,
     whole: MeasuredStudy,
@@ -120,7 +122,7 @@ def certified(
     curves: Curves,
     executor: Any = None,
 ) -> tuple[Certified, ...]:
-    """Every condition but control against the margins; empty where none are stated. `spec` [assessment]."""
+    """Certify every condition but control; return nothing if no margins are stated. `spec` is [assessment]."""
     wanted = end_points(spec, found.indices)
     if not wanted:
         if spec.curves:
@@ -138,11 +140,11 @@ def certified(
                     "margin: a claim about what was not recorded cannot be tested; record it or take the margin out "
                     "before the data are seen"
                 )
-            made.append(_certified(found, spec, wanted, condition, whole, order, curves, executor))
+            made.append(_certify(found, spec, wanted, condition, whole, order, curves, executor))
     return tuple(made)
 
 
-def _certified(
+def _certify(
     found: AssessmentResult,
     spec: AssessmentTable,
     wanted: Mapping[str, EndPoint],
@@ -167,10 +169,10 @@ def _certified(
               for name, point in wanted.items()}  # fmt: skip
     fitted = {name: of_model(models[name], point, alpha) for name, point in wanted.items()
               if models[name].movements}  # fmt: skip
-    # What is of no single movements has no model; participants' values are all there is.
+    # An index without values of single movements has no mixed model, only participants' values.
     tests, beside = (ranks, fitted) if stated == "signed_rank" else ({**ranks, **fitted}, {n: ranks[n] for n in fitted})
-    doubts, trends, unknown = doubts_of(found, whole, wanted, condition, people, seen, order, alpha)
-    shown = compared_curves(curves, people, condition, found.control, spec.curves, found.along, alpha)
+    doubts, trends, unknown = find_doubts(found, whole, wanted, condition, people, seen, order, alpha)
+    shown = compare_with_control(curves, people, condition, found.control, spec.curves, found.along, alpha)
     with_margins = {f"{c.quantity} curve": c.comparison for c in shown if c.stated}
     lost = lost_movements(whole, wanted, with_margins, (found.control, condition), people)
     for name, doubt in doubts_of_loss({**tests, **with_margins}, lost, alpha, spec.max_left_out).items():
@@ -183,7 +185,7 @@ def _certified(
 
 
 def _control(found: AssessmentResult, name: str) -> str | None:
-    """Whether an end point has a control to be compared with; of what is over control movements have."""
+    """Return the control that an end point is compared with; None if it has none."""
     table = found.assessed[name].table
     return found.control if found.control in table.conditions or table.index.over_control else None
 
@@ -199,7 +201,7 @@ def _by_ranks(
         if bounds is not None:
             seen, upper = bounds
     elif name == "duration":
-        # A mean that one movement's unseen end belongs to is not known from above.
+        # A mean that includes a movement without a seen end has no upper bound.
         cut = {(each.participant, each.condition) for each in whole.lasted if not each.settled}
         base, own = (np.array([(person, c) in cut for person in people]) for c in pair)
         seen, upper = np.where(base, -inf, seen), np.where(own, inf, seen)
@@ -212,12 +214,12 @@ def _needed(
     if people < 3:
         return None
     covariance = np.atleast_2d(np.cov(np.array(list(seen.values()))))
-    # What lies around its own margin by nature, such as a torque, is planned about its mean.
+    # An index without control, such as a torque, is planned about its own mean.
     change = [float(d.mean()) if point.margin.low == -inf else 0.0
               for d, point in zip(seen.values(), wanted.values(), strict=True)]  # fmt: skip
     return find_equivalence_participants(
         covariance, [point.margin for point in wanted.values()], power=PLANNED_POWER, change=change, alpha=alpha,
-        studies=STUDIES, executor=executor,
+        studies=SIMULATED_STUDY_COUNT, executor=executor,
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""A certificate in tables, sentences, verdicts and rows."""
+"""Tables, sentences, verdicts and rows of a certificate."""
 
 from __future__ import annotations
 
@@ -12,33 +12,43 @@ from ...assessment.equivalence import BEYOND_MARGIN, UNDECIDED, WITHIN_MARGIN, E
 from ...fit.parameter import Verdict
 from ...recordings.results import ResultRow
 from ..result import FigureTable
-from .certificate_doubts import CARRY_OVER, LEARNING, LEFT_OUT, LOST, PERIOD, too_many_lost
-from .movement_curves import WORDS
+from .certificate_doubts import (
+    CARRY_OVER_DOUBT,
+    LEARNING_DOUBT,
+    LEFT_OUT_DOUBT,
+    LOST_MOVEMENTS_DOUBT,
+    PERIOD_DOUBT,
+    too_many_lost,
+)
+from .movement_curves import QUANTITY_NAMES
 
 if TYPE_CHECKING:
     from .assessment_result import AssessmentResult
     from .certified import Certified, EndPoint
     from .movement_curves import CurveEndPoint
 
-TESTS = {"signed_rank": "signed ranks", "mixed_model": "the mixed model"}
-TESTED = {
+TEST_NAMES = {"signed_rank": "signed ranks", "mixed_model": "the mixed model"}
+"""Names of the tests in sentences."""
+
+TESTED_QUANTITIES = {
     "signed_rank": ("the pseudo-median of people's changes", "people's changes are spread symmetrically about it"),
     "mixed_model": ("the mean change", "people's changes and the scatter of movements are normally distributed"),
     "curve": ("the mean curve", "people's curves are normally distributed about it"),
 }
-"""What each test holds against the margin, and what must be true of people for its level to hold."""
-DOUBTS = {
-    PERIOD: "without what the period did",
-    CARRY_OVER: "without what lingers of the condition before",
-    LEARNING: "by the last third of movements, which were still changing,",
-    LEFT_OUT: "with targets that got no movement counted as never reached",
-    LOST: "without knowing the movements that were left out",
+"""Quantity that each test compares with the margin, and the assumption under which its level holds."""
+
+DOUBT_DESCRIPTIONS = {
+    PERIOD_DOUBT: "without what the period did",
+    CARRY_OVER_DOUBT: "without what lingers of the condition before",
+    LEARNING_DOUBT: "by the last third of movements, which were still changing,",
+    LEFT_OUT_DOUBT: "with targets that got no movement counted as never reached",
+    LOST_MOVEMENTS_DOUBT: "without knowing the movements that were left out",
 }
-"""How an end point's change is seen without it, in words."""
+"""Description, by doubt, of an end point's change after correction for it."""
 
 
 def certificate_table(found: AssessmentResult) -> FigureTable:
-    """Every end point of every condition: its middle change, interval and margin, and what is said."""
+    """Return a table of every end point's change, interval, margin and verdict, by condition."""
     rows = []
     for each in found.certified:
         for name, point in each.end_points.items():
@@ -49,12 +59,14 @@ def certificate_table(found: AssessmentResult) -> FigureTable:
             )  # fmt: skip
     heads = ("Condition", "Index", "Change", f"{_share(found):g} % interval", "Margin", "p within", "Said")
     return FigureTable(
-        f"Certificate, by {TESTS[found.certified[0].rests_on]}: changes against the margins stated", heads, tuple(rows)
+        f"Certificate, by {TEST_NAMES[found.certified[0].rests_on]}: changes against the margins stated",
+        heads,
+        tuple(rows),
     )
 
 
 def beside_table(found: AssessmentResult) -> FigureTable:
-    """The test that the certificate does not rest on, and how much people differ by the mixed model."""
+    """Return a table of the other test, and of the differences between people by the mixed model."""
     rows = []
     for each in found.certified:
         for name, own in each.beside.items():
@@ -63,22 +75,22 @@ def beside_table(found: AssessmentResult) -> FigureTable:
             said = "no answer" if model.trouble else own.verdict
             cells = (None, None) if model.trouble else (_change(point, own), _interval(point, own))
             rows.append((each.condition, point.index.short, *cells, spread, model.movements, said))
-    other = next(words for name, words in TESTS.items() if name != found.certified[0].rests_on)
+    other = next(words for name, words in TEST_NAMES.items() if name != found.certified[0].rests_on)
     heads = ("Condition", "Index", "Change", f"{_share(found):g} % interval", "SD of people's", "Movements", "Said")
     return FigureTable(f"Beside it, by {other}", heads, tuple(rows))
 
 
 def doubt_table(found: AssessmentResult) -> FigureTable:
-    """What else could have changed each end point: p that there is none of it, and what is said without it."""
+    """Return a table of doubts on each end point: p value, and verdict after correction."""
     rows = []
     for each in found.certified:
         for name, point in each.end_points.items():
             own = {doubt.what: doubt for doubt in each.certificate.doubts.get(name, ())}
             if own:
                 contradicted = ", ".join(doubt.what for doubt in each.certificate.contradicted(name))
-                cells = (_doubt(own.get(what)) for what in DOUBTS)
+                cells = (_doubt(own.get(what)) for what in DOUBT_DESCRIPTIONS)
                 rows.append((each.condition, point.index.short, *cells, contradicted or "none"))
-    heads = ("Condition", "Index", *(what.capitalize() for what in DOUBTS), "Contradicts")
+    heads = ("Condition", "Index", *(what.capitalize() for what in DOUBT_DESCRIPTIONS), "Contradicts")
     kept = [i for i in range(len(heads)) if any(row[i] is not None for row in rows)]
     rows, heads = [tuple(row[i] for i in kept) for row in rows], tuple(heads[i] for i in kept if rows)
     return FigureTable("What else could have changed it: p, and what is said without it", heads, tuple(rows))
@@ -87,11 +99,15 @@ def doubt_table(found: AssessmentResult) -> FigureTable:
 def _doubt(doubt: Doubt | None) -> str | None:
     if doubt is None:
         return None
-    return doubt.without.verdict if doubt.what in (LEFT_OUT, LOST) else f"{_p(doubt.p_value)}, {doubt.without.verdict}"
+    return (
+        doubt.without.verdict
+        if doubt.what in (LEFT_OUT_DOUBT, LOST_MOVEMENTS_DOUBT)
+        else f"{_p(doubt.p_value)}, {doubt.without.verdict}"
+    )
 
 
 def curve_table(found: AssessmentResult) -> FigureTable:
-    """Curves of velocity, torque and EMG against control's."""
+    """Return a table of the curves of velocity, torque and EMG compared with control's."""
     rows = []
     for each in found.certified:
         for curve in each.curves:
@@ -99,9 +115,16 @@ def curve_table(found: AssessmentResult) -> FigureTable:
             at = "; ".join(f"{c.first} to {c.last} % ({_p(c.p_value)})" for c in own.clusters if c.p_value <= 0.05)
             said = each.certificate.said_of(f"{curve.quantity} curve") if curve.stated else None
             rows.append(
-                (each.condition, WORDS[curve.quantity], _furthest(curve), at or "nowhere", curve.stated or None,
-                 _p(own.p_within) if curve.stated else None, said)
-            )  # fmt: skip
+                (
+                    each.condition,
+                    QUANTITY_NAMES[curve.quantity],
+                    _furthest(curve),
+                    at or "nowhere",
+                    curve.stated or None,
+                    _p(own.p_within) if curve.stated else None,
+                    said,
+                )
+            )
     heads = ("Condition", "Curve", "Furthest", "Differs at (p)", "Margin", "p within", "Said")
     return FigureTable("Curves over the time of a movement", heads, tuple(rows))
 
@@ -142,12 +165,12 @@ def _p(p: float) -> str:
 
 
 def certificate_sentences(found: AssessmentResult) -> tuple[str, ...]:
-    """A sentence on each condition."""
+    """Return a sentence on each condition."""
     return tuple(_sentence(each) for each in found.certified)
 
 
 def certificate_remarks(found: AssessmentResult) -> tuple[str, ...]:
-    """What a reader of the certificate has to know beside it: where tests disagree, and what could not be told."""
+    """Return remarks on a certificate: disagreement of tests, and questions that could not be tested."""
     said = []
     for each in found.certified:
         said += [*_disagreeing(each), *_without_model(each), *_cut(each), *_failed(each), *_lost(each)]
@@ -174,10 +197,11 @@ def _sentence(each: Certified) -> str:
     doubted = [(words[n], each.certificate.tested(n), each.certificate.contradicted(n)) for n in words]
     doubted = [(name, tested, why) for name, tested, why in doubted if why]
     kinds = {d.what for *_, why in doubted for d in why}
-    counts = f" {_lost_counts(each)}" if LOST in kinds else ""
+    counts = f" {_lost_counts(each)}" if LOST_MOVEMENTS_DOUBT in kinds else ""
     if doubted and len(doubted) == len(by[UNDECIDED]):
         told = "; ".join(
-            f"{name} is {tested} its margin; {' or '.join(DOUBTS[d.what] for d in why)} it is not shown to be"
+            f"{name} is {tested} its margin; {' or '.join(DOUBT_DESCRIPTIONS[d.what] for d in why)} "
+            "it is not shown to be"
             for name, tested, why in doubted
         )
         return f"{each.condition}: cannot say. {told}.{counts} {_remedy(kinds)}"
@@ -204,20 +228,21 @@ def _sentence(each: Certified) -> str:
     return f"{each.condition}: cannot say. Undecided: {', '.join(by[UNDECIDED])}.{counts} {more}"
 
 
-REMEDIES = {
-    PERIOD: "Have as many people begin with the robot as without it.",
-    CARRY_OVER: "Leave a pause between conditions, and let each follow each as often.",
-    LEARNING: "Let people get used to it until movements no longer change.",
-    LEFT_OUT: "Find why targets got no movement.",
-    LOST: "Find why movements were left out, and record again.",
+DOUBT_REMEDIES = {
+    PERIOD_DOUBT: "Have as many people begin with the robot as without it.",
+    CARRY_OVER_DOUBT: "Leave a pause between conditions, and let each follow each as often.",
+    LEARNING_DOUBT: "Let people get used to it until movements no longer change.",
+    LEFT_OUT_DOUBT: "Find why targets got no movement.",
+    LOST_MOVEMENTS_DOUBT: "Find why movements were left out, and record again.",
 }
+"""Advice by doubt."""
 
 
 def _what_was_tested(each: Certified, level: str) -> str:
-    """What is held against the margins, and where "transparent" is said falsely in at most `level` of studies."""
+    """State the tested quantity, and the assumption under which "transparent" errs in at most `level` of studies."""
     own = each.certificate.end_points.values()
     methods = dict.fromkeys("mixed_model" if test.method == "mixed_model" else "signed_rank" for test in own)
-    kinds = [TESTED[method] for method in (*methods, *(["curve"] if each.certificate.curves else []))]
+    kinds = [TESTED_QUANTITIES[method] for method in (*methods, *(["curve"] if each.certificate.curves else []))]
     what, assumed = (" and ".join(part[i] for part in kinds) for i in (0, 1))
     skewed = " It is no mean: the mean of skewed changes may lie beyond its margin." if "signed_rank" in methods else ""
     return (
@@ -227,7 +252,7 @@ def _what_was_tested(each: Certified, level: str) -> str:
 
 
 def _lost_counts(each: Certified) -> str:
-    """The conditions of which more movements were lost than the study allows, with their counts."""
+    """State the conditions that lost more movements than the study allows, with their counts."""
     told = _counted(too_many_lost(_most_lost(each), each.max_left_out))
     return f"Left out were {told}: more than the {100.0 * each.max_left_out:g} % that max_left_out allows."
 
@@ -238,7 +263,7 @@ def _lost(each: Certified) -> list[str]:
 
 
 def _most_lost(each: Certified) -> dict[str, tuple[int, int]]:
-    """By condition, the counts of the end point that lost most movements."""
+    """Return the counts of the end point that lost most movements, by condition."""
     most: dict[str, tuple[int, int]] = {}
     for lost in each.lost.values():
         for condition, counts in lost.items():
@@ -251,14 +276,14 @@ def _counted(lost: Mapping[str, tuple[int, int]]) -> str:
 
 
 def _remedy(kinds: set[str]) -> str:
-    return " ".join(text for kind, text in REMEDIES.items() if kind in kinds)
+    return " ".join(text for kind, text in DOUBT_REMEDIES.items() if kind in kinds)
 
 
 def _disagreeing(each: Certified) -> list[str]:
-    other = next(words for name, words in TESTS.items() if name != each.rests_on)
+    other = next(words for name, words in TEST_NAMES.items() if name != each.rests_on)
     apart = [
         f"{each.end_points[n].index.short} {own.verdict} by {other}, {each.certificate.end_points[n].verdict} by "
-        f"{TESTS[each.rests_on]}"
+        f"{TEST_NAMES[each.rests_on]}"
         for n, own in each.beside.items()
         if not each.models[n].trouble and own.verdict != each.certificate.end_points[n].verdict
     ]
@@ -295,14 +320,14 @@ def _failed(each: Certified) -> list[str]:
 
 
 def certificate_verdicts(found: AssessmentResult) -> tuple[Verdict, ...]:
-    """The sentences as verdicts: what fails warns."""
+    """Return the sentences as verdicts; failures become warnings."""
     kinds = ("warning" if each.certificate.verdict == FAIL else "note" for each in found.certified)
     said = tuple(Verdict(kind, said) for kind, said in zip(kinds, certificate_sentences(found), strict=True))
     return said + tuple(Verdict("note", text) for text in certificate_remarks(found))
 
 
 def certificate_rows(found: AssessmentResult, digest: str | None) -> tuple[ResultRow, ...]:
-    """``<study>.certificate.<condition>.…``: 1 transparent, 0 not, 0.5 cannot say; then each end point."""
+    """Return the rows ``<study>.certificate.<condition>.…``: 1 transparent, 0 not, 0.5 undecided; then end points."""
     rows = []
     for each in found.certified:
         head, own = f"{found.study}.certificate.{each.condition.lower()}", each.certificate
@@ -311,7 +336,7 @@ def certificate_rows(found: AssessmentResult, digest: str | None) -> tuple[Resul
             rows.append(ResultRow(f"{head}.{name}", value, unit, "assess", "fitted", digest, note))
 
         add("transparent", {PASS: 1.0, FAIL: 0.0}.get(own.verdict, 0.5), "1", own.verdict)
-        add("p", own.p_value, "1", f"that all end points lie within, by {TESTS[each.rests_on]}")
+        add("p", own.p_value, "1", f"that all end points lie within, by {TEST_NAMES[each.rests_on]}")
         add("participants", each.participants, "1")
         add("needed", each.needed, "1", "for 90 %, if nothing changes; none: more than 128")
         for name, point in each.end_points.items():
@@ -334,8 +359,8 @@ def certificate_rows(found: AssessmentResult, digest: str | None) -> tuple[Resul
 def _more_rows(each: Certified, name: str, point: EndPoint, add) -> None:
     beside, model = each.beside.get(name), each.models[name]
     if beside is not None and not model.trouble:
-        other = next(key for key in TESTS if key != each.rests_on)
-        add(f"{name}.{other}.change", _finite(point.shown(beside.estimate)), point.unit, f"by {TESTS[other]}")
+        other = next(key for key in TEST_NAMES if key != each.rests_on)
+        add(f"{name}.{other}.change", _finite(point.shown(beside.estimate)), point.unit, f"by {TEST_NAMES[other]}")
         add(f"{name}.{other}.low", _finite(point.shown(beside.interval[0])), point.unit)
         add(f"{name}.{other}.high", _finite(point.shown(beside.interval[1])), point.unit)
         add(f"{name}.{other}.p_within", beside.p_within, "1")

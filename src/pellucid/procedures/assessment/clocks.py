@@ -1,11 +1,11 @@
-"""One clock for all instruments of a recording: EMG that runs apart from the motion, and cameras nobody could compare.
+"""Bring all instruments of a recording onto one clock: drifting EMG, and markers without an encoder.
 
-EMG's clock is compared with the motion's through what muscles do before a limb moves (`signals.emg_timing`). A drift
-that is clear is taken back, from the start of the recording on, which both are taken to share; an offset cannot be told
-from a muscle's own delay and is refused once no muscle has it.
+EMG's clock is compared with the motion's through the muscle activity before a limb moves (`signals.emg_timing`). A
+significant drift is corrected from the start of the recording, which both are assumed to share. An offset cannot be
+told from a muscle's own delay, and is refused if no muscle has such a delay.
 
-The delay between markers and an encoder is found where there is an encoder. The control condition has none. Its markers
-are taken to be as late as those of the participant's other recordings; the span of those says how wrong that may be.
+The delay between markers and an encoder is estimated if there is an encoder. The control condition has none. Its
+markers are assumed to be as late as those of the participant's other recordings; their span bounds the error.
 """
 
 from __future__ import annotations
@@ -21,25 +21,24 @@ from ...signals.emg_timing import PLAUSIBLE_LEAD_S, emg_drift, emg_lead
 from ...signals.movements import MovementRule
 from .pointing import PointingRecord, PointingSettings
 
-FASTEST = 0.01
-"""Drift that no two clocks have [s/s]: samples were lost, or the rate in the file is not the recorded one."""
+MAX_DRIFT = 0.01
+"""Largest plausible drift between two clocks [s/s]. A larger one means lost samples or a wrong rate in the file."""
 
-LEAST_SPAN = 0.01
-"""By how much [s] unknown delays are shifted at least, to see what hangs on them."""
+MIN_SPAN_S = 0.01
+"""Smallest shift of unknown delays in the sensitivity analysis [s]."""
 
 
 @dataclass(frozen=True)
 class MarkerDelays:
     """Delays of markers in recordings without an encoder."""
 
-    # Mean over participants of what was taken [s]; None where every delay was found, or none could be
-    assumed: float | None
-    span: float  # By how much it may be wrong [s]
-    recordings: tuple[str, ...]  # Those without an encoder
+    assumed: float | None  # mean assumed delay over participants [s]; None if all were found, or none could be
+    span: float  # bound of the error of the assumed delay [s]
+    recordings: tuple[str, ...]  # recordings without an encoder
 
 
 def with_assumed_delays(records: Sequence[PointingRecord]) -> tuple[list[PointingRecord], MarkerDelays]:
-    """Records whose markers are all on the robot's clock, as well as can be known."""
+    """Return the records with markers on the robot's clock, with assumed delays where none was found."""
     people: dict[str, list[float]] = {}
     for record in records:
         if record.delay is not None:
@@ -54,11 +53,11 @@ def with_assumed_delays(records: Sequence[PointingRecord]) -> tuple[list[Pointin
             record = record.later(-taken[-1])
         made.append(record)
     names = tuple(record.recording.name for record in unknown)
-    return made, MarkerDelays(float(np.mean(taken)) if taken else None, max(span, LEAST_SPAN), names)
+    return made, MarkerDelays(float(np.mean(taken)) if taken else None, max(span, MIN_SPAN_S), names)
 
 
 def delay_notes(delays: MarkerDelays) -> list[str]:
-    """What was taken of markers that nothing could be compared with, in words."""
+    """State the assumed delays of markers in words."""
     if not delays.recordings:
         return []
     said = f"{len(delays.recordings)} recordings have markers and no encoder to compare them with"
@@ -74,7 +73,7 @@ def delay_notes(delays: MarkerDelays) -> list[str]:
 def emg_on_motions_clock(
     record: PointingRecord, made: Activity, spec: PointingSettings, rule: MovementRule
 ) -> tuple[Activity, list[Fault]]:
-    """A recording's EMG, its drift taken back, and what is wrong with its clock."""
+    """Return a recording's EMG with its drift corrected, and the faults of its clock."""
     name = record.recording.streams.get(spec.emg, record.recording).path.name
 
     def fault(severity: str, kind: str, what: str, expected: str) -> list[Fault]:
@@ -95,14 +94,14 @@ def emg_on_motions_clock(
         return made, []
     total, motion = np.column_stack(groups), record.motion(rule)
     faults: list[Fault] = []
-    # What is tested is when muscles were active, not when their activity is counted.
+    # The test uses the time of muscle activity itself, without the advance of the index.
     drift = emg_drift(made.time - spec.advance, total, motion)
     if drift is not None and drift.clear:
         what = (
             f"activity whose lead over the motion changes by {drift.total:.2g} s in {drift.seconds:.3g} s: clocks that "
             f"part by {1e6 * drift.drift:.0f} ± {1e6 * drift.error:.0f} millionths"
         )
-        if abs(drift.drift) > FASTEST:
+        if abs(drift.drift) > MAX_DRIFT:
             return made, fault("refuse", "drift", what, "one rate: were samples lost, or is the file's rate another?")
         faults += fault("note", "drift", what, "one clock; EMG's was corrected, from the start of the recording on")
         made = replace(made, time=made.time + drift.drift * (made.time - made.time[0]))

@@ -1,4 +1,4 @@
-"""Every movement of a study with its indices: what the statistics are made from."""
+"""Find every movement of a study and compute its indices, from which the statistics are made."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from ...signals.movements import Kinematics, Movement, MovementRule, NoMovement
 from ...signals.resampling import linear
 from ...units import Coordinate
 from .clocks import emg_on_motions_clock
-from .pointing import PointingRecord, PointingSettings, drop_mistaken, labels
+from .pointing import PointingRecord, PointingSettings, drop_mistaken, labelled_amplitudes
 from .recorded_activity import activity
 
-FAILED = ("still", "direction", "no_peak")
-"""Kinds of stretches that a slow, hesitant or stuck person leaves."""
+FAILED_KINDS = ("still", "direction", "no_peak")
+"""Kinds of stretches that count as failed, because a slow, hesitant or stuck person causes them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,17 +33,17 @@ class MeasuredStudy:
 
     rule: MovementRule
     movements: tuple[MeasuredMovement, ...]
-    left_out: Mapping[str, Mapping[str, int]]  # By recording, how many stretches gave no movement and why
-    motions: Mapping[str, Kinematics] = field(repr=False)  # By recording; empty where nobody asked for them
-    lasted: tuple[MovementDuration, ...] = ()  # How long each was seen, unfinished ones too
-    failed: tuple[MovementDuration, ...] = ()  # Asked for by a target, and given no movement of
-    recorded: Mapping[str, tuple[str, str]] = field(default_factory=dict)  # By recording, its participant and condition
+    left_out: Mapping[str, Mapping[str, int]]  # number of stretches without a movement, by recording and reason
+    motions: Mapping[str, Kinematics] = field(repr=False)  # motion by recording; empty if not requested
+    lasted: tuple[MovementDuration, ...] = ()  # duration of each movement, unfinished ones included
+    failed: tuple[MovementDuration, ...] = ()  # targets without a movement
+    recorded: Mapping[str, tuple[str, str]] = field(default_factory=dict)  # participant and condition by recording
 
 
 def activities(
     records: Sequence[PointingRecord], spec: PointingSettings, rule: MovementRule
 ) -> tuple[dict[str, Activity], dict[str, dict[str, float]], list[Fault]]:
-    """EMG of every recording, each muscle's largest activity, and clocks that are none."""
+    """Return the EMG of every recording, each muscle's largest activity, and the faults of clocks."""
     found: dict[str, Activity] = {}
     faults: list[Fault] = []
     for record in records if spec.agonists or spec.antagonists else ():
@@ -68,8 +68,8 @@ def measure(
     named: Sequence[float] | None = None,
     detailed: bool = True,
 ) -> MeasuredStudy:
-    """Find every movement and compute its indices. `named` [rad]."""
-    named = labels(records) if named is None else named
+    """Find every movement and compute its indices; `named` are the labelled amplitudes [rad]."""
+    named = labelled_amplitudes(records) if named is None else named
     pooled = len(named) > MAX_AMPLITUDE_COUNT
     made: list[MeasuredMovement] = []
     left_out: dict[str, dict[str, int]] = {}
@@ -81,15 +81,15 @@ def measure(
         name = record.recording.name
         motions[name], found, without = record.movements(rule)
         reasons = Counter(each.kind for each in without)
-        # Who aimed at a target and missed it did so; a label without a target may be another movement's.
+        # A movement that misses its target is kept; without a target a wrong label may belong to another movement.
         if named and not pooled and spec.target not in record.recording:
             found, mistaken = drop_mistaken(found, named, LABEL_TOLERANCE_RAD * record.along.radian)
             if mistaken:
                 reasons["amplitude"] = mistaken
         left_out[name] = dict(reasons)
         movements[name] = found
-        lasted += _lasted(record, found, without, None if pooled else named)
-        failed += _failed(record, without, None if pooled else named)
+        lasted += _movement_durations(record, found, without, None if pooled else named)
+        failed += _failed_targets(record, without, None if pooled else named)
     zeros = _target_zeros(records, motions, movements, spec.control)
     for record in records:
         recording = record.recording
@@ -112,16 +112,16 @@ def measure(
     )
 
 
-def _lasted(
+def _movement_durations(
     record: PointingRecord,
     found: Sequence[Movement],
     without: Sequence[NoMovement],
     named: Sequence[float] | None,
 ) -> list[MovementDuration]:
-    """How long movements were seen; `named` are amplitudes [rad], None where they are not told apart."""
+    """Return the durations of movements; `named` are amplitudes [rad], None if they are not distinguished."""
     recording = record.recording
     seen = [(m.amplitude, m.direction, m.lasted, m.settled) for m in found]
-    # Without a target a stretch ends in a rest: nothing was cut off there.
+    # Without a target a stretch ends at rest, so no movement was cut off.
     seen += [
         (abs(n.stretch.amplitude), np.sign(n.stretch.amplitude), n.lasted, False)
         for n in without
@@ -135,17 +135,17 @@ def _lasted(
     ]
 
 
-def _failed(
+def _failed_targets(
     record: PointingRecord, without: Sequence[NoMovement], named: Sequence[float] | None
 ) -> list[MovementDuration]:
-    """Targets towards which nothing went that could be called a movement; a lost marker is not the person's."""
+    """Return the targets without a movement; targets with a lost marker are not counted."""
     recording = record.recording
     return [
         MovementDuration(
             recording.participant, recording.condition, _cell(record, abs(a), a, named), float("inf"), False
         )
         for each in without
-        if each.kind in FAILED and each.stretch.goal is not None and (a := each.stretch.amplitude) is not None
+        if each.kind in FAILED_KINDS and each.stretch.goal is not None and (a := each.stretch.amplitude) is not None
     ]
 
 
@@ -158,7 +158,7 @@ def _cell(
 
 
 def _target_zeros(records, motions, movements, control: str) -> dict[str, float]:
-    """By participant, the angle at which the control's movements end where the target says 0."""
+    """Return the angle at which control movements to target 0 end, by participant."""
     people: dict[str, list[tuple[Kinematics, Movement]]] = {}
     for record in records:
         own = people.setdefault(record.recording.participant, [])
@@ -168,8 +168,8 @@ def _target_zeros(records, motions, movements, control: str) -> dict[str, float]
     return {person: target_zero(own) for person, own in people.items()}
 
 
-def joined(parts: Sequence[MeasuredStudy]) -> MeasuredStudy:
-    """Sessions of several participants as one."""
+def join_studies(parts: Sequence[MeasuredStudy]) -> MeasuredStudy:
+    """Join the sessions of several participants."""
     movements = tuple(m for part in parts for m in part.movements)
     if not movements:
         raise RecordingError("assess: found no movement in any recording, expected some")

@@ -1,5 +1,4 @@
-"""Curves of participants over a movement's time: velocity, the robot's torque, and EMG of the agonists, by
-condition."""
+"""Mean curves of participants over a movement's time, by condition: velocity, robot torque, and EMG of the agonists."""
 
 from __future__ import annotations
 
@@ -16,28 +15,29 @@ from ...units import Coordinate, parse_quantity
 from .measured_study import MeasuredStudy
 from .pointing import PointingRecord, PointingSettings
 
-SMOOTHED = 0.05
-"""Share of a movement over which rectified EMG is averaged: of single movements it is noise."""
+SMOOTHING_SHARE = 0.05
+"""Share of a movement over which rectified EMG is averaged, because that of single movements is noisy."""
 
-WORDS = {"velocity": "Velocity", "interaction": "Interaction", "emg": "EMG of agonists"}
+QUANTITY_NAMES = {"velocity": "Velocity", "interaction": "Interaction", "emg": "EMG of agonists"}
+"""Names of the quantities in figures and tables."""
 
 Curves = dict[tuple[str, str, str], np.ndarray]
-"""By quantity, participant and condition: the mean over movements that are alike, then over those kinds; (101,), along
-the movement's direction."""
+"""Mean curve, (101,), along the movement's direction, by quantity, participant and condition. Movements of one kind are
+averaged first, then the kinds."""
 
 
 @dataclass(frozen=True, eq=False)
 class CurveEndPoint:
-    """One quantity of one condition against control."""
+    """One quantity of one condition, compared with control."""
 
     quantity: str
     condition: str
-    stated: str  # ``""`` where no margin is
-    unit: str  # Of the comparison as shown: ``"%"`` of control's largest, or the torque's
-    control: np.ndarray | None  # (101,) Means of participants, in that unit; None where control has none
-    own: np.ndarray
+    stated: str  # stated margin; ``""`` if there is none
+    unit: str  # unit of the displayed comparison: ``"%"`` of control's largest value, or the torque's unit
+    control: np.ndarray | None  # mean curve of control in that unit, (101,); None if control has none
+    own: np.ndarray  # mean curve of the condition in that unit, (101,)
     comparison: CurveComparison
-    factor: float = 1.0  # From the comparison's unit to what is shown
+    factor: float = 1.0  # factor from the comparison's unit to the displayed one
 
 
 def participants_curves(
@@ -47,7 +47,7 @@ def participants_curves(
     largest: Mapping[str, Mapping[str, float]],
     spec: PointingSettings,
 ) -> Curves:
-    """Curves of these records' participants."""
+    """Return the curves of these records' participants."""
     sums: dict[tuple, list[np.ndarray]] = {}
     by_name = {record.recording.name: record.recording for record in records}
     for m in whole.movements:
@@ -58,7 +58,7 @@ def participants_curves(
             found["interaction"] = sign * resample_movement(recording.time, recording[spec.interaction], *ends)
         if m.recording in emg and spec.agonists and sign > 0:
             shares = at.start + at.duration * np.linspace(0.0, 1.0, 101)
-            top, width = largest[m.participant], SMOOTHED * at.duration
+            top, width = largest[m.participant], SMOOTHING_SHARE * at.duration
             found["emg"] = emg[m.recording].envelope(spec.agonists, top, shares, width)
         for name, curve in found.items():
             if np.isfinite(curve).all():
@@ -75,7 +75,7 @@ def participants_curves(
     return made
 
 
-def compared_curves(
+def compare_with_control(
     curves: Curves,
     people: Sequence[str],
     condition: str,
@@ -84,10 +84,9 @@ def compared_curves(
     along: Coordinate,
     alpha: float,
 ) -> tuple[CurveEndPoint, ...]:
-    """Every quantity of a condition against control, with the margins that are stated; one that is stated and was not
-    recorded is refused."""
+    """Compare every quantity of a condition with control; refuse a stated margin for a quantity without recording."""
     made = []
-    for quantity in WORDS:
+    for quantity in QUANTITY_NAMES:
         where = f"[assessment.curves] {quantity}"
         rows = [curves.get((quantity, person, condition)) for person in people]
         base = [curves.get((quantity, person, control)) for person in people]
@@ -115,7 +114,7 @@ def compared_curves(
 
 
 def _size(stated: str, unit: str, where: str) -> float:
-    """A margin as stated: a share, or with the effort's unit."""
+    """Return a stated margin as a number: a share, or a value in the effort's unit."""
     size = parse_quantity(stated, unit or "1", where)
     if not size > 0.0:
         raise StudyError(f'{where}: found "{stated}", expected a size above 0')

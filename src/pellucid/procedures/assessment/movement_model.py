@@ -1,5 +1,4 @@
-"""Movements of control and of a condition as a mixed model has them: logarithms or values, with what else acts on
-each."""
+"""Mixed model of the movements of control and of a condition, with covariates of each movement."""
 
 from __future__ import annotations
 
@@ -19,19 +18,21 @@ from .session_order import SessionOrder
 if TYPE_CHECKING:
     from .certified import EndPoint
 
-MOST_LEVELS = 8
-"""Amplitudes that have an effect each; of more of them the effect is a straight line."""
+MAX_AMPLITUDE_LEVELS = 8
+"""Largest number of amplitudes with a separate effect each. With more, the effect of amplitude is a straight line."""
 
-LASTING = {"duration_median": "duration"}
-"""Indices of how long movements lasted, and the value of a movement that they are of."""
+MOVEMENT_VALUE_BY_INDEX = {"duration_median": "duration"}
+"""Value of a single movement that belongs to an index of a whole recording."""
 
 
 def movements_of(
     whole: MeasuredStudy, point: EndPoint, conditions: Sequence[str], participants: Sequence[str], order: SessionOrder
 ) -> list[tuple[MeasuredMovement, float]]:
-    """Movements with their value, in the order in which they were made, of cells that their participant has in all
-    `conditions`; none where the index is not of single movements."""
-    of = LASTING.get(point.index.name, "" if point.index.spread else point.index.of)
+    """Return movements with their values in chronological order; none if the index has no values of single movements.
+
+    Only cells that a participant has in all `conditions` are used.
+    """
+    of = MOVEMENT_VALUE_BY_INDEX.get(point.index.name, "" if point.index.spread else point.index.of)
     own = []
     for m in whole.movements:
         value = m.values.get(of, np.nan)
@@ -53,7 +54,7 @@ def movements_of(
 def thirds_of(
     own: Sequence[tuple[MeasuredMovement, float]], condition: str, participants: Sequence[str], order: SessionOrder
 ) -> list[Thirds] | None:
-    """Early and late movements of a condition, by participant; None where their order is not known or they are few."""
+    """Return early and late movements of a condition, by participant; None if unknown order or too few movements."""
     made = []
     for person in participants:
         mine = [(m, y) for m, y in own if (m.participant, m.condition) == (person, condition)]
@@ -70,12 +71,12 @@ def model_of(
     whole: MeasuredStudy, point: EndPoint, condition: str, control: str | None, people: Sequence[str],
     order: SessionOrder,
 ) -> MixedModel:  # fmt: skip
-    """The change of one end point from every movement of these `people`; `control` None where it has none."""
+    """Fit the mixed model of one end point to every movement of these `people`; `control` is None if it has none."""
     conditions = [condition] if control is None else [control, condition]
     own = movements_of(whole, point, conditions, people, order)
     if not own:
         return failed_model(len(people), 0, "no value of single movements")
-    if point.index.of == "duration" or point.index.name in LASTING:
+    if point.index.of == "duration" or point.index.name in MOVEMENT_VALUE_BY_INDEX:
         cut = sum(
             not each.settled for each in whole.lasted if each.condition in conditions and each.participant in people
         )
@@ -91,11 +92,11 @@ def model_of(
 def _covariates(
     own: Sequence[tuple[MeasuredMovement, float]], under: np.ndarray | None, order: SessionOrder
 ) -> dict[str, np.ndarray]:
-    """Amplitude and trial, each also times the condition, direction and period; (n,) each."""
+    """Return the covariates, (n,) each: amplitude and trial, alone and times the condition, direction, and period."""
     made: dict[str, np.ndarray] = {}
     amplitude = [m.cell[0] for m, _ in own]
     levels = [] if None in amplitude else sorted(set(amplitude))
-    if 1 < len(levels) <= MOST_LEVELS:
+    if 1 < len(levels) <= MAX_AMPLITUDE_LEVELS:
         made |= {f"amplitude {level:g}": np.array([float(a == level) for a in amplitude]) for level in levels[1:]}
     elif levels[1:]:
         made["amplitude"] = np.array(amplitude, float)
@@ -111,7 +112,7 @@ def _covariates(
 
 
 def _trial(own: Sequence[tuple[MeasuredMovement, float]]) -> np.ndarray:
-    """From 0, the first of a participant's movements in a condition, to 1, the last."""
+    """Return the rank of each movement in its participant and condition, (n,), from 0 (first) to 1 (last)."""
     groups: dict[tuple[str, str], list[int]] = {}
     for i, (m, _) in enumerate(own):
         groups.setdefault((m.participant, m.condition), []).append(i)
@@ -122,10 +123,10 @@ def _trial(own: Sequence[tuple[MeasuredMovement, float]]) -> np.ndarray:
 
 
 def of_model(model: MixedModel, point: EndPoint, alpha: float) -> Equivalence:
-    """The model's change against the end point's margin, in the unit of participants' changes."""
+    """Test the model's change against the end point's margin, in the unit of participants' changes."""
     if not point.index.over_control:
         return model.equivalence(point.margin, alpha)
-    # A share of control is exp of a difference of logarithms, less 1; tests do not mind.
+    # A change as a share of control is exp(difference of logarithms) - 1; the transformation does not affect tests.
     with np.errstate(divide="ignore"):
         ends = (float(np.log1p(max(end, -1.0))) for end in (point.margin.low, point.margin.high))
         made = model.equivalence(Margin(*ends), alpha)

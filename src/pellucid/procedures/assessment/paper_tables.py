@@ -1,4 +1,4 @@
-"""An assessment's tables as files: CSV for a spreadsheet or R, LaTeX for a paper."""
+"""Write an assessment's tables as CSV for a spreadsheet or R, and as LaTeX for a paper."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..._given import visible_text, words_in_csv
 from ..result import FigureTable
 from .assessment_result import AssessmentResult
 from .assessment_tables import (
-    MINUS,
+    MINUS_SIGN,
     effect_size_table,
     effect_table,
     isochrony_table,
@@ -25,13 +25,13 @@ from .assessment_tables import (
     summary_table,
 )
 
-LATEX = {
+LATEX_REPLACEMENTS = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "_": r"\_", "#": r"\#", "$": r"\$", "{": r"\{", "}": r"\}",
-    "^": r"\textasciicircum{}", "~": r"\textasciitilde{}", '"': "''", "±": r"$\pm$", MINUS: "$-$", "χ²": r"$\chi^2$",
-    "²": "$^2$", "·": r"$\cdot$", "δ": r"$\delta$", "Δ": r"$\Delta$", "<": "$<$", ">": "$>$", "×": r"$\times$",
+    "^": r"\textasciicircum{}", "~": r"\textasciitilde{}", '"': "''", "±": r"$\pm$", MINUS_SIGN: "$-$",
+    "χ²": r"$\chi^2$", "²": "$^2$", "·": r"$\cdot$", "δ": r"$\delta$", "Δ": r"$\Delta$", "<": "$<$", ">": "$>$", "×": r"$\times$",
     "–": "--",
 }  # fmt: skip
-"""What LaTeX cannot take as it is."""
+"""Replacements of characters that LaTeX does not accept."""
 
 
 def write_tables(folder: Path, found: AssessmentResult) -> tuple[Path, ...]:
@@ -106,7 +106,7 @@ def csv_text(heads, rows) -> str:
 def _csv_cell(cell) -> str:
     if cell is None or (isinstance(cell, float) and np.isnan(cell)):
         return ""
-    return f"{cell:.7g}" if isinstance(cell, float) else words_in_csv(str(cell).replace(MINUS, "-"))
+    return f"{cell:.7g}" if isinstance(cell, float) else words_in_csv(str(cell).replace(MINUS_SIGN, "-"))
 
 
 def latex(table: FigureTable) -> str:
@@ -127,6 +127,8 @@ def _latex(cell) -> str:
     if cell is None:
         return "--"
     text = f"{cell:.3g}" if isinstance(cell, float) else str(cell)
-    text = text.replace("-", MINUS) if isinstance(cell, float) else text
+    text = text.replace("-", MINUS_SIGN) if isinstance(cell, float) else text
     # In one pass: what stands for a character is not looked at again.
-    return re.sub("|".join(map(re.escape, LATEX)), lambda found: LATEX[found[0]], visible_text(text))
+    return re.sub(
+        "|".join(map(re.escape, LATEX_REPLACEMENTS)), lambda found: LATEX_REPLACEMENTS[found[0]], visible_text(text)
+    )

@@ -1,4 +1,4 @@
-"""How many people a certificate of transparency takes: from margins and expected spreads, before any recording."""
+"""Plan the number of participants for a certificate of transparency, from margins and expected spreads."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from ...units import COORDINATES, parse_quantity
 from .certified import EndPoint, end_points
 from .procedure import AssessmentTable
 
-SHARES = {0.0: "none", 0.25: "a quarter", 1.0 / 3.0: "a third", 0.5: "a half"}
-"""True changes for which it is planned."""
+TRUE_CHANGE_SHARES = {0.0: "none", 0.25: "a quarter", 1.0 / 3.0: "a third", 0.5: "a half"}
+"""True changes for which the number is planned, as shares of the margin, with their names."""
 
-CORRELATIONS = (0.0, 0.5)
-"""Of people's changes over end points: end points that go together are shown together."""
+END_POINT_CORRELATIONS = (0.0, 0.5)
+"""Correlations of people's changes between end points. Correlated end points pass together more often."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Participants by true change."""
+    """Table of the number of participants by true change."""
 
     title: str
     heads: tuple[str, ...]
@@ -33,7 +33,7 @@ class Plan:
 
 
 def plan(study: Study, *, power: float = 0.9, studies: int = 2000, executor: Any = None) -> Plan:
-    """Participants needed for margins and spreads of study.toml. `study` [assessment]."""
+    """Plan the participants needed for the margins and spreads of a study with [assessment]."""
     spec = study.find_table(AssessmentTable)
     where = f"{study.folder}, study.toml"
     if spec is None or not spec.margins:
@@ -48,20 +48,26 @@ def plan(study: Study, *, power: float = 0.9, studies: int = 2000, executor: Any
         )
     spreads = [_spread(point, spec.spreads[name]) for name, point in points.items()]
     joint, alone = participants_for_changes(
-        spreads, [point.margin for point in points.values()], tuple(SHARES), CORRELATIONS, power=power,
-        alpha=spec.false_transparent, studies=studies, executor=executor,
-    )  # fmt: skip
+        spreads,
+        [point.margin for point in points.values()],
+        tuple(TRUE_CHANGE_SHARES),
+        END_POINT_CORRELATIONS,
+        power=power,
+        alpha=spec.false_transparent,
+        studies=studies,
+        executor=executor,
+    )
     heads = ("True change", "All together", "Going together", *(p.index.short for p in points.values()))
     rows = tuple(
         (words, *(_people(n) for n in (*together, *each)))
-        for words, together, each in zip(SHARES.values(), joint, alone, strict=True)
+        for words, together, each in zip(TRUE_CHANGE_SHARES.values(), joint, alone, strict=True)
     )
     return Plan(
         f"People for a certificate in {100.0 * power:g} % of studies, by true change over margin",
         heads,
         rows,
         f"Signed ranks at {100.0 * spec.false_transparent:g} %, people's changes normal; going together: correlated by "
-        f"{CORRELATIONS[1]:g} over end points. {studies} studies simulated for each number of people.",
+        f"{END_POINT_CORRELATIONS[1]:g} over end points. {studies} studies simulated for each number of people.",
     )
 
 
@@ -70,7 +76,7 @@ def _people(needed: int | None) -> str | int:
 
 
 def _spread(point: EndPoint, stated: str) -> float:
-    """In the unit of people's changes: of ratios their logarithms."""
+    """Return a stated spread in the unit of people's changes; logarithms for ratios."""
     where = f"[assessment.spreads] {point.index.name}"
     share = stated.strip().endswith("%")
     size = parse_quantity(stated, "1" if share else point.index.unit, where)

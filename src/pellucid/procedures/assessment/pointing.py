@@ -1,8 +1,8 @@
-"""A recording of somebody who points to one target after another: its angle, and the stretches between targets.
+"""Read a recording of a person who points to one target after another: the angle, and the stretches between targets.
 
-The angle is a channel, or that of a segment with two markers. Markers have a clock of their own; where an encoder was
-recorded too, how far it is from the recording's, and by how much it runs faster, is found from the motion; otherwise
-both are taken to start together.
+The angle is a channel, or that of a segment with two markers. Markers have a clock of their own. If an encoder was
+recorded too, the offset and drift of that clock are estimated from the motion; otherwise both are assumed to start
+together.
 """
 
 from __future__ import annotations
@@ -31,30 +31,30 @@ from ...signals.movements import (
 from ...signals.segment_angle import segment_angle
 from ...units import COORDINATES, Coordinate
 
-LEAST = 0.05
-"""Travel [rad] that makes a movement where no target says so: three degrees."""
+MIN_TRAVEL_RAD = 0.05
+"""Smallest travel of a movement without a target [rad], about three degrees."""
 
-LONGEST_DELAY = 0.5
-"""Delay between markers and encoder that is looked for [s]."""
+MAX_DELAY_S = 0.5
+"""Largest delay between markers and encoder in the search [s]."""
 
-NEAR = 0.1
-"""Next to that delay [s], the delay of either half of a record is looked for."""
+MAX_HALF_DELAY_DIFFERENCE_S = 0.1
+"""Largest distance of the delay of either half of a record from that of the whole [s]."""
 
-LONG = 60.0
-"""Seconds of a record from which on the two clocks' drift is looked for, from one half to the other ..."""
+MIN_DRIFT_RECORD_S = 60.0
+"""A drift between the two clocks is estimated only in records longer than this [s]."""
 
-PARTED = 0.005
-"""... and taken back where they part by more than this [s]."""
+MIN_CORRECTED_DRIFT_S = 0.005
+"""A drift is corrected only if the clocks differ by at least this at the end of the record [s]."""
 
-COMPARED_AT = 25.0
-"""Rate at which markers and encoder are compared [Hz]: four times the filter that both have passed."""
+COMPARISON_RATE_HZ = 25.0
+"""Rate at which markers and encoder are compared [Hz], four times the cut-off of the filter that both have passed."""
 
-SAME = 0.005
-"""Labels closer than this [rad] are one that was rounded."""
+LABEL_ROUNDING_RAD = 0.005
+"""Labels closer than this count as one label that was rounded [rad]."""
 
 
 class PointingSettings(Protocol):
-    """What a study of pointing says of its recordings; ``[assessment]`` in study.toml."""
+    """Settings of a study of pointing; ``[assessment]`` in study.toml."""
 
     control: str
     angle: str
@@ -72,15 +72,15 @@ class PointingSettings(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class PointingRecord:
-    """One recording, divided."""
+    """One recording, divided into stretches between targets."""
 
     recording: Recording
-    time: np.ndarray  # time, angle: (n,) As measured, on the recording's clock [s], [rad]; NaN where a marker was lost
-    angle: np.ndarray
+    time: np.ndarray  # time on the recording's clock, (n,) [s]
+    angle: np.ndarray  # measured angle, (n,) [rad]; NaN where a marker was lost
     stretches: tuple[Stretch, ...]
-    delay: float | None = None  # By which the markers' clock is late, where that could be found [s]
-    source: str = "angle"  # Channel or markers of the angle, for messages
-    drift: float = 0.0  # By how much the markers' clock was found to run fast, and is corrected [s/s]
+    delay: float | None = None  # delay of the markers' clock [s]; None if it is unknown
+    source: str = "angle"  # channel or markers of the angle, for messages
+    drift: float = 0.0  # estimated drift of the markers' clock, which is corrected [s/s]
     _kept: dict[tuple[float, int], Kinematics] = field(default_factory=dict, init=False, repr=False)
 
     @property
@@ -90,23 +90,23 @@ class PointingRecord:
 
     @property
     def along(self) -> Coordinate:
-        """An angle, or a place where the channel is one: all that is [rad] here is then [m]."""
+        """Coordinate of the movement: an angle, or a displacement, for which [rad] here means [m]."""
         return COORDINATES[_unit(self.recording, self.source)]
 
     @property
     def of_markers(self) -> bool:
-        """Whether the angle is one of markers, whose clock is the motion capture's."""
+        """Whether the angle comes from markers, on the clock of the motion capture."""
         return self.source.startswith("markers ")
 
     def later(self, seconds: float) -> PointingRecord:
-        """The same with an angle that is measured later; stretches that its rests divide move with it."""
+        """Return the record with its angle shifted to later times, and with it stretches that its rests divide."""
         stretches = self.stretches
         if all(stretch.goal is None for stretch in stretches):
             stretches = tuple(replace(s, begin=s.begin + seconds, end=s.end + seconds) for s in stretches)
         return replace(self, time=self.time + seconds, stretches=stretches)
 
     def motion(self, rule: MovementRule) -> Kinematics:
-        """The angle filtered by a rule, with its derivatives; kept until another filter is asked for."""
+        """Return the angle filtered by a rule, with its derivatives; the last filter's result is cached."""
         wanted = rule.lowpass, rule.order
         if wanted not in self._kept:
             self._kept.clear()
@@ -114,13 +114,13 @@ class PointingRecord:
         return self._kept[wanted]
 
     def movements(self, rule: MovementRule) -> tuple[Kinematics, list[Movement], list[NoMovement]]:
-        """Motion, movements, and stretches without one, by a rule."""
+        """Return the motion, the movements, and the stretches without a movement, by a rule."""
         motion = self.motion(rule)
         return motion, *movements(motion, self.stretches, rule)
 
 
-def assessed(recordings: Sequence[Recording]) -> list[Recording]:
-    """Those that name a condition."""
+def recordings_with_condition(recordings: Sequence[Recording]) -> list[Recording]:
+    """Return the recordings that name a condition."""
     found = [recording for recording in recordings if recording.condition is not None]
     for recording in found:
         if recording.participant is None:
@@ -157,7 +157,7 @@ def pointing_record(recording: Recording, spec: PointingSettings) -> PointingRec
     else:
         unit = _unit(recording, source)
         motion = kinematics(time, angle, rule, where=where, unit=unit)
-        least = LEAST * COORDINATES[unit].radian
+        least = MIN_TRAVEL_RAD * COORDINATES[unit].radian
         stretches = rest_stretches(motion, rule, least=least, amplitude=recording.amplitude)
         if recording.amplitude is not None:
             stretches = [stretch for stretch in stretches if stretch.amplitude is not None]
@@ -175,35 +175,35 @@ def _unit(recording: Recording, source: str) -> str:
 def _on_recordings_clock(
     recording: Recording, time: np.ndarray, angle: np.ndarray, where: str
 ) -> tuple[np.ndarray, float, float]:
-    """The markers' time on the recording's clock, their delay in the mean [s], and their clock's drift [s/s]."""
+    """Return the markers' time on the recording's clock, their mean delay [s], and their clock's drift [s/s]."""
     rates = []
     rule = MovementRule(lowpass=6.0)
     position = np.where(recording.sound, recording["position"], np.nan)
     for at, samples in ((recording.time, position), (time, angle)):
         motion = kinematics(at, samples, rule, where=where)
-        even = np.arange(motion.time[0], motion.time[-1], 1.0 / COMPARED_AT)
+        even = np.arange(motion.time[0], motion.time[-1], 1.0 / COMPARISON_RATE_HZ)
         rates.append((even, np.interp(even, motion.time, motion.velocity)))
     (at, rate), other = rates
     try:
-        delay = align(at, rate, *other, longest=LONGEST_DELAY).delay
+        delay = align(at, rate, *other, longest=MAX_DELAY_S).delay
         drift, middle = 0.0, 0.5 * (at[0] + at[-1])
         seconds = at[-1] - at[0]
-        if seconds > LONG:
+        if seconds > MIN_DRIFT_RECORD_S:
             early = at < middle
             there = other[0] - delay, other[1]
-            halves = (align(at[h], rate[h], *there, longest=NEAR) for h in (early, ~early))
+            halves = (align(at[h], rate[h], *there, longest=MAX_HALF_DELAY_DIFFERENCE_S) for h in (early, ~early))
             drift, error = clock_drift(*halves)
-            if abs(drift) * seconds < PARTED or abs(drift) < 4.0 * error:
+            if abs(drift) * seconds < MIN_CORRECTED_DRIFT_S or abs(drift) < 4.0 * error:
                 drift = 0.0
     except RecordingError as error:
         raise RecordingError(f"{where}: markers against position: {error}") from None
     return time - delay - drift * (time - middle), delay, drift
 
 
-def labels(records: Sequence[PointingRecord]) -> list[float]:
-    """All amplitudes that are labelled, without sign [rad], each once."""
+def labelled_amplitudes(records: Sequence[PointingRecord]) -> list[float]:
+    """Return all labelled amplitudes without sign, each once [rad]."""
     named = sorted(abs(s.amplitude) for record in records for s in record.stretches if s.amplitude is not None)
-    same = SAME * records[0].along.radian if records else SAME
+    same = LABEL_ROUNDING_RAD * records[0].along.radian if records else LABEL_ROUNDING_RAD
     groups = np.split(named, np.flatnonzero(np.diff(named) > same) + 1) if named else []
     return [float(group.mean()) for group in groups]
 
@@ -211,8 +211,10 @@ def labels(records: Sequence[PointingRecord]) -> list[float]:
 def drop_mistaken(
     found: Sequence[Movement], labels: Sequence[float], own: float = LABEL_TOLERANCE_RAD
 ) -> tuple[list[Movement], int]:
-    """Movements that went as far as they are labelled, and how many did not. `labels` [rad], a label their `own`
-    within [rad]."""
+    """Return the movements whose amplitude agrees with their label, and the number of the others.
+
+    `labelled_amplitudes` are in [rad]; a label counts as a movement's `own` within this distance [rad].
+    """
     levels = np.asarray(labels)
     kept = [
         m for m in found if m.amplitude is None or abs(levels[np.argmin(np.abs(levels - m.reach))] - m.amplitude) <= own
@@ -221,5 +223,5 @@ def drop_mistaken(
 
 
 def with_rule(spec: PointingSettings, **changes) -> MovementRule:
-    """The study's rule for movements, with changes such as ``lowpass=6.0``."""
+    """Return the study's rule for movements, with changes such as ``lowpass=6.0``."""
     return replace(MovementRule(spec.lowpass, spec.order, spec.threshold), **changes)

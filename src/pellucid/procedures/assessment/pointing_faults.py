@@ -1,4 +1,4 @@
-"""Are these recordings fit to be assessed? What is wrong with the movements in them, by name."""
+"""Check whether recordings of pointing are suitable, and report the faults of their movements."""
 
 from __future__ import annotations
 
@@ -14,27 +14,35 @@ from ...recordings.study import Study
 from ...signals.amplitude_check import MAX_MISTAKEN_SHARE, strays
 from ...signals.emg_quality import inspect_emg
 from ...signals.movements import Movement, MovementRule, NoAngle
-from .pointing import PointingRecord, PointingSettings, assessed, labels, pointing_record, with_rule
+from .pointing import (
+    PointingRecord,
+    PointingSettings,
+    labelled_amplitudes,
+    pointing_record,
+    recordings_with_condition,
+    with_rule,
+)
 from .procedure import AssessmentTable
 
-SCALE = (0.75, 1.35)
-"""Measured over labelled amplitudes, in the median, beyond which labels or angle have another unit or zero ..."""
+AMPLITUDE_RATIO_BOUNDS = (0.75, 1.35)
+"""Range of the median ratio of measured to labelled amplitudes. Outside it, labels or angle have a wrong unit or
+zero."""
 
-MISSED = (0.5, 2.0)
-"""... and where people aimed at targets with a robot on, which may keep them from getting there."""
+ASSISTED_AMPLITUDE_RATIO_BOUNDS = (0.5, 2.0)
+"""The same range for people who aim at targets with a robot, which may keep them from reaching the targets."""
 
-TOLD = 0.02
-"""Seconds from which on it is told that two clocks parted; what is less is taken back all the same."""
+MIN_REPORTED_DRIFT_S = 0.02
+"""A drift between two clocks is reported if they differ by more than this [s]; smaller ones are corrected silently."""
 
-LEFT_OUT = 0.2
-"""Share of a recording's movements that may be left out before it is told."""
+MAX_SILENT_LEFT_OUT_SHARE = 0.2
+"""Largest share of a recording's movements that may be left out without a report."""
 
 
 def assessment_faults(study: Study, spec: AssessmentTable) -> list[Fault]:
     """Return what is wrong with the recordings that are to be assessed."""
     faults: list[Fault] = []
     records: list[PointingRecord] = []
-    for recording in assessed(study.recordings()):
+    for recording in recordings_with_condition(study.recordings()):
         try:
             own, gaps = usable_records((recording,), spec)
             records, faults = [*records, *own], [*faults, *gaps]
@@ -42,15 +50,17 @@ def assessment_faults(study: Study, spec: AssessmentTable) -> list[Fault]:
             faults.append(_refused(recording, spec, str(error)))
         if spec.agonists or spec.antagonists:
             faults += inspect_emg(recording.streams.get(spec.emg, recording))
-    named = labels(records)
+    named = labelled_amplitudes(records)
     for record in records:
         faults += pointing_faults(record, spec, named)
-    faults += _missing_conditions(assessed(study.recordings()), [record.recording for record in records])
+    faults += _missing_conditions(
+        recordings_with_condition(study.recordings()), [record.recording for record in records]
+    )
     return faults
 
 
 def usable_records(recordings: Sequence[Recording], spec: PointingSettings) -> tuple[list[PointingRecord], list[Fault]]:
-    """Recordings as far as their angle was seen, and a fault for each of the others: one file does not stop a study."""
+    """Return the records of usable recordings, and a fault for each other one; one bad file does not stop a study."""
     records, faults = [], []
     for recording in recordings:
         try:
@@ -67,7 +77,7 @@ def usable_records(recordings: Sequence[Recording], spec: PointingSettings) -> t
 
 
 def _gaps(record: PointingRecord, spec: PointingSettings) -> str:
-    """Why most movements cannot be used, where it is mostly that samples are missing; else empty."""
+    """Return the reason why most movements cannot be used if it is missing samples; otherwise an empty text."""
     _, found, left_out = record.movements(with_rule(spec))
     lost = sum(each.kind == "lost" for each in left_out)
     total = len(found) + len(left_out)
@@ -97,7 +107,7 @@ def _missing_conditions(recordings: Sequence[Recording], usable: Sequence[Record
 
 
 def pointing_faults(record: PointingRecord, spec: AssessmentTable, labels: Sequence[float]) -> list[Fault]:
-    """What is wrong with the movements of a recording. `labels` [rad]."""
+    """Return the faults of the movements of a recording; `labelled_amplitudes` are the labelled amplitudes [rad]."""
     _, found, left_out = record.movements(MovementRule(spec.lowpass, spec.order, spec.threshold))
     faults = []
     total = len(found) + len(left_out)
@@ -107,22 +117,22 @@ def pointing_faults(record: PointingRecord, spec: AssessmentTable, labels: Seque
         faults.append(Fault(severity, kind, record.recording.path.name, record.source, what, expected, message))
 
     reasons = Counter(each.kind for each in left_out)
-    # Who cannot hold a robot still is not at rest when the next target comes: that is what the robot does to people.
+    # A person who cannot hold a robot still is not at rest at the next target; this is an effect of the robot.
     restless = reasons["unfinished"] if spec.target in record.recording and _worn(record, spec) else 0
     if len(left_out) - restless > 0.5 * total:
         kind, _ = reasons.most_common(1)[0]
         one = next(each for each in left_out if each.kind == kind)
         what = f"{len(found)} movements in {total} stretches, most often {one.found} ({one.stretch.begin:.4g} s)"
         add("refuse", "movements", what, one.expected)
-    elif len(left_out) > LEFT_OUT * total:
-        said = ", ".join(f"{count} {REASONS[kind]}" for kind, count in reasons.most_common())
+    elif len(left_out) > MAX_SILENT_LEFT_OUT_SHARE * total:
+        said = ", ".join(f"{count} {REASON_WORDS[kind]}" for kind, count in reasons.most_common())
         add("note", "left_out", f"{len(left_out)} of {total} movements that had to be left out ({said})", "hardly any")
     missing = ~np.isfinite(record.angle)
     if missing.any():
         share = 100.0 * float(missing.mean())
         what = f"an angle that is missing in {share:.2g} % of the samples{_which_marker(record, spec)}"
         add("note", "lost_marker", what, "all of them")
-    if abs(record.drift) * (record.time[-1] - record.time[0]) > TOLD:
+    if abs(record.drift) * (record.time[-1] - record.time[0]) > MIN_REPORTED_DRIFT_S:
         what = f"a clock that runs {1e6 * record.drift:+.0f} millionths fast against the channel position's"
         add("note", "drift", what, "one clock; it was corrected")
     named = [m for m in found if m.amplitude is not None]
@@ -136,7 +146,7 @@ def _worn(record: PointingRecord, spec: AssessmentTable) -> bool:
 
 
 def _which_marker(record: PointingRecord, spec: AssessmentTable) -> str:
-    """Which of the segment's markers was lost how often, where the angle is one of markers."""
+    """State how often each marker of the segment was lost, if the angle comes from markers."""
     optical = record.recording.optical
     if not spec.segment or optical is None:
         return ""
@@ -144,7 +154,7 @@ def _which_marker(record: PointingRecord, spec: AssessmentTable) -> str:
     return " (" + ", ".join(f"{name} lost in {100.0 * each:.2g} %" for name, each in gone.items() if each) + ")"
 
 
-REASONS = {
+REASON_WORDS = {
     "lost": "with a marker lost",
     "still": "that did not reach half-way",
     "direction": "the other way",
@@ -152,7 +162,7 @@ REASONS = {
     "too_few_samples": "with too few samples",
     "unfinished": "not finished when the next target came",
 }
-"""What `NoMovement.kind` says, after a number."""
+"""Words for `NoMovement.kind`, to follow a number."""
 
 
 def _label_faults(
@@ -169,7 +179,7 @@ def _label_faults(
         return [Fault(severity, kind, name, channel, what, expected, message)]
 
     scale = float(np.median(reach / label))
-    allowed = MISSED if aimed and _worn(record, spec) else SCALE
+    allowed = ASSISTED_AMPLITUDE_RATIO_BOUNDS if aimed and _worn(record, spec) else AMPLITUDE_RATIO_BOUNDS
     if not allowed[0] <= scale <= allowed[1]:
         return fault(
             "refuse",

@@ -14,7 +14,7 @@ from .pointing import PointingSettings
 
 
 def activity(recording: Recording, spec: PointingSettings) -> Activity | None:
-    """EMG of a recording, processed as published but for its normalisation, which needs all recordings."""
+    """Return the EMG of a recording, processed as published except for normalisation, which needs all recordings."""
     muscles = (*spec.agonists, *spec.antagonists)
     names = [f"emg.{muscle}" for muscle in muscles]
     source = recording.streams.get(spec.emg, recording)
@@ -44,7 +44,7 @@ def activity(recording: Recording, spec: PointingSettings) -> Activity | None:
 
 
 def _chain(advance: float) -> EmgChain:
-    """The published chain without its normalisation, and with this advance."""
+    """Return the published chain without normalisation, with this advance."""
     published = emg_chain("able")
     stages = [stage for stage in published.stages if stage.kind != "normalise"]
     return replace(published, stages=tuple(replace(s, seconds=advance) if s.kind == "advance" else s for s in stages))

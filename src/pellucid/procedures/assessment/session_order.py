@@ -1,4 +1,4 @@
-"""In which order participants did what: the `period` of recordings, where study.toml states it."""
+"""Order of the conditions for each participant, from the `period` of recordings in study.toml."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from ...recordings.recording import Recording
 
 @dataclass(frozen=True)
 class SessionOrder:
-    """When each recording was made."""
+    """Order of the recordings."""
 
-    period: Mapping[str, int]  # By recording, from 1; empty where it is not stated for all
-    by_condition: Mapping[tuple[str, str], float]  # The mean of them, by participant and condition
-    within: Mapping[str, int]  # By recording, its place among those of its participant and condition; -1: not known
-    unknown: str = ""  # Why order says nothing
+    period: Mapping[str, int]  # period by recording, from 1; empty if it is not stated for all
+    by_condition: Mapping[tuple[str, str], float]  # mean period by participant and condition
+    within: Mapping[str, int]  # rank of a recording in its participant and condition; -1 if unknown
+    unknown: str = ""  # reason why the order cannot be used
 
     def later(self, participants: Sequence[str], condition: str, control: str | None) -> np.ndarray:
-        """By how many periods the condition came after control, or after its own mean; (n,)."""
+        """Return the number of periods by which the condition followed control, or its own mean, (n,)."""
         own = np.array([self.by_condition[person, condition] for person in participants])
         if control is None:
             return own - own.mean()
@@ -29,7 +29,7 @@ class SessionOrder:
 
 
 def session_order(recordings: Sequence[Recording]) -> SessionOrder:
-    """Order of `recordings`; two conditions of a participant in one period are refused."""
+    """Return the order of `recordings`; refuse two conditions of a participant in one period."""
     seen: dict[tuple[str, int], Recording] = {}
     for each in recordings:
         if each.period is not None:

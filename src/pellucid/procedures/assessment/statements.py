@@ -1,4 +1,4 @@
-"""What an assessment found and what it did not, in sentences that do not say more than the numbers do."""
+"""State the findings of an assessment, and missing evidence, in sentences that do not exceed the numbers."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ import numpy as np
 from ...assessment.signed_rank import smallest_p
 from ...fit.parameter import Verdict
 from .assessment_tables import UNITS
-from .pointing_faults import REASONS
+from .pointing_faults import REASON_WORDS
 
 if TYPE_CHECKING:
     from ...assessment.comparison import ControlComparison
     from .assessment_result import Assessed, AssessmentResult
 
-MAIN = ("duration_median", "unsettled", "vmax", "end_absolute", "emgacc", "torque_rms", "emg_level")
-"""Indices that the paragraph goes through; of the others it says whether conditions differ. A mean duration is none of
-them: where movements are cut off, it is a mean of where."""
+MAIN_INDICES = ("duration_median", "unsettled", "vmax", "end_absolute", "emgacc", "torque_rms", "emg_level")
+"""Indices that the paragraph describes; for the others it only states whether conditions differ. The mean duration is
+not among them, because cut-off movements distort it."""
 
-ISOCHRONOUS = 0.8
-"""Mean R² of amplitude and mean velocity from which on the relation counts as kept."""
+MIN_ISOCHRONY_R2 = 0.8
+"""Isochrony counts as preserved if the mean R² between amplitude and mean velocity is at least this."""
 
 
 def headline(found: AssessmentResult) -> str:
-    """The result in one sentence."""
+    """Return the result in one sentence."""
     who = f"{len(found.participants)} participant" + ("s" if len(found.participants) != 1 else "")
     said = f"{len(found.conditions)} conditions, {who}, {found.movements} movements"
     duration = found.assessed.get("duration_median")
@@ -40,7 +40,7 @@ def headline(found: AssessmentResult) -> str:
 
 
 def paragraph(found: AssessmentResult) -> str:
-    """What was found and what was not; what belongs to one index stands apart, behind an empty line."""
+    """Return the findings and the missing evidence, with a paragraph for each index."""
     alpha = 1.0 - found.confidence
     n = len(found.participants)
     parts = [
@@ -51,7 +51,7 @@ def paragraph(found: AssessmentResult) -> str:
     ]
     if n < 2:
         parts[0].append("With one participant there is no test: the figures describe this person and nobody else.")
-    parts += [_index_sentences(found, found.assessed[name], alpha) for name in MAIN if name in found.assessed]
+    parts += [_index_sentences(found, found.assessed[name], alpha) for name in MAIN_INDICES if name in found.assessed]
     rest = _other_indices(found, alpha)
     if n > 2 and any(_told_apart(found, each, alpha) is False for each in found.assessed.values()):
         rest.append(
@@ -63,7 +63,7 @@ def paragraph(found: AssessmentResult) -> str:
 
 
 def _told_apart(found: AssessmentResult, each: Assessed, alpha: float) -> bool | None:
-    """Whether Friedman's and Nemenyi's tests tell every condition from control; None without a test against it."""
+    """Return whether Friedman's and Nemenyi's tests separate every condition from control; None without a test."""
     if each.comparison.p_value is None or not each.comparison.against_control:
         return None
     if each.table.index.over_control:
@@ -120,7 +120,7 @@ def _lower(words: str) -> str:
 
 
 def _change(found: AssessmentResult, each: Assessed, own: ControlComparison) -> str:
-    """A change from control with its interval, in % where that says something."""
+    """Format a change from control with its interval, in % if that is meaningful."""
     share = each.share_of_control(found.control)
     scale, unit = (each.table.index.shown[0], "") if share is None else (100.0 / share, " %")
     text = f"{_signed(scale * own.change)}{unit}"
@@ -131,7 +131,7 @@ def _change(found: AssessmentResult, each: Assessed, own: ControlComparison) -> 
 
 
 def _plain_change(found: AssessmentResult, each: Assessed, condition: str) -> str:
-    """A change from control without a test, of one participant."""
+    """Format the change of a single participant from control, without a test."""
     share = each.share_of_control(found.control)
     if len(each.table.values) > 1 or share is None or each.table.index.over_control or condition == found.control:
         return ""
@@ -139,7 +139,7 @@ def _plain_change(found: AssessmentResult, each: Assessed, condition: str) -> st
 
 
 def _other_indices(found: AssessmentResult, alpha: float) -> list[str]:
-    others = [e for e in found.assessed.values() if e.name not in MAIN and e.comparison.p_value is not None]
+    others = [e for e in found.assessed.values() if e.name not in MAIN_INDICES and e.comparison.p_value is not None]
     differ = [e for e in others if e.comparison.p_value < alpha]
     same = [e for e in others if e.comparison.p_value >= alpha]
 
@@ -160,7 +160,7 @@ def _isochrony_sentence(found: AssessmentResult) -> list[str]:
     means = {(line.condition, line.direction): float(np.mean(line.velocity_r2)) for line in found.isochrony}
     (condition, direction), lowest = min(means.items(), key=lambda item: item[1])
     where = f"{lowest:.2f}, in {condition} {found.along.ways[direction]}"
-    if lowest >= ISOCHRONOUS:
+    if lowest >= MIN_ISOCHRONY_R2:
         said = f"grew with amplitude along a straight line in every condition (mean R² at least {where})"
     else:
         said = f"did not grow with amplitude along a straight line in every condition (mean R² as low as {where})"
@@ -197,7 +197,7 @@ def _limits(found: AssessmentResult, alpha: float) -> str:
 
 
 def verdicts(found: AssessmentResult, notes: Sequence[str] = ()) -> tuple[Verdict, ...]:
-    """What a reader must know before using the numbers."""
+    """Return the verdicts that a reader must know before using the numbers."""
     said = [Verdict("warning", f"{why}.") for why in found.unusable.values()]
     said += [
         Verdict("warning", f"{person} is left out of every comparison: {why}.") for person, why in found.without.items()
@@ -210,7 +210,7 @@ def verdicts(found: AssessmentResult, notes: Sequence[str] = ()) -> tuple[Verdic
     total = sum(found.left_out.values())
     if total:
         words = ", ".join(
-            f"{n} {REASONS.get(why, 'that went as far as another label')}" for why, n in found.left_out.items()
+            f"{n} {REASON_WORDS.get(why, 'that went as far as another label')}" for why, n in found.left_out.items()
         )
         said.append(Verdict("note", f"{total} of {total + found.movements} movements were left out: {words}."))
     said += _filter_verdicts(found)
@@ -219,7 +219,7 @@ def verdicts(found: AssessmentResult, notes: Sequence[str] = ()) -> tuple[Verdic
 
 
 def _one_sided(found: AssessmentResult) -> list[Verdict]:
-    """Whether what was left out leans to one condition: who is left may be whom it disturbs least."""
+    """Return a verdict if exclusions concern one condition more, since those who remain may be disturbed least."""
     if len(found.without) < 2:
         return []
     absent = Counter(condition for own in found.absent.values() for condition in own)
@@ -237,7 +237,7 @@ def _one_sided(found: AssessmentResult) -> list[Verdict]:
 
 
 def _filter_verdicts(found: AssessmentResult) -> list[Verdict]:
-    """Does another filter or rule turn a result around?"""
+    """Return a verdict if another filter or rule reverses a result."""
     alpha = 1.0 - found.confidence
     turned = []
     for index in dict.fromkeys(s.index for s in found.sensitivity):

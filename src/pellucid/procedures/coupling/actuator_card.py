@@ -1,4 +1,4 @@
-"""The card of an orthosis's actuator: what its torque loop lets through of its own motor and gear."""
+"""Card of an orthosis's actuator: residual motor and gear effects behind its torque loop."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from ...models.card import CardParameter
 from ...models.parameter_card import ParameterCard
 from ...recordings.recording import Recording
 
-NAME = "actuator"
+CARD_NAME = "actuator"
+"""Name of the card's file."""
 
-CHANNELS = ("command", "torque", "position", "motor_position")
-"""What a recording of the actuator has."""
+REQUIRED_CHANNELS = ("command", "torque", "position", "motor_position")
+"""Channels that a recording of the actuator must have."""
 
 UNITS = {
     "actuator_inertia": "kg*m^2",
@@ -30,20 +31,22 @@ UNITS = {
 
 
 def actuator_card(study: str, recordings: Sequence[Recording]) -> ParameterCard | None:
-    """What recordings of the orthosis alone show of its actuator; None where they do not show it."""
+    """Identify the actuator from recordings of the orthosis alone; return None if they do not determine it."""
     alone = [
-        r for r in recordings if r.use == "fit" and r.protocol == "sine_tracking" and set(CHANNELS) <= set(r.channels)
+        r
+        for r in recordings
+        if r.use == "fit" and r.protocol == "sine_tracking" and set(REQUIRED_CHANNELS) <= set(r.channels)
     ]
     if not alone:
         return None
     try:
-        found = actuator_residual([tuple(r[c] for c in CHANNELS) for r in alone], alone[0].fs)
+        found = actuator_residual([tuple(r[c] for c in REQUIRED_CHANNELS) for r in alone], alone[0].fs)
     except IdentificationError:
         return None
     return ParameterCard(
         kind="actuator",
         study=study,
-        name=NAME,
+        name=CARD_NAME,
         parameters=tuple(CardParameter(n, UNITS[n], value, nan, (nan, nan)) for n, value in found.items()),
         settings={"period": 1.0 / alone[0].fs},
         checksums={r.name: r.checksum for r in alone},

@@ -1,6 +1,6 @@
-"""Figures of an orthosis and its wearers: gravity, response to a torque, limbs, the mismatch, what is known of straps.
+"""Figures of an orthosis and its wearers: gravity, torque response, limbs, mismatch angle, and strap parameters.
 
-Angles are drawn in degrees. Fitted is blue, held out is orange, what was measured is dark grey, on every figure.
+Angles are in degrees. Fitted data are blue, held-out data orange, and measurements dark grey in every figure.
 """
 
 from __future__ import annotations
@@ -20,18 +20,21 @@ from ...fit.transfer.transfer_function_fit import Response
 from ...pages.quantities import number, unit_text
 from .coupling_result import WearerStages
 
-SHOWN = 12.0
-"""Seconds of a response or a swing that are drawn."""
-DOT = 5.0
-"""Diameter of a hold, in points."""
-ROOM = 0.14
-"""Share of a panel's height that is kept free of curves for the names of its lines."""
-STRAP = (("stiffness", "Stiffness"), ("damping", "Damping"), ("inertia", "Inertia"))
-"""What is known of a strap, and how it is called."""
+MAX_DRAWN_S = 12.0
+"""Length of a response or swing that is drawn [s]."""
+
+HOLD_DOT_POINTS = 5.0
+"""Diameter of the dot of a hold, in points."""
+
+LEGEND_SHARE = 0.14
+"""Share of a panel's height that is kept free for the legend."""
+
+STRAP_PARAMETERS = (("stiffness", "Stiffness"), ("damping", "Damping"), ("inertia", "Inertia"))
+"""Strap parameters that are drawn, with their labels."""
 
 
 def gravity_figure(fit: GravityFit) -> Drawing:
-    """Torque that holds the orthosis, over its angle: holds, the sine through them, and the published straight line."""
+    """Draw the holding torque of the orthosis against its angle, with the fitted sine and the published line."""
     figure, axis = one_panel(3.6)
     axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
     angle = np.array([h.angle for h in fit.holds])
@@ -40,11 +43,11 @@ def gravity_figure(fit: GravityFit) -> Drawing:
     straight = line_of_best_fit(angle, torque)
     line(axis, np.degrees(span), straight.slope * span + straight.intercept, color=colour("stribeck"), linewidth=1.2)
     line(axis, np.degrees(span), fit.torque(span), color=colour("fitted"), linewidth=1.8)
-    dots(axis, np.degrees(angle), torque, colour("measured"), alpha=0.9, size=DOT)
+    dots(axis, np.degrees(angle), torque, colour("measured"), alpha=0.9, size=HOLD_DOT_POINTS)
     tidy(axis, first=True, text="Torque (N·m)")
     axis.set_xlabel("Angle from hanging (deg)")
     names = [("holds", colour("measured")), ("m g l sin", colour("fitted")), ("line", colour("stribeck"))]
-    key(axis, names, room=ROOM)
+    key(axis, names, room=LEGEND_SHARE)
     return Drawing(
         "gravity",
         figure,
@@ -55,10 +58,10 @@ def gravity_figure(fit: GravityFit) -> Drawing:
 
 
 def response_figure(pendulum: Response, linear: Response) -> Drawing:
-    """The orthosis's answer to a torque it was not fitted to: measured, by the pendulum, by the published form."""
+    """Draw the held-out response of the orthosis to a torque: measured, by the pendulum, and by the published form."""
     figure, axis = one_panel(3.4)
     start = pendulum.time[0]
-    shown = pendulum.time <= start + SHOWN
+    shown = pendulum.time <= start + MAX_DRAWN_S
     for values, role, width in (
         (pendulum.measured, "measured", 2.6),
         (linear.simulated, "stribeck", 1.2),
@@ -68,7 +71,7 @@ def response_figure(pendulum: Response, linear: Response) -> Drawing:
     tidy(axis, first=True, text="Angle (deg)")
     axis.set_xlabel("Time (s)")
     names = [("measured", colour("measured")), ("pendulum", colour("heldout")), ("two poles", colour("stribeck"))]
-    key(axis, names, room=ROOM)
+    key(axis, names, room=LEGEND_SHARE)
     rest = f"pendulum {pendulum.fit:.1f} %, two poles {linear.fit:.1f} %"
     heads([axis], [Head(pendulum.recording.replace("_", " "), rest, colour("heldout"))])
     return Drawing(
@@ -80,7 +83,7 @@ def response_figure(pendulum: Response, linear: Response) -> Drawing:
 
 
 def limbs_figure(orthosis: GravityFit, wearers: Mapping[str, WearerStages]) -> Drawing:
-    """What each limb adds to the torque that holds the orthosis, over the angle."""
+    """Draw the holding torque that each limb adds, against the angle."""
     figure = Figure(figsize=(FIGURE_WIDTH, 3.4), layout="constrained")
     panels = np.atleast_1d(figure.subplots(1, len(wearers), sharey=True))
     texts = []
@@ -93,7 +96,7 @@ def limbs_figure(orthosis: GravityFit, wearers: Mapping[str, WearerStages]) -> D
         span = np.linspace(angle.min(), angle.max(), 121)
         drawn = limb.gravity.value * np.sin(span - limb.zero.value)
         line(axis, np.degrees(span), drawn, color=colour("fitted"), linewidth=1.8)
-        dots(axis, np.degrees(angle), added, colour("measured"), alpha=0.8, size=DOT)
+        dots(axis, np.degrees(angle), added, colour("measured"), alpha=0.8, size=HOLD_DOT_POINTS)
         tidy(axis, first=axis is panels[0], text="Torque (N·m)")
         axis.set_xlabel("Angle (deg)")
         size = number(limb.gravity.value, limb.gravity.standard_error)
@@ -108,11 +111,11 @@ def limbs_figure(orthosis: GravityFit, wearers: Mapping[str, WearerStages]) -> D
 
 
 def mismatch_figure(who: str, swing: EvaluatedSwing) -> Drawing:
-    """The mismatch in one swing: by the IMU, and by the models."""
+    """Draw the mismatch angle in one swing, by the IMU and by the models."""
     figure, axis = one_panel(3.2)
     axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
     middle = 0.5 * (swing.time[0] + swing.time[-1])
-    shown = np.abs(swing.time - middle) <= 0.5 * SHOWN
+    shown = np.abs(swing.time - middle) <= 0.5 * MAX_DRAWN_S
     time = swing.time[shown]
     entries = [("IMU", colour("measured"))]
     line(axis, time, np.degrees(swing.seen[shown]), color=colour("measured"), linewidth=2.6, alpha=0.7)
@@ -124,7 +127,7 @@ def mismatch_figure(who: str, swing: EvaluatedSwing) -> Drawing:
     entries.insert(1, ("strap", colour(role)))
     tidy(axis, first=True, text="Mismatch (deg)")
     axis.set_xlabel("Time (s)")
-    key(axis, entries, room=ROOM)
+    key(axis, entries, room=LEGEND_SHARE)
     rest = f"{swing.fit['orthosis']:.1f} % of what the IMU saw"
     if np.isfinite(swing.ceiling):
         rest += f"; {swing.ceiling:.1f} % if the model were perfect"
@@ -140,7 +143,7 @@ def mismatch_figure(who: str, swing: EvaluatedSwing) -> Drawing:
 
 
 def strap_figure(who: str, strap: IdentifiedStrap) -> Drawing:
-    """What a strap carries over the mismatch: as the IMU saw it, by the chosen model, by a spring alone."""
+    """Draw the strap torque against the mismatch angle: measured, by the chosen model, and by a spring alone."""
     figure, axis = one_panel(3.4)
     axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
     place, torque = strap.seen
@@ -160,7 +163,7 @@ def strap_figure(who: str, strap: IdentifiedStrap) -> Drawing:
         ("IMU", colour("measured")), ("strap", colour("fitted")), ("its tangent", colour("load")),
         ("spring alone", colour("stribeck")),
     ]  # fmt: skip
-    key(axis, names, room=ROOM)
+    key(axis, names, room=LEGEND_SHARE)
     heads(
         [axis], [Head(who, f"{number(strap.stiffness.value, strap.stiffness.standard_error)} N·m/rad", colour("load"))]
     )
@@ -174,12 +177,12 @@ def strap_figure(who: str, strap: IdentifiedStrap) -> Drawing:
 
 
 def straps_figure(wearers: Mapping[str, WearerStages], level: float) -> Drawing:
-    """Intervals of stiffness, damping and inertia, participant by participant, from either side."""
+    """Draw intervals of stiffness, damping and inertia by participant, from either side of the strap."""
     figure = Figure(figsize=(FIGURE_WIDTH, 1.5 + 0.5 * len(wearers)), layout="constrained")
-    panels = figure.subplots(1, len(STRAP), sharey=True)
+    panels = figure.subplots(1, len(STRAP_PARAMETERS), sharey=True)
     names = list(wearers)
     both = False
-    for axis, (attribute, word) in zip(panels, STRAP, strict=True):
+    for axis, (attribute, word) in zip(panels, STRAP_PARAMETERS, strict=True):
         axis.axvline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
         for row, who in enumerate(names):
             found = wearers[who].coupling
@@ -211,5 +214,5 @@ def _interval(axis, row: float, parameter: Parameter, level: float, role: str) -
 
 
 def drawn_swing(swings: Sequence[EvaluatedSwing]) -> EvaluatedSwing:
-    """The one to draw: the first that was held out, else the first."""
+    """Return the swing that is drawn: the first held-out one, else the first."""
     return next((s for s in swings if s.split == "heldout"), swings[0])

@@ -1,4 +1,4 @@
-"""The report of an orthosis and its wearers: what was found, stage by stage, and which side of a strap to trust."""
+"""Page of an orthosis and its wearers: results by stage, and the more reliable side of each strap."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from . import coupling_figures as figures
 from .coupling_result import CouplingResult
 from .procedure import CouplingTable
 
-NAMES = {"vqf": "VQF", "madgwick": "Madgwick's filter"}
-"""Of the ways from an IMU to an orientation."""
+ORIENTATION_FILTER_NAMES = {"vqf": "VQF", "madgwick": "Madgwick's filter"}
+"""Names of the orientation filters."""
 
 
 def page(study: Study, findings: CouplingResult) -> Page:
-    """Everything that was found, as a page."""
+    """Build the page of a result."""
     return study_page(
         title=f"{findings.study}: wearers and their orthosis",
         headline=prose(findings.headline),
@@ -118,8 +118,8 @@ def _provenance(study: Study, findings: CouplingResult) -> Section:
         "coupling_provenance",
         "How",
         (
-            f"Limb angle by {NAMES[asked.orientation]} with {axes} axes; torque and angle low-passed alike at 15 Hz, "
-            "zero-phase; the IMU's clock, mounting and gain estimated with the strap. "
+            f"Limb angle by {ORIENTATION_FILTER_NAMES[asked.orientation]} with {axes} axes; "
+            "torque and angle low-passed alike at 15 Hz, zero-phase; the IMU's clock, mounting and gain estimated with the strap. "
             f"{len(findings.checksums)} recordings; their checksums are on the cards.",
         ),
         notes=study.notes,

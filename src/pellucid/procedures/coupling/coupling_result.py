@@ -1,4 +1,4 @@
-"""What is written down of an orthosis and its wearers: tables, verdicts, figures with their ids, cards."""
+"""Result of an orthosis and its wearers: tables, verdicts, rows and cards."""
 
 from __future__ import annotations
 
@@ -23,38 +23,40 @@ from ...recordings.results import ResultRow, combined_checksum
 from ..posterior_beside import beside, posterior_rows, posterior_table, posterior_verdicts
 from ..result import FigureTable, ParameterTable, Result
 
-WORDS: Mapping[str, str] = {
+ANTHROPOMETRIC_TABLE_NAMES: Mapping[str, str] = {
     "winter": "Winter, knee to ankle",
     "published": "Winter, knee to heel (as published)",
     "de_leva": "de Leva",
 }
-"""Tables of shares, as a reader knows them."""
+"""Names of the anthropometric tables."""
+
 LIMB_DAMPING = Parameter("damping", "N*m*s/rad", 0.0, KNEE_DAMPING_SPREAD, identifiable=False)
-"""Nothing recorded here tells a relaxed knee's damping."""
-GOOD_FIT = 95.0
-"""From here on [%] a model of the orthosis alone leaves nothing that matters."""
+"""Prior of a relaxed knee's damping, which no recording here determines."""
+
+MIN_GOOD_FIT_PERCENT = 95.0
+"""Smallest fit of a good model of the orthosis alone [%]."""
 
 
 @dataclass(frozen=True, eq=False)
 class WearerStages:
-    """What every stage found of one participant."""
+    """Results of all stages for one participant."""
 
     calibration: ImuCalibration | None
     limb: LimbFit | None
     muscles: MuscleTorque | None
     coupling: WearerCoupling
-    at_work: Mapping[str, str]  # Relaxed trials in which muscles were at work, and what was seen
-    dropped: Mapping[str, str]  # Swings that could not be used, and why
-    notes: tuple[str, ...] = ()  # Why a stage is missing
+    at_work: Mapping[str, str]  # observations, by relaxed trial, of active muscles
+    dropped: Mapping[str, str]  # reasons, by swing, why it could not be used
+    notes: tuple[str, ...] = ()  # reasons for missing stages
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CouplingResult(Result):
-    """An orthosis and its wearers."""
+    """Result for an orthosis and its wearers."""
 
     orthosis: OrthosisFit
-    wearers: Mapping[str, WearerStages]  # By participant
-    refused: Mapping[str, str]  # Participants whose strap could not be identified, and why
+    wearers: Mapping[str, WearerStages]  # results by participant
+    refused: Mapping[str, str]  # reasons, by participant, why the strap could not be identified
 
 
 def coupling_result(
@@ -67,7 +69,7 @@ def coupling_result(
     participants: Mapping[str, str | None],
     confidence: float,
 ) -> CouplingResult:
-    """Tables, verdicts, rows and cards of what the stages found."""
+    """Build the tables, verdicts, rows and cards from the results of the stages."""
 
     def files(who: str | None) -> dict[str, str]:
         return {name: digest for name, digest in checksums.items() if participants[name] == who}
@@ -169,7 +171,7 @@ def _verdicts(
     reached, linear = orthosis.mean_fit(), orthosis.mean_fit(linear=True)
     if np.isfinite(reached):
         yield Verdict(
-            "good" if reached >= GOOD_FIT else "warning",
+            "good" if reached >= MIN_GOOD_FIT_PERCENT else "warning",
             f"The orthosis as a pendulum with friction fits sines it was not fitted to by {reached:.1f} %, the "
             f"published form, in which a spring stands for gravity, by {linear:.1f} %.",
         )
@@ -247,7 +249,13 @@ def _limb_rows(who: str, stages: WearerStages, row, parameter) -> Iterator[Resul
         for table, segment in stages.limb.segments.items():
             of_found, of_table = accuracy(stages.limb.gravity.value, segment.gravity())
             near = f"agreement {of_found:.2f} % of the one found, {of_table:.2f} % of this one"
-            yield row(f"{who}.limb.gravity.{table}", segment.gravity(), "N*m", "fitted", f"{WORDS[table]}; {near}")
+            yield row(
+                f"{who}.limb.gravity.{table}",
+                segment.gravity(),
+                "N*m",
+                "fitted",
+                f"{ANTHROPOMETRIC_TABLE_NAMES[table]}; {near}",
+            )
     if stages.muscles is not None:
         note = "plain linear map from EMG, repetition by repetition"
         yield row(f"{who}.muscles.rmse", stages.muscles.rmse, "N*m", "heldout", note)
@@ -285,7 +293,7 @@ def _coupling_rows(who: str, found: WearerCoupling, row, parameter, checksums) -
 
 
 def _strap_rows(head: str, strap: IdentifiedStrap, row, parameter) -> Iterator[ResultRow]:
-    """Which model, its further parameters, and over which range."""
+    """Yield rows of a strap's model, its further parameters, and the range of validity."""
     for p in strap.others:
         yield parameter(f"{head}.{p.name}", p)
     for feature in STRAP_FEATURES:

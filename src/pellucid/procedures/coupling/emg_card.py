@@ -1,4 +1,4 @@
-"""The card of a wearer's causal EMG map: torque from raw EMG as it arrives, by the limb's balance behind the strap."""
+"""Card of a wearer's causal EMG map: torque from raw EMG in real time, from the limb's dynamics behind the strap."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .procedure import CouplingTable
 def emg_cards(
     study: Study, recordings: Sequence[Recording], orthosis: Orthosis, wearers: Mapping
 ) -> dict[str, ParameterCard]:
-    """The card of everybody who has one, by its file's name without ending. `study` [coupling]."""
+    """Return the cards of all participants who have one, by file name without suffix; `study` has [coupling]."""
     stream, made = study.table(CouplingTable).emg, {}
     for who, stages in wearers.items():
         steps = [r for r in recordings if r.participant == who and r.protocol == STEP_PROTOCOL]
@@ -43,7 +43,7 @@ def emg_card(
     coupling: WearerCoupling,
     settings: EmgSettings | None = None,
 ) -> ParameterCard | None:
-    """One participant's map."""
+    """Fit one participant's map and return its card; None if it cannot be fitted."""
     steps = [r for r in steps if stream in r.streams]
     if limb is None or not np.isfinite(limb.inertia) or not steps:
         return None

@@ -1,6 +1,7 @@
-"""A wearer strapped to an orthosis, in the published order: orthosis, IMU, limb, muscles, and then the strap.
+"""Identify a wearer strapped to an orthosis in the published order: orthosis, IMU, limb, muscles, strap.
 
-Every stage uses what the ones before it found. A stage that fails for one participant is told, and the others go on.
+Every stage uses the results of those before it. If a stage fails for one participant, this is reported and the others
+continue.
 """
 
 from __future__ import annotations
@@ -34,15 +35,27 @@ from .procedure import CouplingTable
 
 Progress = Callable[[str, float], None]
 
-CHAIN = "knee"
-"""From raw EMG to envelopes, zero-phase: nothing is late where nothing must be in time."""
-CHANNELS = ("torque", "position")
-"""Of the spring on the orthosis, and of the orthosis itself."""
-BEYOND = np.radians(30.0)
-"""How far a worn orthosis may leave the angles at which it was identified alone [rad]."""
-HELD = 3
-"""Trials of held torques that are enough for a strap."""
-PROTOCOLS = ("gravity_holds", "sine_tracking", "imu_on_orthosis", "relaxed_holds", "mvc", "torque_steps", "free_swing")
+EMG_CHAIN_NAME = "knee"
+"""EMG chain from raw EMG to envelopes. It is zero-phase, because the processing is offline."""
+
+ORTHOSIS_CHANNELS = ("torque", "position")
+"""Channels of the orthosis: torque of its spring, and its angle."""
+
+MAX_RANGE_EXCESS_RAD = np.radians(30.0)
+"""Largest distance of a worn orthosis from the angles at which it was identified alone [rad]."""
+
+MAX_HELD_TRIALS = 3
+"""Largest number of trials with held torques that are used for a strap."""
+
+RECORDING_PROTOCOLS = (
+    "gravity_holds",
+    "sine_tracking",
+    "imu_on_orthosis",
+    "relaxed_holds",
+    "mvc",
+    "torque_steps",
+    "free_swing",
+)
 
 
 def identify_coupling(study: Study, on_progress: Progress | None = None) -> CouplingResult:
@@ -70,7 +83,7 @@ def identify_coupling(study: Study, on_progress: Progress | None = None) -> Coup
 def identify_worn(
     config: StudyFile, recordings: Sequence[Recording], *, on_progress: Progress | None = None
 ) -> CouplingResult:
-    """The same from recordings that are at hand already. `config` [coupling]."""
+    """Identify a study from recordings in memory; `config` has the table [coupling]."""
     tell = on_progress or (lambda text, share: None)
     asked = config.find_table(CouplingTable)
     if asked is None:
@@ -103,7 +116,7 @@ def identify_worn(
 
 
 def faults(study: Study) -> list[Fault]:
-    """What keeps recordings from being used, and what is undone in them. `study` [coupling]."""
+    """Return the faults of the recordings of a study with [coupling], and notes on corrections."""
     asked = study.table(CouplingTable)
     found: list[Fault] = []
 
@@ -116,10 +129,10 @@ def faults(study: Study) -> list[Fault]:
     with suppress(PellucidError):  # told below, where the recording's turn comes
         trials.learn_range()
     for r in trials.recordings:
-        if r.protocol not in PROTOCOLS:
+        if r.protocol not in RECORDING_PROTOCOLS:
             continue
         try:
-            # Steps of torque are held wherever the wearer holds them.
+            # Torque steps may be held at any angle.
             (trials.worn if r.protocol in ("relaxed_holds", "free_swing") else trials.actuator)(r)
         except PellucidError as error:
             add("refuse", "magnitude", r, "position", str(error))
@@ -137,7 +150,7 @@ def faults(study: Study) -> list[Fault]:
 
 
 class _Trials:
-    """A study's recordings by protocol and participant, made ready when they are asked for."""
+    """A study's recordings by protocol and participant, prepared on request."""
 
     def __init__(self, recordings: Sequence[Recording]):
         self.recordings = tuple(recordings)
@@ -159,13 +172,13 @@ class _Trials:
         return list(dict.fromkeys(r.participant for r in self.recordings if r.participant is not None))
 
     def actuator(self, recording: Recording) -> InputOutput:
-        """Torque in, angle out, without wraps."""
-        made = input_output(recording, CHANNELS)
+        """Return torque (input) and unwrapped angle (output) of a recording."""
+        made = input_output(recording, ORTHOSIS_CHANNELS)
         undone = unwrap(made.output)
         said = [undone.said("position", made.time).rstrip("."), *made.notes]
         if any(said):
             self.notes[recording.name] = "; ".join(filter(None, said))
-        # A whole turn more or less is the same hanging angle.
+        # Angles that differ by whole turns are the same hanging angle.
         turns = np.round(np.median(undone.angle) / (2.0 * np.pi))
         return replace(made, output=undone.angle - 2.0 * np.pi * turns)
 
@@ -176,10 +189,10 @@ class _Trials:
             self.low, self.high = (float(f([f(q) for q in alone])) for f in (min, max))
 
     def worn(self, recording: Recording) -> InputOutput:
-        """The actuator's record of a trial with a wearer, its angle where the orthosis's gravity is known."""
+        """Return the actuator's record of a trial with a wearer; refuse angles outside the identified range."""
         record = self.actuator(recording)
         low, high = float(record.output.min()), float(record.output.max())
-        if low < self.low - BEYOND or high > self.high + BEYOND:
+        if low < self.low - MAX_RANGE_EXCESS_RAD or high > self.high + MAX_RANGE_EXCESS_RAD:
             raise IdentificationError(
                 f"{recording.path.name} (recording {recording.name}), channel position: found {np.degrees(low):.0f} to "
                 f"{np.degrees(high):.0f} deg, expected angles near those at which the orthosis was identified, "
@@ -195,7 +208,7 @@ class _Trials:
 def _wearer(
     trials: _Trials, who: str, orthosis: OrthosisFit, asked: CouplingTable, participant: Participant | None
 ) -> WearerStages:
-    """All stages of one participant."""
+    """Run all stages for one participant."""
     chosen = {"method": asked.orientation, "axes": 9 if asked.magnetometer else 6}
     notes: list[str] = []
     calibration = None
@@ -221,7 +234,7 @@ def _wearer(
     known = limb.limb if limb is not None and np.isfinite(limb.inertia.value) else None
     sd = calibration.sd if calibration is not None else float("nan")
     told = {"posterior": asked.posterior, "level": asked.confidence}
-    steps = _held(trials, who, asked, turning, chosen)
+    steps = _held_trials(trials, who, asked, turning, chosen)
     coupling = identify_wearer(who, swings, orthosis.orthosis, limb=known, imu_sd=sd, steps=steps, **told)
     return WearerStages(calibration, limb, muscles, coupling, working, dropped, tuple(notes))
 
@@ -233,7 +246,7 @@ def _swing(
     turning = find_joint_axis(imu, record)
     torque = None
     if muscles is not None and asked.emg in recording.streams:
-        torque = muscles(_at(recording.stream(asked.emg), emg_chain(CHAIN), record.time), record.output)
+        torque = muscles(_at(recording.stream(asked.emg), emg_chain(EMG_CHAIN_NAME), record.time), record.output)
     return _strapped(recording, record, *limb_angle_by_imu(imu, turning, **chosen), torque), turning
 
 
@@ -241,15 +254,15 @@ def _strapped(recording: Recording, record: InputOutput, time, angle, torque=Non
     return StrappedSwing(recording.name, record.split, record.time, record.output, record.input, time, angle, torque)
 
 
-def _held(
+def _held_trials(
     trials: _Trials, who: str, asked: CouplingTable, turning: JointAxis | None, chosen: Mapping
 ) -> list[StrappedSwing]:
-    """A few trials in which torques are held: what relaxes slower than a swing shows in them."""
+    """Return a few trials with held torques, which show relaxation slower than a swing."""
     every = [r for r in trials.fitted("torque_steps", who) if asked.imu in r.streams]
     made: list[StrappedSwing] = []
     if turning is None:
         return made
-    for recording in every[:: max(1, len(every) // HELD)][:HELD]:
+    for recording in every[:: max(1, len(every) // MAX_HELD_TRIALS)][:MAX_HELD_TRIALS]:
         with suppress(PellucidError):  # swings alone tell the rest
             record = trials.worn(recording)
             time, angle = limb_angle_by_imu(trials.imu(recording, asked), turning, **chosen)
@@ -263,8 +276,8 @@ def _levels(trials: _Trials, who: str, asked: CouplingTable, chain: EmgChain) ->
 
 
 def _not_relaxed(trials: _Trials, who: str, asked: CouplingTable) -> dict[str, str]:
-    """Relaxed trials in which muscles were at work, and what was seen."""
-    chain = emg_chain(CHAIN)
+    """Return the relaxed trials with active muscles, each with the observation."""
+    chain = emg_chain(EMG_CHAIN_NAME)
     recorded = [r for r in trials.of("relaxed_holds", who) if asked.emg in r.streams]
     try:
         levels = _levels(trials, who, asked, chain) if recorded else None
@@ -277,8 +290,8 @@ def _not_relaxed(trials: _Trials, who: str, asked: CouplingTable) -> dict[str, s
 
 
 def _muscles(trials: _Trials, who: str, asked: CouplingTable, gravity: float) -> MuscleTorque | None:
-    """The plain map from EMG to torque; None where no EMG was recorded against torques."""
-    chain = emg_chain(CHAIN)
+    """Fit the plain map from EMG to torque; return None without recordings of EMG and torque."""
+    chain = emg_chain(EMG_CHAIN_NAME)
     steps = [r for r in trials.fitted("torque_steps", who) if asked.emg in r.streams]
     levels = _levels(trials, who, asked, chain)
     if not steps or levels is None:
@@ -290,7 +303,7 @@ def _muscles(trials: _Trials, who: str, asked: CouplingTable, gravity: float) ->
 
 
 def _at(emg: Recording, chain: EmgChain, time: np.ndarray) -> dict[str, np.ndarray]:
-    """A stream's envelopes at the actuator's times."""
+    """Return a stream's envelopes at the actuator's times."""
     return {muscle: np.interp(time, emg.time, envelope) for muscle, envelope in envelopes(emg, chain).items()}
 
 
