@@ -72,7 +72,7 @@ def toy(tmp_path, monkeypatch, server):
         files={"one.csv": hashlib.sha256(CSV).hexdigest()},
     )
     monkeypatch.setattr(registry, "_registry", lambda: {"toy": known})
-    monkeypatch.setattr(registry, "_HERE", tmp_path)
+    monkeypatch.setattr(registry, "_DATASETS_FOLDER", tmp_path)
     (tmp_path / "toy.toml").write_text(STUDY)
     monkeypatch.setenv("PELLUCID_CACHE", str(tmp_path / "cache"))
     monkeypatch.delenv("PELLUCID_DATA", raising=False)

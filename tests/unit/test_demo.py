@@ -38,8 +38,8 @@ def made(tmp_path_factory, shown):
         raise OSError("no network")
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "REPETITIONS", 1)
-        patch.setattr(module, "RECORDED", 25)
+        patch.setattr(module, "REPETITION_COUNT", 1)
+        patch.setattr(module, "COVERAGE_REPETITIONS", 25)
         patch.setattr(socket, "socket", nowhere)
         patch.delenv("PELLUCID_DATA", raising=False)
         patch.setenv("PELLUCID_CACHE", str(tmp_path_factory.mktemp("nothing")))
@@ -83,7 +83,7 @@ def test_the_page_says_what_few_people_cannot_show(made):
 
 
 def test_people_wear_what_the_cards_say_and_that_is_exported(made):
-    assert made.findings.conditions == ("Ctrl", *module.WORN)
+    assert made.findings.conditions == ("Ctrl", *module.WORN_CONTROLLERS)
     named = ELBOW_CONTROLLERS[BEST_SENSED_CONTROLLER]
     law = named.build(read_slider_card(made.elbow.models_dir / named.card), sum(made.fit.rail) / 2)
     constants = (made.controller / "pellucid_constants.h").read_text(encoding="utf-8")
@@ -99,7 +99,7 @@ def test_the_story_is_told_with_its_figures(made):
     assert f"{percent(best.heldout_effort_error)} %" in said["Real"]
     assert 0.0 < best.heldout_effort_error < 40.0
     torque = made.findings.assessed["torque_rms"].table
-    for condition in module.WORN:
+    for condition in module.WORN_CONTROLLERS:
         assert f"{number(torque.column(condition).mean(), digits=2)} under {condition}" in said["Worn"]
     assert torque.column(BEST_SENSED_CONTROLLER).mean() < torque.column("clpc").mean()
     if made.played is not None:
@@ -125,7 +125,7 @@ def test_what_judges_the_robot_was_never_fitted(made):
     fitted = {round(m.slider, 3) for m in made.fit.motions if m.split == "fitted"}
     held = {round(m.slider, 3) for m in made.fit.motions if m.split == "heldout"}
     assert len(fitted) == 6
-    assert len(held) == module.JUDGED_PLACES
+    assert len(held) == module.HELD_OUT_PLACE_COUNT
     assert not fitted & held
 
 

@@ -1,4 +1,4 @@
-"""Public recordings: where they are, how they get here, and a study made of them."""
+"""Find and download public recordings, and make studies of them."""
 
 from __future__ import annotations
 

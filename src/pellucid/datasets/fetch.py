@@ -1,4 +1,4 @@
-"""Finding a data set's files on this machine, or downloading them."""
+"""Find a data set's files on this machine, or download them."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ DATA_VARIABLE = "PELLUCID_DATA"
 """Environment variable that names a folder with one subfolder per data set."""
 
 CACHE_VARIABLE = "PELLUCID_CACHE"
-"""Environment variable that moves the folder downloads are kept in."""
+"""Environment variable that names another folder for downloads."""
 
 
 def path(name: str) -> Path:
-    """Folder with the files of a data set: below ``PELLUCID_DATA`` if they are there, else where downloads are kept, or
-    in the package where it comes with that."""
+    """Return the folder with the files of a data set.
+
+    It is below ``PELLUCID_DATA`` if the files are there. Otherwise it is the folder of downloads, or the package itself
+    if the data set comes with it.
+    """
     dataset = info(name)
     own = shipped(name)
     for folder in [own] if own is not None else [*_given(dataset), _cache(dataset)]:
@@ -27,7 +30,7 @@ def path(name: str) -> Path:
 
 
 def fetch(name: str, base_url: str | None = None, progress: bool = False) -> Path:
-    """Download what is missing of a data set, and check every file against its checksum."""
+    """Download the missing files of a data set, and check every file against its checksum."""
     import logging
 
     import pooch
@@ -39,7 +42,7 @@ def fetch(name: str, base_url: str | None = None, progress: bool = False) -> Pat
     origin = (base_url or dataset.origin).rstrip("/") + "/"
     elsewhere = {file: origin + place for file, place in dataset.paths.items()}
     store = pooch.create(folder, origin, registry=dict(dataset.files), urls=elsewhere)
-    # Pooch announces each file; the progress bar and the messages below say all there is to say.
+    # Pooch's own announcements are switched off, since the progress bar and the messages below replace them.
     pooch.get_logger().setLevel(logging.ERROR)
     for file in dataset.files:
         try:
@@ -59,7 +62,7 @@ def fetch(name: str, base_url: str | None = None, progress: bool = False) -> Pat
 
 
 def notes(name: str) -> tuple[str, ...]:
-    """What is remarkable about the files in use: each whose checksum differs from the published one."""
+    """Return a note about each file in use whose checksum differs from the published one."""
     from ..recordings.study import checksum
 
     dataset, folder = info(name), path(name)
@@ -75,7 +78,7 @@ def _reason(error: OSError) -> str:
     import requests
 
     if isinstance(error, requests.ConnectionError) and error.request is not None:
-        # Its own text is the whole chain of calls below it.
+        # The error's own text repeats the whole chain of calls below it.
         from urllib.parse import urlsplit
 
         return f"no connection to {urlsplit(error.request.url).hostname}"

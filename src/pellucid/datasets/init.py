@@ -1,4 +1,4 @@
-"""A new study from a public data set."""
+"""Make a new study from a public data set."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Study:
-    """Make a study of a public data set: its raw files as they are, and a commented study.toml.
+    """Make a study of a public data set: its unchanged files, and a commented study.toml.
 
     Files are taken from ``PELLUCID_DATA`` or the download folder, and downloaded if they are in neither.
     """
@@ -34,7 +34,7 @@ def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Stu
         source = path(dataset)
     except DatasetError:
         source = fetch(dataset, progress=progress)
-    # Whoever looks sees the study whole or not at all.
+    # The study appears completely or not at all.
     building = folder.absolute().parent / f".{folder.absolute().name}.{os.getpid()}"
     try:
         building.mkdir(parents=True)
@@ -53,7 +53,7 @@ def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Stu
 
 
 def _files(config: StudyFile) -> list[str]:
-    """Every file that a study.toml names, once."""
+    """Return every file that a study.toml names, once."""
     from ..procedures.emg_torque.procedure import EmgTorqueTable
     from ..procedures.tree.tree_table import TreeTable
 
@@ -83,6 +83,6 @@ def _move(building: Path, folder: Path, last: str) -> None:
     if not folder.exists():
         building.rename(folder)
         return
-    # An empty folder may be where a shell stands, so it is filled, not replaced.
+    # An empty folder may be a shell's working directory, so it is filled and not replaced.
     for item in sorted(building.iterdir(), key=lambda item: item.name == last):
         item.rename(folder / item.name)

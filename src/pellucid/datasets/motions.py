@@ -1,4 +1,4 @@
-"""How people move: public recordings of joint angles without any torque, which virtual rigs follow."""
+"""Read public recordings of how people move: joint angles without torques, which virtual rigs follow."""
 
 from __future__ import annotations
 
@@ -18,24 +18,27 @@ from .registry import info, motion_names
 
 @dataclass(frozen=True, eq=False)
 class RecordedMotion:
-    """One movement of one person."""
+    """One recorded movement of one person."""
 
     person: str
-    task: int  # From 1
-    repetition: int  # From 1
-    number: int  # Within the repetition, from 1
-    rate: float  # Samples per second [Hz]
+    task: int  # number of the task, from 1
+    repetition: int  # number of the repetition, from 1
+    number: int  # number of the movement in the repetition, from 1
+    rate: float  # sampling rate [Hz]
     joints: tuple[str, ...]
-    angles: np.ndarray = field(repr=False)  # (n, joints) [rad]
+    angles: np.ndarray = field(repr=False)  # joint angles, shape (n, joints) [rad]
 
     @property
     def duration(self) -> float:
-        """From its first sample to its last [s]."""
+        """Time from the first sample to the last [s]."""
         return (len(self.angles) - 1) / self.rate
 
 
 def recorded_motions(joints: Sequence[str]) -> tuple[RecordedMotion, ...]:
-    """All motions of the data set that holds those `joints`, in their order; a DatasetError says how to get it."""
+    """Return all motions of the data set with the `joints`, in the order of the joints.
+
+    A DatasetError says how to get the data set if it is not on this machine.
+    """
     for name in motion_names():
         if set(joints) <= set(info(name).motion["joints"]):
             return _of(name, tuple(joints), path(name))
@@ -49,7 +52,7 @@ def _of(name: str, joints: tuple[str, ...], folder: Path) -> tuple[RecordedMotio
 
 
 def motions_of(name: str, file: Path, joints: Sequence[str]) -> list[RecordedMotion]:
-    """The motions of one person's `file`, written as the data set of a `name` is."""
+    """Return the motions in one person's `file`, which has the format of the data set `name`."""
     said, made = info(name).motion, []
     scale = np.array(said["signs"], float) * (np.pi / 180.0 if said["unit"] == "deg" else 1.0)
     order = [said["joints"].index(joint) for joint in joints]

@@ -35,8 +35,8 @@ class Bar:
         self._progress.update(self._task, advance=size)
 
     def reset(self) -> None:
-        """Begin again."""
+        """Set the progress back to 0."""
         self._progress.reset(self._task, total=self._total)
 
     def close(self) -> None:
-        """Pooch is done; the context ends the display."""
+        """Do nothing: Pooch calls this at the end, but the context ends the display."""

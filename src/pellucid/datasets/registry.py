@@ -1,4 +1,4 @@
-"""Which public data sets are known; what is known of each stands in registry.toml and a study.toml template."""
+"""The registry of public data sets. registry.toml and a study.toml template describe each of them."""
 
 from __future__ import annotations
 
@@ -10,45 +10,45 @@ from typing import Any
 
 from .._errors import DatasetError
 
-_HERE = Path(__file__).parent
+_DATASETS_FOLDER = Path(__file__).parent
 
 
 @dataclass(frozen=True)
 class Dataset:
     """One public data set."""
 
-    name: str  # As ``init`` and ``fetch`` take it
-    title: str  # title, citation, licence: What it is, what to cite, under which terms it is published
-    citation: str
-    licence: str
-    origin: str  # URL the files' names are appended to, at a fixed commit
-    folders: tuple[str, ...]  # Names its folder may have below ``PELLUCID_DATA``
-    # Path below the origin, with its subfolders -> SHA-256, hexadecimal. A study has each at the same path below its
+    name: str  # name for ``init`` and ``fetch``
+    title: str  # description of the recordings
+    citation: str  # source to cite
+    licence: str  # terms of its publication
+    origin: str  # URL at a fixed commit, to which the files' names are appended
+    folders: tuple[str, ...]  # possible names of its folder below ``PELLUCID_DATA``
+    # SHA-256 of each file, hexadecimal, by its path below the origin. A study has the file at the same path below its
     # folder of recordings
     files: Mapping[str, str]
-    # Of files that lie elsewhere below the origin: where
+    # Path below the origin of each file that lies elsewhere there
     paths: Mapping[str, str] = field(default_factory=dict)
-    motion: Mapping[str, Any] | None = None  # How its files hold people's motions; of a set that is no study
-    gait: Mapping[str, Any] | None = None  # Where a study's files show a knee that walks
+    motion: Mapping[str, Any] | None = None  # format of files with people's motions, for a data set without a study
+    gait: Mapping[str, Any] | None = None  # place of a walking knee in a study's files
 
 
 def names() -> tuple[str, ...]:
-    """Names of the data sets that studies are made of."""
+    """Return the names of the data sets with a study."""
     return tuple(name for name, dataset in _registry().items() if dataset.motion is None)
 
 
 def motion_names() -> tuple[str, ...]:
-    """Names of the data sets that hold how people move, and nothing that could be identified."""
+    """Return the names of the data sets with people's motions, from which nothing can be identified."""
     return tuple(name for name, dataset in _registry().items() if dataset.motion is not None)
 
 
 def gait_names() -> tuple[str, ...]:
-    """Names of the data sets that show a knee which walks."""
+    """Return the names of the data sets with a walking knee."""
     return tuple(name for name, dataset in _registry().items() if dataset.gait is not None)
 
 
 def info(name: str) -> Dataset:
-    """What is known of a data set."""
+    """Return the entry of a data set."""
     import difflib
 
     try:
@@ -61,15 +61,15 @@ def info(name: str) -> Dataset:
 
 
 def template(name: str) -> Path:
-    """Path of the study.toml a study of this data set begins with."""
+    """Return the path of the study.toml template of a data set."""
     if info(name).motion is not None:
         raise DatasetError(f"{name}: holds people's motions and no study; known as studies: {', '.join(names())}")
-    return _HERE / f"{info(name).name}.toml"
+    return _DATASETS_FOLDER / f"{info(name).name}.toml"
 
 
 def shipped(name: str) -> Path | None:
-    """Folder of a data set that comes with the package; None where it does not."""
-    folder = _HERE / "shipped" / info(name).name
+    """Return the folder of a data set that comes with the package; None for another one."""
+    folder = _DATASETS_FOLDER / "shipped" / info(name).name
     return folder if folder.is_dir() else None
 
 
@@ -77,5 +77,5 @@ def shipped(name: str) -> Path | None:
 def _registry() -> dict[str, Dataset]:
     import tomllib
 
-    raw = tomllib.loads((_HERE / "registry.toml").read_text(encoding="utf-8"))
+    raw = tomllib.loads((_DATASETS_FOLDER / "registry.toml").read_text(encoding="utf-8"))
     return {name: Dataset(name=name, **{**table, "folders": tuple(table["folders"])}) for name, table in raw.items()}

@@ -1,4 +1,4 @@
-"""How a knee moves in walking: a public recording on a treadmill, which virtual wearers follow."""
+"""Read the motion of a knee in walking from a public recording on a treadmill, which virtual wearers follow."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .registry import gait_names, info
 
 
 def recorded_walking() -> tuple[float, np.ndarray]:
-    """Rate [Hz] and flexion of a knee, shape (n,) [rad]; a DatasetError where no recording is on this machine."""
+    """Return the rate [Hz] and the flexion of a walking knee, shape (n,) [rad]; raise a DatasetError without a file."""
     for name in gait_names():
         said = info(name).gait
         scale = said["sign"] * (np.pi / 180.0 if said["unit"] == "deg" else 1.0)

@@ -1,1 +1,1 @@
-"""The whole flow in a minute, and the proof that the intervals it prints are honest."""
+"""Demonstrate the whole workflow in a minute, and measure the coverage of the intervals that it prints."""

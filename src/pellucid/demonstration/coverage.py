@@ -1,4 +1,4 @@
-"""How often nominal intervals hold the truth: a virtual joint whose plant equals the model, identified many times."""
+"""Measure the coverage of nominal intervals: identify a virtual joint whose plant equals the model many times."""
 
 from __future__ import annotations
 
@@ -14,45 +14,51 @@ from ..models.joint import joint_model
 from ..protocols.excitation import multisine
 from ..signals.motion import Filtering, motion_of
 
-PER_MOTION = 25  # repetitions with new noise before a new motion: a motion of its own can flatter or spoil intervals
-# A dead band of a tenth of the top speed [rad/s]: what sticking leaves behind is small beside the noise.
-FILTERING = Filtering(60.0, decimate=20, dead_band=0.2, trim=100)
-QUANTILE = 1.959964
-COLOURED_MEMORY = 0.05  # s: longer than a regression's sample, so that textbook intervals fail
+PER_MOTION = 25
+"""Number of repetitions with new noise before a new motion is drawn. A single motion may give too wide or too narrow
+intervals."""
+
+# The dead band is a tenth of the top speed [rad/s], so that the effects of sticking are small beside the noise.
+REGRESSION_FILTERING = Filtering(60.0, decimate=20, dead_band=0.2, trim=100)
+
+NORMAL_QUANTILE = 1.959964
+"""97.5 % quantile of the normal distribution, for intervals of 95 %."""
+
+COLOURED_MEMORY = 0.05
+"""Correlation time of coloured noise [s]. It is longer than a regression's sample, so that textbook intervals fail."""
 
 
 @dataclass(frozen=True)
 class RicherPlants:
-    """How often intervals hold the worst of three quantities of plants richer than the model [%]: whole, and for
-    coloured residuals alone."""
+    """Coverage of intervals when the plant contains effects that the model lacks."""
 
-    identifications: int
-    held: float
-    statistical: float
+    identifications: int  # number of identifications
+    held: float  # lowest coverage of three quantities by the complete intervals [%]
+    statistical: float  # the same for intervals that take only coloured residuals into account [%]
 
 
-RICHER = RicherPlants(240, 97.0, 16.7)
-"""As `python -m evidence coverage` measured it, which takes minutes."""
+RICHER_PLANTS = RicherPlants(240, 97.0, 16.7)
+"""Coverage that `python -m evidence coverage` measured, which takes minutes."""
 
 
 @dataclass(frozen=True)
 class Coverage:
-    """Share of `repetitions` [%] in which each parameter's interval held the truth; `lowest` over the parameters, and
-    `textbook` the lowest of intervals that take residuals for white."""
+    """Coverage of the intervals of all parameters."""
 
-    colour: str
-    repetitions: int
-    by_parameter: dict[str, float]
-    textbook: float
+    colour: str  # "white" or "coloured" residuals
+    repetitions: int  # number of identifications
+    by_parameter: dict[str, float]  # share of the identifications in which each interval contained the truth [%]
+    textbook: float  # lowest coverage of textbook intervals, which assume white residuals [%]
 
     @property
     def lowest(self) -> float:
-        """The worst parameter's coverage [%]."""
+        """Lowest coverage of all parameters [%]."""
         return min(self.by_parameter.values())
 
 
 def coverage(joint: BenchRig, colour: str, *, repetitions: int = 200, seed: int = 2) -> Coverage:
-    """Identify a matched virtual joint again and again, with new noise each time and a new motion now and then."""
+    """Identify a matched virtual joint repeatedly, with new noise each time and a new motion after `PER_MOTION`
+    times."""
     rng = np.random.default_rng(seed)
     memory = 0.0 if colour == "white" else COLOURED_MEMORY
     plant = matched(joint).changed({"drive.current_noise_memory": memory})
@@ -65,18 +71,18 @@ def coverage(joint: BenchRig, colour: str, *, repetitions: int = 200, seed: int 
         reference = multisine(
             plant.duration, plant.rate, fundamental=0.1, harmonics=12, amplitude=half, centre=centre, rng=rng
         )
-        taken = plant.play(reference, min(PER_MOTION, repetitions - start), rng)
-        for position, current in zip(taken["position"], taken["current"], strict=True):
-            data = _stacked(plant, taken["time"], position, current)
+        played = plant.play(reference, min(PER_MOTION, repetitions - start), rng)
+        for position, current in zip(played["position"], played["current"], strict=True):
+            data = _stacked(plant, played["time"], position, current)
             found = solve_family(model, data)
             w, rho = found.jacobian, found.residual
             error = np.abs(found.values - truth)
             plain = np.linalg.inv(w.T @ w) * np.sum(rho**2) / (len(rho) - len(truth))
-            inside.append(error <= QUANTILE * np.sqrt(np.diag(sandwich_covariance(w, rho, data.lengths))))
-            textbook.append(error <= QUANTILE * np.sqrt(np.diag(plain)))
+            inside.append(error <= NORMAL_QUANTILE * np.sqrt(np.diag(sandwich_covariance(w, rho, data.lengths))))
+            textbook.append(error <= NORMAL_QUANTILE * np.sqrt(np.diag(plain)))
     share = dict(zip(model.names, (100.0 * np.mean(inside, axis=0)).tolist(), strict=True))
     return Coverage(colour, repetitions, share, float(100.0 * np.mean(textbook, axis=0).min()))
 
 
 def _stacked(plant: BenchRig, time: np.ndarray, raw: np.ndarray, current: np.ndarray) -> Stack:
-    return stack([motion_of(time, raw, current, FILTERING, gain=plant.gain, fs=plant.rate)])
+    return stack([motion_of(time, raw, current, REGRESSION_FILTERING, gain=plant.gain, fs=plant.rate)])

@@ -1,4 +1,4 @@
-"""What a demonstration made, for those who tell of it."""
+"""The results of a demonstration, for the page and the command line."""
 
 from __future__ import annotations
 
@@ -16,32 +16,36 @@ from .coverage import Coverage
 
 @dataclass(frozen=True)
 class Demonstration:
-    """What `demo` made.
+    """Results of `demo`.
 
     Attributes
     ----------
     page : Path
-        That tells it in order.
+        Page of the demonstration.
     robot : ElbowRig
-        The virtual robot as it truly is.
+        The virtual robot with its true parameters.
     elbow : Study
+        Study of the virtual robot.
     fit : SliderFit
-        What was identified of it.
+        Identified model of the virtual robot.
     people : Study
+        Study of virtual people who wear the robot.
     findings : AssessmentResult
-        What its controllers do to them.
+        Effects of the controllers on the people.
     controller : Path
-        Folder of the exported one.
+        Folder of the exported controller.
     cost : OnCortexM4 or None
-        None where tools are missing.
+        Cost of the exported controller on a Cortex-M4F; None if tools are missing.
     played : tuple of int or None
-        Steps of the test vector on this machine and those that were wrong; None without a compiler.
+        Number of steps of the test vector on this machine, and of wrong ones; None without a compiler.
     coverages : tuple of Coverage
+        Coverage of the intervals, for white and for coloured residuals.
     real : Study
-        Of a real machine, whose recordings come with the package.
+        Study of a real machine, whose recordings come with the package.
     real_fit : JointResult
+        Identified model of the real machine.
     notes : tuple of str
-        What was left out, and why.
+        Parts that were left out, with the reasons.
     """
 
     page: Path

@@ -1,1 +1,1 @@
-"""What a page is made of: sections, tables, drawings, and the words and units of figures. Knows no procedure."""
+"""Parts of a page: sections, tables, drawings, and the words and units of figures, for any procedure."""

@@ -1,4 +1,4 @@
-"""Drawings that move: lines whose points go along while a page is read, without a script.
+"""Drawings that move: lines whose points move while a page is read, without a script.
 
 The movement is SVG's own (``<animate>``), so that the file beside the page moves too. Where a reader asked for less
 motion, on paper and in PDF the drawing stands still.
@@ -19,7 +19,7 @@ from matplotlib.path import Path as Outline
 
 from ..drawing.drawing import Drawing
 
-STYLE = (
+MOTION_STYLE = (
     "<style>.rests { display: none } @media (prefers-reduced-motion: reduce), print "
     "{ .rests { display: inline } .moves { display: none } }</style>"
 )
@@ -27,7 +27,7 @@ STYLE = (
 
 @dataclass(frozen=True)
 class Way:
-    """Where a line's points go, (frames, p, 2) in the coordinates of `axis`; every second one ends a stroke."""
+    """Positions of a line's points over time, (frames, p, 2) in the coordinates of `axis`; two points make a stroke."""
 
     axis: Axes
     points: np.ndarray
@@ -35,22 +35,21 @@ class Way:
 
 @dataclass(frozen=True)
 class MovingDrawing(Drawing):
-    """A figure some of whose lines move: `ways` by their gid, from first frame to last in so many `seconds`, again and
-    again."""
+    """A figure with moving lines. `ways` holds their motion by gid, which lasts `seconds` and is repeated."""
 
     ways: Mapping[str, Way]
     seconds: float
 
     @cached_property
     def svg(self) -> str:
-        """The figure as an SVG file's text, which moves where a browser shows it."""
+        """Return the figure as an SVG file's text, which moves in a browser."""
         text = Drawing.svg.func(self)
         for name, way in self.ways.items():
             text = self._moved(text, name, way)
-        return text.replace("</svg>", f"{STYLE}</svg>")
+        return text.replace("</svg>", f"{MOTION_STYLE}</svg>")
 
     def _moved(self, text: str, name: str, way: Way) -> str:
-        """A line's copy that moves, on top of the one that stands still."""
+        """Return the text with a moving copy of a line on top of the one that stands still."""
         height = 72.0 * self.figure.get_figheight()
         at = way.axis.transData.transform(way.points.reshape(-1, 2)) * 72.0 / self.figure.dpi
         at = np.column_stack([at[:, 0], height - at[:, 1]]).reshape(way.points.shape)
@@ -68,7 +67,7 @@ class MovingDrawing(Drawing):
 
 
 def strokes(axis: Axes, points: np.ndarray, name: str, **style) -> Artist:
-    """Strokes between pairs of `points` (p, 2), as one line with the gid `name`; `style` is Matplotlib's."""
+    """Draw strokes between pairs of `points`, (p, 2), as one line with the gid `name`; `style` is Matplotlib's."""
     codes = np.tile([Outline.MOVETO, Outline.LINETO], len(points) // 2)
     patch = PathPatch(Outline(points, codes), fill=False, capstyle="round", joinstyle="round", **style)
     patch.set_gid(name)

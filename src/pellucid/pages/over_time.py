@@ -1,4 +1,4 @@
-"""Signals over time, one panel beneath another."""
+"""Draw signals over time, one panel beneath another."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from ..drawing.style import FIGURE_WIDTH, colour
 class Traces:
     """One panel of `over_time`."""
 
-    head: str  # head, rest: Its name, and what else stands above it
-    rest: str
-    time: np.ndarray  # (n,) [s]
-    lines: Mapping[str, np.ndarray]  # (n,) By label
-    unit: str  # The vertical axis's label, with its unit
+    head: str  # name of the panel
+    rest: str  # further text above the panel
+    time: np.ndarray  # times, shape (n,) [s]
+    lines: Mapping[str, np.ndarray]  # signals by label, shape (n,) each
+    unit: str  # label of the vertical axis, with its unit
 
 
 def over_time(
     panels: Sequence[Traces], name: str, *, roles: Mapping[str, str], caption: str, height: float = 2.6
 ) -> Drawing:
-    """Signals over time, one panel beneath another."""
+    """Draw signals over time, one panel beneath another."""
     figure = Figure(figsize=(FIGURE_WIDTH, height * len(panels) + 0.3), layout="constrained")
     axes = figure.subplots(len(panels), 1, squeeze=False)[:, 0]
     for axis, panel in zip(axes, panels, strict=True):

@@ -1,4 +1,4 @@
-"""A page of any content: tiles, sections, tables and figures in the report's look, as one file that needs no other."""
+"""Write a page with tiles, sections, tables and figures in the report's style, as one self-contained file."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ PAGE = "index.html"
 
 @dataclass(frozen=True)
 class Tile:
-    """One number of the headline: `what` it is, the `figure` itself and its `unit`, and a few words `more`."""
+    """One number at the head of a page."""
 
-    what: str
-    figure: str
+    what: str  # name of the quantity
+    figure: str  # number
     unit: str = ""
-    more: str = ""
+    more: str = ""  # short explanation
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Page:
-    """What a page says, as plain text: `kicker` above the title, `headline` below it, then `verdicts` of a kind."""
+    """Contents of a page as plain text: `kicker` above the title, `headline` below it, then `verdicts` with a kind."""
 
     title: str
     kicker: str

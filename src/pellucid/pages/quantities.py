@@ -1,4 +1,4 @@
-"""Numbers and units as people read them: rounded by their uncertainty, in degrees or millimetres, in words."""
+"""Format numbers and units for readers: rounded by their uncertainty, in degrees or millimetres, in words."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..models.friction_terms import FRICTION_FAMILIES, TERMS
 from ..models.joint import SYMBOLS_BY_NAME
 
 MINUS = "\N{MINUS SIGN}"
-_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_TO_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 LABELS: Mapping[str, str] = MappingProxyType(
     {
@@ -46,10 +46,10 @@ EFFORTS: Mapping[str, str] = MappingProxyType({"N*m": "Torque", "N": "Force", "A
 
 @dataclass(frozen=True)
 class Reading:
-    """How a motion is shown: what one SI unit of position becomes, and what it is then called."""
+    """Presentation of a motion."""
 
-    scale: float
-    position: str
+    scale: float  # number of `position` units in one SI unit
+    position: str  # unit of position, as shown
 
     @property
     def velocity(self) -> str:
@@ -63,27 +63,27 @@ READINGS: Mapping[str, Reading] = MappingProxyType(
 
 
 def unit_text(unit: str) -> str:
-    """A unit with its typography: ``kg*m^2`` becomes ``kg·m²``, the unit 1 nothing."""
+    """Return a unit with its typography: ``kg*m^2`` becomes ``kg·m²``, and the unit 1 an empty text."""
     if unit == "1":
         return ""
     head, *powers = unit.split("^")
     text = head
     for part in powers:
         digits = len(part) - len(part.lstrip("-0123456789"))
-        text += part[:digits].translate(_SUPERSCRIPT) + part[digits:]
+        text += part[:digits].translate(_TO_SUPERSCRIPT) + part[digits:]
     return text.replace("*", "·")
 
 
 def decimals_of(uncertainty: float) -> int | None:
-    """Decimals that two significant digits of `uncertainty` need (negative: tens); None where it says nothing."""
+    """Return the decimals that two significant digits of `uncertainty` need (negative for tens); None without one."""
     if not math.isfinite(uncertainty) or uncertainty <= 0.0:
         return None
-    # Through the text, so that 0.0996 counts as 0.10.
+    # The uncertainty is rounded as text first, so that 0.0996 counts as 0.10.
     return 1 - int(f"{uncertainty:.1e}".split("e")[1])
 
 
 def number(value: float, uncertainty: float = math.nan, digits: int = 4) -> str:
-    """`value` rounded to what its `uncertainty` lets one read, or to `digits` significant digits without one.
+    """Return `value` rounded by its `uncertainty`, or to `digits` significant digits without one.
 
     Parameters
     ----------
@@ -114,19 +114,19 @@ def number(value: float, uncertainty: float = math.nan, digits: int = 4) -> str:
     if rounded != 0.0 and (not fits or abs(rounded) >= 1e6):
         exponent = int(f"{rounded:e}".split("e")[1])
         mantissa = f"{rounded / 10.0**exponent:.{max(decimals + exponent, 0)}f}"
-        text = f"{mantissa}×10{str(exponent).translate(_SUPERSCRIPT)}"
+        text = f"{mantissa}×10{str(exponent).translate(_TO_SUPERSCRIPT)}"
     else:
         text = f"{0.0 if rounded == 0.0 else rounded:.{max(min(decimals, 6 if rounded == 0.0 else 9), 0)}f}"
     return text.replace("-", MINUS)
 
 
 def interval(low: float, high: float, uncertainty: float) -> str:
-    """`low` to `high`, with the decimals that their `uncertainty` allows."""
+    """Return the text "`low` to `high`" with the decimals that their `uncertainty` allows."""
     return f"{number(low, uncertainty)} to {number(high, uncertainty)}"
 
 
 def parameter_interval(parameter: Parameter, level: float) -> str:
-    """A parameter's interval as text; a physical bound cuts it, and a value that was chosen has none."""
+    """Return a parameter's interval as text, cut at a physical bound; a value that was chosen has none."""
     if parameter.standard_error == 0.0:
         return "–"
     if parameter.refused:
@@ -139,7 +139,7 @@ def parameter_interval(parameter: Parameter, level: float) -> str:
 
 
 def parameter_note(parameter: Parameter, level: float) -> str:
-    """What has to be said of a parameter beside its interval, in a few words; nothing where all is well."""
+    """Return a short warning about a parameter beside its interval; "" if there is none."""
     low, high = parameter.interval(level)
     if parameter.undetermined:
         return "undetermined"
@@ -155,14 +155,14 @@ def parameter_note(parameter: Parameter, level: float) -> str:
 
 
 def relative_sd(parameter: Parameter) -> str:
-    """Standard error as a percentage of the value, as text; a dash where the value is at a bound or all but zero."""
+    """Return the standard error as a percentage of the value; a dash if the value is at a bound or almost zero."""
     if parameter.at_bound or parameter.standard_error == 0.0:
         return "–"
     return "> 1000" if parameter.relative_sd > 1000.0 else percent(parameter.relative_sd)
 
 
 def percent(value: float) -> str:
-    """A percentage as read: three significant digits above 0.1 %, two below, without the sign."""
+    """Return a percentage as text: three significant digits above 0.1 %, two below, without the percent sign."""
     if not math.isfinite(value):
         return number(value)
     if value == 0.0:
@@ -174,18 +174,20 @@ def percent(value: float) -> str:
     return number(value, digits=3 if abs(value) >= 0.1 else 2)
 
 
-_FILE = r"\S+\.(?:csv|tsv|txt|json|mat|c3d|edf|bdf|xdf|toml|urdf)\b"
+_FILE_PATTERN = r"\S+\.(?:csv|tsv|txt|json|mat|c3d|edf|bdf|xdf|toml|urdf)\b"
 
 
 def prose(text: str) -> str:
-    """A plain sentence with its typography: capital first letter, minus signs, units, R², names in words; names
-    of files, of recordings with a number, and symbols stay as they are."""
+    """Return a sentence with its typography: capital first letter, minus signs, units, R², names in words.
+
+    Names of files and of recordings with a number, and symbols, stay unchanged.
+    """
     own = re.search(r"[\d']|\.[a-z]", text.split(" ", 1)[0])
     for method, words in METHODS.items():
         text = text.replace(f"'{method}'", words)
     for name in (n for n in LABELS if "_" in n):
         text = re.sub(rf"\b{name}\b", name.replace("_positive", " +").replace("_negative", f" {MINUS}"), text)
-    text = re.sub(rf"({_FILE})|(?<=[a-z])_(?=[a-z])", lambda found: found[1] or " ", text)
+    text = re.sub(rf"({_FILE_PATTERN})|(?<=[a-z])_(?=[a-z])", lambda found: found[1] or " ", text)
     text = re.sub(r"(?<=\d) (?=%)", "\N{NO-BREAK SPACE}", text)
     text = re.sub(r"(?<![\w^])-(?=[\d.])", MINUS, units_in(text))
     text = re.sub(r"\bR2\b", "R²", text)
@@ -193,18 +195,18 @@ def prose(text: str) -> str:
 
 
 def units_in(text: str) -> str:
-    """A sentence with its units' typography: N·m, kg·m²; a name of an instrument's file stays as it is."""
+    """Return a sentence with the typography of its units, N·m or kg·m²; names of files stay unchanged."""
     text = re.sub(r"(?<=[A-Za-z])\*(?=[A-Za-z])", "·", text)
     return re.sub(r"(?<=[a-z])\^2\b", "²", text)
 
 
 def label(name: str) -> str:
-    """A parameter's name in words."""
+    """Return a parameter's name in words."""
     return LABELS.get(name, name.replace("_", " "))
 
 
 def cell_text(value: str | float | int | None) -> str:
-    """A table's cell as text: three digits of a figure, all of a count, a dash for what is not there."""
+    """Return a table's cell as text: three digits of a figure, all digits of a count, a dash for None."""
     if isinstance(value, str):
         return "held out" if value == "heldout" else value
     if value is None:

@@ -1,4 +1,4 @@
-"""Series that figures of joints draw: recordings joined, the busiest window, running medians.
+"""Prepare series for figures of joints: joined recordings, the busiest window, running medians.
 
 Arrays in, arrays out; nothing here knows a figure.
 """
@@ -15,7 +15,7 @@ from .quantities import Reading
 
 
 def by_recording(parts: Sequence[Prediction] | Sequence[Simulation]) -> list[list]:
-    """Stretches of one recording together, in the order of the recordings."""
+    """Return the stretches grouped by recording, in the order of the recordings."""
     groups: dict[str, list] = {}
     for part in parts:
         groups.setdefault(part.recording, []).append(part)
@@ -23,7 +23,7 @@ def by_recording(parts: Sequence[Prediction] | Sequence[Simulation]) -> list[lis
 
 
 def whole(group: Sequence[Simulation]) -> Simulation:
-    """Simulated stretches of one recording as one, with breaks between; its errors pool them."""
+    """Return the simulated stretches of one recording as one simulation with breaks, and with pooled errors."""
 
     def one(of: Callable) -> np.ndarray:
         return joined(group, of)[0]
@@ -43,26 +43,28 @@ def whole(group: Sequence[Simulation]) -> Simulation:
 
 
 def whole_recordings(simulations: Sequence[Simulation]) -> list[Simulation]:
-    """Stretches of one recording and mode joined, errors pooled over them."""
+    """Return the simulations with all stretches of each recording and mode joined, and with pooled errors."""
     modes = dict.fromkeys(s.mode for s in simulations)
     return [whole(g) for mode in modes for g in by_recording([s for s in simulations if s.mode == mode])]
 
 
 def joined(group: Sequence, *of: Callable) -> tuple[np.ndarray, ...]:
-    """Arrays of several stretches one after the other, with a break between."""
+    """Return arrays of several stretches one after another, with breaks between them."""
     parts = [[np.append(np.asarray(f(p), float), np.nan) for p in group] for f in of]
     return tuple(np.concatenate(p)[:-1] for p in parts)
 
 
 def pooled_error(group: Sequence[Prediction]) -> float:
-    """Effort error of several stretches together [%]."""
+    """Return the effort error over several stretches [%]."""
     residual = np.concatenate([p.residual for p in group])
     return 100.0 * float(np.linalg.norm(residual) / np.linalg.norm(np.concatenate([p.effort for p in group])))
 
 
 def busiest(time: np.ndarray, values: np.ndarray, share: float = 0.035) -> tuple[float, float]:
-    """The window, a `share` of all `time`, in which the `values` vary most: where a zoom tells most. Free of breaks
-    if there is one."""
+    """Return start and end of the window, a `share` of all `time`, in which the `values` vary most, for a zoom.
+
+    A window without breaks is preferred.
+    """
     t0, t1 = float(np.nanmin(time)), float(np.nanmax(time))
     good = np.isfinite(time) & np.isfinite(values)
     time, values = time[good], values[good]
@@ -75,7 +77,7 @@ def busiest(time: np.ndarray, values: np.ndarray, share: float = 0.035) -> tuple
         inside = values[(time >= start) & (time <= start + width)]
         if len(inside) < 3:
             return -1.0
-        # Turning points as well as range: a single jump says little about a fit.
+        # Turning points count as well as the range, because a single jump says little about a fit.
         return float(np.ptp(inside) + 0.1 * np.sum(np.abs(np.diff(inside)))) * min(1.0, len(inside) / expected)
 
     start = float(max(starts, key=variation))
@@ -83,8 +85,11 @@ def busiest(time: np.ndarray, values: np.ndarray, share: float = 0.035) -> tuple
 
 
 def running_median(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Median of `y` over stretches of `x`, at the median of each: none narrower than a 22nd of the range, so that
-    clustered samples stay one point, and none with too few samples to have a median worth drawing."""
+    """Return medians of `y` over stretches of `x`, at the medians of `x`.
+
+    A stretch has at least a 22nd of the range, so that clustered samples give one point, and enough samples for a
+    stable median.
+    """
     order = np.argsort(x, kind="stable")
     width = np.subtract(*np.quantile(x, (0.99, 0.01))) / 22.0
     least = max(12, len(x) // 80)
@@ -99,7 +104,7 @@ def running_median(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:
-    """Autocorrelation of `x` at 0 to `lags` samples, shape (lags + 1,)."""
+    """Return the autocorrelation of `x` at 0 to `lags` samples, shape (lags + 1,)."""
     x = np.asarray(x, float) - np.mean(x)
     n = len(x)
     spectrum = np.fft.rfft(x, 2 * n)
@@ -110,7 +115,7 @@ def autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:
 
 
 def difference_unit(simulations: Sequence[Simulation], reading: Reading) -> tuple[float, str]:
-    """Scale and unit for differences in position: finer than the reading's where they are tiny."""
+    """Return scale and unit for differences in position; the unit is finer than the reading's for tiny ones."""
     largest = max(
         float(np.nanmax(np.abs(np.asarray(s.measured["position"]) - np.asarray(s.simulated["position"]))))
         for s in simulations

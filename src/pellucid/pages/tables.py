@@ -1,4 +1,4 @@
-"""Tables as text: what a page shows of numbers, whatever they are about."""
+"""Tables as text, for pages of any content."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Row:
-    """Cells of a table's row, as text; `strong` marks the one to look at."""
+    """Cells of a table's row, as text; `strong` marks an important row."""
 
     cells: tuple[str, ...]
     strong: bool = False
@@ -16,7 +16,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Table:
-    """A table as text. `numeric` are the columns set to the right; `wide` fills the page."""
+    """A table as text. The `numeric` columns are right-aligned; a `wide` table fills the page."""
 
     heads: tuple[str, ...]
     rows: tuple[Row, ...]
@@ -28,6 +28,6 @@ class Table:
 def number_table(
     heads: Sequence[str], rows: Iterable[Row | Sequence[str]], caption: str = "", *, words: int = 1, wide: bool = True
 ) -> Table:
-    """A table of numbers behind a few columns of words."""
+    """Return a table whose first `words` columns are text and whose other columns are numbers."""
     made = tuple(row if isinstance(row, Row) else Row(tuple(row)) for row in rows)
     return Table(tuple(heads), made, frozenset(range(words, len(heads))), caption, wide)

@@ -1,4 +1,4 @@
-"""The page's templates, filled in: the look that every page of a report shares."""
+"""Fill in the templates that all pages of a report share."""
 
 from __future__ import annotations
 
