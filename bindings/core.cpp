@@ -17,6 +17,7 @@
 #include "zero_phase.hpp"
 
 #include <pellucid/pellucid.hpp>
+#include <pellucid/resistance.hpp>
 
 #include <nanobind/stl/string.h>
 
@@ -416,6 +417,49 @@ nb::dict model_fields() {
   return models;
 }
 
+// ---- sums of what resists ----
+
+constexpr std::size_t most_powers = 16;
+
+p::ResistanceSums<double, most_powers> resistance_sums(const Array& roles, const double* coefficients,
+                                                       std::size_t step) {
+  p::ResistanceSums<double, most_powers> sums;
+  for (std::size_t i = 0; i < roles.shape[0]; ++i) {
+    const double* role = roles.data + 3 * i;
+    sums.add({true, static_cast<float>(role[0]), static_cast<float>(role[1]), role[2] != 0.0}, coefficients[i * step]);
+  }
+  return sums;
+}
+
+Array read_roles(nb::handle roles) {
+  Array array = read_array("roles", roles);
+  if (array.shape.size() != 2 || array.shape[1] != 3) array.fail("(k, 3)");
+  return array;
+}
+
+nb::list resistance_coefficients(nb::handle roles, nb::handle coefficients) {
+  const Array role = read_roles(roles), values = read_array("coefficients", coefficients);
+  values.expect("(k,)", {role.shape[0]});
+  const auto sums = resistance_sums(role, values.data, 1);
+  nb::list list;
+  for (std::size_t i = 0; i < sums.count; ++i)
+    list.append(nb::make_tuple(sums.powers[i].speed, sums.powers[i].load, sums.coefficient(i)));
+  return list;
+}
+
+nb::object max_resistance(nb::handle roles, nb::handle coefficients, nb::handle speed, nb::handle load) {
+  const Array role = read_roles(roles), v = read_array("speed", speed), y = read_array("load", load);
+  if (v.shape.size() != 1) v.fail("(n,)");
+  const std::size_t n = v.shape[0];
+  y.expect("(n,)", {n});
+  const Array values = read_array("coefficients", coefficients);
+  values.expect("(k, n)", {role.shape[0], n});
+  Result effort({n});
+  for (std::size_t i = 0; i < n; ++i)
+    effort.data[i] = resistance_sums(role, values.data + i, n).at(v.data[i], y.data[i]);
+  return effort.array();
+}
+
 // ---- elementary functions ----
 
 template <class S> S call_exp(S x) { return p::exp(x); }
@@ -459,6 +503,11 @@ NB_MODULE(_core, m) {
         b::docs::forward_dynamics);
   m.def("friction", b::friction, nb::arg("parameters").none(), nb::arg("velocity").none(), nb::arg("load").none(),
         nb::sig(b::docs::friction_sig), b::docs::friction);
+  m.def("resistance_coefficients", b::resistance_coefficients, nb::arg("roles").none(), nb::arg("coefficients").none(),
+        nb::sig(b::docs::resistance_coefficients_sig), b::docs::resistance_coefficients);
+  m.def("max_resistance", b::max_resistance, nb::arg("roles").none(), nb::arg("coefficients").none(),
+        nb::arg("speed").none(), nb::arg("load").none(), nb::sig(b::docs::max_resistance_sig),
+        b::docs::max_resistance);
   m.def("load", b::load, nb::arg("parameters").none(), nb::arg("position").none(), nb::arg("acceleration").none(),
         nb::sig(b::docs::load_sig), b::docs::load);
   m.def("presliding", b::presliding, nb::arg("travel"), nb::arg("position"), nb::sig(b::docs::presliding_sig),

@@ -78,6 +78,42 @@ Returns
 (n,)
     Friction effort [N m], along +v.)";
 
+constexpr const char* resistance_coefficients_sig =
+    "def resistance_coefficients(roles: ArrayLike, coefficients: ArrayLike) -> list[tuple[float, float, float]]";
+constexpr const char* resistance_coefficients =
+    R"(Sums of friction coefficients by the powers of speed and load that they multiply.
+
+Of coefficients that act in one direction each the larger counts; all others add up.
+
+Parameters
+----------
+roles : (k, 3)
+    Powers of speed and load, and whether the coefficient acts in one direction; at most 16 pairs of powers.
+coefficients : (k,)
+    SI.
+
+Returns
+-------
+list of (power of the speed, power of the load, sum))";
+constexpr const char* max_resistance_sig =
+    "def max_resistance(roles: ArrayLike, coefficients: ArrayLike, speed: ArrayLike, load: ArrayLike) "
+    "-> NDArray[float64]";
+constexpr const char* max_resistance = R"(The most that friction resists by, of n joints.
+
+Parameters
+----------
+roles : (k, 3)
+    As in resistance_coefficients.
+coefficients : (k, n)
+    SI.
+speed, load : (n,)
+    |v| [rad/s] and |y| [N m].
+
+Returns
+-------
+(n,)
+    Effort [N m].)";
+
 constexpr const char* load_sig =
     "def load(parameters: ArrayLike, position: ArrayLike, acceleration: ArrayLike) -> NDArray[float64]";
 constexpr const char* load = R"(Load y = J a + g_s sin q + g_c cos q that passes through the drive [N m].

@@ -97,6 +97,43 @@ def friction(parameters: ArrayLike, velocity: ArrayLike, load: ArrayLike) -> NDA
         Friction effort [N m], along +v.
     """
 
+def resistance_coefficients(roles: ArrayLike, coefficients: ArrayLike) -> list[tuple[float, float, float]]:
+    """
+    Sums of friction coefficients by the powers of speed and load that they multiply.
+
+    Of coefficients that act in one direction each the larger counts; all others add up.
+
+    Parameters
+    ----------
+    roles : (k, 3)
+        Powers of speed and load, and whether the coefficient acts in one direction; at most 16 pairs of powers.
+    coefficients : (k,)
+        SI.
+
+    Returns
+    -------
+    list of (power of the speed, power of the load, sum)
+    """
+
+def max_resistance(roles: ArrayLike, coefficients: ArrayLike, speed: ArrayLike, load: ArrayLike) -> NDArray[float64]:
+    """
+    The most that friction resists by, of n joints.
+
+    Parameters
+    ----------
+    roles : (k, 3)
+        As in resistance_coefficients.
+    coefficients : (k, n)
+        SI.
+    speed, load : (n,)
+        |v| [rad/s] and |y| [N m].
+
+    Returns
+    -------
+    (n,)
+        Effort [N m].
+    """
+
 def load(parameters: ArrayLike, position: ArrayLike, acceleration: ArrayLike) -> NDArray[float64]:
     """
     Load y = J a + g_s sin q + g_c cos q that passes through the drive [N m].

@@ -1,6 +1,8 @@
 // Laws of friction and joint, each at zero, near 1e-8 and at random points, in double and float.
 #include "example.hpp"
 
+#include <pellucid/resistance.hpp>
+
 namespace p = pellucid;
 
 template <class T> void laws() {
@@ -70,7 +72,48 @@ void terms() {
   check_close(at(0.05, 0), 0.3 * std::tanh(0.5) + 0.005, 1e-15, "smooth sign");
 }
 
+/// The most that is resisted is never less than friction, at any speed and load, and is met by a single term.
+template <class T> void most() {
+  const T epsilon = std::numeric_limits<T>::epsilon();
+  Random random(8);
+  for (int i = 0; i < 20000; ++i) {
+    const auto params = random_joint<T>(random);
+    const T v = static_cast<T>(random.uniform(-5, 5)), y = static_cast<T>(random.uniform(-20, 20));
+    const T most = p::max_resistance(params, p::abs(v), p::abs(y));
+    const T found = p::abs(p::friction(p::coefficients(params.friction), v, y));
+    check(found <= most * (T(1) + 16 * epsilon), "friction is at most what resists");
+    check(p::max_resistance(params.friction, p::abs(v), p::abs(y)) == most, "a part resists as the whole");
+  }
+  p::FrictionParams<T> f{};
+  f.coulomb_positive = T(0.3), f.coulomb_negative = T(0.4), f.stribeck = T(0.1);
+  check(p::max_resistance(f, T(0), T(0)) == T(0.1) + T(0.4), "of two directions the larger counts");
+  f = {};
+  f.square_root = T(2);
+  check(p::max_resistance(f, T(9), T(5)) == T(6), "root of speed");
+  check(p::max_resistance(f, T(0), T(5)) == T(0), "no speed");
+  f = {};
+  f.load_motoring = T(0.5), f.load_generating = T(0.25);
+  check(p::max_resistance(f, T(3), T(4)) == T(2), "load");
+}
+
+/// Powers that no term of friction has.
+void powers() {
+  check(p::power(3.0, 2.0f) == 9.0, "square");
+  check_close(p::power(3.0, 1.75f), std::pow(3.0, 1.75), 1e-14, "any power");
+  check(p::power(0.0, 0.75f) == 0.0, "any power of 0");
+  check_close(p::power(2.0, 1.5f), std::pow(2.0, 1.5), 1e-15, "power with a root");
+  p::ResistanceSums<double, 1> sums;
+  sums.add({true, 2, 0, false}, -0.5);
+  sums.add({true, 2, 0, true}, 0.25);
+  sums.add(p::by::level, 9.0);  // beyond one power
+  sums.add({}, 9.0);            // without a role
+  check(sums.count == 1 && sums.at(2.0, 1.0) == 3.0, "by powers");
+}
+
 int main() {
+  most<double>();
+  most<float>();
+  powers();
   laws<double>();
   laws<float>();
   total<double>();

@@ -1,5 +1,6 @@
-"""A friction term is added in its header and in its family: what fits, carries, watches and exports a joint then knows
-it, whatever its name begins with."""
+"""A friction term is added in its header and in its catalogue: what fits, carries, watches, shows and exports a joint
+then knows it, whatever its name begins with. With the header alone, the battery over the catalogue finds it half added.
+"""
 
 import json
 import shutil
@@ -23,10 +24,20 @@ HEADER = {
     "  c.stribeck = select": "  c.windage = params.windage;\n  c.stribeck = select",
     "viscous(c, direction) * velocity;": "viscous(c, direction) * velocity + c.windage * velocity * abs(velocity);",
 }
-FAMILY = {
-    'str, ...]] = {"stribeck"': 'str, ...]] = {"drag": ("windage",), "stribeck"',
-    '    "combined": frozenset': '    "drag": frozenset({"drag"}),\n    "combined": frozenset',
+CATALOGUE = {
+    "TERMS: tuple[FrictionTerm, ...] = (\n": 'WINDAGE = FrictionTerm("windage", "drag", "Windage", '
+    '"Record fast motions.")\n\n'
+    "TERMS: tuple[FrictionTerm, ...] = (\n",
+    "    SQUARE_ROOT,\n": "    SQUARE_ROOT,\n    WINDAGE,\n",
+    "is_default=False),\n)\n": 'is_default=False),\n    FrictionFamily("drag", frozenset({"drag"}), "friction with the '
+    'square of speed", "good", is_default=False),\n)\n',
 }
+BATTERY = f"""
+import sys
+sys.path.append({str(ROOT / "tests")!r})
+from term_battery import faults
+print(*faults(), sep="\\n")
+"""
 DISPATCH = """
 #include "hill_kernels.hpp"
 #include "kernels.hpp"
@@ -49,8 +60,12 @@ import numpy as np
 import pellucid as pl
 from pellucid._errors import PellucidError
 from pellucid.control.control_law import LAWS
-from pellucid.deployment.c_folder import check_here, write_c_folder
+from pellucid.deployment.c_folder import check_on_host, write_c_folder
 from pellucid.deployment.controller_values import ControllerValues
+from pellucid.drawing.style import colour
+from pellucid.models.friction_terms import FAMILIES_BY_NAME
+from pellucid.pages.quantities import label
+from pellucid.procedures.joint.findings.weak_parameter import advice
 t = np.arange(0.0, 30.0, 5e-3)
 parts = [(0.5, 0.13, 0.0), (0.3, 0.47, 1.0), (0.15, 1.1, 2.0)]
 q = sum(a * np.sin(2 * np.pi * f * t + p) for a, f, p in parts)
@@ -72,7 +87,9 @@ print(json.dumps({"value": fit["windage"].value, "unit": fit["windage"].unit,
                   "carried": law.values["windage"], "known": known, "negative": negative,
                   "watched": safe.supervision["body_viscous"] - law.values["viscous_positive"],
                   "header": "float windage;" in (folder / "pellucid_controller.h").read_text(),
-                  "exported": check_here(folder), "names": [f.name for f in LAWS["joint"].fields][:15]}))
+                  "exported": check_on_host(folder), "names": [f.name for f in LAWS["joint"].fields][:15],
+                  "words": label("windage"), "advice": advice("windage"),
+                  "colour": colour(FAMILIES_BY_NAME[fit.model.family].colour)}))
 """
 
 
@@ -87,15 +104,17 @@ def replaced(path: Path, by: dict[str, str]) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not all(map(shutil.which, ("make", "cc", "c++"))), reason="make, cc or c++ is not installed")
-def test_a_friction_term_is_its_header_and_its_family(tmp_path):
+def test_a_friction_term_is_its_header_and_its_catalogue(tmp_path):
     nanobind = pytest.importorskip("nanobind")
     for part in ("include", "bindings", "src/pellucid"):
         shutil.copytree(ROOT / part, tmp_path / part, ignore=shutil.ignore_patterns("__pycache__", "*.so"))
     replaced(tmp_path / "include" / "pellucid" / "friction.hpp", HEADER)
-    replaced(tmp_path / "src" / "pellucid" / "models" / "joint.py", FAMILY)
+    catalogue = tmp_path / "src" / "pellucid" / "models" / "friction_terms.py"
+    alone = catalogue.read_text(encoding="utf-8")
+    replaced(catalogue, CATALOGUE)
     touched = [p.relative_to(tmp_path) for p in tmp_path.rglob("*") if p.is_file()]
     touched = sorted(p.as_posix() for p in touched if (tmp_path / p).read_bytes() != (ROOT / p).read_bytes())
-    assert touched == ["include/pellucid/friction.hpp", "src/pellucid/models/joint.py"]  # and a test
+    assert touched == ["include/pellucid/friction.hpp", "src/pellucid/models/friction_terms.py"]  # and a test
 
     folder = Path(nanobind.__file__).parent
     where = [
@@ -117,6 +136,13 @@ def test_a_friction_term_is_its_header_and_its_family(tmp_path):
         objects = list(pool.map(built, [*sources, folder / "src" / "nb_combined.cpp"]))
     module = tmp_path / "src" / "pellucid" / f"_core{sysconfig.get_config_var('EXT_SUFFIX')}"
     subprocess.run(["c++", "-shared", *map(str, objects), "-pthread", "-o", str(module)], check=True)
+    battery = run_copied(tmp_path / "src", BATTERY)
+    assert battery.stdout.strip() == "", battery.stdout + battery.stderr
+    whole = catalogue.read_text(encoding="utf-8")
+    catalogue.write_text(alone, encoding="utf-8")
+    assert "windage: the catalogue has no term for it" in run_copied(tmp_path / "src", BATTERY).stdout
+    catalogue.write_text(whole, encoding="utf-8")
+
     run = run_copied(tmp_path / "src", USED, tmp_path / "out")
     assert run.returncode == 0, run.stderr
     said = json.loads(run.stdout.splitlines()[-1])
@@ -129,3 +155,6 @@ def test_a_friction_term_is_its_header_and_its_family(tmp_path):
     assert said["header"]
     assert said["exported"][1] == 0
     assert "windage" in said["names"]
+    assert said["words"] == "Windage"
+    assert said["advice"] == "Record fast motions."
+    assert said["colour"].startswith("#")

@@ -30,8 +30,8 @@ HALF_ADDED = {
     ),
     "not counted by the limits": (
         "models/fields.py",
-        "if each.resists is None or",
-        'if each.resists is None or "stribeck" in each.name or',
+        "if each.resists is not None and",
+        'if each.resists is not None and "stribeck" not in each.name and',
         "stribeck: the limits do not count it",
     ),
     "advice that no finding gives": (

@@ -86,25 +86,15 @@ def model_fields(model: str) -> tuple[Field, ...]:
     return fields_from_core(_core.model_fields()[model])
 
 
-def friction_coefficients(
-    fields: Iterable[Field], values: Mapping[str, np.ndarray | float]
-) -> dict[tuple[float, float], np.ndarray | float]:
+def friction_coefficients(fields: Iterable[Field], values: Mapping[str, float]) -> dict[tuple[float, float], float]:
     """Return the most that friction resists by: coefficients by the powers of speed and load that they multiply.
 
-    Of numbers that act in one direction each the larger counts; all others add up. `values` by name, SI; names that are
-    no friction are passed over.
+    The core sums them: of numbers that act in one direction each the larger counts; all others add up. `values` by
+    name, SI; names that are no friction are passed over.
     """
-    both: dict[tuple[float, float], np.ndarray | float] = {}
-    larger: dict[tuple[float, float], np.ndarray | float] = {}
-    for each in fields:
-        if each.resists is None or each.name not in values:
-            continue
-        powers, size = (each.resists.speed, each.resists.load), np.abs(values[each.name])
-        if each.resists.one_way:
-            larger[powers] = np.maximum(larger.get(powers, 0.0), size)
-        else:
-            both[powers] = both.get(powers, 0.0) + size
-    return {powers: both.get(powers, 0.0) + larger.get(powers, 0.0) for powers in {**larger, **both}}
+    roles, names = _friction_roles(fields, values)
+    sums = _core.resistance_coefficients(roles, np.array([values[name] for name in names], float))
+    return {(speed, load): coefficient for speed, load, coefficient in sums}
 
 
 def largest_friction(
@@ -113,6 +103,19 @@ def largest_friction(
     speed: np.ndarray | float,
     load: np.ndarray | float,
 ) -> np.ndarray | float:
-    """Return the most that friction resists by at a `speed` [rad/s or m/s] under a `load` [effort], in that unit."""
-    terms = friction_coefficients(fields, values)
-    return sum(value * speed**power * load**loaded for (power, loaded), value in terms.items())
+    """Return the most that friction resists by at a `speed` [rad/s or m/s] under a `load` [effort], in that unit.
+
+    The core sums it, as in `friction_coefficients`, for one joint or for arrays of joints.
+    """
+    roles, names = _friction_roles(fields, values)
+    *coefficients, speed, load = np.broadcast_arrays(*(values[name] for name in names), speed, load)
+    columns = np.reshape(coefficients, (len(names), speed.size)).astype(float)
+    most = _core.max_resistance(roles, columns, speed.ravel().astype(float), load.ravel().astype(float))
+    return most.reshape(speed.shape) if speed.ndim else float(most[0])
+
+
+def _friction_roles(fields: Iterable[Field], values: Mapping) -> tuple[np.ndarray, list[str]]:
+    """Return the roles, (k, 3), and the names of the coefficients of friction among `values`."""
+    friction = [each for each in fields if each.resists is not None and each.name in values]
+    roles = [(each.resists.speed, each.resists.load, each.resists.one_way) for each in friction]
+    return np.array(roles, float).reshape(-1, 3), [each.name for each in friction]
