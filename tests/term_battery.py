@@ -16,7 +16,7 @@ from pellucid.models.fields import largest_friction
 from pellucid.models.friction_terms import CORE_FIELDS, FRICTION_FAMILIES, TERMS, TERMS_BY_NAME, is_friction
 from pellucid.models.joint import FAMILIES, NAMES, PARAMETER_INDEX, SYMBOLS_BY_NAME, joint_model
 from pellucid.pages.quantities import FAMILIES as WORDS_OF_FAMILIES
-from pellucid.pages.quantities import LABELS
+from pellucid.pages.quantities import PARAMETER_LABELS
 from pellucid.procedures.joint.findings.weak_parameter import find
 from pellucid.recordings.study_file import parameter_units
 
@@ -96,7 +96,7 @@ def _faults_of_term(term) -> list[str]:
     found = []
     if term.shapes not in TERMS_BY_NAME and not (is_friction(term.name) and term.resists):
         found.append("neither resists nor shapes a term that does")
-    if not term.words or LABELS.get(term.name) != term.words:
+    if not term.words or PARAMETER_LABELS.get(term.name) != term.words:
         found.append("the page has no words for it")
     if SYMBOLS_BY_NAME[term.name].lower != 0.0:
         found.append("a negative prior is not refused")

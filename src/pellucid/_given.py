@@ -63,6 +63,6 @@ def visible_text(text: str) -> str:
 _NUMBER_CELL = re.compile(r"[-+]?[\d.][\d.,;:%() eE–-]*(?:to [-+\d.,;:%() eE–]*)?")
 
 
-def words_in_csv(cell: str) -> str:
+def csv_cell(cell: str) -> str:
     """Return a cell of a table, with a quote before it if a spreadsheet would read it as a formula."""
     return f"'{cell}" if cell[:1] in "=+-@\t\r" and cell and _NUMBER_CELL.fullmatch(cell) is None else cell

@@ -312,7 +312,7 @@ def compare(
     accept_stale: Stale = False,
 ) -> None:
     """Did this joint change? Two studies, parameter by parameter."""
-    from .pages.quantities import number, unit_text, units_in
+    from .pages.quantities import number, typeset_units, unit_text
     from .procedures.compare import compare as run
     from .procedures.print_result import plain_table
 
@@ -331,7 +331,7 @@ def compare(
     out = _console()
     _say(out, f"\n{found.family} friction; A is {a}, B is {b}")
     out.print(table)
-    _list(out, [(v.kind, units_in(v.text)) for v in found.verdicts])
+    _list(out, [(v.kind, typeset_units(v.text)) for v in found.verdicts])
     out.print()
 
 
@@ -341,12 +341,12 @@ def demo(
 ) -> None:
     """The whole story on examples, in about a minute."""
     from .demonstration.demo import demo as run
-    from .demonstration.story import told
+    from .demonstration.story import chapter_sentences
 
     with _progress() as tell:
         made = run(out, on_progress=tell)
     console = _console()
-    for chapter, said in told(made):
+    for chapter, said in chapter_sentences(made):
         console.print(f"\n{chapter}")
         _list(console, [("good", said)])
     from .procedures.print_result import plain_table

@@ -77,7 +77,7 @@ class Coordinate:
     ways: Mapping[str, str]  # word for each direction, "up" and "down"
 
 
-COORDINATES: Mapping[str, Coordinate] = {
+COORDINATES_BY_UNIT: Mapping[str, Coordinate] = {
     "rad": Coordinate("rad", "deg", math.degrees(1.0), "N*m", 1.0, {"up": "upwards", "down": "downwards"}),
     "m": Coordinate("m", "mm", 1e3, "N", 0.1, {"up": "forwards", "down": "backwards"}),
 }

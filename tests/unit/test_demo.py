@@ -13,7 +13,7 @@ from pellucid._errors import PellucidError
 from pellucid.control.elbow_controllers import BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
 from pellucid.datasets.registry import info, shipped
 from pellucid.demonstration import demo as module
-from pellucid.demonstration.story import told
+from pellucid.demonstration.story import chapter_sentences
 from pellucid.lab.elbow.rig import able_elbow
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
@@ -93,7 +93,7 @@ def test_people_wear_what_the_cards_say_and_that_is_exported(made):
 
 
 def test_the_story_is_told_with_its_figures(made):
-    said = dict(told(made))
+    said = dict(chapter_sentences(made))
     assert list(said) == ["Real", "Identified", "Worn", "Exported"]
     best = made.real_fit.families[made.real_fit.best]
     assert f"{percent(best.heldout_effort_error)} %" in said["Real"]
@@ -109,7 +109,7 @@ def test_the_story_is_told_with_its_figures(made):
         assert made.cost.wrong == 0
         assert "the same bits" in said["Exported"]
     none = SimpleNamespace(**{**vars(made), "cost": None, "played": None})
-    assert "no compiler" in dict(told(none))["Exported"]
+    assert "no compiler" in dict(chapter_sentences(none))["Exported"]
 
 
 def test_chapters_are_studies_with_figures(made):

@@ -14,7 +14,7 @@ from pellucid.procedures.registry import open_study
 from pellucid.procedures.result import FigureTable, ParameterTable, Result
 from pellucid.recordings import keepers_mark, kept, kept_columns
 from pellucid.recordings.keepers_mark import SEAL_LENGTH, mark, seal
-from pellucid.recordings.kept import TREE_KEY, keep, read_kept
+from pellucid.recordings.kept import TREE_KEY, keep_result, read_kept
 from pellucid.recordings.results import ResultRow
 
 
@@ -35,17 +35,17 @@ def result():
 
 
 def test_a_result_comes_back_as_it_was(tmp_path):
-    path = keep(tmp_path / "kept" / "joint.npz", "fresh", result())
+    path = keep_result(tmp_path / "kept" / "joint.npz", "fresh", result())
     assert read_kept(path, "fresh") == result()
     assert read_kept(path, "stale") is None
 
 
 def test_what_somebody_else_kept_is_not_believed(tmp_path, monkeypatch):
-    path = keep(tmp_path / "a.npz", "fresh", result())
+    path = keep_result(tmp_path / "a.npz", "fresh", result())
     own = read_kept(path, "fresh")
     monkeypatch.setenv(keepers_mark.ENVIRONMENT, str(tmp_path / "theirs"))
     assert read_kept(path, "fresh") is None
-    theirs = keep(tmp_path / "b.npz", "fresh", result())
+    theirs = keep_result(tmp_path / "b.npz", "fresh", result())
     assert read_kept(theirs, "fresh") == own
     monkeypatch.undo()
     assert read_kept(theirs, "fresh") is None
@@ -70,7 +70,7 @@ def test_a_key_is_drawn_once_and_nobody_else_may_read_it(tmp_path, monkeypatch):
 def test_where_settings_cannot_be_written_a_key_lasts_as_long_as_the_process(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv(keepers_mark.ENVIRONMENT, str(tmp_path / "file" / "below"))
-    path = keep(tmp_path / "a.npz", "fresh", result())
+    path = keep_result(tmp_path / "a.npz", "fresh", result())
     assert read_kept(path, "fresh") == result()
     keepers_mark._key.cache_clear()
     assert read_kept(path, "fresh") is None
@@ -83,8 +83,8 @@ class Foreign:
 
 @pytest.mark.parametrize("x", [Foreign(1.0), np.array([object()], object), print, 1j])
 def test_what_cannot_be_kept_is_not(tmp_path, x):
-    path = keep(tmp_path / "a.npz", "fresh", result())
-    assert keep(path, "fresh", {"x": x}) is None
+    path = keep_result(tmp_path / "a.npz", "fresh", result())
+    assert keep_result(path, "fresh", {"x": x}) is None
     assert not path.exists()
 
 
@@ -96,14 +96,16 @@ def test_what_cannot_be_kept_is_not(tmp_path, x):
     ],
 )  # fmt: skip
 def test_values_keep_their_kinds(tmp_path, x):
-    back = read_kept(keep(tmp_path / "a.npz", "fresh", {"x": x}), "fresh")["x"]
+    back = read_kept(keep_result(tmp_path / "a.npz", "fresh", {"x": x}), "fresh")["x"]
     assert back == x
     assert type(back) is type(x)
 
 
 def test_arrays_keep_bits_and_are_stored_once(tmp_path):
     x = np.random.default_rng(1).standard_normal((1000, 3))
-    path = keep(tmp_path / "a.npz", "fresh", {"x": x, "again": x.copy(), "nan": np.array([np.nan, 1.0], np.float32)})
+    path = keep_result(
+        tmp_path / "a.npz", "fresh", {"x": x, "again": x.copy(), "nan": np.array([np.nan, 1.0], np.float32)}
+    )
     back = read_kept(path, "fresh")
     assert back["x"].tobytes() == x.tobytes() == back["again"].tobytes()
     assert back["nan"].dtype == np.float32
@@ -135,7 +137,7 @@ def test_a_dataclass_whose_fields_are_others_is_none(tmp_path):
 
 
 def test_a_damaged_file_is_none(tmp_path):
-    path = keep(tmp_path / "a.npz", "fresh", result())
+    path = keep_result(tmp_path / "a.npz", "fresh", result())
     whole = path.read_bytes()
     for cut in (0, 10, len(whole) // 2, len(whole) - 1):
         path.write_bytes(whole[:cut])
@@ -157,7 +159,7 @@ def peak_memory(call):
 def test_a_large_file_of_somebody_else_is_not_read(tmp_path, own_end):
     """Neither one without a seal, nor one that ends in the seal of a smaller file of one's own."""
     path = tmp_path / "a.npz"
-    end = keep(path, "fresh", result()).read_bytes()[-SEAL_LENGTH:] if own_end else b""
+    end = keep_result(path, "fresh", result()).read_bytes()[-SEAL_LENGTH:] if own_end else b""
     with path.open("wb") as file:
         file.truncate(300_000_000)
         file.seek(0, 2)

@@ -14,8 +14,8 @@ from pellucid.drawing.style import COLOURS, css_variables
 from pellucid.fit.parameter import Parameter
 from pellucid.models.friction import friction_curve
 from pellucid.models.joint import joint_model
-from pellucid.pages.quantities import number, parameter_interval, percent, prose, relative_sd, unit_text
-from pellucid.pages.series import busiest, running_median, whole
+from pellucid.pages.quantities import number, parameter_interval, percent, relative_sd, typeset_sentence, unit_text
+from pellucid.pages.series import busiest, join_stretches, running_median
 from pellucid.procedures.joint import joint_figures as figures
 from pellucid.procedures.run import report as write_report
 
@@ -181,7 +181,7 @@ def test_running_median_of_clusters():
 
 def test_stretches_join_with_a_break(fit):
     runs = [s for s in fit.families["symmetric"].simulations["ls"] if s.mode == "openloop"][:1]
-    both = whole(runs * 2)
+    both = join_stretches(runs * 2)
     assert np.isnan(both.time).sum() == 1
     assert both.errors["position"] == pytest.approx(runs[0].errors["position"])
 
@@ -250,8 +250,8 @@ def test_a_bound_makes_an_interval_one_sided():
 
 
 def test_prose():
-    assert prose("interval -0.5 to 2e-3 N*m, R2 0.9") == "Interval −0.5 to 2e-3 N·m, R² 0.9"
+    assert typeset_sentence("interval -0.5 to 2e-3 N*m, R2 0.9") == "Interval −0.5 to 2e-3 N·m, R² 0.9"
     assert (
-        prose("Estimator 'wls' disagrees on viscous_positive")
+        typeset_sentence("Estimator 'wls' disagrees on viscous_positive")
         == "Estimator weighted least squares disagrees on viscous +"
     )

@@ -143,7 +143,7 @@ def test_what_was_kept_by_somebody_else_is_found_again(make_study, monkeypatch, 
 
     from pellucid.procedures.registry import asked
     from pellucid.procedures.result import Result, fingerprint
-    from pellucid.recordings.kept import keep
+    from pellucid.recordings.kept import keep_result
 
     study = make_study()
     result = pl.identify(study, families=["symmetric"], thorough=False)
@@ -151,11 +151,11 @@ def test_what_was_kept_by_somebody_else_is_found_again(make_study, monkeypatch, 
     (procedure,), path = asked(study), study.kept_path("joint")
     assert Result.kept(study, procedure) is not None
     monkeypatch.setenv("PELLUCID_SETTINGS", str(tmp_path / "theirs"))
-    keep(path, fingerprint(study, procedure), replace(result.for_page(), headline="nothing is wrong"))
+    keep_result(path, fingerprint(study, procedure), replace(result.for_page(), headline="nothing is wrong"))
     monkeypatch.undo()
     assert Result.kept(study, procedure) is None
     # What cannot be drawn is found again too.
-    keep(path, fingerprint(study, procedure), replace(result, families="none", rows=3))
+    keep_result(path, fingerprint(study, procedure), replace(result, families="none", rows=3))
     said = []
     assert pl.report(study, on_progress=lambda text, share: said.append(text)).is_file()
     assert "identify again: nothing that you kept is fresh" in said

@@ -12,7 +12,7 @@ from evidence.files import MUSCLE_FILES
 from matplotlib.figure import Figure
 
 from pellucid._errors import PellucidError, RecordingError
-from pellucid._given import visible_text, words_in_csv
+from pellucid._given import csv_cell, visible_text
 from pellucid.drawing.drawing import Drawing, draw
 from pellucid.pages.page import Page, Section, write_page
 from pellucid.procedures.assessment.paper_tables import csv_text, latex
@@ -53,7 +53,7 @@ def test_a_cell_of_a_table_is_no_formula(word):
 
 @pytest.mark.parametrize("figure", ["-0.31", "-0.31 to 0.22", "-1e-5", "+3", "−3", "12 %", ""])
 def test_a_figure_in_a_table_stays_one(figure):
-    assert words_in_csv(figure) == figure
+    assert csv_cell(figure) == figure
 
 
 def test_a_dollar_in_a_name_is_a_dollar(tmp_path):

@@ -105,7 +105,7 @@ def test_who_waits_too_long_is_told_why(tmp_path, monkeypatch):
     write_rows(path, "identify", [row])
     before = path.read_bytes()
     monkeypatch.setattr(lock, "MAX_WAIT_S", 0.05)
-    with lock.locked(path), pytest.raises(PellucidError, match=r"results\.json: found it being written by another"):
+    with lock.hold_lock(path), pytest.raises(PellucidError, match=r"results\.json: found it being written by another"):
         write_rows(path, "export", [])
     assert path.read_bytes() == before
     write_rows(path, "identify", [row])
@@ -140,7 +140,7 @@ def test_who_is_killed_gives_the_lock_back(tmp_path):
     path = tmp_path / "results.json"
     process = subprocess.Popen([sys.executable, "-c", HOLDER, str(path)], stdout=subprocess.PIPE, text=True)
     assert process.stdout.readline() == "1\n"
-    with pytest.raises(PellucidError, match="found it being written"), lock.locked(path, patience=0.05):
+    with pytest.raises(PellucidError, match="found it being written"), lock.hold_lock(path, patience=0.05):
         pass
     process.kill()
     process.wait()

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..units import COORDINATES, Coordinate
+from ..units import COORDINATES_BY_UNIT, Coordinate
 from .measured import DIRECTION_DOWN, DIRECTION_UP, MeasuredMovement, MovementDuration
 from .survival import survival
 
@@ -40,7 +40,7 @@ class Index:
         """Factor and unit of the index in tables and figures."""
         if self.name == "unsettled":
             return 100.0, "%"
-        along = COORDINATES.get(self.unit)
+        along = COORDINATES_BY_UNIT.get(self.unit)
         return (1.0, self.unit) if along is None else (along.factor, along.shown)
 
 
@@ -209,7 +209,7 @@ def isochrony(
     movements: Sequence[MeasuredMovement],
     participants: Sequence[str],
     conditions: Sequence[str],
-    along: Coordinate = COORDINATES["rad"],
+    along: Coordinate = COORDINATES_BY_UNIT["rad"],
 ) -> tuple[Isochrony, ...]:
     """Return the isochrony of every condition and direction with at least three amplitudes.
 

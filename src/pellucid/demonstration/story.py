@@ -13,7 +13,7 @@ from ..control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER,
 from ..datasets.registry import info
 from ..drawing.drawing import draw
 from ..pages.page import Page, Section, Tile, write_page
-from ..pages.quantities import number, parameter_interval, percent, prose, unit_text
+from ..pages.quantities import number, parameter_interval, percent, typeset_sentence, unit_text
 from ..pages.tables import Row, Table
 from ..procedures.assessment import assessment_figures
 from ..procedures.assessment.assessment_result import AssessmentResult
@@ -50,7 +50,7 @@ def write_story(out: Path, made: Demonstration) -> Path:
     return write_page(out, page)
 
 
-def told(made: Demonstration) -> list[tuple[str, str]]:
+def chapter_sentences(made: Demonstration) -> list[tuple[str, str]]:
     """Return the heading and the main sentence of each chapter, for the page and the command line."""
     off, error = percent(100.0 * _gravity_error(made)), 1e3 * made.fit.evaluated_error("load") * made.fit.gain
     found = (
@@ -216,7 +216,7 @@ def _people(made: Demonstration) -> Section:
             draw(assessment_figures.profile_figure, findings.profiles, findings.profile_of, findings.conditions),
             draw(assessment_figures.index_figure, drawn, findings.conditions),
         ),
-        tuple(prose(v.said) for v in findings.verdicts if v.kind in ("wrong", "warning")),
+        tuple(typeset_sentence(v.said) for v in findings.verdicts if v.kind in ("wrong", "warning")),
         links=(("Full report", "people/report/index.html"), ("The study", "people/study.toml")),
     )
 

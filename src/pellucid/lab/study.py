@@ -17,7 +17,7 @@ import numpy as np
 
 from .._atomic import write_text_atomically
 from ..procedures.registry import open_study, study_model
-from ..recordings.lock import locked
+from ..recordings.lock import hold_lock
 from ..recordings.optical import AXES, OpticalRecording
 from ..recordings.recording import Channel, Recording
 from ..recordings.study import STUDY_FILE, Study
@@ -71,7 +71,7 @@ def _written(folder, rig, name, seed, trials, threads, on_progress) -> tuple[Stu
 
     trials = rig.trials(seed) if trials is None else trials
     # A study is one seed's whole or another's: all that is new stands apart until nothing is missing.
-    with locked(folder / STUDY_FILE):
+    with hold_lock(folder / STUDY_FILE):
         rmtree(made_in, ignore_errors=True)
         try:
             made = list(rig.record_all(trials, seed, then=write, threads=threads, on_progress=on_progress))

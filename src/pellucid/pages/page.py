@@ -11,7 +11,7 @@ from ..drawing.drawing import Drawing
 from .tables import Table
 from .templates import render
 
-PAGE = "index.html"
+PAGE_FILE = "index.html"
 
 
 @dataclass(frozen=True)
@@ -68,4 +68,4 @@ def write_page(folder: Path, page: Page) -> Path:
     remove_leftovers(folder)
     for drawing in drawings:
         drawing.save(folder)
-    return write_text_atomically(folder / PAGE, render("page.html.j2", title=page.title, page=page))
+    return write_text_atomically(folder / PAGE_FILE, render("page.html.j2", title=page.title, page=page))

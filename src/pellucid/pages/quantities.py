@@ -12,10 +12,10 @@ from ..fit.parameter import Parameter
 from ..models.friction_terms import FRICTION_FAMILIES, TERMS
 from ..models.joint import SYMBOLS_BY_NAME
 
-MINUS = "\N{MINUS SIGN}"
+MINUS_SIGN = "\N{MINUS SIGN}"
 _TO_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
-LABELS: Mapping[str, str] = MappingProxyType(
+PARAMETER_LABELS: Mapping[str, str] = MappingProxyType(
     {
         "inertia": "Inertia",
         "gravity": "Gravity, sine",
@@ -41,7 +41,7 @@ METHODS: Mapping[str, str] = MappingProxyType(
 
 MODES: Mapping[str, str] = MappingProxyType({"closed_loop": "closed loop", "openloop": "open loop"})
 
-EFFORTS: Mapping[str, str] = MappingProxyType({"N*m": "Torque", "N": "Force", "A": "Current", "V": "Voltage"})
+EFFORT_NAMES: Mapping[str, str] = MappingProxyType({"N*m": "Torque", "N": "Force", "A": "Current", "V": "Voltage"})
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Reading:
         return f"{self.position}/s"
 
 
-READINGS: Mapping[str, Reading] = MappingProxyType(
+MOTION_READINGS: Mapping[str, Reading] = MappingProxyType(
     {"rotary": Reading(180.0 / math.pi, "deg"), "prismatic": Reading(1e3, "mm")}
 )
 
@@ -104,7 +104,7 @@ def number(value: float, uncertainty: float = math.nan, digits: int = 4) -> str:
     '95.11'
     """
     if not math.isfinite(value):
-        return "–" if math.isnan(value) else ("∞" if value > 0 else f"{MINUS}∞")
+        return "–" if math.isnan(value) else ("∞" if value > 0 else f"{MINUS_SIGN}∞")
     decimals = decimals_of(uncertainty)
     if decimals is None:
         decimals = digits - 1 - (int(f"{value:.{digits - 1}e}".split("e")[1]) if value else 0)
@@ -117,7 +117,7 @@ def number(value: float, uncertainty: float = math.nan, digits: int = 4) -> str:
         text = f"{mantissa}×10{str(exponent).translate(_TO_SUPERSCRIPT)}"
     else:
         text = f"{0.0 if rounded == 0.0 else rounded:.{max(min(decimals, 6 if rounded == 0.0 else 9), 0)}f}"
-    return text.replace("-", MINUS)
+    return text.replace("-", MINUS_SIGN)
 
 
 def interval(low: float, high: float, uncertainty: float) -> str:
@@ -177,7 +177,7 @@ def percent(value: float) -> str:
 _FILE_PATTERN = r"\S+\.(?:csv|tsv|txt|json|mat|c3d|edf|bdf|xdf|toml|urdf)\b"
 
 
-def prose(text: str) -> str:
+def typeset_sentence(text: str) -> str:
     """Return a sentence with its typography: capital first letter, minus signs, units, R², names in words.
 
     Names of files and of recordings with a number, and symbols, stay unchanged.
@@ -185,24 +185,24 @@ def prose(text: str) -> str:
     own = re.search(r"[\d']|\.[a-z]", text.split(" ", 1)[0])
     for method, words in METHODS.items():
         text = text.replace(f"'{method}'", words)
-    for name in (n for n in LABELS if "_" in n):
-        text = re.sub(rf"\b{name}\b", name.replace("_positive", " +").replace("_negative", f" {MINUS}"), text)
+    for name in (n for n in PARAMETER_LABELS if "_" in n):
+        text = re.sub(rf"\b{name}\b", name.replace("_positive", " +").replace("_negative", f" {MINUS_SIGN}"), text)
     text = re.sub(rf"({_FILE_PATTERN})|(?<=[a-z])_(?=[a-z])", lambda found: found[1] or " ", text)
     text = re.sub(r"(?<=\d) (?=%)", "\N{NO-BREAK SPACE}", text)
-    text = re.sub(r"(?<![\w^])-(?=[\d.])", MINUS, units_in(text))
+    text = re.sub(r"(?<![\w^])-(?=[\d.])", MINUS_SIGN, typeset_units(text))
     text = re.sub(r"\bR2\b", "R²", text)
     return text if own else text[:1].upper() + text[1:]
 
 
-def units_in(text: str) -> str:
+def typeset_units(text: str) -> str:
     """Return a sentence with the typography of its units, N·m or kg·m²; names of files stay unchanged."""
     text = re.sub(r"(?<=[A-Za-z])\*(?=[A-Za-z])", "·", text)
     return re.sub(r"(?<=[a-z])\^2\b", "²", text)
 
 
-def label(name: str) -> str:
+def parameter_label(name: str) -> str:
     """Return a parameter's name in words."""
-    return LABELS.get(name, name.replace("_", " "))
+    return PARAMETER_LABELS.get(name, name.replace("_", " "))
 
 
 def cell_text(value: str | float | int | None) -> str:

@@ -22,11 +22,11 @@ def by_recording(parts: Sequence[Prediction] | Sequence[Simulation]) -> list[lis
     return list(groups.values())
 
 
-def whole(group: Sequence[Simulation]) -> Simulation:
+def join_stretches(group: Sequence[Simulation]) -> Simulation:
     """Return the simulated stretches of one recording as one simulation with breaks, and with pooled errors."""
 
     def one(of: Callable) -> np.ndarray:
-        return joined(group, of)[0]
+        return join_arrays(group, of)[0]
 
     names = list(group[0].measured)
     measured = {n: one(lambda s, n=n: s.measured[n]) for n in names}
@@ -45,10 +45,10 @@ def whole(group: Sequence[Simulation]) -> Simulation:
 def whole_recordings(simulations: Sequence[Simulation]) -> list[Simulation]:
     """Return the simulations with all stretches of each recording and mode joined, and with pooled errors."""
     modes = dict.fromkeys(s.mode for s in simulations)
-    return [whole(g) for mode in modes for g in by_recording([s for s in simulations if s.mode == mode])]
+    return [join_stretches(g) for mode in modes for g in by_recording([s for s in simulations if s.mode == mode])]
 
 
-def joined(group: Sequence, *of: Callable) -> tuple[np.ndarray, ...]:
+def join_arrays(group: Sequence, *of: Callable) -> tuple[np.ndarray, ...]:
     """Return arrays of several stretches one after another, with breaks between them."""
     parts = [[np.append(np.asarray(f(p), float), np.nan) for p in group] for f in of]
     return tuple(np.concatenate(p)[:-1] for p in parts)

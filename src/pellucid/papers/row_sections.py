@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..pages.page import Section
-from ..pages.quantities import MINUS, unit_text, units_in
+from ..pages.quantities import MINUS_SIGN, typeset_units, unit_text
 from ..pages.tables import Row, Table
 from .figure import Reproduced
 
@@ -18,7 +18,7 @@ def cell(value: float | None) -> str:
     if value is None:
         return "–"
     text = f"{value:.4g}" if value == 0.0 or abs(value) >= 1e-4 else f"{value:.1e}"
-    return text.replace("-", MINUS)
+    return text.replace("-", MINUS_SIGN)
 
 
 def bracketed(ours: str, printed: str | None) -> str:
@@ -28,7 +28,7 @@ def bracketed(ours: str, printed: str | None) -> str:
 
 def _said(text: str) -> str:
     """Plain text with units and differences as they are set; a difference keeps to its line."""
-    return units_in(text).replace(" - ", f"\N{NO-BREAK SPACE}{MINUS}\N{NO-BREAK SPACE}")
+    return typeset_units(text).replace(" - ", f"\N{NO-BREAK SPACE}{MINUS_SIGN}\N{NO-BREAK SPACE}")
 
 
 def row_sections(

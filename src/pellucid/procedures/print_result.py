@@ -17,7 +17,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from ..pages.quantities import cell_text, number, parameter_note, relative_sd, unit_text, units_in
+from ..pages.quantities import cell_text, number, parameter_note, relative_sd, typeset_units, unit_text
 from .result import ParameterTable
 
 if TYPE_CHECKING:
@@ -38,12 +38,12 @@ _JOINTS = re.compile(r"(?<=[._])")
 
 def print_result(out: Console, result: Result) -> None:
     """Headline, every table, every verdict."""
-    out.print(f"\n{result.study}: {units_in(result.headline)}", markup=False)
+    out.print(f"\n{result.study}: {typeset_units(result.headline)}", markup=False)
     for title, heads, rows in _tables(result):
         out.print(f"\n{title}", markup=False)
         for table in fitting_tables(heads, rows, out.width):
             out.print(table)
-    print_sentences(out, [(v.kind, units_in(v.said)) for v in result.verdicts])
+    print_sentences(out, [(v.kind, typeset_units(v.said)) for v in result.verdicts])
     out.print()
     if result.prose:
         out.print(result.prose, markup=False)
@@ -178,7 +178,7 @@ def _parameter(p: Parameter, level: float) -> tuple[str, ...]:
 
 def _folded(head: str, cells: Sequence[str], rows: Sequence[Sequence[object]], column: int) -> str:
     """A head on as many lines as keep it no wider than what stands below; figures stand to the right."""
-    head = units_in(head)
+    head = typeset_units(head)
     width = max(map(len, [*head.split(), *cells]))
     head = "\n".join(wrap(head, width, break_long_words=False, break_on_hyphens=False))
     # Words may wrap where a terminal is narrow; a figure that is cut is none.

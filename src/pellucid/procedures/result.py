@@ -17,8 +17,8 @@ from ..models.card import Card, write_card
 from ..models.emg_estimator import EmgEstimatorCard, write_estimator_card
 from ..models.parameter_card import ParameterCard, write_parameter_card
 from ..models.tree_card import TreeCard, write_tree_card
-from ..recordings.kept import keep, read_kept
-from ..recordings.lock import locked
+from ..recordings.kept import keep_result, read_kept
+from ..recordings.lock import hold_lock
 from ..recordings.results import ResultRow, replace_rows
 from .card_sources import card_sources
 
@@ -170,7 +170,7 @@ class Result:
             If another command goes on writing this study's results for a minute.
         """
         # Cards, rows and what is kept come from one command, however many run at once.
-        with locked(study.results_path):
+        with hold_lock(study.results_path):
             remove_leftovers(study.made, study.models_dir, study.made / "kept", study.made / "tables")
             study.models_dir.mkdir(exist_ok=True)
             for name, card in self.cards.items():
@@ -181,7 +181,7 @@ class Result:
             for part in self.each:
                 part.save_more(study)
                 if part.made_from:
-                    keep(study.kept_path(part.procedure), part.made_from, part.for_page())
+                    keep_result(study.kept_path(part.procedure), part.made_from, part.for_page())
         return self.rows
 
     def save_somewhere(self, study: Study) -> tuple[Study, str]:

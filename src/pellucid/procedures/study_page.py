@@ -8,7 +8,15 @@ from importlib.metadata import version
 
 from ..fit.parameter import Verdict, rank_verdicts
 from ..pages.page import Page, Section, Tile
-from ..pages.quantities import MINUS, cell_text, number, parameter_interval, parameter_note, prose, unit_text
+from ..pages.quantities import (
+    MINUS_SIGN,
+    cell_text,
+    number,
+    parameter_interval,
+    parameter_note,
+    typeset_sentence,
+    unit_text,
+)
 from ..pages.tables import Row, Table
 from ..recordings.study import Study
 from .result import FigureTable, ParameterTable, Result
@@ -26,7 +34,7 @@ def study_page(
         tuple(sections),
         f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every number in "
         "results.json.",
-        tuple((v.kind, prose(v.said)) for v in rank_verdicts(verdicts)),
+        tuple((v.kind, typeset_sentence(v.said)) for v in rank_verdicts(verdicts)),
     )
 
 
@@ -63,7 +71,7 @@ def provenance(study: Study, entries: Iterable[tuple[str, str]], sums: Table) ->
 def _figures(table: FigureTable) -> Table:
     rows = tuple(Row(tuple(cell_text(cell).replace("_", " ") for cell in row)) for row in table.rows)
     numeric = {i for i in range(1, len(table.heads)) if not any(isinstance(row[i], str) for row in table.rows)}
-    heads = tuple(prose(head).replace(" - ", f" {MINUS} ") for head in table.heads)
+    heads = tuple(typeset_sentence(head).replace(" - ", f" {MINUS_SIGN} ") for head in table.heads)
     return Table(heads, rows, frozenset(numeric), f"{table.title}.", True)
 
 

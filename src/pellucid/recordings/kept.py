@@ -40,7 +40,7 @@ class _UnsupportedTypeError(TypeError):
     """A result contains an object that cannot be stored."""
 
 
-def keep(path: Path, made_from: str, result: Any) -> Path | None:
+def keep_result(path: Path, made_from: str, result: Any) -> Path | None:
     """Write a result, completely or not at all; return None if it contains an object that cannot be stored."""
     encoder = _TreeEncoder()
     try:

@@ -14,7 +14,7 @@ MAX_WAIT_S = 60.0
 
 
 @contextmanager
-def locked(path: str | os.PathLike, patience: float | None = None) -> Iterator[None]:
+def hold_lock(path: str | os.PathLike, patience: float | None = None) -> Iterator[None]:
     """Hold the lock of `path`; raise a PellucidError after `patience` [s]. The lock of a dead process is released."""
     from filelock import FileLock, Timeout  # imported here, since most commands do not write
 

@@ -14,7 +14,7 @@ from typing import Any
 from .._atomic import write_text_atomically
 from .._errors import PellucidError, RecordingError
 from .._given import read_given
-from .lock import locked
+from .lock import hold_lock
 
 DATA_SPLITS = ("fitted", "heldout", "simulated")
 """Kinds of data that a figure may be computed on."""
@@ -60,7 +60,7 @@ def write_rows(path: str | os.PathLike, command: str, rows: Iterable[ResultRow])
 
     All other rows are kept, also those of a command that writes at the same time.
     """
-    with locked(path):
+    with hold_lock(path):
         return replace_rows(Path(path), command, rows)
 
 

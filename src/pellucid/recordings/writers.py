@@ -8,7 +8,7 @@ from pathlib import Path
 
 from .._atomic import write_text_atomically
 from .._errors import RecordingError
-from .._given import visible_text, words_in_csv
+from .._given import csv_cell, visible_text
 from .recording import Channel
 
 
@@ -22,7 +22,7 @@ def write_csv(path: str | os.PathLike, channels: Mapping[str, Channel]) -> Path:
     if len(set(lengths.values())) > 1:
         raise RecordingError(f"{path}: channels differ in length: {lengths}")
     strange = [
-        name for name in names if words_in_csv(name) != name or visible_text(name) != name or set(name) & set(',\n"')
+        name for name in names if csv_cell(name) != name or visible_text(name) != name or set(name) & set(',\n"')
     ]
     if strange:
         raise RecordingError(f"{path}: found the channel {strange[0]!r}, expected a name that a table can hold")

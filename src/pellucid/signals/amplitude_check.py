@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import rankdata
 
-from ..units import COORDINATES, Coordinate
+from ..units import COORDINATES_BY_UNIT, Coordinate
 
 LABEL_TOLERANCE_RAD = 0.01
 """A label matches a movement's amplitude within this tolerance, because labels may be rounded."""
@@ -44,7 +44,7 @@ class Strays:
     wrong: np.ndarray  # (n,)
     nearest: np.ndarray  # (n,) The label that each movement ends nearest to [rad]
     mislabelled: str  # Why they are labelled wrongly; empty where people may just have missed
-    along: Coordinate = COORDINATES["rad"]  # What they go along: of a length all that is [rad] here is [m]
+    along: Coordinate = COORDINATES_BY_UNIT["rad"]  # What they go along: of a length all that is [rad] here is [m]
 
     def commonest(self, label: np.ndarray) -> str:
         """The commonest mistake of movements with these labels [rad], in words."""
@@ -55,7 +55,9 @@ class Strays:
         return f"nearer to another amplitude than to their label ({count} labelled {own:g} {unit} go {other:g} {unit})"
 
 
-def strays(reach: np.ndarray, label: np.ndarray, labels: np.ndarray, along: Coordinate = COORDINATES["rad"]) -> Strays:
+def strays(
+    reach: np.ndarray, label: np.ndarray, labels: np.ndarray, along: Coordinate = COORDINATES_BY_UNIT["rad"]
+) -> Strays:
     """Movements nearer to another label than to their own, and whether that is the labels' fault. `reach`, `label`
     (n,) [rad]; `labels` (k,) [rad]."""
     nearest = labels[np.argmin(np.abs(reach[:, None] - labels[None, :]), axis=1)]

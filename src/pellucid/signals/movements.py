@@ -21,7 +21,7 @@ from typing import Literal
 import numpy as np
 
 from .._errors import RecordingError
-from ..units import COORDINATES
+from ..units import COORDINATES_BY_UNIT
 from .even_times import even_times
 from .filters import central_difference, runs, zero_phase_lowpass
 
@@ -230,7 +230,7 @@ def _movement(motion: Kinematics, stretch: Stretch, rule: MovementRule) -> Movem
     top = speed[peak]
     if stretch.amplitude is not None and direction * went < MIN_TRAVEL_SHARE * abs(stretch.amplitude):
         kind = "direction" if direction * went < -0.2 * abs(stretch.amplitude) else "still"
-        along = COORDINATES[motion.unit]
+        along = COORDINATES_BY_UNIT[motion.unit]
         moved = f"{along.factor * direction * went:.3g} {along.shown} towards the target"
         return NoMovement(stretch, kind, moved, f"{along.factor * abs(stretch.amplitude):.3g} {along.shown}")
     if top <= 0.0:

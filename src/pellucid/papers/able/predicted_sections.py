@@ -11,7 +11,7 @@ from ...drawing.drawing import draw
 from ...lab.pointing.prediction import SHARE
 from ...lab.pointing.sensitivity import CHANCE, Sensitivity
 from ...pages.page import Section
-from ...pages.quantities import MINUS
+from ...pages.quantities import MINUS_SIGN
 from ...pages.tables import Row, Table, number_table
 from ..figure import Reproduced
 from .predicted import EMG_ORDER, WORDS, Scored, rank_sums
@@ -141,7 +141,7 @@ def _deciding(screened: Sensitivity) -> Section:
             "Each factor was moved over its range from random points of a grid, all others held (Morris's method, "
             f"{screened.runs} points): people's constants where 80 % of people lie, or from half to double where the "
             "rig's file has one value, the robot's friction from what the paper prints to the rig's, k from "
-            f"{MINUS}2 to 1. What moved the median duration most, of 100 ln(times control): {'; '.join(said)}. Chance "
+            f"{MINUS_SIGN}2 to 1. What moved the median duration most, of 100 ln(times control): {'; '.join(said)}. Chance "
             "is the seed of all noise; what does not exceed it shows nothing.",
         ),
         drawings=(
@@ -158,4 +158,4 @@ def _number(value: float, index: str = "") -> str:
     if index == EMG_ORDER:
         return f"{value:.0f}"
     text = f"{value:+.1f}" if abs(value) < 100.0 else f"{value:+.0f}"
-    return text.replace("-", MINUS)
+    return text.replace("-", MINUS_SIGN)

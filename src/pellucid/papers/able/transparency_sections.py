@@ -9,7 +9,7 @@ import numpy as np
 from ...assessment.survival import survival
 from ...drawing.drawing import draw
 from ...pages.page import Section
-from ...pages.quantities import MINUS, number, prose
+from ...pages.quantities import MINUS_SIGN, number, typeset_sentence
 from ...pages.tables import Row, Table
 from ...procedures.assessment import assessment_figures
 from ...procedures.assessment.assessment_figures import settling_figure
@@ -120,7 +120,7 @@ def _settling(made: Transparency) -> tuple[Settling, ...]:
 
 
 def _signed(value: float, decimals: int = 1) -> str:
-    return f"{value:+.{decimals}f}".replace("-", MINUS)
+    return f"{value:+.{decimals}f}".replace("-", MINUS_SIGN)
 
 
 def _times(row: Reproduced) -> tuple[float, float, float]:
@@ -168,7 +168,7 @@ def _figures(made: Transparency) -> Section:
         "Figs. 6 to 8, from recordings",
         (
             "The first study went through markers, encoder and EMG, and was assessed as any lab's recordings are.",
-            prose(found.paragraph),
+            typeset_sentence(found.paragraph),
         ),
         (),
         (

@@ -10,7 +10,7 @@ from ...drawing.drawing import Drawing, draw
 from ...fit.parameter import Parameter
 from ...pages.over_time import Traces, over_time
 from ...pages.page import Section
-from ...pages.quantities import MINUS, number, unit_text
+from ...pages.quantities import MINUS_SIGN, number, unit_text
 from ...pages.tables import Row, number_table
 from ...procedures.emg_torque import calibration_figures
 from ..figure import Reproduced
@@ -310,7 +310,7 @@ def _strap(made: KneePaper, rows: dict[str, Reproduced]) -> Section:
         part = (swing.time >= 2.0) & (swing.time <= 2.0 + SHOWN)
         lines = {"true": swing.true, "strap": swing.predicted, "thesis's form": swing.published}
         shown = {k: np.degrees(v[part]) for k, v in lines.items() if v is not None}
-        head = f"strap {swing.fit():.1f} %, thesis's form {swing.fit('published'):.1f} %".replace("-", MINUS)
+        head = f"strap {swing.fit():.1f} %, thesis's form {swing.fit('published'):.1f} %".replace("-", MINUS_SIGN)
         drawings.append(
             draw(
                 over_time,
@@ -323,7 +323,7 @@ def _strap(made: KneePaper, rows: dict[str, Reproduced]) -> Section:
             )
         )
         literal = coupling.published["two_poles"]
-        fits = [f"{swing.fit(form):.1f}".replace("-", MINUS) for form in ("predicted", "published")]
+        fits = [f"{swing.fit(form):.1f}".replace("-", MINUS_SIGN) for form in ("predicted", "published")]
         names, true = ("inertia", "damping", "stiffness"), found.subject.strap
         own = (_with_interval(coupling.parameter(n)) for n in names)
         cells += [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ...drawing.drawing import draw
 from ...pages.page import Page, Section
-from ...pages.quantities import prose
+from ...pages.quantities import typeset_sentence
 from ...recordings.study import Study
 from ..study_page import figure_tables, study_page
 from . import activations_figures as figures
@@ -22,7 +22,7 @@ def page(study: Study, found: ActivationsResult) -> Page:
         judged.append(
             draw(
                 figures.filling_methods_compared, own, f"ways_{i}",
-                f"{prose(joint)}: each electrode of the test recordings removed in turn, and its muscle's activation "
+                f"{typeset_sentence(joint)}: each electrode of the test recordings removed in turn, and its muscle's activation "
                 "filled in. Lines are medians; orange methods see the measured torque. Marks at the left edge lie "
                 "beyond it.",
             )
@@ -33,7 +33,7 @@ def page(study: Study, found: ActivationsResult) -> Page:
             draw(
                 figures.removed_electrodes, [each for each in own if each.recording == first.recording], fs,
                 f"taken_away_{i}",
-                f"{prose(joint)}, {first.recording.replace('_', ' ')}: activation by the removed electrode (grey), "
+                f"{typeset_sentence(joint)}, {first.recording.replace('_', ' ')}: activation by the removed electrode (grey), "
                 "and filled in.",
             )
         )  # fmt: skip
@@ -41,7 +41,7 @@ def page(study: Study, found: ActivationsResult) -> Page:
         shown.append(
             draw(
                 figures.torque_and_activations, each, f"activations_{i}",
-                f"{prose(each.what)}, {each.recording.replace('_', ' ')}: the torque, and the muscles' activations by "
+                f"{typeset_sentence(each.what)}, {each.recording.replace('_', ' ')}: the torque, and the muscles' activations by "
                 "EMG (blue) and EMG-assisted, so that they reproduce the torque (orange).",
             )
         )  # fmt: skip
@@ -58,7 +58,7 @@ def page(study: Study, found: ActivationsResult) -> Page:
     sections.append(Section("activations", "Torque and activations", (), tables, tuple(shown)))
     return study_page(
         title=f"{found.study}: activations",
-        headline=prose(found.headline),
+        headline=typeset_sentence(found.headline),
         tiles=(),
         sections=sections,
         verdicts=found.verdicts,

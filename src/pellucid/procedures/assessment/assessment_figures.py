@@ -14,7 +14,7 @@ from ...assessment.indices import DIRECTION_DOWN, DIRECTION_UP, Isochrony
 from ...drawing.drawing import Drawing, dots, key, line, tidy
 from ...drawing.style import FIGURE_WIDTH, colour
 from ...pages.quantities import unit_text
-from ...units import COORDINATES, Coordinate
+from ...units import COORDINATES_BY_UNIT, Coordinate
 from .assessment_result import Assessed, Profile, Settling
 from .certified import Certified
 from .movement_curves import QUANTITY_NAMES
@@ -34,7 +34,7 @@ def tones(conditions: Sequence[str]) -> dict[str, str]:
 
 
 def profile_figure(
-    profiles: Sequence[Profile], what: str, conditions: Sequence[str], along: Coordinate = COORDINATES["rad"]
+    profiles: Sequence[Profile], what: str, conditions: Sequence[str], along: Coordinate = COORDINATES_BY_UNIT["rad"]
 ) -> Drawing:
     """Draw mean position, velocity and acceleration of one kind of movement from its start."""
     tone = tones(conditions)
@@ -100,7 +100,7 @@ def settling_figure(settling: Sequence[Settling], conditions: Sequence[str]) -> 
 def isochrony_figure(lines: Sequence[Isochrony], conditions: Sequence[str]) -> Drawing:
     """Draw mean velocity and duration against amplitude: every participant, means over them, and straight lines."""
     tone = tones(conditions)
-    along = COORDINATES[lines[0].unit]
+    along = COORDINATES_BY_UNIT[lines[0].unit]
     names = DIRECTION_LABELS if along.unit == "rad" else {DIRECTION_UP: "Forwards", DIRECTION_DOWN: "Backwards"}
     directions = [d for d in names if any(each.direction == d for each in lines)]
     figure = Figure(figsize=(FIGURE_WIDTH, 5.6), layout="constrained")

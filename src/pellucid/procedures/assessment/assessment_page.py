@@ -6,7 +6,7 @@ from importlib.metadata import version
 
 from ...drawing.drawing import draw
 from ...pages.page import Page, Section, Tile
-from ...pages.quantities import cell_text, number, prose, unit_text
+from ...pages.quantities import cell_text, number, typeset_sentence, unit_text
 from ...pages.tables import Row, Table
 from ...recordings.study import Study
 from ..result import FigureTable
@@ -48,12 +48,12 @@ def page(study: Study, findings: AssessmentResult) -> Page:
     return Page(
         title=f"{findings.study}: transparency",
         kicker="Pellucid report",
-        headline=prose(findings.headline),
+        headline=typeset_sentence(findings.headline),
         tiles=_tiles(findings),
         sections=tuple(sections),
         footer=f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every "
         "number in results.json.",
-        verdicts=tuple((v.kind, prose(v.said)) for v in findings.verdicts),
+        verdicts=tuple((v.kind, typeset_sentence(v.said)) for v in findings.verdicts),
     )
 
 
@@ -90,7 +90,7 @@ def _certificate(findings: AssessmentResult) -> Section:
     return Section(
         "assess_certificate",
         "Certificate",
-        tuple(map(prose, certificate_sentences(findings))),
+        tuple(map(typeset_sentence, certificate_sentences(findings))),
         tuple(_table(each) for each in tables.certificate_tables(findings)),
         tuple(drawings),
         (
@@ -99,7 +99,7 @@ def _certificate(findings: AssessmentResult) -> Section:
             "model is of movements, with a level and a change for each participant, t with one degree of freedom fewer "
             "than participants. Where an end point would not say the same without what else may have changed it, "
             "nothing is said of it.",
-            *map(prose, certificate_remarks(findings)),
+            *map(typeset_sentence, certificate_remarks(findings)),
         ),
     )
 
@@ -112,7 +112,7 @@ def _found(findings: AssessmentResult) -> Section:
     return Section(
         "assess_found",
         "What was found, and what was not",
-        tuple(map(prose, findings.paragraph.split("\n\n"))),
+        tuple(map(typeset_sentence, findings.paragraph.split("\n\n"))),
         tuple(_table(each) for each in shown if each.rows),
     )
 

@@ -12,7 +12,7 @@ from ...assessment.indices import Index, IndexTable, Isochrony, indices_along
 from ...assessment.measured import MeasuredMovement
 from ...assessment.survival import Survival
 from ...recordings.study import Study
-from ...units import COORDINATES, Coordinate
+from ...units import COORDINATES_BY_UNIT, Coordinate
 from ..result import Result
 from .certified import Certified
 
@@ -113,7 +113,7 @@ class AssessmentResult(Result):
     @property
     def along(self) -> Coordinate:
         """Coordinate of the movements."""
-        return COORDINATES[self.unit]
+        return COORDINATES_BY_UNIT[self.unit]
 
     @property
     def indices(self) -> Mapping[str, Index]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..._atomic import write_text_atomically
-from ..._given import visible_text, words_in_csv
+from ..._given import csv_cell, visible_text
 from ..result import FigureTable
 from .assessment_result import AssessmentResult
 from .assessment_tables import (
@@ -106,7 +106,7 @@ def csv_text(heads, rows) -> str:
 def _csv_cell(cell) -> str:
     if cell is None or (isinstance(cell, float) and np.isnan(cell)):
         return ""
-    return f"{cell:.7g}" if isinstance(cell, float) else words_in_csv(str(cell).replace(MINUS_SIGN, "-"))
+    return f"{cell:.7g}" if isinstance(cell, float) else csv_cell(str(cell).replace(MINUS_SIGN, "-"))
 
 
 def latex(table: FigureTable) -> str:

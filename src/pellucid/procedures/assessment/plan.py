@@ -11,7 +11,7 @@ from ..._errors import StudyError
 from ...assessment.equivalence_power import CANDIDATE_SIZES, participants_for_changes
 from ...assessment.indices import indices_along
 from ...recordings.study import Study
-from ...units import COORDINATES, parse_quantity
+from ...units import COORDINATES_BY_UNIT, parse_quantity
 from .certified import EndPoint, end_points
 from .procedure import AssessmentTable
 
@@ -39,7 +39,7 @@ def plan(study: Study, *, power: float = 0.9, studies: int = 2000, executor: Any
     if spec is None or not spec.margins:
         raise StudyError(f"{where}: found no [assessment.margins], expected how far a robot may change each index")
     joints = study.config.rig.joints
-    along = COORDINATES["m" if len(joints) == 1 and joints[0].motion == "prismatic" else "rad"]
+    along = COORDINATES_BY_UNIT["m" if len(joints) == 1 and joints[0].motion == "prismatic" else "rad"]
     points = end_points(spec, indices_along(along))
     if set(spec.spreads) != set(points):
         raise StudyError(

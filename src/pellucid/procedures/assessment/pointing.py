@@ -29,7 +29,7 @@ from ...signals.movements import (
     target_stretches,
 )
 from ...signals.segment_angle import segment_angle
-from ...units import COORDINATES, Coordinate
+from ...units import COORDINATES_BY_UNIT, Coordinate
 
 MIN_TRAVEL_RAD = 0.05
 """Smallest travel of a movement without a target [rad], about three degrees."""
@@ -91,7 +91,7 @@ class PointingRecord:
     @property
     def along(self) -> Coordinate:
         """Coordinate of the movement: an angle, or a displacement, for which [rad] here means [m]."""
-        return COORDINATES[_unit(self.recording, self.source)]
+        return COORDINATES_BY_UNIT[_unit(self.recording, self.source)]
 
     @property
     def of_markers(self) -> bool:
@@ -157,7 +157,7 @@ def pointing_record(recording: Recording, spec: PointingSettings) -> PointingRec
     else:
         unit = _unit(recording, source)
         motion = kinematics(time, angle, rule, where=where, unit=unit)
-        least = MIN_TRAVEL_RAD * COORDINATES[unit].radian
+        least = MIN_TRAVEL_RAD * COORDINATES_BY_UNIT[unit].radian
         stretches = rest_stretches(motion, rule, least=least, amplitude=recording.amplitude)
         if recording.amplitude is not None:
             stretches = [stretch for stretch in stretches if stretch.amplitude is not None]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ...drawing.drawing import draw
 from ...pages.page import Page, Section
-from ...pages.quantities import prose
+from ...pages.quantities import typeset_sentence
 from ...recordings.study import Study
 from ..study_page import figure_tables, study_page
 from .cocontraction_figures import indices, overlap
@@ -29,7 +29,7 @@ def page(study: Study, found: CocontractionResult) -> Page:
     )
     return study_page(
         title=f"{found.study}: co-contraction",
-        headline=prose(found.headline),
+        headline=typeset_sentence(found.headline),
         tiles=(),
         sections=(Section("cocontraction", "Co-contraction", (said,), figure_tables(found), tuple(drawings)),),
         verdicts=found.verdicts,

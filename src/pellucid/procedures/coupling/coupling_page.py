@@ -6,7 +6,7 @@ import numpy as np
 
 from ...drawing.drawing import draw
 from ...pages.page import Page, Section, Tile
-from ...pages.quantities import number, prose, unit_text
+from ...pages.quantities import number, typeset_sentence, unit_text
 from ...pages.tables import number_table
 from ...recordings.study import Study
 from ..posterior_beside import beside
@@ -24,7 +24,7 @@ def page(study: Study, findings: CouplingResult) -> Page:
     """Build the page of a result."""
     return study_page(
         title=f"{findings.study}: wearers and their orthosis",
-        headline=prose(findings.headline),
+        headline=typeset_sentence(findings.headline),
         verdicts=findings.verdicts,
         tiles=_tiles(findings),
         sections=(

@@ -11,7 +11,7 @@ from ...estimators.condition_choice import ERROR_BAND_SHARE
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...fit.parameter import Verdict, rank_verdicts
 from ...pages.page import Page, Section, Tile
-from ...pages.quantities import number, prose
+from ...pages.quantities import number, typeset_sentence
 from ...pages.tables import Row, Table
 from ...recordings.study import Study
 from ...signals.emg_chain import emg_chain
@@ -37,7 +37,7 @@ def page(study: Study, findings: CalibrationResult) -> Page:
     """Return the page of a calibration's result."""
     return study_page(
         title=f"{findings.study}: torque from EMG",
-        headline=prose(findings.headline),
+        headline=typeset_sentence(findings.headline),
         tiles=_tiles(findings),
         sections=tuple(
             filter(
@@ -142,7 +142,8 @@ def _torque_section(findings: CalibrationResult) -> Section:
 def _verdicts_section(findings: CalibrationResult) -> Section | None:
     """Return the section with the remaining verdicts, the worst first; None if there are none."""
     said = tuple(
-        (v.kind, prose(v.said)) for v in rank_verdicts(v for v in findings.verdicts if not _invalidates_results(v))
+        (v.kind, typeset_sentence(v.said))
+        for v in rank_verdicts(v for v in findings.verdicts if not _invalidates_results(v))
     )
     return Section("emg_known", "What is to be known", verdicts=said) if said else None
 
@@ -183,7 +184,7 @@ def _muscles_section(findings: CalibrationResult) -> Section | None:
             tuple(
                 Row(
                     (
-                        prose(p.name.replace("_", " ")), number(p.value, digits=3),
+                        typeset_sentence(p.name.replace("_", " ")), number(p.value, digits=3),
                         "–" if p.at_bound else " to ".join(number(x, digits=3) for x in p.interval()), p.unit,
                         "undetermined: on a bound" if p.at_bound else "yes" if p.identifiable else "no",
                     )

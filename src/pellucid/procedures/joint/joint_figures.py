@@ -20,16 +20,16 @@ from ...fit.joint.friction_family import FamilyFit
 from ...fit.joint.replay import Simulation
 from ...models.friction import FrictionCurve, friction_curve
 from ...models.friction_terms import FAMILIES_BY_NAME, grows_with_load
-from ...pages.quantities import EFFORTS, METHODS, READINGS, label, percent, unit_text
+from ...pages.quantities import EFFORT_NAMES, METHODS, MOTION_READINGS, parameter_label, percent, unit_text
 from ...pages.series import (
     autocorrelation,
     busiest,
     by_recording,
     difference_unit,
-    joined,
+    join_arrays,
+    join_stretches,
     pooled_error,
     running_median,
-    whole,
 )
 from .joint_result import JointResult, Trace
 
@@ -45,7 +45,7 @@ SPLIT_LABELS = {"fitted": "fitted", "heldout": "held out"}
 
 def recordings(traces: Sequence[Trace], fit: JointResult, name: str = "recordings") -> Drawing:
     """Draw position, velocity and effort of each recording against time, coloured by split."""
-    reading = READINGS[fit.motion]
+    reading = MOTION_READINGS[fit.motion]
     figure = Figure(figsize=(FIGURE_WIDTH, 5.4), layout="constrained")
     axes = figure.subplots(
         3, len(traces), sharey="row", sharex="col", squeeze=False, width_ratios=_durations([t.time for t in traces])
@@ -83,7 +83,7 @@ def effort(fit: JointResult, family: FamilyFit, name: str = "effort") -> Drawing
     gaps = False
     for row, group in enumerate(shown):
         first = group[0]
-        time, measured, predicted = joined(group, lambda p: p.time, lambda p: p.effort, lambda p: p.predicted)
+        time, measured, predicted = join_arrays(group, lambda p: p.time, lambda p: p.effort, lambda p: p.predicted)
         half = first.half_width
         gaps = gaps or len(broken(time, predicted)[0]) > len(time)
         wide, zoom = axes[row]
@@ -138,9 +138,9 @@ def simulation(
     fit: JointResult, simulations: Mapping[str, Sequence[Simulation]], mode: str, name: str = "simulation"
 ) -> Drawing:
     """Draw measured and simulated motion, and their difference in position, for one mode of simulation."""
-    reading = READINGS[fit.motion]
+    reading = MOTION_READINGS[fit.motion]
     reference = next(iter(simulations))
-    chosen = _shown([whole(g) for g in by_recording(simulations[reference])])
+    chosen = _shown([join_stretches(g) for g in by_recording(simulations[reference])])
     figure = Figure(figsize=(FIGURE_WIDTH, 7.0), layout="constrained")
     axes = figure.subplots(
         4,
@@ -166,7 +166,7 @@ def simulation(
             )  # fmt: skip
         for k, (method, runs) in enumerate(simulations.items()):
             tone = colour(run.split) if method == reference else colour("load")
-            for r in (whole(g) for g in by_recording(runs) if g[0].recording == run.recording):
+            for r in (join_stretches(g) for g in by_recording(runs) if g[0].recording == run.recording):
                 difference = off_scale * (r.measured["position"] - r.simulated["position"])
                 line(off, r.time, difference, color=tone, linewidth=1.0, zorder=3 - 0.1 * k)
         for axis, text in zip(
@@ -210,7 +210,7 @@ def simulation(
 
 def residuals(fit: JointResult, family: FamilyFit, name: str = "residuals") -> Drawing:
     """Draw residual effort against position, velocity and load, with running medians."""
-    reading = READINGS[fit.motion]
+    reading = MOTION_READINGS[fit.motion]
     unit = unit_text(fit.effort_unit)
     figure = Figure(figsize=(FIGURE_WIDTH, 3.3), layout="constrained")
     axes = figure.subplots(1, 3, sharey=True)
@@ -295,7 +295,7 @@ def friction(fit: JointResult, name: str = "friction") -> Drawing:
         f"{best.family} friction, the best family" if len(fit.families) > 1 else f"{best.family} friction", pad=9
     )
     ends = []
-    reading = READINGS[fit.motion]
+    reading = MOTION_READINGS[fit.motion]
     for family in fit.families.values():
         velocity = _velocities(fit, family)
         is_best = family.family == fit.best
@@ -355,7 +355,7 @@ def families(fit: JointResult, name: str = "families") -> Drawing:
 
 
 def _friction_panel(axis: Axes, fit: JointResult, family: FamilyFit) -> None:
-    reading = READINGS[fit.motion]
+    reading = MOTION_READINGS[fit.motion]
     chosen = [p for p in family.predictions if p.split == "fitted"] or list(family.predictions)
     offset = family["offset"].value if "offset" in family.model.names else family.model.known.get("offset", 0.0)
     x = reading.scale * np.concatenate([p.velocity for p in chosen])
@@ -444,7 +444,7 @@ def estimators(fit: JointResult, family: FamilyFit, name: str = "estimators") ->
         axis.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
         axis.spines["left"].set_visible(False)
         unit = unit_text(family.model.unit(parameter))
-        axis.set_title(label(parameter) + (f" ({unit})" if unit else ""), fontsize=8.5)
+        axis.set_title(parameter_label(parameter) + (f" ({unit})" if unit else ""), fontsize=8.5)
         if k % columns:
             axis.tick_params(axis="y", labelleft=False)
     return Drawing(
@@ -491,7 +491,7 @@ def heldout(fit: JointResult, name: str = "heldout") -> Drawing:
 
 
 def _effort_label(fit: JointResult) -> str:
-    return f"{EFFORTS.get(fit.effort_unit, 'Effort')} ({unit_text(fit.effort_unit)})"
+    return f"{EFFORT_NAMES.get(fit.effort_unit, 'Effort')} ({unit_text(fit.effort_unit)})"
 
 
 def _durations(times: Iterable[np.ndarray]) -> list[float]:

@@ -12,19 +12,19 @@ from ...fit.joint.joint_estimate import JointEstimate
 from ...fit.parameter import Parameter
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import (
-    EFFORTS,
+    EFFORT_NAMES,
     FAMILIES,
     METHODS,
     MODES,
-    READINGS,
+    MOTION_READINGS,
     interval,
-    label,
     number,
     parameter_interval,
+    parameter_label,
     parameter_note,
     percent,
-    prose,
     relative_sd,
+    typeset_sentence,
     unit_text,
 )
 from ...pages.series import whole_recordings
@@ -53,7 +53,7 @@ def page(study: Study, result: JointResult) -> Page:
     result = result.for_page()
     best = result.headlined
     simulated, compared = result.simulated, _compared_family(result)
-    effort = EFFORTS.get(result.effort_unit, "Effort").lower()
+    effort = EFFORT_NAMES.get(result.effort_unit, "Effort").lower()
     several = len(result.families) > 1
     sections = [
         Section(
@@ -64,7 +64,7 @@ def page(study: Study, result: JointResult) -> Page:
                 f"{_by_whom(best)} The last digit shown is the second uncertain one.",
             ),
             (_parameters(result, best.estimate, result.confidence),),
-            notes=tuple(prose(note) for note in best.estimate.notes),
+            notes=tuple(typeset_sentence(note) for note in best.estimate.notes),
             folded=tuple(
                 (f"The {f.family} model", _parameters(result, f.estimate, result.confidence))
                 for f in result.families.values()
@@ -110,7 +110,7 @@ def page(study: Study, result: JointResult) -> Page:
         )
     return study_page(
         title=f"{result.study}: identified joint",
-        headline=prose(_headline(study, result)),
+        headline=typeset_sentence(_headline(study, result)),
         tiles=_tiles(result, result.confidence),
         sections=(*sections, _provenance(study, result)),
         verdicts=result.verdicts,
@@ -175,7 +175,7 @@ def _headline(study: Study, fit: JointResult) -> str:
     wrong = any(v.kind == "wrong" for v in fit.verdicts)
     text = "These figures are not the machine's before what stands first below is mended. " if wrong else ""
     text += f"The {study.rig.joint} is a {fit.motion} joint, identified from {recordings(used['fitted'])}. "
-    effort = EFFORTS.get(fit.effort_unit, "effort").lower()
+    effort = EFFORT_NAMES.get(fit.effort_unit, "effort").lower()
     if np.isfinite(best.heldout_effort_error):
         text += (
             f"On {recordings(used['heldout'])} it has never seen, its model predicts the {effort} with an error of "
@@ -230,7 +230,9 @@ def _by_whom(best: FamilyFit) -> str:
 
 def _tile(p: Parameter, level: float) -> Tile:
     more = f"{parameter_interval(p, level)} ({100.0 * level:.4g} %)"
-    return Tile(label(p.name).replace(" friction", ""), number(p.value, p.standard_error), unit_text(p.unit), more)
+    return Tile(
+        parameter_label(p.name).replace(" friction", ""), number(p.value, p.standard_error), unit_text(p.unit), more
+    )
 
 
 def _parameters(fit: JointResult, estimate: JointEstimate, level: float) -> Table:
@@ -245,7 +247,7 @@ def _parameters(fit: JointResult, estimate: JointEstimate, level: float) -> Tabl
     if fit.drive_constant is not None:
         shown.append(fit.drive_constant)
     for p in shown:
-        cells = [label(p.name), number(p.value, p.standard_error), unit_text(p.unit) or "–"]
+        cells = [parameter_label(p.name), number(p.value, p.standard_error), unit_text(p.unit) or "–"]
         cells.append(parameter_interval(p, level))
         if booted:
             cells.append(interval(*p.bootstrap, p.standard_error) if p.bootstrap is not None else "–")
@@ -363,7 +365,7 @@ def _p_value(p: float) -> str:
 
 
 def _simulated(fit: JointResult, family: FamilyFit | None) -> Table:
-    reading = READINGS[fit.motion]
+    reading = MOTION_READINGS[fit.motion]
     rows = []
     runs = [
         (method, s)
@@ -393,7 +395,7 @@ def _simulated(fit: JointResult, family: FamilyFit | None) -> Table:
         "Position (%)",
         "Velocity (%)",
         "Acceleration (%)",
-        f"{EFFORTS.get(fit.effort_unit, 'Effort')} (%)",
+        f"{EFFORT_NAMES.get(fit.effort_unit, 'Effort')} (%)",
         f"Position RMSE ({reading.position})",
     )
     return Table(
@@ -423,7 +425,7 @@ def _estimators(family: FamilyFit, level: float) -> Table:
     rows = []
     for name in family.model.names:
         unit = unit_text(family.model.unit(name))
-        cells = [label(name) + (f" ({unit})" if unit else "")]
+        cells = [parameter_label(name) + (f" ({unit})" if unit else "")]
         for p in (estimate.get(name) for estimate in estimates.values()):
             if p is None:
                 cells.append("held")
@@ -450,7 +452,7 @@ def _estimators(family: FamilyFit, level: float) -> Table:
 
 def _provenance(study: Study, fit: JointResult) -> Section:
     rig = study.rig
-    effort = EFFORTS.get(fit.effort_unit, "Effort")
+    effort = EFFORT_NAMES.get(fit.effort_unit, "Effort")
     entries = [
         ("Joint", f"{rig.joint}, {fit.motion}" + (f"; positive is {fit.lifts}" if fit.lifts else "")),
         (effort, _drive(study, fit)),

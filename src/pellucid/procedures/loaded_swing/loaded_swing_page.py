@@ -5,7 +5,7 @@ from __future__ import annotations
 from ...drawing.drawing import Drawing, draw
 from ...pages.over_time import Traces, over_time
 from ...pages.page import Page, Section, Tile
-from ...pages.quantities import number, prose
+from ...pages.quantities import number, typeset_sentence
 from ...recordings.study import Study
 from ..study_page import figure_tables, parameter_tables, study_page
 from .identify_loaded_swing import LoadedSwingResult
@@ -34,7 +34,7 @@ def page(study: Study, findings: LoadedSwingResult) -> Page:
     ]
     return study_page(
         title=f"{findings.study}: legs in an exoskeleton",
-        headline=prose(findings.headline),
+        headline=typeset_sentence(findings.headline),
         verdicts=findings.verdicts,
         tiles=tuple(tiles),
         sections=(

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..._atomic import write_text_atomically
 from ..._errors import RecordingError
-from ..._given import words_in_csv
+from ..._given import csv_cell
 from ...drawing.line_points import outline
 from ...fit.parameter import Verdict
 from ...recordings.fault import Fault
@@ -70,7 +70,7 @@ class OnsetResult(Result):
         for each in self.muscles:
             for b in each.bursts:
                 numbers = b.onset.time, b.onset.low, b.onset.high, b.end.time, b.end.low, b.end.high, b.crossed, b.rms
-                words = words_in_csv(each.recording), words_in_csv(each.muscle)
+                words = csv_cell(each.recording), csv_cell(each.muscle)
                 out.writerow((*words, *(f"{x:.6g}" for x in numbers)))
         write_text_atomically(folder / "onsets.csv", text.getvalue())
 

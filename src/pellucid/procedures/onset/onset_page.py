@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ...drawing.drawing import draw
 from ...pages.page import Page, Section, Tile
-from ...pages.quantities import prose
+from ...pages.quantities import typeset_sentence
 from ...recordings.study import Study
 from ..study_page import figure_tables, study_page
 from .find_onsets import MAX_DRAWN_RECORDINGS, OnsetResult
@@ -37,7 +37,7 @@ def page(study: Study, found: OnsetResult) -> Page:
     )
     return study_page(
         title=f"{found.study}: muscle onset",
-        headline=prose(found.headline),
+        headline=typeset_sentence(found.headline),
         tiles=(Tile("Bursts", str(count), "", f"{len(names)} recordings"),),
         sections=(
             Section("onset_bursts", "When muscles become active", (said,), figure_tables(found), drawings, notes),

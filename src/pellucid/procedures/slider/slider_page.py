@@ -12,7 +12,7 @@ from ...models.friction_terms import COULOMB, LOAD_FRICTION, LOAD_GENERATING, LO
 from ...models.joint import GRAVITY, PARAMETER_INDEX
 from ...models.slider_joint import BODY_UNITS
 from ...pages.page import Page, Section, Tile
-from ...pages.quantities import number, parameter_interval, parameter_note, prose, relative_sd, unit_text
+from ...pages.quantities import number, parameter_interval, parameter_note, relative_sd, typeset_sentence, unit_text
 from ...pages.tables import Row, Table
 from ...recordings.study import Study
 from ..study_page import provenance, study_page
@@ -386,7 +386,7 @@ def _methods(fit: SliderFit, level: float) -> Section:
         "Methods",
         (f"Signals: {fit.filter_note}.",),
         (Table(heads, tuple(rows), frozenset(range(1, len(heads))), caption, True), *others),
-        notes=tuple(prose(note) for note in notes),
+        notes=tuple(typeset_sentence(note) for note in notes),
     )
 
 

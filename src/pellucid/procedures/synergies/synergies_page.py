@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ...drawing.drawing import draw
 from ...pages.page import Page, Section
-from ...pages.quantities import prose
+from ...pages.quantities import typeset_sentence
 from ...recordings.study import Study
 from ..study_page import figure_tables, study_page
 from . import synergies_figures as figures
@@ -58,7 +58,7 @@ def page(study: Study, found: SynergiesResult) -> Page:
         sections.append(Section("synergies_alike", "How alike", (said,), figure_tables(found, "How alike")))
     return study_page(
         title=f"{found.study}: muscle synergies",
-        headline=prose(found.headline),
+        headline=typeset_sentence(found.headline),
         tiles=(),
         sections=sections,
         verdicts=found.verdicts,

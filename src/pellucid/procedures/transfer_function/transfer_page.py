@@ -9,7 +9,7 @@ import numpy as np
 from ...drawing.drawing import Drawing, draw
 from ...fit.transfer.transfer_function_fit import Response, TransferFit
 from ...pages.page import Page, Section, Tile
-from ...pages.quantities import number, parameter_interval, prose, relative_sd, unit_text
+from ...pages.quantities import number, parameter_interval, relative_sd, typeset_sentence, unit_text
 from ...pages.tables import Row, Table
 from ...recordings.study import Study
 from ..study_page import figure_tables, provenance, study_page
@@ -88,7 +88,7 @@ def _found(found: TransferResult) -> Section:
         rows.append(Row((name.replace("_", " "), _percent(value), _percent(out), *cells), name == best))
     tables = [Table(heads, tuple(rows), frozenset(range(1, len(heads))), "Every recording's transfer function.", True)]
     if found.refused:
-        reasons = tuple(Row((name.replace("_", " "), prose(why))) for name, why in found.refused.items())
+        reasons = tuple(Row((name.replace("_", " "), typeset_sentence(why))) for name, why in found.refused.items())
         tables.append(Table(("Recording", "Why it was refused"), reasons, wide=True))
     return Section(
         "found",

@@ -11,7 +11,15 @@ from ...fit.parameter import Parameter
 from ...fit.tree.friction_terms import sum_friction
 from ...fit.tree.tree_verdicts import parameter_verdict
 from ...pages.page import Page, Section, Tile
-from ...pages.quantities import label, number, parameter_interval, percent, prose, relative_sd, unit_text
+from ...pages.quantities import (
+    number,
+    parameter_interval,
+    parameter_label,
+    percent,
+    relative_sd,
+    typeset_sentence,
+    unit_text,
+)
 from ...pages.tables import Row, Table, number_table
 from ...recordings.study import Study
 from ..study_page import figure_tables, provenance, study_page
@@ -81,7 +89,7 @@ def page(study: Study, result: TreeResult) -> Page:
     ]
     return study_page(
         title=f"{result.study}: identified robot",
-        headline=prose(_headline(result)),
+        headline=typeset_sentence(_headline(result)),
         tiles=_tiles(result),
         sections=(*sections, _provenance(study, result)),
         verdicts=result.verdicts,
@@ -192,7 +200,13 @@ def _published(found: TreeResult) -> tuple[tuple[str, Table], ...]:
             p = base.get(f"{joint}.{name}")
             if p is not None:
                 off = 100.0 * (p.value - value) / abs(value) if value else float("nan")
-                cells = (short(joint), label(name), number(p.value, p.standard_error), number(value), unit_text(p.unit))
+                cells = (
+                    short(joint),
+                    parameter_label(name),
+                    number(p.value, p.standard_error),
+                    number(value),
+                    unit_text(p.unit),
+                )
                 rows.append(Row((*cells, f"{off:+.1f}".replace("-", "−"))))
     if not rows:
         return ()

@@ -9,7 +9,7 @@ from scipy.special import ndtri
 
 from ....fit.joint.recording_agreement import BODY_PARAMETERS, Disagreement, find_disagreements
 from ....fit.parameter import Verdict
-from ....pages.quantities import label, number, unit_text
+from ....pages.quantities import number, parameter_label, unit_text
 from ..joint_case import JointCase
 
 MIN_SCALE_DIFFERENCE = 0.1
@@ -48,7 +48,7 @@ def _verdict(case: JointCase, each: Disagreement, rest: str, weight: float) -> V
 
     others = f"from '{rest}'" if rest else "from the others"
     apart = "; ".join(
-        f"{label(name)} is {text(name, each.own[name])} from it alone, {text(name, each.others[name])} {others}, "
+        f"{parameter_label(name)} is {text(name, each.own[name])} from it alone, {text(name, each.others[name])} {others}, "
         f"{number(each.together[name], digits=3)} from what was fitted"
         for name in each.own
     )

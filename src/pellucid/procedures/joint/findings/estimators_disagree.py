@@ -10,7 +10,7 @@ from scipy.special import ndtri
 from ....fit.block_test import HeldOutComparison
 from ....fit.joint.joint_estimate import JointEstimate
 from ....fit.parameter import Parameter, Verdict
-from ....pages.quantities import METHODS, label, number, unit_text
+from ....pages.quantities import METHODS, number, parameter_label, unit_text
 from ..joint_case import JointCase
 
 MIN_EFFORT_SHARE = 0.02
@@ -32,7 +32,8 @@ def find(case: JointCase) -> Iterator[Verdict]:
     involved = [m for m in estimates if m in shown]
     if apart:
         told = "; ".join(
-            f"{label(name)} is " + ", ".join(f"{_value(estimates[m][name])} by {METHODS[m]}" for m in ("ls", *methods))
+            f"{parameter_label(name)} is "
+            + ", ".join(f"{_value(estimates[m][name])} by {METHODS[m]}" for m in ("ls", *methods))
             for name, methods in apart.items()
         )
         text = f"Estimators disagree by more than their intervals: {told}. The model is not the whole truth, and each "
