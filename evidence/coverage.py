@@ -37,7 +37,8 @@ from pellucid.lab.bench.rig import BenchRig, bench_joint
 from pellucid.lab.elbow.protocol import trials
 from pellucid.lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from pellucid.lab.study import record_in_memory, write_study
-from pellucid.models.carried_friction import SteadyStates, is_friction
+from pellucid.models.carried_friction import SteadyStates
+from pellucid.models.friction_terms import is_friction
 from pellucid.models.slider_joint import SliderJointModel
 from pellucid.recordings.results import ResultRow
 from pellucid.signals.markers import slider_geometry
