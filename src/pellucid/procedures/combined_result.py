@@ -1,4 +1,4 @@
-"""What several procedures found in one study, as one result."""
+"""Results of several procedures of one study as one result."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ class CombinedResult(Result):
 
     @property
     def each(self) -> tuple[Result, ...]:
-        """The results that it is made of."""
+        """Results of the single procedures."""
         return self.parts
 
     @property
     def prose(self) -> str:
-        """What each part says in sentences for a paper."""
+        """Sentences of all parts for a paper."""
         return "\n\n".join(part.prose for part in self.parts if part.prose)
 
     def written(self, study: Study) -> str:
-        """Where each part's cards, and whatever else it writes, are."""
+        """Return the places of all files that the parts write, in words."""
         return "; ".join(dict.fromkeys(part.written(study) for part in self.parts))

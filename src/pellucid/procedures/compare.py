@@ -1,4 +1,4 @@
-"""Did this joint change? Two model cards, parameter by parameter, with the uncertainty of both."""
+"""Compare two model cards of a joint, parameter by parameter, with the uncertainty of both."""
 
 from __future__ import annotations
 
@@ -17,32 +17,33 @@ from ..recordings.study import STUDY_FILE
 from .card_sources import require_fresh
 from .registry import open_study
 
-SURE = 2.8  # standard errors: a change of this size is found in 80 % of comparisons at the 5 % level
+DETECTABLE_STANDARD_ERRORS = 2.8
+"""Size of a detectable change in standard errors. It is found in 80 % of comparisons at the 5 % level."""
 
 
 @dataclass(frozen=True)
 class ComparedParameter:
-    """One parameter of two cards: values, the standard error of their difference, z, and Holm's adjusted p value."""
+    """Comparison of one parameter of two cards."""
 
     name: str
     unit: str
-    a: float
-    b: float
-    standard_error: float
-    z: float
-    p_value: float
-    changed: bool
+    a: float  # value on the first card
+    b: float  # value on the second card
+    standard_error: float  # standard error of the difference
+    z: float  # difference divided by its standard error
+    p_value: float  # p value with Holm's adjustment
+    changed: bool  # whether the change is significant
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Rows in the cards' order, the joint test over all of them, and plain sentences."""
+    """Comparison of two cards."""
 
     family: str
-    rows: tuple[ComparedParameter, ...]
-    statistic: float
-    p_value: float
-    verdicts: tuple[Verdict, ...]
+    rows: tuple[ComparedParameter, ...]  # parameters in the cards' order
+    statistic: float  # statistic of the joint test over all parameters
+    p_value: float  # p value of the joint test
+    verdicts: tuple[Verdict, ...]  # results in plain sentences
 
 
 def compare(
@@ -61,14 +62,14 @@ def compare(
     a, b : path
         Study folders that were identified, or model cards.
     family : str, optional
-        Friction family to compare; the first card's best one, where both studies have it.
+        Friction family to compare; by default the first card's best one, if both studies have it.
     level : float
-        Confidence of the tests, over all parameters together.
+        Confidence level of the tests, over all parameters together.
     allow_outside : bool
         Whether recordings of the studies may lie outside their folders.
     accept_stale : bool
-        Whether cards of a study are compared that were made from something else than the study as it is now. A card
-        that is named itself is compared as it is.
+        Whether stale cards, made from an earlier state of the study, are compared. A card that is named itself is
+        compared as it is.
 
     Returns
     -------
@@ -131,7 +132,7 @@ def _fresh_card(path: Path, family: str | None, allow_outside: bool, accept_stal
 def _card(path: Path, family: str | None) -> Card | TreeCard:
     if path.is_file() and path.name.startswith("tree."):
         return read_tree_card(path)
-    # Base parameters with plain friction are the same ones in every study of a robot.
+    # Base parameters with plain friction are the same in every study of a robot.
     tree = path / "models" / f"tree.{family or 'base'}.json"
     if tree.is_file():
         return read_tree_card(tree)
@@ -140,14 +141,14 @@ def _card(path: Path, family: str | None) -> Card | TreeCard:
     slider = path / "models" / f"slider.{family or 'load'}.json"
     if slider.is_file():
         return read_slider_card(slider)
-    # A headline may be by any estimator; like is compared with like, by least squares.
+    # The chosen estimators may differ, so least-squares estimates are compared.
     family = family or read_card(path / "models" / "joint.json").family
     return read_card(path / "models" / f"joint.{family}.json")
 
 
 def _part(card: Card | TreeCard, names: list[str]) -> np.ndarray:
     index = [i for n in names for i, p in enumerate(card.parameters) if p.name == n]
-    # What the model leaves out is the same joint's both times, and no change.
+    # Effects that the model neglects are the same on both cards and cause no change, so they are not counted.
     return np.array(card.statistical or card.covariance)[np.ix_(index, index)]
 
 
@@ -162,7 +163,11 @@ def _holm(p: np.ndarray) -> np.ndarray:
 def _sentences(rows: tuple[ComparedParameter, ...], p_value: float, level: float) -> tuple[Verdict, ...]:
     changed = [r for r in rows if r.changed]
     if not changed:
-        shares = {r.name: 100.0 * SURE * r.standard_error / abs(r.a) for r in rows if r.a and r.standard_error}
+        shares = {
+            r.name: 100.0 * DETECTABLE_STANDARD_ERRORS * r.standard_error / abs(r.a)
+            for r in rows
+            if r.a and r.standard_error
+        }
         visible = ", ".join(f"{n.replace('_', ' ')} {s:.2g} %" for n, s in shares.items() if s < 100.0)
         small = f" Changes that would have shown: {visible}." if visible else ""
         return (Verdict("good", f"No parameter changed beyond its uncertainty (joint p = {p_value:.2g}).{small}"),)

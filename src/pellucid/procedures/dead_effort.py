@@ -1,5 +1,4 @@
-"""Efforts that say nothing: a torque, force, current, voltage or duty that stays one value in all that is used, or that
-is another channel's copy."""
+"""Detect dead efforts: a torque, force, current, voltage or duty that is constant, or a copy of another channel."""
 
 from __future__ import annotations
 
@@ -17,40 +16,43 @@ from ..signals.motion import lowpassed, shortest
 from .joint.recorded_motions import filtering_of, stretches_of
 
 SAME_VALUE_TOLERANCE = 1e-9
-"""Values count as one if they differ by less than this share of the largest of them: a unit was converted."""
+"""Values count as equal if they differ by less than this share of the largest one, which unit conversion may cause."""
 
 MAX_DEAD_LEVELS = 3
-"""Neighbouring values that a dead channel takes at most: the last digit of what reads it goes up and down by one."""
+"""Largest number of neighbouring values of a dead channel, because the last digit of its converter may fluctuate."""
 
 MIN_EXPLAINED_SHARE = 0.5
-"""A channel of so few values is a drive that switches if the motion explains at least this share of its variance."""
+"""A channel with so few values is a switching drive if the motion explains at least this share of its variance."""
 
 LEVEL_SAMPLE_COUNT = 5000
-"""Samples, spread over a recording, that are watched at first: most channels show there that they take many values."""
+"""Number of samples, spread over a recording, that are checked first. They suffice for most live channels."""
 
-COPIED = {"time", "position", "motor_position", "velocity"}
-"""First parts of the names of channels whose copy is no effort."""
+UNCOPYABLE_QUANTITIES = {"time", "position", "motor_position", "velocity"}
+"""Quantities that an effort channel must not be a copy of."""
 
 COPY_TOLERANCE = 1e-6
 """Two channels of one column are copies if a factor and an offset explain all but this share of the largest sample."""
 
-USES = {"fit": "fitted", "validate": "held-out"}
+USE_NAMES = {"fit": "fitted", "validate": "held-out"}
+"""Names of the uses of recordings in messages."""
 
 
 def dead_effort_faults(study: Study) -> list[Fault]:
-    """Each effort that is dead in everything that is fitted, or in everything that is held out; and, as a note, each
-    that stays one value through one recording in which its joint moves."""
-    return [fault for use in USES for fault in _of_use(study, study.recordings(use), USES[use])]
+    """Return a fault for each effort that is dead in all fitted or in all held-out recordings.
+
+    An effort that is constant in a single recording in which its joint moves gives a note.
+    """
+    return [fault for use in USE_NAMES for fault in _faults_of_use(study, study.recordings(use), USE_NAMES[use])]
 
 
 def require_live_effort(study: Study) -> None:
-    """Refuse a study of which an effort is dead."""
+    """Refuse a study with a dead effort."""
     refused = [fault.message for fault in dead_effort_faults(study) if fault.severity == "refuse"]
     if refused:
         raise UnfitRecordingError("\n".join(refused))
 
 
-def _of_use(study: Study, recordings: Sequence[Recording], use: str) -> Iterator[Fault]:
+def _faults_of_use(study: Study, recordings: Sequence[Recording], use: str) -> Iterator[Fault]:
     efforts: dict[str, list[tuple[Recording, str, np.ndarray]]] = {}
     for recording in recordings:
         watched = watched_part(recording, study.config, study.specs_of(recording), study.processing_of(recording))
@@ -83,7 +85,7 @@ def _of_use(study: Study, recordings: Sequence[Recording], use: str) -> Iterator
 def _dead_in_one(
     study: Study, drive: str, seen: Sequence[tuple[Recording, str, np.ndarray]], unit: str
 ) -> Iterator[Fault]:
-    """Recordings in which the joint moves while its effort, which is alive elsewhere, stays one value."""
+    """Yield a note on recordings in which the joint moves with a constant effort that is alive elsewhere."""
     for recording, position, samples in seen:
         levels = _levels([samples])
         if levels is not None and levels.size == 1 and _levels([recording[position]]) is None:
@@ -93,10 +95,10 @@ def _dead_in_one(
 
 
 def _copied(recording: Recording, drive: str) -> Iterator[Fault]:
-    """Channels of time or motion whose samples are the effort's, or of which the same column of the file is read."""
+    """Yield a fault for channels of time or motion that are copies of the effort, or read from the same column."""
     effort = recording.channels[drive]
     for name, channel in recording.channels.items():
-        if name.partition(".")[0] not in COPIED or _levels([channel.samples]) is not None:
+        if name.partition(".")[0] not in UNCOPYABLE_QUANTITIES or _levels([channel.samples]) is not None:
             continue
         same = np.array_equal(channel.samples, effort.samples, equal_nan=True)
         if same or (channel.column == effort.column and _is_proportional(channel.samples, effort.samples)):
@@ -106,7 +108,7 @@ def _copied(recording: Recording, drive: str) -> Iterator[Fault]:
 
 
 def _is_proportional(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two signals, each (n,), differ by no more than a factor and an offset: units were converted."""
+    """Return whether two signals, each (n,), differ only by a factor and an offset, as after unit conversion."""
     known = np.isfinite(one) & np.isfinite(other)
     one, other = one[known] - one[known].mean(), other[known] - other[known].mean()
     factor = float(one @ other) / max(float(one @ one), np.finfo(float).tiny)
@@ -119,8 +121,10 @@ def _fault(severity: str, file: str, channel: str, found: str, wanted: str, kind
 
 
 def _levels(parts: Sequence[np.ndarray]) -> np.ndarray | None:
-    """The few neighbouring values that all samples of `parts`, each (n,), take; None where there are more, or where
-    one is further from the next than a single step."""
+    """Return the few neighbouring values that all samples of `parts`, each (n,), take.
+
+    Returns None if there are more values, or if one is more than a single step from the next.
+    """
     parts = [part[np.isfinite(part)] for part in parts]
     for thin in (True, False):
         values = np.concatenate([p[:: max(1, len(p) // LEVEL_SAMPLE_COUNT) if thin else 1] for p in parts])
@@ -136,8 +140,10 @@ def _levels(parts: Sequence[np.ndarray]) -> np.ndarray | None:
 
 
 def _explained(study: Study, drive: str, recordings: Sequence[Recording]) -> float:
-    """Share of an effort's variance that a linear regression on the motion of all joints explains, after the filters
-    of the study; 0 where nothing is left to regress on."""
+    """Return the share of an effort's variance that a linear regression on the filtered motion of all joints explains.
+
+    Returns 0 if no samples are left.
+    """
     rows, efforts = [], []
     for recording in recordings:
         processing = study.processing_of(recording)

@@ -1,4 +1,4 @@
-"""What is worth telling of a result: a folder of files, one for each finding, asked in turn and told worst first."""
+"""Collect the findings on a result from a folder with one file for each finding."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from ..fit.parameter import Verdict, rank_verdicts
 
 
 def finders(folder: ModuleType) -> Iterator[tuple[str, ModuleType]]:
-    """Name and module of every finding: a module of the package `folder` with a function ``find(case)``."""
+    """Yield the name and module of every finding: a module of the package `folder` with a function ``find(case)``."""
     for info in iter_modules(folder.__path__):
         module = import_module(f"{folder.__name__}.{info.name}")
         if hasattr(module, "find"):
             yield info.name, module
 
 
-def findings_of(folder: ModuleType, case: Any) -> tuple[Verdict, ...]:
-    """Everything that the findings of a package `folder` say of a `case`, worst first, each under its file's name."""
+def collect_findings(folder: ModuleType, case: Any) -> tuple[Verdict, ...]:
+    """Return the verdicts of all findings in a package on a `case`, worst first, each under its file's name."""
     told = (replace(v, finding=v.finding or name) for name, module in finders(folder) for v in module.find(case))
     return rank_verdicts(told)

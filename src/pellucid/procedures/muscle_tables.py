@@ -1,4 +1,4 @@
-"""What tables of study.toml have in common that ask for the activity of muscles."""
+"""Common fields of the tables of study.toml that request the activity of muscles."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ..recordings.study_fields import ProcedureTable, Word, quantity
 
 
 class MuscleTable(ProcedureTable):
-    """What tables of muscle activity have in common.
+    """Common fields of the tables of muscle activity.
 
     Attributes
     ----------
@@ -24,12 +24,12 @@ class MuscleTable(ProcedureTable):
     bridges = False
 
     def reads(self, channel: str, stream: str) -> bool:
-        """EMG, wherever it is."""
+        """Return whether a channel is EMG, in any stream."""
         return channel.startswith("emg.") and stream in ("", self.emg)
 
 
 class EnvelopeTable(MuscleTable):
-    """The same of envelopes.
+    """Common fields of the tables of EMG envelopes.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""A posterior beside the intervals of a fit: where the two agree, and what it says where an interval is refused."""
+"""Compare a posterior with the intervals of a fit, and report it where an interval is refused."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ AGREEMENT_FACTOR = 2.0
 
 
 @dataclass(frozen=True)
-class Beside:
-    """One parameter, by a fit and by a posterior."""
+class ComparedPosterior:
+    """One parameter by a fit and by a posterior."""
 
-    fitted: Parameter
-    drawn: DrawnParameter
+    fitted: Parameter  # parameter by the fit
+    drawn: DrawnParameter  # parameter by the posterior
 
     def widths(self, level: float) -> float:
-        """The posterior's width over the interval's; NaN where there is none to compare with."""
+        """Return the posterior's width divided by the interval's; NaN without an interval."""
         p = self.fitted
         if p.refused or p.at_bound or not p.standard_error > 0.0:
             return float("nan")
         return float(np.ptp(self.drawn.interval(level)) / np.ptp(p.interval(level)))
 
     def told(self, level: float) -> str:
-        """What the two together say, in a few words; empty where they agree."""
+        """Return the disagreement in a few words; empty if both agree."""
         ratio = self.widths(level)
         if self.drawn.refused:
             return "not settled"
@@ -47,13 +47,13 @@ class Beside:
         return ""
 
 
-def beside(parameters: Sequence[Parameter], posterior: Posterior) -> tuple[Beside, ...]:
-    """Parameters that a posterior has too, each beside it."""
-    return tuple(Beside(p, posterior[p.name]) for p in parameters if p.name in posterior)
+def pair_with_posterior(parameters: Sequence[Parameter], posterior: Posterior) -> tuple[ComparedPosterior, ...]:
+    """Pair each parameter with that of the posterior, if the posterior has it."""
+    return tuple(ComparedPosterior(p, posterior[p.name]) for p in parameters if p.name in posterior)
 
 
-def posterior_table(title: str, compared: Sequence[Beside], level: float) -> FigureTable:
-    """Interval and posterior in columns side by side."""
+def posterior_table(title: str, compared: Sequence[ComparedPosterior], level: float) -> FigureTable:
+    """Return a table with interval and posterior side by side."""
     share = f"{100.0 * level:g} %"
     heads = ("Parameter", "unit", f"{share} interval", "median", f"{share} posterior", "ratio of widths", "remark")
     rows = []
@@ -74,9 +74,13 @@ def posterior_table(title: str, compared: Sequence[Beside], level: float) -> Fig
     return FigureTable(title, heads[:some], tuple(row[:some] for row in rows))
 
 
-def posterior_rows(head: str, compared: Sequence[Beside], level: float, plain: ResultRow) -> Iterator[ResultRow]:
-    """`<head>.posterior.<name>`, the median with its interval, and `.width`, over that of the fit; what else to
-    say, `plain` does."""
+def posterior_rows(
+    head: str, compared: Sequence[ComparedPosterior], level: float, plain: ResultRow
+) -> Iterator[ResultRow]:
+    """Yield the rows `<head>.posterior.<name>`, the median with its interval, and `.width`, relative to the fit.
+
+    `plain` is a row with the remaining fields.
+    """
     for one in compared:
         drawn, ratio = one.drawn, one.widths(level)
         note = "; ".join(filter(None, (drawn.sentence(level), one.told(level), plain.note)))
@@ -88,9 +92,9 @@ def posterior_rows(head: str, compared: Sequence[Beside], level: float, plain: R
 
 
 def posterior_verdicts(
-    compared: Sequence[Beside], posterior: Posterior, level: float, who: str = ""
+    compared: Sequence[ComparedPosterior], posterior: Posterior, level: float, who: str = ""
 ) -> Iterator[Verdict]:
-    """Whether a posterior can be read, where it and an interval disagree, and what it says of those refused."""
+    """Yield verdicts on whether a posterior can be read, its disagreements, and its results for refused intervals."""
     head = f"{who}: " if who else ""
     if posterior.unsettled:
         yield Verdict(
@@ -98,7 +102,7 @@ def posterior_verdicts(
         )
         return
     told = [one for one in compared if not one.drawn.told_by_prior]
-    # Wider than what a posterior was told beforehand an interval may well be; narrower it should not.
+    # An interval may be wider than a posterior that the prior limits, but it should not be narrower.
     apart = [
         one
         for one in compared
@@ -135,7 +139,7 @@ def posterior_verdicts(
         )
 
 
-def _named(one: Beside) -> str:
+def _named(one: ComparedPosterior) -> str:
     return one.fitted.name.replace("_", " ")
 
 

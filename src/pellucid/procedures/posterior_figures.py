@@ -1,4 +1,4 @@
-"""A figure of what a posterior says beside the intervals of a fit."""
+"""Figure of a posterior and the intervals of a fit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from ..drawing.drawing import Drawing
 from ..drawing.style import FIGURE_WIDTH, colour
 from ..pages.quantities import parameter_label, unit_text
-from .posterior_beside import Beside
+from .posterior_beside import ComparedPosterior
 
 HISTOGRAM_BAR_COUNT = 25
 """Number of bars in a histogram."""
@@ -20,8 +20,8 @@ DRAWN_QUANTILES = (0.002, 0.998)
 """Quantiles between which the draws are drawn."""
 
 
-def posterior_figure(compared: Sequence[Beside], level: float, file: str = "posterior") -> Drawing:
-    """Draws of every parameter, and below them the posterior's interval and the fit's."""
+def posterior_figure(compared: Sequence[ComparedPosterior], level: float, file: str = "posterior") -> Drawing:
+    """Draw a histogram of every parameter, with the posterior's interval and the fit's below it."""
     columns = min(len(compared), {4: 4, 8: 4}.get(len(compared), 3))
     rows = -(-len(compared) // columns)
     figure = Figure(figsize=(FIGURE_WIDTH, 1.75 * rows), layout="constrained")

@@ -1,4 +1,4 @@
-"""What was found, as tables and sentences for a terminal or a notebook."""
+"""Print results as tables and sentences for a terminal or a notebook."""
 
 from __future__ import annotations
 
@@ -24,20 +24,27 @@ if TYPE_CHECKING:
     from ..fit.parameter import Parameter
     from .result import Result
 
-MARKS = {"good": ("+", "green"), "note": ("·", "dim"), "warning": ("!", "yellow"), "wrong": ("✗", "bold red")}
-WIDTH = 100
+VERDICT_MARKS = {"good": ("+", "green"), "note": ("·", "dim"), "warning": ("!", "yellow"), "wrong": ("✗", "bold red")}
+"""Mark and style of each kind of verdict."""
 
-GAP, EDGES = 3, 2
-"""Characters between a table's columns, and on its sides."""
+DEFAULT_WIDTH = 100
+"""Width of a printed result without a terminal, in characters."""
 
-_FIGURE = re.compile(r"[<>+−-]?\.?\d")
+COLUMN_GAP = 3
+"""Number of characters between a table's columns."""
 
-_JOINTS = re.compile(r"(?<=[._])")
-"""Where a name may be broken."""
+TABLE_EDGE_WIDTH = 2
+"""Number of characters on both sides of a table together."""
+
+_NUMBER_START = re.compile(r"[<>+−-]?\.?\d")
+"""Beginning of a cell that holds a number."""
+
+_BREAK_PLACES = re.compile(r"(?<=[._])")
+"""Places at which a name may be broken."""
 
 
 def print_result(out: Console, result: Result) -> None:
-    """Headline, every table, every verdict."""
+    """Print the headline, every table and every verdict."""
     out.print(f"\n{result.study}: {typeset_units(result.headline)}", markup=False)
     for title, heads, rows in _tables(result):
         out.print(f"\n{title}", markup=False)
@@ -50,15 +57,15 @@ def print_result(out: Console, result: Result) -> None:
         out.print()
 
 
-def printed(result: Result) -> str:
-    """`print_result` as a text."""
+def print_to_text(result: Result) -> str:
+    """Return the output of `print_result` as text."""
     text = StringIO()
-    print_result(Console(file=text, width=WIDTH, highlight=False, no_color=True), result)
+    print_result(Console(file=text, width=DEFAULT_WIDTH, highlight=False, no_color=True), result)
     return text.getvalue().strip("\n")
 
 
 def html_tables(result: Result) -> str:
-    """Every table as HTML."""
+    """Return every table as HTML."""
     made = []
     for title, heads, rows in _tables(result):
         head = "".join(f"<th>{escape(h.strip('>~'))}</th>" for h in heads)
@@ -68,12 +75,15 @@ def html_tables(result: Result) -> str:
 
 
 def say(out: Console, text: str) -> None:
-    """A line as it is: paths are neither wrapped nor read as markup."""
+    """Print a line unchanged: paths are neither wrapped nor read as markup."""
     out.print(text, markup=False, soft_wrap=True)
 
 
 def plain_table(*heads: str) -> Table:
-    """A table without frames; a head that begins with > sets its column to the right, one that ends with ~ may wrap."""
+    """Return a table without frames.
+
+    A head that begins with > aligns its column to the right. A column whose head ends with ~ may wrap.
+    """
     table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1), header_style="dim", safe_box=True)
     for head in heads:
         table.add_column(
@@ -85,12 +95,16 @@ def plain_table(*heads: str) -> Table:
 
 
 def fitting_tables(heads: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> list[Table]:
-    """A table, and where that is too wide for a terminal of `width` characters several with the same first columns:
-    words wrap, a figure is never cut."""
-    width -= EDGES
-    words = max(next((i for i, column in enumerate(zip(*rows, strict=True)) if any(map(_FIGURE.match, column))), 1), 1)
+    """Return a table that fits a terminal of `width` characters, or several tables with the same first columns.
+
+    Words may wrap, but numbers are never cut.
+    """
+    width -= TABLE_EDGE_WIDTH
+    words = max(
+        next((i for i, column in enumerate(zip(*rows, strict=True)) if any(map(_NUMBER_START.match, column))), 1), 1
+    )
     columns = [(head, [row[i] for row in rows]) for i, head in enumerate(heads)]
-    least = [_widths(head, cells)[0] + GAP for head, cells in columns]
+    least = [_widths(head, cells)[0] + COLUMN_GAP for head, cells in columns]
     own = min(sum(least[:words]), max(width // 2, width - max(least[words:], default=0)))
     parts: list[list[int]] = [[]]
     for i in range(words, len(columns)):
@@ -101,10 +115,10 @@ def fitting_tables(heads: Sequence[str], rows: Sequence[Sequence[str]], width: i
 
 
 def _fitted(columns: Sequence[tuple[str, Sequence[str]]], width: int) -> Table:
-    """A table whose columns are as wide as they need to be, and as they may."""
+    """Return a table whose columns share the available `width`."""
     table = plain_table(*(head for head, _ in columns))
     widths = [_widths(head, cells) for head, cells in columns]
-    free = max(width - sum(least + GAP for least, _ in widths), 0)
+    free = max(width - sum(least + COLUMN_GAP for least, _ in widths), 0)
     for column, (least, whole) in zip(table.columns, widths, strict=True):
         more = min(whole - least, free)
         column.width, column.no_wrap, column.overflow, free = least + more, False, "fold", free - more
@@ -115,11 +129,11 @@ def _fitted(columns: Sequence[tuple[str, Sequence[str]]], width: int) -> Table:
 
 
 def _broken(cell: str, width: int) -> str:
-    """A name that is too long for its column, on several lines: broken behind a dot or an underscore."""
-    if cell_len(cell) <= width or " " in cell or _FIGURE.match(cell):
+    """Break a name that is too long for its column into several lines, after a dot or an underscore."""
+    if cell_len(cell) <= width or " " in cell or _NUMBER_START.match(cell):
         return cell
     lines = [""]
-    for part in _JOINTS.split(cell):
+    for part in _BREAK_PLACES.split(cell):
         if lines[-1] and cell_len(lines[-1] + part) > width:
             lines.append("")
         lines[-1] += part
@@ -127,28 +141,28 @@ def _broken(cell: str, width: int) -> str:
 
 
 def _widths(head: str, cells: Sequence[str]) -> tuple[int, int]:
-    """Characters that a column needs at least, and to be whole: what holds figures needs all of them."""
+    """Return the smallest and the full width of a column in characters; a column of numbers needs its full width."""
     head = head.removeprefix(">").removesuffix("~")
     parts = [line for cell in (head, *cells) for line in cell.splitlines()]
     whole = max(map(cell_len, parts), default=0)
-    words = [part for cell in cells for word in cell.split() for part in _JOINTS.split(word)]
-    unbroken = [cell for cell in cells if _FIGURE.match(cell)] + head.split() + words
+    words = [part for cell in cells for word in cell.split() for part in _BREAK_PLACES.split(word)]
+    unbroken = [cell for cell in cells if _NUMBER_START.match(cell)] + head.split() + words
     return min(max(map(cell_len, unbroken), default=0), whole), whole
 
 
 def print_sentences(out: Console, items: Sequence[tuple[str, str]]) -> None:
-    """Sentences with a mark in front, wrapped and indented."""
+    """Print sentences with a mark in front, wrapped and indented."""
     grid = Table.grid(padding=(0, 1))
     for kind, text in items:
-        mark, style = MARKS.get(kind, ("·", "dim"))
-        # Folded, not cut: a message may hold an address longer than a line.
+        mark, style = VERDICT_MARKS.get(kind, ("·", "dim"))
+        # Long words are folded and not cut, because a message may contain an address longer than a line.
         grid.add_row(Text(mark, style=style), Text(text, overflow="fold"))
     if items:
         out.print(Padding(grid, 0))
 
 
 def _tables(result: Result) -> list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]]:
-    """Title, heads and cells of each table."""
+    """Return title, heads and cells of each table."""
     made = []
     for shown in result.tables:
         if isinstance(shown, ParameterTable):
@@ -177,9 +191,9 @@ def _parameter(p: Parameter, level: float) -> tuple[str, ...]:
 
 
 def _folded(head: str, cells: Sequence[str], rows: Sequence[Sequence[object]], column: int) -> str:
-    """A head on as many lines as keep it no wider than what stands below; figures stand to the right."""
+    """Break a head into lines no wider than its column; columns of numbers are aligned to the right."""
     head = typeset_units(head)
     width = max(map(len, [*head.split(), *cells]))
     head = "\n".join(wrap(head, width, break_long_words=False, break_on_hyphens=False))
-    # Words may wrap where a terminal is narrow; a figure that is cut is none.
+    # Words may wrap in a narrow terminal; numbers must not be cut.
     return f"{head}~" if any(isinstance(row[column], str) for row in rows) else f">{head}"

@@ -1,4 +1,4 @@
-"""What a procedure found, in one form that can be printed, saved, kept and drawn whatever was identified."""
+"""Common form of the result of any procedure, which can be printed, saved, kept and drawn."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class ParameterTable:
 
 @dataclass(frozen=True)
 class FigureTable:
-    """Figures under a title: `heads` name the columns with their units; None stands for a figure that is not there."""
+    """Figures under a title: `heads` name the columns with their units; None marks a missing figure."""
 
     title: str
     heads: tuple[str, ...]
@@ -46,10 +46,10 @@ class FigureTable:
 
 @dataclass(frozen=True, kw_only=True)
 class Result:
-    """Everything a procedure found; each procedure adds to it what its figures need.
+    """Result of a procedure; each procedure adds the data for its figures.
 
-    ``result["inertia"]`` is a parameter with its interval, ``print(result)`` what the command prints; a notebook shows
-    it as tables.
+    ``result["inertia"]`` is a parameter with its interval. ``print(result)`` prints the output of the command, and a
+    notebook shows tables.
 
     Attributes
     ----------
@@ -59,19 +59,19 @@ class Result:
         The result in one sentence.
     tables : tuple of ParameterTable or FigureTable
     verdicts : tuple of Verdict
-        What the recordings do and do not show, worst first.
+        Verdicts on the result and on the recordings, worst first.
     rows : tuple of ResultRow
-        Every figure, all of one command.
+        Result rows, all of one command.
     cards : Mapping[str, Card or ParameterCard or TreeCard or EmgEstimatorCard]
-        By the name of their file in ``models/``, without its ending.
+        Cards by the name of their file in ``models/``, without suffix.
     checksums : Mapping[str, str]
-        SHA-256 of the files it came from, by recording.
+        SHA-256 of the recorded files, by recording.
     confidence : float
-        Of the intervals.
+        Confidence level of the intervals.
     procedure, command : str
-        That found it.
+        Names of the procedure and of the command that made the result.
     made_from : str
-        Fingerprint of everything it was made from; with it a kept result is known to be fresh.
+        Fingerprint of all inputs, which shows whether a kept result is fresh.
     """
 
     study: str
@@ -88,7 +88,7 @@ class Result:
 
     @property
     def estimates(self) -> Mapping[str, Parameter]:
-        """Parameters by name; of several with one name, of several legs, say, each below the title of its table too."""
+        """Parameters by name; if several have one name, each is also listed with the title of its table."""
         found: dict[str, Parameter] = {}
         for table in self.tables:
             for parameter in table.parameters if isinstance(table, ParameterTable) else ():
@@ -97,12 +97,12 @@ class Result:
         return found
 
     def __getitem__(self, name: str) -> Parameter:
-        """A parameter by its name.
+        """Return a parameter by its name.
 
         Raises
         ------
         KeyError
-            If there is none of that name; the message has those that there are.
+            If there is none of that name; the message lists the available ones.
         """
         found = self.estimates
         if name not in found:
@@ -116,13 +116,13 @@ class Result:
         return name in self.estimates
 
     def __str__(self) -> str:
-        """What its command prints, 100 columns wide."""
-        from .print_result import printed
+        """Return the output of its command, 100 columns wide."""
+        from .print_result import print_to_text
 
-        return printed(self)
+        return print_to_text(self)
 
     def _repr_html_(self) -> str:
-        """Headline, tables and verdicts, for a notebook."""
+        """Return headline, tables and verdicts for a notebook."""
         from .print_result import html_tables
 
         said = "".join(f"<li>{escape(v.said)}</li>" for v in self.verdicts)
@@ -130,24 +130,24 @@ class Result:
 
     @property
     def each(self) -> tuple[Result, ...]:
-        """The results that it is made of, one of each procedure."""
+        """Results of the single procedures."""
         return (self,)
 
     @property
     def prose(self) -> str:
-        """What was found in sentences for a paper; empty, mostly."""
+        """Findings in sentences for a paper; empty for most procedures."""
         return ""
 
     def written(self, study: Study) -> str:
-        """Where its cards, and whatever else it writes, are."""
+        """Return the places of all files that the result writes, in words."""
         return f"Model cards in {study.models_dir}"
 
     def for_page(self) -> Self:
-        """The same without what no page draws, so that little is kept."""
+        """Return the result without data that no page draws, so that little is kept."""
         return self
 
     def save_more(self, study: Study) -> None:
-        """Whatever a procedure writes beside cards and rows; nothing, mostly."""
+        """Write files other than cards and rows; most procedures have none."""
 
     def save(self, study: Study) -> tuple[ResultRow, ...]:
         """Write every card, this command's rows in place of its earlier ones, and the result itself to be drawn later.
@@ -169,7 +169,7 @@ class Result:
         PellucidError
             If another command goes on writing this study's results for a minute.
         """
-        # Cards, rows and what is kept come from one command, however many run at once.
+        # A lock ensures that cards, rows and the kept result come from one command, even if several run at once.
         with hold_lock(study.results_path):
             remove_leftovers(study.made, study.models_dir, study.made / "kept", study.made / "tables")
             study.models_dir.mkdir(exist_ok=True)
@@ -222,7 +222,7 @@ class Result:
 
     @classmethod
     def kept(cls, study: Study, procedure: Procedure) -> Self | None:
-        """What was saved of a procedure; None where nothing was, or what it was made from has changed since."""
+        """Return the saved result of a procedure; None if there is none, or if its inputs have changed since."""
         made_from = fingerprint(study, procedure)
         paths = dict.fromkeys(each.kept_path(procedure.name) for each in (study, replace(study, out=None)))
         found = next((found for path in paths if (found := read_kept(path, made_from)) is not None), None)
@@ -239,12 +239,12 @@ def _write(path: Path, card: Card | ParameterCard | TreeCard | EmgEstimatorCard)
 
 
 def fingerprint(study: Study, procedure: Procedure) -> str:
-    """SHA-256 of everything that a procedure looks at: study.toml, recordings, cards, and Pellucid itself."""
+    """Return the SHA-256 of all inputs of a procedure: study.toml, recordings, cards, and Pellucid itself."""
     return study.fingerprint(procedure.inputs(study))
 
 
 def found_by(procedure: Procedure, study: Study, result: Result) -> Result:
-    """A result, and its cards, with what it was made from and by, its verdicts worst first."""
+    """Add to a result and its cards their inputs and procedure, and sort its verdicts, worst first."""
     sources = card_sources(study, procedure) if result.cards else {}
     return replace(
         result,

@@ -1,4 +1,4 @@
-"""Many studies at once: each identified by a process of its own, or by a cluster's workers, and one table over all."""
+"""Identify many studies in parallel, in processes or on a cluster, with one table of all results."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from ..pages.quantities import number, unit_text
 from .procedure import Progress, quiet
 from .result import ParameterTable
 
-MOST_COLUMNS = 12
-"""Parameters that the table over all shows: those that most studies have."""
+MAX_COLUMNS = 12
+"""Largest number of parameters in the common table; those that most studies have are shown."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one study: its headline and the parameters of its first table, or why there are none."""
+    """Outcome of one study: its headline and parameters, or the reason for its failure."""
 
     folder: str
     study: str = ""
     headline: str = ""
-    parameters: tuple[Parameter, ...] = ()
-    warnings: int = 0  # Findings worse than a note
-    failure: str = ""
+    parameters: tuple[Parameter, ...] = ()  # parameters of the study's first table
+    warnings: int = 0  # number of findings worse than a note
+    failure: str = ""  # reason for the failure; empty if there was none
 
 
 def identify_several(
@@ -38,8 +38,10 @@ def identify_several(
     executor: Executor | None = None,
     on_progress: Progress | None = None,
 ) -> tuple[Outcome, ...]:
-    """Identify the studies in `folders` and save each, in their order; one that fails stops no other. An `executor`,
-    of a cluster that sees the same folders for instance, takes the place of this machine's processes."""
+    """Identify the studies in `folders` and save each, in their order; a failure does not stop the others.
+
+    An `executor`, for instance of a cluster that sees the same folders, replaces this machine's processes.
+    """
     tell = on_progress or quiet
     jobs = [(_identified, str(Path(folder).resolve()), families, allow_outside) for folder in folders]
     found: dict[int, Outcome] = {}
@@ -66,12 +68,12 @@ def _identified(folder: str, families: Sequence[str] | None, allow_outside: bool
 
 
 def table_of(outcomes: Sequence[Outcome]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Heads and rows of the table over all: a study each, its parameters with half their intervals."""
+    """Return heads and rows of the common table, with a row for each study and half intervals of its parameters."""
     count: dict[tuple[str, str], int] = {}
     for outcome in outcomes:
         for p in outcome.parameters:
             count[p.name, p.unit] = count.get((p.name, p.unit), 0) + 1
-    most = sorted(count, key=lambda key: -count[key])[:MOST_COLUMNS]
+    most = sorted(count, key=lambda key: -count[key])[:MAX_COLUMNS]
     columns = [key for key in count if key in most]
     heads = ("study", "warnings", *(f"{name} [{unit_text(unit) or '1'}]" for name, unit in columns))
     rows = []

@@ -1,4 +1,4 @@
-"""What the pages of studies have in common: their frame, tables of what was found, and where it comes from."""
+"""Common parts of the pages of studies: frame, result tables and provenance."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from .result import FigureTable, ParameterTable, Result
 def study_page(
     title: str, headline: str, tiles: Iterable[Tile], sections: Iterable[Section], verdicts: Iterable[Verdict] = ()
 ) -> Page:
-    """A page of a study, in the frame that all have, its verdicts above all sections, worst first."""
+    """Build a page of a study in the common frame, with its verdicts above all sections, worst first."""
     return Page(
         title,
         "Pellucid report",
@@ -39,13 +39,12 @@ def study_page(
 
 
 def figure_tables(found: Result, part: str = "") -> tuple[Table, ...]:
-    """Every table of figures that was found, or those whose title has `part` in it; columns without words are set as
-    numbers."""
+    """Return the tables of figures, or those whose title contains `part`; columns without words are set as numbers."""
     return tuple(_figures(table) for table in found.tables if isinstance(table, FigureTable) and part in table.title)
 
 
 def parameter_tables(found: Result, part: str = "") -> tuple[Table, ...]:
-    """Every table of parameters that was found, or those whose title has `part` in it."""
+    """Return the tables of parameters, or those whose title contains `part`."""
     return tuple(
         _parameters(table, found.confidence)
         for table in found.tables
@@ -54,7 +53,7 @@ def parameter_tables(found: Result, part: str = "") -> tuple[Table, ...]:
 
 
 def made_with(study: Study) -> list[tuple[str, str]]:
-    """Notes, source of the data and versions: what a page says at its end, as pairs of what and how."""
+    """Return the notes, source of the data and versions at the end of a page, as pairs of name and text."""
     entries = [("Note", note) for note in study.notes]
     if study.config.citation:
         entries.append(("Data", study.config.citation))
@@ -63,7 +62,7 @@ def made_with(study: Study) -> list[tuple[str, str]]:
 
 
 def provenance(study: Study, entries: Iterable[tuple[str, str]], sums: Table) -> Section:
-    """Where what a page says comes from."""
+    """Return the section on the provenance of a page."""
     rows = tuple(Row(pair) for pair in (*entries, *made_with(study)))
     return Section("provenance", "Where this comes from", tables=(Table(("What", "How"), rows, wide=True), sums))
 
