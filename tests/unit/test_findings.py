@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pellucid.fit.parameter import VERDICT_KINDS, Verdict, rank_verdicts
-from pellucid.procedures.findings import finders, findings_of
+from pellucid.procedures.findings import collect_findings, finders
 from pellucid.procedures.joint import findings
 from pellucid.procedures.tree import findings as of_a_robot
 
@@ -38,7 +38,7 @@ def folder(tmp_path, monkeypatch):
 def test_a_finding_is_one_file(folder):
     (folder / "cold.py").write_text(FILE)
     (folder / "not_one.py").write_text("shared = 1\n")
-    told = findings_of(importlib.import_module(folder.name), -3)
+    told = collect_findings(importlib.import_module(folder.name), -3)
     assert [(v.finding, v.kind) for v in told] == [("cold", "warning"), ("cold", "good")]
     assert told[0].said == "It is -3 degrees cold. Warm it up."
     assert told[1].said == "It turns."

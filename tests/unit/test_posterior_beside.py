@@ -12,7 +12,12 @@ from pellucid.fit.parameter import Parameter
 from pellucid.fit.posterior.posterior import DrawnParameter, Posterior
 from pellucid.lab.bench.rig import bench_joint
 from pellucid.lab.study import write_study
-from pellucid.procedures.posterior_beside import Beside, beside, posterior_table, posterior_verdicts
+from pellucid.procedures.posterior_beside import (
+    ComparedPosterior,
+    pair_with_posterior,
+    posterior_table,
+    posterior_verdicts,
+)
 from pellucid.procedures.result import FigureTable
 
 
@@ -31,7 +36,7 @@ def said(compared, found):
 
 def test_widths_within_a_factor_of_two_agree():
     found = posterior(drawn("gravity", 1.0, 0.15))
-    assert said(beside([Parameter("gravity", "N*m", 1.0, 0.1)], found), found) == [
+    assert said(pair_with_posterior([Parameter("gravity", "N*m", 1.0, 0.1)], found), found) == [
         ("good", "Where an interval and the posterior can both be read, they agree within a factor of 2.")
     ]
 
@@ -39,7 +44,7 @@ def test_widths_within_a_factor_of_two_agree():
 @pytest.mark.parametrize(("spread", "word"), [(0.3, "too narrow"), (0.03, "too wide")])
 def test_widths_further_apart_are_told_with_both_intervals(spread, word):
     found = posterior(drawn("gravity", 1.0, spread))
-    [one] = beside([Parameter("gravity", "N*m", 1.0, 0.1)], found)
+    [one] = pair_with_posterior([Parameter("gravity", "N*m", 1.0, 0.1)], found)
     assert word in one.told(0.95)
     [(kind, text)] = said([one], found)
     assert kind == "warning"
@@ -49,18 +54,18 @@ def test_widths_further_apart_are_told_with_both_intervals(spread, word):
 def test_of_a_refused_interval_it_is_said_whether_the_data_or_the_prior_tell():
     refused = Parameter("gravity", "N*m", 1.0, 0.1, refused="what the model leaves out may be all of it")
     told = drawn("gravity", 1.0, 0.1)
-    [(kind, text)] = said([Beside(refused, told)], posterior(told))
+    [(kind, text)] = said([ComparedPosterior(refused, told)], posterior(told))
     assert kind == "note"
     assert "refused; the posterior, told by the data, is 0.81 to 1.20 N·m" in text
     guessed = replace(told, prior_share=0.9)
-    [(_, text)] = said([Beside(refused, guessed)], posterior(guessed))
+    [(_, text)] = said([ComparedPosterior(refused, guessed)], posterior(guessed))
     assert "gravity is told by the prior, not by the data" in text
-    assert Beside(refused, guessed).told(0.95) == "told by the prior"
+    assert ComparedPosterior(refused, guessed).told(0.95) == "told by the prior"
 
 
 def test_of_draws_that_have_not_settled_nothing_is_read():
     one = drawn("gravity", 1.0, 0.1, refused="the posterior has not settled: R-hat 1.2")
-    compared = [Beside(Parameter("gravity", "N*m", 1.0, 0.1), one)]
+    compared = [ComparedPosterior(Parameter("gravity", "N*m", 1.0, 0.1), one)]
     [(kind, text)] = said(compared, posterior(one, unsettled="R-hat 1.2"))
     assert kind == "warning"
     assert "nothing is read" in text

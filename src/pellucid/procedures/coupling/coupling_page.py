@@ -9,7 +9,7 @@ from ...pages.page import Page, Section, Tile
 from ...pages.quantities import number, typeset_sentence, unit_text
 from ...pages.tables import number_table
 from ...recordings.study import Study
-from ..posterior_beside import beside
+from ..posterior_beside import pair_with_posterior
 from ..posterior_figures import posterior_figure
 from ..study_page import figure_tables, parameter_tables, study_page
 from . import coupling_figures as figures
@@ -95,7 +95,7 @@ def _straps(findings: CouplingResult) -> Section:
             drawings.append(draw(figures.strap_figure, who, stages.coupling.strap))
         drawings.append(draw(figures.mismatch_figure, who, figures.drawn_swing(stages.coupling.evaluated)))
         if stages.coupling.posterior is not None:
-            compared = beside(stages.coupling.orthosis_side.parameters, stages.coupling.posterior)
+            compared = pair_with_posterior(stages.coupling.orthosis_side.parameters, stages.coupling.posterior)
             drawings.append(draw(posterior_figure, compared, findings.confidence, f"posterior-{who}"))
     return Section(
         "coupling_straps",
@@ -119,7 +119,8 @@ def _provenance(study: Study, findings: CouplingResult) -> Section:
         "How",
         (
             f"Limb angle by {ORIENTATION_FILTER_NAMES[asked.orientation]} with {axes} axes; "
-            "torque and angle low-passed alike at 15 Hz, zero-phase; the IMU's clock, mounting and gain estimated with the strap. "
+            "torque and angle low-passed alike at 15 Hz, zero-phase; "
+            "the IMU's clock, mounting and gain estimated with the strap. "
             f"{len(findings.checksums)} recordings; their checksums are on the cards.",
         ),
         notes=study.notes,

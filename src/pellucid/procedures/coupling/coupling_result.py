@@ -20,7 +20,7 @@ from ...fit.strap.strap_model import STRAP_FEATURES, StrapModel
 from ...fit.strap.wearer_coupling import MODEL_NAMES, WearerCoupling
 from ...models.parameter_card import ParameterCard
 from ...recordings.results import ResultRow, combined_checksum
-from ..posterior_beside import beside, posterior_rows, posterior_table, posterior_verdicts
+from ..posterior_beside import pair_with_posterior, posterior_rows, posterior_table, posterior_verdicts
 from ..result import FigureTable, ParameterTable, Result
 
 ANTHROPOMETRIC_TABLE_NAMES: Mapping[str, str] = {
@@ -144,7 +144,7 @@ def _posterior_tables(wearers: Mapping[str, WearerStages], confidence: float) ->
     for who, stages in wearers.items():
         found = stages.coupling
         if found.posterior is not None:
-            compared = beside(found.orthosis_side.parameters, found.posterior)
+            compared = pair_with_posterior(found.orthosis_side.parameters, found.posterior)
             yield posterior_table(f"{who}: posterior beside those of a spring and a damper", compared, confidence)
 
 
@@ -154,7 +154,7 @@ def _posterior_verdicts(wearers: Mapping[str, WearerStages], confidence: float) 
         if found.no_posterior:
             yield Verdict("warning", f"{who}: no posterior could be drawn: {found.no_posterior}.")
         if found.posterior is not None:
-            compared = beside(found.orthosis_side.parameters, found.posterior)
+            compared = pair_with_posterior(found.orthosis_side.parameters, found.posterior)
             yield from posterior_verdicts(compared, found.posterior, confidence, who)
 
 
@@ -232,7 +232,7 @@ def _rows(
         if stages.coupling.posterior is not None:
             drawn = stages.coupling.posterior
             plain = ResultRow("", None, "1", "identify", "fitted", all_of[who], drawn.settled)
-            compared = beside(stages.coupling.orthosis_side.parameters, drawn)
+            compared = pair_with_posterior(stages.coupling.orthosis_side.parameters, drawn)
             yield from posterior_rows(f"{study}.{who}.coupling", compared, confidence, plain)
     for who, why in refused.items():
         yield row(f"{who}.coupling.fit", None, "%", "heldout", f"refused: {why}")

@@ -23,7 +23,13 @@ from ...models.muscle_card import CARD_KIND
 from ...models.parameter_card import ParameterCard
 from ...recordings.results import ResultRow
 from ...recordings.study import Study
-from ..posterior_beside import Beside, beside, posterior_rows, posterior_table, posterior_verdicts
+from ..posterior_beside import (
+    ComparedPosterior,
+    pair_with_posterior,
+    posterior_rows,
+    posterior_table,
+    posterior_verdicts,
+)
 from ..result import FigureTable, ParameterTable
 from .evaluated import CalibrationFindings, EstimatorEvaluation, TorqueTrace
 from .muscle_findings import MuscleSummary
@@ -36,7 +42,7 @@ class TogetherFigureData:
 
     summary: MuscleSummary
     traces: tuple[TorqueTrace, ...]  # Torque of each joint in one recording, predicted by the fits in `FIT_WORDS`
-    told: tuple[Beside, ...] = ()  # Posterior parameters that the recording determines best
+    told: tuple[ComparedPosterior, ...] = ()  # Posterior parameters that the recording determines best
     posterior: CalibrationPosterior | None = None
 
 
@@ -81,12 +87,12 @@ def together_tables(found: TogetherFindings | None, evaluated: Sequence[Estimato
     )
 
 
-def find_determined_parameters(found: TogetherFindings) -> tuple[Beside, ...]:
+def find_determined_parameters(found: TogetherFindings) -> tuple[ComparedPosterior, ...]:
     """Return parameters that the recording determines more than anatomy does, beside the fit's intervals.
 
     The parameters with the smallest share of the prior come first.
     """
-    compared = beside(found.fits["hill"].parameters, found.posterior) if found.posterior else ()
+    compared = pair_with_posterior(found.fits["hill"].parameters, found.posterior) if found.posterior else ()
     told = [one for one in compared if not one.drawn.told_by_prior]
     return tuple(sorted(told, key=lambda one: one.drawn.prior_share))
 

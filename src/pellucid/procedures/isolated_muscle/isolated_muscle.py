@@ -25,7 +25,7 @@ from ...recordings.fault import Fault
 from ...recordings.recording import Recording
 from ...recordings.results import ResultRow
 from ...recordings.study import Study
-from ..posterior_beside import beside, posterior_rows, posterior_table, posterior_verdicts
+from ..posterior_beside import pair_with_posterior, posterior_rows, posterior_table, posterior_verdicts
 from ..procedure import Progress, quiet
 from ..result import FigureTable, ParameterTable, Result
 from .procedure import IsolatedMuscleTable
@@ -104,7 +104,7 @@ class IsolatedMuscleFit:
                     note=f"{self.interval.sentence(level)}; constants taken for known",
                 )
             )  # fmt: skip
-            rows += posterior_rows(study.name, beside((self.interval,), self.posterior), level, plain)
+            rows += posterior_rows(study.name, pair_with_posterior((self.interval,), self.posterior), level, plain)
         return rows
 
 
@@ -124,7 +124,7 @@ def isolated_result(study: Study, tell: Progress = quiet) -> IsolatedMuscleResul
     said = f"{fit.rigid_mae_percent:.1f} % with a rigid tendon; the length's offset is {1e3 * fit.offset:.2f} mm"
     level, tables, told = study.table(IsolatedMuscleTable).confidence, [], []
     if fit.posterior is not None:
-        compared = beside((fit.interval,), fit.posterior)
+        compared = pair_with_posterior((fit.interval,), fit.posterior)
         title = "Posterior beside least squares, constants of the model taken for known by the latter"
         tables = [ParameterTable("Length at rest", (fit.interval,)), posterior_table(title, compared, level)]
         told = list(posterior_verdicts(compared, fit.posterior, level))

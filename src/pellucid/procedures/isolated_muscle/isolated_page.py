@@ -5,7 +5,7 @@ from __future__ import annotations
 from ...drawing.drawing import draw
 from ...pages.page import Page, Section
 from ...recordings.study import Study
-from ..posterior_beside import beside
+from ..posterior_beside import pair_with_posterior
 from ..posterior_figures import posterior_figure
 from ..study_page import figure_tables, parameter_tables
 from .isolated_muscle import IsolatedMuscleResult
@@ -15,7 +15,7 @@ def page(study: Study, found: IsolatedMuscleResult) -> Page:
     """The page of an isolated muscle."""
     sections = [Section("force", "Force over imposed length", (), figure_tables(found, "Force"))]
     if found.posterior is not None:
-        drawing = draw(posterior_figure, beside((found.interval,), found.posterior), found.confidence)
+        drawing = draw(posterior_figure, pair_with_posterior((found.interval,), found.posterior), found.confidence)
         tables = (*parameter_tables(found), *figure_tables(found, "Posterior"))
         said = f"Where the muscle was held, its constants being wrong by any share. {found.posterior.settled}."
         sections.append(Section("posterior", "Posterior", (said,), tables, (drawing,)))

@@ -26,7 +26,7 @@ from ...recordings.study import Study
 from ...recordings.study_file import JointTable, Processing
 from ...signals.effort import drive_model
 from ..dead_effort import require_live_effort
-from ..findings import findings_of
+from ..findings import collect_findings
 from ..procedure import Progress, quiet
 from . import findings
 from .aligned_motions import align_recordings
@@ -138,7 +138,7 @@ def identify_joint(
         study=study.name,
         headline="",
         tables=(),
-        verdicts=findings_of(findings, case),
+        verdicts=collect_findings(findings, case),
         rows=(),
         cards={},
         checksums={r.name: r.checksum for r in recordings},

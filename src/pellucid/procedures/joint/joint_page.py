@@ -30,7 +30,7 @@ from ...pages.quantities import (
 from ...pages.series import whole_recordings
 from ...pages.tables import Row, Table
 from ...recordings.study import Study
-from ..posterior_beside import beside
+from ..posterior_beside import pair_with_posterior
 from ..posterior_figures import posterior_figure
 from ..study_page import figure_tables, provenance, study_page
 from . import joint_figures as figures
@@ -120,7 +120,7 @@ def page(study: Study, result: JointResult) -> Page:
 def _posterior(fit: JointResult) -> tuple[Section, ...]:
     if fit.posterior is None:
         return ()
-    compared = beside(fit.families[fit.best].estimate.parameters, fit.posterior)
+    compared = pair_with_posterior(fit.families[fit.best].estimate.parameters, fit.posterior)
     said = (
         f"The same rows by a posterior: bounds hold, and what a {fit.best} model lacks is as large as the draws say. "
         f"{fit.posterior.settled}."

@@ -20,7 +20,7 @@ from ...recordings.results import ResultRow, combined_checksum
 from ...recordings.study import Study
 from ...signals.effort import drive_model
 from ...signals.motion import Motion
-from ..posterior_beside import beside, posterior_rows, posterior_table
+from ..posterior_beside import pair_with_posterior, posterior_rows, posterior_table
 from ..result import FigureTable, ParameterTable, Result
 
 COMMAND_NAME = "identify"
@@ -138,7 +138,7 @@ def _tables(
 def _posterior_table(found: JointResult) -> tuple[FigureTable, ...]:
     if found.posterior is None:
         return ()
-    compared = beside(found.families[found.best].estimate.parameters, found.posterior)
+    compared = pair_with_posterior(found.families[found.best].estimate.parameters, found.posterior)
     return (posterior_table(f"Posterior beside least squares with {found.best} friction", compared, found.confidence),)
 
 
@@ -211,7 +211,7 @@ def rows_of(fit: JointResult) -> Iterator[ResultRow]:
     yield from _headline_rows(fit, together)
     if fit.posterior is not None:
         plain = ResultRow("", None, "1", COMMAND_NAME, "fitted", together, fit.posterior.settled)
-        compared = beside(fit.families[fit.best].estimate.parameters, fit.posterior)
+        compared = pair_with_posterior(fit.families[fit.best].estimate.parameters, fit.posterior)
         yield from posterior_rows(f"{fit.study}.{fit.best}", compared, fit.confidence, plain)
     for name, family in fit.families.items():
         head = f"{fit.study}.{name}"

@@ -19,7 +19,7 @@ from ...fit.tree.tree_estimate import TreeEstimate
 from ...fit.tree.tree_regression import TreeModel, TreeRows, TreeSolution, collect_rows, fit_rows
 from ...recordings.study import Study
 from ...signals.tree_motion import TreeMotion
-from ..findings import findings_of
+from ..findings import collect_findings
 from ..joint.recorded_motions import filtering_of
 from ..procedure import Progress, quiet
 from . import findings
@@ -94,7 +94,7 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
         segments=len(np.unique(found.rows.segment[found.rows.used.any(axis=1)])),
         traces=tuple(_trace(m, found) for m in motions if m.payload is None),
     )
-    result = replace(result, verdicts=findings_of(findings, result))
+    result = replace(result, verdicts=collect_findings(findings, result))
     return complete_result(study, result)
 
 

@@ -48,8 +48,8 @@ def _verdict(case: JointCase, each: Disagreement, rest: str, weight: float) -> V
 
     others = f"from '{rest}'" if rest else "from the others"
     apart = "; ".join(
-        f"{parameter_label(name)} is {text(name, each.own[name])} from it alone, {text(name, each.others[name])} {others}, "
-        f"{number(each.together[name], digits=3)} from what was fitted"
+        f"{parameter_label(name)} is {text(name, each.own[name])} from it alone, "
+        f"{text(name, each.others[name])} {others}, {number(each.together[name], digits=3)} from what was fitted"
         for name in each.own
     )
     said = f"Recording '{each.recording}' contradicts {repr(rest) if rest else 'the others'}: {apart}."

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ....fit.parameter import Verdict
-from ...posterior_beside import beside, posterior_verdicts
+from ...posterior_beside import pair_with_posterior, posterior_verdicts
 from ..joint_case import JointCase
 
 
@@ -14,5 +14,5 @@ def find(case: JointCase) -> Iterator[Verdict]:
     if case.no_posterior:
         yield Verdict("warning", f"No posterior could be drawn: {case.no_posterior}.")
     if case.posterior is not None:
-        compared = beside(case.fit.estimate.parameters, case.posterior)
+        compared = pair_with_posterior(case.fit.estimate.parameters, case.posterior)
         yield from posterior_verdicts(compared, case.posterior, case.level)
