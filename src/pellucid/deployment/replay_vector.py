@@ -25,7 +25,8 @@ MEMORY_EVENT = 3
 """Code of a fault in the memory before a step."""
 
 POWER_ON_EVENT = 16
-"""Code of a power-on before a step. The index in `SUPERVISOR_VARIANTS` of the configuration to start with is added to it."""
+"""Code of a power-on before a step. The index in `SUPERVISOR_VARIANTS` of the configuration to start with is added to
+it."""
 
 MOTION_STEPS = 400
 """Number of steps of the motion."""

@@ -176,4 +176,5 @@ FIGURE_UNITS: Mapping[str, str] = {
 """Unit of each attribute of `ControllerTrial` that is written beside the torque."""
 
 PAIR_SUMMARIES: Mapping[str, Callable] = {"fault_energy": max, "gain": min, "delay": min, "holds": min}
-"""Function that summarises an attribute of `ControllerTrial` over pairs, if the worst value is written and not the median."""
+"""Function that summarises an attribute of `ControllerTrial` over pairs, if the worst value is written and not the
+median."""

@@ -141,8 +141,8 @@ def _deciding(screened: Sensitivity) -> Section:
             "Each factor was moved over its range from random points of a grid, all others held (Morris's method, "
             f"{screened.runs} points): people's constants where 80 % of people lie, or from half to double where the "
             "rig's file has one value, the robot's friction from what the paper prints to the rig's, k from "
-            f"{MINUS_SIGN}2 to 1. What moved the median duration most, of 100 ln(times control): {'; '.join(said)}. Chance "
-            "is the seed of all noise; what does not exceed it shows nothing.",
+            f"{MINUS_SIGN}2 to 1. What moved the median duration most, of 100 ln(times control): {'; '.join(said)}. "
+            "Chance is the seed of all noise; what does not exceed it shows nothing.",
         ),
         drawings=(
             draw(

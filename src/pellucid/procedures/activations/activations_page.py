@@ -22,9 +22,9 @@ def page(study: Study, found: ActivationsResult) -> Page:
         judged.append(
             draw(
                 figures.filling_methods_compared, own, f"ways_{i}",
-                f"{typeset_sentence(joint)}: each electrode of the test recordings removed in turn, and its muscle's activation "
-                "filled in. Lines are medians; orange methods see the measured torque. Marks at the left edge lie "
-                "beyond it.",
+                f"{typeset_sentence(joint)}: each electrode of the test recordings removed in turn, and its muscle's "
+                "activation filled in. Lines are medians; orange methods see the measured torque. Marks at the left "
+                "edge lie beyond it.",
             )
         )  # fmt: skip
         first = next(each for each in found.recordings if each.what == joint)
@@ -33,16 +33,16 @@ def page(study: Study, found: ActivationsResult) -> Page:
             draw(
                 figures.removed_electrodes, [each for each in own if each.recording == first.recording], fs,
                 f"taken_away_{i}",
-                f"{typeset_sentence(joint)}, {first.recording.replace('_', ' ')}: activation by the removed electrode (grey), "
-                "and filled in.",
+                f"{typeset_sentence(joint)}, {first.recording.replace('_', ' ')}: activation by the removed electrode "
+                "(grey), and filled in.",
             )
         )  # fmt: skip
     for i, each in enumerate(found.recordings[:MAX_DRAWN_RECORDINGS], start=1):
         shown.append(
             draw(
                 figures.torque_and_activations, each, f"activations_{i}",
-                f"{typeset_sentence(each.what)}, {each.recording.replace('_', ' ')}: the torque, and the muscles' activations by "
-                "EMG (blue) and EMG-assisted, so that they reproduce the torque (orange).",
+                f"{typeset_sentence(each.what)}, {each.recording.replace('_', ' ')}: the torque, and the muscles' "
+                "activations by EMG (blue) and EMG-assisted, so that they reproduce the torque (orange).",
             )
         )  # fmt: skip
     sections = []
