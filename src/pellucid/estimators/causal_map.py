@@ -24,6 +24,7 @@ from .._errors import IdentificationError, PellucidError
 from ..models.card import CardParameter
 from ..models.parameter_card import ParameterCard
 from ..signals.filters import zero_phase_lowpass
+from .cross_validation import first_best
 from .ridge import Ridge
 
 KIND = "causal_emg_map"
@@ -183,9 +184,9 @@ def fit_causal_map(
         ]
         return float(np.sqrt(np.mean(np.concatenate(error) ** 2)))
 
-    errors = {penalty: left_out(penalty) for penalty in PENALTIES}
-    best = min(errors, key=errors.get)
-    terms = list(Ridge(best).fit(x, y).plain([str(i) for i in range(x.shape[1])]).values())
+    errors = [left_out(penalty) for penalty in PENALTIES]
+    best = first_best(errors)
+    terms = list(Ridge(PENALTIES[best]).fit(x, y).plain([str(i) for i in range(x.shape[1])]).values())
     return CausalMap(
         fs,
         settings.corner,

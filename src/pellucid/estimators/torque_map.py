@@ -11,7 +11,7 @@ import numpy as np
 
 from .._errors import IdentificationError
 from .._processes import among_helpers
-from .cross_validation import Fold, Score, block_folds, grouped_folds, score
+from .cross_validation import Fold, Score, block_folds, first_best, grouped_folds, score
 from .families import ESTIMATORS, family_of
 from .families.family import Family, Regressor
 from .features import LAGS, Features, FeatureSet, features
@@ -214,7 +214,8 @@ def _choose(family: Family, stack: _Stack) -> Choice:
             scores = _scores_of(family, stack, chosen, list(new.values())) if new else ()
             for (key, settings), scored in zip(new.items(), scores, strict=True):
                 tried[key] = Choice(chosen, settings, scored, {})
-        return min((tried[key] for key in named), key=lambda choice: choice.score.rmse)
+        choices = [tried[key] for key in named]
+        return choices[first_best([choice.score.rmse for choice in choices])]
 
     if family.every:
         best = least([(chosen, settings) for chosen in sets for settings in family.settings])
