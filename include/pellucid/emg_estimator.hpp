@@ -297,7 +297,8 @@ template <class S, class Size> void advance(const EmgEstimatorCoefficients<S, Si
     const bool lost = state.silent > c.patience;
     if (lost) out.lost |= 1u << i;
     if (!lost && state.heard > p.ceiling) out.above |= 1u << i;
-    envelope[i] = lost ? p.rest : min(state.heard, p.ceiling);
+    // A filter's undershoot is no activity below 0.
+    envelope[i] = lost ? p.rest : max(S(0), min(state.heard, p.ceiling));
     if (first)
       for (S& past : state.past) past = envelope[i];
     state.past[s.next] = envelope[i];
