@@ -93,12 +93,15 @@ def simulate(
         list[str] | None,
         typer.Option(metavar="NAME", help="That virtual people wear, as export names it; again for another."),
     ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace a study.toml that was changed by hand.")
+    ] = False,
 ) -> None:
     """Let a virtual rig make the recordings."""
     from .lab.simulate import simulate as run
 
     with _progress() as tell:
-        made = run(folder, seed, controllers=controller, on_progress=tell)
+        made = run(folder, seed, controllers=controller, overwrite=overwrite, on_progress=tell)
     out = _console()
     times = made.joint_time / made.wall_time
     _say(
