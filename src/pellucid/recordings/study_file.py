@@ -1099,10 +1099,8 @@ def parameter_units(name: str, units: Mapping[str, str | None]) -> tuple[str, ..
     kind = name.split("_")[0]
     if kind in ("inertia", "mass"):
         return {"N*m": ("kg*m^2", per_acceleration), "N": ("kg", per_acceleration)}.get(effort, (per_acceleration,))
-    if kind == "viscous":
-        return (f"{effort}*s/{coordinate}",)
-    if kind in ("gravity", "coulomb", "offset"):
-        return (effort,)
+    if name in SYMBOLS_BY_NAME:
+        return (SYMBOLS_BY_NAME[name].unit("rotary" if coordinate == "rad" else "prismatic", effort),)
     return None
 
 
