@@ -12,7 +12,7 @@
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
-/// Of the identified form.
+/// Constants of the identified form.
 template <class S> struct ActivationParams {
   S shape{}, time_constant_1{}, time_constant_2{};
   S period{};  ///< from one sample to the next [s]; no part of the walk
@@ -100,7 +100,8 @@ template <class S> S lag_delay(const ActivationCoefficients<S>& c, const S& peri
   return period * ((S(1) - c.gain_1) / c.gain_1 + (S(1) - c.gain_2) / c.gain_2);
 }
 
-/// Of the simulated form: da/dt = (u - a) / tau, tau = t_act (1/2 + 3a/2) rising, t_deact / (1/2 + 3a/2) falling.
+/// Constants of the simulated form: da/dt = (u - a) / tau, where tau = t_act (1/2 + 3a/2) while the activation rises and
+/// t_deact / (1/2 + 3a/2) while it falls.
 template <class S> struct ActivationDynamicsParams {
   S activation_time{S(0.010)};    ///< t_act [s], > 0
   S deactivation_time{S(0.040)};  ///< t_deact [s], > 0

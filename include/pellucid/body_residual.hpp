@@ -44,7 +44,7 @@ template <class S> struct BodyResidualParams {
   }
 };
 
-constexpr double known_friction = 0.7;  ///< of a joint in motion
+constexpr double known_friction = 0.7;  ///< share of a moving joint's friction that the model is sure of [1]
 constexpr double louder = 1.5;          ///< than the residual, a force sensor whose gain is right is not [1]
 constexpr double louder_slow = 0.1;     ///< how slowly that is judged, of what lasts [1]
 
@@ -82,7 +82,7 @@ template <class S> struct BodyResidualState {
   S excess{};            ///< by how much the sensor is too loud, over seconds [N m]
   S level{};             ///< friction at most, at rest under this load [N m]
   S drag{};              ///< friction at most, at this speed under this load [N m]
-  S open{};              ///< of it what is not known, its slow part [N m]
+  S open{};              ///< slow part of the friction that is not known [N m]
   S weight{};            ///< gravity effort, now [N m]
   bool started = false;  ///< false until the first sample
 };

@@ -22,7 +22,7 @@ inline namespace PELLUCID_ABI {
 
 template <class S> struct CoupledPlantParams {
   S motor_inertia{};                       ///< J_m
-  GearFrictionParams<S> motor_friction{};  ///< of motor and gear
+  GearFrictionParams<S> motor_friction{};  ///< friction of motor and gear
   S spring_stiffness{}, spring_damping{};
   JointParams<S> orthosis{};         ///< behind the spring; its friction is its bearing's
   StrapParams<S> strap{};            ///< between orthosis and limb
@@ -58,7 +58,7 @@ constexpr std::size_t coupled_parameter_count = field_count<CoupledPlantParams<d
 /// What follows from CoupledPlantParams once.
 template <class S> struct CoupledPlantCoefficients {
   S inverse_motor_inertia{};                     ///< 1 / J_m [1/(kg m^2)]
-  GearFrictionCoefficients<S> motor_friction{};  ///< of motor and gear
+  GearFrictionCoefficients<S> motor_friction{};  ///< friction of motor and gear
   S spring_stiffness{};                          ///< K [N m/rad]
   S spring_damping{};                            ///< D [N m s/rad]
   JointCoefficients<S> orthosis{};               ///< behind the spring
@@ -96,7 +96,7 @@ template <class S> struct CoupledPlantState {
   S limb_position{};          ///< q_k [rad]
   S limb_velocity{};          ///< v_k [rad/s]
   StrapState<S> strap{};      ///< what the strap remembers
-  PreslidingState<S> contacts{};  ///< of the motor's friction
+  PreslidingState<S> contacts{};  ///< contacts of the motor's friction
   TorqueLoopState<S> loop{};  ///< what the actuator remembers
 };
 
@@ -104,7 +104,7 @@ template <class S> struct CoupledPlantState {
 template <class S> struct CoupledPlantInput {
   S desired_torque{};  ///< tau_d, of the spring [N m]
   S muscle_torque{};   ///< tau_k [N m]
-  S slip_jump{};       ///< by which the strap slips at once, now [rad]
+  S slip_jump{};       ///< angle by which the strap slips at once, now [rad]
 };
 
 /// What holds at one moment; `motor_torque` is of the period that ended there.

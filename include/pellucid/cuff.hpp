@@ -65,8 +65,8 @@ template <class S> CuffCoefficients<S> coefficients(const CuffParams<S>& p) noex
 
 /// How a link moves at a point, in the base's axes.
 template <class S> struct PointMotion {
-  Vector3<S> linear;   ///< of the point [m/s]
-  Vector3<S> angular;  ///< of the link [rad/s]
+  Vector3<S> linear;   ///< velocity of the point [m/s]
+  Vector3<S> angular;  ///< angular velocity of the link [rad/s]
 };
 /// `in_base` places every link; `at` is in the base's frame.
 template <class S, std::size_t N>

@@ -22,7 +22,7 @@ template <class S> struct DampedStopParams {
 
 template <class S> struct DampedStopState {
   S velocity{};  ///< smoothed over two samples [rad/s]
-  S effort{};    ///< of the last period [N m]
+  S effort{};    ///< effort of the last period [N m]
   S taken{};     ///< energy taken out so far [J]
 };
 

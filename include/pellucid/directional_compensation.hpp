@@ -33,7 +33,7 @@ template <class S> struct DirectionalCompensationParams {
   DirectionTerms<S> up{};    ///< v > 0
   DirectionTerms<S> down{};  ///< v < 0
   S dead_band{}, inertia_limit{};
-  EncoderSpeedParams<S> speed{};  ///< of the velocity
+  EncoderSpeedParams<S> speed{};  ///< estimate of the velocity from the encoder
   SafetyParams<S> gate{};         ///< the last step; its period is the law's
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
@@ -50,7 +50,7 @@ template <class S> struct DirectionalCompensationParams {
 /// What follows from DirectionalCompensationParams once.
 template <class S> struct DirectionalCompensationCoefficients {
   DirectionalCompensationParams<S> params{};  ///< as they are
-  EncoderSpeedCoefficients<S> speed{};        ///< of the velocity
+  EncoderSpeedCoefficients<S> speed{};        ///< estimate of the velocity from the encoder
   SafetyCoefficients<S> gate{};               ///< shut where the parameters make no sense
 };
 
@@ -62,7 +62,7 @@ DirectionalCompensationCoefficients<S> coefficients(const DirectionalCompensatio
 }
 
 template <class S> struct DirectionalCompensationState {
-  EncoderSpeedState<S> speed{};  ///< of the velocity
+  EncoderSpeedState<S> speed{};  ///< estimate of the velocity from the encoder
   SafetyState<S> gate{};         ///< the last step
 };
 

@@ -22,7 +22,7 @@ template <class S> struct DitherParams {
 /// What follows from DitherParams and the period once.
 template <class S> struct DitherCoefficients {
   DitherParams<S> params{};  ///< as they are
-  S turn{};                  ///< of the phase, a period [rad]
+  S turn{};                  ///< change of the phase in a period [rad]
   bool valid = false;        ///< whether the parameters make sense
 };
 

@@ -18,7 +18,7 @@ template <class S> struct ElasticMuscleParams {
 
 /// What follows from ElasticMuscleParams once.
 template <class S> struct ElasticMuscleCoefficients {
-  MuscleCoefficients<S> muscle{};  ///< of the fibre
+  MuscleCoefficients<S> muscle{};  ///< coefficients of the fibre
   S inverse_period{};              ///< [1/s]; 0: at rest
   S inverse_slack{};               ///< 1 / l_ts [1/m]
   S toe_rate{};                    ///< 3 / toe strain [1]

@@ -22,10 +22,10 @@ inline namespace PELLUCID_ABI {
 template <std::size_t channels_, std::size_t angles_, std::size_t muscles_, std::size_t joints_, std::size_t delay_,
           std::size_t lag_ = 1>
 struct EmgSize {
-  static constexpr std::size_t channels = channels_;  ///< of EMG, at most 32
+  static constexpr std::size_t channels = channels_;  ///< number of EMG channels, at most 32
   static constexpr std::size_t angles = angles_;      ///< at most 32
   static constexpr std::size_t muscles = muscles_;    ///< at least 1, used or not
-  static constexpr std::size_t joints = joints_;      ///< that a torque is asked for
+  static constexpr std::size_t joints = joints_;      ///< number of joints whose torque is estimated
   static constexpr std::size_t delay = delay_;        ///< samples that a muscle keeps, 3 more than its delay; >= 4
   static constexpr std::size_t lag = lag_;            ///< samples of each envelope that a map keeps, >= 1
 };
@@ -38,7 +38,7 @@ constexpr std::uint32_t no_factor = 0xffffffffu;
 template <class S, class Size> struct DrivenMuscleParams {
   EmgMuscleParams<S> muscle{};   ///< from the envelope on; its period is the estimator's
   MusclePathParams<S> path{};    ///< length and arms
-  S share[Size::channels]{};     ///< of each channel's envelope in its excitation [1]
+  S share[Size::channels]{};     ///< share of each channel's envelope in the muscle's excitation [1]
 };
 
 /// One term of a map: weight times one feature, or times two.
@@ -50,9 +50,9 @@ template <class S> struct TorqueTerm {
 
 /// A joint that a torque is asked for.
 template <class S> struct EstimatedJointParams {
-  std::uint32_t angle = 0;                     ///< which of the angles is its own
+  std::uint32_t angle = 0;                     ///< index of the joint's own angle
   S offset{}, stiffness{}, damping{}, limit{};  ///< its own tissue; the largest |torque|
-  const TorqueTerm<S>* term = nullptr;         ///< of a map, beside the muscles; outlives what is made of it
+  const TorqueTerm<S>* term = nullptr;         ///< terms of a linear map, beside the muscles; they outlive the coefficients
   std::uint32_t terms = 0;                     ///< how many
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
@@ -83,8 +83,8 @@ template <class S, class Size> struct EmgEstimatorParams {
   EmgChannelParams<S> channel[Size::channels]{};  ///< in the order of its samples
   BiquadCoefficients<S, 1> motion{};            ///< low-pass on angles before they are differentiated
   DrivenMuscleParams<S, Size> muscle[Size::muscles]{};  ///< none beside a map
-  EstimatedJointParams<S> joint[Size::joints]{};  ///< whose torques are told
-  ShortRangeParams<S> short_range{};            ///< of stiffness
+  EstimatedJointParams<S> joint[Size::joints]{};  ///< joints whose torque is estimated
+  ShortRangeParams<S> short_range{};            ///< short-range stiffness
   std::uint32_t lag[most_emg_lags]{};           ///< how much earlier a map sees envelopes too, in samples
   std::uint32_t lags = 0;                       ///< how many of them
   S period{};                                   ///< from one step to the next [s]
@@ -96,7 +96,7 @@ template <class S, class Size> struct EmgEstimatorParams {
 template <class S, class Size> struct DrivenMuscleCoefficients {
   EmgMuscleCoefficients<S> muscle{};    ///< from the envelope on
   MusclePathCoefficients<S> path{};     ///< length and arms
-  S share[Size::channels]{};            ///< of each channel's envelope in its excitation [1]
+  S share[Size::channels]{};            ///< share of each channel's envelope in the muscle's excitation [1]
 };
 
 /// What follows from EmgEstimatorParams once.
@@ -109,7 +109,7 @@ template <class S, class Size> struct EmgEstimatorCoefficients {
   BiquadCoefficients<S, 1> motion{};              ///< on angles
   DrivenMuscleCoefficients<S, Size> muscle[Size::muscles]{};  ///< each
   EstimatedJointParams<S> joint[Size::joints]{};  ///< as they are
-  ShortRangeCoefficients<S> short_range{};        ///< of stiffness
+  ShortRangeCoefficients<S> short_range{};        ///< short-range stiffness
   std::uint32_t lag[most_emg_lags]{};             ///< in samples
   std::uint32_t lags = 0;                         ///< how many
   S rate{};                                       ///< steps a second [1/s]
@@ -239,8 +239,8 @@ template <class S> struct AngleState {
 
 /// What is remembered of one channel.
 template <class S, std::size_t lag> struct ChannelState {
-  BiquadState<S, 6> before{};  ///< of raw EMG
-  BiquadState<S, 4> after{};   ///< of it, rectified
+  BiquadState<S, 6> before{};  ///< filters of raw EMG
+  BiquadState<S, 4> after{};   ///< filters of rectified EMG
   S level{};                   ///< what these last gave
   bool fresh = false;          ///< whether they gave anything since the last step
   S heard{};                   ///< last envelope
@@ -256,7 +256,7 @@ template <class S, class Size> struct EmgEstimatorState {
   MusclePath<S> path[Size::muscles]{};  ///< at the last step
   S stretch[Size::muscles]{};           ///< rate of each length [m/s]
   std::size_t next = 0;                 ///< where the next envelope goes in a ring
-  std::int64_t time = 0;                ///< of the last step [us]
+  std::int64_t time = 0;                ///< time of the last step [us]
   bool started = false;                 ///< false until every angle has been heard once
   EmgEstimate<S, Size> estimate{};      ///< the last
 };
@@ -297,7 +297,8 @@ template <class S, class Size> void advance(const EmgEstimatorCoefficients<S, Si
     const bool lost = state.silent > c.patience;
     if (lost) out.lost |= 1u << i;
     if (!lost && state.heard > p.ceiling) out.above |= 1u << i;
-    envelope[i] = lost ? p.rest : min(state.heard, p.ceiling);
+    // A filter's undershoot is no activity below 0.
+    envelope[i] = lost ? p.rest : max(S(0), min(state.heard, p.ceiling));
     if (first)
       for (S& past : state.past) past = envelope[i];
     state.past[s.next] = envelope[i];
@@ -419,7 +420,7 @@ template <class S, class Size> EmgEstimate<S, Size> step(const EmgEstimatorCoeff
 /// Stiffness of the joints at the last step, -d torque / d angle [N m/rad]: row by the torque, column by the angle.
 template <class S, class Size> struct JointStiffness {
   S short_range[Size::joints][Size::joints]{};  ///< at once: attached cross-bridges, tendons, arms that turn, tissue
-  S slope[Size::joints][Size::joints]{};        ///< of the model's torque: Hill's curves, arms that turn, tissue
+  S slope[Size::joints][Size::joints]{};        ///< slope of the model's torque: Hill's curves, arms that turn, tissue
 };
 
 template <class S, class Size> JointStiffness<S, Size> stiffness(const EmgEstimatorCoefficients<S, Size>& c,

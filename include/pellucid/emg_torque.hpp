@@ -17,12 +17,12 @@ template <class S> struct EmgTorqueParams {
   BiquadCoefficients<S, 4> band{};                ///< before rectification
   BiquadCoefficients<S, 2> envelope{};            ///< after it
   std::size_t muscles = 0;                        ///< how many, 1 to max_muscles
-  std::size_t powers = 1;                         ///< of the angle, 1 to max_angle_powers
+  std::size_t powers = 1;                         ///< highest power of the angle, 1 to max_angle_powers
   S weight[max_muscles + 1][max_angle_powers]{};  ///< w, row 0 without EMG [N m], then by muscle [N m per unit]
   S floor[max_muscles]{};                         ///< an envelope below it is no muscle's [V], >= 0
   S ceiling[max_muscles]{};                       ///< nor one above it [V], > floor
   std::uint32_t patience = 0;                     ///< samples in a row outside before EMG is not valid
-  S torque_limit{};                               ///< of |tau| [N m], > 0
+  S torque_limit{};                               ///< limit of |tau| [N m], > 0
 };
 
 /// What follows from EmgTorqueParams once: whether they make sense.

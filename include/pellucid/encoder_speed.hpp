@@ -19,7 +19,7 @@ template <class S> struct EncoderSpeedParams {
 /// What follows from EncoderSpeedParams and the period once.
 template <class S> struct EncoderSpeedCoefficients {
   std::uint32_t span = 1;  ///< samples
-  S inverse_time{};        ///< of the span [1/s]
+  S inverse_time{};        ///< 1 / duration of the span [1/s]
 };
 
 template <class S>

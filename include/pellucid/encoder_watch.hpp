@@ -55,8 +55,8 @@ template <class S> struct EncoderWatchState {
   S position{};                ///< the last reading [rad]
   S velocity{};                ///< over the last two [rad/s]
   S before{};                  ///< smoothed over two, when the reading last changed [rad/s]
-  std::uint32_t time = 0;      ///< of the last reading, its low half [us]
-  std::uint32_t sequence = 0;  ///< of the last reading
+  std::uint32_t time = 0;      ///< time of the last reading, its low half [us]
+  std::uint32_t sequence = 0;  ///< sequence number of the last reading
   std::uint32_t equal = 0;     ///< readings in a row that did not change
   std::uint32_t heard = 0;     ///< readings since the start, up to 3
 };

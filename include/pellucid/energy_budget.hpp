@@ -28,7 +28,7 @@ template <class S> struct EnergyBudgetParams {
 };
 
 template <class S> struct EnergyBudgetState {
-  S spent{};  ///< of the store [J]
+  S spent{};  ///< energy taken from the store [J]
 };
 
 /// One period of an effort at a velocity, of a body whose `weight` the effort carries and whose friction takes up to

@@ -16,7 +16,7 @@ struct Unit {
   float effort = 0;      ///< power
   float coordinate = 0;  ///< power
   float time = 0;        ///< power
-  const char* own = nullptr;  ///< of what is no joint's
+  const char* own = nullptr;  ///< unit of a number that belongs to no joint, as text
 };
 
 namespace unit {

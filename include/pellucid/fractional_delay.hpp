@@ -11,12 +11,12 @@ inline namespace PELLUCID_ABI {
 
 /// Four samples around the instant, the newest first: `whole - 1`, `whole`, `whole + 1`, `whole + 2` samples old.
 template <class S> struct DelayCoefficients {
-  S weight[4]{};        ///< of each sample; they sum to 1 [1]
+  S weight[4]{};        ///< weight of each sample; they sum to 1 [1]
   S slope[4]{};         ///< d weight / d delay, the delay in samples [1]
   std::size_t whole{};  ///< the delay's whole samples
 };
 
-/// Of a delay in samples, brought into [0, longest]; NaN counts as 0. S is one number or a Dual.
+/// Weights for a delay in samples, brought into [0, longest]; NaN counts as 0. S is one number or a Dual.
 template <class S> DelayCoefficients<S> delay_coefficients(const S& samples, std::size_t longest) noexcept {
   const S d = min(max(samples, S(0)), S(static_cast<value_t<S>>(longest)));
   DelayCoefficients<S> c;

@@ -37,7 +37,7 @@ template <class S> struct FrictionParams {
     visit(p.square_root, {"square_root", unit::root_viscous, at_least(0), "F_r, friction per root of the speed",
                           by::root_of_speed});
   }
-  /// Of a bearing, the same both ways.
+  /// Visit the friction of a bearing, the same both ways.
   template <class P, class V> static constexpr void bearing(P& p, V& visit) noexcept {
     both_are(visit, p.coulomb_positive, p.coulomb_negative,
              {"bearing_coulomb", unit::effort, at_least(0), "level of the bearing's friction", by::level});

@@ -77,8 +77,8 @@ template <class S> S rise(const GearFrictionCoefficients<S>& c, const S& velocit
 }
 
 /// Level of dry friction in the direction s, under a load, `at` being rise(v), 1 at rest [N m]:
-/// share F_c + F_s at + alpha (1 + rho at) |load|, alpha_m where load s > 0 and alpha_g elsewhere. s may be any number
-/// of its sign.
+/// share F_c + F_s at + alpha (1 + rho at) |load|, alpha_m where load s > 0 and alpha_g elsewhere. Only the sign of s
+/// counts.
 template <class S>
 S level(const GearFrictionCoefficients<S>& c, const S& share, const S& at, const S& load, const S& direction) noexcept {
   const S alpha = select(load * direction > S(0), c.friction.load_motoring, c.friction.load_generating);

@@ -22,7 +22,7 @@ template <class S> struct GearedJointParams {
   JointParams<S> link{};                   ///< what moves behind the transmission; its friction is its bearing's
   S motor_inertia{};                       ///< J_m
   TransmissionParams<S> transmission{};    ///< between the two
-  GearFrictionParams<S> motor_friction{};  ///< of motor and gear
+  GearFrictionParams<S> motor_friction{};  ///< friction of motor and gear
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.link.inertia, {"link_inertia", unit::inertia, above(0), "J, behind the transmission"});
@@ -49,7 +49,7 @@ template <class S> struct GearedPlantCoefficients {
   JointCoefficients<S> link{};                   ///< behind the transmission
   S inverse_motor_inertia{};                     ///< 1 / J_m [1/(kg m^2)]
   TransmissionCoefficients<S> transmission{};    ///< between motor and link
-  GearFrictionCoefficients<S> motor_friction{};  ///< of motor and gear
+  GearFrictionCoefficients<S> motor_friction{};  ///< friction of motor and gear
   DriveCoefficients<S> drive{};                  ///< from command to effort
   LoopCoefficients<S> loop{};                    ///< the controller
   EncoderCoefficients<S> encoder{};              ///< what the controller sees
@@ -77,7 +77,7 @@ template <class S> struct GearedPlantState {
   S link_position{};    ///< q [rad]
   S link_velocity{};    ///< v [rad/s]
   LoopState<S> loop{};  ///< what the controller remembers
-  PreslidingState<S> contacts{};  ///< of the motor's friction
+  PreslidingState<S> contacts{};  ///< contacts of the motor's friction
 };
 
 /// A state in which the link is at q, both bodies move at v, and the transmission's spring carries gravity.

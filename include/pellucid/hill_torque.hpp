@@ -72,7 +72,7 @@ HillTorqueCoefficients<S, most> coefficients(const HillTorqueParams<S, most>& pa
 /// What a muscle remembers. Zeros but for `settled` are a beginning.
 template <class S, std::size_t capacity> struct EmgMuscleState {
   DelayState<S, capacity> delay{};  ///< envelopes
-  ActivationState<S> lags{};        ///< of the activation
+  ActivationState<S> lags{};        ///< state of the activation
   S activation{};                   ///< at the last sample [1]
   Fibre<S> fibre{};                 ///< at the last sample
   S force{};                        ///< in the tendon at the last sample [N]

@@ -12,7 +12,7 @@ inline namespace PELLUCID_ABI {
 /// What identification finds of a joint.
 template <class S> struct JointParams {
   S inertia{}, gravity_sine{}, gravity_cosine{}, offset{};
-  FrictionParams<S> friction{};  ///< of joint and drive
+  FrictionParams<S> friction{};  ///< friction of joint and drive
 
   template <class P, class V> static constexpr void weight(P& p, V& visit) noexcept {
     visit(p.gravity_sine, {"gravity_sine", unit::effort, any_number(), "g_s, gravity effort per sin q"});
@@ -36,7 +36,7 @@ template <class S> struct JointCoefficients {
   S gravity_sine{};                    ///< g_s [N m]
   S gravity_cosine{};                  ///< g_c [N m]
   S offset{};                          ///< [N m]
-  FrictionCoefficients<S> friction{};  ///< of joint and drive
+  FrictionCoefficients<S> friction{};  ///< friction of joint and drive
   bool any_gravity = false;            ///< whether gravity can be other than 0, in some lane
 };
 

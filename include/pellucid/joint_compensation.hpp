@@ -29,7 +29,7 @@ template <class S> struct JointCompensationParams {
 /// What follows from JointCompensationParams once.
 template <class S> struct JointCompensationCoefficients {
   JointCoefficients<S> body{};   ///< what is carried
-  SafetyCoefficients<S> gate{};  ///< of the last step; shut if anything makes no sense
+  SafetyCoefficients<S> gate{};  ///< gate of the last step; shut if anything makes no sense
   S gravity_share{};             ///< s_G [1]
   S friction_share{};            ///< s_F [1]
   S correct_position{};          ///< per position that the encoder is off [1]
@@ -55,10 +55,10 @@ JointCompensationCoefficients<S> coefficients(const JointCompensationParams<S>& 
 template <class S> struct JointCompensationState {
   S position{};                ///< filtered [rad]
   S velocity{};                ///< [rad/s]
-  std::int64_t time = 0;       ///< of the last new sample [us]
-  std::uint32_t sequence = 0;  ///< of the last new sample
+  std::int64_t time = 0;       ///< time of the last new sample [us]
+  std::uint32_t sequence = 0;  ///< sequence number of the last new sample
   bool started = false;        ///< false until the first sample
-  SafetyState<S> gate{};       ///< of the last step
+  SafetyState<S> gate{};       ///< gate of the last step
 };
 
 /// Follows the encoder over the time that really passed; a sample seen again teaches nothing.

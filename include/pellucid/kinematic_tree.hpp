@@ -27,7 +27,7 @@ template <class S> struct LinkParams {
   std::uint32_t parent = 0;  ///< 0: the base; else an earlier link, from 1
   std::uint32_t joint = 1;   ///< a JointKind
   S x{}, y{}, z{}, roll{}, pitch{}, yaw{}, axis_x{}, axis_y{}, axis_z{1}, rotor_inertia{};
-  RigidBodyParams<S> body{};  ///< of the link, in its own frame
+  RigidBodyParams<S> body{};  ///< body of the link, in its own frame
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.parent, {"parent", unit::one, at_least(0), "link on which this one hangs, from 1; 0: the base"});
@@ -58,15 +58,15 @@ template <class S, std::size_t N> struct TreeParams {
 
 /// What follows from LinkParams once.
 template <class S> struct LinkCoefficients {
-  JointKind joint;                 ///< of the link on its parent
+  JointKind joint;                 ///< joint of the link on its parent
   bool on_base;                    ///< whether the parent is the base
   std::uint8_t parent;             ///< index of the parent, unless that is the base
   std::uint8_t coordinate;         ///< index of the joint's coordinate, if it moves
   Matrix3<S> fixed, sine, cosine;  ///< R = fixed + sine sin q + cosine cos q, of the link in its parent; a slide: fixed
-  Vector3<S> position;             ///< of the joint in the parent [m]
-  Vector3<S> axis;                 ///< of length 1, in the link [1]
+  Vector3<S> position;             ///< position of the joint in the parent [m]
+  Vector3<S> axis;                 ///< axis of length 1, in the link [1]
   Vector3<S> slide;                ///< the axis in the parent; a hinge: 0 [1]
-  RigidBody<S> body;               ///< of the link
+  RigidBody<S> body;               ///< body of the link
   S rotor_inertia;                 ///< J_r [kg m^2]
 };
 
@@ -271,10 +271,10 @@ template <class S, std::size_t N> void gravity(const TreeCoefficients<S, N>& c, 
   gravity(c, pose, effort);
 }
 
-/// Of the bodies and rotors [J].
+/// Energy of the bodies and rotors [J].
 template <class S> struct TreeEnergy {
-  S kinetic;    ///< of motion
-  S potential;  ///< of height, 0 where all masses lie at the base's origin
+  S kinetic;    ///< energy of motion
+  S potential;  ///< energy of height, 0 where all masses lie at the base's origin
 };
 template <class S, std::size_t N>
 TreeEnergy<S> energy(const TreeCoefficients<S, N>& c, const S* q, const S* v) noexcept {
@@ -307,8 +307,8 @@ TreeEnergy<S> energy(const TreeCoefficients<S, N>& c, const S* q, const S* v) no
 
 /// Velocity of a point of a link by each coordinate's velocity, in the base's axes.
 template <class S> struct JacobianColumn {
-  Vector3<S> linear;   ///< of the point [m/rad; 1]
-  Vector3<S> angular;  ///< of the link [1; 0]
+  Vector3<S> linear;   ///< rows for the velocity of the point [m/rad; 1]
+  Vector3<S> angular;  ///< rows for the angular velocity of the link [1; 0]
 };
 /// `point` is in the link's frame; a column for every coordinate, 0 for joints that do not carry the link. A link that
 /// is none moves with nothing.

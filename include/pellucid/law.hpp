@@ -19,10 +19,10 @@ inline namespace PELLUCID_ABI {
 
 /// What may be measured of a robot and of who wears it.
 enum class Quantity : std::uint8_t {
-  position,     ///< of the joint's encoder
-  torque,       ///< of the spring, or of the drive, on the joint
-  interaction,  ///< of the wearer on the robot
-  muscle,       ///< of the wearer's muscles at the joint
+  position,     ///< angle of the joint's encoder
+  torque,       ///< torque of the spring, or of the drive, on the joint
+  interaction,  ///< torque of the wearer on the robot
+  muscle,       ///< torque of the wearer's muscles at the joint
 };
 
 /// In words.
@@ -39,9 +39,9 @@ constexpr QuantityText quantities[] = {
 };
 constexpr std::size_t quantity_count = sizeof quantities / sizeof *quantities;
 
-/// That a law reads a quantity.
+/// A quantity that a law reads, and how.
 struct SensorUse {
-  Quantity quantity;  ///< which
+  Quantity quantity;  ///< the quantity
   bool required;      ///< whether the law stops without it; if not, it goes on with less
   double swing;       ///< amplitude that tests play, SI
   double noise;       ///< resolution that tests play, SI
@@ -80,8 +80,8 @@ template <class L> struct Controller {
   using Law = L;
 
   typename L::Coefficients law{};           ///< as configured
-  typename L::State state{};                ///< of the law
-  SampleState seen[sensor_count<L>]{};      ///< of its sensors
+  typename L::State state{};                ///< state of the law
+  SampleState seen[sensor_count<L>]{};      ///< what is remembered of its sensors
   SafetyFault fault = SafetyFault::none;    ///< latched, the first
   std::uint32_t steps = 0;                  ///< since it was configured
 };

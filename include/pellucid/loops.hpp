@@ -9,7 +9,7 @@
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
-/// Which law: e is the error that the integral sums, g its gain.
+/// Kinds of loops: e is the error that the integral sums, g its gain.
 enum class LoopKind : std::uint8_t {
   none,         ///< open loop: u = r, the reference is the command
   p,            ///< e = r - q, g = k_p
@@ -29,7 +29,7 @@ template <class S> struct LoopParams {
   S ki{};                           ///< k_i [u/(rad s)]; cascade and velocity_pi [u/rad]
   S kd{};                           ///< k_d [u s/rad], of pd
   S kv{};                           ///< k_v [u s/rad], of cascade
-  S limit{};                        ///< of |u| [u]; <= 0: none
+  S limit{};                        ///< limit of |u| [u]; <= 0: none
   std::uint32_t velocity_span = 0;  ///< samples that a velocity spans, up to 8; 0: the true velocity
   S period{};                       ///< control period [s], > 0
 };
@@ -37,16 +37,16 @@ template <class S> struct LoopParams {
 /// What follows from LoopParams once.
 template <class S> struct LoopCoefficients {
   LoopKind kind = LoopKind::none;    ///< the law
-  S position_gain{};                 ///< of the position error in e: 1, k_p (cascade) or 0 [1 or 1/s]
+  S position_gain{};                 ///< gain of the position error in e: 1, k_p (cascade) or 0 [1 or 1/s]
   S gain{};                          ///< g [u per unit of e]
   S ki{};                            ///< k_i, 0 where the law has no integral
   S kd{};                            ///< k_d, 0 where the law has none [u s/rad]
-  S limit{};                         ///< of |u| [u], infinite where there is none
+  S limit{};                         ///< limit of |u| [u], infinite where there is none
   S period{};                        ///< [s]
   S inverse_velocity_time{};         ///< 1 / (velocity_span period) [1/s], 0 for the true velocity
   S inverse_reference_time{};        ///< 1 / (reference_span period) [1/s]
   std::uint32_t velocity_span = 0;   ///< [samples]
-  std::uint32_t reference_span = 1;  ///< of r': the velocity's span, at least 1 [samples]
+  std::uint32_t reference_span = 1;  ///< span of r': the velocity's span, at least 1 [samples]
 };
 
 template <class S> LoopCoefficients<S> coefficients(const LoopParams<S>& params) noexcept {
@@ -70,7 +70,7 @@ template <class S> LoopCoefficients<S> coefficients(const LoopParams<S>& params)
 
 /// What a loop remembers.
 template <class S> struct LoopState {
-  S integral{};                       ///< of e [unit of e times s]
+  S integral{};                       ///< integral of e [unit of e times s]
   S positions[max_velocity_span]{};   ///< the last measured positions, a ring [rad]
   S references[max_velocity_span]{};  ///< the last references, a ring [rad]
   std::uint32_t next = 0;             ///< where the ring is written next
@@ -81,7 +81,7 @@ template <class S> struct LoopState {
 template <class S> struct LoopInput {
   S reference{};      ///< r [rad]; velocity_pi [rad/s]; none [u]
   S position{};       ///< q, as measured [rad]
-  S true_velocity{};  ///< of the plant [rad/s]; used where velocity_span is 0
+  S true_velocity{};  ///< velocity of the plant [rad/s]; used where velocity_span is 0
 };
 
 /// One control period: the limited command u.

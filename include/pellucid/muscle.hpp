@@ -61,7 +61,7 @@ template <class S> struct MuscleCoefficients {
 };
 
 namespace detail {
-/// Of l_o: a fibre is not taken for shorter along the tendon; the tendon is then slack.
+/// A fibre is not taken for shorter along the tendon than this share of l_o; the tendon is then slack.
 constexpr double shortest_fibre = 0.1;
 }  // namespace detail
 

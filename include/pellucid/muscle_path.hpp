@@ -61,7 +61,7 @@ template <class S> MusclePathCoefficients<S> coefficients(const MusclePathParams
 
 /// A muscle at a posture, by the angles as they were given.
 template <class S> struct MusclePath {
-  S length{};                        ///< of muscle and tendon [m]
+  S length{};                        ///< length of muscle and tendon [m]
   S slope[path_axes]{};              ///< dl/dq, which is the moment arm with its sign turned [m]
   S bend[path_axes][path_axes]{};    ///< d2l/dq2 [m/rad]
 };

@@ -25,8 +25,8 @@ template <class S> struct ShortRangeParams {
 /// What follows from ShortRangeParams once.
 template <class S> struct ShortRangeCoefficients {
   S gamma{};      ///< [1]
-  S toe_rate{};   ///< of the tendon, 3 / toe strain [1]
-  S stiffness{};  ///< of it beyond the toe, in F_0 per strain [1]
+  S toe_rate{};   ///< rate of the tendon's toe region, 3 / toe strain [1]
+  S stiffness{};  ///< stiffness of the tendon beyond the toe, in F_0 per strain [1]
 };
 
 template <class S> ShortRangeCoefficients<S> coefficients(const ShortRangeParams<S>& p) noexcept {
@@ -37,7 +37,7 @@ template <class S> ShortRangeCoefficients<S> coefficients(const ShortRangeParams
 /// Stiffness of one muscle with its tendon [N/m].
 template <class S> struct MuscleStiffness {
   S short_range{};  ///< at once, the tendon in series; 0 without force
-  S slope{};        ///< of the model's force by length, its tendon rigid; may be negative where the muscle is long
+  S slope{};        ///< slope of the force by length, the tendon rigid; may be negative where the muscle is long
 };
 
 /// At an activation [1], a fibre, and the rate of the musculotendon length [m/s]; 0 where the fibre does not pull.

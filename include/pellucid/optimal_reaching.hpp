@@ -69,13 +69,13 @@ template <class S> struct OptimalReachingParams {
 
 constexpr std::size_t optimal_reaching_parameter_count = field_count<OptimalReachingParams<double>>;
 
-/// Of error, speed, torque and torque rate, each in units of t_c.
+/// Gains on error, speed, torque and torque rate, each in units of t_c.
 template <class S> struct ReachingGains {
   S at[4];
 };
 
-/// The cheapest feedback in units of t_c, where a period is `step` long and noise has so much `variance` for each unit
-/// of torque squared; what noise costs depends on the cost itself, so that both are found in turn (Phillis, IEEE Trans.
+/// The cheapest feedback in units of t_c, where a period is `step` long and noise has the `variance` for each unit of
+/// torque squared. What noise costs depends on the cost itself, so that both are found in turn (Phillis, IEEE Trans.
 /// Autom. Control 30, 1985).
 template <class S>
 ReachingGains<S> reaching_gains(const S& velocity_weight, const S& step, const S& variance) noexcept {
@@ -133,14 +133,14 @@ template <class S> struct OptimalReachingCoefficients {
   std::uint32_t loop_delay = 0;       ///< periods, of both
   S activation{};                     ///< share of a new excitation, a period [1]
   S inverse_activation{};             ///< [1]
-  S noise_pole{};                     ///< of the noise [1]
+  S noise_pole{};                     ///< pole of the noise [1]
   S noise_gain{};                     ///< so that its variance is 1 [1]
   S inverse_sign_width{};             ///< [s/rad]
-  S held_noise{};                     ///< of muscles that hold, as white noise, for each unit of torque squared [s]
-  S phasic_noise{};                   ///< of muscles that accelerate [s]
+  S held_noise{};                     ///< white noise of muscles that hold, for each unit of torque squared [s]
+  S phasic_noise{};                   ///< noise of muscles that accelerate [s]
   S time_share{};                     ///< t_c over the duration of a movement of minimum jerk that is as long [1]
   S holding_time{};                   ///< t_c of corrections while the arm is held [s]
-  ReachingGains<S> holding{};         ///< of them
+  ReachingGains<S> holding{};         ///< gains of muscles that hold
 };
 
 /// t_c of movements that take a duration [s].
@@ -178,10 +178,10 @@ template <class S> struct ReachingPolicy {
   S moving[4]{};            ///< roughness of torque for error, speed, torque and torque rate [N m/s^2 for each, SI]
   S holding[4]{};           ///< the same before and after the movement
   S cocontraction{};        ///< excitation of both groups [1]
-  S stiffness{};            ///< of the muscles [N m/rad]
-  S damping{};              ///< of the muscles [N m s/rad]
-  S inverse_inertia{};      ///< of arm and load [1/(kg m^2)]
-  SquareMatrix<S, 3> transition = zero_square<S, 3>();  ///< of position, velocity and unexpected torque, over a period
+  S stiffness{};            ///< stiffness of the muscles [N m/rad]
+  S damping{};              ///< damping of the muscles [N m s/rad]
+  S inverse_inertia{};      ///< 1 / inertia of arm and load [1/(kg m^2)]
+  SquareMatrix<S, 3> transition = zero_square<S, 3>();  ///< transition of (q, v, unexpected torque) over a period
   S belief[3][2]{};         ///< what a felt position and velocity change of the estimate, as of when they were felt
   S now[3][2]{};            ///< and of the estimate of now
 };
@@ -189,14 +189,14 @@ template <class S> struct ReachingPolicy {
 template <class S> struct OptimalReachingState {
   S time{};                                  ///< since the task was given [s]
   S reaction{};                              ///< when the movement starts [s]
-  S duration{};                              ///< of it [s]
+  S duration{};                              ///< its duration [s]
   S origin{};                                ///< where the arm is held before [rad]
   S target{};                                ///< [rad]
   S resting{};                               ///< 1 where the arm rests inside the target, else 0
   S rest{};                                  ///< where [rad]
   ExpectedLoad<S> load{};                    ///< what is expected of what is strapped on
-  ReachingPolicy<S> policy{};                ///< of this movement
-  S variance{};                              ///< of unexpected torque, as reckoned with [N^2 m^2]
+  ReachingPolicy<S> policy{};                ///< policy of this movement
+  S variance{};                              ///< variance of unexpected torque that the policy reckons with [N^2 m^2]
   S surprise{};                              ///< integral of the square of what came unexpected [N^2 m^2 s]
   S position{};                              ///< where the arm will be when an excitation of now arrives [rad]
   S velocity{};                              ///< and how fast [rad/s]
@@ -204,15 +204,15 @@ template <class S> struct OptimalReachingState {
   S rate{};                                  ///< its rate [N m/s]
   S felt[3]{};                               ///< position, velocity and unexpected torque when they were felt, SI
   S told{};                                  ///< torque that the muscles were to give last [N m]
-  S expected_position[max_reaching_delay]{};  ///< of the arm, in a ring [rad]
+  S expected_position[max_reaching_delay]{};  ///< expected angle of the arm, in a ring [rad]
   S expected_velocity[max_reaching_delay]{};  ///< [rad/s]
-  S own_torque[max_reaching_delay]{};        ///< that accelerates it [N m]
-  S seen_position[max_reaching_delay]{};     ///< of the arm, in a ring [rad]
+  S own_torque[max_reaching_delay]{};        ///< own torque that accelerates the arm [N m]
+  S seen_position[max_reaching_delay]{};     ///< seen angle of the arm, in a ring [rad]
   S seen_velocity[max_reaching_delay]{};     ///< [rad/s]
   S excitation[max_reaching_delay]{};        ///< on its way to the muscle, in a ring [N m]
   std::uint32_t at = 0;                      ///< where the rings are
-  S torque{};                                ///< of the muscles, without noise [N m]
-  S noise[2]{};                              ///< of flexors and extensors [1]
+  S torque{};                                ///< torque of the muscles, without noise [N m]
+  S noise[2]{};                              ///< noise of flexors and extensors [1]
 };
 
 /// What is needed to hold the arm, to keep it at its velocity, and to carry what is expected of a load [N m].

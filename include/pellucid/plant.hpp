@@ -27,7 +27,7 @@ template <class S> struct PlantParams {
   LoopParams<S> loop{};              ///< the controller, and the control period
   EncoderParams<S> encoder{};        ///< what the controller sees
   std::uint32_t substeps = 4;        ///< integration steps per control period, >= 1
-  PreslidingParams<S> presliding{};  ///< of the joint's friction; a travel of 0: it slips at once
+  PreslidingParams<S> presliding{};  ///< presliding of the joint's friction; a travel of 0: it slips at once
 };
 
 /// What follows from PlantParams once.
@@ -38,7 +38,7 @@ template <class S> struct PlantCoefficients {
   EncoderCoefficients<S> encoder{};        ///< what the controller sees
   S substep{};                             ///< h [s]
   std::uint32_t substeps = 4;              ///< per control period
-  PreslidingCoefficients<S> presliding{};  ///< of the joint's friction
+  PreslidingCoefficients<S> presliding{};  ///< presliding of the joint's friction
 };
 
 template <class S> PlantCoefficients<S> coefficients(const PlantParams<S>& params) noexcept {
@@ -62,7 +62,7 @@ template <class S> struct PlantState {
 
 /// What a plant is given each period.
 template <class S> struct PlantInput {
-  S reference{};      ///< of the loop [rad]; velocity_pi [rad/s]; none: the command [u]
+  S reference{};      ///< reference of the loop [rad]; velocity_pi [rad/s]; none: the command [u]
   S injected{};       ///< added to the command after the limit [u]
   S disturbance{};    ///< effort on the joint from outside [N m]
   S encoder_noise{};  ///< added to the measured position [rad]

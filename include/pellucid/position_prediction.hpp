@@ -14,7 +14,7 @@ inline namespace PELLUCID_ABI {
 
 template <class S> struct PositionPredictionParams {
   S gravity_sine{}, gravity_cosine{}, coulomb{}, stiffness{}, dead_band{};
-  EncoderSpeedParams<S> speed{};  ///< of the velocity
+  EncoderSpeedParams<S> speed{};  ///< estimate of the velocity from the encoder
   SafetyParams<S> gate{};         ///< the last step; its period is the law's
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
@@ -31,7 +31,7 @@ template <class S> struct PositionPredictionParams {
 /// What follows from PositionPredictionParams once.
 template <class S> struct PositionPredictionCoefficients {
   PositionPredictionParams<S> params{};  ///< as they are
-  EncoderSpeedCoefficients<S> speed{};   ///< of the velocity
+  EncoderSpeedCoefficients<S> speed{};   ///< estimate of the velocity from the encoder
   SafetyCoefficients<S> gate{};          ///< shut where the parameters make no sense
 };
 
@@ -42,7 +42,7 @@ template <class S> PositionPredictionCoefficients<S> coefficients(const Position
 }
 
 template <class S> struct PositionPredictionState {
-  EncoderSpeedState<S> speed{};  ///< of the velocity
+  EncoderSpeedState<S> speed{};  ///< estimate of the velocity from the encoder
   S predicted{};                 ///< q*, where this sample should be [rad]
   bool started = false;          ///< whether there is a prediction
   SafetyState<S> gate{};         ///< the last step

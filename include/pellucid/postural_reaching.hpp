@@ -96,10 +96,10 @@ template <class S> struct PosturalCoefficients {
   S reflex_delay{};            ///< periods, whole
   S muscle_delay{};            ///< periods, whole
   S visual_delay{};            ///< periods, whole
-  S lead{};                    ///< of the plan that muscles are told: the muscles' delay [s]
+  S lead{};                    ///< time by which muscles are told the plan ahead: their delay [s]
   S activation{};              ///< share of a new excitation, a period [1]
   S activation_lead{};         ///< periods of change that make up for that lag [1]
-  S noise_pole{};              ///< of the noise [1]
+  S noise_pole{};              ///< pole of the noise [1]
   S noise_gain{};              ///< so that its variance is 1 [1]
   S inverse_sign_width{};      ///< [s/rad]
   S inverse_speed{};           ///< 1 / v_m [s/rad]
@@ -165,28 +165,28 @@ template <class S> struct PosturalState {
   S plan_end{};                                          ///< when the plan is at rest [s]
   S next_check{};                                        ///< from when on a correction may be decided [s]
   ExpectedLoad<S> load{};                                ///< what is expected of what is strapped on
-  MinimumJerk<S> submovements[postural_submovements]{};  ///< of the plan, the newest last
+  MinimumJerk<S> submovements[postural_submovements]{};  ///< submovements of the plan, the newest last
   PlannedMotion<S> ahead{};                              ///< the plan when what is told now arrives
   S expected{};                                          ///< torque that the plan needs then [N m]
-  S planned_position[max_reaching_delay]{};              ///< of the plan on its way, in a ring [rad]
+  S planned_position[max_reaching_delay]{};              ///< planned angles on their way to muscles, in a ring [rad]
   S planned_velocity[max_reaching_delay]{};              ///< [rad/s]
   S excitation[max_reaching_delay]{};                    ///< on its way to the muscle, in a ring [N m]
   S position_error[max_reaching_delay]{};                ///< plan less arm, in a ring [rad]
   S velocity_error[max_reaching_delay]{};                ///< [rad/s]
   std::uint32_t now = 0;                                 ///< where the rings are
-  S torque{};                                            ///< of the muscles, without noise [N m]
-  S noise[3]{};                                          ///< of flexors, extensors and eyes [1]
+  S torque{};                                            ///< torque of the muscles, without noise [N m]
+  S noise[3]{};                                          ///< noise of flexors, extensors and eyes [1]
   S turn{S(1)};                                          ///< 1 and -1 by turns
   // Of this movement.
-  S corrections{};                                       ///< so far
-  S failures{};                                          ///< of them
+  S corrections{};                                       ///< corrections so far
+  S failures{};                                          ///< corrections that failed
   S trust{};                                             ///< in the next, 1 where none has failed
-  S last_error{};                                        ///< that the last one was to correct [rad]
+  S last_error{};                                        ///< error that the last submovement was to correct [rad]
   S last_share{};                                        ///< how much of it [1]
   S late{};                                              ///< mean error when one correction had been enough [rad]
   S given_up{};                                          ///< 1 once the person rests where the arm is
   // From movement to movement.
-  S movements{};                                         ///< that were aimed
+  S movements{};                                         ///< number of aimed movements
   S cocontraction{};                                     ///< c, that is aimed at [1]
   S tone{};                                              ///< c, as the muscles have followed [1]
   S fatigue[2]{};                                        ///< strength lost of flexors and of extensors [1]

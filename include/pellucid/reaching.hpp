@@ -68,7 +68,7 @@ template <class S> struct ReachingCoefficients {
   std::uint32_t muscle_delay = 0;  ///< periods
   std::uint32_t visual_delay = 0;  ///< periods
   S activation{};                  ///< share of a new excitation, a period [1]
-  S noise_pole{};                  ///< of the noise [1]
+  S noise_pole{};                  ///< pole of the noise [1]
   S noise_gain{};                  ///< so that its variance is 1 [1]
   S inverse_sign_width{};          ///< [s/rad]
 };
@@ -98,8 +98,8 @@ template <class S> ReachingCoefficients<S> coefficients(const ReachingParams<S>&
 /// What is decided before a movement.
 template <class S> struct ReachingTask {
   S target{};              ///< [rad]
-  S amplitude{};           ///< of the primary movement [rad]
-  S duration{};            ///< of the primary movement [s], > 0
+  S amplitude{};           ///< amplitude of the primary movement [rad]
+  S duration{};            ///< duration of the primary movement [s], > 0
   S reaction{};            ///< from now to its start [s]
   ExpectedLoad<S> load{};  ///< what is strapped on, as far as it is known
 };
@@ -111,20 +111,20 @@ template <class S> struct ReachingState {
   S primary_duration{};                            ///< [s]
   S next_check{};                                  ///< when a correction is next decided [s]
   ExpectedLoad<S> load{};                          ///< what is expected of what is strapped on
-  MinimumJerk<S> submovements[max_submovements]{};  ///< of the plan
-  std::uint32_t count = 0;                         ///< of them
+  MinimumJerk<S> submovements[max_submovements]{};  ///< submovements of the plan
+  std::uint32_t count = 0;                         ///< number of submovements
   S expected{};                                    ///< torque that the plan needed last [N m]
   S excitation[max_reaching_delay]{};              ///< on its way to the muscle, in a ring [N m]
   S position_error[max_reaching_delay]{};          ///< plan less arm, in a ring [rad]
   S velocity_error[max_reaching_delay]{};          ///< [rad/s]
   std::uint32_t now = 0;                           ///< where the rings are
-  S torque{};                                      ///< of the muscles, without noise [N m]
-  S noise[2]{};                                    ///< of flexors and extensors [1]
+  S torque{};                                      ///< torque of the muscles, without noise [N m]
+  S noise[2]{};                                    ///< noise of flexors and extensors [1]
 };
 
 /// What the muscles do in a period.
 template <class S> struct ReachingOutput {
-  S torque{};    ///< of the muscles on the arm [N m]
+  S torque{};    ///< torque of the muscles on the arm [N m]
   S flexor{};    ///< excitation, 0 to 1
   S extensor{};  ///< excitation, 0 to 1
   S planned{};   ///< where the plan is [rad]
@@ -142,8 +142,8 @@ template <class S> PlannedMotion<S> planned(const ReachingState<S>& state, const
   return sum;
 }
 
-/// Torque that a motion is expected to need, of the arm and of what is strapped to it [N m]; `Person` is the coefficients
-/// of any model of one.
+/// Torque that a motion is expected to need, of the arm and of what is strapped to it [N m]. `Person` is any model's
+/// coefficients.
 template <class Person, class S>
 S expected_torque(const Person& c, const ExpectedLoad<S>& load, const PlannedMotion<S>& m) noexcept {
   const SinCos<S> angle = sincos(m.position);

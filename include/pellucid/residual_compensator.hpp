@@ -53,7 +53,7 @@ template <class S> struct ActuatorResidual {
 
 template <class S> struct ResidualParams {
   CoupledBodies<S> bodies{};  ///< what was identified
-  S correction[5]{};          ///< of q_e, v_e, D, dD, d, per angle that the encoder is off
+  S correction[5]{};          ///< change of q_e, v_e, D, dD and d per angle that the encoder is off
   S innovation_limit = S(0.05), gravity_share = S(0.8), viscous_share = S(0.8), friction_share = S(0.5),
     assist_width = S(0.6), inertia_share = S(0.7);
   ActuatorResidual<S> actuator{};  ///< what the torque loop lets through
@@ -100,14 +100,14 @@ template <class S> struct ResidualParams {
 /// What follows from ResidualParams once.
 template <class S> struct ResidualCoefficients {
   ResidualParams<S> params{};    ///< as they are
-  SafetyCoefficients<S> gate{};  ///< of the last step; shut if anything makes no sense
+  SafetyCoefficients<S> gate{};  ///< gate of the last step; shut if anything makes no sense
   S inverse_orthosis_inertia{};  ///< [1/(kg m^2)]
   S inverse_limb_inertia{};      ///< [1/(kg m^2)]
   S inverse_friction_width{};    ///< [s/rad]
   S inverse_assist_width{};      ///< [s/rad]
   S inverse_swing_rate{};        ///< [s/rad]
   S inverse_period{};            ///< [1/s]
-  S leak{};                      ///< of the actuator, a period [1]
+  S leak{};                      ///< share of the actuator's error that is forgotten in a period [1]
   S trust_change{};              ///< in a period [1]
 };
 
@@ -144,12 +144,12 @@ template <class S> struct ResidualState {
   S disturbance{};             ///< d, what the EMG torque misses [N m]
   S strap_torque{};            ///< tau_c, estimated at the last period [N m]
   S limb_acceleration{};       ///< a_k, estimated at the last period [rad/s^2]
-  S integral{};                ///< of tau_c, as a torque [N m]
+  S integral{};                ///< integral of tau_c, as a torque [N m]
   S slow{};                    ///< slow part of the actuator's residual [N m]
   S trust{};                   ///< in EMG, from 0 to 1
   S last_position{};           ///< as measured [rad]
   bool started = false;        ///< false until the first sample
-  SafetyState<S> gate{};       ///< of the last step
+  SafetyState<S> gate{};       ///< gate of the last step
 };
 
 /// The strap's spring: k beyond its gap.

@@ -39,8 +39,8 @@ template <class S> RingingWatchCoefficients<S> coefficients(const RingingWatchPa
 
 template <class S> struct RingingWatchState {
   S smooth{};  ///< the effort without dither [N m]
-  S slow{};    ///< of it what people do [N m]
-  S size{};    ///< of what is between, its mean [N m]
+  S slow{};    ///< slow part of the effort: what people do [N m]
+  S size{};    ///< mean size of what lies between both [N m]
 };
 
 /// One period of an effort.

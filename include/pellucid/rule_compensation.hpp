@@ -47,7 +47,7 @@ template <class S> RuleTableCoefficients<S> coefficients(const RuleTableParams<S
 /// Between which two of `count` rules a place is, and how far on the way to the second.
 template <class S> struct RulePlace {
   std::size_t first = 0;  ///< the lower one
-  S share{};              ///< of the second
+  S share{};              ///< share of the second rule
 };
 template <class S> RulePlace<S> rule_place(const S& along, std::size_t count) noexcept {
   RulePlace<S> at;
@@ -69,7 +69,7 @@ template <class S> S torque(const RuleTableCoefficients<S>& c, const S& position
 }
 
 template <class S> struct RuleCompensationParams : TransparentCompensationParams<S> {
-  RuleTableParams<S> rules{};  ///< of what the body leaves
+  RuleTableParams<S> rules{};  ///< rules for what the body's model leaves
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     pellucid::walk(p.rules, visit);
@@ -79,7 +79,7 @@ template <class S> struct RuleCompensationParams : TransparentCompensationParams
 
 /// What follows from RuleCompensationParams once.
 template <class S> struct RuleCompensationCoefficients : TransparentCompensationCoefficients<S> {
-  RuleTableCoefficients<S> rules{};  ///< of what the body leaves
+  RuleTableCoefficients<S> rules{};  ///< rules for what the body's model leaves
 };
 
 template <class S> RuleCompensationCoefficients<S> coefficients(const RuleCompensationParams<S>& p) noexcept {

@@ -38,7 +38,7 @@ template <class S> struct SafetyParams {
 template <class S> struct SafetyCoefficients {
   SafetyParams<S> params{};  ///< as they are
   bool valid = false;        ///< whether they make sense
-  S max_change{};            ///< of the effort in a period [N m]
+  S max_change{};            ///< largest change of the effort in a period [N m]
   S inverse_margin{};        ///< 1 / stop_margin [1/rad], infinite for a margin of 0
   SampleRules rules{};       ///< when a sample is too old
 };
@@ -65,8 +65,8 @@ template <class S> SafetyCoefficients<S> coefficients(const SafetyParams<S>& p) 
 /// What a gate is given each period.
 template <class S> struct SafetyInput {
   S command{};                 ///< effort wanted [N m]
-  S position{};                ///< of the joint [rad]
-  S velocity{};                ///< of the joint [rad/s]
+  S position{};                ///< angle of the joint [rad]
+  S velocity{};                ///< velocity of the joint [rad/s]
   std::int64_t time = 0;       ///< when position and velocity were measured, on any clock that only goes on [us]
   std::uint32_t sequence = 0;  ///< number of that sample; may wrap around
   bool valid = true;           ///< false: the sensor itself says that this is no measurement
@@ -77,7 +77,7 @@ template <class S> struct SafetyState {
   SafetyFault fault = SafetyFault::none;  ///< latched
   S output{};                             ///< the last one [N m]
   S position{};                           ///< the last one that was a number [rad]
-  SampleState sample{};                   ///< of the position
+  SampleState sample{};                   ///< what is remembered of the position's samples
 };
 
 /// Opens a gate again. The output goes on from where it is, within the rate limit.

@@ -65,9 +65,9 @@ struct SampleRules {
 
 /// What is remembered of one sensor.
 struct SampleState {
-  std::int64_t time = 0;       ///< of the last new sample [us]
-  std::uint32_t sequence = 0;  ///< of the last new sample
-  std::uint32_t repeats = 0;   ///< of it so far
+  std::int64_t time = 0;       ///< time of the last new sample [us]
+  std::uint32_t sequence = 0;  ///< sequence number of the last new sample
+  std::uint32_t repeats = 0;   ///< how often the last sample was seen again
   bool started = false;        ///< false until the first sample
 };
 

@@ -13,7 +13,7 @@ inline namespace PELLUCID_ABI {
 
 template <class S> struct SeriesElasticParams {
   S motor_inertia{};
-  FrictionParams<S> friction{};          ///< of motor and gear
+  FrictionParams<S> friction{};          ///< friction of motor and gear
   TransmissionParams<S> transmission{};  ///< behind them
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {

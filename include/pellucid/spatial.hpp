@@ -18,7 +18,7 @@ template <class S> struct Vector3 {
 template <class S> struct Matrix3 {
   S xx, xy, xz, yx, yy, yz, zx, zy, zz;
 };
-/// Of a frame in another.
+/// Place of a frame in another.
 template <class S> struct Placement {
   Matrix3<S> rotation;
   Vector3<S> position;

@@ -30,8 +30,8 @@ template <class S> struct StartUpTestParams {
 /// What follows from StartUpTestParams once: a sine is made step by step, by turning.
 template <class S> struct StartUpTestCoefficients {
   StartUpTestParams<S> params{};  ///< as they are
-  S turn_sine{};                  ///< of the angle of a period
-  S turn_cosine{};                ///< of the angle of a period
+  S turn_sine{};                  ///< sine of the phase that passes in a period
+  S turn_cosine{};                ///< cosine of the phase that passes in a period
   std::uint32_t valid = 0;        ///< 1: the parameters make sense
 };
 
@@ -50,8 +50,8 @@ template <class S> struct StartUpTestState {
   S drift{};                 ///< smoothed velocity before the wave [rad/s]
   std::uint32_t rested = 0;  ///< periods in a row
   std::uint32_t count = 0;   ///< periods of the wave so far
-  S sine{};                  ///< of the wave, now
-  S cosine = S(1);           ///< of the wave, now
+  S sine{};                  ///< sine of the wave's phase, now
+  S cosine = S(1);           ///< cosine of the wave's phase, now
   S pushed{};                ///< the last effort [N m]
   S work{};                  ///< so far [J]
   S middle{};                ///< by the middle of the wave [J]

@@ -58,7 +58,7 @@ template <class S> struct StrapCoefficients {
   S cubic{};               ///< 1 / (3 e_h^2) [1/rad^2]
   S relaxing_stiffness{};  ///< K_m [N m/rad]
   S relaxation_time{};     ///< T_m, at least 0 [s]
-  S across{};              ///< of the limb's axis, over the cuff's lever [1]
+  S across{};              ///< place of the limb's axis across the cuff, over the cuff's lever [1]
   S along{};               ///< the same [1]
   S fitted{};              ///< along sin q_0 - across cos q_0 [rad]
   bool creeps = false;     ///< whether it can creep, in some lane
@@ -92,7 +92,7 @@ template <class S> StrapCoefficients<S> coefficients(const StrapParams<S>& param
 
 /// What a strap remembers.
 template <class S> struct StrapState {
-  S slip{};  ///< by which the limb has slipped in it [rad]
+  S slip{};  ///< angle by which the limb has slipped in the strap [rad]
   S flow{};  ///< x, what its dashpot has given [rad]
 };
 

@@ -39,7 +39,7 @@ template <class S> struct StrapEstimatorCoefficients {
   StrapEstimatorParams<S> params{};  ///< as they are
   bool valid = false;                ///< whether they make sense
   S smooth{};                        ///< a period, of the low-pass [1]
-  S drift{};                         ///< of the high-pass [1]
+  S drift{};                         ///< share that the high-pass forgets in a period [1]
   S keep{};                          ///< forgetting factor [1]
   S prior[2]{};                      ///< information that pulls k and b to where they started [rad^2, rad^2/s^2]
 };
@@ -63,10 +63,10 @@ template <class S> StrapEstimatorCoefficients<S> coefficients(const StrapEstimat
 template <class S> struct StrapEstimatorState {
   S stiffness{};         ///< k [N m/rad]
   S damping{};           ///< b [N m s/rad]
-  S last_position{};     ///< of the encoder [rad]
+  S last_position{};     ///< last angle of the encoder [rad]
   S momentum{};          ///< what should have become of I_e v_e [kg m^2 rad/s]
   S torque{};            ///< tau_x [N m]
-  S limb_position{};     ///< of the pendulum [rad]
+  S limb_position{};     ///< angle of the pendulum [rad]
   S limb_velocity{};     ///< [rad/s]
   S smooth[2]{};         ///< D and dD behind the low-pass
   S slow[3]{};           ///< slow parts of tau_x, D and dD

@@ -16,7 +16,7 @@ inline namespace PELLUCID_ABI {
 template <class S> struct StrapResponseState {
   S stretch{}, stretch_before{};  ///< e [rad]
   S flow{}, flow_before{};        ///< x [rad]
-  S slip{};                       ///< by which the limb has slipped [rad]
+  S slip{};                       ///< angle by which the limb has slipped [rad]
   S flank{};                      ///< -1, 0 or 1
 };
 

@@ -31,8 +31,8 @@ template <class S> struct SupervisorParams {
   std::uint32_t joint_expected = 0;
   S joint_tolerance = S(std::numeric_limits<S>::infinity());
   BodyResidualParams<S> body{};
-  SensorWatchParams<S> force{};   ///< of the interaction torque
-  SensorWatchParams<S> muscle{};  ///< of EMG
+  SensorWatchParams<S> force{};   ///< watch of the interaction torque's sensor
+  SensorWatchParams<S> muscle{};  ///< watch of EMG
   DriveWatchParams<S> drive{};
   EnergyBudgetParams<S> budget{};
   RingingWatchParams<S> ringing{};
@@ -79,14 +79,14 @@ constexpr bool is_stopped(Mode mode) noexcept { return mode >= Mode::damped_stop
 /// What follows from SupervisorParams and the law's gate once.
 template <class S> struct SupervisorCoefficients {
   SupervisorParams<S> params{};           ///< as they are
-  EncoderWatchCoefficients<S> encoder{};  ///< of each watch
+  EncoderWatchCoefficients<S> encoder{};  ///< watch of the raw encoder
   BodyResidualCoefficients<S> body{};     ///< the momentum observer's
-  RingingWatchCoefficients<S> ringing{};  ///< of the command
-  StartUpTestCoefficients<S> test{};      ///< of polarity and gain
+  RingingWatchCoefficients<S> ringing{};  ///< watch of the command for ringing
+  StartUpTestCoefficients<S> test{};      ///< test of polarity and gain at start-up
   S period{};                       ///< [s]
   S effort_limit{};                 ///< the gate's [N m]
-  S max_change{};                   ///< of the effort in a period [N m]
-  std::uint32_t reset_periods = 0;  ///< of the delay
+  S max_change{};                   ///< largest change of the effort in a period [N m]
+  std::uint32_t reset_periods = 0;  ///< periods of the delay before a reset
   std::uint32_t valid = 0;          ///< 1: the parameters make sense
 };
 
@@ -136,25 +136,25 @@ constexpr std::uint32_t log_length = 8;
 constexpr std::uint32_t supervisor_alive = 0x5afe0001u;
 
 template <class S> struct SupervisorState {
-  TwinWord alive{};          ///< that it was configured
+  TwinWord alive{};          ///< word that says that it was configured
   TwinWord doing{};          ///< mode, and the fault above it
-  TwinWord challenge{};      ///< of the last fault
+  TwinWord challenge{};      ///< challenge of the last fault, which an operator answers
   S output{};                ///< the last effort [N m]
-  EncoderWatchState<S> encoder{};         ///< of the raw angle
-  BodyResidualState<S> body{};            ///< of the momentum observer
-  SensorWatchState<S> force{}, muscle{};  ///< of the sensors that the law hears
-  DriveWatchState<S> drive{};             ///< of command beside measurement
-  EnergyBudgetState<S> budget{};          ///< of the whole command
-  RingingWatchState<S> ringing{};         ///< of it too
-  DampedStopState<S> hold{};              ///< of the viscous hold
-  StartUpTestState<S> test{};             ///< of the wave of effort
+  EncoderWatchState<S> encoder{};         ///< watch of the raw angle
+  BodyResidualState<S> body{};            ///< momentum observer
+  SensorWatchState<S> force{}, muscle{};  ///< watches of the sensors that the law hears
+  DriveWatchState<S> drive{};             ///< watch of the drive: command beside measurement
+  EnergyBudgetState<S> budget{};          ///< budget for the energy of the whole command
+  RingingWatchState<S> ringing{};         ///< watch of the whole command for ringing
+  DampedStopState<S> hold{};              ///< viscous hold
+  StartUpTestState<S> test{};             ///< wave of effort at start-up
   std::uint32_t drive_seen = ~std::uint32_t(0), joint_seen = ~std::uint32_t(0);  ///< sequence numbers
   SafetyFault residual = SafetyFault::none;  ///< what model and motion show, now
-  S other_velocity{};           ///< of the period before [rad/s]
-  S joint_offset{};             ///< of the second encoder [rad]
+  S other_velocity{};           ///< velocity of the period before [rad/s]
+  S joint_offset{};             ///< offset of the second encoder [rad]
   bool joint_started = false;   ///< false until it was read
   std::uint32_t joint_silent = 0;         ///< periods without it
-  ChecksumState law_sum{}, own_sum{};     ///< of the law's numbers, of the supervisor's
+  ChecksumState law_sum{}, own_sum{};     ///< checksums of the law's numbers and of the supervisor's
   std::uint32_t steps = 0;      ///< since it was configured
   std::uint32_t stopped = 0;    ///< periods since the last fault
   std::uint32_t healthy = 0;    ///< periods in a row since

@@ -6,7 +6,7 @@
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
-/// Of as many rows as are in use; the rest is not touched.
+/// A matrix that uses as many rows as it is told; the rest is not touched.
 template <class S, std::size_t N> struct SquareMatrix {
   S at[N][N];
 };

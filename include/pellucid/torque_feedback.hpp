@@ -28,7 +28,7 @@ template <class S> struct TorqueFeedbackCoefficients {
   S period{};                        ///< [s]
   S smoothing{};                     ///< share of a new sample [1]
   S slow{};                          ///< share of a new sample in the drift [1]
-  S forgetting{};                    ///< of the integral, a period [1]
+  S forgetting{};                    ///< share of the integral that is forgotten in a period [1]
   bool valid = false;                ///< whether the parameters make sense
 };
 

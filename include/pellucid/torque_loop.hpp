@@ -36,8 +36,8 @@ template <class S> struct TorqueLoopCoefficients {
   S kp{};                         ///< [1]
   S ki{};                         ///< [1/s]
   S rate_gain{};                  ///< k_d / (torque_span period) [1]
-  S torque_limit{};               ///< of |tau_d| [N m], infinite where there is none
-  S motor_limit{};                ///< of |u| [N m], infinite where there is none
+  S torque_limit{};               ///< limit of |tau_d| [N m], infinite where there is none
+  S motor_limit{};                ///< limit of |u| [N m], infinite where there is none
   S stiffness{};                  ///< K as calibrated [N m/rad]
   S period{};                     ///< [s]
   mask_t<S> sound{};              ///< whether the gains are numbers
@@ -65,7 +65,7 @@ template <class S> TorqueLoopCoefficients<S> coefficients(const TorqueLoopParams
 
 /// What the loop remembers.
 template <class S> struct TorqueLoopState {
-  S integral{};                   ///< of the torque's error [N m s]
+  S integral{};                   ///< integral of the torque's error [N m s]
   S torques[max_torque_span]{};   ///< the last measured torques, a ring [N m]
   S commands[max_torque_span]{};  ///< the last commands, a ring [N m]
   std::uint32_t next = 0;         ///< where the rings are written next

@@ -24,13 +24,13 @@ inline namespace PELLUCID_ABI {
 template <class S> struct TransparentCompensationParams {
   JointParams<S> body{};  ///< identified; its friction's velocity_width > 0
   S gravity_share = S(1), friction_share = S(0.95), inertia_share = S(0.4), friction_lead{};
-  MotionEstimatorParams<S> estimator{};  ///< of the motion
+  MotionEstimatorParams<S> estimator{};  ///< estimate of the motion
   S acceleration_limit = S(25), energy_store{};
   TorqueFeedbackParams<S> feedback{};        ///< on a force sensor
-  EmgPredictionParams<S> emg{};              ///< of the acceleration; its share 0: none
-  AdaptiveOscillatorParams<S> oscillator{};  ///< of periodic motions
+  EmgPredictionParams<S> emg{};              ///< prediction of the acceleration from EMG; its share 0: none
+  AdaptiveOscillatorParams<S> oscillator{};  ///< oscillator for periodic motions
   S oscillator_share{}, oscillator_lead{};
-  DisturbanceObserverParams<S> observer{};  ///< of what resists beyond the model; its share 0: none
+  DisturbanceObserverParams<S> observer{};  ///< observer of what resists beyond the model; its share 0: none
   DitherParams<S> dither{};                 ///< against sticking; its torque 0: none
   SafetyParams<S> gate{};                   ///< the last step; its period is the law's
 
@@ -59,11 +59,11 @@ template <class S> struct TransparentCompensationParams {
 template <class S> struct TransparentCompensationCoefficients {
   TransparentCompensationParams<S> params{};         ///< as they are
   JointCoefficients<S> body{};                       ///< what is compensated
-  MotionEstimatorCoefficients<S> estimator{};        ///< of the motion
+  MotionEstimatorCoefficients<S> estimator{};        ///< estimate of the motion
   TorqueFeedbackCoefficients<S> feedback{};          ///< on a force sensor
-  EmgPredictionCoefficients<S> emg{};                ///< of the acceleration
-  AdaptiveOscillatorCoefficients<S> oscillator{};    ///< of periodic motions
-  DisturbanceObserverCoefficients<S> observer{};     ///< of what resists beyond the model
+  EmgPredictionCoefficients<S> emg{};                ///< prediction of the acceleration from EMG
+  AdaptiveOscillatorCoefficients<S> oscillator{};    ///< oscillator for periodic motions
+  DisturbanceObserverCoefficients<S> observer{};     ///< observer of what resists beyond the model
   DitherCoefficients<S> dither{};                    ///< against sticking
   SafetyCoefficients<S> gate{};                      ///< shut where the parameters make no sense
 };
@@ -87,13 +87,13 @@ TransparentCompensationCoefficients<S> coefficients(const TransparentCompensatio
 }
 
 template <class S> struct TransparentCompensationState {
-  MotionEstimatorState<S> motion{};         ///< of the encoder
+  MotionEstimatorState<S> motion{};         ///< motion, estimated from the encoder
   TorqueFeedbackState<S> feedback{};        ///< on a force sensor
-  EmgPredictionState<S> emg{};              ///< of the acceleration
-  AdaptiveOscillatorState<S> oscillator{};  ///< of periodic motions
-  DisturbanceObserverState<S> observer{};   ///< of what resists beyond the model
+  EmgPredictionState<S> emg{};              ///< prediction of the acceleration from EMG
+  AdaptiveOscillatorState<S> oscillator{};  ///< oscillator for periodic motions
+  DisturbanceObserverState<S> observer{};   ///< observer of what resists beyond the model
   DitherState<S> dither{};                  ///< against sticking
-  EnergyObserverState<S> energy{};          ///< of what drives
+  EnergyObserverState<S> energy{};          ///< observer of the energy that drives the wearer
   SafetyState<S> gate{};                    ///< the last step
 };
 

@@ -23,10 +23,10 @@ inline namespace PELLUCID_ABI {
 /// What the law does at one joint.
 template <class S> struct JointShareParams {
   S gravity_share = S(1), friction_share = S(0.8), inertia_share{}, friction_lead{};
-  MotionEstimatorParams<S> estimator{};  ///< of the motion
+  MotionEstimatorParams<S> estimator{};  ///< estimate of the motion
   S acceleration_limit = S(25), energy_store = S(std::numeric_limits<S>::infinity());
   TorqueFeedbackParams<S> feedback{};  ///< on a force sensor
-  EmgPredictionParams<S> emg{};        ///< of the acceleration; its share 0: none
+  EmgPredictionParams<S> emg{};        ///< prediction of the acceleration from EMG; its share 0: none
   DitherParams<S> dither{};            ///< against sticking; its torque 0: none
   SafetyParams<S> gate{};              ///< the last step; its period is the law's
 
@@ -81,9 +81,9 @@ template <class S, std::size_t N> struct TreeCompensationParams {
 /// What follows from JointShareParams once.
 template <class S> struct JointShareCoefficients {
   JointShareParams<S> params{};                ///< as they are
-  MotionEstimatorCoefficients<S> estimator{};  ///< of the motion
+  MotionEstimatorCoefficients<S> estimator{};  ///< estimate of the motion
   TorqueFeedbackCoefficients<S> feedback{};    ///< on a force sensor
-  EmgPredictionCoefficients<S> emg{};          ///< of the acceleration
+  EmgPredictionCoefficients<S> emg{};          ///< prediction of the acceleration from EMG
   DitherCoefficients<S> dither{};              ///< against sticking
 };
 
@@ -91,7 +91,7 @@ template <class S> struct JointShareCoefficients {
 template <class S, std::size_t N> struct TreeCompensationCoefficients {
   TreeCoefficients<S, N> tree{};            ///< what is compensated
   TreeDrivesCoefficients<S, N> drives{};    ///< what of it is lost on the way
-  JointShareCoefficients<S> joint[N]{};     ///< of each
+  JointShareCoefficients<S> joint[N]{};     ///< shares of each joint
   WholeTreeParams<S> whole{};               ///< as they are
   TreeGateCoefficients<S, N> gate{};        ///< shut where the parameters make no sense
   bool any_inertia = false;                 ///< whether any joint's inertia is compensated
@@ -127,19 +127,19 @@ TreeCompensationCoefficients<S, N> coefficients(const TreeCompensationParams<S, 
 }
 
 template <class S> struct JointShareState {
-  MotionEstimatorState<S> motion{};   ///< of the encoder
+  MotionEstimatorState<S> motion{};   ///< motion, estimated from the encoders
   TorqueFeedbackState<S> feedback{};  ///< on a force sensor
-  EmgPredictionState<S> emg{};        ///< of the acceleration
+  EmgPredictionState<S> emg{};        ///< prediction of the acceleration from EMG
   DitherState<S> dither{};            ///< against sticking
-  EnergyObserverState<S> energy{};    ///< of what drives
+  EnergyObserverState<S> energy{};    ///< observer of the energy that drives the wearer
 };
 
 template <class S, std::size_t N> struct TreeCompensationState {
-  JointShareState<S> joint[N]{};            ///< of each
-  MomentumObserverState<S, N> observer{};   ///< of what else acts
+  JointShareState<S> joint[N]{};            ///< state of each joint
+  MomentumObserverState<S, N> observer{};   ///< observer of what else acts on the joints
   S weight[N]{};                            ///< g, now [N m; N]
   S lost[N]{};                              ///< friction at the velocity of now, under the weight [N m; N]
-  S end_speed{};                            ///< of the end point [m/s]
+  S end_speed{};                            ///< speed of the end point [m/s]
   TreeGateState<S, N> gate{};               ///< the last step
 };
 

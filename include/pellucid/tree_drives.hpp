@@ -18,8 +18,8 @@ inline namespace PELLUCID_ABI {
 /// What loses effort at one joint.
 template <class S> struct TreeJointParams {
   S offset{};
-  FrictionParams<S> friction{};      ///< of the joint and whatever turns with it alone
-  PreslidingParams<S> presliding{};  ///< of that friction
+  FrictionParams<S> friction{};      ///< friction of the joint and whatever turns with it alone
+  PreslidingParams<S> presliding{};  ///< presliding of that friction
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.offset, {"offset", unit::effort, any_number(), "effort that is always there"});
@@ -51,7 +51,7 @@ template <class S, std::size_t N> struct TreeDrivesParams {
 template <class S> struct TreeJointCoefficients {
   S offset{};                            ///< [N m]
   FrictionCoefficients<S> friction{};    ///< at the joint
-  PreslidingCoefficients<S> presliding;  ///< of that friction
+  PreslidingCoefficients<S> presliding;  ///< presliding of that friction
 };
 /// What follows from TreeMotorParams once.
 template <class S> struct TreeMotorCoefficients {
@@ -61,8 +61,8 @@ template <class S> struct TreeMotorCoefficients {
 
 /// What follows from TreeDrivesParams once.
 template <class S, std::size_t N> struct TreeDrivesCoefficients {
-  TreeJointCoefficients<S> joint[N];  ///< of each coordinate
-  TreeMotorCoefficients<S> motor[N];  ///< of each motor, where coupled
+  TreeJointCoefficients<S> joint[N];  ///< coefficients of each coordinate
+  TreeMotorCoefficients<S> motor[N];  ///< coefficients of each motor, where motors are coupled
   bool coupled = false;               ///< whether motors turn with several joints
   bool valid = true;                  ///< whether T can be inverted, in every lane
   S turns[N][N];                      ///< T
@@ -103,7 +103,7 @@ template <class S, std::size_t N> bool invert(const S (&matrix)[N][N], std::size
 }
 }  // namespace detail
 
-/// Of the first n joints.
+/// Drives of the first n joints.
 template <class S, std::size_t N>
 TreeDrivesCoefficients<S, N> coefficients(const TreeDrivesParams<S, N>& params, std::size_t n) noexcept {
   TreeDrivesCoefficients<S, N> c;

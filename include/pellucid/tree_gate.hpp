@@ -13,9 +13,9 @@ inline namespace PELLUCID_ABI {
 /// What follows from the limits of each joint and of the whole once.
 template <class S, std::size_t N> struct TreeGateCoefficients {
   std::size_t joints = 0;            ///< how many
-  SafetyCoefficients<S> joint[N]{};  ///< of each
-  S power_limit{};                   ///< of |sum of effort times velocity| [W]
-  S speed_limit{};                   ///< of the end point [m/s]
+  SafetyCoefficients<S> joint[N]{};  ///< gate of each joint
+  S power_limit{};                   ///< limit of |sum of effort times velocity| [W]
+  S speed_limit{};                   ///< limit of the end point's speed [m/s]
   bool valid = false;                ///< whether all of them make sense, and have one period
 };
 
@@ -38,7 +38,7 @@ template <class S, std::size_t N> struct TreeGateState {
   TreeFault fault{};        ///< latched
   S output[N]{};            ///< the last ones [N m; N]
   S position[N]{};          ///< the last ones that were numbers [rad; m]
-  SampleState sample[N]{};  ///< of encoders
+  SampleState sample[N]{};  ///< what is remembered of each encoder's samples
 };
 
 /// Opens a gate again; outputs go on from where they are, within their rate limits.

@@ -13,7 +13,7 @@ inline namespace PELLUCID_ABI {
 
 /// A force and its moment about the sensor's point, in the axes of the link that bears it.
 template <class S> struct WrenchSample {
-  Vector3<S> force{};          ///< of the wearer on the robot [N]
+  Vector3<S> force{};          ///< force of the wearer on the robot [N]
   Vector3<S> moment{};         ///< [N m]
   std::int64_t time = 0;       ///< when it was measured [us]
   std::uint32_t sequence = 0;  ///< its number; may wrap around
@@ -25,7 +25,7 @@ template <class S> bool is_heard(const WrenchSample<S>& w) noexcept {
 
 /// All that may have been measured in a period: positions are needed, of the rest a law uses what there is.
 template <class S, std::size_t N> struct TreeSamples {
-  Sample<S> position[N]{};     ///< of each joint's encoder
+  Sample<S> position[N]{};     ///< sample of each joint's encoder
   Sample<S> interaction[N]{};  ///< the wearer's effort on each joint, from sensors there
   Sample<S> muscle[N]{};       ///< the wearer's effort at each joint, from EMG
   WrenchSample<S> wrench{};    ///< the wearer's on a link, at a wrist or a cuff
@@ -33,8 +33,8 @@ template <class S, std::size_t N> struct TreeSamples {
 
 /// What goes to the drives.
 template <class S, std::size_t N> struct TreeCommand {
-  S effort[N]{};  ///< of each joint [N m; N]
-  S drive[N]{};   ///< of each motor, gears taken out; the same unless motors turn with several joints
+  S effort[N]{};  ///< effort of each joint [N m; N]
+  S drive[N]{};   ///< effort of each motor, gears taken out; the same unless motors turn with several joints
 };
 
 /// A fault and the joint that it is of.
@@ -81,11 +81,11 @@ template <class L> struct TreeController {
   static constexpr std::size_t most = L::most;
 
   typename L::Coefficients law{};   ///< as configured
-  typename L::State state{};        ///< of the law
-  SampleState position[most]{};     ///< of encoders
-  SampleState interaction[most]{};  ///< of sensors at joints
-  SampleState muscle[most]{};       ///< of EMG
-  SampleState wrench{};             ///< of the sensor on a link
+  typename L::State state{};        ///< state of the law
+  SampleState position[most]{};     ///< what is remembered of encoders
+  SampleState interaction[most]{};  ///< what is remembered of sensors at joints
+  SampleState muscle[most]{};       ///< what is remembered of EMG
+  SampleState wrench{};             ///< what is remembered of the sensor on a link
   TreeFault fault{};                ///< latched, the first
   std::uint32_t steps = 0;          ///< since it was configured
 };

@@ -19,7 +19,7 @@ template <class S, std::size_t N> struct TreePlantParams {
   TreeParams<S, N> tree{};              ///< bodies
   TreeDrivesParams<S, N> drives{};      ///< what moves and resists them
   SeriesElasticParams<S> elastic[N]{};  ///< between each motor's effort and the drives
-  S period{};                           ///< of control [s]
+  S period{};                           ///< period of control [s]
   std::uint32_t substeps = 4;           ///< integration steps per control period, >= 1
 };
 
@@ -28,7 +28,7 @@ template <class S, std::size_t N> struct TreePlantCoefficients {
   TreeCoefficients<S, N> tree;              ///< bodies
   TreeDrivesCoefficients<S, N> drives;      ///< what moves and resists them
   SeriesElasticCoefficients<S> elastic[N];  ///< between each motor's effort and the drives
-  bool any_elastic = false;                 ///< of any motor
+  bool any_elastic = false;                 ///< whether any motor is behind a spring
   S substep{};                              ///< h [s]
   std::uint32_t substeps = 4;               ///< per control period
   bool valid = false;                       ///< whether tree and drives are
@@ -53,8 +53,8 @@ template <class S, std::size_t N> struct TreePlantState {
   S position[N]{};                   ///< q [rad; m]
   S velocity[N]{};                   ///< v [rad/s; m/s]
   S held[2 * N]{};                   ///< friction of joints, then of motors, in the last substep [N m; N]
-  PreslidingState<S> strain[N]{};    ///< of joints that give before they slip
-  SeriesElasticState<S> motor[N]{};  ///< of motors behind springs
+  PreslidingState<S> strain[N]{};    ///< strain of joints that give before they slip
+  SeriesElasticState<S> motor[N]{};  ///< motors behind springs
 };
 
 /// Joints at q that move at v, and motors whose springs carry what weighs on them.
@@ -75,7 +75,7 @@ TreePlantState<S, N> balanced(const TreePlantCoefficients<S, N>& c, const S* q, 
 
 /// What a tree is given each period.
 template <class S, std::size_t N> struct TreePlantInput {
-  S effort[N]{};   ///< of each motor [N m; N]
+  S effort[N]{};   ///< effort of each motor [N m; N]
   S outside[N]{};  ///< on each joint: people, payloads [N m; N]
 };
 

@@ -15,7 +15,7 @@ inline namespace PELLUCID_ABI {
 /// What is watched of one joint, and how it is held.
 template <class S> struct JointWatchParams {
   EncoderWatchParams<S> encoder{};
-  DriveWatchParams<S> drive{};  ///< of the joint's motor
+  DriveWatchParams<S> drive{};  ///< watch of the joint's motor
   EnergyBudgetParams<S> budget{};
   RingingWatchParams<S> ringing{};
   DampedStopParams<S> hold{};
@@ -49,24 +49,24 @@ template <class S> struct WholeWatchParams {
 };
 
 template <class S, std::size_t N> struct TreeSupervisorParams {
-  JointWatchParams<S> joint[N]{};  ///< of each
-  WholeWatchParams<S> whole{};     ///< of all
+  JointWatchParams<S> joint[N]{};  ///< watches of each joint
+  WholeWatchParams<S> whole{};     ///< watches of the whole robot
 };
 
 /// What follows from JointWatchParams, the joint's gate and its friction once.
 template <class S> struct JointWatchCoefficients {
   JointWatchParams<S> params{};           ///< as they are
-  EncoderWatchCoefficients<S> encoder{};  ///< of the raw angle
-  RingingWatchCoefficients<S> ringing{};  ///< of the command
-  S level{};                              ///< of friction at rest without a load [N m; N]
+  EncoderWatchCoefficients<S> encoder{};  ///< watch of the raw angle
+  RingingWatchCoefficients<S> ringing{};  ///< watch of the command for ringing
+  S level{};                              ///< friction at rest without a load [N m; N]
   S load{};                               ///< more of it, per load [1]
 };
 
 template <class S, std::size_t N> struct TreeSupervisorCoefficients {
-  JointWatchCoefficients<S> joint[N]{};  ///< of each
+  JointWatchCoefficients<S> joint[N]{};  ///< watches of each joint
   WholeWatchParams<S> whole{};           ///< as they are
   S period{};                            ///< [s]
-  std::uint32_t reset_periods = 0;       ///< of the delay
+  std::uint32_t reset_periods = 0;       ///< periods of the delay before a reset
   std::uint32_t valid = 0;               ///< 1: the parameters make sense
 };
 
@@ -103,7 +103,7 @@ template <class S, std::size_t N> struct TreeFeedback {
 /// What goes to the drives, and what an operator may see.
 template <class S, std::size_t N> struct TreeSupervisorOutput {
   TreeCommand<S, N> command{};
-  bool enable[N]{};                ///< of each motor; false: its drive must take its power off
+  bool enable[N]{};                ///< power of each motor; false: its drive must take its power off
   std::uint32_t beat = 0;          ///< counts periods, for the drives' watchdogs
   std::uint32_t challenge = 0;     ///< what a reset needs as its token; 0 while all is well
   TreeFault fault{};               ///< the first, latched
@@ -118,22 +118,22 @@ struct LoggedTreeFault {
 };
 
 template <class S> struct JointWatchState {
-  EncoderWatchState<S> encoder{};  ///< of the raw angle
-  DriveWatchState<S> drive{};      ///< of command beside measurement
-  EnergyBudgetState<S> budget{};   ///< of the command
-  RingingWatchState<S> ringing{};  ///< of it too
-  DampedStopState<S> hold{};       ///< of the viscous hold
+  EncoderWatchState<S> encoder{};  ///< watch of the raw angle
+  DriveWatchState<S> drive{};      ///< watch of the drive: command beside measurement
+  EnergyBudgetState<S> budget{};   ///< budget for the energy of the command
+  RingingWatchState<S> ringing{};  ///< watch of the command for ringing
+  DampedStopState<S> hold{};       ///< viscous hold
   std::uint32_t drive_seen = ~std::uint32_t(0);  ///< its sequence number
   std::uint32_t doubted = 0;                     ///< 1: what a hold needs of it is in doubt
 };
 
 template <class S, std::size_t N> struct TreeSupervisorState {
-  TwinWord alive{};                  ///< that it was configured
+  TwinWord alive{};                  ///< word that says that it was configured
   TwinWord doing{};                  ///< mode, the fault and its joint above it
-  TwinWord challenge{};              ///< of the last fault
+  TwinWord challenge{};              ///< challenge of the last fault, which an operator answers
   S output[N]{};                     ///< the last efforts [N m; N]
-  JointWatchState<S> joint[N]{};     ///< of each
-  ChecksumState law_sum{}, own_sum{};  ///< of the law's numbers, of the supervisor's
+  JointWatchState<S> joint[N]{};     ///< watches of each joint
+  ChecksumState law_sum{}, own_sum{};  ///< checksums of the law's numbers and of the supervisor's
   std::uint32_t steps = 0;           ///< since it was configured
   std::uint32_t stopped = 0;         ///< periods since the last fault
   std::uint32_t healthy = 0;         ///< periods in a row since

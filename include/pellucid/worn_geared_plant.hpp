@@ -39,9 +39,9 @@ template <class S> struct WornGearedPlantState {
   S link_velocity{};      ///< [rad/s]
   S limb_position{};      ///< [rad]
   S limb_velocity{};      ///< [rad/s]
-  S limb_acceleration{};  ///< of the last substep [rad/s^2]
+  S limb_acceleration{};  ///< acceleration of the limb in the last substep [rad/s^2]
   StrapState<S> strap{};  ///< what the strap remembers
-  PreslidingState<S> contacts{};  ///< of the motor's friction
+  PreslidingState<S> contacts{};  ///< contacts of the motor's friction
 };
 
 /// Everything at rest where the limb goes through the cuff, the cable carrying the robot.

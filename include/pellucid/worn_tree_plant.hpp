@@ -20,10 +20,10 @@ constexpr std::size_t most_cuffs = 4;
 
 template <class S, std::size_t N> struct WornTreePlantParams {
   TreePlantParams<S, N> robot{};     ///< its period and substeps are both trees'
-  DriveParams<S> drive[N]{};         ///< of each motor: gain and ripple
+  DriveParams<S> drive[N]{};         ///< drive of each motor: gain and ripple
   S lag{};                           ///< time constant of a drive's torque [s]; 0: none
   TreePlantParams<S, N> limb{};      ///< no links: nobody wears it
-  PostureServoParams<S> servo[N]{};  ///< of each joint of the limb
+  PostureServoParams<S> servo[N]{};  ///< posture of each joint of the limb
   std::uint32_t reflex_delay = 0;    ///< [periods]
   std::uint32_t cuffs = 0;           ///< how many
   CuffParams<S> cuff[most_cuffs]{};
@@ -31,10 +31,10 @@ template <class S, std::size_t N> struct WornTreePlantParams {
 
 /// What follows from WornTreePlantParams once.
 template <class S, std::size_t N> struct WornTreePlantCoefficients {
-  TreePlantCoefficients<S, N> robot;       ///< of one substep
-  TreePlantCoefficients<S, N> limb;        ///< of one substep
-  DriveCoefficients<S> drive[N];           ///< of each motor
-  PostureServoParams<S> servo[N];          ///< of each joint of the limb
+  TreePlantCoefficients<S, N> robot;       ///< robot over one substep
+  TreePlantCoefficients<S, N> limb;        ///< limb over one substep
+  DriveCoefficients<S> drive[N];           ///< drive of each motor
+  PostureServoParams<S> servo[N];          ///< posture of each joint of the limb
   CuffCoefficients<S> cuff[most_cuffs];    ///< in order
   S follows{};                             ///< share of the way to its command that a drive's torque goes in a substep
   S substep{};                             ///< h [s]
@@ -75,8 +75,8 @@ WornTreePlantCoefficients<S, N> coefficients(const WornTreePlantParams<S, N>& pa
 template <class S, std::size_t N> struct WornTreePlantState {
   TreePlantState<S, N> robot{};
   TreePlantState<S, N> limb{};
-  S torque[N]{};                      ///< of each drive, without ripple [N m]
-  PostureServoState<S> reflexes[N]{};  ///< of each joint of the limb
+  S torque[N]{};                      ///< torque of each drive, without ripple [N m]
+  PostureServoState<S> reflexes[N]{};  ///< reflexes of each joint of the limb
   std::uint32_t periods = 0;          ///< so far
 };
 
@@ -121,7 +121,7 @@ void act(const WornTreePlantCoefficients<S, N>& c, const WornTreePlantState<S, N
                           state.limb.velocity, action.limb);
 }
 
-/// Of both trees and what cuffs store, without what springs of the transmission do [J].
+/// Energy of both trees and of what cuffs store, without the springs of the transmission [J].
 template <class S, std::size_t N>
 S worn_energy(const WornTreePlantCoefficients<S, N>& c, const WornTreePlantState<S, N>& state) noexcept {
   TreeEnergy<S> of = energy(c.robot.tree, state.robot.position, state.robot.velocity);

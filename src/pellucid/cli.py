@@ -94,12 +94,15 @@ def simulate(
         list[str] | None,
         typer.Option(metavar="NAME", help="Controller that virtual people wear, as export names it; repeatable."),
     ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace a study.toml that was changed by hand.")
+    ] = False,
 ) -> None:
     """Let a virtual rig make the recordings."""
     from .lab.simulate import simulate as run
 
     with _progress() as tell:
-        made = run(folder, seed, controllers=controller, on_progress=tell)
+        made = run(folder, seed, controllers=controller, overwrite=overwrite, on_progress=tell)
     out = _console()
     times = made.joint_time / made.wall_time
     _say(
@@ -314,12 +317,11 @@ def compare(
     """Did this joint change? Two studies, parameter by parameter."""
     from .pages.quantities import number, typeset_units, unit_text
     from .procedures.compare import compare as run
-    from .procedures.print_result import plain_table
+    from .procedures.print_result import fitting_tables
 
     found = run(a, b, family=family, allow_outside=allow_outside, accept_stale=accept_stale)
-    table = plain_table("parameter", ">A", ">B", ">B − A", "unit", ">p", "")
-    for row in found.rows:
-        table.add_row(
+    rows = [
+        (
             row.name,
             number(row.a, row.standard_error),
             number(row.b, row.standard_error),
@@ -328,9 +330,12 @@ def compare(
             "<0.001" if row.p_value < 1e-3 else f"{row.p_value:.3f}",
             "changed" if row.changed else "",
         )
+        for row in found.rows
+    ]
     out = _console()
     _say(out, f"\n{found.family} friction; A is {a}, B is {b}")
-    out.print(table)
+    for table in fitting_tables(("parameter", ">A", ">B", ">B − A", "unit", ">p", ""), rows, out.width):
+        out.print(table)
     _list(out, [(v.kind, typeset_units(v.text)) for v in found.verdicts])
     out.print()
 

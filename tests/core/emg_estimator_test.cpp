@@ -220,6 +220,20 @@ void says_what_an_estimate_is_worth() {
   const auto blind = next();
   check(blind.fault == p::EmgFault::angle && blind.blind == 2u && blind.torque[0] == 0 && blind.torque[1] == 0, "blind");
   check(p::stiffness(c, state).slope[0][0] == 0, "and without stiffness");
+  auto linear = params;
+  linear.joint[0].terms = 1;
+  const p::TorqueTerm<double> in_proportion{2.0, 0, p::no_factor};
+  linear.joint[0].term = &in_proportion;
+  const auto with_term = p::coefficients(linear);
+  const auto torque_at = [&](double envelope) {
+    p::EmgEstimatorState<double, Small> fresh;
+    p::EmgSamples<double, Small> now;
+    now.envelope[0] = envelope;
+    now.envelope[1] = 0.4;
+    return p::step(with_term, fresh, now).torque[0];
+  };
+  check(with_term.valid && torque_at(0.3) > torque_at(0.0), "the term counts");
+  check_close(torque_at(-0.3), torque_at(0.0), 1e-12, "a filter's undershoot is no activity");
   auto wrong = params;
   wrong.joint[0].angle = 9;
   check(!p::coefficients(wrong).valid, "an angle that is not there");

@@ -52,7 +52,7 @@ def test_the_smallest_size_runs(folder, name, tmp_path, data_folder):
     done = run_python(data_folder, "-m", folder, name, "--smallest", "--out", str(out))
     assert done.returncode == 0, done.stderr[-4000:]
     told = json.loads(out.read_text(encoding="utf-8"))
-    figures = told["figures" if folder == "benchmarks" else "rows"]
+    figures = told["figures"]
     if not figures and "not measured" in done.stdout:
         pytest.skip(done.stdout.splitlines()[0])
     assert figures

@@ -181,6 +181,12 @@ def test_compare_marks_what_changed(bench, monkeypatch):
     assert "changed" in by_name["viscous"]
     assert "<0.001" in by_name["viscous"]
     assert "changed" not in by_name["coulomb"]
+    # Neither a figure nor what it says is cut off in a narrow terminal.
+    found.rows[0].name = "viscous_negative_of_a_joint"
+    narrow = run(cli.app, ["compare", "A", "B"], env={"COLUMNS": "60"})
+    assert max(map(len, narrow.output.splitlines())) <= 60
+    assert "changed" in narrow.output
+    assert "…" not in narrow.output
 
 
 def test_identified_studies_compare(bench):

@@ -261,6 +261,20 @@ def test_simulate_refuses_what_it_cannot_understand(tmp_path):
         pellucid.simulate(tmp_path / "new")
 
 
+def test_simulate_does_not_replace_a_study_that_was_changed_by_hand(tmp_path):
+    folder = tmp_path / "joint"
+    pellucid.init(folder, rig="bench-joint")
+    pellucid.simulate(folder, seed=1)
+    pellucid.simulate(folder, seed=2)
+    written = (folder / "study.toml").read_text(encoding="utf-8")
+    (folder / "study.toml").write_text(written + "# our own remark\n", encoding="utf-8")
+    with pytest.raises(StudyError, match=r"study\.toml: found changes since .* expected none"):
+        pellucid.simulate(folder, seed=1)
+    assert "our own remark" in (folder / "study.toml").read_text(encoding="utf-8")
+    pellucid.simulate(folder, seed=2, overwrite=True)
+    assert (folder / "study.toml").read_text(encoding="utf-8") == written
+
+
 def test_drawn_rigs_are_written_as_they_were_drawn():
     assert "able-elbow-drawn-5" in rig_names()
     for i, drawn in enumerate(drawn_rigs(able_elbow())):

@@ -89,6 +89,9 @@ def test_a_prismatic_rig_knows_no_gravity(make_study):
         ("trim = 20", "trim = 20\n[model]\nfamilies = []", "expected at least one, each once"),
         ("trim = 20", 'trim = 20\n[model]\nfamilies = ["symetric"]', "found 'symetric', expected 'symmetric'"),
         ("trim = 20", 'trim = 20\n[model]\nknown = { inertia = "1 kg" }', 'known: inertia: found the unit "kg"'),
+        ("trim = 20", 'trim = 20\n[model]\nknown = { square_root = "1 N*m" }', 'square_root: found the unit "N*m"'),
+        ("trim = 20", 'trim = 20\n[model]\nknown = { stribeck_velocity = "1 N*m" }', 'velocity: found the unit "N*m"'),
+        ("trim = 20", 'trim = 20\n[model]\nknown = { load_friction = "1 N*m" }', 'load_friction: found the unit "N*m"'),
     ],
 )  # fmt: skip
 def test_a_wrong_study_file_names_line_key_found_and_expected(make_study, old, new, message):

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from .._errors import IdentificationError
+from .standardise import mean_and_scale
 
 DEFAULT_WINDOW_S = 6.0
 """Errors are remembered for this long [s]: some repetitions of a movement."""
@@ -81,8 +82,7 @@ def fit_adaptive_correction(parts: Sequence[tuple[np.ndarray, np.ndarray]], *, m
     x, error = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
     if len(x) < 10:
         raise IdentificationError(f"adaptive correction: found {len(x)} samples, expected at least 10")
-    centre, scale = x.mean(axis=0), x.std(axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
+    centre, scale = mean_and_scale(x)
     thinned = np.linspace(0, len(x) - 1, min(most, len(x))).astype(int)
     z, e = (x[thinned] - centre) / scale, error[thinned]
     reach = np.sqrt(x.shape[1])

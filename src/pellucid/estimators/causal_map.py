@@ -24,6 +24,7 @@ from .._errors import IdentificationError, PellucidError
 from ..models.card import CardParameter
 from ..models.parameter_card import ParameterCard
 from ..signals.filters import zero_phase_lowpass
+from .cross_validation import first_best
 from .ridge import Ridge
 
 CARD_KIND = "causal_emg_map"
@@ -195,9 +196,9 @@ def fit_causal_map(
         ]
         return float(np.sqrt(np.mean(np.concatenate(error) ** 2)))
 
-    errors = {penalty: left_out(penalty) for penalty in PENALTY_CANDIDATES}
-    best = min(errors, key=errors.get)
-    terms = list(Ridge(best).fit(x, y).unscaled_coefficients([str(i) for i in range(x.shape[1])]).values())
+    errors = [left_out(penalty) for penalty in PENALTY_CANDIDATES]
+    best = first_best(errors)
+    terms = list(Ridge(PENALTY_CANDIDATES[best]).fit(x, y).unscaled_coefficients([str(i) for i in range(x.shape[1])]).values())
     return CausalMap(
         fs,
         settings.corner,

@@ -14,6 +14,9 @@ import numpy as np
 
 from .._errors import IdentificationError
 
+TIE_SHARE = 1e-9
+"""Errors that differ by less than this share are equal: processors sum in other orders, which moves the last digits."""
+
 Fold = tuple[np.ndarray, np.ndarray]
 """Indices of the fitted samples, then indices of the scored samples."""
 
@@ -65,3 +68,9 @@ def score(reference: np.ndarray, predicted: np.ndarray) -> Score:
     spread = float(np.sum((reference - reference.mean()) ** 2))
     r2 = 1.0 - float(error @ error) / spread if spread > 0.0 else float("nan")
     return Score(float(np.sqrt(np.mean(error**2))), r2)
+
+
+def first_best(errors: Sequence[float]) -> int:
+    """Return the index of the least error, of errors equal within `TIE_SHARE` the first. NaN is never the least."""
+    known = np.nan_to_num(np.asarray(errors, float), nan=np.inf)
+    return int(np.argmax(known <= known.min() * (1.0 + TIE_SHARE)))

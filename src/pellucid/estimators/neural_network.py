@@ -11,6 +11,7 @@ from sklearn.neural_network import MLPRegressor
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from .families.family import SEED
+from .standardise import mean_and_scale
 
 HIDDEN_NEURON_COUNT = 10
 """Number of neurons in the hidden layer. The original paper does not state it. Chosen by judgement."""
@@ -25,8 +26,7 @@ class NeuralNetwork(RegressorMixin, BaseEstimator):
     def fit(self, X: np.ndarray, y: np.ndarray) -> NeuralNetwork:
         """Train on `X`, shape (n, k), and `y`, shape (n,)."""
         X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True, ensure_min_samples=2)
-        self.mean_, scale = X.mean(axis=0), X.std(axis=0)
-        self.scale_ = np.where(scale > 0.0, scale, 1.0)
+        self.mean_, self.scale_ = mean_and_scale(X)
         self.offset_, self.deviation_ = float(np.mean(y)), float(np.std(y)) or 1.0
         self.network_ = MLPRegressor(
             hidden_layer_sizes=(HIDDEN_NEURON_COUNT,),

@@ -15,6 +15,7 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from .._errors import IdentificationError
+from .standardise import mean_and_scale
 
 SINGULAR_VALUE_TOLERANCE = 1e-10
 """Singular values below this share of the largest are dropped. They belong to features that depend on the others."""
@@ -49,8 +50,11 @@ class Ridge(RegressorMixin, BaseEstimator):
         """
         X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True)
         x = self._add_products(X)
-        self.mean_, scale = x.mean(axis=0), x.std(axis=0)
-        self.scale_ = np.where(scale > 0.0, scale, 1.0)
+        self.mean_, self.scale_ = mean_and_scale(x)
+        # The product with a constant is a copy of its other factor, and would grow where the constant is another.
+        constant = np.isinf(self.scale_[: X.shape[1]])[list(self.products)]
+        rows, columns = np.triu_indices(len(self.products))
+        self.scale_[X.shape[1] :][constant[rows] | constant[columns]] = np.inf
         self.offset_ = float(np.mean(y))
         x, y = (x - self.mean_) / self.scale_, y - self.offset_
         if not squared:

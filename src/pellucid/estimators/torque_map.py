@@ -11,7 +11,7 @@ import numpy as np
 
 from .._errors import IdentificationError
 from .._processes import results_with_helpers
-from .cross_validation import Fold, Score, block_folds, grouped_folds, score
+from .cross_validation import Fold, Score, block_folds, first_best, grouped_folds, score
 from .families import ESTIMATOR_FAMILIES, find_family
 from .families.family import Family, Regressor
 from .features import ENVELOPE_LAGS_S, Features, FeatureSet, compute_features
@@ -227,7 +227,8 @@ def _choose_features_and_settings(family: Family, stack: _StackedTrials) -> Choi
             scores = _cross_validate_settings(family, stack, chosen, list(new.values())) if new else ()
             for (key, settings), scored in zip(new.items(), scores, strict=True):
                 tried[key] = Choice(chosen, settings, scored, {})
-        return min((tried[key] for key in named), key=lambda choice: choice.score.rmse)
+        choices = [tried[key] for key in named]
+        return choices[first_best([choice.score.rmse for choice in choices])]
 
     if family.tries_all_pairs:
         best = least([(chosen, settings) for chosen in sets for settings in family.settings])

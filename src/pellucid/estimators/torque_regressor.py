@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from .._errors import IdentificationError
 from ..models.muscle_geometry import muscle_table
-from .cross_validation import score
+from .cross_validation import first_best, score
 from .families import ESTIMATOR_FAMILIES, find_family
 from .families.family import Family
 from .features import Features
@@ -214,7 +214,7 @@ class TorqueRegressor(RegressorMixin, BaseEstimator):
             predicted[:, out] = family.fit_and_predict(settings, within, within.x, y[fitted], seen.x[out])
         errors = [score(y, own).rmse for own in predicted]
         words = [", ".join(f"{key} {value}" for key, value in each.items()) for each in settings]
-        best = min(range(len(settings)), key=errors.__getitem__)
+        best = first_best(errors)
         return dict(settings[best]), dict(zip(words, errors, strict=True))
 
     def _column_names(self, X: np.ndarray) -> list[str]:

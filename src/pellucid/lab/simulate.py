@@ -14,7 +14,7 @@ from .._given import require_folder
 from ..recordings.study import STUDY_FILE, Study
 from .init import RIG_FILE
 from .known_rigs import parse_rig, text_of_rig
-from .study import TRUTH_FILE, simulated
+from .study import TRUTH_FILE, is_changed_by_hand, simulated
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,7 @@ def simulate(
     seed: int = 1,
     *,
     controllers: Sequence[str] | None = None,
+    overwrite: bool = False,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> Simulated:
     """Record the full protocol on the virtual rig of ``lab/rig.toml``, and write the study of it: study.toml,
@@ -56,6 +57,8 @@ def simulate(
         Of every random draw.
     controllers : sequence of str, optional
         That people wear beside no robot, by their names in `export`; the published three if left out.
+    overwrite : bool
+        Whether a study.toml that was changed by hand since the last simulation may be replaced.
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
 
@@ -66,8 +69,8 @@ def simulate(
     Raises
     ------
     StudyError
-        If there is no rig file, it cannot be understood, the folder holds a study that was not simulated, or
-        controllers are not known, or named where nobody wears any.
+        If there is no rig file, it cannot be understood, the folder holds a study that was not simulated or whose
+        study.toml was changed since, or controllers are not known, or named where nobody wears any.
 
     Examples
     --------
@@ -83,6 +86,11 @@ def simulate(
     path = rig_file(folder)
     if (folder / STUDY_FILE).exists() and not (folder / TRUTH_FILE).exists():
         raise StudyError(f"{folder}: found a study that was not simulated, which simulate would overwrite")
+    if not overwrite and (folder / STUDY_FILE).exists() and is_changed_by_hand(folder):
+        raise StudyError(
+            f"{folder / STUDY_FILE}: found changes since the last simulation wrote it, which simulate would overwrite; "
+            "expected none. Move it away, or let it be replaced: --overwrite (overwrite=True)"
+        )
     name, begun = study_name(folder), time.perf_counter()
     rig = parse_rig(text_of_rig(path), name)
     tell("preparing the rig", 0.0)

@@ -6,6 +6,7 @@ a file holds to some digits has all of them in memory.
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -16,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from .._atomic import write_text_atomically
+from .._given import read_given
 from ..procedures.registry import open_study, study_model
 from ..recordings.lock import hold_lock
 from ..recordings.optical import AXES, OpticalRecording
@@ -31,6 +33,12 @@ UNFINISHED = ".unfinished"
 
 TRUTH_FILE = "lab/truth.json"
 """What only tests, benchmarks and reproductions may read."""
+
+WRITTEN_FILE = "lab/simulated.json"
+"""The SHA-256 of the study.toml that a simulation wrote, by which a later one sees that somebody has changed it."""
+
+MAX_WRITTEN_BYTES = 10_000
+"""Largest size of that file that is read: it holds one digest."""
 
 
 def study_config(said: Mapping[str, Any]) -> StudyFile:
@@ -79,14 +87,26 @@ def _written(folder, rig, name, seed, trials, threads, on_progress) -> tuple[Stu
             truth = {"seed": seed, "rig": rig.name, **rig.truth(seed)}
             truth["trials"] = {one.trial.name: one.truth for one in taken}
             write_text_atomically(made_in / TRUTH_FILE, json.dumps(truth, indent=1) + "\n")
-            write_text_atomically(made_in / STUDY_FILE, study_text({**rig.study(taken), "name": name}, rig.comments))
+            text = study_text({**rig.study(taken), "name": name}, rig.comments)
+            write_text_atomically(made_in / STUDY_FILE, text)
+            digest = hashlib.sha256(text.encode("utf-8")).hexdigest()
+            write_text_atomically(made_in / WRITTEN_FILE, json.dumps({STUDY_FILE: digest}) + "\n")
             (folder / STUDY_FILE).unlink(missing_ok=True)
-            for file in (TRUTH_FILE, *names, STUDY_FILE):
+            for file in (TRUTH_FILE, WRITTEN_FILE, *names, STUDY_FILE):
                 (folder / file).parent.mkdir(parents=True, exist_ok=True)
                 (made_in / file).replace(folder / file)
         finally:
             rmtree(made_in, ignore_errors=True)
     return open_study(folder), sum(duration for _, duration in made)
+
+
+def is_changed_by_hand(folder: Path) -> bool:
+    """Return whether study.toml differs from the one that the last simulation wrote; False if that is not known."""
+    try:
+        written = json.loads(read_given(folder / WRITTEN_FILE, MAX_WRITTEN_BYTES).decode("utf-8"))[STUDY_FILE]
+    except (OSError, ValueError, LookupError, TypeError):
+        return False
+    return hashlib.sha256((folder / STUDY_FILE).read_bytes()).hexdigest() != written
 
 
 def record_in_memory(

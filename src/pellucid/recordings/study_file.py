@@ -24,7 +24,6 @@ from pydantic import (
 
 from .._errors import IdentificationError, StudyError
 from .._given import read_given
-from ..models.friction_terms import TERMS_BY_NAME
 from ..models.joint import DEFAULT_FAMILIES, FAMILIES, SYMBOLS_BY_NAME
 from ..units import parse_quantity, si_text, to_si_factor
 from .study_fields import (
@@ -1137,13 +1136,11 @@ def parameter_units(name: str, units: Mapping[str, str | None]) -> str | tuple[s
     if effort is None or coordinate is None:
         return None
     per_acceleration = f"{effort}*s^2/{coordinate}"
-    if name in TERMS_BY_NAME:
-        return TERMS_BY_NAME[name].unit("prismatic" if coordinate == "m" else "rotary", effort)
     kind = name.split("_")[0]
     if kind in ("inertia", "mass"):
         return {"N*m": ("kg*m^2", per_acceleration), "N": ("kg", per_acceleration)}.get(effort, (per_acceleration,))
-    if kind in ("gravity", "offset"):
-        return (effort,)
+    if name in SYMBOLS_BY_NAME:
+        return SYMBOLS_BY_NAME[name].unit("prismatic" if coordinate == "m" else "rotary", effort)
     return None
 
 
