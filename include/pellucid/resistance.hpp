@@ -23,7 +23,7 @@ template <class S> S power(const S& x, float k) noexcept {
 /// Coefficients by the powers of speed and load that they multiply; at most N different powers.
 template <class S, std::size_t N> struct ResistanceSums {
   Resists powers[N]{};    ///< one_way: whether some coefficient acts in one direction
-  S larger[N]{};          ///< of the coefficients that act in one direction
+  S larger[N]{};          ///< larger one of the coefficients that act in one direction
   S both[N]{};            ///< sum of those that act in both
   std::size_t count = 0;  ///< different powers
 

@@ -17,8 +17,8 @@ FOLDER = '''"""The largest torque of every recording."""
 
 from ..command import Command
 
-ORDER = 125
-COMMAND = Command("peak", "The largest torque of every recording.")
+PROCEDURE_ORDER = 125
+PROCEDURE_COMMAND = Command("peak", "The largest torque of every recording.")
 '''
 PROCEDURE = '''"""Find the largest torque of every recording."""
 
@@ -157,7 +157,7 @@ def test_the_smallest_procedure_has_300_lines_at_most():
 def test_every_folder_has_one_procedure_of_its_name_and_an_order_of_its_own():
     folders = command.procedure_folders()
     assert [p.name for p in registry.PROCEDURES] == [each.__name__.rpartition(".")[2] for each in folders]
-    assert len({each.ORDER for each in folders}) == len(folders)
+    assert len({each.PROCEDURE_ORDER for each in folders}) == len(folders)
 
 
 def test_every_procedure_is_typed_by_its_table_and_its_result():

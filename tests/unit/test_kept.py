@@ -43,7 +43,7 @@ def test_a_result_comes_back_as_it_was(tmp_path):
 def test_what_somebody_else_kept_is_not_believed(tmp_path, monkeypatch):
     path = keep_result(tmp_path / "a.npz", "fresh", result())
     own = read_kept(path, "fresh")
-    monkeypatch.setenv(keepers_mark.ENVIRONMENT, str(tmp_path / "theirs"))
+    monkeypatch.setenv(keepers_mark.SETTINGS_VARIABLE, str(tmp_path / "theirs"))
     assert read_kept(path, "fresh") is None
     theirs = keep_result(tmp_path / "b.npz", "fresh", result())
     assert read_kept(theirs, "fresh") == own
@@ -54,7 +54,7 @@ def test_what_somebody_else_kept_is_not_believed(tmp_path, monkeypatch):
 
 
 def test_a_key_is_drawn_once_and_nobody_else_may_read_it(tmp_path, monkeypatch):
-    monkeypatch.setenv(keepers_mark.ENVIRONMENT, str(tmp_path / "mine"))
+    monkeypatch.setenv(keepers_mark.SETTINGS_VARIABLE, str(tmp_path / "mine"))
     first = mark(b"x")
     (key,) = (tmp_path / "mine").iterdir()
     assert len(key.read_bytes()) == 32
@@ -69,7 +69,7 @@ def test_a_key_is_drawn_once_and_nobody_else_may_read_it(tmp_path, monkeypatch):
 
 def test_where_settings_cannot_be_written_a_key_lasts_as_long_as_the_process(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
-    monkeypatch.setenv(keepers_mark.ENVIRONMENT, str(tmp_path / "file" / "below"))
+    monkeypatch.setenv(keepers_mark.SETTINGS_VARIABLE, str(tmp_path / "file" / "below"))
     path = keep_result(tmp_path / "a.npz", "fresh", result())
     assert read_kept(path, "fresh") == result()
     keepers_mark._key.cache_clear()

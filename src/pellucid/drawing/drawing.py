@@ -24,12 +24,12 @@ from matplotlib.ticker import MaxNLocator
 
 from .._atomic import write_bytes_atomically, write_text_atomically
 from .line_points import broken, outline
-from .style import COLOURS, FIGURE_WIDTH, RC, SANS, colour
+from .style import COLOURS, FIGURE_WIDTH, MATPLOTLIB_SETTINGS, SANS_SERIF_FONTS, colour
 
 DOT_POINTS = 1400
 """A cloud of dots keeps at most so many."""
 
-_NUMBER = re.compile(r"-?\d+\.\d{3,}")
+_LONG_NUMBER_PATTERN = re.compile(r"-?\d+\.\d{3,}")
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Drawing:
     def svg(self) -> str:
         """The figure as an SVG file's text: the same for the same figure."""
         buffer = io.StringIO()
-        with matplotlib.rc_context(dict(RC)):
+        with matplotlib.rc_context(dict(MATPLOTLIB_SETTINGS)):
             self.figure.savefig(buffer, format="svg", metadata={"Date": None})
         return _rounded(buffer.getvalue())
 
@@ -63,7 +63,7 @@ class Drawing:
             text = re.sub(rf'(<svg[^>]*?) {attribute}="[^"]*"', r"\1", text, count=1)
         for role, (light, _) in COLOURS.items():
             text = text.replace(light, f"var(--{role})")
-        text = re.sub(r"font: ([^;\"]*?)'DejaVu Sans'[^;\"]*", rf"font: \1{SANS}".replace('"', "'"), text)
+        text = re.sub(r"font: ([^;\"]*?)'DejaVu Sans'[^;\"]*", rf"font: \1{SANS_SERIF_FONTS}".replace('"', "'"), text)
         return text.strip()
 
     def save(self, folder: Path) -> tuple[Path, Path]:
@@ -71,7 +71,7 @@ class Drawing:
         folder = Path(folder)
         drawn = write_text_atomically(folder / f"{self.name}.svg", self.svg)
         printed = io.BytesIO()
-        with matplotlib.rc_context(dict(RC)), _outlines_alone():
+        with matplotlib.rc_context(dict(MATPLOTLIB_SETTINGS)), _outlines_alone():
             self.figure.savefig(
                 printed, format="pdf", metadata={"CreationDate": None, "ModDate": None}, facecolor=colour("paper")
             )
@@ -93,13 +93,13 @@ def _outlines_alone() -> Iterator[None]:
 def _rounded(svg: str) -> str:
     """Coordinates with two decimals: a hundredth of a point is below what any screen or printer shows."""
     for attribute in (r'\bd="[^"]*"', r'\b(?:points|x|y|transform)="[^"]*"'):
-        svg = re.sub(attribute, lambda m: _NUMBER.sub(lambda n: f"{float(n[0]):.2f}", m[0]), svg)
+        svg = re.sub(attribute, lambda m: _LONG_NUMBER_PATTERN.sub(lambda n: f"{float(n[0]):.2f}", m[0]), svg)
     return re.sub(r" \n", " ", svg)
 
 
 def draw(make: Callable[..., Drawing], *args, **options) -> Drawing:
     """Call a figure's function under the report's style."""
-    with matplotlib.rc_context(dict(RC)):
+    with matplotlib.rc_context(dict(MATPLOTLIB_SETTINGS)):
         drawing = make(*args, **options)
         # Once, so that every later output has the same layout. None takes the engine away; "none" leaves a stand-in,
         # for which every output draws the figure twice.

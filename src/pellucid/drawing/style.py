@@ -36,9 +36,9 @@ COLOURS: Mapping[str, tuple[str, str]] = MappingProxyType(
 FIGURE_WIDTH = 10.4
 """Inches; shown about 1,040 px wide on a desktop, so that 9 pt becomes 12.5 px."""
 
-SANS = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, 'DejaVu Sans', sans-serif"
+SANS_SERIF_FONTS = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, 'DejaVu Sans', sans-serif"
 
-RC: Mapping[str, object] = MappingProxyType(
+MATPLOTLIB_SETTINGS: Mapping[str, object] = MappingProxyType(
     {
         "font.family": "DejaVu Sans",  # ships with Matplotlib: the same layout on every machine
         "font.size": 9.0,

@@ -198,7 +198,8 @@ def fit_causal_map(
 
     errors = [left_out(penalty) for penalty in PENALTY_CANDIDATES]
     best = first_best(errors)
-    terms = list(Ridge(PENALTY_CANDIDATES[best]).fit(x, y).unscaled_coefficients([str(i) for i in range(x.shape[1])]).values())
+    fitted = Ridge(PENALTY_CANDIDATES[best]).fit(x, y)
+    terms = list(fitted.unscaled_coefficients([str(i) for i in range(x.shape[1])]).values())
     return CausalMap(
         fs,
         settings.corner,

@@ -32,7 +32,7 @@ from typing import Protocol
 import numpy as np
 
 from ..models.carried_friction import NORMAL_DRAW_SEED, SteadyStates, carried_friction, draw_normal
-from ..models.friction_terms import SEPARATE_LOAD, features_of, is_friction, shape_index
+from ..models.friction_terms import SEPARATE_LOAD_FEATURE, features_of, is_friction, shape_index
 from ..signals.motion import SLOW_SHARE
 from .regression import Stack
 
@@ -231,7 +231,7 @@ def neglected_columns(
         return None
     rows = np.flatnonzero(kept)[:: max(1, int(kept.sum()) // MAX_ROWS)]
     columns, words, sizes = _effect_columns(
-        states, rows, w[rows], size, "" if SEPARATE_LOAD in features_of(names) else UNEQUAL_LOAD_LOSSES
+        states, rows, w[rows], size, "" if SEPARATE_LOAD_FEATURE in features_of(names) else UNEQUAL_LOAD_LOSSES
     )
     x, y = np.hstack([w[rows], columns]), residual[rows]
     # The noise variance for which ordinary least squares on the used rows has the statistical standard errors.

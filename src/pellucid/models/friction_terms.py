@@ -17,17 +17,17 @@ from .fields import Field, Resists, model_fields
 CORE_FIELDS: Mapping[str, Field] = {field.name: field for field in model_fields("joint")}
 """Numbers of the core's joint by name, in the core's order."""
 
-SYMMETRIC = "symmetric"
+SYMMETRIC_FEATURE = "symmetric"
 """Feature of the terms that act alike in both directions; every family has these or the directional ones."""
 
-DIRECTIONAL = "directional"
+DIRECTIONAL_FEATURE = "directional"
 """Feature of the terms that have a value for each direction."""
 
-LOAD = "load"
+LOAD_FEATURE = "load"
 """Feature of friction with the load, with one coefficient for both directions of power."""
 
-SEPARATE_LOAD = "separate load"
-"""Feature that takes the place of `LOAD` where a known payload tells motoring from generating."""
+SEPARATE_LOAD_FEATURE = "separate load"
+"""Feature that takes the place of `LOAD_FEATURE` where a known payload tells motoring from generating."""
 
 
 @dataclass(frozen=True)
@@ -80,23 +80,30 @@ _HIDDEN_LEVEL = "the other friction terms explain what it would"
 _RARELY_SLOW = "it spends too little time just above zero speed"
 _SAME_LOAD = "the load hardly changes"
 
-VISCOUS = FrictionTerm(
-    "viscous", SYMMETRIC, "Viscous friction", _SEVERAL_SPEEDS, targets=("viscous_positive", "viscous_negative")
+VISCOUS_FRICTION = FrictionTerm(
+    "viscous", SYMMETRIC_FEATURE, "Viscous friction", _SEVERAL_SPEEDS, targets=("viscous_positive", "viscous_negative")
 )
-COULOMB = FrictionTerm(
-    "coulomb", SYMMETRIC, "Coulomb friction", _SLOW_AND_FAST, _HIDDEN_LEVEL, ("coulomb_positive", "coulomb_negative")
+COULOMB_FRICTION = FrictionTerm(
+    "coulomb",
+    SYMMETRIC_FEATURE,
+    "Coulomb friction",
+    _SLOW_AND_FAST,
+    _HIDDEN_LEVEL,
+    ("coulomb_positive", "coulomb_negative"),
 )
-VISCOUS_POSITIVE = FrictionTerm("viscous_positive", DIRECTIONAL, "Viscous friction, + direction", _SEVERAL_SPEEDS)
+VISCOUS_POSITIVE = FrictionTerm(
+    "viscous_positive", DIRECTIONAL_FEATURE, "Viscous friction, + direction", _SEVERAL_SPEEDS
+)
 COULOMB_POSITIVE = FrictionTerm(
-    "coulomb_positive", DIRECTIONAL, "Coulomb friction, + direction", _SLOW_AND_FAST, _HIDDEN_LEVEL
+    "coulomb_positive", DIRECTIONAL_FEATURE, "Coulomb friction, + direction", _SLOW_AND_FAST, _HIDDEN_LEVEL
 )
 VISCOUS_NEGATIVE = FrictionTerm(
-    "viscous_negative", DIRECTIONAL, "Viscous friction, \N{MINUS SIGN} direction", _SEVERAL_SPEEDS
+    "viscous_negative", DIRECTIONAL_FEATURE, "Viscous friction, \N{MINUS SIGN} direction", _SEVERAL_SPEEDS
 )
 COULOMB_NEGATIVE = FrictionTerm(
-    "coulomb_negative", DIRECTIONAL, "Coulomb friction, \N{MINUS SIGN} direction", _SLOW_AND_FAST, _HIDDEN_LEVEL
+    "coulomb_negative", DIRECTIONAL_FEATURE, "Coulomb friction, \N{MINUS SIGN} direction", _SLOW_AND_FAST, _HIDDEN_LEVEL
 )
-STRIBECK = FrictionTerm("stribeck", "stribeck", "Stribeck friction", _SLOW_REVERSALS, _RARELY_SLOW)
+STRIBECK_FRICTION = FrictionTerm("stribeck", "stribeck", "Stribeck friction", _SLOW_REVERSALS, _RARELY_SLOW)
 STRIBECK_VELOCITY = FrictionTerm(
     "stribeck_velocity", "stribeck", "Stribeck velocity", _SLOW_REVERSALS, _RARELY_SLOW, linear=False, shapes="stribeck"
 )
@@ -105,19 +112,25 @@ SQUARE_ROOT = FrictionTerm(
 )
 # Without a known payload only the sum of the two coefficients shows: one value then drives both.
 LOAD_FRICTION = FrictionTerm(
-    "load_friction", LOAD, "Load friction", _KNOWN_MASS, _SAME_LOAD, ("load_motoring", "load_generating"), linear=False
+    "load_friction",
+    LOAD_FEATURE,
+    "Load friction",
+    _KNOWN_MASS,
+    _SAME_LOAD,
+    ("load_motoring", "load_generating"),
+    linear=False,
 )
 LOAD_MOTORING = FrictionTerm(
-    "load_motoring", SEPARATE_LOAD, "Load friction, motoring", _KNOWN_MASS, _SAME_LOAD, linear=False
+    "load_motoring", SEPARATE_LOAD_FEATURE, "Load friction, motoring", _KNOWN_MASS, _SAME_LOAD, linear=False
 )
 LOAD_GENERATING = FrictionTerm(
-    "load_generating", SEPARATE_LOAD, "Load friction, generating", _KNOWN_MASS, _SAME_LOAD, linear=False
+    "load_generating", SEPARATE_LOAD_FEATURE, "Load friction, generating", _KNOWN_MASS, _SAME_LOAD, linear=False
 )
 
 TERMS: tuple[FrictionTerm, ...] = (
-    VISCOUS, COULOMB,
+    VISCOUS_FRICTION, COULOMB_FRICTION,
     VISCOUS_POSITIVE, COULOMB_POSITIVE, VISCOUS_NEGATIVE, COULOMB_NEGATIVE,
-    STRIBECK, STRIBECK_VELOCITY,
+    STRIBECK_FRICTION, STRIBECK_VELOCITY,
     SQUARE_ROOT,
     LOAD_FRICTION, LOAD_MOTORING, LOAD_GENERATING,
 )  # fmt: skip
@@ -129,11 +142,11 @@ FRICTION_FAMILIES: tuple[FrictionFamily, ...] = (
     FrictionFamily("symmetric", frozenset(), "Coulomb and viscous friction, the same in both directions", "symmetric"),
     FrictionFamily(
         "directional",
-        frozenset({DIRECTIONAL}),
+        frozenset({DIRECTIONAL_FEATURE}),
         "Coulomb and viscous friction of its own in each direction",
         "directional",
     ),
-    FrictionFamily("load", frozenset({LOAD}), "friction that grows with the load the joint carries", "load"),
+    FrictionFamily("load", frozenset({LOAD_FEATURE}), "friction that grows with the load the joint carries", "load"),
     FrictionFamily(
         "stribeck",
         frozenset({"stribeck"}),
@@ -142,7 +155,7 @@ FRICTION_FAMILIES: tuple[FrictionFamily, ...] = (
     ),
     FrictionFamily(
         "combined",
-        frozenset({DIRECTIONAL, LOAD, "stribeck"}),
+        frozenset({DIRECTIONAL_FEATURE, LOAD_FEATURE, "stribeck"}),
         "direction, load and Stribeck effect together",
         "combined",
     ),
@@ -159,9 +172,9 @@ def freed_terms(features: frozenset[str], *, separate_load: bool = False) -> tup
 
     `separate_load` frees a coefficient for each direction of power instead of one for both.
     """
-    freed = features | ({SYMMETRIC} if DIRECTIONAL not in features else set())
-    if separate_load and LOAD in freed:
-        freed = freed - {LOAD} | {SEPARATE_LOAD}
+    freed = features | ({SYMMETRIC_FEATURE} if DIRECTIONAL_FEATURE not in features else set())
+    if separate_load and LOAD_FEATURE in freed:
+        freed = freed - {LOAD_FEATURE} | {SEPARATE_LOAD_FEATURE}
     return tuple(term for term in TERMS if term.feature in freed)
 
 

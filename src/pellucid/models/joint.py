@@ -20,7 +20,7 @@ import numpy as np
 from .._errors import IdentificationError
 from .fields import COORDINATE_UNITS, Field
 from .filtered_dynamics import FilteredMotion, filtered_effort, filtered_jacobian, filtered_rows
-from .friction_terms import CORE_FIELDS, DIRECTIONAL, FRICTION_FAMILIES, TERMS, freed_terms, shape_index
+from .friction_terms import CORE_FIELDS, DIRECTIONAL_FEATURE, FRICTION_FAMILIES, TERMS, freed_terms, shape_index
 
 PARAMETER_FIELDS: Mapping[str, Field] = CORE_FIELDS
 """What the core says of its parameters, in its order."""
@@ -195,9 +195,9 @@ def joint_model(
     if gravity not in terms:
         raise IdentificationError(f"gravity is {gravity!r}; expected one of {', '.join(terms)}")
     features = FAMILIES[family]
-    plain = freed_terms(features & {DIRECTIONAL})
+    plain = freed_terms(features & {DIRECTIONAL_FEATURE})
     # An offset and two Coulomb levels are collinear (their columns add up to 1): the offset goes.
-    offset = [] if DIRECTIONAL in features else ["offset"]
+    offset = [] if DIRECTIONAL_FEATURE in features else ["offset"]
     richer = [term for term in freed_terms(features, separate_load=separate_load) if term not in plain]
     names = ["inertia", *terms[gravity], *(t.name for t in plain), *offset, *(t.name for t in richer)]
     known = dict(known or {})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib.metadata import version
 
-from ..drawing.style import SANS, css_variables
+from ..drawing.style import SANS_SERIF_FONTS, css_variables
 
 
 def render(template: str, **content: object) -> str:
@@ -22,6 +22,6 @@ def render(template: str, **content: object) -> str:
         "version": version("pellucid"),
         "light": css_variables(),
         "dark": css_variables(dark=True),
-        "sans": SANS,
+        "sans": SANS_SERIF_FONTS,
     }
     return environment.get_template(template).render(**look, **content)

@@ -15,7 +15,7 @@ from types import ModuleType
 class Command:
     """A command of ``pellucid`` that runs procedures on one study.
 
-    A folder brings it as ``COMMAND`` in its ``__init__.py``. `identify` and `assess`, which have options of their own,
+    A folder brings it as ``PROCEDURE_COMMAND`` in its ``__init__.py``. `identify` and `assess`, which have options of their own,
     are written in `cli.py`.
     """
 
@@ -25,15 +25,17 @@ class Command:
 
 
 def procedure_folders() -> tuple[ModuleType, ...]:
-    """Return the package of every procedure's folder, in the order of their ``ORDER``.
+    """Return the package of every procedure's folder, in the order of their ``PROCEDURE_ORDER``.
 
     A study is checked, and its report drawn, in this order.
     """
     here = import_module(__package__)
     names = [each.name for each in iter_modules(here.__path__) if each.ispkg]
-    return tuple(sorted((import_module(f"{__package__}.{name}") for name in names), key=lambda folder: folder.ORDER))
+    return tuple(
+        sorted((import_module(f"{__package__}.{name}") for name in names), key=lambda folder: folder.PROCEDURE_ORDER)
+    )
 
 
 def procedure_commands() -> tuple[Command, ...]:
     """Return the commands that folders bring, in the order of the folders."""
-    return tuple(folder.COMMAND for folder in procedure_folders() if hasattr(folder, "COMMAND"))
+    return tuple(folder.PROCEDURE_COMMAND for folder in procedure_folders() if hasattr(folder, "PROCEDURE_COMMAND"))

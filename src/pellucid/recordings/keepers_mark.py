@@ -17,7 +17,7 @@ from .._atomic import write_bytes_atomically
 MARK_BYTES = 32
 """Length of a mark, and of the key."""
 
-ENVIRONMENT = "PELLUCID_SETTINGS"
+SETTINGS_VARIABLE = "PELLUCID_SETTINGS"
 """Environment variable that names another folder of settings."""
 
 
@@ -58,7 +58,7 @@ def is_own_mark(content: bytes | memoryview, found: bytes) -> bool:
 
 def settings_folder() -> Path:
     """Return the user's own folder of settings."""
-    named = os.environ.get(ENVIRONMENT)
+    named = os.environ.get(SETTINGS_VARIABLE)
     if named:
         return Path(named)
     parent = os.environ.get("APPDATA") if os.name == "nt" else os.environ.get("XDG_CONFIG_HOME")

@@ -22,13 +22,13 @@ from .muscle_constants import MuscleConstants, require_physical
 from .readers.osim import read_model
 from .readers.osim_paths import MuscleModel, read_paths
 
-FORMAT = 1
+FORMAT_VERSION = 1
 """Version of the file's format."""
 
 KIND = "muscle_geometry"
 """Value of "kind" in the file."""
 
-FILE = "muscle_geometry.json"
+POLYNOMIAL_FILE = "muscle_geometry.json"
 """Name of the file in the study's folder."""
 
 FORMULA_TEXT = (
@@ -150,7 +150,7 @@ def write_polynomials(path: Path, muscles: ModelMuscles) -> Path:
         for name, p in muscles.polynomials.items()
     }  # fmt: skip
     head = {
-        "format": FORMAT, "kind": KIND, "what": FORMULA_TEXT, "source": muscles.source, "sha256": muscles.checksum,
+        "format": FORMAT_VERSION, "kind": KIND, "what": FORMULA_TEXT, "source": muscles.source, "sha256": muscles.checksum,
         "coordinates": dict(muscles.coordinates), "held": dict(muscles.held),
         "named": dict(muscles.named), "refused": dict(muscles.refused),
     }  # fmt: skip
@@ -170,9 +170,9 @@ def read_polynomials(path: Path) -> ModelMuscles:
         raise
     except (ValueError, RecursionError) as error:
         raise RecordingError(f"{path.name}: not readable as JSON, truncated or damaged: {error}") from None
-    if not isinstance(table, dict) or table.get("kind") != KIND or table.get("format") != FORMAT:
+    if not isinstance(table, dict) or table.get("kind") != KIND or table.get("format") != FORMAT_VERSION:
         raise RecordingError(
-            f'{path.name}: found no "kind": "{KIND}" of format {FORMAT}, expected what calibrate writes'
+            f'{path.name}: found no "kind": "{KIND}" of format {FORMAT_VERSION}, expected what calibrate writes'
         )
     try:
         constants, made = {}, {}

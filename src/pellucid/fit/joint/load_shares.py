@@ -20,7 +20,7 @@ from typing import Literal
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...models.friction_terms import SEPARATE_LOAD, TERMS
+from ...models.friction_terms import SEPARATE_LOAD_FEATURE, TERMS
 from ...models.joint import JointModel
 from ..discrepancy import COMMON_LOAD_COEFFICIENT, LOAD_SHARE_SPREAD_RATIO, estimate_discrepancy
 from ..parameter import Parameter
@@ -29,7 +29,7 @@ from ..uncertainty import correlation_time, sandwich_covariance
 from .friction_solver import solve_family
 from .joint_estimate import JointEstimate, joint_states
 
-LOAD_SHARE_NAMES = tuple(term.name for term in TERMS if term.feature == SEPARATE_LOAD)
+LOAD_SHARE_NAMES = tuple(term.name for term in TERMS if term.feature == SEPARATE_LOAD_FEATURE)
 """Names of the two load coefficients: the shares of the load lost in motoring and in generating."""
 
 

@@ -27,7 +27,7 @@ import numpy as np
 
 from ... import _core
 from ...models.filtered_dynamics import SMOOTH_TERMS, regressor
-from ...models.friction_terms import STRIBECK, STRIBECK_VELOCITY, grows_with_load
+from ...models.friction_terms import STRIBECK_FRICTION, STRIBECK_VELOCITY, grows_with_load
 from ...models.joint import NAMES, PARAMETER_FIELDS, PARAMETER_INDEX, UNITS, JointModel
 from ...signals.motion import Motion
 from ..block_test import SIGNIFICANCE_LEVEL, p_value_of_larger_loss
@@ -198,7 +198,7 @@ def _make_stroke(model: JointModel, values: np.ndarray, motion: Motion) -> _Stro
     levels, velocity = [np.ones(len(motion.position))], vector[PARAMETER_INDEX[STRIBECK_VELOCITY.name]]
     if any(map(grows_with_load, model.names)):
         levels.append(np.abs(_core.load(vector, motion.position, motion.acceleration)))
-    if STRIBECK.name in model.names and velocity > 0.0:
+    if STRIBECK_FRICTION.name in model.names and velocity > 0.0:
         levels.append(np.exp(-np.square(motion.velocity / velocity)))
     levels = np.column_stack(levels)
     fixed = np.hstack([motion.rows(every[:, used]), _nonlinear_speed_columns(model, motion)])

@@ -15,14 +15,14 @@ import numpy as np
 from ... import _core
 from ..._errors import IdentificationError
 from ...models.friction_terms import (
-    COULOMB,
-    DIRECTIONAL,
-    LOAD,
+    COULOMB_FRICTION,
+    DIRECTIONAL_FEATURE,
+    LOAD_FEATURE,
     LOAD_FRICTION,
     SQUARE_ROOT,
-    STRIBECK,
+    STRIBECK_FRICTION,
     STRIBECK_VELOCITY,
-    VISCOUS,
+    VISCOUS_FRICTION,
     VISCOUS_NEGATIVE,
     VISCOUS_POSITIVE,
     FrictionTerm,
@@ -83,22 +83,24 @@ ROTOR_INERTIA_UNITS = ("kg*m^2", "kg")
 """Units of a rotor inertia, for a rotary and a prismatic joint."""
 
 FRICTION_COEFFICIENTS: Mapping[str, FrictionCoefficient] = {
-    VISCOUS.name: FrictionCoefficient.from_term(VISCOUS, lambda v, w, _: v),
+    VISCOUS_FRICTION.name: FrictionCoefficient.from_term(VISCOUS_FRICTION, lambda v, w, _: v),
     VISCOUS_POSITIVE.name: FrictionCoefficient.from_term(VISCOUS_POSITIVE, lambda v, w, _: np.maximum(v, 0.0)),
     VISCOUS_NEGATIVE.name: FrictionCoefficient.from_term(VISCOUS_NEGATIVE, lambda v, w, _: np.minimum(v, 0.0)),
-    COULOMB.name: FrictionCoefficient.from_term(COULOMB, lambda v, w, _: smooth_sign(v, w)),
+    COULOMB_FRICTION.name: FrictionCoefficient.from_term(COULOMB_FRICTION, lambda v, w, _: smooth_sign(v, w)),
     "offset": FrictionCoefficient(lambda v, w, _: np.ones_like(v), EFFORT_UNITS, lower=-np.inf),
     SQUARE_ROOT.name: FrictionCoefficient.from_term(SQUARE_ROOT, lambda v, w, _: signed_root(v, w)),
-    STRIBECK.name: FrictionCoefficient.from_term(
-        STRIBECK, lambda v, w, speed: np.exp(-((v / speed) ** 2)) * smooth_sign(v, w)
+    STRIBECK_FRICTION.name: FrictionCoefficient.from_term(
+        STRIBECK_FRICTION, lambda v, w, speed: np.exp(-((v / speed) ** 2)) * smooth_sign(v, w)
     ),
-    LOAD: FrictionCoefficient.from_term(LOAD_FRICTION, lambda v, w, _: smooth_sign(v, w), upper=MAX_LOAD_COEFFICIENT),
+    LOAD_FEATURE: FrictionCoefficient.from_term(
+        LOAD_FRICTION, lambda v, w, _: smooth_sign(v, w), upper=MAX_LOAD_COEFFICIENT
+    ),
 }
 """Friction coefficients by name. The column of ``load`` is multiplied by |y| where it is used."""
 
 TERM_COEFFICIENTS: Mapping[str, tuple[str, ...]] = {
-    **{name: (name,) for name in FRICTION_COEFFICIENTS if name not in VISCOUS.targets},
-    DIRECTIONAL: VISCOUS.targets,
+    **{name: (name,) for name in FRICTION_COEFFICIENTS if name not in VISCOUS_FRICTION.targets},
+    DIRECTIONAL_FEATURE: VISCOUS_FRICTION.targets,
 }
 """Linear coefficients of each term; ``directional`` replaces ``viscous``."""
 
@@ -112,10 +114,10 @@ MOTOR_PREFIX = "motor_"
 def coefficient_names(family: Sequence[str], of_motor: bool = False) -> tuple[str, ...]:
     """Return the linear coefficients of a family's terms, those of the joint or of its motor, without ``motor_``."""
     terms = [t.removeprefix(MOTOR_PREFIX) for t in family if t.startswith(MOTOR_PREFIX) == of_motor]
-    if DIRECTIONAL in terms:
-        terms = [t for t in terms if t != VISCOUS.name]
+    if DIRECTIONAL_FEATURE in terms:
+        terms = [t for t in terms if t != VISCOUS_FRICTION.name]
     for term in terms:
-        if term not in TERM_COEFFICIENTS or (of_motor and term in ("offset", LOAD)):
+        if term not in TERM_COEFFICIENTS or (of_motor and term in ("offset", LOAD_FEATURE)):
             known = ", ".join((*TERM_COEFFICIENTS, *SHARED_MOTOR_TERMS, *FURTHER_MOTOR_TERMS))
             name = f"{MOTOR_PREFIX}{term}" if of_motor else term
             raise IdentificationError(f"found friction term {name!r}, expected some of {known}")

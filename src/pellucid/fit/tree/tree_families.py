@@ -18,7 +18,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...models.friction_terms import DIRECTIONAL, STRIBECK
+from ...models.friction_terms import DIRECTIONAL_FEATURE, STRIBECK_FRICTION
 from ..block_test import sign_flip_p_value
 from .friction_terms import FRICTION_COEFFICIENTS, FURTHER_MOTOR_TERMS, FURTHER_TERMS, TERM_COEFFICIENTS, plain_families
 from .tree_regression import (
@@ -123,7 +123,7 @@ def choose_families(rows: TreeRows, terms: Sequence[str] = FURTHER_TERMS + FURTH
     families = [list(family) for family in plain.families]
     for each in taken:
         families[each.joint].append(each.term)
-    speeds = {each.joint: each.speed for each in taken if each.term == STRIBECK.name}
+    speeds = {each.joint: each.speed for each in taken if each.term == STRIBECK_FRICTION.name}
     return FamilyChoice(tuple(map(tuple, families)), speeds, tuple(taken))
 
 
@@ -135,7 +135,7 @@ def _candidates(rows: TreeRows, terms: Sequence[str]) -> list[_Candidate]:
             if term.startswith("motor_"):
                 if k in rows.robot.shared:
                     made.append(_Candidate(k, term, FrictionPart(k, True, term.removeprefix("motor_"))))
-            elif term == STRIBECK.name:
+            elif term == STRIBECK_FRICTION.name:
                 speed = np.abs(rows.velocity[rows.lines[k], k])
                 slow = [x * speed.max() for x in STRIBECK_SPEED_SHARES if x * speed.max() > speed.min()]
                 made += [_Candidate(k, term, FrictionPart(k, False, term, float(x))) for x in slow]
@@ -166,7 +166,7 @@ def _loss_reductions(
         if s < 0:
             physical = told & np.array(
                 [
-                    p.number in TERM_COEFFICIENTS[DIRECTIONAL]
+                    p.number in TERM_COEFFICIENTS[DIRECTIONAL_FEATURE]
                     or FRICTION_COEFFICIENTS[p.number].lower <= x <= FRICTION_COEFFICIENTS[p.number].upper
                     for p, x in zip(parts, step, strict=True)
                 ]

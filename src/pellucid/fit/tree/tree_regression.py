@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...models.friction_terms import LOAD, STRIBECK
+from ...models.friction_terms import LOAD_FEATURE, STRIBECK_FRICTION
 from ...models.robot import Robot
 from ...signals.tree_motion import TreeMotion
 from ..regression import least_squares_within
@@ -169,7 +169,7 @@ class TreeModel:
         """All friction coefficients."""
         speeds = self.speeds or {}
         own = [
-            FrictionPart(k, False, n, speeds[k] if n == STRIBECK.name else np.nan)
+            FrictionPart(k, False, n, speeds[k] if n == STRIBECK_FRICTION.name else np.nan)
             for k, family in enumerate(self.families)
             for n in coefficient_names(family)
         ]
@@ -500,7 +500,7 @@ def fit_rows(
             sum_normal_equations(at, weights, apart=False), model.bounds, floor=floor, rounds=rounds
         ), at
     if start is None and load is None:
-        plain = tuple(tuple(t for t in family if t != LOAD) for family in model.families)
+        plain = tuple(tuple(t for t in family if t != LOAD_FEATURE) for family in model.families)
         load = compute_loads(rows, bare := replace(model, families=plain), fit_rows(bare, rows)[0].values)
     values = None if start is None else start.values
     alpha, sd = (None, None) if start is None else (model.alpha(values), start.sd)

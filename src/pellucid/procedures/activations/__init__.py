@@ -2,5 +2,5 @@
 
 from ..command import Command
 
-ORDER = 90
-COMMAND = Command("activations", "Muscles' activations near EMG, by a measured torque.", reads_cards=True)
+PROCEDURE_ORDER = 90
+PROCEDURE_COMMAND = Command("activations", "Muscles' activations near EMG, by a measured torque.", reads_cards=True)

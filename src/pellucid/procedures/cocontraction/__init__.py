@@ -2,5 +2,5 @@
 
 from ..command import Command
 
-ORDER = 120
-COMMAND = Command("cocontraction", "How much antagonists work against each other.")
+PROCEDURE_ORDER = 120
+PROCEDURE_COMMAND = Command("cocontraction", "How much antagonists work against each other.")

@@ -2,5 +2,5 @@
 
 from ..command import Command
 
-ORDER = 80
-COMMAND = Command("calibrate", "Torque from EMG by several methods, judged held out.", reads_cards=True)
+PROCEDURE_ORDER = 80
+PROCEDURE_COMMAND = Command("calibrate", "Torque from EMG by several methods, judged held out.", reads_cards=True)

@@ -10,7 +10,13 @@ from pathlib import Path
 from ..._errors import PellucidError, RecordingError
 from ..._given import read_given
 from ...recordings.muscle_constants import MuscleConstants
-from ...recordings.muscle_polynomials import FILE, ModelMuscles, model_muscles, read_polynomials, write_polynomials
+from ...recordings.muscle_polynomials import (
+    POLYNOMIAL_FILE,
+    ModelMuscles,
+    model_muscles,
+    read_polynomials,
+    write_polynomials,
+)
 from ...recordings.readers.ceinms_xml import read_subject
 from ...recordings.readers.osim import read_model
 from ...recordings.readers.osim_paths import read_paths
@@ -65,13 +71,17 @@ def study_geometry(study: Study) -> ModelMuscles | None:
     if path.suffix.lower() != ".osim":
         return None
     if not path.is_file():
-        kept = f'; what was kept of it is there: muscle_file = "{FILE}"' if (study.folder / FILE).is_file() else ""
+        kept = (
+            f'; what was kept of it is there: muscle_file = "{POLYNOMIAL_FILE}"'
+            if (study.folder / POLYNOMIAL_FILE).is_file()
+            else ""
+        )
         raise RecordingError(f"{path}: not readable: no such file{kept}")
     coordinates = study_coordinates(study)
     if not coordinates:
         return None
     asked = tuple(coordinates.items()), tuple(spec.muscle_names.items())
-    return _load_or_make_polynomials(path, study.place(FILE), path.stat().st_mtime_ns, *asked)
+    return _load_or_make_polynomials(path, study.place(POLYNOMIAL_FILE), path.stat().st_mtime_ns, *asked)
 
 
 def study_coordinates(study: Study) -> dict[str, str]:

@@ -14,7 +14,7 @@ from ...estimators.torque_reference import MovedBody, human_torque
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.strap.strap_model import PLAIN_NAME, StrapModel
 from ...fit.strap.strap_torque import Limb, Orthosis
-from ...models.friction_terms import COULOMB
+from ...models.friction_terms import COULOMB_FRICTION
 from ...models.parameter_card import ParameterCard, read_parameter_card
 from ...recordings.recording import Recording
 from ...recordings.study import Study
@@ -211,7 +211,7 @@ def moved_body(study: Study, participant: str | None) -> MovedBody | StrappedBod
     model = StrapModel.named(str(straps[0].settings.get("model", PLAIN_NAME)))
     return StrappedBodies(
         Orthosis(
-            robot.inertia, robot.viscous, robot.gravity, orthosis[0].values.get(COULOMB.name, 0.0), zero=robot.zero,
+            robot.inertia, robot.viscous, robot.gravity, orthosis[0].values.get(COULOMB_FRICTION.name, 0.0), zero=robot.zero,
             offset=robot.offset,
         ),
         Limb(limb.inertia, limb.gravity, limb.viscous, zero=limb.zero),

@@ -1,3 +1,3 @@
 """The angle of a joint from the two inertial sensors beside it."""
 
-ORDER = 50
+PROCEDURE_ORDER = 50

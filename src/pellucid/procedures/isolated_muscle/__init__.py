@@ -1,3 +1,3 @@
 """One muscle, fully active, whose free end is moved."""
 
-ORDER = 100
+PROCEDURE_ORDER = 100

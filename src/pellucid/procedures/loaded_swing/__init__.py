@@ -1,3 +1,3 @@
 """An exoskeleton's swings, empty and with legs in it."""
 
-ORDER = 70
+PROCEDURE_ORDER = 70

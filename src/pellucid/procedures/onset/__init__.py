@@ -2,5 +2,5 @@
 
 from ..command import Command
 
-ORDER = 110
-COMMAND = Command("onset", "When muscles become active, from raw EMG, with intervals.")
+PROCEDURE_ORDER = 110
+PROCEDURE_COMMAND = Command("onset", "When muscles become active, from raw EMG, with intervals.")

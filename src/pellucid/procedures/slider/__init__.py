@@ -1,3 +1,3 @@
 """A joint with a carriage: recordings to three-step and coherent models."""
 
-ORDER = 20
+PROCEDURE_ORDER = 20

@@ -14,7 +14,7 @@ from ...fit.slider.reversals import MIN_TURN_COUNT, presliding_travel
 from ...fit.slider.slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit, TrialError
 from ...fit.slider.three_steps import STEP_PROTOCOLS, all_at_once, directional_columns, static_set, three_steps
 from ...models.directional_slider import DirectionalSliderModel
-from ...models.friction_terms import LOAD, features_of
+from ...models.friction_terms import LOAD_FEATURE, features_of
 from ...models.slider_joint import SliderJointModel
 from ...protocols.reversals import REVERSALS_NAME
 from ...recordings.quality import require_sound
@@ -202,7 +202,7 @@ def slider_verdicts(fit: SliderFit) -> tuple[Verdict, ...]:
     notes = [note for name in ("consistent", "load") for note in fit[name].notes]
     said += [Verdict("note", note) for note in notes]
     said.append(Verdict("note", travel_in_words(fit.travel)))
-    if LOAD in features_of(fit["load"].model.names):
+    if LOAD_FEATURE in features_of(fit["load"].model.names):
         said.append(
             Verdict(
                 "note",

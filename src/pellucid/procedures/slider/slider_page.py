@@ -8,7 +8,7 @@ import numpy as np
 
 from ...drawing.drawing import Drawing, draw
 from ...fit.slider.slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit
-from ...models.friction_terms import COULOMB, LOAD_FRICTION, LOAD_GENERATING, LOAD_MOTORING, VISCOUS
+from ...models.friction_terms import COULOMB_FRICTION, LOAD_FRICTION, LOAD_GENERATING, LOAD_MOTORING, VISCOUS_FRICTION
 from ...models.joint import GRAVITY, PARAMETER_INDEX
 from ...models.slider_joint import BODY_UNITS
 from ...pages.page import Page, Section, Tile
@@ -63,7 +63,10 @@ WORDS: Mapping[str, str] = {
     "inertia": "Inertia at slider 0",
     "gravity": "Gravity, sine, at slider 0",
     "gravity_cosine": "Gravity, cosine",
-    **{term.name: term.words for term in (COULOMB, VISCOUS, LOAD_FRICTION, LOAD_MOTORING, LOAD_GENERATING)},
+    **{
+        term.name: term.words
+        for term in (COULOMB_FRICTION, VISCOUS_FRICTION, LOAD_FRICTION, LOAD_MOTORING, LOAD_GENERATING)
+    },
     "adherence": "Adherence",
 }
 """What the parameters are."""
@@ -252,7 +255,8 @@ def _friction(fit: SliderFit, middle: float, angles: np.ndarray) -> Drawing:
     for method in ("consistent", "load"):
         vector = fit[method].model.vector(fit[method].values, middle)
         dry, share = (
-            np.mean([vector[PARAMETER_INDEX[target]] for target in term.targets]) for term in (COULOMB, LOAD_FRICTION)
+            np.mean([vector[PARAMETER_INDEX[target]] for target in term.targets])
+            for term in (COULOMB_FRICTION, LOAD_FRICTION)
         )
         curves[SHORT[method]] = dry + share * np.abs(load)
     return draw(

@@ -2,5 +2,5 @@
 
 from ..command import Command
 
-ORDER = 130
-COMMAND = Command("synergies", "Groups of muscles that move together.")
+PROCEDURE_ORDER = 130
+PROCEDURE_COMMAND = Command("synergies", "Groups of muscles that move together.")

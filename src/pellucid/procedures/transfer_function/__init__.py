@@ -1,3 +1,3 @@
 """A linear model from one channel to another."""
 
-ORDER = 40
+PROCEDURE_ORDER = 40

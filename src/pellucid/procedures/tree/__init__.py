@@ -1,4 +1,4 @@
 """A robot of several joints, identified together."""
 
-ORDER = 30
+PROCEDURE_ORDER = 30
 """Position of this procedure among all procedures; the smallest comes first."""

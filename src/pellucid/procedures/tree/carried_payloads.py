@@ -12,7 +12,7 @@ from ...fit.parameter import Parameter
 from ...fit.tree.drive_gains import gains_from_desired, gains_from_payload
 from ...fit.tree.payload import identify_payload
 from ...fit.tree.tree_estimate import TreeEstimate
-from ...models.friction_terms import STRIBECK
+from ...models.friction_terms import STRIBECK_FRICTION
 from ...models.robot import Robot
 from ...recordings.study import Study
 from ...signals.tree_motion import TreeMotion
@@ -59,7 +59,7 @@ def identify_payloads(
     if not all(motions[0].gain_known):
         return ()  # without gains there is no effort in N m, and so no mass
     # Stribeck terms are left out: their velocities are searched only without load, and the terms are small beside one.
-    families = tuple(tuple(term for term in family if term != STRIBECK.name) for family in best.families)
+    families = tuple(tuple(term for term in family if term != STRIBECK_FRICTION.name) for family in best.families)
     calibrating = _calibrating(study, motions)
     for name in _with_payload(motions):
         loaded = [m for m in motions if m.recording == name]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ....fit.parameter import Verdict
-from ....models.friction_terms import LOAD, features_of
+from ....models.friction_terms import LOAD_FEATURE, features_of
 from ..joint_case import JointCase
 
 COMMON_COEFFICIENT_TEXT = (
@@ -37,7 +37,7 @@ REASON_TEXTS = {
 
 def find(case: JointCase) -> Iterator[Verdict]:
     """Report that one coefficient represents two, and why."""
-    if LOAD not in features_of(case.fit.model.names):
+    if LOAD_FEATURE not in features_of(case.fit.model.names):
         return
     why = case.shares.why
     if why == "no known load" and any(mass for mass, _ in (motion.payload for motion in case.motions)):
