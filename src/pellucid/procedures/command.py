@@ -15,8 +15,8 @@ from types import ModuleType
 class Command:
     """A command of ``pellucid`` that runs procedures on one study.
 
-    A folder brings it as ``PROCEDURE_COMMAND`` in its ``__init__.py``. `identify` and `assess`, which have options of their own,
-    are written in `cli.py`.
+    A folder brings it as ``PROCEDURE_COMMAND`` in its ``__init__.py``. `identify` and `assess`, which have options of
+    their own, are written in `cli.py`.
     """
 
     name: str

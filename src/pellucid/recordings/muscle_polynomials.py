@@ -150,7 +150,8 @@ def write_polynomials(path: Path, muscles: ModelMuscles) -> Path:
         for name, p in muscles.polynomials.items()
     }  # fmt: skip
     head = {
-        "format": FORMAT_VERSION, "kind": KIND, "what": FORMULA_TEXT, "source": muscles.source, "sha256": muscles.checksum,
+        "format": FORMAT_VERSION, "kind": KIND, "what": FORMULA_TEXT, "source": muscles.source,
+        "sha256": muscles.checksum,
         "coordinates": dict(muscles.coordinates), "held": dict(muscles.held),
         "named": dict(muscles.named), "refused": dict(muscles.refused),
     }  # fmt: skip

@@ -211,8 +211,8 @@ def moved_body(study: Study, participant: str | None) -> MovedBody | StrappedBod
     model = StrapModel.named(str(straps[0].settings.get("model", PLAIN_NAME)))
     return StrappedBodies(
         Orthosis(
-            robot.inertia, robot.viscous, robot.gravity, orthosis[0].values.get(COULOMB_FRICTION.name, 0.0), zero=robot.zero,
-            offset=robot.offset,
+            robot.inertia, robot.viscous, robot.gravity, orthosis[0].values.get(COULOMB_FRICTION.name, 0.0),
+            zero=robot.zero, offset=robot.offset,
         ),
         Limb(limb.inertia, limb.gravity, limb.viscous, zero=limb.zero),
         model,
