@@ -68,7 +68,7 @@ def init(
     rig: Annotated[str | None, typer.Option(metavar="NAME", help="Virtual rig to fill it from.")] = None,
     urdf: Annotated[Path | None, typer.Option(metavar="FILE", help="Robot with several joints to study.")] = None,
 ) -> None:
-    """Make a study: recordings, and a study.toml about them."""
+    """Start a study: recordings, and a study.toml about them."""
     from .lab.init import init as run
 
     made = run(folder, dataset=dataset, rig=rig, urdf=urdf, progress=sys.stderr.isatty())
@@ -98,7 +98,7 @@ def simulate(
         bool, typer.Option("--overwrite", help="Replace a study.toml that was changed by hand.")
     ] = False,
 ) -> None:
-    """Let a virtual rig make the recordings."""
+    """Simulate the recordings of a virtual rig."""
     from .lab.simulate import simulate as run
 
     with _progress() as tell:
@@ -132,7 +132,7 @@ def predict(
     scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to simulate on.")] = None,
     json: Json = False,
 ) -> None:
-    """What would an experiment find? Drawn people and robots."""
+    """Predict an experiment with drawn people and robots."""
     from .assessment.cluster import cluster
     from .lab.predict import PREDICTION_FILE
     from .lab.predict import predict as run
@@ -153,7 +153,7 @@ def predict(
 
 @app.command()
 def check(folder: Folder, allow_outside: Outside = False) -> None:
-    """Are these recordings fit to identify from? Status 1 if not."""
+    """Check recordings before identification; status 1 if unfit."""
     from .procedures.registry import asked, open_study
     from .procedures.run import check as run
     from .recordings.fault import grouped_messages
@@ -257,7 +257,7 @@ def assess(
     out: Out = None,
     allow_outside: Outside = False,
 ) -> None:
-    """Do conditions change how people move? Indices and tests."""
+    """Test whether conditions change how people move."""
     from .assessment.cluster import cluster
     from .procedures.run import assess as run
 
@@ -278,7 +278,7 @@ def plan(
     scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to simulate on.")] = None,
     allow_outside: Outside = False,
 ) -> None:
-    """How many people does a certificate of transparency take?"""
+    """Plan the number of people for a certificate."""
     from .assessment.cluster import cluster
     from .procedures.assessment.plan import plan as run
     from .procedures.print_result import fitting_tables
@@ -314,7 +314,7 @@ def compare(
     allow_outside: Outside = False,
     accept_stale: Stale = False,
 ) -> None:
-    """Did this joint change? Two studies, parameter by parameter."""
+    """Compare the parameters of a joint in two studies."""
     from .pages.quantities import number, typeset_units, unit_text
     from .procedures.compare import compare as run
     from .procedures.print_result import fitting_tables
@@ -344,7 +344,7 @@ def compare(
 def demo(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the demo's studies.")] = Path("demo"),
 ) -> None:
-    """The whole story on examples, in about a minute."""
+    """Run the whole workflow on examples, in about a minute."""
     from .demonstration.demo import demo as run
     from .demonstration.story import chapter_sentences
 
@@ -518,7 +518,7 @@ def protocol(
     unit: Annotated[str, typer.Option(metavar="UNIT", help="Unit of the reference.")] = "rad",
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of excited frequencies and phases.")] = 1,
 ) -> None:
-    """Write a motion that shows what usual ones hide."""
+    """Write a reference motion for identification."""
     if study is not None or name in ("optimised_fourier", "step_by_step"):
         _tree_protocol(
             name, study, folder, rate=rate, resolution=resolution, harmonics=harmonics, criterion=criterion,
@@ -588,7 +588,7 @@ def version() -> None:
 
 @datasets_app.command("list")
 def datasets_list() -> None:
-    """Names, titles and terms of the public data sets, and whether they are on this machine."""
+    """List the public data sets with their terms, and whether they are on this machine."""
     from . import datasets
     from .procedures.print_result import plain_table
 

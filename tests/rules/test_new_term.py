@@ -64,7 +64,7 @@ from pellucid.deployment.c_folder import check_on_host, write_c_folder
 from pellucid.deployment.controller_values import ControllerValues
 from pellucid.drawing.style import colour
 from pellucid.models.friction_terms import FAMILIES_BY_NAME
-from pellucid.pages.quantities import label
+from pellucid.pages.quantities import parameter_label
 from pellucid.procedures.joint.findings.weak_parameter import advice
 t = np.arange(0.0, 30.0, 5e-3)
 parts = [(0.5, 0.13, 0.0), (0.3, 0.47, 1.0), (0.15, 1.1, 2.0)]
@@ -88,7 +88,7 @@ print(json.dumps({"value": fit["windage"].value, "unit": fit["windage"].unit,
                   "watched": safe.supervision["body_viscous"] - law.values["viscous_positive"],
                   "header": "float windage;" in (folder / "pellucid_controller.h").read_text(),
                   "exported": check_on_host(folder), "names": [f.name for f in LAWS["joint"].fields][:15],
-                  "words": label("windage"), "advice": advice("windage"),
+                  "words": parameter_label("windage"), "advice": advice("windage"),
                   "colour": colour(FAMILIES_BY_NAME[fit.model.family].colour)}))
 """
 

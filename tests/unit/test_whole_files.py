@@ -129,8 +129,8 @@ def test_a_lock_that_is_a_link_is_refused_and_its_target_stays(tmp_path, there):
 
 HOLDER = """
 import sys, time
-from pellucid.recordings.lock import locked
-with locked(sys.argv[1]):
+from pellucid.recordings.lock import hold_lock
+with hold_lock(sys.argv[1]):
     print(1, flush=True)
     time.sleep(60)
 """

@@ -1,4 +1,4 @@
-"""What a model card was made from, and whether a study still is that: a stale card is not used as a fresh one."""
+"""Inputs of a model card, and a check of whether they are still those of the study, so that no stale card is used."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ PROCEDURE_KEY = "procedure"
 """Key of a card's sources that names the procedure which made it; every other key names a table or a file."""
 
 UNUSED_TABLES = frozenset({"name", "citation", "notes"})
-"""Parts of study.toml that no identification looks at."""
+"""Parts of study.toml that no identification uses."""
 
 
 class CardWithSources(Protocol):
-    """What every kind of card has."""
+    """Fields that every kind of card has."""
 
     study: str
     checksums: Mapping[str, str]
@@ -36,11 +36,11 @@ Made = TypeVar("Made", bound=CardWithSources)
 
 
 def card_sources(study: Study, procedure: Procedure) -> dict[str, str]:
-    """Return checksums of all that a card of `procedure` is made from: tables of study.toml as they were understood,
-    recordings, and other cards; by what they are called in messages.
+    """Return the checksums of all inputs of a card of `procedure`, by their names in messages.
 
-    Tables of other commands' procedures are left out, and the limits of a joint where the procedure does not use them:
-    a controller's limits may be set after its model was identified.
+    Inputs are the parsed tables of study.toml, recordings, and other cards. Tables of other commands' procedures are
+    left out. So are the limits of a joint if the procedure does not use them, because a controller's limits may be set
+    after its model was identified.
     """
     from .registry import PROCEDURES
 
@@ -52,14 +52,16 @@ def card_sources(study: Study, procedure: Procedure) -> dict[str, str]:
     for name, table in sorted(used.items()):
         text = json.dumps(table, sort_keys=True, default=str)
         found[f"{STUDY_FILE} [{name}]"] = sha256(text.encode()).hexdigest()
-    # Other cards are written anew while a study is open; its recordings are read once.
+    # Cards may be rewritten while a study is open, so their checksums are not cached; recordings are read once.
     found |= {_called(study, path): study.digest(path) for path in study.files()}
     return found | {_called(study, path): _checksum(path) for path in procedure.inputs(study)}
 
 
 def require_fresh(study: Study, path: Path, card: Made) -> Made:
-    """Return a card again that is about to be used, if the study still is what it was made from, or stale cards are
-    accepted; a PellucidError that says what has changed otherwise."""
+    """Return a card if its inputs are still those of the study, or if stale cards are accepted.
+
+    Otherwise raise a PellucidError that names the changes.
+    """
     if study.accept_stale:
         return card
     from .registry import PROCEDURES
@@ -98,12 +100,12 @@ def _has_other_recordings(study: Study, card: CardWithSources) -> bool:
     try:
         known = {checksum(path) for path in study.files()}
     except PellucidError:
-        return False  # the recordings are not here, and tell nothing
+        return False  # without the recordings nothing can be compared
     return not {each for each in card.checksums.values() if each} <= known
 
 
 def _changes(before: Mapping[str, str], now: Mapping[str, str]) -> Iterator[str]:
-    """What differs, by its name; what is gone or new is said to be."""
+    """Yield the names of inputs that differ, with a remark on those that are missing or new."""
     for name in (*before, *(name for name in now if name not in before)):
         if before.get(name) != now.get(name):
             end = " (new)" if name not in before else " (gone)" if name not in now else ""
@@ -111,7 +113,7 @@ def _changes(before: Mapping[str, str], now: Mapping[str, str]) -> Iterator[str]
 
 
 def _read_anew(study: Study) -> Study:
-    """The same study with no checksum remembered: a file may have changed since it was read."""
+    """Return the study without cached checksums, because a file may have changed since it was read."""
     return replace(study, _digests={})
 
 

@@ -1,4 +1,4 @@
-"""A study's commands: is it fit, what is found, and the report of it; each asks the procedures that the study names."""
+"""Commands on a study: check it, run the procedures that it requests, and write its report."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 def check(study: Study) -> list[Fault]:
-    """Every fault found in a study's recordings; empty where there is none.
+    """Return the faults of a study's recordings; empty if there are none.
 
     Parameters
     ----------
@@ -498,7 +498,7 @@ def report(
                 pages.append(procedure.page(study, found))
                 continue
             except (TypeError, ValueError, LookupError, AttributeError, ArithmeticError):
-                # What cannot be drawn is found again.
+                # A kept result that cannot be drawn is computed again.
                 if given:
                     raise
         tell(f"{procedure.command} again: nothing that you kept is fresh", i / len(procedures))
@@ -509,7 +509,7 @@ def report(
     try:
         return write_page(Path(study.report_dir), page)
     except OSError:
-        # What was found again may have taken minutes: it is drawn where there is room.
+        # Computing it again may have taken minutes, so the report is written elsewhere if the folder is not writable.
         for parent in (Path.cwd(), Path(gettempdir()), Path.home()):
             with suppress(OSError):
                 return write_page(Path(mkdtemp(prefix=f"pellucid-{study.name}-report-", dir=parent)), page)
