@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ..recordings.study import Study
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class CombinedResult(Result):
     """Results of several procedures of one study.
 

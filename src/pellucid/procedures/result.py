@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Self
 
 from .._atomic import remove_leftovers
 from .._errors import PellucidError
+from .._tabular import data_frame
 from ..fit.parameter import Parameter, Verdict, rank_verdicts
 from ..models.card import Card, write_card
 from ..models.emg_estimator import EmgEstimatorCard, write_estimator_card
@@ -23,6 +24,8 @@ from ..recordings.results import ResultRow, replace_rows
 from .card_sources import card_sources
 
 if TYPE_CHECKING:
+    import pandas
+
     from ..recordings.study import Study
     from .procedure import Procedure
 
@@ -44,7 +47,7 @@ class FigureTable:
     rows: tuple[tuple[str | float | int | None, ...], ...]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Result:
     """Result of a procedure; each procedure adds the data for its figures.
 
@@ -95,6 +98,20 @@ class Result:
                 found.setdefault(parameter.name, parameter)
                 found[f"{table.title}.{parameter.name}"] = parameter
         return found
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {self.study}: {self.headline}>"
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return every figure as a data frame: id, value, unit, split and note; needs pandas.
+
+        Raises
+        ------
+        PellucidError
+            If pandas is not installed; the message says what to install.
+        """
+        columns = ("id", "value", "unit", "split", "note")
+        return data_frame({name: [getattr(row, name) for row in self.rows] for name in columns})
 
     def __getitem__(self, name: str) -> Parameter:
         """Return a parameter by its name.

@@ -77,7 +77,7 @@ class AssistedRecording:
         return f"{own if joint in (self.what, own) else f'{own}.{joint}'}.{self.recording}"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class ActivationsResult(Result):
     """Result of `activations`."""
 

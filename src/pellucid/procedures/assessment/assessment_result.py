@@ -86,7 +86,7 @@ class Needed:
     participants: int | None  # None if more than the largest number tried
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class AssessmentResult(Result):
     """Result of an assessment."""
 

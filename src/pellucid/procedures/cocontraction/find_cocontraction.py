@@ -44,7 +44,7 @@ class PairActivity:
     second: np.ndarray = field(repr=False)  # Envelope of the second muscle in the stretch, shape (k,) [1]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class CocontractionResult(Result):
     """Result of `cocontraction`."""
 

@@ -50,7 +50,7 @@ class WearerStages:
     notes: tuple[str, ...] = ()  # reasons for missing stages
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CouplingResult(Result):
     """Result for an orthosis and its wearers."""
 

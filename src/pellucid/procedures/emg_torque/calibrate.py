@@ -90,7 +90,7 @@ Progress = Callable[[str, float], None]
 """Function that is told what is done now and the share of all work that is done."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class CalibrationResult(Result):
     """Result of a calibration, with the data for its figures."""
 

@@ -49,7 +49,7 @@ class HingeTrial:
     scores: dict[str, HingeScore] | None = None  # By `WAYS`; empty without a reference
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class HingeResult(Result):
     """What `identify` found on hinges, one trial for each recording."""
 

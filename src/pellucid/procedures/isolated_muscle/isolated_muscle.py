@@ -108,7 +108,7 @@ class IsolatedMuscleFit:
         return rows
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class IsolatedMuscleResult(Result):
     """What `calibrate` finds of an isolated muscle."""
 

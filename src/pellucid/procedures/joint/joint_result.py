@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +23,9 @@ from ...signals.effort import drive_model
 from ...signals.motion import Motion
 from ..posterior_beside import pair_with_posterior, posterior_rows, posterior_table
 from ..result import FigureTable, ParameterTable, Result
+
+if TYPE_CHECKING:
+    from ...drawing.drawing import Figure
 
 COMMAND_NAME = "identify"
 """Name of the command that writes these results."""
@@ -42,7 +46,7 @@ class Trace:
     effort: np.ndarray
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class JointResult(Result):
     """Result of `identify` for one joint."""
 
@@ -78,6 +82,10 @@ class JointResult(Result):
         """Family whose simulations are drawn: the best one, or else the first with simulations."""
         ordered = [self.families[self.best], *self.families.values()]
         return next((f for f in ordered if any(f.simulations.values())), None)
+
+    def plot(self) -> Figure:
+        """Draw the parameters of the chosen estimate with their intervals."""
+        return self.headlined.estimate.plot()
 
     def for_page(self) -> JointResult:
         drawn = self.simulated

@@ -50,7 +50,7 @@ class LegAlone:
     usual: tuple[float, float] | None  # Both of a leg of that weight and height by Winter's shares
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class LoadedSwingResult(Result):
     """What swings said."""
 

@@ -49,7 +49,7 @@ class MuscleBursts:
     samples: np.ndarray = field(repr=False)  # Raw EMG for a figure, shape (k,) [V]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class OnsetResult(Result):
     """Result of `onset`."""
 

@@ -18,7 +18,7 @@ SHOWN = ("load", "dissociated")
 """Methods whose parameters are printed: the coherent body first, for its are the estimates."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class SliderResult(Result):
     """Everything `identify` found on a joint with a carriage; ``fit["load"]`` is one method's estimate."""
 

@@ -56,7 +56,7 @@ class GroupSimilarity:
     crossed: float  # VAF of the second group's envelopes by the first group's weights
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class SynergiesResult(Result):
     """Result of `synergies`."""
 

@@ -43,7 +43,7 @@ FEW = 3
 """Up to so many recordings each get a table of their own."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class TransferResult(Result):
     """Transfer functions of a study's recordings."""
 

@@ -109,7 +109,7 @@ class FoundPayload:
         return float("nan") if unknown else 100.0 * abs(self.mass.value - self.known) / self.known
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class TreeResult(Result):
     """Result of `identify` for a robot.
 
