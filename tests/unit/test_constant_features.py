@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pellucid.estimators.adaptive_correction import adaptive_correction
+from pellucid.estimators.adaptive_correction import fit_adaptive_correction
 from pellucid.estimators.cross_validation import first_best
 from pellucid.estimators.neural_network import NeuralNetwork
 from pellucid.estimators.ridge import Ridge
@@ -43,7 +43,7 @@ def test_the_same_map_in_words_has_no_coefficient_for_a_constant():
 def test_an_adaptive_correction_compares_by_what_varied():
     x, y = isometric(ANGLE)
     rng = np.random.default_rng(0)
-    correction = adaptive_correction([(x, 0.1 * y + 0.01 * rng.standard_normal(len(y)))])
+    correction = fit_adaptive_correction([(x, 0.1 * y + 0.01 * rng.standard_normal(len(y)))])
     assert np.isfinite(correction.scale[0])
     assert np.isinf(correction.scale[1])
 
