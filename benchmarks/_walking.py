@@ -6,8 +6,8 @@ from pathlib import Path
 
 from pellucid import datasets
 from pellucid.procedures.registry import open_study
-from pellucid.recordings import Study
-from pellucid.recordings.study import STUDY_FILE
+from pellucid.studies import Study
+from pellucid.studies.study import STUDY_FILE
 
 from ._size import is_smallest
 

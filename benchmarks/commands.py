@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from pellucid.procedures.joint.aligned_motions import aligned_motions
-from pellucid.signals.effort import drive_model
+from pellucid.studies.effort import drive_model
 
 from ._size import sized
 from .identification import study_at

@@ -22,8 +22,9 @@ from pellucid.models.directional_slider import VELOCITY_WIDTH
 from pellucid.models.joint import GRAVITY
 from pellucid.models.slider_joint import SliderJointModel
 from pellucid.procedures.slider.identify_slider import STEP_PROTOCOLS, fit_slider
+from pellucid.procedures.slider.recorded_slider import slider_motions
 from pellucid.signals.markers import slider_geometry
-from pellucid.signals.slider_motion import REGRESSION_STRIDE, SliderMotion, slider_motions
+from pellucid.signals.slider_motion import REGRESSION_STRIDE, SliderMotion
 
 from ._size import sized
 from .identification import _row, interleaved

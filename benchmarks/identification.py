@@ -30,8 +30,8 @@ from pellucid.models.joint import joint_model
 from pellucid.models.simulate import substeps_for
 from pellucid.procedures.joint.aligned_motions import aligned_motions
 from pellucid.procedures.joint.identify_joint import machine_of
-from pellucid.recordings.study import Study
-from pellucid.signals.effort import drive_model
+from pellucid.studies.effort import drive_model
+from pellucid.studies.study import Study
 
 from ._peers import peer
 from ._size import sized

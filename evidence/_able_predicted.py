@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from pellucid.papers.able.predicted import EMG_ORDER, Drawn, models_of_people, predict_paper
 from pellucid.papers.printed import printed
-from pellucid.recordings.results import ResultRow
+from pellucid.studies.results import ResultRow
 
 
 def able_rows(drawn: Drawn | None = None) -> Iterator[ResultRow]:

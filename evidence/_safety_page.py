@@ -9,7 +9,7 @@ import numpy as np
 
 from pellucid._atomic import write_text_atomically
 from pellucid.lab.safety.fault_table import FAULT_KINDS, FaultKind, FaultTable, FaultTrial
-from pellucid.recordings.results import ResultRow
+from pellucid.studies.results import ResultRow
 
 PAGE = Path(__file__).parents[1] / "docs" / "safety.md"
 

@@ -53,7 +53,7 @@ from pellucid.papers.able.arm_worn import BEST, LAWS, PUBLISHED, arms_worn, wear
 from pellucid.procedures.tree_excitation import tree_information
 from pellucid.protocols.step_by_step import step_by_step
 from pellucid.protocols.tree_fourier import optimised_tree_fourier, random_tree_fourier, shrink_within_limits
-from pellucid.recordings.results import ResultRow
+from pellucid.studies.results import ResultRow
 
 FAULTY = sized(4, smallest=1)
 """Drawn arms that have single faults: as many as joints, so that every fault is every joint's once."""

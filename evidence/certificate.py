@@ -31,7 +31,7 @@ from pellucid.assessment.equivalence import Margin
 from pellucid.assessment.equivalence_power import equivalence_power, find_equivalence_participants
 from pellucid.assessment.group_sequential import looks
 from pellucid.assessment.signed_rank import signed_rank
-from pellucid.recordings.results import ResultRow
+from pellucid.studies.results import ResultRow
 
 from . import _doubted
 

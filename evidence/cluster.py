@@ -16,7 +16,7 @@ from benchmarks._size import sized
 from pellucid.assessment.cluster import cluster
 from pellucid.lab.pointing.prediction import Prediction, predict_effects
 from pellucid.lab.pointing.rig import elbow_participants
-from pellucid.recordings.results import ResultRow
+from pellucid.studies.results import ResultRow
 
 PEOPLE = sized(10, smallest=1)
 ROBOTS = sized(10, smallest=2)

@@ -40,9 +40,10 @@ from pellucid.lab.study import record_in_memory, write_study
 from pellucid.models.carried_friction import SteadyStates
 from pellucid.models.friction_terms import is_friction
 from pellucid.models.slider_joint import SliderJointModel
-from pellucid.recordings.results import ResultRow
+from pellucid.procedures.slider.recorded_slider import slider_motions
 from pellucid.signals.markers import slider_geometry
-from pellucid.signals.slider_motion import SliderMotion, slider_motions
+from pellucid.signals.slider_motion import SliderMotion
+from pellucid.studies.results import ResultRow
 
 RIGS = sized(120, smallest=1)
 SEEDS = sized((1, 2), smallest=(1,))

@@ -41,10 +41,10 @@ from pellucid.procedures.emg_torque.evaluated import CalibrationFindings
 from pellucid.procedures.emg_torque.trial_sources import moment_trials
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import activations, calibrate, check
-from pellucid.recordings import Study
 from pellucid.recordings.readers import read_columns
 from pellucid.recordings.readers.osim_paths import read_paths
-from pellucid.recordings.results import ResultRow
+from pellucid.studies import Study
+from pellucid.studies.results import ResultRow
 
 SEED = 20261123
 FITTED = (19.0, 24.0)  # s, of the walking study

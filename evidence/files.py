@@ -28,7 +28,7 @@ from pathlib import Path
 import numpy as np
 from benchmarks._size import sized
 
-from pellucid.recordings.results import ResultRow, read_rows, write_rows
+from pellucid.studies.results import ResultRow, read_rows, write_rows
 
 from ._forked import Outcome, tried
 from ._healthy import healthy, muscle_study, pointing_study

@@ -21,7 +21,7 @@ from pellucid.lab.arm.free_shoulder import LAWS, SHOULDERS, ShoulderFigures, com
 from pellucid.lab.arm.human_motion import people
 from pellucid.lab.arm.rig import able_arm, drawn_arms
 from pellucid.lab.arm.wearer import drawn_people
-from pellucid.recordings.results import ResultRow
+from pellucid.studies.results import ResultRow
 
 ARMS = sized(5, smallest=1)
 

@@ -44,9 +44,9 @@ from pellucid.procedures.joint.aligned_motions import align_recordings
 from pellucid.procedures.joint.identify_joint import machine_of
 from pellucid.procedures.joint.recorded_motions import motions_of
 from pellucid.protocols.reversals import reversals
-from pellucid.recordings.results import ResultRow
-from pellucid.signals.effort import drive_model
 from pellucid.signals.motion import Filtering, Motion, motion_of
+from pellucid.studies.effort import drive_model
+from pellucid.studies.results import ResultRow
 
 from .coverage import drawn_benches
 

@@ -23,7 +23,7 @@ from scipy.signal import butter, csd, lfilter, welch
 from pellucid.fit.transfer.best_linear_approximation import BestLinearApproximation, best_linear_approximation
 from pellucid.lab.bench.rig import bench_joint
 from pellucid.protocols.random_phase_multisine import RandomPhaseMultisine, random_phase_multisine
-from pellucid.recordings.results import ResultRow
+from pellucid.studies.results import ResultRow
 
 EXPERIMENTS = sized(20, smallest=1)
 REALISATIONS = 7

@@ -30,9 +30,9 @@ from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants, elbow_people
 from pellucid.lab.pointing.session import CONTROL, point, true_motion
 from pellucid.recordings.readers import read_columns
-from pellucid.recordings.results import ResultRow
 from pellucid.signals.movements import MovementRule, Stretch, kinematics, movements
 from pellucid.signals.one_way_movements import OneWay, one_way_movements
+from pellucid.studies.results import ResultRow
 
 from ._able_predicted import able_rows
 

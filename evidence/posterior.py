@@ -43,7 +43,7 @@ from pellucid.lab.knee.rig import knee_orthosis
 from pellucid.lab.study import record_in_memory, write_study
 from pellucid.models.muscle import Muscle
 from pellucid.procedures.coupling.identify_coupling import identify_worn
-from pellucid.recordings.results import ResultRow
+from pellucid.studies.results import ResultRow
 
 from .coverage import bench_targets, drawn_benches
 

@@ -23,7 +23,7 @@ from pellucid.lab.strap_options import OPTIONS, without
 from pellucid.models.slider_card import SliderCard
 from pellucid.papers.able.law_comparison import REFERENCE, TORQUE_SEED, try_law
 from pellucid.papers.knee.wearers import drawn_from, identify_bench, identify_straps
-from pellucid.recordings.results import ResultRow
+from pellucid.studies.results import ResultRow
 
 ROBOTS = sized(3, smallest=1)
 PEOPLE = sized(3, smallest=1)

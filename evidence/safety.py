@@ -24,7 +24,7 @@ from pellucid.deployment.microcontroller import measure, missing_tools
 from pellucid.lab.safety.fault_table import FAULT_KINDS, FaultTable, drawn_robot, fault_table
 from pellucid.lab.safety.worn_knee import knee_table
 from pellucid.lab.safety.worn_robot import LAWS, WornRobot
-from pellucid.recordings.results import ResultRow
+from pellucid.studies.results import ResultRow
 
 ROBOTS = sized(20, smallest=1)
 HOURS = sized(10.5, smallest=0.02)

@@ -27,9 +27,9 @@ from pellucid.lab.study_text import study_text
 from pellucid.models.joint import DEFAULT_FAMILIES
 from pellucid.procedures.registry import open_study
 from pellucid.protocols.excitation import multisine, point_to_point
-from pellucid.recordings.results import ResultRow
-from pellucid.recordings.study import STUDY_FILE
-from pellucid.signals.effort import drive_model
+from pellucid.studies.effort import drive_model
+from pellucid.studies.results import ResultRow
+from pellucid.studies.study import STUDY_FILE
 
 SEED = 20261121
 HOURS = sized(2.0, smallest=0.1)

@@ -24,9 +24,10 @@ from pellucid.lab.init import init as rig_files
 from pellucid.lab.simulate import simulate
 from pellucid.procedures.registry import asked, open_study
 from pellucid.procedures.run import calibrate, check, identify
-from pellucid.recordings import Study, channels_toml, write_csv
+from pellucid.recordings import channels_toml, write_csv
 from pellucid.recordings.recording import Channel
-from pellucid.recordings.results import ResultRow
+from pellucid.studies import Study
+from pellucid.studies.results import ResultRow
 
 SEED = 20261122
 WITHIN = 0.02  # share of a parameter

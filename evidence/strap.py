@@ -38,9 +38,9 @@ from pellucid.lab.knee.protocol import bench_trials, swing_trial, torque_trial
 from pellucid.lab.knee.rig import KneeRig, knee_orthosis
 from pellucid.lab.strap_options import OPTIONS, without
 from pellucid.lab.study import record_in_memory
-from pellucid.recordings.results import ResultRow
 from pellucid.signals.inertial import inertial
 from pellucid.signals.input_output import input_output
+from pellucid.studies.results import ResultRow
 
 WEARERS = sized(120, smallest=1)
 SEEDS = sized((1, 2), smallest=(1,))

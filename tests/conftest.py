@@ -12,7 +12,7 @@ import pytest
 from pellucid.lab.bench.rig import bench_joint
 from pellucid.lab.study import write_study
 from pellucid.procedures.registry import open_study
-from pellucid.recordings import Study
+from pellucid.studies import Study
 
 NEARBY = Path(__file__).parents[1].parent / "shared" / "data"
 

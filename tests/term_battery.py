@@ -18,7 +18,7 @@ from pellucid.models.joint import FAMILIES, NAMES, PARAMETER_INDEX, SYMBOLS_BY_N
 from pellucid.pages.quantities import FAMILIES as WORDS_OF_FAMILIES
 from pellucid.pages.quantities import PARAMETER_LABELS
 from pellucid.procedures.joint.findings.weak_parameter import find
-from pellucid.recordings.study_file import parameter_units
+from pellucid.studies.study_file import parameter_units
 
 COEFFICIENT, SPEEDS, LOAD = 0.2, (1e-6, 0.5, 1.7, 10.0), 1.2
 NO_FRICTION = {"inertia", "gravity_sine", "gravity_cosine", "offset"}

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from .procedures.result import Result
-    from .recordings.study import Study
+    from .studies.study import Study
 
 app = typer.Typer(
     name="pellucid",
@@ -781,7 +781,7 @@ def _run_and_save(study: Study, command: str, json: bool, run: Callable[[Study, 
 def _print_json(result: Result) -> None:
     from json import dumps
 
-    from .recordings.results import finite_row, row_table
+    from .studies.results import finite_row, row_table
 
     typer.echo(dumps({"figures": [row_table(finite_row(row)) for row in result.rows]}, indent=1, ensure_ascii=False))
 

@@ -12,7 +12,7 @@ from pellucid.papers.able.identification_rows import LOAD_FACTORS
 from pellucid.papers.able.paper import AblePaper
 from pellucid.papers.figure import VERDICTS
 from pellucid.papers.reproduce import reproduce
-from pellucid.recordings.results import read_rows
+from pellucid.studies.results import read_rows
 
 
 def few():

@@ -9,7 +9,7 @@ from pellucid.papers.figure import VERDICTS
 from pellucid.papers.hill.paper import HillPaper
 from pellucid.papers.hill.torque import BASELINES
 from pellucid.papers.reproduce import reproduce
-from pellucid.recordings.results import read_rows
+from pellucid.studies.results import read_rows
 
 
 @pytest.fixture(scope="module")

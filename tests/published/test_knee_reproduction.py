@@ -11,7 +11,7 @@ from pellucid.papers.knee.paper import KneePaper
 from pellucid.papers.knee.trials import take
 from pellucid.papers.printed import papers
 from pellucid.papers.reproduce import reproduce
-from pellucid.recordings.results import read_rows
+from pellucid.studies.results import read_rows
 
 
 @pytest.fixture(scope="module")

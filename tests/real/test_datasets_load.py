@@ -6,8 +6,8 @@ import pytest
 from pellucid import datasets
 from pellucid.procedures.emg_torque.study_muscles import study_muscles
 from pellucid.procedures.registry import asked
-from pellucid.recordings import inspect
 from pellucid.signals.emg_quality import inspect_emg
+from pellucid.studies import inspect
 
 
 @pytest.fixture(scope="module")

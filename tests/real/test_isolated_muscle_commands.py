@@ -4,7 +4,7 @@ import pytest
 
 import pellucid
 from pellucid import datasets
-from pellucid.recordings.results import read_rows
+from pellucid.studies.results import read_rows
 
 NAME = "rat_soleus_hill"
 

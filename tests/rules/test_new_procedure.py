@@ -10,7 +10,7 @@ from copied_package import copied_package, run_copied
 from pellucid.procedures import command, registry
 from pellucid.procedures.procedure import Procedure
 from pellucid.procedures.result import Result
-from pellucid.recordings.study_fields import ProcedureTable
+from pellucid.studies.study_fields import ProcedureTable
 
 MAX_LINES_OF_THE_SMALLEST = 300
 FOLDER = '''"""The largest torque of every recording."""
@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...recordings.results import ResultRow
+from ...studies.results import ResultRow
 from ...recordings.study_fields import ProcedureTable, Word
 from ..procedure import Procedure, Progress, quiet
 from ..result import FigureTable, Result
@@ -36,7 +36,7 @@ from ..result import FigureTable, Result
 if TYPE_CHECKING:
     from ...pages.page import Page
     from ...recordings.fault import Fault
-    from ...recordings.study import Study
+    from ...studies.study import Study
 
 
 class PeakTable(ProcedureTable):

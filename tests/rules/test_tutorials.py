@@ -11,7 +11,7 @@ from page_blocks import LANGUAGES, PageFailed, Reader, blocks_of, first_differen
 
 from pellucid.datasets.registry import shipped
 from pellucid.procedures.registry import study_model
-from pellucid.recordings.study_file import parse_study_file
+from pellucid.studies.study_file import parse_study_file
 
 ROOT = Path(__file__).parents[2]
 PAGES = (

@@ -15,7 +15,7 @@ from pellucid.fit.parameter import Parameter, Verdict, Whiteness
 from pellucid.models.joint import joint_model
 from pellucid.procedures.joint.joint_result import JointResult, Trace
 from pellucid.procedures.registry import open_study
-from pellucid.recordings.study import Study
+from pellucid.studies.study import Study
 
 TRUTH = {
     "prismatic": {

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pellucid.procedures.registry import open_study
-from pellucid.recordings.study import Study
+from pellucid.studies.study import Study
 
 SLOWER = {"Ctrl": 1.0, "FC": 1.03, "PCFr": 1.2, "CLPC": 1.18}
 """By how much longer movements take."""

@@ -17,7 +17,7 @@ from pellucid.procedures.assessment.paper_tables import write_tables
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import assess, check
 from pellucid.procedures.run import report as write_report
-from pellucid.recordings.results import read_rows
+from pellucid.studies.results import read_rows
 
 pytestmark = pytest.mark.slow
 

@@ -7,7 +7,7 @@ import scipy.io
 from pellucid._errors import DatasetError, PellucidError, RecordingError, StudyError, UnfitRecordingError
 from pellucid.datasets import init
 from pellucid.procedures.registry import open_study
-from pellucid.recordings import read_rows, require_sound
+from pellucid.studies import read_rows, require_sound
 
 
 def complaint(study_or_make):

@@ -12,7 +12,7 @@ from pellucid.fit.tree.friction_terms import PLAIN_TERMS
 from pellucid.fit.tree.payload import with_drive_gains as with_known_gains
 from pellucid.procedures.tree.carried_payloads import identify_payloads, with_gains
 from pellucid.procedures.tree.findings.payload import find
-from pellucid.recordings.study_file import PayloadSpec
+from pellucid.studies.study_file import PayloadSpec
 
 TRUE_MASS = float(LOAD[0])
 

@@ -7,7 +7,7 @@ from pellucid._errors import RecordingError, StudyError
 from pellucid.procedures.joint.aligned_motions import aligned_motions
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import check, identify
-from pellucid.recordings.rollover import find_rollover
+from pellucid.studies.rollover import find_rollover
 
 STUDY = """name = "bench"
 [rig]

@@ -14,11 +14,11 @@ from pellucid.procedures.emg_torque.procedure import EmgTorqueProcedure
 from pellucid.procedures.isolated_muscle.isolated_muscle import isolated_muscle
 from pellucid.procedures.loaded_swing.identify_loaded_swing import swings_of
 from pellucid.procedures.run import check, identify
+from pellucid.procedures.slider.recorded_slider import slider_motions
 from pellucid.recordings.cut import Cut
 from pellucid.recordings.recording import Channel, Recording
 from pellucid.signals.inertial import inertial
 from pellucid.signals.input_output import input_output
-from pellucid.signals.slider_motion import slider_motions
 
 SPIKE, NAN = (slice(900, 901), 50.0), (slice(900, 940), np.nan)
 TORQUE = ('kind = "current"\ntorque_constant = "2 N*m/A"', 'kind = "torque"')

@@ -17,7 +17,7 @@ from pellucid._errors import DatasetError
 from pellucid.datasets import registry
 from pellucid.datasets.registry import Dataset
 from pellucid.procedures.registry import study_model
-from pellucid.recordings.study_file import parse_study_file
+from pellucid.studies.study_file import parse_study_file
 
 CSV = b"t,q,i\n" + b"".join(b"%d,%d,0\n" % (n, n % 7) for n in range(50))
 STUDY = """name = "toy"

@@ -16,7 +16,7 @@ from pellucid.fit.regression import stack
 from pellucid.models.joint import joint_model
 from pellucid.pages.quantities import parameter_note
 from pellucid.procedures.joint.aligned_motions import aligned_motions
-from pellucid.recordings import read_rows
+from pellucid.studies import read_rows
 
 KERNELS = ("Haswell", "SkylakeX", "Nehalem")
 IDENTIFY = """

@@ -14,7 +14,7 @@ from pellucid.procedures.compare import compare
 from pellucid.procedures.joint.joint_result import rows_of
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import check, identify
-from pellucid.recordings.results import read_rows
+from pellucid.studies.results import read_rows
 
 SLOW = {"motion_range.velocity": 0.25, "motion_range.acceleration": 2.0, "drive.current_noise": 0.4}
 

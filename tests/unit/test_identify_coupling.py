@@ -16,7 +16,7 @@ from pellucid.pages.page import write_page
 from pellucid.procedures.coupling.coupling_page import page
 from pellucid.procedures.coupling.identify_coupling import faults, identify_coupling, identify_worn
 from pellucid.recordings.recording import Channel
-from pellucid.recordings.study import Study
+from pellucid.studies.study import Study
 
 RIG = knee_orthosis().strapped(without())
 """Whose straps are what is fitted: springs with dampers. What straps as they are do to it, others test."""

@@ -12,10 +12,11 @@ import pytest
 from pellucid.fit.parameter import Parameter, Verdict
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.result import FigureTable, ParameterTable, Result
-from pellucid.recordings import keepers_mark, kept, kept_columns
+from pellucid.recordings import keepers_mark, kept_columns
 from pellucid.recordings.keepers_mark import SEAL_LENGTH, mark, seal
-from pellucid.recordings.kept import TREE_KEY, keep_result, read_kept
-from pellucid.recordings.results import ResultRow
+from pellucid.studies import kept
+from pellucid.studies.kept import TREE_KEY, keep_result, read_kept
+from pellucid.studies.results import ResultRow
 
 
 def result():

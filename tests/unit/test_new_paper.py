@@ -11,7 +11,7 @@ from pellucid.papers.figure import Figures, figure
 from pellucid.papers.paper import Paper, paper
 from pellucid.papers.printed import papers
 from pellucid.papers.reproduce import reproduce
-from pellucid.recordings.results import read_rows
+from pellucid.studies.results import read_rows
 
 PRINTED = """
 name = "tides"

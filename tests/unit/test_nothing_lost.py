@@ -13,7 +13,7 @@ import pellucid as pl
 from pellucid import _atomic
 from pellucid.procedures import result as results
 from pellucid.procedures.registry import open_study
-from pellucid.recordings import read_rows
+from pellucid.studies import read_rows
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from pellucid.lab.simulate import simulate
 from pellucid.models.card import read_card
 from pellucid.models.parameter_card import read_parameter_card
 from pellucid.models.slider_card import read_slider_card
-from pellucid.recordings.results import read_rows
+from pellucid.studies.results import read_rows
 
 pytestmark = pytest.mark.slow
 

@@ -19,7 +19,7 @@ from pellucid.lab.pointing.prediction import INDICES, Prediction, Worn, drawn_ro
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.lab.pointing.sensitivity import CHANCE, factors_of, screen
 from pellucid.lab.predict import PREDICTION_FILE, predict
-from pellucid.recordings.results import read_rows
+from pellucid.studies.results import read_rows
 
 K = (-1.0, -1.9)
 

@@ -10,7 +10,7 @@ from pellucid.cli import _first_line, _lines_at_intervals, app
 from pellucid.lab.bench.rig import bench_joint
 from pellucid.lab.study import write_study
 from pellucid.procedures.several import Outcome, identify_several, table_of
-from pellucid.recordings.results import read_rows
+from pellucid.studies.results import read_rows
 
 
 @pytest.fixture(scope="module")

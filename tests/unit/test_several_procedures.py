@@ -16,8 +16,8 @@ from pellucid.procedures import registry
 from pellucid.procedures.procedure import Procedure, quiet
 from pellucid.procedures.result import ParameterTable, Result
 from pellucid.procedures.run import run
-from pellucid.recordings import read_rows
-from pellucid.recordings.results import ResultRow
+from pellucid.studies import read_rows
+from pellucid.studies.results import ResultRow
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from pellucid.lab.simulate import study_name
 from pellucid.lab.study import write_study
 from pellucid.models.slider_card import read_slider_card
 from pellucid.procedures.run import check
-from pellucid.recordings.results import read_rows
+from pellucid.studies.results import read_rows
 
 run = CliRunner().invoke
 

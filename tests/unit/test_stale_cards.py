@@ -14,7 +14,7 @@ from pellucid.deployment.joint_values import joint_values
 from pellucid.models.card import read_card, write_card
 from pellucid.procedures.registry import open_study
 from pellucid.ranking.rank import rank
-from pellucid.recordings.results import ResultRow, require_own_page, write_rows
+from pellucid.studies.results import ResultRow, require_own_page, write_rows
 
 STALE = r"joint\.json: found a stale card: {} changed since it was made; identify again: pellucid identify "
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pellucid.procedures.registry import PROCEDURES, open_study
-from pellucid.recordings import study_file
+from pellucid.studies import study_file
 
 PAGE = Path(__file__).parents[2] / "docs" / "study-file.md"
 EXAMPLES = re.findall(r"```toml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)

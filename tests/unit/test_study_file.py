@@ -237,7 +237,7 @@ def test_the_schema_for_editors_accepts_what_is_accepted(make_study):
     import jsonschema
 
     from pellucid.procedures.registry import study_model
-    from pellucid.recordings.study_file import json_schema
+    from pellucid.studies.study_file import json_schema
 
     schema = json_schema(study_model())
     raw = tomllib.loads((make_study().folder / "study.toml").read_text())
@@ -380,7 +380,7 @@ def test_the_schema_for_editors_knows_both_forms_of_a_rig(make_joints):
 
     import jsonschema
 
-    from pellucid.recordings.study_file import json_schema
+    from pellucid.studies.study_file import json_schema
 
     raw = tomllib.loads((make_joints(SHOULDER + RAIL).folder / "study.toml").read_text())
     jsonschema.validate(raw, json_schema())

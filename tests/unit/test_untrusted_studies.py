@@ -143,7 +143,7 @@ def test_what_was_kept_by_somebody_else_is_found_again(make_study, monkeypatch, 
 
     from pellucid.procedures.registry import asked
     from pellucid.procedures.result import Result, fingerprint
-    from pellucid.recordings.kept import keep_result
+    from pellucid.studies.kept import keep_result
 
     study = make_study()
     result = pl.identify(study, families=["symmetric"], thorough=False)

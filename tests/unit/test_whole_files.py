@@ -14,7 +14,7 @@ import pellucid
 from pellucid._errors import PellucidError
 from pellucid.drawing.drawing import Drawing
 from pellucid.pages.page import Page, Section, write_page
-from pellucid.recordings import ResultRow, lock, read_rows, write_rows
+from pellucid.studies import ResultRow, lock, read_rows, write_rows
 
 SOURCES = Path(pellucid.__file__).parent
 WRITES = re.compile(r"""savefig\(|\.write_text\(|\.write_bytes\(|savetxt\(|open\([^)]*["'][wax]b?\+?["']""")
@@ -75,7 +75,7 @@ def test_nothing_is_written_but_whole():
 
 WRITER = """
 import sys
-from pellucid.recordings import ResultRow, write_rows
+from pellucid.studies import ResultRow, write_rows
 path, command = sys.argv[1:]
 sys.stdin.readline()
 for i in range(10):
@@ -129,7 +129,7 @@ def test_a_lock_that_is_a_link_is_refused_and_its_target_stays(tmp_path, there):
 
 HOLDER = """
 import sys, time
-from pellucid.recordings.lock import hold_lock
+from pellucid.studies.lock import hold_lock
 with hold_lock(sys.argv[1]):
     print(1, flush=True)
     time.sleep(60)

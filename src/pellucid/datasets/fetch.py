@@ -63,7 +63,7 @@ def fetch(name: str, base_url: str | None = None, progress: bool = False) -> Pat
 
 def notes(name: str) -> tuple[str, ...]:
     """Return a note about each file in use whose checksum differs from the published one."""
-    from ..recordings.study import checksum
+    from ..studies.study import checksum
 
     dataset, folder = info(name), path(name)
     found = {file: checksum(folder / file) for file in dataset.files}

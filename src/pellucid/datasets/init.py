@@ -13,8 +13,8 @@ from .fetch import fetch, notes, path
 from .registry import template
 
 if TYPE_CHECKING:
-    from ..recordings import Study
-    from ..recordings.study_file import StudyFile
+    from ..studies import Study
+    from ..studies.study_file import StudyFile
 
 
 def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Study:
@@ -23,7 +23,7 @@ def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Stu
     Files are taken from ``PELLUCID_DATA`` or the download folder, and downloaded if they are in neither.
     """
     from ..procedures.registry import open_study
-    from ..recordings.study import STUDY_FILE
+    from ..studies.study import STUDY_FILE
 
     folder = Path(folder)
     source_file = template(dataset)

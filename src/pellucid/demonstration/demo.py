@@ -32,8 +32,8 @@ from ..procedures.assessment.assessment_result import AssessmentResult
 from ..procedures.joint.joint_result import JointResult
 from ..procedures.run import assess, identify
 from ..procedures.run import report as write_report
-from ..recordings.results import ResultRow, read_rows, write_rows
-from ..recordings.study import RESULTS_FILE, STUDY_FILE, Study
+from ..studies.results import ResultRow, read_rows, write_rows
+from ..studies.study import RESULTS_FILE, STUDY_FILE, Study
 from .coverage import Coverage, coverage
 from .demonstration import Demonstration
 from .story import write_story

@@ -10,7 +10,7 @@ from ..fit.slider.slider_fit import SliderFit
 from ..lab.elbow.rig import ElbowRig
 from ..procedures.assessment.assessment_result import AssessmentResult
 from ..procedures.joint.joint_result import JointResult
-from ..recordings.study import Study
+from ..studies.study import Study
 from .coverage import Coverage
 
 

@@ -13,7 +13,7 @@ from ..control.joint_compensation import DEFAULT_PERIOD_S, SLIDER_SPEED, identif
 from ..models.anthropometry import Segment, forearm
 from ..models.slider_card import SliderCard, read_slider_card
 from ..procedures.card_sources import require_fresh, source_notes
-from ..recordings.study import Study
+from ..studies.study import Study
 from .controller_values import ControllerValues
 from .joint_values import drive_notes
 from .study_limits import limits_of

@@ -15,7 +15,7 @@ from ..models.emg_estimator import EmgEstimatorCard, read_estimator_card
 from ..models.fields import model_fields
 from ..procedures.card_sources import require_fresh
 from ..procedures.emg_torque.procedure import EmgTorqueTable
-from ..recordings.study import Study
+from ..studies.study import Study
 from .c_folder import (
     HEADER_FOLDER,
     OUTPUT_FILE,

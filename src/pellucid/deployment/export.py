@@ -12,7 +12,7 @@ from ..procedures.coupling.procedure import CouplingTable
 from ..procedures.emg_torque.procedure import EmgTorqueTable
 from ..procedures.registry import asked
 from ..procedures.tree.tree_table import TreeTable
-from ..recordings.study import Study
+from ..studies.study import Study
 from .c_folder import HEADER_FOLDER, TEMPLATE_FOLDERS, template_path, write_c_folder
 from .controller_values import ControllerValues
 from .elbow_values import elbow_values

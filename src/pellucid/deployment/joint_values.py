@@ -19,7 +19,7 @@ from ..control.joint_compensation import (
 from ..models.card import Card, read_card, read_table
 from ..models.slider_card import SliderCard, read_slider_card
 from ..procedures.card_sources import require_fresh, source_notes
-from ..recordings.study import Study
+from ..studies.study import Study
 from .controller_values import ControllerValues
 
 CARD_NAMES = ("joint.json", "slider.load.json", "slider.consistent.json")

@@ -10,8 +10,8 @@ from hashlib import sha256
 from pathlib import Path
 
 from .._errors import PellucidError
-from ..recordings.results import ResultRow, write_rows
-from ..recordings.study import Study
+from ..studies.results import ResultRow, write_rows
+from ..studies.study import Study
 from .c_folder import copied_controller
 
 COMMAND_NAME = "export"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..control.limits import Limits
-from ..recordings.study import Study
+from ..studies.study import Study
 
 
 def limits_of(study: Study, otherwise: Limits) -> tuple[Limits, tuple[str, ...]]:

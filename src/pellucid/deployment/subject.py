@@ -19,7 +19,7 @@ from ..procedures.emg_torque.study_muscles import study_coordinates
 from ..recordings.ceinms_writer import write_subject
 from ..recordings.muscle_remark import MuscleRemark, exported_study, read_calibrated
 from ..recordings.osim_writer import write_osim
-from ..recordings.study import Study
+from ..studies.study import Study
 
 ENDINGS = {"osim": ".osim", "ceinms": ".xml"}
 """Ending of the file for each program to which muscles can be exported."""

@@ -11,7 +11,7 @@ from ..control.joint_compensation import DEFAULT_PERIOD_S
 from ..control.tree_laws import TreeLaw, carried, full_compensation, transparent
 from ..models.tree_card import TreeCard, read_tree_card
 from ..procedures.card_sources import require_fresh, source_notes
-from ..recordings.study import Study
+from ..studies.study import Study
 
 CARD_NAMES = ("tree.best.json", "tree.consistent.json", "tree.base.json")
 """File names of the cards that can be exported; the first one that exists is used."""

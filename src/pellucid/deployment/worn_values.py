@@ -12,7 +12,7 @@ from ..control.residual_compensator import design, within
 from ..models.parameter_card import read_parameter_card
 from ..procedures.card_sources import require_fresh, source_notes
 from ..procedures.coupling.actuator_card import CARD_NAME, REQUIRED_CHANNELS, actuator_card
-from ..recordings.study import Study
+from ..studies.study import Study
 from .controller_values import ControllerValues
 from .study_limits import limits_of
 

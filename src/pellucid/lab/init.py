@@ -13,7 +13,7 @@ from .._errors import StudyError
 from .known_rigs import rig_names, rig_text
 
 if TYPE_CHECKING:
-    from ..recordings.study import Study
+    from ..studies.study import Study
 
 RIG_FILE = "lab/rig.toml"
 """Where a study keeps the description of its virtual rig."""
@@ -82,7 +82,7 @@ def init_robot(folder: str | os.PathLike, urdf: Path) -> Path:
     """Make a folder with a copy of a robot's file, and a study.toml that is to be filled in."""
     from ..procedures.tree.new_study import ROBOT_FILE, new_study
     from ..recordings.readers.urdf import read_urdf
-    from ..recordings.study import STUDY_FILE
+    from ..studies.study import STUDY_FILE
 
     folder = Path(folder)
     text = new_study(read_urdf(urdf), folder.absolute().name)

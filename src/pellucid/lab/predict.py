@@ -11,7 +11,7 @@ from pathlib import Path
 from .._errors import PellucidError, StudyError
 from ..control.elbow_controllers import ELBOW_CONTROLLERS
 from ..procedures.result import FigureTable, Result
-from ..recordings.results import ResultRow, write_rows
+from ..studies.results import ResultRow, write_rows
 from .known_rigs import parse_rig, text_of_rig
 from .pointing.prediction import LAWS, SHARE, DrawnStudies, Prediction, predict_effects
 from .pointing.rig import PointingRig

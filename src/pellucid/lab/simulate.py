@@ -11,7 +11,7 @@ from pathlib import Path
 
 from .._errors import PellucidError, StudyError
 from .._given import require_folder
-from ..recordings.study import STUDY_FILE, Study
+from ..studies.study import STUDY_FILE, Study
 from .init import RIG_FILE
 from .known_rigs import parse_rig, text_of_rig
 from .study import TRUTH_FILE, is_changed_by_hand, simulated

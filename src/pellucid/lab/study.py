@@ -19,11 +19,11 @@ import numpy as np
 from .._atomic import write_text_atomically
 from .._given import read_given
 from ..procedures.registry import open_study, study_model
-from ..recordings.lock import hold_lock
 from ..recordings.optical import AXES, OpticalRecording
 from ..recordings.recording import Channel, Recording
-from ..recordings.study import STUDY_FILE, Study
-from ..recordings.study_file import ChannelSpec, RecordingEntry, StudyFile, rig_units
+from ..studies.lock import hold_lock
+from ..studies.study import STUDY_FILE, Study
+from ..studies.study_file import ChannelSpec, RecordingEntry, StudyFile, rig_units
 from .recorded_table import MAIN, MARKERS, Stored, file_name
 from .rig import Rig, Taken, Tell, Trial
 from .study_text import study_text

@@ -11,7 +11,7 @@ import numpy as np
 
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
-from ..recordings.results import ResultRow, write_rows
+from ..studies.results import ResultRow, write_rows
 from .printed import Printed
 
 VERDICTS = ("agrees", "differs", "recomputed", "ours only", "cannot be")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from .._given import require_folder
 from ..pages.page import write_page
-from ..recordings.results import require_own_page
+from ..studies.results import require_own_page
 from .figure import Figures, Reproduced, write_figures
 from .paper import Paper
 from .paper import paper as paper_named

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from .._errors import PellucidError
-from ..recordings.study import STUDY_FILE, checksum
+from ..studies.study import STUDY_FILE, checksum
 
 if TYPE_CHECKING:
-    from ..recordings.study import Study
+    from ..studies.study import Study
     from .procedure import Procedure
 
 PROCEDURE_KEY = "procedure"

@@ -10,7 +10,7 @@ from ..fit.parameter import rank_verdicts
 from .result import Result
 
 if TYPE_CHECKING:
-    from ..recordings.study import Study
+    from ..studies.study import Study
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

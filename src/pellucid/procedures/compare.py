@@ -13,7 +13,7 @@ from ..fit.parameter import Verdict
 from ..models.card import Card, read_card
 from ..models.slider_card import read_slider_card
 from ..models.tree_card import TreeCard, read_tree_card
-from ..recordings.study import STUDY_FILE
+from ..studies.study import STUDY_FILE
 from .card_sources import require_fresh
 from .registry import open_study
 

@@ -7,12 +7,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from .._errors import UnfitRecordingError
-from ..recordings.defects.find import watched_part
 from ..recordings.fault import Fault
 from ..recordings.recording import Recording
-from ..recordings.study import Study
 from ..signals.filters import central_difference
 from ..signals.motion import lowpassed, shortest
+from ..studies.find_defects import watched_part
+from ..studies.study import Study
 from .joint.recorded_motions import filtering_of, stretches_of
 
 SAME_VALUE_TOLERANCE = 1e-9

@@ -10,9 +10,9 @@ import numpy as np
 from .._errors import IdentificationError, PellucidError, RecordingError
 from ..recordings.fault import Fault
 from ..recordings.recording import Recording
-from ..recordings.study import Study
 from ..signals.emg_chain import EmgChain, emg_chain
 from ..signals.emg_quality import inspect_emg
+from ..studies.study import Study
 from .muscle_tables import EnvelopeTable, MuscleTable
 
 MIN_ENVELOPE_RATE_HZ = 100.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from ..recordings.study_fields import ProcedureTable, Word, quantity
+from ..studies.study_fields import ProcedureTable, Word, quantity
 
 
 class MuscleTable(ProcedureTable):

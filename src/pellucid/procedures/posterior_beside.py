@@ -10,7 +10,7 @@ import numpy as np
 from ..fit.parameter import Parameter, Verdict
 from ..fit.posterior.posterior import DrawnParameter, Posterior
 from ..pages.quantities import number, unit_text
-from ..recordings.results import ResultRow
+from ..studies.results import ResultRow
 from .result import FigureTable
 
 AGREEMENT_FACTOR = 2.0

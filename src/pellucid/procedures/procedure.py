@@ -12,8 +12,8 @@ from .._errors import RecordingError
 if TYPE_CHECKING:
     from ..pages.page import Page
     from ..recordings.fault import Fault
-    from ..recordings.study import Study
-    from ..recordings.study_fields import ProcedureTable
+    from ..studies.study import Study
+    from ..studies.study_fields import ProcedureTable
     from .result import Result
 
 Progress = Callable[[str, float], None]
@@ -75,7 +75,7 @@ class Procedure(ABC, Generic[Table, Found]):
 
     def cut(self, study: Study) -> list[Fault]:
         """Return what is left out of the recordings, to be told beside the result."""
-        from ..recordings.quality import cut_faults
+        from ..studies.quality import cut_faults
 
         faults = [fault for recording in study.recordings() for fault in cut_faults(recording)]
         return faults + list(self.unfit(study).values())
@@ -83,7 +83,7 @@ class Procedure(ABC, Generic[Table, Found]):
     def unfit(self, study: Study) -> dict[str, Fault]:
         """Return the fault of each recording that is left out, by its name: too much of it was cut, or, where none may
         be missing, anything."""
-        from ..recordings.quality import left_out_fault
+        from ..studies.quality import left_out_fault
 
         told = {r.name: left_out_fault(r, study, self.whole) for r in study.recordings()}
         return {name: fault for name, fault in told.items() if fault is not None}

@@ -18,15 +18,15 @@ from ..models.card import Card, write_card
 from ..models.emg_estimator import EmgEstimatorCard, write_estimator_card
 from ..models.parameter_card import ParameterCard, write_parameter_card
 from ..models.tree_card import TreeCard, write_tree_card
-from ..recordings.kept import keep_result, read_kept
-from ..recordings.lock import hold_lock
-from ..recordings.results import ResultRow, replace_rows
+from ..studies.kept import keep_result, read_kept
+from ..studies.lock import hold_lock
+from ..studies.results import ResultRow, replace_rows
 from .card_sources import card_sources
 
 if TYPE_CHECKING:
     import pandas
 
-    from ..recordings.study import Study
+    from ..studies.study import Study
     from .procedure import Procedure
 
 

@@ -17,7 +17,7 @@ from .._errors import IdentificationError, PellucidError, RecordingError, UnfitR
 from ..fit.parameter import VERDICT_KINDS, Verdict, rank_verdicts
 from ..recordings.duplicates import find_duplicates
 from ..recordings.fault import Fault, grouped_messages
-from ..recordings.study import Study
+from ..studies.study import Study
 from . import registry
 from .combined_result import CombinedResult
 from .procedure import Procedure, Progress, quiet

@@ -18,7 +18,7 @@ from ..pages.quantities import (
     unit_text,
 )
 from ..pages.tables import Row, Table
-from ..recordings.study import Study
+from ..studies.study import Study
 from .result import FigureTable, ParameterTable, Result
 
 

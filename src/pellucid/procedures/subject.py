@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 
 from .._errors import PellucidError
-from ..recordings.study import Study
+from ..studies.study import Study
 from .registry import open_study
 
 

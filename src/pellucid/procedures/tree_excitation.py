@@ -21,7 +21,7 @@ from ..protocols.tree_limits import TreeLimits
 from .procedure import Progress, quiet
 
 if TYPE_CHECKING:
-    from ..recordings.study import Study
+    from ..studies.study import Study
 
 OPTIMISED_MOTION = "optimised_fourier"
 """Name of the optimised motion in `pellucid protocol`, and in `protocol` of a recording in study.toml."""

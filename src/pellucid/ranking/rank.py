@@ -13,7 +13,7 @@ from .._errors import PellucidError
 from .._given import require_folder
 from .._processes import ordered_results
 from ..assessment.friedman import FriedmanTest, friedman, nemenyi
-from ..recordings.results import ResultRow, require_own_page, write_rows
+from ..studies.results import ResultRow, require_own_page, write_rows
 from .elbow import elbow_pair
 from .knee import knee_pair
 from .strategies import CONTROLLER_FIELDS, SIMPLE_RIVALS, strategies_of_task

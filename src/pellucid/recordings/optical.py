@@ -6,15 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .._errors import RecordingError
-
-if TYPE_CHECKING:
-    from .readers import Columns
-    from .study_file import Optical
 
 AXES = ("x", "y", "z")
 """Values of ``{axis}`` in the name of a coordinate's column."""
@@ -61,28 +56,6 @@ class OpticalRecording:
     def seen(self, marker: str) -> np.ndarray:
         """Return a mask of the frames in which a marker was seen, shape (n,) bool."""
         return np.isfinite(self.markers[marker][:, 0])
-
-
-def read_optical(
-    columns: Columns, digest: str, time: np.ndarray, spec: Optical, *, carriage: str | None
-) -> OpticalRecording:
-    """Return the markers in a file's columns, in metres. `time` has shape (n,) [s]."""
-    markers = {}
-    for marker in spec.markers:
-        stored = [columns.column(spec.column(marker, axis), f"of marker {marker}") for axis in AXES]
-        said = columns.units.get(spec.column(marker, AXES[0]), spec.unit)
-        if said != spec.unit:
-            raise RecordingError(
-                f'{columns.path.name}: marker {marker}: study.toml says {spec.unit}, the file itself "{said}"'
-            )
-        for axis, samples in zip(AXES, stored, strict=True):
-            if len(samples) != len(time):
-                raise RecordingError(
-                    f"{columns.path.name}: marker {marker} (column {spec.column(marker, axis)!r}) has {len(samples)} "
-                    f"samples, expected {len(time)} as in time"
-                )
-        markers[marker] = spec.si_factor * np.column_stack(stored)
-    return OpticalRecording(columns.path, digest, time, markers, np.array(spec.down), carriage)
 
 
 def _frozen(samples: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Protocol
 
 import numpy as np
 
@@ -18,7 +19,6 @@ from ..recordings.fault import Fault
 from ..recordings.optical import OpticalRecording
 from ..recordings.optical_faults import MIN_FRAMES, MIN_SEEN_SHARE
 from ..recordings.recording import Recording
-from ..recordings.study_file import Slider
 
 MAX_SEARCHED_DELAY_S = 0.25
 """Delays between the clocks are searched up to this time in either direction."""
@@ -255,7 +255,19 @@ def slider_geometry(recordings: Sequence[Recording], marker: str | None = None) 
     )
 
 
-def geometry_faults(geometry: Geometry, rail: Slider | None = None) -> list[Fault]:
+class Rail(Protocol):
+    """The ends of a carriage's rail, as distances from the joint's axis along the segment."""
+
+    @property
+    def low(self) -> float:
+        """Distance of the near end [m]."""
+
+    @property
+    def high(self) -> float:
+        """Distance of the far end [m]."""
+
+
+def geometry_faults(geometry: Geometry, rail: Rail | None = None) -> list[Fault]:
     """What is wrong or remarkable in what the markers show."""
     faults: list[Fault] = []
     for placement in geometry.placements:

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from .._errors import RecordingError
 from ..recordings.recording import Recording
-from ..recordings.study_file import Processing, StudyFile
-from .effort import command_of, drive_model
 from .filters import runs, zero_phase_lowpass
-from .markers import Geometry
 
 SAMPLES_PER_LOWPASS_PERIOD = 20.0
 """Samples kept per period of the low-pass's cut-off. The signal between them is interpolated to 1e-4."""
@@ -72,27 +68,24 @@ class SliderMotion:
         return found
 
 
-def slider_motions(recordings: Sequence[Recording], config: StudyFile, geometry: Geometry) -> tuple[SliderMotion, ...]:
-    """Every recording, low-passed at full rate with one zero-phase filter, thinned, and differentiated."""
-    rig = config.rig
-    drive = drive_model(rig)
-    places = {placement.recording: placement.slider for placement in geometry.placements}
-    return tuple(
-        _ready(
-            recording,
-            drive.gain * command_of(recording, rig),
-            places[recording.name],
-            config.processing_of(recording.name),
-        )
-        for recording in recordings
-    )
+def slider_motion(
+    recording: Recording,
+    effort: np.ndarray,
+    slider: float,
+    *,
+    lowpass: float,
+    order: int,
+    dead_band: float,
+    trim: int,
+    recorded_velocity: bool = False,
+) -> SliderMotion:
+    """Return a recording low-passed at full rate with one zero-phase filter, thinned, and differentiated.
 
-
-def _ready(recording: Recording, effort: np.ndarray, slider: float, processing: Processing) -> SliderMotion:
-    cutoff, order, fs = processing.lowpass, processing.order, recording.fs
-    if cutoff is None:
-        raise RecordingError('study.toml: [processing] states no lowpass; expected one such as "5 Hz"')
-    recorded = (recording["velocity"],) if processing.velocity == "recorded" else ()
+    `effort` (n,) is the joint's [N m]; `slider` the carriage's place [m]; `lowpass` a cut-off [Hz]; `dead_band` a speed
+    below which samples are not scored [rad/s]; `trim` samples at either end are not scored either.
+    """
+    cutoff, fs = lowpass, recording.fs
+    recorded = (recording["velocity"],) if recorded_velocity else ()
     thin = max(int(fs / (SAMPLES_PER_LOWPASS_PERIOD * cutoff)), 1)
     samples, rate = np.column_stack([recording["position"], effort, *recorded]), fs / thin
     spans = [span for span in recording.spans if span.stop - span.start >= 60 * thin]
@@ -108,8 +101,8 @@ def _ready(recording: Recording, effort: np.ndarray, slider: float, processing: 
     both = np.concatenate(filtered)
     rates = [part[:, 2] if recorded else derivative(part[:, 0], rate) for part in filtered]
     velocity, acceleration = np.concatenate(rates), np.concatenate([derivative(part, rate) for part in rates])
-    scored = np.abs(velocity) > processing.dead_band
-    border, joint = round(processing.trim / thin), 0
+    scored = np.abs(velocity) > dead_band
+    border, joint = round(trim / thin), 0
     scored[:border] = False
     scored[len(scored) - border :] = False
     for part in filtered[:-1]:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 
 from .._errors import RecordingError
-from ..recordings.study_file import PayloadSpec
 from .filters import central_difference, decimate, runs
 from .motion import Filtering, lowpassed
 
@@ -21,6 +20,22 @@ MIN_COMMON_STOPS = 4
 
 MIN_SEGMENT_ROWS = 20
 """A segment must have at least this many rows with motion; shorter ones are joined to the one before."""
+
+
+class CarriedPayload(Protocol):
+    """A mass that a link of the robot carries."""
+
+    @property
+    def mass(self) -> float:
+        """Mass [kg]."""
+
+    @property
+    def link(self) -> str | None:
+        """Name of the link, None for the last one."""
+
+    @property
+    def centre(self) -> tuple[float, float, float] | None:
+        """Centre of the mass in the link's frame [m], None if it is unknown."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +54,7 @@ class TreeMotion:
     segment: np.ndarray  # (n,) int: stretch between common stops, or equal parts; -1: belongs to none
     still: np.ndarray | None = None  # (n, m) bool: rows in which a joint is within its dead band
     protocol: str | None = None
-    payload: PayloadSpec | None = None
+    payload: CarriedPayload | None = None
     # drive (n, m): what each motor's drive reports, in its own unit, less what back-EMF takes; gain (m,): effort at the
     # joint per that unit, 1 or -1 where it is not known: effort = (gain * drive) @ turns
     drive: np.ndarray | None = None

@@ -13,8 +13,8 @@ from ...lab.knee.rig import KneeRig
 from ...lab.knee.trial import KneeTruth
 from ...lab.study import record_in_memory
 from ...recordings.recording import Recording
-from ...recordings.study_file import StudyFile
 from ...signals.input_output import InputOutput, input_output
+from ...studies.study_file import StudyFile
 
 STRAP_ONLY = ("imu_on_orthosis", "relaxed_holds", "free_swing")
 """Protocols that a strap takes; the thesis's others are for EMG."""

@@ -29,8 +29,8 @@ from ...estimators.unrecorded import (
     torque_standard_deviations,
 )
 from ...fit.parameter import Verdict
-from ...recordings.results import ResultRow
-from ...recordings.study import Study
+from ...studies.results import ResultRow
+from ...studies.study import Study
 from ..emg_torque.procedure import EmgTorqueTable
 from ..emg_torque.trial_sources import moment_trials
 from ..procedure import Progress, quiet

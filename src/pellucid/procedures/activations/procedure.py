@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
-from ...recordings.study import Study
-from ...recordings.study_fields import ProcedureTable, Word
-from ...recordings.study_file import StudyFile
+from ...studies.study import Study
+from ...studies.study_fields import ProcedureTable, Word
+from ...studies.study_file import StudyFile
 from ..emg_torque.procedure import EmgTorqueTable
 from ..procedure import Procedure, Progress, quiet
 

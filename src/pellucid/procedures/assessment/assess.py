@@ -17,8 +17,8 @@ from ...assessment.power import STANDARDISED_CHANGES, participants_for_effects
 from ...assessment.survival import survival
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording
-from ...recordings.study import Study
 from ...signals.movements import MovementRule
+from ...studies.study import Study
 from ...units import Coordinate
 from ..procedure import Progress, quiet
 from .assessment_result import Assessed, AssessmentResult, Needed, Profile, Sensitivity, Settling

@@ -8,7 +8,7 @@ from ...drawing.drawing import draw
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import cell_text, number, typeset_sentence, unit_text
 from ...pages.tables import Row, Table
-from ...recordings.study import Study
+from ...studies.study import Study
 from ..result import FigureTable
 from . import assessment_figures as figures
 from . import assessment_tables as tables

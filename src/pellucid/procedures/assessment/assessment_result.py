@@ -11,7 +11,7 @@ from ...assessment.comparison import ConditionComparison
 from ...assessment.indices import Index, IndexTable, Isochrony, indices_along
 from ...assessment.measured import MeasuredMovement
 from ...assessment.survival import Survival
-from ...recordings.study import Study
+from ...studies.study import Study
 from ...units import COORDINATES_BY_UNIT, Coordinate
 from ..result import Result
 from .certified import Certified

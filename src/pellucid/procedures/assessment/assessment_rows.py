@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...recordings.results import ResultRow, combined_checksum
+from ...studies.results import ResultRow, combined_checksum
 from .certified_rows import certificate_rows
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 from ...assessment.certificate import FAIL, PASS, Doubt
 from ...assessment.equivalence import BEYOND_MARGIN, UNDECIDED, WITHIN_MARGIN, Equivalence
 from ...fit.parameter import Verdict
-from ...recordings.results import ResultRow
+from ...studies.results import ResultRow
 from ..result import FigureTable
 from .certificate_doubts import (
     CARRY_OVER_DOUBT,

@@ -10,7 +10,7 @@ import numpy as np
 from ..._errors import StudyError
 from ...assessment.equivalence_power import CANDIDATE_SIZES, participants_for_changes
 from ...assessment.indices import indices_along
-from ...recordings.study import Study
+from ...studies.study import Study
 from ...units import COORDINATES_BY_UNIT, parse_quantity
 from .certified import EndPoint, end_points
 from .procedure import AssessmentTable

@@ -10,10 +10,10 @@ import numpy as np
 from ..._errors import RecordingError
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording
-from ...recordings.study import Study
 from ...signals.amplitude_check import MAX_MISTAKEN_SHARE, strays
 from ...signals.emg_quality import inspect_emg
 from ...signals.movements import Movement, MovementRule, NoAngle
+from ...studies.study import Study
 from .pointing import (
     PointingRecord,
     PointingSettings,

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from ...recordings.study_fields import ProcedureTable, ShownText, Word, quantity
-from ...recordings.study_file import StudyFile
+from ...studies.study_fields import ProcedureTable, ShownText, Word, quantity
+from ...studies.study_file import StudyFile
 from ..procedure import Procedure, Progress, quiet
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from ...pages.page import Page
     from ...recordings.fault import Fault
-    from ...recordings.study import Study
+    from ...studies.study import Study
     from .assessment_result import AssessmentResult
 
 DEFAULT_STUDIES = 1000

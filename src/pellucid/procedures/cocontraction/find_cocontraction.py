@@ -10,8 +10,8 @@ import numpy as np
 from ..._errors import RecordingError
 from ...assessment.cocontraction import Cocontraction, CocontractionIndex, cocontraction
 from ...fit.parameter import Verdict
-from ...recordings.results import ResultRow
-from ...recordings.study import Study
+from ...studies.results import ResultRow
+from ...studies.study import Study
 from ..muscle_channels import MuscleEnvelopes, emg_faults, raise_refusals, relative_envelopes
 from ..procedure import Progress, quiet
 from ..result import FigureTable, Result

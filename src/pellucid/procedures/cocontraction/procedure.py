@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from ...recordings.study_fields import Word
+from ...studies.study_fields import Word
 from ..muscle_tables import EnvelopeTable
 from ..procedure import Procedure, Progress, quiet
 
 if TYPE_CHECKING:
     from ...pages.page import Page
     from ...recordings.fault import Fault
-    from ...recordings.study import Study
+    from ...studies.study import Study
     from .find_cocontraction import CocontractionResult
 
 

@@ -8,7 +8,7 @@ from ...drawing.drawing import draw
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import number, typeset_sentence, unit_text
 from ...pages.tables import number_table
-from ...recordings.study import Study
+from ...studies.study import Study
 from ..posterior_beside import pair_with_posterior
 from ..posterior_figures import posterior_figure
 from ..study_page import figure_tables, parameter_tables, study_page

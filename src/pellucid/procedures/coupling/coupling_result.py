@@ -19,7 +19,7 @@ from ...fit.strap.published_coupling import PublishedCoupling
 from ...fit.strap.strap_model import STRAP_FEATURES, StrapModel
 from ...fit.strap.wearer_coupling import MODEL_NAMES, WearerCoupling
 from ...models.parameter_card import ParameterCard
-from ...recordings.results import ResultRow, combined_checksum
+from ...studies.results import ResultRow, combined_checksum
 from ..posterior_beside import pair_with_posterior, posterior_rows, posterior_table, posterior_verdicts
 from ..result import FigureTable, ParameterTable, Result
 

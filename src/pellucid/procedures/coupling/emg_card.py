@@ -12,7 +12,7 @@ from ...fit.strap.strap_torque import Limb, Orthosis
 from ...fit.strap.wearer_coupling import WearerCoupling
 from ...models.parameter_card import ParameterCard
 from ...recordings.recording import Recording
-from ...recordings.study import Study
+from ...studies.study import Study
 from ..emg_torque.strapped_trials import strapped_emg_trial
 from ..emg_torque.trial_sources import STEP_PROTOCOL, number_repetitions
 from .procedure import CouplingTable

@@ -23,12 +23,12 @@ from ...fit.strap.wearer_coupling import identify_wearer
 from ...models.anthropometry import Segment, known_segments
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording
-from ...recordings.study import Study
-from ...recordings.study_file import Participant, StudyFile
 from ...signals.emg_chain import EmgChain, emg_chain
 from ...signals.inertial import inertial
 from ...signals.input_output import InputOutput, input_output
 from ...signals.wrapping import unwrap
+from ...studies.study import Study
+from ...studies.study_file import Participant, StudyFile
 from .actuator_card import actuator_card
 from .coupling_result import CouplingResult, WearerStages, coupling_result
 from .procedure import CouplingTable

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field
 
-from ...recordings.study_fields import ProcedureTable, Word
+from ...studies.study_fields import ProcedureTable, Word
 from ..procedure import Procedure, Progress, quiet
 
 if TYPE_CHECKING:
     from ...pages.page import Page
     from ...recordings.fault import Fault
-    from ...recordings.study import Study
+    from ...studies.study import Study
     from .coupling_result import CouplingResult
 
 

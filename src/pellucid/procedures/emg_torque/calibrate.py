@@ -22,8 +22,8 @@ from ...estimators.torque_reference import MovedBody
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
 from ...fit.posterior.ensemble import require_sampler
-from ...recordings.study import Study
 from ...signals.emg_chain import emg_chain
+from ...studies.study import Study
 from ..loaded_swing.procedure import LoadedSwingTable
 from ..result import FigureTable, Result
 from .calibration_rows import calibration_rows

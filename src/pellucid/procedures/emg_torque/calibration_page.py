@@ -13,8 +13,8 @@ from ...fit.parameter import Verdict, rank_verdicts
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import number, typeset_sentence
 from ...pages.tables import Row, Table
-from ...recordings.study import Study
 from ...signals.emg_chain import emg_chain
+from ...studies.study import Study
 from ..posterior_figures import posterior_figure
 from ..result import ParameterTable
 from ..study_page import figure_tables, study_page

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from ...estimators.emg_session import ChannelComparison
 from ...estimators.torque_trial import TorqueTrial
-from ...recordings.results import ResultRow
+from ...studies.results import ResultRow
 from .chosen import RecommendedEstimator
 from .evaluated import EstimatorEvaluation
 

@@ -9,9 +9,9 @@ import numpy as np
 from ..._errors import RecordingError
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording
-from ...recordings.study import Study
 from ...signals.emg_chain import EmgChain, emg_chain
 from ...signals.emg_quality import RATE_TOLERANCE, contrast_faults, inspect_emg, swapped_faults
+from ...studies.study import Study
 from .procedure import EmgTorqueTable
 
 ENVELOPE_SETTLING_S = 0.5

@@ -23,8 +23,8 @@ from ...models.hill import MUSCLE_QUANTITIES
 from ...models.muscle_card import CalibratedMuscles
 from ...models.muscle_geometry import muscle_table
 from ...models.muscle_surface import MuscleSurface, fit_muscle_surface, sampled_surface, surface_from_geometry
-from ...recordings.study import Study
 from ...signals.emg_chain import FILTER_STAGES, emg_chain
+from ...studies.study import Study
 from .evaluated import CalibrationFindings
 from .procedure import EmgTorqueTable
 from .relative_envelopes import find_maxima, find_stream

@@ -11,7 +11,7 @@ from ...fit.parameter import Verdict
 from ...models.hill import HillMuscle
 from ...models.muscle_geometry import muscle_table
 from ...recordings.recording import Recording
-from ...recordings.study import Study
+from ...studies.study import Study
 from .procedure import EmgTorqueTable
 from .relative_envelopes import is_maximal, is_relative
 from .study_muscles import study_geometry, study_muscles

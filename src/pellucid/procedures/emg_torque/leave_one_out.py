@@ -13,7 +13,7 @@ from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.torque_map import cross_validate_torque_maps, fit_torque_map
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
-from ...recordings.study import Study
+from ...studies.study import Study
 from .chosen import recommend_by_fold, run_tests_if_candidate
 from .evaluated import CalibrationFindings, EstimatorEvaluation, TorqueTrace, find_applicable_estimators
 from .leg_extension_trials import EXTENSION_PROTOCOL, leg_extension_trials

@@ -16,9 +16,9 @@ import numpy as np
 from ...estimators.features import MOTION_LOWPASS_HZ
 from ...estimators.torque_trial import TorqueTrial
 from ...models.anthropometry import shank_length, winter
-from ...recordings.study import Study
 from ...signals.filters import central_difference, zero_phase_lowpass
 from ...signals.repetitions import find_repetitions
+from ...studies.study import Study
 from .known_muscles import muscle_source
 from .relative_envelopes import find_maxima, relative_envelopes
 from .trial_sources import KEPT_RATE_HZ

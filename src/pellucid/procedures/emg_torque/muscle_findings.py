@@ -19,7 +19,7 @@ from ...fit.muscles.muscle_information import (
 from ...fit.parameter import Verdict
 from ...models.muscle_card import CARD_KIND, CalibratedMuscles
 from ...models.parameter_card import ParameterCard
-from ...recordings.study import Study
+from ...studies.study import Study
 from ..result import ParameterTable
 from .evaluated import CalibrationFindings
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field
 
-from ...recordings.study import Study
-from ...recordings.study_fields import ProcedureTable, RelativePath, ShownText, Word, quantity
+from ...studies.study import Study
+from ...studies.study_fields import ProcedureTable, RelativePath, ShownText, Word, quantity
 from ..procedure import Procedure, Progress, quiet
 
 if TYPE_CHECKING:

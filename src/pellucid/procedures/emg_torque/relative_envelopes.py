@@ -8,8 +8,8 @@ import numpy as np
 
 from ..._errors import IdentificationError, RecordingError
 from ...recordings.recording import Recording
-from ...recordings.study import Study
 from ...signals.emg_chain import EmgChain, emg_chain
+from ...studies.study import Study
 from .emg_faults import trial_faults
 from .procedure import EmgTorqueTable
 

@@ -24,8 +24,8 @@ from ...fit.swing.leg_balance import worn_exoskeleton_torque
 from ...fit.swing.loaded_swing import Swing, SwingFit, swing
 from ...models.muscle_geometry import muscle_table
 from ...recordings.recording import Recording
-from ...recordings.study import Study
 from ...signals.emg_chain import EmgChain, emg_chain
+from ...studies.study import Study
 from ..loaded_swing.identify_loaded_swing import LOADED, identify_swings
 from .chosen import run_tests_if_candidate
 from .evaluated import CalibrationFindings, EstimatorEvaluation, TorqueTrace, find_applicable_estimators

@@ -14,7 +14,7 @@ from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording
-from ...recordings.study import Study
+from ...studies.study import Study
 from ..result import FigureTable
 from .procedure import EmgTorqueTable
 from .relative_envelopes import MAXIMAL_PROTOCOL, find_stream, find_used_muscles, find_window

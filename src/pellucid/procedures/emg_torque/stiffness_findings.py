@@ -13,8 +13,8 @@ from ...fit.parameter import Verdict
 from ...models.card import CardParameter
 from ...models.emg_estimator import EmgEstimatorCard
 from ...models.parameter_card import ParameterCard
-from ...recordings.results import ResultRow
-from ...recordings.study import Study
+from ...studies.results import ResultRow
+from ...studies.study import Study
 from ..result import FigureTable
 from .evaluated import CalibrationFindings
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..._errors import RecordingError
 from ...recordings.fault import Fault
-from ...recordings.study import Study
+from ...studies.study import Study
 from ..loaded_swing.procedure import LoadedSwingTable
 from .emg_faults import emg_faults
 from .evaluated import CalibrationFindings, find_applicable_estimators

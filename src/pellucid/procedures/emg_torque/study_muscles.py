@@ -20,7 +20,7 @@ from ...recordings.muscle_polynomials import (
 from ...recordings.readers.ceinms_xml import read_subject
 from ...recordings.readers.osim import read_model
 from ...recordings.readers.osim_paths import read_paths
-from ...recordings.study import Study
+from ...studies.study import Study
 from .procedure import EmgTorqueTable
 
 

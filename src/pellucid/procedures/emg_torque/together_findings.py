@@ -21,8 +21,8 @@ from ...fit.parameter import Verdict
 from ...fit.posterior.calibration_posterior import CalibrationPosterior
 from ...models.muscle_card import CARD_KIND
 from ...models.parameter_card import ParameterCard
-from ...recordings.results import ResultRow
-from ...recordings.study import Study
+from ...studies.results import ResultRow
+from ...studies.study import Study
 from ..posterior_beside import (
     ComparedPosterior,
     pair_with_posterior,

@@ -12,7 +12,7 @@ from ...estimators.torque_map import TorqueMap
 from ...estimators.torque_trial import TorqueTrial
 from ...models.card import CardParameter
 from ...models.parameter_card import ParameterCard
-from ...recordings.study import Study
+from ...studies.study import Study
 from .procedure import EmgTorqueTable
 from .relative_envelopes import is_relative
 

@@ -17,8 +17,8 @@ from ...fit.strap.strap_torque import Limb, Orthosis
 from ...models.friction_terms import COULOMB_FRICTION
 from ...models.parameter_card import ParameterCard, read_parameter_card
 from ...recordings.recording import Recording
-from ...recordings.study import Study
 from ...signals.filters import zero_phase_lowpass
+from ...studies.study import Study
 from ..card_sources import require_fresh
 from .known_muscles import muscle_source
 from .procedure import BODY_CARD_NAMES, EmgTorqueTable

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...drawing.drawing import draw
 from ...pages.page import Page, Section, Tile
-from ...recordings.study import Study
+from ...studies.study import Study
 from ..study_page import figure_tables, parameter_tables, study_page
 from . import hinge_figures as figures
 from .identify_hinge import PROCESSING, HingeResult, HingeTrial

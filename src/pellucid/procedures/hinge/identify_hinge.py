@@ -12,12 +12,12 @@ from ...fit.parameter import Parameter, Verdict
 from ...models.parameter_card import ParameterCard
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording
-from ...recordings.results import ResultRow
-from ...recordings.study import Study
 from ...signals.clocks import Alignment, clock_drift
 from ...signals.hinge import Hinge, find_hinge
 from ...signals.hinge_angle import HingeAngle, hinge_angle
 from ...signals.inertial import Inertial, inertial
+from ...studies.results import ResultRow
+from ...studies.study import Study
 from ..result import FigureTable, ParameterTable, Result
 from .hinge_reference import HingeReference, HingeScore, clock_delay, has_reference, hinge_reference, score
 from .procedure import HingeTable

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
-from ...recordings.study_fields import ProcedureTable, Word, quantity
+from ...studies.study_fields import ProcedureTable, Word, quantity
 from ..procedure import Procedure, Progress, quiet
 
 if TYPE_CHECKING:
     from ...pages.page import Page
     from ...recordings.fault import Fault
-    from ...recordings.study import Study
+    from ...studies.study import Study
     from .identify_hinge import HingeResult
 
 

@@ -23,8 +23,8 @@ from ...fit.posterior.posterior import Posterior
 from ...models.muscle import Muscle
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording
-from ...recordings.results import ResultRow
-from ...recordings.study import Study
+from ...studies.results import ResultRow
+from ...studies.study import Study
 from ..posterior_beside import pair_with_posterior, posterior_rows, posterior_table, posterior_verdicts
 from ..procedure import Progress, quiet
 from ..result import FigureTable, ParameterTable, Result

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ...drawing.drawing import draw
 from ...pages.page import Page, Section
-from ...recordings.study import Study
+from ...studies.study import Study
 from ..posterior_beside import pair_with_posterior
 from ..posterior_figures import posterior_figure
 from ..study_page import figure_tables, parameter_tables

@@ -11,11 +11,11 @@ from ..._errors import PellucidError
 from ...fit.delay import Delay
 from ...fit.joint.drive_delay import estimate_drive_delay
 from ...recordings.delay import shift_channels, undo_lags
-from ...recordings.drive_channel import drive_channel
 from ...recordings.recording import Recording
-from ...recordings.study import Study
-from ...signals.effort import drive_model
 from ...signals.motion import Motion
+from ...studies.drive_channel import drive_channel
+from ...studies.effort import drive_model
+from ...studies.study import Study
 from .first_look import MAX_SAMPLES, simple_model, thin_recordings
 from .joined_clocks import clocks_to_find, rejoin_streams
 from .recorded_motions import motions_of

@@ -10,8 +10,8 @@ import numpy as np
 from ...models.joint import JointModel, joint_model
 from ...recordings.delay import recording_part
 from ...recordings.recording import Recording
-from ...recordings.study import Study
-from ...signals.effort import drive_model
+from ...studies.effort import drive_model
+from ...studies.study import Study
 
 MAX_SAMPLES = 200_000
 """Largest number of samples that are checked, at the recordings' rate. Of longer recordings stretches are used."""

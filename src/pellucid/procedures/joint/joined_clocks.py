@@ -11,10 +11,10 @@ from ...fit.delay import Delay, find_likely_delays
 from ...fit.joint.drive_delay import estimate_drive_delay
 from ...recordings.delay import recording_part
 from ...recordings.joined_stream import initial_offset
-from ...recordings.quality import DRIVE_CHANNELS
 from ...recordings.recording import Recording
-from ...recordings.study import Study
-from ...signals.effort import command_of, drive_model
+from ...studies.effort import command_of, drive_model
+from ...studies.quality import DRIVE_CHANNELS
+from ...studies.study import Study
 from .first_look import simple_model, thin_recordings
 from .recorded_motions import motions_of
 

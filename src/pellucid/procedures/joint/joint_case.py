@@ -13,8 +13,8 @@ from ...fit.joint.replay import Machine
 from ...fit.parameter import Parameter
 from ...fit.posterior.posterior import Posterior
 from ...fit.regression import Stack
-from ...recordings.study import Study
 from ...signals.motion import Motion
+from ...studies.study import Study
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,11 @@ from ...fit.joint.excitation import measure_excitation
 from ...fit.joint.friction_solver import solve_family
 from ...fit.regression import Stack, stack
 from ...models.joint import JointModel, joint_model
-from ...recordings.drive_channel import drive_channel
 from ...recordings.fault import Fault
-from ...recordings.quality import inspect
-from ...recordings.study import Study
-from ...signals.effort import drive_model
+from ...studies.drive_channel import drive_channel
+from ...studies.effort import drive_model
+from ...studies.quality import inspect
+from ...studies.study import Study
 from ..dead_effort import dead_effort_faults
 from .aligned_motions import aligned_motions, find_alignments
 from .drive_sign import require_sign

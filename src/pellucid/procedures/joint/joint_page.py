@@ -29,7 +29,7 @@ from ...pages.quantities import (
 )
 from ...pages.series import whole_recordings
 from ...pages.tables import Row, Table
-from ...recordings.study import Study
+from ...studies.study import Study
 from ..posterior_beside import pair_with_posterior
 from ..posterior_figures import posterior_figure
 from ..study_page import figure_tables, provenance, study_page

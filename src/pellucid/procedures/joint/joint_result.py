@@ -17,10 +17,10 @@ from ...fit.parameter import Parameter, Verdict
 from ...fit.posterior.posterior import Posterior
 from ...models.card import ModelCard
 from ...pages.quantities import METHODS
-from ...recordings.results import ResultRow, combined_checksum
-from ...recordings.study import Study
-from ...signals.effort import drive_model
 from ...signals.motion import Motion
+from ...studies.effort import drive_model
+from ...studies.results import ResultRow, combined_checksum
+from ...studies.study import Study
 from ..posterior_beside import pair_with_posterior, posterior_rows, posterior_table
 from ..result import FigureTable, ParameterTable, Result
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ...recordings.study import Study
+from ...studies.study import Study
 from ..procedure import Procedure, Progress, quiet
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class JointProcedure(Procedure[None, "JointResult"]):
 
     def cut(self, study: Study) -> list[Fault]:
         """Return the cuts, the stretches that are too short, and the notes on clocks."""
-        from ...recordings.quality import clock_faults
+        from ...studies.quality import clock_faults
         from .recorded_motions import short_stretch_faults
 
         clocks = (fault for recording in study.recordings() for fault in clock_faults(recording, study))

@@ -12,13 +12,13 @@ from ...recordings.cut import MAX_EVEN_JITTER
 from ...recordings.delay import interpolate_at
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording, channels_within
-from ...recordings.study import Study
-from ...recordings.study_file import Processing
-from ...signals.effort import DriveModel, command_of, drive_model
 from ...signals.even_times import even_times
 from ...signals.filters import runs
 from ...signals.long_motion import MIN_LONG_SAMPLES, pieces
 from ...signals.motion import Filtering, Motion, motion_of, shortest
+from ...studies.effort import DriveModel, command_of, drive_model
+from ...studies.study import Study
+from ...studies.study_file import Processing
 
 EXCERPT_SAMPLE_COUNT = 12_000
 """Number of samples in an excerpt of fitted, and of held-out, recordings. Methods that simulate use the excerpt."""

@@ -10,9 +10,9 @@ import numpy as np
 from ..._errors import RecordingError, UnfitRecordingError
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording
-from ...recordings.study import Study
-from ...recordings.study_file import Processing
 from ...signals.motion import differentiate, lowpassed, shortest
+from ...studies.study import Study
+from ...studies.study_file import Processing
 from .recorded_motions import filtering_of, stretches_of
 
 MIN_CORRELATION = 0.7

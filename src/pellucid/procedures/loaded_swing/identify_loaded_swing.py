@@ -22,9 +22,9 @@ from ...models.joint import GRAVITY
 from ...models.parameter_card import ParameterCard
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording, channels_within
-from ...recordings.results import ResultRow, combined_checksum
-from ...recordings.study import Study
-from ...recordings.study_file import Participant, StudyFile
+from ...studies.results import ResultRow, combined_checksum
+from ...studies.study import Study
+from ...studies.study_file import Participant, StudyFile
 from ..result import FigureTable, ParameterTable, Result
 from .procedure import LoadedSwingTable
 

@@ -6,7 +6,7 @@ from ...drawing.drawing import Drawing, draw
 from ...pages.over_time import Traces, over_time
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import number, typeset_sentence
-from ...recordings.study import Study
+from ...studies.study import Study
 from ..study_page import figure_tables, parameter_tables, study_page
 from .identify_loaded_swing import LoadedSwingResult
 from .procedure import LoadedSwingTable

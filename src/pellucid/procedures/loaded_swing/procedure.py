@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import Field
 
-from ...recordings.study_fields import ProcedureTable, quantity
+from ...studies.study_fields import ProcedureTable, quantity
 from ..procedure import Procedure, Progress, quiet
 
 if TYPE_CHECKING:
     from ...pages.page import Page
     from ...recordings.fault import Fault
-    from ...recordings.study import Study
+    from ...studies.study import Study
     from .identify_loaded_swing import LoadedSwingResult
 
 

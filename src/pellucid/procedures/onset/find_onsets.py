@@ -14,9 +14,9 @@ from ..._given import csv_cell
 from ...drawing.line_points import outline
 from ...fit.parameter import Verdict
 from ...recordings.fault import Fault
-from ...recordings.results import ResultRow
-from ...recordings.study import Study
 from ...signals.emg_onset import Burst, activations
+from ...studies.results import ResultRow
+from ...studies.study import Study
 from ..muscle_channels import (
     emg_faults,
     emg_stream,

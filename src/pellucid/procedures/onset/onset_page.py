@@ -5,7 +5,7 @@ from __future__ import annotations
 from ...drawing.drawing import draw
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import typeset_sentence
-from ...recordings.study import Study
+from ...studies.study import Study
 from ..study_page import figure_tables, study_page
 from .find_onsets import MAX_DRAWN_RECORDINGS, OnsetResult
 from .onset_figures import burst_traces

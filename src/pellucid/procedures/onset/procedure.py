@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from ...recordings.study_fields import quantity
+from ...studies.study_fields import quantity
 from ..muscle_tables import MuscleTable
 from ..procedure import Procedure, Progress, quiet
 
 if TYPE_CHECKING:
     from ...pages.page import Page
     from ...recordings.fault import Fault
-    from ...recordings.study import Study
+    from ...studies.study import Study
     from .find_onsets import OnsetResult
 
 

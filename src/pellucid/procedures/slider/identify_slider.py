@@ -17,15 +17,16 @@ from ...models.directional_slider import DirectionalSliderModel
 from ...models.friction_terms import LOAD_FEATURE, features_of
 from ...models.slider_joint import SliderJointModel
 from ...protocols.reversals import REVERSALS_NAME
-from ...recordings.quality import require_sound
 from ...recordings.recording import Recording
-from ...recordings.study import Study
-from ...recordings.study_file import StudyFile
-from ...signals.effort import command_of, drive_model
 from ...signals.markers import Geometry, slider_geometry
-from ...signals.slider_motion import SliderMotion, slider_motions
+from ...signals.slider_motion import SliderMotion
+from ...studies.effort import command_of, drive_model
+from ...studies.quality import require_sound
+from ...studies.study import Study
+from ...studies.study_file import StudyFile
 from ..dead_effort import require_live_effort
 from ..procedure import Progress, quiet
+from .recorded_slider import slider_motions
 from .slider_faults import examine, of_body, require_torques
 from .slider_result import SliderResult, slider_result
 

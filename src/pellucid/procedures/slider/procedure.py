@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ...recordings.study import Study
+from ...studies.study import Study
 from ..procedure import Procedure, Progress, quiet
 
 if TYPE_CHECKING:

@@ -9,14 +9,15 @@ from ..._errors import IdentificationError, PellucidError
 from ...fit.slider.three_steps import STEP_PROTOCOLS, require_both_directions, require_places
 from ...protocols.reversals import REVERSALS_NAME
 from ...recordings.fault import Fault
-from ...recordings.quality import inspect
 from ...recordings.recording import Recording
-from ...recordings.study import Study
-from ...recordings.study_file import StudyFile
-from ...signals.effort import drive_model
 from ...signals.markers import Geometry, geometry_faults, slider_geometry
-from ...signals.slider_motion import SliderMotion, slider_motions
+from ...signals.slider_motion import SliderMotion
+from ...studies.effort import drive_model
+from ...studies.quality import inspect
+from ...studies.study import Study
+from ...studies.study_file import StudyFile
 from ..dead_effort import dead_effort_faults
+from .recorded_slider import slider_motions
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from ...models.slider_joint import BODY_UNITS
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import number, parameter_interval, parameter_note, relative_sd, typeset_sentence, unit_text
 from ...pages.tables import Row, Table
-from ...recordings.study import Study
+from ...studies.study import Study
 from ..study_page import provenance, study_page
 from . import direction_figures as figures
 from .identify_slider import directional_friction, predicted

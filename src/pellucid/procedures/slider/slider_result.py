@@ -9,8 +9,8 @@ from importlib.metadata import version
 from ...fit.slider.slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit
 from ...models.slider_card import SliderCard
 from ...models.slider_joint import SliderJointModel
-from ...recordings.results import ResultRow, combined_checksum
-from ...recordings.study import Study
+from ...studies.results import ResultRow, combined_checksum
+from ...studies.study import Study
 from ..result import FigureTable, ParameterTable, Result
 
 COMMAND = "identify"

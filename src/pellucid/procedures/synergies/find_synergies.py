@@ -21,8 +21,8 @@ from ...estimators.synergies import (
 )
 from ...fit.parameter import Verdict
 from ...recordings.fault import Fault
-from ...recordings.results import ResultRow, combined_checksum
-from ...recordings.study import Study
+from ...studies.results import ResultRow, combined_checksum
+from ...studies.study import Study
 from ..muscle_channels import MuscleEnvelopes, emg_faults, envelope_faults, raise_refusals, relative_envelopes
 from ..procedure import Progress, quiet
 from ..result import FigureTable, Result

@@ -12,7 +12,7 @@ from ..procedure import Procedure, Progress, quiet
 if TYPE_CHECKING:
     from ...pages.page import Page
     from ...recordings.fault import Fault
-    from ...recordings.study import Study
+    from ...studies.study import Study
     from .find_synergies import SynergiesResult
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ...drawing.drawing import draw
 from ...pages.page import Page, Section
 from ...pages.quantities import typeset_sentence
-from ...recordings.study import Study
+from ...studies.study import Study
 from ..study_page import figure_tables, study_page
 from . import synergies_figures as figures
 from .find_synergies import SynergiesResult

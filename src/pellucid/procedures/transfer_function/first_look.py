@@ -13,7 +13,7 @@ from ...fit.transfer.best_linear_approximation import BestLinearApproximation, b
 from ...fit.transfer.local_polynomial import LocalResponse, local_response
 from ...protocols.random_phase_multisine import MULTISINE_NAME as PROTOCOL
 from ...recordings.recording import Recording
-from ...recordings.results import ResultRow
+from ...studies.results import ResultRow
 from ..result import FigureTable
 from .procedure import TransferFunctionTable
 

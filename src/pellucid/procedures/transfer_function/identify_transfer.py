@@ -20,9 +20,9 @@ from ...fit.transfer.transfer_function_fit import (
 from ...models.parameter_card import ParameterCard
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording
-from ...recordings.results import ResultRow
-from ...recordings.study import Study
 from ...signals.input_output import InputOutput, input_output
+from ...studies.results import ResultRow
+from ...studies.study import Study
 from ..result import FigureTable, ParameterTable, Result
 from . import first_look
 from .first_look import FirstLook, first_looks

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from ...recordings.study_fields import ProcedureTable, Word, quantity
+from ...studies.study_fields import ProcedureTable, Word, quantity
 from ..procedure import Procedure, Progress, quiet
 
 if TYPE_CHECKING:
     from ...pages.page import Page
     from ...recordings.fault import Fault
-    from ...recordings.study import Study
+    from ...studies.study import Study
     from .identify_transfer import TransferResult
 
 

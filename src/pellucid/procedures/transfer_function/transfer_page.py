@@ -11,7 +11,7 @@ from ...fit.transfer.transfer_function_fit import Response, TransferFit
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import number, parameter_interval, relative_sd, typeset_sentence, unit_text
 from ...pages.tables import Row, Table
-from ...recordings.study import Study
+from ...studies.study import Study
 from ..study_page import figure_tables, provenance, study_page
 from . import transfer_figures as figures
 from .first_look import FirstLook

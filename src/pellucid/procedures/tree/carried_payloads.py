@@ -14,8 +14,8 @@ from ...fit.tree.payload import identify_payload
 from ...fit.tree.tree_estimate import TreeEstimate
 from ...models.friction_terms import STRIBECK_FRICTION
 from ...models.robot import Robot
-from ...recordings.study import Study
 from ...signals.tree_motion import TreeMotion
+from ...studies.study import Study
 from .tree_result import FoundPayload
 from .tree_table import TreeTable
 

@@ -17,8 +17,8 @@ from ...fit.tree.published_friction import published_parameters
 from ...fit.tree.segments_out import cross_validate_segments, heldout_errors, relative_errors, residuals_on
 from ...fit.tree.tree_estimate import TreeEstimate
 from ...fit.tree.tree_regression import TreeModel, TreeRows, TreeSolution, collect_rows, fit_rows
-from ...recordings.study import Study
 from ...signals.tree_motion import TreeMotion
+from ...studies.study import Study
 from ..findings import collect_findings
 from ..joint.recorded_motions import filtering_of
 from ..procedure import Progress, quiet

@@ -8,7 +8,7 @@ import re
 from ..._errors import StudyError
 from ...models.kinematic_tree import TreeJoint
 from ...recordings.readers.urdf import Limits, Urdf
-from ...recordings.study_fields import NAME_PATTERN
+from ...studies.study_fields import NAME_PATTERN
 
 ROBOT_FILE = "robot.urdf"
 """Name of the copy of the robot's file."""

@@ -12,7 +12,7 @@ from .tree_table import TreeTable
 if TYPE_CHECKING:
     from ...pages.page import Page
     from ...recordings.fault import Fault
-    from ...recordings.study import Study
+    from ...studies.study import Study
     from .tree_result import TreeResult
 
 

@@ -13,14 +13,14 @@ from ...models.joint import GRAVITY
 from ...models.kinematic_tree import Link, Tree, TreeJoint
 from ...models.robot import Robot
 from ...models.welded import Pose
-from ...recordings.drive_channel import DRIVE_CHANNELS, command_channel
 from ...recordings.readers.urdf import Urdf, read_urdf
 from ...recordings.recording import Recording
-from ...recordings.study import Study
-from ...recordings.study_file import PayloadSpec, RigJoint
-from ...signals.effort import command_of, drive_model
 from ...signals.motion import shortest
 from ...signals.tree_motion import TreeMotion, segments_of, tree_motion_of
+from ...studies.drive_channel import DRIVE_CHANNELS, command_channel
+from ...studies.effort import command_of, drive_model
+from ...studies.study import Study
+from ...studies.study_file import PayloadSpec, RigJoint
 from ..joint.recorded_motions import filtering_of, stretches_of
 from .tree_table import TreeTable
 

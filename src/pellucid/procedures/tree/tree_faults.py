@@ -10,10 +10,10 @@ import numpy as np
 from ..._errors import PellucidError
 from ...models.robot import Robot
 from ...recordings.fault import Fault
-from ...recordings.quality import clock_faults, inspect
-from ...recordings.study import Study
-from ...recordings.study_file import RigJoint
 from ...signals.tree_motion import TreeMotion
+from ...studies.quality import clock_faults, inspect
+from ...studies.study import Study
+from ...studies.study_file import RigJoint
 from ..dead_effort import dead_effort_faults
 from ..joint.recorded_motions import short_stretch_faults
 from .recorded_tree import file_of, frames_of, motions_of, position_channel, robot_of

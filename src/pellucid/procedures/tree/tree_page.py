@@ -21,7 +21,7 @@ from ...pages.quantities import (
     unit_text,
 )
 from ...pages.tables import Row, Table, number_table
-from ...recordings.study import Study
+from ...studies.study import Study
 from ..study_page import figure_tables, provenance, study_page
 from . import tree_figures as figures
 from .tree_figures import Cell, FrictionCurve, RippleSpectrum, short

@@ -17,8 +17,8 @@ from ...fit.tree.tree_regression import TreeModel
 from ...fit.tree.tree_verdicts import parameter_verdicts
 from ...models.robot import Robot
 from ...models.tree_card import JointRange, Ripple, TreeCard
-from ...recordings.results import ResultRow, combined_checksum
-from ...recordings.study import Study
+from ...studies.results import ResultRow, combined_checksum
+from ...studies.study import Study
 from ..result import FigureTable, ParameterTable, Result
 from .tree_table import TreeTable
 

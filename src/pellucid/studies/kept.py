@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from .._atomic import write_bytes_atomically
-from .keepers_mark import SEAL_LENGTH, is_sealed, seal, sealed_size
+from ..recordings.keepers_mark import SEAL_LENGTH, is_sealed, seal, sealed_size
 
 PACKAGE_NAME = __name__.partition(".")[0]
 """Only dataclasses of this package are stored and restored."""

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .._errors import UnfitRecordingError
-from .cut import MAX_EVEN_JITTER, sound_samples
-from .defects import clipped
-from .defects.find import MAX_CLIPPED_SHARE, find_defects, max_bridged_gap, needed_kinds, watched_part
-from .defects.magnitude import find_implausible
-from .defects.watched import WatchedRecording
-from .delay import SHIFTED_KIND
+from ..recordings.cut import MAX_EVEN_JITTER, sound_samples
+from ..recordings.defects import clipped
+from ..recordings.defects.magnitude import find_implausible
+from ..recordings.defects.watched import WatchedRecording
+from ..recordings.delay import SHIFTED_KIND
+from ..recordings.fault import Fault
+from ..recordings.optical_faults import find_optical_faults
+from ..recordings.recording import Recording
 from .drive_channel import DRIVE_CHANNELS, command_channel
-from .fault import Fault
-from .optical_faults import find_optical_faults
-from .recording import Recording
+from .find_defects import MAX_CLIPPED_SHARE, find_defects, max_bridged_gap, needed_kinds, watched_part
 from .rollover import find_rollover, wrap_setting
 
 if TYPE_CHECKING:

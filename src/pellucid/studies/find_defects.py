@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from ..cut import Cut
-from ..drive_channel import command_channel
-from ..recording import Recording
-from . import clipped, dropouts, frozen, gaps, missing, spikes
-from .watched import WatchedRecording
+from ..recordings.cut import Cut
+from ..recordings.defects import clipped, dropouts, frozen, gaps, missing, spikes
+from ..recordings.defects.watched import WatchedRecording
+from ..recordings.recording import Recording
+from .drive_channel import command_channel
 
 if TYPE_CHECKING:
-    from ..study_file import ChannelSpec, JointTable, Processing, StudyFile
+    from .study_file import ChannelSpec, JointTable, Processing, StudyFile
 
 KINDS: tuple[ModuleType, ...] = (missing, gaps, dropouts, spikes, clipped, frozen)
 """Modules that find one kind of defect each, with ``KIND`` and ``find(watched)``. A later module does not see the

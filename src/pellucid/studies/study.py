@@ -14,17 +14,18 @@ import numpy as np
 
 from .._errors import IdentificationError, RecordingError, StudyError
 from .._given import require_folder, require_inside
-from .clock import first_deliveries
-from .cut import Cut
-from .defects.find import find_cuts
-from .delay import shift_channels, undo_lags
-from .joined_stream import initial_offset, join_stream
-from .optical import OpticalRecording, read_optical
-from .recording import Channel, Payload, Recording
+from ..recordings.clock import first_deliveries
+from ..recordings.cut import Cut
+from ..recordings.delay import shift_channels, undo_lags
+from ..recordings.joined_stream import initial_offset, join_stream
+from ..recordings.optical import OpticalRecording
+from ..recordings.recording import Channel, Payload, Recording
+from .find_defects import find_cuts
+from .optical_columns import read_optical
 from .results import ResultRow, read_rows
 
 if TYPE_CHECKING:
-    from .readers import Columns
+    from ..recordings.readers import Columns
     from .study_fields import Table
     from .study_file import ChannelSpec, JointTable, Model, Processing, RecordingEntry, SeveralJoints, StudyFile
 
@@ -344,7 +345,7 @@ class Study:
         return recording
 
     def _read_once(self, path: Path, files: dict[Path, Columns]) -> tuple[Columns, str]:
-        from .kept_columns import kept_columns
+        from ..recordings.kept_columns import kept_columns
 
         digest = self.digest(path)
         if path not in files:
@@ -549,7 +550,7 @@ def _truncated_row_cut(path: Path, time: np.ndarray, window: tuple[float, float]
 
     The complete samples were taken at `time`, shape (n,) [s].
     """
-    from .readers.csv import ENDINGS, cut_row
+    from ..recordings.readers.csv import ENDINGS, cut_row
 
     cut = cut_row(path) if path.suffix.lower() in ENDINGS else None
     if cut is None or (window is not None and window[1] <= time[-1]):

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._errors import RecordingError
-from ..recordings.drive_channel import DRIVE_CHANNELS
 from ..recordings.recording import Recording
-from ..recordings.study_file import Drive, JointTable
+from .drive_channel import DRIVE_CHANNELS
+from .study_file import Drive, JointTable
 
 
 @dataclass(frozen=True)

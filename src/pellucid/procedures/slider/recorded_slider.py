@@ -1,0 +1,36 @@
+"""Recordings of a joint with a carriage, made ready for fits as study.toml says."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..._errors import RecordingError
+from ...recordings.recording import Recording
+from ...signals.markers import Geometry
+from ...signals.slider_motion import SliderMotion, slider_motion
+from ...studies.effort import command_of, drive_model
+from ...studies.study_file import StudyFile
+
+
+def slider_motions(recordings: Sequence[Recording], config: StudyFile, geometry: Geometry) -> tuple[SliderMotion, ...]:
+    """Return the motion of every recording, with the processing that study.toml states for it."""
+    gain = drive_model(config.rig).gain
+    places = {placement.recording: placement.slider for placement in geometry.placements}
+    made = []
+    for recording in recordings:
+        processing = config.processing_of(recording.name)
+        if processing.lowpass is None:
+            raise RecordingError('study.toml: [processing] states no lowpass; expected one such as "5 Hz"')
+        made.append(
+            slider_motion(
+                recording,
+                gain * command_of(recording, config.rig),
+                places[recording.name],
+                lowpass=processing.lowpass,
+                order=processing.order,
+                dead_band=processing.dead_band,
+                trim=processing.trim,
+                recorded_velocity=processing.velocity == "recorded",
+            )
+        )
+    return tuple(made)
