@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...studies.results import ResultRow
-from ...recordings.study_fields import ProcedureTable, Word
+from ...studies.study_fields import ProcedureTable, Word
 from ..procedure import Procedure, Progress, quiet
 from ..result import FigureTable, Result
 
