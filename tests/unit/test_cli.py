@@ -207,7 +207,7 @@ def test_demo_prints_its_story(tmp_path, monkeypatch):
         return made
 
     monkeypatch.setitem(sys.modules, "pellucid.demonstration.demo", SimpleNamespace(demo=demo))
-    story = SimpleNamespace(told=lambda made: [("Worn", "People wore it.")])
+    story = SimpleNamespace(chapter_sentences=lambda made: [("Worn", "People wore it.")])
     monkeypatch.setitem(sys.modules, "pellucid.demonstration.story", story)
     result = run(cli.app, ["demo", "--out", str(tmp_path / "demo")])
     assert result.exit_code == 0, result.output

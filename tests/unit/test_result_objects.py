@@ -29,7 +29,7 @@ def test_no_result_prints_its_arrays():
     kinds, left = [], [Result]
     while left:
         kind = left.pop()
-        kinds.append(kind)
+        kinds += [kind] if kind.__module__.startswith("pellucid.") else []
         left += kind.__subclasses__()
     assert len(kinds) > 10
     assert all("__repr__" not in vars(kind) for kind in kinds if kind is not Result)
