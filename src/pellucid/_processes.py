@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager, nullcontext
 from multiprocessing import parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
@@ -33,7 +33,8 @@ def finished_results(
             yield i, make(*arguments)
         return
     with processes(workers) if executor is None else nullcontext(executor) as pool:
-        waiting, begun = {}, 0
+        waiting: dict[Future, int] = {}
+        begun = 0
         while waiting or begun < len(jobs):
             waiting |= {pool.submit(*jobs[i]): i for i in range(begun, len(jobs))}
             begun = len(jobs)
@@ -70,7 +71,9 @@ def results_with_helpers(
 
     # A helper process does not start helpers of its own.
     workers = 1 if parent_process() else min(workers or os.cpu_count() or 1, len(jobs))
-    left, found, turn = iter(enumerate(jobs)), {}, Lock()
+    left: Iterator[tuple[int, Job]] = iter(enumerate(jobs))
+    found: dict[int, Any] = {}
+    turn = Lock()
 
     def work(do: Callable) -> None:
         nonlocal left

@@ -47,11 +47,11 @@ def columns_of(frame: object, caller: str) -> dict[str, list[Any]]:
     """
     from ._errors import PellucidError
 
-    names = getattr(frame, "columns", None)
+    names, column = getattr(frame, "columns", None), getattr(frame, "column", None)
     if isinstance(frame, Mapping):
         found = {str(name): list(values) for name, values in frame.items()}
-    elif hasattr(frame, "column_names"):  # PyArrow
-        found = {str(name): frame.column(name).to_pylist() for name in frame.column_names}
+    elif column is not None and hasattr(frame, "column_names"):  # PyArrow
+        found = {str(name): column(name).to_pylist() for name in frame.column_names}
     elif names is not None and hasattr(frame, "__getitem__"):
         found = {str(name): list(frame[name]) for name in names}
     else:

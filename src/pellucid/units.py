@@ -195,7 +195,7 @@ def _factor(unit: str, expected: str | tuple[str, ...] | None, where: str) -> tu
 def _registry():
     import pint
 
-    registry = pint.UnitRegistry(None, on_redefinition="raise", autoconvert_offset_to_baseunit=True)
+    registry: pint.UnitRegistry = pint.UnitRegistry(None, on_redefinition="raise", autoconvert_offset_to_baseunit=True)
     registry.load_definitions(_PINT_DEFINITIONS.strip().splitlines())
     return registry
 

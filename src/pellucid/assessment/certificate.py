@@ -157,6 +157,6 @@ def certificate_from_tests(
 
     `doubts` holds the other possible causes of each end point's change.
     """
-    every = {**end_points, **(curves or {})}
+    every: dict[str, Equivalence | CurveComparison] = {**end_points, **(curves or {})}
     beyond = dict(zip(every, holm([each.p_beyond for each in every.values()]), strict=True))
     return Certificate(end_points, beyond, alpha, doubts or {}, curves or {})

@@ -17,7 +17,7 @@ widened to :math:`\Phi(-\sqrt{n/(n-1)}\, t_{\alpha/2,\,n-1})` [2]_.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -127,7 +127,8 @@ class ConditionComparison:
             "d",
             "Cliff's delta",
         )
-        rows, against = [head], self.pairwise
+        rows: list[tuple[str, ...]] = [head]
+        against = self.pairwise
         for name, mean in zip(self.conditions, self.values.mean(axis=0), strict=True):
             found = against.get(name)
             rows.append(
@@ -239,22 +240,22 @@ def compare_conditions(
         except PellucidError:  # too many to count
             test = friedman(values)
         pairs, kendall = nemenyi(values), test.statistic / (n * (k - 1))
-    found = []
+    found: list[ControlComparison] = []
     if (against_zero or control is not None) and n > 1:
         base = np.zeros(n) if against_zero else values[:, conditions.index(control)]
         others = [(j, name) for j, name in enumerate(conditions) if against_zero or name != control]
         found = [_compare_with_control(values[:, j], base, name, confidence, rng) for j, name in others]
-        corrected = holm([each[1] for each in found])
-        found = [
-            ControlComparison(name, *rest[:3], p, c, *rest[3:])
-            for (name, p, *rest), c in zip(found, corrected, strict=True)
-        ]
+        corrected = holm([each.p_value for each in found])
+        found = [replace(each, holm=p) for each, p in zip(found, corrected, strict=True)]
     return ConditionComparison(
         conditions, values, test, kendall, pairs, tuple(found), confidence, tuple(int(i) for i in lacking)
     )
 
 
-def _compare_with_control(own: np.ndarray, control: np.ndarray, name: str, confidence: float, rng) -> tuple:
+def _compare_with_control(
+    own: np.ndarray, control: np.ndarray, name: str, confidence: float, rng: np.random.Generator
+) -> ControlComparison:
+    """Return the comparison of one condition with the control, its p value not yet corrected."""
     d = own - control
     test = signed_rank(d)
     deviation = float(np.std(d, ddof=1))
@@ -263,10 +264,18 @@ def _compare_with_control(own: np.ndarray, control: np.ndarray, name: str, confi
     dominance = np.sign(own[:, None] - control[None, :])
     standardised = float(d.mean() / deviation) if deviation > 0.0 else float("nan")
     interval = mean_interval(d, confidence, rng)
-    return (
-        name, test.p_value, float(d.mean()), interval, relative, test.rank_biserial, float(dominance.mean()),
-        standardised, deviation,
-    )  # fmt: skip
+    return ControlComparison(
+        condition=name,
+        change=float(d.mean()),
+        interval=interval,
+        relative=relative,
+        p_value=test.p_value,
+        holm=test.p_value,
+        rank_biserial=test.rank_biserial,
+        cliff=float(dominance.mean()),
+        standardised=standardised,
+        deviation=deviation,
+    )
 
 
 def mean_interval(samples: np.ndarray, confidence: float, rng: np.random.Generator) -> tuple[float, float]:

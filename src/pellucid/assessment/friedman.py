@@ -146,7 +146,8 @@ def _exact_p_value(ranks: np.ndarray, sums: np.ndarray) -> float:
     doubled = np.rint(2.0 * ranks).astype(np.int64)
     place = (2 * n * k + 1) ** np.arange(k, dtype=np.int64)
     every = np.array(list(permutations(range(k))))
-    reached, chance = np.zeros((1, k), np.int64), np.ones(1)
+    reached: np.ndarray = np.zeros((1, k), np.int64)
+    chance: np.ndarray = np.ones(1)
     for row in doubled:
         orders = row[every]
         if len(reached) * len(orders) > MAX_EXACT_TABLE_SIZE:
