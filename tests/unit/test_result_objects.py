@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import pellucid as pl
-from pellucid import procedures
+from pellucid import lab, procedures
 from pellucid.procedures.result import Result
 
 
@@ -24,8 +24,9 @@ def test_a_result_is_one_line(found):
 
 
 def test_no_result_prints_its_arrays():
-    for module in walk_packages(procedures.__path__, f"{procedures.__name__}."):
-        import_module(module.name)
+    for room in (procedures, lab):
+        for module in walk_packages(room.__path__, f"{room.__name__}."):
+            import_module(module.name)
     kinds, left = [], [Result]
     while left:
         kind = left.pop()

@@ -30,7 +30,7 @@ WORDS = {
 """By index of a prediction."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Predicted(Result):
     """What `predict` found; printed as any result is.
 
