@@ -20,12 +20,12 @@ from scipy.interpolate import CubicSpline
 
 from pellucid._errors import PellucidError
 from pellucid.datasets import init
-from pellucid.lab.init import init as rig_files
 from pellucid.lab.simulate import simulate
 from pellucid.procedures.registry import asked, open_study
 from pellucid.procedures.run import calibrate, check, identify
 from pellucid.recordings import channels_toml, write_csv
 from pellucid.recordings.recording import Channel
+from pellucid.start_study import init as rig_files
 from pellucid.studies import Study
 from pellucid.studies.results import ResultRow
 

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from .fit.strap.fit_strap import fit_strap as fit_strap
     from .fit.transfer.fit_transfer_function import fit_transfer_function as fit_transfer_function
     from .fit.tree.fit_robot import fit_robot as fit_robot
-    from .lab.init import init as init
     from .lab.predict import predict as predict
     from .lab.simulate import simulate as simulate
     from .models.muscle import Muscle as Muscle
@@ -51,8 +50,10 @@ if TYPE_CHECKING:
     from .recordings.readers.urdf import read_robot as read_robot
     from .signals.envelope import envelope as envelope
     from .signals.fit_hinge import fit_hinge as fit_hinge
+    from .start_study import init as init
 
 # Module and attribute of each public name; the attribute is None for a module.
+# Those in `_LAB_NAMES` come with the distribution `pellucid-lab`.
 _PUBLIC_SOURCES = {
     "PellucidError": ("_errors", "PellucidError"),
     "calibrate_muscles": ("estimators.calibrate_muscles", "calibrate_muscles"),
@@ -77,7 +78,7 @@ _PUBLIC_SOURCES = {
     "report": ("procedures.run", "report"),
     "fit_joint": ("fit.joint.fit_joint", "fit_joint"),
     "fit_transfer_function": ("fit.transfer.fit_transfer_function", "fit_transfer_function"),
-    "init": ("lab.init", "init"),
+    "init": ("start_study", "init"),
     "predict": ("lab.predict", "predict"),
     "simulate": ("lab.simulate", "simulate"),
     "reproduce": ("papers.reproduce", "reproduce"),
@@ -93,6 +94,8 @@ _PUBLIC_SOURCES = {
     "read_robot": ("recordings.readers.urdf", "read_robot"),
     "read": ("recordings.readers", "read_columns"),
 }
+
+_LAB_NAMES = frozenset({"demo", "predict", "reproduce", "simulate"})
 
 __all__ = [
     "Limits",
@@ -147,7 +150,14 @@ def __getattr__(name: str):
     from importlib import import_module
 
     module, attribute = _PUBLIC_SOURCES[name]
-    found = import_module(f".{module}", __name__)
+    try:
+        found = import_module(f".{module}", __name__)
+    except ModuleNotFoundError as error:
+        if name in _LAB_NAMES and error.name in (f"{__name__}.{module}", f"{__name__}.{module.partition('.')[0]}"):
+            from ._errors import missing_lab
+
+            raise missing_lab(f"pellucid.{name}") from None
+        raise
     return found if attribute is None else getattr(found, attribute)
 
 

@@ -45,3 +45,23 @@ class DatasetError(PellucidError):
 
 class IdentificationError(PellucidError):
     """The recordings cannot carry the model that was asked for."""
+
+
+class PluginError(PellucidError):
+    """What another package adds cannot be loaded, or is not what its group expects."""
+
+
+class MissingDistributionError(PellucidError, AttributeError):
+    """A name belongs to a distribution of Pellucid that is not installed."""
+
+
+LAB_DISTRIBUTION = "pellucid-lab"
+"""Name of the distribution with virtual rigs and people, papers, ranking and demo."""
+
+
+def missing_lab(part: str) -> MissingDistributionError:
+    """Return the error that `part` needs the distribution `pellucid-lab`, with the command that installs it."""
+    return MissingDistributionError(
+        f"{part}: found no package {LAB_DISTRIBUTION}, expected it: pip install {LAB_DISTRIBUTION}, or in the clone of "
+        "Pellucid: pip install ./lab"
+    )

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
-from ._errors import PellucidError
+from ._errors import PellucidError, StudyError
 
 MAX_FILE_BYTES = 50_000_000
 """A file that is read as one text has at most this size, such as a card, a rig or a model of muscles [B]."""
@@ -53,6 +54,13 @@ def require_folder(path: Path, expected: str, error: type[PellucidError] = Pellu
         if place.exists():
             raise error(f"{visible_text(str(place))}: found a file, expected {expected}")
     return path
+
+
+def require_empty_folder(folder: Path) -> None:
+    """StudyError if `folder` is a file, or a folder with something in it."""
+    if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
+        found = "a file" if folder.is_file() else f"a folder that holds {', '.join(sorted(os.listdir(folder))[:5])}"
+        raise StudyError(f"{folder}: found {found}, expected a new or empty folder")
 
 
 def visible_text(text: str) -> str:

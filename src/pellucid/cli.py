@@ -7,24 +7,49 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
-from ._errors import PellucidError, UnfitRecordingError
+from ._errors import PellucidError, UnfitRecordingError, missing_lab
+from ._plugins import load_plugins
 from .procedures.command import Command, procedure_commands
+from .terminal import (
+    count_of,
+    make_console,
+    print_items,
+    print_json,
+    print_line,
+    replace_unprintable_characters,
+    show_progress,
+)
 
 if TYPE_CHECKING:
-    from rich.console import Console
 
     from .procedures.result import Result
     from .studies.study import Study
 
+LAB_COMMANDS = ("simulate", "predict", "demo", "reproduce", "rank")
+"""Commands of the distribution `pellucid-lab`. If it is not installed, they say how to install it."""
+
+
+class CommandGroup(TyperGroup):
+    """The commands by name. A command of a distribution that is not installed is known, and says so."""
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command by its name; None if no distribution of Pellucid has it."""
+        found = super().get_command(ctx, cmd_name)
+        if found is None and cmd_name in LAB_COMMANDS:
+            raise missing_lab(cmd_name)
+        return found
+
+
 app = typer.Typer(
     name="pellucid",
+    cls=CommandGroup,
     help="From a robot's recordings to its model, controllers, what they do to people, and C for the robot.",
     rich_markup_mode=None,
     add_completion=False,
@@ -35,13 +60,6 @@ datasets_app = typer.Typer(
     name="datasets", help="Public recordings of real machines.", rich_markup_mode=None, no_args_is_help=True
 )
 app.add_typer(datasets_app)
-
-CHARACTER_REPLACEMENTS = {
-    "−": "-", "–": "-", "—": "-", "±": "+-", "·": "*", "×": "x", "²": "^2", "³": "^3", "µ": "u", "°": "deg", "…": "...",
-    "≤": "<=", "≥": ">=", "≈": "~", "√": "sqrt", "χ": "chi", "δ": "delta", "Δ": "Delta", "Ω": "ohm", "✗": "x", "━": "-",
-    "─": "-", "│": "|", "\N{RIGHT SINGLE QUOTATION MARK}": "'",
-}  # fmt: skip
-"""Text that replaces each character on a terminal that cannot print it."""
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the study.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the figures as JSON instead of tables.")]
@@ -69,86 +87,21 @@ def init(
     urdf: Annotated[Path | None, typer.Option(metavar="FILE", help="Robot with several joints to study.")] = None,
 ) -> None:
     """Start a study: recordings, and a study.toml about them."""
-    from .lab.init import init as run
+    from .start_study import init as run
 
     made = run(folder, dataset=dataset, rig=rig, urdf=urdf, progress=sys.stderr.isatty())
-    out = _console()
+    out = make_console()
     if urdf is not None:
-        _say(out, f"{made}: the joints of {urdf.name}. Put recordings into {folder / 'recordings'},")
-        _say(out, f"and say in study.toml what their columns mean. Next: pellucid check {folder}")
+        print_line(out, f"{made}: the joints of {urdf.name}. Put recordings into {folder / 'recordings'},")
+        print_line(out, f"and say in study.toml what their columns mean. Next: pellucid check {folder}")
         return
     if isinstance(made, Path):
-        _say(out, f"{made}: the rig {rig}, to be used as it is or edited.")
-        _say(out, f"Next: pellucid simulate {folder}")
+        print_line(out, f"{made}: the rig {rig}, to be used as it is or edited.")
+        print_line(out, f"Next: pellucid simulate {folder}")
         return
-    _say(out, f"{folder}: study {made.name!r}, {_count(len(made.recordings()), 'recording')}.")
-    _list(out, [("note", note) for note in made.notes])
-    _say(out, f"study.toml says what they mean. Next: pellucid check {folder}")
-
-
-@app.command()
-def simulate(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with lab/rig.toml.")],
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of every random draw.")] = 1,
-    controller: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="Controller that virtual people wear, as export names it; repeatable."),
-    ] = None,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace a study.toml that was changed by hand.")
-    ] = False,
-) -> None:
-    """Simulate the recordings of a virtual rig."""
-    from .lab.simulate import simulate as run
-
-    with _progress() as tell:
-        made = run(folder, seed, controllers=controller, overwrite=overwrite, on_progress=tell)
-    out = _console()
-    times = made.joint_time / made.wall_time
-    _say(
-        out,
-        f"{folder}: study {made.study.name!r}, {_count(made.recordings, 'recording')}, {made.joint_time:.0f} s of "
-        f"motion in {made.wall_time:.1f} s ({times:.0f} times real time).",
-    )
-    _say(out, f"Next: pellucid check {folder}")
-
-
-@app.command()
-def predict(
-    folders: Annotated[
-        list[Path],
-        typer.Argument(metavar="DIR...", help="Folders with lab/rig.toml; several models share the robots."),
-    ],
-    people: Annotated[int, typer.Option(metavar="N", min=1, help="People to draw for each folder.")] = 12,
-    robots: Annotated[int, typer.Option(metavar="N", min=1, help="Robots to draw.")] = 12,
-    movements: Annotated[
-        int, typer.Option(metavar="N", min=2, help="Movements of a person with each controller.")
-    ] = 20,
-    participants: Annotated[int, typer.Option(metavar="N", min=1, help="Participants in a study.")] = 6,
-    controller: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Controller as export names it; repeatable.")
-    ] = None,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of every random draw.")] = 1,
-    scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to simulate on.")] = None,
-    json: Json = False,
-) -> None:
-    """Predict an experiment with drawn people and robots."""
-    from .assessment.cluster import cluster
-    from .lab.predict import PREDICTION_FILE
-    from .lab.predict import predict as run
-    from .procedures.print_result import print_result
-
-    with cluster(scheduler) as executor, _progress() as tell:
-        found = run(
-            *folders, people=people, robots=robots, movements=movements, participants=participants,
-            controllers=controller, seed=seed, executor=executor, on_progress=tell,
-        )  # fmt: skip
-    if json:
-        _print_json(found)
-        return
-    out = _console()
-    print_result(out, found)
-    _say(out, f"Every figure in {folders[0] / PREDICTION_FILE}.")
+    print_line(out, f"{folder}: study {made.name!r}, {count_of(len(made.recordings()), 'recording')}.")
+    print_items(out, [("note", note) for note in made.notes])
+    print_line(out, f"study.toml says what they mean. Next: pellucid check {folder}")
 
 
 @app.command()
@@ -159,24 +112,24 @@ def check(folder: Folder, allow_outside: Outside = False) -> None:
     from .recordings.fault import grouped_messages
 
     study = open_study(folder, allow_outside=allow_outside)
-    with _progress() as tell:
+    with show_progress() as tell:
         tell("reading recordings", 0.1)
         faults = run(study)
-    out = _console()
+    out = make_console()
     refused = [f for f in faults if f.severity == "refuse"]
     warned = [f for f in faults if f.severity == "warn"]
     others = [f for f in faults if f.severity != "warn"]
-    _list(out, [("warning", text) for text in [*(f.message for f in refused), *grouped_messages(warned)]])
-    _list(out, [("note", text) for text in grouped_messages(others)])
+    print_items(out, [("warning", text) for text in [*(f.message for f in refused), *grouped_messages(warned)]])
+    print_items(out, [("note", text) for text in grouped_messages(others)])
     if refused:
-        _say(out, f"Not fit to identify from: {_count(len(refused), 'fault')}.")
+        print_line(out, f"Not fit to identify from: {count_of(len(refused), 'fault')}.")
         raise typer.Exit(1)
     command = asked(study)[0].command
     if warned:
         where = ", ".join(dict.fromkeys(f"{f.channel} of {f.file}" for f in warned))
-        _say(out, f"Fit to {command} from, but see the warnings: {where}. Next: pellucid {command} {folder}")
+        print_line(out, f"Fit to {command} from, but see the warnings: {where}. Next: pellucid {command} {folder}")
         return
-    _say(out, f"Fit to {command} from. Next: pellucid {command} {folder}")
+    print_line(out, f"Fit to {command} from. Next: pellucid {command} {folder}")
 
 
 @app.command()
@@ -208,16 +161,16 @@ def _several(folders: list[Path], families: list[str] | None, allow_outside: boo
     from .procedures.print_result import fitting_tables
     from .procedures.several import identify_several, table_of
 
-    with cluster(scheduler) as executor, _progress() as tell:
+    with cluster(scheduler) as executor, show_progress() as tell:
         found = identify_several(
             folders, families=families, allow_outside=allow_outside, executor=executor, on_progress=tell
         )
-    console = _console()
+    console = make_console()
     for table in fitting_tables(*table_of(found), console.width):
         console.print(table)
-    _list(console, [("note", f"{each.study}: {each.headline}") for each in found if not each.failure])
+    print_items(console, [("note", f"{each.study}: {each.headline}") for each in found if not each.failure])
     failed = [("warning", f"{each.folder}: {each.failure}") for each in found if each.failure]
-    _list(console, failed)
+    print_items(console, failed)
     if failed:
         raise typer.Exit(1)
 
@@ -259,11 +212,14 @@ def assess(
 ) -> None:
     """Test whether conditions change how people move."""
     from .assessment.cluster import cluster
-    from .procedures.run import assess as run
+    from .procedures.run import run
 
     study = _opened(folder, out, allow_outside)
     with cluster(scheduler) as executor:
-        _run_and_save(study, "assess", json, lambda study, tell: run(study, tell, studies=studies, executor=executor))
+        asked = {"studies": studies, "executor": executor}
+        _run_and_save(
+            study, "assess", json, lambda study, tell: run(study, "assess", on_progress=tell, assessment=asked)
+        )
 
 
 @app.command()
@@ -283,14 +239,14 @@ def plan(
     from .procedures.assessment.plan import plan as run
     from .procedures.print_result import fitting_tables
 
-    study, console = _opened(folder, None, allow_outside), _console()
+    study, console = _opened(folder, None, allow_outside), make_console()
     with cluster(scheduler) as executor:
         found = run(study, power=power, studies=studies, executor=executor)
-    _say(console, found.title)
+    print_line(console, found.title)
     rows = [["" if cell is None else str(cell) for cell in row] for row in found.rows]
     for table in fitting_tables(found.heads, rows, console.width):
         console.print(table)
-    _say(console, found.note)
+    print_line(console, found.note)
 
 
 @app.command()
@@ -299,9 +255,9 @@ def report(folder: Folder, out: Out = None, allow_outside: Outside = False, acce
     from .procedures.run import report as run
 
     study = _opened(folder, out, allow_outside, accept_stale)
-    with _progress() as tell:
+    with show_progress() as tell:
         page = run(study, on_progress=tell)
-    _say(_console(), f"Report: {page}")
+    print_line(make_console(), f"Report: {page}")
     if page.parent != study.report_dir:
         _exit_with_message(f"{study.report_dir} could not be written; the report is elsewhere", 1)
 
@@ -332,86 +288,12 @@ def compare(
         )
         for row in found.rows
     ]
-    out = _console()
-    _say(out, f"\n{found.family} friction; A is {a}, B is {b}")
+    out = make_console()
+    print_line(out, f"\n{found.family} friction; A is {a}, B is {b}")
     for table in fitting_tables(("parameter", ">A", ">B", ">B − A", "unit", ">p", ""), rows, out.width):
         out.print(table)
-    _list(out, [(v.kind, typeset_units(v.text)) for v in found.verdicts])
+    print_items(out, [(v.kind, typeset_units(v.text)) for v in found.verdicts])
     out.print()
-
-
-@app.command()
-def demo(
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the demo's studies.")] = Path("demo"),
-) -> None:
-    """Run the whole workflow on examples, in about a minute."""
-    from .demonstration.demo import demo as run
-    from .demonstration.story import chapter_sentences
-
-    with _progress() as tell:
-        made = run(out, on_progress=tell)
-    console = _console()
-    for chapter, said in chapter_sentences(made):
-        console.print(f"\n{chapter}")
-        _list(console, [("good", said)])
-    from .procedures.print_result import plain_table
-
-    table = plain_table("residuals", ">repetitions", ">lowest coverage %", ">textbook intervals %")
-    for c in made.coverages:
-        table.add_row(c.colour, str(c.repetitions), f"{c.lowest:.1f}", f"{c.textbook:.1f}")
-    _say(console, "\nHow often 95 % intervals hold the truth, known for a virtual joint:")
-    console.print(table)
-    _list(console, [("note", note) for note in made.notes])
-    _say(console, f"The story, with pictures and every report: {made.page}")
-
-
-@app.command()
-def reproduce(
-    paper: Annotated[str, typer.Argument(metavar="PAPER", help="Published study: able, hill, knee.")],
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the page and its files.")] = None,
-) -> None:
-    """Reproduce a published study, number by number."""
-    from .papers.reproduce import reproduce as run
-
-    with _progress() as tell:
-        made = run(paper, out or Path(f"reproduction-{paper}"), on_progress=tell)
-    console = _console()
-    for line in made.lines:
-        _say(console, line)
-    _say(console, f"Page: {made.page}")
-
-
-@app.command()
-def rank(
-    pairs: Annotated[
-        int, typer.Option(metavar="N", min=1, help="Pairs of a drawn person and a robot, for each joint.")
-    ] = 2,
-    seed: Annotated[int, typer.Option(metavar="N", min=1, help="Seed of people, robots and noise.")] = 1,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the page.")] = Path("ranking"),
-) -> None:
-    """Rank every controller, elbow and knee, on one page."""
-    from .procedures.print_result import fitting_tables
-    from .ranking.rank import rank as run
-    from .ranking.strategies import strategies_of_task
-
-    with _progress() as tell:
-        made = run(out, pairs=pairs, seed=seed, on_progress=tell)
-    console = _console()
-    for task in made.tasks:
-        low, middle, high = task.spread(task.torque)
-        rows = [
-            [
-                strategies_of_task(task.task)[name].name,
-                f"{task.ranks[i]:.1f}",
-                f"{middle[i]:.3g}",
-                f"{low[i]:.3g} to {high[i]:.3g}",
-            ]
-            for i, name in enumerate(task.controllers)
-        ]
-        _say(console, "")
-        for table in fitting_tables((task.task, "mean rank", "torque (N·m)", "80 % of pairs"), rows, console.width):
-            console.print(table)
-    _say(console, f"Page: {made.page}")
 
 
 @app.command()
@@ -441,9 +323,9 @@ def export(
     from .deployment.subject import describe_muscles
 
     study = _opened(folder, None, allow_outside)
-    with _progress() as tell:
+    with show_progress() as tell:
         tell("building the controller", 0.1)
-        asked = {"participant": participant, "card": card, "slider": slider, "controller": controller}
+        asked: dict[str, Any] = {"participant": participant, "card": card, "slider": slider, "controller": controller}
         made = run(
             study, to, out, **asked, exponents=exponents, period=period, allow_outside=allow_outside,
             accept_stale=accept_stale, overwrite=overwrite,
@@ -453,22 +335,22 @@ def export(
         if not muscles:
             tell("running it on a Cortex-M4F in QEMU", 0.7)
         found = None if absent or muscles else measure(made)
-    console = _console()
+    console = make_console()
     if muscles:
-        _say(console, f"{made}: {describe_muscles(made, to)}")
+        print_line(console, f"{made}: {describe_muscles(made, to)}")
         return
     if found is None:
-        _say(console, f"Not run on a Cortex-M4F: {', '.join(absent)} not installed.")
+        print_line(console, f"Not run on a Cortex-M4F: {', '.join(absent)} not installed.")
     else:
         try:
             save_measured(study, made, found, controller=controller)
         except OSError as error:
-            _say(console, f"Not noted in {study.results_path}: {error.strerror or error}.")
-        _say(console, f"On a Cortex-M4F in QEMU: {found.text}.")
+            print_line(console, f"Not noted in {study.results_path}: {error.strerror or error}.")
+        print_line(console, f"On a Cortex-M4F in QEMU: {found.text}.")
     if not (made / "test" / "vector_outputs.h").is_file():
-        _say(console, f"{made}: read README.md there. Not compiled: that needs make, a C and a C++ compiler.")
+        print_line(console, f"{made}: read README.md there. Not compiled: that needs make, a C and a C++ compiler.")
         return
-    _say(console, f"{made}: read README.md there. Next: make -C {made} check")
+    print_line(console, f"{made}: read README.md there. Next: make -C {made} check")
 
 
 @app.command()
@@ -528,24 +410,27 @@ def protocol(
         return
     realisations = 7 if realisations is None else realisations
     from .protocols.protocol import protocol as run
+    from .protocols.random_phase_multisine import RandomPhaseMultisine
 
     motion, files = run(
         name, folder, rate=rate, low=low, high=high, resolution=resolution, rms=rms, peak=peak, centre=centre,
         lines=lines, realisations=realisations, periods=periods, settle=settle, fall=fall, unit=unit, seed=seed,
         smallest=smallest, largest=largest, around=around or (), frequency=frequency, duration=duration,
     )  # fmt: skip
-    out = _console()
-    if name == "reversals":
-        _say(out, f"{files[0]}: strokes from {smallest:g} to {largest:g} {unit} around {_count(len(around), 'place')}.")
-        _say(out, "Needs an encoder some ten times finer than the way over which friction builds up before it slips.")
+    out = make_console()
+    if not isinstance(motion, RandomPhaseMultisine):
+        places = count_of(len(around or ()), "place")
+        print_line(out, f"{files[0]}: strokes from {smallest:g} to {largest:g} {unit} around {places}.")
+        needed = "an encoder some ten times finer than the way over which friction builds up before it slips"
+        print_line(out, f"Needs {needed}.")
         return
-    _say(
+    print_line(
         out,
-        f"{folder}: {_count(len(files), 'file')} of {settle + periods} periods of {motion.period:g} s; "
+        f"{folder}: {count_of(len(files), 'file')} of {settle + periods} periods of {motion.period:g} s; "
         f"{len(motion.lines)} lines from {motion.frequency[0]:g} to {motion.frequency[-1]:g} Hz, "
         f"{len(motion.left_out)} left out; peak {motion.peak:.3g} {unit}.",
     )
-    _say(
+    print_line(
         out,
         f'In study.toml: protocol = "{name}" on each recording, and period = "{motion.period:g} s" in '
         "[transfer_function].",
@@ -558,24 +443,24 @@ def _tree_protocol(name: str, study: Path | None, folder: Path, **asked: Any) ->
 
     if study is None:
         raise PellucidError(f"{name}: found no --study, expected one with [tree] and limits of each joint")
-    with _progress() as tell:
+    with show_progress() as tell:
         made = tree_protocol(name, _opened(study, None, False), folder, on_progress=tell, **asked)
-    out = _console()
+    out = make_console()
     limits = made.limits
     held = ["position", "velocity", "acceleration"]
     held += ["effort"] if limits.effort_of is not None else []
     held += [f"{1e3 * limits.clearance:.0f} mm between links"] if limits.distance is not None else []
-    files, joints = _count(len(made.files), "file"), len(limits.names)
-    _say(out, f"{folder}: {files} of {made.duration:.0f} s, {joints} joints, within limits of {', '.join(held)}.")
+    files, joints = count_of(len(made.files), "file"), len(limits.names)
+    print_line(out, f"{folder}: {files} of {made.duration:.0f} s, {joints} joints, within limits of {', '.join(held)}.")
     if made.gain is not None:
-        _say(
+        print_line(
             out,
             f"Intervals of its {made.parameters} parameters are to be {made.gain:.1f} times smaller than those of a "
             "random motion of that length.",
         )
     for said in getattr(made.made, "left_out", ()):
-        _say(out, f"Left out: {said}.")
-    _say(out, f'In study.toml: protocol = "{name}" on each recording.')
+        print_line(out, f"Left out: {said}.")
+    print_line(out, f'In study.toml: protocol = "{name}" on each recording.')
 
 
 @app.command()
@@ -601,7 +486,7 @@ def datasets_list() -> None:
         except PellucidError:
             here = "no"
         table.add_row(name, found.title, found.licence, here)
-    _console().print(table)
+    make_console().print(table)
 
 
 @datasets_app.command("fetch")
@@ -620,6 +505,10 @@ def datasets_path(name: Annotated[str, typer.Argument(metavar="NAME")]) -> None:
     typer.echo(str(datasets.path(name)))
 
 
+for _plugin in load_plugins("pellucid.commands"):
+    _plugin.value(app)
+
+
 def main() -> None:
     """Run the command line.
 
@@ -629,7 +518,7 @@ def main() -> None:
     # The matrices are small, so that threads would only wait for each other. NumPy reads the variable when it is
     # loaded.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    _replace_unprintable_characters()
+    replace_unprintable_characters()
     try:
         app()
     except UnfitRecordingError as error:
@@ -641,12 +530,12 @@ def main() -> None:
     except MemoryError as error:
         _exit_with_message(f"not enough memory{f': {error}' if str(error) else ''}")
     except Exception as error:
+        import traceback
+
         if os.environ.get("PELLUCID_TRACEBACK"):
             raise
-        place = error.__traceback__
-        while place.tb_next is not None:
-            place = place.tb_next
-        where = f"{Path(place.tb_frame.f_code.co_filename).name}:{place.tb_lineno}"
+        frame = traceback.extract_tb(error.__traceback__)[-1]
+        where = f"{Path(frame.filename).name}:{frame.lineno}"
         _exit_with_message(
             f"a fault of Pellucid's own, at {where}: {error!r}; PELLUCID_TRACEBACK=1 shows where from", 70
         )
@@ -660,89 +549,6 @@ def _exit_with_message(text: str, status: int = 2) -> None:
     raise SystemExit(status)
 
 
-def _replace_unprintable_characters() -> None:
-    """Print a similar text, or a question mark, for a character that the terminal does not have."""
-    import codecs
-
-    def instead(error: UnicodeError) -> tuple[str, int]:
-        if not isinstance(error, UnicodeEncodeError):
-            raise error
-        return "".join(CHARACTER_REPLACEMENTS.get(c, "?") for c in error.object[error.start : error.end]), error.end
-
-    codecs.register_error("pellucid", instead)
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="pellucid")
-
-
-# --- printing -------------------------------------------------------------------------------------------------------
-
-
-def _console() -> Console:
-    from rich.console import Console
-
-    return Console(highlight=False)
-
-
-def _say(out: Console, text: str) -> None:
-    """Print a line unchanged: paths are neither wrapped nor read as markup."""
-    out.print(text, markup=False, soft_wrap=True)
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[str, float], None]]:
-    """Show a progress bar on standard error; without a terminal, print a line after two seconds and at intervals."""
-    if not sys.stderr.isatty():
-        with _first_line() as tell:
-            yield tell
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(24), TaskProgressColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("", total=1.0)
-        yield lambda text, share: progress.update(task, description=text, completed=share)
-
-
-@contextmanager
-def _first_line(seconds: float = 2.0) -> Iterator[Callable[[str, float], None]]:
-    """Print the progress after `seconds`, even if no step has ended by then, and later at intervals."""
-    from threading import Timer
-
-    later, last = _lines_at_intervals(), []
-
-    def tell(text: str, share: float) -> None:
-        last[:] = text, share
-        later(text, share)
-
-    first = Timer(seconds, lambda: last and _print_progress(*last))
-    first.daemon = True
-    first.start()
-    try:
-        yield tell
-    finally:
-        first.cancel()
-
-
-def _print_progress(text: str, share: float) -> None:
-    typer.echo(f"pellucid: {100.0 * share:.0f} % {text}", err=True)
-
-
-def _lines_at_intervals(seconds: float = 5.0) -> Callable[[str, float], None]:
-    """Return a function that prints the progress if nothing was printed for `seconds`."""
-    from time import monotonic
-
-    last = [monotonic()]
-
-    def tell(text: str, share: float) -> None:
-        if monotonic() - last[0] >= seconds and share < 1.0:
-            last[0] = monotonic()
-            _print_progress(text, share)
-
-    return tell
-
-
 def _opened(folder: Path, out: Path | None, allow_outside: bool, accept_stale: bool = False) -> Study:
     from .procedures.registry import open_study
 
@@ -754,20 +560,20 @@ def _run_and_save(study: Study, command: str, json: bool, run: Callable[[Study, 
     from .procedures.print_result import print_result
     from .procedures.registry import asked
 
-    with _progress() as tell:
+    with show_progress() as tell:
         result = run(study, tell)
     try:
         study, elsewhere = result.save_somewhere(study)
     except OSError as error:
         # The result of minutes of work is printed if it cannot be written.
-        _print_json(result)
+        print_json(result)
         _exit_with_message(f"nothing could be written: {error.strerror or error}; what was found is printed above")
     if json:
-        _print_json(result)
+        print_json(result)
     else:
-        out = _console()
+        out = make_console()
         print_result(out, result)
-        _say(out, f"{result.written(study)}, every figure in {study.results_path}.")
+        print_line(out, f"{result.written(study)}, every figure in {study.results_path}.")
     if elsewhere:
         # A next command after && would use the study's own cards, which are older, so it must not run.
         _exit_with_message(elsewhere, 1)
@@ -775,25 +581,7 @@ def _run_and_save(study: Study, command: str, json: bool, run: Callable[[Study, 
         return
     later = [p.command for p in asked(study)]
     following = [c for c in later[later.index(command) + 1 :] if c != command]
-    _say(out, f"Next: pellucid {following[0] if following else 'report'} {study.folder}")
-
-
-def _print_json(result: Result) -> None:
-    from json import dumps
-
-    from .studies.results import finite_row, row_table
-
-    typer.echo(dumps({"figures": [row_table(finite_row(row)) for row in result.rows]}, indent=1, ensure_ascii=False))
-
-
-def _list(out: Console, items: Sequence[tuple[str, str]]) -> None:
-    from .procedures.print_result import print_sentences
-
-    print_sentences(out, items)
-
-
-def _count(n: int, what: str) -> str:
-    return f"{n} {what}" + ("" if n == 1 else "s")
+    print_line(out, f"Next: pellucid {following[0] if following else 'report'} {study.folder}")
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 import ast
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -10,16 +11,19 @@ import pellucid
 
 ROOT = Path(pellucid.__file__).parent
 
-BASE = {"_atomic", "_errors", "_given", "_processes", "_tabular", "units"}
+BASE = {"_atomic", "_errors", "_given", "_plugins", "_processes", "_tabular", "units"}
 PHYSICS = BASE | {"models", "_core"}
 UP_TO_SIGNALS = BASE | {"recordings", "signals", "protocols", "studies"}
 JUDGING = {"fit", "control", "estimators", "assessment", "pages", "procedures"}
-EVERYTHING = UP_TO_SIGNALS | PHYSICS - {"_core"} | JUDGING | {"drawing", "lab", "datasets"}
+LIBRARY_AND_STUDIES = UP_TO_SIGNALS | PHYSICS - {"_core"} | JUDGING | {"drawing", "datasets"}
+EVERYTHING = LIBRARY_AND_STUDIES | {"lab"}
+LAB_DISTRIBUTION = {"lab", "papers", "demonstration", "ranking", "lab_cli"}
 # The order of the flow; a layer may import what its entry names, and itself.
 ALLOWED = {
     "_atomic": set(),
     "_errors": set(),
     "_given": {"_errors"},
+    "_plugins": {"_errors"},
     "_processes": set(),
     "_tabular": {"_errors"},
     "units": {"_errors"},
@@ -41,7 +45,10 @@ ALLOWED = {
     "papers": EVERYTHING,
     "demonstration": EVERYTHING | {"deployment"},
     "ranking": EVERYTHING | {"papers"},
-    "cli": EVERYTHING | {"deployment", "papers", "demonstration", "ranking"},
+    "start_study": BASE | {"datasets", "procedures", "recordings", "studies"},  # rigs come as plug-ins
+    "terminal": BASE | {"procedures", "studies"},  # printing and progress
+    "cli": LIBRARY_AND_STUDIES | {"deployment", "start_study", "terminal"},
+    "lab_cli": EVERYTHING | {"deployment", "papers", "demonstration", "ranking", "terminal"},
 }  # fmt: skip
 PLOTTING = {"drawing", "pages"}
 CORE_USERS = {"models", "signals", "fit", "estimators", "procedures", "control", "lab", "deployment"}
@@ -100,6 +107,23 @@ def violations(root: Path = ROOT):
 def test_imports_follow_the_flow():
     found = list(violations())
     assert not found, "\n".join(found)
+
+
+def test_the_base_distribution_does_not_know_the_lab():
+    """What `pellucid-lab` brings is found by entry points; the base must work without it."""
+    base = {layer: allowed for layer, allowed in ALLOWED.items() if layer not in LAB_DISTRIBUTION}
+    assert {layer for layer, allowed in base.items() if allowed & LAB_DISTRIBUTION} == set()
+    excluded = {
+        pattern.split("/")[1].removesuffix(".py")
+        for pattern in tomllib.loads((ROOT.parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["tool"][
+            "scikit-build"
+        ]["wheel"]["exclude"]
+    }
+    brought = tomllib.loads((ROOT.parents[1] / "lab" / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["hatch"]
+    for target in ("wheel", "sdist"):
+        paths = brought["build"]["targets"][target]["only-include"]
+        assert {Path(path).stem for path in paths} == LAB_DISTRIBUTION
+    assert excluded == LAB_DISTRIBUTION
 
 
 def test_only_the_layers_that_compute_reach_into_the_core():

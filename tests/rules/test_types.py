@@ -11,7 +11,6 @@ import pytest
 ROOT = Path(__file__).parents[2]
 
 ALLOWED: dict[str, int] = {
-    "cli": 17,
     "control": 9,
     "datasets": 14,
     "demonstration": 10,

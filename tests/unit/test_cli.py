@@ -10,7 +10,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 import pellucid
-from pellucid import cli
+from pellucid import cli, terminal
 from pellucid._errors import DatasetError
 from pellucid.fit.parameter import Verdict
 from pellucid.procedures.joint.joint_result import complete_result
@@ -293,7 +293,7 @@ def test_progress_is_silent_where_nobody_watches(bench, monkeypatch, capsys):
 def test_progress_is_shown_on_a_terminal(monkeypatch, capsys):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     monkeypatch.setenv("TERM", "xterm")
-    with cli._progress() as tell:
+    with terminal.show_progress() as tell:
         tell("fitting symmetric", 0.4)
     out, err = capsys.readouterr()
     assert out == ""

@@ -8,7 +8,7 @@ import pytest
 
 from pellucid import _core
 from pellucid._errors import StudyError
-from pellucid.lab.init import init_rig
+from pellucid.lab.init import start_study
 from pellucid.lab.knee.drawn import STRAPS, drawn_rig, drawn_strap
 from pellucid.lab.knee.instruments import draw_mounting, rotation, take_imu
 from pellucid.lab.knee.protocol import (
@@ -435,7 +435,7 @@ def test_the_protocol_is_that_of_the_five_experiments():
 def test_init_and_simulate(tmp_path, monkeypatch):
     """The whole path on a short protocol."""
     monkeypatch.setattr(KneeRig, "trials", lambda rig, seed: small(rig))
-    init_rig(tmp_path / "knee", "knee-orthosis")
+    start_study(tmp_path / "knee", "knee-orthosis")
     done = simulate(tmp_path / "knee", seed=2)
     assert done.recordings == 3
     assert done.study.name == "knee"

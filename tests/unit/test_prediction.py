@@ -12,13 +12,13 @@ from pellucid._errors import PellucidError, StudyError
 from pellucid.cli import app
 from pellucid.lab import predict as prediction_of_folder
 from pellucid.lab.elbow.rig import able_elbow
-from pellucid.lab.init import init
 from pellucid.lab.pointing import prediction, sensitivity
 from pellucid.lab.pointing.conditions import identified_cards
 from pellucid.lab.pointing.prediction import INDICES, Prediction, Worn, drawn_robots, lifts_of, predict_effects
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.lab.pointing.sensitivity import CHANCE, factors_of, screen
 from pellucid.lab.predict import PREDICTION_FILE, predict
+from pellucid.start_study import init
 from pellucid.studies.results import read_rows
 
 K = (-1.0, -1.9)

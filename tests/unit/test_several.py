@@ -6,11 +6,12 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from typer.testing import CliRunner
 
-from pellucid.cli import _first_line, _lines_at_intervals, app
+from pellucid.cli import app
 from pellucid.lab.bench.rig import bench_joint
 from pellucid.lab.study import write_study
 from pellucid.procedures.several import Outcome, identify_several, table_of
 from pellucid.studies.results import read_rows
+from pellucid.terminal import _lines_at_intervals, _print_first_line
 
 
 @pytest.fixture(scope="module")
@@ -66,9 +67,9 @@ def test_progress_where_there_is_no_terminal_is_a_line_now_and_then(capsys, monk
 
 
 def test_what_takes_long_is_told_before_anything_is_done(capsys):
-    with _first_line(0.02) as tell:
+    with _print_first_line(0.02) as tell:
         tell("fitting", 0.0)
         time.sleep(0.2)
-    with _first_line(60.0) as tell:
+    with _print_first_line(60.0) as tell:
         tell("reading", 0.0)
     assert capsys.readouterr().err == "pellucid: 0 % fitting\n"

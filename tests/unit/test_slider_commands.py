@@ -15,7 +15,7 @@ from pellucid._errors import PellucidError, StudyError
 from pellucid.lab.elbow import protocol as elbow_protocol
 from pellucid.lab.elbow.protocol import trials
 from pellucid.lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
-from pellucid.lab.init import init_rig
+from pellucid.lab.init import start_study
 from pellucid.lab.known_rigs import rig_names, rig_text
 from pellucid.lab.simulate import study_name
 from pellucid.lab.study import write_study
@@ -39,7 +39,7 @@ def few():
 @pytest.fixture(scope="session")
 def small(tmp_path_factory):
     folder = tmp_path_factory.mktemp("small") / "elbow"
-    init_rig(folder, "able-elbow")
+    start_study(folder, "able-elbow")
     write_study(folder, able_elbow(), name="elbow", seed=1, trials=few())
     return folder
 

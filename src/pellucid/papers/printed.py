@@ -11,9 +11,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from decimal import Decimal
 from pathlib import Path
+from types import ModuleType
 
-from .. import papers as _package
 from .._errors import PellucidError
+from .._plugins import load_plugins, require_attributes
 
 
 @dataclass(frozen=True)
@@ -71,12 +72,26 @@ class PrintedPaper:
         return found.value
 
 
-def papers() -> dict[str, Path]:
-    """The folder of every paper, by name: those that have a ``printed.toml``."""
-    found = {
-        toml.parent.name: toml.parent for place in _package.__path__ for toml in Path(place).glob("*/printed.toml")
-    }
+def paper_packages() -> dict[str, ModuleType]:
+    """Return the package that holds the folder of each paper, by the paper's name.
+
+    Packages are entry points of ``pellucid.papers``; a folder is a paper's if it has a ``printed.toml``.
+    """
+    found: dict[str, ModuleType] = {}
+    for plugin in load_plugins("pellucid.papers"):
+        require_attributes(plugin, "pellucid.papers", "__path__")
+        for place in plugin.value.__path__:
+            for toml in Path(place).glob("*/printed.toml"):
+                found.setdefault(toml.parent.name, plugin.value)
     return dict(sorted(found.items()))
+
+
+def papers() -> dict[str, Path]:
+    """Return the folder of every paper, by name."""
+    return {
+        name: next(Path(place, name) for place in package.__path__ if Path(place, name, "printed.toml").is_file())
+        for name, package in paper_packages().items()
+    }
 
 
 def printed(paper: str) -> PrintedPaper:

@@ -10,6 +10,8 @@ from importlib import import_module
 from pkgutil import iter_modules
 from types import ModuleType
 
+from .._plugins import load_plugins, require_attributes
+
 
 @dataclass(frozen=True)
 class Command:
@@ -27,13 +29,15 @@ class Command:
 def procedure_folders() -> tuple[ModuleType, ...]:
     """Return the package of every procedure's folder, in the order of their ``PROCEDURE_ORDER``.
 
-    A study is checked, and its report drawn, in this order.
+    A study is checked, and its report drawn, in this order. Another package brings such a folder as an entry point of
+    ``pellucid.procedures``.
     """
     here = import_module(__package__)
-    names = [each.name for each in iter_modules(here.__path__) if each.ispkg]
-    return tuple(
-        sorted((import_module(f"{__package__}.{name}") for name in names), key=lambda folder: folder.PROCEDURE_ORDER)
-    )
+    folders = [import_module(f"{__package__}.{each.name}") for each in iter_modules(here.__path__) if each.ispkg]
+    for plugin in load_plugins("pellucid.procedures"):
+        require_attributes(plugin, "pellucid.procedures", "PROCEDURE_ORDER", "__path__")
+        folders.append(plugin.value)
+    return tuple(sorted(folders, key=lambda folder: folder.PROCEDURE_ORDER))
 
 
 def procedure_commands() -> tuple[Command, ...]:

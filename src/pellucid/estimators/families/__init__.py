@@ -1,4 +1,7 @@
-"""Registry of all estimators by name. A module of this package adds its own in a mapping ``FAMILIES``."""
+"""Registry of all estimators by name. A module of this package adds its own in a mapping ``FAMILIES``.
+
+Another package brings such a module as an entry point of ``pellucid.estimators``.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +9,26 @@ from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 
-from ..._errors import IdentificationError
+from ..._errors import IdentificationError, PluginError
+from ..._plugins import load_plugins, require_attributes
 from .family import Family
 
 
 def _discover_families() -> dict[str, Family]:
-    """Import every module of this package and collect its families, the lowest rank first."""
+    """Import every module of this package, and those of plug-ins; collect their families, the lowest rank first."""
     found: dict[str, Family] = {}
     for info in iter_modules([str(Path(__file__).parent)]):
         found |= getattr(import_module(f".{info.name}", __name__), "FAMILIES", {})
+    for plugin in load_plugins("pellucid.estimators"):
+        require_attributes(plugin, "pellucid.estimators", "FAMILIES")
+        taken = {*found, *(alias for family in found.values() for alias in family.aliases)}
+        for name, family in plugin.value.FAMILIES.items():
+            if {name, *family.aliases} & taken:
+                raise PluginError(
+                    f"plug-in {plugin.name} of {plugin.distribution}: found an estimator {name!r}, expected a name "
+                    "that no other estimator has"
+                )
+        found |= plugin.value.FAMILIES
     return dict(sorted(found.items(), key=lambda each: (each[1].rank, each[0])))
 
 

@@ -36,7 +36,7 @@ _running: dict[int, subprocess.Popen] = {}
 
 
 def read_apart(reader: str, path: Path) -> Columns:
-    """Return the columns that the module `reader` of this package reads from a file, in a separate process."""
+    """Return the columns that the module `reader`, by its full name, reads from a file, in a separate process."""
     seconds = max_reading_time(path)
     request = {
         "reader": reader,
@@ -137,7 +137,7 @@ def serve() -> None:
     _send(out, "ready")
     for line in sys.stdin.buffer:
         request = json.loads(line)
-        module = import_module(f".{request['reader']}", __package__)
+        module = import_module(request["reader"])
         _import_libraries(module.APART)
         _send(out, "begun")
         answer, arrays = _answer_request(module, request)

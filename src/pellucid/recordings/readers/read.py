@@ -3,19 +3,21 @@
 Such a module has ``ENDINGS``, a tuple of file endings with their dot, and ``read(path)``, which returns `Columns`.
 If several modules read one ending, those with ``recognises(path)`` are asked first; they look at the file's content.
 A module may use a library that a damaged file can crash, or that unpacks data. It names such libraries in ``APART``,
-and then runs in a process of its own.
+and then runs in a process of its own. Another package brings such a module as an entry point of ``pellucid.readers``.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from functools import cache
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 from types import ModuleType
 
-from ..._errors import PellucidError, RecordingError
+from ..._errors import PellucidError, PluginError, RecordingError
+from ..._plugins import load_plugins, require_attributes
 from ._caps import require_few_columns, require_file_size
 from ._columns import Columns
 
@@ -24,13 +26,32 @@ from ._columns import Columns
 def readers_by_ending() -> dict[str, tuple[ModuleType, ...]]:
     """Return the readers for each file ending; those that look at the content come first."""
     found: dict[str, list[ModuleType]] = {}
-    for info in iter_modules([str(Path(__file__).parent)]):
-        if info.name.startswith("_") or info.name == Path(__file__).stem:
-            continue
-        module = import_module(f".{info.name}", __package__)
+    own = [
+        import_module(f".{info.name}", __package__)
+        for info in iter_modules([str(Path(__file__).parent)])
+        if not info.name.startswith("_") and info.name != Path(__file__).stem
+    ]
+    plugins = load_plugins("pellucid.readers")
+    for plugin in plugins:
+        require_attributes(plugin, "pellucid.readers", "ENDINGS", "read")
+    # A module of this package without ENDINGS reads files of models, not recordings.
+    for module in (*own, *(plugin.value for plugin in plugins)):
         for ending in getattr(module, "ENDINGS", ()):
+            _require_choice(ending, module, found.get(ending, []))
             found.setdefault(ending, []).append(module)
-    return {ending: tuple(sorted(own, key=lambda m: not hasattr(m, "recognises"))) for ending, own in found.items()}
+    return {
+        ending: tuple(sorted(modules, key=lambda m: not hasattr(m, "recognises"))) for ending, modules in found.items()
+    }
+
+
+def _require_choice(ending: str, module: ModuleType, others: Sequence[ModuleType]) -> None:
+    """PluginError if neither a reader nor another one of the same ending looks at the content of a file."""
+    undecided = [other for other in others if not hasattr(other, "recognises")]
+    if undecided and not hasattr(module, "recognises"):
+        raise PluginError(
+            f'{module.__name__}: found the ending "{ending}", which {undecided[0].__name__} reads too; expected a '
+            "function recognises(path) that looks at the content"
+        )
 
 
 def read_columns(path: str | os.PathLike) -> Columns:
@@ -82,7 +103,7 @@ def read_columns(path: str | os.PathLike) -> Columns:
         if hasattr(reader, "APART"):
             from ._apart import read_apart
 
-            columns = read_apart(reader.__name__.rpartition(".")[2], path)
+            columns = read_apart(reader.__name__, path)
         else:
             columns = reader.read(path)
     except PellucidError:

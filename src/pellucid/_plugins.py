@@ -1,0 +1,74 @@
+"""Find what other installed packages add to Pellucid: entry points, loaded when they are first needed.
+
+A package names its additions in its own pyproject.toml, and nothing in Pellucid changes::
+
+    [project.entry-points."pellucid.readers"]
+    acme = "acme_pellucid.acme_log"
+
+`PLUGIN_GROUPS` says what an entry of each group must be. The distribution `pellucid-lab` brings its rigs, papers and
+commands in this way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import entry_points
+from typing import Any
+
+from ._errors import PluginError
+
+PLUGIN_GROUPS = {
+    "pellucid.readers": "a module with ENDINGS and read(path), as those in pellucid/recordings/readers",
+    "pellucid.estimators": "a module with FAMILIES, as those in pellucid/estimators/families",
+    "pellucid.procedures": "a package with PROCEDURE_ORDER and procedure.py, as the folders in pellucid/procedures",
+    "pellucid.rigs": "a package whose folders have a rig.py each, with the rigs' files in its folder rigs",
+    "pellucid.papers": "a package whose folders have printed.toml and paper.py each",
+    "pellucid.study_sources": "a function (folder, name) that starts a study; its entry's name is its option of init",
+    "pellucid.commands": "a function that adds its commands to the Typer application it is given",
+}
+"""What an entry point of each group must load."""
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """One entry point of an installed package, with the object that it names."""
+
+    name: str  # name of the entry point
+    distribution: str  # name of the distribution that brings it, "" if it is not known
+    value: Any  # module, package or function, as `PLUGIN_GROUPS` says
+
+
+@cache
+def load_plugins(group: str) -> tuple[Plugin, ...]:
+    """Return what installed packages add to a group, sorted by distribution and name.
+
+    Raises
+    ------
+    PluginError
+        If an entry point cannot be loaded. The message names its distribution.
+    """
+    expected = PLUGIN_GROUPS[group]
+    found: dict[tuple[str, str], Plugin] = {}
+    for entry in entry_points(group=group):
+        distribution = entry.dist.name if entry.dist is not None else ""
+        try:
+            value = entry.load()
+        except Exception as error:  # a stranger's module may raise anything when it is imported
+            raise PluginError(
+                f"plug-in {entry.name} of {distribution or 'an unknown distribution'} ({group}): found {error!r} on "
+                f"loading {entry.value}, expected {expected}; to go on without it: pip uninstall {distribution}"
+            ) from error
+        # An editable installation beside an installed one shows the same entry twice.
+        found[distribution, entry.name] = Plugin(entry.name, distribution, value)
+    return tuple(found[key] for key in sorted(found))
+
+
+def require_attributes(plugin: Plugin, group: str, *names: str) -> None:
+    """PluginError if what a plug-in loads lacks one of the attributes that its group asks for."""
+    missing = [name for name in names if not hasattr(plugin.value, name)]
+    if missing:
+        raise PluginError(
+            f"plug-in {plugin.name} of {plugin.distribution} ({group}): found no {', '.join(missing)}, expected "
+            f"{PLUGIN_GROUPS[group]}"
+        )

@@ -1,0 +1,155 @@
+"""Commands of the distribution `pellucid-lab`: virtual rigs and people, the demo, papers, and the ranking.
+
+`pellucid.cli` finds `add_commands` as an entry point of ``pellucid.commands``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .terminal import count_of, make_console, print_items, print_json, print_line, show_progress
+
+Json = Annotated[bool, typer.Option("--json", help="Print the figures as JSON instead of tables.")]
+
+
+def simulate(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with lab/rig.toml.")],
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of every random draw.")] = 1,
+    controller: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Controller that virtual people wear, as export names it; repeatable."),
+    ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace a study.toml that was changed by hand.")
+    ] = False,
+) -> None:
+    """Simulate the recordings of a virtual rig."""
+    from .lab.simulate import simulate as run
+
+    with show_progress() as tell:
+        made = run(folder, seed, controllers=controller, overwrite=overwrite, on_progress=tell)
+    out = make_console()
+    times = made.joint_time / made.wall_time
+    print_line(
+        out,
+        f"{folder}: study {made.study.name!r}, {count_of(made.recordings, 'recording')}, {made.joint_time:.0f} s of "
+        f"motion in {made.wall_time:.1f} s ({times:.0f} times real time).",
+    )
+    print_line(out, f"Next: pellucid check {folder}")
+
+
+def predict(
+    folders: Annotated[
+        list[Path],
+        typer.Argument(metavar="DIR...", help="Folders with lab/rig.toml; several models share the robots."),
+    ],
+    people: Annotated[int, typer.Option(metavar="N", min=1, help="People to draw for each folder.")] = 12,
+    robots: Annotated[int, typer.Option(metavar="N", min=1, help="Robots to draw.")] = 12,
+    movements: Annotated[
+        int, typer.Option(metavar="N", min=2, help="Movements of a person with each controller.")
+    ] = 20,
+    participants: Annotated[int, typer.Option(metavar="N", min=1, help="Participants in a study.")] = 6,
+    controller: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Controller as export names it; repeatable.")
+    ] = None,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of every random draw.")] = 1,
+    scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to simulate on.")] = None,
+    json: Json = False,
+) -> None:
+    """Predict an experiment with drawn people and robots."""
+    from .assessment.cluster import cluster
+    from .lab.predict import PREDICTION_FILE
+    from .lab.predict import predict as run
+    from .procedures.print_result import print_result
+
+    with cluster(scheduler) as executor, show_progress() as tell:
+        found = run(
+            *folders, people=people, robots=robots, movements=movements, participants=participants,
+            controllers=controller, seed=seed, executor=executor, on_progress=tell,
+        )  # fmt: skip
+    if json:
+        print_json(found)
+        return
+    out = make_console()
+    print_result(out, found)
+    print_line(out, f"Every figure in {folders[0] / PREDICTION_FILE}.")
+
+
+def demo(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the demo's studies.")] = Path("demo"),
+) -> None:
+    """Run the whole workflow on examples, in about a minute."""
+    from .demonstration.demo import demo as run
+    from .demonstration.story import chapter_sentences
+
+    with show_progress() as tell:
+        made = run(out, on_progress=tell)
+    console = make_console()
+    for chapter, said in chapter_sentences(made):
+        console.print(f"\n{chapter}")
+        print_items(console, [("good", said)])
+    from .procedures.print_result import plain_table
+
+    table = plain_table("residuals", ">repetitions", ">lowest coverage %", ">textbook intervals %")
+    for c in made.coverages:
+        table.add_row(c.colour, str(c.repetitions), f"{c.lowest:.1f}", f"{c.textbook:.1f}")
+    print_line(console, "\nHow often 95 % intervals hold the truth, known for a virtual joint:")
+    console.print(table)
+    print_items(console, [("note", note) for note in made.notes])
+    print_line(console, f"The story, with pictures and every report: {made.page}")
+
+
+def reproduce(
+    paper: Annotated[str, typer.Argument(metavar="PAPER", help="Published study: able, hill, knee.")],
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the page and its files.")] = None,
+) -> None:
+    """Reproduce a published study, number by number."""
+    from .papers.reproduce import reproduce as run
+
+    with show_progress() as tell:
+        made = run(paper, out or Path(f"reproduction-{paper}"), on_progress=tell)
+    console = make_console()
+    for line in made.lines:
+        print_line(console, line)
+    print_line(console, f"Page: {made.page}")
+
+
+def rank(
+    pairs: Annotated[
+        int, typer.Option(metavar="N", min=1, help="Pairs of a drawn person and a robot, for each joint.")
+    ] = 2,
+    seed: Annotated[int, typer.Option(metavar="N", min=1, help="Seed of people, robots and noise.")] = 1,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the page.")] = Path("ranking"),
+) -> None:
+    """Rank every controller, elbow and knee, on one page."""
+    from .procedures.print_result import fitting_tables
+    from .ranking.rank import rank as run
+    from .ranking.strategies import strategies_of_task
+
+    with show_progress() as tell:
+        made = run(out, pairs=pairs, seed=seed, on_progress=tell)
+    console = make_console()
+    for task in made.tasks:
+        low, middle, high = task.spread(task.torque)
+        rows = [
+            [
+                strategies_of_task(task.task)[name].name,
+                f"{task.ranks[i]:.1f}",
+                f"{middle[i]:.3g}",
+                f"{low[i]:.3g} to {high[i]:.3g}",
+            ]
+            for i, name in enumerate(task.controllers)
+        ]
+        print_line(console, "")
+        for table in fitting_tables((task.task, "mean rank", "torque (N·m)", "80 % of pairs"), rows, console.width):
+            console.print(table)
+    print_line(console, f"Page: {made.page}")
+
+
+def add_commands(app: typer.Typer) -> None:
+    """Add the commands of this distribution to the command line."""
+    for command in (simulate, predict, demo, reproduce, rank):
+        app.command()(command)
