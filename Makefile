@@ -10,7 +10,7 @@ BIN    := $(VENV)/bin
 PYTEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 # Tests whose figures another BLAS kernel rounds otherwise.
 NUMERIC = tests/property tests/real $(shell grep -lE 'pellucid\.(fit|estimators|signals|assessment)' tests/unit/test_*.py)
-CORE   := $(wildcard include/pellucid/*.hpp bindings/*.cpp bindings/*.hpp) CMakeLists.txt pyproject.toml
+CORE   := $(wildcard include/pellucid/*.hpp bindings/*.cpp bindings/*.hpp) CMakeLists.txt pyproject.toml lab/pyproject.toml
 
 .PHONY: demo test nightly core-test numeric-test fuzz bench evidence clean
 
@@ -48,7 +48,7 @@ evidence: $(VENV)/.installed
 
 $(VENV)/.installed: $(CORE)
 	test -x $(BIN)/uv || ($(PYTHON) -m venv $(VENV) && $(BIN)/pip install -q uv)
-	$(BIN)/uv pip install -q --python $(BIN)/python -e '.[test]' --reinstall-package pellucid
+	$(BIN)/uv pip install -q --python $(BIN)/python -e '.[test]' -e ./lab --reinstall-package pellucid
 	touch $@
 
 clean:
