@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING, Any
 from ._errors import missing_package
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas
 
 
-def data_frame(columns: Mapping[str, Sequence[Any]], index: Sequence[Any] | None = None) -> pandas.DataFrame:
+def data_frame(
+    columns: Mapping[str, Sequence[Any] | np.ndarray], index: Sequence[Any] | None = None
+) -> pandas.DataFrame:
     """Return columns of equal length as a data frame; a PellucidError says what to install if pandas is missing."""
     try:
         import pandas

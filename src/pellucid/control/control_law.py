@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -209,7 +210,8 @@ class ControlLaw:
 
 def safety_gate(limits, period: float) -> _core.SafetyGate:
     """Make the gate that every law passes through, by itself and open."""
-    return _core.SafetyGate(**gate_values(limits, period) | {"max_repeats": 2})
+    values: dict[str, Any] = gate_values(limits, period) | {"max_repeats": 2}
+    return _core.SafetyGate(**values)
 
 
 def gate_values(limits, period: float) -> dict[str, float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 from .._errors import PellucidError
 from ..models.card import Card
@@ -31,7 +32,7 @@ def _of_elbow(name: str, found: object, *, slider: float | None = None, **settin
     return ELBOW_CONTROLLERS[name].build(card, place_on_rail(card, slider), **settings)
 
 
-def _compensation(found: object, **settings: object) -> ControlLaw:
+def _compensation(found: object, **settings: Any) -> ControlLaw:
     return compensation(_card(found), **settings)
 
 

@@ -132,7 +132,7 @@ class ResidualDesign:
         rate = rate + step * (limb - orthosis)
         following = np.array([q + step * v, v, mismatch + step * rate, rate, missing, slow, integral])
         used = [True] * 5 + [m.actuator_leak > 0, law.integral != 0]  # what nothing uses would stand on the unit circle
-        states, inputs = np.flatnonzero(used), [7, 8]
+        states, inputs = np.flatnonzero(used), np.array([7, 8])
         return LinearSystem(
             following[np.ix_(states, states)], following[np.ix_(states, inputs)], command[None, states],
             command[None, inputs],
@@ -226,10 +226,10 @@ def first_failing(
     `cases` are plants, speeds [rad/s] and shares of EMG; `gain_db` and `delay` are the margins in dB and s.
     """
     loops: dict[tuple[float, float], LinearSystem] = {}
-    for i, (plant, *at) in enumerate(cases):
-        if tuple(at) not in loops:
-            loops[tuple(at)] = made.linear(*at)
-        if not bears(plant, loops[tuple(at)], made.period, gain_db=gain_db, delay=delay, speed=at[0]):
+    for i, (plant, speed, trust) in enumerate(cases):
+        if (speed, trust) not in loops:
+            loops[speed, trust] = made.linear(speed, trust)
+        if not bears(plant, loops[speed, trust], made.period, gain_db=gain_db, delay=delay, speed=speed):
             return i
     return None
 

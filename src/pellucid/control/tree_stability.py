@@ -176,7 +176,7 @@ def worn_tree(coupling: TreeCoupling, speed: float = 1.0) -> LinearSystem:
     return LinearSystem(a[:kept, :kept], b[:kept], c[:, :kept], np.zeros((4 * m, 2 * m)))
 
 
-def sampled_each(system: LinearSystem, period: float, delays: Sequence[float]) -> LinearSystem:
+def sampled_each(system: LinearSystem, period: float, delays: Sequence[float] | np.ndarray) -> LinearSystem:
     """A continuous system behind zero-order holds, each input with a dead time of its own, sampled exactly. `period`,
     `delays` (m,) [s]."""
     from scipy.linalg import expm

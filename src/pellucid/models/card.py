@@ -65,12 +65,16 @@ class Card:
     # Checksums of what it was made from, by name; empty of old cards, and of those of no study
     made_from: Mapping[str, str] = field(default_factory=dict, kw_only=True)
 
+    def stated_numbers(self) -> dict[str, float]:
+        """Return the numbers that the card states besides its parameters, by name."""
+        return dict(self.known)
+
     @classmethod
     def from_table(cls, table: Mapping, path: Path) -> Self:
         """The card that a file's table holds."""
         try:
             card = cls(**fields_of(cls, table))
-            for name, x in (*card.known.items(), *card.drive.items()):
+            for name, x in card.stated_numbers().items():
                 require_between(name, x, -MAX_CARD_NUMBER, MAX_CARD_NUMBER)
         except ValueError as error:
             raise PellucidError(f"{path}: not a model card of format {CARD_FORMAT}: {error}") from None
@@ -132,6 +136,10 @@ class ModelCard(Card):
     purpose: str = ""
     format: int = field(default=CARD_FORMAT)
     presliding_travel: CardParameter | None = None
+
+    def stated_numbers(self) -> dict[str, float]:
+        """See `Card.stated_numbers`."""
+        return {**self.known, **self.drive}
 
     def model(self) -> JointModel:
         """The joint model whose free symbols the card's parameters are."""

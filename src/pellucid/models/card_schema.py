@@ -52,7 +52,7 @@ def _typed(hint: Any, x: Any, where: str, missing: bool) -> Any:
         # The value's own type is chosen among several; an integer may stand for a float.
         chosen = next((k for k in kinds if type(x) is k), float if type(x) is int and float in kinds else kinds[0])
         return _typed(chosen, x, where, missing)
-    if is_dataclass(hint):
+    if isinstance(hint, type) and is_dataclass(hint):
         try:
             return hint(**fields_of(hint, x, missing=missing))
         except ValueError as error:

@@ -57,10 +57,10 @@ class SteadyStates:
         """Over the speeds and loads of a recording, each (m,) [rad/s or m/s], [effort]."""
         speeds, loads = (np.quantile(np.abs(x), RECORDED_QUANTILES) for x in (velocity, load))
         v, y, direction, side = np.meshgrid(
-            np.linspace(*speeds, SPEED_GRID_COUNT),
-            np.linspace(*loads, LOAD_GRID_COUNT),
-            (1.0, -1.0),
-            (1.0, -1.0),
+            np.linspace(speeds[0], speeds[1], SPEED_GRID_COUNT),
+            np.linspace(loads[0], loads[1], LOAD_GRID_COUNT),
+            np.array((1.0, -1.0)),
+            np.array((1.0, -1.0)),
             indexing="ij",
         )
         return cls((v * direction).ravel(), (y * side).ravel())

@@ -67,7 +67,7 @@ def columns(position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
     """Torque per unit of each parameter, (n, 8), SI, along `position`, `velocity` and `acceleration`, (n,), with the
     carriage at `slider` [m]."""
     chosen = selection(slider)
-    terms = tuple(np.flatnonzero(chosen.any(axis=1)))
+    terms = tuple(np.flatnonzero(chosen.any(axis=1)).tolist())
     return regressor(position, velocity, acceleration, terms, VELOCITY_WIDTH) @ chosen[list(terms)]
 
 

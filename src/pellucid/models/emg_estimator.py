@@ -157,7 +157,9 @@ class EmgEstimatorCard:
             "patience": max(1, self.periods(self.patience, step)),
         }
 
-    def build(self, period: float | None = None, *, single: bool = False) -> _core.EmgEstimator:
+    def build(
+        self, period: float | None = None, *, single: bool = False
+    ) -> _core.EmgEstimator | _core.EmgEstimatorFloat:
         """The core's estimator, at rest; `single` in float, as a microcontroller has it."""
         try:
             return (_core.EmgEstimatorFloat if single else _core.EmgEstimator)(**self.arrays(period))

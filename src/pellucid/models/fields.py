@@ -116,6 +116,6 @@ def largest_friction(
 
 def _friction_roles(fields: Iterable[Field], values: Mapping) -> tuple[np.ndarray, list[str]]:
     """Return the roles, (k, 3), and the names of the coefficients of friction among `values`."""
-    friction = [each for each in fields if each.resists is not None and each.name in values]
-    roles = [(each.resists.speed, each.resists.load, each.resists.one_way) for each in friction]
-    return np.array(roles, float).reshape(-1, 3), [each.name for each in friction]
+    friction = [(each.name, each.resists) for each in fields if each.resists is not None and each.name in values]
+    roles = [(resists.speed, resists.load, resists.one_way) for _, resists in friction]
+    return np.array(roles, float).reshape(-1, 3), [name for name, _ in friction]

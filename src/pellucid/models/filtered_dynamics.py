@@ -38,15 +38,39 @@ BODY_TERMS = SMOOTH_TERMS[:3]
 class FilteredMotion(Protocol):
     """States of a joint, each (n,), SI, through one low-pass; `smooth` is that low-pass, of (n,) or (n, k)."""
 
-    position: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
+    @property
+    def position(self) -> np.ndarray:
+        """Filtered position [rad or m]."""
+
+    @property
+    def velocity(self) -> np.ndarray:
+        """Filtered velocity [rad/s or m/s]."""
+
+    @property
+    def acceleration(self) -> np.ndarray:
+        """Filtered acceleration [rad/s^2 or m/s^2]."""
 
     def smooth(self, samples: np.ndarray) -> np.ndarray:
         """The motion's own low-pass."""
 
     def rows(self, samples: np.ndarray) -> np.ndarray:
         """The samples, (n,) or (n, k), that a regression uses."""
+
+
+class LoadedMotion(FilteredMotion, Protocol):
+    """A filtered motion of a joint that may carry a known payload."""
+
+    @property
+    def payload(self) -> tuple[float, float]:
+        """Added mass [kg] and its distance from the axis [m]."""
+
+
+class SlidingMotion(FilteredMotion, Protocol):
+    """A filtered motion of a joint with a carriage."""
+
+    @property
+    def slider(self) -> float:
+        """Place of the carriage [m]."""
 
 
 def regressor(
@@ -56,14 +80,14 @@ def regressor(
     `acceleration`, (n,); `width` of the smooth sign [velocity]."""
     vector = np.zeros(len(_NAMES))
     vector[_NAMES.index("velocity_width")] = width
-    states = (np.ascontiguousarray(x, float) for x in (position, velocity, acceleration))
-    return _core.inverse_dynamics_jacobian(vector, *states, np.array(terms))[1]
+    q, v, a = (np.ascontiguousarray(x, float) for x in (position, velocity, acceleration))
+    return _core.inverse_dynamics_jacobian(vector, q, v, a, np.array(terms))[1]
 
 
 def filtered_effort(vector: np.ndarray, motion: FilteredMotion, smooth: tuple[int, ...] = SMOOTH_TERMS) -> np.ndarray:
     """Effort, (n,), that a core `vector`, (13,), takes along a `motion`; `smooth` terms are not filtered again."""
     direct = _smooth_regressor(motion)[:, : len(smooth)] @ vector[list(smooth)]
-    if _has_presliding_direction(motion):
+    if _presliding_direction(motion) is not None:
         return filtered_jacobian(vector, np.zeros((len(vector), 0)), motion, smooth)[0]
     whole = _core.inverse_dynamics(vector, motion.position, motion.velocity, motion.acceleration)
     return direct + motion.smooth(whole - direct)
@@ -74,17 +98,17 @@ def filtered_jacobian(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The same with its derivative, (n, p), by p values of which `selection`, (13, p), makes the core's vector."""
     active = np.flatnonzero(selection.any(axis=1))
-    bent, velocity = _has_presliding_direction(motion), motion.velocity
-    if bent:  # as it slips in the direction of s, times |s|
-        velocity = np.copysign(np.maximum(np.abs(velocity), MIN_SLIP_SPEED), motion.direction)
+    direction, velocity = _presliding_direction(motion), motion.velocity
+    if direction is not None:  # as it slips in the direction of s, times |s|
+        velocity = np.copysign(np.maximum(np.abs(velocity), MIN_SLIP_SPEED), direction)
     effort, jacobian = _core.inverse_dynamics_jacobian(vector, motion.position, velocity, motion.acceleration, active)
     whole = np.column_stack([effort, jacobian @ selection[active]])
     terms = list(smooth)
     made = np.column_stack([vector, selection])[terms]
     filtered = _smooth_regressor(motion)[:, : len(terms)] @ made
-    if bent:
+    if direction is not None:
         slipping = whole - regressor(motion.position, velocity, motion.acceleration, smooth) @ made
-        jumps = np.abs(motion.direction)[:, None] * slipping
+        jumps = np.abs(direction)[:, None] * slipping
     else:
         jumps = whole - filtered
     kept = jumps.any(axis=0)
@@ -95,7 +119,7 @@ def filtered_jacobian(
 def filtered_rows(vector: np.ndarray, selection: np.ndarray, motion: FilteredMotion) -> tuple[np.ndarray, np.ndarray]:
     """What `filtered_jacobian` gives, at the rows that a regression uses: effort (m,), derivative (m, p). What is
     linear is filtered once and kept with the motion; only what is not is filtered again."""
-    if _has_presliding_direction(motion):
+    if _presliding_direction(motion) is not None:
         effort, jacobian = filtered_jacobian(vector, selection, motion)
         return motion.rows(effort), motion.rows(jacobian)
     kept = vars(motion)
@@ -110,10 +134,10 @@ def filtered_rows(vector: np.ndarray, selection: np.ndarray, motion: FilteredMot
     if not (vector[curved].any() or selection[curved].any()):
         return effort, rows
     # The body and what bends, without what is linear besides: less the body itself, all of it jumps with the velocity.
-    body = list(BODY_TERMS)
+    body = np.array(BODY_TERMS)
     bent = vector.copy()
     bent[[i for i in terms if i not in body]] = 0.0
-    active = np.array([i for i in body + curved if selection[i].any()], int)
+    active = np.array([i for i in (*BODY_TERMS, *curved) if selection[i].any()], int)
     states = motion.position, motion.velocity, motion.acceleration
     whole, jacobian = _core.inverse_dynamics_jacobian(bent, *states, active)
     chosen = np.flatnonzero(selection[active].any(axis=0))
@@ -130,8 +154,9 @@ def filtered_rows(vector: np.ndarray, selection: np.ndarray, motion: FilteredMot
     return effort + added[:, 0], rows
 
 
-def _has_presliding_direction(motion: FilteredMotion) -> bool:
-    return getattr(motion, "direction", None) is not None
+def _presliding_direction(motion: FilteredMotion) -> np.ndarray | None:
+    """Return what takes the place of the sign of velocity where friction gives before it slips, (n,); else None."""
+    return getattr(motion, "direction", None)
 
 
 def _smooth_regressor(motion: FilteredMotion) -> np.ndarray:

@@ -34,9 +34,8 @@ def hold_joints(robot: Robot, posture: Mapping[str, float]) -> Robot:
         child = places[number[joint.child]]
         turn = parent[:, :3].T @ child[:, :3]
         place = parent[:, :3].T @ (child[:, 3] - parent[:, 3])
-        return replace(
-            joint, kind="fixed", axis=None, place=tuple(map(float, place)), turned=_angles(turn), rotor_inertia=0.0
-        )
+        x, y, z = map(float, place)
+        return replace(joint, kind="fixed", axis=None, place=(x, y, z), turned=_angles(turn), rotor_inertia=0.0)
 
     tree = Tree(tuple(map(welded, robot.tree.joints)), robot.tree.links, robot.tree.gravity, robot.tree.source)
     turns = robot.turns_array[np.ix_(kept, kept)]

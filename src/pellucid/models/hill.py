@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -93,7 +94,7 @@ class HillData:
             object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), float))
 
     @property
-    def arrays(self) -> tuple[np.ndarray, ...]:
+    def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Excitation, length, rate and moment arm, as the core takes them."""
         return self.excitation, self.length, self.rate, self.moment_arm
 
@@ -126,10 +127,10 @@ class HillModel:
                     raise ValueError(f"{parameter.name}: {other} drives {quantity} of {muscle} already")
                 self._column[at] = j
         relative = np.array([p.relative for p in self.free], bool)
-        driven = self._column >= 0
+        has_free = self._column >= 0
         self._gain = np.ones(self._column.shape)
         if relative.any():
-            scaled = driven & relative[np.where(driven, self._column, 0)]
+            scaled = has_free & relative[np.where(has_free, self._column, 0)]
             self._gain[scaled] = self._base[:, : len(FREE_QUANTITIES)][scaled]
 
     @property
@@ -163,10 +164,12 @@ class HillModel:
     def with_values(self, values: np.ndarray) -> tuple[HillMuscle, ...]:
         """The muscles with free `values`, shape (k,), put in."""
         rows = self.parameters(values)
-        return tuple(
-            replace(m, **dict(zip(MUSCLE_QUANTITIES, map(float, row), strict=True)))
-            for m, row in zip(self.muscles, rows, strict=True)
-        )
+
+        def with_row(muscle: HillMuscle, row: np.ndarray) -> HillMuscle:
+            quantities: dict[str, Any] = dict(zip(MUSCLE_QUANTITIES, map(float, row), strict=True))
+            return replace(muscle, **quantities)
+
+        return tuple(with_row(m, row) for m, row in zip(self.muscles, rows, strict=True))
 
     def torque(self, data: HillData, values: np.ndarray | None = None) -> np.ndarray:
         """Return the torque of all muscles, (n,) or (j, n) [N m], for free `values`, (k,)."""

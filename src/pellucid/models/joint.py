@@ -19,7 +19,7 @@ import numpy as np
 
 from .._errors import IdentificationError
 from .fields import COORDINATE_UNITS, Field
-from .filtered_dynamics import FilteredMotion, filtered_effort, filtered_jacobian, filtered_rows
+from .filtered_dynamics import LoadedMotion, filtered_effort, filtered_jacobian, filtered_rows
 from .friction_terms import CORE_FIELDS, DIRECTIONAL_FEATURE, FRICTION_FAMILIES, TERMS, freed_terms, shape_index
 
 PARAMETER_FIELDS: Mapping[str, Field] = CORE_FIELDS
@@ -58,7 +58,7 @@ class Symbol:
 NONLINEAR_PARAMETERS = frozenset({"velocity_width"} | {name for t in TERMS if not t.linear for name in t.targets})
 """Parameters of the core that effort is not proportional to."""
 
-TIED_PARAMETERS: Mapping[str, tuple[str, ...]] = {"gravity": ("gravity_sine",)} | {
+TIED_PARAMETERS: dict[str, tuple[str, ...]] = {"gravity": ("gravity_sine",)} | {
     term.name: term.targets for term in TERMS if term.targets != (term.name,)
 }
 """Parameters that are reported under a name of their own."""
@@ -134,15 +134,15 @@ class JointModel:
         """What messages call it."""
         return f"family '{self.family}'"
 
-    def effort(self, values: np.ndarray, motion: FilteredMotion) -> np.ndarray:
+    def effort(self, values: np.ndarray, motion: LoadedMotion) -> np.ndarray:
         """Effort, (n,), of free `values`, (p,), and the motion's payload, filtered as the `motion`'s own was."""
         return filtered_effort(self.loaded(self.vector(values), *motion.payload), motion)
 
-    def jacobian(self, values: np.ndarray, motion: FilteredMotion) -> tuple[np.ndarray, np.ndarray]:
+    def jacobian(self, values: np.ndarray, motion: LoadedMotion) -> tuple[np.ndarray, np.ndarray]:
         """The same, and its derivative by the free `values`, (n, p)."""
         return filtered_jacobian(self.loaded(self.vector(values), *motion.payload), self.selection(), motion)
 
-    def rows(self, values: np.ndarray, motion: FilteredMotion) -> tuple[np.ndarray, np.ndarray]:
+    def rows(self, values: np.ndarray, motion: LoadedMotion) -> tuple[np.ndarray, np.ndarray]:
         """Effort, (m,), and derivative, (m, p), at the rows that a regression uses, sooner than by `jacobian`."""
         return filtered_rows(self.loaded(self.vector(values), *motion.payload), self.selection(), motion)
 

@@ -193,8 +193,8 @@ def order_outwards(joints: Sequence[TreeJoint], links: Sequence[Link], where: st
     while waiting:
         ready = [joint for joint in waiting if joint.parent in placed]
         if not ready:
-            names = ", ".join(repr(joint.name) for joint in waiting)
-            raise IdentificationError(f"{where}: joints {names} carry one another in a loop, expected a tree")
+            waiting_names = ", ".join(repr(joint.name) for joint in waiting)
+            raise IdentificationError(f"{where}: joints {waiting_names} carry one another in a loop, expected a tree")
         order.append(ready[0])
         placed.add(ready[0].child)
         waiting.remove(ready[0])
@@ -235,7 +235,7 @@ def _check_joint(joint: TreeJoint, where: str) -> None:
         raise IdentificationError(f"{at}: found rotor inertia {joint.rotor_inertia!r}, expected >= 0")
 
 
-def _check_masses(order: list[TreeJoint], links: dict[str, Link], where: str) -> None:
+def _check_masses(order: Sequence[TreeJoint], links: dict[str, Link], where: str) -> None:
     """Every number finite, and every joint that moves has something to move."""
     carried = {joint.child: links[joint.child].mass for joint in order}
     for joint in reversed(order):

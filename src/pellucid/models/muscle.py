@@ -315,6 +315,7 @@ class Muscle:
         return tuple(np.where(missing, np.nan, x[0]) for x in (force, fibre_length))
 
     def _elastic(self, period: float) -> _core.ElasticMuscle:
+        assert self.tendon_strain is not None  # callers treat a rigid tendon before
         return _core.ElasticMuscle(self._vector(), tendon_strain=self.tendon_strain, period=period)
 
     def _curve(self, activation: float, length: ArrayLike, velocity: ArrayLike, **other: float) -> np.ndarray:

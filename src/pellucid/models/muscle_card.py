@@ -63,11 +63,15 @@ def calibrated_muscles(card: ParameterCard) -> CalibratedMuscles:
             raise PellucidError(f"the card {card.name}: found no setting {key}, expected it; calibrate again")
         return card.settings[key]
 
+    def tissue(joint: str) -> tuple[float, float, float]:
+        offset, stiffness, damping = (float(asked(f"tissue.{joint}.{number}")) for number in TISSUE_QUANTITIES)
+        return offset, stiffness, damping
+
     names, joints = _names(asked("muscles")), _names(asked("joints"))
     return CalibratedMuscles(
         tuple(HillMuscle(name, **{q: float(asked(f"muscle.{name}.{q}")) for q in MUSCLE_QUANTITIES}) for name in names),
         {name: _names(asked(f"driven.{name}")) for name in names},
-        {joint: tuple(float(asked(f"tissue.{joint}.{number}")) for number in TISSUE_QUANTITIES) for joint in joints},
+        {joint: tissue(joint) for joint in joints},
         float(asked("effort")),
     )
 

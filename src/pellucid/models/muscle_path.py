@@ -68,7 +68,8 @@ class MusclePath:
         self._require()
         moved = [skeleton.moves(body) for body in self.bodies]
         # What moves all of its bodies together does not move it.
-        names = set.union(*moved) - set.intersection(*(self._carriers(skeleton, body) for body in self.bodies))
+        carriers = [self._carriers(skeleton, body) for body in self.bodies]
+        names = set().union(*moved) - carriers[0].intersection(*carriers[1:])
         for point in self.points:
             names |= {s for _, own in point.moves for c in own for s in skeleton.sources(c)}
         return tuple(name for name in skeleton.coordinates if name in names)
@@ -198,8 +199,8 @@ class _Nodes:
             for to, source in zip(kept, (found.first, found.last, found.length), strict=True):
                 to[chosen] = source[take]
         chosen = np.flatnonzero(best >= 0)
-        slot = best[chosen]
-        low, high = ranks[chosen, slot], ranks[chosen, slot + 1]
+        best_slot = best[chosen]
+        low, high = ranks[chosen, best_slot], ranks[chosen, best_slot + 1]
         poses = rows[chosen]
         self.arc[poses, w] = kept[2][chosen]
         on = PlacedBody(placed.at[poses], placed.along[:, poses])

@@ -100,6 +100,7 @@ def fit_muscle_polynomial(
             best = worst, found
         if worst < 0.5:
             break
+    assert best is not None  # the first polynomial that is tried becomes the best
     return best[1]
 
 

@@ -118,11 +118,12 @@ def fit_muscle_surface(
     own = tuple(arms)
     if not 1 <= len(own) <= 2 or any(name not in angles for name in own):
         raise ValueError(f"found arms about {', '.join(own) or 'no joint'}, expected one or two joints with angles")
-    best = None
+    best: tuple[MuscleSurface, float, float] | None = None
     for others in ((), *((name,) for name in angles if len(own) == 1 and name not in own)):
         found = _fit_surface(length, {n: angles[n] for n in (*own, *others)}, arms)
         if best is None or found[1] + found[2] < 0.8 * (best[1] + best[2]):
             best = found
+    assert best is not None  # the first is without a neighbour, and becomes the best
     return best
 
 
@@ -148,7 +149,7 @@ def _fit_surface(
     for joint, arm in arms.items():
         rows.append(product(names.index(joint)))
         told.append(-arm)
-    smooth = [np.diff(np.eye(a.cells + 3), 3, axis=0) for a in axes]
+    smooth: list[np.ndarray] = [np.diff(np.eye(a.cells + 3), 3, axis=0) for a in axes]
     if len(axes) == 2:
         first, second = (np.eye(a.cells + 3) for a in axes)
         smooth = [np.kron(smooth[0], second), np.kron(first, smooth[1])]
@@ -158,7 +159,8 @@ def _fit_surface(
     coefficients = np.linalg.lstsq(a, b, rcond=None)[0]
     left = [row @ coefficients - x for row, x in zip(rows, told, strict=True)]
     surface = MuscleSurface(tuple(axes), tuple(coefficients.tolist()))
-    return surface, *(float(np.sqrt(np.mean(np.square(e)))) for e in (left[0], left[1:]))
+    of_length, of_arms = (float(np.sqrt(np.mean(np.square(e)))) for e in (left[0], left[1:]))
+    return surface, of_length, of_arms
 
 
 def _basis(axis: SurfaceAxis, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

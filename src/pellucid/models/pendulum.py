@@ -114,7 +114,7 @@ for _column, _targets in enumerate(
 ):
     for _target in _targets:
         _CORE_SELECTION[_core.PARAMETER_NAMES.index(_target), _column] = 1.0
-_ACTIVE_PARAMETERS = tuple(np.flatnonzero(_CORE_SELECTION.any(axis=1)))
+_ACTIVE_PARAMETERS = tuple(np.flatnonzero(_CORE_SELECTION.any(axis=1)).tolist())
 
 
 def resistance(q: np.ndarray, v: np.ndarray, width: float) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -64,7 +65,7 @@ def simulate(
     """Simulate a joint, with true stiction, or with smooth friction and exact Jacobians. `vector` (13,); `reference`
     (n,) [rad or m]; `period` [s]; `injected` (n,); `position0`, `velocity0` [rad or m; per second];
     `presliding_travel` [rad or m]; `active` (k,)."""
-    settings = dict(
+    settings: dict[str, Any] = dict(
         reference=np.ascontiguousarray(reference, float),
         period=period,
         substeps=substeps_for(period),
@@ -83,9 +84,10 @@ def simulate(
         presliding_travel=presliding_travel,
     )
     if active is None:
-        return JointTrace(*_core.simulate(vector, stiction=stiction, **settings))
-    *signals, d_position, d_velocity, d_acceleration, d_effort = _core.simulate_jacobian(
-        vector, active=np.asarray(active, np.int64), **settings
-    )
+        found = _core.simulate(vector, stiction=stiction, **settings)
+    else:
+        found = _core.simulate_jacobian(vector, active=np.asarray(active, np.int64), **settings)
+    position, velocity, acceleration, command, effort, measured, *jacobians = found
     names = ("position", "velocity", "acceleration", "effort")
-    return JointTrace(*signals, dict(zip(names, (d_position, d_velocity, d_acceleration, d_effort), strict=True)))
+    derivatives = dict(zip(names, jacobians, strict=True)) if jacobians else None
+    return JointTrace(position, velocity, acceleration, command, effort, measured, derivatives)

@@ -166,7 +166,7 @@ class Skeleton:
 
 
 def follow_coordinates(
-    function: CoordinateFunction, sources: Sequence[tuple[np.ndarray, np.ndarray]], count: int, along: Sequence[str]
+    function: CoordinateFunction, sources: Sequence[tuple[np.ndarray, np.ndarray]], count: int, along: Sequence[object]
 ) -> tuple[np.ndarray, np.ndarray]:
     """A function of coordinates and its derivatives, (n,) and (k, n), by the chain rule."""
     x = np.array([q for q, _ in sources]).reshape(len(sources), count)

@@ -36,6 +36,10 @@ class SliderCard(Card):
     kind: str = field(default="slider")
     format: int = field(default=CARD_FORMAT)
 
+    def stated_numbers(self) -> dict[str, float]:
+        """See `Card.stated_numbers`."""
+        return {**self.known, **self.drive}
+
     def model(self) -> DirectionalSliderModel | SliderJointModel:
         """The model whose free parameters the card's are; a directional one holds its values itself."""
         if self.family in FRICTION_FAMILIES:
@@ -58,7 +62,8 @@ def read_slider_card(path: Path) -> SliderCard:
             found_travel = card.presliding_travel.value
             raise ValueError(f"presliding_travel: found {found_travel:g} rad, expected 0 to 0.1")
         # A directional model has a set of parameters for each direction.
-        names = card.model().names if card.family in FRICTION_FAMILIES else None
+        model = card.model() if card.family in FRICTION_FAMILIES else None
+        names = model.names if isinstance(model, SliderJointModel) else None
         if names is None and found not in (SET_SIZE, 2 * SET_SIZE):
             raise ValueError(f"found {found} parameters, expected {SET_SIZE} or {2 * SET_SIZE}")
         if names is not None and tuple(p.name for p in card.parameters) != tuple(names):

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .directional_slider import VELOCITY_WIDTH
-from .filtered_dynamics import BODY_TERMS, FilteredMotion, filtered_effort, filtered_jacobian
+from .filtered_dynamics import BODY_TERMS, SlidingMotion, filtered_effort, filtered_jacobian
 from .joint import GRAVITY, NAMES, PARAMETER_INDEX, SYMBOLS_BY_NAME
 
 BODY_UNITS = {
@@ -94,12 +94,12 @@ class SliderJointModel:
         """What messages call it."""
         return f"family '{self.family}'"
 
-    def effort(self, values: np.ndarray, motion: FilteredMotion) -> np.ndarray:
+    def effort(self, values: np.ndarray, motion: SlidingMotion) -> np.ndarray:
         """Torque, (n,) [N*m], of free `values`, (p,), with the carriage where the `motion` has it, friction filtered as
         the measured torque was."""
         return filtered_effort(self.vector(values, motion.slider, VELOCITY_WIDTH), motion, BODY_TERMS)
 
-    def jacobian(self, values: np.ndarray, motion: FilteredMotion) -> tuple[np.ndarray, np.ndarray]:
+    def jacobian(self, values: np.ndarray, motion: SlidingMotion) -> tuple[np.ndarray, np.ndarray]:
         """The same, and its derivative by the free `values`, (n, p)."""
         vector = self.vector(values, motion.slider, VELOCITY_WIDTH)
         return filtered_jacobian(vector, self.selection(motion.slider), motion, BODY_TERMS)
@@ -147,11 +147,13 @@ class SliderJointModel:
         (p,); `rail` [m]; `mass` [kg]; gives (k,)."""
         return self._conditions(values, rail, mass)[0]
 
-    def _conditions(self, values, rail, mass) -> tuple[np.ndarray, np.ndarray]:
+    def _conditions(
+        self, values: np.ndarray, rail: tuple[float, float], mass: float | None
+    ) -> tuple[np.ndarray, np.ndarray]:
         j, h, m = (self.value(values, n) for n in ("inertia", "carriage_moment", "carriage_mass"))
         room, size = [j * m - h * h], [abs(j * m) + h * h]
         if mass is not None:
-            x = np.linspace(*rail, 5)
+            x = np.linspace(rail[0], rail[1], 5)
             g, c = self.value(values, "gravity"), self.value(values, "gravity_cosine")
             least = ((g + GRAVITY * m * x) ** 2 + c**2) / (mass * GRAVITY**2)
             inertia = self.inertia(values, x)

@@ -91,4 +91,5 @@ def _rotation_about(axis: np.ndarray, angle: float) -> np.ndarray:
 
 
 def _vector(values: np.ndarray) -> Vector:
-    return tuple(float(x) for x in values)
+    x, y, z = values
+    return float(x), float(y), float(z)

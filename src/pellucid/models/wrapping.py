@@ -141,8 +141,8 @@ class Sphere:
         size = np.linalg.norm(normal, axis=1)
         hit &= size > 1e-12
         y = np.cross(np.where(size[:, None] > 1e-12, normal / np.maximum(size, 1e-12)[:, None], _perpendicular(x)), x)
-        planar = [np.stack([np.sum(v * x, 1), np.sum(v * y, 1)], axis=1) for v in (p, q)]
-        ways = [_tangent_angles(*planar, self.radius, s) for s in (1.0, -1.0)]
+        start, end = (np.stack([np.sum(v * x, 1), np.sum(v * y, 1)], axis=1) for v in (p, q))
+        ways = [_tangent_angles(start, end, self.radius, s) for s in (1.0, -1.0)]
         space = [[c[:, :1] * x + c[:, 1:] * y for c in (_circle(w[k], self.radius) for k in (0, 1))] for w in ways]
         clockwise = ways[1][2] < ways[0][2]
         if self.side.axis >= 0:
@@ -178,11 +178,11 @@ class Ellipsoid:
         )
         if not hit.any():
             return blank
-        made = self._way(p[hit], q[hit], radii)
-        blank.code[hit], blank.first[hit], blank.last[hit], blank.length[hit] = MUST_WRAP, *made
+        blank.code[hit] = MUST_WRAP
+        blank.first[hit], blank.last[hit], blank.length[hit] = self._way(p[hit], q[hit], radii)
         return blank
 
-    def _way(self, p, q, radii):
+    def _way(self, p: np.ndarray, q: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         through = self._crest(p, q, radii)
         # Stretched to the unit sphere, the plane's section is a circle and tangents stay tangents.
         a, b, c = p / radii, q / radii, through / radii

@@ -51,14 +51,20 @@ def protocol(
     """
     if name not in REQUIRED_OPTIONS:
         raise PellucidError(f"unknown motion {name!r}; known: {', '.join(REQUIRED_OPTIONS)}")
-    told = {"low": low, "high": high, "resolution": resolution, "rms": rms}
-    told |= {"smallest": smallest, "largest": largest, "around": around or None}
-    missing = [key for key in REQUIRED_OPTIONS[name] if told[key] is None]
+    given = {"low": low, "high": high, "resolution": resolution, "rms": rms}
+    given |= {"smallest": smallest, "largest": largest}
+    missing = [key for key in REQUIRED_OPTIONS[name] if (given[key] is None if key in given else not around)]
     if missing:
         raise PellucidError(f"{name}: found no {', '.join(missing)}, expected {', '.join(REQUIRED_OPTIONS[name])}")
     if name == REVERSALS_NAME:
+        assert smallest is not None  # both are required above
+        assert largest is not None
         path = reversals(duration, rate, smallest=smallest, largest=largest, frequency=frequency, centres=around)
         return path, [write_references(Path(folder) / f"{name}.csv", rate, {"reference": (path, unit)})]
+    assert low is not None  # all four are required above
+    assert high is not None
+    assert resolution is not None
+    assert rms is not None
     motion = random_phase_multisine(
         rate, low=low, high=high, resolution=resolution, rms=rms, peak=peak, lines=lines, realisations=realisations,
         periods=periods, settle=settle, fall=fall, seed=seed,

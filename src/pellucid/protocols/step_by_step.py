@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -119,16 +120,28 @@ def step_by_step(
         speed, change = _LIMIT_SHARE * limits.velocity[k], _LIMIT_SHARE * limits.acceleration[k]
         go = _JointTravel(rate, speed, change)
         places = np.linspace(low, high, angles) if angles else np.zeros(0)
-        add("hold", (k,), lambda w, go=go, places=places: go.at(w).visiting(w * places, hold))
+        add("hold", (k,), partial(_visit, go, places, hold))
         speeds = np.geomspace(speed / ratio, speed, velocities)
-        add("constant", (k,), lambda w, go=go, a=low, b=high, s=speeds: go.at(w).up_and_down(w * a, w * b, w * s))
+        add("constant", (k,), partial(_move_up_and_down, go, low, high, speeds))
         slowest = np.full(slow, speed / ratio)
-        add("slow", (k,), lambda w, go=go, a=low, b=high, s=slowest: go.at(w).up_and_down(w * a, w * b, w * s))
-        add("sweep", (k,), lambda w, k=k: _sweep_joints(limits, at, ways, (k,), rate, sweep, frequencies, w))
+        add("slow", (k,), partial(_move_up_and_down, go, low, high, slowest))
+        add("sweep", (k,), partial(_sweep_joints, limits, at, ways, (k,), rate, sweep, frequencies))
     for pair in combinations(range(count), 2):
-        add("coupling", pair, lambda w, p=pair: _sweep_joints(limits, at, ways, p, rate, sweep, frequencies, w))
+        add("coupling", pair, partial(_sweep_joints, limits, at, ways, pair, rate, sweep, frequencies))
     pieces.append(np.tile(at, (max(round(rate), 1), 1)))
     return StepByStep(rate, np.concatenate(pieces), tuple(steps), tuple(left_out))
+
+
+def _visit(travel: _JointTravel, places: np.ndarray, hold: float, vigour: float) -> np.ndarray:
+    """Return offsets of a joint that is held at each of `places` [rad or m] for `hold` [s], all scaled by `vigour`."""
+    return travel.at(vigour).visiting(vigour * places, hold)
+
+
+def _move_up_and_down(
+    travel: _JointTravel, low: float, high: float, speeds: np.ndarray, vigour: float
+) -> np.ndarray:
+    """Return offsets of a joint that moves between `low` and `high` at each of `speeds`, all scaled by `vigour`."""
+    return travel.at(vigour).up_and_down(vigour * low, vigour * high, vigour * speeds)
 
 
 @dataclass(frozen=True)

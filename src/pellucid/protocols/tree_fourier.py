@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.linalg import null_space
@@ -195,23 +196,23 @@ def optimised_tree_fourier(
         return information_cost(information(*moved), criterion, scales) + weight * barrier
 
     tried = [random_tree_fourier(limits, rng, fundamental=fundamental, harmonics=harmonics) for _ in range(drawn)]
-    tried = sorted(((cost(series), i, series) for i, series in enumerate(tried)), key=lambda one: one[:2])
-    if not np.isfinite(tried[0][0]):
+    ranked = sorted(((cost(series), i, series) for i, series in enumerate(tried)), key=lambda one: one[:2])
+    if not np.isfinite(ranked[0][0]):
         raise PellucidError(
             f"excitation: no motion of {drawn} drawn tells the parameters apart; expected base parameters, of which "
             "none is a sum of others, and limits that let every joint move"
         )
-    best, least = tried[0][2], tried[0][0]
+    best, least = ranked[0][2], ranked[0][0]
     parameters = len(information(*best.motion(time)))
-    for _, _, series in tried[:refined]:
+    for _, _, series in ranked[:refined]:
         x = numbers(_shrink_inside_limits(series, limits, time))
         for share in _BARRIER_WEIGHTS:
-            x = interior_search(lambda y, w=share * parameters: aim(y, w), x, steps=_MAX_STEPS, least=_MIN_GAIN)
+            x = interior_search(partial(aim, weight=share * parameters), x, steps=_MAX_STEPS, least=_MIN_GAIN)
         a, b = np.split(speed[:, None] * (x[count:].reshape(count, free) @ at_rest.T), 2, axis=1)
         found = shrink_within_limits(TreeFourier(fundamental, limits.low + half * (1.0 + x[:count]), a, b), limits)
         if cost(found) < least:
             best, least = found, cost(found)
-    return Excitation(shrink_within_limits(best, limits), least, np.array([one[0] for one in tried]))
+    return Excitation(shrink_within_limits(best, limits), least, np.array([one[0] for one in ranked]))
 
 
 def shrink_within_limits(series: TreeFourier, limits: TreeLimits) -> TreeFourier:

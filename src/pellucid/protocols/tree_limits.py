@@ -68,7 +68,7 @@ class TreeLimits:
         checks = [("place", position, self.low, self.high),
                   ("velocity", velocity, -self.velocity, self.velocity),
                   ("acceleration", acceleration, -self.acceleration, self.acceleration)]  # fmt: skip
-        if self.effort_of is not None:
+        if self.effort_of is not None and self.effort is not None:
             checks.append(("effort", self.effort_of(position, velocity, acceleration), -self.effort, self.effort))
         for what, values, low, high in checks:
             over = np.maximum(values - high, low - values).max(axis=0)

@@ -18,12 +18,13 @@ MIN_SHARED_SAMPLES = 50
 
 def find_duplicates(recordings: Iterable[Recording]) -> list[Fault]:
     """Return a fault for each recording that has another one's samples, or the same stretch of the same file."""
-    faults, seen = [], {}
+    faults: list[Fault] = []
+    seen: dict[tuple[int, bytes] | int, Recording] = {}
     recordings = [recording for recording in recordings if len(recording) >= MIN_SHARED_SAMPLES]
     lengths = Counter(map(len, recordings))
     for recording in recordings:
         # The digest of a long recording takes time, and is needed only if another recording has the same length.
-        key = _samples_digest(recording) if lengths[len(recording)] > 1 else len(recording)
+        key: tuple[int, bytes] | int = _samples_digest(recording) if lengths[len(recording)] > 1 else len(recording)
         if key in seen:
             faults.append(_fault(recording, seen[key]))
             continue
@@ -35,7 +36,7 @@ def find_duplicates(recordings: Iterable[Recording]) -> list[Fault]:
     return faults
 
 
-def _samples_digest(recording: Recording) -> tuple:
+def _samples_digest(recording: Recording) -> tuple[int, bytes]:
     digest = blake2b("".join(stream.checksum for stream in recording.streams.values()).encode(), digest_size=16)
     for name, channel in sorted(recording.channels.items()):
         if name != "time":

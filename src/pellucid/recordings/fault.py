@@ -52,9 +52,9 @@ def grouped_messages(faults: Sequence[Fault], most: int = 3, most_cuts: int = 10
         if fault.severity == "cut":
             kinds.setdefault((fault.kind, fault.channel, fault.file), []).append(fault.message)
         elif fault.severity != "refuse":
-            what = (fault.kind, fault.channel) if len(faults) > most else (fault.message, "")
-            kinds.setdefault(what, []).append(fault.message)
-    listed = []
+            key = (fault.kind, fault.channel) if len(faults) > most else (fault.message, "")
+            kinds.setdefault(key, []).append(fault.message)
+    listed: list[str] = []
     for what, messages in kinds.items():
         # The key of a cut has three parts: the first cuts of one kind in one file are listed with their places.
         count = most_cuts if len(what) == 3 else 1

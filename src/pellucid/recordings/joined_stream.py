@@ -42,8 +42,8 @@ def join_stream(recording: Recording, stream: Recording, offset: float, drift: f
             continue
         values, hold = np.full(len(time), np.nan), name.partition(".")[0] == "enabled"
         for span in spans:
-            found = _resample(stream.time[span], channel.samples[span], at, width, hold=hold)
-            values = np.where(np.isnan(values), found, values)
+            resampled = _resample(stream.time[span], channel.samples[span], at, width, hold=hold)
+            values = np.where(np.isnan(values), resampled, values)
         channels[name] = replace(channel, samples=values)
     if lost.all():
         raise RecordingError(

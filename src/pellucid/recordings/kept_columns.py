@@ -80,22 +80,24 @@ def kept_columns(folder: Path, source: Path, digest: str) -> Columns:
 def _read_kept(path: Path, source: Path) -> Columns | None:
     try:
         with path.open("rb") as file:
-            found = file.read(SEAL_LENGTH)
-            size = sealed_size(found, path.name.encode())
+            found_seal = file.read(SEAL_LENGTH)
+            size = sealed_size(found_seal, path.name.encode())
             line = b"" if size is None else file.read(size)
-        if size is None or not is_sealed(line, found):
+        if size is None or not is_sealed(line, found_seal):
             return None
         head, start = json.loads(line), SEAL_LENGTH + len(line)
         for entry in head["columns"].values():
             # A truncated file holds less than its header states.
             if not isinstance(entry, str) and start + entry[0] + entry[1] * STORED_DTYPE.itemsize > path.stat().st_size:
                 return None
-        found = KeptColumns(path, start, dict(head["columns"]), source), head["angle_unit"], head["units"]
+        columns = Columns(
+            source, KeptColumns(path, start, dict(head["columns"]), source), head["angle_unit"], head["units"]
+        )
     except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError):
         return None
     with suppress(OSError):
         os.utime(path)  # the files that were used last are removed last
-    return Columns(source, *found)
+    return columns
 
 
 def _keep(path: Path, columns: Columns) -> Columns:
@@ -118,7 +120,7 @@ def _keep(path: Path, columns: Columns) -> Columns:
             file.write(seal(line, path.name.encode()) + line)
             for x in columns.values.values():
                 if not isinstance(x, str):
-                    file.write(np.ascontiguousarray(x, STORED_DTYPE))
+                    file.write(np.ascontiguousarray(x, STORED_DTYPE).data)
         _remove_old_files(path)
     except OSError:
         return columns  # the folder cannot be written, or is full
@@ -127,7 +129,7 @@ def _keep(path: Path, columns: Columns) -> Columns:
 
 
 def _checksum(column: np.ndarray) -> str:
-    return blake2b(column, digest_size=16).hexdigest()
+    return blake2b(column.data, digest_size=16).hexdigest()
 
 
 def _remove_old_files(but: Path) -> None:

@@ -76,7 +76,9 @@ def model_muscles(path: Path, checksum: str, coordinates: Mapping[str, str], nam
     for joint, name in coordinates.items():
         _require_coordinate(model, joint, name.removeprefix("-"))
     own = dict(names) or {name: name for name in model.muscles}
-    made, refused, held = {}, {}, {}
+    made: dict[str, MusclePolynomial] = {}
+    refused: dict[str, str] = {}
+    held: dict[str, float] = {}
     for ours, theirs in own.items():
         try:
             polynomial, others = _fit_polynomial(model, ours, theirs, coordinates)

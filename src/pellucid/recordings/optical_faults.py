@@ -35,6 +35,8 @@ recorded."""
 def find_optical_faults(recording: Recording) -> list[Fault]:
     """Return the faults of the motion capture's file that belongs to a recording."""
     optical = recording.optical
+    if optical is None:
+        return []
     faults: list[Fault] = []
 
     def add(severity: str, kind: str, channel: str, *, found: str, expected: str) -> None:
@@ -134,7 +136,7 @@ def _check_room(optical, add) -> None:
     largest = {m: float(np.nanmax(np.abs(p))) for m, p in optical.markers.items() if optical.seen(m).any()}
     if not largest:
         return
-    farthest = max(largest, key=largest.get)
+    farthest = max(largest, key=lambda marker: largest[marker])
     value = largest[farthest]
     if value > MAX_COORDINATE_M:
         found = f"a coordinate of {value:.4g} m, which looks like mm taken for m"

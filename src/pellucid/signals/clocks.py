@@ -42,7 +42,7 @@ def best_delay(
     """The one of `delays`, (k,) [s], at which `other`, of times, correlates best with a `signal`, (n,), at `time` [s]
     and so much later; of either sense or of one; the other is known within `span` [s]. None without an overlap of
     `fewest` samples."""
-    best = (-np.inf, None)
+    best: tuple[float, float | None] = (-np.inf, None)
     for delay in delays:
         at = time + delay
         inside = (at > span[0]) & (at < span[1])

@@ -257,7 +257,7 @@ class EmgStream:
                 self._steps.append(_Wait(round(stage.seconds * fs)))
             elif stage.kind == "rectify":
                 self._steps.append(np.abs)
-            elif stage.kind == "normalise":
+            elif stage.kind == "normalise" and maximum is not None:  # `EmgChain.stream` requires it
                 self._steps.append(_Share(maximum))
 
     def filter(self, samples: np.ndarray) -> np.ndarray:

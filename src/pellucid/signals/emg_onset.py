@@ -291,8 +291,8 @@ def _change(x: np.ndarray, before: int, first: int, last: int, fs: float, level:
             told = irfft(spectrum * np.conj(rfft(gain, size, axis=1)), size, axis=1)[:, places]
             all_floor = -n * np.log(floor) - 0.5 * squares.sum() / floor**2
             logs.append(all_floor + told - np.cumsum(cost, axis=1)[:, n - 1 - places])
-    logs = np.concatenate(logs) / _alike(x[first:end])
-    weight = np.exp(logs - logs.max()).sum(axis=0)
+    log_likelihood = np.concatenate(logs) / _alike(x[first:end])
+    weight = np.exp(log_likelihood - log_likelihood.max()).sum(axis=0)
     total = np.concatenate(([0.0], np.cumsum(weight))) / weight.sum()
     tails = 0.5 * (1.0 - level)
     return low + np.interp((tails, 0.5, 1.0 - tails), total, np.arange(len(total)) - 0.5)

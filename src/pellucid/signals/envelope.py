@@ -69,8 +69,9 @@ def envelope(
     try:
         tops = [None] * len(columns) if maximum is None else np.broadcast_to(maximum, len(columns)).tolist()
     except ValueError:
+        found = np.asarray(maximum).shape
         raise RecordingError(
-            f"envelope: found maxima of shape {np.shape(maximum)}, expected one for each of {len(columns)} muscles"
+            f"envelope: found maxima of shape {found}, expected one for each of {len(columns)} muscles"
         ) from None
     made = []
     for i, (column, top) in enumerate(zip(columns, tops, strict=True)):

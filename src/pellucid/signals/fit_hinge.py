@@ -86,9 +86,10 @@ def fit_hinge(
         raise RecordingError("fit_hinge: found uneven time, expected evenly increasing samples; resample first")
     if not calibration > 0.0:
         raise RecordingError(f"fit_hinge: calibration: found {calibration:g} s, expected a time above 0")
-    pair = [_inertial(t, *each, where) for each, where in ((proximal, "proximal"), (distal, "distal"))]
-    hinge = find_hinge(*(imu.between(t[0], t[0] + calibration) for imu in pair))
-    return HingeFit(hinge, hinge_angle(*pair, hinge, offline=not causal))
+    first, second = _inertial(t, *proximal, "proximal"), _inertial(t, *distal, "distal")
+    end = t[0] + calibration
+    hinge = find_hinge(first.between(t[0], end), second.between(t[0], end))
+    return HingeFit(hinge, hinge_angle(first, second, hinge, offline=not causal))
 
 
 def _inertial(time: np.ndarray, rate: ArrayLike, force: ArrayLike, where: str) -> Inertial:

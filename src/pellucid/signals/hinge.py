@@ -208,7 +208,8 @@ def _fit(motions: list[_Motion], axes: np.ndarray, arms: np.ndarray):
     start = np.concatenate([np.zeros(4), arms.ravel(), [_first_angle(motions, axes, arms), 0.0]])
     # The senses are compared by the first pass, whose weights are the same for both.
     first = _weighed(model, start, START_NOISE)
-    noise = tuple(max(_rms(each), 1e-9) for each in model.misfits(first.x))
+    acceleration, turning = model.misfits(first.x)
+    noise = (max(_rms(acceleration), 1e-9), max(_rms(turning), 1e-9))
     return first.cost, _weighed(model, first.x, noise), model
 
 

@@ -50,8 +50,8 @@ def hinge_angle(
     ]
     turning = [rate @ frame.T for rate, frame in zip(rates, frames, strict=True)]
     seen = [
-        _direction(*pair, noise**2 * memory)
-        for pair, noise, memory in zip((forces, turning), hinge.noise, hinge.memory, strict=True)
+        _direction(first, second, noise**2 * memory)
+        for (first, second), noise, memory in zip((forces, turning), hinge.noise, hinge.memory, strict=True)
     ]
     start = next((i for i in range(len(time)) if seen[0][1][i] < LEAST_KNOWN), None)
     if start is None:

@@ -116,8 +116,8 @@ def compare_filters(
                 regression = fit_angle(fast[early], encoder[early])
                 angle = regression(fast)
                 miss = angle - encoder
-                rms = [float(np.sqrt(np.nanmean(miss[part] ** 2))) for part in (early, ~early)]
-                errors.append(FilterError(method, axes, inputs, *rms, regression, angle))
+                fitted, heldout = (float(np.sqrt(np.nanmean(miss[part] ** 2))) for part in (early, ~early))
+                errors.append(FilterError(method, axes, inputs, fitted, heldout, regression, angle))
     return alignment, tuple(errors)
 
 

@@ -52,7 +52,7 @@ def input_output(recording: Recording, channels: Sequence[str]) -> InputOutput:
     """
     name_in, name_out = channels
     table = np.column_stack([recording.time, recording[name_in], recording[name_out]])
-    notes = []
+    notes: list[str] = []
     finite = np.isfinite(table).all(axis=1)
     known = finite & recording.sound
     if not finite.all():
@@ -60,9 +60,9 @@ def input_output(recording: Recording, channels: Sequence[str]) -> InputOutput:
     lost = [run.stop - run.start for run in runs(~known)]
     if max(lost, default=0) > MAX_LOST_SAMPLES:
         # What drove it meanwhile is not known, and a simulation cannot go on over it.
-        starts = [0, *(r.stop for r in runs(~known) if r.stop - r.start > MAX_LOST_SAMPLES), len(known)]
-        ends = [*(r.start for r in runs(~known) if r.stop - r.start > MAX_LOST_SAMPLES), len(known)]
-        begin, end = max(zip(starts, ends, strict=False), key=lambda part: part[1] - part[0])
+        begins = [0, *(r.stop for r in runs(~known) if r.stop - r.start > MAX_LOST_SAMPLES), len(known)]
+        stops = [*(r.start for r in runs(~known) if r.stop - r.start > MAX_LOST_SAMPLES), len(known)]
+        begin, end = max(zip(begins, stops, strict=False), key=lambda part: part[1] - part[0])
         notes.append(f"a stretch of {max(lost)} samples lost: the longest part beside it kept, {end - begin} samples")
         known[:begin] = False
         known[end:] = False
@@ -91,7 +91,8 @@ def input_output(recording: Recording, channels: Sequence[str]) -> InputOutput:
         word = "gap" if gaps.sum() == 1 else "gaps"
         notes.append(f"{int(gaps.sum())} {word} of up to {steps.max():.3g} s bridged by the input's hold")
     split = "fitted" if recording.use == "fit" else "heldout"
-    return InputOutput(recording.name, split, *np.ascontiguousarray(table.T), tuple(notes))
+    time, given, answered = np.ascontiguousarray(table.T)
+    return InputOutput(recording.name, split, time, given, answered, tuple(notes))
 
 
 def _samples(count: int) -> str:

@@ -55,7 +55,7 @@ def _sections(poles: np.ndarray) -> np.ndarray:
     odd = len(poles) % 2
     zeros = np.concatenate([np.full(len(poles), -1.0), np.zeros(odd)])
     left = np.concatenate([poles[poles.imag > 0.0], poles[poles.imag == 0.0], np.zeros(odd)])
-    sections = []
+    sections: list[list[float]] = []
     while len(left):
         at = np.argmin(np.abs(1.0 - np.abs(left)))
         pole, left = left[at], np.delete(left, at)

@@ -215,14 +215,14 @@ def slider_geometry(recordings: Sequence[Recording], marker: str | None = None) 
     clocks = [c if c.identifiable else replace(c, delay=usual) for c in clocks]
     tracks = [_track(r, c, clock) for r, c, clock in zip(seen, carriages, clocks, strict=True)]
     axis = _axis([tracks[i] for i in identifiable])
-    x0, y0 = _hanging(axis.direction, seen[fitted[0]].optical)
+    x0, y0 = _hanging(axis.direction, _optical_of(seen[fitted[0]]))
     basis = np.array([x0, y0, axis.direction])
     places = [_places(track, basis, axis) for track in tracks]
     along = float(np.mean([places[i][carriages[i]].at[2] for i in fitted]))
     usually = _usual_places([places[i] for i in fitted], set(carriages))
     found = {}
     for recording, carriage, clock, place in zip(seen, carriages, clocks, places, strict=True):
-        optical, at = recording.optical, place[carriage]
+        optical, at = _optical_of(recording), place[carriage]
         lost, longest = _losses(optical, carriage)
         found[recording.name] = Placement(
             recording=recording.name,
@@ -600,8 +600,14 @@ def _hanging(direction: np.ndarray, optical: OpticalRecording) -> tuple[np.ndarr
     return x0 / share, np.cross(direction, x0 / share)
 
 
+def _optical_of(recording: Recording) -> OpticalRecording:
+    """Return the motion capture of a recording that has one."""
+    assert recording.optical is not None  # recordings without one are placed by a ruler before
+    return recording.optical
+
+
 def _carriage(recording: Recording, marker: str | None) -> str:
-    optical = recording.optical
+    optical = _optical_of(recording)
     wanted = marker if marker is not None else optical.carriage
     if wanted is None or wanted not in optical.markers:
         raise RecordingError(
@@ -615,7 +621,8 @@ def _clocks(recordings: Sequence[Recording]) -> list[ClockOffset]:
     """Each recording's, first by itself, then again where it would turn the other way than most."""
 
     def clock(r: Recording, direction: np.ndarray | None = None) -> ClockOffset:
-        return clock_offset(r.time[r.sound], r["position"][r.sound], r.optical.time, r.optical.markers, direction)
+        optical = _optical_of(r)
+        return clock_offset(r.time[r.sound], r["position"][r.sound], optical.time, optical.markers, direction)
 
     clocks = [clock(r) for r in recordings]
     ways = [_way(r, c) if c.identifiable else np.zeros(3) for r, c in zip(recordings, clocks, strict=True)]
@@ -625,7 +632,7 @@ def _clocks(recordings: Sequence[Recording]) -> list[ClockOffset]:
 
 def _way(recording: Recording, clock: ClockOffset) -> np.ndarray:
     """About what direction the markers turn, of length 1, shape (3,)."""
-    optical = recording.optical
+    optical = _optical_of(recording)
     few = slice(None, None, max(1, len(optical) // COARSE_FRAMES))
     sound = recording.sound
     angle = np.interp(clock.robot_time(optical.time)[few], recording.time[sound], recording["position"][sound])
@@ -638,7 +645,7 @@ def _way(recording: Recording, clock: ClockOffset) -> np.ndarray:
 
 
 def _track(recording: Recording, carriage: str, clock: ClockOffset) -> _Track:
-    optical = recording.optical
+    optical = _optical_of(recording)
     at = clock.robot_time(optical.time)
     known = np.isfinite(recording.time) & np.isfinite(recording["position"]) & recording.sound
     # Frames before and after the robot's recording have no angle.
@@ -681,6 +688,7 @@ def _moved(place: Mapping[str, _Place], usually: Mapping[str, np.ndarray], carri
 
 
 def _by_ruler(recording: Recording, height: float) -> Placement:
+    assert recording.slider is not None  # a recording has a ruler's reading or an optical file
     return Placement(
         recording=recording.name,
         slider=float(recording.slider),

@@ -210,12 +210,14 @@ def movements(
     motion: Kinematics, stretches: Sequence[Stretch], rule: MovementRule
 ) -> tuple[list[Movement], list[NoMovement]]:
     """The movement in each stretch."""
-    found, left_out = [], []
+    found: list[Movement] = []
+    left_out: list[NoMovement] = []
     for stretch in stretches:
         outcome = _movement(motion, stretch, rule)
         if isinstance(outcome, NoMovement):
-            outcome = _told_of_loss(motion, outcome)
-        (found if isinstance(outcome, Movement) else left_out).append(outcome)
+            left_out.append(_told_of_loss(motion, outcome))
+        else:
+            found.append(outcome)
     return found, left_out
 
 

@@ -39,7 +39,7 @@ def orientation(
     if axes == 9 and imu.magnetic_field is None:
         raise RecordingError("orientation: nine axes need a magnetometer, found none; six axes do without")
     used = {"angular velocity": imu.angular_velocity, "acceleration": imu.acceleration}
-    if axes == 9:
+    if axes == 9 and imu.magnetic_field is not None:
         used["magnetic field"] = imu.magnetic_field
     for name, samples in used.items():
         bad = np.flatnonzero(~np.isfinite(samples).all(axis=1))
@@ -74,10 +74,11 @@ def _madgwick(imu: Inertial, axes: int, gain: float) -> np.ndarray:
     ahrs = imufusion.Ahrs()
     ahrs.set_settings(settings)
     rates, forces = np.degrees(_since_last(imu.angular_velocity)), imu.acceleration / GRAVITY
-    field = 1e6 * imu.magnetic_field if axes == 9 else None  # imufusion is written for microtesla
+    # imufusion is written for microtesla.
+    field = 1e6 * imu.magnetic_field if axes == 9 and imu.magnetic_field is not None else None
     out = np.empty((len(imu), 4))
     for i in range(len(imu)):
-        if axes == 9:
+        if field is not None:
             ahrs.update(rates[i], forces[i], field[i])
         else:
             ahrs.update_no_magnetometer(rates[i], forces[i])

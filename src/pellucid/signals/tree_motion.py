@@ -109,15 +109,14 @@ def tree_motion_of(
         else:
             q, v = lowpassed(position, rate, filtering), lowpassed(velocity, rate, filtering)
         a = central_difference(v, rate)
-        u, wanted, asked = (
-            None if x is None else lowpassed(x, rate, of_effort) for x in (drive, desired, desired_drive)
-        )
+        u = lowpassed(drive, rate, of_effort)
+        wanted, asked = (None if x is None else lowpassed(x, rate, of_effort) for x in (desired, desired_drive))
     except ValueError as error:
         raise RecordingError(str(error)) from None
     inner = slice(filtering.trim, len(time) - filtering.trim)
-    reduced = [None if x is None else _thinned(x[inner], rate, filtering) for x in (q, v, a, u, wanted, asked)]
+    q, v, a, u = (_thinned(x[inner], rate, filtering) for x in (q, v, a, u))
+    wanted, asked = (None if x is None else _thinned(x[inner], rate, filtering) for x in (wanted, asked))
     kept = time[inner][:: filtering.decimate]
-    q, v, a, u, wanted, asked = reduced
     if back_emf is not None and np.any(back_emf):
         u = u - back_emf / gain * (v @ turns.T)
     moving = moving_rows(v, slow, turns)
@@ -160,10 +159,10 @@ def segments_of(
         found = np.searchsorted(ends, time, side="right")
         return np.where(found < len(ends), found, -1)
     if asked is None:
-        stops = runs(still.all(axis=1))
+        stops = runs(np.asarray(still.all(axis=1)))
         within = [stop for stop in stops if stop.start > 0 and stop.stop < len(time)]
         if len(within) >= MIN_COMMON_STOPS:
-            return _between(stops, moving.any(axis=1))
+            return _between(stops, np.asarray(moving.any(axis=1)))
     parts = min(asked or DEFAULT_PART_COUNT, max(len(time) // MIN_SEGMENT_ROWS, 1))
     return np.arange(len(time)) * parts // max(len(time), 1)
 

@@ -133,7 +133,8 @@ class _MotionStatistics:
     @cached_property
     def _largest_errors(self) -> tuple[np.ndarray, np.ndarray]:
         """Largest tracking errors up to each sample, and from each sample on, shape (n,) each."""
-        return np.maximum.accumulate(self.error), np.maximum.accumulate(self.error[::-1])[::-1]
+        error = np.zeros(len(self.q)) if self.error is None else self.error
+        return np.maximum.accumulate(error), np.maximum.accumulate(error[::-1])[::-1]
 
     def _moving_effort_during(self, first: int, last: int) -> str | None:
         run = self.effort[first : last + 1]

@@ -21,7 +21,7 @@ def find(watched: WatchedRecording) -> Iterator[Cut]:
     steps = np.diff(time)
     if np.any(steps <= 0.0):
         return
-    for before in np.flatnonzero(steps > max_step):
+    for before in np.flatnonzero(steps > max_step).tolist():
         if watched.usable[before] and watched.usable[before + 1]:
             found = f"a gap of {steps[before]:.4g} s instead of {step:.4g} s"
             yield make_cut(watched.recording, KIND, "time", first=before + 1, last=before, found=found)

@@ -14,6 +14,7 @@ import subprocess
 import sys
 import threading
 from importlib import import_module
+from io import BufferedReader, BufferedWriter
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -62,7 +63,7 @@ def _process() -> subprocess.Popen:
     """Return this program's reading process, and start it if necessary; a forked program starts its own."""
     process = _running.get(os.getpid())
     if process is None or process.poll() is not None:
-        root = str(Path(import_module(__package__.partition(".")[0]).__file__).parents[1])
+        root = str(Path(__file__).parents[3])
         # Nothing is imported from the working directory, because that may be a stranger's folder.
         code = f"import sys; sys.path.insert(0, {root!r}); from {__name__} import serve; serve()"
         environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "HDF5_PLUGIN_PRELOAD": "::"}
@@ -77,9 +78,17 @@ def _process() -> subprocess.Popen:
     return process
 
 
+def _pipes(process: subprocess.Popen) -> tuple[BufferedWriter, BufferedReader]:
+    """Return the pipe to a process and the one from it."""
+    assert isinstance(process.stdin, BufferedWriter)
+    assert isinstance(process.stdout, BufferedReader)
+    return process.stdin, process.stdout
+
+
 def _request_answer(process: subprocess.Popen, request: dict[str, Any], path: Path) -> dict[str, Any]:
-    process.stdin.write(json.dumps(request).encode() + b"\n")
-    process.stdin.flush()
+    to_process, _ = _pipes(process)
+    to_process.write(json.dumps(request).encode() + b"\n")
+    to_process.flush()
     late = threading.Event()
     # Loading the libraries has a time limit of its own.
     line = _next_line(process, MAX_START_S) and _next_line(process, request["seconds"], late)
@@ -102,7 +111,7 @@ def _next_line(process: subprocess.Popen, seconds: float, late: threading.Event 
     timer = threading.Timer(seconds, stop)
     timer.start()
     try:
-        return process.stdout.readline()
+        return _pipes(process)[1].readline()
     finally:
         timer.cancel()
 
@@ -113,8 +122,11 @@ def _receive_numbers(process: subprocess.Popen, answer: dict[str, Any], path: Pa
     require_unpacked_size(path, sum(n for n in lengths.values() if not isinstance(n, str)))
     values: dict[str, np.ndarray | str] = {}
     for name, n in lengths.items():
-        values[name] = n if isinstance(n, str) else np.empty(n)
-        if isinstance(n, int) and n and process.stdout.readinto(values[name]) != values[name].nbytes:
+        if isinstance(n, str):
+            values[name] = n
+            continue
+        numbers = values[name] = np.empty(n)
+        if n and _pipes(process)[1].readinto(numbers.data) != numbers.nbytes:
             raise RecordingError(f"{path.name}: not readable: the process that reads it ended early")
     return values
 
@@ -124,8 +136,8 @@ def _end(process: subprocess.Popen) -> int | None:
         return None  # it has ended before, or belongs to the program that this one was forked from
     del _running[os.getpid()]
     process.kill()
-    process.stdin.close()
-    process.stdout.close()
+    for pipe in _pipes(process):
+        pipe.close()
     return process.wait()
 
 

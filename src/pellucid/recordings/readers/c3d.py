@@ -76,9 +76,9 @@ def read(path: Path) -> Columns:
     return Columns(path, into, units=_units(content))
 
 
-def _units(content: Any) -> dict[str, str]:
+def _units(content: Any) -> dict[str | int, str]:
     """Return the unit of every column for which the file states one."""
-    found = {}
+    found: dict[str | int, str] = {}
     length = _texts(content, "POINT", "UNITS")
     for label in _labels(content, "POINT", content["data"]["points"].shape[1]):
         found |= {f"{label}_{axis}": length[0].strip() for axis in AXES if length and length[0].strip()}

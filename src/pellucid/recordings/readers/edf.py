@@ -24,7 +24,7 @@ def read(path: Path) -> Columns:
     content = _load(path)
     have_one_rate = len({signal.sampling_frequency for signal in content.signals}) == 1
     into: dict[str, np.ndarray] = {}
-    units: dict[str, str] = {}
+    units: dict[str | int, str] = {}
     for signal in content.signals:
         name = signal.label.strip()
         if name in into:

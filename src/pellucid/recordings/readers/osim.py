@@ -33,7 +33,7 @@ def read_model(path: Path) -> dict[str, MuscleConstants]:
     ]
     if not muscles:
         raise RecordingError(f"{path.name}: found no muscle, expected some with <{_ELEMENT_NAMES['largest_force']}>")
-    return {element.get("name"): _constants(path, element) for element in muscles}
+    return {element.get("name", ""): _constants(path, element) for element in muscles}
 
 
 def _constants(path: Path, element) -> MuscleConstants:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -86,7 +87,8 @@ class _ModelReader:
     def model(self) -> MuscleModel:
         bodies = [b for b in self.root.iter("Body") if b.get("name")]
         for body in bodies:
-            self.frames[body.get("name")] = (body.get("name"), np.eye(4))
+            name = body.get("name", "")
+            self.frames[name] = (name, np.eye(4))
         self._place_frames()
         joints = self._new_joints() if self.root.find("JointSet") is not None else self._old_joints(bodies)
         found: dict[str, SkeletonJoint] = {}
@@ -98,8 +100,9 @@ class _ModelReader:
         surfaces = self._surfaces(bodies)
         muscles = {}
         for element in self.root.iter():
-            if element.get("name") and element.find("max_isometric_force") is not None:
-                muscles[element.get("name")] = self._muscle(element, surfaces)
+            name = element.get("name", "")
+            if name and element.find("max_isometric_force") is not None:
+                muscles[name] = self._muscle(element, surfaces)
         if not muscles:
             self._refuse("", "no muscle", "some with <max_isometric_force>")
         for muscle in muscles.values():
@@ -108,7 +111,7 @@ class _ModelReader:
 
     # Numbers and texts of elements, with messages for what is wrong.
 
-    def _refuse(self, where: str, found: str, expected: str) -> None:
+    def _refuse(self, where: str, found: str, expected: str) -> NoReturn:
         raise RecordingError(f"{self.path.name}{', ' if where else ''}{where}: found {found}, expected {expected}")
 
     def _numbers(self, element: Element | None, where: str, count: int | None = None) -> np.ndarray:
@@ -152,17 +155,16 @@ class _ModelReader:
 
     def _frame(self, element: Element, where: str, translation: str, orientation: str) -> np.ndarray:
         place = self._require_metres(self._vector(element, translation, where), f"{where}, <{translation}>")
-        return frame(
-            place, self._require_radians(self._vector(element, orientation, where), f"{where}, <{orientation}>")
-        )
+        turned = self._require_radians(self._vector(element, orientation, where), f"{where}, <{orientation}>")
+        return frame(place.tolist(), turned.tolist())
 
     # Frames.
 
     def _place_frames(self) -> None:
         """Fill `frames` with the named frames that are offset from bodies; joints read their own frames."""
-        waiting = {f.get("name"): f for f in self.root.iter("PhysicalOffsetFrame") if f.get("name")}
+        waiting = {f.get("name", ""): f for f in self.root.iter("PhysicalOffsetFrame") if f.get("name")}
         owners = {
-            f.get("name"): body.get("name")
+            f.get("name", ""): body.get("name", "")
             for body in self.root.iter("Body")
             for f in body.iter("PhysicalOffsetFrame")
             if f.get("name")
@@ -173,8 +175,11 @@ class _ModelReader:
             if self.frames[name][0] == "":
                 self.frames[name] = self._resolve_frame(element, waiting, owners, ())
 
-    def _resolve_frame(self, element: Element, known: Mapping[str, Element], owners, above) -> tuple[str, np.ndarray]:
-        name = element.get("name")
+    def _resolve_frame(
+        self, element: Element, known: Mapping[str, Element], owners: Mapping[str, str], above: tuple[str, ...]
+    ) -> tuple[str, np.ndarray]:
+        """Return the body that carries a frame, and the frame's pose on it; `above` are those that hang on this one."""
+        name = element.get("name", "")
         where = f"frame {name}"
         said = self._text(element, "socket_parent") or self._text(element, "socket_parent_frame")
         parent = said.split("/")[-1] if said else ""
@@ -205,11 +210,13 @@ class _ModelReader:
     # Joints.
 
     def _new_joints(self) -> list[SkeletonJoint]:
-        found = []
-        for element in self.root.find("JointSet").findall("./objects/*"):
+        found: list[SkeletonJoint] = []
+        joint_set = self.root.find("JointSet")
+        for element in () if joint_set is None else joint_set.findall("./objects/*"):
             name = element.get("name", "")
             where = f"joint {visible_text(name)}"
-            own = {f.get("name"): f for f in element.findall("./frames/PhysicalOffsetFrame")}
+            frames = element.findall("./frames/PhysicalOffsetFrame")
+            own = {f.get("name", ""): f for f in frames if f.get("name")}
             parent, parent_frame = self._resolve_socket(self._text(element, "socket_parent_frame"), where, own)
             child, child_frame = self._resolve_socket(self._text(element, "socket_child_frame"), where, own)
             coordinates = element.findall("./coordinates/Coordinate")
@@ -371,10 +378,10 @@ class _ModelReader:
     def _surfaces(self, bodies: Sequence[Element]) -> dict[str, tuple[str, np.ndarray, Surface | str]]:
         found = {}
         grounds = list(self.root.iter("Ground"))
-        holders = [(b.get("name"), b, np.eye(4)) for b in bodies] + [(GROUND_BODY, g, np.eye(4)) for g in grounds]
+        holders = [(b.get("name", ""), b, np.eye(4)) for b in bodies] + [(GROUND_BODY, g, np.eye(4)) for g in grounds]
         offsets = {id(f): f for f in self.root.iter("PhysicalOffsetFrame") if f.find("WrapObjectSet") is not None}
         for element in offsets.values():
-            body, base = self.frames[element.get("name")]
+            body, base = self.frames[element.get("name", "")]
             holders.append((body, element, base))
         for body, holder, base in holders:
             for each in holder.findall("./WrapObjectSet/objects/*"):
@@ -405,12 +412,12 @@ class _ModelReader:
             )
         if element.tag == "WrapEllipsoid":
             radii = self._require_metres(self._numbers(element.find("dimensions"), f"{where}, <dimensions>", 3), where)
-            return Ellipsoid(tuple(map(float, radii)), side)
+            return Ellipsoid((float(radii[0]), float(radii[1]), float(radii[2])), side)
         known = "WrapCylinder, WrapSphere or WrapEllipsoid"
         return f"found a {visible_text(element.tag)}, which is not followed, expected {known}"
 
     def _muscle(self, element: Element, surfaces) -> MusclePath:
-        name = element.get("name")
+        name = element.get("name", "")
         where = f"muscle {visible_text(name)[:100]}"
         way = next(element.iter("GeometryPath"), None)
         if way is None:

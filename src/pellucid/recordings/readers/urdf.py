@@ -105,7 +105,7 @@ class Urdf:
         joints = [hold_joint(j, holding[j.name]) if j.name in holding else j for j in self.joints]
         kept, links, on = weld_fixed_joints(joints, self.links, self.path.name)
         if not self.has_bodies:
-            links = [replace(STAND_IN, name=link.name) for link in links]
+            links = tuple(replace(STAND_IN, name=link.name) for link in links)
         return Tree(kept, links, gravity, self.path.name), on
 
 
@@ -137,8 +137,8 @@ def read_urdf(path: Path) -> Urdf:
             at = f"joint {joint.name!r}, <mimic>"
             mimics[joint.name] = Mimic(
                 _name(path, at, mimic, "joint"),
-                _number(path, at, mimic, "multiplier", default=1.0),
-                _number(path, at, mimic, "offset", default=0.0),
+                _number_or(path, at, mimic, "multiplier", 1.0),
+                _number_or(path, at, mimic, "offset", 0.0),
             )
     if not joints:
         raise RecordingError(f"{path.name}: found no <joint>, expected at least one")
@@ -211,7 +211,8 @@ def _joint(path: Path, element: Element, links: set[str]) -> TreeJoint:
         length = math.hypot(*axis)
         if not length > 1e-6:
             raise RecordingError(f'{path.name}, {at}: found <axis xyz="{found.get("xyz")}"/>, expected a direction')
-        axis = tuple(x / length for x in axis)
+        x, y, z = axis
+        axis = (x / length, y / length, z / length)
     return TreeJoint(name, ends["parent"], ends["child"], kind, axis, place, turned)
 
 
@@ -243,9 +244,8 @@ def _link(path: Path, element: Element) -> Link:
     kilograms = _number(path, f"{at}, <mass>", mass, "value", default=None)
     if kilograms is None or kilograms < 0.0:
         raise RecordingError(f"{path.name}, {at}: found the mass {mass.get('value')!r}, expected a number >= 0 [kg]")
-    about = [
-        _number(path, f"{at}, <inertia>", inertia, f"i{ij}", default=0.0) for ij in ("xx", "xy", "xz", "yy", "yz", "zz")
-    ]
+    pairs = ("xx", "xy", "xz", "yy", "yz", "zz")
+    about = [_number_or(path, f"{at}, <inertia>", inertia, f"i{pair}", 0.0) for pair in pairs]
     return Link.about_centre(name, kilograms, centre, about, turned)
 
 
@@ -254,7 +254,8 @@ def _origin(path: Path, at: str, element: Element) -> tuple[Vector, Vector]:
     if found is None:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     zeros = (0.0, 0.0, 0.0)
-    return tuple(_vector(path, f"{at}, <origin>", found, key, default=zeros) for key in ("xyz", "rpy"))
+    place = _vector(path, f"{at}, <origin>", found, "xyz", default=zeros)
+    return place, _vector(path, f"{at}, <origin>", found, "rpy", default=zeros)
 
 
 def _name(path: Path, at: str, element: Element, key: str) -> str:
@@ -269,6 +270,12 @@ def _number(path: Path, at: str, element: Element, key: str, *, default: float |
     return default if found is None else _parsed(path, at, key, found)
 
 
+def _number_or(path: Path, at: str, element: Element, key: str, default: float) -> float:
+    """Return the number of an attribute, or `default` where the element does not have it."""
+    found = _number(path, at, element, key, default=default)
+    return default if found is None else found
+
+
 def _vector(path: Path, at: str, element: Element, key: str, *, default: Vector | None) -> Vector:
     found = element.get(key)
     if found is None and default is not None:
@@ -276,7 +283,8 @@ def _vector(path: Path, at: str, element: Element, key: str, *, default: Vector 
     parts = (found or "").split()
     if len(parts) != 3:
         raise RecordingError(f"{path.name}, {at}: found {key} = {(found or '')[:60]!r}, expected three numbers")
-    return tuple(_parsed(path, at, key, part) for part in parts)
+    x, y, z = (_parsed(path, at, key, part) for part in parts)
+    return x, y, z
 
 
 def _parsed(path: Path, at: str, key: str, text: str) -> float:

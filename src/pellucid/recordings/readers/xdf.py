@@ -50,9 +50,9 @@ def read(path: Path) -> Columns:
     return Columns(path, into, units=_units(streams))
 
 
-def _units(streams: list[Any]) -> dict[str, str]:
+def _units(streams: list[Any]) -> dict[str | int, str]:
     """Return the unit of every column for which the file states one."""
-    found = {}
+    found: dict[str | int, str] = {}
     for stream in streams:
         for label, channel in zip(_labels(stream), _channels(stream), strict=False):
             said = _text(channel, "unit")
