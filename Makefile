@@ -39,7 +39,7 @@ fuzz: $(VENV)/.tested
 	$(BIN)/cmake --build build/fuzz --target fuzz
 
 bench: $(VENV)/.tested
-	$(BIN)/uv pip install --python $(BIN)/python -q -e '.[benchmark]'
+	$(BIN)/uv pip install -q --python $(BIN)/python -r pyproject.toml --extra benchmark
 	$(BIN)/python -m benchmarks
 
 # Proofs of what is claimed besides speed: make evidence PROOFS="coverage scale" for some of them.
@@ -52,9 +52,9 @@ $(VENV)/.installed: $(CORE)
 	$(BIN)/uv pip install -q --python $(BIN)/python -e . --reinstall-package pellucid
 	touch $@
 
-# The package is there: this adds libraries, and builds nothing.
+# Libraries alone: to name the package with its extra, -e '.[test]', would build it again.
 $(VENV)/.tested: pyproject.toml | $(VENV)/.installed
-	$(BIN)/uv pip install -q --python $(BIN)/python -e '.[test]'
+	$(BIN)/uv pip install -q --python $(BIN)/python -r pyproject.toml --extra test
 	touch $@
 
 clean:
