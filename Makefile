@@ -1,6 +1,6 @@
 # make demo: identify joints, write reports.   make test: every test that this machine has data and tools for.
 # make nightly: tests, and what takes too long for every run: the blocks of every tutorial, and every proof.
-# Each sets everything up by itself.
+# Each sets everything up by itself: the demo only what Pellucid needs, tests and all others what is tested and measured too.
 PYTHON ?= python3
 VENV   ?= .venv
 DEMO   ?= demo
@@ -17,38 +17,44 @@ CORE   := $(wildcard include/pellucid/*.hpp bindings/*.cpp bindings/*.hpp) CMake
 demo: $(VENV)/.installed
 	$(BIN)/pellucid demo --out $(DEMO)
 
-test: $(VENV)/.installed core-test
+test: $(VENV)/.tested core-test
 	$(BIN)/ruff check .
 	$(PYTEST)
 
 nightly: test
 	$(PYTEST) -m nightly
 
-numeric-test: $(VENV)/.installed
+numeric-test: $(VENV)/.tested
 	$(PYTEST) -q -m 'not slow' $(NUMERIC)
 
-core-test: $(VENV)/.installed
+core-test: $(VENV)/.tested
 	$(BIN)/cmake -G Ninja -S tests/core -B build/core -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN))/ninja >/dev/null
 	$(BIN)/cmake --build build/core
 	$(BIN)/ctest --test-dir build/core --output-on-failure
 
 # Needs clang++; FUZZ_SECONDS for each controller.
-fuzz: $(VENV)/.installed
+fuzz: $(VENV)/.tested
 	$(BIN)/cmake -G Ninja -S tests/core -B build/fuzz -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN))/ninja \
 	  -DCMAKE_CXX_COMPILER=clang++ -DFUZZ=ON -DFUZZ_SECONDS=$(or $(FUZZ_SECONDS),10) >/dev/null
 	$(BIN)/cmake --build build/fuzz --target fuzz
 
-bench: $(VENV)/.installed
-	$(BIN)/uv pip install --python $(BIN)/python -q -e '.[benchmark]'
+bench: $(VENV)/.tested
+	$(BIN)/uv pip install -q --python $(BIN)/python -r pyproject.toml --extra benchmark
 	$(BIN)/python -m benchmarks
 
 # Proofs of what is claimed besides speed: make evidence PROOFS="coverage scale" for some of them.
-evidence: $(VENV)/.installed
+evidence: $(VENV)/.tested
 	$(BIN)/python -m evidence $(PROOFS) --out $(or $(EVIDENCE),evidence.json)
 
+# What builds the core comes into an environment of its own and is gone afterwards.
 $(VENV)/.installed: $(CORE)
 	test -x $(BIN)/uv || ($(PYTHON) -m venv $(VENV) && $(BIN)/pip install -q uv)
-	$(BIN)/uv pip install -q --python $(BIN)/python -e '.[test]' -e ./lab --reinstall-package pellucid
+	$(BIN)/uv pip install -q --python $(BIN)/python -e . -e ./lab --reinstall-package pellucid
+	touch $@
+
+# Libraries alone: to name the package with its extra, -e '.[test]', would build it again.
+$(VENV)/.tested: pyproject.toml | $(VENV)/.installed
+	$(BIN)/uv pip install -q --python $(BIN)/python -r pyproject.toml --extra test
 	touch $@
 
 clean:

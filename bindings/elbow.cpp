@@ -316,7 +316,7 @@ class WornElbow {
     arm.state = p::balanced(arm.plant, position0);
     arm.reach = p::holding(arm.person, position0, read_load<double>(load));
     arm.law = read_supervised<double>(law, law_parameters, supervisor);
-    of_law(arm.law, 0, [](auto& one) { return p::seal(one), 0; });
+    seal_law(arm.law);
     arm.level[0] = arm.reach.torque > 0 ? arm.reach.torque : 0;
     arm.level[1] = arm.reach.torque < 0 ? -arm.reach.torque : 0;
   }

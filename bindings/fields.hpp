@@ -21,33 +21,41 @@ inline nb::object dimension_of(const pellucid::Unit& unit) {
 
 inline std::string name_of(const pellucid::Field& f) { return std::string(f.before) + f.name + f.after; }
 
+/// Appends what a Params says of one number. Out of line, as is `append_name`: a Params has up to a hundred numbers, and
+/// the walk would repeat the code for each of them.
+[[gnu::noinline]] inline void append_field(nb::list& list, const pellucid::Field& f, double value, bool count) {
+  nb::dict one;
+  one["name"] = name_of(f);
+  one["dimension"] = dimension_of(f.unit);
+  one["default"] = value;
+  one["lower"] = f.bounds.lower;
+  one["upper"] = f.bounds.upper;
+  one["above"] = f.bounds.above;
+  one["below"] = f.bounds.below;
+  one["infinite"] = f.bounds.infinite;
+  one["count"] = count;
+  one["sentence"] = f.sentence;
+  if (f.resists.at_all) one["resists"] = nb::make_tuple(f.resists.speed, f.resists.load, f.resists.one_way);
+  list.append(one);
+}
+
 /// Every number of a Params of doubles as a dictionary, in order.
 template <class P> nb::list fields_of() {
   nb::list list;
   P params{};
   pellucid::walk(params, [&list](auto& number, const pellucid::Field& f) {
-    nb::dict one;
-    one["name"] = name_of(f);
-    one["dimension"] = dimension_of(f.unit);
-    one["default"] = static_cast<double>(number);
-    one["lower"] = f.bounds.lower;
-    one["upper"] = f.bounds.upper;
-    one["above"] = f.bounds.above;
-    one["below"] = f.bounds.below;
-    one["infinite"] = f.bounds.infinite;
-    one["count"] = std::is_integral<std::remove_reference_t<decltype(number)>>::value;
-    one["sentence"] = f.sentence;
-    if (f.resists.at_all) one["resists"] = nb::make_tuple(f.resists.speed, f.resists.load, f.resists.one_way);
-    list.append(one);
+    append_field(list, f, static_cast<double>(number), std::is_integral<std::remove_reference_t<decltype(number)>>::value);
   });
   return list;
 }
+
+[[gnu::noinline]] inline void append_name(nb::list& list, const pellucid::Field& f) { list.append(name_of(f)); }
 
 /// Their names alone.
 template <class P> nb::tuple names_of() {
   nb::list list;
   P params{};
-  pellucid::walk(params, [&list](auto&, const pellucid::Field& f) { list.append(name_of(f)); });
+  pellucid::walk(params, [&list](auto&, const pellucid::Field& f) { append_name(list, f); });
   return nb::tuple(list);
 }
 

@@ -18,38 +18,17 @@ template <class S> using AnyLaw = pellucid::Laws::any<OneOf, pellucid::Controlle
 template <class S> using AnySupervised = pellucid::Laws::any<OneOf, pellucid::Supervised, S>;
 
 /// A law of the list under its name, of its numbers. "none" is nothing.
-template <class S> AnyLaw<S> read_law(const std::string& name, nb::handle parameters) {
-  AnyLaw<S> found;
-  std::string known = "\"none\"";
-  bool is_known = name == "none";
-  pellucid::Laws::for_each([&](auto of) {
-    using L = typename decltype(of)::template law<S>;
-    known += std::string(", \"") + L::name + "\"";
-    if (name != L::name) return;
-    is_known = true;
-    pellucid::Controller<L> law;
-    pellucid::configure(law, read_params<typename L::Params, S>("law_parameters", parameters));
-    found = law;
-  });
-  if (!is_known) throw nb::value_error(("law: expected one of " + known).c_str());
-  return found;
-}
+template <class S> AnyLaw<S> read_law(const std::string& name, nb::handle parameters);
+extern template AnyLaw<double> read_law<double>(const std::string&, nb::handle);
+extern template AnyLaw<float> read_law<float>(const std::string&, nb::handle);
 
 /// The same under a supervisor of its numbers, or under one that holds nothing against anybody. To be sealed where it lies.
-template <class S> AnySupervised<S> read_supervised(const std::string& name, nb::handle parameters, nb::handle numbers) {
-  AnySupervised<S> found;
-  AnyLaw<S> law = read_law<S>(name, parameters);
-  const auto rules = numbers.is_none() ? pellucid::SupervisorParams<S>{}
-                                       : read_params<pellucid::SupervisorParams<S>, S>("supervisor", numbers);
-  pellucid::Laws::for_each([&](auto of) {
-    using L = typename decltype(of)::template law<S>;
-    if (name != L::name) return;
-    pellucid::Supervised<L> made;
-    pellucid::configure(made, read_params<typename L::Params, S>("law_parameters", parameters), rules);
-    found = made;
-  });
-  return found;
-}
+template <class S> AnySupervised<S> read_supervised(const std::string& name, nb::handle parameters, nb::handle numbers);
+extern template AnySupervised<double> read_supervised<double>(const std::string&, nb::handle, nb::handle);
+extern template AnySupervised<float> read_supervised<float>(const std::string&, nb::handle, nb::handle);
+
+/// Takes the checksums of a supervised law where it lies.
+void seal_law(AnySupervised<double>& law);
 
 /// f(controller) of whichever law it is; `otherwise` where there is none.
 template <class R, class Any, class F> R of_law(Any& any, R otherwise, F f) {

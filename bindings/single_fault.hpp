@@ -307,7 +307,7 @@ template <class Params> Lived live_with(WornArm<Params>& arm, const Life& life, 
   namespace p = pellucid;
   Lived lived;
   const double period = arm.person.params.period;
-  of_law(arm.law, 0, [](auto& one) { return p::seal(one), 0; });
+  seal_law(arm.law);
   std::size_t task = 0, stop = 0;
   double left = settles, work = 0, row[WornArm<Params>::columns], blocked_at = 0, blocked_way = 1, speeds[5] = {};
   for (std::size_t k = 0; k < life.longest; ++k) {

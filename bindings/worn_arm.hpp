@@ -25,6 +25,13 @@ struct Healthy {
   double pushes(double) const { return 0; }
 };
 
+/// One control period of a supervised law on a robot that somebody wears, at `now` [us]; `out` stays where there is no law.
+/// The samples and the feedback pass through `fault` first; the drive measures an effort of `drive` [N m], a second
+/// encoder an angle of `joint` [rad]. Compiled once for all models of a person, in worn_laws.cpp.
+template <class Fault>
+void step_worn_law(AnySupervised<double>& law, const pellucid::Samples<double>& samples, double drive, double joint,
+                   std::int64_t now, Fault& fault, pellucid::SupervisorOutput<double>& out);
+
 /// The drive's watchdog.
 struct DriveWatch {
   static constexpr std::uint32_t patience = 10;    // periods that it waits
@@ -70,19 +77,7 @@ template <class Params> struct WornArm {
     samples.interaction = {sensor_error != nullptr ? late + *sensor_error : 0.0, 0, 0, sensor_error != nullptr};
     samples.muscle = {emg_gain[0] * level[0] - emg_gain[1] * level[1], 0, 0, emg};
     const std::int64_t now = std::llround(1e6 * person.params.period * static_cast<double>(ticks));
-    if (!fault.hangs()) {
-      of_law(law, 0, [&](auto& one) {
-        p::Samples<double> read = p::stamped(one, samples, now);
-        const p::Sample<double>& stamp = read.position;
-        p::Feedback<double> back;
-        back.drive = {drive_measured, stamp.time, stamp.sequence, true};
-        back.joint = {state.link_position, stamp.time, stamp.sequence, true};
-        std::int64_t clock = now;
-        fault.samples(one, read, back, clock);
-        out = p::step(one, read, back, clock);
-        return 0;
-      });
-    }
+    if (!fault.hangs()) step_worn_law(law, samples, drive_measured, state.link_position, now, fault, out);
     const double current = p::clamp(out.effort / gain, -limit, limit);
     const bool power = p::step(watchdog, out.beat, out.enable, DriveWatch::patience);
     off = power ? 0 : off + 1;

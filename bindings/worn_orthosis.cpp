@@ -75,19 +75,8 @@ class WornOrthosis {
     samples.torque = {seen.torque, 0, 0, true};
     samples.muscle = {emg, 0, 0, std::isfinite(emg)};
     const double measured = p::step(reading_, reading_state_, seen.torque, reading_noise);
-    if (!fault_.hangs()) {
-      of_law(law_, 0, [&](auto& one) {
-        p::Samples<double> read = p::stamped(one, samples, now);
-        const p::Sample<double> stamp = read.position;
-        p::Feedback<double> back;
-        back.drive = {fault_.measured(measured), stamp.time, stamp.sequence, true};
-        back.joint = {seen.motor_position, stamp.time, stamp.sequence, true};
-        std::int64_t clock = now;
-        fault_.samples(one, read, back, clock);
-        out = p::step(one, read, back, clock);
-        return 0;
-      });
-    }
+    if (!fault_.hangs())
+      step_worn_law(law_, samples, fault_.measured(measured), seen.motor_position, now, fault_, out);
     const bool power = p::step(watchdog_, out.beat, out.enable, DriveWatch::patience);
     off = power ? 0 : off + 1;
     const double asked = fault_.given(out.effort);
@@ -105,7 +94,7 @@ class WornOrthosis {
 
  private:
   void seal() {
-    of_law(law_, 0, [](auto& one) { return p::seal(one), 0; });
+    seal_law(law_);
   }
   p::CoupledPlantCoefficients<double> on_, off_;
   p::CoupledPlantState<double> state_;

@@ -1,0 +1,71 @@
+"""What `pip install pellucid` without extras must be able to do: everything imports without the extras' packages."""
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+BLOCKED = ("pandas", "statsmodels", "dask", "distributed", "emcee", "SALib", "mujoco", "pinocchio", "numba", "opensim")
+"""Packages of extras, which the base installation lacks."""
+
+BEFORE = f"""
+import sys
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {BLOCKED!r}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+sys.meta_path.insert(0, Absent())
+"""
+"""Program lines after which the packages are as good as not installed."""
+
+EVERY_MODULE = """
+import importlib, pkgutil
+import pellucid
+for module in pkgutil.walk_packages(pellucid.__path__, "pellucid."):
+    importlib.import_module(module.name)
+"""
+
+ARRAY_FUNCTIONS = """
+import numpy as np
+import pellucid as pl
+t, rng = np.arange(0.0, 10.0, 1e-3), np.random.default_rng(1)
+w1, w2 = 0.8 * np.pi, 2.2 * np.pi
+q = 0.5 * np.sin(w1 * t) + 0.2 * np.sin(w2 * t)
+v = 0.5 * w1 * np.cos(w1 * t) + 0.2 * w2 * np.cos(w2 * t)
+a = -0.5 * w1**2 * np.sin(w1 * t) - 0.2 * w2**2 * np.sin(w2 * t)
+effort = 0.05 * a + 1.5 * np.sin(q) + 0.08 * v + 0.3 * np.sign(v)
+fit = pl.fit_joint(t, q, effort, friction="symmetric", lowpass=20.0, decimate=10)
+assert repr(fit)
+assert fit._repr_html_()
+assert fit.plot() is not None
+active = (t % 2.0) > 1.0
+emg = {name: rng.standard_normal(t.size) * (0.02 + size * active) for name, size in (("a", 1.0), ("b", 0.4))}
+envelope = {name: np.convolve(np.abs(x), np.ones(100) / 100, "same") for name, x in emg.items()}
+assert pl.onset(emg["a"], fs=1000.0) is not None
+assert pl.cocontraction(envelope["a"], envelope["b"], fs=1000.0) is not None
+assert pl.synergies(envelope, fs=1000.0) is not None
+"""
+
+MISSING = """
+import pytest
+import pellucid as pl
+from pellucid._tabular import data_frame
+from pellucid.fit.posterior.ensemble import require_sampler
+for ask, extra in ((lambda: data_frame({"a": [1]}), "tables"), (require_sampler, "posterior")):
+    with pytest.raises(pl.PellucidError, match=rf"pip install .*\\[{extra}\\]"):
+        ask()
+"""
+
+
+@pytest.mark.parametrize("script", [EVERY_MODULE, ARRAY_FUNCTIONS, MISSING], ids=["modules", "arrays", "missing"])
+def test_no_extra_is_needed(script):
+    done = subprocess.run([sys.executable, "-c", BEFORE + script], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_no_package_of_an_extra_is_a_dependency():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert not [line for line in project["dependencies"] if line.lower().startswith(tuple(map(str.lower, BLOCKED)))]
