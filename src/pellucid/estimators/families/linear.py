@@ -26,7 +26,7 @@ def make_ridge(settings: Mapping[str, Any], seen: Features) -> Regressor:
     return Ridge(settings["penalty"], columns)
 
 
-COMMON_FIELDS = {"shared_setting": "penalty", "smoothing": 0.0, "extrapolation_rank": 2}
+COMMON_FIELDS: Mapping[str, Any] = {"shared_setting": "penalty", "smoothing": 0.0, "extrapolation_rank": 2}
 """Fields that all families of this module have in common."""
 
 FAMILIES = {

@@ -144,7 +144,8 @@ def _evaluate_person(
         raise IdentificationError(
             f"{who}: found {len(fitted)} swings to fit and {len(held)} to judge, expected at least one of each"
         )
-    made, half = {t.name: {} for t in held}, {}
+    made: dict[str, dict[str, np.ndarray]] = {t.name: {} for t in held}
+    half: dict[str, dict[str, np.ndarray]] = {}
     names = find_applicable_estimators(trials, who, found, FITTED_ESTIMATORS)
     for j, name in enumerate(names):
         tell(f"{who}, {ESTIMATOR_FAMILIES[name].description}", j / len(names))
