@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from pellucid import cli
 from pellucid._errors import IdentificationError, RecordingError, StudyError
-from pellucid.assessment.indices import affine
+from pellucid.assessment.isochrony import affine
 from pellucid.procedures.assessment.paper_tables import write_tables
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import assess, check

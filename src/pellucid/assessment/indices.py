@@ -1,86 +1,244 @@
-"""Indices of transparency: what each is, and each participant's value in each condition.
+"""Catalogue of the indices of transparency.
 
-A value is a mean over movements that are alike (one amplitude, one direction), then over these cells, of those alone
-that the participant has in every condition: a movement left out does not tip the balance between short and long ones.
+An index states its words, its unit, which change is worse, what a percentage of it means, how it is made of movements
+and where reports show it. Tables, tests, certificates, pages and predictions walk this catalogue, so that a new index
+that is made of a movement's angle is complete with its one entry.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from enum import Enum
+from functools import cache
 
-import numpy as np
-
+from ..signals.movements import Kinematics, Movement
 from ..units import COORDINATES_BY_UNIT, Coordinate
-from .measured import DIRECTION_DOWN, DIRECTION_UP, MeasuredMovement, MovementDuration
-from .survival import survival
+from .measured import DIRECTION_DOWN, DIRECTION_UP
+from .survival import Survival
+
+
+class Worse(Enum):
+    """Direction of change of an index that speaks against a robot; the margin of a certificate lies on that side."""
+
+    IF_MORE = "less is never worse, so that a margin has an upper end only"
+    EITHER_WAY = "a change in either direction is one, so that a margin has two ends"
+
+
+class PercentOf(Enum):
+    """Meaning of a percentage of an index or of its change."""
+
+    THE_CONTROL = "the mean of the control condition, because all values are above 0"
+    ALL_MOVEMENTS = "all movements: the value is a share itself, shown in %"
+    OVER_CONTROL = "each participant's value in control: the value is the ratio to it less 1, which is 0 for control"
+    NOTHING_AT_ALL = "nothing, because the scale has no zero; changes are in the unit of the index"
+
+
+class CutOff(Enum):
+    """Contribution to an index of a movement that had not ended when the next target came."""
+
+    NO_VALUE = "nothing: the index is of movements that ended"
+    COUNTED_SETTLED = "it is counted as one that never settled, so that the value is known"
+    SEEN_DURATION = "the duration that was seen; a mean that includes one has no upper bound"
+    AT_LEAST_SEEN = "it lasted longer than was seen; a target that got no movement counts as never reached"
 
 
 @dataclass(frozen=True)
-class Index:
-    """One index of transparency."""
+class Tile:
+    """Tile of an index at the top of a page."""
 
-    name: str  # name in ids
+    label: str
+    after_unit: str = ""  # words after the unit of a value that control does not have
+
+
+@dataclass(frozen=True, kw_only=True)
+class Index:
+    """One index of transparency.
+
+    Places count from 1 and give an order; 0 means that the index is not shown there. ``of`` names the value of a
+    movement that the index is made from; several indices may share one value.
+    """
+
+    name: str  # name in ids and in study.toml
     words: str  # full name
     short: str  # short name for narrow tables
-    unit: str
-    of: str  # key of the movement's value from which the index is made
+    unit: str  # SI unit along an angle, as plain text
+    worse: Worse  # direction of change that speaks against a robot
+    percent_of: PercentOf  # meaning of a percentage of it
+    of: str = ""  # key of the movement's value from which it is made; empty: made from durations alone
+    of_movement: Callable[[Kinematics, Movement], float] | None = None  # gives the value; None: made of other data
+    of_curve: Callable[[Survival], float] | None = None  # value from the settling curve of alike movements
     direction: str = ""  # ``"up"`` or ``"down"``; ``""`` for both
-    over_control: bool = False  # True: the ratio to the control's value less 1, which is 0 for control
     spread: bool = False  # True: standard deviation of similar movements instead of their mean
-    lasting: bool = False  # True: made from how long movements lasted, including those that never settled
+    cut_off: CutOff = CutOff.NO_VALUE  # contribution of a movement that was cut off
+    needs_unsettled: bool = False  # True: without a value where every movement of the study settled
+    needs_robot: bool = False  # True: without a robot there is none, so that no change is a share of control's
+    leads: bool = False  # True: the headline of an assessment tells its change
+    tells_median: bool = False  # True: its first-told change is the median of each participant's own, not of the mean
+    sentence_words: str = ""  # beginning of its sentence in the paragraph where ``words`` would not say it
+    paragraph_place: int = 0  # place among those the paragraph describes; of the others it says whether they differ
+    panel_place: int = 0  # place among the panels that draw every participant
+    delay_place: int = 0  # place among those that depend on the delay between markers and EMG
+    tile: Tile | None = None  # tile at the top of the page
+    has_table: bool = False  # whether the terminal shows a table of its own; a report has one for every index
+    tries_rules: bool = False  # whether other filters and rules for movements are tried on it
+    is_planned: bool = False  # whether the number of participants needed is computed
+    along: str = "rad"  # unit of the coordinate of movement, "rad" or "m"
+
+    @property
+    def lasting(self) -> bool:
+        """Whether it is made from how long movements lasted, including those that never settled."""
+        return self.of_curve is not None
+
+    @property
+    def over_control(self) -> bool:
+        """Whether a value is the ratio to the control's value less 1, which is 0 for control."""
+        return self.percent_of is PercentOf.OVER_CONTROL
 
     @property
     def scaled(self) -> bool:
         """Whether a change in % is meaningful because all values are above 0."""
-        return self.name not in ("sparc", "ldlj", "end_error", "unsettled") and not self.over_control
+        return self.percent_of is PercentOf.THE_CONTROL
 
     @property
     def shown(self) -> tuple[float, str]:
         """Factor and unit of the index in tables and figures."""
-        if self.name == "unsettled":
+        if self.percent_of is PercentOf.ALL_MOVEMENTS:
             return 100.0, "%"
         along = COORDINATES_BY_UNIT.get(self.unit)
         return (1.0, self.unit) if along is None else (along.factor, along.shown)
 
 
-INDICES = {
+MOVEMENT_DURATION = Index(
+    name="duration", words="Duration", short="Duration", unit="s",
+    worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL,
+    of="duration", of_movement=lambda motion, movement: movement.duration, cut_off=CutOff.SEEN_DURATION,
+    has_table=True, tries_rules=True, is_planned=True,
+)  # fmt: skip
+PEAK_VELOCITY = Index(
+    name="vmax", words="Peak velocity", short="Peak vel.", unit="rad/s",
+    worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL,
+    of="vmax", of_movement=lambda motion, movement: movement.peak_velocity,
+    paragraph_place=3, panel_place=3, tile=Tile("Peak velocity"), has_table=True, tries_rules=True, is_planned=True,
+)  # fmt: skip
+MEAN_VELOCITY = Index(
+    name="vmean", words="Mean velocity", short="Mean vel.", unit="rad/s",
+    worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL,
+    of="vmean", of_movement=lambda motion, movement: movement.mean_velocity, tries_rules=True,
+)  # fmt: skip
+PEAK_ACCELERATION = Index(
+    name="acceleration", words="Peak acceleration", short="Acc.", unit="rad/s^2",
+    worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL,
+    of="acceleration", of_movement=lambda motion, movement: movement.peak_acceleration,
+    panel_place=4, tries_rules=True,
+)  # fmt: skip
+PEAK_TIME_UP = Index(
+    name="peak_time_up", words="Relative time to peak velocity upwards", short="Peak time, up", unit="1",
+    worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL,
+    of="peak_time", of_movement=lambda motion, movement: movement.peak_time, direction=DIRECTION_UP,
+    panel_place=5, tries_rules=True, is_planned=True,
+)  # fmt: skip
+PEAK_TIME_DOWN = Index(
+    name="peak_time_down", words="Relative time to peak velocity downwards", short="Peak time, down", unit="1",
+    worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL,
+    of="peak_time", of_movement=lambda motion, movement: movement.peak_time, direction=DIRECTION_DOWN,
+    panel_place=6, tries_rules=True, is_planned=True,
+)  # fmt: skip
+SIGNED_END_ERROR = Index(
+    name="end_error", words="Signed end-point error", short="End bias", unit="rad",
+    worse=Worse.EITHER_WAY, percent_of=PercentOf.NOTHING_AT_ALL, of="end_error",
+)  # fmt: skip
+ABSOLUTE_END_ERROR = Index(
+    name="end_absolute", words="Absolute end-point error", short="End error", unit="rad",
+    worse=Worse.IF_MORE, percent_of=PercentOf.THE_CONTROL, of="end_absolute",
+    paragraph_place=4, panel_place=8, has_table=True, is_planned=True,
+)  # fmt: skip
+VARIABLE_END_ERROR = Index(
+    name="end_spread", words="Variable end-point error", short="End spread", unit="rad",
+    worse=Worse.IF_MORE, percent_of=PercentOf.THE_CONTROL, of="end_error", spread=True, panel_place=9,
+)  # fmt: skip
+SPECTRAL_ARC_LENGTH = Index(
+    name="sparc", words="Spectral arc length", short="SPARC", unit="1",
+    worse=Worse.EITHER_WAY, percent_of=PercentOf.NOTHING_AT_ALL, of="sparc", panel_place=7,
+)  # fmt: skip
+LOG_DIMENSIONLESS_JERK = Index(
+    name="ldlj", words="Log dimensionless jerk", short="LDLJ", unit="1",
+    worse=Worse.EITHER_WAY, percent_of=PercentOf.NOTHING_AT_ALL, of="ldlj",
+)  # fmt: skip
+EMG_LEVEL = Index(
+    name="emg_level", words="EMG level", short="EMG level", unit="1",
+    worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL, of="emg_level",
+    paragraph_place=7, panel_place=10, delay_place=2, has_table=True, tries_rules=True, is_planned=True,
+)  # fmt: skip
+EMG_PER_ACCELERATION = Index(
+    name="emgacc", words="EMG/Acc", short="EMG/Acc", unit="1",
+    worse=Worse.EITHER_WAY, percent_of=PercentOf.OVER_CONTROL, of="emg_per_acc", direction=DIRECTION_UP,
+    sentence_words="EMG over acceleration (EMG/Acc)",
+    paragraph_place=5, panel_place=11, delay_place=1, tile=Tile("EMG/Acc"), has_table=True, tries_rules=True,
+    is_planned=True,
+)  # fmt: skip
+RMS_INTERACTION_TORQUE = Index(
+    name="torque_rms", words="RMS interaction torque", short="Torque RMS", unit="N*m",
+    worse=Worse.IF_MORE, percent_of=PercentOf.THE_CONTROL, of="torque_rms", needs_robot=True,
+    paragraph_place=6, panel_place=12, tile=Tile("Interaction", " RMS"), has_table=True,
+)  # fmt: skip
+PEAK_INTERACTION_TORQUE = Index(
+    name="torque_peak", words="Peak interaction torque", short="Torque peak", unit="N*m",
+    worse=Worse.IF_MORE, percent_of=PercentOf.THE_CONTROL, of="torque_peak", needs_robot=True,
+)  # fmt: skip
+WORK_AGAINST_ROBOT = Index(
+    name="work", words="Work against the robot", short="Work", unit="J",
+    worse=Worse.IF_MORE, percent_of=PercentOf.THE_CONTROL, of="work", needs_robot=True, panel_place=13,
+)  # fmt: skip
+# The mean duration is not in the paragraph and the median is, because movements that were cut off distort a mean.
+MEDIAN_DURATION = Index(
+    name="duration_median", words="Median duration", short="Median dur.", unit="s",
+    worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL,
+    of=MOVEMENT_DURATION.of, of_curve=lambda curve: curve.bounded_median, cut_off=CutOff.AT_LEAST_SEEN,
+    leads=True, tells_median=True,
+    paragraph_place=1, panel_place=1, tile=Tile("Median duration"), has_table=True, is_planned=True,
+)  # fmt: skip
+UNSETTLED_SHARE = Index(
+    name="unsettled", words="Share of movements that never settled", short="Never settled", unit="1",
+    worse=Worse.IF_MORE, percent_of=PercentOf.ALL_MOVEMENTS,
+    of_curve=lambda curve: curve.cut, cut_off=CutOff.COUNTED_SETTLED, needs_unsettled=True,
+    paragraph_place=2, panel_place=2, has_table=True,
+)  # fmt: skip
+
+# A new index comes last: an index's place here is its random stream, so that a place in between would move intervals.
+INDICES: Mapping[str, Index] = {
     index.name: index
     for index in (
-        Index("duration", "Duration", "Duration", "s", "duration"),
-        Index("vmax", "Peak velocity", "Peak vel.", "rad/s", "vmax"),
-        Index("vmean", "Mean velocity", "Mean vel.", "rad/s", "vmean"),
-        Index("acceleration", "Peak acceleration", "Acc.", "rad/s^2", "acceleration"),
-        Index(
-            "peak_time_up", "Relative time to peak velocity upwards", "Peak time, up", "1", "peak_time", DIRECTION_UP
-        ),
-        Index(
-            "peak_time_down",
-            "Relative time to peak velocity downwards",
-            "Peak time, down",
-            "1",
-            "peak_time",
-            DIRECTION_DOWN,
-        ),
-        Index("end_error", "Signed end-point error", "End bias", "rad", "end_error"),
-        Index("end_absolute", "Absolute end-point error", "End error", "rad", "end_absolute"),
-        Index("end_spread", "Variable end-point error", "End spread", "rad", "end_error", spread=True),
-        Index("sparc", "Spectral arc length", "SPARC", "1", "sparc"),
-        Index("ldlj", "Log dimensionless jerk", "LDLJ", "1", "ldlj"),
-        Index("emg_level", "EMG level", "EMG level", "1", "emg_level"),
-        Index("emgacc", "EMG/Acc", "EMG/Acc", "1", "emg_per_acc", DIRECTION_UP, True),
-        Index("torque_rms", "RMS interaction torque", "Torque RMS", "N*m", "torque_rms"),
-        Index("torque_peak", "Peak interaction torque", "Torque peak", "N*m", "torque_peak"),
-        Index("work", "Work against the robot", "Work", "J", "work"),
-        Index("duration_median", "Median duration", "Median dur.", "s", "", lasting=True),
-        Index("unsettled", "Share of movements that never settled", "Never settled", "1", "", lasting=True),
+        MOVEMENT_DURATION, PEAK_VELOCITY, MEAN_VELOCITY, PEAK_ACCELERATION, PEAK_TIME_UP, PEAK_TIME_DOWN,
+        SIGNED_END_ERROR, ABSOLUTE_END_ERROR, VARIABLE_END_ERROR, SPECTRAL_ARC_LENGTH, LOG_DIMENSIONLESS_JERK,
+        EMG_LEVEL, EMG_PER_ACCELERATION, RMS_INTERACTION_TORQUE, PEAK_INTERACTION_TORQUE, WORK_AGAINST_ROBOT,
+        MEDIAN_DURATION, UNSETTLED_SHARE,
     )
-}
-"""All indices of an angle."""
+}  # fmt: skip
+"""All indices of an angle by name."""
+
+SHOWN_INDICES: tuple[Index, ...] = tuple(sorted(INDICES.values(), key=lambda index: not index.lasting))
+"""All indices in the order in which tables show them: those of how long movements lasted come first."""
+
+
+def index_names(place: Callable[[Index], int]) -> tuple[str, ...]:
+    """Return the names of the indices with a `place` above 0 (or True), in its order, then in that of tables."""
+    return tuple(index.name for index in sorted(SHOWN_INDICES, key=place) if place(index))
+
+
+def leading_index() -> Index:
+    """Return the index whose change the headline of an assessment tells."""
+    return next(index for index in SHOWN_INDICES if index.leads)
 
 
 def indices_along(along: Coordinate) -> Mapping[str, Index]:
     """Return all indices along an angle or a position; names stay, units and words change."""
+    return _indices_along(along.unit)
+
+
+@cache
+def _indices_along(unit: str) -> Mapping[str, Index]:
+    along = COORDINATES_BY_UNIT[unit]
     if along.unit == "rad":
         return INDICES
     units = {"N*m": along.effort}
@@ -92,180 +250,6 @@ def indices_along(along: Coordinate) -> Mapping[str, Index]:
         for one, other in words.items():
             said = [text.replace(one, other) for text in said]
         unit = units.get(index.unit, index.unit.replace("rad", along.unit))
-        return replace(index, words=said[0], short=said[1], unit=unit)
+        return replace(index, words=said[0], short=said[1], unit=unit, along=along.unit)
 
     return {name: of(index) for name, index in INDICES.items()}
-
-
-@dataclass(frozen=True, eq=False)
-class IndexTable:
-    """Values of one index by participant and condition."""
-
-    index: Index
-    participants: tuple[str, ...]  # participants with a value in all of `conditions`
-    conditions: tuple[str, ...]
-    values: np.ndarray  # (n, k)
-
-    def column(self, condition: str) -> np.ndarray:
-        """Return the values in one condition, shape (n,)."""
-        return self.values[:, self.conditions.index(condition)]
-
-
-def cell_means(
-    movements: Sequence[MeasuredMovement], of: str, direction: str = "", *, spread: bool = False
-) -> dict[tuple, float]:
-    """Return the mean value `of` similar movements by (participant, condition, cell), in one `direction` or both ("").
-
-    With `spread` the result holds their standard deviations (n - 1), without cells of a single movement.
-    """
-    sums: dict[tuple, list[float]] = {}
-    for m in movements:
-        value = m.values.get(of, np.nan)
-        if np.isfinite(value) and direction in ("", m.cell[1]):
-            sums.setdefault((m.participant, m.condition, m.cell), []).append(value)
-    if spread:
-        return {key: float(np.std(each, ddof=1)) for key, each in sums.items() if len(each) > 1}
-    return {key: float(np.mean(each)) for key, each in sums.items()}
-
-
-def lasting_cells(lasted: Sequence[MovementDuration], name: str) -> dict[tuple, float]:
-    """Return the median duration [s] of similar movements, or their share that never settled, by cell.
-
-    Keys are (participant, condition, cell). A median that was not reached is replaced by the longest time seen. The
-    result is empty if `name` is "unsettled" and every movement settled.
-    """
-    cells: dict[tuple, list[MovementDuration]] = {}
-    for each in lasted:
-        cells.setdefault((each.participant, each.condition, each.cell), []).append(each)
-    if name == "unsettled" and all(each.settled for each in lasted):
-        return {}
-    found = {}
-    for key, own in cells.items():
-        curve = survival(np.array([each.seconds for each in own]), np.array([each.settled for each in own]))
-        found[key] = curve.cut if name == "unsettled" else curve.bounded_median
-    return found
-
-
-def index_table(
-    movements: Sequence[MeasuredMovement],
-    index: Index,
-    participants: Sequence[str],
-    conditions: Sequence[str],
-    control: str,
-    lasted: Sequence[MovementDuration] = (),
-) -> IndexTable | None:
-    """Return the values of `index` of the `participants` who have it under all `conditions`; None if nobody has.
-
-    An index over `control` has no column for control, nor has one that needs a robot. `movements` holds all movements,
-    and `lasted` how long each was seen.
-    """
-    if index.lasting:
-        means = lasting_cells(lasted, index.name)
-    else:
-        means = cell_means(movements, index.of, index.direction, spread=index.spread)
-    recorded = [c for c in conditions if any(key[1] == c for key in means)]
-    # Without a robot there is no interaction: a condition in which nobody has a value is no column.
-    if not recorded or (index.over_control and (control not in recorded or len(recorded) < 2)):
-        return None
-    rows, people = [], []
-    for person in participants:
-        cells = [{key[2] for key in means if key[:2] == (person, c)} for c in recorded]
-        shared = set.intersection(*cells)
-        if not shared:
-            continue
-        ordered = sorted(shared, key=str)
-        value = {c: np.array([means[person, c, cell] for cell in ordered]) for c in recorded}
-        if index.over_control:
-            rows.append([float(np.mean(value[c] / value[control] - 1.0)) for c in recorded if c != control])
-        else:
-            rows.append([float(np.mean(value[c])) for c in recorded])
-        people.append(person)
-    if not rows:
-        return None
-    shown = tuple(c for c in recorded if not (index.over_control and c == control))
-    return IndexTable(index, tuple(people), shown, np.array(rows))
-
-
-@dataclass(frozen=True)
-class Isochrony:
-    """Straight lines of mean velocity and of duration over amplitude."""
-
-    condition: str
-    direction: str
-    participants: tuple[str, ...]
-    velocity_r2: tuple[float, ...]  # R^2 of each participant's own line through the means of each amplitude
-    velocity_slope: float  # slope of the line through the means over participants [1/s]
-    velocity_intercept: float  # intercept of that line [rad/s]
-    group_r2: float  # R^2 of that line
-    duration_r2: tuple[float, ...]  # R^2 of each participant's own line of duration
-    duration_slope: float  # slope of the line of duration through the means over participants [s/rad]
-    duration_intercept: float  # intercept of that line [s]
-    points: tuple[tuple[float, float, float], ...]  # amplitude, mean velocity and duration, averaged over participants
-    people: tuple[tuple[tuple[float, float, float], ...], ...]  # the same of each participant
-    unit: str = "rad"  # unit of amplitudes, "rad" or "m"; with "m" every [rad] above is [m]
-
-
-def isochrony(
-    movements: Sequence[MeasuredMovement],
-    participants: Sequence[str],
-    conditions: Sequence[str],
-    along: Coordinate = COORDINATES_BY_UNIT["rad"],
-) -> tuple[Isochrony, ...]:
-    """Return the isochrony of every condition and direction with at least three amplitudes.
-
-    `movements` are those of `participants` under `conditions`, `along` an angle or a position.
-    """
-
-    def si(amplitudes: Sequence[float]) -> np.ndarray:
-        return np.asarray(amplitudes) / along.factor
-
-    velocity, duration = cell_means(movements, "vmean"), cell_means(movements, "duration")
-    found = []
-    for condition in conditions:
-        for direction in (DIRECTION_UP, DIRECTION_DOWN):
-            each = [_person_line(person, condition, direction, velocity, duration) for person in participants]
-            each = [(person, *line) for person, line in zip(participants, each, strict=True) if line is not None]
-            if not each:
-                continue
-            amplitudes = sorted(set.intersection(*(set(a) for _, a, *_ in each)))
-            if len(amplitudes) < 3:
-                continue
-            v = [np.mean([vs[a] for _, _, vs, _ in each]) for a in amplitudes]
-            t = [np.mean([ts[a] for _, _, _, ts in each]) for a in amplitudes]
-            slope, intercept, r2 = affine(si(amplitudes), np.array(v))
-            dslope, dintercept, _ = affine(si(amplitudes), np.array(t))
-            found.append(
-                Isochrony(
-                    condition, direction, tuple(person for person, *_ in each),
-                    tuple(affine(si(a), np.array([vs[x] for x in a]))[2] for _, a, vs, _ in each),
-                    slope, intercept, r2,
-                    tuple(affine(si(a), np.array([ts[x] for x in a]))[2] for _, a, _, ts in each),
-                    dslope, dintercept,
-                    tuple(zip(si(amplitudes).tolist(), map(float, v), map(float, t), strict=True)),
-                    tuple(tuple((float(si(x)), vs[x], ts[x]) for x in a) for _, a, vs, ts in each),
-                    along.unit,
-                )
-            )  # fmt: skip
-    return tuple(found)
-
-
-def _person_line(person, condition, direction, velocity: Mapping, duration: Mapping):
-    """Return a person's amplitudes [deg or mm] with mean velocity and duration; None with fewer than three."""
-    cells = [
-        key[2] for key in velocity
-        if key[:2] == (person, condition) and key[2][1] == direction and key[2][0] is not None
-    ]  # fmt: skip
-    if len(cells) < 3:
-        return None
-    cells = sorted(cells)
-    v = {cell[0]: velocity[person, condition, cell] for cell in cells}
-    t = {cell[0]: duration[person, condition, cell] for cell in cells}
-    return [cell[0] for cell in cells], v, t
-
-
-def affine(x: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
-    """Return slope, intercept and R² of the least-squares line through x and y, (n,); R² is NaN if y is constant."""
-    slope, intercept = np.polyfit(x, y, 1)
-    spread = float(np.sum((y - y.mean()) ** 2))
-    rest = float(np.sum((y - slope * x - intercept) ** 2))
-    return float(slope), float(intercept), 1.0 - rest / spread if spread > 0.0 else float("nan")

@@ -12,7 +12,10 @@ import numpy as np
 
 from .. import _core
 from .._errors import PellucidError
-from ..models.fields import Field, fields_from_core, unit_of
+from ..models.fields import Field, fields_from_core, model_fields, unit_of
+
+SPRING_SENSOR = "torque"
+"""Name of the sensor of a spring's torque on the robot, in the core's ``law.hpp``."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,21 @@ class LawKind:
         """By name, SI: what holds where nothing else is said; 0 where something must be."""
         return {field.name: field.default for field in self.fields}
 
+    @property
+    def optional_sensors(self) -> tuple[str, ...]:
+        """Names of the sensors that it can do without, in order."""
+        return tuple(sensor.name for sensor in self.sensors if not sensor.required)
+
+    @property
+    def drives_spring(self) -> bool:
+        """Whether its effort is the torque of a spring on what is worn, which it then measures."""
+        return any(sensor.name == SPRING_SENSOR for sensor in self.sensors)
+
+    @property
+    def carries_body(self) -> bool:
+        """Whether its numbers include those of the core's joint, so that it carries one coherent body."""
+        return {field.name for field in model_fields("joint")} <= set(self.parameters)
+
 
 LAWS: Mapping[str, LawKind] = {
     law["name"]: LawKind(
@@ -69,6 +87,13 @@ LAWS: Mapping[str, LawKind] = {
     for law in _core.laws()
 }
 """Every law of the core, by name."""
+
+JOINT_LAW = LAWS["joint"]
+WORN_LAW = LAWS["worn"]
+POSITION_PREDICTION_LAW = LAWS["position_prediction"]
+DIRECTIONAL_LAW = LAWS["directional"]
+RULES_LAW = LAWS["rules"]
+TRANSPARENT_LAW = LAWS["transparent"]
 
 
 @dataclass(frozen=True)

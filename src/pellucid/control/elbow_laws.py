@@ -18,7 +18,7 @@ from .._errors import PellucidError
 from ..models.directional_slider import FRICTION_TERMS, GRAVITY_TERMS, INERTIA_TERMS, DirectionalSliderModel
 from ..models.joint import GRAVITY
 from ..models.slider_card import SliderCard
-from .control_law import ControlLaw, gate_values
+from .control_law import DIRECTIONAL_LAW, POSITION_PREDICTION_LAW, ControlLaw, gate_values
 from .limits import Limits
 
 PUBLISHED_PERIOD_S = 1e-3
@@ -56,7 +56,7 @@ def position_control(
         "speed_span": float(speed_span),
         **gate_values(limits, period),
     }
-    return ControlLaw("position_prediction", values)
+    return ControlLaw(POSITION_PREDICTION_LAW.name, values)
 
 
 def full_compensation(
@@ -97,7 +97,7 @@ def full_compensation(
         "speed_span": float(speed_span),
         **gate_values(limits, period),
     }
-    return ControlLaw("directional", values)
+    return ControlLaw(DIRECTIONAL_LAW.name, values)
 
 
 def partial_compensation(card: SliderCard, slider: float, **settings) -> ControlLaw:

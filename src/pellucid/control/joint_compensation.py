@@ -13,7 +13,7 @@ from ..models.friction_terms import is_friction
 from ..models.joint import NAMES, SYMBOLS_BY_NAME
 from ..models.slider_card import SliderCard
 from ..models.slider_joint import SliderJointModel
-from .control_law import LAWS, ControlLaw, gate_values
+from .control_law import JOINT_LAW, ControlLaw, gate_values
 from .limits import Limits
 
 WIDTH_SHARE = 0.02
@@ -44,7 +44,7 @@ def compensation(
     """
     body = carried_body(card, slider)
     limits = suggested_limits(card, slider) if limits is None else limits
-    law = ControlLaw("joint", LAWS["joint"].defaults | body | gate_values(limits, period))
+    law = ControlLaw(JOINT_LAW.name, JOINT_LAW.defaults | body | gate_values(limits, period))
     return law.changed(**settings)
 
 
@@ -80,9 +80,9 @@ def known_speed(card: Card) -> float:
 
 def suggested_limits(card: Card, slider: float | None = None) -> Limits:
     """The most that compensation asks at a speed it knows, half more than that speed, and no stops."""
-    body, law, speed = carried_body(card, slider), LAWS["joint"].defaults, known_speed(card)
+    body, law, speed = carried_body(card, slider), JOINT_LAW.defaults, known_speed(card)
     weight = float(np.hypot(body["gravity_sine"], body["gravity_cosine"]))
-    friction = largest_friction(LAWS["joint"].fields, body, speed, weight)
+    friction = largest_friction(JOINT_LAW.fields, body, speed, weight)
     effort = float(law["gravity_share"] * (weight + abs(body["offset"])) + law["friction_share"] * friction)
     return Limits(effort, effort / EFFORT_RISE_S, 1.5 * speed, (-np.inf, np.inf), 0.0)
 

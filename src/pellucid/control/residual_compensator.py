@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from .._errors import PellucidError
-from .control_law import LAWS, ControlLaw, gate_values
+from .control_law import WORN_LAW, ControlLaw, gate_values
 from .coupling import Coupling, friction_slope
 from .limits import Limits
 from .stability import LinearSystem, Margins, bears, margins
@@ -71,8 +71,8 @@ class ResidualDesign:
     def control_law(self) -> ControlLaw:
         """The core's law with its numbers."""
         m, law = self.coupling, self.law
-        values = LAWS["worn"].defaults | {
-            name: value for name, value in vars(m).items() if name in LAWS["worn"].parameters
+        values = WORN_LAW.defaults | {
+            name: value for name, value in vars(m).items() if name in WORN_LAW.parameters
         }
         values |= {
             "friction_width": self.width,
@@ -94,7 +94,7 @@ class ResidualDesign:
         values |= {f"phase_gain_{i}": gain for i, gain in enumerate(law.phase_gain)}
         names = ("position", "velocity", "mismatch", "mismatch_rate", "disturbance")
         values |= {f"correct_{name}": gain for name, gain in zip(names, self.correction, strict=True)}
-        return ControlLaw("worn", values, frozenset({"muscle"}))
+        return ControlLaw(WORN_LAW.name, values, frozenset({"muscle"}))
 
     def linear(self, speed: float = 1.0, trust: float = 1.0) -> LinearSystem:
         """The controller near the hanging place, without gate and limits: from encoder and spring to torque wanted.

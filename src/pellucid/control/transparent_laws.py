@@ -19,7 +19,7 @@ from ..models.fields import largest_friction
 from ..models.joint import NAMES
 from ..models.slider_card import SliderCard
 from ..models.slider_joint import SliderJointModel
-from .control_law import LAWS, ControlLaw, gate_values
+from .control_law import LAWS, RULES_LAW, TRANSPARENT_LAW, ControlLaw, gate_values
 from .elbow_laws import ELBOW_LIMITS, PUBLISHED_PERIOD_S
 from .joint_compensation import carried
 from .limits import Limits
@@ -64,7 +64,7 @@ def of_body(
     `fastest`: to which the energy observer lets the robot's own inertia be sped up at once [rad/s]; `period` [s].
     """
     values = {
-        **LAWS["transparent"].defaults,
+        **TRANSPARENT_LAW.defaults,
         **body,
         "gravity_share": 1.0,
         "innovation_gate": 20.0 * period,
@@ -73,7 +73,7 @@ def of_body(
         **settings,
         **gate_values(limits, period),
     }
-    return ControlLaw("transparent", {name: float(value) for name, value in values.items()})
+    return ControlLaw(TRANSPARENT_LAW.name, {name: float(value) for name, value in values.items()})
 
 
 def with_force_sensor(
@@ -187,7 +187,7 @@ def with_dither(law: ControlLaw, *, share: float = 2.0, frequency: float = 1000.
 def with_rules(law: ControlLaw, rules: Mapping[str, float]) -> ControlLaw:
     """A transparent law that also carries what rules learnt beyond its body; `rules` are the core's numbers by name,
     SI, as `LearntRules.numbers` gives them."""
-    return ControlLaw("rules", {**LAWS["rules"].defaults, **law.values, **rules}, law.uses)
+    return ControlLaw(RULES_LAW.name, {**RULES_LAW.defaults, **law.values, **rules}, law.uses)
 
 
 def breakaway(law: ControlLaw) -> float:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..assessment.indices import EMG_LEVEL, MEDIAN_DURATION, RMS_INTERACTION_TORQUE, Index
 from ..control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
 from ..datasets.registry import info
 from ..drawing.drawing import draw
@@ -26,7 +27,7 @@ from .demonstration import Demonstration
 CONFIDENCE_LEVEL = 0.95
 """Confidence level of the intervals on the page."""
 
-DRAWN_INDICES = ("duration_median", "torque_rms", "emg_level")
+DRAWN_INDICES = (MEDIAN_DURATION, RMS_INTERACTION_TORQUE, EMG_LEVEL)
 """Indices of movement that the page draws."""
 
 
@@ -57,7 +58,7 @@ def chapter_sentences(made: Demonstration) -> list[tuple[str, str]]:
         f"A virtual elbow exoskeleton was identified from {_minutes(made):.0f} minutes of recordings: its gravity to "
         f"{off} % of the truth, the torque in trials never fitted to {number(error, digits=2)} mN·m."
     )
-    torque, slower = _means(made.findings, "torque_rms"), _changes(made.findings)
+    torque, slower = _means(made.findings, RMS_INTERACTION_TORQUE), _changes(made.findings)
     pulled = ", ".join(f"{number(x, digits=2)} under {c}" for c, x in torque.items())
     lasted = ", ".join(_signed(slower[c]) for c in torque)
     worn = (
@@ -91,14 +92,14 @@ def _gravity_error(made: Demonstration) -> float:
     return abs(made.fit["load"]["gravity"].value / made.robot.gravity(0.0)[0] - 1.0)
 
 
-def _means(findings: AssessmentResult, index: str) -> dict[str, float]:
-    table = findings.assessed[index].table
+def _means(findings: AssessmentResult, index: Index) -> dict[str, float]:
+    table = findings.assessed[index.name].table
     return {c: float(table.column(c).mean()) for c in table.conditions}
 
 
 def _changes(findings: AssessmentResult) -> Mapping[str, float]:
     """Return the change of the median duration against control under each condition, median over people [%]."""
-    found, control = findings.assessed["duration_median"], findings.control
+    found, control = findings.assessed[MEDIAN_DURATION.name], findings.control
     changes = {c: found.change_of_median(control, c) for c in found.table.conditions if c != control}
     return {condition: 100.0 * (change or 0.0) for condition, change in changes.items()}
 
@@ -108,7 +109,7 @@ def _signed(share: float) -> str:
 
 
 def _tiles(made: Demonstration) -> tuple[Tile, ...]:
-    torque = _means(made.findings, "torque_rms")
+    torque = _means(made.findings, RMS_INTERACTION_TORQUE)
     others = ", ".join(f"{c} {number(x, digits=2)}" for c, x in torque.items() if c != BEST_SENSED_CONTROLLER)
     tiles = [
         Tile("Gravity against the truth", percent(100.0 * _gravity_error(made)), "% off", "a virtual elbow"),
@@ -188,14 +189,14 @@ def _people(made: Demonstration) -> Section:
     findings = made.findings
     n, left = len(findings.participants), sum(findings.left_out.values())
     least = number(min(1.0, 2.0 ** (1 - n)), digits=2)
-    torque, changes = _means(findings, "torque_rms"), _changes(findings)
+    torque, changes = _means(findings, RMS_INTERACTION_TORQUE), _changes(findings)
     cut = {each.condition: f"{100.0 * each.curve.cut:.0f} %" for each in findings.settling}
     rows = tuple(
         Row((c, _signed(changes[c]), cut[c], number(x, digits=3)), c == BEST_SENSED_CONTROLLER)
         for c, x in torque.items()
     )
     heads = ("Condition", f"Duration against {findings.control}", "Never settled", "Interaction torque, RMS (N·m)")
-    drawn = {name: findings.assessed[name] for name in DRAWN_INDICES if name in findings.assessed}
+    drawn = {each.name: findings.assessed[each.name] for each in DRAWN_INDICES if each.name in findings.assessed}
     return Section(
         "people",
         "People wear it, and point",

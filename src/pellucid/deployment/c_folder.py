@@ -17,6 +17,7 @@ from .. import _core
 from .._atomic import remove_leftovers, write_text_atomically
 from .._errors import PellucidError
 from ..control.control_law import LAWS, LawSensor
+from ..control.supervisor_faults import SUPERVISOR_FAULTS
 from ..models.fields import COORDINATE_UNITS, Field, model_fields
 from .controller_values import ControllerValues
 from .replay_vector import SUPERVISOR_VARIANTS, replay_vector
@@ -90,6 +91,7 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
         "supervisor": model_fields("supervisor"),
         "storage": _core.supervised_storage(values.law),
         "faults": _core.FAULTS,
+        "explained_faults": SUPERVISOR_FAULTS,
         "modes": _core.MODES,
         "variants": SUPERVISOR_VARIANTS,
         "study": study,

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from ..control.control_law import ControlLaw
+from ..control.control_law import LAWS, ControlLaw
 from ..control.supervised import SupervisedLaw, supervised
 from ..control.worn import watched_worn
 
@@ -35,7 +35,8 @@ class ControllerValues:
     def all_notes(self) -> tuple[str, ...]:
         """The notes, with a further one if the supervisor has no test at start-up."""
         supervision = self.supervised.supervision
-        if self.law == "worn" or supervision["test_effort"] > 0.0 or not supervision["body_inertia"] > 0.0:
+        tested = supervision["test_effort"] > 0.0 or not supervision["body_inertia"] > 0.0
+        if LAWS[self.law].drives_spring or tested:
             return self.notes
         return (*self.notes, NO_TEST)
 
@@ -43,4 +44,4 @@ class ControllerValues:
     def supervised(self) -> SupervisedLaw:
         """The law with its supervisor, which tests the drive at start-up if the law's effort is that of the joint."""
         law = ControlLaw(self.law, self.numbers, self.uses)
-        return watched_worn(law) if self.law == "worn" else supervised(law)
+        return watched_worn(law) if LAWS[self.law].drives_spring else supervised(law)

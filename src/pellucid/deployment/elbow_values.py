@@ -69,7 +69,7 @@ def elbow_values(
         settings["exponents"] = exponents
     law = named.build(card, place, **settings)
     remarks = _remarks(study, law, named.card)
-    if law.kind == "transparent":
+    if LAWS[law.kind].carries_body:
         remarks |= {name: said for name, said in identified_remarks(card).items() if name in law.values}
     if named.wearer:
         remarks |= {name: f"of {participant}, by mass and height" for name in ("limb_inertia", "limb_gravity")}
@@ -134,7 +134,7 @@ def _notes(
 ) -> Iterator[str]:
     yield f"{controller}: {named.title}."
     yield f"The carriage is at {place:.4g} m: inertia and gravity hold there only."
-    if law.kind == "transparent":
+    if LAWS[law.kind].optional_sensors:
         used = " and ".join(name for name in law.sensors if name in law.uses)
         yield f"Of its optional inputs it uses {used or 'none'}; leave the others not valid."
     if law.emg:

@@ -12,6 +12,7 @@ import numpy as np
 from .. import _core
 from .._errors import PellucidError
 from ..models.emg_estimator import EmgEstimatorCard, read_estimator_card
+from ..models.estimator_faults import ESTIMATOR_FAULTS
 from ..models.fields import model_fields
 from ..procedures.card_sources import require_fresh
 from ..procedures.emg_torque.procedure import EmgTorqueTable
@@ -42,18 +43,6 @@ MOTION_STEPS = 200
 
 FAULT_STEPS = 24
 """Number of steps of each stretch of the test vector with a fault."""
-
-FAULT_WORDS = {
-    "none": "as good as its calibration",
-    "configuration": "the configuration makes no sense: every torque is 0",
-    "time": "the time did not go on: the last answer once more",
-    "angle": "an angle is lost, or was never heard: every torque is 0",
-    "channel": "a channel is lost, and taken for a muscle at rest",
-    "ceiling": "an envelope is above what a muscle gives, and was cut off",
-    "limit": "a torque was beyond its limit, and was cut off",
-    "restarted": "the first step, or the first after a gap: lags and rates begin anew",
-}
-"""Explanation of each fault that the estimator reports."""
 
 ESTIMATOR_KINDS = ("hill", "ridge")
 """Kinds of estimators that can be exported; the first one is preferred."""
@@ -147,7 +136,8 @@ def write_estimator_folder(
         "muscles": muscles, "surface": surface, "lags": arrays["lags"], **sizes,
         "before": arrays["before"] if raw else (), "after": arrays["after"] if raw else (),
         "fields": {name: model_fields(name) for name in ("muscle", "emg_channel", "estimated_joint")},
-        "faults": _core.EMG_FAULTS, "fault_words": FAULT_WORDS, "period_us": round(1e6 * arrays["period"]),
+        "faults": _core.EMG_FAULTS, "fault_words": {each.name: each.words for each in ESTIMATOR_FAULTS},
+        "period_us": round(1e6 * arrays["period"]),
         "listened": max(1, round(card.emg_rate * arrays["period"])) if raw else 0,
         "storage": _storage(card, len(terms), **sizes),
     }  # fmt: skip

@@ -15,6 +15,7 @@ import numpy as np
 from .. import _core
 from .._errors import PellucidError
 from ..models.emg_estimator import EmgEstimatorCard
+from ..models.estimator_faults import ESTIMATOR_FAULTS_BY_NAME
 from ..units import to_si_factor
 
 
@@ -31,7 +32,7 @@ class LiveEstimate:
     @property
     def valid(self) -> bool:
         """Whether the estimate is as good as the calibration."""
-        return self.fault in ("none", "restarted")
+        return ESTIMATOR_FAULTS_BY_NAME[self.fault].keeps_validity
 
 
 FAULTS = tuple(_core.EMG_FAULTS)

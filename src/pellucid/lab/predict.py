@@ -13,21 +13,12 @@ from ..control.elbow_controllers import ELBOW_CONTROLLERS
 from ..procedures.result import FigureTable, Result
 from ..studies.results import ResultRow, write_rows
 from .known_rigs import parse_rig, text_of_rig
+from .pointing.predicted_indices import PREDICTED_INDICES
 from .pointing.prediction import LAWS, SHARE, DrawnStudies, Prediction, predict_effects
 from .pointing.rig import PointingRig
 from .simulate import rig_file, study_name
 
 PREDICTION_FILE = Path("lab") / "prediction.json"
-
-WORDS = {
-    "duration": "duration, mean",
-    "duration_median": "duration, median",
-    "vmax": "peak velocity",
-    "emg_per_acc": "EMG/Acc",
-    "antagonists": "antagonists' EMG",
-    "unsettled": "never settled",
-}
-"""By index of a prediction."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -148,12 +139,12 @@ def _rig(folder: Path) -> PointingRig:
 def _found(name: str, made: Prediction, studies: DrawnStudies, participants: int) -> Predicted:
     rows, table = [], []
     drawn = f"{len(made.worn)} robots x {made.people} people of {' and '.join(made.models)}"
-    for index, words in WORDS.items():
+    for index in PREDICTED_INDICES:
         for law in made.laws:
-            low, middle, high = studies.interval(index, law)
-            table.append((words, law, middle, low, high, high - low))
+            low, middle, high = studies.interval(index.name, law)
+            table.append((index.words, law, middle, low, high, high - low))
             for what, value in (("", middle), (".low", low), (".high", high)):
-                row = f"{name}.predicted.{index}.{law.lower()}{what}"
+                row = f"{name}.predicted.{index.name}.{law.lower()}{what}"
                 rows.append(ResultRow(row, value, "%", "predict", "simulated", note=drawn))
     rate = made.movements / made.cpu
     rows += [

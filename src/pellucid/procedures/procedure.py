@@ -49,6 +49,9 @@ class Procedure(ABC, Generic[Table, Found]):
     whole: ClassVar[bool] = False
     """Whether it needs recordings without a break. Recordings with a cut are then left out, and named."""
 
+    takes_families: ClassVar[bool] = False
+    """Whether the caller may choose the friction families that it compares."""
+
     uses_limits: ClassVar[bool] = False
     """Whether its cards hold the limits of joints. For other procedures the limits belong to a controller, and may be
     set after an identification."""

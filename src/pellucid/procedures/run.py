@@ -167,7 +167,7 @@ def identify(
     """
     study = as_study(study, "identify")
     procedures = _required(study, "identify")
-    if families and all(procedure.name != "joint" for procedure in procedures):
+    if families and not any(procedure.takes_families for procedure in procedures):
         raise IdentificationError("this study is identified by methods of its own; leave out --family")
     return run(study, "identify", on_progress=on_progress, joint={"families": families, "thorough": thorough})
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..assessment.indices import EMG_PER_ACCELERATION, MEDIAN_DURATION, PEAK_VELOCITY
 from ..control.control_law import ControlLaw
 from ..control.elbow_controllers import BEST_CONTROLLER
 from ..control.law_fuzz import step_times
@@ -13,9 +14,10 @@ from ..control.transparent_laws import sensitivity_amplification
 from ..lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from ..lab.pointing.conditions import Cards, chosen_exponents, condition_of, identified, interaction_rms, offered
 from ..lab.pointing.people import Person, draw_people
+from ..lab.pointing.predicted_indices import change
 from ..lab.pointing.rig import PointingRig, elbow_participants
 from ..lab.pointing.session import CONTROL, PointingSession, RobotLaw, Unpowered, point
-from ..lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, change, session_indices
+from ..lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, session_indices
 from ..lab.safety.fault_table import FAULT_KINDS, try_law
 from ..lab.safety.worn_robot import WornRobot, worn_robot
 from .learnt_elbow import elbow_rules, learnt_compensation
@@ -102,7 +104,9 @@ def _changes(worn: SessionIndices, free: SessionIndices) -> Mapping[str, float]:
     Durations have medians because some movements may never end.
     """
     with_robot, without = worn.means[PUBLISHED_RULE], free.means[PUBLISHED_RULE]
-    pairs = {"duration": "duration_median", "peak_velocity": "vmax", "emg": "emg_per_acc"}
+    pairs = {
+        "duration": MEDIAN_DURATION.name, "peak_velocity": PEAK_VELOCITY.name, "emg": EMG_PER_ACCELERATION.of
+    }  # fmt: skip
     return {
         name: float(change(index, *(np.array([getattr(means, index)]) for means in (with_robot, without))))
         for name, index in pairs.items()

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..control.supervisor_faults import NO_FAULT
 from ..drawing.drawing import draw
 from ..pages.page import Page, Section, write_page
 from ..pages.tables import Row, Table, number_table
@@ -134,7 +135,7 @@ def _holds(tried: Sequence[ControllerTrial]) -> str:
 
 
 def _faults(tried: Sequence[ControllerTrial]) -> str:
-    return str(sum(one.fault != "none" for one in tried))
+    return str(sum(one.fault != NO_FAULT for one in tried))
 
 
 ENERGY_COLUMNS = (("given (mW)", _median("given", ".0f", 1e3)), ("taken (mW)", _median("taken", ".0f", 1e3)))

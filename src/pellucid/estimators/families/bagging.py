@@ -37,6 +37,7 @@ FAMILIES = {
         ),
         feature_choice_settings={"n_estimators": 25, "min_samples_leaf": 5, "max_features": 1.0 / 3.0},
         rank=20,
+        colour="directional",
     ),
     "bagging_published": Family(
         "bagged trees, MATLAB's defaults",
@@ -44,5 +45,6 @@ FAMILIES = {
         (MATLAB_DEFAULT_SETTINGS,),
         only_features=FeatureSet(),
         rank=81,
+        colour="directional",
     ),
 }

@@ -42,9 +42,11 @@ FAMILIES = {
         },
         aliases=("boosting",),
         rank=10,
+        colour="fitted",
+        scored_causally=True,
     ),
     "boost_published": Family(
         "least-squares boosting, MATLAB's defaults", make_boosted_trees, (MATLAB_DEFAULT_SETTINGS,),
-        only_features=FeatureSet(), rank=80,
+        only_features=FeatureSet(), rank=80, colour="fitted",
     ),
 }  # fmt: skip

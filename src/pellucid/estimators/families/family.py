@@ -58,6 +58,12 @@ class Family:
     # Ability to extrapolate. 0: muscles held by anatomy; 1: muscles that are not; 2: a model linear in its terms;
     # 3: a model that stays within the torques it has seen
     extrapolation_rank: int = 3
+    short: str = ""  # Name in legends; "": the description
+    colour: str = "ink"  # Role of its colour in figures
+    shows_muscles: bool = False  # Whether reports show the muscles that it calibrates, with the band of its torque
+    rivals_muscles: bool = False  # Whether muscles are compared with it: a regression of the same inputs
+    scored_causally: bool = False  # Whether it is also scored with features of the past alone
+    runs_live: bool = False  # Whether its causal map becomes a card that runs sample by sample
 
     def candidates(self, *, neighbours: bool) -> tuple[FeatureSet, ...]:
         """Return the feature sets that it may choose from. `neighbours`: whether other joints' angles are recorded."""

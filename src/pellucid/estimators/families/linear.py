@@ -26,12 +26,22 @@ def make_ridge(settings: Mapping[str, Any], seen: Features) -> Regressor:
     return Ridge(settings["penalty"], columns)
 
 
-COMMON_FIELDS = {"shared_setting": "penalty", "smoothing": 0.0, "extrapolation_rank": 2}
+COMMON_FIELDS: Mapping[str, Any] = {"shared_setting": "penalty", "smoothing": 0.0, "extrapolation_rank": 2}
 """Fields that all families of this module have in common."""
 
 FAMILIES = {
     "ridge": Family(
-        "ridge regression", make_ridge, RIDGE_SETTINGS, lags=False, tries_all_pairs=True, rank=40, **COMMON_FIELDS
+        "ridge regression",
+        make_ridge,
+        RIDGE_SETTINGS,
+        lags=False,
+        tries_all_pairs=True,
+        rank=40,
+        colour="heldout",
+        rivals_muscles=True,
+        scored_causally=True,
+        runs_live=True,
+        **COMMON_FIELDS,
     ),
     "ridge_lags": Family(
         "ridge regression with lags",
@@ -40,9 +50,14 @@ FAMILIES = {
         lags=True,
         tries_all_pairs=True,
         rank=41,
+        short="ridge with lags",
+        colour="stribeck",
+        rivals_muscles=True,
         **COMMON_FIELDS,
     ),
-    "linear": Family("linear regression", make_ridge, ({"penalty": 0.0},), lags=False, rank=42, **COMMON_FIELDS),
+    "linear": Family(
+        "linear regression", make_ridge, ({"penalty": 0.0},), lags=False, rank=42, colour="combined", **COMMON_FIELDS
+    ),
     "motion": Family(
         "ridge regression without EMG",
         make_ridge,
@@ -50,6 +65,8 @@ FAMILIES = {
         muscles=False,
         tries_all_pairs=True,
         rank=43,
+        short="angles alone",
+        colour="symmetric",
         **COMMON_FIELDS,
     ),
 }

@@ -27,7 +27,18 @@ def _make_reconstruction_fit(fit: str) -> Callable[[Any, str, bool], Any]:
 
 
 FAMILIES = {
-    "hill": Family("muscles of Hill's type", smoothing=0.0, fit_trials=_fit_hill, rank=50, extrapolation_rank=0),
+    "hill": Family(
+        "muscles of Hill's type",
+        smoothing=0.0,
+        fit_trials=_fit_hill,
+        rank=50,
+        extrapolation_rank=0,
+        short="muscles",
+        colour="good",
+        shows_muscles=True,
+        scored_causally=True,
+        runs_live=True,
+    ),
     **{
         name: Family(
             f"{words} (reconstruction)",
@@ -35,13 +46,14 @@ FAMILIES = {
             fit_trials=_make_reconstruction_fit(f"fit_{name}"),
             rank=rank,
             extrapolation_rank=1,
-            sees_measured_torque=name == "nmcoa",
+            sees_measured_torque=sees_torque,
             reconstruction=True,
+            short=short,
         )
-        for rank, name, words in (
-            (60, "nmco", "NM-CO, muscles by swarm and conjugate gradients"),
-            (61, "nmcoa", "NM-COA, the same told the torque so far: no peer"),
-            (62, "nmnc", "NM-NC, muscles without neighbouring joints"),
+        for rank, name, short, sees_torque, words in (
+            (60, "nmco", "NM-CO", False, "NM-CO, muscles by swarm and conjugate gradients"),
+            (61, "nmcoa", "", True, "NM-COA, the same told the torque so far: no peer"),
+            (62, "nmnc", "NM-NC", False, "NM-NC, muscles without neighbouring joints"),
         )
     },
 }

@@ -25,5 +25,6 @@ FAMILIES = {
         reconstruction=True,
         smoothing=0.0,
         rank=70,
+        short="M-BP",
     ),
 }

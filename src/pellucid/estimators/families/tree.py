@@ -20,8 +20,15 @@ def make_tree(settings: Mapping[str, Any], seen: Features) -> Regressor:
 
 
 FAMILIES = {
-    "tree": Family("one tree", make_tree, tuple({"min_samples_leaf": leaf} for leaf in (5, 10, 20, 40)), rank=30),
+    "tree": Family(
+        "one tree", make_tree, tuple({"min_samples_leaf": leaf} for leaf in (5, 10, 20, 40)), rank=30, colour="load"
+    ),
     "tree_published": Family(
-        "one tree, MATLAB's defaults", make_tree, (MATLAB_DEFAULT_SETTINGS,), only_features=FeatureSet(), rank=82
+        "one tree, MATLAB's defaults",
+        make_tree,
+        (MATLAB_DEFAULT_SETTINGS,),
+        only_features=FeatureSet(),
+        rank=82,
+        colour="load",
     ),
 }

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...control.control_law import ControlLaw, gate_values
+from ...control.control_law import DIRECTIONAL_LAW, POSITION_PREDICTION_LAW, ControlLaw, gate_values
 from ...control.limits import Limits
 from .human_motion import HumanMotion
 from .protocol import gains_of
@@ -110,7 +110,7 @@ def position_control(rig: ArmRig, constants: ElbowConstants) -> ControlLaw:
         "speed_span": SPEED_SPAN,
         **_gate(rig),
     }
-    return ControlLaw("position_prediction", {name: float(x) for name, x in values.items()})
+    return ControlLaw(POSITION_PREDICTION_LAW.name, {name: float(x) for name, x in values.items()})
 
 
 def full_compensation(rig: ArmRig, constants: ElbowConstants) -> ControlLaw:
@@ -125,7 +125,7 @@ def full_compensation(rig: ArmRig, constants: ElbowConstants) -> ControlLaw:
         }
     largest = max(values["inertia_up"], values["inertia_down"])
     values |= {"dead_band": 0.05, "inertia_limit": 8.0 * largest, "speed_span": SPEED_SPAN, **_gate(rig)}
-    return ControlLaw("directional", values)
+    return ControlLaw(DIRECTIONAL_LAW.name, values)
 
 
 def _gate(rig: ArmRig) -> dict[str, float]:

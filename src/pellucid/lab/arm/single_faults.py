@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ... import _core
+from ...control.supervisor_faults import NO_FAULT
 from ...control.tree_laws import TreeLaw
 from ..drive_reading import EXACT, DriveReading
 from .card_law import CardLaw, Point
@@ -113,7 +114,7 @@ class FaultyLaw(CardLaw):
         """One more of it, at rest, whole."""
         self.running, self.started = self.law.supervised(), False
         self.measured, self.then, self.asked = np.zeros(len(self.law.card.names)), None, None
-        self.found, self.said = np.nan, "none"  # When the supervisor acted [s], and on what
+        self.found, self.said = np.nan, NO_FAULT  # When the supervisor acted [s], and on what
         period = self.law.shares[0]["period"]
         self.meters = [_core.DriveReading(one.numbers, period) for one in self.readings]
         self.noise = np.array([one.draw_noise(k) for k, one in enumerate(self.readings)])  # (m, n)
@@ -132,7 +133,7 @@ class FaultyLaw(CardLaw):
             read = READ[self.fault](read, self.then, self.joint)
         felt = None if self.points is None else self.felt(read.position, read.wrench)
         asked = self.running.step(read.time, read.position, interaction=felt, drive=self.measured)
-        if self.said == "none" and self.running.fault != "none":
+        if self.said == NO_FAULT and self.running.fault != NO_FAULT:
             self.found, self.said = time, self.running.fault
         given, said = asked.copy(), asked.copy()
         if begun and self.asked is None:

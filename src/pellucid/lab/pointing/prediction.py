@@ -23,15 +23,16 @@ from ...control.elbow_controllers import ELBOW_CONTROLLERS
 from ..elbow.rig import ElbowRig
 from .conditions import Cards, chosen_exponents, condition_of, identified_cards, offered
 from .people import Person, draw_people
+from .predicted_indices import PREDICTED_INDICES, PREDICTED_INDICES_BY_NAME, change
 from .rig import PointingRig
 from .session import CONTROL, RobotLaw, point
-from .session_indices import PUBLISHED_RULE, change, session_indices
+from .session_indices import session_indices
 
 LAWS = {"FC": "fc", "PCFr": "pcfr", "CLPC": "clpc"}
 """Controllers of the published conditions, which are worn where no others are named."""
 
-INDICES = ("duration", "duration_median", "vmax", "emg_per_acc", "antagonists", "unsettled")
-"""What is predicted, in the order of every array: as `Means` has them, and the share that never settled."""
+INDICES = tuple(PREDICTED_INDICES_BY_NAME)
+"""Names of the predicted indices, in the order of every array."""
 
 SHARE = 0.8
 """Of the drawn studies, which intervals hold."""
@@ -90,7 +91,7 @@ class DrawnStudies:
         """Change of an `index` from control under a `law`, shape (n,) [%]; of what is unsettled, the share itself."""
         i, k = INDICES.index(index), self.laws.index(law)
         worn, control = self.worn[:, k, :, i], self.control[:, :, i]
-        return 100.0 * np.mean(worn, axis=-1) if index == "unsettled" else change(index, worn, control)
+        return change(index, worn, control)
 
     def interval(self, index: str, law: str, share: float = SHARE) -> tuple[float, float, float]:
         """Lower end, median and upper end of the middle `share` of an effect [%]."""
@@ -141,8 +142,7 @@ class Prediction:
     def pairs(self, index: str, law: str) -> np.ndarray:
         """Every pair's own change under a `law`, shape (robots, people) [%]; of what is unsettled, the share itself."""
         i, k = INDICES.index(index), self.laws.index(law)
-        worn = self.values[:, k, :, i]
-        return 100.0 * worn if index == "unsettled" else 100.0 * (worn / self.free[:, :, i] - 1.0)
+        return PREDICTED_INDICES_BY_NAME[index].own_change(self.values[:, k, :, i], self.free[:, :, i])
 
     def of_model(self, model: int) -> Prediction:
         """What people of one model came to alone."""
@@ -285,12 +285,7 @@ def indices_of(
     """What a person's movements in a condition came to, shape (indices,)."""
     rng = np.random.default_rng(seed)
     found = session_indices(point(rig, person, condition, law, rng, lifts_of(rig, movements, rng)))
-    means = found.means[PUBLISHED_RULE]
-    # Where none came to an end there is no mean of those that did, and what was seen of them is the least they took.
-    duration = means.duration if np.isfinite(means.duration) else means.duration_median
-    return np.array(
-        [duration, means.duration_median, means.vmax, means.emg_per_acc, means.antagonists, found.unsettled]
-    )
+    return np.array([index.value(found) for index in PREDICTED_INDICES])
 
 
 def lifts_of(rig: PointingRig, movements: int, rng: np.random.Generator) -> np.ndarray:

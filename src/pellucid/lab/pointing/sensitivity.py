@@ -26,6 +26,7 @@ from ..._errors import missing_package
 from ..._processes import ordered_results
 from .conditions import EXPONENTS, Cards, identified_cards
 from .people import draw_people
+from .predicted_indices import PREDICTED_INDICES
 from .prediction import FRICTION, INDICES, LAWS, indices_of, law_of, with_friction
 from .rig import PointingRig
 from .session import CONTROL
@@ -39,7 +40,7 @@ MIDDLE = 1.2816
 CHANCE = "chance"
 FRICTION_OF_ROBOT, UPWARDS, DOWNWARDS = "friction", "k upwards", "k downwards"
 
-SHOWN = ("duration_median", "vmax", "emg_per_acc")
+SHOWN = tuple(index.name for index in PREDICTED_INDICES if index.is_screened)
 """Of `INDICES`, whose changes are looked at; means of durations that were cut off would show where."""
 
 OF_PEOPLE = (

@@ -11,6 +11,7 @@ import numpy as np
 from ... import _core
 from ...control.control_law import ControlLaw
 from ...control.supervised import Instruments, supervised
+from ...control.supervisor_faults import NO_FAULT
 from ...models.simulate import substeps_for
 from ...signals.movements import Kinematics, MovementRule, Stretch, kinematics
 from .load_learning import felt, learnt
@@ -174,7 +175,7 @@ def hold_still(rig: PointingRig, person: Person, law: RobotLaw, *, lift: float =
         target=reference + lift, amplitude=lift, duration=0.8, reaction=0.2, load=np.zeros(5), tolerance=0.0,
         hold=1e9, noise=np.zeros((n, 5)), longest=n, sensor_error=noise if law.sensed else None, emg=law.emg,
     )  # fmt: skip
-    if arm.fault != "none":
+    if arm.fault != NO_FAULT:
         return float("inf")
     return float(np.abs(moved[SIGNALS.index("link")][-round(fs) :]).max())
 

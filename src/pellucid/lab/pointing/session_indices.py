@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...assessment.indices import affine
+from ...assessment.isochrony import affine
 from ...assessment.survival import survival
 from ...signals.movements import Kinematics, Movement, MovementRule, Stretch, movements
 from .session import PointingSession, true_motion
@@ -48,22 +48,6 @@ class SessionIndices:
     def unsettled(self) -> float:
         """Share of movements that never came to rest on the target before the next one came."""
         return float(np.mean(self.lasted[:, 1] == 0.0))
-
-
-def change(index: str, worn: np.ndarray, control: np.ndarray) -> np.ndarray:
-    """Change of an index from control, of people's values in their last axis: of the mean over people, as published; of
-    EMG the mean of each person's own, since nobody's amplitude means anything in another; of a median duration the
-    median of each person's own.
-
-    gives [%].
-    """
-    if index == "duration_median":
-        ratio = np.median(worn / control, axis=-1)
-    elif index in ("emg_per_acc", "antagonists"):
-        ratio = np.mean(worn / control, axis=-1)
-    else:
-        ratio = np.mean(worn, axis=-1) / np.mean(control, axis=-1)
-    return 100.0 * (ratio - 1.0)
 
 
 def injected_energy(session: PointingSession) -> np.ndarray:

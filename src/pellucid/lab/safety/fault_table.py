@@ -51,6 +51,11 @@ class FaultKind:
     joint_encoder: bool
     hidden: str
 
+    @property
+    def needs_elbow_rig(self) -> bool:
+        """Whether only the elbow's rig can play it, which has a table and a strap that opens."""
+        return self.name in ("wearer_blocked", "strap_opens")
+
 
 FAULT_KINDS: tuple[FaultKind, ...] = tuple(FaultKind(**kind) for kind in _core.single_faults())
 """Every single fault, in the core's order."""

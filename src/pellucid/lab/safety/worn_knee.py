@@ -17,6 +17,7 @@ from ..._processes import ordered_results
 from ...control.coupling import Coupling
 from ...control.residual_compensator import ResidualDesign, design, within
 from ...control.supervised import SupervisedLaw
+from ...control.supervisor_faults import NO_FAULT
 from ...control.worn import watched_worn
 from ..drive_reading import EXACT, DriveReading, stated_readings
 from ..knee.drawn import drawn_rig
@@ -27,13 +28,13 @@ from .fault_table import FAULT_KINDS, ONSET, WATCHED, FaultTable, FaultTrial, He
 JUDGED_WEARERS = 901
 """First of the drawn wearers that are judged; thresholds were chosen on 301 to 320."""
 
-LAWS = ("worn", "worn_without_emg")
-"""The residual compensator as it is exported, and without EMG."""
+LAWS = {"worn": True, "worn_without_emg": False}
+"""Whether the residual compensator hears EMG: as it is exported, and without."""
 
 KINDS = tuple(
     kind
     for kind in FAULT_KINDS
-    if kind.needs != "interaction" and not kind.at_start and kind.name not in ("wearer_blocked", "strap_opens")
+    if kind.needs != "interaction" and not kind.at_start and not kind.needs_elbow_rig
     and not any(two.name == f"{kind.name}_two" for two in FAULT_KINDS)
 )  # fmt: skip
 """Faults that it can have: it has no force sensor and no test at start-up, but always two encoders; and its rig has
@@ -108,7 +109,7 @@ def _lived(
     worn: WornKnee, name: str, plant: _core.WornOrthosis, acting: Acting, first: int, periods: int
 ) -> Iterator[tuple[float, float, float, float]]:
     """Period by period: power on the limb [W], strap and spring torque [N m], and the orthosis's velocity [rad/s]."""
-    hears = worn.emg_gain if name == "worn" else float("nan")
+    hears = worn.emg_gain if LAWS[name] else float("nan")
     noise = worn.reading.draw_noise(worn.seed)
     position, velocity, strap, spring, own = plant.step(0.0, float("nan")) if first == 0 else acting.last
     for k in range(first, first + periods):
@@ -135,21 +136,21 @@ def try_wearer(worn: WornKnee, hours: float) -> FaultTable:
         plant, acting = worn.begun(alive + 1)
         well, given = 0, 0.0  # Periods before any alarm
         for _ in _lived(worn, name, plant, acting, 0, first):
-            well += plant.fault == "none"
+            well += plant.fault == NO_FAULT
         before = plant.copy(), _twin(acting)
-        early = plant.fault != "none"
+        early = plant.fault != NO_FAULT
         same = np.zeros(watched)
         for k, (power, *_) in enumerate(_lived(worn, name, plant, acting, first, alive - first)):
             given += period * max(power, 0.0)
-            well += plant.fault == "none"
+            well += plant.fault == NO_FAULT
             if k < watched:
                 same[k] = given
-            elif plant.fault != "none":
+            elif plant.fault != NO_FAULT:
                 break
         took = period * max(well, 1)
         healthy.append(HealthyLife(name, worn.seed, took / 3600.0, plant.fault, given / took, {}))
         for kind in KINDS:
-            if kind.needs == "muscle" and name != "worn":
+            if kind.needs == "muscle" and not LAWS[name]:
                 continue
             plant, acting = before[0].copy(), _twin(before[1])
             plant.begin(kind.name, int(rng.integers(1, 2**60)))
@@ -160,12 +161,12 @@ def try_wearer(worn: WornKnee, hours: float) -> FaultTable:
 def _one_fault(worn, name, kind, plant, acting, first, same, early) -> FaultTrial:
     period, work, excess, peak, impulse = worn.rig.period, 0.0, 0.0, 0.0, 0.0
     found = safe = float("nan")
-    fault, speed = "none", 0.0
+    fault, speed = NO_FAULT, 0.0
     for k, (power, strap, spring, own) in enumerate(_lived(worn, name, plant, acting, first, len(same))):
         work += period * max(power, 0.0)
         excess, peak, impulse = max(excess, work - same[k]), max(peak, abs(strap)), impulse + period * abs(spring)
         speed = abs(own) if k == 0 else speed
-        acted = plant.fault != "none"
+        acted = plant.fault != NO_FAULT
         if (acted or plant.off > 0) and found != found:
             found, fault = k * period, plant.fault if acted else "watchdog"
         if found == found and (plant.mode in ("damped_stop", "degraded") or plant.off >= 3):

@@ -19,9 +19,10 @@ from ...control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER
 from ...lab.pointing.conditions import Cards, chosen_exponents, condition_of, offered, published_laws
 from ...lab.pointing.movement_choice import preferred_duration
 from ...lab.pointing.people import Person, draw_people
+from ...lab.pointing.predicted_indices import change
 from ...lab.pointing.rig import PointingRig, PointingTrial
 from ...lab.pointing.session import CONTROL, Conditions
-from ...lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, change, session_indices
+from ...lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, session_indices
 from ...lab.study import record_in_memory
 from ...procedures.assessment.assess import assess_recordings
 from ...procedures.assessment.assessment_result import AssessmentResult

@@ -11,7 +11,9 @@ import numpy as np
 
 from ..._errors import RecordingError
 from ...assessment.comparison import compare_conditions
-from ...assessment.indices import INDICES, index_table, indices_along, isochrony
+from ...assessment.index_table import index_table
+from ...assessment.indices import INDICES, SHOWN_INDICES, index_names, indices_along
+from ...assessment.isochrony import isochrony
 from ...assessment.measured import DIRECTION_UP, MeasuredMovement
 from ...assessment.power import STANDARDISED_CHANGES, participants_for_effects
 from ...assessment.survival import survival
@@ -38,42 +40,8 @@ from .statements import headline, paragraph, verdicts
 RANDOM_SEED = 1
 """Random seed of the bootstraps and of the simulated studies."""
 
-SENSITIVITY_INDICES = (
-    "duration",
-    "vmax",
-    "vmean",
-    "acceleration",
-    "peak_time_up",
-    "peak_time_down",
-    "emg_level",
-    "emgacc",
-)
-"""Indices of the sensitivity analysis with other filters and rules: the published ones, and the level of EMG."""
-
-DELAY_SENSITIVE_INDICES = ("emgacc", "emg_level")
-"""Indices that depend on the delay between markers and EMG."""
-
-PLANNED_INDICES = (
-    "duration_median",
-    "duration",
-    "vmax",
-    "peak_time_up",
-    "peak_time_down",
-    "end_absolute",
-    "emg_level",
-    "emgacc",
-)
-"""Indices for which the number of participants needed is computed."""
-
 PLANNED_CHANGE_SHARES = (0.05, 0.1, 0.2, 0.3)
 """Changes from control that these participants should detect, as shares."""
-
-INDEX_ORDER = (
-    "duration_median",
-    "unsettled",
-    *(name for name in INDICES if name not in ("duration_median", "unsettled")),
-)
-"""Indices in the order in which they are shown; durations come first."""
 
 
 def assess(
@@ -139,13 +107,15 @@ def assess_recordings(
             shifted.append(measure(own, spec, with_rule(spec), moved, largest, named=named, detailed=False))
     measured = {words: join_studies(each) for words, each in parts.items() if any(part.movements for part in each)}
     whole = next(iter(measured.values()))
-    found = _assessed(whole, participants, conditions, spec, along)
-    sensitivity = _sensitivity(measured, spec, participants, conditions, along)
+    found = _assessed(whole, participants, conditions, spec, along, [index.name for index in SHOWN_INDICES])
+    tried = index_names(lambda index: index.tries_rules)
+    sensitivity = _sensitivity(measured, spec, participants, conditions, along, tried)
     if any(part.movements for part in shifted):
         words = f"{1e3 * delays.span:.0f} ms"
         sensitivity += _sensitivity(
-            {words: join_studies(shifted)}, spec, participants, conditions, along, DELAY_SENSITIVE_INDICES
-        )
+            {words: join_studies(shifted)}, spec, participants, conditions, along,
+            index_names(lambda index: index.delay_place),
+        )  # fmt: skip
     tell("participants needed", 0.85)
     needed = _needed(found, spec, len(conditions) - 1, studies, executor)
     lines = isochrony(whole.movements, participants, conditions, along)
@@ -263,7 +233,7 @@ def _assessed(
     conditions: Sequence[str],
     spec: AssessmentTable,
     along: Coordinate,
-    names: Sequence[str] = INDEX_ORDER,
+    names: Sequence[str],
 ) -> dict[str, Assessed]:
     found, indices = {}, indices_along(along)
     for name in names:
@@ -315,7 +285,7 @@ def _sensitivity(
     participants: Sequence[str],
     conditions: Sequence[str],
     along: Coordinate,
-    names: Sequence[str] = SENSITIVITY_INDICES,
+    names: Sequence[str],
 ) -> tuple[Sensitivity, ...]:
     return tuple(
         _sensitive(words, each, condition, spec.control)
@@ -338,7 +308,7 @@ def _needed(
     found: Mapping[str, Assessed], spec: AssessmentTable, comparisons: int, studies: int, executor: Any
 ) -> tuple[Needed, ...]:
     wanted: list[tuple[str, float | None, float]] = [("", None, effect) for effect in STANDARDISED_CHANGES]
-    for name in PLANNED_INDICES:
+    for name in index_names(lambda index: index.is_planned):
         each = found.get(name)
         if each is None or len(each.table.participants) < 3 or not each.comparison.against_control:
             continue

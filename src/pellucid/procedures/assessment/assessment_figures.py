@@ -10,7 +10,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...assessment.indices import DIRECTION_DOWN, DIRECTION_UP, Isochrony
+from ...assessment.isochrony import Isochrony
+from ...assessment.measured import DIRECTION_DOWN, DIRECTION_UP
 from ...drawing.drawing import Drawing, dots, key, line, tidy
 from ...drawing.style import FIGURE_WIDTH, colour
 from ...pages.quantities import unit_text

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib.metadata import version
 
+from ...assessment.indices import SHOWN_INDICES, index_names
 from ...drawing.drawing import draw
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import cell_text, number, typeset_sentence, unit_text
@@ -15,20 +16,6 @@ from . import assessment_tables as tables
 from .assessment_result import AssessmentResult
 from .certified_rows import certificate_remarks, certificate_sentences
 from .procedure import AssessmentTable
-
-TILE_INDICES = (
-    ("duration_median", "Median duration"),
-    ("vmax", "Peak velocity"),
-    ("emgacc", "EMG/Acc"),
-    ("torque_rms", "Interaction"),
-)
-"""Indices at the top of the page, with their labels."""
-
-DRAWN_INDICES = (
-    "duration_median", "unsettled", "vmax", "acceleration", "peak_time_up", "peak_time_down", "sparc", "end_absolute",
-    "end_spread", "emg_level", "emgacc", "torque_rms", "work",
-)  # fmt: skip
-"""Indices with a panel."""
 
 
 def page(study: Study, findings: AssessmentResult) -> Page:
@@ -59,27 +46,25 @@ def page(study: Study, findings: AssessmentResult) -> Page:
 
 def _tiles(findings: AssessmentResult) -> tuple[Tile, ...]:
     made = []
-    for name, words in TILE_INDICES:
-        each = findings.assessed.get(name)
-        if each is None:
+    for index in SHOWN_INDICES:
+        each = findings.assessed.get(index.name)
+        if each is None or index.tile is None:
             continue
         others = [c for c in each.table.conditions if c != findings.control]
         against = {a.condition: a for a in each.comparison.against_control}
         if each.table.index.over_control:
             shown, unit = {c: 100.0 * float(each.table.column(c).mean()) for c in others}, "% over control"
-        elif name == "duration_median" and against:
-            changes = {c: each.change_of_median(findings.control, c) for c in others}
-            shown, unit = {c: 100.0 * (x or 0.0) for c, x in changes.items()}, f"% against {findings.control}"
         elif against:
-            shown, unit = {c: 100.0 * (against[c].relative or 0.0) for c in others}, f"% against {findings.control}"
+            changes = {c: each.first_change(findings.control, c) for c in others}
+            shown, unit = {c: 100.0 * (x or 0.0) for c, x in changes.items()}, f"% against {findings.control}"
         elif others:
             shown, unit = (
                 {c: float(each.table.column(c).mean()) for c in others},
-                f"{unit_text(findings.along.effort)} RMS",
+                f"{unit_text(each.table.index.unit)}{index.tile.after_unit}",
             )
         least = min(shown, key=lambda c: abs(shown[c]))
         rest = ", ".join(f"{c} {number(v, digits=3)}" for c, v in shown.items() if c != least)
-        made.append(Tile(f"{words}, {least}", number(shown[least], digits=3), unit, rest))
+        made.append(Tile(f"{index.tile.label}, {least}", number(shown[least], digits=3), unit, rest))
     return tuple(made)
 
 
@@ -118,7 +103,8 @@ def _found(findings: AssessmentResult) -> Section:
 
 
 def _people(findings: AssessmentResult) -> Section:
-    drawn = {name: findings.assessed[name] for name in DRAWN_INDICES if name in findings.assessed}
+    panels = index_names(lambda index: index.panel_place)
+    drawn = {name: findings.assessed[name] for name in panels if name in findings.assessed}
     described = tuple(_table(tables.description_table(findings, each)) for each in findings.assessed.values())
     drawing = draw(figures.index_figure, drawn, findings.conditions)
     return Section("assess_people", "Every participant", tables=described, drawings=(drawing,))

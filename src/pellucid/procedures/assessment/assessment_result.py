@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...assessment.comparison import ConditionComparison
-from ...assessment.indices import Index, IndexTable, Isochrony, indices_along
+from ...assessment.index_table import IndexTable
+from ...assessment.indices import Index, indices_along
+from ...assessment.isochrony import Isochrony
 from ...assessment.measured import MeasuredMovement
 from ...assessment.survival import Survival
 from ...studies.study import Study
@@ -35,6 +37,12 @@ class Assessed:
             return None
         base = self.table.column(control)
         return float(np.median(self.table.column(condition) / base - 1.0)) if (base > 0.0).all() else None
+
+    def first_change(self, control: str, condition: str) -> float | None:
+        """Return the change that headline and tile tell, as a share of control: of the mean, or the median change."""
+        if self.table.index.tells_median:
+            return self.change_of_median(control, condition)
+        return next((a.relative for a in self.comparison.against_control if a.condition == condition), None)
 
     def share_of_control(self, control: str) -> float | None:
         """Return the divisor that makes a change a share of control's mean; None if shares are not meaningful."""

@@ -77,7 +77,7 @@ def _index_rows(found: AssessmentResult, each: Assessed, add) -> None:
             add(f"assess.{index.name}.{low}.{name}", value, index.unit)
         headline = f"transparency.{index.name}.{low}"
         own = against.get(condition)
-        median = each.change_of_median(found.control, condition) if index.name == "duration_median" else None
+        median = each.change_of_median(found.control, condition) if index.tells_median else None
         if median is not None and condition != found.control:
             add(
                 headline,

@@ -19,18 +19,6 @@ MINUS_SIGN = "\N{MINUS SIGN}"
 UNITS = {"rad/s^2": "rad/s²", "m/s^2": "m/s²", "N*m": "N·m", "1": ""}
 """Printed form of units that differ from their plain text."""
 
-INDICES_WITH_TABLE = (
-    "duration_median",
-    "unsettled",
-    "duration",
-    "vmax",
-    "end_absolute",
-    "emg_level",
-    "emgacc",
-    "torque_rms",
-)
-"""Indices with a table of their own in the terminal; a report has one for every index."""
-
 
 def tables(found: AssessmentResult) -> tuple[FigureTable, ...]:
     """Tables of an assessment: a summary, the main indices, pairs, isochrony, other filters, participants needed."""
@@ -38,7 +26,7 @@ def tables(found: AssessmentResult) -> tuple[FigureTable, ...]:
     made = [*certificate, summary_table(found)]
     if found.settling:
         made.append(settling_table(found))
-    made += [description_table(found, found.assessed[name]) for name in INDICES_WITH_TABLE if name in found.assessed]
+    made += [description_table(found, each) for each in found.assessed.values() if each.table.index.has_table]
     if any(each.comparison.nemenyi is not None for each in found.assessed.values()):
         made.insert(1 + len(certificate), test_table(found))
         made.append(pair_table(found))

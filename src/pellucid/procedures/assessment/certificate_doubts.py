@@ -11,6 +11,7 @@ from ...assessment.certificate import Doubt
 from ...assessment.crossover import carry_over, period_effect
 from ...assessment.curves import CurveComparison
 from ...assessment.equivalence import Equivalence, Margin, equivalence
+from ...assessment.indices import CutOff
 from ...assessment.lasting_bounds import lasting_bounds
 from ...assessment.learning import MIN_MOVEMENTS
 from ...assessment.signed_rank import signed_rank
@@ -57,8 +58,9 @@ def lost_movements(
     found: dict[str, LostCounts] = {}
     for name in (*wanted, *curves):
         known = whole.movements
-        if name in ("duration_median", "duration", "unsettled"):
-            known = (*whole.lasted, *(whole.failed if name == "duration_median" else ()))
+        cut_off = wanted[name].index.cut_off if name in wanted else CutOff.NO_VALUE
+        if cut_off is not CutOff.NO_VALUE:
+            known = (*whole.lasted, *(whole.failed if cut_off is CutOff.AT_LEAST_SEEN else ()))
         found[name] = {}
         for condition in pair:
             total = count(whole.movements, condition) + sum(
@@ -106,7 +108,7 @@ def find_doubts(
         own = _of_order(found, point, condition, people, seen[name], order, alpha, unknown) if order.period else []
         own += _learning(found, whole, point, condition, people, seen[name], order, alpha, trends, unknown)
         failed = {each.condition for each in whole.failed if each.participant in people} & {found.control, condition}
-        if name == "duration_median" and failed:
+        if point.index.cut_off is CutOff.AT_LEAST_SEEN and failed:
             own += _left_out(found, whole, point, condition, people, alpha)
         doubts[name] = tuple(own)
     return doubts, trends, tuple(dict.fromkeys(unknown))

@@ -13,10 +13,10 @@ from ..._errors import StudyError
 from ...assessment.certificate import Certificate, certificate_from_tests
 from ...assessment.equivalence import Equivalence, Margin, equivalence
 from ...assessment.equivalence_power import find_equivalence_participants
-from ...assessment.indices import Index
+from ...assessment.indices import CutOff, Index, PercentOf, Worse, indices_along
 from ...assessment.lasting_bounds import lasting_bounds
 from ...assessment.mixed_model import MixedModel
-from ...units import parse_quantity
+from ...units import COORDINATES_BY_UNIT, parse_quantity
 from .certificate_doubts import doubts_of_loss, find_doubts, lost_movements
 from .measured_study import MeasuredStudy
 from .movement_curves import CurveEndPoint, Curves, compare_with_control
@@ -26,9 +26,6 @@ from .session_order import SessionOrder
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult
     from .procedure import AssessmentTable
-
-ONE_SIDED_INDICES = ("unsettled", "end_absolute", "end_spread", "torque_rms", "torque_peak", "work")
-"""Indices for which less is never worse; their margin has an upper end only."""
 
 PLANNED_POWER = 0.9
 """Power for which the number of participants is planned."""
@@ -41,10 +38,16 @@ SIMULATED_STUDY_COUNT = 1000
 class EndPoint:
     """One index with its stated margin."""
 
-    index: Index
+    name: str  # name of the index in the catalogue
+    along: str  # unit of the coordinate of movement, "rad" or "m"
     stated: str  # margin as stated
     margin: Margin  # margin for logarithms of ratios if `ratio`, else in the index's unit
     ratio: bool  # whether the margin is relative to control
+
+    @property
+    def index(self) -> Index:
+        """Entry of the catalogue for this coordinate."""
+        return indices_along(COORDINATES_BY_UNIT[self.along])[self.name]
 
     def differences(self, own: np.ndarray, control: np.ndarray | None) -> np.ndarray:
         """Return each participant's difference that is compared with the margin, (n,)."""
@@ -104,13 +107,14 @@ def end_points(spec: AssessmentTable, indices: Mapping[str, Index]) -> dict[str,
         size = parse_quantity(stated, "1" if share else index.unit, where)
         if not size > 0.0:
             raise StudyError(f'{where}: found "{stated}", expected a size above 0')
-        if share and not (index.scaled or index.over_control or index.name == "unsettled"):
+        if share and index.percent_of is PercentOf.NOTHING_AT_ALL:
             raise StudyError(f'{where}: found "{stated}", expected {index.unit}: {index.words} has no zero to share')
         ratio = share and index.scaled
-        if ratio and name.startswith(("torque", "work")):
+        if ratio and index.needs_robot:
             raise StudyError(f'{where}: found "{stated}", expected {index.unit}: without the robot there is none')
         margin = Margin.of_ratio(size) if ratio else Margin.either_way(size)
-        made[name] = EndPoint(index, stated, Margin(-inf, margin.high) if name in ONE_SIDED_INDICES else margin, ratio)
+        margin = Margin(-inf, margin.high) if index.worse is Worse.IF_MORE else margin
+        made[name] = EndPoint(name, index.along, stated, margin, ratio)
     return made
 
 
@@ -194,13 +198,12 @@ def _by_ranks(
     found: AssessmentResult, whole: MeasuredStudy, point: EndPoint, condition: str, people: list[str],
     seen: np.ndarray, alpha: float,
 ) -> Equivalence:  # fmt: skip
-    name, pair = point.index.name, (found.control, condition)
-    upper = None
-    if name == "duration_median":
+    pair, upper = (found.control, condition), None
+    if point.index.cut_off is CutOff.AT_LEAST_SEEN:
         bounds = lasting_bounds(whole.lasted, people, found.conditions, *pair, point.differences)
         if bounds is not None:
             seen, upper = bounds
-    elif name == "duration":
+    elif point.index.cut_off is CutOff.SEEN_DURATION:
         # A mean that includes a movement without a seen end has no upper bound.
         cut = {(each.participant, each.condition) for each in whole.lasted if not each.settled}
         base, own = (np.array([(person, c) in cut for person in people]) for c in pair)

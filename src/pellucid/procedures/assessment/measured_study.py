@@ -11,6 +11,14 @@ import numpy as np
 from ..._errors import RecordingError
 from ...assessment.emg_index import Activity, emg_per_acceleration, maxima
 from ...assessment.end_error import end_error, target_zero
+from ...assessment.indices import (
+    EMG_LEVEL,
+    EMG_PER_ACCELERATION,
+    INDICES,
+    PEAK_INTERACTION_TORQUE,
+    RMS_INTERACTION_TORQUE,
+    WORK_AGAINST_ROBOT,
+)
 from ...assessment.interaction import interaction
 from ...assessment.measured import DIRECTION_DOWN, DIRECTION_UP, MeasuredMovement, MovementDuration
 from ...assessment.movement_indices import smoothness
@@ -190,21 +198,21 @@ def _indices(record, motion, movement, spec, made, largest) -> dict[str, float]:
     part = slice(movement.first, movement.last + 1)
     velocity = motion.velocity[part]
     values = {
-        "duration": movement.duration,
-        "vmax": movement.peak_velocity,
-        "vmean": movement.mean_velocity,
-        "acceleration": movement.peak_acceleration,
-        "peak_time": movement.peak_time,
+        index.of: index.of_movement(motion, movement) for index in INDICES.values() if index.of_movement is not None
     }
     if spec.interaction in record.recording:
         torque = linear(record.recording.time, record.recording[spec.interaction], motion.time[part])
         felt = interaction(torque, velocity, motion.fs)
-        values |= {"torque_rms": felt.rms, "torque_peak": felt.peak, "work": felt.resisted}
+        values |= {
+            RMS_INTERACTION_TORQUE.of: felt.rms,
+            PEAK_INTERACTION_TORQUE.of: felt.peak,
+            WORK_AGAINST_ROBOT.of: felt.resisted,
+        }
     if made is not None:
         top = largest[record.recording.participant]
         ends = movement.start, movement.start + movement.duration
-        values["emg_level"] = made.level((*spec.agonists, *spec.antagonists), top, *ends)
+        values[EMG_LEVEL.of] = made.level((*spec.agonists, *spec.antagonists), top, *ends)
         if movement.direction > 0 and spec.agonists:
             level = made.level(spec.agonists, top, *ends)
-            values["emg_per_acc"] = emg_per_acceleration(level, movement.peak_acceleration)
+            values[EMG_PER_ACCELERATION.of] = emg_per_acceleration(level, movement.peak_acceleration)
     return values

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...assessment.equivalence import Equivalence, Margin
+from ...assessment.indices import CutOff
 from ...assessment.learning import Thirds, thirds
 from ...assessment.measured import DIRECTION_UP, MeasuredMovement
 from ...assessment.mixed_model import MixedModel, failed_model, mixed_model
@@ -21,9 +22,6 @@ if TYPE_CHECKING:
 MAX_AMPLITUDE_LEVELS = 8
 """Largest number of amplitudes with a separate effect each. With more, the effect of amplitude is a straight line."""
 
-MOVEMENT_VALUE_BY_INDEX = {"duration_median": "duration"}
-"""Value of a single movement that belongs to an index of a whole recording."""
-
 
 def movements_of(
     whole: MeasuredStudy, point: EndPoint, conditions: Sequence[str], participants: Sequence[str], order: SessionOrder
@@ -32,7 +30,7 @@ def movements_of(
 
     Only cells that a participant has in all `conditions` are used.
     """
-    of = MOVEMENT_VALUE_BY_INDEX.get(point.index.name, "" if point.index.spread else point.index.of)
+    of = "" if point.index.spread else point.index.of
     own = []
     for m in whole.movements:
         value = m.values.get(of, np.nan)
@@ -76,7 +74,7 @@ def model_of(
     own = movements_of(whole, point, conditions, people, order)
     if not own:
         return failed_model(len(people), 0, "no value of single movements")
-    if point.index.of == "duration" or point.index.name in MOVEMENT_VALUE_BY_INDEX:
+    if point.index.cut_off is not CutOff.NO_VALUE:
         cut = sum(
             not each.settled for each in whole.lasted if each.condition in conditions and each.participant in people
         )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...assessment.indices import MOVEMENT_DURATION, index_names, leading_index
 from ...assessment.signed_rank import smallest_p
 from ...fit.parameter import Verdict
 from .assessment_tables import UNITS
@@ -17,10 +18,6 @@ if TYPE_CHECKING:
     from ...assessment.comparison import ControlComparison
     from .assessment_result import Assessed, AssessmentResult
 
-MAIN_INDICES = ("duration_median", "unsettled", "vmax", "end_absolute", "emgacc", "torque_rms", "emg_level")
-"""Indices that the paragraph describes; for the others it only states whether conditions differ. The mean duration is
-not among them, because cut-off movements distort it."""
-
 MIN_ISOCHRONY_R2 = 0.8
 """Isochrony counts as preserved if the mean R² between amplitude and mean velocity is at least this."""
 
@@ -29,14 +26,15 @@ def headline(found: AssessmentResult) -> str:
     """Return the result in one sentence."""
     who = f"{len(found.participants)} participant" + ("s" if len(found.participants) != 1 else "")
     said = f"{len(found.conditions)} conditions, {who}, {found.movements} movements"
-    duration = found.assessed.get("duration_median")
-    if duration is None or not duration.comparison.against_control:
+    leading = found.assessed.get(leading_index().name)
+    if leading is None or not leading.comparison.against_control:
         return f"{said}."
-    changes = {c: duration.change_of_median(found.control, c) for c in found.conditions if c != found.control}
+    changes = {c: leading.first_change(found.control, c) for c in found.conditions if c != found.control}
     parts = [f"{condition} {_percent(change)}" for condition, change in changes.items() if change is not None]
     cut = [f"{100.0 * each.curve.cut:.0f} % in {each.condition}" for each in found.settling if each.curve.cut]
     more = f"; never settled: {_listed(cut)}" if cut else ""
-    return f"{said}; median duration against {found.control}: {', '.join(parts)}{more}."
+    words = _lower(leading.table.index.words)
+    return f"{said}; {words} against {found.control}: {', '.join(parts)}{more}."
 
 
 def paragraph(found: AssessmentResult) -> str:
@@ -51,7 +49,8 @@ def paragraph(found: AssessmentResult) -> str:
     ]
     if n < 2:
         parts[0].append("With one participant there is no test: the figures describe this person and nobody else.")
-    parts += [_index_sentences(found, found.assessed[name], alpha) for name in MAIN_INDICES if name in found.assessed]
+    described = [name for name in index_names(lambda index: index.paragraph_place) if name in found.assessed]
+    parts += [_index_sentences(found, found.assessed[name], alpha) for name in described]
     rest = _other_indices(found, alpha)
     if n > 2 and any(_told_apart(found, each, alpha) is False for each in found.assessed.values()):
         rest.append(
@@ -89,7 +88,7 @@ def _index_sentences(found: AssessmentResult, each: Assessed, alpha: float) -> l
         parts.append(f"{mean:.3g}{' ' if unit else ''}{unit} in {condition}" + (f" ({change})" if change else ""))
     said = [f"{_mean_of(index.words)} was {_listed(parts)}."]
     if index.over_control:
-        said = [f"EMG over acceleration (EMG/Acc) changed from {found.control} by {_listed(parts)}."]
+        said = [f"{index.sentence_words or index.words} changed from {found.control} by {_listed(parts)}."]
     if compared.friedman is None:
         return said
     test = compared.friedman
@@ -139,7 +138,8 @@ def _plain_change(found: AssessmentResult, each: Assessed, condition: str) -> st
 
 
 def _other_indices(found: AssessmentResult, alpha: float) -> list[str]:
-    others = [e for e in found.assessed.values() if e.name not in MAIN_INDICES and e.comparison.p_value is not None]
+    others = [e for e in found.assessed.values()
+              if not e.table.index.paragraph_place and e.comparison.p_value is not None]  # fmt: skip
     differ = [e for e in others if e.comparison.p_value < alpha]
     same = [e for e in others if e.comparison.p_value >= alpha]
 
@@ -189,7 +189,7 @@ def _limits(found: AssessmentResult, alpha: float) -> str:
     enough = [each for each in planned if each.participants is not None]
     if not enough:
         return "How many participants would be needed cannot be told from fewer than three."
-    each = min(enough, key=lambda e: (e.index != "duration", e.change))
+    each = min(enough, key=lambda e: (e.index != MOVEMENT_DURATION.name, e.change))
     return (
         f"There were participants enough to find a change of {found.indices[each.index].words.lower()} by "
         f"{100 * each.change:g} % in 8 of 10 studies like this one."

@@ -83,7 +83,7 @@ INVALID_BANDS_FINDING = "bands"
 CARD_ESTIMATOR = "ridge"
 """Estimator whose causal map becomes a card. It is a sum of products, which a robot can compute."""
 
-LIVE_ESTIMATORS = (CARD_ESTIMATOR, "hill")
+LIVE_ESTIMATORS = tuple(name for name, family in ESTIMATOR_FAMILIES.items() if family.runs_live)
 """Estimators whose causal maps become cards that a session or a robot runs sample by sample."""
 
 Progress = Callable[[str, float], None]
@@ -232,7 +232,7 @@ def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
             found.causal[joint, name] = fit
         if causal and name == CARD_ESTIMATOR:
             found.cards[f"torque_map_{joint}"] = torque_card(study, fit, fitted, f"torque_map_{joint}")
-        if isinstance(fit, HillMap) and name == "hill" and not causal:
+        if isinstance(fit, HillMap) and ESTIMATOR_FAMILIES[name].shows_muscles and not causal:
             found.muscles[joint], found.shown[joint] = fit, held[0]
         for trial in held:
             changed = found.sessions[trial.name].changed
@@ -240,7 +240,7 @@ def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
             if changed and ESTIMATOR_FAMILIES[name].muscles and len(changed) < len(session.muscles):
                 without = score(trial.torque, fit.predict(session.predict_channels(trial, changed)))
             trial, made = judged[joint][trial.name], predicted[trial.name]
-            half = fit.half_width(trial) if name == "hill" else None
+            half = fit.half_width(trial) if ESTIMATOR_FAMILIES[name].shows_muscles else None
             found.evaluated.append(
                 EstimatorEvaluation(
                     joint, name, causal, trial.name, score(trial.torque, made), fit.choice.score, fit.choice.words,

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from ...drawing.drawing import Drawing, key, line, tidy
 from ...drawing.style import FIGURE_WIDTH, colour
+from ...estimators.families import ESTIMATOR_FAMILIES
 from ...pages.quantities import number
 
 CHOSEN_TONE = "heldout"
@@ -19,18 +20,6 @@ BASELINE_TONE = "faint"
 
 MUSCLE_TONE = "good"
 """Colour of the torque by muscles, if they are not the recommended estimator."""
-
-ESTIMATOR_TONES = {
-    "boost": "fitted",
-    "bagging": "directional",
-    "tree": "load",
-    "ridge": "heldout",
-    "hill": "good",
-    "ridge_lags": "stribeck",
-    "linear": "combined",
-    "motion": "symmetric",
-}
-"""Colour of each estimator. An estimator with the defaults of another tool has the colour of its kind."""
 
 DRAWN_STRETCH_S = 8.0
 """Duration of the drawn stretch of a recording [s]."""
@@ -55,7 +44,8 @@ def torque_trace(
     hold the torque and half its band by estimator, shape (n,) [`unit`]. `bare` is the estimator of angles alone.
     """
     unit = unit.replace("*", "·")
-    shown = {e: c for e, c in ((bare, BASELINE_TONE), ("hill", MUSCLE_TONE), (chosen, CHOSEN_TONE)) if e in predicted}
+    muscles = ((name, MUSCLE_TONE) for name, family in ESTIMATOR_FAMILIES.items() if family.shows_muscles)
+    shown = {e: c for e, c in ((bare, BASELINE_TONE), *muscles, (chosen, CHOSEN_TONE)) if e in predicted}
     middle = 0.5 * (time[0] + time[-1])
     within = np.abs(time - middle) <= 0.5 * DRAWN_STRETCH_S
     figure = Figure(figsize=(FIGURE_WIDTH, 4.2), layout="constrained")
@@ -100,7 +90,8 @@ def error_by_estimator(
         for row, (estimator, _) in enumerate(rows):
             if estimator not in found:
                 continue
-            tone = colour(ESTIMATOR_TONES.get(estimator.split("_published")[0], "ink"))
+            family = ESTIMATOR_FAMILIES.get(estimator)
+            tone = colour("ink" if family is None else family.colour)
             bold = "bold" if chosen.get(head) == estimator else "normal"
             axis.plot((0.0, found[estimator]), (row, row), color=tone, linewidth=2.0, alpha=0.4, zorder=2)
             axis.plot([found[estimator]], [row], color=tone, marker="o", markersize=6.0, markeredgewidth=0.0, zorder=3)

@@ -26,10 +26,7 @@ from .evaluated import TorqueTrace
 from .procedure import EmgTorqueTable
 from .together import FIT_WORDS
 
-SHORT_ESTIMATOR_NAMES = {
-    BASELINE_ESTIMATOR: "angles alone", "hill": "muscles", "nmco": "NM-CO", "nmnc": "NM-NC", "mbp": "M-BP",
-    "ridge_lags": "ridge with lags",
-}  # fmt: skip
+SHORT_ESTIMATOR_NAMES = {name: family.short for name, family in ESTIMATOR_FAMILIES.items() if family.short}
 """Short names of estimators for legends."""
 
 

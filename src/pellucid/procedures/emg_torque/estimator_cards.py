@@ -89,7 +89,7 @@ def estimator_cards(
     if together is not None and chain == "none":
         trials = {joint: [t for t in own if not t.heldout] for joint, own in found.across.items()}
         name = "emg_together_hill"
-        cards[name] = muscle_estimator(study, name, together.fits["hill"].card_content(), trials, ACROSS_JOINTS_NOTES)
+        cards[name] = muscle_estimator(study, name, together.fit.card_content(), trials, ACROSS_JOINTS_NOTES)
     return cards
 
 

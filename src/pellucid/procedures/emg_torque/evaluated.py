@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 REPORTED_ESTIMATORS = tuple(ESTIMATOR_FAMILIES)
 """Estimators that `calibrate` reports, in the order of its tables."""
 
-CAUSAL_ESTIMATORS = ("boost", "ridge", "hill")
+CAUSAL_ESTIMATORS = tuple(name for name, family in ESTIMATOR_FAMILIES.items() if family.scored_causally)
 """Estimators that `calibrate` also reports with causal features."""
 
 

@@ -8,6 +8,7 @@ from importlib.metadata import version
 
 import numpy as np
 
+from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.hill import HillMap
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.muscles.muscle_information import (
@@ -157,10 +158,11 @@ def _compare_with_regression(found: CalibrationFindings, what: str) -> list[Verd
     own = [e for e in found.evaluated if e.what == what and not e.causal]
     own = [e for e in own if e.recording == own[0].recording] if own else []
     by = {e.estimator: e for e in own}
-    if "hill" not in by or "ridge" not in by or by["hill"].kind == "normalised":
+    muscles = next((by[n] for n, family in ESTIMATOR_FAMILIES.items() if family.shows_muscles and n in by), None)
+    rivals = [by[n] for n, family in ESTIMATOR_FAMILIES.items() if family.rivals_muscles and n in by]
+    if muscles is None or not rivals or muscles.kind == "normalised":
         return []
-    muscles = by["hill"]
-    best = min((by[n] for n in ("ridge", "ridge_lags") if n in by), key=lambda e: e.score.rmse)
+    best = min(rivals, key=lambda e: e.score.rmse)
     ahead = muscles.score.rmse < best.score.rmse
     end = (
         "the muscle model helps here."

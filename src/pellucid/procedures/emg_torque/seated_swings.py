@@ -144,19 +144,21 @@ def _evaluate_person(
         raise IdentificationError(
             f"{who}: found {len(fitted)} swings to fit and {len(held)} to judge, expected at least one of each"
         )
-    made, half = {t.name: {} for t in held}, {}
+    made: dict[str, dict[str, np.ndarray]] = {t.name: {} for t in held}
+    half: dict[str, dict[str, np.ndarray]] = {}
     names = find_applicable_estimators(trials, who, found, FITTED_ESTIMATORS)
     for j, name in enumerate(names):
         tell(f"{who}, {ESTIMATOR_FAMILIES[name].description}", j / len(names))
         fit = fit_torque_map(fitted, name)
-        muscles, away = isinstance(fit, HillMap), run_tests_if_candidate(fit, fitted)
-        if name == "hill":
+        shown, muscles = ESTIMATOR_FAMILIES[name].shows_muscles, isinstance(fit, HillMap)
+        away = run_tests_if_candidate(fit, fitted)
+        if shown:
             found.muscles[who], found.shown[who] = fit, held[0]
         for trial in held:
             torque = made[trial.name][name] = fit.predict(trial)
-            if name == "hill":
-                half[trial.name] = fit.half_width(trial)
-            inside = np.abs(trial.torque - torque) <= half[trial.name] if name == "hill" else None
+            if shown:
+                half.setdefault(trial.name, {})[name] = fit.half_width(trial)
+            inside = np.abs(trial.torque - torque) <= half[trial.name][name] if shown else None
             found.evaluated.append(
                 EstimatorEvaluation(
                     who, name, False, trial.name, score(trial.torque, torque), fit.choice.score, fit.choice.words,
@@ -168,6 +170,6 @@ def _evaluate_person(
                 )
             )  # fmt: skip
     for trial in held:
-        widths = {"hill": half[trial.name]} if trial.name in half else {}
+        widths = half.get(trial.name, {})
         found.traces.append(TorqueTrace(who, trial.name, trial.time, trial.torque, made[trial.name], widths))
     found.trials.extend(trials)

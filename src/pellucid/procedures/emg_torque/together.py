@@ -21,7 +21,13 @@ from ...estimators.torque_trial import TorqueTrial
 from ...fit.posterior.calibration_posterior import CalibrationPosterior, calibration_posterior
 from .evaluated import CalibrationFindings, TorqueTrace
 
-FIT_WORDS = {"hill": "muscles together", "hill.offset": "together, offset of the EMG found"}
+PLAIN_FIT = "hill"
+"""Part of row ids that names the fit in which EMG and moments have one clock."""
+
+OFFSET_FIT = "hill.offset"
+"""Part of row ids that names the fit that also finds the offset of the EMG stream's clock."""
+
+FIT_WORDS = {PLAIN_FIT: "muscles together", OFFSET_FIT: "together, offset of the EMG found"}
 """Description of both fits, by the part of row ids that names each."""
 
 POSTERIOR_VARIANT = "posterior"
@@ -61,15 +67,20 @@ class TogetherFindings:
     beside: tuple[TogetherScore, ...] = ()  # Scores of the variants in `VARIANT_WORDS`, on held-out recordings
 
     @property
+    def fit(self) -> HillTogether:
+        """The first fit, in which EMG and moments have one clock."""
+        return self.fits[PLAIN_FIT]
+
+    @property
     def what(self) -> str:
         """Names of the joints in words."""
-        return _joint_words(self.fits["hill"].joints)
+        return _joint_words(self.fit.joints)
 
     @property
     def offset_carries_over(self) -> bool:
         """Whether the EMG stream's offset makes R² larger on held-out recordings, in the mean over joints."""
         r2 = {how: np.mean([s.score.r2 for s in self.scores if s.how == how]) for how in FIT_WORDS}
-        return bool(r2["hill.offset"] > r2["hill"])
+        return bool(r2[OFFSET_FIT] > r2[PLAIN_FIT])
 
 
 def calibrate_together(
@@ -132,7 +143,7 @@ def _add_unrecorded_muscles(
     found: TogetherFindings, fitted: Mapping[str, Sequence[TorqueTrial]], held: Mapping[str, Sequence[TorqueTrial]]
 ) -> TogetherFindings:
     """Return the result with muscles that no electrode drives, and their scores on held-out recordings."""
-    fit, scores = found.fits["hill"], []
+    fit, scores = found.fit, []
     never = fit_unrecorded_muscles(fit, fitted)
     for name in [] if never is None else [t.name for t in next(iter(held.values()))]:
         trial = _trial_by_joint(held, name)
@@ -153,7 +164,7 @@ def _add_posterior(found: TogetherFindings, across: Mapping[str, Sequence[Torque
 
     Trials left out in turn have no such scores, since the posterior was computed from all of them.
     """
-    fit = found.fits["hill"]
+    fit = found.fit
     posterior = calibration_posterior(fit.fit, title=f"Posterior of the muscles of {found.what}")
     scores = []
     for name in () if posterior.unsettled else [t.name for t in next(iter(across.values())) if t.heldout]:
@@ -166,7 +177,7 @@ def _add_posterior(found: TogetherFindings, across: Mapping[str, Sequence[Torque
 def _fit_without_group(fitted: Mapping[str, Sequence[TorqueTrial]], how: str, out: str | None) -> HillTogether:
     """Fit the muscles of all joints to all trials except those of the group `out`."""
     others = {joint: [t for t in own if t.group != out] for joint, own in fitted.items()}
-    return fit_together(others, offset=how != "hill")
+    return fit_together(others, offset=how == OFFSET_FIT)
 
 
 def _joint_words(joints: Sequence[str]) -> str:

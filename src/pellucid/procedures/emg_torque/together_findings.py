@@ -9,6 +9,7 @@ from importlib.metadata import version
 import numpy as np
 
 from ...estimators.condition_choice import ERROR_BAND_SHARE
+from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.muscles.muscle_information import (
     count_bounds_reported_as_estimates,
@@ -33,7 +34,15 @@ from ..posterior_beside import (
 from ..result import FigureTable, ParameterTable
 from .evaluated import CalibrationFindings, EstimatorEvaluation, TorqueTrace
 from .muscle_findings import MuscleSummary
-from .together import FIT_WORDS, POSTERIOR_VARIANT, UNRECORDED_VARIANT, VARIANT_WORDS, TogetherFindings
+from .together import (
+    FIT_WORDS,
+    OFFSET_FIT,
+    PLAIN_FIT,
+    POSTERIOR_VARIANT,
+    UNRECORDED_VARIANT,
+    VARIANT_WORDS,
+    TogetherFindings,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +69,11 @@ def together_tables(found: TogetherFindings | None, evaluated: Sequence[Estimato
     """Return tables of both fits' errors, beside muscles of each joint alone among `evaluated`, and of parameters."""
     if found is None:
         return ()
-    alone = {(e.what, e.recording): e.score for e in evaluated if e.estimator == "hill" and not e.causal}
+    alone = {
+        (e.what, e.recording): e.score
+        for e in evaluated
+        if ESTIMATOR_FAMILIES[e.estimator].shows_muscles and not e.causal
+    }
     rows = []
     for joint, recording in dict.fromkeys((s.joint, s.recording) for s in found.scores):
         where = recording.replace("_", " ") or "each left out"
@@ -82,7 +95,7 @@ def together_tables(found: TogetherFindings | None, evaluated: Sequence[Estimato
     )
     return (
         FigureTable(f"Muscles of {found.what} together: 10 to 100 ms from envelope to force", heads, tuple(rows)),
-        ParameterTable(f"Muscles together: {found.what}", found.fits["hill"].parameters),
+        ParameterTable(f"Muscles together: {found.what}", found.fit.parameters),
         *_posterior_tables(found),
     )
 
@@ -92,7 +105,7 @@ def find_determined_parameters(found: TogetherFindings) -> tuple[ComparedPosteri
 
     The parameters with the smallest share of the prior come first.
     """
-    compared = pair_with_posterior(found.fits["hill"].parameters, found.posterior) if found.posterior else ()
+    compared = pair_with_posterior(found.fit.parameters, found.posterior) if found.posterior else ()
     told = [one for one in compared if not one.drawn.told_by_prior]
     return tuple(sorted(told, key=lambda one: one.drawn.prior_share))
 
@@ -109,7 +122,7 @@ def _unrecorded_verdicts(found: TogetherFindings) -> Iterator[Verdict]:
     """Yield a verdict on muscles without an electrode: their gain in cross-validation and on held-out recordings."""
     if found.never is None:
         return
-    by = {(s.joint, s.recording): s.score.r2 for s in found.scores if s.how == "hill"}
+    by = {(s.joint, s.recording): s.score.r2 for s in found.scores if s.how == PLAIN_FIT}
     words = ", ".join(
         f"{by[s.joint, s.recording]:.3f} to {s.score.r2:.3f} at the {s.joint} on {s.recording.replace('_', ' ')}"
         for s in found.beside
@@ -144,7 +157,7 @@ def _posterior_verdicts(found: TogetherFindings) -> Iterator[Verdict]:
     drawn = [s for s in found.beside if s.how == POSTERIOR_VARIANT]
     for name in dict.fromkeys(s.recording for s in drawn):
         own = [s for s in drawn if s.recording == name]
-        by = {s.joint: s.score.r2 for s in found.scores if (s.how, s.recording) == ("hill", name)}
+        by = {s.joint: s.score.r2 for s in found.scores if (s.how, s.recording) == (PLAIN_FIT, name)}
         words = ", ".join(
             f"{s.joint} R² {s.score.r2:.2f} (the calibration's {by[s.joint]:.2f}), {100.0 * s.coverage:.0f} % within"
             for s in own
@@ -162,7 +175,7 @@ def together_verdicts(found: TogetherFindings | None, alone: CalibrationFindings
     """Return verdicts on both fits: muscles, the EMG stream's offset, and the coverage of bands."""
     if found is None:
         return ()
-    said = [*muscle_verdicts(found.fits["hill"].fit, f"{found.what} together")]
+    said = [*muscle_verdicts(found.fit.fit, f"{found.what} together")]
     said.append(_offset_verdict(found))
     for muscle, strengths in _shared_strength_words(found, alone).items():
         said.append(
@@ -190,7 +203,7 @@ def together_verdicts(found: TogetherFindings | None, alone: CalibrationFindings
 
 def _offset_verdict(found: TogetherFindings) -> Verdict:
     """Return the verdict on the offset of the EMG stream."""
-    fit = found.fits["hill.offset"]
+    fit = found.fits[OFFSET_FIT]
     offset, r2 = fit.offset, _r2_words(found)
     span = f"{1e3 * offset.low:.0f} to {1e3 * offset.high:.0f} ms at 95 %"
     if next(p for p in fit.parameters if p.name == "delay").at_bound:
@@ -222,15 +235,15 @@ def _r2_words(found: TogetherFindings) -> str:
     """Return R² without and with the offset in words, on the last test recording."""
     last = found.scores[-1].recording
     by = {(s.joint, s.how): s.score.r2 for s in found.scores if s.recording == last}
-    joints = found.fits["hill"].joints
-    parts = [f"{by[j, 'hill']:.2f} to {by[j, 'hill.offset']:.2f} at the {j}" for j in joints]
+    joints = found.fit.joints
+    parts = [f"{by[j, PLAIN_FIT]:.2f} to {by[j, OFFSET_FIT]:.2f} at the {j}" for j in joints]
     return f"R² goes from {', '.join(parts)}" + (f" ({last.replace('_', ' ')})" if last else "")
 
 
 def _shared_strength_words(found: TogetherFindings, alone: CalibrationFindings) -> dict[str, str]:
     """Return the strength of each muscle across several joints in words, by each joint alone and together."""
     said = {}
-    for muscle in found.fits["hill"].driven:
+    for muscle in found.fit.driven:
         name = f"strength.{muscle}"
         own = {
             joint: next((p for p in muscle_parameters(each.fit) if p.name == name), None)
@@ -239,7 +252,7 @@ def _shared_strength_words(found: TogetherFindings, alone: CalibrationFindings) 
         own = {joint: p for joint, p in own.items() if p is not None}
         if len(own) < 2:
             continue
-        both = next(p for p in found.fits["hill"].parameters if p.name == name)
+        both = next(p for p in found.fit.parameters if p.name == name)
         parts = [f"{p.value:.2f}{' (on a bound)' * p.at_bound} by the {joint} alone" for joint, p in own.items()]
         said[muscle] = f"strength {', '.join(parts)}, {both.value:.2f}{' (on a bound)' * both.at_bound} by both"
     return said
@@ -272,7 +285,7 @@ def together_rows(
         add(f"{s.joint}.{s.how}.rmse{tail}", s.score.rmse, "N*m", note, **at)
         add(f"{s.joint}.{s.how}.coverage{tail}", s.coverage, "1", within, **at)
     for how, fit in found.fits.items():
-        late = "from the recorded envelope on" if how != "hill" else "delay and lags together"
+        late = "from the recorded envelope on" if how != PLAIN_FIT else "delay and lags together"
         add(f"{how}.delay.largest", float(fit.delays.max()), "s", late)
         add(f"{how}.delay.smallest", float(fit.delays.min()), "s", late)
         add(f"{how}.at_bound", int(fit.fit.at_bound.sum()), "1", f"of {len(fit.fit.at_bound)}, undetermined")
@@ -280,11 +293,11 @@ def together_rows(
         for joint, each in fit.choice.scores.items():
             add(f"{joint}.{how}.r2.cross_validated", each.r2, "1", "within what was fitted")
         told += count_bounds_reported_as_estimates(fit.fit, fit.parameters)
-    offset = found.fits["hill.offset"].offset
+    offset = found.fits[OFFSET_FIT].offset
     for name, value in (("", offset.value), (".low", offset.low), (".high", offset.high)):
-        add(f"hill.offset.emg{name}", value, "s", "the recording's EMG runs ahead of its moments by so much")
+        add(f"{OFFSET_FIT}.emg{name}", value, "s", "the recording's EMG runs ahead of its moments by so much")
     words = "1: R² is larger with it on what was not fitted, in the mean over joints"
-    add("hill.offset.carries_over", float(found.offset_carries_over), "1", words, "heldout")
+    add(f"{OFFSET_FIT}.carries_over", float(found.offset_carries_over), "1", words, "heldout")
     if found.never is not None:
         words = "1: parts of what was fitted, left out in turn, are told better with muscles that had no electrode"
         add("never_recorded.helps", float(found.never.helps), "1", words)
@@ -299,7 +312,8 @@ def together_rows(
             "1",
             f"of {len(found.posterior)} parameters, by the recording",
         )
-    add("hill.at_bound_unreported", told, "1", "parameters on a bound told as estimates, joint by joint and together")
+    words = "parameters on a bound told as estimates, joint by joint and together"
+    add(f"{PLAIN_FIT}.at_bound_unreported", told, "1", words)
     return tuple(rows)
 
 
@@ -309,7 +323,7 @@ def together_cards(
     """Return the cards of both fits, with their covariance in the parameters' units."""
     cards = {}
     for how, fit in found.fits.items() if found else ():
-        name = "muscles_together" if how == "hill" else "muscles_together_offset"
+        name = "muscles_together" if how == PLAIN_FIT else "muscles_together_offset"
         offset = fit.offset
         ahead = {} if offset is None else {"emg_offset": offset.value, "emg_offset.low": offset.low,
                                            "emg_offset.high": offset.high}  # fmt: skip
@@ -338,7 +352,7 @@ def together_figure_data(found: TogetherFindings | None) -> TogetherFigureData |
     """Return the data for figures; None without a calibration over all joints."""
     if found is None:
         return None
-    fit = found.fits["hill"]
+    fit = found.fit
     half = 1.96 * np.sqrt(np.diag(covariance(fit.fit)))
     summary = MuscleSummary(
         f"{found.what} together", fit.fit.problem.names, tuple(map(float, fit.fit.z)), tuple(map(float, half)),

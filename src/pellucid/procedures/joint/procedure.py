@@ -19,6 +19,7 @@ class JointProcedure(Procedure[None, "JointResult"]):
     """A joint with friction, driven by a motor."""
 
     name, command = "joint", "identify"
+    takes_families = True
 
     def faults(self, study: Study, table: None) -> list[Fault]:
         from .joint_faults import joint_faults

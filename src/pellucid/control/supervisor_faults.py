@@ -1,0 +1,125 @@
+"""Catalogue of the supervisor's faults: when each is found, what the supervisor then does, and what to do about it.
+
+The core's ``sample.hpp`` has their names and their order. Exported controllers, and whoever reads a log, take their
+words from here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from .. import _core
+
+NO_FAULT: str = _core.FAULTS[0]
+"""Name that stands where nothing was found."""
+
+_POWER_OFF = "power off"
+_DAMPED_STOP = "damped stop"
+_CHECK_WIRING = "Check plug, cable and supply of the sensor; then reset."
+_CHECK_CLOCK = "Check the clock that stamps samples, and the rate of the task; then reset."
+_CHECK_ENCODER = "Check that the encoder is mounted firmly and its offset is right; then test at start-up again."
+_CHECK_DRIVE = "Check leads, gain and current sensor of the drive without a wearer before it is worn again."
+
+
+@dataclass(frozen=True)
+class SupervisorFault:
+    """Faults of the supervisor that are found and answered alike."""
+
+    names: tuple[str, ...]  # names of the core, in the order of tables
+    when: str  # condition under which one is found; ``{sample}`` and ``{max_repeats}`` stand for those of a law
+    response: str  # what the supervisor then does
+    advice: str  # what to do before the robot is worn again
+
+    def when_of_law(self, sensors: int, max_repeats: float) -> str:
+        """Return the condition for a law with this number of sensors, which accepts a sample so many times."""
+        sample = "a required sample is" if sensors > 1 else "the sample is"
+        return self.when.format(sample=sample, max_repeats=f"{max_repeats:g}")
+
+
+SUPERVISOR_FAULTS: tuple[SupervisorFault, ...] = (
+    SupervisorFault(("not_finite",), "{sample} NaN, infinite or not valid", _POWER_OFF, _CHECK_WIRING),
+    SupervisorFault(
+        ("stale",),
+        "one is older than `max_age`, came after a longer gap, or was seen more than {max_repeats} times again",
+        _POWER_OFF,
+        "Check that the sensor is read once a period and the task is never late; then reset.",
+    ),
+    SupervisorFault(
+        ("out_of_order",), "a number or a time went backwards, or lies in the future", _POWER_OFF, _CHECK_CLOCK
+    ),
+    SupervisorFault(
+        ("overspeed", "velocity"),
+        "raw differences, or the law's estimate, are beyond the limit",
+        _DAMPED_STOP,
+        "Look in the log at the motion before; reset when the cause is known.",
+    ),
+    SupervisorFault(
+        ("jump", "range", "frozen", "disagreement"),
+        "the encoder went where no motion leads, is beyond the stops, stopped dead, or differs from the second",
+        _POWER_OFF,
+        _CHECK_ENCODER,
+    ),
+    SupervisorFault(
+        ("force_sensor", "muscle", "lost"),
+        "the sensor is beyond its range or silent; or it contradicts model and motion",
+        "goes on without it where it can; damped stop",
+        "Check zero, sign and cable of the force sensor, or the electrodes and their channels; then reset.",
+    ),
+    SupervisorFault(
+        ("drive_effort", "drive_sign", "drive_stuck", "drive_silent"),
+        "the drive's own measurement is not what it was asked for",
+        _POWER_OFF,
+        _CHECK_DRIVE,
+    ),
+    SupervisorFault(
+        ("unexplained",),
+        "model and command do not explain the motion, nor can a wearer",
+        _POWER_OFF,
+        "Look for a load, a collision or a changed robot; identify it again if it has changed.",
+    ),
+    SupervisorFault(
+        ("power", "energy"),
+        "the whole command gives more than its budget",
+        _DAMPED_STOP,
+        "Look in the log at the motion before; let the law carry less if it happens again.",
+    ),
+    SupervisorFault(
+        ("polarity", "gain"),
+        "the wave of effort at start-up moved the joint the wrong way, or too far",
+        _POWER_OFF,
+        _CHECK_DRIVE,
+    ),
+    SupervisorFault(
+        ("integrity",),
+        "numbers in memory are not those that were configured",
+        _POWER_OFF,
+        "Switch off and on again; look for writes beyond an array if it happens again.",
+    ),
+    SupervisorFault(
+        ("push",),
+        "beyond weight and friction the effort is larger than its limit",
+        _DAMPED_STOP,
+        "Look in the log at the motion before; let the law carry less if it happens again.",
+    ),
+    SupervisorFault(
+        ("ringing",),
+        "the effort goes to and fro faster than a person moves",
+        _POWER_OFF,
+        "Lower the gains of the law, or measure the delay of the loop; then reset.",
+    ),
+    SupervisorFault(
+        ("stopped",), "you called `pellucid_stop`", _DAMPED_STOP, "Reset when the reason for which you stopped is gone."
+    ),
+    SupervisorFault(
+        ("configuration", "not_started"),
+        "`pellucid_init` refused, or was not called",
+        _POWER_OFF,
+        "Call `pellucid_init` once at power-on, with numbers that `pellucid export` wrote.",
+    ),
+)
+"""Every fault, in the order of tables."""
+
+SUPERVISOR_FAULTS_BY_NAME: Mapping[str, SupervisorFault] = {
+    name: fault for fault in SUPERVISOR_FAULTS for name in fault.names
+}

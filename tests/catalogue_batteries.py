@@ -1,0 +1,138 @@
+"""Batteries over the catalogues of laws, estimators, faults and defects: what is missing for an entry to be whole.
+
+Each battery returns a sentence for each fault, and nothing if all entries are whole. They run on the installed package
+and on copies of it in which an entry is half added.
+"""
+
+import ast
+import re
+import tempfile
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from pkgutil import iter_modules
+
+import numpy as np
+
+import pellucid
+from pellucid import _core
+from pellucid.control import control_law
+from pellucid.control.control_law import LAWS, ControlLaw
+from pellucid.control.law_fuzz import fuzz, step_times
+from pellucid.control.supervisor_faults import SUPERVISOR_FAULTS, SUPERVISOR_FAULTS_BY_NAME
+from pellucid.deployment.c_folder import write_c_folder
+from pellucid.deployment.controller_values import ControllerValues
+from pellucid.drawing.style import COLOURS, colour
+from pellucid.estimators.families import ESTIMATOR_FAMILIES, find_family
+from pellucid.estimators.features import Features
+from pellucid.lab.safety.fault_table import FAULT_KINDS
+from pellucid.models.estimator_faults import ESTIMATOR_FAULTS
+from pellucid.recordings import defects
+from pellucid.studies.find_defects import KINDS
+
+PACKAGE = Path(pellucid.__file__).parent
+NUMBERS = Path(__file__).parent / "core" / "law_numbers.hpp"
+TYPICAL = {
+    name: float(value) for name, value in re.findall(r'\{"(\w+)", ([-\d.]+)\}', NUMBERS.read_text(encoding="utf-8"))
+}
+FUZZED_CYCLES, TIMED_CYCLES = 5_000, 200
+FEATURES = Features(np.zeros((1, 2)), ("emg", "angle"), (1,))
+
+
+def built_laws() -> set[str]:
+    """Return the names of the laws that some function of the package makes."""
+    found = set()
+    for path in (*(PACKAGE / "control").glob("*.py"), *(PACKAGE / "deployment").glob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "ControlLaw" and node.args:
+                kind = node.args[0]
+                if isinstance(kind, ast.Constant):
+                    found.add(kind.value)
+                elif isinstance(kind, ast.Attribute) and hasattr(control_law, ast.unparse(kind.value)):
+                    found.add(getattr(control_law, ast.unparse(kind.value)).name)
+    return found
+
+
+def law_faults() -> list[str]:
+    """Return what is missing for a control law: words, a builder, an export, a fuzzer's range and a time."""
+    found, built = [], built_laws()
+    for name, law in LAWS.items():
+        if not law.title or not all(sensor.meaning for sensor in law.sensors):
+            found.append(f"{name}: has no words")
+        found += [f"{name}: {field.name} has no sentence" for field in law.fields if not field.sentence]
+        if name not in built:
+            found.append(f"{name}: no builder makes it of a card")
+        if not (PACKAGE.parents[1] / "include" / "pellucid" / law.header).is_file():
+            found.append(f"{name}: has no header of its type's name")
+        made = ControlLaw(name, law.defaults | {key: TYPICAL[key] for key in law.defaults if key in TYPICAL})
+        tried = fuzz(made, FUZZED_CYCLES)
+        if tried.unsafe or not tried.moving:
+            found.append(f"{name}: is not safe among nonsense, or gives no effort")
+        if not (step_times(made, TIMED_CYCLES) > 0.0).all():
+            found.append(f"{name}: its steps cannot be timed")
+        with tempfile.TemporaryDirectory() as folder:
+            out = write_c_folder("battery", ControllerValues(name, made.values, {}, ("a.json",), {}), Path(folder))
+            header = (out / "pellucid_controller.h").read_text(encoding="utf-8")
+            found += [f"{name}: {field} is not exported" for field in law.parameters if f"float {field};" not in header]
+    return found
+
+
+def estimator_faults() -> list[str]:
+    """Return what is missing for a family of estimators: words, colour, place, and a way to make it."""
+    found, ranks = [], [family.rank for family in ESTIMATOR_FAMILIES.values()]
+    for name, family in ESTIMATOR_FAMILIES.items():
+        if not family.description:
+            found.append(f"{name}: has no words")
+        if family.colour not in COLOURS or not colour(family.colour):
+            found.append(f"{name}: has no colour of a report")
+        if ranks.count(family.rank) > 1:
+            found.append(f"{name}: another has its place in tables")
+        if any(find_family(each)[0] != name for each in (name, *family.aliases)):
+            found.append(f"{name}: cannot be asked for by all its names")
+        if not family.candidates(neighbours=True) or not family.settings:
+            found.append(f"{name}: has nothing to choose from")
+        if family.fit_trials is None and not all(hasattr(family.make(s, FEATURES), "fit") for s in family.settings):
+            found.append(f"{name}: cannot be made")
+    shown = [family.short or family.description for family in ESTIMATOR_FAMILIES.values()]
+    return found + [f"{text}: two estimators are called so in legends" for text in {*shown} if shown.count(text) > 1]
+
+
+def supervisor_faults() -> list[str]:
+    """Return what is missing for a fault of the supervisor, of the estimator, or of the lab's list."""
+    found = []
+    for name in _core.FAULTS[1:]:
+        fault = SUPERVISOR_FAULTS_BY_NAME.get(name)
+        if fault is None:
+            found.append(f"{name}: has no entry in the catalogue")
+        elif not fault.when_of_law(1, 2.0) or not fault.response or not fault.advice.endswith("."):
+            found.append(f"{name}: has no words, or does not say what to do")
+    names = [name for fault in SUPERVISOR_FAULTS for name in fault.names]
+    found += [f"{name}: the core has no such fault, or the catalogue has it twice" for name in names
+              if name not in _core.FAULTS or names.count(name) > 1]  # fmt: skip
+    if tuple(fault.name for fault in ESTIMATOR_FAULTS) != tuple(_core.EMG_FAULTS):
+        found.append("the estimator's faults are not the core's, in its order")
+    found += [f"{fault.name}: has no words" for fault in ESTIMATOR_FAULTS if not fault.words]
+    found += [f"{kind.name}: has no words or group" for kind in FAULT_KINDS if not kind.sentence or not kind.group]
+    return found
+
+
+def defect_faults() -> list[str]:
+    """Return what is missing for a defect of recordings: a kind, a sentence, and a place in the search."""
+    modules = [import_module(f"{defects.__name__}.{each.name}") for each in iter_modules(defects.__path__)]
+    kinds = [module for module in modules if hasattr(module, "KIND")]
+    found = [f"{module.KIND}: no study searches for it" for module in kinds if module not in KINDS]
+    for module in KINDS:
+        if not module.KIND.isidentifier() or [each.KIND for each in kinds].count(module.KIND) != 1:
+            found.append(f"{module.__name__}: has no kind of its own")
+        if not (module.__doc__ or "").startswith("Find ") or not callable(getattr(module, "find", None)):
+            found.append(f"{module.KIND}: does not say how it is found")
+    return found
+
+
+BATTERIES: dict[str, Callable[[], list[str]]] = {
+    "laws": law_faults,
+    "estimators": estimator_faults,
+    "faults": supervisor_faults,
+    "defects": defect_faults,
+}
+"""Battery of each catalogue."""
