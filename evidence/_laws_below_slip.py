@@ -18,7 +18,13 @@ from pellucid.control.control_law import ControlLaw
 from pellucid.control.elbow_controllers import BEST_CONTROLLER, DITHERED_BODY, transparent_and
 from pellucid.control.transparent_laws import with_dither
 from pellucid.lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
-from pellucid.lab.pointing.conditions import TUNING_SEED, chosen_exponents, condition_of, identified_cards, offered
+from pellucid.lab.pointing.conditions import (
+    TUNING_SEED,
+    choose_exponents,
+    controller_builder,
+    identify_cards,
+    offered_controller,
+)
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.lab.pointing.session import Unpowered
@@ -76,8 +82,8 @@ def rows(robots: int = ROBOTS) -> Iterator[ResultRow]:
 def tried(robot: ElbowRig, travel: float) -> tuple[float, dict[str, LawOnRobot]]:
     """The travel that is measured of a robot [rad], and every law on it."""
     robot = robot.changed({"transmission.presliding_travel": travel})
-    cards, rig = identified_cards(robot), elbow_participants(robot)
-    exponents = chosen_exponents(rig, cards)[0]
+    cards, rig = identify_cards(robot), elbow_participants(robot)
+    exponents = choose_exponents(rig, cards)[0]
     people = draw_people(rig, np.random.default_rng([TORQUE_SEED, TUNING_SEED]), count=PEOPLE)
     found = {}
     for name in (*TRIED_LAWS, *ANYWAY, UNPOWERED):
@@ -85,10 +91,10 @@ def tried(robot: ElbowRig, travel: float) -> tuple[float, dict[str, LawOnRobot]]
         if name in ANYWAY:
             laws = [_anyway(cards["load"], person.slider(rig), ANYWAY[name]) for person in people]
         elif name != UNPOWERED:
-            build = condition_of(cards, offered(cards, name), exponents=exponents)
+            build = controller_builder(cards, offered_controller(cards, name), exponents=exponents)
             laws = [build(person, person.slider(rig)) for person in people]
         one = try_law(rig, people, laws, TORQUE_SEED, REPETITIONS)
-        found[name] = replace(one, refused=offered(cards, name) != name if name in TRIED_LAWS else False)
+        found[name] = replace(one, refused=offered_controller(cards, name) != name if name in TRIED_LAWS else False)
     return cards["load"].presliding_travel.value, found
 
 

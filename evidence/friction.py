@@ -38,7 +38,7 @@ from pellucid.fit.joint.presliding import Presliding, estimate_presliding
 from pellucid.fit.joint.replay import Machine, simulate_recording
 from pellucid.fit.regression import stack
 from pellucid.lab.bench.rig import STROKES, BenchRig
-from pellucid.lab.noise import noise
+from pellucid.lab.noise import draw_noise
 from pellucid.models.joint import JointModel, joint_model
 from pellucid.procedures.joint.aligned_motions import align_recordings
 from pellucid.procedures.joint.identify_joint import machine_of
@@ -161,7 +161,7 @@ def identified(rig: BenchRig, positions: np.ndarray, commands: np.ndarray, seed:
     motions = []
     for i, (position, command) in enumerate(zip(positions, commands, strict=True)):
         read = np.round(position / quantum) * quantum + encoder["noise"] * rng.standard_normal(len(position))
-        sensed = noise((1, len(time)), drive["current_noise"], drive["current_noise_memory"], RATE, rng)[0]
+        sensed = draw_noise((1, len(time)), drive["current_noise"], drive["current_noise_memory"], RATE, rng)[0]
         current = 0.5 * (command + np.concatenate([command[:1], command[:-1]])) + sensed
         split = "heldout" if i == FILES - 1 else "fitted"
         motions.append(motion_of(time, read, rig.gain * current, FILTERING, split=split))

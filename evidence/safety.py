@@ -21,7 +21,7 @@ from pellucid.control.supervised import SupervisedLaw
 from pellucid.deployment.c_folder import write_c_folder
 from pellucid.deployment.controller_values import ControllerValues
 from pellucid.deployment.microcontroller import measure, missing_tools
-from pellucid.lab.safety.fault_table import FAULT_KINDS, FaultTable, drawn_robot, fault_table
+from pellucid.lab.safety.fault_table import FAULT_KINDS, FaultTable, draw_worn_robot, fault_table
 from pellucid.lab.safety.worn_knee import knee_table
 from pellucid.lab.safety.worn_robot import LAWS, WornRobot
 from pellucid.studies.results import ResultRow
@@ -73,7 +73,7 @@ def rows() -> Iterator[ResultRow]:
     yield from knee_rows(worn_knees())
     yield from reading_rows("elbow", fault_table(READING_ROBOTS, READING_HOURS, inexact=True))
     yield from reading_rows("knee", knee_table(READING_ROBOTS, READING_HOURS, inexact=True))
-    robot = drawn_robot(0)
+    robot = draw_worn_robot(0)
     yield from overspeed_rows(robot)
     yield from fuzz_rows(robot)
     yield from heap_rows()

@@ -36,7 +36,7 @@ from pellucid.fit.strap.strap_torque import Orthosis, StrappedSwing, from_orthos
 from pellucid.lab.knee.drawn import drawn_rig
 from pellucid.lab.knee.protocol import bench_trials, swing_trial, torque_trial
 from pellucid.lab.knee.rig import KneeRig, knee_orthosis
-from pellucid.lab.strap_options import OPTIONS, without
+from pellucid.lab.strap_options import STRAP_OPTIONS, without_strap_options
 from pellucid.lab.study import record_in_memory
 from pellucid.signals.inertial import inertial
 from pellucid.signals.input_output import input_output
@@ -97,7 +97,7 @@ def rows(
 
 def _but(*kept: str) -> dict[str, float]:
     """Straps without any option but those kept."""
-    return without(*(name for name in OPTIONS if name not in kept))
+    return without_strap_options(*(name for name in STRAP_OPTIONS if name not in kept))
 
 
 def _row(name: str, value: float, unit: str, note: str) -> ResultRow:

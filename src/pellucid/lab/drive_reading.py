@@ -43,7 +43,7 @@ class DriveReading:
         return self.noise * np.random.default_rng([seed, 10]).standard_normal(NOISE_COUNT)
 
 
-EXACT = DriveReading()
+EXACT_READING = DriveReading()
 """A reading that is the effort itself."""
 
 

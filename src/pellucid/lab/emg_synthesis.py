@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-PIECE = 1 << 14
+PIECE_SAMPLE_COUNT = 1 << 14
 """Samples that are made at a time: as many as stay in a processor's cache."""
 
 
@@ -74,7 +74,7 @@ def motor_unit_noise(n: int, channels: int, fs: float, table: Mapping, rng: np.r
 
 
 def _pieces(n: int) -> Iterator[slice]:
-    return (slice(first, min(first + PIECE, n)) for first in range(0, n, PIECE))
+    return (slice(first, min(first + PIECE_SAMPLE_COUNT, n)) for first in range(0, n, PIECE_SAMPLE_COUNT))
 
 
 class EmgSynthesis:

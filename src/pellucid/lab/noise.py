@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 
-def noise(shape: tuple[int, ...], sd: float, memory: float, fs: float, rng: np.random.Generator) -> np.ndarray:
+def draw_noise(shape: tuple[int, ...], sd: float, memory: float, fs: float, rng: np.random.Generator) -> np.ndarray:
     """Gaussian noise, white or first-order coloured, of standard deviation `sd` along the last axis of `shape`.
     `memory` [s]; `fs` [Hz]."""
     white = rng.standard_normal(shape)
@@ -18,7 +18,7 @@ def noise(shape: tuple[int, ...], sd: float, memory: float, fs: float, rng: np.r
     return sd * lfilter([np.sqrt(1.0 - rho**2)], [1.0, -rho], white, zi=start)[0]
 
 
-def wander(n: int, memory: float, fs: float, rng: np.random.Generator) -> np.ndarray:
+def draw_wandering_path(n: int, memory: float, fs: float, rng: np.random.Generator) -> np.ndarray:
     """A smooth random path, uniform over 0 to 1 in the long run. `memory`, `fs` [s], [Hz]; gives (n,)."""
     from scipy.signal import oaconvolve
     from scipy.special import ndtr

@@ -13,13 +13,13 @@ from ..control.elbow_controllers import ELBOW_CONTROLLERS
 from ..procedures.result import FigureTable, Result
 from ..studies.results import ResultRow, write_rows
 from .known_rigs import parse_rig, text_of_rig
-from .pointing.prediction import LAWS, SHARE, DrawnStudies, Prediction, predict_effects
+from .pointing.prediction import PUBLISHED_CONTROLLERS, STUDY_INTERVAL_SHARE, DrawnStudies, Prediction, predict_effects
 from .pointing.rig import PointingRig
 from .simulate import rig_file, study_name
 
 PREDICTION_FILE = Path("lab") / "prediction.json"
 
-WORDS = {
+INDEX_WORDS = {
     "duration": "duration, mean",
     "duration_median": "duration, median",
     "vmax": "peak velocity",
@@ -110,7 +110,7 @@ def predict(
         raise StudyError(
             f'controllers: found no controller "{unknown[0]}", expected some of {", ".join(ELBOW_CONTROLLERS)}'
         )
-    named = {name: name for name in controllers} if controllers else LAWS
+    named = {name: name for name in controllers} if controllers else PUBLISHED_CONTROLLERS
     made = predict_effects(
         rigs, people=people, robots=robots, movements=movements, controllers=named, seed=seed, executor=executor,
         on_progress=on_progress,
@@ -148,7 +148,7 @@ def _rig(folder: Path) -> PointingRig:
 def _found(name: str, made: Prediction, studies: DrawnStudies, participants: int) -> Predicted:
     rows, table = [], []
     drawn = f"{len(made.worn)} robots x {made.people} people of {' and '.join(made.models)}"
-    for index, words in WORDS.items():
+    for index, words in INDEX_WORDS.items():
         for law in made.laws:
             low, middle, high = studies.interval(index, law)
             table.append((words, law, middle, low, high, high - low))
@@ -162,11 +162,12 @@ def _found(name: str, made: Prediction, studies: DrawnStudies, participants: int
         ResultRow(f"{name}.predicted.seconds", made.wall, "s", "predict", "simulated", note="this run"),
     ]
     heads = ("index", "controller", "median [%]", "from [%]", "to [%]", "width")
-    title = f"Change from no robot, and {100.0 * SHARE:.0f} % of studies of {participants} people"
+    title = f"Change from no robot, and {100.0 * STUDY_INTERVAL_SHARE:.0f} % of studies of {participants} people"
     headline = (
         f"{drawn}, {made.movements} movements in {made.wall:.0f} s; {rate:.0f} movements per second of a processor"
     )
     return Predicted(
         study=name, headline=headline, tables=(FigureTable(title, heads, tuple(table)),), verdicts=(),
-        rows=tuple(rows), cards={}, checksums={}, confidence=SHARE, command="predict", prediction=made, studies=studies,
+        rows=tuple(rows), cards={}, checksums={}, confidence=STUDY_INTERVAL_SHARE, command="predict",
+        prediction=made, studies=studies,
     )  # fmt: skip

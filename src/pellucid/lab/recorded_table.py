@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-MAIN, MARKERS = "main", "markers"
+MAIN_STREAM, MARKER_STREAM = "main", "markers"
 """Streams that study.toml names by themselves: the machine's own file, and the motion capture's."""
 
 
@@ -30,7 +30,7 @@ class Column:
 
 
 @dataclass(frozen=True, eq=False)
-class Stored:
+class StoredTable:
     """One file's numbers as an instrument wrote them."""
 
     columns: tuple[Column, ...]
@@ -38,7 +38,7 @@ class Stored:
     comment: str = ""  # First line of the file, if it has one before its header
 
     @classmethod
-    def of(cls, columns: Sequence[Column], *values: np.ndarray, comment: str = "") -> Stored:
+    def of(cls, columns: Sequence[Column], *values: np.ndarray, comment: str = "") -> StoredTable:
         """From one array, shape (n,) or (n, k), after another; as many `values` as fill the `columns`, a `comment`."""
         return cls(tuple(columns), np.column_stack(values), comment)
 
@@ -63,14 +63,14 @@ class Stored:
         return self.values[:, [column.name for column in self.columns].index(name)]
 
     @property
-    def emptied(self) -> Stored:
+    def emptied(self) -> StoredTable:
         """The same columns without a sample."""
-        return Stored(self.columns, self.values[:0])
+        return StoredTable(self.columns, self.values[:0])
 
 
 def file_name(recording: str, stream: str) -> str:
     """Where a stream of a recording is stored, from the study's folder."""
-    return f"recordings/{recording}.csv" if stream == MAIN else f"recordings/{recording}_{stream}.csv"
+    return f"recordings/{recording}.csv" if stream == MAIN_STREAM else f"recordings/{recording}_{stream}.csv"
 
 
 def emg_columns(emg: Mapping) -> tuple[Column, ...]:
@@ -79,9 +79,9 @@ def emg_columns(emg: Mapping) -> tuple[Column, ...]:
     return (clock, *(Column(f"emg.{muscle}", muscle, "V", emg["quantum"]) for muscle in emg["muscles"]))
 
 
-def emg_stored(time: np.ndarray, counts: np.ndarray, emg: Mapping) -> Stored:
+def store_emg(time: np.ndarray, counts: np.ndarray, emg: Mapping) -> StoredTable:
     """Raw EMG as stored: `time` (n,) [s] and `counts` (n, muscles) of a converter that `emg`, a rig's table, tells."""
-    return Stored.of(emg_columns(emg), np.round(time * emg["rate"]), counts)
+    return StoredTable.of(emg_columns(emg), np.round(time * emg["rate"]), counts)
 
 
 def marker_columns(markers: Sequence[str]) -> tuple[Column, ...]:

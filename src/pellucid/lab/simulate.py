@@ -14,7 +14,7 @@ from .._given import require_folder
 from ..studies.study import STUDY_FILE, Study
 from .init import RIG_FILE
 from .known_rigs import parse_rig, text_of_rig
-from .study import TRUTH_FILE, is_changed_by_hand, simulated
+from .study import TRUTH_FILE, is_changed_by_hand, write_full_study
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def simulate(
     tell("preparing the rig", 0.0)
     try:
         rig = rig.prepared(controllers, seed)
-        study, joint_time = simulated(folder, rig, name=name, seed=seed, on_progress=on_progress)
+        study, joint_time = write_full_study(folder, rig, name=name, seed=seed, on_progress=on_progress)
     except PellucidError:
         raise
     except (ArithmeticError, ValueError, TypeError, LookupError, AttributeError) as error:

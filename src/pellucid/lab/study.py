@@ -24,11 +24,11 @@ from ..recordings.recording import Channel, Recording
 from ..studies.lock import hold_lock
 from ..studies.study import STUDY_FILE, Study
 from ..studies.study_file import ChannelSpec, RecordingEntry, StudyFile, rig_units
-from .recorded_table import MAIN, MARKERS, Stored, file_name
+from .recorded_table import MAIN_STREAM, MARKER_STREAM, StoredTable, file_name
 from .rig import Rig, Taken, Tell, Trial
 from .study_text import study_text
 
-UNFINISHED = ".unfinished"
+UNFINISHED_FOLDER = ".unfinished"
 """Folder within a study's of what a simulation has recorded so far."""
 
 TRUTH_FILE = "lab/truth.json"
@@ -61,14 +61,16 @@ def write_study(
     return _written(folder, rig, name, seed, trials, threads, on_progress)[0]
 
 
-def simulated(folder: Path, rig: Rig, *, name: str, seed: int, on_progress: Tell | None = None) -> tuple[Study, float]:
+def write_full_study(
+    folder: Path, rig: Rig, *, name: str, seed: int, on_progress: Tell | None = None
+) -> tuple[Study, float]:
     """The full protocol of a `rig` written to a `folder`, as `write_study` does with `name`, `seed` and `on_progress`,
     and for how long the joint moved [s]."""
     return _written(folder, rig, name, seed, None, 2, on_progress)
 
 
 def _written(folder, rig, name, seed, trials, threads, on_progress) -> tuple[Study, float]:
-    made_in, names = folder / UNFINISHED, []
+    made_in, names = folder / UNFINISHED_FOLDER, []
 
     def write(taken: Taken) -> tuple[Taken, float]:
         for recording, streams in taken.files.items():
@@ -133,7 +135,7 @@ def record_in_memory(
     return config, tuple(recordings[name] for name in entries), made
 
 
-def _recording(config: StudyFile, entry: RecordingEntry, streams: Mapping[str, Stored]) -> Recording:
+def _recording(config: StudyFile, entry: RecordingEntry, streams: Mapping[str, StoredTable]) -> Recording:
     """A recording as reading its files would give it."""
 
     def beside(stream: str) -> Recording:
@@ -144,18 +146,18 @@ def _recording(config: StudyFile, entry: RecordingEntry, streams: Mapping[str, S
     return Recording(
         name=entry.name,
         path=Path(entry.file),
-        checksum=streams[MAIN].digest,
+        checksum=streams[MAIN_STREAM].digest,
         use=entry.use,
-        channels=_channels(streams[MAIN], config.channels_of(entry)),
+        channels=_channels(streams[MAIN_STREAM], config.channels_of(entry)),
         protocol=entry.protocol,
         participant=entry.participant,
         condition=entry.condition,
-        optical=_optical(config, Path(entry.optical), streams[MARKERS]) if entry.optical else None,
+        optical=_optical(config, Path(entry.optical), streams[MARKER_STREAM]) if entry.optical else None,
         streams={stream: beside(stream) for stream in entry.streams},
     )
 
 
-def _channels(stored: Stored, specs: Mapping[str, ChannelSpec]) -> dict[str, Channel]:
+def _channels(stored: StoredTable, specs: Mapping[str, ChannelSpec]) -> dict[str, Channel]:
     made = {}
     for name, spec in specs.items():
         samples = _si(stored, spec)
@@ -165,11 +167,11 @@ def _channels(stored: Stored, specs: Mapping[str, ChannelSpec]) -> dict[str, Cha
     return made
 
 
-def _si(stored: Stored, spec: ChannelSpec) -> np.ndarray:
+def _si(stored: StoredTable, spec: ChannelSpec) -> np.ndarray:
     return (spec.scale * stored.column(spec.column) + spec.offset) * spec.si_factor
 
 
-def _optical(config: StudyFile, path: Path, stored: Stored) -> OpticalRecording:
+def _optical(config: StudyFile, path: Path, stored: StoredTable) -> OpticalRecording:
     spec, rail = config.optical, config.rig.slider
     markers = {
         marker: spec.si_factor * np.column_stack([stored.column(spec.column(marker, axis)) for axis in AXES])

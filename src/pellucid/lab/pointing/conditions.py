@@ -25,15 +25,15 @@ from ..elbow.protocol import trials
 from ..elbow.rig import ElbowRig
 from ..study import record_in_memory
 from .people import Person, draw_people
-from .session import CONTROL, Conditions, PointingSession, point_all, true_motion
+from .session import CONTROL_CONDITION, Conditions, PointingSession, simulate_sessions, true_motion
 
 if TYPE_CHECKING:
     from .rig import PointingRig
 
-EXPONENTS = (-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0)
+EXPONENT_CANDIDATES = (-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0)
 """Of equation 8, from which each direction's is chosen."""
 
-TUNERS = 5
+TUNER_COUNT = 5
 """People who choose them, and take no other part."""
 
 TUNING_SEED = 900
@@ -41,7 +41,7 @@ TUNING_SEED = 900
 Cards = Mapping[str, SliderCard]
 
 
-def identified(robot: ElbowRig, *, seed: int = 1) -> tuple[SliderFit, Cards]:
+def identify_robot(robot: ElbowRig, *, seed: int = 1) -> tuple[SliderFit, Cards]:
     """What an identification of a robot finds, and the same as cards by method; `seed` is of its recordings' noise."""
     protocols = ("constant_velocity", "swept_sine", "slow", "reversals")
     made = tuple(trial for trial in trials(robot) if trial.protocol in protocols)
@@ -50,12 +50,12 @@ def identified(robot: ElbowRig, *, seed: int = 1) -> tuple[SliderFit, Cards]:
     return fit, {method: slider_card(config, fit, estimate) for method, estimate in fit.estimates.items()}
 
 
-def identified_cards(robot: ElbowRig, *, seed: int = 1) -> Cards:
-    """The cards of `identified`."""
-    return identified(robot, seed=seed)[1]
+def identify_cards(robot: ElbowRig, *, seed: int = 1) -> Cards:
+    """The cards of `identify_robot`."""
+    return identify_robot(robot, seed=seed)[1]
 
 
-def condition_of(
+def controller_builder(
     cards: Cards, controller: str, *, exponents: tuple[float, float] | None = None, **settings
 ) -> Callable[[Person, float], ControlLaw]:
     """A controller of a robot for whoever wears it: takes a person and the place of the carriage [m]; exponents are of
@@ -71,7 +71,7 @@ def condition_of(
     return build
 
 
-def offered(cards: Cards, controller: str) -> str:
+def offered_controller(cards: Cards, controller: str) -> str:
     """The controller, or what takes its place where its card refuses dither."""
     if controller != BEST_CONTROLLER:
         return controller
@@ -82,13 +82,13 @@ def offered(cards: Cards, controller: str) -> str:
     return controller
 
 
-def published_laws(cards: Cards, exponents: tuple[float, float]) -> Conditions:
+def published_conditions(cards: Cards, exponents: tuple[float, float]) -> Conditions:
     """The paper's four conditions, of `cards` by method and the `exponents` of equation 8, upwards and downwards."""
     return {
-        CONTROL: None,
-        "FC": condition_of(cards, "fc", exponents=exponents),
-        "PCFr": condition_of(cards, "pcfr", exponents=exponents),
-        "CLPC": condition_of(cards, "clpc"),
+        CONTROL_CONDITION: None,
+        "FC": controller_builder(cards, "fc", exponents=exponents),
+        "PCFr": controller_builder(cards, "pcfr", exponents=exponents),
+        "CLPC": controller_builder(cards, "clpc"),
     }
 
 
@@ -104,36 +104,36 @@ def interaction_rms(session: PointingSession, direction: int = 0) -> float:
     return float(np.mean(found)) if found else float("nan")
 
 
-def chosen_exponents(
+def choose_exponents(
     rig: PointingRig, cards: Cards, *, seed: int = TUNING_SEED, threads: int = 1
 ) -> tuple[tuple[float, float], dict[float, tuple[float, float]]]:
     """k of equation 8 upwards and downwards: the ones with the smallest interaction torque over five people; and by k
     that torque, RMS [N*m], infinite where somebody came to no end in a movement."""
-    people = draw_people(rig, np.random.default_rng(seed), count=TUNERS)
+    people = draw_people(rig, np.random.default_rng(seed), count=TUNER_COUNT)
     lifts = np.deg2rad(rig["pointing"]["amplitudes"])
     torques = {}
-    for k in EXPONENTS:
+    for k in EXPONENT_CANDIDATES:
         jobs = []
-        for person, rng in zip(people, np.random.default_rng(seed).spawn(TUNERS), strict=True):
+        for person, rng in zip(people, np.random.default_rng(seed).spawn(TUNER_COUNT), strict=True):
             law = full_compensation(cards["dissociated"], person.slider(rig), exponents=(k, k))
             jobs.append((rig, person, "FC", law, rng, lifts))
-        sessions = point_all(jobs, threads=threads)
+        sessions = simulate_sessions(jobs, threads=threads)
         mean = (float(np.mean([interaction_rms(s, direction) for s in sessions])) for direction in (1, -1))
         torques[k] = tuple(np.inf if np.isnan(torque) else torque for torque in mean)
-    return tuple(min(EXPONENTS, key=lambda k: torques[k][i]) for i in (0, 1)), torques
+    return tuple(min(EXPONENT_CANDIDATES, key=lambda k: torques[k][i]) for i in (0, 1)), torques
 
 
-def study_conditions(rig: PointingRig, names: Sequence[str] | None = None, *, seed: int = 1) -> Conditions:
+def build_study_conditions(rig: PointingRig, names: Sequence[str] | None = None, *, seed: int = 1) -> Conditions:
     """Conditions on a robot that is identified for them."""
     unknown = [name for name in names or () if name not in ELBOW_CONTROLLERS]
     if unknown or len(set(names or ())) < len(names or ()):
         found = f'found no controller "{unknown[0]}"' if unknown else "found a controller twice"
         raise StudyError(f"conditions: {found}, expected some of {', '.join(ELBOW_CONTROLLERS)}")
-    cards = identified_cards(rig.robot, seed=seed)
+    cards = identify_cards(rig.robot, seed=seed)
     if BEST_CONTROLLER in (names or ()):
         known_travel(cards[ELBOW_CONTROLLERS[BEST_CONTROLLER].method])  # rather now than after an hour of movements
     by_direction = not names or any(ELBOW_CONTROLLERS[name].exponents for name in names)
-    exponents = chosen_exponents(rig, cards, threads=2)[0] if by_direction else None
+    exponents = choose_exponents(rig, cards, threads=2)[0] if by_direction else None
     if not names:
-        return published_laws(cards, exponents)
-    return {CONTROL: None, **{name: condition_of(cards, name, exponents=exponents) for name in names}}
+        return published_conditions(cards, exponents)
+    return {CONTROL_CONDITION: None, **{name: controller_builder(cards, name, exponents=exponents) for name in names}}

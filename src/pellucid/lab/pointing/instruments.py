@@ -8,27 +8,29 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..emg_synthesis import Electrodes, EmgSynthesis
-from ..recorded_table import MAIN, MARKERS, Column, Stored, emg_stored, marker_columns
+from ..recorded_table import MAIN_STREAM, MARKER_STREAM, Column, StoredTable, marker_columns, store_emg
 from .people import Person
 from .session import PointingSession
 
 if TYPE_CHECKING:
     from .rig import PointingRig
 
-COMMON = (Column("time", "time", "s", text="%.3f"), Column("target", "target", "rad", text="%.6f"))
+COMMON_COLUMNS = (Column("time", "time", "s", text="%.3f"), Column("target", "target", "rad", text="%.6f"))
 """Columns of every recording."""
 
-ROBOT = (
+ROBOT_COLUMNS = (
     Column("position", "position", "rad", text="%.6f"),
     Column("interaction", "interaction", "N*m", text="%.4f"),
 )
 """Columns of those with a robot."""
 
-SEGMENT = ("elbow", "wrist")
+FOREARM_MARKERS = ("elbow", "wrist")
 """Markers on the forearm."""
 
 
-def blocks(rig: PointingRig, session: PointingSession, rng: np.random.Generator) -> dict[str, dict[str, Stored]]:
+def record_blocks(
+    rig: PointingRig, session: PointingSession, rng: np.random.Generator
+) -> dict[str, dict[str, StoredTable]]:
     """What the instruments wrote of a session, a recording between each two pauses, with noise from `rng`."""
     size = int(rig["pointing"]["block"])
     who = f"{session.person.name}_{session.condition}"
@@ -41,7 +43,7 @@ def blocks(rig: PointingRig, session: PointingSession, rng: np.random.Generator)
 
 def _block(
     rig: PointingRig, session: PointingSession, begin: int, end: int, rng: np.random.Generator
-) -> dict[str, Stored]:
+) -> dict[str, StoredTable]:
     fs = session.fs
     # Half a second of the target held before: whatever came before a pause, the arm was there.
     lead = round(0.5 * fs)
@@ -56,14 +58,14 @@ def _block(
     here = session.movements[[m.begin for m in session.movements].index(begin)]
     target[:lead] = here.target - here.amplitude
     optical_time, markers = film_forearm(rig, session.person, time, signal["position"], rng)
-    emg_time, counts = electrodes(rig, session.person, signal, 1.0 / fs, rng)
-    own = Stored.of(COMMON, time, target)
+    emg_time, counts = record_emg(rig, session.person, signal, 1.0 / fs, rng)
+    own = StoredTable.of(COMMON_COLUMNS, time, target)
     if np.any(session.signals["link"]):
         # The robot's torque on the person is against the person's on the robot.
         felt = -signal["interaction"] + rig["force_sensor"]["noise"] * rng.standard_normal(len(time))
-        own = Stored.of((*COMMON, *ROBOT), time, target, signal["encoder"], felt)
-    seen = Stored.of(marker_columns(SEGMENT), optical_time, *(markers[name] for name in SEGMENT))
-    return {MAIN: own, MARKERS: seen, "emg": emg_stored(emg_time, counts, rig["emg"])}
+        own = StoredTable.of((*COMMON_COLUMNS, *ROBOT_COLUMNS), time, target, signal["encoder"], felt)
+    seen = StoredTable.of(marker_columns(FOREARM_MARKERS), optical_time, *(markers[name] for name in FOREARM_MARKERS))
+    return {MAIN_STREAM: own, MARKER_STREAM: seen, "emg": store_emg(emg_time, counts, rig["emg"])}
 
 
 def film_forearm(
@@ -84,7 +86,7 @@ def film_forearm(
     return own, markers
 
 
-def electrodes(
+def record_emg(
     rig: PointingRig, person: Person, signal: Mapping[str, np.ndarray], period: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """The amplifier's clock, shape (j,) [s], and counts of its converter, shape (j, muscles)."""

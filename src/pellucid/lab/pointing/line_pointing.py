@@ -18,17 +18,17 @@ from scipy.stats import qmc
 
 from ... import _core
 from ...signals.one_way_movements import OneWay, one_way_movements, robust_spread
-from .people import Person, model_of, parameter_names
+from .people import Person, parameter_names, person_model
 from .speed_accuracy import Accuracy, Aim
 
 if TYPE_CHECKING:
     from .rig import PointingRig
 
-MEASURED = ("time", "spread", "first_time", "first_spread", "late_time")
+MEASURE_NAMES = ("time", "spread", "first_time", "first_spread", "late_time")
 """Of a person's movements: median duration [s], robust spread of where they ended [m], median time to the first stop
 [s] and spread of that place [m], and the duration that a fifth of them exceed [s]."""
 
-RANGES = {
+AIM_RANGES = {
     "duration": (0.10, 2.0),
     "dead_zone": (1.0, 150.0),
     "spread": (7e-4, 0.04),
@@ -62,10 +62,10 @@ class Tablet:
         return self.distance / self.lever
 
 
-def measured(movements: Sequence[OneWay]) -> np.ndarray:
-    """`MEASURED` of somebody's movements, shape (5,); NaN where there are less than three."""
+def measure_movements(movements: Sequence[OneWay]) -> np.ndarray:
+    """`MEASURE_NAMES` of somebody's movements, shape (5,); NaN where there are less than three."""
     if len(movements) < 3:
-        return np.full(len(MEASURED), np.nan)
+        return np.full(len(MEASURE_NAMES), np.nan)
     took = np.array([one.duration for one in movements])
     place = np.array([one.place for one in movements])
     first = np.array([one.first_stop - one.onset for one in movements])
@@ -132,7 +132,7 @@ def _moved(
     [rad]."""
     arm = _core.WornElbow(
         vector, np.zeros(5), position0=0.0, strap=rig.strap, drive=np.ones(5), emg_gains=np.ones(2), substeps=2,
-        person=model_of(rig),
+        person=person_model(rig),
     )  # fmt: skip
     amplitude = rig["planning"]["reach"] * tablet.angle + error
     return arm.move(
@@ -142,38 +142,40 @@ def _moved(
 
 
 @dataclass(frozen=True)
-class Outcomes:
+class OutcomeEmulator:
     """What is measured of a virtual person's movements, by how they are aimed: learnt from many that were simulated."""
 
-    inputs: np.ndarray  # (n, 6) Logarithms of `RANGES`, in units of those ranges
-    logs: np.ndarray  # (n, 5) Of `MEASURED`
+    inputs: np.ndarray  # (n, 6) Logarithms of `AIM_RANGES`, in units of those ranges
+    logs: np.ndarray  # (n, 5) Of `MEASURE_NAMES`
     tablet: Tablet
 
     @classmethod
     def simulated(cls, rig: PointingRig, person: Person, *, points: int = 768, count: int = 64, seed: int = 1) -> Self:
-        """Of a person of a rig, at so many points of a Latin hypercube over `RANGES`, so many movements at each."""
+        """Of a person of a rig, at so many points of a Latin hypercube over `AIM_RANGES`, so many movements at each."""
         tablet = Tablet()
-        inputs = qmc.LatinHypercube(len(RANGES), rng=seed).random(points)
+        inputs = qmc.LatinHypercube(len(AIM_RANGES), rng=seed).random(points)
         logs = []
         for point in inputs:
             duration, zone, spread, correction, resolution, shortfall = _values(point)
             aimed = Aim(duration, spread / tablet.lever, zone * resolution / tablet.lever)
             accuracy = Accuracy(0.0, resolution / tablet.lever, correction, rig["vision"]["delay"], shortfall)
-            logs.append(measured(point_at_line(rig, person, aimed, accuracy, count=count, tablet=tablet, seed=seed)))
+            logs.append(
+                measure_movements(point_at_line(rig, person, aimed, accuracy, count=count, tablet=tablet, seed=seed))
+            )
         logs = np.log(np.maximum(np.array(logs), 1e-6))
         whole = np.isfinite(logs).all(axis=1)
         return cls(inputs[whole], logs[whole], tablet)
 
     @cached_property
     def _learnt(self) -> list[tuple[np.ndarray, np.ndarray, float, float]]:
-        """A Gaussian process for each of `MEASURED`: weights, length scales, and the mean that they are about."""
+        """A Gaussian process for each of `MEASURE_NAMES`: weights, length scales, and the mean that they are about."""
         from sklearn.exceptions import ConvergenceWarning
         from sklearn.gaussian_process import GaussianProcessRegressor
         from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
         made = []
         for column in self.logs.T:
-            kernel = ConstantKernel(1.0, (0.01, 100.0)) * RBF(np.full(len(RANGES), 0.5), (0.05, 50.0))
+            kernel = ConstantKernel(1.0, (0.01, 100.0)) * RBF(np.full(len(AIM_RANGES), 0.5), (0.05, 50.0))
             model = GaussianProcessRegressor(kernel + WhiteKernel(0.05, (1e-5, 1.0)))
             mean = float(column.mean())
             with warnings.catch_warnings():
@@ -185,7 +187,7 @@ class Outcomes:
         return made
 
     def __call__(self, aimed: Aim, accuracy: Accuracy) -> np.ndarray:
-        """Logarithms of `MEASURED`, shape (5,); beyond `RANGES` as at their border."""
+        """Logarithms of `MEASURE_NAMES`, shape (5,); beyond `AIM_RANGES` as at their border."""
         lever = self.tablet.lever
         values = (aimed.duration, aimed.dead_zone / accuracy.resolution, lever * aimed.spread, accuracy.correction)
         point = _inputs((*values, lever * accuracy.resolution, accuracy.shortfall))
@@ -196,12 +198,12 @@ class Outcomes:
         )  # fmt: skip
 
 
-_LOW, _HIGH = np.log(np.array(list(RANGES.values()))).T
+_LOG_RANGE_STARTS, _LOG_RANGE_ENDS = np.log(np.array(list(AIM_RANGES.values()))).T
 
 
 def _values(point: np.ndarray) -> np.ndarray:
-    return np.exp(_LOW + (_HIGH - _LOW) * point)
+    return np.exp(_LOG_RANGE_STARTS + (_LOG_RANGE_ENDS - _LOG_RANGE_STARTS) * point)
 
 
 def _inputs(values: Sequence[float]) -> np.ndarray:
-    return (np.log(values) - _LOW) / (_HIGH - _LOW)
+    return (np.log(values) - _LOG_RANGE_STARTS) / (_LOG_RANGE_ENDS - _LOG_RANGE_STARTS)

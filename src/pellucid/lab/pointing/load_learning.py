@@ -18,21 +18,23 @@ from collections.abc import Mapping
 
 import numpy as np
 
-LOADS = ("inertia", "viscous", "coulomb", "gravity_sine", "gravity_cosine")
+LOAD_NAMES = ("inertia", "viscous", "coulomb", "gravity_sine", "gravity_cosine")
 """What is expected, in the order of every array: kg*m^2, N*m*s/rad, N*m, N*m, N*m."""
 
 
-def felt(position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, width: float) -> np.ndarray:
-    """Torque of a load per unit of each of `LOADS`, shape (n, 5), of an arm that moves, each shape (n,) [rad],
+def load_regressor(position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, width: float) -> np.ndarray:
+    """Torque of a load per unit of each of `LOAD_NAMES`, shape (n, 5), of an arm that moves, each shape (n,) [rad],
     [rad/s], [rad/s^2]; friction changes its sign over a width [rad/s]."""
     return np.column_stack(
         [acceleration, velocity, np.tanh(velocity / width), np.sin(position), np.cos(position)],
     )
 
 
-def learnt(expected: np.ndarray, columns: np.ndarray, torque: np.ndarray, learning: Mapping) -> np.ndarray:
-    """What is expected after a movement, shape (5,) in the order of `LOADS`, from what was before it, columns of
-    `felt`, and the torque that the load took, shape (n,) [N*m]."""
+def update_expected_load(
+    expected: np.ndarray, columns: np.ndarray, torque: np.ndarray, learning: Mapping
+) -> np.ndarray:
+    """What is expected after a movement, shape (5,) in the order of `LOAD_NAMES`, from what was before it, columns of
+    `load_regressor`, and the torque that the load took, shape (n,) [N*m]."""
     noise, trust = learning["felt_noise"], np.asarray(learning["trust"], float)
     surprise = torque - columns @ expected
     information = columns.T @ columns / noise**2 + np.diag(1.0 / trust**2)

@@ -20,15 +20,15 @@ from functools import cache
 
 import numpy as np
 
-DURATIONS, SAMPLES = 96, 49
+DURATION_GRID_SIZE, MOVEMENT_SAMPLE_COUNT = 96, 49
 
 
-def _shape() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    s = np.linspace(0.0, 1.0, SAMPLES)
+def _minimum_jerk_shape() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    s = np.linspace(0.0, 1.0, MOVEMENT_SAMPLE_COUNT)
     return 30.0 * s**2 * (1.0 - s) ** 2, 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s), 60.0 * (1.0 - 6.0 * s + 6.0 * s**2)
 
 
-VELOCITY, ACCELERATION, JERK = _shape()
+UNIT_VELOCITY, UNIT_ACCELERATION, UNIT_JERK = _minimum_jerk_shape()
 
 
 def utility(
@@ -53,10 +53,10 @@ def effort(
     inertia, viscous, coulomb = dynamics
     t = np.asarray(durations, float)[:, None]
     size = abs(amplitude)
-    v, a = size / t * VELOCITY, size / t**2 * ACCELERATION
+    v, a = size / t * UNIT_VELOCITY, size / t**2 * UNIT_ACCELERATION
     torque = inertia * a + viscous * v + coulomb * np.tanh(v / width)
     # Of Coulomb friction the change of sign is left out of the rate: it is a step of any steepness.
-    rate = inertia * size / t**3 * JERK + viscous * a
+    rate = inertia * size / t**3 * UNIT_JERK + viscous * a
     power = np.maximum(torque * v, 0.0)
     t = t[:, 0]
     made = choice["resting_power"] * t
@@ -72,7 +72,7 @@ def preferred_duration(
     amplitude: float, dynamics: tuple[float, float, float], reward: float, choice: Mapping, width: float
 ) -> float:
     """The duration of largest utility [s]."""
-    grid = durations(choice["shortest"], choice["longest"])
+    grid = duration_grid(choice["shortest"], choice["longest"])
     return best_duration(grid, utility(grid, amplitude, dynamics, reward, choice, width))
 
 
@@ -87,8 +87,8 @@ def best_duration(grid: np.ndarray, value: np.ndarray) -> float:
 
 
 @cache
-def durations(shortest: float, longest: float) -> np.ndarray:
+def duration_grid(shortest: float, longest: float) -> np.ndarray:
     """A grid of durations, shape (n,) [s]."""
-    grid = np.geomspace(shortest, longest, DURATIONS)
+    grid = np.geomspace(shortest, longest, DURATION_GRID_SIZE)
     grid.flags.writeable = False
     return grid

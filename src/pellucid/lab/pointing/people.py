@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from .rig import PointingRig
 
 
-DRAWN = ("impedance", "muscles", "cocontraction", "vision")
+PERSONAL_TABLES = ("impedance", "muscles", "cocontraction", "vision")
 """Tables whose numbers differ between people where one beside says by how much: ``NAME_spread``, the standard deviation
 of the logarithm. So may those of a table with the name of the model, of what it takes besides."""
 
@@ -31,7 +31,9 @@ class Person:
     mass: float
     reward: float  # What arriving is worth [J]: how briskly this person moves
     emg_gains: tuple[float, ...]  # RMS of every muscle at full excitation [V]
-    drawn: tuple[tuple[str, float], ...] = ()  # Numbers of the file's `DRAWN` tables that are this person's own, SI
+    drawn: tuple[
+        tuple[str, float], ...
+    ] = ()  # Numbers of the file's `PERSONAL_TABLES` tables that are this person's own, SI
 
     @property
     def forearm(self) -> Segment:
@@ -44,9 +46,9 @@ class Person:
         return ELBOW_TO_WRIST * self.height
 
     def vector(self, rig: PointingRig) -> np.ndarray:
-        """The core's parameters of the person, shape (k,), SI, in the order of the names of the rig's `model_of`."""
+        """Return the core's parameters of this person, shape (k,), SI, in the order of `parameter_names`."""
         arm, vision, segment = rig["arm"], rig["vision"], self.forearm
-        tables = {key: value for table in own_tables(rig) for key, value in rig.tables.get(table, {}).items()}
+        tables = {key: value for table in personal_table_names(rig) for key, value in rig.tables.get(table, {}).items()}
         values = {
             **tables,
             **dict(self.drawn),
@@ -70,23 +72,23 @@ class Person:
         return float(np.clip(self.forearm_length - rig["robot"]["splint"], rail["low"], rail["high"]))
 
 
-def model_of(rig: PointingRig) -> str:
+def person_model(rig: PointingRig) -> str:
     """Which model of a person, of those of the core, a rig's people are."""
     return rig["people"].get("model", "reaching")
 
 
-def own_tables(rig: PointingRig) -> tuple[str, ...]:
+def personal_table_names(rig: PointingRig) -> tuple[str, ...]:
     """Names of the tables whose numbers may be each person's own."""
-    return (*DRAWN, model_of(rig))
+    return (*PERSONAL_TABLES, person_model(rig))
 
 
 def parameter_names(rig: PointingRig) -> tuple[str, ...]:
     """What the core takes of a rig's people, in order."""
-    return getattr(_core, f"{model_of(rig).upper()}_PARAMETER_NAMES")
+    return getattr(_core, f"{person_model(rig).upper()}_PARAMETER_NAMES")
 
 
-def own_numbers(model: str) -> tuple[str, ...]:
-    """What the core takes of a model that a rig's file says in its `DRAWN` tables, in order."""
+def personal_parameter_names(model: str) -> tuple[str, ...]:
+    """What the core takes of a model that a rig's file says in its `PERSONAL_TABLES` tables, in order."""
     elsewhere = {"inertia", "gravity", "centre", "viscous", "passive_torque", "passive_angle", "passive_scale",
                  "flexion_max", "extension_max", "sign_width", "period", "tolerance", "visual_delay"}  # fmt: skip
     return tuple(name for name in getattr(_core, f"{model.upper()}_PARAMETER_NAMES") if name not in elsewhere)
@@ -110,7 +112,7 @@ def draw_people(rig: PointingRig, rng: np.random.Generator, *, count: int | None
     sexes = rng.permutation(["female", "male"] * ((n + 1) // 2))[:n]
     drawn = {
         key.removesuffix("_spread"): table[key.removesuffix("_spread")] * np.exp(spread * rng.permutation(levels))
-        for table in (rig.tables.get(name, {}) for name in own_tables(rig))
+        for table in (rig.tables.get(name, {}) for name in personal_table_names(rig))
         for key, spread in table.items()
         if key.endswith("_spread")
     }

@@ -21,29 +21,29 @@ from ..._errors import PellucidError
 from ..._processes import ordered_results
 from ...control.elbow_controllers import ELBOW_CONTROLLERS
 from ..elbow.rig import ElbowRig
-from .conditions import Cards, chosen_exponents, condition_of, identified_cards, offered
+from .conditions import Cards, choose_exponents, controller_builder, identify_cards, offered_controller
 from .people import Person, draw_people
 from .rig import PointingRig
-from .session import CONTROL, RobotLaw, point
-from .session_indices import PUBLISHED_RULE, change, session_indices
+from .session import CONTROL_CONDITION, RobotLaw, simulate_session
+from .session_indices import PUBLISHED_RULE, index_change, session_indices
 
-LAWS = {"FC": "fc", "PCFr": "pcfr", "CLPC": "clpc"}
+PUBLISHED_CONTROLLERS = {"FC": "fc", "PCFr": "pcfr", "CLPC": "clpc"}
 """Controllers of the published conditions, which are worn where no others are named."""
 
 INDICES = ("duration", "duration_median", "vmax", "emg_per_acc", "antagonists", "unsettled")
-"""What is predicted, in the order of every array: as `Means` has them, and the share that never settled."""
+"""What is predicted, in the order of every array: as `IndexMeans` has them, and the share that never settled."""
 
-SHARE = 0.8
+STUDY_INTERVAL_SHARE = 0.8
 """Of the drawn studies, which intervals hold."""
 
-STUDIES = 4000
+DRAWN_STUDY_COUNT = 4000
 """Studies that are drawn of the pairs; they cost next to nothing."""
 
-FRICTION = (0.17, 1.0)
+FRICTION_SCALE_RANGE = (0.17, 1.0)
 """Of the rig's own friction, drawn evenly in the logarithm: from the 0.028 to 0.047 N*m that the ABLE paper prints of
 its elbow to the committed rig's 0.22 N*m."""
 
-FRICTIONAL = {
+FRICTION_CONSTANTS = {
     "transmission": ("coulomb_positive", "coulomb_negative", "viscous_positive", "viscous_negative", "stribeck"),
     "bearing": ("coulomb", "viscous"),
 }
@@ -63,7 +63,7 @@ class DrawnRobot:
 
 
 @dataclass(frozen=True, eq=False)
-class Worn:
+class RobotOutcome:
     """What everybody came to on one robot."""
 
     robot: str
@@ -90,9 +90,9 @@ class DrawnStudies:
         """Change of an `index` from control under a `law`, shape (n,) [%]; of what is unsettled, the share itself."""
         i, k = INDICES.index(index), self.laws.index(law)
         worn, control = self.worn[:, k, :, i], self.control[:, :, i]
-        return 100.0 * np.mean(worn, axis=-1) if index == "unsettled" else change(index, worn, control)
+        return 100.0 * np.mean(worn, axis=-1) if index == "unsettled" else index_change(index, worn, control)
 
-    def interval(self, index: str, law: str, share: float = SHARE) -> tuple[float, float, float]:
+    def interval(self, index: str, law: str, share: float = STUDY_INTERVAL_SHARE) -> tuple[float, float, float]:
         """Lower end, median and upper end of the middle `share` of an effect [%]."""
         drawn = self.effect(index, law)
         drawn = drawn[np.isfinite(drawn)]
@@ -109,7 +109,7 @@ class Prediction:
     laws: tuple[str, ...]
     models: tuple[str, ...]  # Names of the rigs
     control: np.ndarray  # (models, people, indices) Of the same people without a robot
-    worn: tuple[Worn, ...]
+    worn: tuple[RobotOutcome, ...]
     repetitions: int  # Movements of a person in a condition
     wall: float  # [s]
 
@@ -148,7 +148,7 @@ class Prediction:
         """What people of one model came to alone."""
         return replace(self, worn=tuple(one for one in self.worn if one.model == model))
 
-    def studies(self, count: int = STUDIES, *, size: int = 6, seed: int = 0) -> DrawnStudies:
+    def studies(self, count: int = DRAWN_STUDY_COUNT, *, size: int = 6, seed: int = 0) -> DrawnStudies:
         """`count` studies of `size` people each, nobody twice in one, on a robot drawn among all.
 
         Raises
@@ -168,12 +168,12 @@ class Prediction:
         return DrawnStudies(self.laws, robots, free, worn)
 
 
-def drawn_robots(
-    robot: ElbowRig, count: int, *, friction: tuple[float, float] = FRICTION, seed: int = 1
+def draw_robots(
+    robot: ElbowRig, count: int, *, friction: tuple[float, float] = FRICTION_SCALE_RANGE, seed: int = 1
 ) -> list[tuple[float, ElbowRig]]:
     """So many robots like one, with their friction over its own [1]: that between `friction`, evenly in the logarithm,
     everything else evenly from the ranges of its file's ``[drawn]``. Each range is divided evenly among them."""
-    own = {f"{table}.{name}" for table, names in FRICTIONAL.items() for name in names}
+    own = {f"{table}.{name}" for table, names in FRICTION_CONSTANTS.items() for name in names}
     ranges = {path: ends for path, ends in robot["drawn"].items() if path not in own}
     levels = qmc.LatinHypercube(1 + len(ranges), rng=np.random.default_rng([seed, 0x0B])).random(count)
     made = []
@@ -181,13 +181,13 @@ def drawn_robots(
         scale = float(np.exp(np.log(friction[0]) + first * np.log(friction[1] / friction[0])))
         values = {path: low + u * (high - low) for (path, (low, high)), u in zip(ranges.items(), others, strict=True)}
         other = robot.changed({path: float(value) for path, value in values.items()}, f"drawn-{i + 1}")
-        made.append((scale, with_friction(other, scale)))
+        made.append((scale, scale_friction(other, scale)))
     return made
 
 
-def with_friction(robot: ElbowRig, scale: float) -> ElbowRig:
+def scale_friction(robot: ElbowRig, scale: float) -> ElbowRig:
     """A robot with its friction multiplied, but for the share of the load [1]."""
-    values = {f"{t}.{name}": scale * robot[t][name] for t, names in FRICTIONAL.items() for name in names}
+    values = {f"{t}.{name}": scale * robot[t][name] for t, names in FRICTION_CONSTANTS.items() for name in names}
     return robot.changed(values, robot.name)
 
 
@@ -199,7 +199,7 @@ def predict_effects(
     movements: int = 100,
     controllers: Mapping[str, str] | None = None,
     exponents: Sequence[Exponents | None] = (None,),
-    friction: tuple[float, float] = FRICTION,
+    friction: tuple[float, float] = FRICTION_SCALE_RANGE,
     seed: int = 1,
     workers: int | None = None,
     executor: Executor | None = None,
@@ -222,8 +222,8 @@ def predict_effects(
     if movements < 2 or movements % 2:
         raise PellucidError(f"prediction: found {movements} movements, expected an even number: there and back")
     tell, begun = on_progress or (lambda text, share: None), time.perf_counter()
-    named = dict(controllers or LAWS)
-    drawn = drawn_robots(rigs[0].robot, robots, friction=friction, seed=seed)
+    named = dict(controllers or PUBLISHED_CONTROLLERS)
+    drawn = draw_robots(rigs[0].robot, robots, friction=friction, seed=seed)
     who = [draw_people(rig, np.random.default_rng([seed, 0x9E, i]), count=people) for i, rig in enumerate(rigs)]
     jobs: list[tuple] = [(_free, rig, who[i], movements, (seed, 0, i)) for i, rig in enumerate(rigs)]
     for i, (scale, robot) in enumerate(drawn):
@@ -242,7 +242,12 @@ def predict_effects(
 
 def _free(rig: PointingRig, people: Sequence[Person], movements: int, seed: tuple[int, ...]) -> np.ndarray:
     """Indices of everybody without a robot, shape (people, indices)."""
-    return np.array([indices_of(rig, person, CONTROL, None, movements, (*seed, j)) for j, person in enumerate(people)])
+    return np.array(
+        [
+            simulate_indices(rig, person, CONTROL_CONDITION, None, movements, (*seed, j))
+            for j, person in enumerate(people)
+        ]
+    )
 
 
 def _worn(
@@ -251,40 +256,44 @@ def _worn(
     controllers: Mapping[str, str],
     movements: int,
     seed: tuple[int, ...],
-) -> Worn:
+) -> RobotOutcome:
     """A robot is identified, and everybody wears it under every law."""
     begun, rig = time.process_time(), drawn.rig
-    cards = identified_cards(rig.robot, seed=seed[-1])
+    cards = identify_cards(rig.robot, seed=seed[-1])
     k = drawn.exponents
     chosen = k is None and any(ELBOW_CONTROLLERS[name].exponents for name in controllers.values())
     if chosen:
-        k = chosen_exponents(rig, cards, seed=seed)[0]
+        k = choose_exponents(rig, cards, seed=seed)[0]
     ready = time.process_time()
     values = [
         [
-            indices_of(rig, person, condition, law_of(cards, name, k, rig, person), movements, (*seed, j, i))
+            simulate_indices(rig, person, condition, build_law(cards, name, k, rig, person), movements, (*seed, j, i))
             for j, person in enumerate(people)
         ]
         for i, (condition, name) in enumerate(controllers.items())
     ]
     count = movements * len(people) * len(controllers)
     spent = time.process_time() - ready
-    return Worn(
+    return RobotOutcome(
         rig.robot.name, drawn.model, drawn.friction, k, chosen, np.array(values), count, spent, ready - begun,
     )  # fmt: skip
 
 
-def law_of(cards: Cards, controller: str, exponents: Exponents | None, rig: PointingRig, person: Person) -> RobotLaw:
+def build_law(cards: Cards, controller: str, exponents: Exponents | None, rig: PointingRig, person: Person) -> RobotLaw:
     """A controller of an identified robot for whoever wears it; what its card refuses, as it is offered."""
-    return condition_of(cards, offered(cards, controller), exponents=exponents)(person, person.slider(rig))
+    return controller_builder(cards, offered_controller(cards, controller), exponents=exponents)(
+        person, person.slider(rig)
+    )
 
 
-def indices_of(
+def simulate_indices(
     rig: PointingRig, person: Person, condition: str, law: RobotLaw | None, movements: int, seed: tuple[int, ...]
 ) -> np.ndarray:
     """What a person's movements in a condition came to, shape (indices,)."""
     rng = np.random.default_rng(seed)
-    found = session_indices(point(rig, person, condition, law, rng, lifts_of(rig, movements, rng)))
+    found = session_indices(
+        simulate_session(rig, person, condition, law, rng, draw_balanced_lifts(rig, movements, rng))
+    )
     means = found.means[PUBLISHED_RULE]
     # Where none came to an end there is no mean of those that did, and what was seen of them is the least they took.
     duration = means.duration if np.isfinite(means.duration) else means.duration_median
@@ -293,7 +302,7 @@ def indices_of(
     )
 
 
-def lifts_of(rig: PointingRig, movements: int, rng: np.random.Generator) -> np.ndarray:
+def draw_balanced_lifts(rig: PointingRig, movements: int, rng: np.random.Generator) -> np.ndarray:
     """Amplitudes of half so many upward movements, shape (n,) [rad]: every one of the rig's as often as the others, one
     at most."""
     amplitudes = np.deg2rad(rig["pointing"]["amplitudes"])

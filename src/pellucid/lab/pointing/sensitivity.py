@@ -24,25 +24,32 @@ import numpy as np
 
 from ..._errors import missing_package
 from ..._processes import ordered_results
-from .conditions import EXPONENTS, Cards, identified_cards
+from .conditions import EXPONENT_CANDIDATES, Cards, identify_cards
 from .people import draw_people
-from .prediction import FRICTION, INDICES, LAWS, indices_of, law_of, with_friction
+from .prediction import (
+    FRICTION_SCALE_RANGE,
+    INDICES,
+    PUBLISHED_CONTROLLERS,
+    build_law,
+    scale_friction,
+    simulate_indices,
+)
 from .rig import PointingRig
-from .session import CONTROL
+from .session import CONTROL_CONDITION
 
-LEVELS = 4
+GRID_LEVEL_COUNT = 4
 """Of the grid, in each factor; friction has a robot of its own at each, which is identified there."""
 
-MIDDLE = 1.2816
+MIDDLE_80_PERCENT_Z = 1.2816
 """Standard deviations either way that hold 80 % of people."""
 
-CHANCE = "chance"
-FRICTION_OF_ROBOT, UPWARDS, DOWNWARDS = "friction", "k upwards", "k downwards"
+CHANCE_FACTOR = "chance"
+FRICTION_FACTOR, UPWARD_EXPONENT_FACTOR, DOWNWARD_EXPONENT_FACTOR = "friction", "k upwards", "k downwards"
 
-SHOWN = ("duration_median", "vmax", "emg_per_acc")
+SCREENED_INDICES = ("duration_median", "vmax", "emg_per_acc")
 """Of `INDICES`, whose changes are looked at; means of durations that were cut off would show where."""
 
-OF_PEOPLE = (
+PEOPLE_FACTORS = (
     ("stiffness", "muscles.stiffness"),
     ("posture stiffness", "impedance.posture_stiffness"),
     ("movement stiffness", "impedance.movement_stiffness"),
@@ -98,28 +105,28 @@ class Sensitivity:
         return {self.factors[i].name: float(found[i]) for i in np.argsort(-found)}
 
 
-def factors_of(rig: PointingRig, friction: tuple[float, float] = FRICTION) -> tuple[Factor, ...]:
+def list_factors(rig: PointingRig, friction: tuple[float, float] = FRICTION_SCALE_RANGE) -> tuple[Factor, ...]:
     """What may decide in a rig: its people's constants, where 80 % of people lie or from half to double, the robot's
     friction over its own, k of equation 8, and chance."""
     found = []
-    for name, path in OF_PEOPLE:
+    for name, path in PEOPLE_FACTORS:
         table, key = path.split(".")
         value = rig.tables.get(table, {}).get(key)
         if not value:
             continue
         spread = rig[table].get(f"{key}_spread")
-        factor = 2.0 if spread is None else float(np.exp(MIDDLE * spread))
+        factor = 2.0 if spread is None else float(np.exp(MIDDLE_80_PERCENT_Z * spread))
         found.append(Factor(name, value / factor, value * factor, path, spread is not None, logarithmic=True))
     return (
         *found,
-        Factor(FRICTION_OF_ROBOT, *friction, logarithmic=True),
-        Factor(UPWARDS, EXPONENTS[0], EXPONENTS[-1]),
-        Factor(DOWNWARDS, EXPONENTS[0], EXPONENTS[-1]),
-        Factor(CHANCE, 0.0, LEVELS - 1.0),
+        Factor(FRICTION_FACTOR, *friction, logarithmic=True),
+        Factor(UPWARD_EXPONENT_FACTOR, EXPONENT_CANDIDATES[0], EXPONENT_CANDIDATES[-1]),
+        Factor(DOWNWARD_EXPONENT_FACTOR, EXPONENT_CANDIDATES[0], EXPONENT_CANDIDATES[-1]),
+        Factor(CHANCE_FACTOR, 0.0, GRID_LEVEL_COUNT - 1.0),
     )
 
 
-def screen(
+def screen_factors(
     rig: PointingRig,
     *,
     trajectories: int = 10,
@@ -141,16 +148,16 @@ def screen(
     """
     sample, analyze = _salib()
     tell = on_progress or (lambda text, share: None)
-    factors = tuple(factors or factors_of(rig))
-    named = dict(controllers or LAWS)
+    factors = tuple(factors or list_factors(rig))
+    named = dict(controllers or PUBLISHED_CONTROLLERS)
     problem = {"num_vars": len(factors), "names": [f.name for f in factors], "bounds": [[0.0, 1.0]] * len(factors)}
-    points = sample.sample(problem, trajectories, num_levels=LEVELS, seed=seed)
-    scales = [_value(factors, point, FRICTION_OF_ROBOT, 1.0) for point in points]
+    points = sample.sample(problem, trajectories, num_levels=GRID_LEVEL_COUNT, seed=seed)
+    scales = [_value(factors, point, FRICTION_FACTOR, 1.0) for point in points]
     ladder = sorted(set(scales))
     tell(f"{len(ladder)} robots are identified", 0.0)
-    robots = [with_friction(rig.robot, scale) for scale in ladder]
+    robots = [scale_friction(rig.robot, scale) for scale in ladder]
     cards = dict(
-        zip(ladder, ordered_results([(identified_cards, r) for r in robots], workers, executor=executor), strict=True)
+        zip(ladder, ordered_results([(identify_cards, r) for r in robots], workers, executor=executor), strict=True)
     )
     jobs = [
         (_effects, rig, factors, point, cards[scale], people, movements, named, seed)
@@ -159,7 +166,7 @@ def screen(
     found = np.array(
         ordered_results(jobs, workers, lambda done, of: tell(f"{done} of {of} points", 0.1 + 0.9 * done / of), executor)
     )
-    shape = (len(named), len(SHOWN), len(factors))
+    shape = (len(named), len(SCREENED_INDICES), len(factors))
     strength, half, direction, scatter = (np.full(shape, np.nan) for _ in range(4))
     complete = np.zeros(shape[:2], int)
     for i, j in np.ndindex(shape[:2]):
@@ -168,10 +175,12 @@ def screen(
         if not ended.any():
             continue
         kept = np.repeat(ended, len(factors) + 1)
-        told = analyze.analyze(problem, points[kept], found[kept, i, j], num_levels=LEVELS, seed=seed)
+        told = analyze.analyze(problem, points[kept], found[kept, i, j], num_levels=GRID_LEVEL_COUNT, seed=seed)
         for into, name in ((strength, "mu_star"), (half, "mu_star_conf"), (direction, "mu"), (scatter, "sigma")):
             into[i, j] = told[name]
-    return Sensitivity(factors, tuple(named), SHOWN, strength, half, direction, scatter, complete, len(points))
+    return Sensitivity(
+        factors, tuple(named), SCREENED_INDICES, strength, half, direction, scatter, complete, len(points)
+    )
 
 
 def _value(factors: Sequence[Factor], point: np.ndarray, name: str, otherwise: float) -> float:
@@ -192,22 +201,22 @@ def _effects(
     are the same at every other but for chance."""
     set_to = {f.path: f.at(u) for f, u in zip(factors, point, strict=True) if f.path}
     set_to |= {f"{f.path}_spread": 0.0 for f in factors if f.spread}
-    robot = with_friction(rig.robot, _value(factors, point, FRICTION_OF_ROBOT, 1.0))
+    robot = scale_friction(rig.robot, _value(factors, point, FRICTION_FACTOR, 1.0))
     rig = replace(rig.changed(set_to, rig.name), robot=robot)
-    k = (_value(factors, point, UPWARDS, -1.0), _value(factors, point, DOWNWARDS, -1.0))
-    noise = round(_value(factors, point, CHANCE, 0.0))
+    k = (_value(factors, point, UPWARD_EXPONENT_FACTOR, -1.0), _value(factors, point, DOWNWARD_EXPONENT_FACTOR, -1.0))
+    noise = round(_value(factors, point, CHANCE_FACTOR, 0.0))
     who = draw_people(rig, np.random.default_rng([seed, 0x9E]), count=people)
-    keep = [INDICES.index(name) for name in SHOWN]
-    found = np.empty((1 + len(controllers), people, len(SHOWN)))
+    keep = [INDICES.index(name) for name in SCREENED_INDICES]
+    found = np.empty((1 + len(controllers), people, len(SCREENED_INDICES)))
     for j, person in enumerate(who):
-        found[0, j] = indices_of(rig, person, CONTROL, None, movements, (seed, noise, j))[keep]
+        found[0, j] = simulate_indices(rig, person, CONTROL_CONDITION, None, movements, (seed, noise, j))[keep]
         for i, (condition, name) in enumerate(controllers.items(), 1):
-            law = law_of(cards, name, k, rig, person)
-            found[i, j] = indices_of(rig, person, condition, law, movements, (seed, noise, j, i))[keep]
+            law = build_law(cards, name, k, rig, person)
+            found[i, j] = simulate_indices(rig, person, condition, law, movements, (seed, noise, j, i))[keep]
     return 100.0 * np.mean(np.log(found[1:] / found[0]), axis=1)
 
 
-def installed() -> bool:
+def is_salib_installed() -> bool:
     """Whether the package that draws trajectories is there."""
     return find_spec("SALib") is not None
 

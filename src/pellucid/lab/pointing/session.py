@@ -13,19 +13,29 @@ from ...control.control_law import ControlLaw
 from ...control.supervised import Instruments, supervised
 from ...models.simulate import substeps_for
 from ...signals.movements import Kinematics, MovementRule, Stretch, kinematics
-from .load_learning import felt, learnt
+from .load_learning import load_regressor, update_expected_load
 from .movement_choice import preferred_duration
-from .people import Person, model_of, parameter_names
+from .people import Person, parameter_names, person_model
 
 if TYPE_CHECKING:
     from .rig import PointingRig
 
-SIGNALS = ("position", "velocity", "acceleration", "encoder", "interaction", "command", "flexor", "extensor", "link")
+SIGNAL_NAMES = (
+    "position",
+    "velocity",
+    "acceleration",
+    "encoder",
+    "interaction",
+    "command",
+    "flexor",
+    "extensor",
+    "link",
+)
 """What a movement returns, in the core's order: the forearm's motion (rad, s), the robot's encoder [rad], torque of the
 wearer on the robot and of the law [N*m], excitations [1], and the robot's velocity [rad/s]."""
 
-NOISE = 5.0  # s: of noise that is drawn for a movement; one that takes longer hears it again
-FELT_EVERY = 10  # periods: what is felt is remembered a hundred times a second
+DRAWN_NOISE_S = 5.0  # s: of noise that is drawn for a movement; one that takes longer hears it again
+FELT_SAMPLE_PERIODS = 10  # periods: what is felt is remembered a hundred times a second
 
 
 class RobotLaw(Protocol):
@@ -37,7 +47,7 @@ class RobotLaw(Protocol):
     emg: bool
 
 
-CONTROL = "Ctrl"
+CONTROL_CONDITION = "Ctrl"
 """The condition without a robot."""
 
 Conditions = Mapping[str, Callable[[Person, float], RobotLaw] | None]
@@ -78,7 +88,7 @@ class PointingSession:
     condition: str
     fs: float  # [Hz]
     target: np.ndarray  # (n,) [rad]
-    signals: dict[str, np.ndarray]  # (n,) By `SIGNALS`
+    signals: dict[str, np.ndarray]  # (n,) By `SIGNAL_NAMES`
     movements: tuple[Reach, ...]
     fault: str  # Of the law's supervisor, at the end
 
@@ -90,13 +100,13 @@ def true_motion(session: PointingSession, rule: MovementRule) -> tuple[Kinematic
     return kinematics(seconds, session.signals["position"], rule), stretches
 
 
-def targets(rig: PointingRig, rng: np.random.Generator) -> np.ndarray:
+def draw_session_lifts(rig: PointingRig, rng: np.random.Generator) -> np.ndarray:
     """Amplitudes of the upward movements of one condition in random order, shape (n,) [rad]; each comes down again."""
     pointing = rig["pointing"]
     return np.deg2rad(rng.permutation(np.repeat(pointing["amplitudes"], pointing["repetitions"])))
 
 
-def point(
+def simulate_session(
     rig: PointingRig,
     person: Person,
     condition: str,
@@ -105,14 +115,14 @@ def point(
     lifts: np.ndarray | None = None,
 ) -> PointingSession:
     """One person makes the movements of one condition; lifts are amplitudes of the upward ones, shape (n,) [rad], or
-    `targets`."""
+    `draw_session_lifts`."""
     pointing, planning, choice = rig["pointing"], rig["planning"], rig["choice"]
     vector, fs = person.vector(rig), 1.0 / rig.period
     reference, width = pointing["reference"], planning["sign_width"]
-    lifts = targets(rig, rng) if lifts is None else np.asarray(lifts, float)
+    lifts = draw_session_lifts(rig, rng) if lifts is None else np.asarray(lifts, float)
     expected, own = np.zeros(5), person.forearm.inertia
     arm = _strapped(rig, person, vector, law, reference, rng)
-    most, drawn = round(pointing["longest"] * fs), round(NOISE * fs)
+    most, drawn = round(pointing["longest"] * fs), round(DRAWN_NOISE_S * fs)
     sensor = rig["force_sensor"]
     offset = sensor["offset"] * rng.standard_normal()
     drift = sensor["drift"] * rng.standard_normal()
@@ -153,13 +163,13 @@ def point(
             goals.append(np.full(n, goal))
             now, here = now + n, goal
             if law is not None:
-                q, v, a, load = (moved[i][::FELT_EVERY] for i in (0, 1, 2, 4))
-                expected = learnt(expected, felt(q, v, a, width), load, rig["learning"])
-    signals = {name: np.concatenate([one[i] for one in taken]) for i, name in enumerate(SIGNALS)}
+                q, v, a, load = (moved[i][::FELT_SAMPLE_PERIODS] for i in (0, 1, 2, 4))
+                expected = update_expected_load(expected, load_regressor(q, v, a, width), load, rig["learning"])
+    signals = {name: np.concatenate([one[i] for one in taken]) for i, name in enumerate(SIGNAL_NAMES)}
     return PointingSession(person, condition, fs, np.concatenate(goals), signals, tuple(movements), arm.fault)
 
 
-def hold_still(rig: PointingRig, person: Person, law: RobotLaw, *, lift: float = 0.4) -> float:
+def standstill_speed(rig: PointingRig, person: Person, law: RobotLaw, *, lift: float = 0.4) -> float:
     """Fastest that a robot still moves two seconds after a movement over a lift [rad], of a person without noise and
     corrections [rad/s]: 0 to the bit where friction holds it, a limit cycle where it is not small, infinite where its
     supervisor had to stop it."""
@@ -176,7 +186,7 @@ def hold_still(rig: PointingRig, person: Person, law: RobotLaw, *, lift: float =
     )  # fmt: skip
     if arm.fault != "none":
         return float("inf")
-    return float(np.abs(moved[SIGNALS.index("link")][-round(fs) :]).max())
+    return float(np.abs(moved[SIGNAL_NAMES.index("link")][-round(fs) :]).max())
 
 
 def _strapped(
@@ -200,7 +210,7 @@ def _strapped(
         law_parameters=None if law is None else law.parameters,
         emg_gains=1.0 + 0.1 * rng.standard_normal(2),
         substeps=substeps_for(rig.period),
-        person=model_of(rig),
+        person=person_model(rig),
         sensor_delay=round(rig["force_sensor"]["delay"] / rig.period),
         supervisor=_watching(rig, law),
     )
@@ -216,12 +226,14 @@ def _watching(rig: PointingRig, law: RobotLaw | None) -> np.ndarray | None:
                       drive_limit=robot.gain * robot["motor"]["current_limit"]), start_up=False).supervisor  # fmt: skip
 
 
-def point_all(jobs: Sequence[tuple], *, threads: int = 1) -> list[PointingSession]:
-    """Several sessions, each with arguments of `point`, side by side: the core leaves Python alone while it moves
-    arms."""
+def simulate_sessions(jobs: Sequence[tuple], *, threads: int = 1) -> list[PointingSession]:
+    """Simulate several sessions in threads; each job holds the arguments of `simulate_session`.
+
+    Threads help because the core releases Python's lock while it moves an arm.
+    """
     if threads <= 1:
-        return [point(*job) for job in jobs]
+        return [simulate_session(*job) for job in jobs]
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(lambda job: point(*job), jobs))
+        return list(pool.map(lambda job: simulate_session(*job), jobs))

@@ -12,15 +12,18 @@ from ...assessment.survival import survival
 from ...signals.movements import Kinematics, Movement, MovementRule, Stretch, movements
 from .session import PointingSession, true_motion
 
-PUBLISHED_RULE, FIRST_REST = "published", "first_rest"
+PUBLISHED_RULE, FIRST_REST_RULE = "published", "first_rest"
 
-RULES: Mapping[str, MovementRule] = {PUBLISHED_RULE: MovementRule(), FIRST_REST: MovementRule(ends="peak")}
+MOVEMENT_RULES: Mapping[str, MovementRule] = {
+    PUBLISHED_RULE: MovementRule(),
+    FIRST_REST_RULE: MovementRule(ends="peak"),
+}
 """When a movement has ended: after the last sample above 5 % of its largest speed, as published, which counts every
 correction at the target; or where the speed first falls below."""
 
 
 @dataclass(frozen=True)
-class Means:
+class IndexMeans:
     """Published indices of one session, means over its movements."""
 
     duration: float  # [s] of those that ended; where they were cut off a mean of where
@@ -39,7 +42,7 @@ class SessionIndices:
     person: str
     condition: str
     movements: int
-    means: dict[str, Means]  # By rule, as `RULES`
+    means: dict[str, IndexMeans]  # By rule, as `MOVEMENT_RULES`
     given: np.ndarray  # (n,) Energy that the robot gave over each movement there and back [J]
     fault: str  # Of the law's gate
     lasted: np.ndarray  # (n, 2) How long each movement was seen, by the published rule [s], and whether it settled
@@ -50,7 +53,7 @@ class SessionIndices:
         return float(np.mean(self.lasted[:, 1] == 0.0))
 
 
-def change(index: str, worn: np.ndarray, control: np.ndarray) -> np.ndarray:
+def index_change(index: str, worn: np.ndarray, control: np.ndarray) -> np.ndarray:
     """Change of an index from control, of people's values in their last axis: of the mean over people, as published; of
     EMG the mean of each person's own, since nobody's amplitude means anything in another; of a median duration the
     median of each person's own.
@@ -77,11 +80,11 @@ def session_indices(session: PointingSession) -> SessionIndices:
     """What a session came to, by every rule."""
     motion, stretches = true_motion(session, MovementRule())
     means, lasted = {}, {}
-    for name, rule in RULES.items():
+    for name, rule in MOVEMENT_RULES.items():
         lasted[name] = _lasted(session, motion, stretches, rule)
         found, without = movements(motion, stretches, rule)
         lifts = [m for m in found if m.direction > 0]
-        means[name] = Means(
+        means[name] = IndexMeans(
             _mean([m.duration for m in found]),
             survival(*lasted[name].T).bounded_median,
             _mean([m.peak_velocity for m in found]),

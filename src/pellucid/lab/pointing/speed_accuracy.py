@@ -33,7 +33,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import erf
 
-from .movement_choice import best_duration, durations, effort
+from .movement_choice import best_duration, duration_grid, effort
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def dead_zone(primary: np.ndarray | float, accuracy: Accuracy, price: float, dis
     return np.sqrt(r**2 + gained * discount * more / (1.0 + discount * (primary + more)))
 
 
-def aim(
+def choose_aim(
     amplitude: float,
     dynamics: tuple[float, float, float],
     reward: float,
@@ -85,7 +85,7 @@ def aim(
 ) -> Aim:
     """Duration, spread and dead zone over an amplitude [rad] of a person to whom arriving is worth a reward [J] and a
     squared error a price, of that [1/rad^2]; dynamics, choice and width as `movement_choice.utility` takes them."""
-    grid = durations(choice["shortest"], choice["longest"])
+    grid = duration_grid(choice["shortest"], choice["longest"])
     took = effort(grid, amplitude, dynamics, choice, width)
     spread = accuracy.noise * abs(amplitude) / grid
     zone = dead_zone(grid, accuracy, price, choice["discount"])

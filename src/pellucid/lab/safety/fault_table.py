@@ -12,26 +12,26 @@ from ..._processes import ordered_results
 from ...control.supervised import SupervisedLaw
 from ..drive_reading import stated_readings
 from ..elbow.rig import able_elbow, drawn_rigs
-from ..pointing.conditions import identified_cards
+from ..pointing.conditions import identify_cards
 from ..pointing.people import draw_people
 from ..pointing.rig import elbow_participants
-from .worn_robot import LAWS, WornRobot, sudden_stops, worn_robot
+from .worn_robot import LAWS, WornRobot, draw_sudden_stops, make_worn_robot
 
 JUDGED_SEED = 20290115
 """Of the robots that are judged. Thresholds were chosen on `law_comparison.tuning_robots`, more of their seed, and
 robots of 20281101, 20281103, 20281105 and 20281107."""
 
-WATCHED = 10.0
+MAX_WATCH_S = 10.0
 """How long a fault is watched that nothing finds [s]."""
 
-ONSET = (2.0, 5.0)
+ONSET_RANGE_S = (2.0, 5.0)
 """When a fault begins that is not there from the start [s]."""
 
-SETTLED = 0.05
+ONSET_STEP_S = 0.05
 """How far an onset is rounded [s]."""
 
 
-NEAREST = {
+APPROACHED_THRESHOLDS = {
     "lasting": "wearer_torque", "push": "wearer_push", "contradiction": "force_tolerance", "burst": "force_burst",
     "excess": "force_excess", "spent": "budget_store", "ringing": "ringing_limit",
     "surplus": "drive_surplus",
@@ -99,12 +99,12 @@ class FaultTable:
         return tuple(trial for trial in self.trials if trial.kind == kind)
 
 
-def drawn_robot(index: int, seed: int = JUDGED_SEED) -> WornRobot:
+def draw_worn_robot(index: int, seed: int = JUDGED_SEED) -> WornRobot:
     """A robot and a wearer; with the seed that is meant one that no threshold was chosen on."""
     robot = drawn_rigs(able_elbow(), index + 1, seed=seed)[index]
     rig = elbow_participants(robot)
     wearer, other = draw_people(rig, np.random.default_rng([seed, index]), count=6)[:2]
-    worn = worn_robot(rig, wearer, identified_cards(robot), seed + index)
+    worn = make_worn_robot(rig, wearer, identify_cards(robot), seed + index)
     return worn.commissioned(other)
 
 
@@ -114,11 +114,14 @@ def try_robot(worn: WornRobot, index: int, hours: float, laws: Sequence[str] = L
     for name in laws:
         trials += try_law(worn, index, name, worn.law(name))
         seconds = 3600.0 * hours / len(laws)
-        stops = sudden_stops(seconds, np.random.default_rng([index, 3]))
+        stops = draw_sudden_stops(seconds, np.random.default_rng([index, 3]))
         lived = worn.live(worn.law(name), longest=seconds, seconds=np.inf, stops=stops)
         energy = lived["energy"][-1] if len(lived["energy"]) else 0.0
         took = lived["periods"] * worn.rig.period
-        near = {threshold: lived[said] / worn.law(name).supervision[threshold] for said, threshold in NEAREST.items()}
+        near = {
+            threshold: lived[said] / worn.law(name).supervision[threshold]
+            for said, threshold in APPROACHED_THRESHOLDS.items()
+        }
         healthy.append(HealthyLife(name, index, took / 3600.0, lived["fault"], float(energy) / took, near))
     return FaultTable(tuple(trials), tuple(healthy))
 
@@ -127,18 +130,18 @@ def try_law(worn: WornRobot, index: int, name: str, law: SupervisedLaw) -> Itera
     """Every fault that a robot of an index can have under a supervised law of a name."""
     period = worn.rig.period
     two = law.changed(joint_expected=1.0)
-    longest = ONSET[1] + WATCHED + 1.0
-    stops = sudden_stops(longest, np.random.default_rng([index, 5]))
+    longest = ONSET_RANGE_S[1] + MAX_WATCH_S + 1.0
+    stops = draw_sudden_stops(longest, np.random.default_rng([index, 5]))
     every = 5.0 * period  # of the energy that the core returns
     healthy = worn.live(law, longest=longest, seconds=np.inf, stops=stops)["energy"]
     for number, kind in enumerate(FAULT_KINDS):
         if kind.needs and kind.needs not in law.law.uses:
             continue
         rng = np.random.default_rng([index, number, sum(map(ord, name))])
-        onset = 0.0 if kind.at_start else round(rng.uniform(*ONSET) / SETTLED) * SETTLED
+        onset = 0.0 if kind.at_start else round(rng.uniform(*ONSET_RANGE_S) / ONSET_STEP_S) * ONSET_STEP_S
         lived = worn.live(
-            two if kind.joint_encoder else law, kind.name, onset=onset, seconds=WATCHED, longest=longest, stops=stops,
-            seed=int(rng.integers(1, 2**60)),
+            two if kind.joint_encoder else law, kind.name, onset=onset, seconds=MAX_WATCH_S, longest=longest,
+            stops=stops, seed=int(rng.integers(1, 2**60)),
         )  # fmt: skip
         begin, faulty = round(onset / every), lived["energy"]
         n = min(len(faulty), len(healthy) - begin)
@@ -165,8 +168,8 @@ def with_stated_reading(worn: WornRobot, index: int) -> WornRobot:
     return replace(worn, reading=readings[index % len(readings)])
 
 
-def _one(index: int, hours: float, seed: int, inexact: bool) -> FaultTable:
-    worn = drawn_robot(index, seed)
+def _one_robot_table(index: int, hours: float, seed: int, inexact: bool) -> FaultTable:
+    worn = draw_worn_robot(index, seed)
     return try_robot(with_stated_reading(worn, index) if inexact else worn, index, hours)
 
 
@@ -181,7 +184,9 @@ def fault_table(
     """The whole table on so many `robots` of a `seed`, and so many `hours` of healthy use of all laws together.
 
     Drives measure their effort exactly, or, if `inexact`, each by one of `stated_readings`."""
-    made = ordered_results([(_one, index, hours / robots, seed, inexact) for index in range(robots)], workers)
+    made = ordered_results(
+        [(_one_robot_table, index, hours / robots, seed, inexact) for index in range(robots)], workers
+    )
     return FaultTable(
         tuple(trial for one in made for trial in one.trials), tuple(life for one in made for life in one.healthy)
     )

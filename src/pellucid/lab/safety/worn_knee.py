@@ -18,11 +18,11 @@ from ...control.coupling import Coupling
 from ...control.residual_compensator import ResidualDesign, design, within
 from ...control.supervised import SupervisedLaw
 from ...control.worn import watched_worn
-from ..drive_reading import EXACT, DriveReading, stated_readings
+from ..drive_reading import EXACT_READING, DriveReading, stated_readings
 from ..knee.drawn import drawn_rig
 from ..knee.rig import KneeRig, knee_orthosis
 from ..knee.wearer import Acting, swinging
-from .fault_table import FAULT_KINDS, ONSET, WATCHED, FaultTable, FaultTrial, HealthyLife
+from .fault_table import FAULT_KINDS, MAX_WATCH_S, ONSET_RANGE_S, FaultTable, FaultTrial, HealthyLife
 
 JUDGED_WEARERS = 901
 """First of the drawn wearers that are judged; thresholds were chosen on 301 to 320."""
@@ -39,11 +39,11 @@ KINDS = tuple(
 """Faults that it can have: it has no force sensor and no test at start-up, but always two encoders; and its rig has
 neither a table nor a strap that opens."""
 
-ACTUATOR = {"actuator_frequency": 200.0, "actuator_damping": 0.7, "actuator_inertia": 0.055,
+IDENTIFIED_ACTUATOR = {"actuator_frequency": 200.0, "actuator_damping": 0.7, "actuator_inertia": 0.055,
             "actuator_viscous": 0.1, "actuator_coulomb": 2.6, "actuator_leak": 1.8}  # fmt: skip
 """As sines of the rig's orthosis alone show it, SI."""
 
-ERRORS = {"orthosis": 0.02, "limb": 0.08, "strap": 0.1, "actuator": 0.1, "emg": 0.15}
+KNOWLEDGE_LOG_SD = {"orthosis": 0.02, "limb": 0.08, "strap": 0.1, "actuator": 0.1, "emg": 0.15}
 """Standard deviations of what is known of each [1]."""
 
 MARGINS = {"gain_db": 6.0, "delay": 0.02}
@@ -58,7 +58,7 @@ class WornKnee:
     known: ResidualDesign
     emg_gain: float
     seed: int
-    reading: DriveReading = EXACT  # How the torque of its spring is measured for the supervisor
+    reading: DriveReading = EXACT_READING  # How the torque of its spring is measured for the supervisor
 
     def law(self) -> SupervisedLaw:
         """Under the supervisor that goes with it."""
@@ -81,11 +81,11 @@ class WornKnee:
         return plant, acting
 
 
-def drawn_knee(seed: int) -> WornKnee:
+def draw_worn_knee(seed: int) -> WornKnee:
     """A wearer and an orthosis, drawn, and known as well as an identification knows them."""
     rig, rng = drawn_rig(knee_orthosis(), seed), np.random.default_rng([seed, 2])
     (subject,) = rig.subjects.values()
-    off = {name: np.exp(sd * rng.standard_normal()) for name, sd in ERRORS.items()}
+    off = {name: np.exp(sd * rng.standard_normal()) for name, sd in KNOWLEDGE_LOG_SD.items()}
     of_strap = {f"strap_{name}": off["strap"] * subject.strap[name] for name in ("stiffness", "damping")}
     known = Coupling(
         orthosis_inertia=off["orthosis"] * rig["orthosis"]["inertia"],
@@ -97,14 +97,17 @@ def drawn_knee(seed: int) -> WornKnee:
         limb_gravity=off["limb"] * subject.gravity,
         delay=rig.period,
         **of_strap,
-        **{n: x if n.endswith(("frequency", "damping", "leak")) else off["actuator"] * x for n, x in ACTUATOR.items()},
+        **{
+            n: x if n.endswith(("frequency", "damping", "leak")) else off["actuator"] * x
+            for n, x in IDENTIFIED_ACTUATOR.items()
+        },
     )
     straps = [known.scaled(strap_stiffness=k, strap_damping=b) for k in (0.7, 1.3) for b in (0.7, 1.3)]
     made = within(design(known, rig.period), [known, *straps], **MARGINS)
     return WornKnee(rig, made, off["emg"], seed)
 
 
-def _lived(
+def _simulate_periods(
     worn: WornKnee, name: str, plant: _core.WornOrthosis, acting: Acting, first: int, periods: int
 ) -> Iterator[tuple[float, float, float, float]]:
     """Period by period: power on the limb [W], strap and spring torque [N m], and the orthosis's velocity [rad/s]."""
@@ -117,7 +120,7 @@ def _lived(
         yield -strap * velocity, strap, spring, own
 
 
-def _twin(acting: Acting) -> Acting:
+def _copy_wearer(acting: Acting) -> Acting:
     twin = copy(acting)
     for name, value in vars(acting).items():
         if isinstance(value, list):
@@ -130,16 +133,16 @@ def try_wearer(worn: WornKnee, hours: float) -> FaultTable:
     trials, healthy, period = [], [], worn.rig.period
     for name in LAWS:
         rng = np.random.default_rng([worn.seed, 3, len(name)])
-        first, watched = round(rng.uniform(*ONSET) / period), round(WATCHED / period)
+        first, watched = round(rng.uniform(*ONSET_RANGE_S) / period), round(MAX_WATCH_S / period)
         alive = max(round(3600.0 * hours / len(LAWS) / period), first + watched)
         plant, acting = worn.begun(alive + 1)
         well, given = 0, 0.0  # Periods before any alarm
-        for _ in _lived(worn, name, plant, acting, 0, first):
+        for _ in _simulate_periods(worn, name, plant, acting, 0, first):
             well += plant.fault == "none"
-        before = plant.copy(), _twin(acting)
+        before = plant.copy(), _copy_wearer(acting)
         early = plant.fault != "none"
         same = np.zeros(watched)
-        for k, (power, *_) in enumerate(_lived(worn, name, plant, acting, first, alive - first)):
+        for k, (power, *_) in enumerate(_simulate_periods(worn, name, plant, acting, first, alive - first)):
             given += period * max(power, 0.0)
             well += plant.fault == "none"
             if k < watched:
@@ -151,17 +154,17 @@ def try_wearer(worn: WornKnee, hours: float) -> FaultTable:
         for kind in KINDS:
             if kind.needs == "muscle" and name != "worn":
                 continue
-            plant, acting = before[0].copy(), _twin(before[1])
+            plant, acting = before[0].copy(), _copy_wearer(before[1])
             plant.begin(kind.name, int(rng.integers(1, 2**60)))
-            trials.append(_one_fault(worn, name, kind.name, plant, acting, first, same, early))
+            trials.append(_try_fault(worn, name, kind.name, plant, acting, first, same, early))
     return FaultTable(tuple(trials), tuple(healthy))
 
 
-def _one_fault(worn, name, kind, plant, acting, first, same, early) -> FaultTrial:
+def _try_fault(worn, name, kind, plant, acting, first, same, early) -> FaultTrial:
     period, work, excess, peak, impulse = worn.rig.period, 0.0, 0.0, 0.0, 0.0
     found = safe = float("nan")
     fault, speed = "none", 0.0
-    for k, (power, strap, spring, own) in enumerate(_lived(worn, name, plant, acting, first, len(same))):
+    for k, (power, strap, spring, own) in enumerate(_simulate_periods(worn, name, plant, acting, first, len(same))):
         work += period * max(power, 0.0)
         excess, peak, impulse = max(excess, work - same[k]), max(peak, abs(strap)), impulse + period * abs(spring)
         speed = abs(own) if k == 0 else speed
@@ -182,8 +185,8 @@ def with_stated_reading(worn: WornKnee, index: int) -> WornKnee:
     return replace(worn, reading=readings[index % len(readings)])
 
 
-def _one(seed: int, hours: float, inexact: bool) -> FaultTable:
-    worn = drawn_knee(seed)
+def _one_wearer_table(seed: int, hours: float, inexact: bool) -> FaultTable:
+    worn = draw_worn_knee(seed)
     return try_wearer(with_stated_reading(worn, seed) if inexact else worn, hours)
 
 
@@ -198,7 +201,9 @@ def knee_table(
     """The whole table on so many drawn `wearers` from the `first` on, and so many `hours` of healthy swinging.
 
     Springs are measured exactly, or, if `inexact`, each by one of `stated_readings`."""
-    made = ordered_results([(_one, seed, hours / wearers, inexact) for seed in range(first, first + wearers)], workers)
+    made = ordered_results(
+        [(_one_wearer_table, seed, hours / wearers, inexact) for seed in range(first, first + wearers)], workers
+    )
     return FaultTable(
         tuple(trial for one in made for trial in one.trials), tuple(life for one in made for life in one.healthy)
     )

@@ -15,32 +15,32 @@ from ...control.joint_compensation import compensation
 from ...control.supervised import Instruments, SupervisedLaw, body_of, supervised
 from ...models.simulate import substeps_for
 from ...models.slider_card import SliderCard
-from ..drive_reading import EXACT, DriveReading
+from ..drive_reading import EXACT_READING, DriveReading
 from ..pointing.people import Person
 from ..pointing.rig import PointingRig
 
 LAWS: tuple[str, ...] = (*ELBOW_CONTROLLERS, "compensation")
 """Every law that the elbow robot can wear."""
 
-COUNT = 40
+TASK_MOVEMENT_COUNT = 40
 """Movements of a task, after which it begins again."""
 
-SLOT = (1.3, 2.2)
+SLOT_RANGE_S = (1.3, 2.2)
 """Shortest and longest time of a movement with its rest [s]."""
 
-DURATION = (0.45, 1.4)
+DURATION_RANGE_S = (0.45, 1.4)
 """Of a movement [s]."""
 
 TREMOR = ((0.0, 0.6), (4.0, 10.0))
 """Amplitude [N m] and frequency [Hz] of a wearer's tremor, from and to."""
 
-STOP_EVERY = 11.0
+MEAN_STOP_INTERVAL_S = 11.0
 """Mean time between sudden stops of a wearer [s]."""
 
-EXPONENTS = (-0.5, -0.5)
+COMMON_EXPONENTS = (-0.5, -0.5)
 """Of equation 8, as five people chose them on most of the robots that thresholds were chosen on."""
 
-NOISE = 5000
+NOISE_PERIOD_COUNT = 5000
 """Periods of noise that is drawn; then it is heard again."""
 
 
@@ -58,7 +58,7 @@ class WornRobot:
     emg_gains: np.ndarray  # (2,)
     seed: int
     answer: float | None = None  # Work of the test's wave when the robot was commissioned, by somebody else [J]
-    reading: DriveReading = EXACT  # How its drive measures its own effort
+    reading: DriveReading = EXACT_READING  # How its drive measures its own effort
 
     def commissioned(self, other: Person) -> WornRobot:
         """The same robot, whose test's answer was written down while somebody else wore it, without tremor."""
@@ -74,7 +74,7 @@ class WornRobot:
         else:
             named = ELBOW_CONTROLLERS[name]
             limb = {"limb": self.person.forearm} if named.wearer else {}
-            exponents = {"exponents": EXPONENTS} if named.exponents else {}
+            exponents = {"exponents": COMMON_EXPONENTS} if named.exponents else {}
             law = named.build(self.cards[named.method], place, **limb, **exponents)
         return self.watched(law, **supervision)
 
@@ -139,28 +139,28 @@ class WornRobot:
         )
 
 
-def worn_robot(rig: PointingRig, person: Person, cards: Mapping[str, SliderCard], seed: int) -> WornRobot:
+def make_worn_robot(rig: PointingRig, person: Person, cards: Mapping[str, SliderCard], seed: int) -> WornRobot:
     """Somebody's habits, drawn with a `seed`, in a robot that was identified as `cards` say."""
     rng = np.random.default_rng([seed, 9])
     here, planning, sensor = rig["pointing"]["reference"], rig["planning"], rig["force_sensor"]
-    amplitudes = np.deg2rad(rng.choice(rig["pointing"]["amplitudes"], COUNT // 2))
+    amplitudes = np.deg2rad(rng.choice(rig["pointing"]["amplitudes"], TASK_MOVEMENT_COUNT // 2))
     tasks = []
     for lift in amplitudes:
         for goal, way in ((here + lift, lift), (here, -lift)):
             reaction = max(planning["reaction"][0] + planning["reaction"][1] * rng.standard_normal(), 0.12)
-            duration = rng.uniform(*DURATION)
-            slot = max(rng.uniform(*SLOT), reaction + duration + 0.2)
+            duration = rng.uniform(*DURATION_RANGE_S)
+            slot = max(rng.uniform(*SLOT_RANGE_S), reaction + duration + 0.2)
             reach = planning["reach"] + planning["reach_spread"] * rng.standard_normal()
             tasks.append((goal, reach * way, duration, reaction, round(slot / rig.period) * rig.period))
-    noise = rng.standard_normal((NOISE, 5)) * np.array([1.0, 1.0, rig.robot["encoder"]["noise"], 1.0, 1.0])
-    error = sensor["offset"] * rng.standard_normal() + sensor["noise"] * rng.standard_normal(NOISE)
+    noise = rng.standard_normal((NOISE_PERIOD_COUNT, 5)) * np.array([1.0, 1.0, rig.robot["encoder"]["noise"], 1.0, 1.0])
+    error = sensor["offset"] * rng.standard_normal() + sensor["noise"] * rng.standard_normal(NOISE_PERIOD_COUNT)
     tremor = rng.uniform(*TREMOR[0]), 2.0 * np.pi * rng.uniform(*TREMOR[1])
     return WornRobot(
         rig, person, cards, np.array(tasks), noise, error, tremor, 1.0 + 0.1 * rng.standard_normal(2), seed
     )
 
 
-def sudden_stops(seconds: float, rng: np.random.Generator) -> np.ndarray:
+def draw_sudden_stops(seconds: float, rng: np.random.Generator) -> np.ndarray:
     """When a wearer stops suddenly within a time [s], shape (m,) [s]."""
-    count = rng.poisson(seconds / STOP_EVERY)
+    count = rng.poisson(seconds / MEAN_STOP_INTERVAL_S)
     return np.sort(rng.uniform(1.0, seconds, count))

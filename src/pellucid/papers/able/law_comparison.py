@@ -18,15 +18,15 @@ from ...control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER
 from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from ...lab.pointing.conditions import (
     TUNING_SEED,
-    chosen_exponents,
-    condition_of,
-    identified_cards,
+    choose_exponents,
+    controller_builder,
+    identify_cards,
     interaction_rms,
-    offered,
+    offered_controller,
 )
 from ...lab.pointing.people import Person, draw_people
 from ...lab.pointing.rig import PointingRig, elbow_participants
-from ...lab.pointing.session import RobotLaw, Unpowered, hold_still, point
+from ...lab.pointing.session import RobotLaw, Unpowered, simulate_session, standstill_speed
 from ...lab.pointing.session_indices import injected_energy
 from ..figure import Reproduced, figure
 from .elbow import able_elbow as able_elbow_as_published
@@ -80,8 +80,8 @@ def tuning_robots(count: int = 9) -> tuple[ElbowRig, ...]:
 
 def try_laws(robot: ElbowRig, seed: int, count: int = 3, repetitions: int = 2) -> dict[str, LawOnRobot]:
     """A robot is identified, and every law built from what was found is tried by a few people."""
-    cards, rig = identified_cards(robot), elbow_participants(robot)
-    exponents = chosen_exponents(rig, cards)[0]
+    cards, rig = identify_cards(robot), elbow_participants(robot)
+    exponents = choose_exponents(rig, cards)[0]
     rng = np.random.default_rng([seed, TUNING_SEED])
     people = draw_people(rig, rng, count=count)
     found = {}
@@ -93,14 +93,18 @@ def try_laws(robot: ElbowRig, seed: int, count: int = 3, repetitions: int = 2) -
                 continue
             if name in OTHER_INERTIAS:
                 inertia = table2_inertia(person.slider(rig)) if name == OTHER_INERTIAS[0] else (0.0, 0.0)
-                laws.append(condition_of(cards, "fc", exponents=exponents, inertia=inertia)(person, person.slider(rig)))
+                laws.append(
+                    controller_builder(cards, "fc", exponents=exponents, inertia=inertia)(person, person.slider(rig))
+                )
                 continue
             controller, settings = CONTROLLERS[name]
-            controller = offered(cards, controller)
-            laws.append(condition_of(cards, controller, exponents=exponents, **settings)(person, person.slider(rig)))
+            controller = offered_controller(cards, controller)
+            laws.append(
+                controller_builder(cards, controller, exponents=exponents, **settings)(person, person.slider(rig))
+            )
         tried = try_law(rig, people, laws, seed, repetitions)
         found[name] = replace(
-            tried, refused=name == BEST_CONTROLLER and offered(cards, BEST_CONTROLLER) != BEST_CONTROLLER
+            tried, refused=name == BEST_CONTROLLER and offered_controller(cards, BEST_CONTROLLER) != BEST_CONTROLLER
         )
     return found
 
@@ -118,8 +122,8 @@ def try_law(
     sessions, resting = [], []
     amplitudes = np.repeat(rig["pointing"]["amplitudes"], repetitions)
     for person, law, rng in zip(people, laws, np.random.default_rng(seed).spawn(len(people)), strict=True):
-        sessions.append(point(rig, person, "", law, rng, np.deg2rad(rng.permutation(amplitudes))))
-        resting.append(hold_still(rig, person, law))
+        sessions.append(simulate_session(rig, person, "", law, rng, np.deg2rad(rng.permutation(amplitudes))))
+        resting.append(standstill_speed(rig, person, law))
     given = np.concatenate([injected_energy(session) for session in sessions])
     torques = np.array([interaction_rms(session) for session in sessions])
     return LawOnRobot(

@@ -15,10 +15,10 @@ from ...control.elbow_controllers import ELBOW_CONTROLLERS
 from ...fit.slider.slider_fit import SLIDER_METHODS, SliderFit
 from ...lab.elbow.protocol import excitation, trials
 from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
-from ...lab.pointing.conditions import Cards, condition_of, identified_cards
+from ...lab.pointing.conditions import Cards, controller_builder, identify_cards
 from ...lab.pointing.people import draw_people
 from ...lab.pointing.rig import PointingRig, elbow_participants
-from ...lab.pointing.sensitivity import Sensitivity, installed, screen
+from ...lab.pointing.sensitivity import Sensitivity, is_salib_installed, screen_factors
 from ...pages.page import Section, Tile
 from ...pages.tables import Row, Table
 from ..figure import Figures, Reproduced
@@ -100,7 +100,7 @@ class AblePaper(Paper):
         yield from factor_rows(self.by_factor, self.printed)
         yield from recomputed_rows(self.printed)
         yield from statistics_rows(self.printed)
-        people, cards = self.people or elbow_participants(rig), identified_cards(rig)
+        people, cards = self.people or elbow_participants(rig), identify_cards(rig)
         self.transparency = compare_laws(
             people, cards, seeds=self.studies, threads=self.workers or os.cpu_count() or 1,
             on_progress=lambda text, share: tell(text, 0.42 + 0.36 * share),
@@ -123,8 +123,8 @@ class AblePaper(Paper):
             rigs, self.printed, people=drawn.people, robots=drawn.robots, movements=drawn.movements,
             workers=self.workers, on_progress=lambda text, share: tell(text, 0.78 + 0.04 * share),
         )  # fmt: skip
-        if installed():
-            self.screened = screen(
+        if is_salib_installed():
+            self.screened = screen_factors(
                 rigs[0], trajectories=drawn.trajectories, movements=drawn.movements, workers=self.workers,
                 on_progress=lambda text, share: tell(text, 0.82 + 0.03 * share),
             )  # fmt: skip
@@ -192,7 +192,7 @@ class AblePaper(Paper):
 def _all_laws(people: PointingRig, cards: Cards, exponents: tuple[float, float]) -> dict[str, ControlLaw]:
     one = draw_people(people, np.random.default_rng(0), count=1)[0]
     place = one.slider(people)
-    return {name: condition_of(cards, name, exponents=exponents)(one, place) for name in ELBOW_CONTROLLERS}
+    return {name: controller_builder(cards, name, exponents=exponents)(one, place) for name in ELBOW_CONTROLLERS}
 
 
 def _with_load(rig: ElbowRig, factor: float) -> ElbowRig:

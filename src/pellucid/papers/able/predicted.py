@@ -17,7 +17,7 @@ from scipy.stats import rankdata
 
 from ...assessment.friedman import nemenyi_from_rank_sums
 from ...lab.elbow.rig import ElbowRig
-from ...lab.pointing.prediction import INDICES, SHARE, DrawnStudies, Prediction, predict_effects
+from ...lab.pointing.prediction import INDICES, STUDY_INTERVAL_SHARE, DrawnStudies, Prediction, predict_effects
 from ...lab.pointing.rig import PointingRig, elbow_people
 from ...lab.pointing.sensitivity import Sensitivity
 from ..figure import Reproduced, figure
@@ -81,7 +81,7 @@ class Effect:
     def interval_score(self) -> float:
         """Width, and ten times what the printed value lies outside: Gneiting and Raftery's, small is good."""
         beyond = max(self.low - self.printed, self.printed - self.high, 0.0)
-        return self.high - self.low + 2.0 / (1.0 - SHARE) * beyond
+        return self.high - self.low + 2.0 / (1.0 - STUDY_INTERVAL_SHARE) * beyond
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,9 @@ class Scored:
         ]
         sums = rank_sums(self.studies)
         for i, law in enumerate(LAWS):
-            low, middle, high = np.nanquantile(sums[:, i], [0.5 - 0.5 * SHARE, 0.5, 0.5 + 0.5 * SHARE])
+            low, middle, high = np.nanquantile(
+                sums[:, i], [0.5 - 0.5 * STUDY_INTERVAL_SHARE, 0.5, 0.5 + 0.5 * STUDY_INTERVAL_SHARE]
+            )
             printed = float(RANK_SUMS["emg_acc"][law.lower()])
             found.append(Effect(EMG_ORDER, law, float(low), float(middle), float(high), printed))
         return tuple(found)
@@ -269,7 +271,7 @@ def predicted_rows(made: Scored, screened: Sensitivity | None) -> list[Reproduce
     for e in made.effects:
         unit = "1" if e.index == EMG_ORDER else "%"
         what = f"{WORDS[e.index]} under {e.law}" + (", change from control" if unit == "%" else "")
-        note = f"median and middle {100.0 * SHARE:.0f} % of drawn studies; {drawn}"
+        note = f"median and middle {100.0 * STUDY_INTERVAL_SHARE:.0f} % of drawn studies; {drawn}"
         name = f"{e.index}.{e.law.lower()}"
         rows.append(_row(name, what, unit, e.middle, e.printed, note, between=(e.low, e.high)))
     for index in ("duration_median", "emg_per_acc", "antagonists", "unsettled"):
@@ -280,7 +282,8 @@ def predicted_rows(made: Scored, screened: Sensitivity | None) -> list[Reproduce
             rows.append(_row(f"{index}.{law.lower()}", what, "%", middle, None, note, between=(low, high)))
     whole = ", ".join(WORDS[index].lower() for index in made.whole_orders) or "none"
     rows += [
-        _row("inside", f"Effects of nine inside their {100.0 * SHARE:.0f} % intervals", "1", made.inside, None, drawn),
+        _row("inside", f"Effects of nine inside their {100.0 * STUDY_INTERVAL_SHARE:.0f} % intervals", "1", made.inside,
+             None, drawn),
         _row("order", "Orders of two laws, of nine, as predicted", "1", made.order, None,
              f"one half by chance; of all three laws: {whole}"),
         _row("interval_score", "Interval score of duration and peak velocity", "%", made.interval_score(), None,

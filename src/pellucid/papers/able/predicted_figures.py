@@ -12,7 +12,7 @@ from scipy.stats import gaussian_kde
 
 from ...drawing.drawing import Drawing
 from ...drawing.style import FIGURE_WIDTH, colour
-from ...lab.pointing.sensitivity import CHANCE, Sensitivity
+from ...lab.pointing.sensitivity import CHANCE_FACTOR, Sensitivity
 from .transparency_figures import TICKS, name_marks, some_ticks
 
 FINE = 240  # places at which a density is drawn
@@ -90,8 +90,8 @@ def deciding_figure(screened: Sensitivity, titles: Mapping[str, str], caption: s
     figure = Figure(figsize=(FIGURE_WIDTH, 1.0 + 0.42 * len(screened.factors)), layout="constrained")
     axes = figure.subplots(1, len(titles))
     tones = dict(zip(screened.laws, ("fitted", "heldout", "directional"), strict=False))
-    shown = [i for i, f in enumerate(screened.factors) if f.name != CHANCE]
-    chance = next(i for i, f in enumerate(screened.factors) if f.name == CHANCE)
+    shown = [i for i, f in enumerate(screened.factors) if f.name != CHANCE_FACTOR]
+    chance = next(i for i, f in enumerate(screened.factors) if f.name == CHANCE_FACTOR)
     first = screened.indices.index(next(iter(titles)))
     order = sorted(shown, key=lambda i: -screened.strength[:, first, i].max())
     height = 0.8 / len(screened.laws)

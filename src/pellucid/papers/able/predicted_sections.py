@@ -8,8 +8,8 @@ import numpy as np
 
 from ..._errors import install_command
 from ...drawing.drawing import draw
-from ...lab.pointing.prediction import SHARE
-from ...lab.pointing.sensitivity import CHANCE, Sensitivity
+from ...lab.pointing.prediction import STUDY_INTERVAL_SHARE
+from ...lab.pointing.sensitivity import CHANCE_FACTOR, Sensitivity
 from ...pages.page import Section
 from ...pages.quantities import MINUS_SIGN
 from ...pages.tables import Row, Table, number_table
@@ -33,7 +33,7 @@ def predicted_sections(
 
 
 def _predicted(made: Scored, rows: Mapping[str, Reproduced], screened: Sensitivity | None) -> Section:
-    p, share = made.prediction, f"{100.0 * SHARE:.0f} %"
+    p, share = made.prediction, f"{100.0 * STUDY_INTERVAL_SHARE:.0f} %"
     count = len(made.effects)
     inside = sum(e.inside for e in made.effects)
     orders = round(count * made.order)
@@ -125,8 +125,8 @@ def _deciding(screened: Sensitivity) -> Section:
     said, laws = [], range(len(screened.laws))
     for law in screened.laws:
         found = screened.of(law, "duration_median")
-        above = [f"{name} ({value:.0f})" for name, value in found.items() if value > found[CHANCE]][:3]
-        said.append(f"{law}: {', '.join(above) or 'nothing'} against {found[CHANCE]:.0f} of chance")
+        above = [f"{name} ({value:.0f})" for name, value in found.items() if value > found[CHANCE_FACTOR]][:3]
+        said.append(f"{law}: {', '.join(above) or 'nothing'} against {found[CHANCE_FACTOR]:.0f} of chance")
     folded = []
     for j, title in enumerate(DECIDED.values()):
         table = [

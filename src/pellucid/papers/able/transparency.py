@@ -16,12 +16,18 @@ import numpy as np
 from ..._errors import RecordingError
 from ...assessment.survival import Survival, survival
 from ...control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER
-from ...lab.pointing.conditions import Cards, chosen_exponents, condition_of, offered, published_laws
+from ...lab.pointing.conditions import (
+    Cards,
+    choose_exponents,
+    controller_builder,
+    offered_controller,
+    published_conditions,
+)
 from ...lab.pointing.movement_choice import preferred_duration
 from ...lab.pointing.people import Person, draw_people
 from ...lab.pointing.rig import PointingRig, PointingTrial
-from ...lab.pointing.session import CONTROL, Conditions
-from ...lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, change, session_indices
+from ...lab.pointing.session import CONTROL_CONDITION, Conditions
+from ...lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, index_change, session_indices
 from ...lab.study import record_in_memory
 from ...procedures.assessment.assess import assess_recordings
 from ...procedures.assessment.assessment_result import AssessmentResult
@@ -45,7 +51,7 @@ class VirtualStudy:
     def conditions(self) -> tuple[str, ...]:
         """Control first."""
         found = dict.fromkeys(t.condition for t in self.taken)
-        return (CONTROL, *sorted((c for c in found if c != CONTROL), key=_order))
+        return (CONTROL_CONDITION, *sorted((c for c in found if c != CONTROL_CONDITION), key=_order))
 
     def of(self, condition: str) -> list[SessionIndices]:
         """Of every person, in their order."""
@@ -58,7 +64,9 @@ class VirtualStudy:
 
     def change(self, index: str, condition: str, rule: str = PUBLISHED_RULE) -> float:
         """Change of an index from control [%]."""
-        return float(change(index, self.values(index, condition, rule), self.values(index, CONTROL, rule)))
+        return float(
+            index_change(index, self.values(index, condition, rule), self.values(index, CONTROL_CONDITION, rule))
+        )
 
     def settling(self, condition: str) -> Survival:
         """How many of all people's movements still go on after a time."""
@@ -188,9 +196,12 @@ def compare_laws(
     """The paper's four conditions and the toolkit's own laws with six people, several times over."""
     tell = on_progress or (lambda text, share: None)
     tell("five people choose the exponents of equation 8", 0.0)
-    exponents, torques = chosen_exponents(rig, cards, threads=threads)
-    conditions = published_laws(cards, exponents)
-    own = {CONTROL: None, **{law: condition_of(cards, offered(cards, law)) for law in OWN_LAWS}}
+    exponents, torques = choose_exponents(rig, cards, threads=threads)
+    conditions = published_conditions(cards, exponents)
+    own = {
+        CONTROL_CONDITION: None,
+        **{law: controller_builder(cards, offered_controller(cards, law)) for law in OWN_LAWS},
+    }
     steps = len(seeds) + 2
     tell(f"{len(conditions)} conditions, recorded and assessed", 0.05)
     recorded = record_study(rig, conditions, seed=seeds[0], threads=threads)

@@ -9,10 +9,10 @@ import numpy as np
 
 from ...control.control_law import ControlLaw
 from ...control.law_fuzz import fuzz
-from ...lab.pointing.session_indices import FIRST_REST, PUBLISHED_RULE
+from ...lab.pointing.session_indices import FIRST_REST_RULE, PUBLISHED_RULE
 from ..figure import Reproduced, figure
 from ..printed import PrintedPaper, PrintedTable
-from .transparency import CONTROL, LAWS, OWN_LAWS, Transparency
+from .transparency import CONTROL_CONDITION, LAWS, OWN_LAWS, Transparency
 
 INDICES: Mapping[str, tuple[str, str, str]] = {
     "duration_median": ("duration_median", "Median duration", "duration"),
@@ -44,10 +44,10 @@ def transparency_rows(made: Transparency, paper: PrintedPaper) -> list[Reproduce
         ("table3", "duration", "duration", "s"),
         ("table4", "velocity", "vmax", "rad/s"),
     ):
-        for condition in (CONTROL, *LAWS):
+        for condition in (CONTROL_CONDITION, *LAWS):
             drawn = [study.values(index, condition) for study in made.studies]
             rows += _described(f"{name}.{condition.lower()}", condition, unit, drawn, paper.tables[table])
-    for condition in (CONTROL, *LAWS):
+    for condition in (CONTROL_CONDITION, *LAWS):
         for way in ("up", "down"):
             drawn = [study.values(way, condition) for study in made.studies]
             head, label = f"table5.{condition.lower()}_{way}", f"R2 of isochrony, {condition} {way}"
@@ -72,7 +72,9 @@ def _changes(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
         if table:
             middle = np.median if name == "duration_median" else np.mean
             control = paper.tables[table]["ctrl"]["median" if name == "duration_median" else "mean"].value
-            errors = (100.0 * (middle(study.values(index, CONTROL)) / control - 1.0) for study in made.studies)
+            errors = (
+                100.0 * (middle(study.values(index, CONTROL_CONDITION)) / control - 1.0) for study in made.studies
+            )
             add(f"control.{name}", f"{words} in control, over print", errors, None, "what people were set by")
         for law in (*LAWS, *OWN_LAWS):
             published, studies = law in LAWS, made.with_law(law)
@@ -81,7 +83,7 @@ def _changes(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
             order = "the paper prints the order FC < PCFr < CLPC alone" if published and not table else ""
             order = {"duration": CENSORED, "duration_median": MEDIAN}.get(name, order)
             add(f"{name}.{key}", said, (s.change(index, law) for s in studies), printed, order)
-            rest = (s.change(index, law, FIRST_REST) for s in studies)
+            rest = (s.change(index, law, FIRST_REST_RULE) for s in studies)
             add(f"{name}.first_rest.{key}", f"{said}, up to the first rest", rest, printed, "without later corrections")
             drawn = (s.change(index, law) for s in made.content)
             note = "tried after the people had been frozen, and seen to correct more finely than the target is wide"

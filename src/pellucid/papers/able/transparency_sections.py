@@ -17,7 +17,7 @@ from ...procedures.assessment.assessment_result import Settling
 from ..figure import Reproduced
 from ..row_sections import cell
 from .law_comparison import CONTROLLERS, OTHER_INERTIAS, UNPOWERED, WORDS
-from .transparency import CONTROL, LAWS, OWN_LAWS, Transparency
+from .transparency import CONTROL_CONDITION, LAWS, OWN_LAWS, Transparency
 from .transparency_figures import LawChange, change_figure
 from .transparency_rows import STATISTICS
 
@@ -100,7 +100,7 @@ def _changes(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
             ),
         ),
         (
-            draw(settling_figure, _settling(made), (CONTROL, *LAWS, *OWN_LAWS)),
+            draw(settling_figure, _settling(made), (CONTROL_CONDITION, *LAWS, *OWN_LAWS)),
             draw(
                 change_figure, panels, "changes", roles=MARKS,
                 caption="Every index under every law, times its value in control; bars reach over the studies. The "
@@ -113,7 +113,7 @@ def _changes(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
 def _settling(made: Transparency) -> tuple[Settling, ...]:
     """All studies' movements together, by condition."""
     found = []
-    for condition in (CONTROL, *LAWS, *OWN_LAWS):
+    for condition in (CONTROL_CONDITION, *LAWS, *OWN_LAWS):
         lasted = np.concatenate([t.lasted for study in made.with_law(condition) for t in study.of(condition)])
         found.append(Settling(condition, survival(*lasted.T)))
     return tuple(found)
@@ -130,7 +130,7 @@ def _times(row: Reproduced) -> tuple[float, float, float]:
 
 def _tables(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
     tables = []
-    conditions = (CONTROL, *LAWS)
+    conditions = (CONTROL_CONDITION, *LAWS)
     for name, caption, keys in (
         ("table3", "Table III: duration of movements over people (s)", conditions),
         ("table4", "Table IV: largest velocity over people (rad/s)", conditions),
