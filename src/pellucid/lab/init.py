@@ -1,4 +1,4 @@
-"""A new study: filled from a public data set, to be filled by a virtual rig, or written for a robot's file."""
+"""New studies: filled from a public data set, to be filled by a virtual rig, or written for a robot's URDF file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ..studies.study import Study
 
 RIG_FILE = "lab/rig.toml"
-"""Where a study keeps the description of its virtual rig."""
+"""Path of the description of a study's virtual rig, relative to the study's folder."""
 
 
 def init(
@@ -26,7 +26,7 @@ def init(
     progress: bool = False,
     urdf: str | os.PathLike | None = None,
 ) -> Study | Path:
-    """Make a study's folder: of a public data set, of a virtual rig, or for a robot of one's own.
+    """Make a study's folder from a public data set, for a virtual rig, or for your own robot.
 
     Parameters
     ----------
@@ -35,23 +35,23 @@ def init(
     dataset : str, optional
         Name of the data set whose recordings fill it.
     rig : str, optional
-        Name of the virtual rig that will fill it (see `simulate`), or a file that describes one and ends in .toml.
+        Name of the virtual rig that will fill it (see `simulate`), or a rig's file, which ends in .toml.
     progress : bool
         Show a progress bar while downloading.
     urdf : path-like, optional
-        File of a robot; it is copied, and a study.toml written that has its joints and their limits, and says what to
-        fill in.
+        A robot's URDF file. It is copied, and a study.toml is written that lists its joints with their limits and says
+        what you have to fill in.
 
     Returns
     -------
     Study or Path
-        The study of a data set; of a rig, the file that describes it; of a robot, its study.toml.
+        The study of a data set, the path of the rig's file, or the path of the robot's study.toml.
 
     Raises
     ------
     PellucidError
-        If not exactly one of them is named, there is none of that name, the folder is not empty, or files cannot be
-        had, or cannot be a robot's.
+        If not exactly one of `dataset`, `rig` and `urdf` is given, the name is not known, the folder is not empty, a
+        file cannot be had, or the URDF file does not describe a robot.
 
     Examples
     --------
@@ -72,14 +72,14 @@ def init(
 
 
 def init_rig(folder: str | os.PathLike, rig: str) -> Path:
-    """Make a folder with a copy of a virtual rig's file, ``lab/rig.toml``, that may be edited."""
+    """Make a folder with a copy of a virtual rig's file, ``lab/rig.toml``, which you may edit; return its path."""
     folder, text = Path(folder), rig_text(rig)
     _require_empty(folder)
     return write_text_atomically(folder / RIG_FILE, text)
 
 
 def init_robot(folder: str | os.PathLike, urdf: Path) -> Path:
-    """Make a folder with a copy of a robot's file, and a study.toml that is to be filled in."""
+    """Make a folder with a copy of a robot's URDF file, and a study.toml to be filled in; return the latter's path."""
     from ..procedures.tree.new_study import ROBOT_FILE, new_study
     from ..recordings.readers.urdf import read_urdf
     from ..studies.study import STUDY_FILE
@@ -96,6 +96,7 @@ def init_robot(folder: str | os.PathLike, urdf: Path) -> Path:
 
 
 def _require_empty(folder: Path) -> None:
+    """Raise a StudyError unless `folder` is new or an empty folder."""
     if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
         found = "a file" if folder.is_file() else f"a folder that holds {', '.join(sorted(os.listdir(folder))[:5])}"
         raise StudyError(f"{folder}: found {found}, expected a new or empty folder")

@@ -33,8 +33,8 @@ Computed from n movements, it is divided by the root of n. Chosen by judgement; 
 MODEL_LOG_SD = np.array([0.05, 0.10, 0.15, 0.40, 0.15])
 """Standard deviation of the logarithm of each of `MEASURE_NAMES` that is granted to the model's own error.
 
-It is smallest for the duration and the spread, which the model is meant to predict. Chosen by judgement; no measurement is
-recorded."""
+It is smallest for the duration and the spread, which the model is meant to predict. Chosen by judgement; no measurement
+is recorded."""
 
 
 @dataclass(frozen=True)
