@@ -107,12 +107,12 @@ def fault_rows(table: FaultTable) -> Iterator[ResultRow]:
     )
     for kind in FAULT_KINDS:
         if kind.hidden:
-            trials = table.of(kind.name)
+            trials = table.trials_of(kind.name)
             yield row(f"safety.hidden.{kind.name}.energy", max(t.excess for t in trials), "J",
                       f"{kind.hidden}; found in {sum(t.found == t.found for t in trials)} of {len(trials)}"
             )  # fmt: skip
             yield row(f"safety.hidden.{kind.name}.peak", max(t.peak for t in trials), "N*m", "in the strap, over 10 s")
-    frozen = [t for t in table.of("encoder_frozen") if t.onset_speed >= MOVING]
+    frozen = [t for t in table.trials_of("encoder_frozen") if t.onset_speed >= MOVING]
     late = max((1e3 * t.found if t.found == t.found else np.inf for t in frozen), default=np.nan)
     yield row(
         "safety.freeze.detected_after",

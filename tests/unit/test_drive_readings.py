@@ -55,7 +55,7 @@ def test_a_drive_that_gives_three_times_the_effort_is_found_by_every_stated_meas
 def test_a_knees_spring_measured_as_accurately_as_stated_is_no_fault(index):
     knee = with_stated_spring(draw_worn_knee(301), index)
     periods = round(20.0 / knee.rig.period)
-    plant, acting = knee.begun(periods + 1)
+    plant, acting = knee.start(periods + 1)
     seen, noise = plant.step(0.0, float("nan")), knee.reading.draw_noise(knee.seed)
     for k in range(periods):
         muscle = acting.step(k, *seen[:3])

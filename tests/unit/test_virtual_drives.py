@@ -44,7 +44,7 @@ def test_a_drive_with_power_stays_stuck(worn):
 def test_a_knees_motor_lets_go_once_it_may_have_no_power(seed):
     """Its spring is stuck at 5 N m either way until then; without power only its motor's friction, 2.6 N m, is left."""
     worn = draw_worn_knee(301)
-    plant, acting = worn.begun(1500)
+    plant, acting = worn.start(1500)
     seen, faulty = plant.step(0.0, float("nan")), 0
     for k in range(1400):
         if k == 600:

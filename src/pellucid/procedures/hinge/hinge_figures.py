@@ -9,13 +9,13 @@ from ...drawing.drawing import Drawing, Head, heads, key, label_ends, line, one_
 from ...drawing.style import FIGURE_WIDTH, colour
 from .identify_hinge import HingeTrial
 
-CLOSE = 20.0  # seconds of the angle that are drawn
+ANGLE_FIGURE_SPAN_S = 20.0  # seconds of the angle that are drawn
 
 
 def angle_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
     """The angle found beside the reference, over the first seconds judged. `score_from` [s]."""
     reference, found = trial.reference, trial.scores["offline"]
-    shown = (reference.time >= score_from) & (reference.time < score_from + CLOSE)
+    shown = (reference.time >= score_from) & (reference.time < score_from + ANGLE_FIGURE_SPAN_S)
     time = reference.time[shown]
     figure, axis = one_panel(3.2)
     true = np.where(reference.believable, reference.angle, np.nan)[shown]
@@ -30,7 +30,7 @@ def angle_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
     return Drawing(
         name,
         figure,
-        f"Angle of {trial.name}, by both IMUs and by the reference, over the first {CLOSE:g} s that are judged. The "
+        f"Angle of {trial.name}, by both IMUs and by the reference, over the first {ANGLE_FIGURE_SPAN_S:g} s that are judged. The "
         "reference is broken where it jumps more than the joint can.",
     )
 

@@ -13,8 +13,8 @@ from ...signals.clocks import Alignment, align
 from ...signals.hinge_angle import HingeAngle
 from ...signals.quaternion import angular_steps, conjugate, continuous, multiply, twist
 
-MARGIN = 0.05  # a body that is lost is seen badly just before and after [s]
-LONGEST_DELAY = 0.2  # between the clocks of IMUs and cameras [s]
+JUMP_MARGIN_S = 0.05  # a body that is lost is seen badly just before and after [s]
+MAX_CLOCK_DELAY_S = 0.2  # between the clocks of IMUs and cameras [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ def hinge_reference(recording: Recording, proximal: str, distal: str, jump: floa
     relative /= np.linalg.norm(relative, axis=1, keepdims=True)
     steps = angular_steps(relative)
     # A lost body turns about any axis, so that the axis is found without such steps.
-    believable = ~_near(time, np.linalg.norm(steps, axis=1) > jump)
+    believable = ~_samples_near_jumps(time, np.linalg.norm(steps, axis=1) > jump)
     kept = believable[1:] & believable[:-1]
     if kept.sum() < 3:
         raise IdentificationError(f"{where}: found no believable step of the reference angle, expected most below jump")
@@ -77,10 +77,10 @@ def hinge_reference(recording: Recording, proximal: str, distal: str, jump: floa
     return HingeReference(time, angle, believable, directions[0], float(size[0] ** 2 / np.sum(size**2)))
 
 
-def _near(time: np.ndarray, jumps: np.ndarray) -> np.ndarray:
+def _samples_near_jumps(time: np.ndarray, jumps: np.ndarray) -> np.ndarray:
     near = np.zeros(len(time), bool)
     for i in np.flatnonzero(jumps):
-        near |= (time >= time[i] - MARGIN) & (time <= time[i + 1] + MARGIN)
+        near |= (time >= time[i] - JUMP_MARGIN_S) & (time <= time[i + 1] + JUMP_MARGIN_S)
     return near
 
 
@@ -104,7 +104,7 @@ def clock_delay(found: HingeAngle, reference: HingeReference, start: float, stop
     `stop` [s]."""
     part = (reference.time >= start) & (reference.time < stop)
     rate = np.where(reference.believable, np.gradient(reference.angle, reference.time), np.nan)[part]
-    return align(reference.time[part], rate, found.time, np.gradient(found.angle, found.time), longest=LONGEST_DELAY)
+    return align(reference.time[part], rate, found.time, np.gradient(found.angle, found.time), longest=MAX_CLOCK_DELAY_S)
 
 
 def score(

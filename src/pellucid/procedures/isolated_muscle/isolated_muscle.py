@@ -30,21 +30,21 @@ from ..procedure import Progress, quiet
 from ..result import FigureTable, ParameterTable, Result
 from .procedure import IsolatedMuscleTable
 
-PERIOD = 1e-3
+SIMULATION_PERIOD_S = 1e-3
 """Of the simulation [s]."""
 
-REACH = 0.4
+OFFSET_SEARCH_SHARE = 0.4
 """How far the offset is searched, in optimal fibre lengths either way."""
 
-CONSTANTS = (
+UNCERTAIN_CONSTANTS = (
     "max_isometric_force", "optimal_fibre_length", "tendon_slack_length", "max_velocity", "damping", "tendon_strain",
 )  # fmt: skip
 """Of the model that may be wrong where a posterior is drawn."""
 
-OFFSETS = 129
+POSTERIOR_GRID_SIZE = 129
 """Of the grid on which a posterior knows the force: 0.1 mm apart on a muscle of 17 mm."""
 
-NUDGE = 1e-3
+RELATIVE_DIFFERENCE_STEP = 1e-3
 """Share by which a constant is changed to see what it does."""
 
 
@@ -175,7 +175,7 @@ def isolated_muscle(study: Study) -> IsolatedMuscleFit:
 def force_grid(study: Study, fitted: list) -> ForceGrid:
     """The force of the recordings that are `fitted` at every offset, and what each constant does to it."""
     table = study.table(IsolatedMuscleTable)
-    offsets = REACH * table.optimal_fibre_length * np.linspace(-1.0, 1.0, OFFSETS)
+    offsets = OFFSET_SEARCH_SHARE * table.optimal_fibre_length * np.linspace(-1.0, 1.0, POSTERIOR_GRID_SIZE)
     scored = [_scored(t[0], table) for t in fitted]
 
     def forces(**changed: float) -> np.ndarray:
@@ -186,8 +186,8 @@ def force_grid(study: Study, fitted: list) -> ForceGrid:
 
     plain = forces()
     slopes = [
-        (forces(**{name: (1.0 + NUDGE) * getattr(table, name)}) - plain) / NUDGE
-        for name in CONSTANTS
+        (forces(**{name: (1.0 + RELATIVE_DIFFERENCE_STEP) * getattr(table, name)}) - plain) / RELATIVE_DIFFERENCE_STEP
+        for name in UNCERTAIN_CONSTANTS
         if getattr(table, name) > 0.0
     ]
     measured = np.concatenate([t[0][table.force][s] for t, s in zip(fitted, scored, strict=True)])
@@ -208,7 +208,7 @@ def _imposed(recording: Recording, study: Study) -> tuple[np.ndarray, np.ndarray
     if amplitude is None or table.displacement not in source:
         missing = "amplitude" if amplitude is None else f"channel {table.displacement}"
         raise IdentificationError(f"{recording.name}: found no {missing}, expected the displacement of the free end")
-    time = np.arange(source.time[0], recording.time[-1] + PERIOD, PERIOD)
+    time = np.arange(source.time[0], recording.time[-1] + SIMULATION_PERIOD_S, SIMULATION_PERIOD_S)
     return time, amplitude * np.interp(time, source.time, source[table.displacement]), amplitude
 
 
@@ -222,12 +222,12 @@ def _predicted(
     """Force at the recording's samples, (n,) [N], on an `elastic` tendon or a rigid one, constants `changed`; where the
     model rests stays where the table's own constants have it."""
     recording, time, displacement, _ = taken
-    constants = {name: getattr(table, name) for name in ("pennation", *CONSTANTS)} | changed
+    constants = {name: getattr(table, name) for name in ("pennation", *UNCERTAIN_CONSTANTS)} | changed
     muscle = Muscle(**constants if elastic else {**constants, "tendon_strain": None})
     rest = table.optimal_fibre_length * np.cos(table.pennation) + table.tendon_slack_length
     active = np.ones_like(time)
-    active = muscle.activation(active, period=PERIOD) if elastic else active
-    force, _ = muscle.simulate(active, rest + offset + displacement, period=PERIOD)
+    active = muscle.activation(active, period=SIMULATION_PERIOD_S) if elastic else active
+    force, _ = muscle.simulate(active, rest + offset + displacement, period=SIMULATION_PERIOD_S)
     return np.interp(recording.time, time, force)
 
 
@@ -249,7 +249,7 @@ def _trial(
 
 def _search(error, fibre_length: float, elastic: bool) -> float:
     """The offset of least error [m]: a grid, since a muscle has the same force on both sides of l_o, then its best."""
-    grid = REACH * fibre_length * np.linspace(-1.0, 1.0, 33)
+    grid = OFFSET_SEARCH_SHARE * fibre_length * np.linspace(-1.0, 1.0, 33)
     found = [error(offset, elastic) for offset in grid]
     best = int(np.argmin(found))
     around = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]

@@ -28,13 +28,13 @@ from ...studies.study_file import Participant, StudyFile
 from ..result import FigureTable, ParameterTable, Result
 from .procedure import LoadedSwingTable
 
-EMPTY, LOADED = "empty_swing", "loaded_swing"
+EMPTY_PROTOCOL, LOADED_PROTOCOL = "empty_swing", "loaded_swing"
 """Protocols: the exoskeleton alone, and with a relaxed leg in it."""
 
-KEPT_RATE = 25.0
+KEPT_RATE_HZ = 25.0
 """Samples kept of a swing [Hz]; nothing in it is faster than the low-pass."""
 
-UNSURE = 0.25
+MAX_RELATIVE_HALF_WIDTH = 0.25
 """Half an interval, of its value, from which on a parameter is called unsure."""
 
 Progress = Callable[[str, float], None]
@@ -72,11 +72,11 @@ def identify_swings(
 ) -> LoadedSwingResult:
     """The same from recordings that are at hand already. `config` [loaded_swing]."""
     tell, asked = on_progress or (lambda text, share: None), config.table(LoadedSwingTable)
-    used = [r for r in recordings if r.use == "fit" and r.protocol in (EMPTY, LOADED)]
-    alone = [r for r in used if r.protocol == EMPTY]
-    people = list(dict.fromkeys(r.participant for r in used if r.protocol == LOADED and r.participant))
+    used = [r for r in recordings if r.use == "fit" and r.protocol in (EMPTY_PROTOCOL, LOADED_PROTOCOL)]
+    alone = [r for r in used if r.protocol == EMPTY_PROTOCOL]
+    people = list(dict.fromkeys(r.participant for r in used if r.protocol == LOADED_PROTOCOL and r.participant))
     if not alone or not people:
-        lacking = EMPTY if not alone else f"{LOADED} with a participant"
+        lacking = EMPTY_PROTOCOL if not alone else f"{LOADED_PROTOCOL} with a participant"
         raise IdentificationError(
             f"found {len(alone)} recordings of the exoskeleton alone and {len(people)} participants, expected at least "
             f"one of each: none is of protocol {lacking}"
@@ -88,10 +88,10 @@ def identify_swings(
     legs = {}
     for i, who in enumerate(people):
         tell(who, 0.2 + 0.8 * i / len(people))
-        own = [s for r in used if r.protocol == LOADED and r.participant == who for s in parts[r.name]]
+        own = [s for r in used if r.protocol == LOADED_PROTOCOL and r.participant == who for s in parts[r.name]]
         loaded = fit_swings(own, form)
         legs[who] = LegAlone(loaded, *leg_alone(empty, loaded), _usual(config.participants.get(who)))
-    wearers = {r.name: r.participant if r.protocol == LOADED else None for r in used}
+    wearers = {r.name: r.participant if r.protocol == LOADED_PROTOCOL else None for r in used}
     swings = {s.recording: s for own in parts.values() for s in own}
     wearers |= {s.recording: wearers[name] for name, own in parts.items() for s in own}
     return _findings(config, asked.confidence, empty, legs, swings, wearers, {r.name: r.checksum for r in used})
@@ -99,7 +99,7 @@ def identify_swings(
 
 def prepared(recording: Recording, lowpass: float) -> Swing:
     """A recording's position and torque through the same zero-phase low-pass [Hz], thinned."""
-    every = max(1, round(recording.fs / max(KEPT_RATE, 5.0 * lowpass)))
+    every = max(1, round(recording.fs / max(KEPT_RATE_HZ, 5.0 * lowpass)))
     r = recording
     return swing(r.time, r["position"], r["torque"], lowpass=lowpass, every=every, recording=r.name)
 
@@ -125,7 +125,7 @@ def faults(study: Study) -> list[Fault]:
     """What keeps swings from being used. `study` [loaded_swing]."""
     found = []
     for r in study.recordings():
-        if r.protocol not in (EMPTY, LOADED):
+        if r.protocol not in (EMPTY_PROTOCOL, LOADED_PROTOCOL):
             continue
         where, text = f"{r.path.name} (recording {r.name})", ""
         reach = float(np.nanmax(np.abs(r["position"][r.sound]), initial=0.0))
@@ -217,7 +217,7 @@ def _verdicts(config: StudyFile, legs: Mapping[str, LegAlone], confidence: float
     told = []
     for who, leg in legs.items():
         half = leg.inertia.interval(confidence)[1] - leg.inertia.value
-        if half > UNSURE * abs(leg.inertia.value):
+        if half > MAX_RELATIVE_HALF_WIDTH * abs(leg.inertia.value):
             told.append(
                 Verdict(
                     "warning",

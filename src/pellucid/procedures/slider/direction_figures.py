@@ -18,10 +18,10 @@ from ...drawing.drawing import Drawing, line, one_panel, origin, tidy
 from ...drawing.style import FIGURE_WIDTH, colour
 from ...pages.quantities import number
 
-ROLES = ("heldout", "fitted", "load", "directional", "stribeck", "combined", "good")
+FREE_COLOUR_ROLES = ("heldout", "fitted", "load", "directional", "stribeck", "combined", "good")
 """Roles that models take in turn, where the caller names none: the first two are those most often compared."""
 
-KNOWN_ROLES: Mapping[str, str] = {
+NAMED_COLOUR_ROLES: Mapping[str, str] = {
     "truth": "measured",
     "measured": "measured",
     "up": "heldout",
@@ -31,9 +31,9 @@ KNOWN_ROLES: Mapping[str, str] = {
 }
 """Roles of names that mean the same in every figure."""
 
-SHAPES: Mapping[str, tuple[str, str]] = {"sweep": ("o", "●"), "constant": ("^", "▲"), "slow": ("s", "■")}
+MARKER_SHAPES: Mapping[str, tuple[str, str]] = {"sweep": ("o", "●"), "constant": ("^", "▲"), "slow": ("s", "■")}
 """Marker of a trial's protocol, and the same shape as a letter."""
-OTHER_SHAPE = ("D", "◆")
+DEFAULT_MARKER_SHAPE = ("D", "◆")
 """Marker of any other protocol."""
 
 PANEL_POINTS = 72.0 * FIGURE_WIDTH - 70.0
@@ -334,7 +334,7 @@ def geometry(
     entries = []
     for k, (position, points) in enumerate(trajectories.items()):
         points = 1e3 * np.asarray(points, float)
-        tone = colour(ROLES[k % len(ROLES)])
+        tone = colour(FREE_COLOUR_ROLES[k % len(FREE_COLOUR_ROLES)])
         radius = float(np.nanmean(np.hypot(*(points - centre).T)))
         circle = centre + radius * np.column_stack([np.cos(turn), np.sin(turn)])
         axis.plot(*circle.T, color=colour("rule"), linewidth=0.8, zorder=1)
@@ -377,9 +377,9 @@ def geometry(
 
 def _tones(models: Mapping[str, object], roles: Mapping[str, str] | None) -> dict[str, str]:
     """Colour of each model: as told, as its name says, or the next that is free."""
-    told = {**KNOWN_ROLES, **(roles or {})}
+    told = {**NAMED_COLOUR_ROLES, **(roles or {})}
     taken = {told[m] for m in models if m in told}
-    free = [r for r in ROLES if r not in taken] or list(ROLES)
+    free = [r for r in FREE_COLOUR_ROLES if r not in taken] or list(FREE_COLOUR_ROLES)
     others = [m for m in models if m not in told]
     return {m: colour(told[m] if m in told else free[others.index(m) % len(free)]) for m in models}
 
@@ -427,7 +427,7 @@ def _names(axis: Axes, entries: Sequence[tuple[str, str]]) -> None:
 
 
 def _shape(protocol: str) -> tuple[str, str]:
-    return SHAPES.get(protocol, OTHER_SHAPE)
+    return MARKER_SHAPES.get(protocol, DEFAULT_MARKER_SHAPE)
 
 
 def _categories(axis, tones: Mapping[str, str]) -> None:

@@ -13,8 +13,8 @@ from ...studies.results import ResultRow, combined_checksum
 from ...studies.study import Study
 from ..result import FigureTable, ParameterTable, Result
 
-COMMAND = "identify"
-SHOWN = ("load", "dissociated")
+RESULT_COMMAND = "identify"
+PRINTED_METHODS = ("load", "dissociated")
 """Methods whose parameters are printed: the coherent body first, for its are the estimates."""
 
 
@@ -35,7 +35,7 @@ def slider_result(study: Study, fit: SliderFit) -> SliderResult:
         headline=f"{len(fit.motions)} recordings; mean absolute error over {split} trials",
         tables=(
             FigureTable("Methods", ("method", "parameters", "error A", "error N·m"), rows),
-            *(ParameterTable(SLIDER_METHODS[name], fit[name].parameters) for name in SHOWN),
+            *(ParameterTable(SLIDER_METHODS[name], fit[name].parameters) for name in PRINTED_METHODS),
         ),
         verdicts=fit.verdicts,
         rows=tuple(slider_rows(fit)),
@@ -79,7 +79,7 @@ def slider_rows(fit: SliderFit) -> Iterator[ResultRow]:
     """Every figure of a fit: `<study>.<method>.<figure>[.<recording>]`, and `<study>.slider.<recording>` for where the
     carriage was."""
     together = combined_checksum(fit.checksums.values())
-    plain = ResultRow("", None, "1", COMMAND, "fitted", together, fit.filter_note)
+    plain = ResultRow("", None, "1", RESULT_COMMAND, "fitted", together, fit.filter_note)
     for p in fit.static:
         yield replace(plain, id=f"{fit.study}.static.{p.name}", value=p.value, unit=p.unit)
     for method, estimate in fit.estimates.items():
@@ -104,7 +104,7 @@ def slider_rows(fit: SliderFit) -> Iterator[ResultRow]:
             f"{fit.study}.slider.{place.recording}",
             place.slider,
             "m",
-            COMMAND,
+            RESULT_COMMAND,
             split.get(place.recording, "fitted"),
             fit.checksums.get(place.recording),
             "from the markers" if place.optical else "by a ruler",

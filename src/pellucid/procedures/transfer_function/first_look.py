@@ -17,16 +17,16 @@ from ...studies.results import ResultRow
 from ..result import FigureTable
 from .procedure import TransferFunctionTable
 
-MUCH = 90.0
+LINEAR_FIT_WARNING_PERCENT = 90.0
 """Below this limit [%] what is not linear is told as a warning."""
 
-SIGNIFICANT = 0.05
+DISTORTION_TEST_LEVEL = 0.05
 """Of the test whether there is any distortion."""
 
-OFF = 0.5
+MAX_GRID_DEVIATION_STEPS = 0.5
 """Of a step, by which a sample may be off an even grid."""
 
-REPEATS = 1e-3
+REPETITION_TOLERANCE = 1e-3
 """Of its RMS, by which a reference may differ from itself a period later."""
 
 
@@ -86,7 +86,7 @@ def _even(recording: Recording, asked: TransferFunctionTable) -> tuple[float, li
         raise IdentificationError(f"{where}: found {len(time)} samples, expected a recorded movement")
     step = float(time[-1] - time[0]) / (len(time) - 1)
     off = float(np.abs(time - np.linspace(time[0], time[-1], len(time))).max())
-    if not (step > 0.0 and off <= OFF * step):
+    if not (step > 0.0 and off <= MAX_GRID_DEVIATION_STEPS * step):
         raise IdentificationError(f"{where}: found samples up to {off:.3g} s off an even grid of {step:.3g} s")
     return 1.0 / step, signals
 
@@ -129,7 +129,7 @@ def _repeating(recording: Recording, signals: Sequence[np.ndarray | None], sampl
         begin, end = samples, n
     else:
         size = float(np.std(given))
-        same = np.abs(given[samples:] - given[:-samples]) <= REPEATS * size if n > samples else np.zeros(0, bool)
+        same = np.abs(given[samples:] - given[:-samples]) <= REPETITION_TOLERANCE * size if n > samples else np.zeros(0, bool)
         edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(int), [0]])))
         runs = edges.reshape(-1, 2)
         if not len(runs):
@@ -152,7 +152,7 @@ def verdicts(looks: Mapping[str, FirstLook], unseen: Mapping[str, str], channels
     path = f"from {channels[0]} to {channels[1]}"
     for look in (each for each in looks.values() if each.periodic):
         found = look.found
-        if not found.p_value < SIGNIFICANT:
+        if not found.p_value < DISTORTION_TEST_LEVEL:
             yield Verdict(
                 "good",
                 f"Before any model ({look.name}): {_many(look)} show no distortion beyond noise (p = "
@@ -165,7 +165,7 @@ def verdicts(looks: Mapping[str, FirstLook], unseen: Mapping[str, str], channels
             share = max(found.even_share, 1.0 - found.even_share)
             by = f", {100.0 * share:.0f} % of it of {side} order"
         yield Verdict(
-            "warning" if found.highest_fit_limit < MUCH else "note",
+            "warning" if found.highest_fit_limit < LINEAR_FIT_WARNING_PERCENT else "note",
             f"Before any model ({look.name}): no linear model {path} can hold better than {found.highest_fit:.0f} % "
             f"over {_many(look)} (below {found.highest_fit_limit:.0f} % with 95 % confidence); noise alone would leave "
             f"{found.highest_fit_noise:.1f} %. What is not linear has {_times(found.nonlinear_to_noise)} times the "

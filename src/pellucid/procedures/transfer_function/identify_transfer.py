@@ -30,16 +30,16 @@ from .procedure import TransferFunctionTable
 
 Progress = Callable[[str, float], None]
 
-HELD_BACK = 1.0 / 3.0
+HELD_OUT_SHARE = 1.0 / 3.0
 """Last share of a recording on which coefficients found from the rest are judged, where no recording is held out."""
 
-POOR = 80.0
+GOOD_FIT_PERCENT = 80.0
 """Below this fit [%] a transfer function leaves out much of what a recording shows."""
 
-APART = 10.0
+MAX_FIT_DROP_POINTS = 10.0
 """Points by which a fit may fall from the fitted part to the held-out one before it is told."""
 
-FEW = 3
+MAX_SEPARATE_TABLES = 3
 """Up to so many recordings each get a table of their own."""
 
 
@@ -185,7 +185,7 @@ def _same(one: Recording, other: Recording) -> bool:
 
 
 def _last_part(record: InputOutput, fit: Callable[..., TransferFit], hold: str) -> Response:
-    cut = round((1.0 - HELD_BACK) * len(record))
+    cut = round((1.0 - HELD_OUT_SHARE) * len(record))
     found = fit(record.part(0, cut, "fitted"))
     return evaluate_transfer_function(found.transfer_function, record.part(cut, len(record), "heldout"), hold=hold)
 
@@ -229,7 +229,7 @@ def _tables(
             heads = ("Recording", *(f"{p.name} [{p.unit}]" for p in each))
             rows = tuple((name, *(f[p.name].value for p in each)) for name, f in fits.items())
             tables.append(FigureTable(title, heads, rows))
-    if len(fits) <= FEW:
+    if len(fits) <= MAX_SEPARATE_TABLES:
         tables += [ParameterTable(name, (*f.parameters, *f.physical)) for name, f in fits.items()]
     if refused:
         reasons = tuple((name, reason) for name, reason in refused.items())
@@ -244,9 +244,9 @@ def _verdicts(
     unevaluated: Mapping[str, str],
     notes: Mapping[str, tuple[str, ...]],
 ) -> Iterator[Verdict]:
-    good = {n: f for n, f in fits.items() if min(r.fit for r in f.responses) >= POOR}
+    good = {n: f for n, f in fits.items() if min(r.fit for r in f.responses) >= GOOD_FIT_PERCENT}
     if good:
-        yield Verdict("good", f"{len(good)} of {len(fits)} transfer functions fit by {POOR:g} % or more.")
+        yield Verdict("good", f"{len(good)} of {len(fits)} transfer functions fit by {GOOD_FIT_PERCENT:g} % or more.")
     worst = {n: min(r.fit for r in f.responses) for n, f in fits.items() if n not in good}
     if worst:
         low, high = f"{min(worst.values()):.1f}", f"{max(worst.values()):.1f}"
@@ -262,7 +262,7 @@ def _verdicts(
             said = "interval of {} holds" if len(weak) == 1 else "intervals of {} hold"
             yield Verdict("warning", f"Recording {name}: the {said.format(', '.join(weak))} zero.")
         out = heldout.get(name)
-        if out is not None and out.fit < made.responses[0].fit - APART:
+        if out is not None and out.fit < made.responses[0].fit - MAX_FIT_DROP_POINTS:
             yield Verdict(
                 "warning",
                 f"Recording {name}: coefficients from its first part fit the last by {out.fit:.1f} %, against "
