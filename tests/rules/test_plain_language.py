@@ -36,7 +36,6 @@ KINDS = ("one-word constants", "fragments", "constants on one line")
 ALLOWED: dict[str, tuple[int, int, int]] = {
     "lab": (89, 76, 23),
     "papers": (103, 63, 10),
-    "procedures": (37, 15, 2),
 }
 """Numbers of `KINDS` that a room still has; a room that is not here has none."""
 

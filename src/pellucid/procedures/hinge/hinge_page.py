@@ -26,7 +26,10 @@ def page(study: Study, findings: HingeResult) -> Page:
             *([_angles(study, evaluated)] if evaluated else []),
             _hinges(findings),
             Section(
-                "hinge_method", "How", paragraphs=(f"{PROCESSING_NOTE[0].upper()}{PROCESSING_NOTE[1:]}.",), notes=study.notes
+                "hinge_method",
+                "How",
+                paragraphs=(f"{PROCESSING_NOTE[0].upper()}{PROCESSING_NOTE[1:]}.",),
+                notes=study.notes,
             ),
         ),
     )

@@ -23,13 +23,20 @@ from .hinge_reference import HingeReference, HingeScore, clock_delay, has_refere
 from .procedure import HingeTable
 
 RESULT_COMMAND = "identify"
+"""Every row names this command as its origin."""
+
 PROCESSING_NOTE = (
     "rates and their derivatives by cubic splines; angle by a Kalman filter run forwards and back over gyroscopes, the "
     "acceleration of the joint's centre and the rates across the axis"
 )
+"""Page and cards describe the signal processing with this sentence."""
+
 SCORED_ANGLES = ("offline", "causal", "aligned", "unaligned", "gyroscopes")
-"""How an angle is scored: the one reported; without later samples; with the delay that the calibration's rates give;
-with none; by rates alone."""
+"""Estimates of the angle that are scored.
+
+``offline`` is the one that is reported, ``causal`` uses no later samples, ``aligned`` takes the clock delay from the
+calibration's rates, ``unaligned`` assumes no delay, and ``gyroscopes`` integrates rates alone.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +49,9 @@ class HingeTrial:
     causal: HingeAngle
     interpolated: int = 0  # Samples of the IMUs that were missing and were bridged
     reference: HingeReference | None = None
-    alignment: Alignment | None = None  # Of the IMUs' clock against the reference's, from the first seconds
-    # Of the two clocks against each other, and its standard error, from the first and the last seconds [s/s]. Nothing
-    # is corrected by it: it says how far a delay found early holds
+    alignment: Alignment | None = None  # Delay of the IMUs' clock against the reference's, from the first seconds
+    # Drift of the two clocks against each other, and its standard error, from the first and the last seconds [s/s].
+    # It corrects nothing: it says for how long a delay that was found early still holds.
     clock_drift: tuple[float, float] | None = None
     scores: dict[str, HingeScore] | None = None  # By `SCORED_ANGLES`; empty without a reference
 

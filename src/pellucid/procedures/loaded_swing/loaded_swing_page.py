@@ -11,12 +11,15 @@ from ..study_page import figure_tables, parameter_tables, study_page
 from .identify_loaded_swing import LoadedSwingResult
 from .procedure import LoadedSwingTable
 
-MAX_DRAWN_RECORDINGS, DRAWN_SPAN_S = 4, 20.0
-"""Recordings that are drawn, and how long of each [s]."""
+MAX_DRAWN_RECORDINGS = 4
+"""The page draws the torque of at most this many recordings."""
+
+DRAWN_SPAN_S = 20.0
+"""The page draws this long a stretch of each."""
 
 
 def page(study: Study, findings: LoadedSwingResult) -> Page:
-    """Everything that was found, as a page."""
+    """Return the report's page, figures drawn."""
     asked = study.table(LoadedSwingTable)
     tiles = [
         Tile(

@@ -28,7 +28,7 @@ SHORT_METHOD_NAMES: Mapping[str, str] = {
     "consistent": "one body",
     "load": "one body, friction by load",
 }
-"""Names of the methods where there is little room."""
+"""Short names of the methods, for figures and tiles."""
 
 COLOUR_ROLES: Mapping[str, str] = {
     "one set": "stribeck",
@@ -39,17 +39,17 @@ COLOUR_ROLES: Mapping[str, str] = {
     "down": "load",
     "held still": "directional",
 }
-"""Colours, the same in every figure."""
+"""Colour role of each curve's name, the same in every figure."""
 
 COMPARED_METHODS = ("pooled", "dissociated", "consistent", "load")
-"""Methods that figures compare."""
+"""Methods whose errors the headline and the figures compare."""
 
 PROTOCOL_WORDS: Mapping[str, str] = {
     "constant_velocity": "constant",
     "swept_sine": "sweep",
     "swept_sine_integrated": "sweep, phase integrated",
 }
-"""Protocols as figures call them."""
+"""Names of the protocols in figures."""
 
 PARAMETER_WORDS: Mapping[str, str] = {
     "moment_slope": "Mass of the carriage, by gravity",
@@ -69,13 +69,14 @@ PARAMETER_WORDS: Mapping[str, str] = {
     },
     "adherence": "Adherence",
 }
-"""What the parameters are."""
+"""Descriptions of the parameters, by name."""
 
 TRACED_METHODS = ("dissociated", "load")
+"""Methods whose predicted current the figure of one trial draws, beside that of ``pooled``."""
 
 
 def page(study: Study, result: SliderResult) -> Page:
-    """Everything that was found, as a page."""
+    """Return the report's page, figures drawn."""
     fit = result.fit
     tiles, sections = slider_sections(fit, level=result.confidence)
     return study_page(
@@ -88,7 +89,7 @@ def page(study: Study, result: SliderResult) -> Page:
 
 
 def slider_sections(fit: SliderFit, *, level: float = 0.95) -> tuple[tuple[Tile, ...], tuple[Section, ...]]:
-    """What a page says of an identified joint with a carriage, figures drawn."""
+    """Return tiles and sections for an identified joint with a carriage, figures drawn."""
     return slider_tiles(fit), (
         _found(fit, level),
         _directions(fit),
@@ -99,7 +100,7 @@ def slider_sections(fit: SliderFit, *, level: float = 0.95) -> tuple[tuple[Tile,
 
 
 def headline(fit: SliderFit) -> str:
-    """The finding in a few sentences."""
+    """Return the page's first sentences, which compare the methods' errors."""
     error = {m: fit.evaluated_error(m) for m in COMPARED_METHODS}
     trials, use = len(fit.evaluated("pooled")), _use(fit)
     factor = error["pooled"] / error["dissociated"]
@@ -251,7 +252,9 @@ def _friction(fit: SliderFit, middle: float, angles: np.ndarray) -> Drawing:
     load = body.model.gravity(body.values, middle, angles)
     rising = slice(int(np.argmin(load[: np.argmax(load) + 1])), int(np.argmax(load)) + 1)
     angles, load = angles[rising], load[rising]
-    curves = {SHORT_METHOD_NAMES["dissociated"]: directional_friction(fit["dissociated"].model, np.array([middle]), angles)[0]}
+    curves = {
+        SHORT_METHOD_NAMES["dissociated"]: directional_friction(fit["dissociated"].model, np.array([middle]), angles)[0]
+    }
     for method in ("consistent", "load"):
         vector = fit[method].model.vector(fit[method].values, middle)
         dry, share = (
@@ -273,7 +276,12 @@ def _errors(fit: SliderFit) -> Section:
     protocols = [evaluated["pooled"][n].protocol for n in names]
     use = _use(fit)
     drawings = [
-        draw(figures.paired_errors, errors, [PROTOCOL_WORDS.get(p, p.replace("_", " ")) for p in protocols], roles=COLOUR_ROLES)
+        draw(
+            figures.paired_errors,
+            errors,
+            [PROTOCOL_WORDS.get(p, p.replace("_", " ")) for p in protocols],
+            roles=COLOUR_ROLES,
+        )
     ]
     trace = _trace(fit, names)
     if trace is not None:

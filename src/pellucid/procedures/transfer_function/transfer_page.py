@@ -18,20 +18,22 @@ from .first_look import FirstLook
 from .identify_transfer import TransferResult, ratio
 
 MAX_DRAWN_RESPONSES = 6
-"""Recordings whose responses are drawn: the best, the worst and those between, evenly by their fit."""
+"""The page draws at most this many responses: best and worst fit, and those evenly ranked between them."""
 
 MAX_DRAWN_FIRST_LOOKS = 3
-"""Recordings without periods whose frequency responses are drawn."""
+"""The page draws frequency responses of at most this many recordings without periodic excitation."""
 
 RESPONSE_POINTS = 400
-"""Points of a transfer function's response."""
+"""A transfer function's frequency response is drawn with this many points."""
 
 PHYSICAL_PARAMETER_WORDS = {"inertia": "Inertia, 1/b0", "damping": "Damping, a1/b0", "stiffness": "Stiffness, a0/b0"}
+"""Description of each physical parameter with its formula in the coefficients."""
 
 HOLD_WORDS = {
     "zero": "held from each sample to the next",
     "first": "taken to go straight from each sample to the next",
 }
+"""Sentences' ends for the two assumptions on the input between samples: zero-order and first-order hold."""
 
 
 def page(study: Study, found: TransferResult) -> Page:
@@ -180,8 +182,8 @@ def _responses(found: TransferResult) -> Section:
         "responses",
         "Measured and simulated",
         (
-            f"Between samples the input is {HOLD_WORDS[hold]}; with that the simulation is exact at every sample, however "
-            "they are spaced. Each record's initial state is estimated.",
+            f"Between samples the input is {HOLD_WORDS[hold]}; with that the simulation is exact at every sample, "
+            "however they are spaced. Each record's initial state is estimated.",
         ),
         drawings=tuple(drawings),
     )
