@@ -29,18 +29,18 @@ from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.lab.pointing.session import Unpowered
 from pellucid.models.slider_card import SliderCard
-from pellucid.papers.able.law_comparison import REFERENCE, TORQUE_SEED, LawOnRobot, try_law
+from pellucid.papers.able.law_comparison import PEOPLE_SEED, REFERENCE_LAW, LawOnRobot, try_law
 from pellucid.studies.results import ResultRow
 
 TRAVELS = sized({"0mrad": 0.0, "0_3mrad": 0.3e-3, "1mrad": 1e-3, "3mrad": 3e-3}, smallest={"0_3mrad": 0.3e-3})
 """By the end of the id [rad]."""
 
 LAWS = (
-    "clpc", "pcfr", REFERENCE, "without_friction", "transparent", "emg", "oscillator", BEST_CONTROLLER,
+    "clpc", "pcfr", REFERENCE_LAW, "without_friction", "transparent", "emg", "oscillator", BEST_CONTROLLER,
     "zero_impedance", "disturbance_observer", "force_sensor", "residual",
 )  # fmt: skip
 
-TRIED_LAWS = sized(LAWS, smallest=(REFERENCE, "transparent", "force_sensor"))
+TRIED_LAWS = sized(LAWS, smallest=(REFERENCE_LAW, "transparent", "force_sensor"))
 """Laws that are tried."""
 
 ANYWAY: Mapping[str, float] = {"dithered_anyway": 1000.0, "dithered_slowly": 600.0}
@@ -63,7 +63,7 @@ def rows(robots: int = ROBOTS) -> Iterator[ResultRow]:
         said = f"{robots} drawn robots that slip over {1e3 * travel:g} mrad"
         for law in of_travel[0][1]:
             found = [laws[law] for _, laws in of_travel]
-            over = np.array([one.torque for one in found]) / [laws[REFERENCE].torque for _, laws in of_travel]
+            over = np.array([one.torque for one in found]) / [laws[REFERENCE_LAW].torque for _, laws in of_travel]
             note = f"{over.min():.2f} to {over.max():.2f}, median of {said}; interaction torque over FC's"
             refused = sum(one.refused for one in found)
             note += f"; dither refused on {refused}" if refused else ""
@@ -84,7 +84,7 @@ def tried(robot: ElbowRig, travel: float) -> tuple[float, dict[str, LawOnRobot]]
     robot = robot.changed({"transmission.presliding_travel": travel})
     cards, rig = identify_cards(robot), elbow_participants(robot)
     exponents = choose_exponents(rig, cards)[0]
-    people = draw_people(rig, np.random.default_rng([TORQUE_SEED, TUNING_SEED]), count=PEOPLE)
+    people = draw_people(rig, np.random.default_rng([PEOPLE_SEED, TUNING_SEED]), count=PEOPLE)
     found = {}
     for name in (*TRIED_LAWS, *ANYWAY, UNPOWERED):
         laws = [Unpowered()] * PEOPLE
@@ -93,7 +93,7 @@ def tried(robot: ElbowRig, travel: float) -> tuple[float, dict[str, LawOnRobot]]
         elif name != UNPOWERED:
             build = controller_builder(cards, offered_controller(cards, name), exponents=exponents)
             laws = [build(person, person.slider(rig)) for person in people]
-        one = try_law(rig, people, laws, TORQUE_SEED, REPETITIONS)
+        one = try_law(rig, people, laws, PEOPLE_SEED, REPETITIONS)
         found[name] = replace(one, refused=offered_controller(cards, name) != name if name in TRIED_LAWS else False)
     return cards["load"].presliding_travel.value, found
 

@@ -27,14 +27,14 @@ from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.lab.pointing.session import Unpowered
 from pellucid.lab.strap_options import STRAP_OPTIONS, without_strap_options
 from pellucid.models.slider_card import SliderCard
-from pellucid.papers.able.law_comparison import REFERENCE, TORQUE_SEED, try_law
+from pellucid.papers.able.law_comparison import PEOPLE_SEED, REFERENCE_LAW, try_law
 from pellucid.papers.knee.wearers import drawn_from, identify_bench, identify_straps
 from pellucid.studies.results import ResultRow
 
 ROBOTS = sized(3, smallest=1)
 PEOPLE = sized(3, smallest=1)
 REPETITIONS, SEED = 1, 1
-LAWS = ("clpc", REFERENCE, "transparent", "dithered", "force_sensor")
+LAWS = ("clpc", REFERENCE_LAW, "transparent", "dithered", "force_sensor")
 UNPOWERED = "unpowered"
 
 
@@ -68,7 +68,7 @@ WORDS: Mapping[str, tuple[str, str]] = {
     "able.ratio": ("1", "error of one set of parameters over that of one for each direction, trials never fitted"),
     "able.load_ratio": ("1", "error of one coherent body with friction by load over that of two directions"),
     "able.gravity_error": ("%", "of that body's gravity torque, with its sign"),
-    **{f"able.{law}": ("1", "interaction torque over FC's") for law in (*LAWS, UNPOWERED) if law != REFERENCE},
+    **{f"able.{law}": ("1", "interaction torque over FC's") for law in (*LAWS, UNPOWERED) if law != REFERENCE_LAW},
     "able.fc_given": ("J", "that FC gives over a movement there and back at most (99 %)"),
     "knee.gravity_error": ("%", "of the orthosis's gravity torque"),
     "knee.shank_error": ("%", "of the shank's gravity torque, mean size"),
@@ -127,17 +127,17 @@ def elbow(robot: ElbowRig, travel: float, names: tuple[str, ...]) -> dict[str, d
     for name in names:
         rig = elbow_participants(robot).strapped(LINES[name].strap())
         exponents = choose_exponents(rig, cards)[0]
-        people = draw_people(rig, np.random.default_rng([TORQUE_SEED, TUNING_SEED]), count=PEOPLE)
+        people = draw_people(rig, np.random.default_rng([PEOPLE_SEED, TUNING_SEED]), count=PEOPLE)
         tried = {}
         for law in (*LAWS, UNPOWERED):
             laws = [Unpowered()] * PEOPLE
             if law != UNPOWERED:
                 build = controller_builder(cards, offered_controller(cards, law), exponents=exponents)
                 laws = [build(person, person.slider(rig)) for person in people]
-            tried[law] = try_law(rig, people, laws, TORQUE_SEED, REPETITIONS)
-        torque = tried[REFERENCE].torque
-        found[name] = own | {f"able.{law}": one.torque / torque for law, one in tried.items() if law != REFERENCE}
-        found[name]["able.fc_given"] = tried[REFERENCE].given
+            tried[law] = try_law(rig, people, laws, PEOPLE_SEED, REPETITIONS)
+        torque = tried[REFERENCE_LAW].torque
+        found[name] = own | {f"able.{law}": one.torque / torque for law, one in tried.items() if law != REFERENCE_LAW}
+        found[name]["able.fc_given"] = tried[REFERENCE_LAW].given
     return found
 
 

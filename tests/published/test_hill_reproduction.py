@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from pellucid.papers.figure import VERDICTS
+from pellucid.papers.figure import VERDICT_WORDS
 from pellucid.papers.hill.paper import HillPaper
 from pellucid.papers.hill.torque import BASELINES
 from pellucid.papers.reproduce import reproduce
@@ -78,4 +78,4 @@ def test_the_page_needs_no_other_file_and_every_row_has_a_verdict(made):
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert "<script src" not in page
     for row in json.loads((out / "reproduction.json").read_text(encoding="utf-8"))["rows"]:
-        assert row["verdict"] in VERDICTS, row["id"]
+        assert row["verdict"] in VERDICT_WORDS, row["id"]
