@@ -99,7 +99,7 @@ def seen(people: Mapping[str, Mapping[int, list[list[OneWay]]]]) -> dict[str, di
 def errors(told: Seen) -> tuple[np.ndarray, np.ndarray]:
     """Logarithms of predicted over measured time and spread, each row an instruction (first column) of a person, of the
     model and of the rival, shape (n, 3) each."""
-    population = Population.of(elbow_people())
+    population = Population.from_rig(elbow_people())
     own = {name: {k: v for k, v in each.items() if k in SET_BY} for name, each in told.items()}
     model, rival = [], []
     for name, one in estimate_people(population, own, SET_BY, WIDE_PRIOR, rounds=ROUNDS).items():
@@ -107,7 +107,7 @@ def errors(told: Seen) -> tuple[np.ndarray, np.ndarray]:
             if instruction not in told[name]:
                 continue
             truth = np.log(told[name][instruction][0][list(JUDGED.values())])
-            told_by = population.simulated(one.weight(instruction), one.traits, count=COUNT, seed=SEED)
+            told_by = population.simulate_measures(one.weight(instruction), one.traits, count=COUNT, seed=SEED)
             model.append((instruction, *(told_by[list(JUDGED.values())] - truth)))
             if all(k in told[name] for k in neighbours):
                 ends = [np.log(told[name][k][0][list(JUDGED.values())]) for k in neighbours]

@@ -166,7 +166,7 @@ def test_screening_finds_what_an_effect_hangs_on(monkeypatch):
     monkeypatch.setattr(sensitivity, "_effects", effects)
     monkeypatch.setattr(sensitivity, "identify_cards", lambda robot: robot["transmission"]["coulomb_positive"])
     found = screen_factors(elbow_participants(), trajectories=6, controllers={"CLPC": "clpc"}, workers=1, seed=2)
-    first = found.of("CLPC", "duration_median")
+    first = found.strengths_of("CLPC", "duration_median")
     assert list(first)[:2] == ["stiffness", "friction"]
     assert first["stiffness"] == pytest.approx(7.0)
     assert first["friction"] == pytest.approx(2.0)

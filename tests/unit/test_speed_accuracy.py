@@ -44,7 +44,7 @@ def test_an_error_is_left_where_correcting_it_costs_more():
     price, primary = 3e3, 0.4
     zone = float(dead_zone(primary, ACCURACY, price, 1.0))
     leaving = (1.0 - price * zone**2) / (1.0 + primary)
-    correcting = (1.0 - price * ACCURACY.resolution**2) / (1.0 + primary + ACCURACY.correcting)
+    correcting = (1.0 - price * ACCURACY.resolution**2) / (1.0 + primary + ACCURACY.correction_time)
     assert leaving == pytest.approx(correcting)
 
 
@@ -55,7 +55,7 @@ class Made:
 
     def __call__(self, aimed, accuracy):
         missed = aimed.spread / (aimed.spread + aimed.dead_zone)
-        time = aimed.duration + missed * accuracy.correcting
+        time = aimed.duration + missed * accuracy.correction_time
         left = 0.4 * np.hypot(np.minimum(aimed.dead_zone, aimed.spread), accuracy.resolution)
         return np.log([time, left, 0.9 * aimed.duration, 0.4 * aimed.spread, time + 0.2])
 
@@ -66,15 +66,15 @@ def population():
 
 
 def person(population, weights, traits, count=200):
-    return {k: (np.exp(population.expected(w, traits)), count) for k, w in zip((1, 3, 5), weights, strict=True)}
+    return {k: (np.exp(population.emulate_measures(w, traits)), count) for k, w in zip((1, 3, 5), weights, strict=True)}
 
 
 def test_weights_and_traits_are_found_again(population):
     weights, traits = np.log([2e3, 2e4, 2e5]), np.log([700.0, 0.016, 0.24, 8e-4, 0.12])
     one = estimate_person(population, person(population, weights, traits), (1, 3, 5), WIDE_PRIOR)
     for k, weight in zip((1, 3, 5), weights, strict=True):
-        assert population.expected(one.weight(k), one.traits) == pytest.approx(
-            population.expected(weight, traits), abs=0.06
+        assert population.emulate_measures(one.weight(k), one.traits) == pytest.approx(
+            population.emulate_measures(weight, traits), abs=0.06
         )
     assert one.traits[1] == pytest.approx(traits[1], abs=0.15)
     assert np.all(np.abs(one.weights - weights) < 2.0 * np.sqrt(np.diag(one.covariance)[:3]))
@@ -96,12 +96,12 @@ def test_others_are_the_prior_once_there_are_three(population):
     traits = np.log([700.0, 0.016, 0.24, 8e-4, 0.12])
     seen = {f"P{i}": person(population, np.log([2e3, 2e4, 2e5]) + 0.1 * i, traits) for i in range(4)}
     del seen["P3"][1]
-    found_ = estimate_people(population, seen, (1, 3, 5), WIDE_PRIOR)
-    others = prior_from_others([found_[name] for name in ("P0", "P1", "P2")], WIDE_PRIOR)
+    estimates = estimate_people(population, seen, (1, 3, 5), WIDE_PRIOR)
+    others = prior_from_others([estimates[name] for name in ("P0", "P1", "P2")], WIDE_PRIOR)
     assert np.all(others.spread < WIDE_PRIOR.spread)
-    assert prior_from_others([found_["P0"]] * 2, WIDE_PRIOR) is WIDE_PRIOR
+    assert prior_from_others([estimates["P0"]] * 2, WIDE_PRIOR) is WIDE_PRIOR
     # What was not seen of the last one is what the others are like.
-    assert found_["P3"].weights[0] == pytest.approx(others.mean[0], abs=0.3)
+    assert estimates["P3"].weights[0] == pytest.approx(others.mean[0], abs=0.3)
 
 
 def test_measured_of_few_movements_is_unknown_and_of_more_what_it_says():
@@ -132,7 +132,7 @@ def test_virtual_people_with_smaller_dead_zones_are_slower_and_end_closer():
 def test_outcomes_are_learnt_from_movements():
     rig = elbow_people()
     someone = draw_people(rig, np.random.default_rng(1), count=1)[0]
-    outcomes = OutcomeEmulator.simulated(rig, someone, points=32, count=8)
+    outcomes = OutcomeEmulator.fit_to_simulation(rig, someone, points=32, count=8)
     quick, slow = (np.exp(outcomes(Aim(t, 0.01, 0.02), ACCURACY)) for t in (0.3, 0.9))
     assert quick[2] < 0.6 * slow[2]
     assert np.isfinite([quick, slow]).all()

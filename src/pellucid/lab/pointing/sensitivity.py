@@ -1,10 +1,11 @@
-r"""What decides a prediction: elementary effects of people, robot and law, by Morris's method [1]_.
+r"""Sensitivity of a prediction to people, robot and law: elementary effects by Morris's method [1]_.
 
-From a random point of a grid one factor after another takes a step; what an effect of a law changes by, over the step,
-is that factor's elementary effect there. Their mean size over such trajectories, :math:`\mu^*`, is how much it matters
-[2]_, their scatter, :math:`\sigma`, how much that hangs on all the others. A trajectory takes one run more than there
-are factors, where variances shared out after Sobol would take some hundred times as many. One factor is chance alone,
-the seed of all noise: what does not exceed it shows nothing.
+A trajectory begins at a random point of a grid, and one factor after another takes a step. The change of a law's
+effect, over the size of the step, is the factor's elementary effect at that point. The mean size of elementary effects
+over trajectories, :math:`\mu^*`, measures the importance of a factor [2]_; their standard deviation, :math:`\sigma`,
+measures interactions with other factors and nonlinearity. A trajectory needs one run more than there are factors;
+Sobol's decomposition of variance would need some hundred times as many. One factor is chance: the seed of all noise. A
+factor whose :math:`\mu^*` does not exceed that of chance has no visible effect.
 
 .. [1] M. D. Morris, "Factorial sampling plans for preliminary computational experiments", Technometrics 33(2), 1991.
 .. [2] F. Campolongo, J. Cariboni, A. Saltelli, "An effective screening design for sensitivity analysis of large
@@ -38,16 +39,27 @@ from .rig import PointingRig
 from .session import CONTROL_CONDITION
 
 GRID_LEVEL_COUNT = 4
-"""Of the grid, in each factor; friction has a robot of its own at each, which is identified there."""
+"""Number of levels of each factor on the grid; a robot is identified for each level of friction."""
 
 MIDDLE_80_PERCENT_Z = 1.2816
-"""Standard deviations either way that hold 80 % of people."""
+"""Normal quantile z for which the interval of plus and minus z standard deviations contains 80 % of people."""
 
 CHANCE_FACTOR = "chance"
-FRICTION_FACTOR, UPWARD_EXPONENT_FACTOR, DOWNWARD_EXPONENT_FACTOR = "friction", "k upwards", "k downwards"
+"""Name of the factor that changes nothing but the seed of all noise."""
+
+FRICTION_FACTOR = "friction"
+"""Name of the factor that multiplies the robot's friction."""
+
+UPWARD_EXPONENT_FACTOR = "k upwards"
+"""Name of the factor that is the exponent of equation 8 for upward movements."""
+
+DOWNWARD_EXPONENT_FACTOR = "k downwards"
+"""Name of the factor that is the exponent of equation 8 for downward movements."""
 
 SCREENED_INDICES = ("duration_median", "vmax", "emg_per_acc")
-"""Of `INDICES`, whose changes are looked at; means of durations that were cut off would show where."""
+"""Indices of `INDICES` that are screened.
+
+The mean duration is not among them: where movements are cut off, it would depend on the time of the cut."""
 
 PEOPLE_FACTORS = (
     ("stiffness", "muscles.stiffness"),
@@ -64,22 +76,24 @@ PEOPLE_FACTORS = (
     ("tolerance", "vision.tolerance_share"),
     ("strap", "robot.strap_stiffness"),
 )
-"""What may decide, and where a rig's file says it; each model of people has some of them."""
+"""Factors of people: name, and dotted path of the constant in a rig's file.
+
+Each model of people has some of these constants."""
 
 
 @dataclass(frozen=True)
 class Factor:
-    """Something that may decide, and between what it lies."""
+    """A factor of the screening and its range."""
 
     name: str
-    low: float  # low, high: In the unit of the rig's file
-    high: float
-    path: str = ""  # Of the constant in the rig's file
-    spread: bool = False  # Whether people differ in it, by the file: not while it is moved
-    logarithmic: bool = False
+    low: float  # lower end of the range, in the unit of the rig's file
+    high: float  # upper end of the range, in the unit of the rig's file
+    path: str = ""  # dotted path of the constant in the rig's file; "" for a factor that is no constant
+    spread: bool = False  # whether people differ in it by the file; during the screening they do not
+    logarithmic: bool = False  # whether levels are spaced evenly in the logarithm
 
     def at(self, level: float) -> float:
-        """Its value at a level from 0 to 1."""
+        """Return the factor's value at a level from 0 to 1."""
         if self.logarithmic:
             return float(self.low * (self.high / self.low) ** level)
         return float(self.low + level * (self.high - self.low))
@@ -87,27 +101,29 @@ class Factor:
 
 @dataclass(frozen=True, eq=False)
 class Sensitivity:
-    """How much each factor matters to each effect: 100 ln(worn over control), over the factor's whole range."""
+    """Elementary effects of each factor on each effect, 100 ln(worn / control), over the factor's whole range."""
 
     factors: tuple[Factor, ...]
     laws: tuple[str, ...]
     indices: tuple[str, ...]
-    strength: np.ndarray  # (laws, indices, factors) Mean size of elementary effects, mu*
-    half_width: np.ndarray  # (laws, indices, factors) Of its 95 % interval, bootstrapped over trajectories
-    direction: np.ndarray  # (laws, indices, factors) Mean of elementary effects, mu
-    scatter: np.ndarray  # (laws, indices, factors) Their standard deviation, sigma
-    complete: np.ndarray  # (laws, indices) Trajectories that count: movements came to an end on their every point
-    runs: int
+    strength: np.ndarray  # (laws, indices, factors) mean size of elementary effects, mu*
+    half_width: np.ndarray  # (laws, indices, factors) half width of its 95 % interval, bootstrapped over trajectories
+    direction: np.ndarray  # (laws, indices, factors) mean of elementary effects, mu
+    scatter: np.ndarray  # (laws, indices, factors) standard deviation of elementary effects, sigma
+    complete: np.ndarray  # (laws, indices) number of trajectories with movements that ended at every point
+    runs: int  # number of simulated points
 
-    def of(self, law: str, index: str) -> dict[str, float]:
-        """mu* by factor, largest first."""
+    def strengths_of(self, law: str, index: str) -> dict[str, float]:
+        """Return mu* by factor, largest first."""
         found = self.strength[self.laws.index(law), self.indices.index(index)]
         return {self.factors[i].name: float(found[i]) for i in np.argsort(-found)}
 
 
 def list_factors(rig: PointingRig, friction: tuple[float, float] = FRICTION_SCALE_RANGE) -> tuple[Factor, ...]:
-    """What may decide in a rig: its people's constants, where 80 % of people lie or from half to double, the robot's
-    friction over its own, k of equation 8, and chance."""
+    """Return the factors of a rig: constants of its people, friction of the robot, exponents of equation 8, and chance.
+
+    The range of a constant contains 80 % of people; where people do not differ, it is from half to double.
+    """
     found = []
     for name, path in PEOPLE_FACTORS:
         table, key = path.split(".")
@@ -139,7 +155,33 @@ def screen_factors(
     executor: Executor | None = None,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> Sensitivity:
-    """Elementary effects of `factors` on what each law changes, of so many `people` who make so many `movements`.
+    """Return the elementary effects of factors on the effect of each law.
+
+    Parameters
+    ----------
+    rig : PointingRig
+    trajectories : int
+        Number of trajectories; each takes one run more than there are factors.
+    people : int
+        Number of people in each run.
+    movements : int
+        Number of movements of a person in each condition; even.
+    controllers : mapping, optional
+        Names of controllers by the name of their condition; `PUBLISHED_CONTROLLERS` if left out.
+    factors : sequence of Factor, optional
+        Factors; those of `list_factors` if left out.
+    seed : int
+        Seed of every random draw.
+    workers : int, optional
+        Number of processes; as many as processors if left out.
+    executor : concurrent.futures.Executor, optional
+        Executor that runs the jobs in place of these processes.
+    on_progress : callable, optional
+        Function that is called with a text and the share of the work that is done, 0 to 1.
+
+    Returns
+    -------
+    Sensitivity
 
     Raises
     ------
@@ -149,24 +191,28 @@ def screen_factors(
     sample, analyze = _salib()
     tell = on_progress or (lambda text, share: None)
     factors = tuple(factors or list_factors(rig))
-    named = dict(controllers or PUBLISHED_CONTROLLERS)
+    controllers = dict(controllers or PUBLISHED_CONTROLLERS)
     problem = {"num_vars": len(factors), "names": [f.name for f in factors], "bounds": [[0.0, 1.0]] * len(factors)}
     points = sample.sample(problem, trajectories, num_levels=GRID_LEVEL_COUNT, seed=seed)
     scales = [_value(factors, point, FRICTION_FACTOR, 1.0) for point in points]
-    ladder = sorted(set(scales))
-    tell(f"{len(ladder)} robots are identified", 0.0)
-    robots = [scale_friction(rig.robot, scale) for scale in ladder]
+    friction_scales = sorted(set(scales))
+    tell(f"{len(friction_scales)} robots are identified", 0.0)
+    robots = [scale_friction(rig.robot, scale) for scale in friction_scales]
     cards = dict(
-        zip(ladder, ordered_results([(identify_cards, r) for r in robots], workers, executor=executor), strict=True)
+        zip(
+            friction_scales,
+            ordered_results([(identify_cards, r) for r in robots], workers, executor=executor),
+            strict=True,
+        )
     )
     jobs = [
-        (_effects, rig, factors, point, cards[scale], people, movements, named, seed)
+        (_effects, rig, factors, point, cards[scale], people, movements, controllers, seed)
         for point, scale in zip(points, scales, strict=True)
     ]
     found = np.array(
         ordered_results(jobs, workers, lambda done, of: tell(f"{done} of {of} points", 0.1 + 0.9 * done / of), executor)
     )
-    shape = (len(named), len(SCREENED_INDICES), len(factors))
+    shape = (len(controllers), len(SCREENED_INDICES), len(factors))
     strength, half, direction, scatter = (np.full(shape, np.nan) for _ in range(4))
     complete = np.zeros(shape[:2], int)
     for i, j in np.ndindex(shape[:2]):
@@ -175,15 +221,16 @@ def screen_factors(
         if not ended.any():
             continue
         kept = np.repeat(ended, len(factors) + 1)
-        told = analyze.analyze(problem, points[kept], found[kept, i, j], num_levels=GRID_LEVEL_COUNT, seed=seed)
+        effects = analyze.analyze(problem, points[kept], found[kept, i, j], num_levels=GRID_LEVEL_COUNT, seed=seed)
         for into, name in ((strength, "mu_star"), (half, "mu_star_conf"), (direction, "mu"), (scatter, "sigma")):
-            into[i, j] = told[name]
+            into[i, j] = effects[name]
     return Sensitivity(
-        factors, tuple(named), SCREENED_INDICES, strength, half, direction, scatter, complete, len(points)
+        factors, tuple(controllers), SCREENED_INDICES, strength, half, direction, scatter, complete, len(points)
     )
 
 
 def _value(factors: Sequence[Factor], point: np.ndarray, name: str, otherwise: float) -> float:
+    """Return the value of a factor at a point of the grid, or `otherwise` if there is no factor of that name."""
     return next((f.at(u) for f, u in zip(factors, point, strict=True) if f.name == name), otherwise)
 
 
@@ -197,8 +244,10 @@ def _effects(
     controllers: Mapping[str, str],
     seed: int,
 ) -> np.ndarray:
-    """100 ln(worn over control), shape (laws, indices), at one point of the grid; of people, movements and noise that
-    are the same at every other but for chance."""
+    """Return 100 ln(worn / control) at one point of the grid, shape (laws, indices).
+
+    People, movements and noise are the same at every point, except that the factor of chance changes the noise.
+    """
     set_to = {f.path: f.at(u) for f, u in zip(factors, point, strict=True) if f.path}
     set_to |= {f"{f.path}_spread": 0.0 for f in factors if f.spread}
     robot = scale_friction(rig.robot, _value(factors, point, FRICTION_FACTOR, 1.0))
@@ -217,11 +266,12 @@ def _effects(
 
 
 def is_salib_installed() -> bool:
-    """Whether the package that draws trajectories is there."""
+    """Return whether SALib, which draws trajectories, is installed."""
     return find_spec("SALib") is not None
 
 
 def _salib() -> tuple[ModuleType, ModuleType]:
+    """Return SALib's modules that draw and analyse trajectories; raise a PellucidError if SALib is not installed."""
     try:
         from SALib.analyze import morris as analyze
         from SALib.sample import morris as sample

@@ -18,6 +18,7 @@ from ...models.slider_card import SliderCard
 from ..drive_reading import EXACT_READING, DriveReading
 from ..pointing.people import Person
 from ..pointing.rig import PointingRig
+from ..pointing.session import EMG_GAIN_SD, MIN_REACTION_S
 
 LAWS: tuple[str, ...] = (*ELBOW_CONTROLLERS, "compensation")
 """Names of all laws for the elbow robot: the controllers by name, and the compensation of a joint."""
@@ -180,7 +181,7 @@ def make_worn_robot(rig: PointingRig, person: Person, cards: Mapping[str, Slider
     tasks = []
     for lift in amplitudes:
         for target, amplitude in ((reference + lift, lift), (reference, -lift)):
-            reaction = max(planning["reaction"][0] + planning["reaction"][1] * rng.standard_normal(), 0.12)
+            reaction = max(planning["reaction"][0] + planning["reaction"][1] * rng.standard_normal(), MIN_REACTION_S)
             duration = rng.uniform(*DURATION_RANGE_S)
             slot = max(rng.uniform(*SLOT_RANGE_S), reaction + duration + 0.2)
             reach = planning["reach"] + planning["reach_spread"] * rng.standard_normal()
@@ -189,7 +190,7 @@ def make_worn_robot(rig: PointingRig, person: Person, cards: Mapping[str, Slider
     error = sensor["offset"] * rng.standard_normal() + sensor["noise"] * rng.standard_normal(NOISE_PERIOD_COUNT)
     tremor = rng.uniform(*TREMOR_AMPLITUDE_RANGE_NM), 2.0 * np.pi * rng.uniform(*TREMOR_FREQUENCY_RANGE_HZ)
     return WornRobot(
-        rig, person, cards, np.array(tasks), noise, error, tremor, 1.0 + 0.1 * rng.standard_normal(2), seed
+        rig, person, cards, np.array(tasks), noise, error, tremor, 1.0 + EMG_GAIN_SD * rng.standard_normal(2), seed
     )
 
 
