@@ -7,7 +7,7 @@ import pytest
 
 from pellucid.papers.figure import VERDICT_WORDS
 from pellucid.papers.hill.paper import HillPaper
-from pellucid.papers.hill.torque import BASELINES
+from pellucid.papers.hill.torque import BASELINE_FAMILIES
 from pellucid.papers.reproduce import reproduce
 from pellucid.studies.results import read_rows
 
@@ -32,7 +32,7 @@ def test_results_have_the_ids_others_rely_on(rows):
         for who in ("mean", "S4")
         for tail in ("", ".truncated")
     ]
-    wanted += [f"hill.rmse.truth.{name}" for name in BASELINES]
+    wanted += [f"hill.rmse.truth.{name}" for name in BASELINE_FAMILIES]
     for name in wanted:
         assert np.isfinite(rows[name].value), name
         assert rows[name].unit == "N*m", name

@@ -35,7 +35,6 @@ KINDS = ("one-word constants", "fragments", "constants on one line")
 
 ALLOWED: dict[str, tuple[int, int, int]] = {
     "lab": (87, 48, 19),
-    "papers": (54, 35, 9),
 }
 """Numbers of `KINDS` that a room still has; a room that is not here has none."""
 
