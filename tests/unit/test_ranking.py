@@ -13,6 +13,7 @@ from pellucid.ranking.ranking_page import write_ranking
 from pellucid.ranking.strategies import (
     CONTROLLER_FIELDS,
     POINTING_TASK,
+    RANKED_STRATEGIES,
     SIMPLE_RIVALS,
     SWING_TASK,
     WALKING_TASK,
@@ -44,6 +45,12 @@ def test_every_controller_of_either_joint_is_ranked():
     )
     assert all(sensors_read(task, name) for task in CONTROLLER_FIELDS for name in strategies_of_task(task))
     assert all(set(rivals) <= set(strategies_of_task(task)) for task, rivals in SIMPLE_RIVALS.items())
+
+
+def test_a_strategy_has_words_and_no_name_of_a_constant():
+    words = [word for one in RANKED_STRATEGIES for word in (one.name, *one.senses)]
+    assert not [word for word in words if "_" in word]
+    assert sensors_read(POINTING_TASK, "emg") == "encoder, EMG"
 
 
 def test_the_order_is_that_of_mean_ranks_and_the_far_are_told_from_the_first():

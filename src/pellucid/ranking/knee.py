@@ -17,7 +17,7 @@ from .strategies import SWING_TASK, WALKING_TASK, strategies_of_task
 from .tried import ControllerTrial, given_and_taken_power
 
 TRIAL_DURATION_S = 12.0
-"""Duration of the swings and of the walk [s]; the first `swings.SETTLING` seconds are not scored."""
+"""Duration of the swings and of the walk [s]; the first `swings.SETTLING_TIME_S` of them are not scored."""
 
 FIRST_WEARER = 400
 """Number of the first drawn wearer of seed 1. No constant was chosen on these wearers."""
