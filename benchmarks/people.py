@@ -12,10 +12,10 @@ import time
 
 import numpy as np
 
-from pellucid.lab.pointing.conditions import Conditions, identified_cards, published_laws
+from pellucid.lab.pointing.conditions import Conditions, identify_cards, published_conditions
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import PointingRig, elbow_participants, elbow_people
-from pellucid.lab.pointing.session import CONTROL, point
+from pellucid.lab.pointing.session import CONTROL_CONDITION, simulate_session
 
 from ._size import sized
 
@@ -41,7 +41,7 @@ def study_seconds(rigs: tuple[PointingRig, ...], conditions: Conditions, seed: i
                 law = None if make is None else make(same[k], same[k].slider(rigs[k]))
                 rng = np.random.default_rng([seed, i, j])
                 start = time.process_time()
-                point(rigs[k], same[k], name, law, rng)
+                simulate_session(rigs[k], same[k], name, law, rng)
                 taken[k, j] += time.process_time() - start
     return taken
 
@@ -49,9 +49,9 @@ def study_seconds(rigs: tuple[PointingRig, ...], conditions: Conditions, seed: i
 def run() -> list[dict]:
     """Rows of name, value, unit, note."""
     rigs = elbow_people(), elbow_people().modelled("optimal"), elbow_participants()
-    conditions = published_laws(identified_cards(rigs[0].robot), EXPONENTS)
+    conditions = published_conditions(identify_cards(rigs[0].robot), EXPONENTS)
     taken = study_seconds(rigs, conditions)
-    free = list(conditions).index(CONTROL)
+    free = list(conditions).index(CONTROL_CONDITION)
     whole = taken.sum(axis=1)
     rows = [{"name": "people: the same, frozen ones", "value": float(whole[-1]), "unit": "s", "note": "one run"}]
     for name, of, alone in zip(("people", "people by optimal feedback"), whole, taken[:, free], strict=False):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from pellucid.papers.able.predicted import EMG_ORDER, Drawn, models_of_people, predict_paper
+from pellucid.papers.able.predicted import EMG_RANK_SUM, Drawn, models_of_people, predict_paper
 from pellucid.papers.printed import printed
 from pellucid.studies.results import ResultRow
 
@@ -28,7 +28,7 @@ def able_rows(drawn: Drawn | None = None) -> Iterator[ResultRow]:
     yield _row("interval_score", made.interval_score(), "%", "duration and peak velocity; small is good")
     yield _row("interval_score_no_change", made.interval_score(no_change=True), "%", "of saying that nothing changes")
     for e in made.effects:
-        unit = "1" if e.index == EMG_ORDER else "%"
+        unit = "1" if e.index == EMG_RANK_SUM else "%"
         said = f"{e.low:.1f} to {e.high:.1f}, the paper {e.printed:.1f}: {'inside' if e.inside else 'outside'}"
         yield _row(f"{e.index}.{e.law.lower()}", e.middle, unit, said)
         yield _row(f"{e.index}.{e.law.lower()}.width", e.high - e.low, unit, "of the 80 % interval")

@@ -22,12 +22,22 @@ from pellucid.assessment.mixed_model import mixed_model
 from pellucid.assessment.signed_rank import signed_rank
 
 SEED = 20261123
-MARGIN = Margin.of_ratio(0.10)
-PEOPLE, SPREAD, SCATTER = 12, 0.05, 0.12
-"""Participants, standard deviation of their changes and of movements, of logarithms."""
+"""Seed of every random draw."""
+
+CHANGE_MARGIN = Margin.of_ratio(0.10)
+"""Margin within which a change counts as transparent: 10 % of the control condition."""
+
+PEOPLE_COUNT = 12
+"""Number of participants of a simulated study."""
+
+CHANGE_LOG_SD = 0.05
+"""Standard deviation of people's changes, in logarithms."""
+
+MOVEMENT_LOG_SD = 0.12
+"""Standard deviation of a person's movements, in logarithms."""
 
 
-def by_model(people: int, spread: float, studies: int, change: float = MARGIN.high) -> tuple[float, float]:
+def by_model(people: int, spread: float, studies: int, change: float = CHANGE_MARGIN.high) -> tuple[float, float]:
     """Share of studies in which a mixed model says "within", and in which it has no answer: 8 movements of a person and
     condition, of two amplitudes, a fifth of them missing."""
     rng = np.random.default_rng([SEED, people, round(1e3 * spread), round(1e3 * change)])
@@ -37,11 +47,11 @@ def by_model(people: int, spread: float, studies: int, change: float = MARGIN.hi
     for _ in range(studies):
         own = change + spread * rng.standard_normal(people)
         level = 0.2 * rng.standard_normal(people)
-        y = level[who] + own[who] * under + 0.3 * far + SCATTER * rng.standard_normal(len(who))
+        y = level[who] + own[who] * under + 0.3 * far + MOVEMENT_LOG_SD * rng.standard_normal(len(who))
         kept = rng.uniform(size=len(who)) > 0.2
         covariates = {"amplitude": far, "amplitude x condition": (far - 0.5) * (under - 0.5), "trial": trial}
         found = mixed_model(y[kept], who[kept], under[kept], {n: each[kept] for n, each in covariates.items()})
-        within += found.equivalence(MARGIN).verdict == "within"
+        within += found.equivalence(CHANGE_MARGIN).verdict == "within"
         silent += bool(found.trouble)
     return within / studies, silent / studies
 
@@ -49,11 +59,11 @@ def by_model(people: int, spread: float, studies: int, change: float = MARGIN.hi
 def of_period(studies: int, change: float, per_period: float, first: int) -> tuple[float, float]:
     """Share that says "transparent" with the period reckoned with, and without: so many people had control `first`."""
     rng = np.random.default_rng([SEED, first, round(1e3 * change), round(1e3 * abs(per_period))])
-    later = np.where(np.arange(PEOPLE) < first, 1.0, -1.0)
+    later = np.where(np.arange(PEOPLE_COUNT) < first, 1.0, -1.0)
     said = plain = 0
     for _ in range(studies):
-        d = change + per_period * later + SPREAD * rng.standard_normal(PEOPLE)
-        own, told = equivalence(d, MARGIN), period_effect(d, later, MARGIN)
+        d = change + per_period * later + CHANGE_LOG_SD * rng.standard_normal(PEOPLE_COUNT)
+        own, told = equivalence(d, CHANGE_MARGIN), period_effect(d, later, CHANGE_MARGIN)
         doubts = {"duration": (Doubt("period", told.p_value, told.without, always=True),)}
         said += certificate_from_tests({"duration": own}, 0.05, doubts).verdict == PASS
         plain += own.verdict == "within"
@@ -68,15 +78,15 @@ def of_learning(studies: int, mean: float, end: float) -> tuple[float, float]:
     course = mean + (end - mean) * 1.5 * np.linspace(-1.0, 1.0, 30)
     said = plain = 0
     for _ in range(studies):
-        own = SPREAD * rng.standard_normal(PEOPLE)
-        base = SCATTER * rng.standard_normal((PEOPLE, 30))
-        robot = own[:, None] + course + SCATTER * rng.standard_normal((PEOPLE, 30))
+        own = CHANGE_LOG_SD * rng.standard_normal(PEOPLE_COUNT)
+        base = MOVEMENT_LOG_SD * rng.standard_normal((PEOPLE_COUNT, 30))
+        robot = own[:, None] + course + MOVEMENT_LOG_SD * rng.standard_normal((PEOPLE_COUNT, 30))
         d = robot.mean(axis=1) - base.mean(axis=1)
         parts = [[thirds(row, [0] * 30) for row in each] for each in (base, robot)]
         drift, late = (np.array([[getattr(t, what) for t in each] for each in parts]) for what in ("drift", "last"))
         p = signed_rank(drift[1] - drift[0]).p_value
-        test = equivalence(d, MARGIN)
-        doubt = Doubt("learning", p, equivalence(d + late[1] - late[0], MARGIN))
+        test = equivalence(d, CHANGE_MARGIN)
+        doubt = Doubt("learning", p, equivalence(d + late[1] - late[0], CHANGE_MARGIN))
         said += certificate_from_tests({"duration": test}, 0.05, {"duration": (doubt,)}).verdict == PASS
         plain += test.verdict == "within"
     return said / studies, plain / studies
@@ -87,7 +97,7 @@ def of_failures(studies: int, cap: float | None) -> tuple[float, float]:
     is not seen is left out, or taken for all of it. The slowest fifth of the robot's movements gives no value, or all
     are cut off at `cap` times control's median [1]."""
     rng = np.random.default_rng([SEED, 5, cap is None])
-    who = [f"P{i}" for i in range(PEOPLE)]
+    who = [f"P{i}" for i in range(PEOPLE_COUNT)]
 
     def change(own: np.ndarray, base: np.ndarray) -> np.ndarray:
         return np.log(own / base)
@@ -96,7 +106,7 @@ def of_failures(studies: int, cap: float | None) -> tuple[float, float]:
     for _ in range(studies):
         seen, naive, failed = [], [], []
         for i, person in enumerate(who):
-            pace, own = 0.15 * rng.standard_normal(), MARGIN.high + SPREAD * rng.standard_normal()
+            pace, own = 0.15 * rng.standard_normal(), CHANGE_MARGIN.high + CHANGE_LOG_SD * rng.standard_normal()
             for condition, more in (("Ctrl", 0.0), ("FC", own)):
                 seconds = np.exp(pace + more + 0.25 * rng.standard_normal(12))
                 slow = np.exp(pace + more + 0.25 * 0.8416) if cap is None else cap * np.exp(pace)
@@ -110,13 +120,13 @@ def of_failures(studies: int, cap: float | None) -> tuple[float, float]:
                         naive.append(MovementDuration(person, condition, (None, "up"), shown, True))
         setting = who, ("Ctrl", "FC"), "Ctrl", "FC", change
         low, high = lasting_bounds(seen, *setting)
-        test = equivalence(low, MARGIN, upper=high)
+        test = equivalence(low, CHANGE_MARGIN, upper=high)
         doubts = {}
         if failed:
             low, high = lasting_bounds(seen + failed, *setting)
-            doubts["duration"] = (Doubt("left out", 0.0, equivalence(low, MARGIN, upper=high), always=True),)
+            doubts["duration"] = (Doubt("left out", 0.0, equivalence(low, CHANGE_MARGIN, upper=high), always=True),)
         said += certificate_from_tests({"duration": test}, 0.05, doubts).verdict == PASS
-        plain += equivalence(lasting_bounds(naive, *setting)[0], MARGIN).verdict == "within"
+        plain += equivalence(lasting_bounds(naive, *setting)[0], CHANGE_MARGIN).verdict == "within"
     return said / studies, plain / studies
 
 
@@ -134,12 +144,13 @@ def of_curves(studies: int, people: int) -> float:
 
 def jobs(studies: int) -> list[tuple]:
     """For `ordered_results`, in the order in which `rows` reads them."""
-    few, third = studies // 8, MARGIN.high / 3.0
+    few, third = studies // 8, CHANGE_MARGIN.high / 3.0
     return [
-        (by_model, 8, SPREAD, studies // 2), (by_model, 16, SPREAD, few), (by_model, 8, 0.0, few),
-        (by_model, 12, SPREAD, few, third),
-        (of_period, studies, MARGIN.high, -0.4 * MARGIN.high, 9), (of_period, studies, third, 0.0, 6),
-        (of_learning, studies, 0.6 * MARGIN.high, 1.3 * MARGIN.high), (of_learning, studies, third, third),
+        (by_model, 8, CHANGE_LOG_SD, studies // 2), (by_model, 16, CHANGE_LOG_SD, few), (by_model, 8, 0.0, few),
+        (by_model, 12, CHANGE_LOG_SD, few, third),
+        (of_period, studies, CHANGE_MARGIN.high, -0.4 * CHANGE_MARGIN.high, 9), (of_period, studies, third, 0.0, 6),
+        (of_learning, studies, 0.6 * CHANGE_MARGIN.high, 1.3 * CHANGE_MARGIN.high),
+        (of_learning, studies, third, third),
         (of_failures, studies // 2, None), (of_failures, studies // 2, 1.08),
         (of_curves, studies, 6),
     ]  # fmt: skip

@@ -13,11 +13,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-MOST_SECONDS, MOST_BYTES = 10.0, 1e9
-"""Above which a trial is over its limit [s], [B]."""
+MAX_TRIAL_S = 10.0
+"""Longest time of a trial within its limit [s]."""
 
-PATIENCE = 120.0
-"""After which a trial that has not come back is killed [s]; processors are shared with others."""
+MAX_TRIAL_BYTES = 1e9
+"""Largest memory of a trial within its limit [B]."""
+
+KILL_AFTER_S = 120.0
+"""Time after which a trial that has not returned is killed [s]. It is long because processors are shared."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,7 @@ class Outcome:
     @property
     def over(self) -> bool:
         """Whether it took longer or more than it may."""
-        return self.seconds > MOST_SECONDS or self.bytes > MOST_BYTES
+        return self.seconds > MAX_TRIAL_S or self.bytes > MAX_TRIAL_BYTES
 
 
 def tried(cases: Sequence[Any], run: Callable[[Any], str], workers: int = 2) -> list[Outcome]:
@@ -50,7 +53,7 @@ def tried(cases: Sequence[Any], run: Callable[[Any], str], workers: int = 2) -> 
                 found[i] = Outcome(_shown(cases[i]), said, seconds, held)
                 worker.share.remove(i)
                 worker.since = time.monotonic()
-            elif worker.pipe in ready or time.monotonic() - worker.since > PATIENCE:
+            elif worker.pipe in ready or time.monotonic() - worker.since > KILL_AFTER_S:
                 running.remove(worker)
                 os.kill(worker.pid, signal.SIGKILL)
                 worker.pipe.close()
@@ -59,7 +62,7 @@ def tried(cases: Sequence[Any], run: Callable[[Any], str], workers: int = 2) -> 
                     continue
                 took = time.monotonic() - worker.since
                 first = worker.share[0]
-                said, late = f"died with status {status}", took > PATIENCE
+                said, late = f"died with status {status}", took > KILL_AFTER_S
                 found[first] = Outcome(_shown(cases[first]), said, took if late else 0.0, 0.0, died=not late)
                 if worker.share[1:]:
                     running.append(_start(cases, run, worker.share[1:]))

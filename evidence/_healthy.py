@@ -11,7 +11,7 @@ import numpy as np
 
 Swing = Mapping[str, np.ndarray]
 
-TOML = """name = "bench"
+BENCH_STUDY_TEXT = """name = "bench"
 notes = ["a bench"]
 
 [rig]
@@ -51,6 +51,7 @@ file = "recordings/sweep{ending}"
 protocol = "multisine"
 use = "fit"
 """
+"""Text of the study.toml of a healthy study of a bench."""
 
 
 def swing(n: int = 2000, fs: float = 200.0) -> Swing:
@@ -144,16 +145,18 @@ def _xdf(path: Path, swing: Swing) -> None:
     path.write_bytes(made + chunk(6, head + foot.encode()))
 
 
-PLAIN = ("t", "q", "i")
+PLAIN_COLUMNS = ("t", "q", "i")
+"""Names of the columns of time, position and current in formats without units."""
+
 WRITERS: Mapping[str, tuple[tuple[Callable[[Path, Swing], None], tuple[str, str, str]], ...]] = {
-    ".csv": ((_table(","), PLAIN),),
-    ".tsv": ((_table("\t"), PLAIN),),
-    ".txt": ((_table(" "), PLAIN),),
-    ".dat": ((_table(";"), PLAIN), (_storage, PLAIN)),
-    ".json": ((_json, PLAIN),),
-    ".mat": ((_mat, PLAIN), (_mat_hdf5, PLAIN)),
-    ".sto": ((_storage, PLAIN),),
-    ".mot": ((_storage, PLAIN),),
+    ".csv": ((_table(","), PLAIN_COLUMNS),),
+    ".tsv": ((_table("\t"), PLAIN_COLUMNS),),
+    ".txt": ((_table(" "), PLAIN_COLUMNS),),
+    ".dat": ((_table(";"), PLAIN_COLUMNS), (_storage, PLAIN_COLUMNS)),
+    ".json": ((_json, PLAIN_COLUMNS),),
+    ".mat": ((_mat, PLAIN_COLUMNS), (_mat_hdf5, PLAIN_COLUMNS)),
+    ".sto": ((_storage, PLAIN_COLUMNS),),
+    ".mot": ((_storage, PLAIN_COLUMNS),),
     ".c3d": ((_c3d, ("analog.time", "q", "i")),),
     ".edf": ((_edf, ("time", "q", "i")),),
     ".bdf": ((_edf, ("time", "q", "i")),),
@@ -176,12 +179,12 @@ def healthy(folder: Path, n: int = 2000) -> Iterator[Path]:
             study = folder / f"{ending[1:]}-{number}"
             (study / "recordings").mkdir(parents=True)
             write(study / "recordings" / f"sweep{ending}", known)
-            said = TOML.format(ending=ending, time=time, position=position, current=current)
+            said = BENCH_STUDY_TEXT.format(ending=ending, time=time, position=position, current=current)
             (study / "study.toml").write_text(said, encoding="utf-8")
             yield study
 
 
-MUSCLE = """name = "muscle"
+MUSCLE_STUDY_TEXT = """name = "muscle"
 
 [rig]
 joint = "muscle"
@@ -202,12 +205,13 @@ optimal_fibre_length = "17 mm"
 tendon_slack_length = "17 mm"
 pennation = "6 deg"
 """
+"""Text of the study.toml of a healthy study of an isolated muscle."""
 
 
 def muscle_study(folder: Path) -> None:
     """A muscle whose length is imposed, in two recordings: what `calibrate` can be asked without EMG."""
     (folder / "recordings").mkdir(parents=True)
-    t, said = np.arange(800) / 200.0, MUSCLE
+    t, said = np.arange(800) / 200.0, MUSCLE_STUDY_TEXT
     x = np.sin(2 * np.pi * 1.3 * t)
     _table(",")(folder / "recordings" / "x.csv", {"t": t, "x": x})
     for name, use, amplitude in (("small", "fit", 0.1), ("large", "validate", 0.5)):

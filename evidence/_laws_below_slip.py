@@ -18,23 +18,29 @@ from pellucid.control.control_law import ControlLaw
 from pellucid.control.elbow_controllers import BEST_CONTROLLER, DITHERED_BODY, transparent_and
 from pellucid.control.transparent_laws import with_dither
 from pellucid.lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
-from pellucid.lab.pointing.conditions import TUNING_SEED, chosen_exponents, condition_of, identified_cards, offered
+from pellucid.lab.pointing.conditions import (
+    TUNING_SEED,
+    choose_exponents,
+    controller_builder,
+    identify_cards,
+    offered_controller,
+)
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.lab.pointing.session import Unpowered
 from pellucid.models.slider_card import SliderCard
-from pellucid.papers.able.law_comparison import REFERENCE, TORQUE_SEED, LawOnRobot, try_law
+from pellucid.papers.able.law_comparison import PEOPLE_SEED, REFERENCE_LAW, LawOnRobot, try_law
 from pellucid.studies.results import ResultRow
 
 TRAVELS = sized({"0mrad": 0.0, "0_3mrad": 0.3e-3, "1mrad": 1e-3, "3mrad": 3e-3}, smallest={"0_3mrad": 0.3e-3})
 """By the end of the id [rad]."""
 
 LAWS = (
-    "clpc", "pcfr", REFERENCE, "without_friction", "transparent", "emg", "oscillator", BEST_CONTROLLER,
+    "clpc", "pcfr", REFERENCE_LAW, "without_friction", "transparent", "emg", "oscillator", BEST_CONTROLLER,
     "zero_impedance", "disturbance_observer", "force_sensor", "residual",
 )  # fmt: skip
 
-TRIED_LAWS = sized(LAWS, smallest=(REFERENCE, "transparent", "force_sensor"))
+TRIED_LAWS = sized(LAWS, smallest=(REFERENCE_LAW, "transparent", "force_sensor"))
 """Laws that are tried."""
 
 ANYWAY: Mapping[str, float] = {"dithered_anyway": 1000.0, "dithered_slowly": 600.0}
@@ -57,7 +63,7 @@ def rows(robots: int = ROBOTS) -> Iterator[ResultRow]:
         said = f"{robots} drawn robots that slip over {1e3 * travel:g} mrad"
         for law in of_travel[0][1]:
             found = [laws[law] for _, laws in of_travel]
-            over = np.array([one.torque for one in found]) / [laws[REFERENCE].torque for _, laws in of_travel]
+            over = np.array([one.torque for one in found]) / [laws[REFERENCE_LAW].torque for _, laws in of_travel]
             note = f"{over.min():.2f} to {over.max():.2f}, median of {said}; interaction torque over FC's"
             refused = sum(one.refused for one in found)
             note += f"; dither refused on {refused}" if refused else ""
@@ -76,19 +82,19 @@ def rows(robots: int = ROBOTS) -> Iterator[ResultRow]:
 def tried(robot: ElbowRig, travel: float) -> tuple[float, dict[str, LawOnRobot]]:
     """The travel that is measured of a robot [rad], and every law on it."""
     robot = robot.changed({"transmission.presliding_travel": travel})
-    cards, rig = identified_cards(robot), elbow_participants(robot)
-    exponents = chosen_exponents(rig, cards)[0]
-    people = draw_people(rig, np.random.default_rng([TORQUE_SEED, TUNING_SEED]), count=PEOPLE)
+    cards, rig = identify_cards(robot), elbow_participants(robot)
+    exponents = choose_exponents(rig, cards)[0]
+    people = draw_people(rig, np.random.default_rng([PEOPLE_SEED, TUNING_SEED]), count=PEOPLE)
     found = {}
     for name in (*TRIED_LAWS, *ANYWAY, UNPOWERED):
         laws = [Unpowered()] * PEOPLE
         if name in ANYWAY:
             laws = [_anyway(cards["load"], person.slider(rig), ANYWAY[name]) for person in people]
         elif name != UNPOWERED:
-            build = condition_of(cards, offered(cards, name), exponents=exponents)
+            build = controller_builder(cards, offered_controller(cards, name), exponents=exponents)
             laws = [build(person, person.slider(rig)) for person in people]
-        one = try_law(rig, people, laws, TORQUE_SEED, REPETITIONS)
-        found[name] = replace(one, refused=offered(cards, name) != name if name in TRIED_LAWS else False)
+        one = try_law(rig, people, laws, PEOPLE_SEED, REPETITIONS)
+        found[name] = replace(one, refused=offered_controller(cards, name) != name if name in TRIED_LAWS else False)
     return cards["load"].presliding_travel.value, found
 
 

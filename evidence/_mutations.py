@@ -8,16 +8,16 @@ import struct
 
 import numpy as np
 
-NASTY = (
+NASTY_BYTES = (
     b"NaN", b"inf", b"-1e999", b"1e-320", b"1" * 5000, b"-1", b"0", b"", b"\x00\x00\x00\x00", b"\xff\xff\xff\xff",
     b"\xff\xff\xff\x7f", b"=cmd|' /C calc'!A0", b"*/ #error", b"^^5c", b"$(touch x)", b"../../../etc/passwd",
     b"\xf0\x9f\x92\xa9", b"\xed\xa0\x80", b"[" * 2000, b"{\"a\":" * 500, b"<a>" * 500,
     b"<!DOCTYPE a [<!ENTITY b 'c'>]>", b",,,,", b"\r",
     b"\n\n", b"\t", b";", b'"', b"'", b"#", b"true", b"null",
 )  # fmt: skip
-"""What numbers, names and headers are replaced by."""
+"""Byte strings that are inserted into files, each of which breaks some kind of parser."""
 
-VALUES = (
+NASTY_TOML_VALUES = (
     "0", "-1", "1e30", "1e-30", "-1e308", "nan", "inf", "-inf", "1" * 400, "9223372036854775808", "0x7fffffffffffffff",
     "true", "false", '""', '"0"', '"-1 N*m"', '"1e30 s"', '"nan rad"', '"1 m^1000000000"', '"1e400 V"', '"(((((((((1"',
     '"10**10**10 m"', '"__import__(\'os\') m"', '"1 m" ', '"../../etc/passwd"', '"/etc/passwd"', '"*/ x /*"', '"^^5c"',
@@ -26,10 +26,23 @@ VALUES = (
     '"' + "a" * 5000 + '"', "[" * 300 + "]" * 300, '"%s%n"', '"{marker}{axis}{0.__class__}"', "-0.0", "5e-324", '"**"',
     '"*"',
 )  # fmt: skip
-"""Of keys in TOML."""
+"""TOML values that replace those of a file."""
 
-NUMBERS = ("0", "-1", "1e30", "1e-30", "-1e308", "nan", "inf", "1" * 400, "9223372036854775808", "5e-324", "1e9", "7")
-"""Of quantities."""
+NASTY_NUMBERS = (
+    "0",
+    "-1",
+    "1e30",
+    "1e-30",
+    "-1e308",
+    "nan",
+    "inf",
+    "1" * 400,
+    "9223372036854775808",
+    "5e-324",
+    "1e9",
+    "7",
+)
+"""Numbers that replace that of a quantity with a unit."""
 
 JSON_VALUES = (
     None, True, 0, -1, 1e30, -1e308, 5e-324, float("nan"), float("inf"), 10**400, "", "0", "NaN", "*/ x /*", "^^5c",
@@ -50,7 +63,7 @@ def damaged(content: bytes, rng: np.random.Generator) -> bytes:
 def _damage(made: bytearray, rng: np.random.Generator) -> None:
     n = len(made)
     if not n:
-        made += NASTY[int(rng.integers(len(NASTY)))]
+        made += NASTY_BYTES[int(rng.integers(len(NASTY_BYTES)))]
         return
     # Headers say how the rest is read: half of all damage is done to them.
     at = int(rng.integers(min(n, 1024) if rng.random() < 0.5 else n))
@@ -66,9 +79,9 @@ def _damage(made: bytearray, rng: np.random.Generator) -> None:
     elif kind == 4:
         made[at:at] = made[at : at + 64 * size]
     elif kind == 5:
-        made[at:at] = NASTY[int(rng.integers(len(NASTY)))]
+        made[at:at] = NASTY_BYTES[int(rng.integers(len(NASTY_BYTES)))]
     elif kind == 6:
-        word = NASTY[int(rng.integers(len(NASTY)))]
+        word = NASTY_BYTES[int(rng.integers(len(NASTY_BYTES)))]
         made[at : at + len(word)] = word
     elif kind == 7:
         number = int(rng.choice([0, 1, 255, 65535, 2**31 - 1, 2**31, 2**32 - 1]))
@@ -81,7 +94,7 @@ def _damage(made: bytearray, rng: np.random.Generator) -> None:
         numbers = list(re.finditer(rb"[-+]?\d+(?:\.\d+)?", bytes(made)))[:2000]
         if numbers:
             found = numbers[int(rng.integers(len(numbers)))]
-            made[found.start() : found.end()] = NASTY[int(rng.integers(len(NASTY)))]
+            made[found.start() : found.end()] = NASTY_BYTES[int(rng.integers(len(NASTY_BYTES)))]
 
 
 def damaged_toml(text: str, rng: np.random.Generator) -> bytes:
@@ -97,16 +110,16 @@ def damaged_toml(text: str, rng: np.random.Generator) -> bytes:
         if kind >= 9 and numbers:
             # A number that is none of this machine's, in its place and with its unit.
             found = numbers[int(rng.integers(len(numbers)))]
-            other = NUMBERS[int(rng.integers(len(NUMBERS)))]
+            other = NASTY_NUMBERS[int(rng.integers(len(NASTY_NUMBERS)))]
             lines[at] = f"{key}={value[: found.start()]}{other}{value[found.end() :]}"
         elif kind <= 3 and equals:
-            lines[at] = f"{key}= {VALUES[int(rng.integers(len(VALUES)))]}"
+            lines[at] = f"{key}= {NASTY_TOML_VALUES[int(rng.integers(len(NASTY_TOML_VALUES)))]}"
         elif kind == 4 and equals:
             # A value within a table, or a list's.
             inner = list(re.finditer(r'"[^"]*"|[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?', value))
             if inner:
                 found = inner[int(rng.integers(len(inner)))]
-                other = VALUES[int(rng.integers(len(VALUES)))]
+                other = NASTY_TOML_VALUES[int(rng.integers(len(NASTY_TOML_VALUES)))]
                 lines[at] = f"{key}={value[: found.start()]}{other}{value[found.end() :]}"
         elif kind == 5:
             del lines[at]
@@ -117,7 +130,7 @@ def damaged_toml(text: str, rng: np.random.Generator) -> bytes:
             lines[at] = lines[at].replace("[", "[[").replace("]", "]]") if rng.random() < 0.5 else "[x]"
         else:
             key = ("a", "name", "unit", "file", "kind", "columns")[int(rng.integers(6))]
-            lines.insert(at, f"{key} = {VALUES[int(rng.integers(len(VALUES)))]}")
+            lines.insert(at, f"{key} = {NASTY_TOML_VALUES[int(rng.integers(len(NASTY_TOML_VALUES)))]}")
     return "\n".join(lines).encode("utf-8", "surrogatepass")
 
 

@@ -11,11 +11,17 @@ from pellucid._atomic import write_text_atomically
 from pellucid.lab.safety.fault_table import FAULT_KINDS, FaultKind, FaultTable, FaultTrial
 from pellucid.studies.results import ResultRow
 
-PAGE = Path(__file__).parents[1] / "docs" / "safety.md"
+PAGE_FILE = Path(__file__).parents[1] / "docs" / "safety.md"
+"""File of the page that holds the measured tables."""
 
-HEAD = ("fault", "what happens", "found", "median", "latest", "safe by", "excess", "peak")
+TABLE_HEAD = ("fault", "what happens", "found", "median", "latest", "safe by", "excess", "peak")
+"""Titles of the columns of a table of faults."""
 
-BEGIN, END = "<!-- measured -->", "<!-- end of measured -->"
+BEGIN_MARK = "<!-- measured -->"
+"""Comment before the measured part of the page."""
+
+END_MARK = "<!-- end of measured -->"
+"""Comment after the measured part of the page."""
 
 
 def line(kind: FaultKind, trials: Sequence[FaultTrial]) -> tuple[str, ...]:
@@ -43,7 +49,7 @@ def table(measured: FaultTable, level: str = "###") -> str:
     text = []
     for group in dict.fromkeys(kind.group for kind in FAULT_KINDS):
         text.append(f"{level} {group.capitalize()}\n")
-        text.append(f"| {' | '.join(HEAD)} |\n|{'---|' * 2}{'--:|' * 6}")
+        text.append(f"| {' | '.join(TABLE_HEAD)} |\n|{'---|' * 2}{'--:|' * 6}")
         for kind in FAULT_KINDS:
             trials = measured.of(kind.name)
             if kind.group == group and trials:
@@ -52,7 +58,7 @@ def table(measured: FaultTable, level: str = "###") -> str:
     return "\n".join(text)
 
 
-KNEE = """### A worn knee
+KNEE_SECTION_TEXT = """### A worn knee
 
 The residual compensator of a series-elastic orthosis has a table of its own. Its effort is what a spring is asked
 for; the spring's own torque loop is off by as much as faults would be (up to 4 N m, motor friction), its wearers give
@@ -62,6 +68,7 @@ not here. Twenty drawn wearers swing; limb, strap, actuator and EMG are known wi
 and the law, with EMG and without, is the one that `export` writes. Its EMG is their torque, off by a factor, not a
 recording's.
 """
+"""Text of the section on a worn knee, before its table."""
 
 
 def write_page(measured: FaultTable, worn: FaultTable, rows: Sequence[ResultRow]) -> None:
@@ -70,8 +77,8 @@ def write_page(measured: FaultTable, worn: FaultTable, rows: Sequence[ResultRow]
         f"| `{r.id}` | {'none' if r.value is None else f'{r.value:.4g}'} {r.unit.removeprefix('1')} | {r.note} |"
         for r in rows
     )
-    text = PAGE.read_text(encoding="utf-8")
-    before, after = text.split(BEGIN)[0], text.split(END)[1]
+    text = PAGE_FILE.read_text(encoding="utf-8")
+    before, after = text.split(BEGIN_MARK)[0], text.split(END_MARK)[1]
     figures = f"### Figures\n\n| figure | value | |\n|---|--:|---|\n{said}\n"
-    tables = f"{table(measured)}\n{KNEE}\n{table(worn, '####')}"
-    write_text_atomically(PAGE, f"{before}{BEGIN}\n\n{tables}\n{figures}\n{END}{after}")
+    tables = f"{table(measured)}\n{KNEE_SECTION_TEXT}\n{table(worn, '####')}"
+    write_text_atomically(PAGE_FILE, f"{before}{BEGIN_MARK}\n\n{tables}\n{figures}\n{END_MARK}{after}")

@@ -43,13 +43,13 @@ from pellucid.lab.arm.single_faults import KINDS, ONSET, WATCHED, ArmFaultTrial,
 from pellucid.lab.arm.wearer import CUFFS, HANDLE, HANDLE_AT, UPPER_CUFF, UPPER_CUFF_AT, Person
 from pellucid.lab.arm.worn_trial import motion_of
 from pellucid.papers.able.arm_identification import (
-    LOAD,
+    LOAD_FRICTION_FAMILY,
     ArmIdentified,
     directional_many,
+    draw_test_motions,
     identified_many,
-    judging,
 )
-from pellucid.papers.able.arm_worn import BEST, LAWS, PUBLISHED, arms_worn, wearers_of
+from pellucid.papers.able.arm_worn import BEST_LAW, LAWS, PUBLISHED_LAW, arms_worn, wearers_of
 from pellucid.procedures.tree_excitation import tree_information
 from pellucid.protocols.step_by_step import step_by_step
 from pellucid.protocols.tree_fourier import optimised_tree_fourier, random_tree_fourier, shrink_within_limits
@@ -171,8 +171,8 @@ def asked(rig: ArmRig, name: str, seed: int) -> Asked:
         path = series.motion(np.arange(round(PERIODS * series.period * rate)) / rate)[0]
     trial = ArmTrial(name, name, "fit", reference=path, slider=rig["slider"]["clamped"])
     fitted = motions_of(rig, [trial], seed)
-    estimate = fit_tree(rig.robot, fitted, (LOAD,) * len(JOINTS), name=name)
-    judged = motions_of(rig, judging(rig, 1)[1], 1000 + seed)
+    estimate = fit_tree(rig.robot, fitted, (LOAD_FRICTION_FAMILY,) * len(JOINTS), name=name)
+    judged = motions_of(rig, draw_test_motions(rig, 1)[1], 1000 + seed)
     spread = np.sqrt(np.diag(estimate.covariance))
     return Asked(len(path) / rate, spread, tuple(estimate.parameters), float(heldout_errors(estimate, judged).mean()))
 
@@ -315,10 +315,10 @@ def worn_rows(arms: Sequence[ArmRig]) -> Iterator[ResultRow]:
         for figure, (unit, what) in FIGURES.items():
             yield _median(f"worn.{law}.{figure}", [getattr(one[law], figure) for one in made], unit, f"{what}; {said}")
         yield row(f"worn.{law}.faults", sum(one[law].faulted for one in made), "1", f"trials that were stopped; {said}")
-        ratios = [one[law].interaction / one[PUBLISHED].interaction for one in made]
+        ratios = [one[law].interaction / one[PUBLISHED_LAW].interaction for one in made]
         yield _median(f"worn.{law}.over_fc", ratios, "1", f"interaction over that under full compensation; {said}")
-    best = [one[BEST].interaction / one[PUBLISHED].interaction for one in made]
-    yield _median("torque.best_over_fc", best, "1", f"{BEST} over full compensation; {said}")
+    best = [one[BEST_LAW].interaction / one[PUBLISHED_LAW].interaction for one in made]
+    yield _median("torque.best_over_fc", best, "1", f"{BEST_LAW} over full compensation; {said}")
 
 
 def _median(name: str, values: Sequence[float], unit: str, note: str) -> ResultRow:
@@ -331,8 +331,8 @@ def _median(name: str, values: Sequence[float], unit: str, note: str) -> ResultR
 def faulted(rig: ArmRig, person: Person, first: int) -> dict[str, list[ArmFaultTrial]]:
     """Single faults on one robot and person under the published law and the best, joints in turn from the `first`."""
     card, motion, points = card_of(rig, identified(rig)), motion_of(person, rig, repetition=3), sensor_points(person)
-    laws = {name: with_measured_drives(LAWS[name](card)) for name in (PUBLISHED, BEST)}
-    felt = {PUBLISHED: None, BEST: points}
+    laws = {name: with_measured_drives(LAWS[name](card)) for name in (PUBLISHED_LAW, BEST_LAW)}
+    felt = {PUBLISHED_LAW: None, BEST_LAW: points}
     return {name: list(fault_trials(rig, person, law, motion, felt[name], first=first)) for name, law in laws.items()}
 
 
@@ -343,7 +343,7 @@ def fault_rows(arms: Sequence[ArmRig]) -> Iterator[ResultRow]:
     made = ordered_results(jobs)
     said = f"{len(arms)} robots and people, {motion}; {WATCHED:g} s from the onset, {ONSET:g} s after the start"
     every: list[ArmFaultTrial] = []
-    for law in (PUBLISHED, BEST):
+    for law in (PUBLISHED_LAW, BEST_LAW):
         trials = [trial for one in made for trial in one[law]]
         every += trials
         for fault, kind in KINDS.items():

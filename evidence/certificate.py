@@ -35,24 +35,44 @@ from pellucid.studies.results import ResultRow
 
 from . import _doubted
 
-STUDIES = sized(2000, smallest=8)
-SEED = 20261122
-PILOTS = sized(60, smallest=2)
-"""Pilots of eight people from which studies are planned."""
-PLANNED_STUDIES = sized(400, smallest=20)
-"""Simulated studies behind the plan of each pilot, and behind the power found with it."""
-PEOPLE_COUNTS = (6, 8, 12, 20)
-END_POINTS = {"duration": 0.10, "vmax": 0.10, "emg": 0.20, "torque": 0.25}
-"""Margins, as shares of control."""
-SPREAD = {"duration": 0.05, "vmax": 0.05, "emg": 0.10, "torque": 0.12}
-"""Standard deviation of people's changes, of logarithms."""
-SHARED = 0.3
-"""Correlation of a person's changes over end points."""
-CELLS, REPEATS, SCATTER = 10, 10, 0.12
-"""Amplitudes in both directions, movements of each, and their scatter (of logarithms)."""
-LOOKS = (0.5, 0.75, 1.0)
+STUDY_COUNT = sized(2000, smallest=8)
+"""Number of simulated studies of each case."""
 
-MARGINS = {name: Margin.of_ratio(share) for name, share in END_POINTS.items()}
+SEED = 20261122
+"""Seed of every random draw."""
+
+PILOT_COUNT = sized(60, smallest=2)
+"""Number of pilot studies, of eight people each, from which studies are planned."""
+
+PLANNED_STUDY_COUNT = sized(400, smallest=20)
+"""Number of simulated studies behind the plan of each pilot, and behind the power found with it."""
+
+PEOPLE_COUNTS = (6, 8, 12, 20)
+"""Numbers of participants of the simulated studies."""
+
+MARGIN_SHARES = {"duration": 0.10, "vmax": 0.10, "emg": 0.20, "torque": 0.25}
+"""Margin of each end point, as a share of the control condition."""
+
+CHANGE_LOG_SD = {"duration": 0.05, "vmax": 0.05, "emg": 0.10, "torque": 0.12}
+"""Standard deviation of people's changes of each end point, in logarithms."""
+
+END_POINT_CORRELATION = 0.3
+"""Correlation of a person's changes between two end points."""
+
+CELL_COUNT = 10
+"""Number of cells of a study: amplitudes in both directions."""
+
+REPEAT_COUNT = 10
+"""Number of movements in each cell."""
+
+MOVEMENT_LOG_SD = 0.12
+"""Standard deviation of a person's movements, in logarithms."""
+
+LOOK_SHARES = (0.5, 0.75, 1.0)
+"""Shares of the participants after which a sequential study is analysed."""
+
+MARGINS = {name: Margin.of_ratio(share) for name, share in MARGIN_SHARES.items()}
+"""Margin of each end point."""
 
 
 @dataclass(frozen=True)
@@ -76,19 +96,24 @@ def _lognormal(sigma: float) -> Skew:
     return Skew(f"lognormal of sigma {sigma:g}", lambda z: np.exp(sigma * z), float(np.exp(0.5 * sigma**2)), sd)
 
 
-SKEWED = {
+SKEWED_SHAPES = {
     "skewed": _lognormal(0.6),
     "exponential": Skew("exponential", lambda z: -log_ndtr(-z), 1.0, 1.0),
     "lognormal_1": _lognormal(1.0),
 }
-"""Skewed shapes by name, the least skewed first."""
-CENTRES = {name: {"pseudo_median": skew.pseudo_median, "mean": skew.mean} for name, skew in SKEWED.items()}
-"""What can be at the margin, by shape."""
-SYMMETRIC = ("normal", "heavy_tailed")
-SHAPES = (*SYMMETRIC, *SKEWED)
+"""Skewed distributions of people's changes by name, the least skewed first."""
+
+CENTRES = {name: {"pseudo_median": skew.pseudo_median, "mean": skew.mean} for name, skew in SKEWED_SHAPES.items()}
+"""Pseudo-median and mean of each skewed distribution; either can be placed at the margin."""
+
+SYMMETRIC_SHAPES = ("normal", "heavy_tailed")
+"""Names of the symmetric distributions of people's changes."""
+
+SHAPES_OF_CHANGES = (*SYMMETRIC_SHAPES, *SKEWED_SHAPES)
+"""Names of all distributions of people's changes; their order seeds the draws."""
 
 
-def rows(studies: int = STUDIES) -> Iterator[ResultRow]:
+def rows(studies: int = STUDY_COUNT) -> Iterator[ResultRow]:
     """Every figure."""
     yield from false_rows(studies)
     for n in (5, 6, 8):
@@ -105,11 +130,11 @@ def rows(studies: int = STUDIES) -> Iterator[ResultRow]:
 def false_rows(studies: int) -> Iterator[ResultRow]:
     """How often "transparent" is said at the margin, by shape of people's changes and by what is at the margin."""
     cases = [("pseudo_median", shape, which, n, "signed_rank")
-             for n in PEOPLE_COUNTS for shape in SHAPES for which in ("one", "all")]  # fmt: skip
+             for n in PEOPLE_COUNTS for shape in SHAPES_OF_CHANGES for which in ("one", "all")]  # fmt: skip
     cases.append(("pseudo_median", "normal", "one", 12, "t"))
     cases += [("mean", shape, which, n, "signed_rank")
-              for n in PEOPLE_COUNTS for shape in SKEWED for which in ("one", "all")]  # fmt: skip
-    cases += [("mean", shape, "one", 12, "t") for shape in SKEWED]
+              for n in PEOPLE_COUNTS for shape in SKEWED_SHAPES for which in ("one", "all")]  # fmt: skip
+    cases += [("mean", shape, "one", 12, "t") for shape in SKEWED_SHAPES]
     jobs = [(false_transparent, shape, which, n, method, studies, centre) for centre, shape, which, n, method in cases]
     found = dict(zip(cases, ordered_results(jobs), strict=True))
     head = "certificate.false_transparent"
@@ -117,7 +142,7 @@ def false_rows(studies: int) -> Iterator[ResultRow]:
         if which == "one":
             name = ".".join([head, *(["mean"] if centre == "mean" else []), shape, str(n)])
             at = "the mean of one end point at its margin" if centre == "mean" else "one end point at its margin"
-            words = SKEWED[shape].words if shape in SKEWED else shape
+            words = SKEWED_SHAPES[shape].words if shape in SKEWED_SHAPES else shape
             note = f"{studies} studies of {n} people, {words}, {at}, {method}"
             yield _row(name + ("" if method == "signed_rank" else f".{method}"), 100.0 * share, "%", note)
 
@@ -129,11 +154,12 @@ def false_rows(studies: int) -> Iterator[ResultRow]:
     people = f"one or all end points at the margin, {PEOPLE_COUNTS[0]} to {PEOPLE_COUNTS[-1]} people"
     for name, (value, note), words in (
         ("", every, f"{people}; symmetric changes, and skewed ones with pseudo-median or mean at the margin"),
-        (".symmetric", largest("pseudo_median", *SYMMETRIC), f"{people}; symmetric changes"),
-        (".skewed", largest("pseudo_median", *SKEWED), f"{people}; pseudo-median of skewed changes at the margin"),
-        (".mean", largest("mean", *SKEWED), f"{people}; mean of skewed changes at the margin"),
-        *((f".mean.{shape}", largest("mean", shape), f"{people}; mean at the margin, {SKEWED[shape].words}")
-          for shape in SKEWED),
+        (".symmetric", largest("pseudo_median", *SYMMETRIC_SHAPES), f"{people}; symmetric changes"),
+        (".skewed", largest("pseudo_median", *SKEWED_SHAPES),
+         f"{people}; pseudo-median of skewed changes at the margin"),
+        (".mean", largest("mean", *SKEWED_SHAPES), f"{people}; mean of skewed changes at the margin"),
+        *((f".mean.{shape}", largest("mean", shape), f"{people}; mean at the margin, {SKEWED_SHAPES[shape].words}")
+          for shape in SKEWED_SHAPES),
     ):  # fmt: skip
         yield _row(head + name, value, "%", f"{note}: {words}")
 
@@ -144,13 +170,13 @@ def _row(name: str, value: float, unit: str, note: str) -> ResultRow:
 
 def changes(shape: str, n: int, rng: np.random.Generator, centre: str = "pseudo_median") -> np.ndarray:
     """People's standardised true changes about their `centre`, (n, end points); the long tail of a skew is positive."""
-    m = len(END_POINTS)
+    m = len(MARGIN_SHARES)
     common, own = rng.standard_normal((n, 1)), rng.standard_normal((n, m))
-    z = np.sqrt(SHARED) * common + np.sqrt(1.0 - SHARED) * own
+    z = np.sqrt(END_POINT_CORRELATION) * common + np.sqrt(1.0 - END_POINT_CORRELATION) * own
     if shape == "heavy_tailed":  # t with 3 degrees, scaled to a standard deviation of 1
         return z / np.sqrt(rng.chisquare(3, (n, 1)) / 3.0) / np.sqrt(3.0)
-    if shape in SKEWED:
-        return (SKEWED[shape].made(z) - CENTRES[shape][centre]) / SKEWED[shape].sd
+    if shape in SKEWED_SHAPES:
+        return (SKEWED_SHAPES[shape].made(z) - CENTRES[shape][centre]) / SKEWED_SHAPES[shape].sd
     return z
 
 
@@ -161,9 +187,9 @@ def participants(
 
     A mean at the margin has the long tail beyond it, at the lower margin too: the worse of both ways."""
     outward = np.where(true < 0.0, -1.0, 1.0) if centre == "mean" else 1.0
-    people = true + np.array(list(SPREAD.values())) * outward * changes(shape, n, rng, centre)
+    people = true + np.array(list(CHANGE_LOG_SD.values())) * outward * changes(shape, n, rng, centre)
     # Means over repeats of each cell, in both conditions, then over cells: the logarithm of a ratio.
-    scatter = SCATTER * np.sqrt(2.0 / REPEATS) * rng.standard_normal((n, CELLS, len(true)))
+    scatter = MOVEMENT_LOG_SD * np.sqrt(2.0 / REPEAT_COUNT) * rng.standard_normal((n, CELL_COUNT, len(true)))
     return people + scatter.mean(axis=1)
 
 
@@ -184,7 +210,9 @@ def false_transparent(
     shape: str, which: str, n: int, method: str, studies: int, centre: str = "pseudo_median"
 ) -> float:
     """Share of studies that say "transparent" where the `centre` of changes is at the margin."""
-    rng = np.random.default_rng([SEED, n, SHAPES.index(shape), which == "all", *([1] if centre == "mean" else [])])
+    rng = np.random.default_rng(
+        [SEED, n, SHAPES_OF_CHANGES.index(shape), which == "all", *([1] if centre == "mean" else [])]
+    )
     drawn = (participants(shape, n, at_margin(which, i), rng, centre) for i in range(studies))
     return float(np.mean([says(seen, method) for seen in drawn]))
 
@@ -198,19 +226,19 @@ def rival(n: int, studies: int) -> float:
 
 def sequential(studies: int) -> float:
     """Share that say "transparent" at one of three looks."""
-    rng, plan = np.random.default_rng([SEED, 3]), looks(LOOKS, 0.05)
+    rng, plan = np.random.default_rng([SEED, 3]), looks(LOOK_SHARES, 0.05)
     said = 0
     for i in range(studies):
         seen = participants("normal", 12, at_margin("one", i), rng)
-        said += any(says(seen[: round(12 * s)], alpha=level) for s, level in zip(LOOKS, plan.level, strict=True))
+        said += any(says(seen[: round(12 * s)], alpha=level) for s, level in zip(LOOK_SHARES, plan.level, strict=True))
     return said / studies
 
 
 def seen_covariance() -> np.ndarray:
     """Of the differences that studies see."""
-    spread = np.array(list(SPREAD.values()))
-    own = np.outer(spread, spread) * (SHARED + (1.0 - SHARED) * np.eye(len(spread)))
-    return own + np.eye(len(spread)) * SCATTER**2 * 2.0 / (REPEATS * CELLS)
+    spread = np.array(list(CHANGE_LOG_SD.values()))
+    own = np.outer(spread, spread) * (END_POINT_CORRELATION + (1.0 - END_POINT_CORRELATION) * np.eye(len(spread)))
+    return own + np.eye(len(spread)) * MOVEMENT_LOG_SD**2 * 2.0 / (REPEAT_COUNT * CELL_COUNT)
 
 
 def realised(n: int, true: tuple[float, ...], studies: int) -> float:
@@ -234,10 +262,10 @@ def power_rows(studies: int) -> Iterator[ResultRow]:
         "certificate.power_error", 100.0 * worst, "%", f"found less planned, the larger of two, {studies} studies"
     )
     rng = np.random.default_rng([SEED, 8])
-    pilots = [np.cov(participants("normal", 8, np.zeros(4), rng), rowvar=False) for _ in range(PILOTS)]
-    plan = partial(find_equivalence_participants, studies=PLANNED_STUDIES)
+    pilots = [np.cov(participants("normal", 8, np.zeros(4), rng), rowvar=False) for _ in range(PILOT_COUNT)]
+    plan = partial(find_equivalence_participants, studies=PLANNED_STUDY_COUNT)
     sizes = [plan(each, margins) or 128 for each in pilots]
-    unique = {n: realised(n, (0.0,) * 4, PLANNED_STUDIES) for n in sorted(set(sizes))}
+    unique = {n: realised(n, (0.0,) * 4, PLANNED_STUDY_COUNT) for n in sorted(set(sizes))}
     found = np.array([unique[n] for n in sizes])
     for quantile in (10, 50, 90):
         value = 100.0 * float(np.quantile(found, quantile / 100.0))

@@ -18,11 +18,20 @@ from pellucid.lab.pointing.prediction import Prediction, predict_effects
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.studies.results import ResultRow
 
-PEOPLE = sized(10, smallest=1)
-ROBOTS = sized(10, smallest=2)
-MOVEMENTS = sized(12, smallest=4)
-LAW = {"CLPC": "clpc"}
-WORKERS = (1, 2)
+PEOPLE_COUNT = sized(10, smallest=1)
+"""Number of people of the prediction."""
+
+ROBOT_COUNT = sized(10, smallest=2)
+"""Number of robots of the prediction."""
+
+MOVEMENT_COUNT = sized(12, smallest=4)
+"""Number of movements of a person in a condition."""
+
+CONTROLLER = {"CLPC": "clpc"}
+"""The one controller that is predicted, by the name of its condition."""
+
+WORKER_COUNTS = (1, 2)
+"""Numbers of workers of the cluster that are compared."""
 
 
 def predicted(workers: int) -> tuple[Prediction, float]:
@@ -35,7 +44,8 @@ def predicted(workers: int) -> tuple[Prediction, float]:
         list(executor.map(_loaded, range(4 * workers)))
         begun = time.perf_counter()
         made = predict_effects(
-            [elbow_participants()], people=PEOPLE, robots=ROBOTS, movements=MOVEMENTS, controllers=LAW,
+            [elbow_participants()], people=PEOPLE_COUNT, robots=ROBOT_COUNT, movements=MOVEMENT_COUNT,
+            controllers=CONTROLLER,
             executor=executor,
         )  # fmt: skip
         return made, time.perf_counter() - begun
@@ -49,12 +59,12 @@ def _loaded(i: int) -> int:
 
 def rows() -> Iterator[ResultRow]:
     """Time and processor time of the same prediction on one worker and on two."""
-    made = {workers: predicted(workers) for workers in WORKERS}
-    one, two = (made[workers][0] for workers in WORKERS)
-    note = f"{ROBOTS} robots x {PEOPLE} people, {two.movements} movements under {', '.join(LAW)}"
+    made = {workers: predicted(workers) for workers in WORKER_COUNTS}
+    one, two = (made[workers][0] for workers in WORKER_COUNTS)
+    note = f"{ROBOT_COUNT} robots x {PEOPLE_COUNT} people, {two.movements} movements under {', '.join(CONTROLLER)}"
     seconds = {workers: found[1] for workers, found in made.items()}
     spent = {workers: found[0].cpu + sum(w.cpu_before for w in found[0].worn) for workers, found in made.items()}
-    for workers in WORKERS:
+    for workers in WORKER_COUNTS:
         yield _row(f"wall_{workers}", seconds[workers], "s", f"{workers} workers; {note}")
         yield _row(f"cpu_{workers}", spent[workers], "s", f"{workers} workers, identifications too")
         yield _row(f"used_{workers}", spent[workers] / seconds[workers], "1", "processors that were used, of all")

@@ -45,18 +45,30 @@ from pellucid.signals.markers import slider_geometry
 from pellucid.signals.slider_motion import SliderMotion
 from pellucid.studies.results import ResultRow
 
-RIGS = sized(120, smallest=1)
+RIG_COUNT = sized(120, smallest=1)
+"""Number of drawn elbows."""
+
 SEEDS = sized((1, 2), smallest=(1,))
-BENCHES = sized(40, smallest=1)
+"""Seeds of the noise with which each elbow is recorded."""
+
+BENCH_COUNT = sized(40, smallest=1)
+"""Number of drawn benches."""
+
 BENCH_SEED = 20261121
+"""Seed that draws the benches."""
+
 DATA_SETS = sized(("emps", "sydney_pendulum", "bam_xl330", "modexo_joint"), smallest=("sydney_pendulum",))
-QUANTILE = 1.959964
-POOLED = {
+"""Public data sets whose recordings are identified one by one."""
+
+NORMAL_QUANTILE_97_5 = 1.959964
+"""Normal quantile of 97.5 %: an interval of 95 % reaches this many standard errors to either side."""
+
+POOLED_PARAMETERS = {
     "inertia": ("inertia",),
     "gravity": ("gravity",),
     "load_friction": ("load_motoring", "load_generating"),
 }
-"""What is pooled under one name."""
+"""Parameters whose coverage is counted together, by the name of the row."""
 
 Pairs = list[tuple[Parameter, float]]
 """Parameters, each with its target."""
@@ -72,7 +84,9 @@ class Elbow:
     carried: float  # Mean share of the true friction that is carried
 
 
-def rows(rigs: int = RIGS, benches: int = BENCHES, data_sets: tuple[str, ...] = DATA_SETS) -> Iterator[ResultRow]:
+def rows(
+    rigs: int = RIG_COUNT, benches: int = BENCH_COUNT, data_sets: tuple[str, ...] = DATA_SETS
+) -> Iterator[ResultRow]:
     """Every figure."""
     jobs = [(identified, rig, seed) for rig in drawn_rigs(able_elbow(), rigs) for seed in SEEDS]
     yield from elbow_rows(ordered_results(jobs))
@@ -144,7 +158,8 @@ def elbow_rows(found: list[Elbow]) -> Iterator[ResultRow]:
     """Coverage, width and refusals of each quantity, the worst of them, and what would be deployed."""
     said = f"{len(found)} identifications of drawn elbows with unmodelled physics"
     pairs = {
-        name: [(e.parameters[n], e.targets[n]) for e in found for n in members] for name, members in POOLED.items()
+        name: [(e.parameters[n], e.targets[n]) for e in found for n in members]
+        for name, members in POOLED_PARAMETERS.items()
     }
     yield from _coverage_rows(pairs, "coverage.misspecified", "coverage.width_over_rmse", said)
     words = "compensated friction above the true one somewhere in the range of speeds and loads"
@@ -160,7 +175,7 @@ def _coverage_rows(pairs: dict[str, Pairs], head: str, wide: str, said: str) -> 
         read = [(p, t) for p, t in every if p.trusted]
         error = np.array([(p.value - t) / abs(t) for p, t in read])
         half, plain = (
-            QUANTILE * np.array([e / abs(t) for e, (_, t) in zip(errors, read, strict=True)])
+            NORMAL_QUANTILE_97_5 * np.array([e / abs(t) for e, (_, t) in zip(errors, read, strict=True)])
             for errors in ([p.standard_error for p, _ in read], [p.statistical_error for p, _ in read])
         )
         rmse = float(np.sqrt(np.mean(error**2)))
@@ -219,7 +234,7 @@ def bench_identified(rig: BenchRig, seed: int) -> dict[str, tuple[Parameter, flo
 def bench_rows(found: list[dict[str, tuple[Parameter, float]]]) -> Iterator[ResultRow]:
     """Coverage, width and refusals; a quantity that the best family lacks is not counted."""
     said = f"{len(found)} drawn benches, the best of five families"
-    pairs = {name: [one[name] for one in found if name in one] for name in POOLED}
+    pairs = {name: [one[name] for one in found if name in one] for name in POOLED_PARAMETERS}
     yield from _coverage_rows(pairs, "coverage.bench", "coverage.bench.width_over_rmse", said)
 
 
@@ -250,6 +265,6 @@ def bootstrap_ratios(name: str) -> tuple[list[float], list[float]]:
     for p in (p for fit in fits for p in fit.parameters if not p.at_bound and p.bootstrap is not None):
         half = 0.5 * (p.bootstrap[1] - p.bootstrap[0])
         if half > 0.0:
-            statistical.append(QUANTILE * p.statistical_error / half)
-            full.append(QUANTILE * p.standard_error / half)
+            statistical.append(NORMAL_QUANTILE_97_5 * p.statistical_error / half)
+            full.append(NORMAL_QUANTILE_97_5 * p.standard_error / half)
     return statistical, full

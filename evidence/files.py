@@ -34,20 +34,26 @@ from ._forked import Outcome, tried
 from ._healthy import healthy, muscle_study, pointing_study
 from ._mutations import damaged, damaged_json, damaged_toml
 
-RECORDINGS = sized(3010, smallest=14)
-"""Damaged recordings over all formats."""
-STUDIES = sized(500, smallest=4)
-"""Damaged files study.toml."""
-RIGS = sized(400, smallest=14)
-"""Damaged rig files over all rigs."""
-CARDS = sized(400, smallest=4)
-"""Damaged cards."""
-MUSCLES = sized(300, smallest=4)
-"""Damaged files of muscles over both formats."""
-KILLS = sized(30, smallest=2)
-"""Kills of each command."""
-ROUNDS = sized(40, smallest=1)
-"""Rounds of four commands at once."""
+RECORDING_COUNT = sized(3010, smallest=14)
+"""Number of damaged recordings over all formats."""
+
+STUDY_COUNT = sized(500, smallest=4)
+"""Number of damaged files study.toml."""
+
+RIG_COUNT = sized(400, smallest=14)
+"""Number of damaged rig files over all rigs."""
+
+CARD_COUNT = sized(400, smallest=4)
+"""Number of damaged cards."""
+
+MUSCLE_FILE_COUNT = sized(300, smallest=4)
+"""Number of damaged files of muscles over both formats."""
+
+KILL_COUNT = sized(30, smallest=2)
+"""Number of kills of each command."""
+
+ROUND_COUNT = sized(40, smallest=1)
+"""Number of rounds of four commands at once."""
 
 MUSCLE_FILES = {
     "leg.osim": """<?xml version="1.0"?><OpenSimDocument Version="40000"><Model name="leg"><ForceSet><objects>
@@ -89,10 +95,10 @@ def _rows(scratch: Path) -> Iterator[ResultRow]:
     yield _row("crashes", *_told([o for o in outcomes if o.died]))
     yield _row("over_limit", *_told([o for o in outcomes if o.over]))
     broken = [outcome for command in COMMANDS for outcome in kills(scratch, command)]
-    count = f"{KILLS} kills and {len(FULL)} full disks in each of {', '.join(COMMANDS)}"
+    count = f"{KILL_COUNT} kills and {len(DISK_SPACE_SHARES)} full disks in each of {', '.join(COMMANDS)}"
     n, note = _told([o for o in broken if o.said or o.died])
     yield _row("broken_after_kill", n, f"{count}; {note}" if note else count)
-    yield _row("rows_lost", lost_rows(scratch), f"{ROUNDS} rounds of four commands at once")
+    yield _row("rows_lost", lost_rows(scratch), f"{ROUND_COUNT} rounds of four commands at once")
 
 
 def _row(name: str, value: float, note: str = "") -> ResultRow:
@@ -161,18 +167,18 @@ def damage_to_recordings(scratch: Path) -> list[Outcome]:
         said = ran("check", folder)
         return ran("identify", folder, "--family", "symmetric") if said == "0" and seed % 5 == 0 else said
 
-    each = -(-RECORDINGS // len(studies))
+    each = -(-RECORDING_COUNT // len(studies))
     return tried([(study, seed) for study in studies for seed in range(each)], run)
 
 
 def damage_to_studies(scratch: Path) -> list[Outcome]:
     """`check` and `identify` of studies whose study.toml was damaged, and `report` of one in ten of what results."""
     bench = _bench(scratch)
-    templates = {bench: STUDIES // 2}
+    templates = {bench: STUDY_COUNT // 2}
     for name, make in (("muscle", muscle_study), ("pointing", pointing_study)):
         if not (scratch / name).exists():
             make(scratch / name)
-        templates[scratch / name] = STUDIES // 4
+        templates[scratch / name] = STUDY_COUNT // 4
     commands = {"bench": ("identify", "--family", "symmetric"), "muscle": ("calibrate",), "pointing": ("check",)}
 
     def run(case: tuple[Path, int]) -> str:
@@ -214,7 +220,7 @@ def damage_to_rigs(scratch: Path) -> list[Outcome]:
         (folder / "lab" / "rig.toml").write_bytes(content)
         return ran("simulate", folder)
 
-    return tried([(name, seed) for name in texts for seed in range(RIGS // len(texts))], run)
+    return tried([(name, seed) for name in texts for seed in range(RIG_COUNT // len(texts))], run)
 
 
 def damage_to_cards(scratch: Path) -> list[Outcome]:
@@ -232,7 +238,7 @@ def damage_to_cards(scratch: Path) -> list[Outcome]:
         said = ran("export", folder)
         return said if said.startswith("traceback") else ran("compare", folder, bench)
 
-    return tried(range(CARDS), run)
+    return tried(range(CARD_COUNT), run)
 
 
 def damage_to_muscles(scratch: Path) -> list[Outcome]:
@@ -253,14 +259,16 @@ def damage_to_muscles(scratch: Path) -> list[Outcome]:
         sound = all(m.largest_force > 0.0 and m.tendon_slack_length >= 0.0 for m in found.values())
         return "0" if sound else "traceback: a muscle that cannot be"
 
-    return tried([(name, seed) for name in MUSCLE_FILES for seed in range(MUSCLES // len(MUSCLE_FILES))], run)
+    return tried([(name, seed) for name in MUSCLE_FILES for seed in range(MUSCLE_FILE_COUNT // len(MUSCLE_FILES))], run)
 
 
 # --- kills and full disks -------------------------------------------------------------------------------------------
 
 COMMANDS = sized(("simulate", "identify", "calibrate", "assess", "report", "export"), smallest=("simulate", "identify"))
-FULL = sized((0.02, 0.5, 0.95), smallest=(0.5,))
-"""Largest size of a file on a full disk, over that of the largest that a command writes."""
+"""Commands that are killed and run on a full disk."""
+
+DISK_SPACE_SHARES = sized((0.02, 0.5, 0.95), smallest=(0.5,))
+"""Free space of a full disk, over the size of the largest file that a command writes."""
 
 
 @dataclass(frozen=True)
@@ -344,9 +352,9 @@ def kills(scratch: Path, command: str) -> list[Outcome]:
     """What a command leaves that is killed at every kind of moment, two thirds of them while it writes, or has no more
     room: an empty text where all of it is whole."""
     victim = _victim(scratch, command)
-    moments = [{"at": int(n)} for n in np.linspace(1, victim.events, 2 * KILLS // 3).round()]
-    moments += [{"after": float(s)} for s in np.linspace(0.02, 1.0, KILLS - len(moments)) * victim.seconds]
-    moments += [{"size": int(share * victim.largest) + 1} for share in FULL]
+    moments = [{"at": int(n)} for n in np.linspace(1, victim.events, 2 * KILL_COUNT // 3).round()]
+    moments += [{"after": float(s)} for s in np.linspace(0.02, 1.0, KILL_COUNT - len(moments)) * victim.seconds]
+    moments += [{"size": int(share * victim.largest) + 1} for share in DISK_SPACE_SHARES]
 
     def run(moment: dict) -> str:
         folder = _own(scratch, victim.template)
@@ -399,7 +407,7 @@ def _whole(path: Path) -> None:
 def lost_rows(scratch: Path) -> int:
     """Rows that are gone after four commands wrote their own at once, over all rounds."""
     lost, names = 0, ("identify", "calibrate", "assess", "export")
-    for number in range(ROUNDS):
+    for number in range(ROUND_COUNT):
         path = scratch / f"round-{number}" / "results.json"
         path.parent.mkdir()
         children = []

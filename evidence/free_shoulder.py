@@ -23,10 +23,11 @@ from pellucid.lab.arm.rig import able_arm, drawn_arms
 from pellucid.lab.arm.wearer import drawn_people
 from pellucid.studies.results import ResultRow
 
-ARMS = sized(5, smallest=1)
+ARM_COUNT = sized(5, smallest=1)
+"""Number of drawn arms."""
 
 
-def rows(arms: int = ARMS) -> Iterator[ResultRow]:
+def rows(arms: int = ARM_COUNT) -> Iterator[ResultRow]:
     """Every figure."""
     try:
         recorded = people()

@@ -38,7 +38,7 @@ from pellucid.fit.joint.presliding import Presliding, estimate_presliding
 from pellucid.fit.joint.replay import Machine, simulate_recording
 from pellucid.fit.regression import stack
 from pellucid.lab.bench.rig import STROKES, BenchRig
-from pellucid.lab.noise import noise
+from pellucid.lab.noise import draw_noise
 from pellucid.models.joint import JointModel, joint_model
 from pellucid.procedures.joint.aligned_motions import align_recordings
 from pellucid.procedures.joint.identify_joint import machine_of
@@ -50,25 +50,48 @@ from pellucid.studies.results import ResultRow
 
 from .coverage import drawn_benches
 
-BENCHES = sized(20, smallest=1)
+BENCH_COUNT = sized(20, smallest=1)
+"""Number of drawn benches."""
+
 BENCH_SEED = 20261122
-TRAVELS = sized((0.0, 3e-4, 1e-3, 3e-3), smallest=(0.0, 1e-3))
-BRISTLE = 1.39  # travels to a bristle's length: nearest over a reversal from slip
-FILES = 3
-DURATION = sized(20.0, smallest=10.0)
-RATE = 1000.0
+"""Seed that draws the benches."""
+
+PRESLIDING_TRAVELS_RAD = sized((0.0, 3e-4, 1e-3, 3e-3), smallest=(0.0, 1e-3))
+"""Presliding travels of the simulated benches [rad]."""
+
+TRAVEL_OVER_BRISTLE_LENGTH = 1.39
+"""Presliding travel over the length of a LuGre bristle, with which both models agree best over a reversal from slip."""
+
+FILE_COUNT = 3
+"""Number of recordings of a bench; the last one is held out."""
+
+RECORDING_DURATION_S = sized(20.0, smallest=10.0)
+"""Duration of a recording [s]."""
+
+SAMPLING_RATE_HZ = 1000.0
+"""Sampling rate and control rate [Hz]."""
+
 FILTERING = Filtering(20.0, 4, 25, 0.0, 100)
-SUBSTEPS, DEAD_BAND = 4, 0.02  # of a period; rad/s
+"""Filters of the identification."""
+
+SUBSTEP_COUNT = 4
+"""Number of simulation steps in a control period."""
+
+DEAD_BAND_RAD_S = 0.02
+"""Speed below which samples are left out of the fit in slip alone [rad/s]."""
+
 BAM_FAMILIES = sized(("symmetric", "directional", "load", "stribeck", "combined"), smallest=("symmetric", "load"))
-"""Families tried on a servo."""
-BAM_TRAVELS = (0.0, *np.geomspace(1e-3, 8e-2, sized(14, smallest=2)))
+"""Friction families that are tried on the recorded servo."""
+
+BAM_TRAVELS_RAD = (0.0, *np.geomspace(1e-3, 8e-2, sized(14, smallest=2)))
+"""Presliding travels that are tried on the recorded servo [rad]."""
 
 
-def rows(benches: int = BENCHES) -> Iterator[ResultRow]:
+def rows(benches: int = BENCH_COUNT) -> Iterator[ResultRow]:
     """Every figure."""
     drawn = drawn_benches(benches, BENCH_SEED)
     for lugre in (False, True):
-        for travel in TRAVELS[1 if lugre else 0 :]:
+        for travel in PRESLIDING_TRAVELS_RAD[1 if lugre else 0 :]:
             played = (lugre_joints if lugre else own_joints)(drawn, travel)
             found = ordered_results(
                 [(identified, rig, *p, i) for i, (rig, p) in enumerate(zip(drawn, played, strict=True))]
@@ -95,8 +118,8 @@ def references(rig: BenchRig, seed: int) -> np.ndarray:
     """The reversals that a bench is asked for, (files, n) [rad]."""
     rng = np.random.default_rng([BENCH_SEED, seed])
     low, high = rig["motion_range"]["low"], rig["motion_range"]["high"]
-    angles = low + (high - low) * rng.uniform(0.15, 0.85, (FILES, 2))
-    return np.array([reversals(DURATION, RATE, centres=each, **STROKES) for each in angles])
+    angles = low + (high - low) * rng.uniform(0.15, 0.85, (FILE_COUNT, 2))
+    return np.array([reversals(RECORDING_DURATION_S, SAMPLING_RATE_HZ, centres=each, **STROKES) for each in angles])
 
 
 def own_joints(rigs: Sequence[BenchRig], travel: float) -> list[Played]:
@@ -105,8 +128,9 @@ def own_joints(rigs: Sequence[BenchRig], travel: float) -> list[Played]:
     for i, rig in enumerate(rigs):
         drive, loop, asked = rig["drive"], rig["loop"], references(rig, i)
         position, _, _, command, *_ = _core.simulate_batch(
-            np.tile(rig.vector, (FILES, 1)), reference=asked, period=1.0 / RATE, substeps=SUBSTEPS, gain=rig.gain,
-            limit=drive["current_limit"], ripple_amplitude=drive["ripple_amplitude"], stiction=True,
+            np.tile(rig.vector, (FILE_COUNT, 1)), reference=asked, period=1.0 / SAMPLING_RATE_HZ,
+            substeps=SUBSTEP_COUNT, gain=rig.gain, limit=drive["current_limit"],
+            ripple_amplitude=drive["ripple_amplitude"], stiction=True,
             ripple_wave_number=drive["ripple_wave_number"], loop=loop["kind"], kp=loop["kp"], kv=loop["kv"],
             velocity_span=loop["velocity_span"], position0=asked[:, 0].copy(), presliding_travel=travel,
         )  # fmt: skip
@@ -121,22 +145,22 @@ def lugre_joints(rigs: Sequence[BenchRig], travel: float) -> list[Played]:
     joint, drive, loop = ({key: np.array([[rig[table][key]] for rig in rigs]) for key in rigs[0][table]
                            if table != "loop" or key != "kind"} for table in ("joint", "drive", "loop"))  # fmt: skip
     gain, inertia = np.array([[rig.gain] for rig in rigs]), joint["inertia"]
-    stiffness = 0.5 * (joint["coulomb_positive"] + joint["coulomb_negative"]) * BRISTLE / travel
-    damping, h = 2.0 / 3.0 * np.sqrt(stiffness * inertia), 1.0 / RATE / SUBSTEPS
+    stiffness = 0.5 * (joint["coulomb_positive"] + joint["coulomb_negative"]) * TRAVEL_OVER_BRISTLE_LENGTH / travel
+    damping, h = 2.0 / 3.0 * np.sqrt(stiffness * inertia), 1.0 / SAMPLING_RATE_HZ / SUBSTEP_COUNT
     span = int(loop["velocity_span"][0, 0])
     q, v, z = asked[..., 0].copy(), np.zeros(asked.shape[:2]), np.zeros(asked.shape[:2])
     past = [q] * (span + 1)
     positions, commands = np.empty_like(asked), np.empty_like(asked)
     for k in range(asked.shape[2]):
         past = [*past[1:], q]
-        wanted = loop["kv"] * (loop["kp"] * (asked[..., k] - q) - (past[-1] - past[0]) * (RATE / span))
+        wanted = loop["kv"] * (loop["kp"] * (asked[..., k] - q) - (past[-1] - past[0]) * (SAMPLING_RATE_HZ / span))
         command = np.clip(wanted, -drive["current_limit"], drive["current_limit"])
         positions[..., k], commands[..., k] = q, command
         # Gravity and cogging hardly change within a period.
         weight = joint["gravity_sine"] * np.sin(q) + joint["gravity_cosine"] * np.cos(q)
         ripple = drive["ripple_amplitude"] * np.sin(drive["ripple_wave_number"] * q)
         free = gain * command + ripple - joint["offset"] - weight
-        for _ in range(SUBSTEPS):
+        for _ in range(SUBSTEP_COUNT):
             up = v > 0.0
             level = np.where(up, joint["coulomb_positive"], joint["coulomb_negative"])
             level = level + joint["stribeck"] * np.exp(-np.square(v / joint["stribeck_velocity"]))
@@ -157,17 +181,19 @@ def lugre_joints(rigs: Sequence[BenchRig], travel: float) -> list[Played]:
 def identified(rig: BenchRig, positions: np.ndarray, commands: np.ndarray, seed: int) -> Presliding:
     """What a bench's files say of its travel, as its instruments write them; the last of them is held out."""
     rng, drive, encoder = np.random.default_rng([BENCH_SEED, seed, 1]), rig["drive"], rig["encoder"]
-    quantum, time = 2.0 * pi / encoder["counts_per_turn"], np.arange(positions.shape[1]) / RATE
+    quantum, time = 2.0 * pi / encoder["counts_per_turn"], np.arange(positions.shape[1]) / SAMPLING_RATE_HZ
     motions = []
     for i, (position, command) in enumerate(zip(positions, commands, strict=True)):
         read = np.round(position / quantum) * quantum + encoder["noise"] * rng.standard_normal(len(position))
-        sensed = noise((1, len(time)), drive["current_noise"], drive["current_noise_memory"], RATE, rng)[0]
+        sensed = draw_noise(
+            (1, len(time)), drive["current_noise"], drive["current_noise_memory"], SAMPLING_RATE_HZ, rng
+        )[0]
         current = 0.5 * (command + np.concatenate([command[:1], command[:-1]])) + sensed
-        split = "heldout" if i == FILES - 1 else "fitted"
+        split = "heldout" if i == FILE_COUNT - 1 else "fitted"
         motions.append(motion_of(time, read, rig.gain * current, FILTERING, split=split))
     fitted, held = motions[:-1], motions[-1:]
     model = joint_model("combined", motion="rotary", effort_unit="N*m", gravity="sine", velocity_range=1.0)
-    slipping = stack([replace(m, filtering=replace(m.filtering, dead_band=DEAD_BAND)) for m in fitted])
+    slipping = stack([replace(m, filtering=replace(m.filtering, dead_band=DEAD_BAND_RAD_S)) for m in fitted])
     return estimate_presliding(model, solve_family(model, slipping).values, fitted, held)
 
 
@@ -216,7 +242,7 @@ def bam_rows() -> Iterator[ResultRow]:
     family = min(best, key=lambda name: best[name][0])  # on what was fitted
     said = f"BAM servo, family {family}, the best of five where fitted"
     model = models[family]
-    tried = {t: _opened(model, t, fitted, held, machine) for t in BAM_TRAVELS}
+    tried = {t: _opened(model, t, fitted, held, machine) for t in BAM_TRAVELS_RAD}
     travel = min(tried, key=lambda t: tried[t][0])
     plain, bent = tried[0.0], tried[travel]
     words = f"position from the duty alone; {said}"

@@ -25,16 +25,32 @@ from pellucid.lab.bench.rig import bench_joint
 from pellucid.protocols.random_phase_multisine import RandomPhaseMultisine, random_phase_multisine
 from pellucid.studies.results import ResultRow
 
-EXPERIMENTS = sized(20, smallest=1)
-REALISATIONS = 7
-TRUE_REALISATIONS = sized(300, smallest=4)
-TRUE_REPETITIONS = sized(60, smallest=4)
-TRUE_SEED = 20261122  # judged are 1 to EXPERIMENTS
-LINEAR = sized(200, smallest=2)
-"""Experiments on a linear system."""
-GROUPS = 3
-NOISY = 20.0
-WITHIN = 1.5
+EXPERIMENT_COUNT = sized(20, smallest=1)
+"""Number of experiments on each nonlinear system; their seeds are 1 to this number."""
+
+REALISATION_COUNT = 7
+"""Number of realisations of the multisine in an experiment."""
+
+TRUE_REALISATION_COUNT = sized(300, smallest=4)
+"""Number of realisations from which the true response is computed."""
+
+TRUE_REPETITION_COUNT = sized(60, smallest=4)
+"""Number of repetitions from which the true noise is computed."""
+
+TRUE_SEED = 20261122
+"""Seed of the truth, which is no seed of an experiment."""
+
+LINEAR_EXPERIMENT_COUNT = sized(200, smallest=2)
+"""Number of experiments on a linear system."""
+
+LINE_GROUP_COUNT = 3
+"""Number of groups of neighbouring lines over which a variance is averaged."""
+
+NOISE_FACTOR = 20.0
+"""Factor on the instruments' noise of the noisy joint."""
+
+VARIANCE_TOLERANCE_FACTOR = 1.5
+"""Factor within which an estimated variance counts as correct."""
 
 Signals = tuple[np.ndarray, np.ndarray]
 """Input and output of a reference that is played again and again with new noise, each (repetitions, n)."""
@@ -51,10 +67,10 @@ class System:
     closed: bool
 
 
-def rows(experiments: int = EXPERIMENTS, realisations: int = TRUE_REALISATIONS) -> Iterator[ResultRow]:
+def rows(experiments: int = EXPERIMENT_COUNT, realisations: int = TRUE_REALISATION_COUNT) -> Iterator[ResultRow]:
     """Every figure."""
     noise, distortion, joined = [], [], []
-    for system in (wiener_hammerstein(), joint("joint", 1.0), joint("noisy_joint", NOISY)):
+    for system in (wiener_hammerstein(), joint("joint", 1.0), joint("noisy_joint", NOISE_FACTOR)):
         true_noise, true_distortion = truth(system, realisations)
         ratios = np.array([judged(system, seed + 1, true_noise, true_distortion) for seed in range(experiments)])
         for kind, each, kept in (("noise", ratios[:, 0], noise), ("nonlinear", ratios[:, 1], distortion)):
@@ -69,14 +85,24 @@ def rows(experiments: int = EXPERIMENTS, realisations: int = TRUE_REALISATIONS) 
         yield _row(f"{system.name}.distortion_to_noise", level, f"truth; {system.said}")
     for kind, each in (("noise", noise), ("nonlinear", distortion)):
         every = np.concatenate(each, axis=1)
-        within = f"{_spread(every)}; {experiments} experiments of {REALISATIONS} realisations on three systems"
+        within = f"{_spread(every)}; {experiments} experiments of {REALISATION_COUNT} realisations on three systems"
         yield _row(f"{kind}_variance.ratio", worst_median(every), f"estimated over true, {within}")
-        share = np.mean(np.abs(np.log(np.maximum(every, 1e-12))) <= np.log(WITHIN))
-        yield _row(f"{kind}_variance.within", 100.0 * share, f"of single groups within a factor {WITHIN:g}", "%")
+        share = np.mean(np.abs(np.log(np.maximum(every, 1e-12))) <= np.log(VARIANCE_TOLERANCE_FACTOR))
+        yield _row(
+            f"{kind}_variance.within",
+            100.0 * share,
+            f"of single groups within a factor {VARIANCE_TOLERANCE_FACTOR:g}",
+            "%",
+        )
     every = np.concatenate(joined, axis=1)
     yield _row("coherence.ratio", worst_median(every), f"the rival: unexplained over true noise, {_spread(every)}")
-    p = np.array([linear_p(seed) for seed in range(LINEAR)])
-    yield _row("size", 100.0 * np.mean(p < 0.05), f"p < 0.05 in {LINEAR} linear systems in coloured noise", "%")
+    p = np.array([linear_p(seed) for seed in range(LINEAR_EXPERIMENT_COUNT)])
+    yield _row(
+        "size",
+        100.0 * np.mean(p < 0.05),
+        f"p < 0.05 in {LINEAR_EXPERIMENT_COUNT} linear systems in coloured noise",
+        "%",
+    )
 
 
 def worst_median(ratios: np.ndarray) -> float:
@@ -166,16 +192,16 @@ def truth(system: System, realisations: int) -> tuple[np.ndarray, np.ndarray]:
     distortion = np.sum(np.abs(y - response * u) ** 2, axis=0) / (realisations - 1)
     noise = []
     for m in range(min(8, realisations)):
-        u, y = system.play(motion.reference(m), TRUE_REPETITIONS, True, rng)
+        u, y = system.play(motion.reference(m), TRUE_REPETITION_COUNT, True, rng)
         missed = _lines(motion, y) - response * _lines(motion, u)
         noise.append(np.mean(np.abs(missed - missed.mean(axis=0)) ** 2, axis=(0, 1)))
-    return np.mean(noise, axis=0) * TRUE_REPETITIONS / (TRUE_REPETITIONS - 1), distortion
+    return np.mean(noise, axis=0) * TRUE_REPETITION_COUNT / (TRUE_REPETITION_COUNT - 1), distortion
 
 
 def judged(system: System, seed: int, noise: np.ndarray, distortion: np.ndarray) -> list[np.ndarray]:
     """Of one experiment: estimated over true noise, distortion, and the rival's one level over true noise, by group."""
-    motion, rng = system.motion(seed, REALISATIONS), np.random.default_rng([seed, 1])
-    played = [(motion.reference(m), *system.play(motion.reference(m), 1, True, rng)) for m in range(REALISATIONS)]
+    motion, rng = system.motion(seed, REALISATION_COUNT), np.random.default_rng([seed, 1])
+    played = [(motion.reference(m), *system.play(motion.reference(m), 1, True, rng)) for m in range(REALISATION_COUNT)]
     begin = motion.settle * motion.samples
     r, u, y = (np.array([np.ravel(each[i])[begin:] for each in played]) for i in range(3))
     found = best_linear_approximation(
@@ -187,7 +213,7 @@ def judged(system: System, seed: int, noise: np.ndarray, distortion: np.ndarray)
     # Those of the truth, by frequency: where left-out lines differ, levels between lines are what they are beside them.
     place = system.motion(TRUE_SEED, 1).lines
     noise, distortion = (np.exp(np.interp(found.line, place, np.log(x))) for x in (noise, distortion))
-    groups = np.array_split(np.arange(len(found.line)), GROUPS)
+    groups = np.array_split(np.arange(len(found.line)), LINE_GROUP_COUNT)
 
     def over(estimated: np.ndarray, true: np.ndarray) -> np.ndarray:
         return np.array([estimated[g].sum() / true[g].sum() for g in groups])

@@ -23,12 +23,12 @@ from benchmarks._size import sized
 from benchmarks.people import EXPONENTS, study_seconds
 
 from pellucid.datasets.motions import motions_of
-from pellucid.lab.pointing.conditions import identified_cards, published_laws
-from pellucid.lab.pointing.instructed import WIDE, Population, everybody
-from pellucid.lab.pointing.line_pointing import measured
+from pellucid.lab.pointing.conditions import identify_cards, published_conditions
+from pellucid.lab.pointing.instructed import WIDE_PRIOR, Population, estimate_people
+from pellucid.lab.pointing.line_pointing import measure_movements
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants, elbow_people
-from pellucid.lab.pointing.session import CONTROL, point, true_motion
+from pellucid.lab.pointing.session import CONTROL_CONDITION, simulate_session, true_motion
 from pellucid.recordings.readers import read_columns
 from pellucid.signals.movements import MovementRule, Stretch, kinematics, movements
 from pellucid.signals.one_way_movements import OneWay, one_way_movements
@@ -90,21 +90,24 @@ Seen = Mapping[str, Mapping[int, tuple[np.ndarray, int]]]
 def seen(people: Mapping[str, Mapping[int, list[list[OneWay]]]]) -> dict[str, dict[int, tuple[np.ndarray, int]]]:
     """What is measured of everybody under each instruction, where there are three movements or more."""
     whole = {name: {k: list(chain(*parts)) for k, parts in told.items()} for name, told in people.items()}
-    return {name: {k: (measured(m), len(m)) for k, m in told.items() if len(m) >= 3} for name, told in whole.items()}
+    return {
+        name: {k: (measure_movements(m), len(m)) for k, m in told.items() if len(m) >= 3}
+        for name, told in whole.items()
+    }
 
 
 def errors(told: Seen) -> tuple[np.ndarray, np.ndarray]:
     """Logarithms of predicted over measured time and spread, each row an instruction (first column) of a person, of the
     model and of the rival, shape (n, 3) each."""
-    population = Population.of(elbow_people())
+    population = Population.from_rig(elbow_people())
     own = {name: {k: v for k, v in each.items() if k in SET_BY} for name, each in told.items()}
     model, rival = [], []
-    for name, one in everybody(population, own, SET_BY, WIDE, rounds=ROUNDS).items():
+    for name, one in estimate_people(population, own, SET_BY, WIDE_PRIOR, rounds=ROUNDS).items():
         for instruction, neighbours in TRIED.items():
             if instruction not in told[name]:
                 continue
             truth = np.log(told[name][instruction][0][list(JUDGED.values())])
-            told_by = population.simulated(one.weight(instruction), one.traits, count=COUNT, seed=SEED)
+            told_by = population.simulate_measures(one.weight(instruction), one.traits, count=COUNT, seed=SEED)
             model.append((instruction, *(told_by[list(JUDGED.values())] - truth)))
             if all(k in told[name] for k in neighbours):
                 ends = [np.log(told[name][k][0][list(JUDGED.values())]) for k in neighbours]
@@ -150,7 +153,7 @@ def from_block_to_block(people: Mapping[str, Mapping[int, list[list[OneWay]]]]) 
             for i, part in enumerate(parts):
                 rest = list(chain(*parts[:i], *parts[i + 1 :]))
                 if rest:
-                    found.append(np.log(measured(part)[:2]) - np.log(measured(rest)[:2]))
+                    found.append(np.log(measure_movements(part)[:2]) - np.log(measure_movements(rest)[:2]))
     return np.median(np.abs(found), axis=0)
 
 
@@ -186,7 +189,7 @@ def population_medians(amplitude: float) -> np.ndarray:
     made = []
     people = draw_people(rig, np.random.default_rng(SEED), count=LAB_PEOPLE)
     for person, rng in zip(people, np.random.default_rng(SEED).spawn(len(people)), strict=True):
-        session = point(rig, person, CONTROL, None, rng, np.full(8, amplitude))
+        session = simulate_session(rig, person, CONTROL_CONDITION, None, rng, np.full(8, amplitude))
         motion, stretches = true_motion(session, EYES)
         for one in movements(motion, stretches, EYES)[0]:
             if one.direction > 0:
@@ -229,7 +232,7 @@ def worn_rows(folder: Path) -> Iterator[ResultRow]:
 def study_over_frozen() -> ResultRow:
     """Processor time of the published study's 2,400 movements over that of the earlier people, in one run by turns."""
     rigs = elbow_people(), elbow_participants()
-    taken = study_seconds(rigs, published_laws(identified_cards(rigs[0].robot), EXPONENTS))
+    taken = study_seconds(rigs, published_conditions(identify_cards(rigs[0].robot), EXPONENTS))
     new, old = taken.sum(axis=1)
     note = f"{new:.1f} s over {old:.1f} s; free arms alone {taken[0, 0] / taken[1, 0]:.2f}"
     return _row("study_over_frozen", new / old, "1", note, "simulated")

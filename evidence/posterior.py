@@ -47,19 +47,31 @@ from pellucid.studies.results import ResultRow
 
 from .coverage import bench_targets, drawn_benches
 
-TRUTHS = sized(80, smallest=2)
-BENCHES = sized(24, smallest=1)
-MUSCLES = sized(24, smallest=1)
-WEARERS = sized(12, smallest=1)
+TRUTH_COUNT = sized(80, smallest=2)
+"""Number of drawn truths of the calibration."""
+
+BENCH_COUNT = sized(24, smallest=1)
+"""Number of drawn benches."""
+
+MUSCLE_COUNT = sized(24, smallest=1)
+"""Number of drawn isolated muscles."""
+
+WEARER_COUNT = sized(12, smallest=1)
+"""Number of drawn wearers of the knee."""
+
 SEED = 20261122
-SECONDS = 4.0
-"""Of each recording of a bench; two are fitted."""
+"""Seed of every random draw."""
 
-LEVEL = 0.95
-BINS = 8
-"""Of ranks."""
+RECORDING_DURATION_S = 4.0
+"""Duration of each recording of a bench, of which two are fitted [s]."""
 
-CONSTANTS = {
+CONFIDENCE_LEVEL = 0.95
+"""Confidence level of the intervals whose coverage is counted."""
+
+RANK_BIN_COUNT = 8
+"""Number of bins of the histogram of ranks."""
+
+MUSCLE_CONSTANTS = {
     "max_isometric_force": (30.0, 0.10),
     "optimal_fibre_length": (0.05, 0.05),
     "tendon_slack_length": (0.05, 0.05),
@@ -67,20 +79,20 @@ CONSTANTS = {
     "damping": (0.1, 0.10),
     "tendon_strain": (0.05, 0.10),
 }
-"""Of the muscle as the model has it, SI, and by which share a drawn one differs."""
+"""Median of each constant of the drawn muscles, and the standard deviation of its logarithm."""
 
-UNUSED = ("mvc", "torque", "brief", "swing_2")
-"""Trials of a wearer that a strap needs none of."""
+UNUSED_TRIALS = ("mvc", "torque", "brief", "swing_2")
+"""Words in the names of those trials of a wearer that the identification of a strap does not need."""
 
-OTHERWISE = ("slack", "mobility", "hardening", "relaxing_stiffness", "relaxation_time", "across", "along")
-"""How a strap differs from a spring and a damper: not at all, but for what is tried."""
+STRAP_EFFECTS = ("slack", "mobility", "hardening", "relaxing_stiffness", "relaxation_time", "across", "along")
+"""Constants of a strap that are 0 for a spring and a damper."""
 
 Both = tuple[Parameter, DrawnParameter, float]
 """A parameter by least squares, by a posterior, and its target."""
 
 
 def rows(
-    truths: int = TRUTHS, benches: int = BENCHES, muscles: int = MUSCLES, wearers: int = WEARERS
+    truths: int = TRUTH_COUNT, benches: int = BENCH_COUNT, muscles: int = MUSCLE_COUNT, wearers: int = WEARER_COUNT
 ) -> Iterator[ResultRow]:
     """Every figure."""
     seeds = np.random.default_rng(SEED).integers(2**31, size=truths)
@@ -88,7 +100,7 @@ def rows(
     jobs = [(bench, rig, i + 1) for i, rig in enumerate(drawn_benches(benches, SEED))]
     found = ordered_results(jobs)
     for name in ("inertia", "gravity", "load_friction"):
-        said = f"{len(found)} drawn benches, recordings of {SECONDS:g} s, the best of five families"
+        said = f"{len(found)} drawn benches, recordings of {RECORDING_DURATION_S:g} s, the best of five families"
         yield from coverage_rows(f"bench.{name}", [one[name] for one in found if name in one], said)
     found = ordered_results([(muscle, SEED + i) for i in range(muscles)])
     yield from coverage_rows("muscle.offset", found, f"{len(found)} drawn muscles, constants and fatigue unmodelled")
@@ -131,11 +143,14 @@ def calibration_rows(found: Sequence[Sequence[float]]) -> Iterator[ResultRow]:
     note = f"{len(every)} truths from the prior; plant and model share their equations"
     p_values = []
     for name, shares in zip(("bounded", "free", "noise", "neglected"), every.T, strict=True):
-        counts = np.histogram(shares, BINS, (0.0, 1.0))[0]
-        statistic = float(np.sum((counts - len(every) / BINS) ** 2) / (len(every) / BINS))
-        p_values.append(float(chdtrc(BINS - 1, statistic)))
+        counts = np.histogram(shares, RANK_BIN_COUNT, (0.0, 1.0))[0]
+        statistic = float(np.sum((counts - len(every) / RANK_BIN_COUNT) ** 2) / (len(every) / RANK_BIN_COUNT))
+        p_values.append(float(chdtrc(RANK_BIN_COUNT - 1, statistic)))
         yield _row(
-            f"calibration.{name}.p_value", p_values[-1], "1", f"ranks are even (chi square, {BINS} bins); {note}"
+            f"calibration.{name}.p_value",
+            p_values[-1],
+            "1",
+            f"ranks are even (chi square, {RANK_BIN_COUNT} bins); {note}",
         )
         held = 100.0 * float(np.mean((shares > 0.025) & (shares < 0.975)))
         yield _row(f"calibration.{name}.held", held, "%", f"95 % intervals that hold the truth; {note}")
@@ -145,7 +160,7 @@ def calibration_rows(found: Sequence[Sequence[float]]) -> Iterator[ResultRow]:
 # --- drawn benches --------------------------------------------------------------------------------------------------
 
 
-def bench(rig: BenchRig, seed: int, seconds: float = SECONDS) -> dict[str, Both]:
+def bench(rig: BenchRig, seed: int, seconds: float = RECORDING_DURATION_S) -> dict[str, Both]:
     """Parameters of a bench's best family by least squares and by a posterior, each with its target."""
     rig = rig.changed({"sampling.duration": seconds}, rig.name)
     with tempfile.TemporaryDirectory() as folder:
@@ -167,8 +182,8 @@ def muscle(seed: int) -> Both:
     time = period * np.arange(n)
     waves = 2.0 * np.pi * np.array([2.0, 3.1, 5.3])
     displacement = 1e-3 * np.sin(time[:, None] * waves + rng.uniform(0.0, 6.28, 3)).sum(axis=1)
-    told = {name: value for name, (value, _) in CONSTANTS.items()}
-    true = {name: value * np.exp(share * rng.standard_normal()) for name, (value, share) in CONSTANTS.items()}
+    told = {name: value for name, (value, _) in MUSCLE_CONSTANTS.items()}
+    true = {name: value * np.exp(share * rng.standard_normal()) for name, (value, share) in MUSCLE_CONSTANTS.items()}
     rest = told["optimal_fibre_length"] + told["tendon_slack_length"]
     offset = rng.uniform(-0.2, 0.2) * told["optimal_fibre_length"]
     active = Muscle(**told).activation(np.ones(n), period=period)
@@ -198,11 +213,11 @@ def strap(seed: int, hardens: bool) -> dict[str, Both]:
     either refuses."""
     rig = drawn_rig(knee_orthosis(), seed)
     [(who, subject)] = rig["subjects"].items()
-    own = {name: subject["strap"][name] for name in ("stiffness", "damping")} | dict.fromkeys(OTHERWISE, 0.0)
+    own = {name: subject["strap"][name] for name in ("stiffness", "damping")} | dict.fromkeys(STRAP_EFFECTS, 0.0)
     if hardens:
         own["hardening"] = float(np.random.default_rng([seed, 0x6]).uniform(0.2, 0.4))
     rig = replace(rig, tables={**rig.tables, "subjects": {who: {**subject, "strap": own}}})
-    made = [t for t in rig.trials(1) if not any(word in t.name for word in UNUSED)]
+    made = [t for t in rig.trials(1) if not any(word in t.name for word in UNUSED_TRIALS)]
     config, recordings, _ = record_in_memory(rig, made, seed=1)
     config = config.model_copy(update={"coupling": config.coupling.model_copy(update={"posterior": True})})
     found = identify_worn(config, recordings).wearers[who].coupling
@@ -227,7 +242,7 @@ def coverage_rows(name: str, found: Sequence[Both], said: str) -> Iterator[Resul
     yield _row(f"{name}.held_where_interval_read", _held(both), "%", f"posteriors of the same ones; {said}")
     for key, pairs in (("interval.", [(p, t) for p, _, t in read]), ("", settled)):
         error = float(np.sqrt(np.mean([(p.value - t) ** 2 for p, t in pairs])))
-        half = float(np.median([0.5 * np.ptp(p.interval(LEVEL)) for p, _ in pairs]))
+        half = float(np.median([0.5 * np.ptp(p.interval(CONFIDENCE_LEVEL)) for p, _ in pairs]))
         yield _row(f"{name}.{key}rmse", 100.0 * error / size, "%", f"of the value, over the targets' size; {said}")
         yield _row(f"{name}.{key}width_over_rmse", half / error, "1", f"median half-width; {said}")
     yield _row(f"{name}.interval.refused", 100.0 * len(refused) / len(found), "%", f"intervals refused; {said}")
@@ -241,5 +256,5 @@ def coverage_rows(name: str, found: Sequence[Both], said: str) -> Iterator[Resul
 
 
 def _held(pairs: Sequence[tuple[Parameter, float]]) -> float:
-    inside = [low <= t <= high for (low, high), t in ((p.interval(LEVEL), t) for p, t in pairs)]
+    inside = [low <= t <= high for (low, high), t in ((p.interval(CONFIDENCE_LEVEL), t) for p, t in pairs)]
     return 100.0 * float(np.mean(inside)) if inside else float("nan")

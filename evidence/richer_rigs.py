@@ -15,20 +15,26 @@ from benchmarks._size import sized
 from pellucid._processes import ordered_results
 from pellucid.lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from pellucid.lab.knee.rig import knee_orthosis
-from pellucid.lab.pointing.conditions import TUNING_SEED, chosen_exponents, condition_of, identified_cards, offered
+from pellucid.lab.pointing.conditions import (
+    TUNING_SEED,
+    choose_exponents,
+    controller_builder,
+    identify_cards,
+    offered_controller,
+)
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.lab.pointing.session import Unpowered
-from pellucid.lab.strap_options import OPTIONS, without
+from pellucid.lab.strap_options import STRAP_OPTIONS, without_strap_options
 from pellucid.models.slider_card import SliderCard
-from pellucid.papers.able.law_comparison import REFERENCE, TORQUE_SEED, try_law
+from pellucid.papers.able.law_comparison import PEOPLE_SEED, REFERENCE_LAW, try_law
 from pellucid.papers.knee.wearers import drawn_from, identify_bench, identify_straps
 from pellucid.studies.results import ResultRow
 
 ROBOTS = sized(3, smallest=1)
 PEOPLE = sized(3, smallest=1)
 REPETITIONS, SEED = 1, 1
-LAWS = ("clpc", REFERENCE, "transparent", "dithered", "force_sensor")
+LAWS = ("clpc", REFERENCE_LAW, "transparent", "dithered", "force_sensor")
 UNPOWERED = "unpowered"
 
 
@@ -36,23 +42,23 @@ UNPOWERED = "unpowered"
 class Line:
     """A rig with some of the physics that models lack."""
 
-    straps: tuple[str, ...] = ()  # What straps have of `OPTIONS`
+    straps: tuple[str, ...] = ()  # What straps have of `STRAP_OPTIONS`
     travel: float = 0.0  # Over which friction builds up before it slips [rad]
 
     def strap(self) -> Mapping[str, float]:
         """Constants of a strap, as rigs take them in `strapped`."""
-        left_out = [option for option in OPTIONS if option not in self.straps]
-        return without(*left_out) if left_out else {}
+        left_out = [option for option in STRAP_OPTIONS if option not in self.straps]
+        return without_strap_options(*left_out) if left_out else {}
 
 
 LINES: Mapping[str, Line] = {
     "plain": Line(),
-    **{option: Line((option,)) for option in OPTIONS},
-    "straps": Line(tuple(OPTIONS)),
+    **{option: Line((option,)) for option in STRAP_OPTIONS},
+    "straps": Line(tuple(STRAP_OPTIONS)),
     "travel_0_3mrad": Line(travel=0.3e-3),
     "travel_1mrad": Line(travel=1e-3),
     "travel_3mrad": Line(travel=3e-3),
-    "all": Line(tuple(OPTIONS), 1e-3),
+    "all": Line(tuple(STRAP_OPTIONS), 1e-3),
 }
 """By the end of ids."""
 
@@ -62,7 +68,7 @@ WORDS: Mapping[str, tuple[str, str]] = {
     "able.ratio": ("1", "error of one set of parameters over that of one for each direction, trials never fitted"),
     "able.load_ratio": ("1", "error of one coherent body with friction by load over that of two directions"),
     "able.gravity_error": ("%", "of that body's gravity torque, with its sign"),
-    **{f"able.{law}": ("1", "interaction torque over FC's") for law in (*LAWS, UNPOWERED) if law != REFERENCE},
+    **{f"able.{law}": ("1", "interaction torque over FC's") for law in (*LAWS, UNPOWERED) if law != REFERENCE_LAW},
     "able.fc_given": ("J", "that FC gives over a movement there and back at most (99 %)"),
     "knee.gravity_error": ("%", "of the orthosis's gravity torque"),
     "knee.shank_error": ("%", "of the shank's gravity torque, mean size"),
@@ -110,7 +116,7 @@ def _row(figure: str, line: str, values: list[float], said: str) -> ResultRow:
 def elbow(robot: ElbowRig, travel: float, names: tuple[str, ...]) -> dict[str, dict[str, float]]:
     """Figures of one robot on lines that share its travel [rad]: it is identified once, without straps."""
     robot = robot.changed({"transmission.presliding_travel": travel})
-    cards = identified_cards(robot)
+    cards = identify_cards(robot)
     errors = {method: card.heldout_error for method, card in cards.items()}
     own = {
         "able.ratio": errors["pooled"] / errors["dissociated"],
@@ -120,18 +126,18 @@ def elbow(robot: ElbowRig, travel: float, names: tuple[str, ...]) -> dict[str, d
     found = {}
     for name in names:
         rig = elbow_participants(robot).strapped(LINES[name].strap())
-        exponents = chosen_exponents(rig, cards)[0]
-        people = draw_people(rig, np.random.default_rng([TORQUE_SEED, TUNING_SEED]), count=PEOPLE)
+        exponents = choose_exponents(rig, cards)[0]
+        people = draw_people(rig, np.random.default_rng([PEOPLE_SEED, TUNING_SEED]), count=PEOPLE)
         tried = {}
         for law in (*LAWS, UNPOWERED):
             laws = [Unpowered()] * PEOPLE
             if law != UNPOWERED:
-                build = condition_of(cards, offered(cards, law), exponents=exponents)
+                build = controller_builder(cards, offered_controller(cards, law), exponents=exponents)
                 laws = [build(person, person.slider(rig)) for person in people]
-            tried[law] = try_law(rig, people, laws, TORQUE_SEED, REPETITIONS)
-        torque = tried[REFERENCE].torque
-        found[name] = own | {f"able.{law}": one.torque / torque for law, one in tried.items() if law != REFERENCE}
-        found[name]["able.fc_given"] = tried[REFERENCE].given
+            tried[law] = try_law(rig, people, laws, PEOPLE_SEED, REPETITIONS)
+        torque = tried[REFERENCE_LAW].torque
+        found[name] = own | {f"able.{law}": one.torque / torque for law, one in tried.items() if law != REFERENCE_LAW}
+        found[name]["able.fc_given"] = tried[REFERENCE_LAW].given
     return found
 
 

@@ -21,33 +21,40 @@ from pellucid.control.supervised import SupervisedLaw
 from pellucid.deployment.c_folder import write_c_folder
 from pellucid.deployment.controller_values import ControllerValues
 from pellucid.deployment.microcontroller import measure, missing_tools
-from pellucid.lab.safety.fault_table import FAULT_KINDS, FaultTable, drawn_robot, fault_table
+from pellucid.lab.safety.fault_table import FAULT_KINDS, FaultTable, draw_worn_robot, fault_table
 from pellucid.lab.safety.worn_knee import knee_table
 from pellucid.lab.safety.worn_robot import LAWS, WornRobot
 from pellucid.studies.results import ResultRow
 
-ROBOTS = sized(20, smallest=1)
-HOURS = sized(10.5, smallest=0.02)
-KNEE_HOURS = sized(2.0, smallest=0.02)
-CYCLES = sized(104_000_000, smallest=100_000)
-"""Of nonsense, over all laws, each with and without its supervisor, in double and in float."""
+ROBOT_COUNT = sized(20, smallest=1)
+"""Number of drawn robots, and of drawn knees."""
 
-READING_ROBOTS = sized(8, smallest=1)
-"""Robots and knees whose drives measure as inaccurately as stated: one for each of the eight worst readings."""
+HEALTHY_HOURS = sized(10.5, smallest=0.02)
+"""Healthy use of all robots together [h]."""
 
-READING_HOURS = sized(2.24, smallest=0.02)
-"""Hours of healthy use of robots, and as many of knees, with such measurements."""
+KNEE_HEALTHY_HOURS = sized(2.0, smallest=0.02)
+"""Healthy use of all knees together [h]."""
 
-MOVING = 0.6
-"""From which on an encoder is said to freeze in motion [rad/s]."""
+NONSENSE_CYCLE_COUNT = sized(104_000_000, smallest=100_000)
+"""Number of cycles with random input over all laws, each with and without its supervisor, in double and in float."""
 
-HARMLESS = 1.5
-"""Excess energy that an undetected fault may give in ten seconds and still be called bounded [J]."""
+READING_ROBOT_COUNT = sized(8, smallest=1)
+"""Number of robots, and of knees, whose drives measure as badly as stated: one for each of the eight worst readings."""
 
-LIMIT = 10.0
-"""Of every law's effort here [N m]."""
+READING_HEALTHY_HOURS = sized(2.24, smallest=0.02)
+"""Healthy use of robots, and as much of knees, with such measurements [h]."""
+
+MIN_MOVING_SPEED_RAD_S = 0.6
+"""Speed from which on an encoder counts as frozen in motion [rad/s]."""
+
+MAX_HARMLESS_ENERGY_J = 1.5
+"""Largest excess energy with which an undetected fault of ten seconds still counts as bounded [J]."""
+
+EFFORT_LIMIT_NM = 10.0
+"""Effort limit of every law here [N m]."""
 
 ROOT = Path(__file__).parents[1]
+"""Root folder of the repository."""
 
 
 def row(name: str, value: float | None, unit: str, note: str = "") -> ResultRow:
@@ -58,22 +65,22 @@ def row(name: str, value: float | None, unit: str, note: str = "") -> ResultRow:
 @cache
 def measured() -> FaultTable:
     """The table, once a run."""
-    return fault_table(ROBOTS, HOURS)
+    return fault_table(ROBOT_COUNT, HEALTHY_HOURS)
 
 
 @cache
 def worn_knees() -> FaultTable:
     """The table of the worn knee, once a run."""
-    return knee_table(ROBOTS, KNEE_HOURS)
+    return knee_table(ROBOT_COUNT, KNEE_HEALTHY_HOURS)
 
 
 def rows() -> Iterator[ResultRow]:
     """Every figure."""
     yield from fault_rows(measured())
     yield from knee_rows(worn_knees())
-    yield from reading_rows("elbow", fault_table(READING_ROBOTS, READING_HOURS, inexact=True))
-    yield from reading_rows("knee", knee_table(READING_ROBOTS, READING_HOURS, inexact=True))
-    robot = drawn_robot(0)
+    yield from reading_rows("elbow", fault_table(READING_ROBOT_COUNT, READING_HEALTHY_HOURS, inexact=True))
+    yield from reading_rows("knee", knee_table(READING_ROBOT_COUNT, READING_HEALTHY_HOURS, inexact=True))
+    robot = draw_worn_robot(0)
     yield from overspeed_rows(robot)
     yield from fuzz_rows(robot)
     yield from heap_rows()
@@ -84,13 +91,16 @@ def fault_rows(table: FaultTable) -> Iterator[ResultRow]:
     """What single faults and healthy use came to."""
     hidden = {kind.name for kind in FAULT_KINDS if kind.hidden}
     shown = [t for t in table.trials if t.kind not in hidden and not t.early]
-    note = f"{len(shown)} runs, {len(FAULT_KINDS) - len(hidden)} kinds, {len(LAWS)} laws, {ROBOTS} drawn robots"
+    note = f"{len(shown)} runs, {len(FAULT_KINDS) - len(hidden)} kinds, {len(LAWS)} laws, {ROBOT_COUNT} drawn robots"
     yield row(
         "safety.single_fault.count", len(FAULT_KINDS), "1", f"{len(hidden)} of them no sensor of the robot can show"
     )
-    loose = [t for t in shown if np.isnan(t.found) and t.excess > HARMLESS]
+    loose = [t for t in shown if np.isnan(t.found) and t.excess > MAX_HARMLESS_ENERGY_J]
     yield row(
-        "safety.single_fault.undetected_unbounded", len(loose), "1", f"{note}; bounded: up to {HARMLESS} J in 10 s"
+        "safety.single_fault.undetected_unbounded",
+        len(loose),
+        "1",
+        f"{note}; bounded: up to {MAX_HARMLESS_ENERGY_J} J in 10 s",
     )
     worst = max(shown, key=lambda t: t.excess)
     yield row(
@@ -103,22 +113,22 @@ def fault_rows(table: FaultTable) -> Iterator[ResultRow]:
         "safety.single_fault.peak",
         worst.peak,
         "N*m",
-        f"in the strap until safe; {worst.kind}, {worst.law}; limit {LIMIT:g}",
+        f"in the strap until safe; {worst.kind}, {worst.law}; limit {EFFORT_LIMIT_NM:g}",
     )
     for kind in FAULT_KINDS:
         if kind.hidden:
-            trials = table.of(kind.name)
+            trials = table.trials_of(kind.name)
             yield row(f"safety.hidden.{kind.name}.energy", max(t.excess for t in trials), "J",
                       f"{kind.hidden}; found in {sum(t.found == t.found for t in trials)} of {len(trials)}"
             )  # fmt: skip
             yield row(f"safety.hidden.{kind.name}.peak", max(t.peak for t in trials), "N*m", "in the strap, over 10 s")
-    frozen = [t for t in table.of("encoder_frozen") if t.onset_speed >= MOVING]
+    frozen = [t for t in table.trials_of("encoder_frozen") if t.onset_speed >= MIN_MOVING_SPEED_RAD_S]
     late = max((1e3 * t.found if t.found == t.found else np.inf for t in frozen), default=np.nan)
     yield row(
         "safety.freeze.detected_after",
         late,
         "ms",
-        f"{len(frozen)} runs in which the motor moved at {MOVING} rad/s or more",
+        f"{len(frozen)} runs in which the motor moved at {MIN_MOVING_SPEED_RAD_S} rad/s or more",
     )
     starts = [t for t in table.trials if t.kind.endswith("_at_start")]
     yield row(
@@ -144,11 +154,11 @@ def knee_rows(table: FaultTable) -> Iterator[ResultRow]:
     hidden = {kind.name for kind in FAULT_KINDS if kind.hidden}
     shown = [t for t in table.trials if t.kind not in hidden and not t.early]
     kinds = {t.kind for t in shown}
-    note = f"{len(shown)} runs, {len(kinds)} kinds, {len({t.law for t in shown})} laws, {ROBOTS} drawn wearers"
-    loose = [t for t in shown if np.isnan(t.found) and t.excess > HARMLESS]
+    note = f"{len(shown)} runs, {len(kinds)} kinds, {len({t.law for t in shown})} laws, {ROBOT_COUNT} drawn wearers"
+    loose = [t for t in shown if np.isnan(t.found) and t.excess > MAX_HARMLESS_ENERGY_J]
     which = ", ".join(sorted({t.kind for t in loose})) or "none"
     yield row("safety.knee.count", len(kinds), "1", note)
-    yield row("safety.knee.undetected_unbounded", len(loose), "1", f"above {HARMLESS} J in 10 s: {which}")
+    yield row("safety.knee.undetected_unbounded", len(loose), "1", f"above {MAX_HARMLESS_ENERGY_J} J in 10 s: {which}")
     for name, of, unit in (("worst_excess_energy", "excess", "J"), ("peak", "peak", "N*m")):
         robots = [t for t in shown if group_of(t.kind) != "wearer"]
         worst = max(robots, key=lambda t: getattr(t, of))
@@ -209,7 +219,7 @@ def _late(law: SupervisedLaw, acceleration: float) -> int:
 
 def fuzz_rows(worn: WornRobot) -> Iterator[ResultRow]:
     """Commands among nonsense."""
-    each = CYCLES // (4 * len(LAWS))
+    each = NONSENSE_CYCLE_COUNT // (4 * len(LAWS))
 
     def jobs() -> Iterator[partial]:
         for number, name in enumerate(LAWS):

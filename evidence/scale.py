@@ -32,13 +32,27 @@ from pellucid.studies.results import ResultRow
 from pellucid.studies.study import STUDY_FILE
 
 SEED = 20261121
-HOURS = sized(2.0, smallest=0.1)
-SHORT = sized(100.0, smallest=60.0)  # s
-SHARE = sized(6, smallest=2)  # of the long one is identified too
-REPEATS = sized(3, smallest=1)  # of the short one
+"""Seed of every random draw."""
+
+LONG_RECORDING_HOURS = sized(2.0, smallest=0.1)
+"""Duration of the long recording [h]."""
+
+SHORT_RECORDING_S = sized(100.0, smallest=60.0)
+"""Duration of the short recording [s]."""
+
+PART_DIVISOR = sized(6, smallest=2)
+"""The part of the long recording that is identified too is one over this number."""
+
+REPEAT_COUNT = sized(3, smallest=1)
+"""Number of runs on the short recording, and of empty starts."""
+
 COMMAND_LINE = "from pellucid.cli import main; main()"
+"""Python code that runs Pellucid's command line."""
+
 START_UP = "import pellucid.cli, pellucid.procedures.run, pellucid.procedures.joint.identify_joint, scipy.optimize"
-PLAIN = """
+"""Python code that imports what `identify` needs, and does nothing."""
+
+PLAIN_FIT = """
 import sys
 import numpy as np
 from scipy import signal
@@ -53,6 +67,7 @@ w = np.column_stack([np.gradient(v, 1.0 / fs), np.sin(q), v, np.sign(v), np.ones
 values, rest, *_ = np.linalg.lstsq(w, effort[inner], rcond=None)
 print(values, 1.96 * np.sqrt(np.diag(np.linalg.inv(w.T @ w)) * rest / len(w)))
 """
+"""Python code of the same fit with NumPy and SciPy alone."""
 
 
 def movements(rig: BenchRig, duration: float, rng: np.random.Generator) -> np.ndarray:
@@ -120,14 +135,14 @@ def plain(folder: Path, path: Path) -> tuple[float, float, float]:
     study = open_study(folder)
     p = study.processing
     told = (p.lowpass, p.order, p.trim, drive_model(study.rig).gain)
-    return used("-c", PLAIN, str(path), *map(str, told))
+    return used("-c", PLAIN_FIT, str(path), *map(str, told))
 
 
 def rows() -> Iterator[ResultRow]:
     """Processor seconds over the rival's, memory, seconds of 100 s of data, and seconds per hour of 20 min over 2 h."""
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "hours"
-        path = record(folder, 3600.0 * HOURS)
+        path = record(folder, 3600.0 * LONG_RECORDING_HOURS)
         # In turn, so that a slow moment of the machine meets both.
         rivals = [plain(folder, path)]
         first = identified(folder)
@@ -137,27 +152,38 @@ def rows() -> Iterator[ResultRow]:
         theirs = sorted(rivals)[1]
         size = path.stat().st_size
         short, part = Path(place) / "short", Path(place) / "part"
-        record(short, SHORT)
-        record(part, 3600.0 * HOURS / SHARE)
-        started = [used("-c", START_UP)[1] for _ in range(REPEATS)]
-        taken = [identified(short)[1] for _ in range(REPEATS)]
+        record(short, SHORT_RECORDING_S)
+        record(part, 3600.0 * LONG_RECORDING_HOURS / PART_DIVISOR)
+        started = [used("-c", START_UP)[1] for _ in range(REPEAT_COUNT)]
+        taken = [identified(short)[1] for _ in range(REPEAT_COUNT)]
         shorter = identified(part)
-    told = f"{HOURS:g} h at 1 kHz, CSV of {size / 1e6:.0f} MB, {len(DEFAULT_FAMILIES)} families with intervals"
+    families = f"{len(DEFAULT_FAMILIES)} families with intervals"
+    told = f"{LONG_RECORDING_HOURS:g} h at 1 kHz, CSV of {size / 1e6:.0f} MB, {families}"
     rival = "over numpy.loadtxt, sosfiltfilt and lstsq of one family"
     wall = statistics.median(taken) - statistics.median(started)
     beside = f"beside {theirs[2]:.0f} MB of NumPy"
     spread = f"median of {min(r[0] for r in rivals):.1f} to {max(r[0] for r in rivals):.1f} s"
     yield _row(
-        "numpy.cpu", theirs[0], "s", f"loadtxt, sosfiltfilt, lstsq of one family, {HOURS:g} h at 1 kHz; {spread}"
+        "numpy.cpu",
+        theirs[0],
+        "s",
+        f"loadtxt, sosfiltfilt, lstsq of one family, {LONG_RECORDING_HOURS:g} h at 1 kHz; {spread}",
     )
     for name, (cpu, seconds, memory) in (("first", first), ("again", again)):
         yield _row(f"identify.cpu.{name}", cpu, "s", f"{told}; {seconds:.0f} s of wall time, {memory:.0f} MB")
         yield _row(f"identify.over_numpy.{name}", cpu / theirs[0], "1", f"{told}; processor, {rival}")
     yield _row("identify.memory", max(first[2], again[2]), "MB", f"{told}; largest resident set, {beside}")
     spread = f"{min(taken):.1f} to {max(taken):.1f} s with start-up"
-    yield _row("identify.short.wall", wall, "s", f"{SHORT:g} s at 1 kHz after start-up, median of {REPEATS}; {spread}")
+    yield _row(
+        "identify.short.wall",
+        wall,
+        "s",
+        f"{SHORT_RECORDING_S:g} s at 1 kHz after start-up, median of {REPEAT_COUNT}; {spread}",
+    )
     growth = first[0] / shorter[0]
-    yield _row("identify.growth", growth, "1", f"processor of {HOURS:g} h over that of a {SHARE}th of it")
+    yield _row(
+        "identify.growth", growth, "1", f"processor of {LONG_RECORDING_HOURS:g} h over that of a {PART_DIVISOR}th of it"
+    )
 
 
 def _row(name: str, value: float, unit: str, note: str) -> ResultRow:

@@ -30,12 +30,17 @@ from pellucid.studies import Study
 from pellucid.studies.results import ResultRow
 
 SEED = 20261122
-WITHIN = 0.02  # share of a parameter
-CASES = sized(None, smallest=2)
-"""Cases tried of each recording; None: all."""
+"""Seed of every random draw."""
+
+PARAMETER_TOLERANCE_SHARE = 0.02
+"""Relative error up to which a parameter counts as not affected."""
+
+CASE_COUNT = sized(None, smallest=2)
+"""Number of cases that are tried on each recording; None for all."""
+
 Columns = dict[str, np.ndarray]
 
-CAUSES = {
+CAUSE_PATTERNS = {
     "spike": r"spikes?|outliers?|jump(s|ed)?|glitch(es)?",
     "gap": r"gaps?",
     "missing": r"NaN|missing",
@@ -51,7 +56,7 @@ CAUSES = {
     "zero": r"zero of the angle|encoder's zero",
     "rollover": r"rolls? over|wrap(s|ped)?",
 }
-"""Cause -> words that name it."""
+"""Regular expression for the words with which a message names each cause."""
 
 
 @dataclass(frozen=True)
@@ -155,8 +160,10 @@ def _late(base: Base, columns: Columns) -> Columns:
     return columns | {base.drive: np.interp(time - 0.02, time, x)}
 
 
-COPY = '\n[[recordings]]\nname = "b"\nfile = "copy.csv"\nuse = "validate"\n'
-JOINT = {
+COPIED_ENTRY = '\n[[recordings]]\nname = "b"\nfile = "copy.csv"\nuse = "validate"\n'
+"""Entry of study.toml that uses a copy of a fitted recording to validate."""
+
+JOINT_CASES = {
     "spike": Case("spike", _at("position", 1, lambda x, span: x + 0.3 * span)),
     "two-sample spike": Case("spike", _at("position", 2, lambda x, span: x - 0.2 * span)),
     "spike of the drive": Case("spike", _at("drive", 1, lambda x, span: x + 100.0 * span)),
@@ -171,9 +178,11 @@ JOINT = {
     "sign": Case("sign", _scaled("drive", -1.0), refusable=True, everywhere=True, may_name=("clipped",)),
     "degrees": Case("unit", _scaled("position", 180.0 / np.pi), refusable=True, everywhere=True),
     "clipped": Case("clipped", _clip, refusable=True),
-    "copied": Case("copy", refusable=True, append=COPY),
+    "copied": Case("copy", refusable=True, append=COPIED_ENTRY),
 }
-MORE = {
+"""Defects of a recorded joint."""
+
+FURTHER_CASES = {
     "drive in another file": Case("", apart=True),
     "zero off by 15 degrees": Case("zero", _scaled("position", 1.0, np.radians(15.0))),
     "drive late by 20 ms": Case("late", _late),
@@ -186,6 +195,7 @@ MORE = {
         ),
     ),
 }
+"""Further defects, which are tried on one data set only."""
 
 
 def _head(study: Study) -> str:
@@ -203,8 +213,8 @@ def _bases(folder: Path) -> Iterator[tuple[Base, dict[str, Case]]]:
     first, last = study.recordings()
     sydney = Base("sydney", _head(study), dict(first.channels), drive="voltage")
     # Its voltage rests and steps by design: nothing tells such a rest from one that was lost or clipped.
-    steps = {name: case for name, case in JOINT.items() if name not in ("dropout", "clipped")}
-    yield sydney, {**steps, **MORE}
+    steps = {name: case for name, case in JOINT_CASES.items() if name not in ("dropout", "clipped")}
+    yield sydney, {**steps, **FURTHER_CASES}
     yield (
         Base("sydney.two", _head(study), dict(first.channels), (dict(last.channels),), "voltage"),
         {"contradicting": Case("contradiction", _scaled("drive", 1.7))},
@@ -212,12 +222,12 @@ def _bases(folder: Path) -> Iterator[tuple[Base, dict[str, Case]]]:
     study = init(folder / "bam", dataset="bam_xl330")
     one, two = study.recordings("fit")[:2]
     bam = {n: one.channels[n] for n in ("time", "position", "duty", "enabled")}
-    yield Base("bam", _head(study), bam, ({n: two.channels[n] for n in bam},), "duty"), JOINT
+    yield Base("bam", _head(study), bam, ({n: two.channels[n] for n in bam},), "duty"), JOINT_CASES
     rig_files(folder / "bench", rig="bench-joint")
     simulate(folder / "bench", SEED)
     study = open_study(folder / "bench")
     shown = {n: study.recording("multisine").channels[n] for n in ("time", "position", "current")}
-    yield Base("bench", _head(study), shown, drive="current"), JOINT
+    yield Base("bench", _head(study), shown, drive="current"), JOINT_CASES
     point = {n: study.recording("point_to_point").channels[n] for n in shown}
     pair = {"contradicting": Case("contradiction", _scaled("drive", 1.7))}
     yield Base("bench.two", _head(study), shown, (point,), "current"), pair
@@ -295,7 +305,9 @@ def _words(line: str) -> str:
 def _named(said: list[str], quiet: set[str]) -> set[str]:
     """Causes in lines that are not said of the clean recording."""
     lines = [line for line in said if _words(line) not in quiet]
-    return {cause for cause, words in CAUSES.items() if any(re.search(rf"\b({words})\b", x, re.I) for x in lines)}
+    return {
+        cause for cause, words in CAUSE_PATTERNS.items() if any(re.search(rf"\b({words})\b", x, re.I) for x in lines)
+    }
 
 
 def rows() -> Iterator[ResultRow]:
@@ -310,13 +322,14 @@ def rows() -> Iterator[ResultRow]:
         folder = Path(place)
         for base, cases in _bases(folder):
             clean, quiet = _tried(_write(folder / f"case{total}.{base.name}", base, Case("")))
-            for name, case in list(cases.items())[:CASES]:
+            for name, case in list(cases.items())[:CASE_COUNT]:
                 values, said = _tried(_write(folder / f"case{total}.{base.name}.x", base, case))
                 causes = _named(said, {_words(line) for line in quiet})
                 shared = [n for n in clean if n in values]
                 off = max((abs(values[n][0] - clean[n][0]) / abs(clean[n][0]) for n in shared), default=np.nan)
                 near = bool(shared) and all(
-                    abs(values[n][0] - clean[n][0]) <= max(WITHIN * abs(clean[n][0]), clean[n][1]) for n in shared
+                    abs(values[n][0] - clean[n][0]) <= max(PARAMETER_TOLERANCE_SHARE * abs(clean[n][0]), clean[n][1])
+                    for n in shared
                 )
                 named = not case.cause or case.cause in causes
                 false = causes - {case.cause, *case.may_name}

@@ -36,29 +36,47 @@ from pellucid.fit.strap.strap_torque import Orthosis, StrappedSwing, from_orthos
 from pellucid.lab.knee.drawn import drawn_rig
 from pellucid.lab.knee.protocol import bench_trials, swing_trial, torque_trial
 from pellucid.lab.knee.rig import KneeRig, knee_orthosis
-from pellucid.lab.strap_options import OPTIONS, without
+from pellucid.lab.strap_options import STRAP_OPTIONS, without_strap_options
 from pellucid.lab.study import record_in_memory
 from pellucid.signals.inertial import inertial
 from pellucid.signals.input_output import input_output
 from pellucid.studies.results import ResultRow
 
-WEARERS = sized(120, smallest=1)
+WEARER_COUNT = sized(120, smallest=1)
+"""Number of drawn wearers."""
+
 SEEDS = sized((1, 2), smallest=(1,))
-ORTHOSES = sized(6, smallest=1)
-ALONE = sized(20, smallest=1)
-"""Straps with one feature alone, of each feature."""
-PLAIN = sized(60, smallest=1)
-"""Straps that are a spring and a damper."""
-CREEPING = sized(12, smallest=1)
-"""Straps that creep as no model does."""
-WEARER_SEED, ORTHOSIS_SEED = 90001, 99001
+"""Seeds of the noise with which each wearer is recorded."""
+
+ORTHOSIS_COUNT = sized(6, smallest=1)
+"""Number of drawn orthoses."""
+
+SINGLE_FEATURE_COUNT = sized(20, smallest=1)
+"""Number of straps with one feature alone, for each feature."""
+
+PLAIN_STRAP_COUNT = sized(60, smallest=1)
+"""Number of straps that are a spring and a damper."""
+
+CREEPING_STRAP_COUNT = sized(12, smallest=1)
+"""Number of straps that creep in a way which no model describes."""
+
+WEARER_SEED = 90001
+"""Seed of the first drawn wearer."""
+
+ORTHOSIS_SEED = 99001
+"""Seed of the first drawn orthosis."""
+
 FEATURES = {"hardening": "hardening", "slack": "slack", "maxwell": "relaxing"}
-"""As the rows call them, and as models and rigs do."""
-ANGLES = (30, 60)
-"""Of the trials in which torques are held [deg]."""
+"""Name of each feature of a strap in the models, by its name in the rows."""
+
+HELD_ANGLES_DEG = (30, 60)
+"""Angles of the trials in which torques are held [deg]."""
+
 FAST_CREEP = {"hold": 1.5, "mobility": 4e-3}
-"""N*m; rad/(N*m*s)."""
-QUANTILE = 1.959964
+"""Constants of a strap that creeps fast: threshold [N*m] and mobility [rad/(N*m*s)]."""
+
+NORMAL_QUANTILE_97_5 = 1.959964
+"""Normal quantile of 97.5 %: an interval of 95 % reaches this many standard errors to either side."""
 
 
 @dataclass(frozen=True)
@@ -73,11 +91,14 @@ class Found:
 
 
 def rows(
-    wearers: int = WEARERS, alone: int = ALONE, plain: int = PLAIN, creeping: int = CREEPING
+    wearers: int = WEARER_COUNT,
+    alone: int = SINGLE_FEATURE_COUNT,
+    plain: int = PLAIN_STRAP_COUNT,
+    creeping: int = CREEPING_STRAP_COUNT,
 ) -> Iterator[ResultRow]:
     """Every figure."""
     rig = knee_orthosis()
-    orthoses = ordered_results([(identified_alone, rig, ORTHOSIS_SEED + i) for i in range(ORTHOSES)])
+    orthoses = ordered_results([(identified_alone, rig, ORTHOSIS_SEED + i) for i in range(ORTHOSIS_COUNT)])
     groups: dict[str, list[tuple]] = {"all": []}
     for name in range(wearers):
         groups["all"] += [(rig, WEARER_SEED + name, seed) for seed in SEEDS]
@@ -88,7 +109,7 @@ def rows(
     groups["plain"] = [(rig.strapped(_but()), begin + i, 1) for i in range(plain)]
     creeps = rig.strapped(_but())
     groups["creeping"] = [(creeps, begin + plain + i, 1, FAST_CREEP) for i in range(creeping)]
-    jobs = [(identified, orthoses[job[1] % ORTHOSES], *job) for group in groups.values() for job in group]
+    jobs = [(identified, orthoses[job[1] % ORTHOSIS_COUNT], *job) for group in groups.values() for job in group]
     done = iter(ordered_results(jobs))
     found = {name: [next(done) for _ in group] for name, group in groups.items()}
     yield from power_rows(found)
@@ -97,7 +118,7 @@ def rows(
 
 def _but(*kept: str) -> dict[str, float]:
     """Straps without any option but those kept."""
-    return without(*(name for name in OPTIONS if name not in kept))
+    return without_strap_options(*(name for name in STRAP_OPTIONS if name not in kept))
 
 
 def _row(name: str, value: float, unit: str, note: str) -> ResultRow:
@@ -130,7 +151,7 @@ def identified(
     drawn = drawn.strapped(strap) if strap else drawn
     subject = next(iter(drawn.subjects.values()))
     trials = [swing_trial(drawn, f"swing_{i}", subject) for i in (1, 2)]
-    trials += [torque_trial(drawn, f"torque_{a}", subject, float(np.radians(a))) for a in ANGLES]
+    trials += [torque_trial(drawn, f"torque_{a}", subject, float(np.radians(a))) for a in HELD_ANGLES_DEG]
     _, recordings, _ = record_in_memory(drawn, trials, seed=seed)
     true = subject.strap["stiffness"]
     try:
@@ -185,7 +206,11 @@ def stiffness_rows(found: list[Found]) -> Iterator[ResultRow]:
     plain = [(f.plain, f.true) for f in found if f.plain is not None]
     error, half, statistical = (
         np.array([of(p) / t for p, t in read])
-        for of in (lambda p: p.value, lambda p: QUANTILE * p.standard_error, lambda p: QUANTILE * p.statistical_error)
+        for of in (
+            lambda p: p.value,
+            lambda p: NORMAL_QUANTILE_97_5 * p.standard_error,
+            lambda p: NORMAL_QUANTILE_97_5 * p.statistical_error,
+        )
     )
     error = error - 1.0
     rmse = float(np.sqrt(np.mean(error**2)))
@@ -198,7 +223,7 @@ def stiffness_rows(found: list[Found]) -> Iterator[ResultRow]:
     yield _row("stiffness.rmse", 100.0 * rmse, "%", said)
     yield _row("stiffness.bias", 100.0 * float(np.mean(error)), "%", f"mean error; {said}")
     off = np.array([p.value / t - 1.0 for p, t in plain])
-    held = np.array([QUANTILE * p.standard_error / t for p, t in plain])
+    held = np.array([NORMAL_QUANTILE_97_5 * p.standard_error / t for p, t in plain])
     yield _row("stiffness.kelvin_voigt.rmse", 100.0 * float(np.sqrt(np.mean(off**2))), "%",
                "a spring and a damper by least squares, of the swings")  # fmt: skip
     yield _row("stiffness.kelvin_voigt.bias", 100.0 * float(np.mean(off)), "%", "the same")

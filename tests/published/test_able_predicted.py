@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pellucid.lab.pointing.prediction import INDICES, Prediction, Worn
+from pellucid.lab.pointing.prediction import INDICES, Prediction, RobotOutcome
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.papers.able.predicted import Scored, friction_drawn, predicted_rows, printed_exponents
 from pellucid.papers.able.predicted_sections import predicted_sections
@@ -31,7 +31,7 @@ def scored(ratios, spread, seed=1):
         off = np.exp(spread * rng.standard_normal((3, 6, 1)) + spread * rng.standard_normal((3, 1, 1)))
         for name, times in ratios.items():
             values[:, :, INDICES.index(name)] = np.array(times)[:, None]
-        worn.append(Worn(f"drawn-{i}", 0, 0.5, (-1.0, -1.9), False, values * off, 100, 1.0, 1.0))
+        worn.append(RobotOutcome(f"drawn-{i}", 0, 0.5, (-1.0, -1.9), False, values * off, 100, 1.0, 1.0))
     made = Prediction(LAWS, ("these",), free, tuple(worn), 12, 1.0)
     return Scored(made, made.studies(400, size=6), paper())
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pellucid.lab.pointing.rig import elbow_participants
-from pellucid.papers.able.identification_rows import LOAD_FACTORS
+from pellucid.papers.able.identification_rows import LOAD_FRICTION_FACTORS
 from pellucid.papers.able.paper import AblePaper
-from pellucid.papers.figure import VERDICTS
+from pellucid.papers.figure import VERDICT_WORDS
 from pellucid.papers.reproduce import reproduce
 from pellucid.studies.results import read_rows
 
@@ -74,7 +74,7 @@ def test_reproduction_puts_ours_beside_what_is_printed(made):
     rows = json.loads((out / "reproduction.json").read_text(encoding="utf-8"))["rows"]
     assert [r["id"] for r in rows] == list(figures)
     keys = {"id", "quantity", "unit", "published", "ours", "lower", "upper", "verdict", "note"}
-    assert all(set(r) == keys and r["verdict"] in VERDICTS for r in rows)
+    assert all(set(r) == keys and r["verdict"] in VERDICT_WORDS for r in rows)
     assert len({r["id"] for r in rows}) == len(rows)
     for r in rows:
         if r["lower"] is not None:
@@ -100,7 +100,7 @@ def test_without_load_friction_directions_gain_nothing(made):
     """The mechanism: what dissociation gains is load friction, and it grows with it."""
     found = made[1]
     ratios = [c.ratio("published", "pooled", "dissociated") for c in found.by_factor]
-    assert LOAD_FACTORS[0] == 0.0
+    assert LOAD_FRICTION_FACTORS[0] == 0.0
     assert ratios[0] == pytest.approx(1.0, abs=0.05)
     assert np.all(np.diff(ratios) > 0.0)
 

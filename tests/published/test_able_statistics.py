@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pellucid.papers.able.statistics import RANK_SUMS, SLIPS, statistics_rows
+from pellucid.papers.able.statistics import PRINT_ERRORS, RANK_SUMS, statistics_rows
 from pellucid.papers.printed import printed
 
 PAPER = printed("able")
@@ -20,8 +20,8 @@ def test_every_printed_statistic_is_among_them():
 
 def test_all_but_three_agree_within_rounding_and_those_are_named():
     differing = {name for name, row in ROWS.items() if row.verdict == "cannot be"}
-    assert differing == set(SLIPS)
-    assert all(ROWS[name].note == SLIPS[name] for name in differing)
+    assert differing == set(PRINT_ERRORS)
+    assert all(ROWS[name].note == PRINT_ERRORS[name] for name in differing)
     for name, row in ROWS.items():
         if row.verdict == "agrees":
             low, high = PAPER.values[name].interval

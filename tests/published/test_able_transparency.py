@@ -8,11 +8,11 @@ import pytest
 from pellucid.control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER
 from pellucid.control.transparent_laws import with_force_sensor
 from pellucid.lab.elbow.rig import able_elbow
-from pellucid.lab.pointing.conditions import condition_of, identified_cards, interaction_rms, published_laws
+from pellucid.lab.pointing.conditions import controller_builder, identify_cards, interaction_rms, published_conditions
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
-from pellucid.lab.pointing.session import hold_still, point_all
-from pellucid.lab.pointing.session_indices import FIRST_REST, PUBLISHED_RULE, injected_energy, session_indices
+from pellucid.lab.pointing.session import simulate_sessions, standstill_speed
+from pellucid.lab.pointing.session_indices import FIRST_REST_RULE, PUBLISHED_RULE, injected_energy, session_indices
 from pellucid.papers.able.transparency import VirtualStudy, content_on_target, required_resistance, simulate_study
 
 LIFTS = np.deg2rad([12, 24, 36, 48, 60])
@@ -20,7 +20,7 @@ LIFTS = np.deg2rad([12, 24, 36, 48, 60])
 
 @pytest.fixture(scope="module")
 def cards():
-    return identified_cards(able_elbow())
+    return identify_cards(able_elbow())
 
 
 def sessions(rig, people, laws, seed):
@@ -29,7 +29,7 @@ def sessions(rig, people, laws, seed):
         for name, make in laws.items()
         for person, rng in zip(people, np.random.default_rng(seed).spawn(len(people)), strict=True)
     ]
-    return point_all(jobs, threads=2)
+    return simulate_sessions(jobs, threads=2)
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -37,7 +37,9 @@ def test_without_a_robot_people_are_as_quick_as_those_of_the_paper(seed):
     rng, rig = np.random.default_rng(seed), elbow_participants()
     people = draw_people(rig, rng)
     lifts = np.deg2rad(np.repeat([12, 24, 36, 48, 60], 4))
-    made = point_all([(rig, p, "Ctrl", None, g, lifts) for p, g in zip(people, rng.spawn(6), strict=True)], threads=2)
+    made = simulate_sessions(
+        [(rig, p, "Ctrl", None, g, lifts) for p, g in zip(people, rng.spawn(6), strict=True)], threads=2
+    )
     study = VirtualStudy(seed, tuple(session_indices(s) for s in made))
     assert study.values("duration", "Ctrl").mean() == pytest.approx(0.957, rel=0.05)
     assert study.values("vmax", "Ctrl").mean() == pytest.approx(1.416, rel=0.05)
@@ -47,8 +49,11 @@ def test_without_a_robot_people_are_as_quick_as_those_of_the_paper(seed):
 def test_a_force_sensor_halves_the_torque_and_nothing_drives(cards):
     rig = elbow_participants()
     people = draw_people(rig, np.random.default_rng(21), count=2)
-    laws = {"Ctrl": None, "FC": published_laws(cards, (0.0, -0.5))["FC"]}
-    laws |= {"best": condition_of(cards, BEST_CONTROLLER), "best_sensed": condition_of(cards, BEST_SENSED_CONTROLLER)}
+    laws = {"Ctrl": None, "FC": published_conditions(cards, (0.0, -0.5))["FC"]}
+    laws |= {
+        "best": controller_builder(cards, BEST_CONTROLLER),
+        "best_sensed": controller_builder(cards, BEST_SENSED_CONTROLLER),
+    }
     made = sessions(rig, people, laws, 3)
     torque = {
         name: np.mean([interaction_rms(s) for s in made if s.condition == name]) for name in laws if name != "Ctrl"
@@ -68,15 +73,18 @@ def test_a_force_sensor_halves_the_torque_and_nothing_drives(cards):
 def test_a_loop_without_margin_is_found_to_cycle_or_stopped(cards):
     rig = elbow_participants()
     person = draw_people(rig, np.random.default_rng(21), count=1)[0]
-    law = condition_of(cards, BEST_SENSED_CONTROLLER)(person, person.slider(rig))
-    assert hold_still(rig, person, law) == 0.0
-    assert hold_still(rig, person, with_force_sensor(law, proportional=8.0)) > 0.1
+    law = controller_builder(cards, BEST_SENSED_CONTROLLER)(person, person.slider(rig))
+    assert standstill_speed(rig, person, law) == 0.0
+    assert standstill_speed(rig, person, with_force_sensor(law, proportional=8.0)) > 0.1
 
 
 def test_a_strap_that_hangs_loose_at_rest_is_no_lost_sensor(cards):
     rig = elbow_participants().strapped({"slack": 0.02})
     person = draw_people(rig, np.random.default_rng(21), count=1)[0]
-    assert hold_still(rig, person, condition_of(cards, BEST_SENSED_CONTROLLER)(person, person.slider(rig))) == 0.0
+    assert (
+        standstill_speed(rig, person, controller_builder(cards, BEST_SENSED_CONTROLLER)(person, person.slider(rig)))
+        == 0.0
+    )
 
 
 def test_what_would_slow_people_by_a_fifth():
@@ -93,14 +101,14 @@ def test_a_study_keeps_what_its_sessions_came_to(cards):
     rig = elbow_participants()
     few = replace(rig, tables={**rig.tables, "pointing": {**rig["pointing"], "repetitions": 1}})
     few = replace(few, tables={**few.tables, "people": {**few["people"], "count": 2}})
-    conditions = {"Ctrl": None, "CLPC": published_laws(cards, (0.0, -0.5))["CLPC"]}
+    conditions = {"Ctrl": None, "CLPC": published_conditions(cards, (0.0, -0.5))["CLPC"]}
     study = simulate_study(few, conditions, seed=4)
     assert study.conditions == ("Ctrl", "CLPC")
     assert [t.movements for t in study.taken] == [10] * 4
     assert study.change("duration", "Ctrl") == 0.0
     # Corrections at the target come after the first rest.
     for condition in study.conditions:
-        longer, shorter = (study.values("duration", condition, rule) for rule in (PUBLISHED_RULE, FIRST_REST))
+        longer, shorter = (study.values("duration", condition, rule) for rule in (PUBLISHED_RULE, FIRST_REST_RULE))
         assert np.all(longer >= shorter)
     content = simulate_study(content_on_target(few), conditions, seed=4)
     assert content_on_target(few)["vision"]["tolerance"] == few["pointing"]["tolerance"]

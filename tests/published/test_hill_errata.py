@@ -14,8 +14,8 @@ from pellucid.fit.swing.leg_balance import bare_leg_torque
 from pellucid.fit.swing.loaded_swing import corrected_form, fit_swings, published_form, swing
 from pellucid.fit.swing.swing_information import optimise_swing, swing_information
 from pellucid.papers.hill.recomputed import (
-    GRAVITY,
-    SUBJECTS,
+    GRAVITY_M_S2,
+    SUBJECT_KEYS,
     half_activation,
     inertia_error,
     largest_activation,
@@ -40,17 +40,17 @@ def swung(body, series, *, human=0.0, duration=40.0, fs=FS, hanging=0.0):
     """A frictionless pendulum that hangs, moved along a series; the motor gives what a human does not."""
     time = np.arange(round(duration * fs)) / fs
     position, _, acceleration = series.motion(time)
-    torque = body["p"] * acceleration + body["q"] * GRAVITY * np.sin(position)
+    torque = body["p"] * acceleration + body["q"] * GRAVITY_M_S2 * np.sin(position)
     return swing(time, position + hanging, torque - human, lowpass=20.0, trim=50)
 
 
 def test_c1_the_pendulum_stands_on_its_head():
     p, q = (SWINGS["empty"][n].value for n in ("p", "q"))
     # No torque, small angles: p ddtheta = q g theta runs away, at a rate the paper's own numbers give.
-    state = np.array([[0.0, 1.0], [q * GRAVITY / p, 0.0]])
+    state = np.array([[0.0, 1.0], [q * GRAVITY_M_S2 / p, 0.0]])
     eigenvalues = np.sort(np.linalg.eigvals(state).real)
     assert eigenvalues == pytest.approx((-9.79, 9.79), abs=0.01)
-    hangs = np.linalg.eigvals(np.array([[0.0, 1.0], [-q * GRAVITY / p, 0.0]]))
+    hangs = np.linalg.eigvals(np.array([[0.0, 1.0], [-q * GRAVITY_M_S2 / p, 0.0]]))
     assert np.abs(hangs.real).max() == pytest.approx(0.0, abs=1e-12)
     # Three zeros of theta are named. Fitted to a leg that hangs, only counting from above gives a weight.
     data = [swung(BOTH, two_sines(0.3))]
@@ -67,13 +67,13 @@ def test_c2_legs_of_no_inertia():
     alone = point_mass(empty["p"].value, empty["q"].value)
     assert (alone.mass, alone.distance) == (pytest.approx(2.33, abs=0.01), pytest.approx(0.102, abs=0.001))
     assert alone.distance < HILL["empty_distance"]
-    bodies = [point_mass(SWINGS[s]["p"].value, SWINGS[s]["q"].value) for s in SUBJECTS]
+    bodies = [point_mass(SWINGS[s]["p"].value, SWINGS[s]["q"].value) for s in SUBJECT_KEYS]
     masses, distances = [b.mass for b in bodies], [b.distance for b in bodies]
     assert (min(masses), max(masses)) == (pytest.approx(16.4, abs=0.05), pytest.approx(321.6, abs=0.05))
     assert (min(distances), max(distances)) == (pytest.approx(0.0053, abs=1e-4), pytest.approx(0.108, abs=1e-3))
     # The leg's own, by difference, beside Winter's for the mean subject.
-    p = np.array([SWINGS[s]["p"].value for s in SUBJECTS]) - empty["p"].value
-    q = np.array([SWINGS[s]["q"].value for s in SUBJECTS]) - empty["q"].value
+    p = np.array([SWINGS[s]["p"].value for s in SUBJECT_KEYS]) - empty["p"].value
+    q = np.array([SWINGS[s]["q"].value for s in SUBJECT_KEYS]) - empty["q"].value
     assert p[1] == pytest.approx(-0.0155)
     assert p.mean() == pytest.approx(0.0837, abs=1e-4)
     assert shank.inertia == pytest.approx(0.395, abs=5e-4)
@@ -85,8 +85,8 @@ def test_c2_legs_of_no_inertia():
     assert (least.min(), least.max()) == (pytest.approx(0.389, abs=1e-3), pytest.approx(0.638, abs=1e-3))
     assert np.all(p < 0.5 * least)
     # Held level, three of them need more torque than the motor has.
-    level = {s: SWINGS[s]["q"].value * GRAVITY for s in SUBJECTS}
-    assert [s for s in SUBJECTS if level[s] > HILL["motor_torque"]] == ["subject_3", "subject_6", "subject_8"]
+    level = {s: SWINGS[s]["q"].value * GRAVITY_M_S2 for s in SUBJECT_KEYS}
+    assert [s for s in SUBJECT_KEYS if level[s] > HILL["motor_torque"]] == ["subject_3", "subject_6", "subject_8"]
     # In any body with mass, centre and extent p / q exceeds the centre's distance, and a mean shank's is 0.38 m.
     assert shank.inertia / (shank.mass * shank.centre) == pytest.approx(0.381, abs=1e-3)
 
@@ -135,13 +135,13 @@ def test_c5_the_difference_is_of_a_bare_leg():
     time = np.arange(round(40.0 * FS)) / FS
     position, _, acceleration = fast.motion(time)
     # Worn, with a motor that gives nothing, the human moves leg and exoskeleton.
-    human = BOTH["p"] * acceleration + BOTH["q"] * GRAVITY * np.sin(position)
+    human = BOTH["p"] * acceleration + BOTH["q"] * GRAVITY_M_S2 * np.sin(position)
     motion = swung(BOTH, fast, human=human)
     assert np.abs(motion.torque).max() < 1e-9
     truth = swing(time, position, human, lowpass=20.0, trim=50).torque
     literal = bare_leg_torque(empty, loaded, motion).torque
     missing = swing(
-        time, position, EMPTY["p"] * acceleration + EMPTY["q"] * GRAVITY * np.sin(position), lowpass=20.0, trim=50
+        time, position, EMPTY["p"] * acceleration + EMPTY["q"] * GRAVITY_M_S2 * np.sin(position), lowpass=20.0, trim=50
     ).torque
     # Eq. 12 misses what the exoskeleton takes, all of it.
     assert truth - literal == pytest.approx(missing, abs=0.03)
@@ -150,22 +150,22 @@ def test_c5_the_difference_is_of_a_bare_leg():
 
 
 def test_c7_largest_activations():
-    most = [largest_activation(MUSCLES[s]["A"].value, MUSCLES[s]["k_r"].value) for s in SUBJECTS]
+    most = [largest_activation(MUSCLES[s]["A"].value, MUSCLES[s]["k_r"].value) for s in SUBJECT_KEYS]
     assert most == pytest.approx((6.2, 16.6, 27.2, 8.8, 21.4, 36.9, 73.5, 27.0), abs=0.05)
-    half = [half_activation(MUSCLES[s]["A"].value, MUSCLES[s]["k_r"].value) for s in SUBJECTS]
+    half = [half_activation(MUSCLES[s]["A"].value, MUSCLES[s]["k_r"].value) for s in SUBJECT_KEYS]
     assert (min(half), max(half)) == (pytest.approx(0.011, abs=5e-4), pytest.approx(0.030, abs=5e-4))
     assert half_activation(-1e-6, 1.0) == pytest.approx(0.5, abs=1e-6)
 
 
 def test_c13_a_mean_and_what_is_said_of_the_errors():
     for name, off in (("rmse", False), ("maxe", False), ("mae", True)):
-        mean = np.mean([ERRORS[s][name].value for s in SUBJECTS])
+        mean = np.mean([ERRORS[s][name].value for s in SUBJECT_KEYS])
         # A mean of eight numbers, each within half a unit of its last digit, is within half a unit too.
         assert (abs(mean - ERRORS["mean"][name].value) > 1e-4) == off
         assert (ROWS[f"mean.{name}"].verdict == "cannot be") == off
-    assert np.mean([ERRORS[s]["mae"].value for s in SUBJECTS]) == pytest.approx(1.1105, abs=5e-5)
+    assert np.mean([ERRORS[s]["mae"].value for s in SUBJECT_KEYS]) == pytest.approx(1.1105, abs=5e-5)
     assert ERRORS["mean"]["mae"].value == 1.2445
-    above = [s for s in SUBJECTS if ERRORS[s]["maxe"].value >= HILL["others_below"]]
+    above = [s for s in SUBJECT_KEYS if ERRORS[s]["maxe"].value >= HILL["others_below"]]
     assert above == ["subject_3", "subject_5"]
     ratio = {n: METHODS["ours"][n].value / METHODS["nm_coa"][n].value for n in ("rmse", "maxe")}
     assert ratio == pytest.approx({"rmse": 1.61, "maxe": 1.53}, abs=0.005)

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from pellucid.papers.figure import VERDICTS
+from pellucid.papers.figure import VERDICT_WORDS
 from pellucid.papers.hill.paper import HillPaper
-from pellucid.papers.hill.torque import BASELINES
+from pellucid.papers.hill.torque import BASELINE_FAMILIES
 from pellucid.papers.reproduce import reproduce
 from pellucid.studies.results import read_rows
 
@@ -32,7 +32,7 @@ def test_results_have_the_ids_others_rely_on(rows):
         for who in ("mean", "S4")
         for tail in ("", ".truncated")
     ]
-    wanted += [f"hill.rmse.truth.{name}" for name in BASELINES]
+    wanted += [f"hill.rmse.truth.{name}" for name in BASELINE_FAMILIES]
     for name in wanted:
         assert np.isfinite(rows[name].value), name
         assert rows[name].unit == "N*m", name
@@ -78,4 +78,4 @@ def test_the_page_needs_no_other_file_and_every_row_has_a_verdict(made):
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert "<script src" not in page
     for row in json.loads((out / "reproduction.json").read_text(encoding="utf-8"))["rows"]:
-        assert row["verdict"] in VERDICTS, row["id"]
+        assert row["verdict"] in VERDICT_WORDS, row["id"]

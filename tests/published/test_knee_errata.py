@@ -8,7 +8,13 @@ from scipy.integrate import solve_ivp
 from pellucid._errors import PellucidError, StudyError
 from pellucid.fit.joint.gravity_holds import accuracy, cosine_moment, line_of_best_fit
 from pellucid.models.anthropometry import rod, shank_length, winter
-from pellucid.papers.knee.recomputed import GRAVITY, SUBJECTS, published_coupling, published_response, recomputed
+from pellucid.papers.knee.recomputed import (
+    GRAVITY_M_S2,
+    SUBJECT_KEYS,
+    published_coupling,
+    published_response,
+    recomputed,
+)
 from pellucid.papers.knee.two_poles import (
     TwoPoles,
     chord_stiffness,
@@ -159,7 +165,7 @@ def test_b5_five_seconds_are_no_steady_state():
 
 
 def test_b6_a_second_square_leaves_no_damping():
-    for subject in SUBJECTS:
+    for subject in SUBJECT_KEYS:
         poles = published_coupling(KNEE, subject)
         as_printed = np.roots([poles.inertia + poles.damping, 0.0, poles.stiffness])
         assert np.abs(as_printed.real).max() == 0.0  # it would ring for ever
@@ -173,19 +179,19 @@ def test_b6_a_second_square_leaves_no_damping():
 def test_b7_one_symbol_for_two_lengths():
     body = ORTHOSIS["theoretical"]
     mass, length = body["mass"].value, body["length"].value
-    assert body["gravity"].agrees(mass * GRAVITY * length)
+    assert body["gravity"].agrees(mass * GRAVITY_M_S2 * length)
     assert not body["inertia"].agrees(rod(mass, length).inertia)
     assert rod(mass, length).inertia == pytest.approx(0.0109, abs=5e-5)
     # Twice as long, with its centre half-way as the text says, both are right.
     whole = rod(mass, 2.0 * length)
     assert body["inertia"].agrees(whole.inertia)
-    assert body["gravity"].agrees(whole.gravity(GRAVITY))
+    assert body["gravity"].agrees(whole.gravity(GRAVITY_M_S2))
 
 
 def test_b8_accuracy_is_relative_to_what_was_found():
     table = {name: [ORTHOSIS[row][name].value for row in ("experimental", "theoretical")] for name in
              ("gravity", "inertia")}  # fmt: skip
-    shanks = [accuracy(SHANK[s]["gravity_found"].value, SHANK[s]["gravity"].value) for s in SUBJECTS]
+    shanks = [accuracy(SHANK[s]["gravity_found"].value, SHANK[s]["gravity"].value) for s in SUBJECT_KEYS]
     for name, (of_found, of_theory), right in (
         ("gravity_accuracy", accuracy(*table["gravity"]), 96.06),
         ("inertia_accuracy", accuracy(*table["inertia"]), 88.74),
@@ -209,7 +215,7 @@ def test_b9_the_first_subject_s_inertia_is_too_large():
         mass, _, length = of_subject(number)
         found, cells = winter(mass, length), SHANK[f"subject_{number}"]
         assert found.inertia == pytest.approx(right, abs=5e-5)
-        for name, value in (("mass", found.mass), ("centre", found.centre), ("gravity", found.gravity(GRAVITY))):
+        for name, value in (("mass", found.mass), ("centre", found.centre), ("gravity", found.gravity(GRAVITY_M_S2))):
             assert cells[name].agrees(value), (number, name)
         # Equation 3.3 with the centre as printed, rounded: subjects 2 and 3 to the digit, not subject 1.
         printed_ = cells["mass"].value * ((0.416 * length) ** 2 + cells["centre"].value ** 2)
@@ -228,9 +234,9 @@ def test_b10_shares_of_one_length_on_another():
         mass, height, heel = of_subject(number)
         assert heel / shank_length(height, to="sole") == pytest.approx(over, abs=5e-4)
         proper = winter(mass, shank_length(height))
-        assert proper.gravity(GRAVITY) == pytest.approx(gravity, abs=0.01)
+        assert proper.gravity(GRAVITY_M_S2) == pytest.approx(gravity, abs=0.01)
         assert proper.inertia == pytest.approx(inertia, abs=5e-4)
-        assert SHANK[f"subject_{number}"]["gravity"].value / proper.gravity(GRAVITY) == pytest.approx(
+        assert SHANK[f"subject_{number}"]["gravity"].value / proper.gravity(GRAVITY_M_S2) == pytest.approx(
             too_much, abs=1e-3
         )
 
@@ -239,10 +245,10 @@ def test_b10_shares_of_one_length_on_another():
 
 
 def test_b11_table_3_5_is_not_of_a_strap():
-    fits, errors = ([COUPLING[s][n].value for s in SUBJECTS] for n in ("fit", "rmse"))
+    fits, errors = ([COUPLING[s][n].value for s in SUBJECT_KEYS] for n in ("fit", "rmse"))
     # The mean is not the mean, by more than rounding can do.
     assert np.mean(fits) == pytest.approx(49.963, abs=5e-4)
-    highest, lowest = (np.mean([COUPLING[s]["fit"].interval[i] for s in SUBJECTS]) for i in (1, 0))
+    highest, lowest = (np.mean([COUPLING[s]["fit"].interval[i] for s in SUBJECT_KEYS]) for i in (1, 0))
     assert PRINTED["mean_fit"].interval[1] < lowest < highest
     assert PRINTED["mean_rmse"].agrees(np.mean(errors))
     assert PRINTED["best_fit"].value == fits[1]
@@ -256,7 +262,7 @@ def test_b11_table_3_5_is_not_of_a_strap():
     assert second.damping_ratio < 1e-9
     assert published_coupling(KNEE, "subject_1").damping_ratio == pytest.approx(0.784, abs=5e-4)
     # Straps that soft would let the torque steps turn a leg further than it goes.
-    turned = [np.degrees(KNEE["shown_torque"] / COUPLING[s]["stiffness"].value) for s in SUBJECTS]
+    turned = [np.degrees(KNEE["shown_torque"] / COUPLING[s]["stiffness"].value) for s in SUBJECT_KEYS]
     assert turned == pytest.approx([138.4, 27.4, 162.6], abs=0.1)
     # Two of three rest within an eighth of the frequency at which the shank swings anyway.
     for number, own, pendulum in ((2, 0.839, 0.745), (3, 0.761, 0.808)):
@@ -288,7 +294,7 @@ def test_b12_the_envelope_is_later_than_the_muscle_is_early():
 def test_b13_the_regression_s_target_and_split():
     # Gravity that must be part of the knee's torque, in the very trial that is shown: beyond the regression's error.
     at = np.sin(np.radians(KNEE["shown_angle"]))
-    gravity = [(SHANK[s]["gravity_found"].value + ORTHOSIS["experimental"]["gravity"].value) for s in SUBJECTS]
+    gravity = [(SHANK[s]["gravity_found"].value + ORTHOSIS["experimental"]["gravity"].value) for s in SUBJECT_KEYS]
     assert [g * at for g in gravity] == pytest.approx([2.54, 4.26, 2.83], abs=5e-3)
     assert min(gravity) * at > 2.5 * KNEE["emg_rmse"]
     # At 90 degrees it is as much as the largest step.

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from pellucid.papers.figure import VERDICTS
+from pellucid.papers.figure import VERDICT_WORDS
 from pellucid.papers.knee.paper import KneePaper
 from pellucid.papers.knee.trials import take
 from pellucid.papers.printed import papers
@@ -61,7 +61,7 @@ def test_rows_say_what_they_were_judged_on(made):
 def test_ours_stands_beside_what_is_printed(made):
     rows = json.loads((made[0] / "reproduction.json").read_text(encoding="utf-8"))["rows"]
     assert len({r["id"] for r in rows}) == len(rows)
-    assert all(r["verdict"] in VERDICTS for r in rows)
+    assert all(r["verdict"] in VERDICT_WORDS for r in rows)
     for r in rows:
         if r["lower"] is not None:
             assert r["lower"] <= r["ours"] <= r["upper"], r["id"]

@@ -11,10 +11,25 @@ from pellucid.lab.knee.protocol import Faults
 from pellucid.lab.knee.rig import knee_orthosis
 from pellucid.lab.knee.subject import FLEXOR
 from pellucid.papers.knee import tuning as knee_tuning
-from pellucid.papers.knee.controllers import DELAY, GAIN_DB, Chosen, by_phase, chosen, for_wearer, parse_chosen
-from pellucid.papers.knee.residual import FRESH, TUNING, ControllerRow, compare, session_of, wearer
+from pellucid.papers.knee.controllers import (
+    REQUIRED_DELAY_MARGIN_S,
+    REQUIRED_GAIN_MARGIN_DB,
+    Chosen,
+    chosen,
+    design_by_phase,
+    design_for_wearer,
+    parse_chosen,
+)
+from pellucid.papers.knee.residual import (
+    TEST_WEARER_SEEDS,
+    TUNING_WEARER_SEEDS,
+    ControllerRow,
+    compare,
+    identify_by_name,
+    session_of,
+)
 from pellucid.papers.knee.residual_rows import residual_rows, residual_section
-from pellucid.papers.knee.swings import driven_back, last_speed, let_go, root_mean_square, swing
+from pellucid.papers.knee.swings import last_speed, release_leg, rms_mismatch_and_torque, swing, without_power
 
 SEED = 41
 """Of swings on which nothing was chosen."""
@@ -28,7 +43,7 @@ def rig():
 @pytest.fixture(scope="module")
 def worn(rig):
     """A drawn wearer, identified from their own recordings; nothing was chosen on them."""
-    return wearer(rig, "D401")
+    return identify_by_name(rig, "D401")
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +53,7 @@ def rows(worn):
 
 
 def test_nobody_compared_was_tuned_on():
-    assert not set(FRESH) & set(TUNING)
+    assert not set(TEST_WEARER_SEEDS) & set(TUNING_WEARER_SEEDS)
 
 
 def test_wearers_are_drawn_within_what_is_stated_and_each_is_the_same_again(rig):
@@ -84,8 +99,8 @@ def test_the_strap_carries_less_than_half_within_the_margins(rows):
     compensated = rows["residual"]
     assert compensated.ratio < 0.5
     assert compensated.mismatch < 0.5 * rows["zero_impedance"].mismatch
-    assert compensated.gain_db >= GAIN_DB
-    assert compensated.delay >= DELAY
+    assert compensated.gain_db >= REQUIRED_GAIN_MARGIN_DB
+    assert compensated.delay >= REQUIRED_DELAY_MARGIN_S
     assert compensated.holds
     assert compensated.fault == "none"
     assert compensated.ratio < rows["disturbance_observer"].ratio
@@ -93,7 +108,7 @@ def test_the_strap_carries_less_than_half_within_the_margins(rows):
 
 def test_the_margins_hold_on_the_true_plant_as_well(rig, worn):
     """What the identified card promises the truth keeps: its limb rubs, and its strap is within 30 % of the card's."""
-    made = for_wearer(worn.coupling, rig.period, chosen())
+    made = design_for_wearer(worn.coupling, rig.period, chosen())
     person = worn.rig.subjects[worn.name]
     truth = worn.coupling.scaled(
         strap_stiffness=person.strap["stiffness"] / worn.coupling.strap_stiffness,
@@ -103,53 +118,57 @@ def test_the_margins_hold_on_the_true_plant_as_well(rig, worn):
     )
     for speed in (0.5, 1.5, 4.0):
         left = made.margins(truth, speed)
-        assert left.gain_db >= GAIN_DB - 0.5
-        assert left.delay >= DELAY
+        assert left.gain_db >= REQUIRED_GAIN_MARGIN_DB - 0.5
+        assert left.delay >= REQUIRED_DELAY_MARGIN_S
 
 
 def test_a_relaxed_wearer_is_not_swayed(rig, worn):
     """No limit cycle: a leg let go from half a radian comes to rest, and stays there."""
-    controller = WornCompensator(for_wearer(worn.coupling, rig.period, chosen()), worn.card(chosen().emg).emg.build())
-    taken = let_go(worn.rig, worn.name, controller)
+    controller = WornCompensator(
+        design_for_wearer(worn.coupling, rig.period, chosen()), worn.card(chosen().emg).emg.build()
+    )
+    taken = release_leg(worn.rig, worn.name, controller)
     assert controller.fault == "none"
     assert last_speed(taken) < 0.1
     assert np.abs(taken.truth.limb_position[-1500:]).max() < 0.25
 
 
 def test_detached_electrodes_leave_what_needs_none(rig, worn):
-    controller = WornCompensator(for_wearer(worn.coupling, rig.period, chosen()), worn.card(chosen().emg).emg.build())
+    controller = WornCompensator(
+        design_for_wearer(worn.coupling, rig.period, chosen()), worn.card(chosen().emg).emg.build()
+    )
     session, faults = session_of(worn), Faults(emg_detached={0: 6.0, 1: 6.0})
-    plain = root_mean_square(swing(worn.rig, worn.name, SEED, None, duration=14.0, session=session))[1]
+    plain = rms_mismatch_and_torque(swing(worn.rig, worn.name, SEED, None, duration=14.0, session=session))[1]
     taken = swing(worn.rig, worn.name, SEED, controller, duration=14.0, session=session, faults=faults)
     assert controller.fault == "none"
     assert controller.core.estimates["trust"] == 0.0  # found by its hum, and faded out
     assert np.abs(taken.command).max() < 10
-    assert root_mean_square(taken)[1] < plain
+    assert rms_mismatch_and_torque(taken)[1] < plain
 
 
 def test_without_control_the_motor_gives_no_torque(worn):
-    taken = swing(driven_back(worn.rig), worn.name, SEED, None, duration=4.0)
+    taken = swing(without_power(worn.rig), worn.name, SEED, None, duration=4.0)
     assert np.abs(taken.truth.motor_torque).max() < 1e-12
 
 
 def test_gains_by_phase_never_cost_the_margins(rig, worn):
-    made = for_wearer(worn.coupling, rig.period, chosen())
-    phased = by_phase(made, (2.0, 1.0, 0.9, 1.1, 1.2, 0.8, 1.0, 1.0), (0.58, 4.7))
+    made = design_for_wearer(worn.coupling, rig.period, chosen())
+    phased = design_by_phase(made, (2.0, 1.0, 0.9, 1.1, 1.2, 0.8, 1.0, 1.0), (0.58, 4.7))
     assert phased.law.phase_gain[5] == 0.8
     assert max(phased.law.phase_gain) <= 1.25
-    assert by_phase(made, (1.0,) * 8, (0.58, 4.7)).law == made.law
+    assert design_by_phase(made, (1.0,) * 8, (0.58, 4.7)).law == made.law
 
 
 def test_constants_come_back_from_their_file():
     constants = chosen()
-    assert parse_chosen(knee_tuning.text(constants, TUNING)) == constants
-    assert knee_tuning.with_value(constants, "law.friction", 0.123).law.friction == 0.123
-    assert knee_tuning.with_value(constants, "fuzzy.largest", 0.5).fuzzy["largest"] == 0.5
+    assert parse_chosen(knee_tuning.write_toml(constants, TUNING_WEARER_SEEDS)) == constants
+    assert knee_tuning.change_constant(constants, "law.friction", 0.123).law.friction == 0.123
+    assert knee_tuning.change_constant(constants, "fuzzy.largest", 0.5).fuzzy["largest"] == 0.5
 
 
 def test_a_search_takes_the_least_that_keeps_its_margins(monkeypatch):
-    monkeypatch.setattr(knee_tuning, "SEARCHED", {"fuzzy": {"fuzzy.largest": (1.0, 2.0, 3.0)}})
-    monkeypatch.setattr(knee_tuning, "left_to_strap", lambda kind, c, seed: 1.0 / c.fuzzy["largest"])
+    monkeypatch.setattr(knee_tuning, "SEARCHED_VALUES", {"fuzzy": {"fuzzy.largest": (1.0, 2.0, 3.0)}})
+    monkeypatch.setattr(knee_tuning, "strap_torque_share", lambda kind, c, seed: 1.0 / c.fuzzy["largest"])
     monkeypatch.setattr(knee_tuning, "keeps_margins", lambda kind, c, seed: c.fuzzy["largest"] < 2.5)
     found, reached = knee_tuning.search("fuzzy", Chosen(fuzzy={"largest": 1.5}), (1, 2), map, lambda line: None)
     assert found.fuzzy["largest"] == 2.0
@@ -198,4 +217,4 @@ def test_rows_and_section_tell_drawn_wearers_from_the_rigs_own():
 
 def test_a_wearer_who_is_nobody(rig):
     with pytest.raises(PellucidError, match="D<seed>"):
-        wearer(rig, "X1")
+        identify_by_name(rig, "X1")

@@ -6,12 +6,12 @@ import pytest
 from pellucid.control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER
 from pellucid.lab.elbow.rig import able_elbow, drawn_rigs
 from pellucid.lab.pointing.rig import elbow_participants
-from pellucid.lab.strap_options import without
+from pellucid.lab.strap_options import without_strap_options
 from pellucid.papers.able import law_comparison
 from pellucid.papers.able.law_comparison import (
-    CONTROLLERS,
-    OTHER_INERTIAS,
-    UNPOWERED,
+    COMPARED_CONTROLLERS,
+    FC_WITH_OTHER_INERTIA,
+    UNPOWERED_ROBOT,
     LawOnRobot,
     comparison_rows,
     try_laws,
@@ -29,18 +29,21 @@ def test_no_robot_is_both_chosen_on_and_tried_on():
 
 @pytest.mark.parametrize(
     ("changes", "best", "best_sensed"),
-    [(without(), 0.70, 0.40), ({}, 0.75, 0.45)],  # measured: 0.63 and 0.35; with straps as they are 0.70 and 0.42
+    [
+        (without_strap_options(), 0.70, 0.40),
+        ({}, 0.75, 0.45),
+    ],  # measured: 0.63 and 0.35; with straps as they are 0.70 and 0.42
     ids=["a spring and a damper", "straps as they are"],
 )
 def test_the_best_laws_leave_far_less_torque_and_nothing_drives_or_cycles(changes, best, best_sensed, monkeypatch):
     monkeypatch.setattr(law_comparison, "elbow_participants", lambda r: elbow_participants(r).strapped(changes))
     # One person under FC hunts by chance: .34 to .45 N m from seed to seed. So three people, each twice, as by default.
     found = try_laws(drawn_rigs(able_elbow(), 1)[0], seed=5)
-    assert set(found) == {*CONTROLLERS, UNPOWERED, *OTHER_INERTIAS}
+    assert set(found) == {*COMPARED_CONTROLLERS, UNPOWERED_ROBOT, *FC_WITH_OTHER_INERTIA}
     torque = found["fc"].torque
     assert found[BEST_CONTROLLER].torque < best * torque
     assert found[BEST_SENSED_CONTROLLER].torque < best_sensed * torque
-    assert found["transparent"].torque < torque < found["pcfr"].torque < found[UNPOWERED].torque
+    assert found["transparent"].torque < torque < found["pcfr"].torque < found[UNPOWERED_ROBOT].torque
     assert found["fc"].given > 0.1
     # What drives is equation 8 with the robot's own inertia: without it FC hardly does, with the paper's J it brakes.
     assert found["fc_table2_inertia"].given < found["fc_no_inertia"].given < 0.2 * found["fc"].given
@@ -51,7 +54,7 @@ def test_the_best_laws_leave_far_less_torque_and_nothing_drives_or_cycles(change
 
 
 def test_rows_tell_the_middle_of_torque_and_the_worst_of_the_rest():
-    laws = (*CONTROLLERS, UNPOWERED, *OTHER_INERTIAS)
+    laws = (*COMPARED_CONTROLLERS, UNPOWERED_ROBOT, *FC_WITH_OTHER_INERTIA)
     found = {name: tuple(LawOnRobot(t, -t, 0.0, 0) for t in (0.2, 0.4, 0.3)) for name in laws}
     found["fc"] = tuple(LawOnRobot(t, t, 0.0, 1) for t in (0.4, 0.4, 0.4))
     rows = {row.id: row for row in comparison_rows(found)}

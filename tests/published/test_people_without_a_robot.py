@@ -5,7 +5,7 @@ import pytest
 
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_people
-from pellucid.lab.pointing.session import point_all
+from pellucid.lab.pointing.session import simulate_sessions
 from pellucid.lab.pointing.session_indices import PUBLISHED_RULE, session_indices
 
 
@@ -15,7 +15,7 @@ def test_they_are_as_quick_as_those_of_the_paper():
     for seed in range(1, 6):
         rng = np.random.default_rng(seed)
         people = draw_people(rig, rng)
-        made = point_all([(rig, p, "Ctrl", None, g, lifts) for p, g in zip(people, rng.spawn(6), strict=True)])
+        made = simulate_sessions([(rig, p, "Ctrl", None, g, lifts) for p, g in zip(people, rng.spawn(6), strict=True)])
         means = [session_indices(s).means[PUBLISHED_RULE] for s in made]
         found.append([[m.duration, m.vmax] for m in means])
     # Tables III and IV.

@@ -19,7 +19,7 @@ from pellucid.control.control_law import LAWS
 from pellucid.estimators.families import ESTIMATOR_FAMILIES
 from pellucid.lab.pointing.predicted_indices import PREDICTED_INDICES_BY_NAME
 from pellucid.lab.safety.fault_table import FAULT_KINDS
-from pellucid.procedures.registry import PROCEDURES
+from pellucid.procedures.registry import ALL_PROCEDURES
 from pellucid.studies.find_defects import KINDS
 
 ROOT = Path(pellucid.__file__).parent
@@ -62,7 +62,7 @@ CATALOGUES = {
         r"estimator|\bname\b|\bfits\b|\bhow\b|famil|\bby\b",
     ),
     "procedures": Catalogue(
-        (), frozenset(p.name for p in PROCEDURES), frozenset(p.name for p in PROCEDURES), r"(?i)procedure|command"
+        (), frozenset(p.name for p in ALL_PROCEDURES), frozenset(p.name for p in ALL_PROCEDURES), r"(?i)procedure|command"
     ),
     "defects": Catalogue(("recordings/defects/",), frozenset(kind.KIND for kind in KINDS)),
 }  # fmt: skip

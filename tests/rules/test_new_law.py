@@ -118,7 +118,7 @@ from pellucid.control.controller import controller, controllers
 
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
-from pellucid.lab.pointing.session import hold_still
+from pellucid.lab.pointing.session import standstill_speed
 from pellucid.models.card import CardParameter
 from pellucid.models.slider_card import SliderCard
 assert "gravity_share" in LAWS and "gravity_share" in controllers()
@@ -135,7 +135,7 @@ card = SliderCard(
 law = controller(card, "gravity_share")
 effort = law.run(1e-3 * np.arange(50), np.full(50, 0.5))[-1]
 rig = elbow_participants()
-moves = hold_still(rig, draw_people(rig, np.random.default_rng(1), count=1)[0], law)
+moves = standstill_speed(rig, draw_people(rig, np.random.default_rng(1), count=1)[0], law)
 print(json.dumps({"effort": effort, "moves": moves, "expected": 0.9 * (law.values["gravity_sine"] * np.sin(0.5)
       + law.values["gravity_cosine"] * np.cos(0.5))}))
 """

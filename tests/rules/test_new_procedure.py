@@ -156,12 +156,12 @@ def test_the_smallest_procedure_has_300_lines_at_most():
 
 def test_every_folder_has_one_procedure_of_its_name_and_an_order_of_its_own():
     folders = command.procedure_folders()
-    assert [p.name for p in registry.PROCEDURES] == [each.__name__.rpartition(".")[2] for each in folders]
+    assert [p.name for p in registry.ALL_PROCEDURES] == [each.__name__.rpartition(".")[2] for each in folders]
     assert len({each.PROCEDURE_ORDER for each in folders}) == len(folders)
 
 
 def test_every_procedure_is_typed_by_its_table_and_its_result():
-    for procedure in registry.PROCEDURES:
+    for procedure in registry.ALL_PROCEDURES:
         (base,) = type(procedure).__orig_bases__
         table, found = base.__args__
         assert base.__origin__ is Procedure
@@ -175,6 +175,6 @@ def test_every_command_has_a_procedure_and_every_procedure_a_command():
 
     named = {each.name or each.callback.__name__ for each in app.registered_commands}
     brought = {each.name for each in command.procedure_commands()}
-    asked = {procedure.command for procedure in registry.PROCEDURES}
+    asked = {procedure.command for procedure in registry.ALL_PROCEDURES}
     assert brought <= asked <= named
     assert asked - brought == {"identify", "assess"}  # they have options of their own, and stand in cli.py

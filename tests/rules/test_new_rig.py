@@ -18,7 +18,7 @@ import numpy as np
 from ... import _core
 from ...models.joint import NAMES
 from ...protocols.excitation import multisine
-from ..recorded_table import MAIN, Column, Stored
+from ..recorded_table import MAIN_STREAM, Column, StoredTable
 from ..rig import Rig, Taken, Trial
 
 NEEDED = {"joint": ("inertia", "gravity_sine"), "encoder": ("quantum",), "loop": ("kp", "kv"), "sampling": ("rate",)}
@@ -54,7 +54,7 @@ class PendulumRig(Rig):
         )
         sensed = 0.5 * (torque[0] + np.concatenate([torque[0, :1], torque[0, :-1]])) + 0.01 * rng.standard_normal(n)
         counts = (1e3 * period * np.arange(n), np.round(measured[0] / quantum), np.round(sensed / 1e-4))
-        return Taken(trial, {trial.name: {MAIN: Stored.of(self.streams()[MAIN], *counts)}})
+        return Taken(trial, {trial.name: {MAIN_STREAM: StoredTable.of(self.streams()[MAIN_STREAM], *counts)}})
 
     def study(self, made):
         drive = {"kind": "torque", "limit": "9 N*m"}

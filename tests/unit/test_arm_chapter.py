@@ -4,9 +4,9 @@ import numpy as np
 
 from pellucid.fit.tree.directional_sets import DirectionalRow
 from pellucid.lab.arm.rig import able_arm
-from pellucid.papers.able.arm_chapter import NAMES, ArmChapter, arm_rows, arm_sections
-from pellucid.papers.able.arm_identification import ArmIdentified, directional, judging, with_payload
-from pellucid.papers.able.arm_worn import BEST, LAWS, PUBLISHED
+from pellucid.papers.able.arm_chapter import MODEL_IDS, ArmChapter, arm_rows, arm_sections
+from pellucid.papers.able.arm_identification import ArmIdentified, add_payload, directional, draw_test_motions
+from pellucid.papers.able.arm_worn import BEST_LAW, LAWS, PUBLISHED_LAW
 
 
 def made_up(n, model):
@@ -14,10 +14,10 @@ def made_up(n, model):
 
 
 def test_rows_and_page_say_the_same_of_every_model():
-    compared = {n: {name: made_up(n, model) for model, name in NAMES.items()} for n in (1, 4)}
+    compared = {n: {name: made_up(n, model) for model, name in MODEL_IDS.items()} for n in (1, 4)}
     found = ArmIdentified("able-arm", 1, {}, {"consistent": 1.2, "load_stated_gains": 1.7}, 0.0, {}, "people",
                           np.ones(4), None, None)  # fmt: skip
-    chapter = ArmChapter(compared, found, {PUBLISHED: 0.8, "transparent": 0.7, BEST: 0.6})
+    chapter = ArmChapter(compared, found, {PUBLISHED_LAW: 0.8, "transparent": 0.7, BEST_LAW: 0.6})
     rows = {row.id: row for row in arm_rows(chapter)}
     assert rows["able.arm.n4.load.parameters"].ours == 28
     assert rows["able.arm.table1.ratio"].ours == 1.0
@@ -30,15 +30,15 @@ def test_rows_and_page_say_the_same_of_every_model():
 
 def test_fewer_joints_are_compared_with_the_others_held():
     quick = able_arm().changed({"protocol.repetitions": 1, "protocol.duration": 10.0})
-    found = {NAMES[row.model]: row for row in directional(quick, 1, 1, 1)}
+    found = {MODEL_IDS[row.model]: row for row in directional(quick, 1, 1, 1)}
     assert found["load"].parameters < found["sets_own"].parameters
     assert found["load"].mean < 5.0
 
 
 def test_a_payload_adds_its_mass_and_judges_are_not_longer_than_asked():
     rig = able_arm()
-    assert with_payload(rig)["link"]["carriage"]["mass"] == rig["link"]["carriage"]["mass"] + 1.5
-    said, trials = judging(rig, 1)
+    assert add_payload(rig)["link"]["carriage"]["mass"] == rig["link"]["carriage"]["mass"] + 1.5
+    said, trials = draw_test_motions(rig, 1)
     assert said in ("people", "generated reaching")
     assert all(len(t.reference) <= 40_000 and t.use == "validate" for t in trials)
-    assert {BEST, PUBLISHED} < set(LAWS)
+    assert {BEST_LAW, PUBLISHED_LAW} < set(LAWS)

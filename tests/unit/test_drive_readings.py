@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pellucid import _core
-from pellucid.lab.drive_reading import EXACT, DriveReading, stated_readings
-from pellucid.lab.safety.fault_table import drawn_robot, with_stated_reading
-from pellucid.lab.safety.worn_knee import drawn_knee
+from pellucid.lab.drive_reading import EXACT_READING, DriveReading, stated_readings
+from pellucid.lab.safety.fault_table import draw_worn_robot, with_stated_reading
+from pellucid.lab.safety.worn_knee import draw_worn_knee
 from pellucid.lab.safety.worn_knee import with_stated_reading as with_stated_spring
 
 LIFE_S = 40.0
@@ -17,7 +17,7 @@ LIFE_S = 40.0
 
 @pytest.fixture(scope="module")
 def worn():
-    return drawn_robot(0, seed=20281101)
+    return draw_worn_robot(0, seed=20281101)
 
 
 @pytest.mark.parametrize("index", range(8))
@@ -53,9 +53,9 @@ def test_a_drive_that_gives_three_times_the_effort_is_found_by_every_stated_meas
 
 @pytest.mark.parametrize("index", [0, 7])
 def test_a_knees_spring_measured_as_accurately_as_stated_is_no_fault(index):
-    knee = with_stated_spring(drawn_knee(301), index)
+    knee = with_stated_spring(draw_worn_knee(301), index)
     periods = round(20.0 / knee.rig.period)
-    plant, acting = knee.begun(periods + 1)
+    plant, acting = knee.start(periods + 1)
     seen, noise = plant.step(0.0, float("nan")), knee.reading.draw_noise(knee.seed)
     for k in range(periods):
         muscle = acting.step(k, *seen[:3])
@@ -64,7 +64,7 @@ def test_a_knees_spring_measured_as_accurately_as_stated_is_no_fault(index):
 
 
 def test_a_reading_is_what_its_numbers_say():
-    assert [_core.DriveReading(EXACT.numbers, 1e-3).step(x) for x in (0.1, -2.0)] == [0.1, -2.0]
+    assert [_core.DriveReading(EXACT_READING.numbers, 1e-3).step(x) for x in (0.1, -2.0)] == [0.1, -2.0]
     lagging = _core.DriveReading(DriveReading(gain=1.1, offset=0.2, lag=2e-3).numbers, 1e-3)
     read = [lagging.step(1.0) for _ in range(3)]
     np.testing.assert_allclose(read, 0.2 + 1.1 * (1.0 - np.exp(-0.5 * np.arange(1, 4))), rtol=1e-12)

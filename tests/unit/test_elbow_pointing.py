@@ -8,11 +8,11 @@ import pytest
 
 from pellucid import _core
 from pellucid._errors import StudyError
-from pellucid.lab.pointing.load_learning import felt, learnt
+from pellucid.lab.pointing.load_learning import load_regressor, update_expected_load
 from pellucid.lab.pointing.movement_choice import preferred_duration, utility
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import PointingRig, elbow_participants
-from pellucid.lab.pointing.session import Unpowered, hold_still, point
+from pellucid.lab.pointing.session import Unpowered, simulate_session, standstill_speed
 from pellucid.lab.simulate import simulate
 from pellucid.lab.study import record_in_memory, write_study
 from pellucid.models.anthropometry import forearm
@@ -71,20 +71,20 @@ def test_chosen_durations_are_the_best_and_grow_with_amplitude_and_load():
 def test_a_load_is_learnt_movement_by_movement(rng):
     t = np.linspace(0, 2, 200)
     q, v, a = 1.2 + 0.5 * np.sin(3 * t), 1.5 * np.cos(3 * t), -4.5 * np.sin(3 * t)
-    columns = felt(q, v, a, 0.05)
+    columns = load_regressor(q, v, a, 0.05)
     truth = np.array([0.02, 0.05, 0.3, 0.2, -0.1])
     expected, errors = np.zeros(5), []
     for _ in range(12):
-        expected = learnt(expected, columns, columns @ truth, RIG["learning"])
+        expected = update_expected_load(expected, columns, columns @ truth, RIG["learning"])
         errors.append(np.sqrt(np.mean((columns @ (expected - truth)) ** 2)))
     assert np.all(np.diff(errors) < 0)
     assert errors[-1] < 0.1 * np.sqrt(np.mean((columns @ truth) ** 2))
-    assert np.array_equal(learnt(np.zeros(5), columns, np.zeros(200), RIG["learning"]), np.zeros(5))
+    assert np.array_equal(update_expected_load(np.zeros(5), columns, np.zeros(200), RIG["learning"]), np.zeros(5))
 
 
 def test_without_a_robot_people_arrive_and_hold():
     rng = np.random.default_rng(4)
-    session = point(RIG, draw_people(RIG, rng)[0], "Ctrl", None, rng, np.deg2rad([24, 60]))
+    session = simulate_session(RIG, draw_people(RIG, rng)[0], "Ctrl", None, rng, np.deg2rad([24, 60]))
     assert [round(np.rad2deg(m.amplitude)) for m in session.movements] == [24, -24, 60, -60]
     for m in session.movements:
         hold = session.signals["position"][m.end - 1900 : m.end]
@@ -98,18 +98,18 @@ def test_without_a_robot_people_arrive_and_hold():
 def test_a_robot_without_power_is_felt_and_its_weight_learnt():
     rng = np.random.default_rng(5)
     person = draw_people(RIG, rng)[1]
-    session = point(RIG, person, "off", Unpowered(), rng, np.deg2rad([36, 36, 36, 36, 36, 36]))
+    session = simulate_session(RIG, person, "off", Unpowered(), rng, np.deg2rad([36, 36, 36, 36, 36, 36]))
     weight = RIG.robot.gravity(person.slider(RIG))[0]
     learnt_weight = session.movements[-1].expected[3]
     assert 0.6 * weight < learnt_weight < 1.4 * weight
     assert np.abs(session.signals["interaction"]).max() > 1.5
-    assert hold_still(RIG, person, Unpowered()) < 0.01
+    assert standstill_speed(RIG, person, Unpowered()) < 0.01
 
 
 def test_the_same_seed_gives_the_same_session():
     def held():
         rng = np.random.default_rng(6)
-        return point(RIG, draw_people(RIG, rng)[0], "x", Unpowered(), rng, np.deg2rad([12.0]))
+        return simulate_session(RIG, draw_people(RIG, rng)[0], "x", Unpowered(), rng, np.deg2rad([12.0]))
 
     first, second = held(), held()
     for name, samples in first.signals.items():

@@ -11,11 +11,11 @@ from pellucid.fit.strap.strap_model import KELVIN_VOIGT
 from pellucid.fit.strap.strap_torque import Limb, Orthosis
 from pellucid.lab.knee.protocol import torque_trial
 from pellucid.lab.knee.rig import knee_orthosis
-from pellucid.lab.strap_options import without
+from pellucid.lab.strap_options import without_strap_options
 from pellucid.lab.study import record_in_memory
 from pellucid.procedures.coupling.emg_card import emg_card, emg_cards
 
-RIG = knee_orthosis().strapped(without())
+RIG = knee_orthosis().strapped(without_strap_options())
 """Whose straps are what is fitted: springs with dampers. What straps as they are do to it, others test."""
 S1 = RIG.subjects["S1"]
 STEPS = [torque_trial(RIG, f"S1_torque_{a}_{i}", S1, float(np.radians(a))) for i in (1, 2) for a in (30, 60)]

@@ -14,7 +14,7 @@ from pellucid.control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONT
 from pellucid.control.elbow_laws import PUBLISHED_EXPONENTS
 from pellucid.deployment.elbow_values import elbow_values
 from pellucid.deployment.microcontroller import measure, missing_tools
-from pellucid.lab.pointing.conditions import condition_of
+from pellucid.lab.pointing.conditions import controller_builder
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.models.anthropometry import forearm
@@ -192,7 +192,7 @@ def test_what_is_exported_is_what_virtual_people_wear(study):
     cards = {c.method: read_slider_card(study.models_dir / c.card) for c in ELBOW_CONTROLLERS.values()}
     for controller in (BEST_CONTROLLER, BEST_SENSED_CONTROLLER):
         there = elbow_values(study, controller, slider=0.2).numbers
-        here = condition_of(cards, controller)(person, 0.2).values
+        here = controller_builder(cards, controller)(person, 0.2).values
         differ = {name for name in here if here[name] != there[name]}
         assert differ <= {"effort_limit", "position_min", "position_max", "stop_margin"}
     emg = elbow_values(study, "emg", participant="P1").numbers

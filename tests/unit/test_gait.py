@@ -9,8 +9,8 @@ from pellucid.lab.knee import gait
 from pellucid.lab.knee.protocol import walking_trial
 from pellucid.lab.knee.rig import knee_orthosis
 from pellucid.lab.knee.trial import run_trial
-from pellucid.papers.knee.body_laws import BodyLaw, body_law, left_alone, oscillating
-from pellucid.papers.knee.swings import root_mean_square
+from pellucid.papers.knee.body_laws import BodyLaw, body_law, law_with_oscillator, residuals_beyond_law
+from pellucid.papers.knee.swings import rms_mismatch_and_torque
 
 # As one drawn wearer was identified.
 COUPLING = Coupling(
@@ -61,10 +61,12 @@ def test_an_oscillator_knows_a_gait_that_a_model_alone_is_late_for(monkeypatch):
     torque = {}
     for name, law in {
         "body": body_law(COUPLING, rig.period, **shares),
-        "oscillator": oscillating(COUPLING, rig.period, share=1.0, lead=0.02, **shares),
+        "oscillator": law_with_oscillator(COUPLING, rig.period, share=1.0, lead=0.02, **shares),
     }.items():
         controller = BodyLaw(law)
-        torque[name] = root_mean_square(run_trial(rig, trial, rng=np.random.default_rng(4), controller=controller))[1]
+        torque[name] = rms_mismatch_and_torque(
+            run_trial(rig, trial, rng=np.random.default_rng(4), controller=controller)
+        )[1]
         assert controller.fault == "none"
     assert torque["oscillator"] < 0.9 * torque["body"]
 
@@ -76,5 +78,5 @@ def test_what_is_left_to_learn_is_what_the_law_does_not_carry():
     v, a = 1.8 * np.cos(3.0 * t), -5.4 * np.sin(3.0 * t)
     inertia, gravity = law.values["inertia"], law.values["gravity_sine"]
     command = inertia * a + gravity * np.sin(q) + 0.7 * v
-    (left,) = left_alone(law, [(q, command)], 500.0)
+    (left,) = residuals_beyond_law(law, [(q, command)], 500.0)
     assert left.torque == pytest.approx(0.7 * left.velocity, abs=0.02)

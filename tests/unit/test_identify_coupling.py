@@ -10,7 +10,7 @@ from pellucid.fit.transfer.transfer_function_fit import fit_percent
 from pellucid.lab.knee.protocol import NO_FAULTS, Faults, bench_trials, imu_trial, mvc_trial, relaxed_trial, swing_trial
 from pellucid.lab.knee.protocol import torque_trial as torque
 from pellucid.lab.knee.rig import knee_orthosis
-from pellucid.lab.strap_options import without
+from pellucid.lab.strap_options import without_strap_options
 from pellucid.lab.study import record_in_memory, write_study
 from pellucid.pages.page import write_page
 from pellucid.procedures.coupling.coupling_page import page
@@ -18,7 +18,7 @@ from pellucid.procedures.coupling.identify_coupling import faults, identify_coup
 from pellucid.recordings.recording import Channel
 from pellucid.studies.study import Study
 
-RIG = knee_orthosis().strapped(without())
+RIG = knee_orthosis().strapped(without_strap_options())
 """Whose straps are what is fitted: springs with dampers. What straps as they are do to it, others test."""
 S1 = RIG.subjects["S1"]
 BENCH = [t for t in bench_trials(RIG) if t.name in ("gravity", "response_03", "response_10", "response_check_07")]

@@ -26,14 +26,14 @@ from pellucid.lab.knee.rig import KneeRig, knee_orthosis
 from pellucid.lab.knee.trial import run_trial
 from pellucid.lab.known_rigs import rig_text
 from pellucid.lab.simulate import simulate
-from pellucid.lab.strap_options import OPTIONS, without
+from pellucid.lab.strap_options import STRAP_OPTIONS, without_strap_options
 from pellucid.lab.study import record_in_memory, write_study
 from pellucid.models.joint import GRAVITY
 
 RIG = knee_orthosis()
 SUBJECTS = RIG.subjects
 S1 = SUBJECTS["S1"]
-PLAIN = RIG.strapped(without())
+PLAIN = RIG.strapped(without_strap_options())
 """Whose straps are springs with dampers."""
 
 
@@ -129,7 +129,7 @@ def test_angles_are_held_against_torques(name, angle):
 
 def test_torque_in_holds_balances_gravity_and_orthosis():
     """Mean over a settled step: the muscles carry the limb, the orthosis's weight and what it pushes."""
-    straight = RIG.strapped(without("askew"))
+    straight = RIG.strapped(without_strap_options("askew"))
     taken = take(torque_trial(straight, "x", straight.subjects["S1"], np.radians(60)), rig=straight)
     window = (taken.time > 8.0) & (taken.time < 10.0)
     truth = taken.truth
@@ -287,7 +287,7 @@ def test_faults_are_where_they_should_be():
     def swing(**faults):
         return take(swing_trial(holds, "x", S1, duration=10.0, faults=Faults(**faults)), rig=holds)
 
-    holds = RIG.strapped(without("creeping"))
+    holds = RIG.strapped(without_strap_options("creeping"))
     usual = swing()
     silent = swing(imu_dropout=(4.0, 2.0)).imu
     assert np.max(np.diff(silent.time)) == pytest.approx(2.0, abs=0.1)
@@ -315,7 +315,7 @@ def test_a_strap_can_creep_and_be_slack():
     creeping = RIG.strapped({"hold": 1.0, "mobility": 0.02})
     truth = take(swing_trial(creeping, "x", creeping.subjects["S1"], duration=10.0), rig=creeping).truth
     assert np.max(np.abs(truth.slip)) > 0.02
-    slack = RIG.strapped({**without(), "slack": 0.1})
+    slack = RIG.strapped({**without_strap_options(), "slack": 0.1})
     truth = take(swing_trial(slack, "x", slack.subjects["S1"], duration=10.0), rig=slack).truth
     inside = np.abs(truth.mismatch) < 0.05
     assert np.count_nonzero(inside) > 50
@@ -326,12 +326,12 @@ def test_a_strap_can_creep_and_be_slack():
 def in_swing(*options):
     """Mismatch, its rate, and torque of a strap without these options, 30 s, which creeps as far as it would in ten
     minutes."""
-    rig = RIG.strapped({"mobility": 0.003, **without(*options)})
+    rig = RIG.strapped({"mobility": 0.003, **without_strap_options(*options)})
     truth = take(swing_trial(rig, "x", rig.subjects["S1"], duration=30.0), rig=rig).truth
     return truth.mismatch, truth.limb_velocity - truth.orthosis_velocity, truth.strap_torque
 
 
-@pytest.mark.parametrize("option", OPTIONS)
+@pytest.mark.parametrize("option", STRAP_OPTIONS)
 def test_every_option_of_a_strap_shows(option):
     """In what the best spring and damper leave of the torque."""
 
@@ -340,18 +340,18 @@ def test_every_option_of_a_strap_shows(option):
         return np.std(torque - basis @ np.linalg.lstsq(basis, torque)[0]) / np.std(torque)
 
     assert left(*in_swing()) < 1e-9
-    assert left(*in_swing(*(other for other in OPTIONS if other != option))) > 1e-3
+    assert left(*in_swing(*(other for other in STRAP_OPTIONS if other != option))) > 1e-3
 
 
 def test_a_drawn_strap_has_what_the_rig_has_whoever_draws():
-    whole, one = RIG, RIG.strapped(without(*(o for o in OPTIONS if o != "slack")))
+    whole, one = RIG, RIG.strapped(without_strap_options(*(o for o in STRAP_OPTIONS if o != "slack")))
     for seed in range(20):
         strap = drawn_strap(whole, 20.0, seed)
         assert all(low <= strap[name] <= high for name, (low, high) in STRAPS.items() if name != "relaxing_stiffness")
         assert max(abs(strap["across"]), abs(strap["along"])) <= 0.1
         assert drawn_strap(one, 20.0, seed)["slack"] == strap["slack"]
         bare = one.strap_of(drawn_rig(one, seed).subjects[f"D{seed}"])
-        assert not any(bare[name] for names in OPTIONS.values() for name in names if name != "slack")
+        assert not any(bare[name] for names in STRAP_OPTIONS.values() for name in names if name != "slack")
 
 
 # ---- studies ----

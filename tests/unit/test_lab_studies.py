@@ -11,9 +11,9 @@ from pellucid._errors import StudyError
 from pellucid.lab.knee.rig import NAMES as PLANT
 from pellucid.lab.known_rigs import load_rig, parse_rig, rig_names
 from pellucid.lab.pointing.rig import PointingRig
-from pellucid.lab.recorded_table import MAIN, Stored
+from pellucid.lab.recorded_table import MAIN_STREAM, StoredTable
 from pellucid.lab.rig import Taken
-from pellucid.lab.strap_options import OPTIONS, without
+from pellucid.lab.strap_options import STRAP_OPTIONS, without_strap_options
 from pellucid.lab.study import study_config
 from pellucid.lab.study_text import study_text
 from pellucid.procedures.registry import open_study
@@ -28,9 +28,9 @@ RIGS = sorted(folder.name for folder in KEPT.iterdir())
 def pretended(rig):
     """Every trial as if it had been recorded, without a sample: what the study needs of it."""
     streams = rig.streams()
-    empty = {stream: Stored(tuple(columns), np.empty((0, len(columns)))) for stream, columns in streams.items()}
+    empty = {stream: StoredTable(tuple(columns), np.empty((0, len(columns)))) for stream, columns in streams.items()}
     for trial in rig.trials(1):
-        files, entry = {trial.name: {MAIN: empty[MAIN]}}, {}
+        files, entry = {trial.name: {MAIN_STREAM: empty[MAIN_STREAM]}}, {}
         if "markers" in empty:
             files[trial.name]["markers"] = empty["markers"]
         if getattr(trial, "wearer", None) is not None or getattr(trial, "subject", None) is not None:
@@ -40,12 +40,12 @@ def pretended(rig):
         if getattr(trial, "subject", None) is not None:
             once = np.random.default_rng([rig["difference"]["seed"], 7, *trial.subject.name.encode()])
             knee = trial.subject.rest + rig["posture"]["goniometer"] * once.standard_normal(2)[0]
-            entry = {"channels": {"angle.knee": {**streams[MAIN][1].spec, "offset": round(float(knee), 4)}}}
+            entry = {"channels": {"angle.knee": {**streams[MAIN_STREAM][1].spec, "offset": round(float(knee), 4)}}}
         if isinstance(rig, PointingRig):
-            from pellucid.lab.pointing.instruments import COMMON, ROBOT
+            from pellucid.lab.pointing.instruments import COMMON_COLUMNS, ROBOT_COLUMNS
 
-            own = COMMON if trial.condition == "Ctrl" else (*COMMON, *ROBOT)
-            streams_of_block = {**empty, MAIN: Stored(own, np.empty((0, len(own))))}
+            own = COMMON_COLUMNS if trial.condition == "Ctrl" else (*COMMON_COLUMNS, *ROBOT_COLUMNS)
+            streams_of_block = {**empty, MAIN_STREAM: StoredTable(own, np.empty((0, len(own))))}
             files = {f"{trial.name}_{i}": streams_of_block for i in (1, 2)}
         yield Taken(trial, files, entry)
 
@@ -72,7 +72,7 @@ def test_a_rig_that_was_kept_is_the_one_that_is_shipped(name):
     assert list(_said_of(kept.tables, shipped.tables)) == []
 
 
-STRAP = {name for names in OPTIONS.values() for name in names} | {"relaxation_time", "hold", "fitted"}
+STRAP = {name for names in STRAP_OPTIONS.values() for name in names} | {"relaxation_time", "hold", "fitted"}
 """What rigs have since learnt to say of straps, or to say otherwise."""
 
 
@@ -89,14 +89,14 @@ def _said_of(before, now, path=""):
 
 def test_a_rig_that_was_kept_has_straps_that_are_springs_with_dampers():
     knee = parse_rig((KEPT / "knee-orthosis" / "lab" / "rig.toml").read_text(encoding="utf-8"), "knee-orthosis")
-    plain = load_rig("knee-orthosis").strapped({**without(), "hold": 15.0})
+    plain = load_rig("knee-orthosis").strapped({**without_strap_options(), "hold": 15.0})
     elbow = parse_rig((KEPT / "elbow-participants" / "lab" / "rig.toml").read_text(encoding="utf-8"), "x")
     for name, subject in knee.subjects.items():
         values, shipped = knee.plant(subject), plain.plant(plain.subjects[name])
         differ = [PLANT[i] for i in np.flatnonzero(values != shipped)]
         # Of no consequence without what it belongs to.
         assert set(differ) <= {"strap_relaxation_time"}
-        assert all(values[PLANT.index(f"strap_{n}")] == 0 for n in without() if n != "askew_spread")
+        assert all(values[PLANT.index(f"strap_{n}")] == 0 for n in without_strap_options() if n != "askew_spread")
     np.testing.assert_array_equal(elbow.strap, [120.0, 1.2, *[0.0] * 9])
 
 

@@ -5,15 +5,15 @@ import pytest
 
 from pellucid import _core
 from pellucid._errors import StudyError
-from pellucid.lab.pointing.people import draw_people, model_of, parameter_names
+from pellucid.lab.pointing.people import draw_people, parameter_names, person_model
 from pellucid.lab.pointing.rig import elbow_people
-from pellucid.lab.pointing.session import Unpowered, point
+from pellucid.lab.pointing.session import Unpowered, simulate_session
 
 RIG = elbow_people().modelled("optimal")
 
 
 def test_they_are_the_same_people():
-    assert model_of(RIG) == "optimal"
+    assert person_model(RIG) == "optimal"
     person = draw_people(RIG, np.random.default_rng(3))[0]
     other = draw_people(elbow_people(), np.random.default_rng(3))[0]
     assert (person.mass, person.height, person.reward, person.emg_gains) == (
@@ -35,7 +35,7 @@ def test_they_are_the_same_people():
 def test_without_a_robot_people_arrive_and_hold():
     rng = np.random.default_rng(4)
     for person in draw_people(RIG, rng)[:3]:
-        session = point(RIG, person, "Ctrl", None, rng, np.deg2rad([12, 60]))
+        session = simulate_session(RIG, person, "Ctrl", None, rng, np.deg2rad([12, 60]))
         assert all(m.held for m in session.movements)
         for m in session.movements:
             hold = session.signals["position"][m.end - 1900 : m.end]
@@ -48,7 +48,7 @@ def test_without_a_robot_people_arrive_and_hold():
 
 def test_in_a_robot_they_step():
     rng = np.random.default_rng(5)
-    session = point(RIG, draw_people(RIG, rng)[0], "off", Unpowered(), rng, np.deg2rad([24]))
+    session = simulate_session(RIG, draw_people(RIG, rng)[0], "off", Unpowered(), rng, np.deg2rad([24]))
     assert all(np.isfinite(signal).all() for signal in session.signals.values())
 
 

@@ -8,9 +8,9 @@ import pytest
 from pellucid import _core
 from pellucid._errors import StudyError
 from pellucid.lab.known_rigs import load_rig
-from pellucid.lab.pointing.people import draw_people, model_of, parameter_names
+from pellucid.lab.pointing.people import draw_people, parameter_names, person_model
 from pellucid.lab.pointing.rig import PeopleRig, elbow_participants, elbow_people
-from pellucid.lab.pointing.session import Unpowered, point
+from pellucid.lab.pointing.session import Unpowered, simulate_session
 
 RIG = elbow_people()
 TEXT = (files("pellucid.lab") / "rigs" / "elbow-people.toml").read_text(encoding="utf-8")
@@ -18,8 +18,8 @@ TEXT = (files("pellucid.lab") / "rigs" / "elbow-people.toml").read_text(encoding
 
 def test_the_rig_is_one_of_the_package_and_its_people_wear_the_same_robot():
     assert isinstance(load_rig("elbow-people"), PeopleRig)
-    assert model_of(RIG) == "postural"
-    assert model_of(elbow_participants()) == "reaching"
+    assert person_model(RIG) == "postural"
+    assert person_model(elbow_participants()) == "reaching"
     assert RIG["robot"] == elbow_participants()["robot"]
 
 
@@ -44,7 +44,7 @@ def test_people_differ_as_the_file_says():
 def test_without_a_robot_people_arrive_and_hold():
     rng = np.random.default_rng(4)
     for person in draw_people(RIG, rng)[:3]:
-        session = point(RIG, person, "Ctrl", None, rng, np.deg2rad([12, 60]))
+        session = simulate_session(RIG, person, "Ctrl", None, rng, np.deg2rad([12, 60]))
         assert all(m.held for m in session.movements)
         for m in session.movements:
             hold = session.signals["position"][m.end - 1900 : m.end]
@@ -58,7 +58,7 @@ def test_without_a_robot_people_arrive_and_hold():
 
 def test_in_a_robot_they_step():
     rng = np.random.default_rng(5)
-    session = point(RIG, draw_people(RIG, rng)[0], "off", Unpowered(), rng, np.deg2rad([24]))
+    session = simulate_session(RIG, draw_people(RIG, rng)[0], "off", Unpowered(), rng, np.deg2rad([24]))
     assert all(np.isfinite(signal).all() for signal in session.signals.values())
 
 

@@ -13,10 +13,17 @@ from pellucid.cli import app
 from pellucid.lab import predict as prediction_of_folder
 from pellucid.lab.elbow.rig import able_elbow
 from pellucid.lab.pointing import prediction, sensitivity
-from pellucid.lab.pointing.conditions import identified_cards
-from pellucid.lab.pointing.prediction import INDICES, Prediction, Worn, drawn_robots, lifts_of, predict_effects
+from pellucid.lab.pointing.conditions import identify_cards
+from pellucid.lab.pointing.prediction import (
+    INDICES,
+    Prediction,
+    RobotOutcome,
+    draw_balanced_lifts,
+    draw_robots,
+    predict_effects,
+)
 from pellucid.lab.pointing.rig import elbow_participants
-from pellucid.lab.pointing.sensitivity import CHANCE, factors_of, screen
+from pellucid.lab.pointing.sensitivity import CHANCE_FACTOR, list_factors, screen_factors
 from pellucid.lab.predict import PREDICTION_FILE, predict
 from pellucid.start_study import init
 from pellucid.studies.results import read_rows
@@ -29,7 +36,8 @@ def fabricated(laws=("A", "B"), robots=5, people=7, models=1, seed=3):
     rng = np.random.default_rng(seed)
     control = rng.uniform(0.8, 1.2, (models, people, len(INDICES)))
     worn = tuple(
-        Worn(f"drawn-{i + 1}", i % models, 1.0, K, False, rng.uniform(1.0, 2.0, (len(laws), people, len(INDICES))),
+        RobotOutcome(f"drawn-{i + 1}", i % models, 1.0, K, False,
+             rng.uniform(1.0, 2.0, (len(laws), people, len(INDICES))),
              people * len(laws) * 10, 1.0, 1.0)
         for i in range(robots)
     )  # fmt: skip
@@ -38,23 +46,23 @@ def fabricated(laws=("A", "B"), robots=5, people=7, models=1, seed=3):
 
 @pytest.fixture(scope="module")
 def cards():
-    return identified_cards(able_elbow())
+    return identify_cards(able_elbow())
 
 
 @pytest.fixture
 def identified(cards, monkeypatch):
     """Every robot is taken for the committed one, which is identified already."""
-    monkeypatch.setattr(prediction, "identified_cards", lambda robot, seed=1: cards)
+    monkeypatch.setattr(prediction, "identify_cards", lambda robot, seed=1: cards)
     return {"controllers": {"CLPC": "clpc"}, "exponents": (K,), "movements": 4, "people": 2, "workers": 1}
 
 
 def test_robots_have_every_friction_between_the_ends_and_the_rest_of_their_file():
     own = able_elbow()
-    made = drawn_robots(own, 8, friction=(0.2, 1.0), seed=4)
+    made = draw_robots(own, 8, friction=(0.2, 1.0), seed=4)
     levels = np.log([scale / 0.2 for scale, _ in made]) / np.log(5.0)
     assert sorted(np.floor(8.0 * levels)) == list(range(8))
     for scale, robot in made:
-        for table, names in prediction.FRICTIONAL.items():
+        for table, names in prediction.FRICTION_CONSTANTS.items():
             for name in names:
                 assert robot[table][name] == pytest.approx(scale * own[table][name])
         low, high = own["drawn"]["transmission.load_motoring"]
@@ -65,7 +73,7 @@ def test_robots_have_every_friction_between_the_ends_and_the_rest_of_their_file(
 
 @pytest.mark.parametrize("movements", [10, 12, 20, 4])
 def test_amplitudes_are_as_frequent_as_they_can_be(movements):
-    lifts = lifts_of(elbow_participants(), movements, np.random.default_rng(1))
+    lifts = draw_balanced_lifts(elbow_participants(), movements, np.random.default_rng(1))
     counts = np.unique(lifts.round(6), return_counts=True)[1]
     assert len(lifts) == movements // 2
     assert counts.max() - counts.min() <= 1
@@ -144,7 +152,7 @@ def test_the_command_tells_intervals_and_keeps_them(tmp_path, monkeypatch):
 
 
 def test_screening_finds_what_an_effect_hangs_on(monkeypatch):
-    factors = factors_of(elbow_participants())
+    factors = list_factors(elbow_participants())
     names = [f.name for f in factors]
     told = []
 
@@ -156,13 +164,13 @@ def test_screening_finds_what_an_effect_hangs_on(monkeypatch):
         return np.array([[7.0 * matters - 2.0 * squared, lost, matters * squared]])
 
     monkeypatch.setattr(sensitivity, "_effects", effects)
-    monkeypatch.setattr(sensitivity, "identified_cards", lambda robot: robot["transmission"]["coulomb_positive"])
-    found = screen(elbow_participants(), trajectories=6, controllers={"CLPC": "clpc"}, workers=1, seed=2)
-    first = found.of("CLPC", "duration_median")
+    monkeypatch.setattr(sensitivity, "identify_cards", lambda robot: robot["transmission"]["coulomb_positive"])
+    found = screen_factors(elbow_participants(), trajectories=6, controllers={"CLPC": "clpc"}, workers=1, seed=2)
+    first = found.strengths_of("CLPC", "duration_median")
     assert list(first)[:2] == ["stiffness", "friction"]
     assert first["stiffness"] == pytest.approx(7.0)
     assert first["friction"] == pytest.approx(2.0)
-    assert first[CHANCE] == 0.0
+    assert first[CHANCE_FACTOR] == 0.0
     assert found.direction[0, 0, names.index("friction")] == pytest.approx(-2.0)
     # What hangs on another factor scatters, what does not does not.
     assert found.scatter[0, 0, names.index("stiffness")] == pytest.approx(0.0, abs=1e-9)
@@ -170,12 +178,12 @@ def test_screening_finds_what_an_effect_hangs_on(monkeypatch):
     assert found.complete[0, 0] == 6
     assert found.complete[0, 1] < 6
     assert found.runs == 6 * (len(factors) + 1) == len(told)
-    assert len(set(told)) <= sensitivity.LEVELS
+    assert len(set(told)) <= sensitivity.GRID_LEVEL_COUNT
 
 
 def test_a_law_without_equation_8_does_not_hang_on_its_exponents(cards):
     rig = elbow_participants()
-    factors = factors_of(rig)
+    factors = list_factors(rig)
     at = np.full(len(factors), 1.0 / 3.0)
     run = (cards, 1, 4, {"CLPC": "clpc", "FC": "fc"}, 1)
     before = sensitivity._effects(rig, factors, at, *run)
@@ -191,10 +199,10 @@ def test_a_law_without_equation_8_does_not_hang_on_its_exponents(cards):
 def test_ranges_are_those_of_people_or_half_to_double():
     rig = elbow_participants()
     differ = replace(rig, tables={**rig.tables, "muscles": {**rig["muscles"], "stiffness_spread": 0.25}})
-    by_name = {f.name: f for f in factors_of(differ)}
+    by_name = {f.name: f for f in list_factors(differ)}
     assert by_name["stiffness"].spread
     assert (by_name["stiffness"].at(0.0), by_name["stiffness"].at(1.0)) == pytest.approx((3.63, 6.89), abs=0.01)
-    own = {f.name: f for f in factors_of(rig)}["stiffness"]
+    own = {f.name: f for f in list_factors(rig)}["stiffness"]
     assert [own.at(u) for u in (0.0, 0.5, 1.0)] == pytest.approx([2.5, 5.0, 10.0])
 
 
@@ -202,4 +210,4 @@ def test_without_salib_the_error_says_what_to_install(monkeypatch):
     for name in ("SALib", "SALib.analyze", "SALib.sample"):
         monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(PellucidError, match="pip install"):
-        screen(elbow_participants())
+        screen_factors(elbow_participants())

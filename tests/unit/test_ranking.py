@@ -7,12 +7,13 @@ import pytest
 
 from pellucid._errors import PellucidError
 from pellucid.control.elbow_controllers import ELBOW_CONTROLLERS
-from pellucid.papers.knee.controllers import BODY_NAMES, NAMES
+from pellucid.papers.knee.controllers import BODY_LAW_WORDS, CONTROLLER_WORDS
 from pellucid.ranking.rank import rank, rank_task, rows_of
 from pellucid.ranking.ranking_page import write_ranking
 from pellucid.ranking.strategies import (
     CONTROLLER_FIELDS,
     POINTING_TASK,
+    RANKED_STRATEGIES,
     SIMPLE_RIVALS,
     SWING_TASK,
     WALKING_TASK,
@@ -37,9 +38,19 @@ def made_up(task, pairs=8, seed=1):
 def test_every_controller_of_either_joint_is_ranked():
     # Amplification stands once at the elbow; the knee's plain modes are no controllers.
     assert set(strategies_of_task(POINTING_TASK)) >= set(ELBOW_CONTROLLERS) - {"without_friction"}
-    assert set(strategies_of_task(SWING_TASK)) == set(strategies_of_task(WALKING_TASK)) == {*NAMES, *BODY_NAMES}
+    assert (
+        set(strategies_of_task(SWING_TASK))
+        == set(strategies_of_task(WALKING_TASK))
+        == {*CONTROLLER_WORDS, *BODY_LAW_WORDS}
+    )
     assert all(sensors_read(task, name) for task in CONTROLLER_FIELDS for name in strategies_of_task(task))
     assert all(set(rivals) <= set(strategies_of_task(task)) for task, rivals in SIMPLE_RIVALS.items())
+
+
+def test_a_strategy_has_words_and_no_name_of_a_constant():
+    words = [word for one in RANKED_STRATEGIES for word in (one.name, *one.senses)]
+    assert not [word for word in words if "_" in word]
+    assert sensors_read(POINTING_TASK, "emg") == "encoder, EMG"
 
 
 def test_the_order_is_that_of_mean_ranks_and_the_far_are_told_from_the_first():

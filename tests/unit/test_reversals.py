@@ -8,7 +8,7 @@ from pellucid._errors import PellucidError
 from pellucid.fit.slider.reversals import TURN_BAND_RAD, find_turns, presliding_travel
 from pellucid.lab.elbow.protocol import trials
 from pellucid.lab.elbow.rig import able_elbow
-from pellucid.lab.pointing.conditions import identified_cards, offered, study_conditions
+from pellucid.lab.pointing.conditions import build_study_conditions, identify_cards, offered_controller
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.lab.study import record_in_memory
 from pellucid.procedures.slider.identify_slider import travel_of
@@ -56,11 +56,11 @@ def test_the_virtual_elbow_shows_it(travel):
 
 def test_a_robot_that_gives_too_much_is_offered_no_dither():
     robot = able_elbow().changed({"transmission.presliding_travel": 1e-3})
-    cards = identified_cards(robot)
+    cards = identify_cards(robot)
     assert {method: card.presliding_travel.value for method, card in cards.items()} == pytest.approx(
         dict.fromkeys(cards, 1e-3), rel=0.1
     )
-    assert offered(cards, "dithered") == "transparent"
-    assert offered(cards, "force_sensor") == "force_sensor"
+    assert offered_controller(cards, "dithered") == "transparent"
+    assert offered_controller(cards, "force_sensor") == "force_sensor"
     with pytest.raises(PellucidError, match=r"expected at most 0.5 for dither"):
-        study_conditions(elbow_participants(robot), ["dithered"])
+        build_study_conditions(elbow_participants(robot), ["dithered"])

@@ -52,7 +52,7 @@ class Backlash(Procedure):
 
 @pytest.fixture
 def both(make_study, monkeypatch):
-    monkeypatch.setattr(registry, "PROCEDURES", (*registry.PROCEDURES, Backlash()))
+    monkeypatch.setattr(registry, "ALL_PROCEDURES", (*registry.ALL_PROCEDURES, Backlash()))
     return make_study()
 
 
@@ -92,7 +92,7 @@ def test_the_command_prints_and_saves_all(both):
 
 
 def test_families_are_of_a_joint_alone(both, monkeypatch):
-    monkeypatch.setattr(registry, "PROCEDURES", (Backlash(),))
+    monkeypatch.setattr(registry, "ALL_PROCEDURES", (Backlash(),))
     with pytest.raises(IdentificationError, match="leave out --family"):
         pl.identify(both, families=["symmetric"])
 
@@ -116,7 +116,7 @@ class Play(Backlash):
 
 
 def test_one_function_runs_all_or_one_by_its_name(make_study, monkeypatch):
-    monkeypatch.setattr(registry, "PROCEDURES", (*registry.PROCEDURES, Play()))
+    monkeypatch.setattr(registry, "ALL_PROCEDURES", (*registry.ALL_PROCEDURES, Play()))
     study, quick = make_study(), {"families": ["symmetric"], "thorough": False}
     found = run(study, joint=quick)
     assert [part.procedure for part in found.parts] == ["joint", "play"]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pellucid.procedures.registry import PROCEDURES, open_study
+from pellucid.procedures.registry import ALL_PROCEDURES, open_study
 from pellucid.studies import study_file
 
 PAGE = Path(__file__).parents[2] / "docs" / "study-file.md"
@@ -25,7 +25,7 @@ TABLES = [
     study_file.ChannelSpec,
     study_file.Optical,
     study_file.Stream,
-    *(p.table for p in PROCEDURES if p.table is not None),
+    *(p.table for p in ALL_PROCEDURES if p.table is not None),
     study_file.Processing,
     study_file.Model,
     study_file.PayloadSpec,
@@ -110,4 +110,4 @@ def test_the_schema_for_editors_has_every_table(tmp_path, monkeypatch):
         {},
     )
     known = json.loads((tmp_path / "study.schema.json").read_text(encoding="utf-8"))["properties"]
-    assert {"rig", "recordings", *(p.name for p in PROCEDURES if p.table is not None)} <= set(known)
+    assert {"rig", "recordings", *(p.name for p in ALL_PROCEDURES if p.table is not None)} <= set(known)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pellucid.lab.safety.fault_table import drawn_robot
-from pellucid.lab.safety.worn_knee import drawn_knee
+from pellucid.lab.safety.fault_table import draw_worn_robot
+from pellucid.lab.safety.worn_knee import draw_worn_knee
 
 OBEYS = 3.0
 """Periods within which a power stage that is to have no power has none."""
@@ -12,7 +12,7 @@ OBEYS = 3.0
 
 @pytest.fixture(scope="module")
 def worn():
-    return drawn_robot(0, seed=20281101)
+    return draw_worn_robot(0, seed=20281101)
 
 
 @pytest.mark.parametrize(
@@ -43,8 +43,8 @@ def test_a_drive_with_power_stays_stuck(worn):
 @pytest.mark.parametrize("seed", [2, 3])
 def test_a_knees_motor_lets_go_once_it_may_have_no_power(seed):
     """Its spring is stuck at 5 N m either way until then; without power only its motor's friction, 2.6 N m, is left."""
-    worn = drawn_knee(301)
-    plant, acting = worn.begun(1500)
+    worn = draw_worn_knee(301)
+    plant, acting = worn.start(1500)
     seen, faulty = plant.step(0.0, float("nan")), 0
     for k in range(1400):
         if k == 600:

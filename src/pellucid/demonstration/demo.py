@@ -23,9 +23,9 @@ from ..fit.slider.slider_fit import SliderFit
 from ..lab.bench.rig import bench_joint
 from ..lab.elbow.protocol import ElbowTrial, trials
 from ..lab.elbow.rig import ElbowRig, able_elbow
-from ..lab.pointing.conditions import condition_of
+from ..lab.pointing.conditions import controller_builder
 from ..lab.pointing.rig import PointingRig, elbow_participants
-from ..lab.pointing.session import CONTROL
+from ..lab.pointing.session import CONTROL_CONDITION
 from ..lab.study import write_study
 from ..models.slider_card import read_slider_card
 from ..procedures.assessment.assessment_result import AssessmentResult
@@ -170,7 +170,7 @@ def _assessed_people(folder: Path, robot: ElbowRig, elbow: Study, tell: Tell) ->
     """Let people point without the robot and with controllers built from the cards on disk, and assess them."""
     needed = {controller.method: controller.card for controller in map(ELBOW_CONTROLLERS.get, WORN_CONTROLLERS)}
     cards = {method: read_slider_card(elbow.models_dir / card) for method, card in needed.items()}
-    conditions = {CONTROL: None, **{name: condition_of(cards, name) for name in WORN_CONTROLLERS}}
+    conditions = {CONTROL_CONDITION: None, **{name: controller_builder(cards, name) for name in WORN_CONTROLLERS}}
     tell(f"{PEOPLE_COUNT} virtual people point, without the robot and with it", 0.0)
     study = write_study(
         folder,

@@ -20,7 +20,7 @@ from ..procedures.assessment import assessment_figures
 from ..procedures.assessment.assessment_result import AssessmentResult
 from ..procedures.joint import joint_figures as figures
 from ..procedures.slider import direction_figures
-from ..procedures.slider.slider_page import DRAWN, PROTOCOLS, ROLES, SHORT
+from ..procedures.slider.slider_page import COLOUR_ROLES, COMPARED_METHODS, PROTOCOL_WORDS, SHORT_METHOD_NAMES
 from .coverage import RICHER_PLANTS
 from .demonstration import Demonstration
 
@@ -145,10 +145,10 @@ def _identified(made: Demonstration) -> Section:
         rows.append(Row((words, unit_text(p.unit), *found, off, "yes" if low <= true <= high else "no")))
     heads = ("Parameter", "Unit", "Found", "95 % interval", "Truth", "Off by (%)", "Interval holds it")
     table = Table(heads, tuple(rows), frozenset({2, 3, 4, 5}), "With the carriage at 0.", True)
-    evaluated = {m: {e.recording: e for e in fit.evaluated(m)} for m in DRAWN}
+    evaluated = {m: {e.recording: e for e in fit.evaluated(m)} for m in COMPARED_METHODS}
     trials = list(evaluated["pooled"])
-    errors = {SHORT[m]: np.array([evaluated[m][t].current for t in trials]) for m in DRAWN}
-    kinds = [PROTOCOLS.get(evaluated["pooled"][t].protocol, evaluated["pooled"][t].protocol) for t in trials]
+    errors = {SHORT_METHOD_NAMES[m]: np.array([evaluated[m][t].current for t in trials]) for m in COMPARED_METHODS}
+    kinds = [PROTOCOL_WORDS.get(evaluated["pooled"][t].protocol, evaluated["pooled"][t].protocol) for t in trials]
     places = len({round(m.slider, 3) for m in fit.motions if m.split == "fitted"})
     return Section(
         "identified",
@@ -162,7 +162,7 @@ def _identified(made: Demonstration) -> Section:
             "lies beside it, the model does too.",
         ),
         (table,),
-        (draw(direction_figures.paired_errors, errors, kinds, roles=ROLES),),
+        (draw(direction_figures.paired_errors, errors, kinds, roles=COLOUR_ROLES),),
         links=(("Full report", "elbow/report/index.html"), ("Model card", "elbow/models/slider.load.json")),
     )
 

@@ -1,4 +1,7 @@
-"""How well a virtual robot's drive measures its own effort, and the readings that a supervisor must live with."""
+"""Errors with which a virtual robot's drive measures its own effort, and the worst that a supervisor must tolerate.
+
+The drive filters its effort by a first-order lag, reports ``gain * effort + offset`` with white noise, and rounds it.
+"""
 
 from __future__ import annotations
 
@@ -11,47 +14,53 @@ from .. import _core
 from ..control.supervised import DRIVE_GAIN_ERROR, DRIVE_OFFSET_SHARE
 
 NOISE_COUNT = 50_021
-"""Periods of noise that are drawn before they repeat: a prime, so that they meet every phase of a repeated motion."""
+"""Number of control periods of noise that are drawn before the noise repeats.
+
+It is a prime, so that the noise falls on every phase of a repeated motion."""
 
 LAGS_S = (0.3e-3, 2.0e-3)
-"""Lags of current measurements [s]: a servo amplifier's filter, and a slow field bus."""
+"""Shortest and longest lag of a current measurement [s]: a servo amplifier's filter, and a slow field bus.
+
+Chosen by judgement; no measurement is recorded."""
 
 NOISE_SHARE = 0.01
-"""Standard deviation of the noise of a reading within the stated accuracy, as a share of the limit of effort."""
+"""Standard deviation of a reading's noise, as a share of the effort limit.
+
+Chosen by judgement; no measurement is recorded."""
 
 QUANTUM_SHARE = 0.002
-"""Quantum of such a reading, as a share of the limit of effort: 10 bits from one limit to the other."""
+"""Quantum of a reading, as a share of the effort limit: a converter of 10 bits from the lower limit to the upper."""
 
 
 @dataclass(frozen=True)
 class DriveReading:
-    """The measurement of a drive's effort; by default it is exact."""
+    """Errors of one drive's measurement of its own effort; the default has none."""
 
-    gain: float = 1.0  # Reading per effort [1]
-    offset: float = 0.0  # [N m or N]
-    lag: float = 0.0  # Time constant [s]
-    noise: float = 0.0  # Standard deviation, white [N m or N]
-    quantum: float = 0.0  # [N m or N]; 0: none
+    gain: float = 1.0  # reading per effort [1]
+    offset: float = 0.0  # reading at no effort [N m or N]
+    lag: float = 0.0  # time constant of the first-order lag [s]
+    noise: float = 0.0  # standard deviation of the white noise [N m or N]
+    quantum: float = 0.0  # rounding step [N m or N]; 0 for no rounding
 
     @property
     def numbers(self) -> np.ndarray:
-        """Gain, offset, lag and quantum, shape (4,), in the order of the core."""
+        """Return gain, offset, lag and quantum, shape (4,), in the order of the core's `DRIVE_READING_NAMES`."""
         return np.array([getattr(self, name) for name in _core.DRIVE_READING_NAMES])
 
     def draw_noise(self, seed: int) -> np.ndarray:
-        """Noise of as many periods as are drawn before it repeats, shape (n,) [N m or N]."""
+        """Draw the noise of `NOISE_COUNT` control periods, shape (n,) [N m or N]."""
         return self.noise * np.random.default_rng([seed, 10]).standard_normal(NOISE_COUNT)
 
 
-EXACT = DriveReading()
-"""A reading that is the effort itself."""
+EXACT_READING = DriveReading()
+"""The reading of a drive that measures its effort without error."""
 
 
 def stated_readings(effort_limit: float) -> tuple[DriveReading, ...]:
     """Return the eight worst readings within the stated accuracy: gain, offset and lag at either end of their range.
 
-    All have noise and a quantum. The accuracy is what `Instruments` states by default, for a law that may give
-    `effort_limit` [N m or N].
+    Each also has noise and a quantum. The accuracy is the default of `control.supervised.Instruments`; it scales with
+    the `effort_limit` of the law [N m or N].
     """
     return tuple(
         DriveReading(

@@ -1,7 +1,8 @@
 """Raw surface EMG as electrodes would pick it up from muscles whose excitation is known.
 
-A muscle's signal is noise with the spectrum of many motor units, as strong as the excitation. On its way come the other
-channel's cross-talk, mains hum, the cables' motion, the amplifier's own noise, and a converter with a range.
+A muscle's signal is noise with the spectrum of many motor units; its amplitude is proportional to the excitation. The
+recording chain adds cross-talk from the other channels, mains hum, motion artefacts of the cables, amplifier noise, and
+a converter with a quantum and a range.
 """
 
 from __future__ import annotations
@@ -11,35 +12,50 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-PIECE = 1 << 14
-"""Samples that are made at a time: as many as stay in a processor's cache."""
+PIECE_SAMPLE_COUNT = 1 << 14
+"""Number of samples that are computed at a time, chosen so that their arrays stay in a processor's cache."""
 
 
 @dataclass(frozen=True)
 class Electrodes:
-    """Channels of one amplifier, and what is wrong with them."""
+    """Channels of one EMG amplifier, and their defects."""
 
-    gains: tuple[float, ...]  # Of each channel: RMS at full excitation [V]
-    # A rig's ``[emg]``: rate, band, median_frequency, baseline, hum, hum_frequency, harmonics, artefact, artefact_band,
-    # crosstalk, quantum, full_range; SI
+    gains: tuple[float, ...]  # RMS of each channel at full excitation [V]
+    # Table ``[emg]`` of a rig's file: rate, clock_drift, band, median_frequency, baseline, hum, hum_frequency,
+    # harmonics, artefact, artefact_band, crosstalk, quantum, full_range; SI
     table: Mapping
-    rate: float | None = None  # [Hz]; the table's if left out
-    detached: Mapping[int, float] = field(default_factory=dict)  # By channel, from when its electrode is off [s]
-    clipped: Mapping[int, float] = field(default_factory=dict)  # By channel, a range below the converter's [V]
+    rate: float | None = None  # sampling rate [Hz]; the table's rate if None
+    detached: Mapping[int, float] = field(default_factory=dict)  # time at which a channel's electrode comes off [s]
+    clipped: Mapping[int, float] = field(default_factory=dict)  # range of a channel that clips early [V]
 
     @property
     def fs(self) -> float:
-        """Samples per second [Hz]."""
+        """Return the sampling rate [Hz]."""
         return float(self.rate or self.table["rate"])
 
 
 def motor_unit_noise(n: int, channels: int, fs: float, table: Mapping, rng: np.random.Generator) -> np.ndarray:
-    r"""Noise of unit variance with the spectrum of an interference pattern, shape (channels, n).
+    r"""Draw noise of unit variance with the spectrum of a surface EMG interference pattern.
 
-    The power is :math:`f^2 / ((f^2 + f_l^2)(f^2 + f_h^2)^2)` with :math:`f_h = 2 f_l`, scaled to the median frequency,
-    between the amplifier's corners [1]_.
+    The power spectrum is :math:`f^2 / ((f^2 + f_l^2)(f^2 + f_h^2)^2)` with :math:`f_h = 2 f_l` [1]_. :math:`f_l` is
+    solved so that the pattern has the stated median frequency; the amplifier's band limits it.
 
-    `fs` [Hz]; `table` [Hz]; gives (channels, n).
+    Parameters
+    ----------
+    n : int
+        Number of samples.
+    channels : int
+        Number of independent channels.
+    fs : float
+        Sampling rate [Hz].
+    table : mapping
+        Keys ``median_frequency`` and ``band``, the amplifier's lower and upper corner [Hz].
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    ndarray
+        Shape (channels, n).
 
     References
     ----------
@@ -62,7 +78,7 @@ def motor_unit_noise(n: int, channels: int, fs: float, table: Mapping, rng: np.r
         share = np.cumsum(power(grid, corner))
         corner *= table["median_frequency"] / np.interp(0.5 * share[-1], share, grid)
     shape = np.sqrt(power(f, corner))
-    # Mean power of what irfft makes of white noise under this shape: unit variance by design, not of each draw.
+    # Divide by the expected power of the shaped noise. The variance is 1 on average over draws, not in each draw.
     weight = np.full(len(f), 2.0)
     weight[0] = 1.0
     if size % 2 == 0:
@@ -74,12 +90,31 @@ def motor_unit_noise(n: int, channels: int, fs: float, table: Mapping, rng: np.r
 
 
 def _pieces(n: int) -> Iterator[slice]:
-    return (slice(first, min(first + PIECE, n)) for first in range(0, n, PIECE))
+    """Divide `n` samples into slices of at most `PIECE_SAMPLE_COUNT`."""
+    return (slice(first, min(first + PIECE_SAMPLE_COUNT, n)) for first in range(0, n, PIECE_SAMPLE_COUNT))
 
 
 class EmgSynthesis:
-    """EMG of one trial, period by period as a controller gets it, or all of it at once; both give the same samples.
-    `time` (k,) [s]; `quantum` [V]; `period` [s]."""
+    """The EMG of one trial, computed period by period as a controller gets it, or all at once.
+
+    Both ways give the same samples.
+
+    Parameters
+    ----------
+    electrodes : Electrodes
+    periods : int
+        Number of control periods.
+    period : float
+        Control period [s].
+    rng : numpy.random.Generator
+
+    Attributes
+    ----------
+    time : ndarray
+        Time of each sample by the amplifier's clock, shape (k,) [s].
+    quantum : float
+        Quantum of the converter [V].
+    """
 
     def __init__(self, electrodes: Electrodes, periods: int, period: float, rng: np.random.Generator) -> None:
         table, fs = electrodes.table, electrodes.fs
@@ -89,12 +124,12 @@ class EmgSynthesis:
         self.time = np.arange(n) / fs
         true = self.time * drift
         # A sample belongs to the period in which it is taken, and reaches the controller at that period's end.
-        self._of_period = np.minimum((true / period + 1e-9).astype(int), periods - 1)
+        self._period_of_sample = np.minimum((true / period + 1e-9).astype(int), periods - 1)
         self._periods = periods
         carrier = motor_unit_noise(n, channels, fs, table, rng)
         carrier *= np.asarray(electrodes.gains)[:, None]
         phases = [rng.uniform(0.0, 2.0 * np.pi, (channels, 1)) for _ in table["harmonics"]]
-        # Every cable lies differently: in the mains' field, and in the way of the leg.
+        # Every cable has its own position: mains hum and motion artefacts differ between channels.
         scale = table["hum"] * rng.uniform(0.5, 1.5, (channels, 1))
         background = rng.standard_normal((channels, n))
         background *= table["baseline"]
@@ -111,7 +146,7 @@ class EmgSynthesis:
             hum = scale * mains
             whole = hum + background[:, part]
             for channel, begin in electrodes.detached.items():
-                # An open input is an aerial: much mains, and no muscle.
+                # An open amplifier input acts as an antenna: it picks up much mains hum and no muscle signal.
                 off = true[part] >= begin
                 attached[channel, part][off] = 0.0
                 whole[channel, off] += 30.0 * hum[channel, off] + 5.0 * background[channel, part][off]
@@ -125,9 +160,13 @@ class EmgSynthesis:
         self._samples: list | None = None
 
     def period(self, k: int, amplitude: Sequence[float], acceleration: float) -> list[tuple[float, ...]]:
-        """Samples taken during period `k`; periods one after another. `acceleration` [rad/s^2]; gives [V]."""
+        """Return the samples that are taken during period `k` [V], each with one number per channel.
+
+        Periods must be asked for in order, because the cables' motion is filtered over time. `amplitude` is the
+        excitation of each muscle [1], `acceleration` the limb's [rad/s^2].
+        """
         if self._samples is None:
-            self._first = np.searchsorted(self._of_period, np.arange(self._periods + 1)).tolist()
+            self._first = np.searchsorted(self._period_of_sample, np.arange(self._periods + 1)).tolist()
             self._samples = list(zip(*(x.T.tolist() for x in self._ingredients), strict=True))
         self._swing = self._pole * acceleration + (1.0 - self._pole) * self._swing
         made = []
@@ -135,8 +174,8 @@ class EmgSynthesis:
             muscles = [c * a for c, a in zip(carrier, amplitude, strict=True)]
             total = sum(muscles)
             sample = []
-            for i, own in enumerate(muscles):
-                picked = (own + self._crosstalk * (total - own)) * attached[i]
+            for i, muscle in enumerate(muscles):
+                picked = (muscle + self._crosstalk * (total - muscle)) * attached[i]
                 counts = round((picked + background[i] + self._cable[i] * self._swing) / self.quantum)
                 limit = self._limits[i]
                 sample.append(self.quantum * (limit if counts > limit else max(counts, -limit)))
@@ -144,8 +183,11 @@ class EmgSynthesis:
         return made
 
     def whole(self, amplitude: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
-        """All samples of the trial. `amplitude` (periods, channels); `acceleration` (periods,) [rad/s^2]; gives (k,
-        channels)."""
+        """Return all samples of the trial as counts of the converter, shape (k, channels).
+
+        `amplitude` is the excitation of each muscle in each period, shape (periods, channels) [1]; `acceleration` the
+        limb's, shape (periods,) [rad/s^2].
+        """
         from scipy.signal import lfilter
 
         swing = lfilter([self._pole], [1.0, self._pole - 1.0], acceleration)
@@ -154,9 +196,9 @@ class EmgSynthesis:
         limit = np.array(self._limits)[:, None]
         counts = np.empty(carrier.shape)
         for part in _pieces(carrier.shape[1]):
-            when = self._of_period[part]
-            muscles = carrier[:, part] * amplitude[when].T
+            period_index = self._period_of_sample[part]
+            muscles = carrier[:, part] * amplitude[period_index].T
             picked = (muscles + self._crosstalk * (muscles.sum(axis=0) - muscles)) * attached[:, part]
-            volts = picked + background[:, part] + cable * swing[when]
+            volts = picked + background[:, part] + cable * swing[period_index]
             np.clip(np.round(volts / self.quantum), -limit, limit, out=counts[:, part])
         return counts.T

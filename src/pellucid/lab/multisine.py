@@ -1,4 +1,4 @@
-"""A rig's first look: random-phase multisines in place of its own protocol, where ``[multisine]`` asks for them."""
+"""Random-phase multisines, which replace a rig's own protocol where ``[multisine]`` of its file asks for them."""
 
 from __future__ import annotations
 
@@ -12,23 +12,29 @@ from .rig import Rig, Taken
 
 
 def multisine_references(rig: Rig, rate: float, seed: int) -> list[tuple[str, str, np.ndarray]]:
-    """Name, use and reference, (n,) [rad], of each realisation that ``[multisine]`` of a `rig` asks for, and of one
-    more that is held out, drawn from `seed`; none where it is not asked for."""
-    said = rig.tables.get("multisine", {"asked": False})
-    if not said["asked"]:
+    """Return name, use and reference of each multisine that a `rig` asks for, and of one more that is held out.
+
+    A reference has shape (n,) [rad] at the sampling `rate` [Hz]; its phases are drawn from `seed`. The list is empty
+    where ``[multisine]`` does not ask for a recording.
+    """
+    table = rig.tables.get("multisine", {"asked": False})
+    if not table["asked"]:
         return []
     keys = ("low", "high", "resolution", "rms", "peak", "fall", "lines", "periods", "settle")
     motion = random_phase_multisine(
-        rate, **{key: said[key] for key in keys}, realisations=said["realisations"] + 1, seed=seed
+        rate, **{key: table[key] for key in keys}, realisations=table["realisations"] + 1, seed=seed
     )
-    named = [(f"r{m + 1}", "fit") for m in range(said["realisations"])] + [("heldout", "validate")]
-    return [(*name, motion.reference(m, said["centre"])) for m, name in enumerate(named)]
+    named = [(f"r{m + 1}", "fit") for m in range(table["realisations"])] + [("heldout", "validate")]
+    return [(*name, motion.reference(m, table["centre"])) for m, name in enumerate(named)]
 
 
 def multisine_study(rig: Rig, made: Sequence[Taken], channels: tuple[str, str]) -> dict[str, Any]:
-    """What study.toml asks of what was `made`, if that is a first look: a transfer function between two `channels`."""
+    """Return the table ``[transfer_function]`` of study.toml, between two `channels`, if multisines were recorded.
+
+    The result is empty where none of the recordings `made` is a multisine.
+    """
     if not any(taken.trial.protocol == MULTISINE_NAME for taken in made):
         return {}
-    said = rig["multisine"]
+    table = rig["multisine"]
     asked = {"input": channels[0], "output": channels[1], "reference": "reference"}
-    return {"transfer_function": {**asked, "period": f"{1.0 / said['resolution']:.12g} s", "poles": said["poles"]}}
+    return {"transfer_function": {**asked, "period": f"{1.0 / table['resolution']:.12g} s", "poles": table["poles"]}}

@@ -1,13 +1,16 @@
-"""What is random over time: noise, white or coloured, and paths that wander between two ends."""
+"""Random signals over time: white or coloured noise, and smooth random paths."""
 
 from __future__ import annotations
 
 import numpy as np
 
 
-def noise(shape: tuple[int, ...], sd: float, memory: float, fs: float, rng: np.random.Generator) -> np.ndarray:
-    """Gaussian noise, white or first-order coloured, of standard deviation `sd` along the last axis of `shape`.
-    `memory` [s]; `fs` [Hz]."""
+def draw_noise(shape: tuple[int, ...], sd: float, memory: float, fs: float, rng: np.random.Generator) -> np.ndarray:
+    """Draw Gaussian noise of standard deviation `sd`, with time along the last axis of `shape`.
+
+    The noise is first-order coloured with the correlation time `memory` [s], or white where that is 0; `fs` is the
+    sampling rate [Hz].
+    """
     white = rng.standard_normal(shape)
     if memory <= 0.0:
         return sd * white
@@ -18,12 +21,16 @@ def noise(shape: tuple[int, ...], sd: float, memory: float, fs: float, rng: np.r
     return sd * lfilter([np.sqrt(1.0 - rho**2)], [1.0, -rho], white, zi=start)[0]
 
 
-def wander(n: int, memory: float, fs: float, rng: np.random.Generator) -> np.ndarray:
-    """A smooth random path, uniform over 0 to 1 in the long run. `memory`, `fs` [s], [Hz]; gives (n,)."""
+def draw_wandering_path(n: int, memory: float, fs: float, rng: np.random.Generator) -> np.ndarray:
+    """Draw a smooth random path, shape (n,), whose values are uniformly distributed over 0 to 1 in the long run.
+
+    White noise is smoothed by a Gaussian bell of standard deviation `memory` [s] and mapped by the normal distribution
+    function; `fs` is the sampling rate [Hz].
+    """
     from scipy.signal import oaconvolve
     from scipy.special import ndtr
 
     reach = round(4.0 * memory * fs)
-    bell = np.exp(-0.5 * (np.arange(-reach, reach + 1) / (memory * fs)) ** 2)
-    path = oaconvolve(rng.standard_normal(n + 2 * reach), bell / np.sqrt(np.sum(bell**2)), mode="valid")
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / (memory * fs)) ** 2)
+    path = oaconvolve(rng.standard_normal(n + 2 * reach), kernel / np.sqrt(np.sum(kernel**2)), mode="valid")
     return ndtr(path)

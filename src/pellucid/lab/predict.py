@@ -1,4 +1,4 @@
-"""What an experiment would find with the people and the robot of a rig file: drawn, simulated, told with intervals."""
+"""The command `predict`: effects of controllers on movement, predicted with intervals by simulated experiments."""
 
 from __future__ import annotations
 
@@ -14,23 +14,24 @@ from ..procedures.result import FigureTable, Result
 from ..studies.results import ResultRow, write_rows
 from .known_rigs import parse_rig, text_of_rig
 from .pointing.predicted_indices import PREDICTED_INDICES
-from .pointing.prediction import LAWS, SHARE, DrawnStudies, Prediction, predict_effects
+from .pointing.prediction import PUBLISHED_CONTROLLERS, STUDY_INTERVAL_SHARE, DrawnStudies, Prediction, predict_effects
 from .pointing.rig import PointingRig
 from .simulate import rig_file, study_name
 
 PREDICTION_FILE = Path("lab") / "prediction.json"
+"""Path of the predicted figures, relative to the study's folder."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Predicted(Result):
-    """What `predict` found; printed as any result is.
+    """The result of `predict`, which prints like the result of any procedure.
 
     Attributes
     ----------
     prediction : Prediction
-        Every pair of a person and a robot.
+        Indices of movement of every pair of a person and a robot.
     studies : DrawnStudies
-        Studies drawn of them.
+        Virtual studies that were drawn from these pairs.
     """
 
     prediction: Prediction = field(repr=False)
@@ -49,32 +50,33 @@ def predict(
     executor: Executor | None = None,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> Predicted:
-    """Predict what controllers change in how people move, with intervals over drawn people and robots.
+    """Predict how controllers change people's movements, with intervals over drawn people and robots.
 
-    Every robot is identified, and worn by every person of its model; studies are drawn of these pairs. The figures are
-    written to ``lab/prediction.json`` of the first folder; the same seed gives the same.
+    Every robot is identified and then worn by every person of its model. Studies are drawn from these pairs. The
+    figures are written to ``lab/prediction.json`` of the first folder. The same seed gives the same figures.
 
     Parameters
     ----------
     folder, others : path-like
-        Made by `init` with a rig of people who point. Those of several share the robots evenly, so that intervals hold
-        what their models of people disagree about; the robots are those of the first.
+        Folders that `init` made with a rig of people who point. Several folders share the robots evenly, so that the
+        intervals include the disagreement between their models of people. The robots are those of the first folder.
     people : int
-        Drawn of each model.
+        Number of people who are drawn for each model.
     robots : int
-        Drawn in all.
+        Number of robots that are drawn in all.
     movements : int
-        Of every person without a robot and under each controller; even, for each goes there and back.
+        Number of movements of every person without a robot and under each controller. It is even, because movements go
+        there and back.
     participants : int
-        Of a study.
+        Number of people in a drawn study.
     controllers : sequence of str, optional
-        By their names in `export`; the published three if left out.
+        Controllers by their names in `export`; the published three if left out.
     seed : int
-        Of every random draw.
+        Seed of every random draw, at least 0.
     executor : concurrent.futures.Executor, optional
-        That runs a job for each robot, a Dask cluster's for instance; this machine's processes if left out.
+        Executor that runs a job for each robot, for instance a Dask cluster's; this machine's processes if left out.
     on_progress : callable, optional
-        Called with a text and the share done, 0 to 1.
+        Function that is called with a text and the share of the work that is done, 0 to 1.
 
     Returns
     -------
@@ -83,9 +85,9 @@ def predict(
     Raises
     ------
     StudyError
-        If there is no rig file, its rig is not of people who point, or a controller is not known.
+        If a folder has no rig file, its rig is not one of people who point, or a controller is not known.
     PellucidError
-        If there are fewer people than a study takes or fewer robots than folders, or movements are odd.
+        If there are fewer people than a study needs, fewer robots than folders, or an odd number of movements.
 
     Examples
     --------
@@ -94,26 +96,26 @@ def predict(
     >>> found = pl.predict("some-people", people=3, robots=2, participants=3)        # doctest: +SKIP
     >>> low, middle, high = found.studies.interval("vmax", "CLPC")                   # doctest: +SKIP
     """
-    rigs = [_rig(Path(each)) for each in (folder, *others)]
+    rigs = [_read_rig(Path(each)) for each in (folder, *others)]
     _require_counts(len(rigs), people=people, robots=robots, movements=movements, participants=participants, seed=seed)
     unknown = [name for name in controllers or () if name not in ELBOW_CONTROLLERS]
     if unknown:
         raise StudyError(
             f'controllers: found no controller "{unknown[0]}", expected some of {", ".join(ELBOW_CONTROLLERS)}'
         )
-    named = {name: name for name in controllers} if controllers else LAWS
+    named = {name: name for name in controllers} if controllers else PUBLISHED_CONTROLLERS
     made = predict_effects(
         rigs, people=people, robots=robots, movements=movements, controllers=named, seed=seed, executor=executor,
         on_progress=on_progress,
     )  # fmt: skip
     studies = made.studies(size=participants)
-    found = _found(study_name(Path(folder)), made, studies, participants)
+    found = _make_result(study_name(Path(folder)), made, studies, participants)
     write_rows(Path(folder) / PREDICTION_FILE, "predict", found.rows)
     return found
 
 
 def _require_counts(folders: int, *, people: int, robots: int, movements: int, participants: int, seed: int) -> None:
-    """Raise a PellucidError for numbers with which no study can be drawn, before anything is simulated."""
+    """Raise a PellucidError for numbers with which no study can be drawn; nothing has been simulated yet."""
     if seed < 0:
         raise PellucidError(f"predict: found the seed {seed}, expected 0 or more")
     if participants < 1 or people < participants:
@@ -128,7 +130,8 @@ def _require_counts(folders: int, *, people: int, robots: int, movements: int, p
         raise PellucidError(f"predict: found {movements} movements, expected an even number: there and back")
 
 
-def _rig(folder: Path) -> PointingRig:
+def _read_rig(folder: Path) -> PointingRig:
+    """Read the rig of a folder; raise a StudyError if its people do not point."""
     path = rig_file(folder)
     rig = parse_rig(text_of_rig(path), study_name(folder))
     if not isinstance(rig, PointingRig):
@@ -136,7 +139,8 @@ def _rig(folder: Path) -> PointingRig:
     return rig
 
 
-def _found(name: str, made: Prediction, studies: DrawnStudies, participants: int) -> Predicted:
+def _make_result(name: str, made: Prediction, studies: DrawnStudies, participants: int) -> Predicted:
+    """Return the table and the rows of a prediction."""
     rows, table = [], []
     drawn = f"{len(made.worn)} robots x {made.people} people of {' and '.join(made.models)}"
     for index in PREDICTED_INDICES:
@@ -153,11 +157,12 @@ def _found(name: str, made: Prediction, studies: DrawnStudies, participants: int
         ResultRow(f"{name}.predicted.seconds", made.wall, "s", "predict", "simulated", note="this run"),
     ]
     heads = ("index", "controller", "median [%]", "from [%]", "to [%]", "width")
-    title = f"Change from no robot, and {100.0 * SHARE:.0f} % of studies of {participants} people"
+    title = f"Change from no robot, and {100.0 * STUDY_INTERVAL_SHARE:.0f} % of studies of {participants} people"
     headline = (
         f"{drawn}, {made.movements} movements in {made.wall:.0f} s; {rate:.0f} movements per second of a processor"
     )
     return Predicted(
         study=name, headline=headline, tables=(FigureTable(title, heads, tuple(table)),), verdicts=(),
-        rows=tuple(rows), cards={}, checksums={}, confidence=SHARE, command="predict", prediction=made, studies=studies,
+        rows=tuple(rows), cards={}, checksums={}, confidence=STUDY_INTERVAL_SHARE, command="predict",
+        prediction=made, studies=studies,
     )  # fmt: skip

@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Self, TypeVar
 import numpy as np
 
 from .._errors import StudyError
-from .recorded_table import MAIN, MARKERS, Column, Stored, file_name
+from .recorded_table import MAIN_STREAM, MARKER_STREAM, Column, StoredTable, file_name
 
 Outcome = TypeVar("Outcome")
 Tell = Callable[[str, float], None]
@@ -48,7 +48,7 @@ class Taken:
     trial: Trial
     # By recording, then by stream: "main", "markers", or a stream of study.toml. One recording of the trial's name, or
     # several where pauses divide it
-    files: Mapping[str, Mapping[str, Stored]] = field(repr=False)
+    files: Mapping[str, Mapping[str, StoredTable]] = field(repr=False)
     # What its entry in study.toml says beyond what follows from trial and files
     entry: Mapping[str, Any] = field(default_factory=dict)
     truth: Mapping[str, Any] = field(default_factory=dict)  # In few numbers, SI
@@ -59,8 +59,8 @@ class Taken:
         """How long its recordings are [s]."""
         total = 0.0
         for streams in self.files.values():
-            clock = streams[MAIN].columns[0]
-            time = clock.scale * streams[MAIN].values[:, 0] * (1e-3 if clock.unit == "ms" else 1.0)
+            clock = streams[MAIN_STREAM].columns[0]
+            time = clock.scale * streams[MAIN_STREAM].values[:, 0] * (1e-3 if clock.unit == "ms" else 1.0)
             total += float(time[-1] - time[0]) * len(time) / (len(time) - 1)
         return total
 
@@ -74,15 +74,17 @@ class Taken:
         """Entries of its recordings in study.toml, beside whose ``[channels]`` of `common` columns each has its own."""
         made, known = [], {column.channel for column in common}
         for name, streams in self.files.items():
-            entry: dict[str, Any] = {"name": name, "file": file_name(name, MAIN)}
-            if MARKERS in streams:
-                entry["optical"] = file_name(name, MARKERS)
-            beside = {stream: file_name(name, stream) for stream in streams if stream not in (MAIN, MARKERS)}
+            entry: dict[str, Any] = {"name": name, "file": file_name(name, MAIN_STREAM)}
+            if MARKER_STREAM in streams:
+                entry["optical"] = file_name(name, MARKER_STREAM)
+            beside = {
+                stream: file_name(name, stream) for stream in streams if stream not in (MAIN_STREAM, MARKER_STREAM)
+            }
             if beside:
                 entry["streams"] = beside
             said = {key: getattr(self.trial, key) for key in ("protocol", "use", "participant", "condition")}
             entry |= {key: value for key, value in said.items() if value is not None}
-            own = {c.channel: c.spec for c in streams[MAIN].columns if c.channel not in known}
+            own = {c.channel: c.spec for c in streams[MAIN_STREAM].columns if c.channel not in known}
             own |= self.entry.get("channels", {})
             made.append(entry | self.entry | ({"channels": own} if own else {}))
         return made
@@ -170,23 +172,23 @@ class Rig(ABC):
     def study(self, made: Sequence[Taken]) -> dict[str, Any]:
         """What study.toml says: here what follows from trials and files; a rig adds its own tables."""
         streams = self.streams()
-        said: dict[str, Any] = {"name": self.name, "channels": {c.channel: c.spec for c in streams[MAIN]}}
+        said: dict[str, Any] = {"name": self.name, "channels": {c.channel: c.spec for c in streams[MAIN_STREAM]}}
         beside = {
             stream: {"channels": {c.channel: c.spec for c in columns}}
             for stream, columns in streams.items()
-            if stream not in (MAIN, MARKERS)
+            if stream not in (MAIN_STREAM, MARKER_STREAM)
         }
         if beside:
             said["streams"] = beside
-        if MARKERS in streams:
-            clock, *coordinates = streams[MARKERS]
+        if MARKER_STREAM in streams:
+            clock, *coordinates = streams[MARKER_STREAM]
             said["optical"] = {
                 "time": clock.spec,
                 "unit": coordinates[0].unit,
                 "markers": list(dict.fromkeys(c.channel.rpartition(".")[0] for c in coordinates)),
                 "down": [0, 0, -1],
             }
-        said["recordings"] = [entry for taken in made for entry in taken.entries(streams[MAIN])]
+        said["recordings"] = [entry for taken in made for entry in taken.entries(streams[MAIN_STREAM])]
         return said
 
     def prepared(self, controllers: Sequence[str] | None = None, seed: int = 1) -> Self:

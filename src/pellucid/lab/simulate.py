@@ -1,4 +1,4 @@
-"""A virtual rig's recordings, written as the study that a lab would have made of them."""
+"""The command `simulate`: recordings of a virtual rig, written as the study that a lab would have made of them."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from .._given import require_folder
 from ..studies.study import STUDY_FILE, Study
 from .init import RIG_FILE
 from .known_rigs import parse_rig, text_of_rig
-from .study import TRUTH_FILE, is_changed_by_hand, simulated
+from .study import TRUTH_FILE, is_changed_by_hand, write_full_study
 
 
 @dataclass(frozen=True)
 class Simulated:
-    """Recordings that a virtual rig made.
+    """The study that `simulate` wrote, and how long its simulation took.
 
     Parameters
     ----------
     study : Study
     recordings : int
-        How many.
+        Number of recordings.
     joint_time : float
-        How long the joint moved [s].
+        Total duration of the recordings [s].
     wall_time : float
-        How long that took here, files and all [s].
+        Time that simulating and writing took [s].
     """
 
     study: Study
@@ -46,21 +46,24 @@ def simulate(
     overwrite: bool = False,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> Simulated:
-    """Record the full protocol on the virtual rig of ``lab/rig.toml``, and write the study of it: study.toml,
-    recordings, and apart from both the truth in ``lab/truth.json``. The same seed makes the same files.
+    """Record the full protocol on the virtual rig of ``lab/rig.toml``, and write the study of it.
+
+    The study has study.toml and its recordings. The true parameters are written to ``lab/truth.json``, which no
+    procedure reads. The same seed makes the same files.
 
     Parameters
     ----------
     folder : path-like
-        Made by `init` with a rig.
+        Folder that `init` made with a rig.
     seed : int
-        Of every random draw.
+        Seed of every random draw, at least 0.
     controllers : sequence of str, optional
-        That people wear beside no robot, by their names in `export`; the published three if left out.
+        Controllers that people wear, by their names in `export`, compared with wearing no robot; the published three if
+        left out.
     overwrite : bool
         Whether a study.toml that was changed by hand since the last simulation may be replaced.
     on_progress : callable, optional
-        Called with a text and the share done, 0 to 1.
+        Function that is called with a text and the share of the work that is done, 0 to 1.
 
     Returns
     -------
@@ -69,8 +72,9 @@ def simulate(
     Raises
     ------
     StudyError
-        If there is no rig file, it cannot be understood, the folder holds a study that was not simulated or whose
-        study.toml was changed since, or controllers are not known, or named where nobody wears any.
+        If the rig's file is missing or not valid; if the folder holds a study that was not simulated, or whose
+        study.toml was changed since; if a controller is not known, or controllers are named for a rig that nobody
+        wears.
 
     Examples
     --------
@@ -96,17 +100,17 @@ def simulate(
     tell("preparing the rig", 0.0)
     try:
         rig = rig.prepared(controllers, seed)
-        study, joint_time = simulated(folder, rig, name=name, seed=seed, on_progress=on_progress)
+        study, joint_time = write_full_study(folder, rig, name=name, seed=seed, on_progress=on_progress)
     except PellucidError:
         raise
     except (ArithmeticError, ValueError, TypeError, LookupError, AttributeError) as error:
-        # Constants that are each in range may together be no machine.
+        # Constants that are in range one by one may be impossible together.
         raise StudyError(f"{path}: no machine is like this: {type(error).__name__}: {error}") from error
     return Simulated(study, len(study.config.recordings), joint_time, time.perf_counter() - begun)
 
 
 def rig_file(folder: Path) -> Path:
-    """Where a folder's rig is said; a StudyError if nowhere."""
+    """Return the path of a folder's rig file; raise a StudyError if there is none."""
     require_folder(folder, f"a folder with {RIG_FILE} in it", StudyError)
     path = folder / RIG_FILE
     if not path.is_file():
@@ -115,5 +119,5 @@ def rig_file(folder: Path) -> Path:
 
 
 def study_name(folder: Path) -> str:
-    """A folder's name as a study's, with what such a name may not hold replaced by a hyphen."""
+    """Return a study's name made from its folder's, with a hyphen for characters that such a name may not hold."""
     return re.sub(r"[^A-Za-z0-9_-]+", "-", folder.absolute().name).lstrip("_-") or "study"

@@ -1,7 +1,7 @@
-"""A virtual rig's recordings: as files of a study, or straight to recordings where thousands are wanted.
+"""Recordings of a virtual rig: written as the files of a study, or kept in memory where thousands are needed.
 
-Both hold the same numbers: what the instruments stored, made SI by what study.toml says of it. A clock or an angle that
-a file holds to some digits has all of them in memory.
+Both hold the same numbers: those that the instruments stored, converted to SI as study.toml says. The one difference is
+that clocks and angles are rounded to a few digits in a file, and not in memory.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ from ..recordings.recording import Channel, Recording
 from ..studies.lock import hold_lock
 from ..studies.study import STUDY_FILE, Study
 from ..studies.study_file import ChannelSpec, RecordingEntry, StudyFile, rig_units
-from .recorded_table import MAIN, MARKERS, Stored, file_name
+from .recorded_table import MAIN_STREAM, MARKER_STREAM, StoredTable, file_name
 from .rig import Rig, Taken, Tell, Trial
 from .study_text import study_text
 
-UNFINISHED = ".unfinished"
-"""Folder within a study's of what a simulation has recorded so far."""
+UNFINISHED_FOLDER = ".unfinished"
+"""Folder within the study's folder where a simulation keeps its files until all of them are written."""
 
 TRUTH_FILE = "lab/truth.json"
-"""What only tests, benchmarks and reproductions may read."""
+"""Path of the true parameters, which only tests, benchmarks and reproductions may read."""
 
 WRITTEN_FILE = "lab/simulated.json"
-"""The SHA-256 of the study.toml that a simulation wrote, by which a later one sees that somebody has changed it."""
+"""Path of the SHA-256 of the study.toml that a simulation wrote; it shows whether somebody has changed study.toml."""
 
 MAX_WRITTEN_BYTES = 10_000
-"""Largest size of that file that is read: it holds one digest."""
+"""Largest size of `WRITTEN_FILE` that is read [B]; the file holds one digest."""
 
 
-def study_config(said: Mapping[str, Any]) -> StudyFile:
-    """A study.toml as read, from what it says."""
-    return study_model().model_validate(said, context=rig_units(said))
+def study_config(tables: Mapping[str, Any]) -> StudyFile:
+    """Return a validated study.toml, from its tables."""
+    return study_model().model_validate(tables, context=rig_units(tables))
 
 
 def write_study(
@@ -56,19 +56,23 @@ def write_study(
     threads: int = 2,
     on_progress: Tell | None = None,
 ) -> Study:
-    """Record trials on a rig and write them as a lab would: study.toml and CSV files; the truth stands apart, in
-    ``lab/truth.json``."""
-    return _written(folder, rig, name, seed, trials, threads, on_progress)[0]
+    """Record trials on a rig and write them as a lab would: study.toml and CSV files.
+
+    The true parameters are written to ``lab/truth.json``. Without `trials`, the rig's full protocol is recorded.
+    """
+    return _record_and_write(folder, rig, name, seed, trials, threads, on_progress)[0]
 
 
-def simulated(folder: Path, rig: Rig, *, name: str, seed: int, on_progress: Tell | None = None) -> tuple[Study, float]:
-    """The full protocol of a `rig` written to a `folder`, as `write_study` does with `name`, `seed` and `on_progress`,
-    and for how long the joint moved [s]."""
-    return _written(folder, rig, name, seed, None, 2, on_progress)
+def write_full_study(
+    folder: Path, rig: Rig, *, name: str, seed: int, on_progress: Tell | None = None
+) -> tuple[Study, float]:
+    """Record the full protocol as `write_study` does; return the study and its recordings' total duration [s]."""
+    return _record_and_write(folder, rig, name, seed, None, 2, on_progress)
 
 
-def _written(folder, rig, name, seed, trials, threads, on_progress) -> tuple[Study, float]:
-    made_in, names = folder / UNFINISHED, []
+def _record_and_write(folder, rig, name, seed, trials, threads, on_progress) -> tuple[Study, float]:
+    """Record `trials` and write the study of them; return it and its recordings' total duration [s]."""
+    made_in, names = folder / UNFINISHED_FOLDER, []
 
     def write(taken: Taken) -> tuple[Taken, float]:
         for recording, streams in taken.files.items():
@@ -78,7 +82,7 @@ def _written(folder, rig, name, seed, trials, threads, on_progress) -> tuple[Stu
         return taken.noted, taken.duration
 
     trials = rig.trials(seed) if trials is None else trials
-    # A study is one seed's whole or another's: all that is new stands apart until nothing is missing.
+    # A study must never mix files of two seeds: new files are kept in a folder of their own until all are written.
     with hold_lock(folder / STUDY_FILE):
         rmtree(made_in, ignore_errors=True)
         try:
@@ -117,26 +121,29 @@ def record_in_memory(
     threads: int = 1,
     keep: Callable[[Taken], Any] = lambda taken: taken.inside,
 ) -> tuple[StudyFile, tuple[Recording, ...], list[Taken]]:
-    """What the study of a rig and a seed would hold, without writing it."""
+    """Record trials and return the study's configuration, recordings and trials, without writing a file.
 
-    def kept(taken: Taken) -> Taken:
+    The returned trials hold no samples but what the function `keep` returns for each, as their ``inside``.
+    """
+
+    def replace_inside(taken: Taken) -> Taken:
         return replace(taken, inside=keep(taken))
 
-    made = list(rig.record_all(trials, seed, then=kept, threads=threads))
+    made = list(rig.record_all(trials, seed, then=replace_inside, threads=threads))
     config = study_config(rig.study(made))
     entries, recordings = {entry.name: entry for entry in config.recordings}, {}
     for i, taken in enumerate(made):
         for name, streams in taken.files.items():
             recordings[name] = _recording(config, entries[name], streams)
         made[i] = replace(taken.noted, inside=taken.inside)
-    # As study.toml lists them: a rig may order conditions, not people.
+    # The recordings follow study.toml, where a rig may have sorted them by condition.
     return config, tuple(recordings[name] for name in entries), made
 
 
-def _recording(config: StudyFile, entry: RecordingEntry, streams: Mapping[str, Stored]) -> Recording:
-    """A recording as reading its files would give it."""
+def _recording(config: StudyFile, entry: RecordingEntry, streams: Mapping[str, StoredTable]) -> Recording:
+    """Return the recording that reading these files would give."""
 
-    def beside(stream: str) -> Recording:
+    def stream_recording(stream: str) -> Recording:
         channels = _channels(streams[stream], config.streams[stream].channels)
         path, digest = Path(entry.streams[stream]), streams[stream].digest
         return Recording(f"{entry.name}.{stream}", path, digest, entry.use, channels, entry.protocol, entry.participant)
@@ -144,32 +151,35 @@ def _recording(config: StudyFile, entry: RecordingEntry, streams: Mapping[str, S
     return Recording(
         name=entry.name,
         path=Path(entry.file),
-        checksum=streams[MAIN].digest,
+        checksum=streams[MAIN_STREAM].digest,
         use=entry.use,
-        channels=_channels(streams[MAIN], config.channels_of(entry)),
+        channels=_channels(streams[MAIN_STREAM], config.channels_of(entry)),
         protocol=entry.protocol,
         participant=entry.participant,
         condition=entry.condition,
-        optical=_optical(config, Path(entry.optical), streams[MARKERS]) if entry.optical else None,
-        streams={stream: beside(stream) for stream in entry.streams},
+        optical=_optical(config, Path(entry.optical), streams[MARKER_STREAM]) if entry.optical else None,
+        streams={stream: stream_recording(stream) for stream in entry.streams},
     )
 
 
-def _channels(stored: Stored, specs: Mapping[str, ChannelSpec]) -> dict[str, Channel]:
+def _channels(stored: StoredTable, specs: Mapping[str, ChannelSpec]) -> dict[str, Channel]:
+    """Return the channels of a stored table by name, in SI."""
     made = {}
     for name, spec in specs.items():
         samples = _si(stored, spec)
-        # Nobody writes into them any more: the channel keeps these samples themselves.
+        # A read-only array is kept by the channel as it is; a writable one would be copied.
         samples.flags.writeable = False
         made[name] = Channel(name, samples, spec.si_unit, spec.column)
     return made
 
 
-def _si(stored: Stored, spec: ChannelSpec) -> np.ndarray:
+def _si(stored: StoredTable, spec: ChannelSpec) -> np.ndarray:
+    """Return one channel's samples in SI, shape (n,)."""
     return (spec.scale * stored.column(spec.column) + spec.offset) * spec.si_factor
 
 
-def _optical(config: StudyFile, path: Path, stored: Stored) -> OpticalRecording:
+def _optical(config: StudyFile, path: Path, stored: StoredTable) -> OpticalRecording:
+    """Return the optical recording that reading a motion capture's file would give."""
     spec, rail = config.optical, config.rig.slider
     markers = {
         marker: spec.si_factor * np.column_stack([stored.column(spec.column(marker, axis)) for axis in AXES])

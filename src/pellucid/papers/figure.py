@@ -14,8 +14,12 @@ from .._errors import PellucidError
 from ..studies.results import ResultRow, write_rows
 from .printed import Printed
 
-VERDICTS = ("agrees", "differs", "recomputed", "ours only", "cannot be")
-"""With what is printed, twice; from other printed numbers; nothing is printed; what is printed contradicts itself."""
+VERDICT_WORDS = ("agrees", "differs", "recomputed", "ours only", "cannot be")
+"""Verdicts on a figure.
+
+"agrees" and "differs" compare with the printed number. "recomputed" follows from other printed numbers, "ours only" has
+no printed counterpart, and for "cannot be" printed numbers contradict each other.
+"""
 
 
 @dataclass(frozen=True)
@@ -25,11 +29,11 @@ class Reproduced:
     id: str
     quantity: str
     unit: str
-    published: float | None  # As printed, in `unit`
-    ours: float | None  # Computed here: the median where it was drawn several times
-    lower: float | None = None  # lower, upper: The smallest and largest of those, or an interval's ends
-    upper: float | None = None
-    verdict: str = "ours only"  # Of `VERDICTS`
+    published: float | None  # Printed value, in `unit`; None if there is none
+    ours: float | None  # Value computed here; the median if there are several draws
+    lower: float | None = None  # Smallest draw, or the interval's lower end
+    upper: float | None = None  # Largest draw, or the interval's upper end
+    verdict: str = "ours only"  # One of `VERDICT_WORDS`
     note: str = ""
 
 
@@ -46,9 +50,10 @@ def figure(
     between: tuple[float, float] | None = None,
     verdict: str | None = None,
 ) -> Reproduced:
-    """A number with the interval `between`, or the `middle` of several draws with their range, beside print.
+    """Return a row: a number with the interval `between`, or the `middle` of several draws with their range.
 
-    Without a `verdict` it agrees if ours rounds to what is printed (`Printed`), or if a printed number is in the range.
+    Without a `verdict`, the row agrees if ours rounds to the `published` number (`Printed`), or, if that is a plain
+    number, if it lies in the range.
     """
     if isinstance(ours, Iterable):
         drawn = np.array(list(ours), float)
@@ -65,7 +70,7 @@ def figure(
 
 
 def mean_figure(head: str, name: str, quantity: str, unit: str, ours: Iterable[float], *beside, **more) -> Reproduced:
-    """The same with the mean of several people, and the smallest and the largest of them."""
+    """Return a row as `figure` does, with the mean of several people, and the smallest and largest of them."""
     return figure(head, name, quantity, unit, list(ours), *beside, middle=np.mean, **more)
 
 
@@ -89,18 +94,18 @@ class Figures(Mapping[str, Reproduced]):
         return len(self._rows)
 
     def ours(self, name: str) -> float:
-        """What was computed here, in the row's unit."""
+        """Return the value computed here, in the row's unit."""
         return self._rows[name].ours
 
 
 def spread(values: Iterable[float]) -> tuple[float, float, float]:
-    """Median, smallest and largest of several draws."""
+    """Return median, smallest and largest of several draws."""
     drawn = np.array(list(values), float)
     return float(np.median(drawn)), float(drawn.min()), float(drawn.max())
 
 
 def write_figures(out: Path, command: str, rows: Sequence[Reproduced], split: Callable[[str], str]) -> None:
-    """Write results.json and reproduction.json, each whole or not at all; `split` says what an id is evaluated on."""
+    """Write results.json and reproduction.json, each atomically; `split` gives "fitted", "heldout" or "simulated"."""
     out.mkdir(parents=True, exist_ok=True)
     results = [ResultRow(r.id, r.ours, r.unit, command, split(r.id), note=_note(r)) for r in rows]
     write_rows(out / "results.json", command, results)

@@ -1,6 +1,7 @@
-"""What a paper is: the numbers that it prints, and its figures computed again. Each has a folder, and that is the list.
+"""The base class of reproduced papers: the numbers that a paper prints, and its figures computed again.
 
-A folder has ``printed.toml`` and ``paper.py`` with one subclass of `Paper`; nothing else names it.
+Each paper is a folder with ``printed.toml``, and ``paper.py`` with one subclass of `Paper`. The folders are the list of
+papers; nothing else names one.
 """
 
 from __future__ import annotations
@@ -25,22 +26,23 @@ Progress = Callable[[str, float], None]
 class Paper(ABC):
     """A published study. An object is one reproduction: `figures` computes it, and keeps what its page draws.
 
-    Only `figures` must be there. A subclass is a dataclass where it has settings: seeds, people, processes.
+    A subclass must define `figures` alone. If it has settings (seeds, people, processes), it is a dataclass.
 
     Attributes
     ----------
     title, kicker : str
-        Of the page, and what stands above it; "" takes the paper's own title.
+        The page's title, and the line above it. An empty title stands for the paper's own.
     over : str
-        What a figure's range is over, as the head of its column.
+        Head of the column of ranges, which names what a range is over.
     printed_of, ours_of : str
-        Whom or what the printed figures are of, and those computed here.
+        Subjects of the printed figures, and of those computed here.
     remarks : bool
-        Whether the table of all figures shows their notes, rather than their verdicts.
+        Whether the table of all figures shows their notes instead of their verdicts.
     splits : mapping of str to tuple of str
-        "fitted", "heldout" or "simulated", whichever has a part of a row's id first; what none has is "heldout".
+        For "fitted", "heldout" and "simulated", parts of row ids. The first entry with a part of an id is its split;
+        an id without any is "heldout".
     main : tuple of str
-        How the ids of those figures begin that are told when all is done.
+        Prefixes of the ids that the terminal prints at the end.
 
     Examples
     --------
@@ -61,7 +63,7 @@ class Paper(ABC):
 
     @property
     def name(self) -> str:
-        """Of its folder, as ``reproduce`` takes it."""
+        """Name of the paper's folder, as ``reproduce`` takes it."""
         return type(self).__module__.split(".")[-2]
 
     @cached_property
@@ -71,53 +73,53 @@ class Paper(ABC):
 
     @abstractmethod
     def figures(self, tell: Progress) -> Iterable[Reproduced]:
-        """Compute every figure, in the order in which the page has them; `tell` is called with how far it is."""
+        """Compute every figure, in the page's order; `tell` is called with a text and the share done."""
 
     def headline(self, figures: Figures) -> str:
-        """What came out, in a few sentences."""
+        """Return the page's first sentences: the result with its numbers."""
         about = self.printed
         return f"{about.authors}: {about.title}, {about.journal}, {about.year}."
 
     def tiles(self, figures: Figures) -> tuple[Tile, ...]:
-        """The numbers at the head of the page."""
+        """Return the numbers at the head of the page."""
         return ()
 
     def sections(self, figures: Figures) -> tuple[Section, ...]:
-        """Tables and drawings of the paper, above the table of all figures."""
+        """Return the sections with tables and drawings, above the table of all figures."""
         return ()
 
     def footer(self) -> str:
-        """What stands below everything: seeds, errata."""
+        """Return the page's last line: seeds, errata."""
         return ""
 
     def closing(self, figures: Figures) -> tuple[Section, ...]:
-        """What can be recomputed from print, and every figure."""
+        """Return the last two sections: figures recomputed from print, and the table of all figures."""
         return row_sections(
             tuple(figures.values()), over=self.over, remarks=self.remarks, printed_of=self.printed_of,
             ours_of=self.ours_of,
         )  # fmt: skip
 
     def page(self, figures: Figures) -> Page:
-        """The page; its parts are the methods above."""
+        """Return the whole page."""
         sections = (*self.sections(figures), *self.closing(figures))
         title = self.title or self.printed.title
         return Page(title, self.kicker, self.headline(figures), self.tiles(figures), sections, self.footer())
 
     def write_more(self, out: Path) -> None:
-        """Write whatever else belongs into the folder."""
+        """Write further files into the folder `out`."""
         return
 
     def split(self, row: str) -> str:
-        """What the row of an id is evaluated on: "fitted", "heldout" or "simulated"."""
+        """Return the data that a row is evaluated on, by its id: "fitted", "heldout" or "simulated"."""
         return next((split for split, parts in self.splits.items() if any(p in row for p in parts)), "heldout")
 
     def is_main(self, row: str) -> bool:
-        """Whether the row of an id is told when all is done."""
+        """Return whether the terminal prints the row of an id at the end."""
         return row.startswith(self.main) and row.count(".") <= 3
 
 
 def paper(name: str) -> type[Paper]:
-    """The paper of a folder."""
+    """Return the class of the paper in a folder."""
     if name not in papers():
         raise PellucidError(f"unknown paper {name!r}; known: {', '.join(papers())}")
     module = import_module(f"{paper_packages()[name].__name__}.{name}.paper")

@@ -42,9 +42,9 @@ def card_sources(study: Study, procedure: Procedure) -> dict[str, str]:
     left out. So are the limits of a joint if the procedure does not use them, because a controller's limits may be set
     after its model was identified.
     """
-    from .registry import PROCEDURES
+    from .registry import ALL_PROCEDURES
 
-    others = {each.name for each in PROCEDURES if each.table is not None and each.command != procedure.command}
+    others = {each.name for each in ALL_PROCEDURES if each.table is not None and each.command != procedure.command}
     used = study.config.model_dump(exclude_defaults=True, exclude=UNUSED_TABLES | others, warnings=False)
     if not procedure.uses_limits:
         used["rig"] = _without_limits(used["rig"])
@@ -64,10 +64,10 @@ def require_fresh(study: Study, path: Path, card: Made) -> Made:
     """
     if study.accept_stale:
         return card
-    from .registry import PROCEDURES
+    from .registry import ALL_PROCEDURES
 
     name = card.made_from.get(PROCEDURE_KEY, "")
-    procedure = next((each for each in PROCEDURES if each.name == name), None)
+    procedure = next((each for each in ALL_PROCEDURES if each.name == name), None)
     command = "identify" if procedure is None else procedure.command
     if not card.made_from:
         if not _has_other_recordings(study, card):

@@ -29,13 +29,13 @@ def _is_procedure_of(kind: object, module: ModuleType) -> bool:
     return isinstance(kind, type) and issubclass(kind, Procedure) and kind.__module__ == module.__name__
 
 
-PROCEDURES: tuple[Procedure, ...] = find_procedures()
+ALL_PROCEDURES: tuple[Procedure, ...] = find_procedures()
 """Every procedure, in the order in which a study is checked and its report shows them."""
 
 
 def asked(study: Study, name: str | None = None) -> tuple[Procedure, ...]:
     """Return the procedures that a study asks for: all, or those of one command or of one name."""
-    return tuple(p for p in PROCEDURES if name in (None, p.command, p.name) and p.asked(study))
+    return tuple(p for p in ALL_PROCEDURES if name in (None, p.command, p.name) and p.asked(study))
 
 
 @cache
@@ -43,7 +43,7 @@ def study_model() -> type[StudyFile]:
     """Return the model of study.toml with the table of every procedure."""
     from ..studies.study_file import study_file_model
 
-    return study_file_model({p.name: p.table for p in PROCEDURES if p.table is not None})
+    return study_file_model({p.name: p.table for p in ALL_PROCEDURES if p.table is not None})
 
 
 def open_study(

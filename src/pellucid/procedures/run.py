@@ -107,7 +107,7 @@ def run(
         If no procedure and no command has that name.
     """
     study = as_study(study, "run")
-    unknown = options.keys() - {procedure.name for procedure in registry.PROCEDURES}
+    unknown = options.keys() - {procedure.name for procedure in registry.ALL_PROCEDURES}
     if unknown:
         raise PellucidError(f"run: found options of {', '.join(sorted(unknown))}, expected those of procedures by name")
     tell, procedures, found = on_progress or quiet, _required(study, name), []
@@ -554,7 +554,7 @@ def _run(procedure: Procedure, study: Study, on_progress: Progress | None, **opt
 
 def _required(study: Study, name: str | None) -> tuple[Procedure, ...]:
     """Return the procedures of that command or name that the study asks for; IdentificationError if there is none."""
-    known = dict.fromkeys(said for p in registry.PROCEDURES for said in (p.command, p.name))
+    known = dict.fromkeys(said for p in registry.ALL_PROCEDURES for said in (p.command, p.name))
     if name is not None and name not in known:
         raise PellucidError(f"run: found {name!r}, expected a procedure or a command: {', '.join(known)}")
     found = asked(study, name)
@@ -564,7 +564,7 @@ def _required(study: Study, name: str | None) -> tuple[Procedure, ...]:
         raise IdentificationError(study.rig.refusal)
     if found:
         return found
-    of_name = [p for p in registry.PROCEDURES if name in (p.command, p.name)]
+    of_name = [p for p in registry.ALL_PROCEDURES if name in (p.command, p.name)]
     tables = ["[rig.drive]" if p.table is None else f"[{p.name}]" for p in of_name]
     wanted = ["[rig.drive]"] if name == "identify" else dict.fromkeys(tables)
     others = ", ".join(dict.fromkeys(p.command for p in asked(study)))

@@ -12,14 +12,21 @@ from ..control.elbow_controllers import BEST_CONTROLLER
 from ..control.law_fuzz import step_times
 from ..control.transparent_laws import sensitivity_amplification
 from ..lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
-from ..lab.pointing.conditions import Cards, chosen_exponents, condition_of, identified, interaction_rms, offered
+from ..lab.pointing.conditions import (
+    Cards,
+    choose_exponents,
+    controller_builder,
+    identify_robot,
+    interaction_rms,
+    offered_controller,
+)
 from ..lab.pointing.people import Person, draw_people
 from ..lab.pointing.predicted_indices import change
 from ..lab.pointing.rig import PointingRig, elbow_participants
-from ..lab.pointing.session import CONTROL, PointingSession, RobotLaw, Unpowered, point
+from ..lab.pointing.session import CONTROL_CONDITION, PointingSession, RobotLaw, Unpowered, simulate_session
 from ..lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, session_indices
 from ..lab.safety.fault_table import FAULT_KINDS, try_law
-from ..lab.safety.worn_robot import WornRobot, worn_robot
+from ..lab.safety.worn_robot import WornRobot, make_worn_robot
 from .learnt_elbow import elbow_rules, learnt_compensation
 from .strategies import POINTING_TASK, strategies_of_task
 from .tried import ControllerTrial, given_and_taken_power
@@ -50,7 +57,7 @@ def try_elbow(rig: PointingRig, person: Person, index: int, seed: int) -> list[C
     robot = rig.robot
     laws, cards = elbow_laws(robot, rig, person)
     free = session_indices(_pointing(rig, person, None, [seed, index]))
-    worn = worn_robot(rig, person, cards, seed + index).commissioned(person)
+    worn = make_worn_robot(rig, person, cards, seed + index).commissioned(person)
     made = []
     for name, law in laws.items():
         session = _pointing(rig, person, law, [seed, index])
@@ -74,8 +81,8 @@ def try_elbow(rig: PointingRig, person: Person, index: int, seed: int) -> list[C
 
 def elbow_laws(robot: ElbowRig, rig: PointingRig, person: Person) -> tuple[dict[str, RobotLaw], Cards]:
     """Return every controller for one person on an identified robot, by name, and the robot's cards."""
-    fit, cards = identified(robot)
-    exponents = chosen_exponents(rig, cards)[0]
+    fit, cards = identify_robot(robot)
+    exponents = choose_exponents(rig, cards)[0]
     place = person.slider(rig)
 
     def make(name: str) -> RobotLaw:
@@ -86,8 +93,8 @@ def elbow_laws(robot: ElbowRig, rig: PointingRig, person: Person) -> tuple[dict[
             return learnt_compensation(cards["load"], place, rules)
         if name == "amplification":
             return sensitivity_amplification(cards["load"], place, amplification=AMPLIFICATION_FACTOR)
-        chosen = offered(cards, name) if name == BEST_CONTROLLER else name
-        return condition_of(cards, chosen, exponents=exponents)(person, place)
+        chosen = offered_controller(cards, name) if name == BEST_CONTROLLER else name
+        return controller_builder(cards, chosen, exponents=exponents)(person, place)
 
     return {name: make(name) for name in strategies_of_task(POINTING_TASK)}, cards
 
@@ -95,7 +102,7 @@ def elbow_laws(robot: ElbowRig, rig: PointingRig, person: Person) -> tuple[dict[
 def _pointing(rig: PointingRig, person: Person, law: RobotLaw | None, seed: list[int]) -> PointingSession:
     rng = np.random.default_rng(seed)
     lifts = np.deg2rad(rng.permutation(rig["pointing"]["amplitudes"]))
-    return point(rig, person, CONTROL if law is None else "worn", law, rng, lifts)
+    return simulate_session(rig, person, CONTROL_CONDITION if law is None else "worn", law, rng, lifts)
 
 
 def _changes(worn: SessionIndices, free: SessionIndices) -> Mapping[str, float]:

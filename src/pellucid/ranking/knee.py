@@ -11,13 +11,13 @@ from ..lab.knee.protocol import swing_trial, walking_trial
 from ..lab.knee.rig import knee_orthosis
 from ..lab.knee.trial import Controller, KneeReadings, run_trial
 from ..papers.knee.controllers import Built, chosen, controllers
-from ..papers.knee.residual import session_of, wearer
-from ..papers.knee.swings import SETTLING, driven_back, holds_margins, root_mean_square, without_control
+from ..papers.knee.residual import identify_by_name, session_of
+from ..papers.knee.swings import SETTLING_TIME_S, holds_margins, rms_mismatch_and_torque, without_control, without_power
 from .strategies import SWING_TASK, WALKING_TASK, strategies_of_task
 from .tried import ControllerTrial, given_and_taken_power
 
 TRIAL_DURATION_S = 12.0
-"""Duration of the swings and of the walk [s]; the first `swings.SETTLING` seconds are not scored."""
+"""Duration of the swings and of the walk [s]; the first `swings.SETTLING_TIME_S` of them are not scored."""
 
 FIRST_WEARER = 400
 """Number of the first drawn wearer of seed 1. No constant was chosen on these wearers."""
@@ -34,7 +34,7 @@ def knee_pair(
     With `sway`, controllers without linear margins are also tested for their margins in simulation, which takes most of
     the time.
     """
-    identified = wearer(knee_orthosis(), f"D{FIRST_WEARER + WEARERS_PER_SEED * (seed - 1) + index}")
+    identified = identify_by_name(knee_orthosis(), f"D{FIRST_WEARER + WEARERS_PER_SEED * (seed - 1) + index}")
     rig, name, constants, session = identified.rig, identified.name, chosen(), session_of(identified)
     pace = rig["swing"]
     middle = (pace["centre"], np.pi * sum(pace["frequency"]))
@@ -44,7 +44,7 @@ def knee_pair(
     path, _ = walking(1.0 / rig.period, TRIAL_DURATION_S, np.random.default_rng([seed, index, 3]))
     made = []
     for kind in only:
-        one, where = built[kind], driven_back(rig) if kind == "no_control" else rig
+        one, where = built[kind], without_power(rig) if kind == "no_control" else rig
         margins = one.margins() if one.margins else None
         held = None
         if plain is not None and margins is None and kind not in ("no_control", "zero_impedance"):
@@ -63,12 +63,12 @@ def knee_pair(
             given = given_and_taken_power(_power(readings), 1.0 / rig.period)
             fault = getattr(controller, "fault", "none")
             made.append(
-                ControllerTrial(task, kind, index, root_mean_square(readings)[1], *given, **safety, fault=fault)
+                ControllerTrial(task, kind, index, rms_mismatch_and_torque(readings)[1], *given, **safety, fault=fault)
             )
     return made
 
 
 def _power(readings: KneeReadings) -> np.ndarray:
     """Return the power of the orthosis on the wearer through the strap after the settling time, shape (n,) [W]."""
-    late = readings.time >= SETTLING
+    late = readings.time >= SETTLING_TIME_S
     return -readings.truth.strap_torque[late] * readings.truth.orthosis_velocity[late]

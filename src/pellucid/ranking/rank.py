@@ -94,7 +94,8 @@ def rank(
 
     Returns
     -------
-    Ranked
+    ControllerRanking
+        Rankings of all tasks, and the path of the page.
 
     Raises
     ------

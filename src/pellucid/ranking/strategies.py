@@ -25,7 +25,7 @@ WITH_FORCE = "encoder, force sensor"
 WITH_SPRING = "encoder, spring"
 """Sensors of a strategy with an encoder and the torque of a spring."""
 
-AND_EMG = ", AND_EMG"
+EMG_SUFFIX = ", EMG"
 """Text that is appended for a strategy that also reads EMG."""
 
 RANKED_STRATEGIES: tuple[Strategy, ...] = (
@@ -36,7 +36,7 @@ RANKED_STRATEGIES: tuple[Strategy, ...] = (
     Strategy("model by direction, friction (FC)", "elbow", "fc", None, (WITH_ENCODER, "")),
     Strategy("model of one body", "elbow, knee", "transparent", "body", (WITH_ENCODER, WITH_ENCODER)),
     Strategy("model, kept from sticking by dither", "", "dithered", None, (WITH_ENCODER, "")),
-    Strategy("model led by AND_EMG", "elbow, knee", "emg", None, (WITH_ENCODER + AND_EMG, "")),
+    Strategy("model led by EMG", "elbow, knee", "emg", None, (WITH_ENCODER + EMG_SUFFIX, "")),
     Strategy(
         "model led by an adaptive oscillator", "elbow, knee", "oscillator", "oscillator", (WITH_ENCODER, WITH_ENCODER)
     ),
@@ -46,19 +46,19 @@ RANKED_STRATEGIES: tuple[Strategy, ...] = (
     Strategy("network that learns while worn (RBF)", "knee", None, "rbf", ("", WITH_SPRING)),
     Strategy("sensitivity amplification", "knee", "amplification", "amplification", (WITH_ENCODER, WITH_ENCODER)),
     Strategy("disturbance observer", "", "disturbance_observer", "disturbance_observer", (WITH_FORCE, WITH_SPRING)),
-    Strategy("PID on the strap's torque", "", None, "pid", ("", WITH_SPRING + AND_EMG)),
+    Strategy("PID on the strap's torque", "", None, "pid", ("", WITH_SPRING + EMG_SUFFIX)),
     Strategy(
         "model, strap's torque driven to zero", "elbow", "force_sensor", "residual_no_emg", (WITH_FORCE, WITH_SPRING)
     ),
     Strategy(
-        "model led by AND_EMG, torque to zero",
+        "model led by EMG, torque to zero",
         "elbow, knee",
         "residual",
         "residual",
-        (WITH_FORCE + AND_EMG, WITH_SPRING + AND_EMG),
+        (WITH_FORCE + EMG_SUFFIX, WITH_SPRING + EMG_SUFFIX),
     ),
-    Strategy("residual, gain by phase of a swing", "", None, "residual_by_phase", ("", WITH_SPRING + AND_EMG)),
-    Strategy("residual, strap learnt while worn", "", None, "residual_strap_learnt", ("", WITH_SPRING + AND_EMG)),
+    Strategy("residual, gain by phase of a swing", "", None, "residual_by_phase", ("", WITH_SPRING + EMG_SUFFIX)),
+    Strategy("residual, strap learnt while worn", "", None, "residual_strap_learnt", ("", WITH_SPRING + EMG_SUFFIX)),
 )
 """All strategies of the ranking."""
 

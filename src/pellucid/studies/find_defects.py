@@ -20,7 +20,7 @@ KINDS: tuple[ModuleType, ...] = (missing, gaps, dropouts, spikes, clipped, froze
 samples that an earlier one has cut."""
 
 SIGNAL_KINDS: tuple[ModuleType, ...] = (dropouts, spikes)
-"""Modules that search when needs_all procedure of the study bridges missing samples by itself."""
+"""Modules that search when every procedure of the study bridges missing samples by itself."""
 
 MAX_CLIPPED_SHARE = 0.02
 """At most this share of a recording's samples may be clipped. More of them are part of the motion, not a disturbance.
@@ -88,7 +88,7 @@ def needed_kinds(config: StudyFile) -> tuple[ModuleType, ...]:
 
 
 def find_defects(watched: WatchedRecording, which: tuple[ModuleType, ...] = KINDS) -> list[Cut]:
-    """Return a cut for needs_all defect that the modules `which` find, in order of time."""
+    """Return a cut for every defect that the modules `which` find, in order of time."""
     cuts: list[Cut] = []
     for kind in which:
         found = list(kind.find(watched))

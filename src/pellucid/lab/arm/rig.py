@@ -15,8 +15,8 @@ from ..._errors import StudyError
 from ...models.kinematic_tree import Tree
 from ...models.robot import Robot
 from ..known_rigs import shipped_rig
-from ..noise import noise
-from ..recorded_table import MAIN, Column, Stored
+from ..noise import draw_noise
+from ..recorded_table import MAIN_STREAM, Column, StoredTable
 from ..rig import Rig, Taken
 from .bodies import CARRIAGE, built_gravity, built_tree, drawing, drive_rows, friction_rows, transmission_rows
 from .human_motion import JOINTS
@@ -132,7 +132,7 @@ class ArmRig(Rig):
             Column(f"position.{n}", f"counts_{n}", "rad", float(q)) for n, q in zip(JOINTS, self.quanta, strict=True)
         )
         currents = (Column(f"current.{name}", f"current_{name}", "mA") for name in JOINTS)
-        return {MAIN: (Column("time", "time", "s", text="%.3f"), *counts, *currents)}
+        return {MAIN_STREAM: (Column("time", "time", "s", text="%.3f"), *counts, *currents)}
 
     def trials(self, seed: int = 1) -> tuple[ArmTrial, ...]:
         """The full protocol; `seed` draws its Fourier motions and what is reached for."""
@@ -154,17 +154,17 @@ class ArmRig(Rig):
         )
         # Sampled in the middle of a centre-aligned PWM period: half of what flowed before, half of what flows after.
         current = 0.5 * (command + np.concatenate([command[:1], command[:-1]]))
-        current = current + noise(current.T.shape, sensor["noise"], sensor["noise_memory"], fs, rng).T
+        current = current + draw_noise(current.T.shape, sensor["noise"], sensor["noise_memory"], fs, rng).T
         most = np.array([self["joint"][name]["current_limit"] for name in JOINTS])
         current = np.clip(current, -most, most)
-        stored = Stored.of(
-            self.streams()[MAIN],
+        stored = StoredTable.of(
+            self.streams()[MAIN_STREAM],
             np.arange(len(reference)) / fs,
             np.round(measured / self.quanta),
             np.round(current / sensor["quantum"]) * (1e3 * sensor["quantum"]),
         )
         inside = {"position": link, "velocity": velocity, "command": command}
-        return Taken(trial, {trial.name: {MAIN: stored}}, truth={"slider": trial.slider}, inside=inside)
+        return Taken(trial, {trial.name: {MAIN_STREAM: stored}}, truth={"slider": trial.slider}, inside=inside)
 
     def study(self, made: Sequence[Taken]) -> dict[str, Any]:
         """The study.toml of what was `made`."""

@@ -15,7 +15,7 @@ import numpy as np
 from ... import _core
 from ...control.supervisor_faults import NO_FAULT
 from ...control.tree_laws import TreeLaw
-from ..drive_reading import EXACT, DriveReading
+from ..drive_reading import EXACT_READING, DriveReading
 from .card_law import CardLaw, Point
 from .human_motion import HumanMotion
 from .rig import ArmRig
@@ -107,7 +107,7 @@ class FaultyLaw(CardLaw):
         readings: Sequence[DriveReading] = (),
     ):
         self.fault, self.joint, self.onset = fault, joint, onset
-        self.readings = tuple(readings) or (EXACT,) * len(law.card.names)
+        self.readings = tuple(readings) or (EXACT_READING,) * len(law.card.names)
         super().__init__(law, points)
 
     def reset(self) -> None:

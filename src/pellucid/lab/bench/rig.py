@@ -17,8 +17,8 @@ from ...protocols.random_phase_multisine import MULTISINE_NAME
 from ...protocols.reversals import reversals
 from ..known_rigs import shipped_rig
 from ..multisine import multisine_references, multisine_study
-from ..noise import noise
-from ..recorded_table import MAIN, Column, Stored
+from ..noise import draw_noise
+from ..recorded_table import MAIN_STREAM, Column, StoredTable
 from ..rig import BENCH, Rig, Taken, Trial
 
 COLUMNS = tuple(
@@ -94,7 +94,7 @@ class BenchRig(Rig):
 
     def streams(self) -> Mapping[str, Sequence[Column]]:
         """One file: time, position, reference, current."""
-        return {MAIN: COLUMNS}
+        return {MAIN_STREAM: COLUMNS}
 
     def trials(self, seed: int = 1) -> tuple[Trial, ...]:
         """The motions a lab would ask for, drawn from `seed`: two to fit and two to hold out, or a first look."""
@@ -139,7 +139,9 @@ class BenchRig(Rig):
         read = self.play(trial.reference, 1, rng)
         units = ", ".join(f"{c.channel} [{c.unit}]" for c in COLUMNS)
         values = (read["time"], read["position"][0], trial.reference, read["current"][0])
-        return Taken(trial, {trial.name: {MAIN: Stored.of(COLUMNS, *values, comment=f"# units: {units}\n")}})
+        return Taken(
+            trial, {trial.name: {MAIN_STREAM: StoredTable.of(COLUMNS, *values, comment=f"# units: {units}\n")}}
+        )
 
     def play(self, reference: np.ndarray, repetitions: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
         """What instruments read while the joint follows a reference, again and again with new noise: "time", shape
@@ -167,7 +169,7 @@ class BenchRig(Rig):
         )
         # Sampled in the middle of a centre-aligned PWM period: half of what flowed before, half of what flows after.
         current = 0.5 * (command + np.concatenate([command[:, :1], command[:, :-1]], axis=1))
-        sensed = noise((repetitions, n), drive["current_noise"], drive["current_noise_memory"], self.rate, rng)
+        sensed = draw_noise((repetitions, n), drive["current_noise"], drive["current_noise_memory"], self.rate, rng)
         return {"time": np.arange(n) / self.rate, "position": measured, "current": current + sensed}
 
     def study(self, made: Sequence[Taken]) -> dict[str, Any]:

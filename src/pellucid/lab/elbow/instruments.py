@@ -10,7 +10,7 @@ import numpy as np
 
 from ... import _core
 from ...models.simulate import substeps_for
-from ..noise import noise
+from ..noise import draw_noise
 from .protocol import ElbowTrial
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def _read(
     sensor, fs = rig["current_sensor"], rig["sampling"]["rate"]
     # Sampled in the middle of a centre-aligned PWM period: half of what flowed before, half of what flows after.
     current = 0.5 * (command + np.concatenate([command[:1], command[:-1]]))
-    current = current + noise(current.shape, sensor["noise"], sensor["noise_memory"], fs, rng)
+    current = current + draw_noise(current.shape, sensor["noise"], sensor["noise_memory"], fs, rng)
     current = np.clip(current, -rig["motor"]["current_limit"], rig["motor"]["current_limit"])
     time = np.arange(len(link)) / fs
     optical_time, markers, offset = film(rig, trial.slider, time, link, rng)

@@ -11,7 +11,7 @@ import numpy as np
 from ... import _core
 from ...models.joint import GRAVITY
 from ..known_rigs import shipped_rig
-from ..recorded_table import MAIN, MARKERS, Column, Stored, marker_columns
+from ..recorded_table import MAIN_STREAM, MARKER_STREAM, Column, StoredTable, marker_columns
 from ..rig import Outcome, Rig, Taken, Tell
 from .instruments import ElbowReadings, frame, read_all
 from .protocol import ElbowTrial, excitation, trials
@@ -135,7 +135,7 @@ class ElbowRig(Rig):
             Column("position", "counts", "rad", self.quantum),
             Column("current", "current", "mA"),
         )
-        return {MAIN: own, MARKERS: marker_columns((CARRIAGE, *RAIL))}
+        return {MAIN_STREAM: own, MARKER_STREAM: marker_columns((CARRIAGE, *RAIL))}
 
     def trials(self, seed: int = 1) -> tuple[ElbowTrial, ...]:
         """The full protocol, with an excitation optimised for this rig; no `seed` draws it."""
@@ -164,10 +164,10 @@ class ElbowRig(Rig):
 
     def _taken(self, read: ElbowReadings) -> Taken:
         columns = self.streams()
-        own = Stored.of(columns[MAIN], read.time, read.counts, read.milliamperes)
-        seen = Stored.of(columns[MARKERS], read.optical_time, *read.markers.values())
+        own = StoredTable.of(columns[MAIN_STREAM], read.time, read.counts, read.milliamperes)
+        seen = StoredTable.of(columns[MARKER_STREAM], read.optical_time, *read.markers.values())
         truth = {"slider": read.trial.slider, "clock_offset": read.clock_offset}
-        return Taken(read.trial, {read.trial.name: {MAIN: own, MARKERS: seen}}, truth=truth, inside=read)
+        return Taken(read.trial, {read.trial.name: {MAIN_STREAM: own, MARKER_STREAM: seen}}, truth=truth, inside=read)
 
     def study(self, made: Sequence[Taken]) -> dict[str, Any]:
         """The study.toml of what was `made`."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...models.joint import GRAVITY
-from ..noise import noise
+from ..noise import draw_noise
 from .subject import KneeSubject
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def take_imu(
     at = offset + own * (1.0 + imu["clock_drift"])
     sway = np.zeros(n)
     if subject is not None:
-        sway = noise((n,), imu["sway"], imu["sway_memory"], fs, rng)
+        sway = draw_noise((n,), imu["sway"], imu["sway_memory"], fs, rng)
         sway = gaussian_filter1d(sway, 0.1 * fs)  # a body does not sway faster
     grid = np.arange(n) / fs
     # Velocity is the plant's own; a spline through it gives the acceleration between periods.
@@ -126,8 +126,8 @@ def take_imu(
     turn = rotation(imu["mounting"])
     if subject is not None:
         turn = rotation(mounting.remounting) @ turn
-    wandering = noise((3, k), imu["gyroscope_drift"], imu["gyroscope_memory"], imu["rate"], rng).T
-    steel = noise((3, k), imu["disturbance"], imu["disturbance_memory"], imu["rate"], rng).T
+    wandering = draw_noise((3, k), imu["gyroscope_drift"], imu["gyroscope_memory"], imu["rate"], rng).T
+    steel = draw_noise((3, k), imu["disturbance"], imu["disturbance_memory"], imu["rate"], rng).T
     biases = (
         mounting.accelerometer_bias,
         mounting.gyroscope_bias + wandering,

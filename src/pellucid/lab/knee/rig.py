@@ -13,7 +13,7 @@ from ...models.joint import GRAVITY
 from ...protocols.random_phase_multisine import MULTISINE_NAME
 from ..known_rigs import shipped_rig
 from ..multisine import multisine_references, multisine_study
-from ..recorded_table import MAIN, Column, Stored, emg_columns, emg_stored
+from ..recorded_table import MAIN_STREAM, Column, StoredTable, emg_columns, store_emg
 from ..rig import Rig, Taken
 from .instruments import Mounting, draw_mounting
 from .protocol import KneeTrial, knee_trials
@@ -97,7 +97,7 @@ class KneeRig(Rig):
         return weight * along, weight * across
 
     def strapped(self, values: Mapping[str, float]) -> KneeRig:
-        """The same rig with some constants of every wearer's strap changed: ``rig.strapped(without("slack"))``."""
+        """Return the rig with some constants of every wearer's strap changed, as `without_strap_options` gives them."""
         subjects = {
             name: {**one, "strap": {key: values.get(key, value) for key, value in one["strap"].items()}}
             for name, one in self["subjects"].items()
@@ -167,7 +167,7 @@ class KneeRig(Rig):
             for axis in "xyz"
         )
         clock = Column("time", "time", "s", text="%.4f")
-        return {MAIN: own, "emg": emg_columns(self["emg"]), "imu": (clock, *sensed)}
+        return {MAIN_STREAM: own, "emg": emg_columns(self["emg"]), "imu": (clock, *sensed)}
 
     def trials(self, seed: int = 1) -> tuple[KneeTrial, ...]:
         """The full protocol: the orthosis alone, then every subject; or a first look, drawn from `seed`."""
@@ -196,20 +196,20 @@ class KneeRig(Rig):
         read = run_trial(self, trial, rng=rng, controller=controller, mounting=mounting)
         columns = self.streams()
         values = (read.time, read.position, read.motor_position, read.torque, read.command)
-        scales = (1e-3, *(column.scale for column in columns[MAIN][1:]))
+        scales = (1e-3, *(column.scale for column in columns[MAIN_STREAM][1:]))
         counts = [np.round(value / scale) for value, scale in zip(values, scales, strict=True)]
-        own = columns[MAIN]
+        own = columns[MAIN_STREAM]
         if trial.protocol == MULTISINE_NAME:
             own = (*own, Column("reference", "reference", "rad", text="%.9g"))
             counts.append(trial.reference)
-        streams = {MAIN: Stored.of(own, *counts)}
+        streams = {MAIN_STREAM: StoredTable.of(own, *counts)}
         if read.emg is not None:
-            streams["emg"] = emg_stored(read.emg_time, read.emg, self["emg"])
+            streams["emg"] = store_emg(read.emg_time, read.emg, self["emg"])
         if read.imu is not None:
             senses = [getattr(read.imu, channel) for channel in IMU_CHANNELS[: len(columns["imu"]) // 3]]
             quanta = self["imu"]["quanta"]
             counts = [np.round(value / quantum) for value, quantum in zip(senses, quanta, strict=False)]
-            streams["imu"] = Stored.of(columns["imu"], read.imu.time, *counts)
+            streams["imu"] = StoredTable.of(columns["imu"], read.imu.time, *counts)
         return Taken(trial, {trial.name: streams}, truth=trial_truth(read), inside=read)
 
     def study(self, made: Sequence[Taken]) -> dict[str, Any]:

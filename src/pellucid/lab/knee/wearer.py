@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from ..noise import noise, wander
+from ..noise import draw_noise, draw_wandering_path
 from .subject import EXTENSOR, FLEXOR, KneeSubject
 
 if TYPE_CHECKING:
@@ -72,8 +72,8 @@ def swing_path(rig: KneeRig, wearer: Wearer, n: int, rng: np.random.Generator) -
     swing, fs = rig["swing"], rig["encoders"]["rate"]
     slow, fast = wearer.frequency or swing["frequency"]
     small, large = wearer.amplitude or swing["amplitude"]
-    pace = slow + (fast - slow) * wander(n, swing["memory"], fs, rng)
-    size = small + (large - small) * wander(n, swing["memory"], fs, rng)
+    pace = slow + (fast - slow) * draw_wandering_path(n, swing["memory"], fs, rng)
+    size = small + (large - small) * draw_wandering_path(n, swing["memory"], fs, rng)
     phase = 2.0 * np.pi * np.cumsum(pace) / fs
     begin = np.clip(np.arange(n) / (2.0 * fs), 0.0, 1.0)
     size = size * begin**2 * (3.0 - 2.0 * begin)
@@ -108,8 +108,8 @@ class Acting:
         self._felt_rate = 1.0 - math.exp(-self._period / w["load_memory"])
         self._task = wearer.task
         self._both = w["bracing"] if wearer.task == "counteracting" else w["cocontraction"]
-        waver = 1.0 + noise((2, n), m["variability"], m["variability_memory"], fs, rng)
-        unseen = 1.0 + noise((2, n), m["unseen"], m["unseen_memory"], fs, rng)
+        waver = 1.0 + draw_noise((2, n), m["variability"], m["variability_memory"], fs, rng)
+        unseen = 1.0 + draw_noise((2, n), m["unseen"], m["unseen_memory"], fs, rng)
         self._waver = list(zip(*waver.tolist(), strict=True))
         self._unseen = list(zip(*unseen.tolist(), strict=True))
         self.excitation: list[tuple[float, float]] = []
@@ -129,11 +129,11 @@ class Acting:
 
     def _spontaneous(self, rig: KneeRig, wearer: Wearer, n: int, rng: np.random.Generator) -> np.ndarray:
         w, fs = self._nerves, rig["encoders"]["rate"]
-        rest = np.abs(noise((2, n), w["spontaneous"], w["spontaneous_memory"], fs, rng)).T
+        rest = np.abs(draw_noise((2, n), w["spontaneous"], w["spontaneous_memory"], fs, rng)).T
         if wearer.task == "contracting":
             rest = rest + contractions(n, fs)
         elif wearer.helps:
-            rest[:, 0] += w["not_relaxed"] * (0.4 + 1.2 * wander(n, 2.0, fs, rng))
+            rest[:, 0] += w["not_relaxed"] * (0.4 + 1.2 * draw_wandering_path(n, 2.0, fs, rng))
         return np.clip(rest, 0.0, 1.0)
 
     def _plan(self, rig: KneeRig, wearer: Wearer, n: int, load: float, rng: np.random.Generator) -> None:
@@ -145,7 +145,7 @@ class Acting:
         else:
             wanted = np.full(n + ahead, wearer.angle)
             tremor = w["tremor"] * np.sqrt(2.0) * np.sin(
-                2.0 * np.pi * np.cumsum(w["tremor_frequency"] * (0.8 + 0.4 * wander(n, 0.3, fs, rng))) / fs
+                2.0 * np.pi * np.cumsum(w["tremor_frequency"] * (0.8 + 0.4 * draw_wandering_path(n, 0.3, fs, rng))) / fs
             )  # fmt: skip
         speed = np.gradient(wanted, self._period)
         limb, passive = subject.limb, rig["passive"]
@@ -156,7 +156,7 @@ class Acting:
             - passive["torque"] * np.exp(np.minimum((passive["angle"] - wanted) / passive["scale"], 5.0))
         )
         if wearer.task == "counteracting":
-            wanted[:n] += noise((n,), w["drift"], w["drift_memory"], fs, rng)
+            wanted[:n] += draw_noise((n,), w["drift"], w["drift_memory"], fs, rng)
         self._planned = (torque[ahead:] + tremor).tolist()
         self._against = np.tanh(speed[ahead:] / w["resistance_speed"]).tolist()
         self._against_now = np.tanh(speed[:n] / w["resistance_speed"]).tolist()

@@ -1,7 +1,12 @@
-"""Conditions of the pointing experiment: laws built from what an identification of the robot finds, and nothing else.
+"""Conditions of the pointing experiment: control laws that are built from an identification of the robot alone.
 
-The exponents of equation 8 are chosen as the paper did, by five people who take no other part: here by the smallest
-interaction torque, which contains both the resistance and the shaking that the paper's people were asked about.
+The exponents k of the published compensation [1]_, equation 8, are chosen by five people who take no other part. The
+paper asked its testers for resistance and shaking; virtual testers choose the smallest interaction torque, which
+contains both.
+
+.. [1] D. Verdel, S. Bastide, N. Vignais, O. Bruneau, B. Berret, "An identification-based method improving the
+transparency
+   of a robotic upper limb exoskeleton", Robotica 39, 2021.
 """
 
 from __future__ import annotations
@@ -25,54 +30,70 @@ from ..elbow.protocol import trials
 from ..elbow.rig import ElbowRig
 from ..study import record_in_memory
 from .people import Person, draw_people
-from .session import CONTROL, Conditions, PointingSession, point_all, true_motion
+from .session import CONTROL_CONDITION, Conditions, PointingSession, simulate_sessions, true_motion
 
 if TYPE_CHECKING:
     from .rig import PointingRig
 
-EXPONENTS = (-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0)
-"""Of equation 8, from which each direction's is chosen."""
+EXPONENT_CANDIDATES = (-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0)
+"""Exponents k of equation 8 [1]_ from which one is chosen for each direction."""
 
-TUNERS = 5
-"""People who choose them, and take no other part."""
+TUNER_COUNT = 5
+"""Number of people who choose the exponents, as in the paper; they take no other part."""
 
 TUNING_SEED = 900
+"""Seed that draws these people and their noise; the experiment draws its people with other seeds."""
 
 Cards = Mapping[str, SliderCard]
+"""Identified cards of a robot, by the method that identified them."""
 
 
-def identified(robot: ElbowRig, *, seed: int = 1) -> tuple[SliderFit, Cards]:
-    """What an identification of a robot finds, and the same as cards by method; `seed` is of its recordings' noise."""
+def identify_robot(robot: ElbowRig, *, seed: int = 1) -> tuple[SliderFit, Cards]:
+    """Record and identify a robot; return the fit, and its cards by method.
+
+    `seed` draws the noise of the recordings.
+    """
     protocols = ("constant_velocity", "swept_sine", "slow", "reversals")
-    made = tuple(trial for trial in trials(robot) if trial.protocol in protocols)
-    config, recordings, _ = record_in_memory(robot, made, seed=seed)
+    identification = tuple(trial for trial in trials(robot) if trial.protocol in protocols)
+    config, recordings, _ = record_in_memory(robot, identification, seed=seed)
     fit = fit_slider(config, recordings)
     return fit, {method: slider_card(config, fit, estimate) for method, estimate in fit.estimates.items()}
 
 
-def identified_cards(robot: ElbowRig, *, seed: int = 1) -> Cards:
-    """The cards of `identified`."""
-    return identified(robot, seed=seed)[1]
+def identify_cards(robot: ElbowRig, *, seed: int = 1) -> Cards:
+    """Return the cards of `identify_robot`."""
+    return identify_robot(robot, seed=seed)[1]
 
 
-def condition_of(
+def controller_builder(
     cards: Cards, controller: str, *, exponents: tuple[float, float] | None = None, **settings
 ) -> Callable[[Person, float], ControlLaw]:
-    """A controller of a robot for whoever wears it: takes a person and the place of the carriage [m]; exponents are of
-    equation 8, settings as its law takes them."""
-    named = ELBOW_CONTROLLERS[controller]
-    if exponents is not None and named.exponents:
+    """Return a function that builds a controller for a person and the place of the carriage [m].
+
+    Parameters
+    ----------
+    cards : mapping
+        Cards of the robot by method.
+    controller : str
+        Name of a controller of `ELBOW_CONTROLLERS`.
+    exponents : tuple of float, optional
+        Exponents k of equation 8, upwards and downwards; ignored by controllers without them.
+    **settings
+        Further settings of the control law.
+    """
+    entry = ELBOW_CONTROLLERS[controller]
+    if exponents is not None and entry.exponents:
         settings["exponents"] = exponents
 
     def build(person: Person, place: float) -> ControlLaw:
-        limb = {"limb": person.forearm} if named.wearer else {}
-        return named.build(cards[named.method], place, **limb, **settings)
+        limb = {"limb": person.forearm} if entry.wearer else {}
+        return entry.build(cards[entry.method], place, **limb, **settings)
 
     return build
 
 
-def offered(cards: Cards, controller: str) -> str:
-    """The controller, or what takes its place where its card refuses dither."""
+def offered_controller(cards: Cards, controller: str) -> str:
+    """Return the name of a controller, or of its form without dither if the robot's card does not permit dither."""
     if controller != BEST_CONTROLLER:
         return controller
     try:
@@ -82,58 +103,76 @@ def offered(cards: Cards, controller: str) -> str:
     return controller
 
 
-def published_laws(cards: Cards, exponents: tuple[float, float]) -> Conditions:
-    """The paper's four conditions, of `cards` by method and the `exponents` of equation 8, upwards and downwards."""
+def published_conditions(cards: Cards, exponents: tuple[float, float]) -> Conditions:
+    """Return the paper's four conditions; `exponents` are k of equation 8, upwards and downwards."""
     return {
-        CONTROL: None,
-        "FC": condition_of(cards, "fc", exponents=exponents),
-        "PCFr": condition_of(cards, "pcfr", exponents=exponents),
-        "CLPC": condition_of(cards, "clpc"),
+        CONTROL_CONDITION: None,
+        "FC": controller_builder(cards, "fc", exponents=exponents),
+        "PCFr": controller_builder(cards, "pcfr", exponents=exponents),
+        "CLPC": controller_builder(cards, "clpc"),
     }
 
 
 def interaction_rms(session: PointingSession, direction: int = 0) -> float:
-    """Interaction torque during the movements of a session, in a `direction` (1 upwards, -1 downwards, 0 both): RMS of
-    each, mean over them [N*m]; NaN where none came to an end."""
-    found = []
+    """Return the RMS interaction torque of a movement, averaged over the movements of a session [N*m].
+
+    `direction` selects movements upwards (1), downwards (-1) or all (0). The result is NaN where no movement ended.
+    """
+    torques = []
     rule = MovementRule()
-    for one in movements(*true_motion(session, rule), rule)[0]:
-        if direction in (0, one.direction):
-            part = slice(one.first, one.last + 1)
-            found.append(np.sqrt(np.mean(session.signals["interaction"][part] ** 2)))
-    return float(np.mean(found)) if found else float("nan")
+    for movement in movements(*true_motion(session, rule), rule)[0]:
+        if direction in (0, movement.direction):
+            part = slice(movement.first, movement.last + 1)
+            torques.append(np.sqrt(np.mean(session.signals["interaction"][part] ** 2)))
+    return float(np.mean(torques)) if torques else float("nan")
 
 
-def chosen_exponents(
+def choose_exponents(
     rig: PointingRig, cards: Cards, *, seed: int = TUNING_SEED, threads: int = 1
 ) -> tuple[tuple[float, float], dict[float, tuple[float, float]]]:
-    """k of equation 8 upwards and downwards: the ones with the smallest interaction torque over five people; and by k
-    that torque, RMS [N*m], infinite where somebody came to no end in a movement."""
-    people = draw_people(rig, np.random.default_rng(seed), count=TUNERS)
+    """Choose k of equation 8 upwards and downwards: the candidates with the smallest interaction torque.
+
+    Returns
+    -------
+    exponents : tuple of float
+        The chosen exponents, upwards and downwards.
+    torques : dict
+        For each candidate the interaction torque upwards and downwards, mean over `TUNER_COUNT` people [N*m]; infinite
+        where no movement of a person ended.
+    """
+    people = draw_people(rig, np.random.default_rng(seed), count=TUNER_COUNT)
     lifts = np.deg2rad(rig["pointing"]["amplitudes"])
     torques = {}
-    for k in EXPONENTS:
+    for k in EXPONENT_CANDIDATES:
         jobs = []
-        for person, rng in zip(people, np.random.default_rng(seed).spawn(TUNERS), strict=True):
+        for person, rng in zip(people, np.random.default_rng(seed).spawn(TUNER_COUNT), strict=True):
             law = full_compensation(cards["dissociated"], person.slider(rig), exponents=(k, k))
             jobs.append((rig, person, "FC", law, rng, lifts))
-        sessions = point_all(jobs, threads=threads)
+        sessions = simulate_sessions(jobs, threads=threads)
         mean = (float(np.mean([interaction_rms(s, direction) for s in sessions])) for direction in (1, -1))
         torques[k] = tuple(np.inf if np.isnan(torque) else torque for torque in mean)
-    return tuple(min(EXPONENTS, key=lambda k: torques[k][i]) for i in (0, 1)), torques
+    return tuple(min(EXPONENT_CANDIDATES, key=lambda k: torques[k][i]) for i in (0, 1)), torques
 
 
-def study_conditions(rig: PointingRig, names: Sequence[str] | None = None, *, seed: int = 1) -> Conditions:
-    """Conditions on a robot that is identified for them."""
+def build_study_conditions(rig: PointingRig, names: Sequence[str] | None = None, *, seed: int = 1) -> Conditions:
+    """Identify the rig's robot and return the conditions: those of the controllers `names`, or the paper's four.
+
+    Raises
+    ------
+    StudyError
+        If a controller is not known, or is named twice.
+    """
     unknown = [name for name in names or () if name not in ELBOW_CONTROLLERS]
     if unknown or len(set(names or ())) < len(names or ()):
         found = f'found no controller "{unknown[0]}"' if unknown else "found a controller twice"
         raise StudyError(f"conditions: {found}, expected some of {', '.join(ELBOW_CONTROLLERS)}")
-    cards = identified_cards(rig.robot, seed=seed)
+    cards = identify_cards(rig.robot, seed=seed)
     if BEST_CONTROLLER in (names or ()):
-        known_travel(cards[ELBOW_CONTROLLERS[BEST_CONTROLLER].method])  # rather now than after an hour of movements
-    by_direction = not names or any(ELBOW_CONTROLLERS[name].exponents for name in names)
-    exponents = chosen_exponents(rig, cards, threads=2)[0] if by_direction else None
+        known_travel(
+            cards[ELBOW_CONTROLLERS[BEST_CONTROLLER].method]
+        )  # refuse now rather than after an hour of simulation
+    has_exponents = not names or any(ELBOW_CONTROLLERS[name].exponents for name in names)
+    exponents = choose_exponents(rig, cards, threads=2)[0] if has_exponents else None
     if not names:
-        return published_laws(cards, exponents)
-    return {CONTROL: None, **{name: condition_of(cards, name, exponents=exponents) for name in names}}
+        return published_conditions(cards, exponents)
+    return {CONTROL_CONDITION: None, **{name: controller_builder(cards, name, exponents=exponents) for name in names}}

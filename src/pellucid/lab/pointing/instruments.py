@@ -1,4 +1,4 @@
-"""What instruments make of the pointing experiment: cameras, encoder, force sensor and electrodes, as recordings."""
+"""Instruments of the pointing experiment: recordings of cameras, encoder, force sensor and electrodes."""
 
 from __future__ import annotations
 
@@ -8,28 +8,33 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..emg_synthesis import Electrodes, EmgSynthesis
-from ..recorded_table import MAIN, MARKERS, Column, Stored, emg_stored, marker_columns
+from ..recorded_table import MAIN_STREAM, MARKER_STREAM, Column, StoredTable, marker_columns, store_emg
 from .people import Person
 from .session import PointingSession
 
 if TYPE_CHECKING:
     from .rig import PointingRig
 
-COMMON = (Column("time", "time", "s", text="%.3f"), Column("target", "target", "rad", text="%.6f"))
-"""Columns of every recording."""
+COMMON_COLUMNS = (Column("time", "time", "s", text="%.3f"), Column("target", "target", "rad", text="%.6f"))
+"""Columns of every recording, with and without a robot."""
 
-ROBOT = (
+ROBOT_COLUMNS = (
     Column("position", "position", "rad", text="%.6f"),
     Column("interaction", "interaction", "N*m", text="%.4f"),
 )
-"""Columns of those with a robot."""
+"""Additional columns of recordings with a robot."""
 
-SEGMENT = ("elbow", "wrist")
-"""Markers on the forearm."""
+FOREARM_MARKERS = ("elbow", "wrist")
+"""Names of the markers on the forearm."""
 
 
-def blocks(rig: PointingRig, session: PointingSession, rng: np.random.Generator) -> dict[str, dict[str, Stored]]:
-    """What the instruments wrote of a session, a recording between each two pauses, with noise from `rng`."""
+def record_blocks(
+    rig: PointingRig, session: PointingSession, rng: np.random.Generator
+) -> dict[str, dict[str, StoredTable]]:
+    """Return the files of a session by recording and stream; pauses divide the session into recordings.
+
+    `rng` draws the instruments' noise.
+    """
     size = int(rig["pointing"]["block"])
     who = f"{session.person.name}_{session.condition}"
     made = {}
@@ -41,9 +46,10 @@ def blocks(rig: PointingRig, session: PointingSession, rng: np.random.Generator)
 
 def _block(
     rig: PointingRig, session: PointingSession, begin: int, end: int, rng: np.random.Generator
-) -> dict[str, Stored]:
+) -> dict[str, StoredTable]:
+    """Return the files of the samples from `begin` to `end` of a session, by stream."""
     fs = session.fs
-    # Half a second of the target held before: whatever came before a pause, the arm was there.
+    # The recording begins half a second earlier, with the arm at rest on the previous target.
     lead = round(0.5 * fs)
 
     def cut(samples: np.ndarray) -> np.ndarray:
@@ -53,41 +59,47 @@ def _block(
     signal = {name: cut(session.signals[name]) for name in names}
     target = cut(session.target)
     time = np.arange(len(target)) / fs
-    here = session.movements[[m.begin for m in session.movements].index(begin)]
-    target[:lead] = here.target - here.amplitude
+    first = session.movements[[m.begin for m in session.movements].index(begin)]
+    target[:lead] = first.target - first.amplitude
     optical_time, markers = film_forearm(rig, session.person, time, signal["position"], rng)
-    emg_time, counts = electrodes(rig, session.person, signal, 1.0 / fs, rng)
-    own = Stored.of(COMMON, time, target)
+    emg_time, counts = record_emg(rig, session.person, signal, 1.0 / fs, rng)
+    main = StoredTable.of(COMMON_COLUMNS, time, target)
     if np.any(session.signals["link"]):
-        # The robot's torque on the person is against the person's on the robot.
-        felt = -signal["interaction"] + rig["force_sensor"]["noise"] * rng.standard_normal(len(time))
-        own = Stored.of((*COMMON, *ROBOT), time, target, signal["encoder"], felt)
-    seen = Stored.of(marker_columns(SEGMENT), optical_time, *(markers[name] for name in SEGMENT))
-    return {MAIN: own, MARKERS: seen, "emg": emg_stored(emg_time, counts, rig["emg"])}
+        # The sensor measures the torque of the robot on the person; the signal is the torque of the person on the
+        # robot.
+        measured = -signal["interaction"] + rig["force_sensor"]["noise"] * rng.standard_normal(len(time))
+        main = StoredTable.of((*COMMON_COLUMNS, *ROBOT_COLUMNS), time, target, signal["encoder"], measured)
+    optical = StoredTable.of(
+        marker_columns(FOREARM_MARKERS), optical_time, *(markers[name] for name in FOREARM_MARKERS)
+    )
+    return {MAIN_STREAM: main, MARKER_STREAM: optical, "emg": store_emg(emg_time, counts, rig["emg"])}
 
 
 def film_forearm(
     rig: PointingRig, person: Person, time: np.ndarray, angle: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """The cameras' own clock, shape (k,) [s], and markers, shape (k, 3) [mm] each, of a forearm at an angle, (n,)."""
+    """Return the cameras' clock, shape (k,) [s], and the place of each marker by name, shape (k, 3) [mm].
+
+    `time` [s] and the forearm's `angle` [rad] have shape (n,).
+    """
     camera = rig["cameras"]
     k = int(time[-1] * camera["rate"])
-    own = np.arange(k) / camera["rate"]
-    q = np.interp(own * (1.0 + camera["clock_drift"]), time, angle)
+    clock = np.arange(k) / camera["rate"]
+    q = np.interp(clock * (1.0 + camera["clock_drift"]), time, angle)
     along = np.column_stack([np.sin(q), np.zeros(k), -np.cos(q)])
     elbow = np.tile(np.array(camera["elbow"], float), (k, 1))
     points = {"elbow": elbow, "wrist": elbow + person.forearm_length * along}
     markers = {}
     for name, place in points.items():
-        seen = place + camera["noise"] * rng.standard_normal((k, 3))
-        markers[name] = np.round(seen / camera["quantum"]) * camera["quantum"] * 1e3
-    return own, markers
+        noisy = place + camera["noise"] * rng.standard_normal((k, 3))
+        markers[name] = np.round(noisy / camera["quantum"]) * camera["quantum"] * 1e3
+    return clock, markers
 
 
-def electrodes(
+def record_emg(
     rig: PointingRig, person: Person, signal: Mapping[str, np.ndarray], period: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The amplifier's clock, shape (j,) [s], and counts of its converter, shape (j, muscles)."""
+    """Return the EMG amplifier's clock, shape (j,) [s], and the counts of its converter, shape (j, muscles)."""
     table = rig["emg"]
     amplitude = np.column_stack(
         [share * signal[group] for share, group in zip(table["share"], table["groups"], strict=True)]

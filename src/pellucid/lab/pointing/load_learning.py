@@ -1,12 +1,12 @@
-r"""What a person comes to expect of a load that is strapped on, movement by movement.
+r"""How a person's expectation of a load on the arm adapts from movement to movement.
 
-The load is felt as the torque that the arm does not need for itself. What a movement shows of it,
+The person feels the load as the torque beyond what the arm itself needs. The model of the load is
 
 .. math::
    \tau_c \approx J a + b v + C \tanh(v / w) + g_s \sin q + g_c \cos q,
 
-is weighed against what was expected before, and a share of the difference is taken over: trial-by-trial adaptation of
-an internal model [1]_. Without a load there is nothing to feel, and nothing is learnt.
+Its five parameters are estimated from a movement with the previous expectation as prior, and a share of the change is
+adopted: trial-by-trial adaptation of an internal model [1]_. Without a load the expectation does not change.
 
 .. [1] R. Shadmehr, M. A. Smith, J. W. Krakauer, "Error correction, sensory prediction, and adaptation in motor
    control", Annual Review of Neuroscience 33, 2010.
@@ -18,23 +18,40 @@ from collections.abc import Mapping
 
 import numpy as np
 
-LOADS = ("inertia", "viscous", "coulomb", "gravity_sine", "gravity_cosine")
-"""What is expected, in the order of every array: kg*m^2, N*m*s/rad, N*m, N*m, N*m."""
+LOAD_NAMES = ("inertia", "viscous", "coulomb", "gravity_sine", "gravity_cosine")
+"""Parameters of the expected load, in the order of every array: kg*m^2, N*m*s/rad, N*m, N*m, N*m."""
 
 
-def felt(position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, width: float) -> np.ndarray:
-    """Torque of a load per unit of each of `LOADS`, shape (n, 5), of an arm that moves, each shape (n,) [rad],
-    [rad/s], [rad/s^2]; friction changes its sign over a width [rad/s]."""
+def load_regressor(position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, width: float) -> np.ndarray:
+    """Return the torque of a load per unit of each of `LOAD_NAMES` along a motion, shape (n, 5).
+
+    Position [rad], velocity [rad/s] and acceleration [rad/s^2] have shape (n,). The sign of friction changes smoothly
+    over the velocity `width` [rad/s].
+    """
     return np.column_stack(
         [acceleration, velocity, np.tanh(velocity / width), np.sin(position), np.cos(position)],
     )
 
 
-def learnt(expected: np.ndarray, columns: np.ndarray, torque: np.ndarray, learning: Mapping) -> np.ndarray:
-    """What is expected after a movement, shape (5,) in the order of `LOADS`, from what was before it, columns of
-    `felt`, and the torque that the load took, shape (n,) [N*m]."""
-    noise, trust = learning["felt_noise"], np.asarray(learning["trust"], float)
-    surprise = torque - columns @ expected
-    information = columns.T @ columns / noise**2 + np.diag(1.0 / trust**2)
-    shown = np.linalg.solve(information, columns.T @ surprise / noise**2)
-    return expected + learning["rate"] * shown
+def update_expected_load(
+    expected: np.ndarray, regressor: np.ndarray, torque: np.ndarray, learning: Mapping
+) -> np.ndarray:
+    """Return the load that a person expects after a movement, shape (5,) in the order of `LOAD_NAMES`.
+
+    Parameters
+    ----------
+    expected : ndarray
+        Load that was expected before the movement, shape (5,).
+    regressor : ndarray
+        `load_regressor` of the movement, shape (n, 5).
+    torque : ndarray
+        Torque that the load took during the movement, shape (n,) [N*m].
+    learning : mapping
+        Table ``[learning]`` of a rig's file: ``felt_noise`` [N*m], ``trust``, the standard deviations of the prior, and
+        ``rate``, the share of the change that is adopted.
+    """
+    noise, prior_sd = learning["felt_noise"], np.asarray(learning["trust"], float)
+    residual = torque - regressor @ expected
+    information = regressor.T @ regressor / noise**2 + np.diag(1.0 / prior_sd**2)
+    change = np.linalg.solve(information, regressor.T @ residual / noise**2)
+    return expected + learning["rate"] * change

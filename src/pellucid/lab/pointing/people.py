@@ -1,4 +1,4 @@
-"""Virtual people who point with the forearm: who they are, what their arms are, how they move."""
+"""Virtual people who point with the forearm: their bodies, and the parameters of their movements."""
 
 from __future__ import annotations
 
@@ -14,39 +14,40 @@ from ...models.anthropometry import ELBOW_TO_WRIST, Segment, forearm
 if TYPE_CHECKING:
     from .rig import PointingRig
 
+PERSONAL_TABLES = ("impedance", "muscles", "cocontraction", "vision")
+"""Tables of a rig's file whose numbers may differ between people.
 
-DRAWN = ("impedance", "muscles", "cocontraction", "vision")
-"""Tables whose numbers differ between people where one beside says by how much: ``NAME_spread``, the standard deviation
-of the logarithm. So may those of a table with the name of the model, of what it takes besides."""
+A number ``NAME`` differs if the table also has ``NAME_spread``, the standard deviation of its logarithm. The same holds
+for the table with the name of the model of people, which has that model's additional parameters."""
 
 
 @dataclass(frozen=True)
 class Person:
     """One virtual person."""
 
-    name: str  # "P1", "P2",
-    sex: str
+    name: str  # "P1", "P2" and so on
+    sex: str  # "female" or "male"
     age: float  # [years]
-    height: float  # height, mass: [m], [kg]
-    mass: float
-    reward: float  # What arriving is worth [J]: how briskly this person moves
+    height: float  # [m]
+    mass: float  # [kg]
+    reward: float  # value of arriving at the target [J]; the larger it is, the faster the person moves
     emg_gains: tuple[float, ...]  # RMS of every muscle at full excitation [V]
-    drawn: tuple[tuple[str, float], ...] = ()  # Numbers of the file's `DRAWN` tables that are this person's own, SI
+    drawn: tuple[tuple[str, float], ...] = ()  # names and values of the person's own parameters, SI
 
     @property
     def forearm(self) -> Segment:
-        """Forearm and hand about the elbow."""
+        """Return forearm and hand as one segment that rotates about the elbow."""
         return forearm(self.mass, self.height)
 
     @property
     def forearm_length(self) -> float:
-        """From elbow to wrist [m]."""
+        """Return the distance from elbow to wrist [m]."""
         return ELBOW_TO_WRIST * self.height
 
     def vector(self, rig: PointingRig) -> np.ndarray:
-        """The core's parameters of the person, shape (k,), SI, in the order of the names of the rig's `model_of`."""
+        """Return the core's parameters of this person, shape (k,), SI, in the order of `parameter_names`."""
         arm, vision, segment = rig["arm"], rig["vision"], self.forearm
-        tables = {key: value for table in own_tables(rig) for key, value in rig.tables.get(table, {}).items()}
+        tables = {key: value for table in personal_table_names(rig) for key, value in rig.tables.get(table, {}).items()}
         values = {
             **tables,
             **dict(self.drawn),
@@ -65,38 +66,38 @@ class Person:
         return np.array([values[name] for name in parameter_names(rig)])
 
     def slider(self, rig: PointingRig) -> float:
-        """Where the robot's carriage sits on this forearm [m from the axis]."""
+        """Return the place of the robot's carriage on this forearm, as a distance from the axis [m]."""
         rail = rig.robot["slider"]
         return float(np.clip(self.forearm_length - rig["robot"]["splint"], rail["low"], rail["high"]))
 
 
-def model_of(rig: PointingRig) -> str:
-    """Which model of a person, of those of the core, a rig's people are."""
+def person_model(rig: PointingRig) -> str:
+    """Return the name of the core's model of a person that a rig's people follow."""
     return rig["people"].get("model", "reaching")
 
 
-def own_tables(rig: PointingRig) -> tuple[str, ...]:
-    """Names of the tables whose numbers may be each person's own."""
-    return (*DRAWN, model_of(rig))
+def personal_table_names(rig: PointingRig) -> tuple[str, ...]:
+    """Return the names of the tables of a rig's file whose numbers may differ between people."""
+    return (*PERSONAL_TABLES, person_model(rig))
 
 
 def parameter_names(rig: PointingRig) -> tuple[str, ...]:
-    """What the core takes of a rig's people, in order."""
-    return getattr(_core, f"{model_of(rig).upper()}_PARAMETER_NAMES")
+    """Return the names of the core's parameters of a rig's people, in order."""
+    return getattr(_core, f"{person_model(rig).upper()}_PARAMETER_NAMES")
 
 
-def own_numbers(model: str) -> tuple[str, ...]:
-    """What the core takes of a model that a rig's file says in its `DRAWN` tables, in order."""
+def personal_parameter_names(model: str) -> tuple[str, ...]:
+    """Return those parameters of a model that a rig's file gives in its `PERSONAL_TABLES`, in the core's order."""
     elsewhere = {"inertia", "gravity", "centre", "viscous", "passive_torque", "passive_angle", "passive_scale",
                  "flexion_max", "extension_max", "sign_width", "period", "tolerance", "visual_delay"}  # fmt: skip
     return tuple(name for name in getattr(_core, f"{model.upper()}_PARAMETER_NAMES") if name not in elsewhere)
 
 
 def draw_people(rig: PointingRig, rng: np.random.Generator, *, count: int | None = None) -> tuple[Person, ...]:
-    """People whose ages, heights, masses and briskness have the means and spreads of the file.
+    """Draw people whose ages, heights, masses and rewards have the means and spreads of the file.
 
-    Each quantity takes its normal quantiles at evenly spaced levels, shuffled: a sample of six that is like the
-    population, not one that chance made tall and quick.
+    Each quantity takes its normal quantiles at evenly spaced levels, in random order. A sample of six therefore
+    resembles the population; independent draws could make all six tall and fast.
     """
     people, choice, emg = rig["people"], rig["choice"], rig["emg"]
     n = int(count or people["count"])
@@ -110,7 +111,7 @@ def draw_people(rig: PointingRig, rng: np.random.Generator, *, count: int | None
     sexes = rng.permutation(["female", "male"] * ((n + 1) // 2))[:n]
     drawn = {
         key.removesuffix("_spread"): table[key.removesuffix("_spread")] * np.exp(spread * rng.permutation(levels))
-        for table in (rig.tables.get(name, {}) for name in own_tables(rig))
+        for table in (rig.tables.get(name, {}) for name in personal_table_names(rig))
         for key, spread in table.items()
         if key.endswith("_spread")
     }

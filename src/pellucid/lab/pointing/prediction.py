@@ -1,9 +1,9 @@
-"""What an experiment with people in a robot would find, told before it is made: effects with their intervals.
+"""Prediction of an experiment with people in a robot: effects of control laws on movement, with intervals.
 
-People and robots are drawn; every robot is identified, gets its laws from what was found, and is worn by every person.
-Of these pairs studies are drawn, each of a few people on one robot, as a lab would do it: the interval of a published
-mean is that of studies, not of people. Several rigs, whose people follow different models, share the robots evenly, so
-that an interval holds what the models disagree about.
+People and robots are drawn. Every robot is identified, gets laws from its identification, and is worn by every person.
+From these pairs of person and robot, studies are drawn as a lab would run them: a few people on one robot. The
+intervals are those of study means, because a publication reports a mean and not a person. Several rigs, whose people
+follow different models, share the robots evenly, so that the intervals include the disagreement between the models.
 """
 
 from __future__ import annotations
@@ -21,80 +21,92 @@ from ..._errors import PellucidError
 from ..._processes import ordered_results
 from ...control.elbow_controllers import ELBOW_CONTROLLERS
 from ..elbow.rig import ElbowRig
-from .conditions import Cards, chosen_exponents, condition_of, identified_cards, offered
+from .conditions import Cards, choose_exponents, controller_builder, identify_cards, offered_controller
 from .people import Person, draw_people
 from .predicted_indices import PREDICTED_INDICES, PREDICTED_INDICES_BY_NAME, change
 from .rig import PointingRig
-from .session import CONTROL, RobotLaw, point
+from .session import CONTROL_CONDITION, RobotLaw, simulate_session
 from .session_indices import session_indices
 
-LAWS = {"FC": "fc", "PCFr": "pcfr", "CLPC": "clpc"}
-"""Controllers of the published conditions, which are worn where no others are named."""
+PUBLISHED_CONTROLLERS = {"FC": "fc", "PCFr": "pcfr", "CLPC": "clpc"}
+"""Controllers of the published conditions by the name of the condition; they are worn where no others are given."""
 
 INDICES = tuple(PREDICTED_INDICES_BY_NAME)
 """Names of the predicted indices, in the order of every array."""
 
-SHARE = 0.8
-"""Of the drawn studies, which intervals hold."""
+STUDY_INTERVAL_SHARE = 0.8
+"""Share of the drawn studies that an interval contains."""
 
-STUDIES = 4000
-"""Studies that are drawn of the pairs; they cost next to nothing."""
+DRAWN_STUDY_COUNT = 4000
+"""Number of studies that are drawn from the pairs; drawing them takes no simulation."""
 
-FRICTION = (0.17, 1.0)
-"""Of the rig's own friction, drawn evenly in the logarithm: from the 0.028 to 0.047 N*m that the ABLE paper prints of
-its elbow to the committed rig's 0.22 N*m."""
+FRICTION_SCALE_RANGE = (0.17, 1.0)
+"""Smallest and largest factor on the friction of the rig's robot; a drawn robot's is log-uniform between them.
 
-FRICTIONAL = {
+The smallest gives the 0.028 to 0.047 N*m that the ABLE paper [1]_ prints for its elbow, the largest the rig's own 0.22
+N*m.
+
+.. [1] D. Verdel, S. Bastide, N. Vignais, O. Bruneau, B. Berret, "An identification-based method improving the
+transparency
+   of a robotic upper limb exoskeleton", Robotica 39, 2021."""
+
+FRICTION_CONSTANTS = {
     "transmission": ("coulomb_positive", "coulomb_negative", "viscous_positive", "viscous_negative", "stribeck"),
     "bearing": ("coulomb", "viscous"),
 }
-"""What is multiplied by that; the shares of the load are drawn for themselves."""
+"""Constants of a robot's file, by table, that are multiplied by the factor on friction.
+
+Load-dependent friction is drawn on its own."""
 
 Exponents = tuple[float, float]
+"""Exponents k of equation 8 of the ABLE paper, upwards and downwards."""
 
 
 @dataclass(frozen=True)
 class DrawnRobot:
-    """A robot, who wears it, and who chooses its k."""
+    """A drawn robot with the people who wear it."""
 
-    rig: PointingRig  # People and robot
-    model: int  # Which of the given rigs its people are of
-    friction: float  # Of the rig's own [1]
-    exponents: Exponents | None  # k of equation 8; None where testers on it choose them
+    rig: PointingRig  # people, and the drawn robot
+    model: int  # index of the rig whose people wear the robot
+    friction: float  # factor on the friction of the rig's own robot [1]
+    exponents: Exponents | None  # exponents of equation 8; None if people on this robot choose them
 
 
 @dataclass(frozen=True, eq=False)
-class Worn:
-    """What everybody came to on one robot."""
+class RobotOutcome:
+    """The indices of everybody on one robot."""
 
-    robot: str
-    model: int
-    friction: float
-    exponents: Exponents | None  # None where no law has any
-    chosen: bool  # Whether testers on this robot chose them
-    values: np.ndarray  # (laws, people, indices) In the order of `INDICES`
-    movements: int  # All that were made, those of the testers left out
-    cpu: float  # Processor time: of movements, and of the identification and choice before them [s]
-    cpu_before: float
+    robot: str  # name of the robot
+    model: int  # index of the rig whose people wear the robot
+    friction: float  # factor on the friction of the rig's own robot [1]
+    exponents: Exponents | None  # exponents of equation 8; None where no law has any
+    chosen: bool  # whether people on this robot chose the exponents
+    values: np.ndarray  # (laws, people, indices) in the order of `INDICES`
+    movements: int  # number of simulated movements, without those for the choice of exponents
+    cpu: float  # processor time of the movements [s]
+    cpu_before: float  # processor time of the identification and the choice of exponents [s]
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnStudies:
-    """Studies as a lab would make them: some people, one robot, free and under every law."""
+    """Studies as a lab would run them: several people and one robot, without the robot and under every law."""
 
     laws: tuple[str, ...]
-    robot: np.ndarray  # (n,) Which of `Prediction.worn`
-    control: np.ndarray  # (n, people, indices)
-    worn: np.ndarray  # (n, laws, people, indices)
+    robot: np.ndarray  # (n,) index of the study's robot in `Prediction.worn`
+    control: np.ndarray  # (n, people, indices) without the robot
+    worn: np.ndarray  # (n, laws, people, indices) with the robot
 
     def effect(self, index: str, law: str) -> np.ndarray:
-        """Change of an `index` from control under a `law`, shape (n,) [%]; of what is unsettled, the share itself."""
+        """Return the change of an `index` under a `law` from the control condition in each study, shape (n,) [%].
+
+        For "unsettled" it is the share of movements under the law itself.
+        """
         i, k = INDICES.index(index), self.laws.index(law)
         worn, control = self.worn[:, k, :, i], self.control[:, :, i]
         return change(index, worn, control)
 
-    def interval(self, index: str, law: str, share: float = SHARE) -> tuple[float, float, float]:
-        """Lower end, median and upper end of the middle `share` of an effect [%]."""
+    def interval(self, index: str, law: str, share: float = STUDY_INTERVAL_SHARE) -> tuple[float, float, float]:
+        """Return lower end, median and upper end of the interval with the middle `share` of the studies [%]."""
         drawn = self.effect(index, law)
         drawn = drawn[np.isfinite(drawn)]
         if not len(drawn):
@@ -105,56 +117,59 @@ class DrawnStudies:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Every pair of a drawn person and a drawn robot."""
+    """The indices of every pair of a drawn person and a drawn robot."""
 
     laws: tuple[str, ...]
-    models: tuple[str, ...]  # Names of the rigs
-    control: np.ndarray  # (models, people, indices) Of the same people without a robot
-    worn: tuple[Worn, ...]
-    repetitions: int  # Movements of a person in a condition
-    wall: float  # [s]
+    models: tuple[str, ...]  # names of the rigs
+    control: np.ndarray  # (models, people, indices) without a robot
+    worn: tuple[RobotOutcome, ...]  # one for each robot
+    repetitions: int  # number of movements of a person in a condition
+    wall: float  # time that the prediction took [s]
 
     @property
     def people(self) -> int:
-        """Of each model."""
+        """Return the number of people of each model."""
         return self.control.shape[1]
 
     @property
     def movements(self) -> int:
-        """That were made in robots."""
+        """Return the number of movements that were simulated in robots."""
         return sum(one.movements for one in self.worn)
 
     @property
     def cpu(self) -> float:
-        """Processor time that movements in robots took, without identifications [s]."""
+        """Return the processor time of movements in robots, without identifications [s]."""
         return sum(one.cpu for one in self.worn)
 
     @cached_property
     def values(self) -> np.ndarray:
-        """Of all pairs, shape (robots, laws, people, indices)."""
+        """Return the indices of all pairs, shape (robots, laws, people, indices)."""
         return np.array([one.values for one in self.worn])
 
     @cached_property
     def free(self) -> np.ndarray:
-        """The same people's indices without a robot, shape (robots, people, indices)."""
+        """Return the indices of each robot's people without it, shape (robots, people, indices)."""
         return self.control[[one.model for one in self.worn]]
 
     def pairs(self, index: str, law: str) -> np.ndarray:
-        """Every pair's own change under a `law`, shape (robots, people) [%]; of what is unsettled, the share itself."""
+        """Return every pair's change of an `index` under a `law`, shape (robots, people) [%].
+
+        For "unsettled" it is the share of movements under the law itself.
+        """
         i, k = INDICES.index(index), self.laws.index(law)
         return PREDICTED_INDICES_BY_NAME[index].own_change(self.values[:, k, :, i], self.free[:, :, i])
 
     def of_model(self, model: int) -> Prediction:
-        """What people of one model came to alone."""
+        """Return the prediction with the people of one model only."""
         return replace(self, worn=tuple(one for one in self.worn if one.model == model))
 
-    def studies(self, count: int = STUDIES, *, size: int = 6, seed: int = 0) -> DrawnStudies:
-        """`count` studies of `size` people each, nobody twice in one, on a robot drawn among all.
+    def studies(self, count: int = DRAWN_STUDY_COUNT, *, size: int = 6, seed: int = 0) -> DrawnStudies:
+        """Draw `count` studies of `size` different people each, on one robot each.
 
         Raises
         ------
         PellucidError
-            If fewer people were drawn than a study takes.
+            If there are fewer people than a study needs.
         """
         if size > self.people:
             raise PellucidError(
@@ -168,26 +183,29 @@ class Prediction:
         return DrawnStudies(self.laws, robots, free, worn)
 
 
-def drawn_robots(
-    robot: ElbowRig, count: int, *, friction: tuple[float, float] = FRICTION, seed: int = 1
+def draw_robots(
+    robot: ElbowRig, count: int, *, friction: tuple[float, float] = FRICTION_SCALE_RANGE, seed: int = 1
 ) -> list[tuple[float, ElbowRig]]:
-    """So many robots like one, with their friction over its own [1]: that between `friction`, evenly in the logarithm,
-    everything else evenly from the ranges of its file's ``[drawn]``. Each range is divided evenly among them."""
-    own = {f"{table}.{name}" for table, names in FRICTIONAL.items() for name in names}
-    ranges = {path: ends for path, ends in robot["drawn"].items() if path not in own}
+    """Draw `count` robots like `robot`; return each with the factor on its friction [1].
+
+    The factor is log-uniform between the two of `friction`; all other constants are uniform over the ranges of
+    ``[drawn]`` in the robot's file. A Latin hypercube spreads the robots evenly over each range.
+    """
+    friction_paths = {f"{table}.{name}" for table, names in FRICTION_CONSTANTS.items() for name in names}
+    ranges = {path: ends for path, ends in robot["drawn"].items() if path not in friction_paths}
     levels = qmc.LatinHypercube(1 + len(ranges), rng=np.random.default_rng([seed, 0x0B])).random(count)
-    made = []
-    for i, (first, *others) in enumerate(levels):
-        scale = float(np.exp(np.log(friction[0]) + first * np.log(friction[1] / friction[0])))
+    drawn = []
+    for i, (friction_level, *others) in enumerate(levels):
+        scale = float(np.exp(np.log(friction[0]) + friction_level * np.log(friction[1] / friction[0])))
         values = {path: low + u * (high - low) for (path, (low, high)), u in zip(ranges.items(), others, strict=True)}
         other = robot.changed({path: float(value) for path, value in values.items()}, f"drawn-{i + 1}")
-        made.append((scale, with_friction(other, scale)))
-    return made
+        drawn.append((scale, scale_friction(other, scale)))
+    return drawn
 
 
-def with_friction(robot: ElbowRig, scale: float) -> ElbowRig:
-    """A robot with its friction multiplied, but for the share of the load [1]."""
-    values = {f"{t}.{name}": scale * robot[t][name] for t, names in FRICTIONAL.items() for name in names}
+def scale_friction(robot: ElbowRig, scale: float) -> ElbowRig:
+    """Return a robot whose friction, except for the load-dependent part, is multiplied by `scale` [1]."""
+    values = {f"{t}.{name}": scale * robot[t][name] for t, names in FRICTION_CONSTANTS.items() for name in names}
     return robot.changed(values, robot.name)
 
 
@@ -199,21 +217,48 @@ def predict_effects(
     movements: int = 100,
     controllers: Mapping[str, str] | None = None,
     exponents: Sequence[Exponents | None] = (None,),
-    friction: tuple[float, float] = FRICTION,
+    friction: tuple[float, float] = FRICTION_SCALE_RANGE,
     seed: int = 1,
     workers: int | None = None,
     executor: Executor | None = None,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> Prediction:
-    """So many `people` of every rig, on so many `robots` in all, so many `movements` free and under each law.
+    """Simulate every pair of a person and a robot, without a robot and under each law.
 
-    `controllers` are by the name of their condition; `exponents` are ways to come to k of equation 8, shared evenly by
-    the robots: two numbers, or None where five people on the robot choose them.
+    Parameters
+    ----------
+    rigs : sequence of PointingRig
+        Rigs whose people follow different models; they share the robots evenly. The robots are like that of the first.
+    people : int
+        Number of people of each rig.
+    robots : int
+        Number of robots in all.
+    movements : int
+        Number of movements of a person in each condition; even, because movements go there and back.
+    controllers : mapping, optional
+        Names of controllers by the name of their condition; `PUBLISHED_CONTROLLERS` if left out.
+    exponents : sequence
+        Exponents k of equation 8, shared evenly by the robots: two numbers, or None where five people on the robot
+        choose them.
+    friction : tuple of float
+        Smallest and largest factor on the friction of the robot [1].
+    seed : int
+        Seed of every random draw.
+    workers : int, optional
+        Number of processes; as many as processors if left out.
+    executor : concurrent.futures.Executor, optional
+        Executor that runs the jobs in place of these processes.
+    on_progress : callable, optional
+        Function that is called with a text and the share of the work that is done, 0 to 1.
+
+    Returns
+    -------
+    Prediction
 
     Raises
     ------
     PellucidError
-        If there are fewer robots than rigs, or movements are no whole number of ways there and back.
+        If there are fewer robots than rigs, or the number of movements is odd.
     """
     if robots < len(rigs):
         raise PellucidError(
@@ -222,75 +267,85 @@ def predict_effects(
     if movements < 2 or movements % 2:
         raise PellucidError(f"prediction: found {movements} movements, expected an even number: there and back")
     tell, begun = on_progress or (lambda text, share: None), time.perf_counter()
-    named = dict(controllers or LAWS)
-    drawn = drawn_robots(rigs[0].robot, robots, friction=friction, seed=seed)
+    controllers = dict(controllers or PUBLISHED_CONTROLLERS)
+    drawn = draw_robots(rigs[0].robot, robots, friction=friction, seed=seed)
     who = [draw_people(rig, np.random.default_rng([seed, 0x9E, i]), count=people) for i, rig in enumerate(rigs)]
-    jobs: list[tuple] = [(_free, rig, who[i], movements, (seed, 0, i)) for i, rig in enumerate(rigs)]
+    jobs: list[tuple] = [(_control_indices, rig, who[i], movements, (seed, 0, i)) for i, rig in enumerate(rigs)]
     for i, (scale, robot) in enumerate(drawn):
         model = i % len(rigs)
         k = exponents[i // len(rigs) % len(exponents)]
         one = DrawnRobot(replace(rigs[model], robot=robot), model, scale, k)
-        jobs.append((_worn, one, who[model], named, movements, (seed, 1, i)))
+        jobs.append((_robot_outcome, one, who[model], controllers, movements, (seed, 1, i)))
     tell(f"{people} people without a robot, and on {robots} robots", 0.0)
     found = ordered_results(
         jobs, workers, lambda done, of: tell(f"{done} of {of} robots and controls", done / of), executor
     )
     free, worn = found[: len(rigs)], found[len(rigs) :]
     names = tuple(rig.name for rig in rigs)
-    return Prediction(tuple(named), names, np.array(free), tuple(worn), movements, time.perf_counter() - begun)
+    return Prediction(tuple(controllers), names, np.array(free), tuple(worn), movements, time.perf_counter() - begun)
 
 
-def _free(rig: PointingRig, people: Sequence[Person], movements: int, seed: tuple[int, ...]) -> np.ndarray:
-    """Indices of everybody without a robot, shape (people, indices)."""
-    return np.array([indices_of(rig, person, CONTROL, None, movements, (*seed, j)) for j, person in enumerate(people)])
+def _control_indices(rig: PointingRig, people: Sequence[Person], movements: int, seed: tuple[int, ...]) -> np.ndarray:
+    """Return the indices of everybody without a robot, shape (people, indices)."""
+    return np.array(
+        [
+            simulate_indices(rig, person, CONTROL_CONDITION, None, movements, (*seed, j))
+            for j, person in enumerate(people)
+        ]
+    )
 
 
-def _worn(
+def _robot_outcome(
     drawn: DrawnRobot,
     people: Sequence[Person],
     controllers: Mapping[str, str],
     movements: int,
     seed: tuple[int, ...],
-) -> Worn:
-    """A robot is identified, and everybody wears it under every law."""
+) -> RobotOutcome:
+    """Identify a robot, and return the indices of everybody who wears it under every law."""
     begun, rig = time.process_time(), drawn.rig
-    cards = identified_cards(rig.robot, seed=seed[-1])
+    cards = identify_cards(rig.robot, seed=seed[-1])
     k = drawn.exponents
     chosen = k is None and any(ELBOW_CONTROLLERS[name].exponents for name in controllers.values())
     if chosen:
-        k = chosen_exponents(rig, cards, seed=seed)[0]
+        k = choose_exponents(rig, cards, seed=seed)[0]
     ready = time.process_time()
     values = [
         [
-            indices_of(rig, person, condition, law_of(cards, name, k, rig, person), movements, (*seed, j, i))
+            simulate_indices(rig, person, condition, build_law(cards, name, k, rig, person), movements, (*seed, j, i))
             for j, person in enumerate(people)
         ]
         for i, (condition, name) in enumerate(controllers.items())
     ]
     count = movements * len(people) * len(controllers)
     spent = time.process_time() - ready
-    return Worn(
+    return RobotOutcome(
         rig.robot.name, drawn.model, drawn.friction, k, chosen, np.array(values), count, spent, ready - begun,
     )  # fmt: skip
 
 
-def law_of(cards: Cards, controller: str, exponents: Exponents | None, rig: PointingRig, person: Person) -> RobotLaw:
-    """A controller of an identified robot for whoever wears it; what its card refuses, as it is offered."""
-    return condition_of(cards, offered(cards, controller), exponents=exponents)(person, person.slider(rig))
+def build_law(cards: Cards, controller: str, exponents: Exponents | None, rig: PointingRig, person: Person) -> RobotLaw:
+    """Build a controller of an identified robot for a person; it has no dither where the card does not permit it."""
+    return controller_builder(cards, offered_controller(cards, controller), exponents=exponents)(
+        person, person.slider(rig)
+    )
 
 
-def indices_of(
+def simulate_indices(
     rig: PointingRig, person: Person, condition: str, law: RobotLaw | None, movements: int, seed: tuple[int, ...]
 ) -> np.ndarray:
-    """What a person's movements in a condition came to, shape (indices,)."""
+    """Simulate a person's movements in a condition, and return their indices, shape (indices,)."""
     rng = np.random.default_rng(seed)
-    found = session_indices(point(rig, person, condition, law, rng, lifts_of(rig, movements, rng)))
+    session = simulate_session(rig, person, condition, law, rng, draw_balanced_lifts(rig, movements, rng))
+    found = session_indices(session)
     return np.array([index.value(found) for index in PREDICTED_INDICES])
 
 
-def lifts_of(rig: PointingRig, movements: int, rng: np.random.Generator) -> np.ndarray:
-    """Amplitudes of half so many upward movements, shape (n,) [rad]: every one of the rig's as often as the others, one
-    at most."""
+def draw_balanced_lifts(rig: PointingRig, movements: int, rng: np.random.Generator) -> np.ndarray:
+    """Draw the amplitudes of the upward half of `movements`, shape (n,) [rad].
+
+    Each of the rig's amplitudes occurs equally often, or once more than others.
+    """
     amplitudes = np.deg2rad(rig["pointing"]["amplitudes"])
     n = movements // 2
     return np.concatenate([rng.permutation(amplitudes) for _ in range(-(-n // len(amplitudes)))])[:n]

@@ -12,13 +12,13 @@ from ... import _core
 from ..._errors import StudyError
 from ..elbow.rig import ElbowRig
 from ..known_rigs import shipped_rig
-from ..recorded_table import MAIN, MARKERS, Column, emg_columns, marker_columns
+from ..recorded_table import MAIN_STREAM, MARKER_STREAM, Column, emg_columns, marker_columns
 from ..rig import Rig, Taken, Trial, parse_tables
-from .instruments import COMMON, SEGMENT, blocks
-from .people import DRAWN, Person, draw_people, own_numbers
-from .session import CONTROL, Conditions, PointingSession, RobotLaw, point
+from .instruments import COMMON_COLUMNS, FOREARM_MARKERS, record_blocks
+from .people import PERSONAL_TABLES, Person, draw_people, personal_parameter_names
+from .session import CONTROL_CONDITION, Conditions, PointingSession, RobotLaw, simulate_session
 
-PUBLISHED = (CONTROL, "FC", "PCFr", "CLPC")
+PUBLISHED = (CONTROL_CONDITION, "FC", "PCFr", "CLPC")
 """Conditions of the paper."""
 
 
@@ -103,7 +103,7 @@ class PointingRig(Rig):
         return np.array([self["robot"].get(name, 0.0) for name in _core.STRAP_PARAMETER_NAMES], float)
 
     def strapped(self, values: Mapping[str, float]) -> Self:
-        """The same people with some constants of the strap changed: ``rig.strapped(without("slack"))``."""
+        """Return the same people with some constants of the strap changed, as `without_strap_options` gives them."""
         robot = {**self["robot"], **{f"strap_{name}": value for name, value in values.items()}}
         return replace(self, tables={**self.tables, "robot": robot})
 
@@ -113,13 +113,17 @@ class PointingRig(Rig):
 
     def prepared(self, controllers: Sequence[str] | None = None, seed: int = 1) -> Self:
         """Identify the robot, and build of what is found the laws that people wear."""
-        from .conditions import study_conditions
+        from .conditions import build_study_conditions
 
-        return self.under(study_conditions(self, controllers, seed=seed))
+        return self.under(build_study_conditions(self, controllers, seed=seed))
 
     def streams(self) -> Mapping[str, Sequence[Column]]:
         """Time and target, the cameras' file, and the EMG amplifier's; where a robot is worn, its channels beside."""
-        return {MAIN: COMMON, MARKERS: marker_columns(SEGMENT), "emg": emg_columns(self["emg"])}
+        return {
+            MAIN_STREAM: COMMON_COLUMNS,
+            MARKER_STREAM: marker_columns(FOREARM_MARKERS),
+            "emg": emg_columns(self["emg"]),
+        }
 
     def trials(self, seed: int = 1) -> tuple[PointingTrial, ...]:
         """Everybody in every condition, in an order of their own; `seed` draws people and orders."""
@@ -145,14 +149,14 @@ class PointingRig(Rig):
     ) -> PointingSession:
         """What truly happens in a trial, before any instrument; under a controller in place of the condition's own, if
         given."""
-        if controller is None and trial.condition != CONTROL:
+        if controller is None and trial.condition != CONTROL_CONDITION:
             make = (self.conditions or {}).get(trial.condition)
             if make is None:
                 raise StudyError(
                     f"rig {self.name}: found no law for {trial.condition}, expected a rig that is prepared"
                 )
             controller = make(trial.person, trial.person.slider(self))
-        return point(self, trial.person, trial.condition, controller, rng)
+        return simulate_session(self, trial.person, trial.condition, controller, rng)
 
     def record(
         self,
@@ -166,7 +170,7 @@ class PointingRig(Rig):
         `PointingSession`."""
         instruments = rng.spawn(1)[0] if instruments is None else instruments
         session = self.session(trial, rng, controller)
-        return Taken(trial, blocks(self, session, instruments), truth={"fault": session.fault}, inside=session)
+        return Taken(trial, record_blocks(self, session, instruments), truth={"fault": session.fault}, inside=session)
 
     def study(self, made: Sequence[Taken]) -> dict[str, Any]:
         """The study.toml of what was `made`."""
@@ -191,8 +195,8 @@ class PointingRig(Rig):
                 for name, p in people.items()
             },
             "assessment": {
-                "control": CONTROL,
-                "segment": list(SEGMENT),
+                "control": CONTROL_CONDITION,
+                "segment": list(FOREARM_MARKERS),
                 "agonists": of("flexor"),
                 "antagonists": of("extensor"),
                 "interaction": "interaction",
@@ -221,7 +225,9 @@ class PeopleRig(PointingRig):
             known = ", ".join(_core.PERSON_MODELS)
             raise StudyError(f"rig {name}: [people] model: found {model!r}, expected one of {known}")
         lacking = [
-            key for key in own_numbers(model) if not any(key in tables.get(table, {}) for table in (*DRAWN, model))
+            key
+            for key in personal_parameter_names(model)
+            if not any(key in tables.get(table, {}) for table in (*PERSONAL_TABLES, model))
         ]
         if lacking:
             raise StudyError(f'rig {name}: [people] model = "{model}" lacks {", ".join(lacking)}')

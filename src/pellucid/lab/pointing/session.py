@@ -1,4 +1,4 @@
-"""The pointing experiment: every person, every condition, movement by movement, on the core's model of both."""
+"""Simulated sessions of the pointing experiment: one person in one condition, movement by movement."""
 
 from __future__ import annotations
 
@@ -14,40 +14,66 @@ from ...control.supervised import Instruments, supervised
 from ...control.supervisor_faults import NO_FAULT
 from ...models.simulate import substeps_for
 from ...signals.movements import Kinematics, MovementRule, Stretch, kinematics
-from .load_learning import felt, learnt
+from .load_learning import load_regressor, update_expected_load
 from .movement_choice import preferred_duration
-from .people import Person, model_of, parameter_names
+from .people import Person, parameter_names, person_model
 
 if TYPE_CHECKING:
     from .rig import PointingRig
 
-SIGNALS = ("position", "velocity", "acceleration", "encoder", "interaction", "command", "flexor", "extensor", "link")
-"""What a movement returns, in the core's order: the forearm's motion (rad, s), the robot's encoder [rad], torque of the
-wearer on the robot and of the law [N*m], excitations [1], and the robot's velocity [rad/s]."""
+SIGNAL_NAMES = (
+    "position",
+    "velocity",
+    "acceleration",
+    "encoder",
+    "interaction",
+    "command",
+    "flexor",
+    "extensor",
+    "link",
+)
+"""Signals of a movement, in the core's order.
 
-NOISE = 5.0  # s: of noise that is drawn for a movement; one that takes longer hears it again
-FELT_EVERY = 10  # periods: what is felt is remembered a hundred times a second
+Position, velocity and acceleration of the forearm (rad, s), the robot's encoder [rad], torque of the wearer on the
+robot and torque commanded by the law [N*m], excitations of flexors and extensors [1], and the velocity of the robot's
+link [rad/s]."""
+
+DRAWN_NOISE_S = 5.0
+"""Duration of the noise that is drawn for a movement [s]; in a longer movement the noise repeats."""
+
+FELT_SAMPLE_PERIODS = 10
+"""Control periods between two samples of the load that a person feels: 100 samples a second at 1 kHz."""
+
+MIN_REACTION_S = 0.12
+"""Shortest reaction time [s]; a drawn time below it is raised to it.
+
+Chosen by judgement; no measurement is recorded."""
+
+EMG_GAIN_SD = 0.1
+"""Standard deviation of the torque estimated from EMG over the true torque, between sessions [1].
+
+Chosen by judgement; no measurement is recorded."""
 
 
 class RobotLaw(Protocol):
-    """How the robot is driven, as the core takes it."""
+    """A control law of the robot, as the core takes it."""
 
-    kind: str  # "position_prediction", "directional" or "transparent"; "none" is a robot without power
-    parameters: np.ndarray | None  # (k,) SI, in the core's order
-    sensed: bool  # sensed, emg: Whether it is given a force sensor, or EMG
-    emg: bool
+    kind: str  # "position_prediction", "directional" or "transparent"; "none" for a robot without power
+    parameters: np.ndarray | None  # (k,) parameters in the core's order, SI
+    sensed: bool  # whether the law gets a force sensor
+    emg: bool  # whether the law gets EMG
 
 
-CONTROL = "Ctrl"
-"""The condition without a robot."""
+CONTROL_CONDITION = "Ctrl"
+"""Name of the control condition, in which no robot is worn."""
 
 Conditions = Mapping[str, Callable[[Person, float], RobotLaw] | None]
-"""By condition: a law for a person and the place of the carriage [m]; None where no robot is worn."""
+"""Conditions by name: a function that builds a law for a person and a place of the carriage [m]; None for no robot."""
 
 
 @dataclass(frozen=True)
 class Unpowered:
-    """A robot that is worn while its motor is off."""
+    """The law of a robot that is worn while its motor is off."""
 
     kind: str = "none"
     parameters: np.ndarray | None = None
@@ -57,47 +83,47 @@ class Unpowered:
 
 @dataclass(frozen=True)
 class Reach:
-    """One movement that was made."""
+    """One simulated movement."""
 
-    amplitude: float  # Signed [rad]; positive lifts
+    amplitude: float  # signed angle from the previous target to this one [rad]; positive lifts the forearm
     target: float  # [rad]
-    duration: float  # Of the primary movement, as chosen [s]
-    begin: int  # begin, end: Samples of the recording that are its: from the target's step on, and until the next
-    end: int
-    expected: np.ndarray  # (5,) What the load was expected to be, in the order of `load_learning.LOADS`
-    held: bool = True  # Whether the target was held; if not, the next one came after the longest that is waited
-    # What of the person outlasted it, as `_core.WornElbow.lasting` names it: co-contraction and fatigue [1], effort
-    # [s], late error [rad], corrections, whether it was given up
+    duration: float  # duration of the primary movement, as the person chose it [s]
+    begin: int  # index of the first sample, in which the target steps
+    end: int  # index after the last sample, in which the next target appears
+    expected: np.ndarray  # (5,) load that the person expected, in the order of `load_learning.LOAD_NAMES`
+    held: bool = True  # whether the person held the target; if not, the time for the movement ran out
+    # State of the person after the movement, as `_core.WornElbow.lasting` names it: co-contraction and fatigue [1],
+    # effort [s], late error [rad], number of corrections, whether the person gave up
     lasting: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class PointingSession:
-    """One person in one condition, without its pauses."""
+    """The true signals of one person in one condition, without pauses."""
 
     person: Person
     condition: str
-    fs: float  # [Hz]
+    fs: float  # sampling rate [Hz]
     target: np.ndarray  # (n,) [rad]
-    signals: dict[str, np.ndarray]  # (n,) By `SIGNALS`
+    signals: dict[str, np.ndarray]  # shape (n,) each, by `SIGNAL_NAMES`
     movements: tuple[Reach, ...]
-    fault: str  # Of the law's supervisor, at the end
+    fault: str  # fault that the law's supervisor has latched at the end; "none" for none
 
 
 def true_motion(session: PointingSession, rule: MovementRule) -> tuple[Kinematics, list[Stretch]]:
-    """The forearm's own motion, filtered as an angle record would be, and the time of each movement."""
+    """Return the forearm's true motion, filtered as a recorded angle is, and the stretch of time of each movement."""
     seconds = np.arange(len(session.target)) / session.fs
     stretches = [Stretch(m.begin / session.fs, m.end / session.fs, m.amplitude) for m in session.movements]
     return kinematics(seconds, session.signals["position"], rule), stretches
 
 
-def targets(rig: PointingRig, rng: np.random.Generator) -> np.ndarray:
-    """Amplitudes of the upward movements of one condition in random order, shape (n,) [rad]; each comes down again."""
+def draw_session_lifts(rig: PointingRig, rng: np.random.Generator) -> np.ndarray:
+    """Draw the order of one condition's upward movements; return their amplitudes, shape (n,) [rad]."""
     pointing = rig["pointing"]
     return np.deg2rad(rng.permutation(np.repeat(pointing["amplitudes"], pointing["repetitions"])))
 
 
-def point(
+def simulate_session(
     rig: PointingRig,
     person: Person,
     condition: str,
@@ -105,71 +131,90 @@ def point(
     rng: np.random.Generator,
     lifts: np.ndarray | None = None,
 ) -> PointingSession:
-    """One person makes the movements of one condition; lifts are amplitudes of the upward ones, shape (n,) [rad], or
-    `targets`."""
+    """Simulate the movements of one person in one condition.
+
+    Parameters
+    ----------
+    rig : PointingRig
+    person : Person
+    condition : str
+        Name of the condition.
+    law : RobotLaw or None
+        Law of the robot; None if no robot is worn.
+    rng : numpy.random.Generator
+    lifts : ndarray, optional
+        Amplitudes of the upward movements, shape (n,) [rad], each followed by the same movement downwards;
+        `draw_session_lifts` if left out.
+
+    Returns
+    -------
+    PointingSession
+    """
     pointing, planning, choice = rig["pointing"], rig["planning"], rig["choice"]
     vector, fs = person.vector(rig), 1.0 / rig.period
     reference, width = pointing["reference"], planning["sign_width"]
-    lifts = targets(rig, rng) if lifts is None else np.asarray(lifts, float)
-    expected, own = np.zeros(5), person.forearm.inertia
+    lifts = draw_session_lifts(rig, rng) if lifts is None else np.asarray(lifts, float)
+    expected, forearm_inertia = np.zeros(5), person.forearm.inertia
     arm = _strapped(rig, person, vector, law, reference, rng)
-    most, drawn = round(pointing["longest"] * fs), round(NOISE * fs)
+    max_samples, noise_samples = round(pointing["longest"] * fs), round(DRAWN_NOISE_S * fs)
     sensor = rig["force_sensor"]
     offset = sensor["offset"] * rng.standard_normal()
     drift = sensor["drift"] * rng.standard_normal()
     noise_scale = np.array([1.0, 1.0, rig.robot["encoder"]["noise"], 1.0, 1.0])
-    taken, movements, goals, now, here = [], [], [], 0, reference
+    outputs, movements, targets, now, position = [], [], [], 0, reference
     for lift in lifts:
-        for goal in (reference + lift, reference):
-            amplitude = goal - here
+        for target in (reference + lift, reference):
+            amplitude = target - position
             dynamics = (
-                own + max(expected[0], 0.0),
+                forearm_inertia + max(expected[0], 0.0),
                 rig["arm"]["viscous"] + max(expected[1], 0.0),
                 max(expected[2], 0.0),
             )
             duration = preferred_duration(amplitude, dynamics, person.reward, choice, width)
             duration *= float(np.exp(planning["pace_spread"] * rng.standard_normal()))
             reach = planning["reach"] + planning["reach_spread"] * rng.standard_normal()
-            reaction = max(planning["reaction"][0] + planning["reaction"][1] * rng.standard_normal(), 0.12)
+            reaction = max(planning["reaction"][0] + planning["reaction"][1] * rng.standard_normal(), MIN_REACTION_S)
             error = None
             if law is not None and law.sensed:
-                time = (now + np.arange(drawn)) / fs
-                error = offset + drift * time + sensor["noise"] * rng.standard_normal(drawn)
-            moved = arm.move(
-                target=goal,
+                time = (now + np.arange(noise_samples)) / fs
+                error = offset + drift * time + sensor["noise"] * rng.standard_normal(noise_samples)
+            output = arm.move(
+                target=target,
                 amplitude=reach * amplitude,
                 duration=duration,
                 reaction=reaction,
                 load=expected,
                 tolerance=pointing["tolerance"],
                 hold=pointing["hold"],
-                noise=noise_scale * rng.standard_normal((drawn, 5)),
-                longest=most,
+                noise=noise_scale * rng.standard_normal((noise_samples, 5)),
+                longest=max_samples,
                 sensor_error=error,
                 emg=law is not None and law.emg,
             )
-            n = len(moved[0])
-            movements.append(Reach(amplitude, goal, duration, now, now + n, expected, n < most, arm.lasting))
-            taken.append(moved)
-            goals.append(np.full(n, goal))
-            now, here = now + n, goal
+            n = len(output[0])
+            movements.append(Reach(amplitude, target, duration, now, now + n, expected, n < max_samples, arm.lasting))
+            outputs.append(output)
+            targets.append(np.full(n, target))
+            now, position = now + n, target
             if law is not None:
-                q, v, a, load = (moved[i][::FELT_EVERY] for i in (0, 1, 2, 4))
-                expected = learnt(expected, felt(q, v, a, width), load, rig["learning"])
-    signals = {name: np.concatenate([one[i] for one in taken]) for i, name in enumerate(SIGNALS)}
-    return PointingSession(person, condition, fs, np.concatenate(goals), signals, tuple(movements), arm.fault)
+                q, v, a, load = (output[i][::FELT_SAMPLE_PERIODS] for i in (0, 1, 2, 4))
+                expected = update_expected_load(expected, load_regressor(q, v, a, width), load, rig["learning"])
+    signals = {name: np.concatenate([output[i] for output in outputs]) for i, name in enumerate(SIGNAL_NAMES)}
+    return PointingSession(person, condition, fs, np.concatenate(targets), signals, tuple(movements), arm.fault)
 
 
-def hold_still(rig: PointingRig, person: Person, law: RobotLaw, *, lift: float = 0.4) -> float:
-    """Fastest that a robot still moves two seconds after a movement over a lift [rad], of a person without noise and
-    corrections [rad/s]: 0 to the bit where friction holds it, a limit cycle where it is not small, infinite where its
-    supervisor had to stop it."""
+def standstill_speed(rig: PointingRig, person: Person, law: RobotLaw, *, lift: float = 0.4) -> float:
+    """Return the largest speed of the robot between two and three seconds after a movement over a `lift` [rad/s].
+
+    The lift is in rad. The person moves without noise and corrections. The speed is exactly 0 where friction holds the
+    robot, and not small in a limit cycle. It is infinite where the supervisor had to stop the robot.
+    """
     vector = person.vector(rig)
     vector[parameter_names(rig).index("tolerance")] = 1e3
     reference, fs = rig["pointing"]["reference"], 1.0 / rig.period
     arm = _strapped(rig, person, vector, law, reference, np.random.default_rng(0))
     n = round(4.0 * fs)
-    # A force sensor has its noise here too: one that says the same zero all through a strap's slack passes for lost.
+    # The force sensor keeps its noise: the supervisor takes a sensor for lost that is exactly zero throughout slack.
     noise = rig["force_sensor"]["noise"] * np.random.default_rng(0).standard_normal(n)
     moved = arm.move(
         target=reference + lift, amplitude=lift, duration=0.8, reaction=0.2, load=np.zeros(5), tolerance=0.0,
@@ -177,7 +222,7 @@ def hold_still(rig: PointingRig, person: Person, law: RobotLaw, *, lift: float =
     )  # fmt: skip
     if arm.fault != NO_FAULT:
         return float("inf")
-    return float(np.abs(moved[SIGNALS.index("link")][-round(fs) :]).max())
+    return float(np.abs(moved[SIGNAL_NAMES.index("link")][-round(fs) :]).max())
 
 
 def _strapped(
@@ -188,6 +233,7 @@ def _strapped(
     position: float,
     rng: np.random.Generator,
 ) -> _core.WornElbow:
+    """Return the core's model of a person at rest at a `position` [rad], in the robot if there is a `law`."""
     robot, motor = rig.robot, rig.robot["motor"]
     drive = [robot.gain, motor["current_limit"], motor["ripple_amplitude"], motor["ripple_wave_number"], robot.quantum]
     return _core.WornElbow(
@@ -199,17 +245,19 @@ def _strapped(
         drive=drive,
         law="none" if law is None else law.kind,
         law_parameters=None if law is None else law.parameters,
-        emg_gains=1.0 + 0.1 * rng.standard_normal(2),
+        emg_gains=1.0 + EMG_GAIN_SD * rng.standard_normal(2),
         substeps=substeps_for(rig.period),
-        person=model_of(rig),
+        person=person_model(rig),
         sensor_delay=round(rig["force_sensor"]["delay"] / rig.period),
-        supervisor=_watching(rig, law),
+        supervisor=_supervisor_parameters(rig, law),
     )
 
 
-def _watching(rig: PointingRig, law: RobotLaw | None) -> np.ndarray | None:
-    """The numbers of a law's supervisor, shape (m,); None where no law drives. The robot was tested before it was put
-    on, and its drive obeys."""
+def _supervisor_parameters(rig: PointingRig, law: RobotLaw | None) -> np.ndarray | None:
+    """Return the parameters of a law's supervisor, shape (m,), or None if no law drives the robot.
+
+    There is no start-up test, because the robot was tested before it was put on.
+    """
     if not isinstance(law, ControlLaw):
         return getattr(law, "supervisor", None)
     robot = rig.robot
@@ -217,12 +265,14 @@ def _watching(rig: PointingRig, law: RobotLaw | None) -> np.ndarray | None:
                       drive_limit=robot.gain * robot["motor"]["current_limit"]), start_up=False).supervisor  # fmt: skip
 
 
-def point_all(jobs: Sequence[tuple], *, threads: int = 1) -> list[PointingSession]:
-    """Several sessions, each with arguments of `point`, side by side: the core leaves Python alone while it moves
-    arms."""
+def simulate_sessions(jobs: Sequence[tuple], *, threads: int = 1) -> list[PointingSession]:
+    """Simulate several sessions in threads; each job holds the arguments of `simulate_session`.
+
+    Threads help because the core releases Python's lock while it moves an arm.
+    """
     if threads <= 1:
-        return [point(*job) for job in jobs]
+        return [simulate_session(*job) for job in jobs]
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(lambda job: point(*job), jobs))
+        return list(pool.map(lambda job: simulate_session(*job), jobs))

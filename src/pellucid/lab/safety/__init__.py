@@ -1,1 +1,1 @@
-"""Single faults on virtual robots that somebody wears, and what comes of them."""
+"""Single faults on virtual robots that somebody wears: whether and when the supervisor finds them."""

@@ -1,7 +1,8 @@
-"""Every single fault on the law of a worn knee orthosis, on drawn wearers: a table of its own.
+"""Every single fault under the law of a worn knee orthosis, on drawn wearers.
 
-Its effort is what a spring is asked for, its sensor that spring. Its wearers give it as much as faults do, and the
-spring differs from what it was asked for by as much: raw data, command and memory are watched, no model of the wearer.
+The law commands the torque of a series spring, and the same spring measures it. Wearers exert torques as large as those
+of faults, and the spring deviates from its command by as much. So the supervisor watches raw data, command and memory,
+and uses no model of the wearer.
 """
 
 from __future__ import annotations
@@ -19,106 +20,123 @@ from ...control.residual_compensator import ResidualDesign, design, within
 from ...control.supervised import SupervisedLaw
 from ...control.supervisor_faults import NO_FAULT
 from ...control.worn import watched_worn
-from ..drive_reading import EXACT, DriveReading, stated_readings
+from ..drive_reading import EXACT_READING, DriveReading, stated_readings
 from ..knee.drawn import drawn_rig
 from ..knee.rig import KneeRig, knee_orthosis
 from ..knee.wearer import Acting, swinging
-from .fault_table import FAULT_KINDS, ONSET, WATCHED, FaultTable, FaultTrial, HealthyLife
+from .fault_table import FAULT_KINDS, MAX_WATCH_S, ONSET_RANGE_S, FaultTable, FaultTrial, HealthyLife, join_tables
 
 JUDGED_WEARERS = 901
-"""First of the drawn wearers that are judged; thresholds were chosen on 301 to 320."""
+"""Seed of the first wearer of the test set; thresholds were chosen on the wearers of the seeds 301 to 320."""
 
 LAWS = {"worn": True, "worn_without_emg": False}
-"""Whether the residual compensator hears EMG: as it is exported, and without."""
+"""Whether each law that is tried uses EMG: the residual compensator as it is exported, and the same without EMG."""
 
 KINDS = tuple(
     kind
     for kind in FAULT_KINDS
     if kind.needs != "interaction" and not kind.at_start and not kind.needs_elbow_rig
-    and not any(two.name == f"{kind.name}_two" for two in FAULT_KINDS)
+    and not any(other.name == f"{kind.name}_two" for other in FAULT_KINDS)
 )  # fmt: skip
-"""Faults that it can have: it has no force sensor and no test at start-up, but always two encoders; and its rig has
-neither a table nor a strap that opens."""
+"""Faults that a worn knee orthosis can have.
 
-ACTUATOR = {"actuator_frequency": 200.0, "actuator_damping": 0.7, "actuator_inertia": 0.055,
+It has no force sensor and no start-up test. It always has two encoders, so that a fault with a version for two encoders
+is tried in that version. Its rig has neither a table that blocks the wearer nor a strap that opens."""
+
+IDENTIFIED_ACTUATOR = {"actuator_frequency": 200.0, "actuator_damping": 0.7, "actuator_inertia": 0.055,
             "actuator_viscous": 0.1, "actuator_coulomb": 2.6, "actuator_leak": 1.8}  # fmt: skip
-"""As sines of the rig's orthosis alone show it, SI."""
+"""Parameters of the actuator as identified from sines of the rig's orthosis without a wearer, SI."""
 
-ERRORS = {"orthosis": 0.02, "limb": 0.08, "strap": 0.1, "actuator": 0.1, "emg": 0.15}
-"""Standard deviations of what is known of each [1]."""
+KNOWLEDGE_LOG_SD = {"orthosis": 0.02, "limb": 0.08, "strap": 0.1, "actuator": 0.1, "emg": 0.15}
+"""Standard deviation of the logarithm of each part's identified parameters over the true ones.
+
+Chosen by judgement; no measurement is recorded."""
 
 MARGINS = {"gain_db": 6.0, "delay": 0.02}
-"""That the exported law keeps [dB], [s]."""
+"""Stability margins that the exported law keeps: of the loop gain [dB], and of an additional delay [s]."""
+
+
+POWER_OFF_PERIODS = 3
+"""Number of control periods after which the power stage must have obeyed a command to switch off."""
 
 
 @dataclass(frozen=True)
 class WornKnee:
-    """Somebody in the orthosis, what a controller knows of them, and how far their EMG is off."""
+    """A wearer in the orthosis, and the controller that was designed for them."""
 
     rig: KneeRig
-    known: ResidualDesign
-    emg_gain: float
+    known: ResidualDesign  # controller, designed from imperfectly identified parameters
+    emg_gain: float  # torque estimated from EMG over the true torque of the muscles [1]
     seed: int
-    reading: DriveReading = EXACT  # How the torque of its spring is measured for the supervisor
+    reading: DriveReading = EXACT_READING  # measurement of the spring's torque for the supervisor
 
     def law(self) -> SupervisedLaw:
-        """Under the supervisor that goes with it."""
+        """Return the controller under its supervisor."""
         return watched_worn(
             self.known.control_law(), self.rig["spring"]["stiffness"], self.rig["actuator"]["torque_limit"]
         )
 
-    def begun(self, periods: int) -> tuple[_core.WornOrthosis, Acting]:
-        """Orthosis and wearer at rest, before so many periods of swinging."""
+    def start(self, periods: int) -> tuple[_core.WornOrthosis, Acting]:
+        """Return the orthosis and the wearer at rest, before `periods` control periods of swinging."""
         rig, law = self.rig, self.law()
         (subject,) = rig.subjects.values()
-        start, loop = rig["swing"]["centre"], rig["torque_loop"]
+        position, loop = rig["swing"]["centre"], rig["torque_loop"]
         plant = _core.WornOrthosis(
             rig.plant(subject), period=rig.period, substeps=loop["substeps"], delay=loop["delay"],
-            torque_span=loop["torque_span"], position0=start, law=law.kind, law_parameters=law.parameters,
+            torque_span=loop["torque_span"], position0=position, law=law.kind, law_parameters=law.parameters,
             supervisor=law.supervisor, drive_reading=self.reading.numbers,
         )  # fmt: skip
-        load = -rig.orthosis_load(start)
-        acting = Acting(rig, swinging(subject), periods, start, load, np.random.default_rng([self.seed, 1]))
+        load = -rig.orthosis_load(position)
+        acting = Acting(rig, swinging(subject), periods, position, load, np.random.default_rng([self.seed, 1]))
         return plant, acting
 
 
-def drawn_knee(seed: int) -> WornKnee:
-    """A wearer and an orthosis, drawn, and known as well as an identification knows them."""
+def draw_worn_knee(seed: int) -> WornKnee:
+    """Draw a wearer and an orthosis, and the errors with which an identification knows them."""
     rig, rng = drawn_rig(knee_orthosis(), seed), np.random.default_rng([seed, 2])
     (subject,) = rig.subjects.values()
-    off = {name: np.exp(sd * rng.standard_normal()) for name, sd in ERRORS.items()}
-    of_strap = {f"strap_{name}": off["strap"] * subject.strap[name] for name in ("stiffness", "damping")}
+    error = {name: np.exp(sd * rng.standard_normal()) for name, sd in KNOWLEDGE_LOG_SD.items()}
+    strap = {f"strap_{name}": error["strap"] * subject.strap[name] for name in ("stiffness", "damping")}
     known = Coupling(
-        orthosis_inertia=off["orthosis"] * rig["orthosis"]["inertia"],
+        orthosis_inertia=error["orthosis"] * rig["orthosis"]["inertia"],
         orthosis_viscous=rig["orthosis"]["bearing_viscous"],
-        orthosis_gravity=off["orthosis"] * float(np.hypot(*rig.orthosis_gravity)),
+        orthosis_gravity=error["orthosis"] * float(np.hypot(*rig.orthosis_gravity)),
         coulomb=rig["orthosis"]["bearing_coulomb"],
-        limb_inertia=off["limb"] * subject.inertia,
+        limb_inertia=error["limb"] * subject.inertia,
         limb_viscous=subject.limb["viscous"],
-        limb_gravity=off["limb"] * subject.gravity,
+        limb_gravity=error["limb"] * subject.gravity,
         delay=rig.period,
-        **of_strap,
-        **{n: x if n.endswith(("frequency", "damping", "leak")) else off["actuator"] * x for n, x in ACTUATOR.items()},
+        **strap,
+        **{
+            name: value if name.endswith(("frequency", "damping", "leak")) else error["actuator"] * value
+            for name, value in IDENTIFIED_ACTUATOR.items()
+        },
     )
-    straps = [known.scaled(strap_stiffness=k, strap_damping=b) for k in (0.7, 1.3) for b in (0.7, 1.3)]
-    made = within(design(known, rig.period), [known, *straps], **MARGINS)
-    return WornKnee(rig, made, off["emg"], seed)
+    # The design must be stable on straps that are stiffer, softer, or damped otherwise by 30 %.
+    other_straps = [known.scaled(strap_stiffness=k, strap_damping=b) for k in (0.7, 1.3) for b in (0.7, 1.3)]
+    controller = within(design(known, rig.period), [known, *other_straps], **MARGINS)
+    return WornKnee(rig, controller, error["emg"], seed)
 
 
-def _lived(
+def _simulate_periods(
     worn: WornKnee, name: str, plant: _core.WornOrthosis, acting: Acting, first: int, periods: int
 ) -> Iterator[tuple[float, float, float, float]]:
-    """Period by period: power on the limb [W], strap and spring torque [N m], and the orthosis's velocity [rad/s]."""
-    hears = worn.emg_gain if LAWS[name] else float("nan")
+    """Simulate `periods` control periods from period `first` on, under the law of a name.
+
+    Each yields the power on the limb [W], the torques of strap and spring [N m], and the orthosis's velocity [rad/s].
+    """
+    emg_gain = worn.emg_gain if LAWS[name] else float("nan")
     noise = worn.reading.draw_noise(worn.seed)
-    position, velocity, strap, spring, own = plant.step(0.0, float("nan")) if first == 0 else acting.last
+    position, velocity, strap, spring, orthosis_velocity = plant.step(0.0, float("nan")) if first == 0 else acting.last
     for k in range(first, first + periods):
         muscle = acting.step(k, position, velocity, strap)
-        position, velocity, strap, spring, own = acting.last = plant.step(muscle, hears * muscle, noise[k % len(noise)])
-        yield -strap * velocity, strap, spring, own
+        acting.last = plant.step(muscle, emg_gain * muscle, noise[k % len(noise)])
+        position, velocity, strap, spring, orthosis_velocity = acting.last
+        yield -strap * velocity, strap, spring, orthosis_velocity
 
 
-def _twin(acting: Acting) -> Acting:
+def _copy_wearer(acting: Acting) -> Acting:
+    """Return a copy of a wearer that can be simulated on by itself."""
     twin = copy(acting)
     for name, value in vars(acting).items():
         if isinstance(value, list):
@@ -127,64 +145,76 @@ def _twin(acting: Acting) -> Acting:
 
 
 def try_wearer(worn: WornKnee, hours: float) -> FaultTable:
-    """Every fault that a worn law can have, and some `hours` of healthy swinging, shared among the laws."""
+    """Try every fault that a worn law can have, and `hours` of healthy swinging, divided among the laws.
+
+    All faults of a law begin in the same period of the same healthy simulation.
+    """
     trials, healthy, period = [], [], worn.rig.period
     for name in LAWS:
         rng = np.random.default_rng([worn.seed, 3, len(name)])
-        first, watched = round(rng.uniform(*ONSET) / period), round(WATCHED / period)
-        alive = max(round(3600.0 * hours / len(LAWS) / period), first + watched)
-        plant, acting = worn.begun(alive + 1)
-        well, given = 0, 0.0  # Periods before any alarm
-        for _ in _lived(worn, name, plant, acting, 0, first):
-            well += plant.fault == NO_FAULT
-        before = plant.copy(), _twin(acting)
+        onset, watched = round(rng.uniform(*ONSET_RANGE_S) / period), round(MAX_WATCH_S / period)
+        last = max(round(3600.0 * hours / len(LAWS) / period), onset + watched)
+        plant, acting = worn.start(last + 1)
+        periods_before_alarm, work = 0, 0.0
+        for _ in _simulate_periods(worn, name, plant, acting, 0, onset):
+            periods_before_alarm += plant.fault == NO_FAULT
+        at_onset = plant.copy(), _copy_wearer(acting)
         early = plant.fault != NO_FAULT
-        same = np.zeros(watched)
-        for k, (power, *_) in enumerate(_lived(worn, name, plant, acting, first, alive - first)):
-            given += period * max(power, 0.0)
-            well += plant.fault == NO_FAULT
+        healthy_work = np.zeros(watched)
+        for k, (power, *_) in enumerate(_simulate_periods(worn, name, plant, acting, onset, last - onset)):
+            work += period * max(power, 0.0)
+            periods_before_alarm += plant.fault == NO_FAULT
             if k < watched:
-                same[k] = given
+                healthy_work[k] = work
             elif plant.fault != NO_FAULT:
                 break
-        took = period * max(well, 1)
-        healthy.append(HealthyLife(name, worn.seed, took / 3600.0, plant.fault, given / took, {}))
+        duration = period * max(periods_before_alarm, 1)
+        healthy.append(HealthyLife(name, worn.seed, duration / 3600.0, plant.fault, work / duration, {}))
         for kind in KINDS:
             if kind.needs == "muscle" and not LAWS[name]:
                 continue
-            plant, acting = before[0].copy(), _twin(before[1])
+            plant, acting = at_onset[0].copy(), _copy_wearer(at_onset[1])
             plant.begin(kind.name, int(rng.integers(1, 2**60)))
-            trials.append(_one_fault(worn, name, kind.name, plant, acting, first, same, early))
+            trials.append(_try_fault(worn, name, kind.name, plant, acting, onset, healthy_work, early))
     return FaultTable(tuple(trials), tuple(healthy))
 
 
-def _one_fault(worn, name, kind, plant, acting, first, same, early) -> FaultTrial:
+def _try_fault(worn, name, kind, plant, acting, onset, healthy_work, early) -> FaultTrial:
+    """Simulate a fault from its onset until the output is safe; `healthy_work` is that of the run without it [J]."""
     period, work, excess, peak, impulse = worn.rig.period, 0.0, 0.0, 0.0, 0.0
     found = safe = float("nan")
-    fault, speed = NO_FAULT, 0.0
-    for k, (power, strap, spring, own) in enumerate(_lived(worn, name, plant, acting, first, len(same))):
+    fault, onset_speed = NO_FAULT, 0.0
+    for k, (power, strap, spring, velocity) in enumerate(
+        _simulate_periods(worn, name, plant, acting, onset, len(healthy_work))
+    ):
         work += period * max(power, 0.0)
-        excess, peak, impulse = max(excess, work - same[k]), max(peak, abs(strap)), impulse + period * abs(spring)
-        speed = abs(own) if k == 0 else speed
+        excess = max(excess, work - healthy_work[k])
+        peak = max(peak, abs(strap))
+        impulse += period * abs(spring)
+        onset_speed = abs(velocity) if k == 0 else onset_speed
         acted = plant.fault != NO_FAULT
-        if (acted or plant.off > 0) and found != found:
+        if (acted or plant.off > 0) and np.isnan(found):
             found, fault = k * period, plant.fault if acted else "watchdog"
-        if found == found and (plant.mode in ("damped_stop", "degraded") or plant.off >= 3):
+        if not np.isnan(found) and (plant.mode in ("damped_stop", "degraded") or plant.off >= POWER_OFF_PERIODS):
             safe = k * period
             break
     return FaultTrial(
-        kind, name, worn.seed, early, found, safe, fault, plant.mode, excess, peak, impulse, speed,
+        kind, name, worn.seed, early, found, safe, fault, plant.mode, excess, peak, impulse, onset_speed,
     )  # fmt: skip
 
 
 def with_stated_reading(worn: WornKnee, index: int) -> WornKnee:
-    """The same knee, whose spring is measured as inaccurately as stated; the `index` chooses one of eight readings."""
+    """Return the same knee with a spring that is measured as badly as the stated accuracy permits.
+
+    The `index` chooses one of the eight `stated_readings`.
+    """
     readings = stated_readings(worn.law().values["effort_limit"])
     return replace(worn, reading=readings[index % len(readings)])
 
 
-def _one(seed: int, hours: float, inexact: bool) -> FaultTable:
-    worn = drawn_knee(seed)
+def _one_wearer_table(seed: int, hours: float, inexact: bool) -> FaultTable:
+    """Return the table of one drawn wearer."""
+    worn = draw_worn_knee(seed)
     return try_wearer(with_stated_reading(worn, seed) if inexact else worn, hours)
 
 
@@ -196,10 +226,9 @@ def knee_table(
     *,
     inexact: bool = False,
 ) -> FaultTable:
-    """The whole table on so many drawn `wearers` from the `first` on, and so many `hours` of healthy swinging.
+    """Return the table of `wearers` drawn wearers of the seeds from `first` on, with `hours` of healthy swinging.
 
-    Springs are measured exactly, or, if `inexact`, each by one of `stated_readings`."""
-    made = ordered_results([(_one, seed, hours / wearers, inexact) for seed in range(first, first + wearers)], workers)
-    return FaultTable(
-        tuple(trial for one in made for trial in one.trials), tuple(life for one in made for life in one.healthy)
-    )
+    Springs are measured exactly; if `inexact`, each has one of `stated_readings`.
+    """
+    jobs = [(_one_wearer_table, seed, hours / wearers, inexact) for seed in range(first, first + wearers)]
+    return join_tables(ordered_results(jobs, workers))

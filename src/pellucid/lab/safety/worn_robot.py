@@ -1,4 +1,4 @@
-"""A drawn robot, a drawn wearer and a supervised law: minutes or hours of reaching, healthy or with one fault."""
+"""A drawn robot with a drawn wearer under a supervised law: minutes or hours of reaching, healthy or with one fault."""
 
 from __future__ import annotations
 
@@ -15,78 +15,96 @@ from ...control.joint_compensation import compensation
 from ...control.supervised import Instruments, SupervisedLaw, body_of, supervised
 from ...models.simulate import substeps_for
 from ...models.slider_card import SliderCard
-from ..drive_reading import EXACT, DriveReading
+from ..drive_reading import EXACT_READING, DriveReading
 from ..pointing.people import Person
 from ..pointing.rig import PointingRig
+from ..pointing.session import EMG_GAIN_SD, MIN_REACTION_S
 
 LAWS: tuple[str, ...] = (*ELBOW_CONTROLLERS, "compensation")
-"""Every law that the elbow robot can wear."""
+"""Names of all laws for the elbow robot: the controllers by name, and the compensation of a joint."""
 
-COUNT = 40
-"""Movements of a task, after which it begins again."""
+TASK_MOVEMENT_COUNT = 40
+"""Number of movements after which a wearer's list of tasks begins again.
 
-SLOT = (1.3, 2.2)
-"""Shortest and longest time of a movement with its rest [s]."""
+Chosen by judgement; no measurement is recorded."""
 
-DURATION = (0.45, 1.4)
-"""Of a movement [s]."""
+SLOT_RANGE_S = (1.3, 2.2)
+"""Shortest and longest time from one movement's target to the next [s].
 
-TREMOR = ((0.0, 0.6), (4.0, 10.0))
-"""Amplitude [N m] and frequency [Hz] of a wearer's tremor, from and to."""
+Chosen by judgement; no measurement is recorded."""
 
-STOP_EVERY = 11.0
-"""Mean time between sudden stops of a wearer [s]."""
+DURATION_RANGE_S = (0.45, 1.4)
+"""Shortest and longest duration of a movement [s].
 
-EXPONENTS = (-0.5, -0.5)
-"""Of equation 8, as five people chose them on most of the robots that thresholds were chosen on."""
+Chosen by judgement; no measurement is recorded."""
 
-NOISE = 5000
-"""Periods of noise that is drawn; then it is heard again."""
+TREMOR_AMPLITUDE_RANGE_NM = (0.0, 0.6)
+"""Smallest and largest amplitude of a wearer's tremor [N m].
+
+Chosen by judgement; no measurement is recorded."""
+
+TREMOR_FREQUENCY_RANGE_HZ = (4.0, 10.0)
+"""Lowest and highest frequency of a wearer's tremor [Hz].
+
+Chosen by judgement; no measurement is recorded."""
+
+MEAN_STOP_INTERVAL_S = 11.0
+"""Mean time between two sudden stops of a wearer [s].
+
+Chosen by judgement; no measurement is recorded."""
+
+COMMON_EXPONENTS = (-0.5, -0.5)
+"""Exponents k of equation 8 of Verdel et al. (Robotica 39, 2021), upwards and downwards.
+
+Five virtual people chose these values on most of the robots on which thresholds were chosen."""
+
+NOISE_PERIOD_COUNT = 5000
+"""Number of control periods of noise that are drawn before the noise repeats."""
 
 
 @dataclass(frozen=True)
 class WornRobot:
-    """One robot on one wearer, with what was identified of it, and the wearer's habits."""
+    """One robot on one wearer, with the robot's identified cards and the wearer's habits."""
 
     rig: PointingRig
     person: Person
-    cards: Mapping[str, SliderCard]
-    tasks: np.ndarray  # (k, 5) As `WornElbow.live` takes them
-    noise: np.ndarray  # (n, 5)
-    sensor_error: np.ndarray  # (n,) [N m]
-    tremor: tuple[float, float]  # Amplitude [N m], angular frequency [rad/s]
-    emg_gains: np.ndarray  # (2,)
+    cards: Mapping[str, SliderCard]  # identified models of the robot, by method
+    tasks: np.ndarray  # (k, 5) target, amplitude [rad], duration, reaction time and time to the next target [s]
+    noise: np.ndarray  # (n, 5) noise of person and encoder, as `_core.WornElbow.live` takes it
+    sensor_error: np.ndarray  # (n,) error of the force sensor [N m]
+    tremor: tuple[float, float]  # amplitude [N m] and angular frequency [rad/s]
+    emg_gains: np.ndarray  # (2,) torque estimated from EMG over the true torque, of flexors and extensors [1]
     seed: int
-    answer: float | None = None  # Work of the test's wave when the robot was commissioned, by somebody else [J]
-    reading: DriveReading = EXACT  # How its drive measures its own effort
+    answer: float | None = None  # work of the start-up test's wave when the robot was commissioned [J]
+    reading: DriveReading = EXACT_READING  # measurement of the drive's own effort
 
     def commissioned(self, other: Person) -> WornRobot:
-        """The same robot, whose test's answer was written down while somebody else wore it, without tremor."""
-        still = replace(self, person=other, tremor=(0.0, 0.0))
-        said = still.live(still.law("compensation"), longest=3.0)
-        return replace(self, answer=said["answer"])
+        """Return the same robot with the start-up test's work as measured on another wearer, who has no tremor."""
+        commissioning = replace(self, person=other, tremor=(0.0, 0.0))
+        run = commissioning.live(commissioning.law("compensation"), longest=3.0)
+        return replace(self, answer=run["answer"])
 
     def law(self, name: str, **supervision: float) -> SupervisedLaw:
-        """A law of `LAWS` for this robot and wearer, under a supervisor that knows its encoder and its drive."""
+        """Return a law of `LAWS` for this robot and wearer, under a supervisor that knows the encoder and the drive."""
         place = self.person.slider(self.rig)
         if name == "compensation":
             law: ControlLaw = compensation(self.cards["load"], slider=place, limits=ELBOW_LIMITS)
         else:
             named = ELBOW_CONTROLLERS[name]
             limb = {"limb": self.person.forearm} if named.wearer else {}
-            exponents = {"exponents": EXPONENTS} if named.exponents else {}
+            exponents = {"exponents": COMMON_EXPONENTS} if named.exponents else {}
             law = named.build(self.cards[named.method], place, **limb, **exponents)
         return self.watched(law, **supervision)
 
     def watched(self, law: ControlLaw, **supervision: float) -> SupervisedLaw:
-        """A law made for this robot and wearer under such a supervisor."""
-        # What was identified of the robot is known whatever law it runs.
+        """Return a law made for this robot and wearer, under a supervisor that knows the encoder and the drive."""
+        # The supervisor's model of the robot is the identified one, whichever law runs.
         place = self.person.slider(self.rig)
         body = body_of(compensation(self.cards["load"], slider=place, limits=ELBOW_LIMITS))
         return supervised(law, instruments=self.instruments(), body=body, answer=self.answer, **supervision)
 
     def instruments(self) -> Instruments:
-        """What the robot measures."""
+        """Return the accuracy and the ranges of what the robot measures."""
         robot = self.rig.robot
         resolution = robot.quantum + 4.0 * robot["encoder"]["noise"]
         return Instruments(
@@ -104,8 +122,24 @@ class WornRobot:
         stops: Sequence[float] = (),
         seed: int = 0,
     ) -> dict:
-        """What `WornElbow.live` says of this wearer under a law, with a `fault` at an `onset` [s] that is watched for
-        so many `seconds`; `stops` of the wearer in [s]."""
+        """Simulate this wearer under a law, and return what `_core.WornElbow.live` reports.
+
+        Parameters
+        ----------
+        law : SupervisedLaw
+        fault : str
+            Name of a fault of `_core.single_faults`, or "none".
+        onset : float
+            Time at which the fault begins [s].
+        seconds : float
+            Longest time after the onset for which an undetected fault is simulated [s].
+        longest : float
+            Longest simulated time in all [s].
+        stops : sequence of float
+            Times at which the wearer stops suddenly, ascending [s].
+        seed : int
+            Seed of what the fault draws.
+        """
         rig, robot, motor = self.rig, self.rig.robot, self.rig.robot["motor"]
         arm = _core.WornElbow(
             self.person.vector(rig),
@@ -139,28 +173,28 @@ class WornRobot:
         )
 
 
-def worn_robot(rig: PointingRig, person: Person, cards: Mapping[str, SliderCard], seed: int) -> WornRobot:
-    """Somebody's habits, drawn with a `seed`, in a robot that was identified as `cards` say."""
+def make_worn_robot(rig: PointingRig, person: Person, cards: Mapping[str, SliderCard], seed: int) -> WornRobot:
+    """Draw a wearer's habits, and put them into a robot whose identified models are `cards`."""
     rng = np.random.default_rng([seed, 9])
-    here, planning, sensor = rig["pointing"]["reference"], rig["planning"], rig["force_sensor"]
-    amplitudes = np.deg2rad(rng.choice(rig["pointing"]["amplitudes"], COUNT // 2))
+    reference, planning, sensor = rig["pointing"]["reference"], rig["planning"], rig["force_sensor"]
+    amplitudes = np.deg2rad(rng.choice(rig["pointing"]["amplitudes"], TASK_MOVEMENT_COUNT // 2))
     tasks = []
     for lift in amplitudes:
-        for goal, way in ((here + lift, lift), (here, -lift)):
-            reaction = max(planning["reaction"][0] + planning["reaction"][1] * rng.standard_normal(), 0.12)
-            duration = rng.uniform(*DURATION)
-            slot = max(rng.uniform(*SLOT), reaction + duration + 0.2)
+        for target, amplitude in ((reference + lift, lift), (reference, -lift)):
+            reaction = max(planning["reaction"][0] + planning["reaction"][1] * rng.standard_normal(), MIN_REACTION_S)
+            duration = rng.uniform(*DURATION_RANGE_S)
+            slot = max(rng.uniform(*SLOT_RANGE_S), reaction + duration + 0.2)
             reach = planning["reach"] + planning["reach_spread"] * rng.standard_normal()
-            tasks.append((goal, reach * way, duration, reaction, round(slot / rig.period) * rig.period))
-    noise = rng.standard_normal((NOISE, 5)) * np.array([1.0, 1.0, rig.robot["encoder"]["noise"], 1.0, 1.0])
-    error = sensor["offset"] * rng.standard_normal() + sensor["noise"] * rng.standard_normal(NOISE)
-    tremor = rng.uniform(*TREMOR[0]), 2.0 * np.pi * rng.uniform(*TREMOR[1])
+            tasks.append((target, reach * amplitude, duration, reaction, round(slot / rig.period) * rig.period))
+    noise = rng.standard_normal((NOISE_PERIOD_COUNT, 5)) * np.array([1.0, 1.0, rig.robot["encoder"]["noise"], 1.0, 1.0])
+    error = sensor["offset"] * rng.standard_normal() + sensor["noise"] * rng.standard_normal(NOISE_PERIOD_COUNT)
+    tremor = rng.uniform(*TREMOR_AMPLITUDE_RANGE_NM), 2.0 * np.pi * rng.uniform(*TREMOR_FREQUENCY_RANGE_HZ)
     return WornRobot(
-        rig, person, cards, np.array(tasks), noise, error, tremor, 1.0 + 0.1 * rng.standard_normal(2), seed
+        rig, person, cards, np.array(tasks), noise, error, tremor, 1.0 + EMG_GAIN_SD * rng.standard_normal(2), seed
     )
 
 
-def sudden_stops(seconds: float, rng: np.random.Generator) -> np.ndarray:
-    """When a wearer stops suddenly within a time [s], shape (m,) [s]."""
-    count = rng.poisson(seconds / STOP_EVERY)
+def draw_sudden_stops(seconds: float, rng: np.random.Generator) -> np.ndarray:
+    """Draw the times of a wearer's sudden stops within so many `seconds`, ascending, shape (m,) [s]."""
+    count = rng.poisson(seconds / MEAN_STOP_INTERVAL_S)
     return np.sort(rng.uniform(1.0, seconds, count))

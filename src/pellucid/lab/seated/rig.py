@@ -12,7 +12,7 @@ from ..._errors import StudyError
 from ...models.joint import GRAVITY
 from ...models.muscle_geometry import muscle_table
 from ..known_rigs import shipped_rig
-from ..recorded_table import MAIN, Column, Stored, emg_columns, emg_stored
+from ..recorded_table import MAIN_STREAM, Column, StoredTable, emg_columns, store_emg
 from ..rig import Rig, Taken
 from .protocol import SeatedTrial, seated_trials
 from .subject import subject_truth, subjects
@@ -102,7 +102,7 @@ class SeatedRig(Rig):
             Column("torque", "torque", "N*m", TORQUE_QUANTUM),
             Column("command", "command", "N*m", TORQUE_QUANTUM),
         )
-        return {MAIN: own, "emg": emg_columns(self["emg"])}
+        return {MAIN_STREAM: own, "emg": emg_columns(self["emg"])}
 
     def trials(self, seed: int = 1) -> list[SeatedTrial]:
         """The full protocol; no `seed` draws it."""
@@ -113,12 +113,12 @@ class SeatedRig(Rig):
         read = run_seated_trial(self, trial, rng=rng)
         columns = self.streams()
         values = (read.time, read.position, read.torque, read.command)
-        scales = (1e-3, *(column.scale for column in columns[MAIN][1:]))
+        scales = (1e-3, *(column.scale for column in columns[MAIN_STREAM][1:]))
         counts = [np.round(value / scale) for value, scale in zip(values, scales, strict=True)]
-        streams, entry = {MAIN: Stored.of(columns[MAIN], *counts)}, {}
+        streams, entry = {MAIN_STREAM: StoredTable.of(columns[MAIN_STREAM], *counts)}, {}
         if read.emg is not None:
-            streams["emg"] = emg_stored(read.emg_time, read.emg, self["emg"])
-            knee = {**columns[MAIN][1].spec, "offset": round(read.knee, 4)}
+            streams["emg"] = store_emg(read.emg_time, read.emg, self["emg"])
+            knee = {**columns[MAIN_STREAM][1].spec, "offset": round(read.knee, 4)}
             entry = {"channels": {"angle.knee": knee}}
         torque = read.truth.muscle_torque
         truth = {

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...models.joint import GRAVITY
 from ..emg_synthesis import Electrodes, EmgSynthesis
-from ..noise import noise
+from ..noise import draw_noise
 from .muscles import Muscles
 from .protocol import SeatedTrial
 from .wearer import Nerves, activations, maximal_excitation
@@ -83,7 +83,7 @@ def run_seated_trial(rig: SeatedRig, trial: SeatedTrial, *, rng: np.random.Gener
         trial,
         np.arange(n) * rig.period,
         count * np.round(seen / count),
-        current + noise((n,), instruments["torque_noise"], 0.0, instruments["rate"], of_drive),
+        current + draw_noise((n,), instruments["torque_noise"], 0.0, instruments["rate"], of_drive),
         command,
         knee,
         hip,

@@ -15,7 +15,7 @@ import numpy as np
 from ... import _core
 from ...models.joint import GRAVITY
 from ...models.muscle import Muscle
-from ..noise import noise, wander
+from ..noise import draw_noise, draw_wandering_path
 from .muscles import DriveMap
 from .subject import SeatedSubject
 
@@ -32,7 +32,7 @@ WEAKEST = 0.2
 def swing_path(rig: SeatedRig, subject: SeatedSubject, n: int, rng: np.random.Generator) -> np.ndarray:
     """Positions that a swinging subject means to go through, shape (n,) [rad]; it begins hanging."""
     swing, fs = rig["swing"], rig["instruments"]["rate"]
-    pace, forward, backward = (wander(n, swing["memory"], fs, rng) for _ in range(3))
+    pace, forward, backward = (draw_wandering_path(n, swing["memory"], fs, rng) for _ in range(3))
     frequency = subject.frequency * (1.0 + swing["pace"] * (2.0 * pace - 1.0))
     front = swing["forward"][0] + np.diff(swing["forward"]) * forward
     back = swing["backward"][0] + np.diff(swing["backward"]) * backward
@@ -59,11 +59,11 @@ class Nerves:
         fs, muscles, wearer = rig["instruments"]["rate"], rig["muscles"], rig["wearer"]
         count = len(subject.muscles)
         shares = np.array([m.share for m in subject.muscles])
-        unseen = noise((count, n), muscles["unseen"], muscles["unseen_memory"], fs, rng)
+        unseen = draw_noise((count, n), muscles["unseen"], muscles["unseen_memory"], fs, rng)
         self._share = (shares[:, None] * np.maximum(1.0 + unseen, 0.1)).T
-        waver = noise((count, n), muscles["variability"], muscles["variability_memory"], fs, rng)
+        waver = draw_noise((count, n), muscles["variability"], muscles["variability_memory"], fs, rng)
         self._waver = np.maximum(1.0 + waver, 0.0).T
-        idle = noise((count, n), wearer["spontaneous"], wearer["spontaneous_memory"], fs, rng)
+        idle = draw_noise((count, n), wearer["spontaneous"], wearer["spontaneous_memory"], fs, rng)
         self._idle = np.abs(idle).T
         self.late = max(1, round(subject.delay * fs))
         self._reflex = max(1, round(wearer["reflex_delay"] * fs))
@@ -159,5 +159,5 @@ def maximal_excitation(rig: SeatedRig, subject: SeatedSubject, n: int, rng: np.r
     level = np.full(count, 0.08)
     # In an attempt at the maximum every synergist is driven as much as it can be.
     level[:extending] = subject.maximal * rng.uniform(0.96, 1.0, extending)
-    waver = 1.0 + noise((count, n), muscles["variability"], muscles["variability_memory"], fs, rng)
+    waver = 1.0 + draw_noise((count, n), muscles["variability"], muscles["variability_memory"], fs, rng)
     return np.clip(shown[:, None] * level * waver.T, 0.0, 1.0)

@@ -1,6 +1,7 @@
 """The four-joint chapter: eq. 7 against load friction, Table I's question with all joints, transparency of an arm.
 
-The paper identifies one joint; its eq. 7 says what its method would cost with n. Here it is done, on the virtual arm.
+The paper identifies one joint; its eq. 7 gives the number of parameter sets that its method would need for n joints.
+Here the method is applied to the virtual arm of four joints.
 """
 
 from __future__ import annotations
@@ -19,54 +20,71 @@ from ..figure import Reproduced, figure
 from ..row_sections import cell
 from .arm_figures import cost_by_joints
 from .arm_identification import ArmIdentified, directional_many, identified
-from .arm_worn import BEST, PUBLISHED, worn
+from .arm_worn import BEST_LAW, PUBLISHED_LAW, worn
 
-NAMES: Mapping[str, str] = {
+MODEL_IDS: Mapping[str, str] = {
     "one body, load friction": "load",
     "one body, plain friction": "plain",
     "sets, own": "sets_own",
     "sets, one side": "sets_printed",
     "sets, all": "sets_errata",
 }
-WORDS: Mapping[str, str] = {
+"""Ids of the models, by the names that `compare_directional` gives them."""
+
+MODEL_WORDS: Mapping[str, str] = {
     "load": "one body, load friction",
     "plain": "one body, plain friction",
     "sets_own": "sets by own direction",
     "sets_printed": "sets as printed, p(2ⁿ − 1)",
     "sets_errata": "sets of all directions, n p 2ⁿ⁻¹",
 }
-WORN = (PUBLISHED, "transparent", BEST)
-SECONDS = 10.0  # of a motion that is worn
+"""Descriptions of the models, by their ids."""
+
+WORN_LAWS = (PUBLISHED_LAW, "transparent", BEST_LAW)
+"""Laws of `arm_worn.LAWS` under which the arm is worn."""
+
+WORN_MOTION_S = 10.0
+"""The worn motion is cut to this length."""
 
 _row = partial(figure, "able.arm")
 
 
 @dataclass(frozen=True, eq=False)
 class ArmChapter:
-    """What the chapter shows."""
+    """Figures of the chapter."""
 
-    compared: Mapping[int, Mapping[str, DirectionalRow]]  # By joints that move, then by model
+    compared: Mapping[int, Mapping[str, DirectionalRow]]  # Comparison by number of moving joints, then by model's id
     found: ArmIdentified
-    torque: Mapping[str, float]  # Interaction torque RMS by law [N m]
+    torque: Mapping[str, float]  # Interaction torque by law, RMS over joints [N m]
 
 
-def arm_chapter(joints: Sequence[int], *, seconds: float = SECONDS, workers: int | None = None) -> ArmChapter:
-    """The rig `able-arm`, identified with as many `joints` moving as asked, then with all, then worn."""
+def arm_chapter(joints: Sequence[int], *, seconds: float = WORN_MOTION_S, workers: int | None = None) -> ArmChapter:
+    """Identify the rig `able-arm` with each number of moving `joints`, then with all of them, and let a person wear it.
+
+    Parameters
+    ----------
+    joints : sequence of int
+        Numbers of joints that move; the others are held.
+    seconds : float
+        Length of the worn motion [s].
+    workers : int, optional
+        Processes; as many as there are processors if None.
+    """
     rig = able_arm()
     made = directional_many([(rig, 1, n) for n in joints], workers)
-    compared = {n: {NAMES[one.model]: one for one in rows} for n, rows in zip(joints, made, strict=True)}
+    compared = {n: {MODEL_IDS[one.model]: one for one in rows} for n, rows in zip(joints, made, strict=True)}
     found = identified(rig)
-    # Another person than any on whom a law was chosen; reaching is generated, so that every machine draws the same.
+    # Constants of the laws were chosen on other people. Reaching is generated, so that every machine draws the same.
     person = drawn_people(1, seed=3)[0]
-    made = worn(rig, person, WORN, seconds)
+    made = worn(rig, person, WORN_LAWS, seconds)
     return ArmChapter(compared, found, {name: one.interaction for name, one in made.items()})
 
 
 def arm_rows(chapter: ArmChapter) -> Iterator[Reproduced]:
-    """Eq. 7 by joints, Table I's question, and transparency."""
+    """Yield rows on eq. 7 by number of joints, on Table I's ratio of errors, and on transparency."""
     for n, models in chapter.compared.items():
         for name, one in models.items():
-            words = f"{WORDS[name]}, {n} joint{'s' if n > 1 else ''} of the rig able-arm"
+            words = f"{MODEL_WORDS[name]}, {n} joint{'s' if n > 1 else ''} of the rig able-arm"
             yield _row(f"n{n}.{name}.parameters", f"Parameters of {words}", "1", one.parameters,
                        note=f"{one.visited} of {one.sets} sets are visited")  # fmt: skip
             yield _row(f"n{n}.{name}.error", f"Torque error, mean over joints, of {words}", "%", one.mean,
@@ -89,22 +107,24 @@ def arm_rows(chapter: ArmChapter) -> Iterator[Reproduced]:
     for name, value in chapter.torque.items():
         yield _row(f"torque.{name}", f"Interaction torque RMS under {name}, four joints", "N*m", value)
     yield _row("torque.best_over_fc", "Interaction torque of the toolkit's own law over FC's, four joints", "1",
-               chapter.torque[BEST] / chapter.torque[PUBLISHED],
+               chapter.torque[BEST_LAW] / chapter.torque[PUBLISHED_LAW],
                note="constants chosen on other arms; one person, generated reaching")  # fmt: skip
 
 
 def arm_sections(chapter: ArmChapter) -> tuple[Section, ...]:
-    """Eq. 7 drawn, and the arm worn."""
+    """Return the section that draws eq. 7 over joints, and the section of the worn arm."""
     counts = sorted(chapter.compared)
     table = [
-        Row((str(n), WORDS[name], str(one.parameters), *(cell(x) for x in (one.mean, one.condition, one.creates))))
+        Row(
+            (str(n), MODEL_WORDS[name], str(one.parameters), *(cell(x) for x in (one.mean, one.condition, one.creates)))
+        )
         for n in counts
         for name, one in chapter.compared[n].items()
     ]
     whole = chapter.compared[counts[-1]]
     load, sets = whole["load"], whole.get("sets_errata", whole["sets_own"])
     gives = f"{sets.creates:.0f} %" if sets.creates else "none"
-    said = (
+    comparison_text = (
         f"With {counts[-1]} joints, one body whose friction follows the load has {load.parameters} parameters and errs "
         f"by {load.mean:.1f} % of the torque on motions never fitted; sets of all directions have {sets.parameters} "
         f"and err by {sets.mean:.1f} %. Sets know nothing of each other: on the worst of 200 closed paths they "
@@ -113,16 +133,17 @@ def arm_sections(chapter: ArmChapter) -> tuple[Section, ...]:
     drawing = draw(
         cost_by_joints,
         chapter.compared,
-        WORDS,
+        MODEL_WORDS,
         "What directions cost as joints are added: the others are held by the robot's own loops.",
     )
-    over = chapter.torque[BEST] / chapter.torque[PUBLISHED]
+    over = chapter.torque[BEST_LAW] / chapter.torque[PUBLISHED_LAW]
     worn_text = (
-        f"Under full compensation of all four joints a person who reaches feels {chapter.torque[PUBLISHED]:.2f} N·m in "
-        f"the root mean square over joints; under the toolkit's own law, chosen on other arms, {over:.2f} of it."
+        f"Under full compensation of all four joints a person who reaches feels "
+        f"{chapter.torque[PUBLISHED_LAW]:.2f} N·m in the root mean square over joints; under the toolkit's own law, "
+        f"chosen on other arms, {over:.2f} of it."
     )
     gravity = chapter.found.gravity
-    body = (
+    gravity_text = (
         f"Lifting and lowering lose different shares of the load, which no motion tells from the masses: with gains as "
         f"stated, gravity errs by {gravity['load_stated_gains']:.1f} %; with a payload of known mass, by "
         f"{gravity['consistent']:.1f} %."
@@ -131,7 +152,7 @@ def arm_sections(chapter: ArmChapter) -> tuple[Section, ...]:
         Section(
             "arm",
             "Four joints: eq. 7 against load friction",
-            (said, body),
+            (comparison_text, gravity_text),
             (
                 Table(
                     ("Joints", "Model", "Parameters", "Error (%)", "Condition", "Gives energy (% of paths)"),

@@ -1,4 +1,4 @@
-"""What sets of parameters by directions cost as joints are added, beside one body whose friction follows the load."""
+"""Figure of the cost of directional parameter sets as joints are added, beside one body with load friction."""
 
 from __future__ import annotations
 
@@ -11,27 +11,43 @@ from ...drawing.drawing import Drawing
 from ...drawing.style import FIGURE_WIDTH, colour
 from ...fit.tree.directional_sets import DirectionalRow
 
-PANELS = {
+PANEL_TITLES = {
     "parameters": "Parameters",
     "mean": "Torque error, held out (%)",
     "condition": "Condition, median over sets",
     "least": "Energy lost on the worst closed path, over one body's",
 }
-TONES = {"load": "load", "plain": "symmetric", "sets_own": "fitted", "sets_printed": "heldout", "sets_errata": "ink"}
+"""Title of each panel, by the field of `DirectionalRow` that it draws."""
+
+MODEL_COLOUR_ROLES = {
+    "load": "load",
+    "plain": "symmetric",
+    "sets_own": "fitted",
+    "sets_printed": "heldout",
+    "sets_errata": "ink",
+}
 
 
 def cost_by_joints(
     compared: Mapping[int, Mapping[str, DirectionalRow]], words: Mapping[str, str], caption: str
 ) -> Drawing:
-    """Parameters, error, condition and energy against how many joints move; models by `words`."""
+    """Draw parameters, error, condition and energy over the number of moving joints; `words` describes each model."""
     figure = Figure(figsize=(FIGURE_WIDTH, 4.6), layout="constrained")
     axes: Sequence = figure.subplots(2, 2).ravel()
     counts = sorted(compared)
-    for axis, (quantity, title) in zip(axes, PANELS.items(), strict=True):
+    for axis, (quantity, title) in zip(axes, PANEL_TITLES.items(), strict=True):
         for name, word in words.items():
             known = [n for n in counts if name in compared[n]]
             values = [getattr(compared[n][name], quantity) for n in known]
-            axis.plot(known, values, color=colour(TONES[name]), marker="o", markersize=4.0, linewidth=1.5, label=word)
+            axis.plot(
+                known,
+                values,
+                color=colour(MODEL_COLOUR_ROLES[name]),
+                marker="o",
+                markersize=4.0,
+                linewidth=1.5,
+                label=word,
+            )
         if quantity == "parameters":
             axis.set_yscale("log")
             axis.yaxis.set_minor_locator(NullLocator())

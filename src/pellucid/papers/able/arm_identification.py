@@ -1,8 +1,8 @@
-"""Virtual arms of four joints recorded, identified, and judged on how people move, which nothing was fitted to.
+"""Record and identify virtual arms of four joints, and test the models on people's motions, which are never fitted.
 
-What a cable loses of a load while it lifts and while it lowers differs. Lifting takes (1 + a) of the load and lowering
-(1 - b): the mean, 1 + (a - b) / 2, is a factor on all that the joint feels, as a wrong gain of its drive would be, and
-no motion tells it from the masses. A known payload does: its weight sets every joint's gain.
+A cable loses different shares of the load while it lifts and while it lowers. Lifting takes (1 + a) of the load and
+lowering (1 - b). Their mean, 1 + (a - b) / 2, scales the joint's whole torque as a wrong gain of its drive would, and
+no motion separates it from the masses. A payload of known mass does: its weight determines every joint's gain.
 """
 
 from __future__ import annotations
@@ -31,68 +31,77 @@ from ...models.held_joints import hold_joints
 from ...models.pseudo_inertia import least_eigenvalue
 from ...signals.tree_motion import TreeMotion
 
-LOAD = ("viscous", "coulomb", "offset", "load")
-LONGEST = 40.0  # s of a person's motion
-JUDGES = 3  # people whose motion is followed
-POSTURES = 500  # drawn within the stops, in which gravity is judged
-PAYLOAD = 1.5  # kg, in the handle
+LOAD_FRICTION_FAMILY = ("viscous", "coulomb", "offset", "load")
+"""Friction terms of every joint of the model with load friction."""
+
+MAX_MOTION_S = 40.0
+"""A person's motion is cut to this length."""
+
+TEST_PEOPLE_COUNT = 3
+"""Number of people whose motions the test set contains."""
+
+GRAVITY_TEST_POSTURES = 500
+"""Number of postures, drawn within the stops, in which gravity is compared with the truth."""
+
+PAYLOAD_KG = 1.5
+"""Mass of the payload in the handle."""
 
 
 @dataclass(frozen=True, eq=False)
 class ArmIdentified:
-    """One arm from one seed's recordings: errors on people's motions, gravity, bodies."""
+    """One arm identified from one seed's recordings, with its errors on people's motions."""
 
     rig: str
     seed: int
-    errors: dict[str, np.ndarray]  # Of each joint's torque, by model, (4,) [%]
-    gravity: dict[str, float]  # Largest error over the largest torque, by model [%]
-    least_eigenvalue: float  # Of all links' pseudo-inertias
-    parameters: dict[str, int]
-    judged: str  # Whose motions
-    gains: np.ndarray  # (4,) by the payload, over those stated [1]
-    best: TreeEstimate  # With the payload's gains
-    consistent: TreeEstimate
+    errors: dict[str, np.ndarray]  # Errors of each joint's torque, by model, (4,) [%]
+    gravity: dict[str, float]  # Largest error of gravity over its largest torque, by model [%]
+    least_eigenvalue: float  # Smallest eigenvalue of all links' pseudo-inertias; a real body has it above 0
+    parameters: dict[str, int]  # Number of parameters by model
+    judged: str  # Source of the test motions: "people" or "generated reaching"
+    gains: np.ndarray  # (4,) Drive gains from the payload over the stated gains [1]
+    best: TreeEstimate  # Base parameters with the friction that fits best, gains from the payload
+    consistent: TreeEstimate  # Physically consistent bodies, gains from the payload
 
 
-def judging(rig: ArmRig, count: int = JUDGES) -> tuple[str, tuple[ArmTrial, ...]]:
-    """How `count` people moved, or generated reaching where they are not here, and which of both."""
+def draw_test_motions(rig: ArmRig, count: int = TEST_PEOPLE_COUNT) -> tuple[str, tuple[ArmTrial, ...]]:
+    """Return the source of the test motions, and motions of `count` people, or generated reaching without the data."""
     rate, slider = rig["sampling"]["rate"], rig["slider"]["clamped"]
     try:
-        said, motions = "people", [recorded_motion(name, rate) for name in people()[:count]]
+        source, motions = "people", [recorded_motion(name, rate) for name in people()[:count]]
     except DatasetError:
-        said, motions = "generated reaching", [generated_motion(100 + i, rate, LONGEST) for i in range(count)]
+        source, motions = "generated reaching", [generated_motion(100 + i, rate, MAX_MOTION_S) for i in range(count)]
     trials = [followed(motion, slider=slider) for motion in motions]
-    return said, tuple(replace(t, reference=t.reference[: round(LONGEST * rate)]) for t in trials)
+    return source, tuple(replace(t, reference=t.reference[: round(MAX_MOTION_S * rate)]) for t in trials)
 
 
-def with_payload(rig: ArmRig, mass: float = PAYLOAD) -> ArmRig:
-    """The same arm with a `mass` [kg] in its handle."""
-    own = rig["link"]["carriage"]
-    whole = own["mass"] + mass
-    centre = [own["mass"] * x / whole for x in own["centre"]]
+def add_payload(rig: ArmRig, mass: float = PAYLOAD_KG) -> ArmRig:
+    """Return the same arm with a `mass` [kg] in its handle."""
+    carriage = rig["link"]["carriage"]
+    whole = carriage["mass"] + mass
+    centre = [carriage["mass"] * x / whole for x in carriage["centre"]]
     return rig.changed({"link.carriage.mass": whole, "link.carriage.centre": centre}, f"{rig.name}-loaded")
 
 
 def gravity_error(rig: ArmRig, estimate: TreeEstimate) -> float:
-    """Largest error of gravity's torque over the largest torque, over postures within the stops [%]."""
-    said = [rig["joint"][name] for name in JOINTS]
+    """Return the largest error of gravity's torque over its largest torque, in postures within the stops [%]."""
+    joints = [rig["joint"][name] for name in JOINTS]
     rng = np.random.default_rng(20261122)
-    q = rng.uniform([s["low"] for s in said], [s["high"] for s in said], (POSTURES, len(said)))
+    q = rng.uniform([j["low"] for j in joints], [j["high"] for j in joints], (GRAVITY_TEST_POSTURES, len(joints)))
     found = card_of(rig, estimate).tree.gravity(q)
     true = rig.gravity(q)
     return 100.0 * float(np.abs(found - true).max() / np.abs(true).max())
 
 
 def identified(rig: ArmRig, seed: int = 1) -> ArmIdentified:
-    """Record a rig's own protocol, with a payload and without, and how people move; fit the first alone."""
+    """Record a rig's protocol with and without payload, and people's motions; fit the protocol, test on the motions."""
     robot = rig.robot
     trials = [t for t in rig.trials(seed) if t.use == "fit"]
-    empty, loaded = motions_of(rig, trials, seed), motions_of(with_payload(rig), trials, 100 + seed)
-    said, judges = judging(rig)
-    judged = motions_of(rig, judges, 1000 + seed)
-    families = (LOAD,) * len(JOINTS)
+    empty, loaded = motions_of(rig, trials, seed), motions_of(add_payload(rig), trials, 100 + seed)
+    source, test_trials = draw_test_motions(rig)
+    judged = motions_of(rig, test_trials, 1000 + seed)
+    families = (LOAD_FRICTION_FAMILY,) * len(JOINTS)
     plain, stated = fit_tree(robot, empty, name="plain"), fit_tree(robot, empty, families, name="load")
-    gains = np.array([p.value for p in gains_from_payload(robot, empty, [loaded], [PAYLOAD], families)])
+    gains = np.array([p.value for p in gains_from_payload(robot, empty, [loaded], [PAYLOAD_KG], families)])
     by_weight, others = ([with_drive_gains(m, robot, gains) for m in motions] for motions in (empty, judged))
     load = fit_tree(robot, by_weight, families, name="load")
     rows = collect_rows(robot, by_weight)
@@ -109,7 +118,7 @@ def identified(rig: ArmRig, seed: int = 1) -> ArmIdentified:
         {name: gravity_error(rig, estimate) for name, estimate in every.items()},
         float(least_eigenvalue(np.ascontiguousarray(consistent.links()[:, -10:])).min()),
         {name: len(estimate.array) for name, estimate in every.items()},
-        said,
+        source,
         gains / rig.gains,
         best,
         consistent,
@@ -117,35 +126,36 @@ def identified(rig: ArmRig, seed: int = 1) -> ArmIdentified:
 
 
 def identified_many(jobs: Sequence[tuple[ArmRig, int]], workers: int | None = None) -> list[ArmIdentified]:
-    """Several, in processes of their own."""
+    """Return `identified` of several pairs of rig and seed, each computed in a process."""
     return ordered_results([(identified, *job) for job in jobs], workers)
 
 
-HOLDING = {"abduction": 0.5, "flexion": 0.6, "internal_rotation": 0.2}
-"""Where joints stay that a comparison of fewer leaves out [rad]."""
+HELD_JOINT_ANGLES_RAD = {"abduction": 0.5, "flexion": 0.6, "internal_rotation": 0.2}
+"""Angles of the joints that do not move in a comparison with fewer joints."""
 
 
-def directional(rig: ArmRig, seed: int, joints: int, judges: int = JUDGES) -> tuple[DirectionalRow, ...]:
-    """Sets by directions beside one body, the last `joints` of the arm moving and the others held."""
-    held = {name: HOLDING[name] for name in JOINTS[: len(JOINTS) - joints]}
+def directional(rig: ArmRig, seed: int, joints: int, judges: int = TEST_PEOPLE_COUNT) -> tuple[DirectionalRow, ...]:
+    """Compare directional parameter sets with one body; the last `joints` of the arm move, the others are held."""
+    held = {name: HELD_JOINT_ANGLES_RAD[name] for name in JOINTS[: len(JOINTS) - joints]}
     robot = hold_joints(rig.robot, held) if held else rig.robot
 
     def only(trials: Sequence[ArmTrial], noise: int) -> list[TreeMotion]:
-        still = [replace(t, reference=_still(t.reference, held)) for t in trials]
-        return [_moving(m, joints) for m in motions_of(rig, still, noise)]
+        still = [replace(t, reference=_hold_joints_still(t.reference, held)) for t in trials]
+        return [_keep_last_joints(m, joints) for m in motions_of(rig, still, noise)]
 
     fitted = only([t for t in rig.trials(seed) if t.use == "fit"], seed)
-    return compare_directional(robot, fitted, only(judging(rig, judges)[1], 1000 + seed))
+    return compare_directional(robot, fitted, only(draw_test_motions(rig, judges)[1], 1000 + seed))
 
 
-def _still(reference: np.ndarray, held: dict[str, float]) -> np.ndarray:
+def _hold_joints_still(reference: np.ndarray, held: dict[str, float]) -> np.ndarray:
+    """Return a reference, (n, 4) [rad], whose first joints stay at the angles of `held`."""
     made = np.array(reference)
     made[:, : len(held)] = list(held.values())
     return made
 
 
-def _moving(motion: TreeMotion, joints: int) -> TreeMotion:
-    """The last joints alone."""
+def _keep_last_joints(motion: TreeMotion, joints: int) -> TreeMotion:
+    """Return a motion with the columns of its last `joints` alone."""
     of_joints = ("position", "velocity", "acceleration", "effort", "moving", "still", "drive")
     columns = {name: np.ascontiguousarray(getattr(motion, name)[:, -joints:]) for name in of_joints}
     return replace(motion, **columns, gain=motion.gain[-joints:])
@@ -154,5 +164,5 @@ def _moving(motion: TreeMotion, joints: int) -> TreeMotion:
 def directional_many(
     jobs: Sequence[tuple[ArmRig, int, int]], workers: int | None = None
 ) -> list[tuple[DirectionalRow, ...]]:
-    """Several, in processes of their own."""
+    """Return `directional` of several tuples of rig, seed and number of joints, each computed in a process."""
     return ordered_results([(directional, *job) for job in jobs], workers)

@@ -29,29 +29,38 @@ LAWS: Mapping[str, Callable[[TreeCard], TreeLaw]] = {
     "transparent": lambda card: transparent(card, inertia_share=0.4).changed(bandwidth=50.0),
     "force_sensors": lambda card: with_force_sensor(carried(card)),
 }
-PUBLISHED, BEST, SENSED = "fc", "force_sensors", ("force_sensors",)
+"""Laws of four joints by name: each makes its law from the robot's identified card."""
+
+PUBLISHED_LAW = "fc"
+"""Name of the paper's full compensation, extended to four joints."""
+
+BEST_LAW = "force_sensors"
+"""Name of the toolkit's own law that the chapter compares with it."""
+
+LAWS_WITH_FORCE_SENSOR = ("force_sensors",)
+"""Names of laws that read force sensors at the cuffs."""
 
 
 @dataclass(frozen=True)
 class ArmWorn:
-    """One robot on one person under one law."""
+    """Outcome of one robot on one person under one law."""
 
     interaction: float  # RMS of the cuffs' torque at the wearer's joints [N m]; infinite where the trial was stopped
-    error: float  # RMS of how far the arm is off [rad]
-    work: float  # what the wearer does against the robot and is not given back [J]
-    exchanged: float  # work to and fro [J]
+    error: float  # RMS of the arm's deviation from the intended motion [rad]
+    work: float  # Net work that the wearer does on the robot [J]
+    exchanged: float  # Sum of the absolute work between wearer and robot [J]
     faulted: bool  # whether the law's gate or the trial was stopped
 
 
 def worn(
     rig: ArmRig, person: Person, laws: Sequence[str] = tuple(LAWS), seconds: float | None = None
 ) -> dict[str, ArmWorn]:
-    """Figures of laws on one robot and one person, of the first `seconds` [s] of a motion where they are given."""
+    """Return the outcome of each law on one robot and one person, over the first `seconds` [s] of a motion, or all."""
     card, motion, made = card_of(rig, identified(rig)), motion_of(person, rig, repetition=3), {}
     if seconds is not None:
         motion = replace(motion, position=motion.position[: round(seconds * motion.rate)])
     for name in laws:
-        law = CardLaw(LAWS[name](card), sensor_points(person) if name in SENSED else None)
+        law = CardLaw(LAWS[name](card), sensor_points(person) if name in LAWS_WITH_FORCE_SENSOR else None)
         trial = run(rig, person, law, motion)
         off = float(np.sqrt(np.mean(trial.error**2)))
         stopped = trial.stopped or law.running.fault != "none"
@@ -62,10 +71,10 @@ def worn(
 def wearers_of(arms: Sequence[ArmRig]) -> tuple[Sequence[Person], str]:
     """Whom each of some robots is worn by, and how they move, in words."""
     try:
-        recorded, said = people(), "recorded reaching"
+        recorded, source = people(), "recorded reaching"
     except PellucidError:
-        recorded, said = (), "generated reaching"
-    return drawn_people(len(arms), recorded=recorded), said
+        recorded, source = (), "generated reaching"
+    return drawn_people(len(arms), recorded=recorded), source
 
 
 def arms_worn(arms: Sequence[ArmRig]) -> tuple[list[dict[str, ArmWorn]], str]:

@@ -14,10 +14,13 @@ from ..._atomic import write_text_atomically
 from .coherence import inconsistencies
 from .elbow import DirectionSet, PublishedElbow
 
-FORMAT = 1
-KIND = "as_published"
+CARD_FORMAT = 1
+"""Version of the card's layout."""
 
-UNITS = {
+CARD_KIND = "as_published"
+"""The card's ``kind``, which no reader of identified models accepts."""
+
+PARAMETER_UNITS = {
     "m_x_slope": "kg",
     "m_x_offset": "kg*m",
     "m_y": "kg*m",
@@ -27,20 +30,26 @@ UNITS = {
     "inertia": ["kg*m^2", "kg*m", "kg"],
 }
 
-MISSING = ("torque constant", "reduction ratio", "range of the slider", "which way the angle grows", "any interval")
-"""What the paper does not give, and a model would need."""
+MISSING_QUANTITIES = (
+    "torque constant",
+    "reduction ratio",
+    "range of the slider",
+    "which way the angle grows",
+    "any interval",
+)
+"""Quantities that a usable model needs and the paper does not give."""
 
 
 def published_card(elbow: PublishedElbow) -> dict:
-    """The card: parameters, units, source, angle convention, what is missing, and what is wrong."""
+    """Return the card: parameters, units, source, angle convention, missing quantities and inconsistencies."""
     return {
-        "format": FORMAT,
-        "kind": KIND,
+        "format": CARD_FORMAT,
+        "kind": CARD_KIND,
         "source": elbow.source,
         "angle": "rad, 0 with the forearm horizontal; hanging is -pi/2",
-        "units": UNITS,
+        "units": PARAMETER_UNITS,
         "directions": {name: _plain(found) for name, found in elbow.sets.items()},
-        "missing": list(MISSING),
+        "missing": list(MISSING_QUANTITIES),
         "warnings": [asdict(i) for i in inconsistencies(elbow)],
     }
 
@@ -51,4 +60,5 @@ def write_published_card(path: Path, elbow: PublishedElbow) -> None:
 
 
 def _plain(found: DirectionSet) -> dict:
+    """Return a direction's parameters as JSON values, without those that the paper leaves empty."""
     return {name: list(v) if isinstance(v, tuple) else v for name, v in asdict(found).items() if v is not None}

@@ -23,11 +23,11 @@ import numpy as np
 
 from .elbow import PublishedElbow
 
-SLIDERS = tuple(np.linspace(0.0, 0.3, 31))
-"""Slider positions looked at by default [m]; the paper does not say how long the rail is."""
+DEFAULT_SLIDERS_M = tuple(np.linspace(0.0, 0.3, 31))
+"""Positions of the slider at which Table II is checked by default; the paper does not give the rail's length."""
 
-ANGLES = tuple(np.radians(np.linspace(-60.0, 60.0, 25)))
-"""Angles looked at by default, from the horizontal [rad]."""
+DEFAULT_ANGLES_RAD = tuple(np.radians(np.linspace(-60.0, 60.0, 25)))
+"""Angles from the horizontal at which Table II is checked by default."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,9 @@ class Inconsistency:
 
 
 def inconsistencies(
-    elbow: PublishedElbow, sliders: np.ndarray | tuple = SLIDERS, angles: np.ndarray | tuple = ANGLES
+    elbow: PublishedElbow,
+    sliders: np.ndarray | tuple = DEFAULT_SLIDERS_M,
+    angles: np.ndarray | tuple = DEFAULT_ANGLES_RAD,
 ) -> tuple[Inconsistency, ...]:
     """All that is wrong with an elbow, nothing for one that can exist; sliders (n,) [m], angles (m,) [rad]."""
     sliders, angles = np.asarray(sliders, float), np.asarray(angles, float)
@@ -118,8 +120,8 @@ def _one_mass(elbow: PublishedElbow):
     slopes = {name: s.m_x_slope for name, s in elbow.sets.items()}
     spread = max(slopes.values()) - min(slopes.values())
     if spread > 0.05 * max(abs(v) for v in slopes.values()):
-        said = ", ".join(f"{v:g} kg {n}" for n, v in slopes.items())
-        yield Inconsistency("A5", "one_mass", spread, "kg", f"one slider has several masses by gravity: {said}")
+        masses_text = ", ".join(f"{v:g} kg {n}" for n, v in slopes.items())
+        yield Inconsistency("A5", "one_mass", spread, "kg", f"one slider has several masses by gravity: {masses_text}")
 
 
 def _rest(elbow: PublishedElbow, sliders: np.ndarray):

@@ -23,7 +23,8 @@ from ..._errors import PellucidError
 from ...models.joint import GRAVITY
 from ..printed import printed
 
-DIRECTIONS = ("down", "static", "up")
+TABLE_DIRECTIONS = ("down", "static", "up")
+"""Directions of motion for which Table II of the paper has a set of parameters; "static" is rest."""
 
 
 @dataclass(frozen=True)
@@ -33,9 +34,9 @@ class DirectionSet:
     m_x_slope: float  # c_1: first moment along the forearm per metre of slider [kg]
     m_x_offset: float  # c_0 [kg*m]
     m_y: float  # First moment across the forearm [kg*m]
-    adherence: float | None = None  # adherence, coulomb: [N*m]; at rest, and in motion.
-    coulomb: float | None = None
-    viscous: float | None = None  # [N*m*s/rad]; the paper prints another unit
+    adherence: float | None = None  # Friction at rest [N*m]
+    coulomb: float | None = None  # Coulomb friction in motion [N*m]
+    viscous: float | None = None  # Viscous friction [N*m*s/rad]; the paper prints another unit
     inertia: tuple[float, float, float] | None = None  # a_0 [kg*m^2], a_1 [kg*m], a_2 [kg]
 
 
@@ -44,7 +45,7 @@ class PublishedElbow:
     """A direction-dependent elbow with a slider, in the paper's own angle: 0 is horizontal [rad]."""
 
     source: str  # Where its numbers are printed
-    sets: Mapping[str, DirectionSet]  # By direction, one of `DIRECTIONS`
+    sets: Mapping[str, DirectionSet]  # By direction, one of `TABLE_DIRECTIONS`
 
     def direction(self, name: str) -> DirectionSet:
         """The set of a direction."""
@@ -53,7 +54,7 @@ class PublishedElbow:
         return self.sets[name]
 
     def first_moment(self, direction: str, slider: float | np.ndarray) -> float | np.ndarray:
-        """m x(s) [kg*m], of the shape of `slider` [m]; `direction` is one of `DIRECTIONS`."""
+        """m x(s) [kg*m], of the shape of `slider` [m]; `direction` is one of `TABLE_DIRECTIONS`."""
         found = self.direction(direction)
         return found.m_x_slope * np.asarray(slider, float) + found.m_x_offset
 
@@ -121,7 +122,7 @@ def able_elbow() -> PublishedElbow:
     paper = printed("able")
     table = paper.tables["elbow"]
     sets = {}
-    for name in DIRECTIONS:
+    for name in TABLE_DIRECTIONS:
         cells = {column: cell.value for column, cell in table[name].items()}
         inertia = tuple(cells.pop(a) for a in ("a0", "a1", "a2")) if "a0" in cells else None
         sets[name] = DirectionSet(**cells, inertia=inertia)

@@ -15,14 +15,14 @@ from .coherence import inconsistencies
 from .elbow import able_elbow as published_elbow
 from .trials import ModelsCompared
 
-LOAD_FACTORS = (0.0, 0.5, 1.0, 2.0, 3.0, 4.0)
-"""By which the rig's load friction is multiplied, to see which would give the paper's ratio."""
+LOAD_FRICTION_FACTORS = (0.0, 0.5, 1.0, 2.0, 3.0, 4.0)
+"""Factors on the rig's load friction; the ratio of errors is computed for each, to find which gives the paper's."""
 
 _row = partial(figure, "able")
 
 
 def compared_rows(rig: ElbowRig, comparisons: Sequence[ModelsCompared], paper: PrintedPaper) -> Iterator[Reproduced]:
-    """Table I of every rig, the committed one's without its name in the id."""
+    """Yield Table I for every rig; ids name the rig unless it is the committed one."""
     table = paper.tables["error"]
     printed = {
         "without": table["without_dissociation"]["mean"].value,
@@ -31,13 +31,15 @@ def compared_rows(rig: ElbowRig, comparisons: Sequence[ModelsCompared], paper: P
         "p": paper["paired_p"],
     }
     for name in dict.fromkeys(c.rig for c in comparisons):
-        head = "able" if name == rig.name else f"able.{name}"
-        yield from _of_one_rig(head, name, [c for c in comparisons if c.rig == name], printed)
+        prefix = "able" if name == rig.name else f"able.{name}"
+        yield from _rows_of_rig(prefix, name, [c for c in comparisons if c.rig == name], printed)
 
 
-def _of_one_rig(
+def _rows_of_rig(
     head: str, rig: str, mine: Sequence[ModelsCompared], printed: Mapping[str, float]
 ) -> Iterator[Reproduced]:
+    """Yield Table I for one rig over its seeds (`mine`), beside the paper's `printed` figures."""
+
     def row(what: str, quantity: str, unit: str, values: Sequence[float], beside: float | None = None, note: str = ""):
         return figure(head, what, f"{quantity}, rig {rig}", unit, values, beside, note)
 
@@ -84,23 +86,23 @@ def _of_one_rig(
 
 
 def factor_rows(by_factor: Sequence[ModelsCompared], paper: PrintedPaper) -> list[Reproduced]:
-    """Which load friction the paper's ratio would need."""
+    """Return rows with the ratio of errors by load friction, and the friction that gives the paper's ratio."""
     ratios = np.array([c.ratio("published", "pooled", "dissociated") for c in by_factor])
     wanted = paper["error_ratio"]
     rows = [
         _row(f"friction_needed.ratio_at_{factor:g}".replace("0.5", "half"),
              f"Error ratio with the rig's load friction times {factor:g}", "1", ratio, wanted,
              "the paper's own 18 trials, one seed", verdict="differs")
-        for factor, ratio in zip(LOAD_FACTORS, ratios, strict=True)
+        for factor, ratio in zip(LOAD_FRICTION_FACTORS, ratios, strict=True)
     ]  # fmt: skip
     above = np.flatnonzero(ratios >= wanted)
     needed, note = (
         None,
-        f"no factor up to {LOAD_FACTORS[-1]:g} gives {wanted:g}; the largest ratio is {ratios.max():.2f}",
+        f"no factor up to {LOAD_FRICTION_FACTORS[-1]:g} gives {wanted:g}; the largest ratio is {ratios.max():.2f}",
     )
     if len(above) and above[0] > 0:
         i = int(above[0])
-        needed = float(np.interp(wanted, ratios[i - 1 : i + 1], LOAD_FACTORS[i - 1 : i + 1]))
+        needed = float(np.interp(wanted, ratios[i - 1 : i + 1], LOAD_FRICTION_FACTORS[i - 1 : i + 1]))
         note = "interpolated"
     what = "Factor on the rig's load friction that gives the paper's ratio"
     return [*rows, _row("friction_needed.factor", what, "1", needed, None, note)]

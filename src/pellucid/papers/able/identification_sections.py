@@ -1,4 +1,4 @@
-"""The first half of the page: Table I and Fig. 3 on virtual elbows, and what one coherent body makes of them."""
+"""First half of the page: Table I and Fig. 3 on virtual elbows, and one coherent body on the same recordings."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from ...procedures.slider import direction_figures as figures
 from ...procedures.slider.identify_slider import predicted
 from ..figure import Reproduced
 from ..row_sections import cell
-from .identification_rows import LOAD_FACTORS
+from .identification_rows import LOAD_FRICTION_FACTORS
 from .trials import ModelsCompared
 
-SHORT = {
+MODEL_WORDS = {
     "pooled": "without dissociation",
     "dissociated": "with dissociation",
     "consistent": "one body",
     "load": "one body, load friction",
 }
-"""What the models are called in figures, in the order they are drawn."""
+"""Names of the models in figures, in the order in which they are drawn."""
 
-ROLES = dict(zip(SHORT.values(), ("symmetric", "heldout", "fitted", "load"), strict=True))
+MODEL_COLOUR_ROLES = dict(zip(MODEL_WORDS.values(), ("symmetric", "heldout", "fitted", "load"), strict=True))
 
 
 def identification_sections(
@@ -54,10 +54,10 @@ def _table1(rig: ElbowRig, comparisons: Sequence[ModelsCompared], rows: Mapping[
     drawings = [
         draw(
             figures.paired_errors,
-            {SHORT[m]: first.errors[which][m] for m in SHORT},
+            {MODEL_WORDS[m]: first.errors[which][m] for m in MODEL_WORDS},
             kinds,
             f"paired-errors-{which}",
-            roles=ROLES,
+            roles=MODEL_COLOUR_ROLES,
             caption=caption,
         )
         for which, caption in (
@@ -122,9 +122,9 @@ def _trace(fit: SliderFit) -> Section:
         figures.current_trace,
         m.time[part],
         m.effort[part] / fit.gain,
-        {SHORT[name]: predicted(fit[name], m)[part] / fit.gain for name in ("pooled", "dissociated", "load")},
+        {MODEL_WORDS[name]: predicted(fit[name], m)[part] / fit.gain for name in ("pooled", "dissociated", "load")},
         m.velocity[part],
-        roles=ROLES,
+        roles=MODEL_COLOUR_ROLES,
         caption="Motor current at five velocities up and down (the paper's Fig. 3b), a trial never fitted.",
     )
     return Section(
@@ -138,7 +138,7 @@ def _trace(fit: SliderFit) -> Section:
 
 def _needed(rig: ElbowRig, by_factor: Sequence[ModelsCompared], rows: Mapping[str, Reproduced]) -> Section:
     ratios = np.array([c.ratio("published", "pooled", "dissociated") for c in by_factor])
-    share = np.array(LOAD_FACTORS) * rig["transmission"]["load_motoring"]
+    share = np.array(LOAD_FRICTION_FACTORS) * rig["transmission"]["load_motoring"]
     drawing = draw(
         figures.ratio_by_friction,
         share,
@@ -180,10 +180,10 @@ def _body(rig: ElbowRig, fit: SliderFit) -> Section:
             {
                 "up": model.gravity("up", middle, q),
                 "down": model.gravity("down", middle, q),
-                SHORT["load"]: body.model.gravity(body.values, middle, q),
+                MODEL_WORDS["load"]: body.model.gravity(body.values, middle, q),
                 "truth": sine * np.sin(q) + cosine * np.cos(q),
             },
-            roles={SHORT["load"]: "fitted"},
+            roles={MODEL_WORDS["load"]: "fitted"},
             caption="Gravity torque, carriage in the middle of the rail: the dissociated model's two sets, one body "
             "with load friction, and the rig itself.",
         )
@@ -196,10 +196,10 @@ def _body(rig: ElbowRig, fit: SliderFit) -> Section:
             {
                 "up": model.inertia("up", x),
                 "down": model.inertia("down", x),
-                SHORT["load"]: body.model.inertia(body.values, x),
+                MODEL_WORDS["load"]: body.model.inertia(body.values, x),
             },
             np.array([rig.inertia(s) for s in x]),
-            roles={SHORT["load"]: "fitted"},
+            roles={MODEL_WORDS["load"]: "fitted"},
         )
     )
     load = np.linspace(-3.0, 3.0, 121)
@@ -212,13 +212,13 @@ def _body(rig: ElbowRig, fit: SliderFit) -> Section:
             figures.friction_by_load,
             load,
             {
-                SHORT["consistent"]: np.full_like(
+                MODEL_WORDS["consistent"]: np.full_like(
                     load, one["coulomb_positive"].value + one["viscous_positive"].value * speed
                 ),
-                SHORT["load"]: level[0] + level[1] * speed + np.abs(load) * np.where(load > 0.0, *shares),
+                MODEL_WORDS["load"]: level[0] + level[1] * speed + np.abs(load) * np.where(load > 0.0, *shares),
                 "truth": rig.friction(np.full_like(load, speed), load),
             },
-            roles=ROLES,
+            roles=MODEL_COLOUR_ROLES,
             caption=f"Friction against the load it carries, at {speed:g} rad/s upwards.",
         )
     )
@@ -252,8 +252,8 @@ def _energy(fit: SliderFit) -> Section:
         return body.model.gravity(body.values, middle, q)
 
     energies = {
-        SHORT["dissociated"]: np.array([cycle_energy(directional, s, paper_angle, 0.5) for s in amplitude]),
-        SHORT["load"]: np.array([cycle_energy(coherent, s, paper_angle, 0.5) for s in amplitude]),
+        MODEL_WORDS["dissociated"]: np.array([cycle_energy(directional, s, paper_angle, 0.5) for s in amplitude]),
+        MODEL_WORDS["load"]: np.array([cycle_energy(coherent, s, paper_angle, 0.5) for s in amplitude]),
     }
     return Section(
         "energy",
@@ -269,7 +269,7 @@ def _energy(fit: SliderFit) -> Section:
                 figures.cycle_energy,
                 np.degrees(amplitude),
                 energies,
-                roles=ROLES,
+                roles=MODEL_COLOUR_ROLES,
                 caption="Net energy that compensating gravity puts into the joint in one cycle about 66°.",
             ),
         ),

@@ -15,10 +15,10 @@ from ...control.elbow_controllers import ELBOW_CONTROLLERS
 from ...fit.slider.slider_fit import SLIDER_METHODS, SliderFit
 from ...lab.elbow.protocol import excitation, trials
 from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
-from ...lab.pointing.conditions import Cards, condition_of, identified_cards
+from ...lab.pointing.conditions import Cards, controller_builder, identify_cards
 from ...lab.pointing.people import draw_people
 from ...lab.pointing.rig import PointingRig, elbow_participants
-from ...lab.pointing.sensitivity import Sensitivity, installed, screen
+from ...lab.pointing.sensitivity import Sensitivity, is_salib_installed, screen_factors
 from ...pages.page import Section, Tile
 from ...pages.tables import Row, Table
 from ..figure import Figures, Reproduced
@@ -26,7 +26,7 @@ from ..paper import Paper, Progress
 from .arm_chapter import ArmChapter, arm_chapter, arm_rows, arm_sections
 from .card import write_published_card
 from .elbow import able_elbow as published_elbow
-from .identification_rows import LOAD_FACTORS, compared_rows, factor_rows, recomputed_rows
+from .identification_rows import LOAD_FRICTION_FACTORS, compared_rows, factor_rows, recomputed_rows
 from .identification_sections import identification_sections
 from .law_comparison import compare_controllers, comparison_rows
 from .predicted import Drawn, Scored, models_of_people, predict_paper, predicted_rows
@@ -40,11 +40,11 @@ from .trials import ModelsCompared, compare_many, compare_models
 
 @dataclass(eq=False)
 class AblePaper(Paper):
-    """Ten seeds on six elbows, five studies with six people, and ten million cycles of nonsense for every law."""
+    """The reproduction: ten seeds on six elbows, five studies with six people, ten million fuzzed cycles per law."""
 
     title: ClassVar = "ABLE: reproduced"
     over: ClassVar = "Over seeds or robots"
-    # Rows not named here are on trials never fitted. A rig's own constants, and arithmetic, count as simulated.
+    # Rows that no entry names are on held-out trials. A rig's own constants, and arithmetic, count as simulated.
     splits: ClassVar = {
         "fitted": (".published_protocol.", ".friction_needed.", ".implied_friction."),
         "simulated": (
@@ -61,15 +61,14 @@ class AblePaper(Paper):
         "transparency.torque.best_over_fc", "able.arm.n4.", "safety.unsafe", "study.seconds",
     )  # fmt: skip
 
-    seeds: Sequence[int] = tuple(range(1, 11))  # Of the noise
-    rigs: int = 5  # Drawn ones beside the committed one
-    people: PointingRig | None = None  # Who points, wearing the committed rig; the package's if None
+    seeds: Sequence[int] = tuple(range(1, 11))  # Seeds of the measurement noise
+    rigs: int = 5  # Number of drawn rigs beside the committed one
+    people: PointingRig | None = None  # Virtual people who wear the committed rig; the package's if None
     studies: Sequence[int] = tuple(range(1, 6))  # Seeds of the virtual people, their order of conditions, their noise
-    joints: Sequence[int] = (1, 2, 3, 4)  # As many of the virtual arm move in the four-joint chapter; none: no chapter
-    predicted: Drawn | None = field(
-        default_factory=Drawn
-    )  # To predict the experiment with intervals; None: no such chapter
-    fuzzed: int = 10_000_000  # Control cycles of every law among nonsense
+    joints: Sequence[int] = (1, 2, 3, 4)  # Numbers of moving joints in the four-joint chapter; empty: no chapter
+    # Size of the prediction of the experiment; None: no such chapter
+    predicted: Drawn | None = field(default_factory=Drawn)
+    fuzzed: int = 10_000_000  # Number of control cycles with fuzzed inputs, for every law
     workers: int | None = None  # Processes, or threads; as many as there are processors if None
 
     rig: ElbowRig = field(init=False)
@@ -77,16 +76,16 @@ class AblePaper(Paper):
     by_factor: tuple[ModelsCompared, ...] = field(init=False)  # The committed rig, its friction times `LOAD_FACTORS`
     fit: SliderFit = field(init=False)  # The committed rig's, first seed
     transparency: Transparency = field(init=False)  # The paper's laws with virtual people, on the committed rig
-    scored: Scored | None = field(init=False, default=None)  # The experiment predicted ...
-    screened: Sensitivity | None = field(init=False, default=None)  # ... and what decides
-    chapter: ArmChapter | None = field(init=False, default=None)  # Of four joints
+    scored: Scored | None = field(init=False, default=None)  # Prediction of the experiment beside the paper
+    screened: Sensitivity | None = field(init=False, default=None)  # Sensitivity of that prediction to each factor
+    chapter: ArmChapter | None = field(init=False, default=None)  # Chapter on four joints
 
     def figures(self, tell: Progress) -> Iterator[Reproduced]:
-        """Table I and Fig. 3, then what print allows, then Tables III to V and the toolkit's own laws."""
+        """Yield Table I and Fig. 3, then all that follows from print alone, then Tables III to V and other laws."""
         self.rig = rig = able_elbow()
         drawn = drawn_rigs(rig, self.rigs)
         jobs = [(r, seed) for r in (rig, *drawn) for seed in self.seeds]
-        stronger = [(_with_load(rig, factor), self.seeds[0]) for factor in LOAD_FACTORS]
+        stronger = [(_with_load(rig, factor), self.seeds[0]) for factor in LOAD_FRICTION_FACTORS]
         found = compare_many(
             [*jobs, *stronger],
             self.workers,
@@ -100,7 +99,7 @@ class AblePaper(Paper):
         yield from factor_rows(self.by_factor, self.printed)
         yield from recomputed_rows(self.printed)
         yield from statistics_rows(self.printed)
-        people, cards = self.people or elbow_participants(rig), identified_cards(rig)
+        people, cards = self.people or elbow_participants(rig), identify_cards(rig)
         self.transparency = compare_laws(
             people, cards, seeds=self.studies, threads=self.workers or os.cpu_count() or 1,
             on_progress=lambda text, share: tell(text, 0.42 + 0.36 * share),
@@ -123,8 +122,8 @@ class AblePaper(Paper):
             rigs, self.printed, people=drawn.people, robots=drawn.robots, movements=drawn.movements,
             workers=self.workers, on_progress=lambda text, share: tell(text, 0.78 + 0.04 * share),
         )  # fmt: skip
-        if installed():
-            self.screened = screen(
+        if is_salib_installed():
+            self.screened = screen_factors(
                 rigs[0], trajectories=drawn.trajectories, movements=drawn.movements, workers=self.workers,
                 on_progress=lambda text, share: tell(text, 0.82 + 0.03 * share),
             )  # fmt: skip
@@ -133,7 +132,7 @@ class AblePaper(Paper):
     def headline(self, figures: Figures) -> str:
         """What dissociation and one coherent body gain, and what laws do to people."""
         ratio, load = figures["able.table1.ratio"], figures["able.load.ratio"]
-        said = ", ".join(
+        changes_text = ", ".join(
             f"{law} {figures.ours(f'transparency.duration_median.{law.lower()}'):+.0f} % in the median "
             f"({figures.ours(f'transparency.unsettled.{law.lower()}'):.0f} % never settled; "
             f"the paper {figures[f'transparency.duration_median.{law.lower()}'].published:+.0f} % in the mean)"
@@ -146,7 +145,7 @@ class AblePaper(Paper):
             f"seeds) on trials never fitted; the paper found {ratio.published:g} on its own robot. One coherent body "
             f"with friction that follows the load errs by {100.0 * abs(1.0 / load.ours - 1.0):.1f} % "
             f"{'more' if load.ours < 1.0 else 'less'} with 10 parameters instead of 16, and its gravity and inertia "
-            f"are the rig's own. Virtual people's movements last longer under the paper's laws: {said}. Of the "
+            f"are the rig's own. Virtual people's movements last longer under the paper's laws: {changes_text}. Of the "
             f"interaction torque under FC, the toolkit's own law leaves {best:.2f} with dither of the motor against "
             f"sticking, and {sensed:.2f} with a force sensor, on robots that it was not chosen on."
         )
@@ -167,32 +166,32 @@ class AblePaper(Paper):
         )  # fmt: skip
 
     def sections(self, figures: Figures) -> tuple[Section, ...]:
-        """The identification, then the laws, then four joints."""
+        """Return the sections on the identification, then on the laws, then on four joints."""
         first = identification_sections(self.rig, self.comparisons, self.by_factor, self.fit, figures)
         arm = () if self.chapter is None else arm_sections(self.chapter)
-        said = () if self.scored is None else predicted_sections(self.scored, self.screened, figures)
-        return (*first, *transparency_sections(self.transparency, figures), *said, *arm)
+        predicted = () if self.scored is None else predicted_sections(self.scored, self.screened, figures)
+        return (*first, *transparency_sections(self.transparency, figures), *predicted, *arm)
 
     def closing(self, figures: Figures) -> tuple[Section, ...]:
-        """With where Table II is, and what the methods are."""
+        """Return the last sections, with a sentence on Table II's file and a table of the methods."""
         recomputed, every = super().closing(figures)
-        said = "Table II ships beside this page as table2-as-published.json; its numbers contradict each other."
+        table2_text = "Table II ships beside this page as table2-as-published.json; its numbers contradict each other."
         methods = Table(("Method", "What it is"), tuple(Row((k, v)) for k, v in SLIDER_METHODS.items()))
-        return replace(recomputed, paragraphs=(said,)), replace(every, tables=(methods, *every.tables))
+        return replace(recomputed, paragraphs=(table2_text,)), replace(every, tables=(methods, *every.tables))
 
     def footer(self) -> str:
-        """How much was drawn."""
+        """Return the numbers of rigs and seeds, and the filter."""
         return f"{self.rigs + 1} rigs, {len(self.seeds)} seeds each; {self.fit.filter_note}."
 
     def write_more(self, out: Path) -> None:
-        """Table II as a card."""
+        """Write Table II as a card."""
         write_published_card(out / "table2-as-published.json", published_elbow())
 
 
 def _all_laws(people: PointingRig, cards: Cards, exponents: tuple[float, float]) -> dict[str, ControlLaw]:
     one = draw_people(people, np.random.default_rng(0), count=1)[0]
     place = one.slider(people)
-    return {name: condition_of(cards, name, exponents=exponents)(one, place) for name in ELBOW_CONTROLLERS}
+    return {name: controller_builder(cards, name, exponents=exponents)(one, place) for name in ELBOW_CONTROLLERS}
 
 
 def _with_load(rig: ElbowRig, factor: float) -> ElbowRig:

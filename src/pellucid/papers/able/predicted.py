@@ -1,7 +1,7 @@
-"""The paper's experiment predicted: drawn studies on drawn robots, effects with intervals beside what is printed.
+"""Predict the paper's experiment: drawn studies on drawn robots, effects with intervals beside the printed ones.
 
-Scored are nine effects: changes of duration and of peak velocity under three laws, and EMG/Acc, of which the paper
-prints no size, only what settles every person's order: its rank sums.
+Nine effects are scored, under three laws: the changes of duration and of peak velocity, and the rank sum of EMG/Acc.
+Of EMG/Acc the paper prints no size; its tests determine the rank sums.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from scipy.stats import rankdata
 
 from ...assessment.friedman import nemenyi_from_rank_sums
 from ...lab.elbow.rig import ElbowRig
-from ...lab.pointing.prediction import INDICES, SHARE, DrawnStudies, Prediction, predict_effects
+from ...lab.pointing.prediction import INDICES, STUDY_INTERVAL_SHARE, DrawnStudies, Prediction, predict_effects
 from ...lab.pointing.rig import PointingRig, elbow_people
 from ...lab.pointing.sensitivity import Sensitivity
 from ..figure import Reproduced, figure
@@ -26,89 +26,100 @@ from .statistics import RANK_SUMS
 from .transparency import LAWS
 from .transparency_rows import printed_change
 
-PRINTED = {"duration": "duration", "vmax": "velocity"}
-"""Which printed table has an index."""
+PRINTED_TABLE_OF_INDEX = {"duration": "duration", "vmax": "velocity"}
+"""The paper's table of each scored index."""
 
-EMG_ORDER = "emg_order"
-"""Rank sum of a law's EMG/Acc over a study's people: printed are statistics that leave one set of them."""
+EMG_RANK_SUM = "emg_order"
+"""Name of the third scored effect: the rank sum of a law's EMG/Acc over a study's people.
 
-SCORED = (*PRINTED, EMG_ORDER)
+The paper prints test statistics; only one set of rank sums agrees with them (`statistics.RANK_SUMS`).
+"""
 
-WORDS = {
+SCORED_EFFECTS = (*PRINTED_TABLE_OF_INDEX, EMG_RANK_SUM)
+"""Names of the effects that are scored, each under three laws."""
+
+EFFECT_WORDS = {
     "duration": "Duration",
     "duration_median": "Median duration",
     "vmax": "Peak velocity",
     "emg_per_acc": "EMG/Acc",
     "antagonists": "Antagonists' EMG",
     "unsettled": "Movements that never settle",
-    EMG_ORDER: "Rank sum of EMG/Acc",
+    EMG_RANK_SUM: "Rank sum of EMG/Acc",
 }
+"""Words for every predicted effect."""
 
-NO_CHANGE = {"duration": 0.0, "vmax": 0.0, EMG_ORDER: 12.0}
-"""The simplest rival: no law changes anything, and ranks are as chance has them."""
+NO_CHANGE_PREDICTION = {"duration": 0.0, "vmax": 0.0, EMG_RANK_SUM: 12.0}
+"""The baseline prediction: no law changes anything, and every rank sum is the mean of its values [%, %, 1]."""
 
 _row = partial(figure, "able.predicted")
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """How much is drawn to predict the experiment."""
+    """Size of the prediction of the experiment."""
 
     robots: int = 8
     people: int = 8
-    movements: int = 20  # Of a person in a condition; the paper's made 100
-    trajectories: int = 4  # To see what decides
-    rigs: Sequence[PointingRig] = ()  # Whose people; `models_of_people` if there is none
+    movements: int = 20  # Number of movements of a person in a condition; the paper's people made 100
+    trajectories: int = 4  # Number of Morris trajectories that screen the factors
+    rigs: Sequence[PointingRig] = ()  # Rigs whose people are drawn; `models_of_people` if empty
 
 
 @dataclass(frozen=True)
 class Effect:
-    """One effect as predicted, beside what the paper found."""
+    """One effect as predicted, beside the paper's.
+
+    Values are changes from control [%]; those of `EMG_RANK_SUM` are rank sums [1].
+    """
 
     index: str
     law: str
-    low: float  # low, middle, high: Of the middle 80 % of drawn studies [%], of EMG/Acc [1]
-    middle: float
-    high: float
-    printed: float
+    low: float  # Lower end of the middle 80 % of drawn studies
+    middle: float  # Median of drawn studies
+    high: float  # Upper end of the middle 80 % of drawn studies
+    printed: float  # The paper's value
 
     @property
     def inside(self) -> bool:
-        """Whether the interval holds what the paper found."""
+        """Whether the interval contains the paper's value."""
         return bool(self.low <= self.printed <= self.high)
 
     @property
     def interval_score(self) -> float:
-        """Width, and ten times what the printed value lies outside: Gneiting and Raftery's, small is good."""
+        """Gneiting and Raftery's interval score: the width, and ten times the printed value's distance outside.
+
+        Small is good.
+        """
         beyond = max(self.low - self.printed, self.printed - self.high, 0.0)
-        return self.high - self.low + 2.0 / (1.0 - SHARE) * beyond
+        return self.high - self.low + 2.0 / (1.0 - STUDY_INTERVAL_SHARE) * beyond
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that the paper found, and how often it is predicted."""
+    """A qualitative finding of the paper, and how often the prediction has it."""
 
     name: str
     words: str
-    pairs: float  # Share of pairs of a person and a robot; NaN where it takes several people
-    studies: float  # Share of drawn studies
+    pairs: float  # Share of pairs of a person and a robot that show it; NaN if the finding needs several people
+    studies: float  # Share of drawn studies that show it
 
 
 def models_of_people(robot: ElbowRig | None = None) -> tuple[PointingRig, ...]:
-    """The lab's people by each model of them, wearing a robot like one."""
+    """Return the lab's people, once for each model of how they control their arm, wearing `robot` or one like it."""
     people = elbow_people(robot)
     return people, people.modelled("optimal")
 
 
 def printed_exponents(paper: PrintedPaper) -> tuple[float, float]:
-    """k of equation 8 as the paper's people chose it, upwards and downwards."""
-    return tuple(paper[f"inertia_exponent_{way}"] for way in ("up", "down"))
+    """Return k of equation 8 as the paper's people chose it, upwards and downwards."""
+    return tuple(paper[f"inertia_exponent_{direction}"] for direction in ("up", "down"))
 
 
 def friction_drawn(rig: PointingRig, paper: PrintedPaper) -> tuple[float, float]:
-    """Between what shares of the rig's own friction robots are drawn: from what is printed to itself."""
+    """Return the range of Coulomb friction in which robots are drawn, over the rig's: from the printed value to 1."""
     table, transmission = paper.tables["elbow"], rig.robot["transmission"]
-    printed = np.mean([table[way]["coulomb"].value for way in ("up", "down")])
+    printed = np.mean([table[direction]["coulomb"].value for direction in ("up", "down")])
     own = (
         np.mean([transmission[f"coulomb_{way}"] for way in ("positive", "negative")]) + rig.robot["bearing"]["coulomb"]
     )
@@ -127,8 +138,10 @@ def predict_paper(
     executor: Executor | None = None,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> Scored:
-    """The experiment of the paper with people of `rigs`, on robots from its friction to the rig's; on half of them five
-    people choose k, on the others it is as printed."""
+    """Predict the paper's experiment with people of `rigs`, on robots with friction between the paper's and the rig's.
+
+    On half of the robots five people choose k of equation 8; on the others it is as printed.
+    """
     made = predict_effects(
         rigs, people=people, robots=robots, movements=movements, friction=friction_drawn(rigs[0], paper), seed=seed,
         exponents=(None, printed_exponents(paper)), workers=workers, executor=executor, on_progress=on_progress,
@@ -146,17 +159,19 @@ class Scored:
 
     @cached_property
     def effects(self) -> tuple[Effect, ...]:
-        """The nine that are scored, by index and law."""
+        """The nine scored effects, by index and law."""
         found = [
             Effect(index, law, *self.studies.interval(index, law), printed_change(self.paper.tables[table], law))
-            for index, table in PRINTED.items()
+            for index, table in PRINTED_TABLE_OF_INDEX.items()
             for law in LAWS
         ]
         sums = rank_sums(self.studies)
         for i, law in enumerate(LAWS):
-            low, middle, high = np.nanquantile(sums[:, i], [0.5 - 0.5 * SHARE, 0.5, 0.5 + 0.5 * SHARE])
+            low, middle, high = np.nanquantile(
+                sums[:, i], [0.5 - 0.5 * STUDY_INTERVAL_SHARE, 0.5, 0.5 + 0.5 * STUDY_INTERVAL_SHARE]
+            )
             printed = float(RANK_SUMS["emg_acc"][law.lower()])
-            found.append(Effect(EMG_ORDER, law, float(low), float(middle), float(high), printed))
+            found.append(Effect(EMG_RANK_SUM, law, float(low), float(middle), float(high), printed))
         return tuple(found)
 
     @property
@@ -167,24 +182,26 @@ class Scored:
     @property
     def order(self) -> float:
         """Share of the nine orders of two laws, three of each index, that medians over studies predict."""
-        return float(np.mean([same for index in SCORED for same in _orders(self._of(index))]))
+        return float(np.mean([same for index in SCORED_EFFECTS for same in _order_matches(self._of(index))]))
 
     @property
     def whole_orders(self) -> tuple[str, ...]:
         """Indices whose three laws are all in the paper's order."""
-        return tuple(index for index in SCORED if all(_orders(self._of(index))))
+        return tuple(index for index in SCORED_EFFECTS if all(_order_matches(self._of(index))))
 
     def interval_score(self, *, no_change: bool = False) -> float:
-        """Mean over the changes of duration and peak velocity [%]; of the rival that says no change, with certainty, if
-        asked."""
-        found = [e for e in self.effects if e.index in PRINTED]
+        """Return the mean interval score of the changes of duration and peak velocity [%].
+
+        With `no_change` it is that of the baseline which predicts no change with certainty.
+        """
+        found = [e for e in self.effects if e.index in PRINTED_TABLE_OF_INDEX]
         if no_change:
             found = [Effect(e.index, e.law, 0.0, 0.0, 0.0, e.printed) for e in found]
         return float(np.mean([e.interval_score for e in found]))
 
     @cached_property
     def of_models(self) -> dict[str, Scored]:
-        """What people of each model predict alone, where there are several."""
+        """The prediction by people of each model alone, if there are several models."""
         p = self.prediction
         if len(p.models) < 2:
             return {}
@@ -194,93 +211,108 @@ class Scored:
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
-        """What the paper found, by how many pairs and studies it is predicted."""
-        of_pairs = {i: np.array([self.prediction.pairs(i, law) for law in LAWS]) for i in INDICES}
-        of_studies = {i: np.array([self.studies.effect(i, law) for law in LAWS]) for i in INDICES}
-        made = [
-            Finding(name, words, float(np.mean(holds(of_pairs))), float(np.mean(holds(of_studies))))
-            for name, (words, holds) in FINDINGS.items()
+        """The paper's findings, each with the share of pairs and of studies that show it."""
+        pair_changes = {i: np.array([self.prediction.pairs(i, law) for law in LAWS]) for i in INDICES}
+        study_changes = {i: np.array([self.studies.effect(i, law) for law in LAWS]) for i in INDICES}
+        findings = [
+            Finding(name, words, float(np.mean(holds(pair_changes))), float(np.mean(holds(study_changes))))
+            for name, (words, holds) in PRINTED_FINDINGS.items()
         ]
-        tested = float(np.mean(_slower_as_tested(self.studies)))
+        tested = float(np.mean(_longer_by_published_tests(self.studies)))
         words = "By the paper's tests PCFr and CLPC last longer than control, FC does not"
-        return (*made, Finding("duration_as_tested", words, float("nan"), tested))
+        return (*findings, Finding("duration_as_tested", words, float("nan"), tested))
 
     def _of(self, index: str) -> list[Effect]:
         return [e for e in self.effects if e.index == index]
 
 
-FC, PCFR, CLPC = range(3)
+FC_ROW = 0
+"""First row of an array of changes by law: full compensation."""
 
-FINDINGS: Mapping[str, tuple[str, Callable[[Mapping[str, np.ndarray]], np.ndarray]]] = {
-    "pcfr_longer": ("Movements last longer under PCFr", lambda x: x["duration"][PCFR] > 0.0),
-    "clpc_longer": ("Movements last longer under CLPC", lambda x: x["duration"][CLPC] > 0.0),
-    "fc_longer_least": ("FC lengthens movements least", lambda x: np.argmin(x["duration"], axis=0) == FC),
+PCFR_ROW = 1
+"""Second row: the paper's PCFr, which compensates gravity and an inertia term."""
+
+CLPC_ROW = 2
+"""Third row: the paper's CLPC, position control with a few compensations."""
+
+PRINTED_FINDINGS: Mapping[str, tuple[str, Callable[[Mapping[str, np.ndarray]], np.ndarray]]] = {
+    "pcfr_longer": ("Movements last longer under PCFr", lambda x: x["duration"][PCFR_ROW] > 0.0),
+    "clpc_longer": ("Movements last longer under CLPC", lambda x: x["duration"][CLPC_ROW] > 0.0),
+    "fc_longer_least": ("FC lengthens movements least", lambda x: np.argmin(x["duration"], axis=0) == FC_ROW),
     "fc_longer_least_median": (
-        "FC lengthens the median movement least", lambda x: np.argmin(x["duration_median"], axis=0) == FC,
+        "FC lengthens the median movement least", lambda x: np.argmin(x["duration_median"], axis=0) == FC_ROW,
     ),
-    "pcfr_slower": ("Peak velocity is lower under PCFr", lambda x: x["vmax"][PCFR] < 0.0),
-    "clpc_slower": ("Peak velocity is lower under CLPC", lambda x: x["vmax"][CLPC] < 0.0),
-    "fc_slower_least": ("FC lowers peak velocity least", lambda x: np.argmax(x["vmax"], axis=0) == FC),
-    "duration_order": ("Duration: FC < CLPC < PCFr", lambda x: _rising(x["duration"], (FC, CLPC, PCFR))),
-    "velocity_order": ("Peak velocity: FC > PCFr > CLPC", lambda x: _rising(-x["vmax"], (FC, PCFR, CLPC))),
-    "emg_order": ("EMG/Acc: FC < PCFr < CLPC", lambda x: _rising(x["emg_per_acc"], (FC, PCFR, CLPC))),
+    "pcfr_slower": ("Peak velocity is lower under PCFr", lambda x: x["vmax"][PCFR_ROW] < 0.0),
+    "clpc_slower": ("Peak velocity is lower under CLPC", lambda x: x["vmax"][CLPC_ROW] < 0.0),
+    "fc_slower_least": ("FC lowers peak velocity least", lambda x: np.argmax(x["vmax"], axis=0) == FC_ROW),
+    "duration_order": (
+        "Duration: FC < CLPC < PCFr", lambda x: _is_rising(x["duration"], (FC_ROW, CLPC_ROW, PCFR_ROW)),
+    ),
+    "velocity_order": (
+        "Peak velocity: FC > PCFr > CLPC", lambda x: _is_rising(-x["vmax"], (FC_ROW, PCFR_ROW, CLPC_ROW)),
+    ),
+    "emg_order": (
+        "EMG/Acc: FC < PCFr < CLPC", lambda x: _is_rising(x["emg_per_acc"], (FC_ROW, PCFR_ROW, CLPC_ROW)),
+    ),
 }  # fmt: skip
-"""Of changes by index, laws first: whether each shows what the paper found."""
+"""Qualitative findings of the paper: words, and a test of changes by index, each with laws along its first axis."""
 
 
-def _rising(changes: np.ndarray, laws: tuple[int, ...]) -> np.ndarray:
+def _is_rising(changes: np.ndarray, laws: tuple[int, ...]) -> np.ndarray:
+    """Return whether changes grow from law to law, in the order of `laws`."""
     return np.all(np.diff(changes[list(laws)], axis=0) > 0.0, axis=0)
 
 
-def _orders(effects: Sequence[Effect]) -> list[bool]:
-    """Whether each two laws are in the paper's order."""
+def _order_matches(effects: Sequence[Effect]) -> list[bool]:
+    """Return for each pair of laws whether the predicted order is the paper's."""
     return [np.sign(a.middle - b.middle) == np.sign(a.printed - b.printed) for a, b in combinations(effects, 2)]
 
 
 def rank_sums(studies: DrawnStudies) -> np.ndarray:
-    """Of each law's EMG/Acc among the laws, over the people of each drawn study, shape (n, laws)."""
+    """Return each law's rank sum of EMG/Acc, over the people of each drawn study, shape (n, laws)."""
     i = INDICES.index("emg_per_acc")
     return rankdata(studies.worn[:, :, :, i] / studies.control[:, None, :, i], axis=1).sum(axis=2)
 
 
-def _slower_as_tested(studies: DrawnStudies) -> np.ndarray:
-    """Whether Nemenyi's test tells PCFr's and CLPC's durations from control, longer, and FC's not, shape (n,)."""
+def _longer_by_published_tests(studies: DrawnStudies) -> np.ndarray:
+    """Return the studies in which Nemenyi's test finds PCFr and CLPC longer than control, and FC not, shape (n,)."""
     i = INDICES.index("duration")
     of_all = np.concatenate([studies.control[:, None, :, i], studies.worn[:, :, :, i]], axis=1)
     sums = rankdata(of_all, axis=1).sum(axis=2)
     people, k = of_all.shape[2], of_all.shape[1]
-    # p hangs on the difference alone: the least that is significant, once.
+    # Nemenyi's p depends on the difference of rank sums alone, so the smallest significant one is found once.
     centre = people * (k + 1) / 2.0
     needed = next(
         d for d in np.arange(0.0, people * (k - 1) + 1.0, 0.5)
         if nemenyi_from_rank_sums((centre - d / 2, centre + d / 2, *[centre] * (k - 2)), people)[0, 1] < 0.05
     )  # fmt: skip
     longer = sums[:, 1:] - sums[:, :1] >= needed
-    return longer[:, PCFR] & longer[:, CLPC] & (np.abs(sums[:, 1 + FC] - sums[:, 0]) < needed)
+    return longer[:, PCFR_ROW] & longer[:, CLPC_ROW] & (np.abs(sums[:, 1 + FC_ROW] - sums[:, 0]) < needed)
 
 
 def predicted_rows(made: Scored, screened: Sensitivity | None) -> list[Reproduced]:
-    """Every predicted effect and finding, and what decides."""
+    """Return rows of every predicted effect and finding, and of the factors' sensitivities."""
     p, rows = made.prediction, []
     drawn = (
         f"{len(p.worn)} robots x {p.people} people of {' and '.join(p.models)}, {p.repetitions} movements in each "
         "condition"
     )
     for e in made.effects:
-        unit = "1" if e.index == EMG_ORDER else "%"
-        what = f"{WORDS[e.index]} under {e.law}" + (", change from control" if unit == "%" else "")
-        note = f"median and middle {100.0 * SHARE:.0f} % of drawn studies; {drawn}"
+        unit = "1" if e.index == EMG_RANK_SUM else "%"
+        what = f"{EFFECT_WORDS[e.index]} under {e.law}" + (", change from control" if unit == "%" else "")
+        note = f"median and middle {100.0 * STUDY_INTERVAL_SHARE:.0f} % of drawn studies; {drawn}"
         name = f"{e.index}.{e.law.lower()}"
         rows.append(_row(name, what, unit, e.middle, e.printed, note, between=(e.low, e.high)))
     for index in ("duration_median", "emg_per_acc", "antagonists", "unsettled"):
         for law in LAWS:
             low, middle, high = made.studies.interval(index, law)
-            what = f"{WORDS[index]} under {law}" + ("" if index == "unsettled" else ", change from control")
+            what = f"{EFFECT_WORDS[index]} under {law}" + ("" if index == "unsettled" else ", change from control")
             note = "the paper prints none"
             rows.append(_row(f"{index}.{law.lower()}", what, "%", middle, None, note, between=(low, high)))
-    whole = ", ".join(WORDS[index].lower() for index in made.whole_orders) or "none"
+    whole = ", ".join(EFFECT_WORDS[index].lower() for index in made.whole_orders) or "none"
     rows += [
-        _row("inside", f"Effects of nine inside their {100.0 * SHARE:.0f} % intervals", "1", made.inside, None, drawn),
+        _row("inside", f"Effects of nine inside their {100.0 * STUDY_INTERVAL_SHARE:.0f} % intervals", "1", made.inside,
+             None, drawn),
         _row("order", "Orders of two laws, of nine, as predicted", "1", made.order, None,
              f"one half by chance; of all three laws: {whole}"),
         _row("interval_score", "Interval score of duration and peak velocity", "%", made.interval_score(), None,
@@ -289,11 +321,11 @@ def predicted_rows(made: Scored, screened: Sensitivity | None) -> list[Reproduce
              made.interval_score(no_change=True), None, "the simplest rival"),
     ]  # fmt: skip
     for name, one in made.of_models.items():
-        said = f"people of {name} alone"
+        people_words = f"people of {name} alone"
         rows += [
-            _row(f"inside.{name}", f"Effects of nine inside: {said}", "1", one.inside),
-            _row(f"order.{name}", f"Orders as predicted: {said}", "1", one.order),
-            _row(f"interval_score.{name}", f"Interval score: {said}", "%", one.interval_score()),
+            _row(f"inside.{name}", f"Effects of nine inside: {people_words}", "1", one.inside),
+            _row(f"order.{name}", f"Orders as predicted: {people_words}", "1", one.order),
+            _row(f"interval_score.{name}", f"Interval score: {people_words}", "%", one.interval_score()),
         ]
     for f in made.findings:
         if np.isfinite(f.pairs):
@@ -302,7 +334,7 @@ def predicted_rows(made: Scored, screened: Sensitivity | None) -> list[Reproduce
         rows.append(_row(f"studies.{f.name}", f"{f.words}: studies", "%", 100.0 * f.studies, None, "of six people"))
     if screened is not None:
         for law in screened.laws:
-            for factor, value in screened.of(law, "duration_median").items():
+            for factor, value in screened.strengths_of(law, "duration_median").items():
                 name = f"decides.{law.lower()}.{factor.replace(' ', '_')}"
                 note = "mean elementary effect, 100 ln(worn over control), Morris's method"
                 rows.append(

@@ -12,25 +12,28 @@ from scipy.stats import gaussian_kde
 
 from ...drawing.drawing import Drawing
 from ...drawing.style import FIGURE_WIDTH, colour
-from ...lab.pointing.sensitivity import CHANCE, Sensitivity
-from .transparency_figures import TICKS, name_marks, some_ticks
+from ...lab.pointing.sensitivity import CHANCE_FACTOR, Sensitivity
+from .transparency_figures import RATIO_TICKS, name_marks, some_ticks
 
-FINE = 240  # places at which a density is drawn
+DENSITY_POINTS = 240
+"""Number of points of a drawn density."""
 
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """What drawn studies find of one effect."""
+    """Distribution of one effect over drawn studies."""
 
-    name: str  # The law
-    drawn: np.ndarray  # (n,) Times control [1], or a rank sum
+    name: str  # Name of the law
+    drawn: np.ndarray  # (n,) Ratio to control, or rank sum, of each study [1]
     interval: tuple[float, float, float]  # Lower end, median, upper end
     printed: float | None = None
 
 
 def spread_figure(panels: Mapping[str, Sequence[Spread]], ranks: str, caption: str) -> Drawing:
-    """A panel for each index, a row for each law: its distribution, its interval, the paper's value; `ranks` names the
-    panel of rank sums."""
+    """Draw a panel for each index and in it a row for each law: distribution, interval and the paper's value.
+
+    `ranks` is the title of the panel of rank sums; the others are ratios on a logarithmic axis.
+    """
     figure = Figure(figsize=(FIGURE_WIDTH, 3.7), layout="constrained")
     axes = figure.subplots(1, len(panels))
     for i, (axis, (title, rows)) in enumerate(zip(axes, panels.items(), strict=True)):
@@ -54,7 +57,7 @@ def spread_figure(panels: Mapping[str, Sequence[Spread]], ranks: str, caption: s
                           markeredgewidth=0.0, zorder=6)  # fmt: skip
         axis.set_xlim(low, high)
         if log:
-            axis.xaxis.set_major_locator(FixedLocator(some_ticks([t for t in TICKS if low <= t <= high])))
+            axis.xaxis.set_major_locator(FixedLocator(some_ticks([t for t in RATIO_TICKS if low <= t <= high])))
             axis.xaxis.set_minor_locator(NullLocator())
             axis.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
         axis.set_yticks(range(len(rows)), [row.name for row in rows] if i == 0 else [""] * len(rows))
@@ -77,7 +80,7 @@ def _density(axis, row: Spread, place: int, span: tuple[float, float], log: bool
     scale = np.log(drawn)
     if np.ptp(scale) < 1e-9:
         return
-    at = np.linspace(*np.log(span), FINE)
+    at = np.linspace(*np.log(span), DENSITY_POINTS)
     hill = gaussian_kde(scale)(at)
     x = np.exp(at)
     axis.fill_between(
@@ -90,8 +93,8 @@ def deciding_figure(screened: Sensitivity, titles: Mapping[str, str], caption: s
     figure = Figure(figsize=(FIGURE_WIDTH, 1.0 + 0.42 * len(screened.factors)), layout="constrained")
     axes = figure.subplots(1, len(titles))
     tones = dict(zip(screened.laws, ("fitted", "heldout", "directional"), strict=False))
-    shown = [i for i, f in enumerate(screened.factors) if f.name != CHANCE]
-    chance = next(i for i, f in enumerate(screened.factors) if f.name == CHANCE)
+    shown = [i for i, f in enumerate(screened.factors) if f.name != CHANCE_FACTOR]
+    chance = next(i for i, f in enumerate(screened.factors) if f.name == CHANCE_FACTOR)
     first = screened.indices.index(next(iter(titles)))
     order = sorted(shown, key=lambda i: -screened.strength[:, first, i].max())
     height = 0.8 / len(screened.laws)

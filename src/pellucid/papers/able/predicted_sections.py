@@ -1,4 +1,4 @@
-"""The chapter of the reproduction's page on what the paper's experiment was predicted to find, and what decides."""
+"""The page's chapter on the prediction of the paper's experiment, and on the factors that decide it."""
 
 from __future__ import annotations
 
@@ -8,20 +8,21 @@ import numpy as np
 
 from ..._errors import install_command
 from ...drawing.drawing import draw
-from ...lab.pointing.prediction import SHARE
-from ...lab.pointing.sensitivity import CHANCE, Sensitivity
+from ...lab.pointing.prediction import STUDY_INTERVAL_SHARE
+from ...lab.pointing.sensitivity import CHANCE_FACTOR, Sensitivity
 from ...pages.page import Section
 from ...pages.quantities import MINUS_SIGN
 from ...pages.tables import Row, Table, number_table
 from ..figure import Reproduced
-from .predicted import EMG_ORDER, WORDS, Scored, rank_sums
+from .predicted import EFFECT_WORDS, EMG_RANK_SUM, Scored, rank_sums
 from .predicted_figures import Spread, deciding_figure, spread_figure
 from .transparency import LAWS
 
-BESIDE = ("duration_median", "emg_per_acc", "antagonists")
-"""Changes that the paper prints no number of."""
+UNPRINTED_INDICES = ("duration_median", "emg_per_acc", "antagonists")
+"""Indices whose changes are predicted although the paper prints no number for them."""
 
-DECIDED = {"duration_median": "Median duration", "vmax": "Peak velocity", "emg_per_acc": "EMG/Acc"}
+SCREENED_INDICES = {"duration_median": "Median duration", "vmax": "Peak velocity", "emg_per_acc": "EMG/Acc"}
+"""Indices whose sensitivity to every factor is drawn, with their titles."""
 
 
 def predicted_sections(
@@ -33,7 +34,7 @@ def predicted_sections(
 
 
 def _predicted(made: Scored, rows: Mapping[str, Reproduced], screened: Sensitivity | None) -> Section:
-    p, share = made.prediction, f"{100.0 * SHARE:.0f} %"
+    p, share = made.prediction, f"{100.0 * STUDY_INTERVAL_SHARE:.0f} %"
     count = len(made.effects)
     inside = sum(e.inside for e in made.effects)
     orders = round(count * made.order)
@@ -53,19 +54,19 @@ def _predicted(made: Scored, rows: Mapping[str, Reproduced], screened: Sensitivi
     scored = [
         Row(
             (
-                WORDS[e.index] + ("" if e.index == EMG_ORDER else " (%)"), e.law, _number(e.printed, e.index),
+                EFFECT_WORDS[e.index] + ("" if e.index == EMG_RANK_SUM else " (%)"), e.law, _number(e.printed, e.index),
                 _number(e.middle, e.index), f"{_number(e.low, e.index)} to {_number(e.high, e.index)}",
                 _number(e.high - e.low, e.index).lstrip("+"), "inside" if e.inside else "outside",
             )
         )
         for e in made.effects
     ]  # fmt: skip
-    for index in BESIDE:
+    for index in UNPRINTED_INDICES:
         for law in LAWS:
             row = rows[f"able.predicted.{index}.{law.lower()}"]
             between = f"{_number(row.lower)} to {_number(row.upper)}"
             width = _number(row.upper - row.lower).lstrip("+")
-            scored.append(Row((f"{WORDS[index]} (%)", law, "–", _number(row.ours), between, width, "")))
+            scored.append(Row((f"{EFFECT_WORDS[index]} (%)", law, "–", _number(row.ours), between, width, "")))
     effects = number_table(
         ("Effect", "Law", "Paper", "Predicted", f"{share} of studies", "Width", ""), scored, words=2,
         caption="Changes from control, medians over drawn studies; rank sums are over six people and three laws",
@@ -86,7 +87,7 @@ def _predicted(made: Scored, rows: Mapping[str, Reproduced], screened: Sensitivi
         "predicted", "What would the experiment find?", paragraphs, (effects, found), folded=folded,
         drawings=(
             draw(
-                spread_figure, _panels(made), WORDS[EMG_ORDER],
+                spread_figure, _panels(made), EFFECT_WORDS[EMG_RANK_SUM],
                 "What drawn studies find (hills), their middle 80 % and median, and what the paper found.",
             ),
         ),
@@ -100,7 +101,7 @@ def _predicted(made: Scored, rows: Mapping[str, Reproduced], screened: Sensitivi
 def _alone(made: Scored) -> Table:
     """What people of one model predict."""
     rows = [
-        (WORDS[e.index], e.law, _number(e.printed, e.index), _number(e.middle, e.index),
+        (EFFECT_WORDS[e.index], e.law, _number(e.printed, e.index), _number(e.middle, e.index),
          f"{_number(e.low, e.index)} to {_number(e.high, e.index)}", "inside" if e.inside else "outside")
         for e in made.effects
     ]  # fmt: skip
@@ -111,24 +112,24 @@ def _panels(made: Scored) -> dict[str, list[Spread]]:
     found: dict[str, list[Spread]] = {}
     sums = rank_sums(made.studies)
     for e in made.effects:
-        if e.index == EMG_ORDER:
+        if e.index == EMG_RANK_SUM:
             one = Spread(e.law, sums[:, LAWS.index(e.law)], (e.low, e.middle, e.high), e.printed)
         else:
             drawn = 1.0 + made.studies.effect(e.index, e.law) / 100.0
             low, middle, high, printed = (1.0 + x / 100.0 for x in (e.low, e.middle, e.high, e.printed))
             one = Spread(e.law, drawn, (low, middle, high), printed)
-        found.setdefault(WORDS[e.index], []).append(one)
+        found.setdefault(EFFECT_WORDS[e.index], []).append(one)
     return found
 
 
 def _deciding(screened: Sensitivity) -> Section:
-    said, laws = [], range(len(screened.laws))
+    law_texts, laws = [], range(len(screened.laws))
     for law in screened.laws:
-        found = screened.of(law, "duration_median")
-        above = [f"{name} ({value:.0f})" for name, value in found.items() if value > found[CHANCE]][:3]
-        said.append(f"{law}: {', '.join(above) or 'nothing'} against {found[CHANCE]:.0f} of chance")
+        found = screened.strengths_of(law, "duration_median")
+        above = [f"{name} ({value:.0f})" for name, value in found.items() if value > found[CHANCE_FACTOR]][:3]
+        law_texts.append(f"{law}: {', '.join(above) or 'nothing'} against {found[CHANCE_FACTOR]:.0f} of chance")
     folded = []
-    for j, title in enumerate(DECIDED.values()):
+    for j, title in enumerate(SCREENED_INDICES.values()):
         table = [
             Row((f.name, *(f"{screened.strength[i, j, k]:.1f} ± {screened.half_width[i, j, k]:.1f}" for i in laws)))
             for k, f in enumerate(screened.factors)
@@ -141,12 +142,12 @@ def _deciding(screened: Sensitivity) -> Section:
             "Each factor was moved over its range from random points of a grid, all others held (Morris's method, "
             f"{screened.runs} points): people's constants where 80 % of people lie, or from half to double where the "
             "rig's file has one value, the robot's friction from what the paper prints to the rig's, k from "
-            f"{MINUS_SIGN}2 to 1. What moved the median duration most, of 100 ln(times control): {'; '.join(said)}. "
-            "Chance is the seed of all noise; what does not exceed it shows nothing.",
+            f"{MINUS_SIGN}2 to 1. What moved the median duration most, of 100 ln(times control): "
+            f"{'; '.join(law_texts)}. Chance is the seed of all noise; what does not exceed it shows nothing.",
         ),
         drawings=(
             draw(
-                deciding_figure, screened, DECIDED,
+                deciding_figure, screened, SCREENED_INDICES,
                 "Mean size of elementary effects with their 95 % intervals; dotted, those of chance.",
             ),
         ),
@@ -155,7 +156,7 @@ def _deciding(screened: Sensitivity) -> Section:
 
 
 def _number(value: float, index: str = "") -> str:
-    if index == EMG_ORDER:
+    if index == EMG_RANK_SUM:
         return f"{value:.0f}"
     text = f"{value:+.1f}" if abs(value) < 100.0 else f"{value:+.0f}"
     return text.replace("-", MINUS_SIGN)

@@ -20,16 +20,17 @@ RANK_SUMS: Mapping[str, Mapping[str, int]] = MappingProxyType(
         "emg_acc": MappingProxyType({"fc": 6, "pcfr": 12, "clpc": 18}),
     }
 )
-"""By index and condition; `tests/published` shows that no others fit."""
+"""Rank sums by index and condition; a test in `tests/published` shows that no others agree with print."""
 
-WORDS = {"duration": "duration", "velocity": "largest velocity", "emg_acc": "EMG/Acc"}
+INDEX_WORDS = {"duration": "duration", "velocity": "largest velocity", "emg_acc": "EMG/Acc"}
+"""Words for the indices."""
 
-SLIPS = {
+PRINT_ERRORS = {
     "duration_p_fc_others": "A2: printed 0.37, a zero is missing; said to be the same difference as Ctrl's",
     "velocity_p": "A1: printed ten times too large",
     "emg_acc_p_fc_clpc": "cut off after the third decimal, not rounded",
 }
-"""Printed values that do not follow, and how they came about."""
+"""Printed values that do not follow from the rank sums, and their probable cause."""
 
 
 def statistics_rows(paper: PrintedPaper) -> tuple[Reproduced, ...]:
@@ -38,10 +39,10 @@ def statistics_rows(paper: PrintedPaper) -> tuple[Reproduced, ...]:
     rows = []
     for index, sums in RANK_SUMS.items():
         test = friedman_from_rank_sums(tuple(sums.values()), n, exact=True)
-        words = WORDS[index]
-        said = ", ".join(f"{condition} {r}" for condition, r in sums.items())
+        words = INDEX_WORDS[index]
+        sums_text = ", ".join(f"{condition} {r}" for condition, r in sums.items())
         rows.append(
-            _row(paper, f"{index}_chi2", f"Friedman's chi-squared, {words}", test.statistic, f"rank sums {said}")
+            _row(paper, f"{index}_chi2", f"Friedman's chi-squared, {words}", test.statistic, f"rank sums {sums_text}")
         )
         rows.append(_row(paper, f"{index}_p", f"Its p, {words}", test.p_value))
         rows.append(
@@ -69,4 +70,6 @@ def _row(paper: PrintedPaper, name: str, quantity: str, ours: float, note: str =
     value = paper.values[name]
     agrees = value.agrees(ours)
     verdict = "agrees" if agrees else "cannot be"
-    return figure("able.statistics", name, quantity, "1", ours, value, note if agrees else SLIPS[name], verdict=verdict)
+    return figure(
+        "able.statistics", name, quantity, "1", ours, value, note if agrees else PRINT_ERRORS[name], verdict=verdict
+    )

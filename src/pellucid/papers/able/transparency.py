@@ -16,12 +16,18 @@ import numpy as np
 from ..._errors import RecordingError
 from ...assessment.survival import Survival, survival
 from ...control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER
-from ...lab.pointing.conditions import Cards, chosen_exponents, condition_of, offered, published_laws
+from ...lab.pointing.conditions import (
+    Cards,
+    choose_exponents,
+    controller_builder,
+    offered_controller,
+    published_conditions,
+)
 from ...lab.pointing.movement_choice import preferred_duration
 from ...lab.pointing.people import Person, draw_people
 from ...lab.pointing.predicted_indices import change
 from ...lab.pointing.rig import PointingRig, PointingTrial
-from ...lab.pointing.session import CONTROL, Conditions
+from ...lab.pointing.session import CONTROL_CONDITION, Conditions
 from ...lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, session_indices
 from ...lab.study import record_in_memory
 from ...procedures.assessment.assess import assess_recordings
@@ -29,54 +35,57 @@ from ...procedures.assessment.assessment_result import AssessmentResult
 from ...procedures.assessment.procedure import AssessmentTable
 
 LAWS = ("FC", "PCFr", "CLPC")
-"""Conditions of the paper beside control, in its order."""
+"""Conditions of the paper other than control, in the paper's order."""
 
 OWN_LAWS = (BEST_CONTROLLER, BEST_SENSED_CONTROLLER)
-"""The toolkit's best, with an encoder alone and with a force sensor."""
+"""The toolkit's best laws: with an encoder alone, and with a force sensor."""
 
 
 @dataclass(frozen=True)
 class VirtualStudy:
-    """Everybody in every condition, from their true motion and excitation: no instrument stands in between."""
+    """Indices of all people in all conditions, from their true motion and excitation, without instruments."""
 
     seed: int
     taken: tuple[SessionIndices, ...]
 
     @property
     def conditions(self) -> tuple[str, ...]:
-        """Control first."""
+        """Names of the conditions, control first."""
         found = dict.fromkeys(t.condition for t in self.taken)
-        return (CONTROL, *sorted((c for c in found if c != CONTROL), key=_order))
+        return (CONTROL_CONDITION, *sorted((c for c in found if c != CONTROL_CONDITION), key=_order))
 
     def of(self, condition: str) -> list[SessionIndices]:
-        """Of every person, in their order."""
+        """Return the indices of every person in one condition, in the order of people."""
         return sorted((t for t in self.taken if t.condition == condition), key=lambda t: t.person)
 
     def values(self, index: str, condition: str, rule: str = PUBLISHED_RULE) -> np.ndarray:
-        """One index of every person; index [1]; gives (people,)."""
+        """Return one index of every person in a condition, shape (people,)."""
         means = [t.means[rule] for t in self.of(condition)]
         return np.array([m.r2[index] if index in m.r2 else getattr(m, index) for m in means])
 
     def change(self, index: str, condition: str, rule: str = PUBLISHED_RULE) -> float:
-        """Change of an index from control [%]."""
-        return float(change(index, self.values(index, condition, rule), self.values(index, CONTROL, rule)))
+        """Return the change of an index from control [%]."""
+        return float(
+            change(index, self.values(index, condition, rule), self.values(index, CONTROL_CONDITION, rule))
+        )
 
     def settling(self, condition: str) -> Survival:
-        """How many of all people's movements still go on after a time."""
+        """Return the survival curve of movements: the share that still goes on after a time, over all people."""
         return survival(*np.concatenate([t.lasted for t in self.of(condition)]).T)
 
     def given(self, condition: str) -> float:
-        """The most energy that the robot gave over a closed cycle, of 99 % of cycles [J]."""
+        """Return the 99 % quantile of the energy that the robot gives over a closed cycle [J]."""
         return float(np.quantile(np.concatenate([t.given for t in self.of(condition)]), 0.99))
 
 
 def _order(condition: str) -> tuple[int, str]:
+    """Return the sort key of a condition: the paper's laws, then the toolkit's, then others by name."""
     known = (*LAWS, *OWN_LAWS)
     return (known.index(condition) if condition in known else len(known), condition)
 
 
 def simulate_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads: int = 2) -> VirtualStudy:
-    """Everybody in every condition; of each session only what it came to is kept."""
+    """Simulate all people in all conditions; only the indices of each session are kept."""
     rig = rig.under(conditions)
     trials = rig.trials(seed)
 
@@ -88,18 +97,19 @@ def simulate_study(rig: PointingRig, conditions: Conditions, *, seed: int, threa
 
 
 def content_on_target(rig: PointingRig) -> PointingRig:
-    """The same people, content as soon as they are on the target; as drawn, they aim at its middle more finely.
+    """Return the same people with a tolerance of the whole target; as drawn, they correct towards its middle.
 
-    How finely people correct hardly shows without a robot, so that the control condition cannot tell. It decides how
-    long they struggle with one that sticks.
+    The tolerance hardly matters without a robot, so the control condition does not show it. It decides how long people
+    struggle with a robot that sticks.
     """
     return rig.changed({"vision.tolerance": rig["pointing"]["tolerance"]})
 
 
 def required_resistance(rig: PointingRig, people: Sequence[Person], slower: float = 0.2) -> dict[str, float]:
-    """What would make these people choose movements longer by a share, each by itself.
+    """Return the additional inertia, viscous or Coulomb friction, each alone, that prolongs movements by a share.
 
-    gives [N*m], [N*m*s/rad], [kg*m^2].
+    Keys are ``inertia`` [kg*m^2], ``viscous`` [N*m*s/rad] and ``coulomb`` [N*m]. The durations are those that the
+    people choose; NaN says that no value within the searched range suffices.
     """
     width, choice = rig["planning"]["sign_width"], rig["choice"]
 
@@ -136,14 +146,14 @@ def required_resistance(rig: PointingRig, people: Sequence[Person], slower: floa
 class Recorded:
     """One study as a lab would record and assess it."""
 
-    study: VirtualStudy  # What was true of it
-    findings: AssessmentResult | None  # Of its recordings; None where the assessment refuses them
-    refused: str  # Why it does
-    seconds: float  # That people, robots and instruments took [s]
+    study: VirtualStudy  # Indices from the true motion
+    findings: AssessmentResult | None  # Assessment of its recordings; None if the assessment refuses them
+    refused: str  # Reason of the refusal; "" if there is none
+    seconds: float  # Computing time of people, robots and instruments [s]
 
 
 def record_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads: int = 2) -> Recorded:
-    """Everybody in every condition through markers, encoder and EMG, assessed as any lab's recordings are."""
+    """Record all people in all conditions with markers, encoder and EMG, and assess the recordings."""
     begun = time.perf_counter()
     rig = rig.under(conditions)
     config, recordings, made = record_in_memory(
@@ -156,7 +166,7 @@ def record_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads
             study, assess_recordings("virtual-able", recordings, config.table(AssessmentTable)), "", seconds
         )
     except RecordingError as error:
-        # Of people who cannot hold a robot at all there is nothing to assess; their true motion still counts.
+        # People who cannot hold a robot at all leave nothing to assess; their true motion still counts.
         return Recorded(study, None, str(error), seconds)
 
 
@@ -164,17 +174,16 @@ def record_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads
 class Transparency:
     """The comparison of the paper's laws, with virtual people."""
 
-    exponents: tuple[float, float]  # k of equation 8, upwards and downwards ...
-    # ... and the interaction torque by k upon which five other people chose them [N*m].
-    torques: dict[float, tuple[float, float]]
-    recorded: Recorded  # The first seed's, through instruments
-    studies: tuple[VirtualStudy, ...]  # Of every seed
+    exponents: tuple[float, float]  # k of equation 8, upwards and downwards
+    torques: dict[float, tuple[float, float]]  # Interaction torque by k, by which five other people chose k [N*m]
+    recorded: Recorded  # Study of the first seed, recorded with instruments
+    studies: tuple[VirtualStudy, ...]  # Study of every seed under the paper's laws
     own: tuple[VirtualStudy, ...]  # The same people in control and under the toolkit's own laws
-    content: tuple[VirtualStudy, ...]  # The same people under all these laws, content as soon as they are on the target
-    required: dict[str, float]  # As `required_resistance` gives it
+    content: tuple[VirtualStudy, ...]  # The same people under all these laws, with a tolerance of the whole target
+    required: dict[str, float]  # Additional resistance from `required_resistance`
 
     def with_law(self, law: str) -> tuple[VirtualStudy, ...]:
-        """The studies in which a law was a condition."""
+        """Return the studies in which a law is a condition."""
         return self.own if law in OWN_LAWS else self.studies
 
 
@@ -186,12 +195,15 @@ def compare_laws(
     threads: int = 2,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> Transparency:
-    """The paper's four conditions and the toolkit's own laws with six people, several times over."""
+    """Simulate the paper's four conditions and the toolkit's own laws with six people, once for each seed."""
     tell = on_progress or (lambda text, share: None)
     tell("five people choose the exponents of equation 8", 0.0)
-    exponents, torques = chosen_exponents(rig, cards, threads=threads)
-    conditions = published_laws(cards, exponents)
-    own = {CONTROL: None, **{law: condition_of(cards, offered(cards, law)) for law in OWN_LAWS}}
+    exponents, torques = choose_exponents(rig, cards, threads=threads)
+    conditions = published_conditions(cards, exponents)
+    own_conditions = {
+        CONTROL_CONDITION: None,
+        **{law: controller_builder(cards, offered_controller(cards, law)) for law in OWN_LAWS},
+    }
     steps = len(seeds) + 2
     tell(f"{len(conditions)} conditions, recorded and assessed", 0.05)
     recorded = record_study(rig, conditions, seed=seeds[0], threads=threads)
@@ -200,10 +212,11 @@ def compare_laws(
         tell(f"the same with other people, {i + 1} of {len(seeds)}", 0.05 + 0.95 * i / steps)
         studies.append(simulate_study(rig, conditions, seed=seed, threads=threads))
     tell("these people under the toolkit's own laws", 0.05 + 0.95 * len(seeds) / steps)
-    mine = tuple(simulate_study(rig, own, seed=seed, threads=threads) for seed in seeds)
+    own_studies = tuple(simulate_study(rig, own_conditions, seed=seed, threads=threads) for seed in seeds)
     tell("people who are content on the target", 0.05 + 0.95 * (len(seeds) + 1) / steps)
     content = tuple(
-        simulate_study(content_on_target(rig), conditions | own, seed=seed, threads=threads) for seed in seeds
+        simulate_study(content_on_target(rig), conditions | own_conditions, seed=seed, threads=threads)
+        for seed in seeds
     )
     needed = required_resistance(rig, draw_people(rig, np.random.default_rng(seeds[0])))
-    return Transparency(exponents, torques, recorded, tuple(studies), mine, content, needed)
+    return Transparency(exponents, torques, recorded, tuple(studies), own_studies, content, needed)

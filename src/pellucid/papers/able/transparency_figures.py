@@ -12,23 +12,23 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from ...drawing.drawing import Drawing, tidy
 from ...drawing.style import FIGURE_WIDTH, colour
 
-TICKS = (0.5, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.5, 2.0, 3.0, 5.0, 8.0)
-"""Of a ratio to control, as many as fit are drawn."""
+RATIO_TICKS = (0.5, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.5, 2.0, 3.0, 5.0, 8.0)
+"""Candidate ticks of axes that show a ratio to control; those within the axis are drawn, as far as there is room."""
 
 
 @dataclass(frozen=True)
 class LawChange:
-    """What one index under one law is, times what it is in control: a mark for each way to look at it."""
+    """Ratio of one index under one law to its value in control, with a mark for each variant of the evaluation."""
 
     law: str
-    # By name: the median, the smallest and the largest over studies [1]
+    # Median, smallest and largest ratio over studies [1], by name of the variant
     marks: Mapping[str, tuple[float, float, float]]
 
 
 def change_figure(
     panels: Mapping[str, Sequence[LawChange]], name: str, *, roles: Mapping[str, str], caption: str
 ) -> Drawing:
-    """Every index under every law as a multiple of control, side by side."""
+    """Draw every index under every law as a multiple of control, a panel for each index."""
     figure = Figure(
         figsize=(FIGURE_WIDTH, 1.2 + 0.7 * max(len(laws) for laws in panels.values())), layout="constrained"
     )
@@ -45,7 +45,7 @@ def change_figure(
         low, high = min(*reached, 0.95), max(*reached, 1.05)
         margin = (high / low) ** 0.06
         axis.set_xlim(low / margin, high * margin)
-        axis.xaxis.set_major_locator(FixedLocator(some_ticks([t for t in TICKS if low <= t <= high])))
+        axis.xaxis.set_major_locator(FixedLocator(some_ticks([t for t in RATIO_TICKS if low <= t <= high])))
         axis.xaxis.set_minor_locator(NullLocator())
         axis.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
         axis.set_yticks(range(len(laws)), [one.law for one in laws] if i == 0 else [""] * len(laws))

@@ -9,30 +9,33 @@ import numpy as np
 
 from ...control.control_law import ControlLaw
 from ...control.law_fuzz import fuzz
-from ...lab.pointing.session_indices import FIRST_REST, PUBLISHED_RULE
+from ...lab.pointing.session_indices import FIRST_REST_RULE, PUBLISHED_RULE
 from ..figure import Reproduced, figure
 from ..printed import PrintedPaper, PrintedTable
-from .transparency import CONTROL, LAWS, OWN_LAWS, Transparency
+from .transparency import CONTROL_CONDITION, LAWS, OWN_LAWS, Transparency
 
-INDICES: Mapping[str, tuple[str, str, str]] = {
+COMPARED_INDICES: Mapping[str, tuple[str, str, str]] = {
     "duration_median": ("duration_median", "Median duration", "duration"),
     "duration": ("duration", "Mean duration", "duration"),
     "vmax": ("vmax", "Peak velocity", "velocity"),
     "emgacc": ("emg_per_acc", "EMG/Acc", ""),
 }
-"""By name in ids: which of a session's means, in words, and which printed table has it."""
+"""Indices by their name in ids: field of a session's means, words, and the paper's table ("" if it has none)."""
 
-CENSORED = "a mean of movements that were cut off after 20 s, and so of where: see duration_median"
-"""What is to be known of mean durations under a law that keeps people from settling."""
+CENSORED_MEAN_NOTE = "a mean of movements that were cut off after 20 s, and so of where: see duration_median"
+"""Note on mean durations: under a law that keeps people from settling they depend on the cut-off."""
 
-HELD = "on the target, within the 20 s after which the next one comes"
+UNSETTLED_NOTE = "on the target, within the 20 s after which the next one comes"
+"""Note on shares of movements that never came to rest."""
 
-MEDIAN = "median over people of each one's own, by Kaplan and Meier; the paper's is of its means"
+MEDIAN_NOTE = "median over people of each one's own, by Kaplan and Meier; the paper's is of its means"
+"""Note on median durations."""
 
-STATISTICS = ("mean", "sd", "min", "median", "max")
+PRINTED_STATISTICS = ("mean", "sd", "min", "median", "max")
+"""Statistics over people that Tables III to V of the paper print."""
 
-TESTED = {"duration": "duration", "vmax": "velocity", "emgacc": "emg_acc"}
-"""Which printed statistic an index's test has."""
+PRINTED_TEST_OF_INDEX = {"duration": "duration", "vmax": "velocity", "emgacc": "emg_acc"}
+"""Prefix of the paper's printed test statistics, by index of the assessment."""
 
 _row = partial(figure, "transparency")
 
@@ -44,13 +47,13 @@ def transparency_rows(made: Transparency, paper: PrintedPaper) -> list[Reproduce
         ("table3", "duration", "duration", "s"),
         ("table4", "velocity", "vmax", "rad/s"),
     ):
-        for condition in (CONTROL, *LAWS):
+        for condition in (CONTROL_CONDITION, *LAWS):
             drawn = [study.values(index, condition) for study in made.studies]
             rows += _described(f"{name}.{condition.lower()}", condition, unit, drawn, paper.tables[table])
-    for condition in (CONTROL, *LAWS):
-        for way in ("up", "down"):
-            drawn = [study.values(way, condition) for study in made.studies]
-            head, label = f"table5.{condition.lower()}_{way}", f"R2 of isochrony, {condition} {way}"
+    for condition in (CONTROL_CONDITION, *LAWS):
+        for direction in ("up", "down"):
+            drawn = [study.values(direction, condition) for study in made.studies]
+            head, label = f"table5.{condition.lower()}_{direction}", f"R2 of isochrony, {condition} {direction}"
             rows += _described(head, label, "1", drawn, paper.tables["isochrony"])
     rows += _statistics(made, paper)
     rows += _circumstances(made, paper)
@@ -65,37 +68,51 @@ def printed_change(table: PrintedTable, law: str) -> float:
 def _changes(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
     rows = []
 
-    def add(head: str, said: str, drawn: Iterable[float], printed: float | None, note: str):
-        rows.append(_row(head, said, "%", drawn, printed, note))
+    def add(head: str, quantity: str, drawn: Iterable[float], printed: float | None, note: str):
+        rows.append(_row(head, quantity, "%", drawn, printed, note))
 
-    for name, (index, words, table) in INDICES.items():
+    for name, (index, words, table) in COMPARED_INDICES.items():
         if table:
             middle = np.median if name == "duration_median" else np.mean
             control = paper.tables[table]["ctrl"]["median" if name == "duration_median" else "mean"].value
-            errors = (100.0 * (middle(study.values(index, CONTROL)) / control - 1.0) for study in made.studies)
+            errors = (
+                100.0 * (middle(study.values(index, CONTROL_CONDITION)) / control - 1.0) for study in made.studies
+            )
             add(f"control.{name}", f"{words} in control, over print", errors, None, "what people were set by")
         for law in (*LAWS, *OWN_LAWS):
             published, studies = law in LAWS, made.with_law(law)
             printed = printed_change(paper.tables[table], law) if table and published else None
-            said, key = f"{words} under {law}, change from control", law.lower()
+            change_words, key = f"{words} under {law}, change from control", law.lower()
             order = "the paper prints the order FC < PCFr < CLPC alone" if published and not table else ""
-            order = {"duration": CENSORED, "duration_median": MEDIAN}.get(name, order)
-            add(f"{name}.{key}", said, (s.change(index, law) for s in studies), printed, order)
-            rest = (s.change(index, law, FIRST_REST) for s in studies)
-            add(f"{name}.first_rest.{key}", f"{said}, up to the first rest", rest, printed, "without later corrections")
+            order = {"duration": CENSORED_MEAN_NOTE, "duration_median": MEDIAN_NOTE}.get(name, order)
+            add(f"{name}.{key}", change_words, (s.change(index, law) for s in studies), printed, order)
+            rest = (s.change(index, law, FIRST_REST_RULE) for s in studies)
+            add(
+                f"{name}.first_rest.{key}",
+                f"{change_words}, up to the first rest",
+                rest,
+                printed,
+                "without later corrections",
+            )
             drawn = (s.change(index, law) for s in made.content)
             note = "tried after the people had been frozen, and seen to correct more finely than the target is wide"
-            add(f"{name}.content.{key}", f"{said}, people content on the target", drawn, printed, note)
+            add(f"{name}.content.{key}", f"{change_words}, people content on the target", drawn, printed, note)
     return rows
 
 
-def _described(head: str, said: str, unit: str, drawn: Sequence[np.ndarray], table: PrintedTable) -> list[Reproduced]:
+def _described(head: str, label: str, unit: str, drawn: Sequence[np.ndarray], table: PrintedTable) -> list[Reproduced]:
     printed = table[head.rsplit(".", 1)[-1]]
-    of = {"mean": np.mean, "sd": lambda x: np.std(x, ddof=1), "min": np.min, "median": np.median, "max": np.max}
-    words = said if unit == "1" else f"{'Duration' if unit == 's' else 'Peak velocity'}, {said}"
+    statistics = {"mean": np.mean, "sd": lambda x: np.std(x, ddof=1), "min": np.min, "median": np.median, "max": np.max}
+    words = label if unit == "1" else f"{'Duration' if unit == 's' else 'Peak velocity'}, {label}"
     return [
-        _row(f"{head}.{name}", f"{words}, {name} over people", unit, (of[name](x) for x in drawn), printed[name].value)
-        for name in STATISTICS
+        _row(
+            f"{head}.{name}",
+            f"{words}, {name} over people",
+            unit,
+            (statistics[name](x) for x in drawn),
+            printed[name].value,
+        )
+        for name in PRINTED_STATISTICS
     ]
 
 
@@ -104,13 +121,13 @@ def _statistics(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
     if found is None:
         return []
     rows = []
-    for index, printed in TESTED.items():
+    for index, printed in PRINTED_TEST_OF_INDEX.items():
         test = found.assessed[index].comparison.friedman
         words = found.assessed[index].table.index.words
-        for name, said, value in (("chi2", "chi-squared", test.statistic), ("p", "p", test.p_value)):
+        for name, statistic_words, value in (("chi2", "chi-squared", test.statistic), ("p", "p", test.p_value)):
             rows.append(
                 _row(
-                    f"friedman.{index}.{name}", f"Friedman's {said}, {words}", "1", value,
+                    f"friedman.{index}.{name}", f"Friedman's {statistic_words}, {words}", "1", value,
                     paper[f"{printed}_{name}"], "the first study's recordings, assessed",
                 )
             )  # fmt: skip
@@ -119,16 +136,18 @@ def _statistics(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
 
 def _circumstances(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
     rows = []
-    for k, way in zip(made.exponents, ("up", "down"), strict=True):
+    for k, direction in zip(made.exponents, ("up", "down"), strict=True):
         rows.append(
             _row(
-                f"exponent.{way}", f"k of eq. 8, {way}", "1", k, paper[f"inertia_exponent_{way}"],
+                f"exponent.{direction}", f"k of eq. 8, {direction}", "1", k, paper[f"inertia_exponent_{direction}"],
                 "smallest interaction torque of five people who take no other part",
             )
         )  # fmt: skip
     for law in OWN_LAWS:
         never = [100.0 * np.mean([t.unsettled for t in study.of(law)]) for study in made.own]
-        rows.append(_row(f"unsettled.{law}", f"Movements that never came to rest, {law}", "%", never, None, HELD))
+        rows.append(
+            _row(f"unsettled.{law}", f"Movements that never came to rest, {law}", "%", never, None, UNSETTLED_NOTE)
+        )
     for law in LAWS:
         given = [study.given(law) for study in made.studies]
         note = "of 99 % of cycles; above 0 the robot drives"
@@ -140,14 +159,21 @@ def _circumstances(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
         )  # fmt: skip
         never = [100.0 * np.mean([t.unsettled for t in study.of(law)]) for study in made.studies]
         rows.append(
-            _row(f"unsettled.{law.lower()}", f"Movements that never came to rest, {law}", "%", never, None, HELD)
+            _row(
+                f"unsettled.{law.lower()}",
+                f"Movements that never came to rest, {law}",
+                "%",
+                never,
+                None,
+                UNSETTLED_NOTE,
+            )
         )
         without = [100.0 * np.mean([t.means[PUBLISHED_RULE].left_out for t in s.of(law)]) for s in made.studies]
         rows.append(_row(f"left_out.{law.lower()}", f"Movements without a clear end, {law}", "%", without))
     units = {"coulomb": "N*m", "viscous": "N*m*s/rad", "inertia": "kg*m^2"}
     for name, unit in units.items():
-        said = f"Additional {'Coulomb friction' if name == 'coulomb' else name} that makes control 20 % slower"
-        rows.append(_row(f"required.{name}", said, unit, made.required[name], None, "alone"))
+        quantity = f"Additional {'Coulomb friction' if name == 'coulomb' else name} that makes control 20 % slower"
+        rows.append(_row(f"required.{name}", quantity, unit, made.required[name], None, "alone"))
     count = sum(t.movements for t in made.studies[0].taken)
     note = f"{count} movements with markers, encoder and EMG, durations chosen; this machine, two threads"
     rows.append(figure("study", "seconds", "The whole virtual study", "s", made.recorded.seconds, None, note))

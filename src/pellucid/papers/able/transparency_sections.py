@@ -16,24 +16,32 @@ from ...procedures.assessment.assessment_figures import settling_figure
 from ...procedures.assessment.assessment_result import Settling
 from ..figure import Reproduced
 from ..row_sections import cell
-from .law_comparison import CONTROLLERS, OTHER_INERTIAS, UNPOWERED, WORDS
-from .transparency import CONTROL, LAWS, OWN_LAWS, Transparency
+from .law_comparison import COMPARED_CONTROLLERS, FC_WITH_OTHER_INERTIA, LAW_WORDS, UNPOWERED_ROBOT
+from .transparency import CONTROL_CONDITION, LAWS, OWN_LAWS, Transparency
 from .transparency_figures import LawChange, change_figure
-from .transparency_rows import STATISTICS
+from .transparency_rows import PRINTED_STATISTICS
 
-MARKS = {"the paper": "measured", "as published": "fitted", "to first rest": "heldout", "content": "directional"}
-"""What is drawn of each law, and in which colour."""
+MARK_COLOUR_ROLES = {
+    "the paper": "measured",
+    "as published": "fitted",
+    "to first rest": "heldout",
+    "content": "directional",
+}
+"""Colour role of each mark in the figure of changes, by its name in the legend."""
 
-TITLES = {
+INDEX_TITLES = {
     "duration_median": "Duration, median",
     "vmax": "Peak velocity",
     "emgacc": "EMG/Acc",
     "duration": "Duration, mean to 20 s",
 }
-"""Of indices, in the order of the table; the last is in no panel, since a mean of what was cut off says little."""
+"""Titles of the indices, in the order of the table.
 
-OWN_WORDS = dict(zip(OWN_LAWS, ("Own, encoder", "Own, sensor"), strict=True))
-"""What the toolkit's own laws are called in figures and tables."""
+The last one has no panel, because a mean over movements that were cut off says little.
+"""
+
+OWN_LAW_WORDS = dict(zip(OWN_LAWS, ("Own, encoder", "Own, sensor"), strict=True))
+"""Names of the toolkit's own laws in figures and tables."""
 
 
 def transparency_sections(made: Transparency, rows: Mapping[str, Reproduced]) -> tuple[Section, ...]:
@@ -47,7 +55,7 @@ def transparency_sections(made: Transparency, rows: Mapping[str, Reproduced]) ->
 def _changes(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
     panels = {}
     table = []
-    for name, title in TITLES.items():
+    for name, title in INDEX_TITLES.items():
         laws = []
         for law in (*LAWS, *OWN_LAWS):
             found = {
@@ -59,12 +67,12 @@ def _changes(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
             printed = found["as published"].published
             if printed is not None:
                 marks["the paper"] = (1.0 + printed / 100.0,) * 3
-            laws.append(LawChange(OWN_WORDS.get(law, law), marks))
+            laws.append(LawChange(OWN_LAW_WORDS.get(law, law), marks))
             cells = (_signed(row.ours) for row in found.values())
             between = f"{_signed(found['as published'].lower)} to {_signed(found['as published'].upper)}"
             ours, *others = cells
             beside = "–" if printed is None else _signed(printed)
-            table.append(Row((title, OWN_WORDS.get(law, law), beside, ours, between, *others)))
+            table.append(Row((title, OWN_LAW_WORDS.get(law, law), beside, ours, between, *others)))
         if name != "duration":
             panels[title] = laws
     studies = len(made.studies)
@@ -100,9 +108,9 @@ def _changes(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
             ),
         ),
         (
-            draw(settling_figure, _settling(made), (CONTROL, *LAWS, *OWN_LAWS)),
+            draw(settling_figure, _settling(made), (CONTROL_CONDITION, *LAWS, *OWN_LAWS)),
             draw(
-                change_figure, panels, "changes", roles=MARKS,
+                change_figure, panels, "changes", roles=MARK_COLOUR_ROLES,
                 caption="Every index under every law, times its value in control; bars reach over the studies. The "
                 "paper prints no change of EMG/Acc, only the order FC < PCFr < CLPC.",
             ),
@@ -113,7 +121,7 @@ def _changes(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
 def _settling(made: Transparency) -> tuple[Settling, ...]:
     """All studies' movements together, by condition."""
     found = []
-    for condition in (CONTROL, *LAWS, *OWN_LAWS):
+    for condition in (CONTROL_CONDITION, *LAWS, *OWN_LAWS):
         lasted = np.concatenate([t.lasted for study in made.with_law(condition) for t in study.of(condition)])
         found.append(Settling(condition, survival(*lasted.T)))
     return tuple(found)
@@ -130,7 +138,7 @@ def _times(row: Reproduced) -> tuple[float, float, float]:
 
 def _tables(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
     tables = []
-    conditions = (CONTROL, *LAWS)
+    conditions = (CONTROL_CONDITION, *LAWS)
     for name, caption, keys in (
         ("table3", "Table III: duration of movements over people (s)", conditions),
         ("table4", "Table IV: largest velocity over people (rad/s)", conditions),
@@ -142,20 +150,23 @@ def _tables(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
     ):
         shown = []
         for key in keys:
-            of = [rows[f"transparency.{name}.{key.lower()}.{statistic}"] for statistic in STATISTICS]
-            said = key.replace("_", ", ")
-            shown.append(Row((said, "paper, real people", *(f"{row.published:.3f}" for row in of))))
-            shown.append(Row((said, "ours, virtual people", *(f"{row.ours:.3f}" for row in of)), True))
+            of = [rows[f"transparency.{name}.{key.lower()}.{statistic}"] for statistic in PRINTED_STATISTICS]
+            control_errors = key.replace("_", ", ")
+            shown.append(Row((control_errors, "paper, real people", *(f"{row.published:.3f}" for row in of))))
+            shown.append(Row((control_errors, "ours, virtual people", *(f"{row.ours:.3f}" for row in of)), True))
         heads = ("", "", "Mean", "SD", "Min", "Median", "Max")
         tables.append(Table(heads, tuple(shown), frozenset(range(2, 7)), caption=caption, wide=True))
-    said = []
+    control_errors = []
     for name, word in (("duration", "duration"), ("vmax", "peak velocity")):
         row = rows[f"transparency.control.{name}"]
-        said.append(f"{word} {_signed(row.ours)} % ({_signed(row.lower)} to {_signed(row.upper)})")
+        control_errors.append(f"{word} {_signed(row.ours)} % ({_signed(row.lower)} to {_signed(row.upper)})")
     return Section(
         "tables",
         "Tables III to V",
-        (f"Ours are medians over {len(made.studies)} studies. Without a robot, against the paper: {', '.join(said)}.",),
+        (
+            f"Ours are medians over {len(made.studies)} studies. Without a robot, against the paper: "
+            f"{', '.join(control_errors)}.",
+        ),
         tuple(tables),
     )
 
@@ -189,7 +200,7 @@ def _circumstances(made: Transparency, rows: Mapping[str, Reproduced]) -> Sectio
         if np.isfinite(value)
     )
     energy = "; ".join(f"{law} {_signed(rows[f'transparency.energy.{law.lower()}'].ours, 2)} J" for law in LAWS)
-    said = [
+    paragraphs = [
         f"The change of 20 % that the paper found under CLPC and PCFr would take, by the choice of durations alone, "
         f"{needed} more than an arm has.",
         f"Energy given over a closed cycle, the largest of 99 %: {energy}. Two gravities and friction, as identified, "
@@ -197,7 +208,9 @@ def _circumstances(made: Transparency, rows: Mapping[str, Reproduced]) -> Sectio
         "drives. It pushes forwards at constant speed, and while a movement is braked.",
     ]
     if made.recorded.refused:
-        said.append(f"The assessment refused the first study's recordings: {made.recorded.refused.splitlines()[0]}")
+        paragraphs.append(
+            f"The assessment refused the first study's recordings: {made.recorded.refused.splitlines()[0]}"
+        )
     k = Table(
         ("k of eq. 8", "Up (N·m)", "Down (N·m)"),
         tuple(
@@ -209,18 +222,18 @@ def _circumstances(made: Transparency, rows: Mapping[str, Reproduced]) -> Sectio
         f"{cell(made.exponents[0])} up and {cell(made.exponents[1])} down (the paper's people: "
         f"{cell(rows['transparency.exponent.up'].published)} and {cell(rows['transparency.exponent.down'].published)})",
     )
-    return Section("behind", "What is behind it", tuple(said), (k,))
+    return Section("behind", "What is behind it", tuple(paragraphs), (k,))
 
 
 def _all_laws(rows: Mapping[str, Reproduced]) -> Section:
     table = []
-    for law in (*CONTROLLERS, *OTHER_INERTIAS, UNPOWERED):
+    for law in (*COMPARED_CONTROLLERS, *FC_WITH_OTHER_INERTIA, UNPOWERED_ROBOT):
         torque = rows.get(f"transparency.torque.{law}_over_fc")
         given, resting = rows[f"transparency.given.{law}"].ours, rows[f"transparency.resting.{law}"].ours
         over = ("1", "") if torque is None else (f"{torque.ours:.2f}", f"{torque.lower:.2f} to {torque.upper:.2f}")
-        said = WORDS.get(law, law.replace("_", " "))
+        law_words = LAW_WORDS.get(law, law.replace("_", " "))
         still = f"{resting:.3f}" if np.isfinite(resting) else "stopped"
-        table.append(Row((said, *over, _signed(given, 3), still), law in OWN_LAWS))
+        table.append(Row((law_words, *over, _signed(given, 3), still), law in OWN_LAWS))
     return Section(
         "alllaws",
         "Every law, on robots it was not chosen on",

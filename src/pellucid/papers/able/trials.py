@@ -1,4 +1,4 @@
-"""The published comparison, played on a virtual elbow: every model over the paper's trials and over unseen ones."""
+"""The published comparison on a virtual elbow: every model over the paper's trials and over held-out ones."""
 
 from __future__ import annotations
 
@@ -15,50 +15,49 @@ from ...lab.elbow.rig import ElbowRig
 from ...lab.study import record_in_memory
 from ...procedures.slider.identify_slider import directional_friction, fit_slider
 
-SETS = {
+TRIAL_PREFIXES = {
     "published": ("constant_", "sweep_", "slow_"),
     "unseen": ("unseen_constant_", "unseen_sweep_", "unseen_slow_"),
 }
-"""The paper's 18 trials, 12 of them fitted, and 18 never fitted, by how their names begin."""
+"""Prefixes of the trials' names in each set: the paper's 18 trials, 12 of them fitted, and 18 that are held out."""
 
-
-COMPARED = ("constant_velocity", "swept_sine", "slow")
-"""Protocols that the comparison takes; holds and the excitation for all at once are left out of the draws."""
+COMPARED_PROTOCOLS = ("constant_velocity", "swept_sine", "slow")
+"""Protocols that enter the comparison; holds, and the excitation of all parameters at once, do not."""
 
 
 @dataclass(frozen=True)
 class ModelsCompared:
-    """One rig, one seed."""
+    """Comparison of all models on the recordings of one rig with one seed."""
 
     rig: str
     seed: int
-    recordings: dict[str, tuple[str, ...]]  # Names of the 18 trials of each of `SETS`
-    # Set, then method: mean absolute current error of each trial, shape (18,) [A]
+    recordings: dict[str, tuple[str, ...]]  # Names of the 18 trials of each set of `TRIAL_PREFIXES`
+    # Mean absolute current error of each trial, shape (18,) [A], by set and then by method
     errors: dict[str, dict[str, np.ndarray]]
-    torque_errors: dict[str, dict[str, np.ndarray]]  # The same in torque, shape (18,) [N*m]
-    # "consistent" and "load": largest gravity error over the workspace, over the largest gravity torque
+    torque_errors: dict[str, dict[str, np.ndarray]]  # Mean absolute torque error, shape (18,) [N*m], likewise
+    # Largest gravity error over the workspace, over the largest gravity torque, for "consistent" and "load"
     gravity_error: dict[str, float]
-    inertia_error: dict[str, float]  # Largest relative error over the rail
-    slider_error: float  # Largest error of a carriage's place [m]
-    implied_friction: tuple[float, float]  # Least and most that the dissociated model implies at rest [N*m]
-    least_inertia: float  # Of the dissociated model on the rail [kg*m^2]
-    parameters: dict[str, dict[str, float]]  # Method, then name, SI
+    inertia_error: dict[str, float]  # Largest relative inertia error over the rail, for the same two
+    slider_error: float  # Largest error of a carriage's position [m]
+    implied_friction: tuple[float, float]  # Smallest and largest friction at rest of the dissociated model [N*m]
+    least_inertia: float  # Smallest inertia of the dissociated model on the rail [kg*m^2]
+    parameters: dict[str, dict[str, float]]  # Parameters by method and then by name, in SI units
 
     def mean(self, which: str, method: str) -> float:
-        """Mean over the 18 trials of a set [A]."""
+        """Return the mean current error over the 18 trials of a set [A]."""
         return float(self.errors[which][method].mean())
 
     def ratio(self, which: str, over: str, under: str) -> float:
-        """Mean error of one method over that of another."""
+        """Return the mean error of method `over` divided by that of method `under`."""
         return self.mean(which, over) / self.mean(which, under)
 
     def p_value(self, which: str) -> float:
-        """Of the paired t-test between the pooled and the dissociated model, two-sided."""
+        """Return the two-sided p-value of the paired t-test between the pooled and the dissociated model."""
         return float(ttest_rel(self.errors[which]["pooled"], self.errors[which]["dissociated"]).pvalue)
 
 
-def own(names: Sequence[str], prefixes: Sequence[str]) -> tuple[str, ...]:
-    """Names that are a prefix and a number."""
+def numbered_names(names: Sequence[str], prefixes: Sequence[str]) -> tuple[str, ...]:
+    """Return the names that consist of one of `prefixes` and a number."""
     return tuple(n for prefix in prefixes for n in names if n.startswith(prefix) and n[len(prefix) :].isdigit())
 
 
@@ -67,7 +66,7 @@ def compare_models(rig: ElbowRig, seed: int, made: tuple[ElbowTrial, ...]) -> tu
     config, recordings, taken = record_in_memory(rig, made, seed=seed)
     fit = fit_slider(config, recordings)
     by_name = {m: {e.recording: e for e in fit.errors[m]} for m in SLIDER_METHODS}
-    sets = {which: own(tuple(by_name["pooled"]), prefixes) for which, prefixes in SETS.items()}
+    sets = {which: numbered_names(tuple(by_name["pooled"]), prefixes) for which, prefixes in TRIAL_PREFIXES.items()}
     x, q = np.linspace(*fit.rail, 7), np.linspace(rig["range"]["low"], rig["range"]["high"], 41)
     true_gravity = np.array([rig.gravity(s)[0] * np.sin(q) + rig.gravity(s)[1] * np.cos(q) for s in x])
     true_inertia = np.array([rig.inertia(s) for s in x])
@@ -103,7 +102,7 @@ def compare_models(rig: ElbowRig, seed: int, made: tuple[ElbowTrial, ...]) -> tu
 
 
 def _one(rig: ElbowRig, seed: int) -> ModelsCompared:
-    return compare_models(rig, seed, tuple(t for t in trials(rig) if t.protocol in COMPARED))[0]
+    return compare_models(rig, seed, tuple(t for t in trials(rig) if t.protocol in COMPARED_PROTOCOLS))[0]
 
 
 def compare_many(

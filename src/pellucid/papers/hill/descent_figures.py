@@ -1,4 +1,4 @@
-"""Figures of ways down a cost: parameters over iterations, and errors of many estimators beside each other."""
+"""Figures of optimisers: parameters over iterations, and errors of many estimators beside each other."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from matplotlib.figure import Figure
 from ...drawing.drawing import Drawing, Head, heads, key, one_panel, tidy
 from ...drawing.style import FIGURE_WIDTH, colour
 
-TONES = ("fitted", "heldout", "good", "load", "combined")
-"""Roles of a panel's lines, one after another."""
+LINE_COLOUR_ROLES = ("fitted", "heldout", "good", "load", "combined")
+"""Colour roles of a panel's lines, in the order of the lines."""
 
-KEPT = 400
-"""Points of a line at most."""
+MAX_LINE_POINTS = 400
+"""A line is thinned to at most this many points."""
 
 
 @dataclass(frozen=True)
 class Paths:
     """One panel of `paths`."""
 
-    head: str  # head, rest: Its name, and what else stands above it.
-    rest: str
-    lines: Mapping[str, np.ndarray]  # (k,) By label, one number per iteration
-    unit: str  # The vertical axis's label
-    level: Mapping[str, float] | None = None  # Where a line should end, drawn dashed, by label
+    head: str  # Name of the panel
+    rest: str  # Further text above the panel
+    lines: Mapping[str, np.ndarray]  # (k,) Values by label, one for each iteration
+    unit: str  # Label of the vertical axis
+    level: Mapping[str, float] | None = None  # True final value of lines, drawn dashed, by label
     logarithmic: bool = False
 
 
@@ -39,8 +39,8 @@ def paths(panels: Sequence[Paths], name: str, *, caption: str, columns: int = 2)
         axis.set_visible(False)
     for i, (axis, panel) in enumerate(zip(axes, panels, strict=False)):
         entries = []
-        for tone, (label, values) in zip(TONES, panel.lines.items(), strict=False):
-            at = np.unique(np.linspace(0, len(values) - 1, min(KEPT, len(values))).astype(int))
+        for tone, (label, values) in zip(LINE_COLOUR_ROLES, panel.lines.items(), strict=False):
+            at = np.unique(np.linspace(0, len(values) - 1, min(MAX_LINE_POINTS, len(values))).astype(int))
             axis.plot(at, np.asarray(values)[at], color=colour(tone), linewidth=1.3)
             if panel.level and label in panel.level:
                 axis.axhline(panel.level[label], color=colour(tone), linewidth=0.9, linestyle=(0, (5, 3)))

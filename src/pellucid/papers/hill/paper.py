@@ -50,8 +50,8 @@ class HillPaper(Paper):
         "hill.rmse.truth.", "hill.rmse.eq12.mean", "hill.p.error.rich", "hill.q.error.rich", "hill.adam.",
     )  # fmt: skip
 
-    names: Sequence[str] | None = None  # Of the subjects; all if None
-    seed: int = 1  # Of all noise
+    names: Sequence[str] | None = None  # Names of the subjects; all if None
+    seed: int = 1  # Seed of all noise
     workers: int | None = None  # Processes; as many as there are processors if None
 
     rig: SeatedRig = field(init=False)

@@ -11,46 +11,48 @@ from ...models.anthropometry import WINTER_MASS, Segment, shank_length, winter
 from ..figure import Reproduced, figure
 from ..printed import PrintedPaper
 
-GRAVITY = 9.81
-"""Acceleration of gravity [m/s^2]; the paper prints none."""
+GRAVITY_M_S2 = 9.81
+"""Acceleration of gravity; the paper prints none."""
 
-SUBJECTS = tuple(f"subject_{number}" for number in range(1, 9))
+SUBJECT_KEYS = tuple(f"subject_{number}" for number in range(1, 9))
+"""The paper's eight subjects, as rows of its tables in ``printed.toml``."""
 
-FAST = ("subject_2", math.radians(30.0))
-"""Whose swing's frequency the paper tells, and an amplitude for it [rad]; the paper prints none."""
+FASTEST_SWING = ("subject_2", math.radians(30.0))
+"""The subject who swings fastest, and an amplitude for the swing [rad]. The paper prints the frequency alone; the
+amplitude is chosen by judgement."""
 
 
 @dataclass(frozen=True)
 class PointMass:
-    """What p = m d^2 and q = m d say, taken at their word.
+    """A point mass that has p = m d^2 and q = m d.
 
     No body with this p and q has less mass, by the Cauchy-Schwarz inequality, and none has its centre further out.
     """
 
-    mass: float  # mass, distance: q^2 / p [kg] and p / q [m].
-    distance: float
+    mass: float  # q^2 / p [kg]
+    distance: float  # p / q [m]
 
 
 def point_mass(p: float, q: float) -> PointMass:
-    """m and d from `p` [kg m^2] and `q` [kg m]."""
+    """Return the point mass with `p` [kg m^2] and `q` [kg m]."""
     return PointMass(q**2 / p, p / q)
 
 
 def mean_shank(paper: PrintedPaper) -> Segment:
-    """The shank and foot of the paper's mean subject, by Winter's shares of mass and height."""
+    """Return the shank and foot of the paper's mean subject, by Winter's shares of mass and height."""
     return winter(paper["mass"], shank_length(0.01 * paper["height"]))
 
 
 def swing_frequency(paper: PrintedPaper, subject: int) -> float:
-    """How fast a subject swung, from the cycles that the paper counts [Hz]."""
+    """Return the frequency of a subject's swing, from the cycles that the paper counts [Hz]."""
     start, end = (t.value for t in paper.values["shown_time"])
     return paper[f"cycles_subject_{subject}"] / (end - start)
 
 
 def inertia_error(paper: PrintedPaper, frequency: float, amplitude: float, subject: str) -> float:
-    """Torque by which eq. 12 is off at the turn of a swing because p' - p is not the leg's inertia [N m].
+    """Return the error of eq. 12 at the turn of a swing, which arises because p' - p is not the leg's inertia [N m].
 
-    frequency [Hz], amplitude [rad].
+    `frequency` [Hz], `amplitude` [rad].
     """
     table = paper.tables["swings"]
     printed = table[subject]["p"].value - table["empty"]["p"].value
@@ -58,12 +60,12 @@ def inertia_error(paper: PrintedPaper, frequency: float, amplitude: float, subje
 
 
 def largest_activation(shape: float, ratio: float) -> float:
-    """a(u) of eq. 18 at the largest u there is, with R = k_r u_max (eq. 19); 1 would be a maximal contraction."""
+    """Return a(u) of eq. 18 at the largest u, with R = k_r u_max (eq. 19); 1 would be a maximal contraction."""
     return math.expm1(shape / ratio) / math.expm1(shape)
 
 
 def half_activation(shape: float, ratio: float) -> float:
-    """Share of the largest u at which eq. 18 has reached half of what it reaches there."""
+    """Return the share of the largest u at which eq. 18 reaches half of its largest activation."""
     return math.log1p(0.5 * math.expm1(shape / ratio)) * ratio / shape
 
 
@@ -90,14 +92,14 @@ def _bodies(paper: PrintedPaper) -> list[Reproduced]:
         _row("shank.q", "Its q by Winter", "kg*m", shank.mass * shank.centre, note="C2"),
         _row("shank.p", "Its p by Winter", "kg*m^2", shank.inertia, note="C2"),
     ]  # fmt: skip
-    for number, subject in enumerate(SUBJECTS, 1):
+    for number, subject in enumerate(SUBJECT_KEYS, 1):
         both = table[subject]
         found = point_mass(both["p"].value, both["q"].value)
         leg_p, leg_q = (both[n].value - bare[n].value for n in ("p", "q"))
         most = alone.mass + people
         # Three standard deviations above the mean subject.
         heaviest = alone.mass + WINTER_MASS * (paper["mass"] + 3.0 * paper["mass_sd"])
-        torque = both["q"].value * GRAVITY
+        torque = both["q"].value * GRAVITY_M_S2
         rows += [
             _row(f"{subject}.mass", f"Least mass of leg and exoskeleton by Table 2, subject {number}", "kg", found.mass,
                  wrong=found.mass > heaviest, note=f"C2: {heaviest:.1f} kg with a heavy leg"),
@@ -117,7 +119,7 @@ def _bodies(paper: PrintedPaper) -> list[Reproduced]:
 
 
 def _step_three(paper: PrintedPaper) -> list[Reproduced]:
-    subject, amplitude = FAST
+    subject, amplitude = FASTEST_SWING
     frequency = swing_frequency(paper, 2)
     error = inertia_error(paper, frequency, amplitude, subject)
     rmse = paper.tables["errors"][subject]["rmse"].value
@@ -131,7 +133,7 @@ def _step_three(paper: PrintedPaper) -> list[Reproduced]:
 
 def _activations(paper: PrintedPaper) -> list[Reproduced]:
     rows = []
-    for number, subject in enumerate(SUBJECTS, 1):
+    for number, subject in enumerate(SUBJECT_KEYS, 1):
         shape, ratio = (paper.tables["muscles"][subject][n].value for n in ("A", "k_r"))
         most = largest_activation(shape, ratio)
         rows += [
@@ -148,13 +150,13 @@ def _means(paper: PrintedPaper) -> list[Reproduced]:
     words = {"rmse": "RMSE", "maxe": "MAXE", "mae": "MAE"}
     rows = []
     for name, word in words.items():
-        mean, printed = float(np.mean([table[s][name].value for s in SUBJECTS])), table["mean"][name]
+        mean, printed = float(np.mean([table[s][name].value for s in SUBJECT_KEYS])), table["mean"][name]
         # The mean of unrounded errors may differ from that of the rounded ones by as much as one of them was rounded.
         off = abs(mean - printed.value) > 2.0 * printed.half_unit
         rows.append(
             _row(f"mean.{name}", f"Mean {word} of Table 4", "N*m", mean, printed=printed, wrong=off, note="C13")
         )
-    others = max(table[s]["maxe"].value for s in SUBJECTS if s != "subject_3")
+    others = max(table[s]["maxe"].value for s in SUBJECT_KEYS if s != "subject_3")
     rows.append(
         _row("others.maxe", "Largest MAXE of all subjects but the third", "N*m", others,
              wrong=others >= paper["others_below"], note="C13: said to be below 8")

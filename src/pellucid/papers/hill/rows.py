@@ -1,4 +1,4 @@
-"""The reproduction's figures as rows: Tables 2 to 5, and what Figs. 5 to 11 show in numbers."""
+"""The reproduction's figures as rows: Tables 2 to 5, and the numbers that Figs. 5 to 11 show."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ import numpy as np
 
 from ..figure import Reproduced, figure, mean_figure
 from ..printed import PrintedPaper
-from .steps import SWINGS, BodyFound, LegFound
-from .torque import BASELINES, MEASURES, RECORDED, TorqueFound
-from .training import TRAINED, Training
+from .steps import DRIVEN_SWINGS, BodyFound, LegFound
+from .torque import BASELINE_FAMILIES, ERROR_MEASURES, RECORDED_EMG_BASELINES, TorqueFound
+from .training import TRAINED_QUANTITIES, Training
 
-WORDS = {"rmse": "RMSE", "maxe": "Largest error", "mae": "Mean error"}
+MEASURE_WORDS = {"rmse": "RMSE", "maxe": "Largest error", "mae": "Mean error"}
+"""Words for the measures of error."""
 
 ESTIMATOR_WORDS = {
     "hill": "muscles, flexors by balance",
@@ -28,10 +29,10 @@ ESTIMATOR_WORDS = {
     "boost": "boosting",
     "motion": "ridge regression without EMG",
 }
-"""What estimators are called."""
+"""Descriptions of the estimators, by their ids."""
 
-PRINTED_AS = {"nmco": "nm_co", "nmcoa": "nm_coa", "nmnc": "nm_nc", "mbp": "m_bp", "mean": "ours"}
-"""Table 5's rows, by ours."""
+PRINTED_ROW_OF_ESTIMATOR = {"nmco": "nm_co", "nmcoa": "nm_coa", "nmnc": "nm_nc", "mbp": "m_bp", "mean": "ours"}
+"""Row of Table 5 of the paper that an estimator's id corresponds to; "mean" is the paper's own method."""
 
 
 def _words(quantity: str) -> str:
@@ -62,7 +63,7 @@ def step_rows(empty: BodyFound, legs: Mapping[str, LegFound], paper: PrintedPape
                     table[_subject_key(name)][n] if _subject_key(name) in table.rows else None)
             for n, unit in units.items()
         ]  # fmt: skip
-    for swing in SWINGS:
+    for swing in DRIVEN_SWINGS:
         words = {"two_sines": "the paper's swing", "rich": "a richer swing"}[swing]
         p = {n: 100.0 * (leg.inertia[swing].value / leg.true_inertia - 1.0) for n, leg in legs.items()}
         q = {n: 100.0 * (leg.weight_moment[swing].value / leg.restoring_moment - 1.0) for n, leg in legs.items()}
@@ -95,10 +96,10 @@ def torque_rows(found: Mapping[str, TorqueFound], paper: PrintedPaper) -> list[R
         "eq12": ("hill.eq12", "eq12", "eq. 12, calibrated on eq. 12"),
     }
     for kind, (estimator, against, words) in references.items():
-        for measure in MEASURES:
+        for measure in ERROR_MEASURES:
             for cut, tail in ((False, ""), (True, ".truncated")):
                 values = {n: getattr(f.errors(estimator, against, truncated=cut), measure) for n, f in found.items()}
-                what = f"{WORDS[measure]} against {words}" + (", both cut off at 0" if cut else "")
+                what = f"{MEASURE_WORDS[measure]} against {words}" + (", both cut off at 0" if cut else "")
                 # What the paper prints is against its eq. 12, cut off at 0.
                 as_printed = kind == "eq12" and cut
                 rows.append(
@@ -110,7 +111,7 @@ def torque_rows(found: Mapping[str, TorqueFound], paper: PrintedPaper) -> list[R
                             table[_subject_key(n)][measure] if as_printed and _subject_key(n) in table.rows else None)
                     for n, v in values.items()
                 ]  # fmt: skip
-    others = ["hill.recorded", "hill.adaptive", *BASELINES, *(f"{n}.recorded" for n in RECORDED)]
+    others = ["hill.recorded", "hill.adaptive", *BASELINE_FAMILIES, *(f"{n}.recorded" for n in RECORDED_EMG_BASELINES)]
     methods = paper.tables["methods"]
     for estimator in others:
         base = estimator.removesuffix(".recorded") if estimator != "hill.recorded" else estimator
@@ -118,12 +119,12 @@ def torque_rows(found: Mapping[str, TorqueFound], paper: PrintedPaper) -> list[R
             ", recorded muscles" if estimator.endswith(".recorded") and base != estimator else ""
         )
         short = estimator.removeprefix("hill.")
-        for measure in MEASURES:
+        for measure in ERROR_MEASURES:
             for cut, tail in ((False, ""), (True, ".truncated")):
                 values = [getattr(f.errors(estimator, truncated=cut), measure) for f in found.values()]
-                key = PRINTED_AS.get(estimator)
+                key = PRINTED_ROW_OF_ESTIMATOR.get(estimator)
                 shown = methods[key][measure] if cut and key and measure in methods[key] else None
-                what = f"{WORDS[measure]} of {words}" + (", cut off at 0" if cut else "")
+                what = f"{MEASURE_WORDS[measure]} of {words}" + (", cut off at 0" if cut else "")
                 rows.append(_over(f"{measure}.truth.{short}{tail}", what, "N*m", values, shown))
     for estimator, name in (("hill", "mean"), ("hill.recorded", "recorded")):
         values = [f.errors(estimator, "muscles").rmse for f in found.values()]
@@ -163,7 +164,7 @@ def training_rows(
         _over("adam.evaluations.least_squares", "Evaluations that bounded least squares took, three starts", "1",
               [t.least_squares for t in trained.values()])
     )  # fmt: skip
-    for quantity, letter in TRAINED.items():
+    for quantity, letter in TRAINED_QUANTITIES.items():
         rows.append(
             _over(f"order.{quantity}", f"Iteration from which {_words(quantity)} ({letter} of the paper) stays", "1",
                   [t.converged[quantity] for t in trained.values()])

@@ -14,22 +14,22 @@ from ...pages.quantities import number
 from ...pages.tables import number_table
 from ..row_sections import bracketed
 from .descent_figures import Compared, Paths, compared, paths
-from .rows import ESTIMATOR_WORDS, PRINTED_AS, TERMS
-from .torque import BASELINES, RECORDED
-from .training import TRAINED
+from .rows import ESTIMATOR_WORDS, PRINTED_ROW_OF_ESTIMATOR, TERMS
+from .torque import BASELINE_FAMILIES, RECORDED_EMG_BASELINES
+from .training import TRAINED_QUANTITIES
 
 if TYPE_CHECKING:
     from .paper import HillPaper
 
-ROLES = {"true": "measured", "muscles": "fitted", "electrodes alone": "heldout", "eq. 12": "good",
+LINE_COLOUR_ROLES = {"true": "measured", "muscles": "fitted", "electrodes alone": "heldout", "eq. 12": "good",
          "measured": "measured", "eq. 9": "fitted", "eq. 10": "fitted"}  # fmt: skip
-"""Colours of lines, by their label."""
+"""Colour roles of lines, by their label."""
 
-SHOWN = (8.0, 20.0)
-"""What is drawn of a swing [s]."""
+DRAWN_SPAN_S = (8.0, 20.0)
+"""First and last time of a swing that are drawn."""
 
-FASTEST_AND_SLOWEST = ("S2", "S4")
-"""Whose torque the paper draws (its Fig. 9)."""
+DRAWN_SUBJECTS = ("S2", "S4")
+"""Virtual subjects in place of those whose torque the paper draws (its Fig. 9): the fastest and the slowest."""
 
 
 def _cell(value: float) -> str:
@@ -50,7 +50,7 @@ def step_sections(made: HillPaper) -> tuple[Section, ...]:
 
 
 def _people(made: HillPaper) -> Section:
-    """Who sat in it."""
+    """Return the section with the virtual subjects."""
     rows = [
         (name, str(s["age"]), f"{100 * s['height']:.0f}", f"{s['weight']:.0f}", f"{s['frequency']:.2f}")
         for name, s in made.rig["subjects"].items()
@@ -98,7 +98,13 @@ def _swings(made: HillPaper) -> Section:
         ),
         drawings=(
             draw(paths, panels, "convergence", caption="Adam on the paper's swing, eqs. 9 and 10."),
-            draw(over_time, traces, "swing_torque", roles=ROLES, caption="The motor's torque over the paper's swing."),
+            draw(
+                over_time,
+                traces,
+                "swing_torque",
+                roles=LINE_COLOUR_ROLES,
+                caption="The motor's torque over the paper's swing.",
+            ),
         ),
     )
 
@@ -150,14 +156,14 @@ def _training(made: HillPaper) -> Section:
     for name in list(made.subjects)[:4]:
         t = made.subjects[name].training
         lines = {}
-        for quantity, letter in TRAINED.items():
+        for quantity, letter in TRAINED_QUANTITIES.items():
             columns = [i for i, n in enumerate(t.names) if n.split(".")[0] == quantity]
             lines[letter] = t.whole.values[:, columns[0]]
         panels.append(Paths(name, "of one muscle", lines, "Deviations from anatomy"))
     name = next(iter(made.subjects))
     t = made.subjects[name].training
     at = int(np.argmax(t.fixed.spread()))
-    letter = TRAINED[t.names[at].split(".")[0]]
+    letter = TRAINED_QUANTITIES[t.names[at].split(".")[0]]
     rates = [
         Paths(
             letter,
@@ -173,16 +179,16 @@ def _training(made: HillPaper) -> Section:
             logarithmic=True,
         ),
     ]
-    order = sorted(TRAINED, key=lambda q: np.mean([s.training.converged[q] for s in made.subjects.values()]))
-    letters = ", ".join(TRAINED[q] for q in order)
-    stopped = " and ".join(TRAINED[q] for q in order if _stopped(made, q) > 0.5)
+    order = sorted(TRAINED_QUANTITIES, key=lambda q: np.mean([s.training.converged[q] for s in made.subjects.values()]))
+    letters = ", ".join(TRAINED_QUANTITIES[q] for q in order)
+    stopped = " and ".join(TRAINED_QUANTITIES[q] for q in order if _stopped(made, q) > 0.5)
     rows = [
-        (n, *(_cell(s.training.values[q]) for q in TRAINED), _cell(s.training.spread_ratio),
+        (n, *(_cell(s.training.values[q]) for q in TRAINED_QUANTITIES), _cell(s.training.spread_ratio),
          *(_cell(s.training.evaluations(w)) for w in ("adam", "swarm")), str(s.training.least_squares))
         for n, s in made.subjects.items()
     ]  # fmt: skip
     spent = np.mean([s.training.least_squares for s in made.subjects.values()])
-    heads = ("", *TRAINED.values(), "Fixed over falling", "Adam", "Swarm", "Least squares")
+    heads = ("", *TRAINED_QUANTITIES.values(), "Fixed over falling", "Adam", "Swarm", "Least squares")
     return Section(
         "training",
         "Table 3, Figs. 7 and 11: ways down",
@@ -243,9 +249,9 @@ def _torque(made: HillPaper) -> Section:
         *(f"{m}, eq. 12 ⟨real people⟩" for m in measures),
     )
     traces = []
-    for name in _chosen(made, FASTEST_AND_SLOWEST):
+    for name in _chosen(made, DRAWN_SUBJECTS):
         f = made.subjects[name].torque
-        shown = (f.time >= SHOWN[0]) & (f.time < SHOWN[1])
+        shown = (f.time >= DRAWN_SPAN_S[0]) & (f.time < DRAWN_SPAN_S[1])
         lines = {"true": f.active, "muscles": f.predicted["hill"], "electrodes alone": f.predicted["hill.recorded"]}
         rest = f"RMSE {f.errors('hill').rmse:.2f} N·m"
         traces.append(Traces(name, rest, f.time[shown], {n: x[shown] for n, x in lines.items()}, "Torque (N·m)"))
@@ -265,7 +271,7 @@ def _torque(made: HillPaper) -> Section:
                 over_time,
                 traces,
                 "torque",
-                roles=ROLES,
+                roles=LINE_COLOUR_ROLES,
                 caption="Held-out torque of the fastest and the slowest swing.",
             ),
         ),
@@ -278,14 +284,14 @@ def _methods(made: HillPaper) -> Section:
 
     def row(estimator: str, label: str, strong: bool = False) -> Compared:
         errors = [s.torque.errors(estimator, truncated=True).rmse for s in made.subjects.values()]
-        key = PRINTED_AS.get(estimator)
+        key = PRINTED_ROW_OF_ESTIMATOR.get(estimator)
         return Compared(label, errors, table[key]["rmse"].value if key in table.rows else None, strong)
 
     rows = [row("hill", ESTIMATOR_WORDS["hill"], True), row("hill.adaptive", ESTIMATOR_WORDS["hill.adaptive"])]
-    rows += [row(name, ESTIMATOR_WORDS[name]) for name in BASELINES]
+    rows += [row(name, ESTIMATOR_WORDS[name]) for name in BASELINE_FAMILIES]
     alone, both = (np.mean([s.torque.errors(n).rmse for s in made.subjects.values()]) for n in ("motion", "ridge"))
     rows.append(row("hill.recorded", ESTIMATOR_WORDS["hill.recorded"], True))
-    rows += [row(f"{name}.recorded", f"{ESTIMATOR_WORDS[name]}, recorded muscles") for name in RECORDED]
+    rows += [row(f"{name}.recorded", f"{ESTIMATOR_WORDS[name]}, recorded muscles") for name in RECORDED_EMG_BASELINES]
     return Section(
         "methods",
         "Table 5 and Fig. 10: other methods",

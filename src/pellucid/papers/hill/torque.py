@@ -1,4 +1,4 @@
-"""Step 3 on the virtual shank exoskeleton: the knee's torque from EMG, by muscles and by all they are compared with."""
+"""Step 3 on the virtual shank exoskeleton: the knee's torque from EMG, by muscle models and by baselines."""
 
 from __future__ import annotations
 
@@ -18,13 +18,17 @@ from ...procedures.emg_torque.seated_swings import FLEXOR_MUSCLE
 from .steps import BodyFound, LegFound
 from .trials import ActiveSwing, SubjectTaken, active_swing
 
-BASELINES = ("nmco", "nmcoa", "nmnc", "mbp", "ridge", "boost", "motion")
+BASELINE_FAMILIES = ("nmco", "nmcoa", "nmnc", "mbp", "ridge", "boost", "motion")
 """Estimators of `ESTIMATOR_FAMILIES` that are fitted and scored on the same swings."""
 
-RECORDED = ("nmco", "nmcoa", "nmnc", "mbp", "ridge")
-"""Those of them that are also given recorded EMG alone."""
+RECORDED_EMG_BASELINES = ("nmco", "nmcoa", "nmnc", "mbp", "ridge")
+"""Baselines that are also fitted to the recorded muscles alone.
 
-MEASURES = ("rmse", "maxe", "mae")
+They lack the flexors, whose envelope follows from the torque balance.
+"""
+
+ERROR_MEASURES = ("rmse", "maxe", "mae")
+"""Fields of `Errors`, as rows have them."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +41,7 @@ class Errors:
 
 
 def errors_of(found: np.ndarray, true: np.ndarray, *, truncated: bool = False) -> Errors:
-    """Errors of a torque; found, true (n,) [N m]."""
+    """Return the errors of a torque; `found`, `true` (n,) [N m]. With `truncated`, negative torque counts as none."""
     if truncated:
         found, true = np.maximum(found, 0.0), np.maximum(true, 0.0)
     off = np.abs(found - true)
@@ -46,22 +50,20 @@ def errors_of(found: np.ndarray, true: np.ndarray, *, truncated: bool = False) -
 
 @dataclass(frozen=True, eq=False)
 class TorqueFound:
-    """One subject's torque in the swing that was held out."""
+    """One subject's torque in the held-out swing."""
 
-    # time, reference, active, muscles, eq12: (n,) [s]; by balance, true beyond what relaxed muscles pull, true of all
-    # they pull, and by eq. 12 as published [N m].
-    time: np.ndarray
-    reference: np.ndarray = field(repr=False)
-    active: np.ndarray = field(repr=False)
-    muscles: np.ndarray = field(repr=False)
-    eq12: np.ndarray = field(repr=False)
-    predicted: Mapping[str, np.ndarray] = field(repr=False)  # (n,) By estimator [N m]
-    envelopes: Mapping[str, np.ndarray] = field(repr=False)  # (n,) Of the recorded muscles, relative
-    hill: HillMap  # hill, recorded: With and without unrecorded flexors.
-    recorded: HillMap
+    time: np.ndarray  # (n,) [s]
+    reference: np.ndarray = field(repr=False)  # (n,) Torque by the balance of leg, exoskeleton and motor [N m]
+    active: np.ndarray = field(repr=False)  # (n,) True torque of the muscles less their torque at rest [N m]
+    muscles: np.ndarray = field(repr=False)  # (n,) True torque of the muscles [N m]
+    eq12: np.ndarray = field(repr=False)  # (n,) Torque by eq. 12 as published [N m]
+    predicted: Mapping[str, np.ndarray] = field(repr=False)  # (n,) Predicted torque, by estimator [N m]
+    envelopes: Mapping[str, np.ndarray] = field(repr=False)  # (n,) Relative EMG envelopes of the recorded muscles
+    hill: HillMap  # Muscle model with the unrecorded flexors
+    recorded: HillMap  # Muscle model of the recorded muscles alone
 
     def errors(self, estimator: str, against: str = "active", *, truncated: bool = False) -> Errors:
-        """Errors of an estimator."""
+        """Return the errors of an estimator against a field of torque."""
         return errors_of(self.predicted[estimator], getattr(self, against), truncated=truncated)
 
 
@@ -75,10 +77,10 @@ def find_torque(empty: BodyFound, leg: LegFound, taken: SubjectTaken) -> TorqueF
     seen = compute_features(fitted.trial, CORRECTION_FEATURES).x
     learnt = fit_adaptive_correction([(seen, fitted.trial.torque - hill.predict(fitted.trial))])
     predicted["hill.adaptive"] = CorrectedMap("hill", hill, learnt).predict(heldout.trial)
-    for name in BASELINES:
-        predicted[name] = _fit(name, fitted).predict(heldout.trial)
-    for name in RECORDED:
-        predicted[f"{name}.recorded"] = _fit(name, alone).predict(alone_heldout.trial)
+    for name in BASELINE_FAMILIES:
+        predicted[name] = _fit_estimator(name, fitted).predict(heldout.trial)
+    for name in RECORDED_EMG_BASELINES:
+        predicted[f"{name}.recorded"] = _fit_estimator(name, alone).predict(alone_heldout.trial)
     # As published: calibrated on the torque of eq. 12, scored on it.
     of_eq12 = [bare_leg_torque(empty.published, leg.body.published, s.motion).torque for s in (fitted, heldout)]
     as_published = fit_hill([replace(alone.trial, torque=of_eq12[0])])
@@ -91,10 +93,12 @@ def find_torque(empty: BodyFound, leg: LegFound, taken: SubjectTaken) -> TorqueF
 
 
 def _without_flexors(swing: ActiveSwing) -> ActiveSwing:
+    """Return a swing without the flexors' envelope."""
     kept = {name: e for name, e in swing.trial.envelopes.items() if name != FLEXOR_MUSCLE}
     return replace(swing, trial=replace(swing.trial, envelopes=kept))
 
 
-def _fit(name: str, swing: ActiveSwing):
+def _fit_estimator(name: str, swing: ActiveSwing):
+    """Fit an estimator of `ESTIMATOR_FAMILIES` to one swing."""
     whole = ESTIMATOR_FAMILIES[name].fit_trials
     return whole([swing.trial], name, False) if whole else fit_torque_map([swing.trial], name)

@@ -1,4 +1,4 @@
-"""Ways down to a subject's muscles: Adam with a fixed rate and a falling one on parts of the data, and a swarm."""
+"""Train a subject's muscles: Adam with a fixed and with a falling rate on parts of the data, and a particle swarm."""
 
 from __future__ import annotations
 
@@ -13,54 +13,67 @@ from ...fit.muscles.muscle_calibration import MuscleProblem, solve_calibration
 from ...fit.searches.adam import AdamPath, adam
 from ...fit.searches.swarm import Search, swarm_with_gradients
 
-TRAINED: dict[str, str] = {
+TRAINED_QUANTITIES: dict[str, str] = {
     "strength": "k_r",
     "shape": "A",
     "optimal_length_shift": "λ",
     "tendon_slack_length": "k_s",
     "max_velocity": "k_v",
 }
-"""What is trained, and the parameter of the paper that does the same, in the paper's order of convergence."""
+"""Trained quantities, each with the paper's parameter of the same effect, in the paper's order of convergence."""
 
-ITERATIONS, RATE, FINAL_RATE = 1500, 0.02, 2e-5
-"""Of Adam, in standard deviations among people."""
+ADAM_ITERATIONS = 1500
+"""Iterations of Adam. The paper prints no number; chosen by judgement."""
 
-PART = 2.0
-"""Data of each gradient [s]: about a swing."""
+ADAM_RATE = 0.02
+"""Learning rate of Adam, at first where it falls, in standard deviations of a parameter among people."""
 
-NEAR = 1.05
-"""Times the lowest cost, below which a way down has arrived."""
+ADAM_FINAL_RATE = 2e-5
+"""Learning rate at the last iteration where it falls, in the same unit."""
+
+GRADIENT_SPAN_S = 2.0
+"""A gradient on a part of the data uses this long a stretch, which is about one swing."""
+
+ARRIVAL_COST_FACTOR = 1.05
+"""An optimiser has arrived when its cost is below the lowest known cost times this factor."""
 
 
 @dataclass(frozen=True, eq=False)
 class Training:
     """One subject's muscles, trained in three ways on one cost."""
 
-    names: tuple[str, ...]  # Of the parameters
-    falling: AdamPath = field(repr=False)  # falling, fixed: On parts of the data, in standard deviations from anatomy.
-    fixed: AdamPath = field(repr=False)
-    whole: AdamPath = field(repr=False)  # A falling rate on all data at once
+    names: tuple[str, ...]  # Names of the parameters
+    # Parameters of all three are in standard deviations from anatomy.
+    falling: AdamPath = field(repr=False)  # Adam with a falling rate on parts of the data
+    fixed: AdamPath = field(repr=False)  # Adam with a fixed rate on parts of the data
+    whole: AdamPath = field(repr=False)  # Adam with a falling rate on all data at once
     swarm: Search = field(repr=False)
     lowest: float  # Cost that bounded least squares reaches
-    least_squares: int  # Evaluations it took
-    values: dict[str, float]  # Where Adam on all data ended, by quantity of `TRAINED`, mean over muscles
+    least_squares: int  # Evaluations of the cost that least squares needed
+    values: dict[str, float]  # Result of Adam on all data, by quantity of `TRAINED_QUANTITIES`, mean over muscles
 
     @property
     def spread_ratio(self) -> float:
-        """Of the parameters over the last hundred iterations, fixed rate over falling, median of what moves."""
+        """Spread of a parameter over the last hundred iterations, with the fixed rate over that with the falling one.
+
+        It is the median over the parameters that still move [1].
+        """
         fixed, falling = self.fixed.spread(), self.falling.spread()
         moves = fixed > 1e-9
         return float(np.median(fixed[moves] / np.maximum(falling[moves], 1e-12)))
 
     @property
     def converged(self) -> dict[str, float]:
-        """Iteration from which on each quantity stays near where it ends, mean over muscles."""
+        """Iteration from which on each quantity stays near its last value, mean over muscles."""
         at = dict(zip(self.names, self.whole.converged_at(), strict=True))
-        return {q: float(np.mean([v for n, v in at.items() if n.split(".")[0] == q])) for q in TRAINED}
+        return {q: float(np.mean([v for n, v in at.items() if n.split(".")[0] == q])) for q in TRAINED_QUANTITIES}
 
     def evaluations(self, way: str) -> float:
-        """Evaluations of the cost until it is within `NEAR` of the lowest; NaN if it never is."""
-        goal = NEAR * self.lowest
+        """Return the evaluations of the cost until it is below `ARRIVAL_COST_FACTOR` times the lowest; NaN if never.
+
+        `way` is "swarm" or, for Adam on all data, any other name.
+        """
+        goal = ARRIVAL_COST_FACTOR * self.lowest
         if way == "swarm":
             return float(self.swarm.evaluations_until(goal) or np.nan)
         arrived = np.flatnonzero(self.whole.costs <= goal)
@@ -71,8 +84,8 @@ def train(trial: TorqueTrial, weight: float) -> Training:
     """Train a subject's muscles on the recording to be fitted."""
     muscles = find_driven_muscles([trial])
     samples, _ = make_muscle_samples([trial], muscles=[m.name for m in muscles])
-    problem = MuscleProblem(muscles, samples, quantities=tuple(TRAINED), weight=weight)
-    size = round(PART * trial.fs)
+    problem = MuscleProblem(muscles, samples, quantities=tuple(TRAINED_QUANTITIES), weight=weight)
+    size = round(GRADIENT_SPAN_S * trial.fs)
     parts = [np.arange(i, min(i + size, len(samples.torque))) for i in range(0, len(samples.torque) - size // 2, size)]
     counted = [p[samples.weight[p] > 0.0] for p in parts]
     pieces = [p for p in counted if p.size > size // 2]
@@ -91,13 +104,13 @@ def train(trial: TorqueTrial, weight: float) -> Training:
         return cost
 
     start = np.clip(np.zeros(len(problem.lower)), problem.lower, problem.upper)
-    options = {"rate": RATE, "iterations": ITERATIONS, "lower": problem.lower, "upper": problem.upper}
+    options = {"rate": ADAM_RATE, "iterations": ADAM_ITERATIONS, "lower": problem.lower, "upper": problem.upper}
     found = solve_calibration(problem)
-    whole = adam(problem.cost_and_gradient, start, final_rate=FINAL_RATE, **options)
+    whole = adam(problem.cost_and_gradient, start, final_rate=ADAM_FINAL_RATE, **options)
     ended = dict(zip(problem.names, problem.values(whole.last), strict=True))
     return Training(
         problem.names,
-        adam(on_parts(), start, final_rate=FINAL_RATE, **options),
+        adam(on_parts(), start, final_rate=ADAM_FINAL_RATE, **options),
         adam(on_parts(), start, **options),
         whole,
         swarm_with_gradients(
@@ -105,5 +118,5 @@ def train(trial: TorqueTrial, weight: float) -> Training:
         ),
         found.cost,
         found.evaluations,
-        {q: float(np.mean([v for n, v in ended.items() if n.split(".")[0] == q])) for q in TRAINED},
+        {q: float(np.mean([v for n, v in ended.items() if n.split(".")[0] == q])) for q in TRAINED_QUANTITIES},
     )

@@ -1,4 +1,4 @@
-"""One subject of the virtual shank exoskeleton: recordings made ready for the paper's three steps, and the truth."""
+"""One subject of the virtual shank exoskeleton: recordings prepared for the paper's three steps, and the truth."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from ...procedures.loaded_swing.identify_loaded_swing import prepared
 from ...recordings.recording import Recording
 from ...signals.emg_chain import emg_chain
 
-DRIVEN_LOWPASS = 4.0
-"""Of swings that the motor makes [Hz]."""
+DRIVEN_LOWPASS_HZ = 4.0
+"""Swings that the motor makes pass this zero-phase low-pass."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,18 +29,18 @@ class SubjectTaken:
     """A subject's session."""
 
     subject: SeatedSubject
-    recordings: Mapping[str, Recording] = field(repr=False)  # By what was done: two_sines, rich, mvc, swing_1, swing_2
-    truth: Mapping[str, SeatedTruth] = field(repr=False)
-    knee: float  # knee, hip: As written down [rad].
-    hip: float
+    recordings: Mapping[str, Recording] = field(repr=False)  # By trial: two_sines, rich, mvc, swing_1, swing_2
+    truth: Mapping[str, SeatedTruth] = field(repr=False)  # Simulated truth by trial
+    knee: float  # Angle of the knee as noted in the session [rad]
+    hip: float  # Angle of the hip as noted in the session [rad]
 
     def driven(self, what: str) -> Swing:
-        """A swing that the motor made."""
+        """Return a swing that the motor made, "two_sines" or "rich"."""
         return driven_swing(self.recordings[what])
 
 
 def take_subject(rig: SeatedRig, made: list[SeatedTrial], subject: SeatedSubject, seed: int) -> SubjectTaken:
-    """Do a subject's trials."""
+    """Simulate and record a subject's trials."""
     own = [t for t in made if t.subject is not None and t.subject.name == subject.name]
     recordings, truth, knee, hip = {}, {}, 0.0, 0.0
     _, recorded, taken = record_in_memory(rig, own, seed=seed)
@@ -52,12 +52,12 @@ def take_subject(rig: SeatedRig, made: list[SeatedTrial], subject: SeatedSubject
 
 
 def driven_swing(recording: Recording) -> Swing:
-    """A swing that the motor made, with a leg in it or without."""
-    return prepared(recording, DRIVEN_LOWPASS)
+    """Return the low-passed swing of a recording in which the motor moved, with a leg or without."""
+    return prepared(recording, DRIVEN_LOWPASS_HZ)
 
 
 def tissue_torque(subject: SeatedSubject, position: np.ndarray) -> np.ndarray:
-    """What a subject's muscles pull at no excitation, shape (n,) [N m], at positions from hanging [rad]."""
+    """Return the torque of a subject's relaxed muscles, shape (n,) [N m], at positions from hanging [rad]."""
     knee = subject.rest + position
     extending, bending = (DriveMap(g, subject.hip, subject.rest) for g in (subject.extensors, subject.flexors))
     return extending.passive(knee) - bending.passive(knee)
@@ -65,17 +65,16 @@ def tissue_torque(subject: SeatedSubject, position: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class ActiveSwing:
-    """A swing that the subject made, and what is true of it."""
+    """A swing that the subject made, with its true torques."""
 
-    trial: TorqueTrial  # Its torque is what balance says: leg and exoskeleton, less the motor
+    trial: TorqueTrial  # Its torque is that of leg and exoskeleton by their equation of motion, less the motor's
     motion: Swing
-    # active, muscles: (n,) True torque of muscles beyond what they pull relaxed, and of all that they pull [N m].
-    active: np.ndarray = field(repr=False)
-    muscles: np.ndarray = field(repr=False)
+    active: np.ndarray = field(repr=False)  # (n,) True torque of the muscles less their torque at rest [N m]
+    muscles: np.ndarray = field(repr=False)  # (n,) True torque of the muscles [N m]
 
 
 def active_swing(taken: SubjectTaken, what: str, loaded: SwingFit, *, flexors: bool) -> ActiveSwing:
-    """Envelopes, angle and reference torque of a swing."""
+    """Return a swing with envelopes, angle and reference torque; `flexors` adds the flexors' by balance."""
     emg = {name: taken.recordings[name].streams["emg"] for name in ("mvc", "rich")}
     session = WearerSwings(loaded, emg["mvc"], emg["rich"], emg_chain("hill"), taken.hip)
     recording, truth = taken.recordings[what], taken.truth[what]

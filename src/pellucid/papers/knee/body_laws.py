@@ -1,8 +1,9 @@
-"""The orthosis's own body carried by model, from the encoder alone: what reviews call model-based control.
+"""Laws that carry the orthosis's own body by a model, from the encoder alone: what reviews call model-based control.
 
-The law is the elbow's (`control.transparent_laws`) on the orthosis as it was identified, with what its torque loop lets
-through of motor and gear. Led by an adaptive oscillator, with rules learnt beyond the model, or as sensitivity
-amplification, which carries all but one part in alpha of the inverse model, it is each of the strategies so called.
+The law is the elbow's (`control.transparent_laws`) with the identified orthosis, and the share of motor and gear that
+its torque loop lets through. Three variants are known under names of their own: an adaptive oscillator leads the
+acceleration; learnt rules add torque beyond the model; sensitivity amplification carries the whole inverse model but
+for one part in alpha.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ from ...control.transparent_laws import of_body, with_oscillator, with_rules
 from ...estimators.learnt_rules import LearntRules, RecordedResidual, RuleKind, learn_rules
 from ...signals.filters import zero_phase_lowpass
 
-LOWPASS = 8.0
-"""Of angles and torques that rules are learnt from [Hz]."""
+RULE_LOWPASS_HZ = 8.0
+"""Angles and commands pass this zero-phase low-pass before rules are learnt from them."""
 
-SWING_FREQUENCY = 5.0
-"""Where the oscillator starts [rad/s]."""
+OSCILLATOR_START_RAD_S = 5.0
+"""Frequency at which the adaptive oscillator starts."""
 
-EVERY = 10
-"""Of these samples one is kept to learn from."""
+RULE_SAMPLE_STEP = 10
+"""Rules are learnt from every tenth sample."""
 
 
 class BodyLaw:
@@ -36,11 +37,11 @@ class BodyLaw:
 
     @property
     def fault(self) -> str:
-        """As of its gate."""
+        """Fault that the law's safety gate has latched; "none" if there is none."""
         return self._running.fault
 
     def step(self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = ()) -> float:
-        """One control period. `time`, `position`, `torque` [s], [rad], [N m]; gives [N m]."""
+        """Return the command [N m] of one control period. `time` [s], `position` [rad], `torque` [N m]."""
         return self._running.step(time, position)
 
 
@@ -55,10 +56,12 @@ def body_law(
     bandwidth: float = 60.0,
     limits: Limits | None = None,
 ) -> ControlLaw:
-    """Gravity, friction and inertia of the orthosis and of what its actuator lets through, in shares. `period` [s];
-    `width`, `bandwidth` [rad/s]."""
+    """Return the law that carries shares of gravity, friction and inertia of the orthosis and its actuator.
+
+    `period` [s]; `gravity`, `friction`, `inertia` are shares [1]; `width`, `bandwidth` [rad/s].
+    """
     m = coupling
-    own = {
+    body = {
         "inertia": m.orthosis_inertia + m.actuator_inertia,
         "gravity_sine": m.orthosis_gravity,
         "coulomb_positive": m.coulomb + m.actuator_coulomb,
@@ -68,51 +71,60 @@ def body_law(
         "velocity_width": width,
     }
     return of_body(
-        own, fastest=4.0, limits=limits or Limits(), period=period, gravity_share=gravity, friction_share=friction,
+        body, fastest=4.0, limits=limits or Limits(), period=period, gravity_share=gravity, friction_share=friction,
         inertia_share=inertia, bandwidth=bandwidth, acceleration_limit=60.0,
     )  # fmt: skip
 
 
-def amplification(coupling: Coupling, period: float, *, alpha: float, **settings: float) -> ControlLaw:
-    """Of the whole inverse model all but one part in `alpha`. `period` [s]."""
+def amplification_law(coupling: Coupling, period: float, *, alpha: float, **settings: float) -> ControlLaw:
+    """Return sensitivity amplification, which carries the inverse model but for one part in `alpha`. `period` [s]."""
     share = 1.0 - 1.0 / alpha
     return body_law(coupling, period, gravity=1.0, friction=share, inertia=share, **settings)
 
 
-def oscillating(coupling: Coupling, period: float, *, share: float, lead: float, **settings: float) -> ControlLaw:
-    """The body, its acceleration led by an oscillator that learns the swing. `period`, `lead` [s]."""
-    return with_oscillator(body_law(coupling, period, **settings), share=share, lead=lead, frequency=SWING_FREQUENCY)
+def law_with_oscillator(
+    coupling: Coupling, period: float, *, share: float, lead: float, **settings: float
+) -> ControlLaw:
+    """Return the body's law, its acceleration led by an oscillator that learns the swing. `period`, `lead` [s]."""
+    return with_oscillator(
+        body_law(coupling, period, **settings), share=share, lead=lead, frequency=OSCILLATOR_START_RAD_S
+    )
 
 
-def left_alone(law: ControlLaw, swings: Sequence[tuple[np.ndarray, np.ndarray]], fs: float) -> list[RecordedResidual]:
-    """What the orthosis alone asked for beyond a law's own terms, in swings of angle [rad] and command [N m], shape
-    (n,) each, at a rate [Hz]; the inertia whole, since of angle and speed rules can know no acceleration."""
+def residuals_beyond_law(
+    law: ControlLaw, swings: Sequence[tuple[np.ndarray, np.ndarray]], fs: float
+) -> list[RecordedResidual]:
+    """Return the command of the empty orthosis beyond a law's terms, in swings of angle [rad] and command [N m].
+
+    Each swing has arrays of shape (n,) at a rate `fs` [Hz]. The inertia is subtracted whole, because rules of angle and
+    speed contain no acceleration.
+    """
     v, made = law.values, []
     for position, command in swings:
-        q, u = (zero_phase_lowpass(x, LOWPASS, 2, fs) for x in (position, command))
+        q, u = (zero_phase_lowpass(x, RULE_LOWPASS_HZ, 2, fs) for x in (position, command))
         speed = np.gradient(q) * fs
         sign = np.tanh(speed / v["velocity_width"])
-        own = v["gravity_share"] * v["gravity_sine"] * np.sin(q) + v["inertia"] * np.gradient(speed) * fs
-        own += v["friction_share"] * (v["coulomb_positive"] * sign + v["viscous_positive"] * speed)
-        inside = slice(round(fs), -round(fs), EVERY)
-        made.append(RecordedResidual(q[inside], speed[inside], (u - own)[inside]))
+        modelled = v["gravity_share"] * v["gravity_sine"] * np.sin(q) + v["inertia"] * np.gradient(speed) * fs
+        modelled += v["friction_share"] * (v["coulomb_positive"] * sign + v["viscous_positive"] * speed)
+        inside = slice(round(fs), -round(fs), RULE_SAMPLE_STEP)
+        made.append(RecordedResidual(q[inside], speed[inside], (u - modelled)[inside]))
     return made
 
 
-def rules_of(
+def learn_orthosis_rules(
     kind: RuleKind,
     coupling: Coupling,
     period: float,
     swings: Sequence[tuple[np.ndarray, np.ndarray]],
     body: Mapping[str, float],
 ) -> LearntRules:
-    """Rules of a kind for an orthosis, from its swings alone, beyond the law with the settings of `body`. `period`
+    """Learn rules of one kind from an empty orthosis's swings, beyond the law with the settings of `body`. `period`
     [s]."""
-    return learn_rules(left_alone(body_law(coupling, period, **body), swings, 1.0 / period), kind)
+    return learn_rules(residuals_beyond_law(body_law(coupling, period, **body), swings, 1.0 / period), kind)
 
 
-def learnt(
+def law_with_rules(
     coupling: Coupling, period: float, rules: LearntRules, body: Mapping[str, float], *, share: float
 ) -> ControlLaw:
-    """The body, and a share of what rules say beyond it. `period` [s]."""
+    """Return the body's law with a `share` of the torque that learnt rules add. `period` [s]."""
     return with_rules(body_law(coupling, period, **body), rules.numbers(share))

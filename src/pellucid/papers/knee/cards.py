@@ -1,7 +1,7 @@
-"""What a wearer's compensator is built from: identified cards of both bodies, strap and actuator, and a causal EMG map.
+"""Inputs of a wearer's compensator: identified cards of both bodies, strap and actuator, and a causal EMG map.
 
-Nothing of the simulation's truth enters: only what its instruments wrote. One number is not identified, the dead time
-of the torque loop, which is a property of the actuator's hardware that its maker states: one sample.
+Nothing of the simulation's truth enters, only its instruments' recordings. One number is not identified: the dead time
+of the torque loop, which is a property of the actuator's hardware that its maker states.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from ...procedures.coupling.identify_coupling import identify_worn
 from ...procedures.emg_torque.strapped_trials import strapped_emg_trial
 from .trials import STRAP_ONLY, take
 
-DEAD_SAMPLES = 1
-"""Of the actuator's torque loop, from reading to current, as its maker states."""
+ACTUATOR_DEAD_SAMPLES = 1
+"""Dead time of the actuator's torque loop, from reading to current, in samples, as the actuator's maker states it."""
 
 
 @dataclass(frozen=True)
@@ -30,31 +30,31 @@ class WearerCard:
     """One wearer in one orthosis."""
 
     coupling: Coupling  # Orthosis, actuator, strap and limb
-    emg: CausalMap  # From raw EMG to torque
-    alone: tuple[tuple[np.ndarray, np.ndarray], ...] = ()  # As of `Identified`
+    emg: CausalMap  # Map from raw EMG to torque
+    alone: tuple[tuple[np.ndarray, np.ndarray], ...] = ()  # Sines of the empty orthosis, as in `Identified`
 
 
 @dataclass(frozen=True, eq=False)
 class Identified:
-    """What was identified of a wearer, and the recordings that EMG maps are fitted to."""
+    """One identified wearer, with the recordings to which EMG maps are fitted."""
 
-    name: str  # The wearer
-    rig: KneeRig  # In which to swing afterwards
-    seed: int  # Of the recordings, and of how the instruments sit
-    coupling: Coupling  # By the cards of orthosis, limb and strap, and by the actuator's sines
-    steps: tuple[EmgTrial, ...]
-    # Angle [rad] and command [N m], (n,) each, of sines of the orthosis alone, that rules are learnt from
+    name: str  # Name of the wearer
+    rig: KneeRig  # Rig in which the wearer swings afterwards
+    seed: int  # Seed of the recordings, and of the instruments' mounting
+    coupling: Coupling  # Model from the cards of orthosis, limb and strap, and from the actuator's sines
+    steps: tuple[EmgTrial, ...]  # Torque steps with EMG
+    # Angle [rad] and command [N m], (n,) each, of sines of the empty orthosis, from which rules are learnt
     alone: tuple[tuple[np.ndarray, np.ndarray], ...] = ()
 
     def card(self, settings: EmgSettings | None = None) -> WearerCard:
-        """Everything a controller may know, the EMG chain with some settings."""
+        """Return all that a controller may use, with the EMG map fitted under `settings`."""
         return WearerCard(self.coupling, fit_causal_map(self.steps, settings), self.alone)
 
 
 def identify_wearer_of(rig: KneeRig, name: str, seed: int) -> Identified:
-    """Record everything that one wearer does, and identify it."""
+    """Record one wearer in every protocol, and identify orthosis, limb, strap and actuator."""
     taken = take(rig, seed, [name], protocols=(*STRAP_ONLY, "mvc", "torque_steps"))
-    used = [r for r in taken.recordings if r.protocol != "torque_steps"]  # for the EMG map alone
+    used = [r for r in taken.recordings if r.protocol != "torque_steps"]  # torque steps serve the EMG map alone
     findings = identify_worn(taken.config, used)
     cards, stages = findings.cards, findings.wearers.get(name)
     if f"{name}.limb" not in cards:
@@ -62,7 +62,7 @@ def identify_wearer_of(rig: KneeRig, name: str, seed: int) -> Identified:
         raise IdentificationError(f"{name}: found no card of limb and strap, expected both: {why}")
     sines = taken.of("sine_tracking", "fit")
     actuator = actuator_residual([tuple(r[c] for c in REQUIRED_CHANNELS) for r in sines], sines[0].fs)
-    actuator |= {"delay": DEAD_SAMPLES / sines[0].fs}
+    actuator |= {"delay": ACTUATOR_DEAD_SAMPLES / sines[0].fs}
     coupling = Coupling.of_cards(cards["orthosis"], cards[f"{name}.limb"], cards[f"{name}.coupling"], actuator)
     known = {"orthosis": findings.orthosis.orthosis, "limb": stages.limb.limb, "strap": stages.coupling.plain}
     steps = [strapped_emg_trial(r, "emg", r.name.rsplit("_", 1)[-1], **known) for r in taken.of("torque_steps")]
@@ -70,15 +70,15 @@ def identify_wearer_of(rig: KneeRig, name: str, seed: int) -> Identified:
     return Identified(name, rig, seed, coupling, tuple(steps), alone)
 
 
-def mistaken(card: WearerCard, **factors: float) -> WearerCard:
-    """A card with some parameters wrong; factors [1]."""
+def card_with_coupling_errors(card: WearerCard, **factors: float) -> WearerCard:
+    """Return a card whose coupling has some parameters multiplied by `factors` [1]."""
     return replace(card, coupling=card.coupling.scaled(**factors))
 
 
-def weakened(card: WearerCard, factors: Mapping[int, float]) -> WearerCard:
-    """A card whose EMG map takes channels for stronger or weaker than they are: as after new electrodes, or fatigue.
+def card_with_channel_gains(card: WearerCard, factors: Mapping[int, float]) -> WearerCard:
+    """Return a card whose EMG map weighs channels too much or too little, as after new electrodes or fatigue.
 
-    factors [1].
+    `factors` has a factor [1] on the weight of each channel that it names.
     """
     weights = card.emg.weights.copy()
     for channel, factor in factors.items():

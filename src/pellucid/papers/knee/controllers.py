@@ -1,6 +1,6 @@
 """Every controller that is compared on the virtual orthosis, built from a wearer's card and from chosen constants.
 
-The constants stand in ``chosen.toml``, as `tuning` chose them on drawn wearers; none else is free.
+The constants are in ``chosen.toml``, as `tuning` chose them on drawn wearers; there is no other free constant.
 """
 
 from __future__ import annotations
@@ -27,20 +27,23 @@ from ...control.stability import Margins, bears, margins
 from ...control.worn import StrapLearning, WornCompensator
 from ...estimators.causal_map import EmgSettings
 from ...lab.knee.trial import Controller
-from .body_laws import BodyLaw, amplification, body_law, learnt, oscillating, rules_of
+from .body_laws import BodyLaw, amplification_law, body_law, law_with_oscillator, law_with_rules, learn_orthosis_rules
 from .cards import WearerCard
 from .fuzzy import FuzzyCompensation
 from .pid_tuning import tune_pid
 from .rbf import RbfCompensation
 from .strap_disturbance import StrapDisturbance
 
-SPEEDS = (0.1, 0.5, 1.5, 4.0)
-"""At which friction is linearised for the margins [rad/s]."""
+MARGIN_SPEEDS_RAD_S = (0.1, 0.5, 1.5, 4.0)
+"""Speeds at which friction is linearised for the stability margins."""
 
-GAIN_DB, DELAY = 6.0, 0.020
-"""Margins that are asked of every controller [dB], [s]."""
+REQUIRED_GAIN_MARGIN_DB = 6.0
+"""Gain margin that every controller must have."""
 
-NAMES: Mapping[str, str] = {
+REQUIRED_DELAY_MARGIN_S = 0.020
+"""Delay margin that every controller must have."""
+
+CONTROLLER_WORDS: Mapping[str, str] = {
     "zero_impedance": "zero impedance",
     "no_control": "no control",
     "residual": "residual compensator",
@@ -52,58 +55,59 @@ NAMES: Mapping[str, str] = {
     "fuzzy": "fuzzy",
     "rbf": "neural (RBF)",
 }
-"""Controllers that a reproduction compares, by their place in ids."""
+"""Words for the controllers that a reproduction compares, by their name in ids."""
 
-BODY_NAMES: Mapping[str, str] = {
+BODY_LAW_WORDS: Mapping[str, str] = {
     "body": "body by model",
     "oscillator": "body, led by an adaptive oscillator",
     "body_fuzzy": "body, and fuzzy rules learnt beyond it",
     "body_neural": "body, and a network learnt beyond it",
     "amplification": "sensitivity amplification",
 }
-"""Those that carry the orthosis's body from its encoder alone (`body_laws`); `ranking` compares them too."""
+"""Words for the controllers that carry the orthosis's body from its encoder alone (`body_laws`), by their name in ids.
+
+`ranking` compares them too.
+"""
 
 
 @dataclass(frozen=True)
 class Chosen:
     """All free constants."""
 
-    law: Law = field(default_factory=Law)  # Of the residual compensator
-    noise: Noise = field(default_factory=Noise)  # Of its observer
-    # ``width`` and ``assist_width`` of friction [rad/s]
+    law: Law = field(default_factory=Law)  # Constants of the residual compensator
+    noise: Noise = field(default_factory=Noise)  # Noise that its observer assumes
+    # ``width`` and ``assist_width`` of friction's smooth sign [rad/s]
     widths: Mapping[str, float] = field(default_factory=lambda: {"width": 0.05, "assist_width": 0.6})
     emg: EmgSettings = field(default_factory=EmgSettings)
-    phase_gain: tuple[float, ...] = (1.0,) * 8  # Over a swing, learnt on other wearers [1]
+    phase_gain: tuple[float, ...] = (1.0,) * 8  # Gain in each eighth of a swing, learnt on other wearers [1]
     learning: StrapLearning = field(default_factory=StrapLearning)
-    # observer, fuzzy, rbf: Of the disturbance observer, the fuzzy rules and the radial basis functions, by their
-    # classes' names.
-    observer: Mapping[str, float] = field(default_factory=dict)
-    fuzzy: Mapping[str, float] = field(default_factory=dict)
-    rbf: Mapping[str, float] = field(default_factory=dict)
-    # body, oscillator, rules, amplification: Of `body_laws`; what is not said of the last three is the body's
+    observer: Mapping[str, float] = field(default_factory=dict)  # Fields of `StrapDisturbance`
+    fuzzy: Mapping[str, float] = field(default_factory=dict)  # Fields of `FuzzyCompensation`
+    rbf: Mapping[str, float] = field(default_factory=dict)  # Fields of `RbfCompensation`
+    # Arguments of the laws in `body_laws`. The other three take the body's where they have none of their own.
     body: Mapping[str, float] = field(default_factory=dict)
     oscillator: Mapping[str, float] = field(default_factory=dict)
     rules: Mapping[str, float] = field(default_factory=dict)
     amplification: Mapping[str, float] = field(default_factory=dict)
 
     def tables(self) -> dict[str, dict]:
-        """By table, as they stand in the file."""
+        """Return the constants by table, as the file has them."""
         made = {name: dict(value) if isinstance(value, Mapping) else value for name, value in vars(self).items()}
         for name in ("law", "noise", "emg", "learning"):
             made[name] = asdict(made[name])
         law = made["law"]
-        del law["phase_gain"], law["preview"]  # its own, and the actuator's
+        del law["phase_gain"], law["preview"]  # the first has a table of its own, the second is the actuator's
         return {**made, "phase_gain": {"gains": list(self.phase_gain)}}
 
 
 @cache
 def chosen() -> Chosen:
-    """The constants of ``chosen.toml``."""
+    """Return the constants of ``chosen.toml``."""
     return parse_chosen((files(__package__) / "chosen.toml").read_text(encoding="utf-8"))
 
 
 def parse_chosen(text: str) -> Chosen:
-    """Constants from TOML, table by table as `Chosen.tables` has them."""
+    """Return constants from TOML, table by table as `Chosen.tables` has them."""
     t = tomllib.loads(text)
     pairs = {n: tuple(v) if isinstance(v, list) else v for n, v in t["learning"].items()}
     return Chosen(
@@ -117,34 +121,47 @@ def parse_chosen(text: str) -> Chosen:
 class Built:
     """A controller for one wearer."""
 
-    build: Callable[[], Controller | None]  # Makes a fresh one; None stands for zero-impedance mode
-    # Its margins on every strap of `uncertain_straps`; None where it has no linear form
+    build: Callable[[], Controller | None]  # Makes a fresh controller; it returns None for zero-impedance mode
+    # Gives the smallest margins over `uncertain_straps`; None if the controller has no linear form
     margins: Callable[[], Margins] | None = None
 
 
 def uncertain_straps(coupling: Coupling) -> list[Coupling]:
-    """The coupling, and with stiffness and damping of the strap 30 % off in each combination."""
+    """Return the coupling, and four with the strap's stiffness and damping 30 % off in each combination."""
     return [coupling] + [coupling.scaled(strap_stiffness=k, strap_damping=b) for k in (0.7, 1.3) for b in (0.7, 1.3)]
 
 
-def for_wearer(coupling: Coupling, period: float, constants: Chosen, law: Law | None = None) -> ResidualDesign:
-    """The chosen law on one wearer's card, weakened until the margins are there; period [s]."""
+def design_for_wearer(coupling: Coupling, period: float, constants: Chosen, law: Law | None = None) -> ResidualDesign:
+    """Design the chosen law on one wearer's card, weakened until it has the required margins; `period` [s]."""
     made = design(coupling, period, law=law or constants.law, noise=constants.noise, **constants.widths)
-    return within(made, uncertain_straps(coupling), gain_db=GAIN_DB, delay=DELAY, speeds=SPEEDS)
+    return within(
+        made,
+        uncertain_straps(coupling),
+        gain_db=REQUIRED_GAIN_MARGIN_DB,
+        delay=REQUIRED_DELAY_MARGIN_S,
+        speeds=MARGIN_SPEEDS_RAD_S,
+    )
 
 
-def by_phase(made: ResidualDesign, gains: Sequence[float], swing: tuple[float, float]) -> ResidualDesign:
-    """Gains over a swing, the large ones lowered until their largest, all through the swing, leaves the margins.
+def design_by_phase(made: ResidualDesign, gains: Sequence[float], swing: tuple[float, float]) -> ResidualDesign:
+    """Return a design with `gains` [1] over a swing, limited so that the largest one alone keeps the margins.
 
-    gains [1], swing [rad], [rad/s].
+    `swing` has the swing's centre [rad] and its angular frequency [rad/s].
     """
     for most in (1.25, 1.2, 1.15, 1.1, 1.05, 1.0):
         lowered = tuple(min(float(gain), most) for gain in gains)
         largest = replace(made, law=replace(made.law, phase_gain=(max(lowered),) * 8))
         if all(
-            bears(plant, largest.linear(speed, trust), made.period, gain_db=GAIN_DB, delay=DELAY, speed=speed)
+            bears(
+                plant,
+                largest.linear(speed, trust),
+                made.period,
+                gain_db=REQUIRED_GAIN_MARGIN_DB,
+                delay=REQUIRED_DELAY_MARGIN_S,
+                speed=speed,
+            )
             for plant in uncertain_straps(made.coupling)
-            for speed in SPEEDS
+            for speed in MARGIN_SPEEDS_RAD_S
             for trust in (0.0, 1.0)
         ):
             break
@@ -152,13 +169,21 @@ def by_phase(made: ResidualDesign, gains: Sequence[float], swing: tuple[float, f
 
 
 def disturbance_observer(coupling: Coupling, period: float, constants: Chosen) -> StrapDisturbance:
-    """The disturbance observer, its gain and its friction lowered until the margins are there; period [s]."""
+    """Return the disturbance observer, its gain and friction lowered until it has the required margins; `period`
+    [s]."""
     wanted = StrapDisturbance(coupling, period, **constants.observer)
-    cases = [(plant, speed) for speed in SPEEDS[::-1] for plant in uncertain_straps(coupling)]
+    cases = [(plant, speed) for speed in MARGIN_SPEEDS_RAD_S[::-1] for plant in uncertain_straps(coupling)]
     for rubbed, pulled in weakenings():
         weaker = replace(wanted, gain=pulled * wanted.gain, friction=rubbed * wanted.friction)
         borne = (
-            bears(plant, weaker.linear(speed), period, gain_db=GAIN_DB, delay=DELAY, speed=speed)
+            bears(
+                plant,
+                weaker.linear(speed),
+                period,
+                gain_db=REQUIRED_GAIN_MARGIN_DB,
+                delay=REQUIRED_DELAY_MARGIN_S,
+                speed=speed,
+            )
             for plant, speed in cases
         )
         failing = next((i for i, holds in enumerate(borne) if not holds), None)
@@ -170,58 +195,67 @@ def disturbance_observer(coupling: Coupling, period: float, constants: Chosen) -
 
 
 def observer_margins(observer: StrapDisturbance) -> Margins:
-    """Its smallest margins on the straps of `uncertain_straps`, over the speeds of friction."""
+    """Return an observer's smallest margins over `uncertain_straps` and `MARGIN_SPEEDS_RAD_S`."""
     return worst(
         [
             margins(plant, observer.linear(speed), observer.period, speed=speed)
             for plant in uncertain_straps(observer.coupling)
-            for speed in SPEEDS
+            for speed in MARGIN_SPEEDS_RAD_S
         ]
     )
 
 
 def body_controllers(
-    card: WearerCard, period: float, constants: Chosen, only: Sequence[str] = tuple(BODY_NAMES)
+    card: WearerCard, period: float, constants: Chosen, only: Sequence[str] = tuple(BODY_LAW_WORDS)
 ) -> dict[str, Built]:
-    """Those of `BODY_NAMES` that are asked for; period [s]."""
+    """Build the controllers of `BODY_LAW_WORDS` that `only` names; `period` [s]."""
     m, body = card.coupling, constants.body
     laws: dict[str, ControlLaw] = {}
     if "body" in only:
         laws["body"] = body_law(m, period, **body)
     if "oscillator" in only:
-        laws["oscillator"] = oscillating(m, period, **{**body, **constants.oscillator})
+        laws["oscillator"] = law_with_oscillator(m, period, **{**body, **constants.oscillator})
     for name, kind in (("body_fuzzy", "fuzzy"), ("body_neural", "network")):
         if name in only:
-            laws[name] = learnt(m, period, rules_of(kind, m, period, card.alone, body), body, **constants.rules)
+            laws[name] = law_with_rules(
+                m, period, learn_orthosis_rules(kind, m, period, card.alone, body), body, **constants.rules
+            )
     if "amplification" in only:
-        laws["amplification"] = amplification(m, period, **constants.amplification)
+        laws["amplification"] = amplification_law(m, period, **constants.amplification)
     return {name: Built(partial(BodyLaw, law)) for name, law in laws.items()}
 
 
 def controllers(
-    card: WearerCard, period: float, swing: tuple[float, float], constants: Chosen, only: Sequence[str] = tuple(NAMES)
+    card: WearerCard,
+    period: float,
+    swing: tuple[float, float],
+    constants: Chosen,
+    only: Sequence[str] = tuple(CONTROLLER_WORDS),
 ) -> dict[str, Built]:
-    """What is compared, on one wearer; period [s], swing [rad], [rad/s]."""
+    """Build the controllers that `only` names for one wearer.
+
+    `period` [s]; `swing` has the swing's centre [rad] and its angular frequency [rad/s].
+    """
     coupling, plants = card.coupling, uncertain_straps(card.coupling)
     found = body_controllers(card, period, constants, only)
-    if not set(only) - {*BODY_NAMES, "zero_impedance"}:
+    if not set(only) - {*BODY_LAW_WORDS, "zero_impedance"}:
         return {"zero_impedance": Built(lambda: None), **found} if "zero_impedance" in only else found
-    made = for_wearer(coupling, period, constants)
+    made = design_for_wearer(coupling, period, constants)
     found = {"zero_impedance": Built(lambda: None), **found}
 
     def linear(one: ResidualDesign) -> Callable[[], Margins]:
-        return cache(lambda: worst_margins(one, plants, SPEEDS))
+        return cache(lambda: worst_margins(one, plants, MARGIN_SPEEDS_RAD_S))
 
     own = linear(made)
     found["residual"] = Built(lambda: WornCompensator(made, card.emg.build()), own)
     found["residual_no_emg"] = Built(lambda: WornCompensator(made), own)
     found["residual_strap_learnt"] = Built(lambda: WornCompensator(made, card.emg.build(), constants.learning), own)
     if "residual_by_phase" in only:
-        phased = by_phase(made, constants.phase_gain, swing)
+        phased = design_by_phase(made, constants.phase_gain, swing)
         largest = replace(phased, law=replace(phased.law, phase_gain=(max(phased.law.phase_gain),) * 8))
         found["residual_by_phase"] = Built(lambda: WornCompensator(phased, card.emg.build()), linear(largest))
     if "pid" in only:
-        pid = tune_pid(made, plants, gain_db=GAIN_DB, delay=DELAY)
+        pid = tune_pid(made, plants, gain_db=REQUIRED_GAIN_MARGIN_DB, delay=REQUIRED_DELAY_MARGIN_S)
         found["pid"] = Built(lambda: WornCompensator(pid, card.emg.build()), linear(pid))
     if "disturbance_observer" in only:
         observer = disturbance_observer(coupling, period, constants)

@@ -8,13 +8,16 @@ import numpy as np
 
 from .strap_law import StrapLaw
 
-# Rows: the strap pulls backwards, not at all, forwards; columns: the orthosis moves backwards, rests, moves forwards.
-# Entries: share of the largest torque. A pull with the motion is followed fully; one against it is a wish to stop.
-RULES = np.array([[-1.0, -0.7, -0.3], [-0.2, 0.0, 0.2], [0.3, 0.7, 1.0]])
+RULE_TORQUE_SHARES = np.array([[-1.0, -0.7, -0.3], [-0.2, 0.0, 0.2], [0.3, 0.7, 1.0]])
+"""Output of each of nine rules, as a share of the largest torque.
+
+Rows: the strap pulls backwards, not at all, forwards. Columns: the orthosis moves backwards, rests, moves forwards. A
+pull along the motion is followed fully; one against it means that the wearer wants to stop.
+"""
 
 
 def memberships(x: float) -> np.ndarray:
-    """How far a number is negative, zero and positive: triangles over -1, 0, 1 that sum to 1. Gives (3,)."""
+    """Return the memberships of a number in negative, zero and positive, (3,): triangles over -1, 0, 1 of sum 1."""
     x = float(np.clip(x, -1, 1))
     return np.array([max(-x, 0.0), 1 - abs(x), max(x, 0.0)])
 
@@ -23,13 +26,12 @@ def memberships(x: float) -> np.ndarray:
 class FuzzyCompensation(StrapLaw):
     """Nine rules on the observed strap torque and the velocity; the output is their weighted mean."""
 
-    # torque_scale, velocity_scale: What counts as a full pull and a full speed [N m], [rad/s]
-    torque_scale: float = 1.0
-    velocity_scale: float = 2.0
-    largest: float = 1.5  # The torque of a rule that says 1 [N m]
+    torque_scale: float = 1.0  # Strap torque with full membership [N m]
+    velocity_scale: float = 2.0  # Speed with full membership [rad/s]
+    largest: float = 1.5  # Torque of a rule whose output is 1 [N m]
 
     def wanted(self, position: float, torque: float) -> float:
-        """As of `StrapLaw`."""
+        """Return the mean of the rules' torques, weighted by their memberships [N m]."""
         pull = memberships(self.observer.torque / self.torque_scale)
         motion = memberships(self.observer.velocity / self.velocity_scale)
-        return self.largest * float(pull @ RULES @ motion)
+        return self.largest * float(pull @ RULE_TORQUE_SHARES @ motion)

@@ -13,14 +13,14 @@ from ...pages.quantities import number
 from ..figure import Figures, Reproduced
 from ..paper import Paper, Progress
 from .recomputed import recomputed
-from .residual import REPRODUCED, ControllerRow, evaluate_wearer
+from .residual import REPRODUCED_WEARERS, ControllerRow, evaluate_wearer
 from .residual_rows import residual_rows, residual_section
 from .rows import coupling_rows, limbs_rows, orthosis_rows, torques_rows
 from .sections import thesis_sections
 from .torque import (
-    AS_PUBLISHED,
-    ESTIMATORS,
-    PROTOCOLS,
+    ESTIMATOR_NAMES,
+    PUBLISHED_ESTIMATOR_NAMES,
+    STEP_PROTOCOLS,
     MapScored,
     TorqueSteps,
     published_steps,
@@ -32,12 +32,12 @@ from .wearers import Bench, Drawn, WearerFound, drawn_from, identify_bench, iden
 
 @dataclass(eq=False)
 class KneePaper(Paper):
-    """Six seeds of all noise; torque from EMG is mapped, and controllers are tried, with the first."""
+    """The reproduction with six seeds of all noise; EMG maps and controllers use the first alone."""
 
     title: ClassVar = "A knee orthosis and its wearer: reproduced"
     kicker: ClassVar = "Reproduction of a thesis"
     over: ClassVar = "Range or interval"
-    # What is compared with the rig's own constants, and arithmetic, count as simulated.
+    # Comparisons with the rig's own constants, and arithmetic, count as simulated.
     splits: ClassVar = {
         "heldout": (".heldout",),
         "fitted": (".fitted", "knee.tf.fit.published_form", "knee.emg.target"),
@@ -52,20 +52,22 @@ class KneePaper(Paper):
     )  # fmt: skip
 
     seeds: Sequence[int] = tuple(range(1, 7))
-    estimators: Sequence[str] = (*ESTIMATORS, *AS_PUBLISHED)  # Of the torque maps
-    compared: Sequence[str] = REPRODUCED  # Wearers on whom controllers are tried: the rig's own, or drawn ones D<seed>
+    estimators: Sequence[str] = (*ESTIMATOR_NAMES, *PUBLISHED_ESTIMATOR_NAMES)  # Estimators of the torque maps
+    # Wearers on whom controllers are tried: the rig's own, or drawn ones D<seed>
+    compared: Sequence[str] = REPRODUCED_WEARERS
     workers: int | None = None  # Processes; as many as there are processors if None
 
     rig: KneeRig = field(init=False)
     bench: Bench = field(init=False)
-    wearers: dict[str, WearerFound] = field(init=False, default_factory=dict)  # With the first seed
-    steps: dict[tuple[str, str], TorqueSteps] = field(init=False, default_factory=dict)  # By subject and protocol
+    wearers: dict[str, WearerFound] = field(init=False, default_factory=dict)  # Wearers, by name
+    # Torque steps by subject and protocol
+    steps: dict[tuple[str, str], TorqueSteps] = field(init=False, default_factory=dict)
     maps: list[MapScored] = field(init=False, default_factory=list)
-    drawn: list[Drawn] = field(init=False, default_factory=list)  # All seeds
-    controllers: list[ControllerRow] = field(init=False, default_factory=list)  # By wearer and swing
+    drawn: list[Drawn] = field(init=False, default_factory=list)  # Subjects of all seeds
+    controllers: list[ControllerRow] = field(init=False, default_factory=list)  # Comparison by wearer and swing
 
     def figures(self, tell: Progress) -> Iterator[Reproduced]:
-        """The orthosis, the limbs, torque from EMG, the strap, the compensator, and what print allows."""
+        """Yield figures of orthosis, limbs, torque from EMG, strap and compensator, then those from print alone."""
         self.rig = knee_orthosis()
         tell("the orthosis alone", 0.0)
         self.bench = identify_bench(self.rig, self.seeds[0])
@@ -81,7 +83,12 @@ class KneePaper(Paper):
         """One subject, one seed or one map at a time, in the order of subjects, seeds and estimators in the end."""
         names = tuple(self.rig.subjects)
         # The other tool's defaults are of interest on its own protocol alone.
-        maps = [(p, e) for p in PROTOCOLS for e in self.estimators if p == "published" or e not in AS_PUBLISHED]
+        maps = [
+            (p, e)
+            for p in STEP_PROTOCOLS
+            for e in self.estimators
+            if p == "published" or e not in PUBLISHED_ESTIMATOR_NAMES
+        ]
         total = len(names) * (1 + len(maps)) + len(self.compared) + len(self.seeds) - 1
         jobs: list[Job] = [(_whole, self.rig, name, self.seeds[0], self.bench) for name in names]
         jobs += [(evaluate_wearer, self.rig, name) for name in self.compared]

@@ -11,13 +11,16 @@ from .strap_law import StrapLaw
 
 @dataclass
 class RbfCompensation(StrapLaw):
-    """u = w . phi(q, v), w' = rate tau phi - leak w, |w| bounded: any motion changes it, none can run away with it."""
+    """The law u = w . phi(q, v) with w' = rate tau phi - leak w.
 
-    rate: float = 4.0  # rate, leak: Of learning and forgetting [1/s]
-    leak: float = 0.05
-    bound: float = 3.0  # Of every weight [N m]
-    angles: tuple[float, float] = (-0.4, 1.6)  # angles, velocities: Smallest and largest centre [rad], [rad/s]
-    velocities: tuple[float, float] = (-4.0, 4.0)
+    tau is the strap's torque, and every weight is bounded.
+    """
+
+    rate: float = 4.0  # Rate of learning [1/s]
+    leak: float = 0.05  # Rate of forgetting [1/s]
+    bound: float = 3.0  # Largest absolute value of every weight [N m]
+    angles: tuple[float, float] = (-0.4, 1.6)  # Smallest and largest centre in angle [rad]
+    velocities: tuple[float, float] = (-4.0, 4.0)  # Smallest and largest centre in velocity [rad/s]
 
     def __post_init__(self):
         super().__post_init__()
@@ -27,7 +30,7 @@ class RbfCompensation(StrapLaw):
         self.weights = np.zeros(len(self._centres))
 
     def wanted(self, position: float, torque: float) -> float:
-        """As of `StrapLaw`."""
+        """Return the network's torque [N m], and let its weights learn."""
         if not (np.isfinite(position) and np.isfinite(torque)):
             return 0.0
         place = (np.array([position, self.observer.velocity]) - self._centres) / self._scale

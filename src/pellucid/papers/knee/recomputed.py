@@ -1,4 +1,4 @@
-"""The thesis's figures computed again from its own printed numbers: what agrees, what cannot be (errata B2 to B12)."""
+"""The thesis's figures computed again from its own printed numbers, with contradictions (errata B2 to B12)."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from ..figure import Reproduced, figure
 from ..printed import Printed, PrintedPaper
 from .two_poles import TwoPoles, chord_stiffness, lowpass_delay, output_sd, r_squared, sine_stiffness
 
-GRAVITY = 9.81
-"""Acceleration of gravity [m/s^2] to which the thesis's products round; it prints none."""
+GRAVITY_M_S2 = 9.81
+"""Acceleration of gravity with which the thesis's products agree after rounding; it prints none."""
 
-SUBJECTS = ("subject_1", "subject_2", "subject_3")
+SUBJECT_KEYS = ("subject_1", "subject_2", "subject_3")
+"""The thesis's subjects, as rows of its tables in ``printed.toml``."""
 
 
 def recomputed(paper: PrintedPaper) -> list[Reproduced]:
-    """Every figure of the thesis that its other printed numbers determine."""
+    """Return every figure of the thesis that its other printed numbers determine."""
     return [
         *_gravity(paper),
         *_response(paper),
@@ -31,13 +32,13 @@ def recomputed(paper: PrintedPaper) -> list[Reproduced]:
 
 
 def published_response(paper: PrintedPaper) -> TwoPoles:
-    """Table 3.2's experimental transfer function."""
+    """Return Table 3.2's experimental transfer function."""
     found = paper.tables["orthosis"]["experimental"]
     return TwoPoles(*(found[n].value for n in ("inertia", "damping", "stiffness")))
 
 
 def published_coupling(paper: PrintedPaper, subject: str) -> TwoPoles:
-    """Table 3.5's transfer function of one subject."""
+    """Return Table 3.5's transfer function of one subject."""
     found = paper.tables["coupling"][subject]
     return TwoPoles(*(found[n].value for n in ("inertia", "damping", "stiffness")))
 
@@ -45,11 +46,11 @@ def published_coupling(paper: PrintedPaper, subject: str) -> TwoPoles:
 def _row(
     name: str, quantity: str, unit: str, ours: float, printed: Printed | None = None, note: str = "", ends: str = ""
 ) -> Reproduced:
-    """One row; "cannot be" where something is printed that ours does not round to and no reading (`ends`) explains."""
+    """Return one row, "cannot be" if ours does not round to the printed number and no reading (`ends`) explains it."""
     wrong = printed is not None and not printed.agrees(ours) and not ends
-    said = "; ".join(part for part in (note, ends) if part)
+    whole_note = "; ".join(part for part in (note, ends) if part)
     verdict = "cannot be" if wrong else "recomputed"
-    return figure("knee.recomputed", name, quantity, unit, ours, printed, said, verdict=verdict)
+    return figure("knee.recomputed", name, quantity, unit, ours, printed, whole_note, verdict=verdict)
 
 
 def _gravity(paper: PrintedPaper) -> list[Reproduced]:
@@ -71,7 +72,8 @@ def _gravity(paper: PrintedPaper) -> list[Reproduced]:
         ),
         _row(
             "mgl_e", "Theoretical gravity torque of the orthosis", "N*m",
-            body["mass"].value * GRAVITY * body["length"].value, body["gravity"], "its centre 0.21 m from the knee",
+            body["mass"].value * GRAVITY_M_S2 * body["length"].value, body["gravity"],
+            "its centre 0.21 m from the knee",
         ),
         _row(
             "inertia_e", "Theoretical inertia of the orthosis, a rod of twice that length", "kg*m^2",
@@ -121,7 +123,7 @@ def _accuracies(paper: PrintedPaper) -> list[Reproduced]:
         for name in ("gravity", "inertia")
     }
     of_shanks = np.mean(
-        [accuracy(shank[s]["gravity_found"].value, shank[s]["gravity"].value) for s in SUBJECTS], axis=0
+        [accuracy(shank[s]["gravity_found"].value, shank[s]["gravity"].value) for s in SUBJECT_KEYS], axis=0
     )
     rows = []
     for name, quantity, (of_found, of_theory), printed in (
@@ -142,7 +144,7 @@ def _accuracies(paper: PrintedPaper) -> list[Reproduced]:
 
 def _shanks(paper: PrintedPaper) -> list[Reproduced]:
     rows = []
-    for number, subject in enumerate(SUBJECTS, 1):
+    for number, subject in enumerate(SUBJECT_KEYS, 1):
         person, printed = paper.tables["subjects"][subject], paper.tables["shank"][subject]
         mass, height, heel = (person[n].value for n in ("mass", "height", "shank_length"))
         taped, ankle = winter(mass, heel), winter(mass, shank_length(height))
@@ -152,12 +154,12 @@ def _shanks(paper: PrintedPaper) -> list[Reproduced]:
             _row(f"subject_{number}.centre", f"Its centre, subject {number}", "m", taped.centre,
                  printed["centre"]),
             _row(f"subject_{number}.mgl_sh", f"Its gravity torque, subject {number}", "N*m",
-                 taped.gravity(GRAVITY), printed["gravity"]),
+                 taped.gravity(GRAVITY_M_S2), printed["gravity"]),
             _row(f"subject_{number}.inertia", f"Its inertia, subject {number}", "kg*m^2", taped.inertia,
                  printed["inertia"],
                  "B9" if number > 1 else "B9: prints what 0.44 m would give, or 0.476 in place of 0.416", rounded),
             _row(f"subject_{number}.mgl_sh.to_ankle", f"Gravity torque by Winter's own length, subject {number}",
-                 "N*m", ankle.gravity(GRAVITY), note="B10: knee to ankle, 0.246 of the height"),
+                 "N*m", ankle.gravity(GRAVITY_M_S2), note="B10: knee to ankle, 0.246 of the height"),
             _row(f"subject_{number}.inertia.to_ankle", f"Inertia by Winter's own length, subject {number}", "kg*m^2",
                  ankle.inertia, note="B10"),
             _row(f"subject_{number}.heel", f"Knee to heel, subject {number}, over Winter's share of the height", "1",
@@ -178,12 +180,12 @@ def _by_rounded_centre(printed: dict[str, Printed], heel: float) -> str:
 
 def _coupling(paper: PrintedPaper) -> list[Reproduced]:
     table = paper.tables["coupling"]
-    fits, errors = ([table[s][n].value for s in SUBJECTS] for n in ("fit", "rmse"))
+    fits, errors = ([table[s][n].value for s in SUBJECT_KEYS] for n in ("fit", "rmse"))
     rows = [
         _row("coupled.fit", "Mean fit of Table 3.5", "%", float(np.mean(fits)), paper.values["mean_fit"], "B11"),
         _row("coupled.rmse", "Mean error of Table 3.5", "rad", float(np.mean(errors)), paper.values["mean_rmse"]),
     ]
-    for number, subject in enumerate(SUBJECTS, 1):
+    for number, subject in enumerate(SUBJECT_KEYS, 1):
         poles = published_coupling(paper, subject)
         spread = output_sd(errors[number - 1], fits[number - 1])
         person, found = paper.tables["subjects"][subject], paper.tables["shank"][subject]["gravity_found"].value

@@ -1,7 +1,7 @@
-"""What the thesis left for later: the residual impedance of a worn orthosis cancelled, beside the alternatives.
+"""The thesis's further work: the residual impedance of a worn orthosis compensated, beside alternatives.
 
-A wearer is recorded and identified, every controller is built from the cards and from constants chosen on other
-wearers, and all of them go through the same swings. The truth enters errors alone.
+A wearer is recorded and identified. Every controller is built from the cards and from constants chosen on other
+wearers, and all of them make the same swings. The truth serves to compute errors alone.
 """
 
 from __future__ import annotations
@@ -17,62 +17,67 @@ from ...lab.knee.instruments import Mounting
 from ...lab.knee.protocol import Faults
 from ...lab.knee.rig import KneeRig
 from ...lab.knee.trial import Controller
-from .cards import Identified, WearerCard, identify_wearer_of, mistaken, weakened
-from .controllers import NAMES, Built, Chosen, chosen, controllers
-from .swings import driven_back, holds_margins, root_mean_square, swing, without_control
+from .cards import Identified, WearerCard, card_with_channel_gains, card_with_coupling_errors, identify_wearer_of
+from .controllers import CONTROLLER_WORDS, Built, Chosen, chosen, controllers
+from .swings import holds_margins, rms_mismatch_and_torque, swing, without_control, without_power
 
-TUNING, FRESH = tuple(range(101, 107)), tuple(range(201, 207))
-"""Seeds of drawn wearers: on whom constants were chosen, and on whom they were tried."""
+TUNING_WEARER_SEEDS = tuple(range(101, 107))
+"""Seeds of the drawn wearers on whom constants were chosen."""
 
-SWINGS, DURATION = (31, 32, 33), 20.0
-"""Seeds of the swings, and how long one lasts [s]."""
+TEST_WEARER_SEEDS = tuple(range(201, 207))
+"""Seeds of the drawn wearers on whom controllers are compared."""
 
-REPRODUCED = ("S1", "S2", "S3", f"D{FRESH[0]}")
-"""Who is compared in a reproduction, whose time is short; the others are compared by `main` of `residual_rows`."""
+SWING_SEEDS = (31, 32, 33)
+"""Seeds of the swings in which controllers are compared."""
 
-RECORDED = 5
-"""Seed of the recordings that the rig's own subjects are identified from; a drawn wearer's is their own."""
+SWING_DURATION_S = 20.0
+"""Duration of each of these swings."""
+
+REPRODUCED_WEARERS = ("S1", "S2", "S3", f"D{TEST_WEARER_SEEDS[0]}")
+"""Wearers whom a reproduction compares. They are few to save time; `main` of `residual_rows` compares all."""
+
+RECORDING_SEED = 5
+"""Seed of the recordings from which the rig's own subjects are identified; a drawn wearer has the seed of the name."""
 
 
 @dataclass(frozen=True)
 class ControllerRow:
     """One controller on one wearer, in one swing."""
 
-    controller: str  # Of `NAMES`
+    controller: str  # Name in `CONTROLLER_WORDS`
     subject: str
-    seed: int  # Of the swing
+    seed: int  # Seed of the swing
     mismatch: float  # RMS of the angle between limb and orthosis [rad]
     strap_torque: float  # RMS of the interaction torque [N m]
-    ratio: float  # Of that to zero-impedance mode alone, on the same swing [1]
-    # gain_db, delay: Smallest margins with the strap as identified and 30 % off [dB], [s], infinite beyond 40 dB and
-    # 100 ms; None where the controller has no linear form.
-    gain_db: float | None = None
-    delay: float | None = None
-    # Whether, in the simulation, neither twice the command nor one 20 ms late makes a relaxed leg or a swing sway; None
-    # where it was not tried
+    ratio: float  # Strap torque over that of zero-impedance mode on the same swing [1]
+    # Margins are the smallest with the strap as identified and 30 % off; None if the controller has no linear form.
+    gain_db: float | None = None  # Gain margin [dB]; infinite beyond 40 dB
+    delay: float | None = None  # Delay margin [s]; infinite beyond 100 ms
+    # True if, in the simulation, neither twice the command nor one that is 20 ms late makes a relaxed leg or a swing
+    # sway; None if it was not tried
     holds: bool | None = None
-    fault: str = "none"  # Of its gate at the end
+    fault: str = "none"  # Fault of its safety gate at the end
 
 
 def session_of(identified: Identified) -> Mounting:
-    """How the instruments sat while a wearer was identified: electrodes stay on for the swings."""
+    """Return the instruments' mounting while a wearer was identified: electrodes stay on for the swings."""
     return identified.rig.mountings(identified.seed)[identified.name]
 
 
 def compare(
     identified: Identified,
-    seeds: Sequence[int] = SWINGS,
+    seeds: Sequence[int] = SWING_SEEDS,
     *,
-    only: Sequence[str] = tuple(NAMES),
+    only: Sequence[str] = tuple(CONTROLLER_WORDS),
     constants: Chosen | None = None,
     card: WearerCard | None = None,
     rig: KneeRig | None = None,
     session: Mounting | None = None,
     faults: Faults | None = None,
-    duration: float = DURATION,
+    duration: float = SWING_DURATION_S,
     stability: bool = True,
 ) -> list[ControllerRow]:
-    """Controllers on one wearer, on the same swings; duration [s]."""
+    """Simulate every controller of `only` on one wearer, on the same swings; `duration` [s]."""
     constants, rig = constants or chosen(), rig or identified.rig
     card, session = card or identified.card(constants.emg), session or session_of(identified)
     name, pace = identified.name, rig["swing"]
@@ -90,7 +95,7 @@ def compare(
 
         def left(where: KneeRig, controller: Controller | None, seed: int = seed) -> tuple[float, float]:
             taken = swing(where, name, seed, controller, duration=duration, session=session, faults=faults)
-            return root_mean_square(taken)
+            return rms_mismatch_and_torque(taken)
 
         alone = left(rig, None)
         for kind, one in built.items():
@@ -98,7 +103,7 @@ def compare(
             if kind == "zero_impedance":
                 mismatch, torque = alone
             else:
-                mismatch, torque = left(driven_back(rig) if kind == "no_control" else rig, controller)
+                mismatch, torque = left(without_power(rig) if kind == "no_control" else rig, controller)
             found = margins.get(kind)
             gain, delay = (found.gain_db, found.delay) if found else (None, None)
             fault = getattr(controller, "fault", "none")
@@ -110,38 +115,40 @@ def compare(
     return rows
 
 
-# ----------------------------------------------------------------------------------------- who is compared, and how
+# --- wearers and perturbations --------------------------------------------------------------------------------------
 
 
-def wearer(rig: KneeRig, name: str) -> Identified:
+def identify_by_name(rig: KneeRig, name: str) -> Identified:
     """Record and identify one of the rig's own subjects, or a drawn wearer ``D<seed>``."""
     if name in rig.subjects:
-        return identify_wearer_of(rig, name, RECORDED)
+        return identify_wearer_of(rig, name, RECORDING_SEED)
     if not (name.startswith("D") and name[1:].isdigit()):
         raise PellucidError(f"found the wearer {name!r}, expected one of {', '.join(rig.subjects)} or D<seed>")
     seed = int(name[1:])
     return identify_wearer_of(drawn_rig(rig, seed), name, seed)
 
 
-def evaluate_wearer(rig: KneeRig, name: str, seeds: Sequence[int] = SWINGS[:2]) -> tuple[ControllerRow, ...]:
-    """Everything about one wearer, from recordings to rows."""
-    return tuple(compare(wearer(rig, name), seeds))
+def evaluate_wearer(rig: KneeRig, name: str, seeds: Sequence[int] = SWING_SEEDS[:2]) -> tuple[ControllerRow, ...]:
+    """Record and identify one wearer, and compare the controllers on that wearer."""
+    return tuple(compare(identify_by_name(rig, name), seeds))
 
 
-def changes(identified: Identified, card: WearerCard, duration: float) -> dict[str, dict]:
-    """What is not as it was identified, each as arguments of `compare`; duration [s]."""
+def perturbations(identified: Identified, card: WearerCard, duration: float) -> dict[str, dict]:
+    """Return each deviation from the identified system, by its words, as arguments of `compare`; `duration` [s]."""
     rig, half = identified.rig, duration / 2
     muscles, foresight = rig["muscles"]["delay"], rig["wearer"]["foresight"]
     anew = rig.mountings(identified.seed + 5000)[identified.name]
     made: dict[str, dict] = {"nothing": {}}
     for k, b in ((0.7, 0.7), (0.7, 1.3), (1.3, 0.7), (1.3, 1.3)):
-        made[f"strap taken for k x {k:g}, b x {b:g}"] = {"card": mistaken(card, strap_stiffness=k, strap_damping=b)}
+        made[f"strap taken for k x {k:g}, b x {b:g}"] = {
+            "card": card_with_coupling_errors(card, strap_stiffness=k, strap_damping=b)
+        }
     for late in (-0.020, 0.020):
         values = {"muscles.delay": muscles + late, "wearer.foresight": foresight + late}
         made[f"EMG leads by {1e3 * late:+.0f} ms more"] = {"rig": rig.changed(values)}
     for factor in (0.8, 1.25):
         # A tired muscle sends more EMG for its torque, a drying electrode less.
-        made[f"EMG gain drifts to {factor:g}"] = {"card": weakened(card, {0: factor, 1: factor})}
+        made[f"EMG gain drifts to {factor:g}"] = {"card": card_with_channel_gains(card, {0: factor, 1: factor})}
     made["electrodes put on anew"] = {"session": anew}
     made["slack of 0.05 rad"] = {"rig": rig.strapped({"slack": 0.05})}
     made["slip of 0.1 rad in mid-swing"] = {"faults": Faults(slip=(half, 0.1))}
@@ -151,13 +158,13 @@ def changes(identified: Identified, card: WearerCard, duration: float) -> dict[s
 
 def robustness(
     identified: Identified,
-    seeds: Sequence[int] = SWINGS[:1],
+    seeds: Sequence[int] = SWING_SEEDS[:1],
     *,
     only: Sequence[str] = ("residual", "residual_strap_learnt", "residual_no_emg"),
     constants: Chosen | None = None,
-    duration: float = DURATION,
+    duration: float = SWING_DURATION_S,
 ) -> dict[str, list[ControllerRow]]:
-    """The residual compensator where something is not as it was identified."""
+    """Compare controllers under each of `perturbations`, where the system is not as it was identified."""
     constants = constants or chosen()
     card = identified.card(constants.emg)
     return {
@@ -165,10 +172,10 @@ def robustness(
             identified, seeds, only=only, constants=constants, duration=duration, stability=False,
             **{"card": card, **arguments},
         )
-        for what, arguments in changes(identified, card, duration).items()
+        for what, arguments in perturbations(identified, card, duration).items()
     }  # fmt: skip
 
 
 def evaluate_changes(rig: KneeRig, name: str) -> dict[str, list[ControllerRow]]:
     """`robustness` of one wearer, from recordings to rows."""
-    return robustness(wearer(rig, name))
+    return robustness(identify_by_name(rig, name))

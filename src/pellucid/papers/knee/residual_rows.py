@@ -1,4 +1,4 @@
-"""Figures of the controllers that are compared on a worn orthosis: rows, and what the page says and draws of them."""
+"""Figures of the controllers that are compared on a worn orthosis: rows, and the page's section."""
 
 from __future__ import annotations
 
@@ -13,54 +13,61 @@ from ...lab.knee.rig import knee_orthosis
 from ...pages.page import Section
 from ...pages.tables import Row, number_table
 from ..figure import Reproduced, figure, spread
-from .controllers import DELAY, GAIN_DB, NAMES
+from .controllers import CONTROLLER_WORDS, REQUIRED_DELAY_MARGIN_S, REQUIRED_GAIN_MARGIN_DB
 from .knee_figures import ControllerRatios, torque_ratios
-from .residual import FRESH, SWINGS, ControllerRow, evaluate_changes, evaluate_wearer
+from .residual import SWING_SEEDS, TEST_WEARER_SEEDS, ControllerRow, evaluate_changes, evaluate_wearer
 
-WANTED = 0.5
-"""Share of zero-impedance mode's strap torque that is asked for [1]."""
+TARGET_TORQUE_SHARE = 0.5
+"""The goal for a compensator: at most this share of zero-impedance mode's strap torque."""
 
-MOST_DB, MOST_DELAY = 40.0, 0.1
-"""Beyond these margins nothing was searched [dB], [s]."""
+MAX_GAIN_MARGIN_DB = 40.0
+"""Gain margins are searched up to this value; a row with it stands for more."""
 
-DRAWN, SEEN = "drawn", "rig"
-"""Groups of wearers: drawn ones that nobody had seen, and the rig's own, who were there while controllers were made."""
+MAX_DELAY_MARGIN_S = 0.1
+"""Delay margins are searched up to this value; a row with it stands for more."""
 
-GROUPS: Mapping[str, str] = {DRAWN: "drawn wearers, never seen before", SEEN: "the rig's own"}
+DRAWN_GROUP = "drawn"
+"""Group of the drawn wearers, whom nobody had seen before the comparison."""
 
-ROLES = {GROUPS[DRAWN]: "fitted", GROUPS[SEEN]: "measured"}
+RIG_GROUP = "rig"
+"""Group of the rig's own wearers, who were known while controllers were made."""
+
+GROUP_WORDS: Mapping[str, str] = {DRAWN_GROUP: "drawn wearers, never seen before", RIG_GROUP: "the rig's own"}
+
+GROUP_COLOUR_ROLES = {GROUP_WORDS[DRAWN_GROUP]: "fitted", GROUP_WORDS[RIG_GROUP]: "measured"}
 
 _row = partial(figure, "knee.residual")
 
 
 def group_of(row: ControllerRow) -> str:
-    """`DRAWN` or `SEEN`."""
-    return DRAWN if row.subject.startswith("D") else SEEN
+    """Return the group of a row's wearer, `DRAWN_GROUP` or `RIG_GROUP`."""
+    return DRAWN_GROUP if row.subject.startswith("D") else RIG_GROUP
 
 
 def residual_rows(compared: Sequence[ControllerRow]) -> list[Reproduced]:
-    """Strap torque, mismatch and margins of every controller."""
+    """Return strap torque, mismatch and margins of every controller as rows."""
     rows: list[Reproduced] = []
-    for kind, words in NAMES.items():
+    for kind, words in CONTROLLER_WORDS.items():
         mine = [r for r in compared if r.controller == kind]
-        for group, ending in ((DRAWN, ""), (SEEN, f".{SEEN}")):
+        for group, ending in ((DRAWN_GROUP, ""), (RIG_GROUP, f".{RIG_GROUP}")):
             own = [r for r in mine if group_of(r) == group]
             if not own:
                 continue
-            note = f"RMS; {len({r.subject for r in own})} wearers ({GROUPS[group]}), {len(own)} swings"
+            note = f"RMS; {len({r.subject for r in own})} wearers ({GROUP_WORDS[group]}), {len(own)} swings"
             rows += [
                 _row(f"{what}.{kind}{ending}", f"{quantity}, {words}", unit, map(of, own), None, note)
-                for what, quantity, unit, of in COMPARED
+                for what, quantity, unit, of in COMPARED_MEASURES
             ]
         rows += _margins(kind, words, mine)
     return rows
 
 
-COMPARED: tuple[tuple[str, str, str, Callable[[ControllerRow], float]], ...] = (
+COMPARED_MEASURES: tuple[tuple[str, str, str, Callable[[ControllerRow], float]], ...] = (
     ("torque_ratio", "Interaction torque as a share of zero-impedance mode's", "1", lambda r: r.ratio),
     ("torque_rms", "Interaction torque", "N*m", lambda r: r.strap_torque),
     ("mismatch_rms", "Angle between leg and orthosis", "deg", lambda r: float(np.degrees(r.mismatch))),
 )
+"""Measures of the comparison: name in ids, words, unit, and the value from a `ControllerRow`."""
 
 
 def _margins(kind: str, words: str, rows: Sequence[ControllerRow]) -> list[Reproduced]:
@@ -70,8 +77,8 @@ def _margins(kind: str, words: str, rows: Sequence[ControllerRow]) -> list[Repro
         covers = "smallest of all wearers, with the strap as identified and both its constants 30 % off, friction at "
         covers += "0.1 to 4 rad/s, with and without EMG"
         for what, quantity, unit, most, values in (
-            ("gain_margin", "Gain margin", "dB", MOST_DB, [r.gain_db for r in linear]),
-            ("delay_margin", "Delay margin", "s", MOST_DELAY, [r.delay for r in linear]),
+            ("gain_margin", "Gain margin", "dB", MAX_GAIN_MARGIN_DB, [r.gain_db for r in linear]),
+            ("delay_margin", "Delay margin", "s", MAX_DELAY_MARGIN_S, [r.delay for r in linear]),
         ):
             least = min(values)
             note = covers if np.isfinite(least) else f"{covers}; none below {most:g} {unit}, where the search ends"
@@ -79,25 +86,26 @@ def _margins(kind: str, words: str, rows: Sequence[ControllerRow]) -> list[Repro
     tried = {r.subject: r.holds for r in rows if r.holds is not None}
     if tried:
         share = float(np.mean(list(tried.values())))
-        note = f"simulated with {GAIN_DB:g} dB more gain, and with {1e3 * DELAY:g} ms more delay"
+        gain, delay = f"{REQUIRED_GAIN_MARGIN_DB:g} dB", f"{1e3 * REQUIRED_DELAY_MARGIN_S:g} ms"
+        note = f"simulated with {gain} more gain, and with {delay} more delay"
         made.append(_row(f"holds.{kind}", f"Wearers with whom it does not sway, {words}", "1", share, None, note))
     return made
 
 
 def change_rows(found: Sequence[Mapping[str, Sequence[ControllerRow]]]) -> list[tuple[str, str, str]]:
-    """The compensator where something has changed, in a table's rows."""
+    """Return a table's rows on the compensator under each perturbation."""
     made = []
     for what in found[0]:
         for kind in dict.fromkeys(r.controller for r in found[0][what]):
             median, low, high = spread(r.ratio for one in found for r in one[what] if r.controller == kind)
-            made.append((what, NAMES[kind], f"{median:.3f} ({low:.3f} to {high:.3f})"))
+            made.append((what, CONTROLLER_WORDS[kind], f"{median:.3f} ({low:.3f} to {high:.3f})"))
     return made
 
 
 def residual_section(compared: Sequence[ControllerRow]) -> Section:
-    """What the page shows of the comparison."""
+    """Return the page's section on the comparison."""
     rows = {row.id: row for row in residual_rows(compared)}
-    kinds = [kind for kind in NAMES if any(r.controller == kind for r in compared)]
+    kinds = [kind for kind in CONTROLLER_WORDS if any(r.controller == kind for r in compared)]
 
     def cell(what: str, kind: str, scale: float = 1.0) -> str:
         row = rows.get(f"knee.residual.{what}.{kind}")
@@ -109,9 +117,9 @@ def residual_section(compared: Sequence[ControllerRow]) -> Section:
     cells = [
         Row(
             (
-                NAMES[kind],
+                CONTROLLER_WORDS[kind],
                 cell("torque_ratio", kind),
-                cell("torque_ratio", f"{kind}.{SEEN}"),
+                cell("torque_ratio", f"{kind}.{RIG_GROUP}"),
                 cell("torque_rms", kind),
                 cell("mismatch_rms", kind),
                 cell("gain_margin", kind),
@@ -129,33 +137,33 @@ def residual_section(compared: Sequence[ControllerRow]) -> Section:
     best = rows.get("knee.residual.torque_ratio.residual")
     lines = [
         ControllerRatios(
-            NAMES[kind],
+            CONTROLLER_WORDS[kind],
             {
                 words: np.array([r.ratio for r in compared if r.controller == kind and group_of(r) == group])
-                for group, words in GROUPS.items()
+                for group, words in GROUP_WORDS.items()
                 if any(group_of(r) == group for r in compared)
             },
         )
         for kind in kinds
     ]
-    said = (
+    text = (
         "The thesis ends with a compensator that uses the identified strap and EMG still to be made. Here it is, built "
         "from each wearer's own recordings. Every controller's constants were chosen on further drawn wearers by one "
         "criterion, the least strap torque within 6 dB and 20 ms; the rig's own three wearers were known while "
         "controllers were made, the drawn ones compared here were not."
     )
     if best is not None:
-        said += f" The compensator leaves {100 * best.ours:.0f} % of the strap's torque in zero-impedance mode."
+        text += f" The compensator leaves {100 * best.ours:.0f} % of the strap's torque in zero-impedance mode."
     return Section(
         "residual",
         "The thesis's further work: the strap's torque compensated",
-        (said,),
+        (text,),
         (
             number_table(heads, cells, "Medians and ranges over wearers and swings; margins are the smallest of all."),
         ),
         (
             draw(
-                torque_ratios, lines, "residual", roles=ROLES, wanted=WANTED,
+                torque_ratios, lines, "residual", roles=GROUP_COLOUR_ROLES, wanted=TARGET_TORQUE_SHARE,
                 caption="Strap torque of every controller, a dot for each wearer and swing, a bar their median; the "
                 "line is half of zero-impedance mode's.",
             ),
@@ -164,10 +172,10 @@ def residual_section(compared: Sequence[ControllerRow]) -> Section:
 
 
 def main() -> None:
-    """Compare on every wearer, then where something is not as it was identified; print what came out."""
+    """Compare controllers on every wearer, then under each perturbation, and print the rows."""
     rig = knee_orthosis()
-    fresh = [f"D{seed}" for seed in FRESH]
-    everyone = ordered_results([(evaluate_wearer, rig, name, SWINGS) for name in (*rig.subjects, *fresh)])
+    fresh = [f"D{seed}" for seed in TEST_WEARER_SEEDS]
+    everyone = ordered_results([(evaluate_wearer, rig, name, SWING_SEEDS) for name in (*rig.subjects, *fresh)])
     for row in residual_rows([row for one in everyone for row in one]):
         between = "" if row.lower is None else f" ({row.lower:.4g} to {row.upper:.4g})"
         print(f"{row.id}: {row.ours:.4g}{between} {row.unit}")

@@ -11,25 +11,24 @@ from ...fit.parameter import Parameter
 from ...lab.knee.rig import KneeRig
 from ..figure import Reproduced, figure
 from ..printed import Printed, PrintedPaper
-from .recomputed import SUBJECTS
+from .recomputed import SUBJECT_KEYS
 from .torque import MapScored, TorqueSteps
 from .wearers import Bench, Drawn, WearerFound, mean_fit, tape_measure
 
-AXES = {9: "nine", 6: "six"}
-"""Of the IMU, in ids."""
-
+IMU_AXES_WORDS = {9: "nine", 6: "six"}
+"""Word in ids for an IMU with this number of axes, with and without its magnetometer."""
 
 _row = partial(figure, "knee")
 
 
 def _interval(name: str, quantity: str, parameter: Parameter, published: Printed | None, note: str) -> Reproduced:
-    """A parameter with its 95 % interval; another device's number stands beside it."""
+    """Return a parameter with its 95 % interval, beside the number of another device."""
     value = None if published is None else published.value
     return _row(name, quantity, parameter.unit, parameter.value, value, note, between=parameter.interval())
 
 
 def orthosis_rows(bench: Bench, paper: PrintedPaper) -> list[Reproduced]:
-    """Table 3.2 and Figs. 3.1 and 3.2."""
+    """Return the rows on Table 3.2 and Figs. 3.1 and 3.2: the orthosis alone."""
     table, fit = paper.tables["orthosis"]["experimental"], bench.fit
     theory = paper.tables["orthosis"]["theoretical"]
     found = {p.name: p for p in (*fit.parameters, fit.linear["stiffness"])}
@@ -73,13 +72,13 @@ def limbs_rows(
 ) -> list[Reproduced]:
     """Table 3.3 and Fig. 3.3."""
     shank = paper.tables["shank"]
-    off = [100.0 * abs(shank[s]["gravity_found"].value / shank[s]["gravity"].value - 1.0) for s in SUBJECTS]
+    off = [100.0 * abs(shank[s]["gravity_found"].value / shank[s]["gravity"].value - 1.0) for s in SUBJECT_KEYS]
     said = "the thesis's is a difference from an estimate"
     rows = [
         _row("mgl_sh.error", "Error of the shank's gravity torque, mean of the subjects", "%",
              _by_seed(drawn, lambda d: abs(d.gravity_error)), float(np.mean(off)), said)
     ]  # fmt: skip
-    for (name, found), printed_, difference in zip(wearers.items(), SUBJECTS, off, strict=True):
+    for (name, found), printed_, difference in zip(wearers.items(), SUBJECT_KEYS, off, strict=True):
         own = [abs(d.gravity_error) for d in drawn if d.subject == name]
         tables = tape_measure(rig.subjects[name])
         rows += [
@@ -161,7 +160,7 @@ def coupling_rows(wearers: Mapping[str, WearerFound], drawn: Sequence[Drawn], pa
         _row("coupled.coverage.inertia", "Share of intervals that hold an inertia of zero", "1",
              float(np.mean([d.holds["inertia"] for d in drawn])), note=f"{len(drawn)} subjects and seeds, 95 %"),
     ]  # fmt: skip
-    for axes, words in AXES.items():
+    for axes, words in IMU_AXES_WORDS.items():
         rows += [
             _row(f"coupled.fit.{words}_axes", f"Fit with a {words}-axis IMU", "%",
                  mean(lambda w, n=axes: mean_fit(w.of(n)[1])), note="first seed"),
@@ -176,7 +175,7 @@ def coupling_rows(wearers: Mapping[str, WearerFound], drawn: Sequence[Drawn], pa
             _row(f"imu.error.madgwick.{words}_axes", "The same by Madgwick's filter, as in the thesis", "deg",
                  float(np.degrees(mean(lambda w, n=axes: _filter_error(w, "madgwick", n))))),
         ]  # fmt: skip
-    for (name, found), printed_ in zip(wearers.items(), SUBJECTS, strict=True):
+    for (name, found), printed_ in zip(wearers.items(), SUBJECT_KEYS, strict=True):
         coupling = found.stages.coupling
         literal = coupling.published["two_poles"]
         own = [d.fit for d in drawn if d.subject == name]

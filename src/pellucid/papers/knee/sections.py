@@ -17,13 +17,13 @@ from ..figure import Reproduced
 from ..printed import Printed
 from ..row_sections import bracketed, cell
 from .knee_figures import HoldTorques, StrapIntervals, hold_torques, strap_intervals
-from .recomputed import SUBJECTS
-from .torque import ESTIMATORS
+from .recomputed import SUBJECT_KEYS
+from .torque import ESTIMATOR_NAMES
 
 if TYPE_CHECKING:
     from .paper import KneePaper
 
-ROLES = {
+LINE_COLOUR_ROLES = {
     "true": "measured",
     "measured": "measured",
     "knee": "measured",
@@ -35,15 +35,16 @@ ROLES = {
     "thesis's form": "heldout",
     "orthosis": "heldout",
 }
-"""Colours of lines, by their label."""
+"""Colour roles of lines, by their label."""
 
-WORDS = {"boost": "boosting", "bagging": "bagging", "tree": "one tree", "ridge": "ridge"}
-"""Estimators as the page calls them."""
+ESTIMATOR_WORDS = {"boost": "boosting", "bagging": "bagging", "tree": "one tree", "ridge": "ridge"}
+"""Names of the estimators on the page."""
 
-SHOWN = 12.0
-"""Seconds of a swing that are drawn."""
+DRAWN_SPAN_S = 12.0
+"""Figures draw this long a stretch of a swing."""
 
-PRINTED = "In angular brackets, what the thesis prints."
+PRINTED_NOTE = "In angular brackets, what the thesis prints."
+"""Captions of tables with the thesis's numbers contain this sentence."""
 
 
 def _both(ours: str, printed: Printed | None) -> str:
@@ -56,7 +57,7 @@ def _with_interval(parameter: Parameter) -> str:
 
 
 def thesis_sections(made: KneePaper, rows: dict[str, Reproduced]) -> tuple[Section, ...]:
-    """Each table and figure of the thesis, in its order."""
+    """Return a section for each table and figure of the thesis, in its order."""
     alone = (_subjects(made), _orthosis(made), _shanks(made))
     return (*alone, _torque(made, rows), _strap(made, rows), _straps_over_seeds(made, rows))
 
@@ -65,7 +66,7 @@ def _subjects(made: KneePaper) -> Section:
     """Table 3.1."""
     table = made.printed.tables["subjects"]
     columns = ("age", "mass", "height", "shank_length")
-    rows = [(table.labels[s], *(cell(table[s][n].value) for n in columns)) for s in SUBJECTS]
+    rows = [(table.labels[s], *(cell(table[s][n].value) for n in columns)) for s in SUBJECT_KEYS]
     return Section(
         "subjects",
         "Table 3.1: subjects",
@@ -149,7 +150,7 @@ def _response(made: KneePaper) -> Drawing:
     first = next(r for r in brief.responses if r.recording.endswith("07"))
     name = next(n for n in fit.checks if n.endswith("07"))
     check, linear = fit.checks[name], fit.linear_checks[name]
-    part = check.time <= check.time[0] + SHOWN
+    part = check.time <= check.time[0] + DRAWN_SPAN_S
     panels = [
         Traces(
             "1 rad, fitted", f"two poles {first.fit:.1f} %; the thesis {made.printed['response_fit']:g} %", first.time,
@@ -166,7 +167,7 @@ def _response(made: KneePaper) -> Drawing:
         ),
     ]  # fmt: skip
     return draw(
-        over_time, panels, "fig-3-2", roles=ROLES,
+        over_time, panels, "fig-3-2", roles=LINE_COLOUR_ROLES,
         caption="Fig. 3.2: the orthosis's angle at 0.7 Hz, measured, and simulated from the spring's torque.",
     )  # fmt: skip
 
@@ -175,7 +176,7 @@ def _shanks(made: KneePaper) -> Section:
     """Fig. 3.3, Table 3.3."""
     shank = made.printed.tables["shank"]
     panels, cells = [], []
-    for (name, found), subject in zip(made.wearers.items(), SUBJECTS, strict=True):
+    for (name, found), subject in zip(made.wearers.items(), SUBJECT_KEYS, strict=True):
         limb = found.stages.limb
         together = _sine(_hanging(made), (limb.gravity.value, limb.zero.value))
         panels.append(
@@ -212,8 +213,8 @@ def _shanks(made: KneePaper) -> Section:
                 ("", "Mass (kg)", "Centre (m)", "Inertia (kg·m²)", "m g l, heel (N·m)", "m g l, ankle (N·m)",
                  "m g l found, 95 % (N·m)", "Truth (N·m)"),
                 cells,
-                f"Table 3.3, Winter's shares on the length from knee to heel as in the thesis. {PRINTED} Found and "
-                "true are the virtual subjects' own.",
+                f"Table 3.3, Winter's shares on the length from knee to heel as in the thesis. {PRINTED_NOTE} Found "
+                "and true are the virtual subjects' own.",
             ),
         ),
         (drawing,),
@@ -230,14 +231,14 @@ def _torque(made: KneePaper, rows: dict[str, Reproduced]) -> Section:
         cells.append(
             Row(
                 (
-                    WORDS[kind] + (", defaults of the thesis's tool" if kind != estimator else ""),
+                    ESTIMATOR_WORDS[kind] + (", defaults of the thesis's tool" if kind != estimator else ""),
                     cell(table[kind]["rmse"].value if kind in table.rows else None),
                     cell(rows[f"knee.emg.rmse.{estimator}"].ours),
                     *(cell(m.score.rmse) for m in mine),
                     cell(rows[f"knee.emg.true_rmse.{estimator}"].ours),
                     cell(None if both is None else both.ours),
                 ),
-                estimator in ESTIMATORS,
+                estimator in ESTIMATOR_NAMES,
             )
         )
     heads = (
@@ -267,9 +268,9 @@ def _torque(made: KneePaper, rows: dict[str, Reproduced]) -> Section:
 
 def _torque_errors(made: KneePaper) -> tuple[Drawing, ...]:
     errors = [
-        (m.subject, m.estimator, WORDS[m.estimator], m.score.rmse)
+        (m.subject, m.estimator, ESTIMATOR_WORDS[m.estimator], m.score.rmse)
         for m in made.maps
-        if m.estimator in WORDS and m.protocol == "published"
+        if m.estimator in ESTIMATOR_WORDS and m.protocol == "published"
     ]
     if not errors:
         return ()
@@ -295,7 +296,7 @@ def _torque_trace(made: KneePaper) -> Drawing:
     }
     panel = Traces(f"{chosen.subject}, 15°", f"RMSE {chosen.score.rmse:.2f} N·m", trial.time, lines, "Torque (N·m)")
     return draw(
-        over_time, [panel], "fig-3-4", roles=ROLES, height=3.4,
+        over_time, [panel], "fig-3-4", roles=LINE_COLOUR_ROLES, height=3.4,
         caption="Fig. 3.4: the knee's true torque, what the map makes of EMG and angle in a repetition it has not "
         "seen, and the orthosis's torque that the subject counteracts: the thesis's steps, then the other way.",
     )  # fmt: skip
@@ -304,10 +305,10 @@ def _torque_trace(made: KneePaper) -> Drawing:
 def _strap(made: KneePaper, rows: dict[str, Reproduced]) -> Section:
     """Figs. 3.5 to 3.7, Table 3.5."""
     table, drawings, cells = made.printed.tables["coupling"], [], []
-    for number_, ((name, found), subject) in enumerate(zip(made.wearers.items(), SUBJECTS, strict=True), 5):
+    for number_, ((name, found), subject) in enumerate(zip(made.wearers.items(), SUBJECT_KEYS, strict=True), 5):
         printed, coupling = table[subject], found.stages.coupling
         swing = next(s for s in found.swings if s.split == "heldout")
-        part = (swing.time >= 2.0) & (swing.time <= 2.0 + SHOWN)
+        part = (swing.time >= 2.0) & (swing.time <= 2.0 + DRAWN_SPAN_S)
         lines = {"true": swing.true, "strap": swing.predicted, "thesis's form": swing.published}
         shown = {k: np.degrees(v[part]) for k, v in lines.items() if v is not None}
         head = f"strap {swing.fit():.1f} %, thesis's form {swing.fit('published'):.1f} %".replace("-", MINUS_SIGN)
@@ -316,7 +317,7 @@ def _strap(made: KneePaper, rows: dict[str, Reproduced]) -> Section:
                 over_time,
                 [Traces(f"{name}, held out", head, swing.time[part], shown, "Limb ahead (deg)")],
                 f"fig-3-{number_}",
-                roles=ROLES,
+                roles=LINE_COLOUR_ROLES,
                 caption=f"Fig. 3.{number_}: angle between leg and orthosis in a swing that was not fitted: the true "
                 f"one, hidden under the strap's by the orthosis's balance, and that of the thesis's form. The thesis "
                 f"prints {printed['fit'].value:g} % on data it fitted.",

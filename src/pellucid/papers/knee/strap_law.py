@@ -1,4 +1,4 @@
-"""The strap's torque, observed from encoder and spring alone, and the front of every law that lives on it."""
+"""Observer of the strap's torque from encoder and spring alone, and the base class of every law that uses it."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from ...control.limits import Limits
 
 @dataclass
 class StrapTorqueObserver:
-    """What must have acted on the orthosis besides spring, gravity and friction: its momentum observer.
+    """A momentum observer of the torque that acts on the orthosis besides spring, gravity and friction.
 
     p' = tau_e - b v - G sin q - F tanh(v/w) + tau,  tau = a (I v - p): the strap's torque behind a low-pass of
     bandwidth a. The velocity is a difference of angles behind a low-pass, v' = c (dq/dt - v).
     """
 
-    coupling: Coupling  # Of which only the orthosis is used
+    coupling: Coupling  # The model; only its orthosis is used
     period: float  # [s]
-    bandwidth: float = 40.0  # bandwidth, velocity_bandwidth: a and c [rad/s]
-    velocity_bandwidth: float = 120.0
-    width: float = 0.05  # w [rad/s]
+    bandwidth: float = 40.0  # a: bandwidth of the observed torque [rad/s]
+    velocity_bandwidth: float = 120.0  # c: bandwidth of the velocity [rad/s]
+    width: float = 0.05  # w: speed over which friction's smooth sign changes [rad/s]
     velocity: float = field(default=0.0, init=False)
     raw_velocity: float = field(default=0.0, init=False)
     torque: float = field(default=0.0, init=False)
@@ -33,7 +33,7 @@ class StrapTorqueObserver:
     _position: float | None = field(default=None, init=False)
 
     def step(self, position: float, torque: float) -> None:
-        """One period. What is not finite leaves the observer where it is. `position`, `torque` [rad], [N m]."""
+        """Advance by one period; a reading that is not finite changes nothing. `position` [rad], `torque` [N m]."""
         if not (np.isfinite(position) and np.isfinite(torque)):
             return
         m, before = self.coupling, position if self._position is None else self._position
@@ -46,8 +46,10 @@ class StrapTorqueObserver:
         self.torque = float(self.bandwidth * (m.orthosis_inertia * self.velocity - self._momentum))
 
     def linear(self, slope: float) -> tuple[np.ndarray, np.ndarray]:
-        """Near the hanging place, with friction as a viscous coefficient. `slope` [N m s/rad]; gives `following` (4,
-        6), `now` (2, 6)."""
+        """Return the observer linearised about hanging, with friction as a viscous coefficient `slope` [N m s/rad].
+
+        The first array, (4, 6), gives the next state; the second, (2, 6), gives the present velocity and torque.
+        """
         m, (last, v, p, x, q, spring) = self.coupling, np.eye(6)
         v = v + self.velocity_bandwidth * ((q - last) - self.period * v)
         known = spring - (m.orthosis_viscous + slope) * v - m.orthosis_gravity * q
@@ -58,11 +60,11 @@ class StrapTorqueObserver:
 
 @dataclass
 class StrapLaw(ABC):
-    """A law without EMG: each period it observes the strap, says what it wants, and passes the gate."""
+    """A law without EMG: each period it observes the strap, computes a torque and sends it through the safety gate."""
 
-    coupling: Coupling  # Of which only the orthosis is used
+    coupling: Coupling  # The model; only its orthosis is used
     period: float  # [s]
-    limits: Limits = field(default_factory=Limits, kw_only=True)  # Of the gate
+    limits: Limits = field(default_factory=Limits, kw_only=True)  # Limits of the safety gate
 
     def __post_init__(self):
         self.observer = StrapTorqueObserver(self.coupling, self.period)
@@ -71,15 +73,15 @@ class StrapLaw(ABC):
 
     @property
     def fault(self) -> str:
-        """As of the gate."""
+        """Fault that the safety gate has latched; "none" if there is none."""
         return self._gate.fault
 
     @abstractmethod
     def wanted(self, position: float, torque: float) -> float:
-        """What the law asks for, with the observer up to date. `position`, `torque` [rad], [N m]; gives [N m]."""
+        """Return the torque before the gate [N m], with the observer up to date. `position` [rad], `torque` [N m]."""
 
     def step(self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = ()) -> float:
-        """One control period. `time`, `position`, `torque` [s], [rad], [N m]; gives [N m]."""
+        """Return the command [N m] of one control period. `time` [s], `position` [rad], `torque` [N m]."""
         self.observer.step(position, torque)
         wanted = float(self.wanted(position, torque))
         self._count += 1

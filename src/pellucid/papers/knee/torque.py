@@ -20,57 +20,56 @@ from ...signals.emg_chain import emg_chain
 from .trials import KneeSession
 from .wearers import WearerFound
 
-ESTIMATORS = ("boost", "bagging", "tree", "ridge")
-"""Table 3.4's three, and a ridge regression as the plain alternative."""
+ESTIMATOR_NAMES = ("boost", "bagging", "tree", "ridge")
+"""Table 3.4's three estimators, and a ridge regression as the simple baseline."""
 
-AS_PUBLISHED = ("boost_published", "bagging_published", "tree_published")
-"""The same three with the defaults of the tool that the thesis used."""
+PUBLISHED_ESTIMATOR_NAMES = ("boost_published", "bagging_published", "tree_published")
+"""Table 3.4's three estimators with the defaults of the tool that the thesis used."""
 
-PROTOCOLS = ("published", "both_ways")
-"""The thesis's steps, 0, 5 and 10 N m one way, and these followed by the same the other way."""
+STEP_PROTOCOLS = ("published", "both_ways")
+"""The thesis's steps of 0, 5 and 10 N m in one direction, and these followed by the same in the other direction."""
 
-KEPT = 5
-"""Every so many samples are kept: 100 a second."""
+SAMPLE_STEP = 5
+"""Every fifth sample is kept, which is 100 a second."""
 
 
 @dataclass(frozen=True, eq=False)
 class MapScored:
     """One estimator on one subject's torque steps."""
 
-    subject: str  # subject, estimator, protocol: The last one of `PROTOCOLS`.
+    subject: str
     estimator: str
-    protocol: str
-    score: Score  # Of all trials, each predicted without its repetition
+    protocol: str  # One of `STEP_PROTOCOLS`
+    score: Score  # Score over all trials, each predicted without its repetition
     words: str  # Features and settings of the first repetition's map
-    predicted: Mapping[str, np.ndarray] = field(repr=False)  # (n,) By trial [N m]
+    predicted: Mapping[str, np.ndarray] = field(repr=False)  # (n,) Predicted torque by trial [N m]
 
 
 @dataclass(frozen=True, eq=False)
 class TorqueSteps:
-    """One subject's torque steps, ready for maps."""
+    """One subject's torque steps, prepared for EMG maps. Torques by trial have shape (n,) [N m]."""
 
-    subject: str  # subject, protocol: The second one of `PROTOCOLS`.
-    protocol: str
-    trials: tuple[TorqueTrial, ...]  # Their torque is what orthosis, strap and limb tell of the knee's
-    actuator: Mapping[str, np.ndarray] = field(repr=False)  # (n,) By trial: the spring's torque [N m]
-    plain: Mapping[str, np.ndarray] = field(repr=False)  # (n,) By trial: the target through a spring and a damper [N m]
-    as_one: Mapping[str, np.ndarray] = field(repr=False)  # (n,) By trial: the same as if the strap did not yield [N m]
-    # (n,) By trial: the knee's torque as only the simulation knows it, muscles and ligaments [N m]
-    true: Mapping[str, np.ndarray] = field(repr=False)
+    subject: str
+    protocol: str  # One of `STEP_PROTOCOLS`
+    trials: tuple[TorqueTrial, ...]  # Their torque is the knee's, from the models of orthosis, strap and limb
+    actuator: Mapping[str, np.ndarray] = field(repr=False)  # Torque of the actuator's spring
+    plain: Mapping[str, np.ndarray] = field(repr=False)  # Knee torque with the strap as a linear spring and damper
+    as_one: Mapping[str, np.ndarray] = field(repr=False)  # Knee torque with a rigid strap
+    true: Mapping[str, np.ndarray] = field(repr=False)  # True knee torque of muscles and ligaments in the simulation
 
     @property
     def targets(self) -> dict[str, np.ndarray]:
-        """What maps are fitted to and scored on, by trial: shape (n,) each [N m]."""
+        """Torque that maps are fitted to and scored on, by trial, shape (n,) [N m]."""
         return {t.name: t.torque for t in self.trials}
 
     def true_error(self, predicted: Mapping[str, np.ndarray]) -> float:
-        """RMS error of torques, by trial, against the knee's true ones [N m]."""
+        """Return the RMS error of predicted torques, by trial, against the knee's true ones [N m]."""
         return score(*(np.concatenate([t[n] for n in self.true]) for t in (self.true, predicted))).rmse
 
 
 def torque_steps(rig: KneeRig, taken: KneeSession, orthosis: Orthosis, found: WearerFound) -> TorqueSteps:
-    """A subject's torque steps with their envelopes."""
-    chain, kept = emg_chain(taken.config.table(EmgTorqueTable).chain), slice(None, None, KEPT)
+    """Return a subject's torque steps with their EMG envelopes."""
+    chain, kept = emg_chain(taken.config.table(EmgTorqueTable).chain), slice(None, None, SAMPLE_STEP)
     limb, coupling = found.stages.limb.limb, found.stages.coupling
     body = MovedBody(orthosis.gravity + limb.gravity, orthosis.inertia + limb.inertia, orthosis.viscous)
     trials, actuator, plain, as_one, true = [], {}, {}, {}, {}
@@ -100,7 +99,7 @@ def torque_steps(rig: KneeRig, taken: KneeSession, orthosis: Orthosis, found: We
 
 
 def published_steps(steps: TorqueSteps, duration: float) -> TorqueSteps:
-    """The thesis's own steps, which come first in every trial; duration [s]."""
+    """Return the thesis's own steps, which are the first `duration` [s] of every trial."""
     inside = {t.name: t.time < duration for t in steps.trials}
     trials = tuple(
         replace(
@@ -115,12 +114,12 @@ def published_steps(steps: TorqueSteps, duration: float) -> TorqueSteps:
 
 
 def score_map(steps: TorqueSteps, estimator: str) -> MapScored:
-    """One estimator, each repetition predicted by a map chosen and fitted without it."""
+    """Score one estimator; each repetition is predicted by a map that is chosen and fitted without it."""
     found = cross_validate_torque_maps(steps.trials, (estimator,))[estimator]
     return MapScored(steps.subject, estimator, steps.protocol, found.score, found.choices[0].words, found.predicted)
 
 
 def _ligaments(rig: KneeRig, position: np.ndarray) -> np.ndarray:
-    """Passive torque towards flexion at the end of extension, shape (n,) [N m]."""
+    """Return the passive torque towards flexion at the end of extension, shape (n,) [N m]."""
     passive = rig["passive"]
     return passive["torque"] * np.exp(np.clip((passive["angle"] - position) / passive["scale"], -80.0, 5.0))

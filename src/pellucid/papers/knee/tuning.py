@@ -1,10 +1,10 @@
-"""How the constants of ``chosen.toml`` are chosen: on drawn wearers, none of whom is compared afterwards.
+"""Choose the constants of ``chosen.toml`` on drawn wearers, none of whom is compared afterwards.
 
-The criterion is the same for every controller: the least strap torque, as a share of zero-impedance mode's on the same
-swing, mean over the tuning wearers; and on each of them a controller must bear twice its command and 20 ms more delay,
-by its linear loop with the strap 30 % off where it has one, and in the simulation where it has none. What carries the
-body by model alone holds no such margin with friction that matters (a fifth of it swayed two of six); of these a leg
-let go must come to rest. Constants are searched one at a time, in the order of `SEARCHED`, each over a few values.
+The criterion is the same for every controller: the smallest strap torque, as a share of zero-impedance mode's on the
+same swing, mean over the tuning wearers. On each of them a controller must also bear twice its command and 20 ms more
+delay: by its linear loop with the strap 30 % off if it has one, otherwise in the simulation. Laws that carry the body
+by model alone do not hold these margins with any useful share of friction (a fifth of it swayed two of six wearers);
+with them a released leg must come to rest. Constants are searched one at a time, in the order of `SEARCHED_VALUES`.
 
 Run as ``python -m pellucid.papers.knee.tuning``; it writes the file anew.
 """
@@ -26,26 +26,29 @@ from ...control.worn import WornCompensator
 from ...estimators.causal_map import EmgSettings
 from ...lab.knee.rig import knee_orthosis
 from ...lab.knee.trial import KneeReadings
-from .cards import Identified, WearerCard, mistaken
-from .controllers import BODY_NAMES, Chosen, body_controllers, controllers, for_wearer
-from .residual import TUNING, session_of, wearer
+from .cards import Identified, WearerCard, card_with_coupling_errors
+from .controllers import BODY_LAW_WORDS, Chosen, body_controllers, controllers, design_for_wearer
+from .residual import TUNING_WEARER_SEEDS, identify_by_name, session_of
 from .swings import (
-    SETTLING,
+    SETTLING_TIME_S,
     WithoutControl,
+    comes_to_rest,
     holds_margins,
-    root_mean_square,
-    settles,
+    rms_mismatch_and_torque,
     swing,
     without_control,
 )
 
-SWING, DURATION = 21, 14.0
-"""Seed and length of the swing on which constants are chosen [s]."""
+TUNING_SWING_SEED = 21
+"""Seed of the swing on which constants are chosen."""
 
-ROUNDS = 1
-"""Most of them."""
+TUNING_SWING_DURATION_S = 14.0
+"""Duration of the swing on which constants are chosen."""
 
-SEARCHED: Mapping[str, Mapping[str, tuple[float, ...]]] = {
+MAX_SEARCH_ROUNDS = 1
+"""The search goes through all constants of a controller at most this often."""
+
+SEARCHED_VALUES: Mapping[str, Mapping[str, tuple[float, ...]]] = {
     "residual": {
         "law.integral": (1.5, 3.0, 5.0),
         "law.proportional": (1.0, 2.0, 3.0),
@@ -85,9 +88,9 @@ SEARCHED: Mapping[str, Mapping[str, tuple[float, ...]]] = {
         "learning.prior_mismatch": (0.05, 0.1, 0.2),
     },
 }  # fmt: skip
-"""By controller: constants and their values."""
+"""Values that are tried for each constant (``table.name``), by controller."""
 
-START = Chosen(
+START_CONSTANTS = Chosen(
     law=Law(gravity=0.0, friction=0.3, proportional=2.0, integral=3.0, torque_gain=0.3),
     noise=Noise(orthosis_torque=0.4, limb_torque=2.0, emg_drift=4.0),
     widths={"width": 0.02, "assist_width": 0.3},
@@ -100,20 +103,24 @@ START = Chosen(
     rules={"share": 0.5},
     amplification={"alpha": 1.25, "width": 0.15, "bandwidth": 60.0},
 )
-"""Where an earlier, wider search by the same criterion on the same wearers ended: it also tried widths of friction from
-0.02 to 2.5 rad/s, shares of inertia and viscous friction from 0 to 1, derivative gains, corners of the envelope from 3
-to 5.5 Hz, and noise of the limb and of the EMG's drift up to 8 times as large. The share of what rules say is the
-elbow's for fuzzy ones, and amplification carries as much friction as the body: neither was searched at the knee."""
+"""Constants from which the search starts.
 
-WRONG_STRAPS = (0.75, 1.25)
-"""What the learning of a strap is chosen on: cards whose stiffness is that much off, and the card as it is."""
+They are the result of an earlier, wider search by the same criterion on the same wearers. It also tried widths of
+friction from 0.02 to 2.5 rad/s, shares of inertia and viscous friction from 0 to 1, derivative gains, corners of the
+envelope from 3 to 5.5 Hz, and noise of the limb and of the EMG's drift up to 8 times as large. Two constants were not
+searched at the knee: the share of the rules' torque is that of the elbow's fuzzy rules, and amplification carries as
+much friction as the body's law.
+"""
 
-SLACK = 0.03
-"""The same: a strap that has come loose [rad]."""
+STRAP_STIFFNESS_FACTORS = (0.75, 1.25)
+"""Constants of the strap's learning are chosen on the identified card and on cards with these factors on stiffness."""
+
+LOOSE_STRAP_SLACK_RAD = 0.03
+"""They are also chosen on a strap that has come loose by this angle."""
 
 
-def with_value(constants: Chosen, path: str, value: float) -> Chosen:
-    """Constants with one changed."""
+def change_constant(constants: Chosen, path: str, value: float) -> Chosen:
+    """Return constants with one of them, ``table.name``, set to `value`."""
     table, name = path.split(".")
     old = getattr(constants, table)
     new = {**old, name: value} if isinstance(old, Mapping) else replace(old, **{name: value})
@@ -121,36 +128,40 @@ def with_value(constants: Chosen, path: str, value: float) -> Chosen:
 
 
 @cache
-def _wearer(seed: int) -> Identified:
-    """Once a process."""
-    return wearer(knee_orthosis(), f"D{seed}")
+def _identify_tuning_wearer(seed: int) -> Identified:
+    """Record and identify a tuning wearer, once in each process."""
+    return identify_by_name(knee_orthosis(), f"D{seed}")
 
 
 @cache
-def _card(seed: int, settings: EmgSettings) -> WearerCard:
-    return _wearer(seed).card(settings)
+def _card_of_wearer(seed: int, settings: EmgSettings) -> WearerCard:
+    """Return a tuning wearer's card, its EMG map fitted under `settings`."""
+    return _identify_tuning_wearer(seed).card(settings)
 
 
 @cache
-def _plain(seed: int, slack: float | None = None) -> float:
-    """Strap torque of zero-impedance mode [N m]; a slack [rad] other than the strap's own if given."""
-    one = _wearer(seed)
+def _unassisted_strap_torque(seed: int, slack: float | None = None) -> float:
+    """Return the strap torque of zero-impedance mode [N m], with another `slack` [rad] of the strap if given."""
+    one = _identify_tuning_wearer(seed)
     rig = one.rig if slack is None else one.rig.strapped({"slack": slack})
-    return root_mean_square(swing(rig, one.name, SWING, None, duration=DURATION, session=session_of(one)))[1]
+    return rms_mismatch_and_torque(
+        swing(rig, one.name, TUNING_SWING_SEED, None, duration=TUNING_SWING_DURATION_S, session=session_of(one))
+    )[1]
 
 
 @cache
-def _without(seed: int) -> WithoutControl:
-    one = _wearer(seed)
-    return without_control(one.rig, one.name, SWING)
+def _without_control_of(seed: int) -> WithoutControl:
+    """Simulate zero-impedance mode on a tuning wearer, once in each process."""
+    one = _identify_tuning_wearer(seed)
+    return without_control(one.rig, one.name, TUNING_SWING_SEED)
 
 
-def left_to_strap(kind: str, constants: Chosen, seed: int) -> float:
-    """What a controller leaves of one tuning wearer's strap torque; infinite where its linear margins do not hold.
+def strap_torque_share(kind: str, constants: Chosen, seed: int) -> float:
+    """Return a controller's strap torque on one tuning wearer over that of zero-impedance mode [1].
 
-    gives [1].
+    It is infinite if the linear margins do not hold or the gate finds a fault.
     """
-    one, card = _wearer(seed), _card(seed, constants.emg)
+    one, card = _identify_tuning_wearer(seed), _card_of_wearer(seed, constants.emg)
 
     def ratio(known: WearerCard, slack: float | None = None) -> float:
         try:
@@ -158,49 +169,56 @@ def left_to_strap(kind: str, constants: Chosen, seed: int) -> float:
         except PellucidError:
             return float("inf")
         controller, rig = built.build(), one.rig if slack is None else one.rig.strapped({"slack": slack})
-        taken = swing(rig, one.name, SWING, controller, duration=DURATION, session=session_of(one))
+        taken = swing(
+            rig, one.name, TUNING_SWING_SEED, controller, duration=TUNING_SWING_DURATION_S, session=session_of(one)
+        )
         if controller.fault != "none":
             return float("inf")
-        return root_mean_square(taken)[1] / _plain(seed, slack)
+        return rms_mismatch_and_torque(taken)[1] / _unassisted_strap_torque(seed, slack)
 
     if kind == "residual_strap_learnt":
-        wrong = [ratio(mistaken(card, strap_stiffness=k)) for k in WRONG_STRAPS]
-        return float(np.mean([ratio(card), ratio(card, SLACK), *wrong]))
+        wrong = [ratio(card_with_coupling_errors(card, strap_stiffness=k)) for k in STRAP_STIFFNESS_FACTORS]
+        return float(np.mean([ratio(card), ratio(card, LOOSE_STRAP_SLACK_RAD), *wrong]))
     return ratio(card)
 
 
 def keeps_margins(kind: str, constants: Chosen, seed: int) -> bool:
-    """Whether a controller without a linear form bears what is asked, in the simulation; others do already."""
-    one = _wearer(seed)
-    if kind in BODY_NAMES:
-        built = body_controllers(_card(seed, constants.emg), one.rig.period, constants, (kind,))[kind]
-        return settles(one.rig, one.name, built.build, _without(seed))
-    built = controllers(_card(seed, constants.emg), one.rig.period, (0.0, 1.0), constants, (kind,))[kind]
-    return built.margins is not None or holds_margins(one.rig, one.name, built.build, _without(seed), seed=SWING)
+    """Return whether a controller without a linear form holds the margins in the simulation.
+
+    Controllers with a linear form hold them by design; laws of the body must only let a released leg come to rest.
+    """
+    one = _identify_tuning_wearer(seed)
+    if kind in BODY_LAW_WORDS:
+        built = body_controllers(_card_of_wearer(seed, constants.emg), one.rig.period, constants, (kind,))[kind]
+        return comes_to_rest(one.rig, one.name, built.build, _without_control_of(seed))
+    built = controllers(_card_of_wearer(seed, constants.emg), one.rig.period, (0.0, 1.0), constants, (kind,))[kind]
+    return built.margins is not None or holds_margins(
+        one.rig, one.name, built.build, _without_control_of(seed), seed=TUNING_SWING_SEED
+    )
 
 
 def search(
     kind: str, start: Chosen, seeds: Sequence[int], mapped: Callable, tell: Callable[[str], None]
 ) -> tuple[Chosen, float]:
-    """Choose one controller's constants, one at a time; gives [1]."""
+    """Choose one controller's constants, one at a time; return them and the mean share of strap torque [1]."""
 
     def mean(constants: Chosen) -> float:
-        return float(np.mean(list(mapped(partial(left_to_strap, kind, constants), seeds))))
+        return float(np.mean(list(mapped(partial(strap_torque_share, kind, constants), seeds))))
 
     def keeps(constants: Chosen) -> bool:
         return all(mapped(partial(keeps_margins, kind, constants), seeds))
 
     best, least = start, mean(start) if keeps(start) else float("inf")
     tell(f"{kind}: {least:.4f} at first")
-    for _ in range(ROUNDS):
+    for _ in range(MAX_SEARCH_ROUNDS):
         before = best
-        for path, values in SEARCHED[kind].items():
+        for path, values in SEARCHED_VALUES[kind].items():
             table, name = path.split(".")
             for value in values:
                 now = getattr(best, table)
                 if value == (now[name] if isinstance(now, Mapping) else getattr(now, name)):
                     continue
-                tried = with_value(best, path, value)
+                tried = change_constant(best, path, value)
                 reached = mean(tried)
                 tell(f"{kind}: {reached:.4f} at {path} = {value:g}")
                 if reached < least and keeps(tried):
@@ -211,12 +229,10 @@ def search(
 
 
 def phase_gains(taken: KneeReadings, made: ResidualDesign) -> tuple[float, ...]:
-    """Gains over a swing from what a recorded compensator still left to the strap, by its own estimate of phase.
+    """Return the gain in each eighth of a swing, from the torque that a recorded compensator still left to the strap.
 
-    In each eighth of the circle of angle and velocity the gain is least squares of command plus missing torque on the
-    command, within 0.8 and 1.25.
-
-    gives [1].
+    The eighths divide the plane of angle and velocity, as the compensator estimates its phase. Each gain [1] is the
+    least-squares coefficient of command plus missing torque on the command, limited to 0.8 to 1.25.
     """
     m, q = made.coupling, taken.position
     kernel = np.ones(25) / 25
@@ -227,35 +243,37 @@ def phase_gains(taken: KneeReadings, made: ResidualDesign) -> tuple[float, ...]:
     place = (np.round(np.arctan2(y, x) / (np.pi / 4)).astype(int)) % 8
     gains = []
     for i in range(8):
-        here = (place == i) & (taken.time > SETTLING)
+        here = (place == i) & (taken.time > SETTLING_TIME_S)
         u = taken.command[here]
         share = float(u @ missing[here] / (u @ u)) if here.sum() > 100 else 0.0
         gains.append(float(np.clip(1 + share, 0.8, 1.25)))
     return tuple(gains)
 
 
-def gains_of(constants: Chosen, seed: int) -> tuple[float, ...]:
+def phase_gains_of_wearer(constants: Chosen, seed: int) -> tuple[float, ...]:
     """`phase_gains` of one tuning wearer."""
-    one, pace = _wearer(seed), knee_orthosis()["swing"]
-    made = for_wearer(one.coupling, one.rig.period, constants)
+    one, pace = _identify_tuning_wearer(seed), knee_orthosis()["swing"]
+    made = design_for_wearer(one.coupling, one.rig.period, constants)
     made = replace(made, swing=(pace["centre"], np.pi * sum(pace["frequency"])))
     controller = WornCompensator(made, one.card(constants.emg).emg.build())
-    taken = swing(one.rig, one.name, SWING, controller, duration=20.0, session=session_of(one))
+    taken = swing(one.rig, one.name, TUNING_SWING_SEED, controller, duration=20.0, session=session_of(one))
     return phase_gains(taken, made)
 
 
-def tune(seeds: Sequence[int] = TUNING, *, mapped: Callable = map, tell: Callable[[str], None] = print) -> Chosen:
+def tune(
+    seeds: Sequence[int] = TUNING_WEARER_SEEDS, *, mapped: Callable = map, tell: Callable[[str], None] = print
+) -> Chosen:
     """Choose all constants."""
-    constants = START
-    for kind in SEARCHED:
+    constants = START_CONSTANTS
+    for kind in SEARCHED_VALUES:
         constants, reached = search(kind, constants, seeds, mapped, tell)
         tell(f"{kind}: {reached:.4f} in the end")
-    each = list(mapped(partial(gains_of, constants), seeds))
+    each = list(mapped(partial(phase_gains_of_wearer, constants), seeds))
     return replace(constants, phase_gain=tuple(float(g) for g in np.round(np.median(each, axis=0), 2)))
 
 
-def text(constants: Chosen, seeds: Sequence[int]) -> str:
-    """The file, as `parse_chosen` reads it."""
+def write_toml(constants: Chosen, seeds: Sequence[int]) -> str:
+    """Return the text of ``chosen.toml``, as `parse_chosen` reads it."""
     lines = [
         "# Constants of the controllers that are compared on the virtual knee orthosis. Written by",
         f"# `python -m pellucid.papers.knee.tuning` from drawn wearers {seeds[0]} to {seeds[-1]}; nobody who is",
@@ -268,7 +286,7 @@ def text(constants: Chosen, seeds: Sequence[int]) -> str:
 
 
 def main() -> None:
-    """Choose, and write the file."""
+    """Choose all constants, and write ``chosen.toml``."""
     # Each process keeps its own wearers: identifying one takes longer than a swing.
     with processes(1) as even, processes(1) as odd:
 
@@ -276,7 +294,7 @@ def main() -> None:
             return [one.result() for one in [(odd if seed % 2 else even).submit(make, seed) for seed in seeds]]
 
         constants = tune(mapped=mapped, tell=lambda line: print(line, flush=True))
-    write_text_atomically(Path(__file__).with_name("chosen.toml"), text(constants, TUNING))
+    write_text_atomically(Path(__file__).with_name("chosen.toml"), write_toml(constants, TUNING_WEARER_SEEDS))
 
 
 if __name__ == "__main__":

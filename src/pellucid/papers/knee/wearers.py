@@ -1,4 +1,4 @@
-"""Orthosis and wearers identified as `identify` does it, and compared with what only a simulation knows."""
+"""Orthosis and wearers identified as `identify` does it, and compared with the simulation's truth."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from ...signals.inertial import inertial
 from ...signals.input_output import input_output
 from .trials import STRAP_ONLY, KneeSession, hold_angles, take
 
-STRAP = ("stiffness", "damping", "inertia")
-"""Parameters of a strap; the last is 0."""
+STRAP_PARAMETERS = ("stiffness", "damping", "inertia")
+"""Fitted parameters of a strap; the true inertia is 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,11 +33,11 @@ class Bench:
     """The orthosis alone."""
 
     fit: OrthosisFit
-    brief: TransferFit  # The published form from the thesis's own 5 s of each frequency
-    angle: np.ndarray  # angle, torque: (k,) Of the holds [rad], [N m].
-    torque: np.ndarray
-    gravity: float  # gravity, inertia: True ones [N m], [kg m^2].
-    inertia: float
+    brief: TransferFit  # Fit of the thesis's form to its own 5 s of each frequency
+    angle: np.ndarray  # (k,) Angles of the holds [rad]
+    torque: np.ndarray  # (k,) Torques of the holds [N m]
+    gravity: float  # True gravity torque [N m]
+    inertia: float  # True inertia [kg m^2]
 
     @property
     def as_published(self) -> dict[str, float]:
@@ -50,81 +50,80 @@ class Bench:
 
 @dataclass(frozen=True, eq=False)
 class Mismatch:
-    """Limb less orthosis in one swing."""
+    """Angle of the limb less that of the orthosis in one swing."""
 
     recording: str
     split: str
-    # time, true, predicted: (n,) [s]; what it was, and what the strap makes of the orthosis's balance [rad].
-    time: np.ndarray
-    true: np.ndarray
-    predicted: np.ndarray
-    published: np.ndarray | None  # (n,) The same by the thesis's form
-    seen_time: np.ndarray  # seen_time, seen: (m,) By the IMU [s], [rad].
-    seen: np.ndarray
+    time: np.ndarray  # (n,) [s]
+    true: np.ndarray  # (n,) True mismatch [rad]
+    predicted: np.ndarray  # (n,) Mismatch by the strap's model from the orthosis's torque balance [rad]
+    published: np.ndarray | None  # (n,) Mismatch by the thesis's form [rad]
+    seen_time: np.ndarray  # (m,) Times of the IMU's samples [s]
+    seen: np.ndarray  # (m,) Mismatch by the IMU [rad]
 
     def fit(self, model: str = "predicted") -> float:
-        """How much of the true mismatch a `model` explains [%]: "predicted", "published", or "seen", the IMU itself."""
+        """Return how well a `model` fits the true mismatch [%]: "predicted", "published", or "seen" for the IMU."""
         if model == "seen":
             return fit_percent(np.interp(self.seen_time, self.time, self.true), self.seen)
         return fit_percent(self.true[self._inside], getattr(self, model)[self._inside])
 
     def rmse(self, model: str = "predicted") -> float:
-        """Error of a `model` [rad]."""
+        """Return the RMS error of a `model` [rad]."""
         return float(np.sqrt(np.mean((self.true - getattr(self, model))[self._inside] ** 2)))
 
     @property
     def _inside(self) -> np.ndarray:
-        """Away from the ends, where what went before is not known."""
+        """Samples away from the swing's ends, where the preceding motion is not known, shape (n,)."""
         return (self.time >= self.time[0] + SWING_EDGE_S) & (self.time <= self.time[-1] - SWING_EDGE_S)
 
 
 @dataclass(frozen=True, eq=False)
 class WearerFound:
-    """One subject."""
+    """One identified subject."""
 
     name: str
     seed: int
-    stages: WearerStages  # With all that the IMU senses
+    stages: WearerStages  # Identification with all nine axes of the IMU
     swings: tuple[Mismatch, ...]
-    subject: KneeSubject  # With the truth
-    six_axes: WearerStages | None = None  # Without its magnetometer
+    subject: KneeSubject  # The simulated subject, with the truth
+    six_axes: WearerStages | None = None  # Identification without the IMU's magnetometer
     six_axes_swings: tuple[Mismatch, ...] = ()
-    best_published: tuple[Mismatch, ...] = ()  # The thesis's form given the muscles' true torque
+    best_published: tuple[Mismatch, ...] = ()  # Mismatch by the thesis's form, given the muscles' true torque
     # (k,) Angles [rad] and torques [N m] of the relaxed leg's holds
     holds_of_leg: tuple[np.ndarray, np.ndarray] = field(default=(np.zeros(0), np.zeros(0)))
 
     def of(self, axes: int) -> tuple[WearerStages, tuple[Mismatch, ...]]:
-        """What was found with an IMU of 9 or 6 `axes`."""
+        """Return identification and swings with an IMU of 9 or 6 `axes`."""
         return (self.stages, self.swings) if axes == 9 else (self.six_axes, self.six_axes_swings)
 
     def holds(self, name: str) -> bool:
-        """Whether the 95 % interval of the strap's "stiffness", "damping" or "inertia" (which is 0) holds the truth."""
+        """Return whether the 95 % interval of a parameter of `STRAP_PARAMETERS` contains the true value."""
         low, high = self.stages.coupling.parameter(name).interval()
         return bool(low <= self.subject.strap.get(name, 0.0) <= high)
 
 
 def mean_fit(swings: Sequence[Mismatch], model: str = "predicted", split: str = "heldout") -> float:
-    """Mean fit of swings; gives [%]."""
+    """Return the mean fit of the swings of one split [%]."""
     return float(np.mean([s.fit(model) for s in swings if s.split == split]))
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """One subject and seed against the truth: errors and fits in percent."""
+    """Errors and fits of one subject and seed against the truth."""
 
     subject: str
     seed: int
-    gravity_error: float  # Of the limb's gravity torque, with its sign
-    fit: float  # fit, rmse: Of the mismatch in held-out swings against the true one [%], [rad].
-    rmse: float
-    fit_to_imu: float  # fit_to_imu, ceiling: Against the IMU's mismatch, and what the IMU's own error allows.
-    ceiling: float
-    strap: Mapping[str, Parameter]  # Stiffness, damping and inertia
-    holds: Mapping[str, bool]  # Whether their intervals hold the truth, for the inertia 0
+    gravity_error: float  # Signed error of the limb's gravity torque [%]
+    fit: float  # Fit of the mismatch in held-out swings to the true one [%]
+    rmse: float  # RMS error of the mismatch in held-out swings [rad]
+    fit_to_imu: float  # Fit of the mismatch to the IMU's [%]
+    ceiling: float  # Largest fit to the IMU's mismatch that the IMU's error allows [%]
+    strap: Mapping[str, Parameter]  # Parameters of `STRAP_PARAMETERS`
+    holds: Mapping[str, bool]  # True where a parameter's interval contains the true value
 
 
 def drawn_from(found: WearerFound) -> Drawn:
-    """A wearer's figures against the truth."""
+    """Return a wearer's figures against the truth."""
     coupling = found.stages.coupling
     return Drawn(
         found.name,
@@ -134,8 +133,8 @@ def drawn_from(found: WearerFound) -> Drawn:
         float(np.mean([s.rmse() for s in found.swings if s.split == "heldout"])),
         coupling.mean_fit(),
         coupling.mean_ceiling(),
-        {name: coupling.parameter(name) for name in STRAP},
-        {name: found.holds(name) for name in STRAP},
+        {name: coupling.parameter(name) for name in STRAP_PARAMETERS},
+        {name: found.holds(name) for name in STRAP_PARAMETERS},
     )
 
 

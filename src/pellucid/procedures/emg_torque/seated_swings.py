@@ -26,7 +26,7 @@ from ...models.muscle_geometry import muscle_table
 from ...recordings.recording import Recording
 from ...signals.emg_chain import EmgChain, emg_chain
 from ...studies.study import Study
-from ..loaded_swing.identify_loaded_swing import LOADED, identify_swings
+from ..loaded_swing.identify_loaded_swing import LOADED_PROTOCOL, identify_swings
 from .chosen import run_tests_if_candidate
 from .evaluated import CalibrationFindings, EstimatorEvaluation, TorqueTrace, find_applicable_estimators
 from .muscle_findings import partial_errors
@@ -111,7 +111,7 @@ def evaluate_seated_swings(study: Study, tell: Callable[[str, float], None]) -> 
     for i, (who, leg) in enumerate(legs.items()):
         own: Mapping[str, list[Recording]] = {
             protocol: [r for r in recordings if r.participant == who and r.protocol == protocol]
-            for protocol in ("mvc", LOADED, SWING_PROTOCOL)
+            for protocol in ("mvc", LOADED_PROTOCOL, SWING_PROTOCOL)
         }
         lacking = [protocol for protocol, there in own.items() if not there]
         if lacking:
@@ -120,7 +120,7 @@ def evaluate_seated_swings(study: Study, tell: Callable[[str, float], None]) -> 
                 "relative to a maximal contraction and to rest"
             )
         session = WearerSwings(
-            leg.loaded, own["mvc"][0].streams["emg"], own[LOADED][-1].streams["emg"],
+            leg.loaded, own["mvc"][0].streams["emg"], own[LOADED_PROTOCOL][-1].streams["emg"],
             emg_chain(study.table(EmgTorqueTable).chain, study.table(EmgTorqueTable).mains),
         )  # fmt: skip
         trials = [session.trial(r) for r in own[SWING_PROTOCOL]]

@@ -9,13 +9,14 @@ from ...drawing.drawing import Drawing, Head, heads, key, label_ends, line, one_
 from ...drawing.style import FIGURE_WIDTH, colour
 from .identify_hinge import HingeTrial
 
-CLOSE = 20.0  # seconds of the angle that are drawn
+ANGLE_FIGURE_SPAN_S = 20.0
+"""The figure of the angle shows this long a stretch from the first sample that is scored."""
 
 
 def angle_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
-    """The angle found beside the reference, over the first seconds judged. `score_from` [s]."""
+    """Draw the estimated angle beside the reference, over the first seconds that are scored. `score_from` [s]."""
     reference, found = trial.reference, trial.scores["offline"]
-    shown = (reference.time >= score_from) & (reference.time < score_from + CLOSE)
+    shown = (reference.time >= score_from) & (reference.time < score_from + ANGLE_FIGURE_SPAN_S)
     time = reference.time[shown]
     figure, axis = one_panel(3.2)
     true = np.where(reference.believable, reference.angle, np.nan)[shown]
@@ -30,13 +31,13 @@ def angle_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
     return Drawing(
         name,
         figure,
-        f"Angle of {trial.name}, by both IMUs and by the reference, over the first {CLOSE:g} s that are judged. The "
-        "reference is broken where it jumps more than the joint can.",
+        f"Angle of {trial.name}, by both IMUs and by the reference, over the first {ANGLE_FIGURE_SPAN_S:g} s that are "
+        "judged. The reference is broken where it jumps more than the joint can.",
     )
 
 
 def error_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
-    """Error over time: of the angle reported, without later samples, and by gyroscopes alone. `score_from` [s]."""
+    """Draw the error over time of three estimates: reported, causal, and gyroscopes alone. `score_from` [s]."""
     figure, axis = one_panel(3.2)
     time = trial.reference.time
     tones = {"gyroscopes": "faint", "causal": "directional", "offline": "heldout"}
@@ -61,7 +62,7 @@ def error_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
 
 
 def axes_figure(trials: tuple[HingeTrial, ...], name: str) -> Drawing:
-    """Components of the hinge's axis across its mean direction, recording by recording, with 95 % intervals."""
+    """Draw how far each recording's hinge axis tilts from the sensor's closest axis, with 95 % intervals."""
     figure = Figure(figsize=(FIGURE_WIDTH, 3.6), layout="constrained")
     panels = figure.subplots(1, 2, sharey=True)
     for side, axis in enumerate(panels):

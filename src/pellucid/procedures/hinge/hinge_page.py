@@ -9,7 +9,7 @@ from ...pages.page import Page, Section, Tile
 from ...studies.study import Study
 from ..study_page import figure_tables, parameter_tables, study_page
 from . import hinge_figures as figures
-from .identify_hinge import PROCESSING, HingeResult, HingeTrial
+from .identify_hinge import PROCESSING_NOTE, HingeResult, HingeTrial
 from .procedure import HingeTable
 
 
@@ -26,7 +26,10 @@ def page(study: Study, findings: HingeResult) -> Page:
             *([_angles(study, evaluated)] if evaluated else []),
             _hinges(findings),
             Section(
-                "hinge_method", "How", paragraphs=(f"{PROCESSING[0].upper()}{PROCESSING[1:]}.",), notes=study.notes
+                "hinge_method",
+                "How",
+                paragraphs=(f"{PROCESSING_NOTE[0].upper()}{PROCESSING_NOTE[1:]}.",),
+                notes=study.notes,
             ),
         ),
     )

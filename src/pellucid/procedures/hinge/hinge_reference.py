@@ -1,4 +1,4 @@
-"""The angle of a hinge as a motion capture saw it, what of that cannot be true, and how another angle compares."""
+"""The reference angle of a hinge from motion capture, its samples that are not credible, and scores against it."""
 
 from __future__ import annotations
 
@@ -13,8 +13,11 @@ from ...signals.clocks import Alignment, align
 from ...signals.hinge_angle import HingeAngle
 from ...signals.quaternion import angular_steps, conjugate, continuous, multiply, twist
 
-MARGIN = 0.05  # a body that is lost is seen badly just before and after [s]
-LONGEST_DELAY = 0.2  # between the clocks of IMUs and cameras [s]
+JUMP_MARGIN_S = 0.05
+"""Samples within this time of a jump are excluded: cameras see a body badly just before and after they lose it."""
+
+MAX_CLOCK_DELAY_S = 0.2
+"""The delay between the clocks of IMUs and cameras is searched up to this value."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,32 +27,32 @@ class HingeReference:
     time: np.ndarray  # (n,) [s]
     angle: np.ndarray  # (n,) [rad]; from one believable stretch to the next it may be off by whole turns
     believable: np.ndarray  # (n,) False near a jump that the joint cannot make
-    axis: np.ndarray  # (3,) About which the bodies turn against each other, in the proximal body's frame
-    share: float  # Of their relative turning that is about it, in sums of squares: 1 for a perfect hinge
+    axis: np.ndarray  # (3,) Unit vector of the relative rotation's axis, in the proximal body's frame
+    share: float  # Share of the squared relative rotation that is about the axis: 1 for a perfect hinge
 
     @property
     def excluded(self) -> int:
-        """How many samples are not believed."""
+        """Number of samples that are not credible."""
         return int(np.sum(~self.believable))
 
     def excluded_between(self) -> tuple[tuple[float, float], ...]:
-        """From when to when samples are not believed [s]."""
+        """Return the first and last time of each stretch of samples that are not credible [s]."""
         from ...signals.filters import runs
 
         return tuple((float(self.time[r.start]), float(self.time[r.stop - 1])) for r in runs(~self.believable))
 
 
 def has_reference(recording: Recording, proximal: str, distal: str) -> bool:
-    """Whether orientations of the `proximal` and the `distal` body are in a `recording` beside the IMUs."""
+    """Return whether a `recording` has orientations of the `proximal` and the `distal` body beside the IMUs."""
     return all(f"{prefix}.orientation.{c}" in recording for prefix in (proximal, distal) for c in "wxyz")
 
 
 def hinge_reference(recording: Recording, proximal: str, distal: str, jump: float) -> HingeReference:
-    """The angle between two bodies about the axis on which they turn most against each other.
+    """Return the angle between two bodies about their main axis of relative rotation.
 
-    The axis is the first right-singular vector of their relative angular velocity; it is a part of the truth, and is
-    therefore taken from all of the recording that is believed. The angle is the twist about it. A sample is not
-    believed if it is within 0.05 s of a step of more than `jump`, either end of it.
+    The axis is the first right-singular vector of their relative angular velocity. It is a part of the ground truth,
+    so that all credible samples of the recording enter it. The angle is the twist about it. A sample is not credible
+    if it is within 0.05 s of a step of more than `jump`, before or after it.
 
     `jump` [rad].
     """
@@ -67,8 +70,8 @@ def hinge_reference(recording: Recording, proximal: str, distal: str, jump: floa
     relative = continuous(multiply(conjugate(bodies[0]), bodies[1]))
     relative /= np.linalg.norm(relative, axis=1, keepdims=True)
     steps = angular_steps(relative)
-    # A lost body turns about any axis, so that the axis is found without such steps.
-    believable = ~_near(time, np.linalg.norm(steps, axis=1) > jump)
+    # A body that cameras lose seems to turn about any axis, so the axis is found without such steps.
+    believable = ~_samples_near_jumps(time, np.linalg.norm(steps, axis=1) > jump)
     kept = believable[1:] & believable[:-1]
     if kept.sum() < 3:
         raise IdentificationError(f"{where}: found no believable step of the reference angle, expected most below jump")
@@ -77,10 +80,11 @@ def hinge_reference(recording: Recording, proximal: str, distal: str, jump: floa
     return HingeReference(time, angle, believable, directions[0], float(size[0] ** 2 / np.sum(size**2)))
 
 
-def _near(time: np.ndarray, jumps: np.ndarray) -> np.ndarray:
+def _samples_near_jumps(time: np.ndarray, jumps: np.ndarray) -> np.ndarray:
+    """Return which samples lie within `JUMP_MARGIN_S` of a step marked in `jumps` (n - 1,), shape (n,)."""
     near = np.zeros(len(time), bool)
     for i in np.flatnonzero(jumps):
-        near |= (time >= time[i] - MARGIN) & (time <= time[i + 1] + MARGIN)
+        near |= (time >= time[i] - JUMP_MARGIN_S) & (time <= time[i + 1] + JUMP_MARGIN_S)
     return near
 
 
@@ -88,30 +92,32 @@ def _near(time: np.ndarray, jumps: np.ndarray) -> np.ndarray:
 class HingeScore:
     """An estimated angle beside the reference."""
 
-    # angle, error: (n,) The estimate at the reference's times, with its sense and offset, and what it is off by, in
-    # (-pi, pi] [rad]; NaN where the estimate does not reach
-    angle: np.ndarray
-    error: np.ndarray
-    scored: np.ndarray  # (n,) Samples judged
-    delay: float  # The IMUs' clock is so much later [s]; 0 where none was allowed
-    offset: float  # Added to the estimate [rad]
-    rms: float  # rms, largest: Of the error over the samples judged [rad]
-    largest: float
+    angle: np.ndarray  # (n,) Estimate at the reference's times, sense and offset corrected [rad]; NaN outside its span
+    error: np.ndarray  # (n,) Estimate less reference, in (-pi, pi] [rad]; NaN outside the estimate's span
+    scored: np.ndarray  # (n,) True for samples that are scored
+    delay: float  # Time by which the IMUs' clock is late [s]; 0 where no delay was allowed
+    offset: float  # Angle added to the estimate [rad]
+    rms: float  # Root mean square of the error over the scored samples [rad]
+    largest: float  # Largest absolute error over the scored samples [rad]
 
 
 def clock_delay(found: HingeAngle, reference: HingeReference, start: float, stop: float) -> Alignment:
-    """Delay of the IMUs' clock against the cameras', from the angular rates between `start` and `stop` [s]. `start`,
-    `stop` [s]."""
+    """Return the delay of the IMUs' clock against the cameras', from the angular rates between `start` and `stop`
+    [s]."""
     part = (reference.time >= start) & (reference.time < stop)
     rate = np.where(reference.believable, np.gradient(reference.angle, reference.time), np.nan)[part]
-    return align(reference.time[part], rate, found.time, np.gradient(found.angle, found.time), longest=LONGEST_DELAY)
+    return align(
+        reference.time[part], rate, found.time, np.gradient(found.angle, found.time), longest=MAX_CLOCK_DELAY_S
+    )
 
 
 def score(
     found: HingeAngle, reference: HingeReference, *, calibration: float, score_from: float, sense: float, delay: float
 ) -> HingeScore:
-    """Compare an angle with the reference after `score_from`, its offset being known from before `calibration`.
-    `calibration`, `score_from` [s]; `delay` [s]."""
+    """Score an angle against the reference from `score_from` on, with the offset found before `calibration`.
+
+    `calibration`, `score_from` and `delay` are in seconds; `sense` is 1 or -1.
+    """
     time = reference.time
     angle = sense * CubicSpline(found.time, found.angle, extrapolate=False)(time + delay)
     usable = reference.believable & np.isfinite(angle)
@@ -137,4 +143,5 @@ def score(
 
 
 def _wrapped(angle: np.ndarray) -> np.ndarray:
+    """Return an angle in (-pi, pi]."""
     return np.pi - (np.pi - angle) % (2.0 * np.pi)

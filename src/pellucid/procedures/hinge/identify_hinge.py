@@ -22,14 +22,21 @@ from ..result import FigureTable, ParameterTable, Result
 from .hinge_reference import HingeReference, HingeScore, clock_delay, has_reference, hinge_reference, score
 from .procedure import HingeTable
 
-COMMAND = "identify"
-PROCESSING = (
+RESULT_COMMAND = "identify"
+"""Every row names this command as its origin."""
+
+PROCESSING_NOTE = (
     "rates and their derivatives by cubic splines; angle by a Kalman filter run forwards and back over gyroscopes, the "
     "acceleration of the joint's centre and the rates across the axis"
 )
-WAYS = ("offline", "causal", "aligned", "unaligned", "gyroscopes")
-"""How an angle is scored: the one reported; without later samples; with the delay that the calibration's rates give;
-with none; by rates alone."""
+"""Page and cards describe the signal processing with this sentence."""
+
+SCORED_ANGLES = ("offline", "causal", "aligned", "unaligned", "gyroscopes")
+"""Estimates of the angle that are scored.
+
+``offline`` is the one that is reported, ``causal`` uses no later samples, ``aligned`` takes the clock delay from the
+calibration's rates, ``unaligned`` assumes no delay, and ``gyroscopes`` integrates rates alone.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +49,11 @@ class HingeTrial:
     causal: HingeAngle
     interpolated: int = 0  # Samples of the IMUs that were missing and were bridged
     reference: HingeReference | None = None
-    alignment: Alignment | None = None  # Of the IMUs' clock against the reference's, from the first seconds
-    # Of the two clocks against each other, and its standard error, from the first and the last seconds [s/s]. Nothing
-    # is corrected by it: it says how far a delay found early holds
+    alignment: Alignment | None = None  # Delay of the IMUs' clock against the reference's, from the first seconds
+    # Drift of the two clocks against each other, and its standard error, from the first and the last seconds [s/s].
+    # It corrects nothing: it says for how long a delay that was found early still holds.
     clock_drift: tuple[float, float] | None = None
-    scores: dict[str, HingeScore] | None = None  # By `WAYS`; empty without a reference
+    scores: dict[str, HingeScore] | None = None  # By `SCORED_ANGLES`; empty without a reference
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -78,7 +85,7 @@ def identify_hinge(study: Study, on_progress: Callable[[str, float], None] | Non
     checksums = {r.name: r.checksum for r in recordings}
     rows = [row for trial in trials for row in _rows(study.name, trial, checksums[trial.name])]
     rows += [
-        ResultRow(f"{study.name}.angle.rmse_deg.{name}", None, "deg", COMMAND, "heldout", checksums[name], why)
+        ResultRow(f"{study.name}.angle.rmse_deg.{name}", None, "deg", RESULT_COMMAND, "heldout", checksums[name], why)
         for name, why in failures.items()
     ]
     return HingeResult(
@@ -159,7 +166,7 @@ def _evaluated(
 
 def _rows(study: str, trial: HingeTrial, checksum: str) -> list[ResultRow]:
     def row(what, value, unit, split, note=""):
-        return ResultRow(f"{study}.{what}.{trial.name}", value, unit, COMMAND, split, checksum, note)
+        return ResultRow(f"{study}.{what}.{trial.name}", value, unit, RESULT_COMMAND, split, checksum, note)
 
     found = [
         row(f"axis.{side}.{c}", trial.hinge.axes[i, k], "1", "fitted")
@@ -180,8 +187,8 @@ def _rows(study: str, trial: HingeTrial, checksum: str) -> list[ResultRow]:
         "unaligned": "zero-phase; one offset, no delay",
         "gyroscopes": "integrated rates alone, as they drift; offset and delay as for the zero-phase angle",
     }
-    ids = {"offline": "angle.rmse_deg"} | {way: f"angle.{way}_rms_deg" for way in WAYS[1:]}
-    found += [row(ids[way], np.degrees(trial.scores[way].rms), "deg", "heldout", notes[way]) for way in WAYS]
+    ids = {"offline": "angle.rmse_deg"} | {way: f"angle.{way}_rms_deg" for way in SCORED_ANGLES[1:]}
+    found += [row(ids[way], np.degrees(trial.scores[way].rms), "deg", "heldout", notes[way]) for way in SCORED_ANGLES]
     error, drift = 1.96 * trial.alignment.delay_error, trial.clock_drift
     found += [
         row("angle.largest_deg", np.degrees(trial.scores["offline"].largest), "deg", "heldout"),
@@ -220,7 +227,7 @@ def _error_tables(trials: list[HingeTrial]) -> list[FigureTable]:
     rows = tuple(
         (
             t.name,
-            *(float(np.degrees(t.scores[way].rms)) for way in WAYS),
+            *(float(np.degrees(t.scores[way].rms)) for way in SCORED_ANGLES),
             1e3 * t.alignment.delay,
             t.reference.excluded,
         )
@@ -250,7 +257,7 @@ def _verdicts(trials: list[HingeTrial], failures: dict[str, str], table: HingeTa
     for trial in trials:
         if trial.scores:
             scores = trial.scores
-            degrees = {way: float(np.degrees(scores[way].rms)) for way in WAYS}
+            degrees = {way: float(np.degrees(scores[way].rms)) for way in SCORED_ANGLES}
             found.append(
                 Verdict(
                     "good" if degrees["offline"] < 0.5 * degrees["gyroscopes"] else "note",
@@ -299,6 +306,6 @@ def _card(study: Study, trial: HingeTrial, table: HingeTable, checksums) -> Para
             **{f"gyroscope_offset_{s}_{c}": float(trial.hinge.offsets[i, k])
                for i, s in enumerate(("proximal", "distal")) for k, c in enumerate("xyz")},
         },
-        processing=PROCESSING,
+        processing=PROCESSING_NOTE,
         checksums={trial.name: checksums[trial.name]},
     )  # fmt: skip

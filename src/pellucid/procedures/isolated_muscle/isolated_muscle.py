@@ -30,34 +30,34 @@ from ..procedure import Progress, quiet
 from ..result import FigureTable, ParameterTable, Result
 from .procedure import IsolatedMuscleTable
 
-PERIOD = 1e-3
-"""Of the simulation [s]."""
+SIMULATION_PERIOD_S = 1e-3
+"""Sample period of the muscle's simulation."""
 
-REACH = 0.4
-"""How far the offset is searched, in optimal fibre lengths either way."""
+OFFSET_SEARCH_SHARE = 0.4
+"""The offset is searched this far in both directions, as a share of the optimal fibre length."""
 
-CONSTANTS = (
+UNCERTAIN_CONSTANTS = (
     "max_isometric_force", "optimal_fibre_length", "tendon_slack_length", "max_velocity", "damping", "tendon_strain",
 )  # fmt: skip
-"""Of the model that may be wrong where a posterior is drawn."""
+"""Constants of Hill's model that a posterior treats as uncertain."""
 
-OFFSETS = 129
-"""Of the grid on which a posterior knows the force: 0.1 mm apart on a muscle of 17 mm."""
+POSTERIOR_GRID_SIZE = 129
+"""Number of offsets at which a posterior computes the force: 0.1 mm apart on a muscle of 17 mm."""
 
-NUDGE = 1e-3
-"""Share by which a constant is changed to see what it does."""
+RELATIVE_DIFFERENCE_STEP = 1e-3
+"""The force's derivative by a constant is a forward difference over this relative step."""
 
 
 @dataclass(frozen=True, eq=False)
 class MuscleTrial:
-    """Force of one recording, measured and told."""
+    """Force of one recording, measured and predicted."""
 
-    name: str  # name, use: Of the recording; ``"fit"`` or ``"validate"``
-    use: str
-    amplitude: float  # Of the displacement [m]
-    time: np.ndarray  # time, measured, predicted: (n,) At the recording's samples [s], [N]
-    measured: np.ndarray
-    predicted: np.ndarray
+    name: str  # Name of the recording
+    use: str  # ``"fit"`` or ``"validate"``
+    amplitude: float  # Amplitude of the displacement [m]
+    time: np.ndarray  # (n,) Times of the recording's samples [s]
+    measured: np.ndarray  # (n,) Measured force [N]
+    predicted: np.ndarray  # (n,) Predicted force [N]
     mae_percent: float  # Mean absolute error from ``score_from`` on, in percent of the isometric force
 
 
@@ -117,22 +117,22 @@ class IsolatedMuscleResult(Result):
 
 
 def isolated_result(study: Study, tell: Progress = quiet) -> IsolatedMuscleResult:
-    """The force of one muscle by a rigid and by an elastic tendon, as tables, rows and verdicts."""
+    """Predict one muscle's force with a rigid and an elastic tendon; return tables, rows and verdicts."""
     fit = isolated_muscle(study)
     heads = ("Trial", "amplitude [mm]", "mean absolute error [% of F_iso]", "")
     shown = ((t.name, 1e3 * t.amplitude, t.mae_percent, "fitted" if t.use == "fit" else "held out") for t in fit.trials)
-    said = f"{fit.rigid_mae_percent:.1f} % with a rigid tendon; the length's offset is {1e3 * fit.offset:.2f} mm"
-    level, tables, told = study.table(IsolatedMuscleTable).confidence, [], []
+    summary = f"{fit.rigid_mae_percent:.1f} % with a rigid tendon; the length's offset is {1e3 * fit.offset:.2f} mm"
+    level, tables, posterior_notes = study.table(IsolatedMuscleTable).confidence, [], []
     if fit.posterior is not None:
         compared = pair_with_posterior((fit.interval,), fit.posterior)
         title = "Posterior beside least squares, constants of the model taken for known by the latter"
         tables = [ParameterTable("Length at rest", (fit.interval,)), posterior_table(title, compared, level)]
-        told = list(posterior_verdicts(compared, fit.posterior, level))
+        posterior_notes = list(posterior_verdicts(compared, fit.posterior, level))
     return IsolatedMuscleResult(
         study=study.name,
         headline=f"force within {fit.mae_percent:.2f} % of its isometric value, mean over the amplitudes",
         tables=(FigureTable("Force over imposed length", heads, tuple(shown)), *tables),
-        verdicts=(Verdict("note", said), *told),
+        verdicts=(Verdict("note", summary), *posterior_notes),
         confidence=level,
         interval=fit.interval,
         posterior=fit.posterior,
@@ -143,13 +143,13 @@ def isolated_result(study: Study, tell: Progress = quiet) -> IsolatedMuscleResul
 
 
 def faults(study: Study) -> list[Fault]:
-    """None beyond what reading refuses: a force and a displacement that are missing, or too short."""
+    """Return no faults of its own: reading the recordings refuses a missing or too short force or displacement."""
     study.recordings()
     return []
 
 
 def isolated_muscle(study: Study) -> IsolatedMuscleFit:
-    """Fit the offset of an isolated muscle's length, and tell the force of every recording. `study`
+    """Fit the offset of an isolated muscle's length, and predict the force of every recording. `study`
     [isolated_muscle]."""
     table = study.table(IsolatedMuscleTable)
     if table.posterior:
@@ -173,9 +173,9 @@ def isolated_muscle(study: Study) -> IsolatedMuscleFit:
 
 
 def force_grid(study: Study, fitted: list) -> ForceGrid:
-    """The force of the recordings that are `fitted` at every offset, and what each constant does to it."""
+    """Return the force of the `fitted` recordings at every offset, and its derivative by each uncertain constant."""
     table = study.table(IsolatedMuscleTable)
-    offsets = REACH * table.optimal_fibre_length * np.linspace(-1.0, 1.0, OFFSETS)
+    offsets = OFFSET_SEARCH_SHARE * table.optimal_fibre_length * np.linspace(-1.0, 1.0, POSTERIOR_GRID_SIZE)
     scored = [_scored(t[0], table) for t in fitted]
 
     def forces(**changed: float) -> np.ndarray:
@@ -186,8 +186,8 @@ def force_grid(study: Study, fitted: list) -> ForceGrid:
 
     plain = forces()
     slopes = [
-        (forces(**{name: (1.0 + NUDGE) * getattr(table, name)}) - plain) / NUDGE
-        for name in CONSTANTS
+        (forces(**{name: (1.0 + RELATIVE_DIFFERENCE_STEP) * getattr(table, name)}) - plain) / RELATIVE_DIFFERENCE_STEP
+        for name in UNCERTAIN_CONSTANTS
         if getattr(table, name) > 0.0
     ]
     measured = np.concatenate([t[0][table.force][s] for t, s in zip(fitted, scored, strict=True)])
@@ -195,7 +195,7 @@ def force_grid(study: Study, fitted: list) -> ForceGrid:
 
 
 def _imposed(recording: Recording, study: Study) -> tuple[np.ndarray, np.ndarray, float]:
-    """Time and displacement [m] over the simulation's samples, and the amplitude."""
+    """Return the simulation's times [s], the displacement at them [m], and its amplitude [m]."""
     table = study.table(IsolatedMuscleTable)
     amplitude = next(e.amplitude for e in study.config.recordings if e.name == recording.name)
     source = recording.streams.get(table.stream, recording)
@@ -208,7 +208,7 @@ def _imposed(recording: Recording, study: Study) -> tuple[np.ndarray, np.ndarray
     if amplitude is None or table.displacement not in source:
         missing = "amplitude" if amplitude is None else f"channel {table.displacement}"
         raise IdentificationError(f"{recording.name}: found no {missing}, expected the displacement of the free end")
-    time = np.arange(source.time[0], recording.time[-1] + PERIOD, PERIOD)
+    time = np.arange(source.time[0], recording.time[-1] + SIMULATION_PERIOD_S, SIMULATION_PERIOD_S)
     return time, amplitude * np.interp(time, source.time, source[table.displacement]), amplitude
 
 
@@ -219,20 +219,22 @@ def _predicted(
     elastic: bool,
     **changed: float,
 ) -> np.ndarray:
-    """Force at the recording's samples, (n,) [N], on an `elastic` tendon or a rigid one, constants `changed`; where the
-    model rests stays where the table's own constants have it."""
+    """Return the predicted force at the recording's samples, (n,) [N], with an `elastic` or a rigid tendon.
+
+    `changed` replaces constants of the table. The length at rest stays that of the table's constants.
+    """
     recording, time, displacement, _ = taken
-    constants = {name: getattr(table, name) for name in ("pennation", *CONSTANTS)} | changed
+    constants = {name: getattr(table, name) for name in ("pennation", *UNCERTAIN_CONSTANTS)} | changed
     muscle = Muscle(**constants if elastic else {**constants, "tendon_strain": None})
     rest = table.optimal_fibre_length * np.cos(table.pennation) + table.tendon_slack_length
     active = np.ones_like(time)
-    active = muscle.activation(active, period=PERIOD) if elastic else active
-    force, _ = muscle.simulate(active, rest + offset + displacement, period=PERIOD)
+    active = muscle.activation(active, period=SIMULATION_PERIOD_S) if elastic else active
+    force, _ = muscle.simulate(active, rest + offset + displacement, period=SIMULATION_PERIOD_S)
     return np.interp(recording.time, time, force)
 
 
 def _scored(recording: Recording, table: IsolatedMuscleTable) -> np.ndarray:
-    """Samples that are judged, (n,)."""
+    """Return which samples are scored, shape (n,)."""
     return (recording.time > table.score_from) & recording.sound
 
 
@@ -248,8 +250,11 @@ def _trial(
 
 
 def _search(error, fibre_length: float, elastic: bool) -> float:
-    """The offset of least error [m]: a grid, since a muscle has the same force on both sides of l_o, then its best."""
-    grid = REACH * fibre_length * np.linspace(-1.0, 1.0, 33)
+    """Return the offset of least `error` [m]: the best of a grid, then refined.
+
+    The grid is necessary because a muscle has the same force on both sides of l_o.
+    """
+    grid = OFFSET_SEARCH_SHARE * fibre_length * np.linspace(-1.0, 1.0, 33)
     found = [error(offset, elastic) for offset in grid]
     best = int(np.argmin(found))
     around = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]

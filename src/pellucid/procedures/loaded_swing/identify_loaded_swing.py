@@ -28,14 +28,20 @@ from ...studies.study_file import Participant, StudyFile
 from ..result import FigureTable, ParameterTable, Result
 from .procedure import LoadedSwingTable
 
-EMPTY, LOADED = "empty_swing", "loaded_swing"
-"""Protocols: the exoskeleton alone, and with a relaxed leg in it."""
+EMPTY_PROTOCOL = "empty_swing"
+"""Protocol of recordings in which the exoskeleton swings alone."""
 
-KEPT_RATE = 25.0
-"""Samples kept of a swing [Hz]; nothing in it is faster than the low-pass."""
+LOADED_PROTOCOL = "loaded_swing"
+"""Protocol of recordings in which it swings with a relaxed leg in it."""
 
-UNSURE = 0.25
-"""Half an interval, of its value, from which on a parameter is called unsure."""
+KEPT_RATE_HZ = 25.0
+"""Swings are thinned to this rate, or to five times the low-pass if that is more; nothing in them is faster."""
+
+MAX_RELATIVE_HALF_WIDTH = 0.25
+"""A warning names a leg whose inertia has an interval of more than this share of its value, to each side.
+
+Chosen by judgement; no measurement is recorded.
+"""
 
 Progress = Callable[[str, float], None]
 
@@ -44,20 +50,20 @@ Progress = Callable[[str, float], None]
 class LegAlone:
     """One participant's leg."""
 
-    loaded: SwingFit  # With the exoskeleton
+    loaded: SwingFit  # Fit of the leg together with the exoskeleton
     inertia: Parameter  # p' - p [kg m^2]
     weight_moment: Parameter  # q' - q [kg m]
-    usual: tuple[float, float] | None  # Both of a leg of that weight and height by Winter's shares
+    usual: tuple[float, float] | None  # Inertia and weight moment of such a leg by Winter's tables; None if unknown
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class LoadedSwingResult(Result):
-    """What swings said."""
+    """Exoskeleton and legs as their swings show them."""
 
     empty: SwingFit
-    legs: Mapping[str, LegAlone]  # By participant
-    swings: Mapping[str, Swing] = field(repr=False)  # That were fitted, by recording
-    wearers: Mapping[str, str | None]  # Whose leg was in it, by recording; None where the exoskeleton was empty
+    legs: Mapping[str, LegAlone]  # Legs by participant
+    swings: Mapping[str, Swing] = field(repr=False)  # Fitted swings by recording
+    wearers: Mapping[str, str | None]  # Participant in the exoskeleton by recording; None where it was empty
 
 
 def identify_loaded_swing(study: Study, on_progress: Progress | None = None) -> LoadedSwingResult:
@@ -70,13 +76,13 @@ def identify_loaded_swing(study: Study, on_progress: Progress | None = None) -> 
 def identify_swings(
     config: StudyFile, recordings: Sequence[Recording], *, on_progress: Progress | None = None
 ) -> LoadedSwingResult:
-    """The same from recordings that are at hand already. `config` [loaded_swing]."""
+    """Identify the exoskeleton and every leg from recordings that are already read. `config` [loaded_swing]."""
     tell, asked = on_progress or (lambda text, share: None), config.table(LoadedSwingTable)
-    used = [r for r in recordings if r.use == "fit" and r.protocol in (EMPTY, LOADED)]
-    alone = [r for r in used if r.protocol == EMPTY]
-    people = list(dict.fromkeys(r.participant for r in used if r.protocol == LOADED and r.participant))
+    used = [r for r in recordings if r.use == "fit" and r.protocol in (EMPTY_PROTOCOL, LOADED_PROTOCOL)]
+    alone = [r for r in used if r.protocol == EMPTY_PROTOCOL]
+    people = list(dict.fromkeys(r.participant for r in used if r.protocol == LOADED_PROTOCOL and r.participant))
     if not alone or not people:
-        lacking = EMPTY if not alone else f"{LOADED} with a participant"
+        lacking = EMPTY_PROTOCOL if not alone else f"{LOADED_PROTOCOL} with a participant"
         raise IdentificationError(
             f"found {len(alone)} recordings of the exoskeleton alone and {len(people)} participants, expected at least "
             f"one of each: none is of protocol {lacking}"
@@ -88,24 +94,24 @@ def identify_swings(
     legs = {}
     for i, who in enumerate(people):
         tell(who, 0.2 + 0.8 * i / len(people))
-        own = [s for r in used if r.protocol == LOADED and r.participant == who for s in parts[r.name]]
+        own = [s for r in used if r.protocol == LOADED_PROTOCOL and r.participant == who for s in parts[r.name]]
         loaded = fit_swings(own, form)
         legs[who] = LegAlone(loaded, *leg_alone(empty, loaded), _usual(config.participants.get(who)))
-    wearers = {r.name: r.participant if r.protocol == LOADED else None for r in used}
+    wearers = {r.name: r.participant if r.protocol == LOADED_PROTOCOL else None for r in used}
     swings = {s.recording: s for own in parts.values() for s in own}
     wearers |= {s.recording: wearers[name] for name, own in parts.items() for s in own}
     return _findings(config, asked.confidence, empty, legs, swings, wearers, {r.name: r.checksum for r in used})
 
 
 def prepared(recording: Recording, lowpass: float) -> Swing:
-    """A recording's position and torque through the same zero-phase low-pass [Hz], thinned."""
-    every = max(1, round(recording.fs / max(KEPT_RATE, 5.0 * lowpass)))
+    """Return a recording's position and torque through the same zero-phase low-pass [Hz], thinned."""
+    every = max(1, round(recording.fs / max(KEPT_RATE_HZ, 5.0 * lowpass)))
     r = recording
     return swing(r.time, r["position"], r["torque"], lowpass=lowpass, every=every, recording=r.name)
 
 
 def swings_of(recording: Recording, lowpass: float) -> list[Swing]:
-    """A recording's position and torque between cuts, through the low-pass [Hz]; what is too short is left out."""
+    """Return the low-passed [Hz] swings between a recording's cuts; stretches that are too short are left out."""
     if not recording.cuts:
         return [prepared(recording, lowpass)]
     found, short = [], None
@@ -122,10 +128,10 @@ def swings_of(recording: Recording, lowpass: float) -> list[Swing]:
 
 
 def faults(study: Study) -> list[Fault]:
-    """What keeps swings from being used. `study` [loaded_swing]."""
+    """Return the faults for which swings cannot be used. `study` [loaded_swing]."""
     found = []
     for r in study.recordings():
-        if r.protocol not in (EMPTY, LOADED):
+        if r.protocol not in (EMPTY_PROTOCOL, LOADED_PROTOCOL):
             continue
         where, text = f"{r.path.name} (recording {r.name})", ""
         reach = float(np.nanmax(np.abs(r["position"][r.sound]), initial=0.0))
@@ -144,6 +150,7 @@ def faults(study: Study) -> list[Fault]:
 
 
 def _usual(person: Participant | None) -> tuple[float, float] | None:
+    """Return a leg's inertia [kg m^2] and weight moment [kg m] by Winter's tables; None without mass and height."""
     if person is None or person.mass is None or person.height is None:
         return None
     leg = winter(person.mass, shank_length(person.height))
@@ -214,11 +221,11 @@ def _findings(config, confidence, empty, legs, swings, wearers, checksums) -> Lo
 
 
 def _verdicts(config: StudyFile, legs: Mapping[str, LegAlone], confidence: float) -> list[Verdict]:
-    told = []
+    verdicts = []
     for who, leg in legs.items():
         half = leg.inertia.interval(confidence)[1] - leg.inertia.value
-        if half > UNSURE * abs(leg.inertia.value):
-            told.append(
+        if half > MAX_RELATIVE_HALF_WIDTH * abs(leg.inertia.value):
+            verdicts.append(
                 Verdict(
                     "warning",
                     f"{who}: the swings do not tell the leg's inertia: {leg.inertia.value:.3g} +- {half:.2g} kg*m^2; "
@@ -227,9 +234,9 @@ def _verdicts(config: StudyFile, legs: Mapping[str, LegAlone], confidence: float
                 )
             )
         mass = getattr(config.participants.get(who), "mass", None)
-        # Twice Winter's shank is nobody's.
+        # A leg of mass m has at least the inertia (q' - q)^2 / m, and nobody's is twice as heavy as Winter's shank.
         if mass and leg.inertia.value < leg.weight_moment.value**2 / (2.0 * WINTER_MASS * mass):
-            told.append(
+            verdicts.append(
                 Verdict(
                     "warning", f"{who}: found p' - p below (q' - q)^2 / m for any leg of {mass:g} kg of body weight"
                 )
@@ -238,16 +245,16 @@ def _verdicts(config: StudyFile, legs: Mapping[str, LegAlone], confidence: float
     beyond = {who: share for who, share in more.items() if share > 10.0}
     if beyond:
         named = ", ".join(f"{who} by {share:.0f} %" for who, share in beyond.items())
-        told.append(
+        verdicts.append(
             Verdict(
                 "note",
                 f"q' - q is above Winter's weight of such a leg ({named}): tissue restores a relaxed leg as its weight "
                 "does, and no swing of this range tells them apart.",
             )
         )
-    if not told:
-        told.append(Verdict("good", "Every leg's inertia and weight are told apart."))
-    return told
+    if not verdicts:
+        verdicts.append(Verdict("good", "Every leg's inertia and weight are told apart."))
+    return verdicts
 
 
 def _cards(study, empty, legs, files, confidence) -> dict[str, ParameterCard]:
@@ -265,8 +272,8 @@ def _cards(study, empty, legs, files, confidence) -> dict[str, ParameterCard]:
         )
         return [weight, replace(p, name="inertia")]
 
-    def of(parts: Sequence[Parameter], covariance: np.ndarray) -> np.ndarray:
-        """Covariance (k, k) of a card's parameters from that of the regression's terms."""
+    def card_covariance(parts: Sequence[Parameter], covariance: np.ndarray) -> np.ndarray:
+        """Return the covariance (k, k) of a card's parameters from that of the regression's terms."""
         terms = [empty.form.terms.index({"gravity": "weight_moment"}.get(p.name, p.name)) for p in parts]
         gain = np.array([GRAVITY if p.name == "gravity" else 1.0 for p in parts])
         return covariance[np.ix_(terms, terms)] * np.outer(gain, gain)
@@ -275,10 +282,10 @@ def _cards(study, empty, legs, files, confidence) -> dict[str, ParameterCard]:
         *body(empty.inertia, empty.weight_moment),
         *(p for p in empty.others if is_friction(p.name) or p.name == "offset"),
     ]
-    made = {"orthosis": card("orthosis", "orthosis", orthosis, of(orthosis, empty.covariance), None)}
+    made = {"orthosis": card("orthosis", "orthosis", orthosis, card_covariance(orthosis, empty.covariance), None)}
     for who, leg in legs.items():
         limb = body(leg.inertia, leg.weight_moment)
-        # The two bodies are of different recordings.
-        both = of(limb, empty.covariance + leg.loaded.covariance)
+        # The two bodies come from different recordings, so their errors are independent and covariances add.
+        both = card_covariance(limb, empty.covariance + leg.loaded.covariance)
         made[f"{who}.limb"] = card("limb", f"{who}.limb", limb, both, None, who)
     return made

@@ -11,12 +11,15 @@ from ..study_page import figure_tables, parameter_tables, study_page
 from .identify_loaded_swing import LoadedSwingResult
 from .procedure import LoadedSwingTable
 
-DRAWN, SHOWN = 4, 20.0
-"""Recordings that are drawn, and how long of each [s]."""
+MAX_DRAWN_RECORDINGS = 4
+"""The page draws the torque of at most this many recordings."""
+
+DRAWN_SPAN_S = 20.0
+"""The page draws this long a stretch of each."""
 
 
 def page(study: Study, findings: LoadedSwingResult) -> Page:
-    """Everything that was found, as a page."""
+    """Return the report's page, figures drawn."""
     asked = study.table(LoadedSwingTable)
     tiles = [
         Tile(
@@ -57,11 +60,11 @@ def page(study: Study, findings: LoadedSwingResult) -> Page:
 def _panels(findings: LoadedSwingResult) -> list[Traces]:
     """Each recording's torque beside its own body's."""
     panels = []
-    for name in list(findings.swings)[:DRAWN]:
+    for name in list(findings.swings)[:MAX_DRAWN_RECORDINGS]:
         made = findings.swings[name]
         who = findings.wearers[name]
         fit = findings.empty if who is None else findings.legs[who].loaded
-        shown = made.time < made.time[0] + SHOWN
+        shown = made.time < made.time[0] + DRAWN_SPAN_S
         lines = {"measured": made.torque[shown], "fitted": fit.torque(made)[shown]}
         rest = "exoskeleton alone" if who is None else f"with {who}'s leg"
         panels.append(Traces(name.replace("_", " "), rest, made.time[shown], lines, "Torque (N·m)"))

@@ -18,10 +18,10 @@ from ...drawing.drawing import Drawing, line, one_panel, origin, tidy
 from ...drawing.style import FIGURE_WIDTH, colour
 from ...pages.quantities import number
 
-ROLES = ("heldout", "fitted", "load", "directional", "stribeck", "combined", "good")
-"""Roles that models take in turn, where the caller names none: the first two are those most often compared."""
+FREE_COLOUR_ROLES = ("heldout", "fitted", "load", "directional", "stribeck", "combined", "good")
+"""Colour roles that models take in turn where the caller names none; the first two serve the usual comparison."""
 
-KNOWN_ROLES: Mapping[str, str] = {
+NAMED_COLOUR_ROLES: Mapping[str, str] = {
     "truth": "measured",
     "measured": "measured",
     "up": "heldout",
@@ -29,12 +29,12 @@ KNOWN_ROLES: Mapping[str, str] = {
     "static": "directional",
     "consistent": "fitted",
 }
-"""Roles of names that mean the same in every figure."""
+"""Colour roles of names that mean the same in every figure."""
 
-SHAPES: Mapping[str, tuple[str, str]] = {"sweep": ("o", "●"), "constant": ("^", "▲"), "slow": ("s", "■")}
-"""Marker of a trial's protocol, and the same shape as a letter."""
-OTHER_SHAPE = ("D", "◆")
-"""Marker of any other protocol."""
+MARKER_SHAPES: Mapping[str, tuple[str, str]] = {"sweep": ("o", "●"), "constant": ("^", "▲"), "slow": ("s", "■")}
+"""Matplotlib marker of each protocol's trials, and the same shape as a character for legends."""
+DEFAULT_MARKER_SHAPE = ("D", "◆")
+"""Marker, and its character, of any other protocol."""
 
 PANEL_POINTS = 72.0 * FIGURE_WIDTH - 70.0
 """Width of a panel that fills the page, in points."""
@@ -334,7 +334,7 @@ def geometry(
     entries = []
     for k, (position, points) in enumerate(trajectories.items()):
         points = 1e3 * np.asarray(points, float)
-        tone = colour(ROLES[k % len(ROLES)])
+        tone = colour(FREE_COLOUR_ROLES[k % len(FREE_COLOUR_ROLES)])
         radius = float(np.nanmean(np.hypot(*(points - centre).T)))
         circle = centre + radius * np.column_stack([np.cos(turn), np.sin(turn)])
         axis.plot(*circle.T, color=colour("rule"), linewidth=0.8, zorder=1)
@@ -376,18 +376,18 @@ def geometry(
 
 
 def _tones(models: Mapping[str, object], roles: Mapping[str, str] | None) -> dict[str, str]:
-    """Colour of each model: as told, as its name says, or the next that is free."""
-    told = {**KNOWN_ROLES, **(roles or {})}
-    taken = {told[m] for m in models if m in told}
-    free = [r for r in ROLES if r not in taken] or list(ROLES)
-    others = [m for m in models if m not in told]
-    return {m: colour(told[m] if m in told else free[others.index(m) % len(free)]) for m in models}
+    """Return the colour of each model: as `roles` says, as its name means in every figure, or the next free one."""
+    fixed = {**NAMED_COLOUR_ROLES, **(roles or {})}
+    taken = {fixed[m] for m in models if m in fixed}
+    free = [r for r in FREE_COLOUR_ROLES if r not in taken] or list(FREE_COLOUR_ROLES)
+    others = [m for m in models if m not in fixed]
+    return {m: colour(fixed[m] if m in fixed else free[others.index(m) % len(free)]) for m in models}
 
 
 def _curves(
     x: np.ndarray, curves: Mapping[str, np.ndarray], roles: Mapping[str, str] | None, height: float, y: str, below: str
 ) -> tuple[Figure, Axes]:
-    """Curves over one `x`, points marked where they are few; the truth dashed, below the others."""
+    """Draw curves over one `x`, with markers if there are at most 30 points; the truth is dashed, below the others."""
     figure, axis = one_panel(height)
     x, tones = np.asarray(x, float), _tones(curves, roles)
     order = np.argsort(x, kind="stable")
@@ -402,7 +402,7 @@ def _curves(
 
 
 def _names(axis: Axes, entries: Sequence[tuple[str, str]]) -> None:
-    """Names in their colours above a panel, where they can hide nothing; on as many lines as they need."""
+    """Write names in their colours above a panel, where they hide nothing, on as many lines as they need."""
     rows: list[list[tuple[str, str]]] = [[]]
     used = 0.0
     for text, tone in entries:
@@ -427,11 +427,12 @@ def _names(axis: Axes, entries: Sequence[tuple[str, str]]) -> None:
 
 
 def _shape(protocol: str) -> tuple[str, str]:
-    return SHAPES.get(protocol, OTHER_SHAPE)
+    """Return a protocol's Matplotlib marker and its character."""
+    return MARKER_SHAPES.get(protocol, DEFAULT_MARKER_SHAPE)
 
 
 def _categories(axis, tones: Mapping[str, str]) -> None:
-    """Names of models as ticks, in their colours."""
+    """Write names of models as an axis's tick labels, in their colours."""
     most = max(int(PANEL_POINTS / len(tones) / NAME_POINTS) - 1, 8)
     axis.set_ticks(range(len(tones)), [textwrap.fill(model, most) for model in tones])
     for text, tone in zip(axis.get_ticklabels(), tones.values(), strict=True):
@@ -442,7 +443,7 @@ def _categories(axis, tones: Mapping[str, str]) -> None:
 
 
 def _rows(axis: Axes, labels: Sequence[str]) -> None:
-    """Rows from the top, with their labels."""
+    """Label the rows of a panel, first row at the top."""
     axis.set_ylim(len(labels) - 0.5, -0.6)
     axis.set_yticks(range(len(labels)), list(labels))
     axis.tick_params(axis="y", labelcolor=colour("ink"), length=0)
@@ -452,7 +453,7 @@ def _rows(axis: Axes, labels: Sequence[str]) -> None:
 
 
 def _published(draw_line, published: float | None) -> list[tuple[str, str]]:
-    """The line of what was published, and its entry among the names."""
+    """Draw the line of the published value; return its entry for the list of names."""
     if published is None:
         return []
     tone = colour("measured")

@@ -20,7 +20,7 @@ from . import direction_figures as figures
 from .identify_slider import directional_friction, predicted
 from .slider_result import SliderResult
 
-SHORT: Mapping[str, str] = {
+SHORT_METHOD_NAMES: Mapping[str, str] = {
     "pooled": "one set",
     "dissociated": "two directions",
     "pooled_at_once": "one set, at once",
@@ -28,9 +28,9 @@ SHORT: Mapping[str, str] = {
     "consistent": "one body",
     "load": "one body, friction by load",
 }
-"""Names of the methods where there is little room."""
+"""Short names of the methods, for figures and tiles."""
 
-ROLES: Mapping[str, str] = {
+COLOUR_ROLES: Mapping[str, str] = {
     "one set": "stribeck",
     "two directions": "heldout",
     "one body": "directional",
@@ -39,19 +39,19 @@ ROLES: Mapping[str, str] = {
     "down": "load",
     "held still": "directional",
 }
-"""Colours, the same in every figure."""
+"""Colour role of each curve's name, the same in every figure."""
 
-DRAWN = ("pooled", "dissociated", "consistent", "load")
-"""Methods that figures compare."""
+COMPARED_METHODS = ("pooled", "dissociated", "consistent", "load")
+"""Methods whose errors the headline and the figures compare."""
 
-PROTOCOLS: Mapping[str, str] = {
+PROTOCOL_WORDS: Mapping[str, str] = {
     "constant_velocity": "constant",
     "swept_sine": "sweep",
     "swept_sine_integrated": "sweep, phase integrated",
 }
-"""Protocols as figures call them."""
+"""Names of the protocols in figures."""
 
-WORDS: Mapping[str, str] = {
+PARAMETER_WORDS: Mapping[str, str] = {
     "moment_slope": "Mass of the carriage, by gravity",
     "moment": "Moment of mass, sine",
     "cross_moment": "Moment of mass, cosine",
@@ -69,13 +69,14 @@ WORDS: Mapping[str, str] = {
     },
     "adherence": "Adherence",
 }
-"""What the parameters are."""
+"""Descriptions of the parameters, by name."""
 
-TRACES = ("dissociated", "load")
+TRACED_METHODS = ("dissociated", "load")
+"""Methods whose predicted current the figure of one trial draws, beside that of ``pooled``."""
 
 
 def page(study: Study, result: SliderResult) -> Page:
-    """Everything that was found, as a page."""
+    """Return the report's page, figures drawn."""
     fit = result.fit
     tiles, sections = slider_sections(fit, level=result.confidence)
     return study_page(
@@ -88,7 +89,7 @@ def page(study: Study, result: SliderResult) -> Page:
 
 
 def slider_sections(fit: SliderFit, *, level: float = 0.95) -> tuple[tuple[Tile, ...], tuple[Section, ...]]:
-    """What a page says of an identified joint with a carriage, figures drawn."""
+    """Return tiles and sections for an identified joint with a carriage, figures drawn."""
     return slider_tiles(fit), (
         _found(fit, level),
         _directions(fit),
@@ -99,8 +100,8 @@ def slider_sections(fit: SliderFit, *, level: float = 0.95) -> tuple[tuple[Tile,
 
 
 def headline(fit: SliderFit) -> str:
-    """The finding in a few sentences."""
-    error = {m: fit.evaluated_error(m) for m in DRAWN}
+    """Return the page's first sentences, which compare the methods' errors."""
+    error = {m: fit.evaluated_error(m) for m in COMPARED_METHODS}
     trials, use = len(fit.evaluated("pooled")), _use(fit)
     factor = error["pooled"] / error["dissociated"]
     return (
@@ -118,7 +119,7 @@ def slider_tiles(fit: SliderFit) -> tuple[Tile, ...]:
     return (
         *(
             Tile(
-                f"Error, {SHORT[m]}",
+                f"Error, {SHORT_METHOD_NAMES[m]}",
                 number(fit.evaluated_error(m), digits=3),
                 "A",
                 f"{len(fit[m].values)} parameters; {_use(fit)} trials",
@@ -173,8 +174,8 @@ def _words(name: str) -> str:
     for suffix, words in {
         "_up": ", up", "_down": ", down", "_positive": ", up", "_negative": ", down", "": "",
     }.items():  # fmt: skip
-        if name.endswith(suffix) and name.removesuffix(suffix) in WORDS:
-            return WORDS[name.removesuffix(suffix)] + words
+        if name.endswith(suffix) and name.removesuffix(suffix) in PARAMETER_WORDS:
+            return PARAMETER_WORDS[name.removesuffix(suffix)] + words
     return name.replace("_", " ")
 
 
@@ -209,7 +210,7 @@ def _directions(fit: SliderFit) -> Section:
     torques = {
         "up": sets.gravity("up", middle, angles),
         "down": sets.gravity("down", middle, angles),
-        SHORT["load"]: body.model.gravity(body.values, middle, angles),
+        SHORT_METHOD_NAMES["load"]: body.model.gravity(body.values, middle, angles),
     }
     if fit.static:
         slope, moment, cross = (p.value for p in fit.static[:3])
@@ -218,16 +219,16 @@ def _directions(fit: SliderFit) -> Section:
     inertias = {
         "up": sets.inertia("up", x),
         "down": sets.inertia("down", x),
-        SHORT["load"]: body.model.inertia(body.values, x),
+        SHORT_METHOD_NAMES["load"]: body.model.inertia(body.values, x),
     }
     drawings = (
         draw(
-            figures.gravity_by_direction, np.degrees(angles), torques, roles=ROLES,
+            figures.gravity_by_direction, np.degrees(angles), torques, roles=COLOUR_ROLES,
             caption=f"Gravity torque with the carriage at {1e3 * middle:.0f} mm. The sets for up and down each carry "
             "their direction's friction; where they part, friction was taken for gravity.",
         ),
         draw(
-            figures.inertia_by_slider, x, inertias, roles=ROLES,
+            figures.inertia_by_slider, x, inertias, roles=COLOUR_ROLES,
             caption="Inertia about the joint's axis over the rail: of each direction's set, which nothing ties to a "
             "body, and of one body for both.",
         ),
@@ -251,35 +252,42 @@ def _friction(fit: SliderFit, middle: float, angles: np.ndarray) -> Drawing:
     load = body.model.gravity(body.values, middle, angles)
     rising = slice(int(np.argmin(load[: np.argmax(load) + 1])), int(np.argmax(load)) + 1)
     angles, load = angles[rising], load[rising]
-    curves = {SHORT["dissociated"]: directional_friction(fit["dissociated"].model, np.array([middle]), angles)[0]}
+    curves = {
+        SHORT_METHOD_NAMES["dissociated"]: directional_friction(fit["dissociated"].model, np.array([middle]), angles)[0]
+    }
     for method in ("consistent", "load"):
         vector = fit[method].model.vector(fit[method].values, middle)
         dry, share = (
             np.mean([vector[PARAMETER_INDEX[target]] for target in term.targets])
             for term in (COULOMB_FRICTION, LOAD_FRICTION)
         )
-        curves[SHORT[method]] = dry + share * np.abs(load)
+        curves[SHORT_METHOD_NAMES[method]] = dry + share * np.abs(load)
     return draw(
-        figures.friction_by_load, load, curves, roles=ROLES,
+        figures.friction_by_load, load, curves, roles=COLOUR_ROLES,
         caption=f"Friction near rest, half of what separates up from down, against the gravity that the drive carries "
         f"({1e3 * middle:.0f} mm, {np.degrees(angles[0]):.0f} to {np.degrees(angles[-1]):.0f} deg).",
     )  # fmt: skip
 
 
 def _errors(fit: SliderFit) -> Section:
-    evaluated = {m: {e.recording: e for e in fit.evaluated(m)} for m in DRAWN}
+    evaluated = {m: {e.recording: e for e in fit.evaluated(m)} for m in COMPARED_METHODS}
     names = list(evaluated["pooled"])
-    errors = {SHORT[m]: np.array([evaluated[m][n].current for n in names]) for m in DRAWN}
+    errors = {SHORT_METHOD_NAMES[m]: np.array([evaluated[m][n].current for n in names]) for m in COMPARED_METHODS}
     protocols = [evaluated["pooled"][n].protocol for n in names]
     use = _use(fit)
     drawings = [
-        draw(figures.paired_errors, errors, [PROTOCOLS.get(p, p.replace("_", " ")) for p in protocols], roles=ROLES)
+        draw(
+            figures.paired_errors,
+            errors,
+            [PROTOCOL_WORDS.get(p, p.replace("_", " ")) for p in protocols],
+            roles=COLOUR_ROLES,
+        )
     ]
     trace = _trace(fit, names)
     if trace is not None:
         drawings.append(trace)
     labels = [f"{n.replace('_', ' ')}, {1e3 * evaluated['pooled'][n].slider:.0f} mm" for n in names]
-    drawings.append(draw(figures.error_by_trial, labels, errors, roles=ROLES))
+    drawings.append(draw(figures.error_by_trial, labels, errors, roles=COLOUR_ROLES))
     rows = []
     for protocol in dict.fromkeys(protocols):
         chosen = np.array([p == protocol for p in protocols])
@@ -305,11 +313,11 @@ def _trace(fit: SliderFit, names: list[str]) -> Drawing | None:
     if not motions:
         return None
     m = next((m for m in motions if m.protocol == "constant_velocity"), motions[0])
-    made = {SHORT[name]: predicted(fit[name], m) / fit.gain for name in ("pooled", *TRACES)}
+    made = {SHORT_METHOD_NAMES[name]: predicted(fit[name], m) / fit.gain for name in ("pooled", *TRACED_METHODS)}
     # Where it rests no model speaks: friction is then anything up to its level.
     made = {name: np.where(m.scored, values, np.nan) for name, values in made.items()}
     return draw(
-        figures.current_trace, m.time, m.effort / fit.gain, made, m.velocity, roles=ROLES,
+        figures.current_trace, m.time, m.effort / fit.gain, made, m.velocity, roles=COLOUR_ROLES,
         caption=f"Motor current during {m.recording.replace('_', ' ')}, with the carriage at {1e3 * m.slider:.0f} mm: "
         "measured (grey) and predicted where the joint moves (colour), with the velocity beneath.",
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What `identify` finds of a joint with a carriage: a fit, and all of it as tables, rows and cards."""
+"""The result of `identify` on a joint with a carriage: a fit with its tables, rows and cards."""
 
 from __future__ import annotations
 
@@ -13,9 +13,11 @@ from ...studies.results import ResultRow, combined_checksum
 from ...studies.study import Study
 from ..result import FigureTable, ParameterTable, Result
 
-COMMAND = "identify"
-SHOWN = ("load", "dissociated")
-"""Methods whose parameters are printed: the coherent body first, for its are the estimates."""
+RESULT_COMMAND = "identify"
+"""Every row names this command as its origin."""
+
+PRINTED_METHODS = ("load", "dissociated")
+"""Methods whose parameters the terminal prints, the coherent body's first: they are the estimates to use."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -26,7 +28,7 @@ class SliderResult(Result):
 
 
 def slider_result(study: Study, fit: SliderFit) -> SliderResult:
-    """A fit with its tables, rows and cards."""
+    """Return a fit with its tables, rows and cards."""
     split = "held-out" if fit.evaluated_split == "heldout" else "fitted"
     errors = {name: fit.evaluated_error(name) for name in fit.estimates}
     rows = tuple((SLIDER_METHODS[n], len(fit[n].values), e, e * fit.gain) for n, e in errors.items())
@@ -35,7 +37,7 @@ def slider_result(study: Study, fit: SliderFit) -> SliderResult:
         headline=f"{len(fit.motions)} recordings; mean absolute error over {split} trials",
         tables=(
             FigureTable("Methods", ("method", "parameters", "error A", "error N·m"), rows),
-            *(ParameterTable(SLIDER_METHODS[name], fit[name].parameters) for name in SHOWN),
+            *(ParameterTable(SLIDER_METHODS[name], fit[name].parameters) for name in PRINTED_METHODS),
         ),
         verdicts=fit.verdicts,
         rows=tuple(slider_rows(fit)),
@@ -47,7 +49,7 @@ def slider_result(study: Study, fit: SliderFit) -> SliderResult:
 
 
 def slider_card(study: Study, fit: SliderFit, estimate: SliderEstimate) -> SliderCard:
-    """The model card of one method's estimate."""
+    """Return the model card of one method's estimate."""
     level = study.model.confidence
     model = estimate.model
     return SliderCard(
@@ -76,10 +78,12 @@ def slider_card(study: Study, fit: SliderFit, estimate: SliderEstimate) -> Slide
 
 
 def slider_rows(fit: SliderFit) -> Iterator[ResultRow]:
-    """Every figure of a fit: `<study>.<method>.<figure>[.<recording>]`, and `<study>.slider.<recording>` for where the
-    carriage was."""
+    """Yield every figure of a fit as a row.
+
+    Ids are ``<study>.<method>.<figure>[.<recording>]``, and ``<study>.slider.<recording>`` for the carriage's place.
+    """
     together = combined_checksum(fit.checksums.values())
-    plain = ResultRow("", None, "1", COMMAND, "fitted", together, fit.filter_note)
+    plain = ResultRow("", None, "1", RESULT_COMMAND, "fitted", together, fit.filter_note)
     for p in fit.static:
         yield replace(plain, id=f"{fit.study}.static.{p.name}", value=p.value, unit=p.unit)
     for method, estimate in fit.estimates.items():
@@ -104,7 +108,7 @@ def slider_rows(fit: SliderFit) -> Iterator[ResultRow]:
             f"{fit.study}.slider.{place.recording}",
             place.slider,
             "m",
-            COMMAND,
+            RESULT_COMMAND,
             split.get(place.recording, "fitted"),
             fit.checksums.get(place.recording),
             "from the markers" if place.optical else "by a ruler",

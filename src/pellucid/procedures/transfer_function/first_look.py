@@ -1,4 +1,4 @@
-"""What recordings say of a linear model before one is fitted: a response, noise and, of periods, distortion."""
+"""Check before any fit how far a linear model can hold: frequency response, noise and, with periods, distortion."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ from ...studies.results import ResultRow
 from ..result import FigureTable
 from .procedure import TransferFunctionTable
 
-MUCH = 90.0
-"""Below this limit [%] what is not linear is told as a warning."""
+LINEAR_FIT_WARNING_PERCENT = 90.0
+"""A warning appears if the best fit that a linear model can reach has its upper confidence limit below this."""
 
-SIGNIFICANT = 0.05
-"""Of the test whether there is any distortion."""
+DISTORTION_TEST_LEVEL = 0.05
+"""Level of the test for distortion; below this p-value distortion is reported."""
 
-OFF = 0.5
-"""Of a step, by which a sample may be off an even grid."""
+MAX_GRID_DEVIATION_STEPS = 0.5
+"""A recording counts as evenly sampled if no sample is further than this off an even grid, in steps of the grid."""
 
-REPEATS = 1e-3
-"""Of its RMS, by which a reference may differ from itself a period later."""
+REPETITION_TOLERANCE = 1e-3
+"""A reference counts as periodic if it differs from itself a period later by at most this share of its standard
+deviation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,15 +42,17 @@ class FirstLook:
 
     @property
     def periodic(self) -> bool:
-        """Whether noise and distortion are told apart."""
+        """Whether the excitation was periodic, so that noise and distortion can be separated."""
         return isinstance(self.found, BestLinearApproximation)
 
 
 def first_looks(
     recordings: Sequence[Recording], asked: TransferFunctionTable
 ) -> tuple[dict[str, FirstLook], dict[str, str]]:
-    """By name, of what is fitted: one of each participant's and condition's multisines, one of each other recording;
-    and of those that allow none, why."""
+    """Return the first look at every fitted recording by name, and for those that allow none the reason.
+
+    The multisines of one participant and condition are realisations of one look; every other recording has its own.
+    """
     found: dict[str, FirstLook] = {}
     unseen: dict[str, str] = {}
     fitted = [r for r in recordings if r.use == "fit"]
@@ -73,7 +76,7 @@ def first_looks(
 
 
 def _even(recording: Recording, asked: TransferFunctionTable) -> tuple[float, list[np.ndarray | None]]:
-    """Rate [Hz], then input, output and reference, evenly sampled and whole."""
+    """Return the rate [Hz], then input, output and reference; refuse gaps and uneven sampling."""
     time = recording.time
     names = [asked.input, asked.output, asked.reference]
     signals = [None if n is None or n not in recording else np.asarray(recording[n]) for n in names]
@@ -86,7 +89,7 @@ def _even(recording: Recording, asked: TransferFunctionTable) -> tuple[float, li
         raise IdentificationError(f"{where}: found {len(time)} samples, expected a recorded movement")
     step = float(time[-1] - time[0]) / (len(time) - 1)
     off = float(np.abs(time - np.linspace(time[0], time[-1], len(time))).max())
-    if not (step > 0.0 and off <= OFF * step):
+    if not (step > 0.0 and off <= MAX_GRID_DEVIATION_STEPS * step):
         raise IdentificationError(f"{where}: found samples up to {off:.3g} s off an even grid of {step:.3g} s")
     return 1.0 / step, signals
 
@@ -122,14 +125,18 @@ def _of_periods(name: str, members: Sequence[Recording], asked: TransferFunction
 
 
 def _repeating(recording: Recording, signals: Sequence[np.ndarray | None], samples: int) -> tuple[int, int]:
-    """The longest stretch of whole periods in which the reference repeats; without one, all but the first period."""
+    """Return first and last sample of the longest stretch of whole periods in which the reference repeats.
+
+    Without a reference that is everything but the first period, which counts as unsettled.
+    """
     given, n = signals[2], len(signals[0])
     where = f"recording '{recording.name}'"
     if given is None:
         begin, end = samples, n
     else:
         size = float(np.std(given))
-        same = np.abs(given[samples:] - given[:-samples]) <= REPEATS * size if n > samples else np.zeros(0, bool)
+        off = np.abs(given[samples:] - given[:-samples]) if n > samples else np.zeros(0)
+        same = off <= REPETITION_TOLERANCE * size
         edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(int), [0]])))
         runs = edges.reshape(-1, 2)
         if not len(runs):
@@ -144,15 +151,15 @@ def _repeating(recording: Recording, signals: Sequence[np.ndarray | None], sampl
     return end - periods * samples, end
 
 
-# --- what is said ---------------------------------------------------------------------------------------------------
+# --- verdicts, tables and rows --------------------------------------------------------------------------------------
 
 
 def verdicts(looks: Mapping[str, FirstLook], unseen: Mapping[str, str], channels: tuple[str, str]) -> Iterator[Verdict]:
-    """What a linear model can hold at best, before any is fitted."""
+    """Yield verdicts on the best fit that a linear model can reach, before one is fitted."""
     path = f"from {channels[0]} to {channels[1]}"
     for look in (each for each in looks.values() if each.periodic):
         found = look.found
-        if not found.p_value < SIGNIFICANT:
+        if not found.p_value < DISTORTION_TEST_LEVEL:
             yield Verdict(
                 "good",
                 f"Before any model ({look.name}): {_many(look)} show no distortion beyond noise (p = "
@@ -165,7 +172,7 @@ def verdicts(looks: Mapping[str, FirstLook], unseen: Mapping[str, str], channels
             share = max(found.even_share, 1.0 - found.even_share)
             by = f", {100.0 * share:.0f} % of it of {side} order"
         yield Verdict(
-            "warning" if found.highest_fit_limit < MUCH else "note",
+            "warning" if found.highest_fit_limit < LINEAR_FIT_WARNING_PERCENT else "note",
             f"Before any model ({look.name}): no linear model {path} can hold better than {found.highest_fit:.0f} % "
             f"over {_many(look)} (below {found.highest_fit_limit:.0f} % with 95 % confidence); noise alone would leave "
             f"{found.highest_fit_noise:.1f} %. What is not linear has {_times(found.nonlinear_to_noise)} times the "
@@ -197,7 +204,7 @@ def _many(look: FirstLook) -> str:
 
 
 def tables(looks: Mapping[str, FirstLook]) -> Iterator[FigureTable]:
-    """What can be held at best and by what it is limited, and what is explained where nothing tells why."""
+    """Yield a table of periodic excitations with the limits of a linear model, and one of all others."""
     periodic = [look for look in looks.values() if look.periodic]
     if periodic:
         heads = ("Realisations of", "Linear at best [%]", "Noise alone [%]", "Distortion / noise", "p")
@@ -217,7 +224,7 @@ def _found(looks: Sequence[FirstLook]) -> Iterator[tuple[str, BestLinearApproxim
 
 
 def rows(head: str, looks: Mapping[str, FirstLook], checksums: Mapping[str, str]) -> Iterator[ResultRow]:
-    """What was seen, a row each, below an id's `head`."""
+    """Yield the figures of every look as rows whose ids begin with `head`."""
     for look in looks.values():
         found, own = look.found, checksums[look.recordings[0]] if len(look.recordings) == 1 else None
         if not look.periodic:

@@ -1,4 +1,4 @@
-"""A transfer function from every recording of a study: fitted, held out, written down."""
+"""Fit a transfer function to every recording of a study, and evaluate it on held-out data."""
 
 from __future__ import annotations
 
@@ -30,34 +30,38 @@ from .procedure import TransferFunctionTable
 
 Progress = Callable[[str, float], None]
 
-HELD_BACK = 1.0 / 3.0
-"""Last share of a recording on which coefficients found from the rest are judged, where no recording is held out."""
+HELD_OUT_SHARE = 1.0 / 3.0
+"""If no recording is held out, this last share of each recording tests coefficients fitted to the rest."""
 
-POOR = 80.0
-"""Below this fit [%] a transfer function leaves out much of what a recording shows."""
+GOOD_FIT_PERCENT = 80.0
+"""A verdict calls a fit of at least this good, and warns of any below. Chosen by judgement; no measurement is
+recorded."""
 
-APART = 10.0
-"""Points by which a fit may fall from the fitted part to the held-out one before it is told."""
+MAX_FIT_DROP_POINTS = 10.0
+"""A warning appears if the fit falls by more percentage points than this from the fitted to the held-out part.
 
-FEW = 3
-"""Up to so many recordings each get a table of their own."""
+Chosen by judgement; no measurement is recorded.
+"""
+
+MAX_SEPARATE_TABLES = 3
+"""Up to this many fits, each has its own table of parameters."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class TransferResult(Result):
     """Transfer functions of a study's recordings."""
 
-    # By recording; of several fitted together for one that is held out, by their names joined with "+"
+    # Fits by recording; several recordings fitted together stand under their names joined with "+"
     fits: Mapping[str, TransferFit]
-    # By recording: the last part of a fitted one with coefficients from the rest, or all of one held out
+    # Held-out responses by recording: the last part of a fitted recording, or all of one that is never fitted
     heldout: Mapping[str, Response]
-    refused: Mapping[str, str]  # Recordings that could not be fitted, and why
-    units: tuple[str, str]  # Of the input and of the output
-    channels: tuple[str, str]  # Of the input and of the output
-    looks: Mapping[str, FirstLook]  # What was seen before any was fitted
+    refused: Mapping[str, str]  # Reasons by recording that could not be fitted
+    units: tuple[str, str]  # Units of input and output
+    channels: tuple[str, str]  # Channels of input and output
+    looks: Mapping[str, FirstLook]  # First looks by name, made before any fit
 
     def seen_with(self, look: FirstLook) -> TransferFit | None:
-        """The transfer function fitted to what a `look` saw, or to the first of it."""
+        """Return the transfer function fitted to the recordings of a `look`, or to the first that has one."""
         names = ("+".join(look.recordings), *look.recordings)
         return next((self.fits[name] for name in names if name in self.fits), None)
 
@@ -67,7 +71,7 @@ def identify_transfer(study: Study, on_progress: Progress | None = None) -> Tran
 
     A recording that is fitted is also judged held out: on its last third, with coefficients from the rest. One that is
     never fitted is judged with coefficients from all fitted ones of its participant and condition. Held out means that
-    coefficients are frozen and only the initial state, which no other data can tell, is estimated.
+    coefficients are frozen and only the initial state is estimated, because no other data contain it.
     """
     tell = on_progress or (lambda text, share: None)
     asked = study.table(TransferFunctionTable)
@@ -185,12 +189,12 @@ def _same(one: Recording, other: Recording) -> bool:
 
 
 def _last_part(record: InputOutput, fit: Callable[..., TransferFit], hold: str) -> Response:
-    cut = round((1.0 - HELD_BACK) * len(record))
+    cut = round((1.0 - HELD_OUT_SHARE) * len(record))
     found = fit(record.part(0, cut, "fitted"))
     return evaluate_transfer_function(found.transfer_function, record.part(cut, len(record), "heldout"), hold=hold)
 
 
-# --- what is said ---------------------------------------------------------------------------------------------------
+# --- headline, tables and verdicts ----------------------------------------------------------------------------------
 
 
 def _headline(
@@ -229,7 +233,7 @@ def _tables(
             heads = ("Recording", *(f"{p.name} [{p.unit}]" for p in each))
             rows = tuple((name, *(f[p.name].value for p in each)) for name, f in fits.items())
             tables.append(FigureTable(title, heads, rows))
-    if len(fits) <= FEW:
+    if len(fits) <= MAX_SEPARATE_TABLES:
         tables += [ParameterTable(name, (*f.parameters, *f.physical)) for name, f in fits.items()]
     if refused:
         reasons = tuple((name, reason) for name, reason in refused.items())
@@ -244,9 +248,9 @@ def _verdicts(
     unevaluated: Mapping[str, str],
     notes: Mapping[str, tuple[str, ...]],
 ) -> Iterator[Verdict]:
-    good = {n: f for n, f in fits.items() if min(r.fit for r in f.responses) >= POOR}
+    good = {n: f for n, f in fits.items() if min(r.fit for r in f.responses) >= GOOD_FIT_PERCENT}
     if good:
-        yield Verdict("good", f"{len(good)} of {len(fits)} transfer functions fit by {POOR:g} % or more.")
+        yield Verdict("good", f"{len(good)} of {len(fits)} transfer functions fit by {GOOD_FIT_PERCENT:g} % or more.")
     worst = {n: min(r.fit for r in f.responses) for n, f in fits.items() if n not in good}
     if worst:
         low, high = f"{min(worst.values()):.1f}", f"{max(worst.values()):.1f}"
@@ -259,10 +263,10 @@ def _verdicts(
     for name, made in fits.items():
         weak = [p.name for p in made.parameters if not p.identifiable]
         if weak:
-            said = "interval of {} holds" if len(weak) == 1 else "intervals of {} hold"
-            yield Verdict("warning", f"Recording {name}: the {said.format(', '.join(weak))} zero.")
+            clause = "interval of {} holds" if len(weak) == 1 else "intervals of {} hold"
+            yield Verdict("warning", f"Recording {name}: the {clause.format(', '.join(weak))} zero.")
         out = heldout.get(name)
-        if out is not None and out.fit < made.responses[0].fit - APART:
+        if out is not None and out.fit < made.responses[0].fit - MAX_FIT_DROP_POINTS:
             yield Verdict(
                 "warning",
                 f"Recording {name}: coefficients from its first part fit the last by {out.fit:.1f} %, against "
@@ -279,7 +283,7 @@ def _verdicts(
         yield Verdict("note", f"Recording {name}: not judged held out. {reason}.")
 
 
-# --- what is written ------------------------------------------------------------------------------------------------
+# --- rows and cards -------------------------------------------------------------------------------------------------
 
 
 def _rows(
@@ -325,7 +329,7 @@ def _rows(
 
 
 def ratio(units: tuple[str, str]) -> str:
-    """Of the output over the input, `units` of input and output."""
+    """Return the unit of output over input, from the `units` of input and output."""
     given, made = units
     return f"{made}/({given})" if "*" in given or "/" in given else f"{made}/{given}"
 

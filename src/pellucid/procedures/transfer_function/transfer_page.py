@@ -17,21 +17,23 @@ from . import transfer_figures as figures
 from .first_look import FirstLook
 from .identify_transfer import TransferResult, ratio
 
-DRAWN = 6
-"""Recordings whose responses are drawn: the best, the worst and those between, evenly by their fit."""
+MAX_DRAWN_RESPONSES = 6
+"""The page draws at most this many responses: best and worst fit, and those evenly ranked between them."""
 
-LOOKED = 3
-"""Recordings without periods whose frequency responses are drawn."""
+MAX_DRAWN_FIRST_LOOKS = 3
+"""The page draws frequency responses of at most this many recordings without periodic excitation."""
 
-FINELY = 400
-"""Points of a transfer function's response."""
+RESPONSE_POINTS = 400
+"""A transfer function's frequency response is drawn with this many points."""
 
-WORDS = {"inertia": "Inertia, 1/b0", "damping": "Damping, a1/b0", "stiffness": "Stiffness, a0/b0"}
+PHYSICAL_PARAMETER_WORDS = {"inertia": "Inertia, 1/b0", "damping": "Damping, a1/b0", "stiffness": "Stiffness, a0/b0"}
+"""Description of each physical parameter with its formula in the coefficients."""
 
-HOLDS = {
+HOLD_WORDS = {
     "zero": "held from each sample to the next",
     "first": "taken to go straight from each sample to the next",
 }
+"""Sentences' ends for the two assumptions on the input between samples: zero-order and first-order hold."""
 
 
 def page(study: Study, found: TransferResult) -> Page:
@@ -109,7 +111,7 @@ def _looks(found: TransferResult) -> Iterator[Section]:
     periodic = [look for look in found.looks.values() if look.periodic]
     others = [look for look in found.looks.values() if not look.periodic]
     # Evenly among those that no period tells apart.
-    chosen = np.unique(np.round(np.linspace(0, len(others) - 1, min(LOOKED, len(others)))).astype(int))
+    chosen = np.unique(np.round(np.linspace(0, len(others) - 1, min(MAX_DRAWN_FIRST_LOOKS, len(others)))).astype(int))
     drawings = []
     for look in (*periodic, *(others[k] for k in chosen)):
         drawings.append(_response_seen(found, look))
@@ -129,7 +131,7 @@ def _looks(found: TransferResult) -> Iterator[Section]:
 
 def _response_seen(found: TransferResult, look: FirstLook) -> Drawing:
     seen, fit = look.found, found.seen_with(look)
-    finely = np.geomspace(seen.frequency[0], seen.frequency[-1], FINELY)
+    finely = np.geomspace(seen.frequency[0], seen.frequency[-1], RESPONSE_POINTS)
     fitted = None if fit is None else (finely, fit.transfer_function.frequency_response(finely))
     if look.periodic:
         levels = [
@@ -172,7 +174,7 @@ def _responses(found: TransferResult) -> Section:
     labels = tuple(figures.shown(u, c) for u, c in zip(found.units, found.channels, strict=True))
     single = _single(found)
     ranked = sorted(single, key=lambda n: -single[n].responses[0].fit)
-    chosen = np.unique(np.round(np.linspace(0, len(ranked) - 1, min(DRAWN, len(ranked)))).astype(int))
+    chosen = np.unique(np.round(np.linspace(0, len(ranked) - 1, min(MAX_DRAWN_RESPONSES, len(ranked)))).astype(int))
     drawings = [_response(single[ranked[k]].responses[0], labels) for k in chosen]
     drawings += [_response(r, labels) for n, r in found.heldout.items() if n not in single]
     hold = next(iter(found.fits.values())).hold
@@ -180,8 +182,8 @@ def _responses(found: TransferResult) -> Section:
         "responses",
         "Measured and simulated",
         (
-            f"Between samples the input is {HOLDS[hold]}; with that the simulation is exact at every sample, however "
-            "they are spaced. Each record's initial state is estimated.",
+            f"Between samples the input is {HOLD_WORDS[hold]}; with that the simulation is exact at every sample, "
+            "however they are spaced. Each record's initial state is estimated.",
         ),
         drawings=tuple(drawings),
     )
@@ -232,7 +234,7 @@ def _coefficients(found: TransferResult) -> Section:
         rows = tuple(
             Row(
                 (
-                    WORDS.get(p.name, p.name),
+                    PHYSICAL_PARAMETER_WORDS.get(p.name, p.name),
                     number(p.value, p.standard_error),
                     unit_text(p.unit) or "–",
                     parameter_interval(p, level),
