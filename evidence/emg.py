@@ -36,8 +36,8 @@ from pellucid.estimators.torque_map import fit_torque_map
 from pellucid.estimators.torque_trial import TorqueTrial
 from pellucid.estimators.unrecorded import FILLING_METHODS
 from pellucid.procedures.emg_torque.calibrate import CalibrationResult
+from pellucid.procedures.emg_torque.calibration_findings import CalibrationFindings
 from pellucid.procedures.emg_torque.estimator_cards import chain_sections, estimator_cards
-from pellucid.procedures.emg_torque.evaluated import CalibrationFindings
 from pellucid.procedures.emg_torque.trial_sources import moment_trials
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import activations, calibrate, check

@@ -24,11 +24,11 @@ from pellucid.assessment.indices import (
     index_names,
     indices_along,
 )
+from pellucid.procedures.assessment.assessment_table import AssessmentTable
 from pellucid.procedures.assessment.certified import end_points
 from pellucid.procedures.assessment.measured_study import MeasuredStudy, activities, measure
 from pellucid.procedures.assessment.pointing import with_rule
 from pellucid.procedures.assessment.pointing_faults import usable_records
-from pellucid.procedures.assessment.procedure import AssessmentTable
 from pellucid.units import COORDINATES_BY_UNIT, parse_quantity
 
 CONDITIONS = ("Ctrl", "FC")

@@ -15,7 +15,7 @@ from pellucid.estimators.cross_validation import score
 from pellucid.estimators.emg_session import FittedSession
 from pellucid.estimators.session_watch import SessionWatch
 from pellucid.estimators.torque_map import fit_torque_map
-from pellucid.procedures.emg_torque.evaluated import CalibrationFindings
+from pellucid.procedures.emg_torque.calibration_findings import CalibrationFindings
 from pellucid.procedures.emg_torque.sessions import session_faults
 from pellucid.procedures.emg_torque.together import calibrate_together
 from pellucid.procedures.emg_torque.trial_sources import moment_trials

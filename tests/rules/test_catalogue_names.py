@@ -62,7 +62,10 @@ CATALOGUES = {
         r"estimator|\bname\b|\bfits\b|\bhow\b|famil|\bby\b",
     ),
     "procedures": Catalogue(
-        (), frozenset(p.name for p in ALL_PROCEDURES), frozenset(p.name for p in ALL_PROCEDURES), r"(?i)procedure|command"
+        (),
+        frozenset(p.name for p in ALL_PROCEDURES),
+        frozenset(p.name for p in ALL_PROCEDURES),
+        r"(?i)procedure|command",
     ),
     "defects": Catalogue(("recordings/defects/",), frozenset(kind.KIND for kind in KINDS)),
 }  # fmt: skip

@@ -20,7 +20,7 @@ from pellucid.models.emg_estimator import read_estimator_card, write_estimator_c
 from pellucid.models.muscle_geometry import muscle_table
 from pellucid.models.muscle_surface import fit_muscle_surface, sampled_surface, surface_from_geometry
 from pellucid.procedures.emg_torque import estimator_cards
-from pellucid.procedures.emg_torque.evaluated import CalibrationFindings
+from pellucid.procedures.emg_torque.calibration_findings import CalibrationFindings
 
 COMPILERS = pytest.mark.skipif(not all(map(shutil.which, ("make", "cc", "c++"))), reason="make, cc or c++ is missing")
 

@@ -13,7 +13,7 @@ from pellucid.models.transfer_function import TransferFunction
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import check, identify, report
 from pellucid.procedures.transfer_function.first_look import first_looks
-from pellucid.procedures.transfer_function.procedure import TransferFunctionTable
+from pellucid.procedures.transfer_function.transfer_function_table import TransferFunctionTable
 from pellucid.protocols.protocol import protocol
 from pellucid.protocols.random_phase_multisine import random_phase_multisine
 

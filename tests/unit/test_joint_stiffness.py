@@ -10,8 +10,8 @@ import pytest
 from pellucid.estimators.joint_stiffness import STIFFNESS_KINDS, joint_stiffness
 from pellucid.estimators.torque_map import fit_torque_map
 from pellucid.procedures.emg_torque import estimator_cards, stiffness_findings
-from pellucid.procedures.emg_torque.evaluated import CalibrationFindings
-from pellucid.procedures.emg_torque.procedure import EmgTorqueTable
+from pellucid.procedures.emg_torque.calibration_findings import CalibrationFindings
+from pellucid.procedures.emg_torque.emg_torque_table import EmgTorqueTable
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError, PellucidError, RecordingError, StudyError
-from pellucid.procedures.hinge.procedure import HingeTable
-from pellucid.procedures.onset.procedure import OnsetTable
+from pellucid.procedures.hinge.hinge_table import HingeTable
+from pellucid.procedures.onset.onset_table import OnsetTable
 from pellucid.procedures.registry import open_study
 
 

@@ -12,7 +12,7 @@ from pellucid.fit.posterior import hamiltonian
 from pellucid.fit.posterior.calibration_posterior import calibration_posterior
 from pellucid.models.muscle_card import calibrated_muscles
 from pellucid.procedures.emg_torque import together
-from pellucid.procedures.emg_torque.evaluated import CalibrationFindings
+from pellucid.procedures.emg_torque.calibration_findings import CalibrationFindings
 from pellucid.procedures.emg_torque.muscle_figures import departures, joints_together
 from pellucid.procedures.emg_torque.together import FIT_WORDS, calibrate_together
 from pellucid.procedures.emg_torque.together_findings import (

@@ -5,14 +5,14 @@ import pytest
 from made_emg import FS, raw_emg
 
 from pellucid._errors import RecordingError
-from pellucid.procedures.assessment.procedure import AssessmentTable
+from pellucid.procedures.assessment.assessment_table import AssessmentTable
 from pellucid.procedures.assessment.recorded_activity import activity
-from pellucid.procedures.emg_torque.evaluated import CalibrationFindings, find_applicable_estimators
+from pellucid.procedures.emg_torque.calibration_findings import CalibrationFindings, find_applicable_estimators
 from pellucid.procedures.emg_torque.study_faults import trial_refusals
 from pellucid.procedures.emg_torque.trial_sources import moment_trials
 from pellucid.procedures.muscle_channels import relative_envelopes
 from pellucid.procedures.onset.find_onsets import find_onsets
-from pellucid.procedures.onset.procedure import OnsetTable
+from pellucid.procedures.onset.onset_table import OnsetTable
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import check
 

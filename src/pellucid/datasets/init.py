@@ -54,7 +54,7 @@ def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Stu
 
 def _files(config: StudyFile) -> list[str]:
     """Return every file that a study.toml names, once."""
-    from ..procedures.emg_torque.procedure import EmgTorqueTable
+    from ..procedures.emg_torque.emg_torque_table import EmgTorqueTable
     from ..procedures.tree.tree_table import TreeTable
 
     files = [file for entry in config.recordings for file in (entry.file, *entry.streams.values())]

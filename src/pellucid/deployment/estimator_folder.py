@@ -15,7 +15,7 @@ from ..models.emg_estimator import EmgEstimatorCard, read_estimator_card
 from ..models.estimator_faults import ESTIMATOR_FAULTS
 from ..models.fields import model_fields
 from ..procedures.card_sources import require_fresh
-from ..procedures.emg_torque.procedure import EmgTorqueTable
+from ..procedures.emg_torque.emg_torque_table import EmgTorqueTable
 from ..studies.study import Study
 from .c_folder import (
     HEADER_FOLDER,

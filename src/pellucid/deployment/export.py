@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from .._errors import PellucidError
-from ..procedures.coupling.procedure import CouplingTable
-from ..procedures.emg_torque.procedure import EmgTorqueTable
+from ..procedures.coupling.coupling_table import CouplingTable
+from ..procedures.emg_torque.emg_torque_table import EmgTorqueTable
 from ..procedures.registry import asked
 from ..procedures.tree.tree_table import TreeTable
 from ..studies.study import Study

@@ -13,8 +13,8 @@ from ..models.muscle_card import CARD_KIND, CalibratedMuscles, calibrated_muscle
 from ..models.muscle_geometry import muscle_table
 from ..models.parameter_card import ParameterCard, read_parameter_card
 from ..procedures.card_sources import require_fresh
+from ..procedures.emg_torque.emg_torque_table import EmgTorqueTable
 from ..procedures.emg_torque.known_muscles import muscle_source
-from ..procedures.emg_torque.procedure import EmgTorqueTable
 from ..procedures.emg_torque.study_muscles import study_coordinates
 from ..recordings.ceinms_writer import write_subject
 from ..recordings.muscle_remark import MuscleRemark, exported_study, read_calibrated

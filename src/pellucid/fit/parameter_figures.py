@@ -2,22 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Protocol
+
 import numpy as np
 
 from ..drawing.drawing import Drawing, draw, one_panel
 from ..drawing.style import colour
-from .estimates import Estimates
+from .parameter import Parameter
 
 MAX_RELATIVE_INTERVAL = 2.0
 """Intervals are drawn up to this multiple of the value; wider ones end in an arrow."""
 
 
-def parameters(fit: Estimates) -> Drawing:
+class FitWithIntervals(Protocol):
+    """Members of a fit that its figure shows."""
+
+    @property
+    def every(self) -> Sequence[Parameter]:
+        """Every parameter, also those that are not free."""
+
+    @property
+    def confidence(self) -> float:
+        """Confidence level of the intervals."""
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """Return the confidence interval of a parameter."""
+
+
+def parameters(fit: FitWithIntervals) -> Drawing:
     """Draw each parameter's confidence interval divided by its value, with value and unit beside it."""
     return draw(_forest, fit)
 
 
-def _forest(fit: Estimates) -> Drawing:
+def _forest(fit: FitWithIntervals) -> Drawing:
     shown = [p for p in fit.every if np.isfinite(p.value)]
     figure, axis = one_panel(0.9 + 0.32 * max(len(shown), 1))
     for row, parameter in enumerate(reversed(shown)):

@@ -11,11 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from .._errors import PellucidError
+from ..fit.parameter import rank_verdicts
 from ..studies.study import STUDY_FILE, checksum
+from .result import fingerprint
 
 if TYPE_CHECKING:
     from ..studies.study import Study
     from .procedure import Procedure
+    from .result import Result
 
 PROCEDURE_KEY = "procedure"
 """Key of a card's sources that names the procedure which made it; every other key names a table or a file."""
@@ -132,3 +135,16 @@ def _called(study: Study, path: Path) -> str:
 
 def _checksum(path: Path) -> str:
     return checksum(path) if path.is_file() else ""
+
+
+def found_by(procedure: Procedure, study: Study, result: Result) -> Result:
+    """Add to a result and its cards their inputs and procedure, and sort its verdicts, worst first."""
+    sources = card_sources(study, procedure) if result.cards else {}
+    return replace(
+        result,
+        cards={name: replace(card, made_from=sources) for name, card in result.cards.items()},
+        verdicts=rank_verdicts(result.verdicts),
+        procedure=procedure.name,
+        command=procedure.command,
+        made_from=fingerprint(study, procedure),
+    )

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from html import escape
 from io import StringIO
 from textwrap import wrap
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from rich import markup
 from rich.box import SIMPLE_HEAD
@@ -18,11 +18,10 @@ from rich.table import Table
 from rich.text import Text
 
 from ..pages.quantities import cell_text, number, parameter_note, relative_sd, typeset_units, unit_text
-from .result import ParameterTable
+from .result_tables import FigureTable, ParameterTable
 
 if TYPE_CHECKING:
-    from ..fit.parameter import Parameter
-    from .result import Result
+    from ..fit.parameter import Parameter, Verdict
 
 VERDICT_MARKS = {"good": ("+", "green"), "note": ("·", "dim"), "warning": ("!", "yellow"), "wrong": ("✗", "bold red")}
 """Mark and style of each kind of verdict."""
@@ -43,7 +42,35 @@ _BREAK_PLACES = re.compile(r"(?<=[._])")
 """Places at which a name may be broken."""
 
 
-def print_result(out: Console, result: Result) -> None:
+class PrintableResult(Protocol):
+    """Members of a result that are printed."""
+
+    @property
+    def study(self) -> str:
+        """Name of the study."""
+
+    @property
+    def headline(self) -> str:
+        """First sentence."""
+
+    @property
+    def tables(self) -> Sequence[ParameterTable | FigureTable]:
+        """Tables, in their order."""
+
+    @property
+    def verdicts(self) -> Sequence[Verdict]:
+        """Verdicts, worst first."""
+
+    @property
+    def prose(self) -> str:
+        """A paragraph below the verdicts, "" without one."""
+
+    @property
+    def confidence(self) -> float:
+        """Confidence level of the intervals."""
+
+
+def print_result(out: Console, result: PrintableResult) -> None:
     """Print the headline, every table and every verdict."""
     out.print(f"\n{result.study}: {typeset_units(result.headline)}", markup=False)
     for title, heads, rows in _tables(result):
@@ -57,14 +84,14 @@ def print_result(out: Console, result: Result) -> None:
         out.print()
 
 
-def print_to_text(result: Result) -> str:
+def print_to_text(result: PrintableResult) -> str:
     """Return the output of `print_result` as text."""
     text = StringIO()
     print_result(Console(file=text, width=DEFAULT_WIDTH, highlight=False, no_color=True), result)
     return text.getvalue().strip("\n")
 
 
-def html_tables(result: Result) -> str:
+def html_tables(result: PrintableResult) -> str:
     """Return every table as HTML."""
     made = []
     for title, heads, rows in _tables(result):
@@ -161,7 +188,7 @@ def print_sentences(out: Console, items: Sequence[tuple[str, str]]) -> None:
         out.print(Padding(grid, 0))
 
 
-def _tables(result: Result) -> list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]]:
+def _tables(result: PrintableResult) -> list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]]:
     """Return title, heads and cells of each table."""
     made = []
     for shown in result.tables:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from html import escape
 from pathlib import Path
 from shutil import rmtree
 from tempfile import gettempdir, mkdtemp
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
 from .._atomic import remove_leftovers
 from .._errors import PellucidError
 from .._tabular import data_frame
-from ..fit.parameter import Parameter, Verdict, rank_verdicts
+from ..fit.parameter import Parameter, Verdict
 from ..models.card import Card, write_card
 from ..models.emg_estimator import EmgEstimatorCard, write_estimator_card
 from ..models.parameter_card import ParameterCard, write_parameter_card
@@ -21,30 +21,24 @@ from ..models.tree_card import TreeCard, write_tree_card
 from ..studies.kept import keep_result, read_kept
 from ..studies.lock import hold_lock
 from ..studies.results import ResultRow, replace_rows
-from .card_sources import card_sources
+from .result_tables import FigureTable as FigureTable
+from .result_tables import ParameterTable as ParameterTable
 
 if TYPE_CHECKING:
     import pandas
 
     from ..studies.study import Study
-    from .procedure import Procedure
 
 
-@dataclass(frozen=True)
-class ParameterTable:
-    """Parameters with their intervals, under a title."""
+class ProcedureWithInputs(Protocol):
+    """Members of a procedure by which a kept result is found again."""
 
-    title: str
-    parameters: tuple[Parameter, ...]
+    @property
+    def name(self) -> str:
+        """Name of the procedure."""
 
-
-@dataclass(frozen=True)
-class FigureTable:
-    """Figures under a title: `heads` name the columns with their units; None marks a missing figure."""
-
-    title: str
-    heads: tuple[str, ...]
-    rows: tuple[tuple[str | float | int | None, ...], ...]
+    def inputs(self, study: Study) -> Iterable[Path]:
+        """Return the files besides study.toml and recordings that it reads."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -238,7 +232,7 @@ class Result:
             raise
 
     @classmethod
-    def kept(cls, study: Study, procedure: Procedure) -> Self | None:
+    def kept(cls, study: Study, procedure: ProcedureWithInputs) -> Self | None:
         """Return the saved result of a procedure; None if there is none, or if its inputs have changed since."""
         made_from = fingerprint(study, procedure)
         paths = dict.fromkeys(each.kept_path(procedure.name) for each in (study, replace(study, out=None)))
@@ -255,19 +249,8 @@ def _write(path: Path, card: Card | ParameterCard | TreeCard | EmgEstimatorCard)
         (write_card if isinstance(card, Card) else write_parameter_card)(path, card)
 
 
-def fingerprint(study: Study, procedure: Procedure) -> str:
+def fingerprint(study: Study, procedure: ProcedureWithInputs) -> str:
     """Return the SHA-256 of all inputs of a procedure: study.toml, recordings, cards, and Pellucid itself."""
     return study.fingerprint(procedure.inputs(study))
 
 
-def found_by(procedure: Procedure, study: Study, result: Result) -> Result:
-    """Add to a result and its cards their inputs and procedure, and sort its verdicts, worst first."""
-    sources = card_sources(study, procedure) if result.cards else {}
-    return replace(
-        result,
-        cards={name: replace(card, made_from=sources) for name, card in result.cards.items()},
-        verdicts=rank_verdicts(result.verdicts),
-        procedure=procedure.name,
-        command=procedure.command,
-        made_from=fingerprint(study, procedure),
-    )

@@ -19,10 +19,11 @@ from ..recordings.duplicates import find_duplicates
 from ..recordings.fault import Fault, grouped_messages
 from ..studies.study import Study
 from . import registry
+from .card_sources import found_by
 from .combined_result import CombinedResult
 from .procedure import Procedure, Progress, quiet
 from .registry import asked
-from .result import Result, found_by
+from .result import Result
 from .subject import as_study, is_study
 
 if TYPE_CHECKING:

@@ -12,9 +12,9 @@ from ..control.supervisor_faults import NO_FAULT
 from ..drawing.drawing import draw
 from ..pages.page import Page, Section, write_page
 from ..pages.tables import Row, Table, number_table
-from .rank import SIGNIFICANCE_LEVEL, TaskRanking
 from .ranking_figures import Line, ranked_torque
 from .strategies import CONTROLLER_FIELDS, RANKED_STRATEGIES, SIMPLE_RIVALS, sensors_read, strategies_of_task
+from .task_ranking import SIGNIFICANCE_LEVEL, TaskRanking
 from .tried import ControllerTrial
 
 EMPTY_CELL = "–"

@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from .recording import Recording
 
 MIN_GAP_STEP_RATIO = 1.5
 """A time step longer than this many usual steps is a gap, because at least one sample is missing there."""
@@ -63,14 +59,6 @@ class Cut:
         if self.samples == 0:
             return f"after sample {self.last}"
         return f"sample {self.first}" if self.samples == 1 else f"samples {self.first} to {self.last}"
-
-
-def make_cut(recording: Recording, kind: str, channel: str, *, first: int, last: int, found: str) -> Cut:
-    """Return the cut of a recording's samples `first` to `last`, both included; a gap has `last` before `first`."""
-    time = recording.time
-    stop = float(time[last + 1] if last + 1 < len(time) else time[-1] + 1.0 / recording.fs)
-    start = float(time[first] if first <= last else time[last])
-    return Cut(kind, channel, start, stop, int(first), int(last), found)
 
 
 def sound_samples(n: int, cuts: Iterable[Cut]) -> np.ndarray:

@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from .cut import make_cut
 from .defects.watched import find_runs
-from .recording import Channel, Recording, channels_within
+from .recording import Channel, Recording, channels_within, make_cut
 
 SHIFTED_KIND = "moved"
 """Kind of a cut in which a shifted channel has no sample. Reports list the delay, but not these cuts."""

@@ -323,3 +323,11 @@ class Recording:
 def channels_within(recording: Recording, span: slice) -> dict[str, Channel]:
     """Return all channels of a recording with only the samples in a `span`."""
     return {name: replace(channel, samples=channel.samples[span]) for name, channel in recording.channels.items()}
+
+
+def make_cut(recording: Recording, kind: str, channel: str, *, first: int, last: int, found: str) -> Cut:
+    """Return the cut of a recording's samples `first` to `last`, both included; a gap has `last` before `first`."""
+    time = recording.time
+    stop = float(time[last + 1] if last + 1 < len(time) else time[-1] + 1.0 / recording.fs)
+    start = float(time[first] if first <= last else time[last])
+    return Cut(kind, channel, start, stop, int(first), int(last), found)

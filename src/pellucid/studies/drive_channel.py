@@ -6,8 +6,7 @@ from collections.abc import Container
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ..recordings.recording import Recording
-    from .study import Study
+    pass
 
 DRIVE_CHANNELS = {"torque": ("torque", "force"), "current": ("current",), "voltage": ("voltage", "duty")}
 """Channels that may carry the command of each kind of drive; the first one that is recorded counts."""
@@ -21,7 +20,3 @@ def command_channel(channels: Container[str], kind: str, ending: str = "") -> st
     return next((name + ending for name in DRIVE_CHANNELS[kind] if name + ending in channels), None)
 
 
-def drive_channel(recording: Recording, study: Study) -> str | None:
-    """Return the name of the channel with the drive's command; None if the recording has none."""
-    drive = study.rig.drive
-    return command_channel(recording, drive.kind) if drive else None

@@ -20,6 +20,7 @@ from ..recordings.delay import shift_channels, undo_lags
 from ..recordings.joined_stream import initial_offset, join_stream
 from ..recordings.optical import OpticalRecording
 from ..recordings.recording import Channel, Payload, Recording
+from .drive_channel import command_channel
 from .find_defects import find_cuts
 from .optical_columns import read_optical
 from .results import ResultRow, read_rows
@@ -617,3 +618,9 @@ def _folder_contents(folder: Path) -> str:
     if names is None:
         return f"; there is no folder {folder.name}"
     return f"; {folder.name} holds {', '.join(names[:DISPLAYED_FILE_COUNT]) or 'nothing'}"
+
+
+def drive_channel(recording: Recording, study: Study) -> str | None:
+    """Return the name of the channel with the drive's command; None if the recording has none."""
+    drive = study.rig.drive
+    return command_channel(recording, drive.kind) if drive else None

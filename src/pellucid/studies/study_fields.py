@@ -11,7 +11,7 @@ from .. import _given
 from ..units import parse_quantity
 
 if TYPE_CHECKING:
-    from .study_file import StudyFile
+    pass
 
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"
 """Pattern of a study's name."""
@@ -89,7 +89,7 @@ class ProcedureTable(StudyTable):
         """Return whether spikes in a channel would spoil the result; `stream` is "" for the recording's own file."""
         return False
 
-    def require_in(self, config: StudyFile) -> None:
+    def require_in(self, config: Any) -> None:
         """Raise a ValueError if the table refers to something that is missing in the rest of study.toml."""
 
 

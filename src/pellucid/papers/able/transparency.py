@@ -32,7 +32,7 @@ from ...lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, sess
 from ...lab.study import record_in_memory
 from ...procedures.assessment.assess import assess_recordings
 from ...procedures.assessment.assessment_result import AssessmentResult
-from ...procedures.assessment.procedure import AssessmentTable
+from ...procedures.assessment.assessment_table import AssessmentTable
 
 LAWS = ("FC", "PCFr", "CLPC")
 """Conditions of the paper other than control, in the paper's order."""

@@ -18,20 +18,11 @@ from ..paper import Paper, Progress
 from .recomputed import recomputed
 from .rows import step_rows, torque_rows, training_rows
 from .sections import step_sections
-from .steps import BodyFound, LegFound, find_body, find_leg
-from .torque import TorqueFound, find_torque
-from .training import Training, train
+from .steps import BodyFound, find_body, find_leg
+from .subject_found import SubjectFound
+from .torque import find_torque
+from .training import train
 from .trials import active_swing, driven_swing, take_subject
-
-
-@dataclass(frozen=True, eq=False)
-class SubjectFound:
-    """All three steps of one subject."""
-
-    name: str
-    leg: LegFound
-    torque: TorqueFound
-    training: Training
 
 
 @dataclass(eq=False)

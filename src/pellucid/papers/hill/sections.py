@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -19,7 +19,10 @@ from .torque import BASELINE_FAMILIES, RECORDED_EMG_BASELINES
 from .training import TRAINED_QUANTITIES
 
 if TYPE_CHECKING:
-    from .paper import HillPaper
+    from ...lab.seated.rig import SeatedRig
+    from ..printed import PrintedPaper
+    from .steps import BodyFound
+    from .subject_found import SubjectFound
 
 LINE_COLOUR_ROLES = {"true": "measured", "muscles": "fitted", "electrodes alone": "heldout", "eq. 12": "good",
          "measured": "measured", "eq. 9": "fitted", "eq. 10": "fitted"}  # fmt: skip
@@ -32,6 +35,18 @@ DRAWN_SUBJECTS = ("S2", "S4")
 """Virtual subjects in place of those whose torque the paper draws (its Fig. 9): the fastest and the slowest."""
 
 
+class HillReproduction(Protocol):
+    """Results of the reproduction that its page shows."""
+
+    @property
+    def printed(self) -> PrintedPaper:
+        """Numbers that the paper prints."""
+
+    rig: SeatedRig
+    empty: BodyFound
+    subjects: dict[str, SubjectFound]
+
+
 def _cell(value: float) -> str:
     return number(value, digits=3)
 
@@ -40,16 +55,16 @@ def _both(ours: float, printed: float | None) -> str:
     return bracketed(_cell(ours), None if printed is None else _cell(printed))
 
 
-def _chosen(made: HillPaper, wanted: Sequence[str]) -> list[str]:
+def _chosen(made: HillReproduction, wanted: Sequence[str]) -> list[str]:
     return [name for name in wanted if name in made.subjects] or list(made.subjects)[:2]
 
 
-def step_sections(made: HillPaper) -> tuple[Section, ...]:
+def step_sections(made: HillReproduction) -> tuple[Section, ...]:
     """Each table and figure of the paper, in its order."""
     return tuple(make(made) for make in (_people, _swings, _legs, _training, _torque, _methods))
 
 
-def _people(made: HillPaper) -> Section:
+def _people(made: HillReproduction) -> Section:
     """Return the section with the virtual subjects."""
     rows = [
         (name, str(s["age"]), f"{100 * s['height']:.0f}", f"{s['weight']:.0f}", f"{s['frequency']:.2f}")
@@ -68,7 +83,7 @@ def _people(made: HillPaper) -> Section:
     )
 
 
-def _swings(made: HillPaper) -> Section:
+def _swings(made: HillReproduction) -> Section:
     """Figs. 5 and 6."""
     name = next(iter(made.subjects))
     bodies = {"exoskeleton alone": made.empty, f"with the leg of {name}": made.subjects[name].leg.body}
@@ -109,7 +124,7 @@ def _swings(made: HillPaper) -> Section:
     )
 
 
-def _legs(made: HillPaper) -> Section:
+def _legs(made: HillReproduction) -> Section:
     """Table 2 and what is wrong with it."""
     printed = made.printed.tables["swings"]
     more = [
@@ -150,7 +165,7 @@ def _legs(made: HillPaper) -> Section:
     )
 
 
-def _training(made: HillPaper) -> Section:
+def _training(made: HillReproduction) -> Section:
     """Table 3, Figs. 7 and 11."""
     panels = []
     for name in list(made.subjects)[:4]:
@@ -213,7 +228,7 @@ def _training(made: HillPaper) -> Section:
     )
 
 
-def _stopped(made: HillPaper, quantity: str) -> float:
+def _stopped(made: HillReproduction, quantity: str) -> float:
     """Share of a quantity's parameters, over subjects and muscles, that a bound holds still in the end."""
     still = [
         spread < 1e-9
@@ -228,7 +243,7 @@ def _smooth(costs: np.ndarray, size: int = 25) -> np.ndarray:
     return np.convolve(costs, np.ones(size) / size, mode="valid")
 
 
-def _torque(made: HillPaper) -> Section:
+def _torque(made: HillReproduction) -> Section:
     """Table 4, Figs. 8 and 9."""
     printed = made.printed.tables["errors"]
     rows = []
@@ -278,7 +293,7 @@ def _torque(made: HillPaper) -> Section:
     )
 
 
-def _methods(made: HillPaper) -> Section:
+def _methods(made: HillReproduction) -> Section:
     """Table 5 and Fig. 10."""
     table = made.printed.tables["methods"]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -21,7 +21,10 @@ from .recomputed import SUBJECT_KEYS
 from .torque import ESTIMATOR_NAMES
 
 if TYPE_CHECKING:
-    from .paper import KneePaper
+    from ...lab.knee.rig import KneeRig
+    from ..printed import PrintedPaper
+    from .torque import MapScored, TorqueSteps
+    from .wearers import Bench, Drawn, WearerFound
 
 LINE_COLOUR_ROLES = {
     "true": "measured",
@@ -47,6 +50,21 @@ PRINTED_NOTE = "In angular brackets, what the thesis prints."
 """Captions of tables with the thesis's numbers contain this sentence."""
 
 
+class KneeReproduction(Protocol):
+    """Results of the reproduction that its page shows."""
+
+    @property
+    def printed(self) -> PrintedPaper:
+        """Numbers that the thesis prints."""
+
+    rig: KneeRig
+    bench: Bench
+    wearers: dict[str, WearerFound]
+    steps: dict[tuple[str, str], TorqueSteps]
+    maps: list[MapScored]
+    drawn: list[Drawn]
+
+
 def _both(ours: str, printed: Printed | None) -> str:
     return bracketed(ours, None if printed is None else cell(printed.value))
 
@@ -56,13 +74,13 @@ def _with_interval(parameter: Parameter) -> str:
     return f"{number(parameter.value, 0.5 * (high - low))} ± {number(0.5 * (high - low), digits=2)}"
 
 
-def thesis_sections(made: KneePaper, rows: dict[str, Reproduced]) -> tuple[Section, ...]:
+def thesis_sections(made: KneeReproduction, rows: dict[str, Reproduced]) -> tuple[Section, ...]:
     """Return a section for each table and figure of the thesis, in its order."""
     alone = (_subjects(made), _orthosis(made), _shanks(made))
     return (*alone, _torque(made, rows), _strap(made, rows), _straps_over_seeds(made, rows))
 
 
-def _subjects(made: KneePaper) -> Section:
+def _subjects(made: KneeReproduction) -> Section:
     """Table 3.1."""
     table = made.printed.tables["subjects"]
     columns = ("age", "mass", "height", "shank_length")
@@ -78,7 +96,7 @@ def _subjects(made: KneePaper) -> Section:
     )
 
 
-def _orthosis(made: KneePaper) -> Section:
+def _orthosis(made: KneeReproduction) -> Section:
     """Figs. 3.1 and 3.2, Table 3.2."""
     bench, table = made.bench, made.printed.tables["orthosis"]
     found = {p.name: p for p in bench.fit.parameters} | {"stiffness": bench.fit.linear["stiffness"]}
@@ -133,7 +151,7 @@ def _orthosis(made: KneePaper) -> Section:
     )
 
 
-def _hanging(made: KneePaper) -> tuple[float, float]:
+def _hanging(made: KneeReproduction) -> tuple[float, float]:
     """m g l [N m] and angle of rest [rad] of the orthosis."""
     fit = made.bench.fit.gravity
     return fit.gravity.value, 0.0 if fit.zero is None else fit.zero.value
@@ -145,7 +163,7 @@ def _sine(*bodies: tuple[float, float]) -> tuple[float, float]:
     return float(abs(whole)), float(np.angle(whole))
 
 
-def _response(made: KneePaper) -> Drawing:
+def _response(made: KneeReproduction) -> Drawing:
     fit, brief = made.bench.fit, made.bench.brief
     first = next(r for r in brief.responses if r.recording.endswith("07"))
     name = next(n for n in fit.checks if n.endswith("07"))
@@ -172,7 +190,7 @@ def _response(made: KneePaper) -> Drawing:
     )  # fmt: skip
 
 
-def _shanks(made: KneePaper) -> Section:
+def _shanks(made: KneeReproduction) -> Section:
     """Fig. 3.3, Table 3.3."""
     shank = made.printed.tables["shank"]
     panels, cells = [], []
@@ -221,7 +239,7 @@ def _shanks(made: KneePaper) -> Section:
     )  # fmt: skip
 
 
-def _torque(made: KneePaper, rows: dict[str, Reproduced]) -> Section:
+def _torque(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
     """Fig. 3.4, Table 3.4."""
     table, cells = made.printed.tables["regression"], []
     for estimator in dict.fromkeys(m.estimator for m in made.maps):
@@ -266,7 +284,7 @@ def _torque(made: KneePaper, rows: dict[str, Reproduced]) -> Section:
     )
 
 
-def _torque_errors(made: KneePaper) -> tuple[Drawing, ...]:
+def _torque_errors(made: KneeReproduction) -> tuple[Drawing, ...]:
     errors = [
         (m.subject, m.estimator, ESTIMATOR_WORDS[m.estimator], m.score.rmse)
         for m in made.maps
@@ -282,7 +300,7 @@ def _torque_errors(made: KneePaper) -> tuple[Drawing, ...]:
     )  # fmt: skip
 
 
-def _torque_trace(made: KneePaper) -> Drawing:
+def _torque_trace(made: KneeReproduction) -> Drawing:
     """The longer steps, in which the thesis's come first."""
     mine = [m for m in made.maps if m.protocol == "both_ways"]
     chosen = next((m for m in mine if m.estimator == "boost"), mine[0])
@@ -302,7 +320,7 @@ def _torque_trace(made: KneePaper) -> Drawing:
     )  # fmt: skip
 
 
-def _strap(made: KneePaper, rows: dict[str, Reproduced]) -> Section:
+def _strap(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
     """Figs. 3.5 to 3.7, Table 3.5."""
     table, drawings, cells = made.printed.tables["coupling"], [], []
     for number_, ((name, found), subject) in enumerate(zip(made.wearers.items(), SUBJECT_KEYS, strict=True), 5):
@@ -371,7 +389,7 @@ def _imu_note(rows: dict[str, Reproduced]) -> str:
     )
 
 
-def _straps_over_seeds(made: KneePaper, rows: dict[str, Reproduced]) -> Section:
+def _straps_over_seeds(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
     """Whether intervals hold the truth."""
     panels = []
     for what, unit, letter in (("stiffness", "N·m/rad", "k"), ("damping", "N·m·s/rad", "b")):

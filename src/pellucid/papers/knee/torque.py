@@ -15,7 +15,7 @@ from ...estimators.torque_reference import MovedBody, human_torque
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.strap.strap_torque import Orthosis
 from ...lab.knee.rig import KneeRig
-from ...procedures.emg_torque.procedure import EmgTorqueTable
+from ...procedures.emg_torque.emg_torque_table import EmgTorqueTable
 from ...signals.emg_chain import emg_chain
 from .trials import KneeSession
 from .wearers import WearerFound

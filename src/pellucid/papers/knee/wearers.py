@@ -18,8 +18,8 @@ from ...lab.knee.rig import KneeRig
 from ...lab.knee.subject import KneeSubject
 from ...models.anthropometry import de_leva, shank_length, winter
 from ...procedures.coupling.coupling_result import WearerStages
+from ...procedures.coupling.coupling_table import CouplingTable
 from ...procedures.coupling.identify_coupling import identify_worn
-from ...procedures.coupling.procedure import CouplingTable
 from ...signals.inertial import inertial
 from ...signals.input_output import input_output
 from .trials import STRAP_ONLY, KneeSession, hold_angles, take

@@ -31,11 +31,11 @@ from ...estimators.unrecorded import (
 from ...fit.parameter import Verdict
 from ...studies.results import ResultRow
 from ...studies.study import Study
-from ..emg_torque.procedure import EmgTorqueTable
+from ..emg_torque.emg_torque_table import EmgTorqueTable
 from ..emg_torque.trial_sources import moment_trials
 from ..procedure import Progress, quiet
 from ..result import FigureTable, Result
-from .procedure import ActivationsTable
+from .activations_table import ActivationsTable
 
 JOINTS_TOGETHER_ID = "together"
 """Part of row ids and file names for the muscles of several joints."""

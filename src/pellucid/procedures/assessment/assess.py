@@ -25,15 +25,16 @@ from ...units import Coordinate
 from ..procedure import Progress, quiet
 from .assessment_result import Assessed, AssessmentResult, Needed, Profile, Sensitivity, Settling
 from .assessment_rows import result_rows
+from .assessment_table import DEFAULT_STUDIES, AssessmentTable
 from .assessment_tables import tables
 from .certified import certify_conditions, end_points
 from .certified_rows import certificate_verdicts
 from .clocks import delay_notes, with_assumed_delays
 from .measured_study import MeasuredStudy, activities, join_studies, measure
 from .movement_curves import Curves, participants_curves
+from .paper_tables import write_tables
 from .pointing import PointingRecord, labelled_amplitudes, recordings_with_condition, with_rule
 from .pointing_faults import pointing_faults, usable_records
-from .procedure import DEFAULT_STUDIES, AssessmentTable
 from .session_order import session_order
 from .statements import headline, paragraph, verdicts
 
@@ -124,6 +125,7 @@ def assess_recordings(
     for reasons in whole.left_out.values():
         left_out.update(reasons)
     made = AssessmentResult(
+        write_tables=write_tables,
         study=name,
         headline="",
         tables=(),

@@ -17,7 +17,7 @@ from ...drawing.style import FIGURE_WIDTH, colour
 from ...pages.quantities import unit_text
 from ...units import COORDINATES_BY_UNIT, Coordinate
 from .assessment_result import Assessed, Profile, Settling
-from .certified import Certified
+from .certified_condition import Certified
 from .movement_curves import QUANTITY_NAMES
 
 CONDITION_COLOUR_ROLES = ("measured", "fitted", "heldout", "directional", "load", "stribeck", "combined", "good")

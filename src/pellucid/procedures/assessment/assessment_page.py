@@ -14,8 +14,8 @@ from ..result import FigureTable
 from . import assessment_figures as figures
 from . import assessment_tables as tables
 from .assessment_result import AssessmentResult
+from .assessment_table import AssessmentTable
 from .certified_rows import certificate_remarks, certificate_sentences
-from .procedure import AssessmentTable
 
 
 def page(study: Study, findings: AssessmentResult) -> Page:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from ...assessment.survival import Survival
 from ...studies.study import Study
 from ...units import COORDINATES_BY_UNIT, Coordinate
 from ..result import Result
-from .certified import Certified
+from .certified_condition import Certified
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +118,8 @@ class AssessmentResult(Result):
     profile_of: str = ""  # kind of movement that the profiles show, in words
     measured: tuple[MeasuredMovement, ...] = field(default=(), repr=False)  # movements in use, by the study's own rule
     unit: str = "rad"  # unit of the coordinate of movement: "rad" or "m"
+    # function that writes the tables for a paper into a folder
+    write_tables: Callable[[Path, AssessmentResult], object] | None = field(default=None, repr=False)
 
     @property
     def along(self) -> Coordinate:
@@ -136,6 +139,5 @@ class AssessmentResult(Result):
         return self.paragraph
 
     def save_more(self, study: Study) -> None:
-        from .paper_tables import write_tables
-
-        write_tables(study.place("tables"), self)
+        if self.write_tables is not None:
+            self.write_tables(study.place("tables"), self)

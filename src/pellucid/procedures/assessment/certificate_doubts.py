@@ -21,7 +21,7 @@ from .session_order import SessionOrder
 
 if TYPE_CHECKING:
     from .assessment_result import AssessmentResult
-    from .certified import EndPoint
+    from .certified_condition import EndPoint
 
 PERIOD_DOUBT = "period"
 """Doubt: the period of the session may have changed the end point."""

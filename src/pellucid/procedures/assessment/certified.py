@@ -3,96 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..._errors import StudyError
-from ...assessment.certificate import Certificate, certificate_from_tests
+from ...assessment.certificate import certificate_from_tests
 from ...assessment.equivalence import Equivalence, Margin, equivalence
 from ...assessment.equivalence_power import find_equivalence_participants
-from ...assessment.indices import CutOff, Index, PercentOf, Worse, indices_along
+from ...assessment.indices import CutOff, Index, PercentOf, Worse
 from ...assessment.lasting_bounds import lasting_bounds
-from ...assessment.mixed_model import MixedModel
-from ...units import COORDINATES_BY_UNIT, parse_quantity
+from ...units import parse_quantity
 from .certificate_doubts import doubts_of_loss, find_doubts, lost_movements
+from .certified_condition import Certified, EndPoint
 from .measured_study import MeasuredStudy
-from .movement_curves import CurveEndPoint, Curves, compare_with_control
+from .movement_curves import Curves, compare_with_control
 from .movement_model import model_of, of_model
 from .session_order import SessionOrder
 
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult
-    from .procedure import AssessmentTable
+    from .assessment_table import AssessmentTable
 
 PLANNED_POWER = 0.9
 """Power for which the number of participants is planned."""
 
 SIMULATED_STUDY_COUNT = 1000
 """Number of simulated studies behind the planned number of participants."""
-
-
-@dataclass(frozen=True)
-class EndPoint:
-    """One index with its stated margin."""
-
-    name: str  # name of the index in the catalogue
-    along: str  # unit of the coordinate of movement, "rad" or "m"
-    stated: str  # margin as stated
-    margin: Margin  # margin for logarithms of ratios if `ratio`, else in the index's unit
-    ratio: bool  # whether the margin is relative to control
-
-    @property
-    def index(self) -> Index:
-        """Entry of the catalogue for this coordinate."""
-        return indices_along(COORDINATES_BY_UNIT[self.along])[self.name]
-
-    def differences(self, own: np.ndarray, control: np.ndarray | None) -> np.ndarray:
-        """Return each participant's difference that is compared with the margin, (n,)."""
-        if control is None:
-            return own
-        return np.log(own / control) if self.ratio else own - control
-
-    def shown(self, value: float) -> float:
-        """Convert a difference for display: to %, or to the unit of tables."""
-        if self.ratio:
-            return 100.0 * float(np.expm1(value))
-        return (100.0 if self.index.over_control else self.index.shown[0]) * value
-
-    @property
-    def logs(self) -> bool:
-        """Whether movements are compared by logarithms, as participants are by ratios."""
-        return self.ratio or self.index.over_control
-
-    @property
-    def unit(self) -> str:
-        """Unit of `shown`."""
-        if self.ratio or self.index.over_control:
-            return "%"
-        return self.index.shown[1]
-
-
-@dataclass(frozen=True)
-class Certified:
-    """Certificate of one condition's transparency, with its evidence."""
-
-    condition: str
-    certificate: Certificate
-    end_points: Mapping[str, EndPoint]
-    participants: int  # number of participants with all end points
-    needed: int | None  # participants for a power of 90 % if there is no change; None if more than were tried
-    rests_on: str = "signed_rank"  # test that the study states
-    models: Mapping[str, MixedModel] = field(default_factory=dict)  # mixed model of all movements, by end point
-    beside: Mapping[str, Equivalence] = field(default_factory=dict)  # result of the other test, by end point
-    trends: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # trend and its p value, by end point
-    unknown: tuple[str, ...] = ()  # questions that could not be tested, in sentences
-    failed: Mapping[str, tuple[int, int]] = field(default_factory=dict)  # failed and all targets, by condition
-    curves: tuple[CurveEndPoint, ...] = ()
-    # lost and all movements, by end point and condition
-    lost: Mapping[str, Mapping[str, tuple[int, int]]] = field(default_factory=dict)
-    max_left_out: float = 0.0  # largest share of movements that may be lost
 
 
 def end_points(spec: AssessmentTable, indices: Mapping[str, Index]) -> dict[str, EndPoint]:

@@ -24,7 +24,7 @@ from .movement_curves import QUANTITY_NAMES
 
 if TYPE_CHECKING:
     from .assessment_result import AssessmentResult
-    from .certified import Certified, EndPoint
+    from .certified_condition import Certified, EndPoint
     from .movement_curves import CurveEndPoint
 
 TEST_NAMES = {"signed_rank": "signed ranks", "mixed_model": "the mixed model"}

@@ -17,7 +17,7 @@ from .measured_study import MeasuredStudy
 from .session_order import SessionOrder
 
 if TYPE_CHECKING:
-    from .certified import EndPoint
+    from .certified_condition import EndPoint
 
 MAX_AMPLITUDE_LEVELS = 8
 """Largest number of amplitudes with a separate effect each. With more, the effect of amplitude is a straight line."""

@@ -12,8 +12,9 @@ from ...assessment.equivalence_power import CANDIDATE_SIZES, participants_for_ch
 from ...assessment.indices import indices_along
 from ...studies.study import Study
 from ...units import COORDINATES_BY_UNIT, parse_quantity
-from .certified import EndPoint, end_points
-from .procedure import AssessmentTable
+from .assessment_table import AssessmentTable
+from .certified import end_points
+from .certified_condition import EndPoint
 
 TRUE_CHANGE_SHARES = {0.0: "none", 0.25: "a quarter", 1.0 / 3.0: "a third", 0.5: "a half"}
 """True changes for which the number is planned, as shares of the margin, with their names."""

@@ -14,6 +14,7 @@ from ...signals.amplitude_check import MAX_MISTAKEN_SHARE, strays
 from ...signals.emg_quality import inspect_emg
 from ...signals.movements import Movement, MovementRule, NoAngle
 from ...studies.study import Study
+from .assessment_table import AssessmentTable
 from .pointing import (
     PointingRecord,
     PointingSettings,
@@ -22,7 +23,6 @@ from .pointing import (
     recordings_with_condition,
     with_rule,
 )
-from .procedure import AssessmentTable
 
 AMPLITUDE_RATIO_BOUNDS = (0.75, 1.35)
 """Range of the median ratio of measured to labelled amplitudes. Outside it, labels or angle have a wrong unit or

@@ -15,7 +15,7 @@ from ...studies.study import Study
 from ..muscle_channels import MuscleEnvelopes, emg_faults, raise_refusals, relative_envelopes
 from ..procedure import Progress, quiet
 from ..result import FigureTable, Result
-from .procedure import CocontractionTable
+from .cocontraction_table import CocontractionTable
 
 DRAWN_STRETCH_S = 6.0
 """Duration of the drawn stretch of a recording [s]."""

@@ -4,32 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pydantic import Field
-
-from ...studies.study_fields import Word
-from ..muscle_tables import EnvelopeTable
 from ..procedure import Procedure, Progress, quiet
+from .cocontraction_table import CocontractionTable
 
 if TYPE_CHECKING:
     from ...pages.page import Page
     from ...recordings.fault import Fault
     from ...studies.study import Study
     from .find_cocontraction import CocontractionResult
-
-
-class CocontractionTable(EnvelopeTable):
-    """Settings of co-contraction: ``[cocontraction]``.
-
-    Attributes
-    ----------
-    pairs : tuple of (str, str)
-        Antagonists, by the names of their channels ``emg.<muscle>``.
-    confidence : float
-        Confidence level of the intervals, in (0, 1).
-    """
-
-    pairs: tuple[tuple[Word, Word], ...] = Field(min_length=1)
-    confidence: float = Field(0.95, gt=0, lt=1)
 
 
 class CocontractionProcedure(Procedure[CocontractionTable, "CocontractionResult"]):

@@ -14,7 +14,7 @@ from ..posterior_figures import posterior_figure
 from ..study_page import figure_tables, parameter_tables, study_page
 from . import coupling_figures as figures
 from .coupling_result import CouplingResult
-from .procedure import CouplingTable
+from .coupling_table import CouplingTable
 
 ORIENTATION_FILTER_NAMES = {"vqf": "VQF", "madgwick": "Madgwick's filter"}
 """Names of the orientation filters."""

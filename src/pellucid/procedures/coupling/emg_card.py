@@ -15,7 +15,7 @@ from ...recordings.recording import Recording
 from ...studies.study import Study
 from ..emg_torque.strapped_trials import strapped_emg_trial
 from ..emg_torque.trial_sources import STEP_PROTOCOL, number_repetitions
-from .procedure import CouplingTable
+from .coupling_table import CouplingTable
 
 
 def emg_cards(

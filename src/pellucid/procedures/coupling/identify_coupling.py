@@ -31,7 +31,7 @@ from ...studies.study import Study
 from ...studies.study_file import Participant, StudyFile
 from .actuator_card import actuator_card
 from .coupling_result import CouplingResult, WearerStages, coupling_result
-from .procedure import CouplingTable
+from .coupling_table import CouplingTable
 
 Progress = Callable[[str, float], None]
 

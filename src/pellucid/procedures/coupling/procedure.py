@@ -2,49 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING
 
-from pydantic import Field
-
-from ...studies.study_fields import ProcedureTable, Word
 from ..procedure import Procedure, Progress, quiet
+from .coupling_table import CouplingTable
 
 if TYPE_CHECKING:
     from ...pages.page import Page
     from ...recordings.fault import Fault
     from ...studies.study import Study
     from .coupling_result import CouplingResult
-
-
-class CouplingTable(ProcedureTable):
-    """A wearer strapped to an orthosis: ``[coupling]``.
-
-    Attributes
-    ----------
-    imu, emg : str
-        Streams of the limb's IMU and of the muscles.
-    orientation : str
-        Filter of the IMU: ``"vqf"`` or ``"madgwick"``.
-    magnetometer : bool
-        Whether it is used.
-    confidence : float
-        Of the intervals, in (0, 1).
-    posterior : bool
-        Whether a posterior of each strap is drawn beside its intervals.
-    """
-
-    alone: ClassVar[bool] = True
-
-    imu: Word = "imu"
-    emg: Word = "emg"
-    orientation: Literal["vqf", "madgwick"] = "vqf"
-    magnetometer: bool = True
-    confidence: float = Field(0.95, gt=0, lt=1)
-    posterior: bool = False
-
-    def reads(self, channel: str, stream: str) -> bool:
-        """Torque and angle of the orthosis, and the limb's IMU."""
-        return stream == self.imu if stream else channel in ("torque", "position")
 
 
 class CouplingProcedure(Procedure[CouplingTable, "CouplingResult"]):

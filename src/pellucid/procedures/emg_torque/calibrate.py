@@ -24,8 +24,9 @@ from ...fit.parameter import Verdict
 from ...fit.posterior.ensemble import require_sampler
 from ...signals.emg_chain import emg_chain
 from ...studies.study import Study
-from ..loaded_swing.procedure import LoadedSwingTable
+from ..loaded_swing.loaded_swing_table import LoadedSwingTable
 from ..result import FigureTable, Result
+from .calibration_findings import CalibrationFindings, find_applicable_estimators
 from .calibration_rows import calibration_rows
 from .chosen import (
     BASELINE_ESTIMATOR,
@@ -34,15 +35,9 @@ from .chosen import (
     recommend_estimator,
     run_tests_if_candidate,
 )
+from .emg_torque_table import EmgTorqueTable
 from .estimator_cards import estimator_cards
-from .evaluated import (
-    CAUSAL_ESTIMATORS,
-    REPORTED_ESTIMATORS,
-    CalibrationFindings,
-    EstimatorEvaluation,
-    TorqueTrace,
-    find_applicable_estimators,
-)
+from .evaluated import CAUSAL_ESTIMATORS, REPORTED_ESTIMATORS, EstimatorEvaluation, TorqueTrace
 from .known_muscles import geometry_verdicts
 from .leave_one_out import leave_out_recordings, leave_out_repetitions
 from .leg_extension_trials import EXTENSION_PROTOCOL
@@ -54,7 +49,6 @@ from .muscle_findings import (
     muscle_tables,
     partial_errors,
 )
-from .procedure import EmgTorqueTable
 from .relative_envelopes import normalisation_words
 from .seated_swings import SWING_PROTOCOL, evaluate_seated_swings
 from .sessions import compare_sessions, invalidity_words, session_tables, session_verdicts

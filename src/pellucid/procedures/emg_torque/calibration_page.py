@@ -22,8 +22,8 @@ from . import calibration_figures as figures
 from . import muscle_figures, stiffness_figures
 from .calibrate import INVALID_BANDS_FINDING, CalibrationResult
 from .chosen import BASELINE_ESTIMATOR, RecommendedEstimator
+from .emg_torque_table import EmgTorqueTable
 from .evaluated import TorqueTrace
-from .procedure import EmgTorqueTable
 from .together import FIT_WORDS
 
 SHORT_ESTIMATOR_NAMES = {name: family.short for name, family in ESTIMATOR_FAMILIES.items() if family.short}

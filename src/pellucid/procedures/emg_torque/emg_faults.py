@@ -12,7 +12,7 @@ from ...recordings.recording import Recording
 from ...signals.emg_chain import EmgChain, emg_chain
 from ...signals.emg_quality import RATE_TOLERANCE, contrast_faults, inspect_emg, swapped_faults
 from ...studies.study import Study
-from .procedure import EmgTorqueTable
+from .emg_torque_table import EmgTorqueTable
 
 ENVELOPE_SETTLING_S = 0.5
 """Duration at either end of a recording in which an envelope has not settled [s].

@@ -25,8 +25,8 @@ from ...models.muscle_geometry import muscle_table
 from ...models.muscle_surface import MuscleSurface, fit_muscle_surface, sampled_surface, surface_from_geometry
 from ...signals.emg_chain import FILTER_STAGES, emg_chain
 from ...studies.study import Study
-from .evaluated import CalibrationFindings
-from .procedure import EmgTorqueTable
+from .calibration_findings import CalibrationFindings
+from .emg_torque_table import EmgTorqueTable
 from .relative_envelopes import find_maxima, find_stream
 from .together import TogetherFindings
 from .torque_card import PRODUCT_SEPARATOR

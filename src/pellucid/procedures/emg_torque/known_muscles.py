@@ -12,7 +12,7 @@ from ...models.hill import HillMuscle
 from ...models.muscle_geometry import muscle_table
 from ...recordings.recording import Recording
 from ...studies.study import Study
-from .procedure import EmgTorqueTable
+from .emg_torque_table import EmgTorqueTable
 from .relative_envelopes import is_maximal, is_relative
 from .study_muscles import study_geometry, study_muscles
 

@@ -14,10 +14,11 @@ from ...estimators.torque_map import cross_validate_torque_maps, fit_torque_map
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
 from ...studies.study import Study
+from .calibration_findings import CalibrationFindings, find_applicable_estimators
 from .chosen import recommend_by_fold, run_tests_if_candidate
-from .evaluated import CalibrationFindings, EstimatorEvaluation, TorqueTrace, find_applicable_estimators
+from .emg_torque_table import EmgTorqueTable
+from .evaluated import EstimatorEvaluation, TorqueTrace
 from .leg_extension_trials import EXTENSION_PROTOCOL, leg_extension_trials
-from .procedure import EmgTorqueTable
 from .relative_envelopes import normalisation_words
 from .trial_sources import moment_trials
 

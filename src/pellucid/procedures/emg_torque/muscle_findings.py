@@ -22,7 +22,7 @@ from ...models.muscle_card import CARD_KIND, CalibratedMuscles
 from ...models.parameter_card import ParameterCard
 from ...studies.study import Study
 from ..result import ParameterTable
-from .evaluated import CalibrationFindings
+from .calibration_findings import CalibrationFindings
 
 DRAWN_STRETCH_S = 3.0
 """Duration of the stretch of a trial in figures of muscles [s]."""

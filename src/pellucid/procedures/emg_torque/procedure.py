@@ -4,87 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Literal
-
-from pydantic import Field
+from typing import TYPE_CHECKING
 
 from ...studies.study import Study
-from ...studies.study_fields import ProcedureTable, RelativePath, ShownText, Word, quantity
 from ..procedure import Procedure, Progress, quiet
+from .emg_torque_table import BODY_CARD_NAMES, EmgTorqueTable
 
 if TYPE_CHECKING:
     from ...pages.page import Page
     from ...recordings.fault import Fault
     from .calibrate import CalibrationResult
-
-BODY_CARD_NAMES = ("orthosis", "limb", "coupling", "strap")
-"""Last parts of the names of cards by `identify` from which the wearer's torque is computed."""
-
-
-class EmgTorqueTable(ProcedureTable):
-    """Torque of joints from EMG: ``[emg_torque]``.
-
-    Attributes
-    ----------
-    joints : tuple of str
-        Joints, each with channels ``angle.<joint>`` and ``moment.<joint>``, or the rig's own position and torque.
-    muscles : tuple of str
-        Muscles to use, by their channels ``emg.<muscle>``; empty: all.
-    emg, moments : str
-        Streams of these channels, if they are not in the recording's own file.
-    chain : str
-        Filter chain from raw EMG to envelopes: ``"knee"``, ``"able"``, ``"hill"``, or ``"none"`` for recorded
-        envelopes.
-    mains : float or None
-        Frequency of the notch in the chain ``"hill"`` [Hz]; by default 50 Hz, as published.
-    reference_lowpass : float or None
-        Cut-off of the zero-phase low-pass on the reference torque [Hz].
-    largest_moment : dict of str to float
-        Moment of a maximal contraction, by joint [N m]: the scale of moments that are given in %MVC.
-    normalise : str or None
-        Scale of envelopes. ``"mvc"``: the largest envelope in recordings with the protocol mvc; ``"largest"``: the
-        largest envelope in the fitted recordings; ``"none"``: as the chain leaves them. By default the chain decides:
-        one that normalises uses mvc recordings, or without any the fitted ones.
-    rescale : float or None
-        Duration of the beginning of each test recording by which changed channels are repaired [s]. Floor and range
-        are scaled to the fitted ones, exchanged channels exchanged back, and channels with another muscle's signal
-        predicted from the others. By default changed channels are used as they are, and named.
-    muscle_file : str or None
-        Path from the study's folder to an OpenSim model, a CEINMS subject, or a ``muscle_geometry.json`` made of a
-        model. It gives the muscles' constants, and if it is of a model, their lengths and moment arms.
-    muscle_names : dict of str to str
-        Name of each of the study's muscles in that file.
-    coordinates : dict of str to str
-        Name of each joint's angle in an OpenSim model, such as ``"-knee_angle_r"`` if it has the opposite sign. By
-        default the columns of ``angle.<joint>`` must be named as the model's coordinates are.
-    posterior : bool
-        Whether a posterior of all joints' muscles together is computed beside their intervals.
-    """
-
-    joints: tuple[Word, ...] = Field(min_length=1)
-    muscles: tuple[Word, ...] = ()
-    emg: Word = "emg"
-    moments: Word = "moments"
-    chain: Literal["knee", "able", "hill", "none"] = "knee"
-    mains: quantity("Hz", gt=0) | None = None
-    reference_lowpass: quantity("Hz", gt=0) | None = None
-    largest_moment: dict[Word, quantity("N*m", gt=0)] = Field(default_factory=dict)
-    normalise: Literal["mvc", "largest", "none"] | None = None
-    rescale: quantity("s", gt=0) | None = None
-    muscle_file: RelativePath | None = None
-    muscle_names: dict[Word, ShownText] = Field(default_factory=dict)
-    coordinates: dict[Word, ShownText] = Field(default_factory=dict)
-    posterior: bool = False
-
-    bridges: ClassVar[bool] = False
-
-    def reads(self, channel: str, stream: str) -> bool:
-        """Return whether the procedure reads a channel: angles, torques and EMG in their streams."""
-        kind = channel.partition(".")[0]
-        if stream:
-            return (kind == "emg" and stream == self.emg) or (kind == "moment" and stream == self.moments)
-        return channel in ("position", "torque") or kind in ("angle", "moment", "emg")
-
 
 class EmgTorqueProcedure(Procedure[EmgTorqueTable, "CalibrationResult"]):
     """Torque of joints from EMG, by several methods, on held-out data."""

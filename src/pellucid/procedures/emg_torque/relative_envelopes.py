@@ -11,7 +11,7 @@ from ...recordings.recording import Recording
 from ...signals.emg_chain import EmgChain, emg_chain
 from ...studies.study import Study
 from .emg_faults import trial_faults
-from .procedure import EmgTorqueTable
+from .emg_torque_table import EmgTorqueTable
 
 MAXIMAL_PROTOCOL = "mvc"
 """Protocol of a maximal contraction."""

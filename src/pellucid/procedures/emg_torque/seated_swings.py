@@ -27,10 +27,11 @@ from ...recordings.recording import Recording
 from ...signals.emg_chain import EmgChain, emg_chain
 from ...studies.study import Study
 from ..loaded_swing.identify_loaded_swing import LOADED_PROTOCOL, identify_swings
+from .calibration_findings import CalibrationFindings, find_applicable_estimators
 from .chosen import run_tests_if_candidate
-from .evaluated import CalibrationFindings, EstimatorEvaluation, TorqueTrace, find_applicable_estimators
+from .emg_torque_table import EmgTorqueTable
+from .evaluated import EstimatorEvaluation, TorqueTrace
 from .muscle_findings import partial_errors
-from .procedure import EmgTorqueTable
 
 SWING_PROTOCOL = "seated_swing"
 """Protocol in which a seated wearer swings the leg without torque by the motor."""

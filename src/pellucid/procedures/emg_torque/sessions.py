@@ -16,7 +16,7 @@ from ...recordings.fault import Fault
 from ...recordings.recording import Recording
 from ...studies.study import Study
 from ..result import FigureTable
-from .procedure import EmgTorqueTable
+from .emg_torque_table import EmgTorqueTable
 from .relative_envelopes import MAXIMAL_PROTOCOL, find_stream, find_used_muscles, find_window
 from .trial_sources import moment_trials
 

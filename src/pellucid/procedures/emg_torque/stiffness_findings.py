@@ -16,7 +16,7 @@ from ...models.parameter_card import ParameterCard
 from ...studies.results import ResultRow
 from ...studies.study import Study
 from ..result import FigureTable
-from .evaluated import CalibrationFindings
+from .calibration_findings import CalibrationFindings
 
 STIFFNESS_UNIT = "N*m/rad"
 """Unit of stiffness in rows and cards."""

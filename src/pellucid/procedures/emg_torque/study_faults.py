@@ -5,11 +5,11 @@ from __future__ import annotations
 from ..._errors import RecordingError
 from ...recordings.fault import Fault
 from ...studies.study import Study
-from ..loaded_swing.procedure import LoadedSwingTable
+from ..loaded_swing.loaded_swing_table import LoadedSwingTable
+from .calibration_findings import CalibrationFindings, find_applicable_estimators
 from .emg_faults import emg_faults
-from .evaluated import CalibrationFindings, find_applicable_estimators
+from .emg_torque_table import EmgTorqueTable
 from .leg_extension_trials import EXTENSION_PROTOCOL
-from .procedure import EmgTorqueTable
 from .relative_envelopes import find_maxima, relative_envelopes
 from .seated_swings import SWING_PROTOCOL
 from .sessions import session_faults

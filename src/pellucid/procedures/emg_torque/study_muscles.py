@@ -21,7 +21,7 @@ from ...recordings.readers.ceinms_xml import read_subject
 from ...recordings.readers.osim import read_model
 from ...recordings.readers.osim_paths import read_paths
 from ...studies.study import Study
-from .procedure import EmgTorqueTable
+from .emg_torque_table import EmgTorqueTable
 
 
 def read_muscle_constants(path: Path) -> dict[str, MuscleConstants]:

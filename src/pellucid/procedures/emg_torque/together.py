@@ -19,7 +19,8 @@ from ...estimators.hill_together import HillTogether, TrialByJoint, fit_together
 from ...estimators.never_recorded import UnrecordedMuscles, fit_unrecorded_muscles
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.posterior.calibration_posterior import CalibrationPosterior, calibration_posterior
-from .evaluated import CalibrationFindings, TorqueTrace
+from .calibration_findings import CalibrationFindings
+from .evaluated import TorqueTrace
 
 PLAIN_FIT = "hill"
 """Part of row ids that names the fit in which EMG and moments have one clock."""

@@ -32,7 +32,8 @@ from ..posterior_beside import (
     posterior_verdicts,
 )
 from ..result import FigureTable, ParameterTable
-from .evaluated import CalibrationFindings, EstimatorEvaluation, TorqueTrace
+from .calibration_findings import CalibrationFindings
+from .evaluated import EstimatorEvaluation, TorqueTrace
 from .muscle_findings import MuscleSummary
 from .together import (
     FIT_WORDS,

@@ -13,7 +13,7 @@ from ...estimators.torque_trial import TorqueTrial
 from ...models.card import CardParameter
 from ...models.parameter_card import ParameterCard
 from ...studies.study import Study
-from .procedure import EmgTorqueTable
+from .emg_torque_table import EmgTorqueTable
 from .relative_envelopes import is_relative
 
 PRODUCT_SEPARATOR = " * "

@@ -20,8 +20,8 @@ from ...recordings.recording import Recording
 from ...signals.filters import zero_phase_lowpass
 from ...studies.study import Study
 from ..card_sources import require_fresh
+from .emg_torque_table import BODY_CARD_NAMES, EmgTorqueTable
 from .known_muscles import muscle_source
-from .procedure import BODY_CARD_NAMES, EmgTorqueTable
 from .relative_envelopes import (
     MAXIMAL_PROTOCOL,
     find_maxima,

@@ -9,8 +9,8 @@ from ...pages.page import Page, Section, Tile
 from ...studies.study import Study
 from ..study_page import figure_tables, parameter_tables, study_page
 from . import hinge_figures as figures
+from .hinge_table import HingeTable
 from .identify_hinge import PROCESSING_NOTE, HingeResult, HingeTrial
-from .procedure import HingeTable
 
 
 def page(study: Study, findings: HingeResult) -> Page:

@@ -20,7 +20,7 @@ from ...studies.results import ResultRow
 from ...studies.study import Study
 from ..result import FigureTable, ParameterTable, Result
 from .hinge_reference import HingeReference, HingeScore, clock_delay, has_reference, hinge_reference, score
-from .procedure import HingeTable
+from .hinge_table import HingeTable
 
 RESULT_COMMAND = "identify"
 """Every row names this command as its origin."""

@@ -28,7 +28,7 @@ from ...studies.study import Study
 from ..posterior_beside import pair_with_posterior, posterior_rows, posterior_table, posterior_verdicts
 from ..procedure import Progress, quiet
 from ..result import FigureTable, ParameterTable, Result
-from .procedure import IsolatedMuscleTable
+from .isolated_muscle_table import IsolatedMuscleTable
 
 SIMULATION_PERIOD_S = 1e-3
 """Sample period of the muscle's simulation."""

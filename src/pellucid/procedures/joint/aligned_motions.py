@@ -13,9 +13,8 @@ from ...fit.joint.drive_delay import estimate_drive_delay
 from ...recordings.delay import shift_channels, undo_lags
 from ...recordings.recording import Recording
 from ...signals.motion import Motion
-from ...studies.drive_channel import drive_channel
 from ...studies.effort import drive_model
-from ...studies.study import Study
+from ...studies.study import Study, drive_channel
 from .first_look import MAX_SAMPLES, simple_model, thin_recordings
 from .joined_clocks import clocks_to_find, rejoin_streams
 from .recorded_motions import motions_of

@@ -20,10 +20,9 @@ from ...fit.posterior.joint_posterior import joint_posterior
 from ...fit.regression import stack
 from ...models.joint import FAMILIES, JointModel, joint_model
 from ...models.simulate import LoopSetting
-from ...studies.drive_channel import drive_channel
 from ...studies.effort import drive_model
 from ...studies.quality import require_sound
-from ...studies.study import Study
+from ...studies.study import Study, drive_channel
 from ...studies.study_file import JointTable, Processing
 from ..dead_effort import require_live_effort
 from ..findings import collect_findings

@@ -12,10 +12,9 @@ from ...fit.joint.friction_solver import solve_family
 from ...fit.regression import Stack, stack
 from ...models.joint import JointModel, joint_model
 from ...recordings.fault import Fault
-from ...studies.drive_channel import drive_channel
 from ...studies.effort import drive_model
 from ...studies.quality import inspect
-from ...studies.study import Study
+from ...studies.study import Study, drive_channel
 from ..dead_effort import dead_effort_faults
 from .aligned_motions import aligned_motions, find_alignments
 from .drive_sign import require_sign

@@ -26,7 +26,7 @@ from ...studies.results import ResultRow, combined_checksum
 from ...studies.study import Study
 from ...studies.study_file import Participant, StudyFile
 from ..result import FigureTable, ParameterTable, Result
-from .procedure import LoadedSwingTable
+from .loaded_swing_table import LoadedSwingTable
 
 EMPTY_PROTOCOL = "empty_swing"
 """Protocol of recordings in which the exoskeleton swings alone."""

@@ -9,7 +9,7 @@ from ...pages.quantities import number, typeset_sentence
 from ...studies.study import Study
 from ..study_page import figure_tables, parameter_tables, study_page
 from .identify_loaded_swing import LoadedSwingResult
-from .procedure import LoadedSwingTable
+from .loaded_swing_table import LoadedSwingTable
 
 MAX_DRAWN_RECORDINGS = 4
 """The page draws the torque of at most this many recordings."""

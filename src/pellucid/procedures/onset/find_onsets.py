@@ -29,7 +29,7 @@ from ..muscle_channels import (
 )
 from ..procedure import Progress, quiet
 from ..result import FigureTable, Result
-from .procedure import OnsetTable
+from .onset_table import OnsetTable
 
 MAX_DRAWN_RECORDINGS = 6
 """Largest number of recordings that a page draws."""

@@ -9,7 +9,7 @@ from ...studies.study import Study
 from ..study_page import figure_tables, study_page
 from .find_onsets import MAX_DRAWN_RECORDINGS, OnsetResult
 from .onset_figures import burst_traces
-from .procedure import OnsetTable
+from .onset_table import OnsetTable
 
 
 def page(study: Study, found: OnsetResult) -> Page:

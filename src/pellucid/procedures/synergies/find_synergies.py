@@ -26,7 +26,7 @@ from ...studies.study import Study
 from ..muscle_channels import MuscleEnvelopes, emg_faults, envelope_faults, raise_refusals, relative_envelopes
 from ..procedure import Progress, quiet
 from ..result import FigureTable, Result
-from .procedure import SynergiesTable
+from .synergies_table import SynergiesTable
 
 DRAWN_STRETCH_S = 6.0
 """Duration of the drawn stretch of a recording [s]."""

@@ -4,31 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pydantic import Field
-
-from ..muscle_tables import EnvelopeTable
 from ..procedure import Procedure, Progress, quiet
+from .synergies_table import SynergiesTable
 
 if TYPE_CHECKING:
     from ...pages.page import Page
     from ...recordings.fault import Fault
     from ...studies.study import Study
     from .find_synergies import SynergiesResult
-
-
-class SynergiesTable(EnvelopeTable):
-    """Settings of muscle synergies: ``[synergies]``.
-
-    Attributes
-    ----------
-    number : int or None
-        Number of synergies; by default the smallest that accounts for 90 % of the variance of held-out samples.
-    most : int
-        Largest number of synergies that is tried.
-    """
-
-    number: int | None = Field(None, ge=1, le=30)
-    most: int = Field(8, ge=1, le=30)
 
 
 class SynergiesProcedure(Procedure[SynergiesTable, "SynergiesResult"]):

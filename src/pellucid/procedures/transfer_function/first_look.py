@@ -15,7 +15,7 @@ from ...protocols.random_phase_multisine import MULTISINE_NAME as PROTOCOL
 from ...recordings.recording import Recording
 from ...studies.results import ResultRow
 from ..result import FigureTable
-from .procedure import TransferFunctionTable
+from .transfer_function_table import TransferFunctionTable
 
 LINEAR_FIT_WARNING_PERCENT = 90.0
 """A warning appears if the best fit that a linear model can reach has its upper confidence limit below this."""

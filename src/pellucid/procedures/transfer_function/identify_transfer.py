@@ -26,7 +26,7 @@ from ...studies.study import Study
 from ..result import FigureTable, ParameterTable, Result
 from . import first_look
 from .first_look import FirstLook, first_looks
-from .procedure import TransferFunctionTable
+from .transfer_function_table import TransferFunctionTable
 
 Progress = Callable[[str, float], None]
 

@@ -2,59 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING
 
-from pydantic import Field, model_validator
-
-from ...studies.study_fields import ProcedureTable, Word, quantity
 from ..procedure import Procedure, Progress, quiet
+from .transfer_function_table import TransferFunctionTable
 
 if TYPE_CHECKING:
     from ...pages.page import Page
     from ...recordings.fault import Fault
     from ...studies.study import Study
     from .identify_transfer import TransferResult
-
-
-class TransferFunctionTable(ProcedureTable):
-    """A linear model from one channel to another: ``[transfer_function]``.
-
-    Attributes
-    ----------
-    input, output : str
-        Channels.
-    poles, zeros : int
-        Orders of denominator and numerator.
-    hold : str
-        What the input did between its samples: ``"first"`` (straight lines) or ``"zero"`` (steps).
-    reference : str, optional
-        Channel that no noise reaches and that drives both: what a controller follows.
-    period : float, optional
-        Of the recordings of protocol ``random_phase_multisine`` [s].
-    confidence : float
-        Of the intervals, in (0, 1).
-    """
-
-    alone: ClassVar[bool] = True
-
-    input: Word = "torque"
-    output: Word = "position"
-    poles: int = Field(ge=1, le=8)
-    zeros: int = Field(0, ge=0)
-    hold: Literal["first", "zero"] = "first"
-    reference: Word | None = None
-    period: quantity("s", gt=0) | None = None
-    confidence: float = Field(0.95, gt=0, lt=1)
-
-    def reads(self, channel: str, stream: str) -> bool:
-        """Input, output and reference."""
-        return not stream and channel in (self.input, self.output, self.reference)
-
-    @model_validator(mode="after")
-    def _proper(self) -> TransferFunctionTable:
-        if self.zeros >= self.poles:
-            raise ValueError(f"found zeros = {self.zeros} with poles = {self.poles}, expected fewer zeros than poles")
-        return self
 
 
 class TransferFunctionProcedure(Procedure[TransferFunctionTable, "TransferResult"]):

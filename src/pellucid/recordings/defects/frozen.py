@@ -11,7 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..cut import Cut, make_cut
+from ..cut import Cut
+from ..recording import make_cut
 from .scale import Scale
 from .watched import WatchedRecording, find_runs, joint_ending, repeats_next
 

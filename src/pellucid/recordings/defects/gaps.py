@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..cut import Cut, make_cut
+from ..cut import Cut
+from ..recording import make_cut
 from .watched import WatchedRecording
 
 KIND = "gap"

@@ -10,7 +10,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..cut import Cut, make_cut
+from ..cut import Cut
+from ..recording import make_cut
 from .watched import INERTIAL_CHANNELS, WatchedRecording
 
 KIND = "spike"

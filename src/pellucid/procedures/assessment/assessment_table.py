@@ -1,0 +1,119 @@
+"""Table ``[assessment]`` of study.toml."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from ...studies.study_fields import ProcedureTable, ShownText, Word, quantity
+from ...studies.study_file import StudyFile
+
+DEFAULT_STUDIES = 1000
+"""Studies that are simulated for each number of participants, unless the caller asks for another number."""
+
+
+
+class AssessmentTable(ProcedureTable):
+    """Whether conditions change how people move: ``[assessment]``. Recordings that name a condition take part.
+
+    Attributes
+    ----------
+    control : str
+        The condition the others are compared with.
+    angle : str
+        Channel of the angle; a study with `segment` does not need it.
+    segment : tuple of str
+        Markers on the moving segment, the proximal one first: its angle with the vertical is the angle.
+    target : str
+        Channel of the angle to be reached; each of its steps begins a movement and says how far.
+    agonists, antagonists : tuple of str
+        Muscles ``emg.<muscle>`` that make positive movements, and their opponents; none: no EMG.
+    emg : str
+        Stream of the muscles, where they are not in the recording's own file.
+    interaction : str
+        Channel of the robot's torque on the person.
+    lowpass : float
+        Cut-off of the zero-phase low-pass on the angle [Hz].
+    order : int
+        Of one pass.
+    threshold : float
+        Share of the largest speed that begins and ends a movement.
+    cutoffs, thresholds : tuple of float
+        With which the indices are computed again [Hz], [1].
+    advance : float
+        By which EMG is taken earlier than the motion [s].
+    confidence : float
+        Of the intervals, in (0, 1).
+    margins : dict of str to str
+        By index how far a transparent robot may change it, ``"10 %"`` of control or with a unit; stated before the
+        data are seen.
+    spreads : dict of str to str
+        By index how much people's changes are expected to differ (standard deviation), as in `margins`: a plan needs
+        it.
+    false_transparent : float
+        How often "transparent" may be said where it is not, in (0, 0.5). By signed ranks it holds for the
+        pseudo-median of people's changes where these are spread symmetrically; it does not hold for the mean of skewed
+        changes.
+    equivalence : str
+        The test that the certificate rests on, stated before the data are seen: ``"signed_rank"`` of participants'
+        values, or ``"mixed_model"`` of movements; the other one stands beside it.
+    max_left_out : float
+        The largest share of a condition's movements that may be left out where "transparent" is said, in [0, 1).
+    curves : dict of str to str
+        How far a transparent robot may change whole curves, by their time: ``velocity`` and ``emg`` in shares of the
+        control's largest, ``interaction`` with a unit.
+    """
+
+    control: ShownText
+    angle: Word = "position"
+    segment: tuple[Word, ...] = ()
+    target: Word = "target"
+    agonists: tuple[Word, ...] = ()
+    antagonists: tuple[Word, ...] = ()
+    emg: Word = "emg"
+    interaction: Word = "interaction"
+    lowpass: quantity("Hz", gt=0) = 3.0
+    order: int = Field(4, ge=1, le=12)
+    threshold: float = Field(0.05, gt=0, lt=0.5)
+    cutoffs: tuple[quantity("Hz", gt=0), ...] = (1.5, 3.0, 6.0, 12.0)
+    thresholds: tuple[Annotated[float, Field(gt=0, lt=0.5)], ...] = (0.025, 0.05, 0.1)
+    advance: quantity("s", ge=0) = 0.1
+    confidence: float = Field(0.95, gt=0, lt=1)
+    margins: dict[Word, ShownText] = Field(default_factory=dict)
+    spreads: dict[Word, ShownText] = Field(default_factory=dict)
+    false_transparent: float = Field(0.05, gt=0, lt=0.5)
+    equivalence: Literal["signed_rank", "mixed_model"] = "signed_rank"
+    max_left_out: float = Field(0.10, ge=0, lt=1)
+    curves: dict[Literal["velocity", "interaction", "emg"], ShownText] = Field(default_factory=dict)
+
+    def reads(self, channel: str, stream: str) -> bool:
+        """The angle, the robot's torque, and EMG."""
+        if stream:
+            return stream == self.emg and channel.startswith("emg.")
+        return channel in (self.angle, self.interaction) or channel.startswith("emg.")
+
+    @model_validator(mode="after")
+    def _two_markers(self) -> AssessmentTable:
+        if len(self.segment) not in (0, 2) or len(set(self.segment)) < len(self.segment):
+            raise ValueError(f"segment: found {list(self.segment)}, expected two markers, the proximal one first")
+        both = set(self.agonists) & set(self.antagonists)
+        if both:
+            raise ValueError(f"found {', '.join(sorted(both))} among agonists and antagonists, expected one of both")
+        return self
+
+    def require_in(self, config: StudyFile) -> None:
+        """The control must be a condition of the recordings, the segment's markers among the motion capture's."""
+        conditions = [entry.condition for entry in config.recordings if entry.condition is not None]
+        if config.recordings and self.control not in conditions:
+            raise ValueError(
+                f'[assessment] control: found "{self.control}", expected a condition of the recordings: '
+                f"{', '.join(dict.fromkeys(conditions)) or 'none'}"
+            )
+        markers = config.optical.markers if config.optical is not None else ()
+        absent = [marker for marker in self.segment if marker not in markers]
+        if absent:
+            raise ValueError(
+                f"[assessment] segment: found {', '.join(absent)}, expected [optical] markers: "
+                f"{', '.join(markers) or 'none'}"
+            )

@@ -1,0 +1,24 @@
+"""Tables of a result: parameters with their intervals, and figures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..fit.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class ParameterTable:
+    """Parameters with their intervals, under a title."""
+
+    title: str
+    parameters: tuple[Parameter, ...]
+
+
+@dataclass(frozen=True)
+class FigureTable:
+    """Figures under a title: `heads` name the columns with their units; None marks a missing figure."""
+
+    title: str
+    heads: tuple[str, ...]
+    rows: tuple[tuple[str | float | int | None, ...], ...]
