@@ -11,6 +11,7 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).parent / "unit"))
 
 import made_pointing
+import numpy as np
 
 from pellucid._errors import StudyError
 from pellucid.assessment.index_table import index_table
@@ -24,6 +25,7 @@ from pellucid.assessment.indices import (
     index_names,
     indices_along,
 )
+from pellucid.lab.pointing.predicted_indices import PREDICTED_INDICES
 from pellucid.procedures.assessment.assessment_table import AssessmentTable
 from pellucid.procedures.assessment.certified import end_points
 from pellucid.procedures.assessment.measured_study import MeasuredStudy, activities, measure
@@ -88,6 +90,10 @@ def faults() -> list[str]:
     for what in ("words", "short"):
         texts = [getattr(index, what) for index in INDICES.values()]
         found += [f"{text!r}: two indices have it as their {what}" for text in {*texts} if texts.count(text) > 1]
+    for index in PREDICTED_INDICES:
+        same = index.own_change(np.full(3, 0.5), np.full(3, 0.5))
+        if not index.words or np.ptp(same) != 0.0 or same.shape != (3,):
+            found.append(f"{index.name}: a prediction has no words for it, or no change of each pair")
     if sum(index.leads for index in INDICES.values()) != 1:
         found.append("not exactly one index leads the headline")
     return found

@@ -7,14 +7,14 @@ import pytest
 from copied_package import copied_package, run_copied
 
 TESTS = Path(__file__).parents[1]
-ENTRY = '''ACCELERATION_SIZE = Index(
+ENTRY = """ACCELERATION_SIZE = Index(
     name="acceleration_size", words="Average acceleration", short="Acc. size", unit="rad/s^2",
     worse=Worse.IF_MORE, percent_of=PercentOf.THE_CONTROL, of="acceleration_size",
     of_movement=lambda motion, movement: float(abs(motion.acceleration[movement.first : movement.last + 1]).mean()),
     paragraph_place=8, panel_place=14, tile=Tile("Acceleration"), has_table=True, tries_rules=True, is_planned=True,
 )  # fmt: skip
 
-# A new index comes last'''
+# A new index comes last"""
 LAST = "UNSETTLED_SHARE,\n    )"
 SCRIPT = """
 import json, sys
