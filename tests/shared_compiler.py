@@ -1,4 +1,4 @@
-"""A compiler's stand-in, which the tests put before it on PATH: nothing is compiled twice in one run of the tests.
+"""A stand-in for compilers, first on PATH in the tests: no exported controller is compiled twice in one run of them.
 
 A translation unit is known by the compiler, its options and the preprocessed source; a link by the objects' bytes. What
 was compiled is kept in a folder that all processes of one run share. Anything that this stand-in does not understand,
@@ -17,6 +17,9 @@ from pathlib import Path
 
 COMPILERS = ("cc", "c++", "gcc", "g++", "arm-none-eabi-gcc", "arm-none-eabi-g++")
 """Programs that may have a stand-in."""
+
+EXPORT_MARK = "pellucid_controller.h"
+"""A file that every exported controller has; calls outside of such a folder go to the compiler as they are."""
 
 SOURCE_ENDINGS = (".c", ".cpp")
 """File name endings of what is preprocessed; every other file counts by its bytes."""
@@ -59,6 +62,9 @@ def compile_once(kept: Path, compiler: str, arguments: list[str]) -> int:
 def _key(compiler: str, arguments: list[str]) -> str | None:
     """Return a digest of all that decides what a call makes; None if the call is not one output of given files."""
     if arguments.count("-o") != 1 or arguments[-1] == "-o" or any(a.startswith(("-M", "@")) for a in arguments):
+        return None
+    folders = {Path(), *(Path(a).parent for a in arguments if a.endswith(SOURCE_ENDINGS))}
+    if not any((folder / EXPORT_MARK).is_file() for folder in folders):
         return None
     at = arguments.index("-o")
     rest = arguments[:at] + arguments[at + 2 :]

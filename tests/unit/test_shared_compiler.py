@@ -24,6 +24,7 @@ def compile_(tmp_path):
 
 def write(folder, number):
     folder.mkdir(exist_ok=True)
+    (folder / "pellucid_controller.h").touch()
     (folder / "number.h").write_text(f"enum {{ number = {number} }};\n", encoding="utf-8")
     (folder / "main.c").write_text('#include "number.h"\nint main(void) { return number; }\n', encoding="utf-8")
     return folder
@@ -43,3 +44,10 @@ def test_what_does_not_compile_fails_every_time(compile_, tmp_path):
     folder = write(tmp_path / "wrong", "no_number")
     assert [compile_(folder) for _ in range(2)] == [(1, 0), (1, 0)]
     assert not (folder / "main.o").exists()
+
+
+def test_nothing_is_kept_of_what_is_no_exported_controller(compile_, tmp_path):
+    folder = write(tmp_path / "other", 1)
+    (folder / "pellucid_controller.h").unlink()
+    assert compile_(folder) == (0, 0)
+    assert (folder / "main.o").exists()
