@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shared_compiler import install_stand_ins
 
 from pellucid.lab.bench.rig import bench_joint
 from pellucid.lab.study import write_study
@@ -54,6 +55,15 @@ def pytest_terminal_summary(terminalreporter):
 def own_settings(tmp_path_factory) -> None:
     """The settings of the tests, and of every command that they start; nobody's own."""
     os.environ["PELLUCID_SETTINGS"] = str(tmp_path_factory.mktemp("settings"))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_once(tmp_path_factory) -> None:
+    """Compilers that compile no export of the same content twice, in all processes of this run of the tests."""
+    own = tmp_path_factory.getbasetemp()
+    shared = own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
+    install_stand_ins(own / "compilers", shared / "compiled")
+    os.environ["PATH"] = os.pathsep.join((str(own / "compilers"), os.environ["PATH"]))
 
 
 @pytest.fixture

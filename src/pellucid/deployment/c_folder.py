@@ -34,7 +34,11 @@ TEMPLATE_FOLDERS = {
         "test",
     ),
 }
-"""Templates that are rendered, each with the folder of its file."""
+"""Templates that are rendered, each with the folder of its file.
+
+They are those of a single joint. Every other kind of controller has a folder beside them, whose templates extend them
+and replace the blocks that differ. A template that such a folder lacks is the same for all kinds.
+"""
 
 HEADER_FOLDER = "include/pellucid"
 """Folder of the core's headers in the exported folder."""
@@ -44,6 +48,12 @@ OUTPUT_FILE = "test/vector_outputs.h"
 
 COMPILER_PROGRAMS = ("make", "cc", "c++")
 """Programs that are needed to play the test vector."""
+
+EXACT_FLAGS = "-ffp-contract=off -fno-math-errno"
+"""Compiler options without which another machine may round otherwise."""
+
+SAFE_FLAGS = "-fno-exceptions -fno-rtti -fno-threadsafe-statics"
+"""Compiler options of C++ without what a microcontroller has no memory for."""
 
 MAX_FLOAT_LITERAL = "3.40282347e+38f"
 """Literal of the largest float, which stands for the absence of a limit."""
@@ -86,7 +96,12 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
     vector = replay_vector(values)
     content = {
         "law": law,
+        "title": law.title,
         "values": values,
+        "cards": values.cards,
+        "checksums": values.checksums,
+        "notes": values.all_notes,
+        "period": values.numbers["period"],
         "supervision": values.supervised.supervision,
         "supervisor": model_fields("supervisor"),
         "storage": _core.supervised_storage(values.law),
@@ -103,7 +118,7 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
         "effort_unit": values.effort_unit,
         "literal": float_literal,
     }
-    files |= {template_path(name): render(f"{name}.j2", **content) for name in TEMPLATE_FOLDERS}
+    files |= render_all("", **content)
     files |= _output_files(files, out, vector.motion)
     return write_files(files, out)
 
@@ -129,7 +144,7 @@ def _output_files(files: Mapping[str, str], out: Path, motion: int) -> dict[str,
     lines = record_outputs(files, out)
     outputs = [(int(bits, 16), int(said)) for bits, said in (line.split() for line in lines)]
     refuse_faults(out, [said for _, said in outputs[:motion]])
-    return {OUTPUT_FILE: render("vector_outputs.h.j2", outputs=outputs)} if lines else {}
+    return {OUTPUT_FILE: render("vector_outputs.h", outputs=outputs)} if lines else {}
 
 
 def refuse_faults(out: Path, said: Iterable[int]) -> None:
@@ -188,8 +203,13 @@ def template_path(template: str) -> str:
     return f"{TEMPLATE_FOLDERS[template]}/{template}".lstrip("/")
 
 
-def render(template: str, **content: object) -> str:
-    """Return a template filled in with `content`."""
+def render_all(kind: str, /, **content: object) -> dict[str, str]:
+    """Return all files that templates give for a kind of controller ("" for a joint), by their paths in the folder."""
+    return {template_path(name): render(name, kind, **content) for name in TEMPLATE_FOLDERS}
+
+
+def render(template: str, kind: str = "", /, **content: object) -> str:
+    """Return a template, or the one that extends it for the kind ("tree", "estimator"), filled in with `content`."""
     import jinja2
 
     environment = jinja2.Environment(
@@ -200,7 +220,10 @@ def render(template: str, **content: object) -> str:
         keep_trailing_newline=True,
         finalize=_safe_in_comment,
     )
-    return environment.get_template(template).render(**content)
+    own = [f"{kind}/{template}.j2"] if kind else []
+    return environment.select_template([*own, f"{template}.j2"]).render(
+        exact_flags=EXACT_FLAGS, safe_flags=SAFE_FLAGS, **content
+    )
 
 
 def _safe_in_comment(x: object) -> object:

@@ -20,23 +20,19 @@ from ..studies.study import Study
 from .c_folder import (
     HEADER_FOLDER,
     OUTPUT_FILE,
-    TEMPLATE_FOLDERS,
     core_headers,
     float_literal,
     needed_headers,
     record_outputs,
     refuse_other_makefile,
     render,
-    template_path,
+    render_all,
     write_files,
 )
 from .replay_vector import ReplayVector
 
 FOLDER_TITLE = "torque of joints from EMG"
 """Title in the exported files."""
-
-SHARED_TEMPLATES = ("Makefile", "CMakeLists.txt", "say.h", "say_host.c", "m4.c", "m4.ld")
-"""Templates that an estimator shares with a controller."""
 
 MOTION_STEPS = 200
 """Number of steps of the test vector's motion."""
@@ -139,18 +135,16 @@ def write_estimator_folder(
         "faults": _core.EMG_FAULTS, "fault_words": {each.name: each.words for each in ESTIMATOR_FAULTS},
         "period_us": round(1e6 * arrays["period"]),
         "listened": max(1, round(card.emg_rate * arrays["period"])) if raw else 0,
-        "storage": _storage(card, len(terms), **sizes),
+        "storage": _storage(card, len(terms), **sizes), "cards": (card.name,), "checksums": card.checksums,
+        "notes": card.notes, "period": arrays["period"],
     }  # fmt: skip
-    for name in TEMPLATE_FOLDERS:
-        files[template_path(name)] = render(
-            f"{name}.j2" if name in SHARED_TEMPLATES else f"estimator/{name}.j2", **content
-        )
+    files |= render_all("estimator", **content)
     outputs = [(int(said), [int(x, 16) for x in bits]) for said, *bits in map(str.split, record_outputs(files, out))]
     wrong = {said & 0xFF for said, _ in outputs[1 : vector.motion]} - {0}
     if wrong:
         raise PellucidError(f"{out}: found {_core.EMG_FAULTS[wrong.pop()]} in the test vector's motion, expected none")
     if outputs:
-        files[OUTPUT_FILE] = render("estimator/vector_outputs.h.j2", outputs=outputs)
+        files[OUTPUT_FILE] = render("vector_outputs.h", "estimator", outputs=outputs)
     return write_files(files, out)
 
 

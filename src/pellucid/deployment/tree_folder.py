@@ -14,7 +14,6 @@ from ..models.fields import Field, model_fields
 from .c_folder import (
     HEADER_FOLDER,
     OUTPUT_FILE,
-    TEMPLATE_FOLDERS,
     core_headers,
     float_literal,
     needed_headers,
@@ -22,7 +21,7 @@ from .c_folder import (
     refuse_faults,
     refuse_other_makefile,
     render,
-    template_path,
+    render_all,
     write_files,
 )
 from .replay_vector import (
@@ -37,9 +36,6 @@ from .replay_vector import (
     ReplayVector,
 )
 from .tree_values import TreeValues
-
-SHARED_TEMPLATES = ("Makefile", "CMakeLists.txt", "say.h", "say_host.c", "m4.c", "m4.ld")
-"""Templates that a robot of several joints shares with a single joint."""
 
 FOLDER_TITLE = "compensation of all joints of a robot"
 """Title in the exported files."""
@@ -139,15 +135,15 @@ def write_tree_folder(study: str, values: TreeValues, out: Path) -> Path:
         "tables": tables, "literal": float_literal, "vector": vector,
         "storage": _core.tree_law_storage(len(card.links)), "variants": SUPERVISOR_VARIANTS,
         "whole_names": {field.name for field in model_fields("tree_watch_whole")},
-        "period": values.law.shares[0]["period"],
+        "period": values.law.shares[0]["period"], "cards": values.cards, "checksums": values.checksums,
+        "notes": values.notes,
     }  # fmt: skip
-    for name in TEMPLATE_FOLDERS:
-        files[template_path(name)] = render(f"{name}.j2" if name in SHARED_TEMPLATES else f"tree/{name}.j2", **content)
+    files |= render_all("tree", **content)
     lines = [line.split() for line in record_outputs(files, out)]
     outputs = [(int(said), [int(x, 16) for x in bits]) for said, *bits in lines]
     refuse_faults(out, [said for said, _ in outputs[: vector.motion]])
     if outputs:
-        files[OUTPUT_FILE] = render("tree/vector_outputs.h.j2", outputs=outputs)
+        files[OUTPUT_FILE] = render("vector_outputs.h", "tree", outputs=outputs)
     return write_files(files, out)
 
 
