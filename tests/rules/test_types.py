@@ -17,7 +17,6 @@ ALLOWED: dict[str, int] = {
     "demonstration": 10,
     "deployment": 38,
     "drawing": 5,
-    "estimators": 94,
     "fit": 184,
     "lab": 136,
     "models": 67,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 from ..features import Features
@@ -26,30 +27,16 @@ def make_ridge(settings: Mapping[str, Any], seen: Features) -> Regressor:
     return Ridge(settings["penalty"], columns)
 
 
-COMMON_FIELDS = {"shared_setting": "penalty", "smoothing": 0.0, "extrapolation_rank": 2}
-"""Fields that all families of this module have in common."""
+linear_family = partial(Family, shared_setting="penalty", smoothing=0.0, extrapolation_rank=2)
+"""Constructor of a family with the fields that all families of this module have in common."""
 
 FAMILIES = {
-    "ridge": Family(
-        "ridge regression", make_ridge, RIDGE_SETTINGS, lags=False, tries_all_pairs=True, rank=40, **COMMON_FIELDS
+    "ridge": linear_family("ridge regression", make_ridge, RIDGE_SETTINGS, lags=False, tries_all_pairs=True, rank=40),
+    "ridge_lags": linear_family(
+        "ridge regression with lags", make_ridge, RIDGE_SETTINGS, lags=True, tries_all_pairs=True, rank=41
     ),
-    "ridge_lags": Family(
-        "ridge regression with lags",
-        make_ridge,
-        RIDGE_SETTINGS,
-        lags=True,
-        tries_all_pairs=True,
-        rank=41,
-        **COMMON_FIELDS,
-    ),
-    "linear": Family("linear regression", make_ridge, ({"penalty": 0.0},), lags=False, rank=42, **COMMON_FIELDS),
-    "motion": Family(
-        "ridge regression without EMG",
-        make_ridge,
-        RIDGE_SETTINGS,
-        muscles=False,
-        tries_all_pairs=True,
-        rank=43,
-        **COMMON_FIELDS,
+    "linear": linear_family("linear regression", make_ridge, ({"penalty": 0.0},), lags=False, rank=42),
+    "motion": linear_family(
+        "ridge regression without EMG", make_ridge, RIDGE_SETTINGS, muscles=False, tries_all_pairs=True, rank=43
     ),
 }
