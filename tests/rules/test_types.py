@@ -17,7 +17,7 @@ ALLOWED: dict[str, int] = {
     "demonstration": 10,
     "deployment": 38,
     "drawing": 5,
-    "fit": 184,
+    "fit": 132,
     "lab": 136,
     "models": 67,
     "pages": 1,

@@ -6,18 +6,18 @@ import numpy as np
 
 from ..drawing.drawing import Drawing, draw, one_panel
 from ..drawing.style import colour
-from .estimates import Estimates
+from .estimates import NamedEstimates
 
 MAX_RELATIVE_INTERVAL = 2.0
 """Intervals are drawn up to this multiple of the value; wider ones end in an arrow."""
 
 
-def parameters(fit: Estimates) -> Drawing:
+def parameters(fit: NamedEstimates) -> Drawing:
     """Draw each parameter's confidence interval divided by its value, with value and unit beside it."""
     return draw(_forest, fit)
 
 
-def _forest(fit: Estimates) -> Drawing:
+def _forest(fit: NamedEstimates) -> Drawing:
     shown = [p for p in fit.every if np.isfinite(p.value)]
     figure, axis = one_panel(0.9 + 0.32 * max(len(shown), 1))
     for row, parameter in enumerate(reversed(shown)):
