@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 
 ALLOWED: dict[str, int] = {
     "datasets": 14,
-    "demonstration": 10,
+    "demonstration": 9,
     "deployment": 38,
     "drawing": 5,
     "estimators": 61,

@@ -70,6 +70,13 @@ def test_another_card_is_refused(found):
         CausalMap.from_card(replace(card, settings={k: v for k, v in card.settings.items() if k != "corner"}))
 
 
+def test_a_card_with_a_word_for_a_number_is_refused(found):
+    card = found.card("study", "S1.emg")
+    for name in ("fs", "floor.rectus_femoris"):
+        with pytest.raises(PellucidError, match=rf"S1\.emg, {name}: found 'fast', expected a number"):
+            CausalMap.from_card(replace(card, settings={**card.settings, name: "fast"}))
+
+
 def test_repetitions_that_were_not_held_are_left_out(found, trials):
     again = fit_causal_map([*trials, trial("4", 0.5, np.random.default_rng(9), turn=6.0)])
     np.testing.assert_array_equal(again.weights, found.weights)

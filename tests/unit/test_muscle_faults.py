@@ -95,6 +95,11 @@ def test_a_held_out_trial_is_never_fitted():
         fit_hill([trial("b", heldout=True)])
 
 
+def test_a_trial_without_muscles_beside_one_with_them_is_named():
+    with pytest.raises(IdentificationError, match="trial b: found no lengths of muscles across the knee"):
+        fit_hill([trial("a"), replace(trial("b", seed=1), muscles=None)])
+
+
 def test_muscles_differ_between_trials():
     with pytest.raises(IdentificationError, match="the same muscles"):
         fit_hill([trial("a"), trial("b", muscles=MUSCLES[:3])])

@@ -1,5 +1,7 @@
 """A joint played again from a command; one that diverges says so, and no warning leaks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -33,3 +35,14 @@ def test_a_simulation_that_diverges_is_refused_by_name(make_study):
     motion = motions_of(study.recordings("fit"), study)[0]
     with pytest.raises(IdentificationError, match=f"'{motion.recording}': the simulated joint diverges"):
         simulate_recording(*unstable(-50.0), motion, Machine(), closed=False)
+
+
+def test_a_motion_without_a_command_is_not_said_to_diverge(make_study):
+    """A motion from arrays may have none; a joint driven by nothing was said to diverge."""
+    study = make_study()
+    motion = motions_of(study.recordings("fit"), study)[0]
+    model, values = unstable(0.1)
+    with pytest.raises(IdentificationError, match=f"'{motion.recording}': expected a command to simulate it"):
+        simulate_recording(model, values, replace(motion, command=None), Machine(), closed=False)
+    with pytest.raises(IdentificationError, match="expected a controller and a reference"):
+        simulate_recording(model, values, motion, Machine(), closed=True)

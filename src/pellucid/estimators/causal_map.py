@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from math import nan
+from typing import TypedDict
 
 import numpy as np
 
@@ -83,6 +84,18 @@ class EmgTrial:
     emg: np.ndarray  # Raw EMG, shape (k, muscles) [V]
 
 
+class EmgTorqueArguments(TypedDict):
+    """Arguments of the core's chain from raw EMG to a torque."""
+
+    band: np.ndarray  # Band-pass as second-order sections, shape (k, 6)
+    envelope: np.ndarray  # Low-pass after rectification as second-order sections, shape (k, 6)
+    weights: np.ndarray  # As in `CausalMap`, as are the limits below
+    floor: np.ndarray
+    ceiling: np.ndarray
+    patience: int
+    torque_limit: float
+
+
 @dataclass(frozen=True, eq=False)
 class CausalMap:
     """A causal filter chain and an identified map, as the core takes them."""
@@ -101,7 +114,7 @@ class CausalMap:
         DEFAULT_PATIENCE_SAMPLES  # Number of samples in a row outside floor and ceiling before EMG is invalid
     )
 
-    def parameters(self) -> dict[str, np.ndarray | float | int]:
+    def parameters(self) -> EmgTorqueArguments:
         """Return the arguments of the core's chain by name: filters as second-order sections, weights and limits."""
         band, envelope = _design_filters(self.fs, self.corner)
         return {
@@ -154,14 +167,30 @@ class CausalMap:
             muscles = tuple(str(settings["muscles"]).split())
             powers = len(values) // (1 + len(muscles))
             weights = [[values[_weight_name(muscle, power)] for power in range(powers)] for muscle in ("", *muscles)]
-            floor, ceiling = (np.array([settings[f"{end}.{m}"] for m in muscles]) for end in ("floor", "ceiling"))
-            rmse = nan if settings["rmse"] is None else settings["rmse"]
+            floor, ceiling = (
+                np.array([_number_setting(card, f"{end}.{m}") for m in muscles]) for end in ("floor", "ceiling")
+            )
             return cls(
-                settings["fs"], settings["corner"], np.array(weights), floor, ceiling, settings["torque_limit"], rmse,
-                muscles, settings["patience"],
-            )  # fmt: skip
+                fs=_number_setting(card, "fs"),
+                corner=_number_setting(card, "corner"),
+                weights=np.array(weights),
+                floor=floor,
+                ceiling=ceiling,
+                torque_limit=_number_setting(card, "torque_limit"),
+                rmse=nan if settings["rmse"] is None else _number_setting(card, "rmse"),
+                muscles=muscles,
+                patience=int(_number_setting(card, "patience")),
+            )
         except KeyError as error:
             raise PellucidError(f"the card {card.name}: found no {error}, expected one") from None
+
+
+def _number_setting(card: ParameterCard, name: str) -> float:
+    """Return a number among the settings of a card; refuse a text in its place."""
+    value = card.settings[name]
+    if isinstance(value, str):
+        raise PellucidError(f"the card {card.name}, {name}: found {value!r}, expected a number")
+    return value
 
 
 def fit_causal_map(
@@ -176,18 +205,18 @@ def fit_causal_map(
         raise IdentificationError("causal EMG map: found fewer than two repetitions that were held, expected two")
     fs = _sampling_rate(trials[0].emg_time)
     band, envelope = _design_filters(fs, settings.corner)
-    x, y, levels, repetition = [], [], [], []
+    rows, torques, levels, repetition = [], [], [], []
     for t in trials:
         level = sosfilt(envelope, np.abs(sosfilt(band, t.emg, axis=0)), axis=0)
         level = np.column_stack([np.interp(t.time, t.emg_time, column) for column in level.T])
         own = _sampling_rate(t.time)
         kept = slice(round(FILTER_SETTLING_S * own), None, max(1, round(own / REGRESSION_RATE_HZ)))
         q, e = t.position[kept], level[kept]
-        x.append(np.column_stack([q, *(column for m in e.T for column in (m, m * q))]))
-        y.append(t.torque[kept])
+        rows.append(np.column_stack([q, *(column for m in e.T for column in (m, m * q))]))
+        torques.append(t.torque[kept])
         levels.append(e)
         repetition += [t.repetition] * len(q)
-    x, y, seen, group = np.vstack(x), np.concatenate(y), np.vstack(levels), np.array(repetition)
+    x, y, seen, group = np.vstack(rows), np.concatenate(torques), np.vstack(levels), np.array(repetition)
 
     def left_out(penalty: float) -> float:
         error = [

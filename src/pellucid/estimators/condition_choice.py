@@ -112,7 +112,7 @@ def choose_estimator(found: Mapping[str, ConditionTestErrors]) -> str:
         raise IdentificationError(f"choice: found no test that {', '.join(found)} could all be given, expected one")
     errors = {name: error[whole] for name, error in errors.items()}
     means = {name: float(error.mean()) for name, error in errors.items()}
-    best = min(means, key=means.get)
+    best = min(means, key=lambda name: means[name])
 
     def unsure(name: str) -> float:
         apart = errors[name] - errors[best]
@@ -166,7 +166,7 @@ def _group_conditions(trials: Sequence[TorqueTrial], of: Sequence[str]) -> list[
         )
         for name in names
     }
-    return [list(part) for part in np.array_split(sorted(names, key=speed.get), MAX_TEST_COUNT)]
+    return [list(part) for part in np.array_split(sorted(names, key=lambda name: speed[name]), MAX_TEST_COUNT)]
 
 
 def _joint_speed(trial: TorqueTrial) -> np.ndarray:

@@ -204,7 +204,7 @@ class FittedSession:
         floor, top = np.quantile(x, (FLOOR_QUANTILE, TOP_QUANTILE), axis=0)
         everything = tuple(range(moved.shape[1]))
         patterns = tuple(Ridge(PATTERN_PENALTY, everything).fit(moved, x[:, k]) for k in range(len(muscles)))
-        others = ()
+        others: tuple[Ridge, ...] = ()
         if len(muscles) > 1:
             others = tuple(Ridge(PATTERN_PENALTY).fit(np.delete(x, k, axis=1), x[:, k]) for k in range(len(muscles)))
         parts = [*trials, *(part for trial in trials for part in _watched_stretches(trial))]
@@ -385,7 +385,7 @@ class FittedSession:
                 said = f"the signal of {other} (correlation of envelopes {np.tanh(together[i, k]):.3f})"
                 expected = f"its own ({np.tanh(self.together[i, k]):.2f} as fitted)"
                 found.append(ChannelChange(muscle, "crosstalk", said, expected, other))
-            elif goes_with is not None:
+            elif goes_with is not None and rather_than_own is not None:
                 best = int(np.argmax(goes_with[:, k]))
                 known = self.repeats[k] and self.repeats[best]
                 clear = goes_with[k, k] < UNCHANGED_PATTERN_CORRELATION and goes_with[best, k] > MIN_PATTERN_CORRELATION

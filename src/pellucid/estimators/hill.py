@@ -104,7 +104,7 @@ def fit_hill(
     muscles = find_driven_muscles(trials)
     names = tuple(m.name for m in muscles)
     samples, own = make_muscle_samples(trials, muscles=names, causal=causal)
-    effort = 1.0 if trials[0].muscles.maximal else estimate_effort(muscles, samples)
+    effort = 1.0 if trials[0].known_muscles.maximal else estimate_effort(muscles, samples)
     if effort < 1.0:
         samples, own = make_muscle_samples(trials, muscles=names, effort=effort, causal=causal)
     counted = np.flatnonzero(samples.weight > 0.0)
@@ -117,17 +117,17 @@ def fit_hill(
             problem = MuscleProblem(muscles, samples.only(fitted), quantities=quantities, weight=weight)
             # One start suffices to see which weight is better.
             predicted[scored] = solve_calibration(problem, starts=1).predict(samples)[scored]
-        reached = score(samples.torque[counted], predicted[counted])
-        tried[weight] = reached.rmse
-        if best[0] is None or reached.rmse < best[0].rmse:
-            best = reached, weight
+        of_weight = score(samples.torque[counted], predicted[counted])
+        tried[weight] = of_weight.rmse
+        if best[0] is None or of_weight.rmse < best[0].rmse:
+            best = of_weight, weight
     reached, weight = best
     problem = MuscleProblem(muscles, samples, quantities=quantities, weight=weight)
     fit = solve_calibration(problem, method=method)
     words = f"{len(muscles)} muscles, {len(problem.names)} parameters; weight of anatomy {weight:g}"
     missed = reached or score(samples.torque[counted], fit.predict(samples)[counted])
     first = trials[0]
-    driven = first.muscles.driven(first.joint, first.envelopes)
+    driven = first.known_muscles.driven(first.joint, first.envelopes)
     choice = HillChoice(weight, words, reached, tried)
     return HillMap(name, names, choice, fit, missed.rmse, effort, causal, first.joint, driven)
 

@@ -196,7 +196,7 @@ def fit_together(
     names, first = tuple(m.name for m in muscles), next(iter(trials.values()))
     ahead = replace(timings[0], offset=offset).ahead
     samples, own = make_muscle_samples_across(trials, muscles=names, ahead=ahead)
-    effort = 1.0 if first[0].muscles.maximal else estimate_effort(muscles, samples)
+    effort = 1.0 if first[0].known_muscles.maximal else estimate_effort(muscles, samples)
     if effort < 1.0:
         samples, own = make_muscle_samples_across(trials, muscles=names, effort=effort, ahead=ahead)
     counted = np.flatnonzero(samples.weight[0] > 0.0)
@@ -239,6 +239,6 @@ def fit_together(
     # A muscle belongs to one or several joints; its channels are the same at all of them.
     driven = {
         m: channels for t in (own[0] for own in trials.values())
-        for m, channels in t.muscles.driven(t.joint, t.envelopes).items()
+        for m, channels in t.known_muscles.driven(t.joint, t.envelopes).items()
     }  # fmt: skip
     return HillTogether(tuple(trials), choice, fit, {name: driven[name] for name in names}, effort)

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..fit.muscles.muscle_calibration import MuscleFit
+from ..fit.muscles.muscle_calibration import PASSIVE_TISSUE_PARAMETERS, MuscleFit
 from ..fit.muscles.muscle_information import covariance
 from ..models.emg_estimator import SHORT_RANGE_STIFFNESS_ERROR_SHARE, EmgEstimatorCard
 from ..models.hill import MUSCLE_QUANTITIES
@@ -110,8 +110,9 @@ def joint_stiffness(card: EmgEstimatorCard, fit: MuscleFit, trial: TorqueTrial) 
         ]
     )
 
-    def error(by: np.ndarray, beside: np.ndarray) -> float | np.ndarray:
-        return np.sqrt(np.einsum("p...,pq,q...->...", by, spread, by) + np.einsum("k...,k->...", beside**2, known**2))
+    def error(by: np.ndarray, beside: np.ndarray) -> np.ndarray:
+        variance = np.einsum("p...,pq,q...->...", by, spread, by) + np.einsum("k...,k->...", beside**2, known**2)
+        return np.asarray(np.sqrt(variance))
 
     def mean(inside: np.ndarray) -> PostureStiffness:
         means = {kind: float(value[i, inside].mean()) for i, kind in enumerate(STIFFNESS_KINDS)}
@@ -147,5 +148,8 @@ def _move_parameter(card: EmgEstimatorCard, fit: MuscleFit, i: int, by: float) -
         replace(m, numbers=dict(zip(MUSCLE_QUANTITIES, map(float, muscles[m.name].vector()), strict=True)))
         for m in card.muscles
     )
-    tissue = dict(zip(("offset", "stiffness", "damping"), map(float, values[count:]), strict=False))
-    return replace(card, muscles=made, joints=(replace(card.joints[0], **tissue),))
+    joint = card.joints[0]
+    if fit.problem.passive:
+        offset, stiffness, damping = map(float, values[count : count + len(PASSIVE_TISSUE_PARAMETERS)])
+        joint = replace(joint, offset=offset, stiffness=stiffness, damping=damping)
+    return replace(card, muscles=made, joints=(joint,))

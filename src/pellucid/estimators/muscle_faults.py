@@ -78,8 +78,8 @@ def _refuse_silence_and_own_maxima(trials: Sequence[TorqueTrial]) -> None:
         files = {t.checksum or t.name: t for t in own}
         if len(files) < 2:
             continue
-        tops = np.array([[float(t.envelopes[m].max()) for m in t.envelopes] for t in files.values()])
-        if np.all(np.abs(tops - 1.0) < UNIT_MAXIMUM_TOLERANCE):
+        own_tops = np.array([[float(t.envelopes[m].max()) for m in t.envelopes] for t in files.values()])
+        if np.all(np.abs(own_tops - 1.0) < UNIT_MAXIMUM_TOLERANCE):
             raise RecordingError(
                 f"trials {', '.join(t.name for t in files.values())}: found a largest envelope of 1 for every muscle "
                 "in every trial: each was normalised by its own maximum. Expected one maximum for each muscle of a "
@@ -96,8 +96,9 @@ def _refuse_swapped_sides(trials: Sequence[TorqueTrial]) -> None:
     sides: dict[bool, list[np.ndarray]] = {True: [], False: []}
     torque = np.concatenate([t.torque for t in trials])
     first = trials[0]
-    driven = first.muscles.driven(first.joint, first.envelopes) if first.muscles is not None else {}
-    for muscle, channels in driven.items():
+    if first.muscles is None:
+        return
+    for muscle, channels in first.muscles.driven(first.joint, first.envelopes).items():
         rates = {name: np.zeros(len(first)) for name in first.angles}
         arm = first.muscles.path(muscle, first.joint, first.angles, rates)[2]
         if len(channels) == 1:

@@ -30,24 +30,20 @@ def find_driven_muscles(trials: Sequence[TorqueTrial]) -> tuple[HillMuscle, ...]
             f"trial {first.name}: found the torque in shares of a maximal contraction, expected N*m, which muscles "
             "pull: [emg_torque.largest_moment] says what the maximal contraction reached"
         )
-    if first.muscles is None:
-        raise IdentificationError(
-            f"trial {first.name}: found no lengths of muscles across the {first.joint}, expected streams length, "
-            "lengthening and moment_arm, or a joint of the leg's model"
-        )
-    found = [t.muscles.driven(t.joint, t.envelopes) for t in trials]
+    muscles = first.known_muscles
+    found = [t.known_muscles.driven(t.joint, t.envelopes) for t in trials]
     if not found[0] or any(each != found[0] for each in found):
         raise IdentificationError(
             f"trials {', '.join(t.name for t in trials)}: found EMG of {', '.join(first.envelopes)}, expected in each "
             f"trial the same muscles across the {first.joint}"
         )
-    if not first.muscles.relative:
+    if not muscles.relative:
         raise IdentificationError(
             f"trial {first.name}: found envelopes in V, expected them relative to a maximal contraction: a chain in "
             '[emg_torque] that normalises, and a recording with the protocol "mvc"'
         )
     refuse_unfit_trials(trials)
-    return tuple(first.muscles.constants[name] for name in found[0])
+    return tuple(muscles.constants[name] for name in found[0])
 
 
 def find_driven_muscles_across(trials: Mapping[str, Sequence[TorqueTrial]]) -> tuple[HillMuscle, ...]:
@@ -115,8 +111,8 @@ def make_muscle_samples_across(
     data = HillData(
         effort * joined["excitation"], joined["length"], joined["rate"], joined["moment_arm"], 1.0 / fs, tuple(starts)
     )
-    rows = (joined[name] for name in ("torque", "angle", "speed", "weight"))
-    return MuscleSamples(data, *rows, tuple(across)), own
+    samples = MuscleSamples(data, joined["torque"], joined["angle"], joined["speed"], joined["weight"], tuple(across))
+    return samples, own
 
 
 def count_warm_up_samples(trial: TorqueTrial) -> int:
@@ -141,10 +137,12 @@ def _recording_samples(
     # A causal filter is late. The angle itself therefore stays unfiltered.
     angles = {name: np.asarray(trial.angles[name], float) if causal else q for name, (q, _) in moved.items()}
     rates = {name: v for name, (_, v) in moved.items()}
-    driven = {m: channels for t in reversed(same) for m, channels in t.muscles.driven(t.joint, t.envelopes).items()}
+    driven = {
+        m: channels for t in reversed(same) for m, channels in t.known_muscles.driven(t.joint, t.envelopes).items()
+    }
     # Recorded lengths have precedence: those of a model may be another person's.
-    along = {m: next((t for t in same if m in t.muscles.recorded), trial) for m in muscles}
-    paths = [along[m].muscles.path(m, along[m].joint, angles, rates) for m in muscles]
+    along = {m: next((t for t in same if m in t.known_muscles.recorded), trial) for m in muscles}
+    paths = [along[m].known_muscles.path(m, along[m].joint, angles, rates) for m in muscles]
     arms = [
         [
             _moment_arm(t, m, angles, rates) if t is not along[m] else path[2]
@@ -185,7 +183,7 @@ def _moment_arm(
     trial: TorqueTrial, muscle: str, angles: Mapping[str, np.ndarray], rates: Mapping[str, np.ndarray]
 ) -> np.ndarray:
     """Return the moment arm of a muscle about the trial's joint, shape (n,) [m]; 0 if it does not cross the joint."""
-    known = trial.muscles.recorded or muscle_table().geometry
+    known = trial.known_muscles.recorded or muscle_table().geometry
     if muscle not in known:
         return np.zeros(len(trial))
-    return trial.muscles.path(muscle, trial.joint, angles, rates)[2]
+    return trial.known_muscles.path(muscle, trial.joint, angles, rates)[2]

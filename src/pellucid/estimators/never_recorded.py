@@ -117,27 +117,31 @@ def fit_unrecorded_muscles(fit: HillTogether, trials: Mapping[str, Sequence[Torq
     first = next(iter(trials.values()))
     known = {m.name: m for m in fit.fit.muscles}
     source = {
-        name: own[0].muscles.constants[name]
+        name: own[0].known_muscles.constants[name]
         for joint, own in trials.items()
-        for name in own[0].muscles.crossing(joint)
-        if name not in known and name in own[0].muscles.constants
+        for name in own[0].known_muscles.crossing(joint)
+        if name not in known and name in own[0].known_muscles.constants
     }
     samples = fit.fit.problem.samples
     excitation = np.maximum(samples.data.excitation, 0.0)
     if not source or len(known) < DEFAULT_MIN_MUSCLES:
         return None
     # The activation dynamics of such a muscle are unknown. They are the mean of the calibrated muscles'.
-    like = {q: float(np.mean([getattr(m, q) for m in fit.fit.muscles])) for q in
-            ("shape", "delay", "time_constant_1", "time_constant_2")}  # fmt: skip
+    calibrated = fit.fit.muscles
+    shape, delay = (float(np.mean([getattr(m, q) for m in calibrated])) for q in ("shape", "delay"))
+    time_constant_1 = float(np.mean([m.time_constant_1 for m in calibrated]))
+    time_constant_2 = float(np.mean([m.time_constant_2 for m in calibrated]))
+    unrecorded = tuple(
+        replace(m, shape=shape, delay=delay, time_constant_1=time_constant_1, time_constant_2=time_constant_2)
+        for m in source.values()
+    )
     top = excitation.max(axis=1)
     relative = excitation.T / top
     for number in range(1, len(known)):
         synergies = find_synergies(relative, tuple(known), number)
         if vaf(relative, synergies.reconstruct(relative)) >= VAF_THRESHOLD:
             break
-    made = UnrecordedMuscles(
-        fit, tuple(replace(m, **like) for m in source.values()), synergies, top, np.zeros((len(source), len(synergies)))
-    )
+    made = UnrecordedMuscles(fit, unrecorded, synergies, top, np.zeros((len(source), len(synergies))))
     activations, (bare, own) = made._synergy_activations(samples), made._unexcited_samples(trials)
     scale = np.std(samples.torque[:, samples.weight[0] > 0.0], axis=1, keepdims=True)
     left = (samples.torque - fit.fit.predict(samples)) / scale

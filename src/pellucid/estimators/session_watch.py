@@ -35,7 +35,8 @@ class SessionWatch:
 
     def reset(self) -> None:
         """Empty the buffer."""
-        self._count, self._last_comparison = 0, None
+        self._count = 0
+        self._last_comparison: ChannelComparison | None = None
 
     @property
     def last_comparison(self) -> ChannelComparison | None:

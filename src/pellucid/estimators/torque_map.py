@@ -165,7 +165,8 @@ def cross_validate_torque_maps(
     )
     made, results = dict(zip(runs, fitted, strict=True)), {}
     for name in estimators:
-        predicted, choices, examined = {}, [], []
+        predicted: dict[str, np.ndarray] = {}
+        choices, examined = [], []
         for group in groups:
             fit, found = made[name, group]
             choices.append(fit.choice)

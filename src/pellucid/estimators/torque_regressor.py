@@ -154,7 +154,8 @@ class TorqueRegressor(RegressorMixin, BaseEstimator):
             raise IdentificationError(f"torque: found groups of shape {np.shape(groups)}, expected {y.shape} as of y")
         names = self._column_names(X)
         if family.fit_trials is not None:
-            self.settings_, self.tried_ = {}, {}
+            self.settings_: dict[str, Any] = {}
+            self.tried_: dict[str, float] = {}
             self.regressor_ = family.fit_trials(self._divide_into_trials(X, y, names, groups), name, self.causal)
             return self
         motion = tuple(i for i, column in enumerate(names) if column.startswith(MOTION_COLUMN_PREFIXES))
@@ -208,14 +209,14 @@ class TorqueRegressor(RegressorMixin, BaseEstimator):
             return dict(next(iter(candidates.values()))), {}
         divided = (KFold(folds) if groups is None else GroupKFold(folds)).split(seen.x, y, groups)
         parts = list(divided)
-        settings, predicted = list(candidates.values()), np.empty((len(candidates), len(y)))
+        tried, predicted = list(candidates.values()), np.empty((len(candidates), len(y)))
         for fitted, out in parts:
             within = replace(seen, x=seen.x[fitted])
-            predicted[:, out] = family.fit_and_predict(settings, within, within.x, y[fitted], seen.x[out])
+            predicted[:, out] = family.fit_and_predict(tried, within, within.x, y[fitted], seen.x[out])
         errors = [score(y, own).rmse for own in predicted]
-        words = [", ".join(f"{key} {value}" for key, value in each.items()) for each in settings]
+        words = [", ".join(f"{key} {value}" for key, value in each.items()) for each in tried]
         best = first_best(errors)
-        return dict(settings[best]), dict(zip(words, errors, strict=True))
+        return dict(tried[best]), dict(zip(words, errors, strict=True))
 
     def _column_names(self, X: np.ndarray) -> list[str]:
         """Return the names of the columns of X."""
@@ -231,11 +232,11 @@ class TorqueRegressor(RegressorMixin, BaseEstimator):
     def _divide_into_trials(self, X: np.ndarray, y: np.ndarray, names: Sequence[str], groups) -> list[TorqueTrial]:
         """Divide rows into trials. A new trial begins where the group changes, or where time jumps."""
         columns = dict(zip(names, X.T, strict=True))
-        time, lacking = columns.get("time"), []
-        lacking += [] if time is not None else ["time"]
+        time = columns.get("time")
+        lacking = [] if time is not None else ["time"]
         for head in ("emg.", "angle."):
             lacking += [] if any(name.startswith(head) for name in names) else [f"{head}<name>"]
-        if lacking:
+        if time is None or lacking:
             raise IdentificationError(
                 f"{self.method}: found the columns {', '.join(names)}, expected {', '.join(lacking)} among `columns`"
             )

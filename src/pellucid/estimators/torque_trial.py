@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .._errors import RecordingError
+from .._errors import IdentificationError, RecordingError
 from .muscle_source import MuscleSource
 
 
@@ -53,6 +53,16 @@ class TorqueTrial:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    @property
+    def known_muscles(self) -> MuscleSource:
+        """Source of the muscles' lengths, moment arms and constants, of a trial that must have one."""
+        if self.muscles is None:
+            raise IdentificationError(
+                f"trial {self.name}: found no lengths of muscles across the {self.joint}, expected streams length, "
+                "lengthening and moment_arm, or a joint of the leg's model"
+            )
+        return self.muscles
 
     @property
     def fs(self) -> float:

@@ -228,14 +228,14 @@ class EnvelopeFiller:
     """Predictor of envelopes whose electrodes are lost, fitted to trials in which they were recorded."""
 
     def __init__(self, trials: Sequence[TrialByJoint]):
-        trials = self._trials = tuple(map(_any_joint_trial, trials))
-        self.channels = tuple(trials[0].envelopes)
-        known = np.concatenate([np.column_stack([t.envelopes[n] for n in self.channels]) for t in trials])
+        self._trials = tuple(map(_any_joint_trial, trials))
+        self.channels = tuple(self._trials[0].envelopes)
+        known = np.concatenate([np.column_stack([t.envelopes[n] for n in self.channels]) for t in self._trials])
         top = known.max(axis=0)
         self._top = np.where(top > 0.0, top, 1.0)
         # Zero-phase filters undershoot slightly below 0.
         self._known = np.maximum(known, 0.0) / self._top
-        self._folds = _make_folds(trials)
+        self._folds = _make_folds(self._trials)
 
     @property
     def grouped(self) -> bool:
@@ -250,26 +250,22 @@ class EnvelopeFiller:
                 f"filling in {', '.join(lost)}: found EMG of {', '.join(self.channels)} in what is fitted, expected "
                 f"{', '.join(unknown) or 'one more'} there"
             )
-        seen, across, trial = (
-            [i for i, name in enumerate(self.channels) if name not in lost],
-            trial,
-            _any_joint_trial(trial),
-        )
-        x = np.column_stack([trial.envelopes[n] if n not in lost else np.zeros(len(trial)) for n in self.channels])
+        seen, shared = [i for i, name in enumerate(self.channels) if name not in lost], _any_joint_trial(trial)
+        x = np.column_stack([shared.envelopes[n] if n not in lost else np.zeros(len(shared)) for n in self.channels])
         x = np.maximum(x, 0.0) / self._top
         made = {}
         for channel in lost:
             at = self.channels.index(channel)
             if way == "rest":
-                envelope = np.zeros(len(trial))
+                envelope = np.zeros(len(shared))
             elif way == "pattern":
-                envelope = _cycle_mean(channel, self._trials, trial)
+                envelope = _cycle_mean(channel, self._trials, shared)
             elif way == "linear":
                 envelope = self._fit_linear_map(at, tuple(seen)).predict(x[:, seen]) * self._top[at]
             else:
                 envelope = self._choose_synergies(at, tuple(seen)).reconstruct(x, seen)[:, at] * self._top[at]
             made[channel] = np.maximum(envelope, 0.0)
-        return {j: replace(own, envelopes={**own.envelopes, **made}, lead={}) for j, own in across.items()}
+        return {j: replace(own, envelopes={**own.envelopes, **made}, lead={}) for j, own in trial.items()}
 
     def _fit_linear_map(self, at: int, seen: tuple[int, ...]) -> Ridge:
         """Return the ridge regression that predicts muscle `at` from those `seen`, with the best penalty."""

@@ -27,14 +27,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 
 from ..models.carried_friction import NORMAL_DRAW_SEED, SteadyStates, carried_friction, draw_normal
 from ..models.friction_terms import SEPARATE_LOAD_FEATURE, features_of, is_friction, shape_index
 from ..signals.motion import SLOW_SHARE
-from .regression import Stack
+from .regression import FittedMotion, Stack
 
 MAX_ROWS = 50_000
 """Rows beyond this number are thinned. The neglected effects are smooth in the states, so thinning loses little."""
@@ -134,22 +134,42 @@ class Discrepancy:
         return self.covariance[np.ix_(at, at)], tuple(self.causes[i] for i in at)
 
 
-class DifferentiatedMotion(Protocol):
+class DifferentiatedMotion(FittedMotion, Protocol):
     """A motion with its derivatives, each of shape (n,), SI."""
 
-    fs: float
-    position: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
+    @property
+    def fs(self) -> float:
+        """Rate of the samples [Hz]."""
+
+    @property
+    def position(self) -> np.ndarray:
+        """Position, (n,) [rad or m]."""
+
+    @property
+    def acceleration(self) -> np.ndarray:
+        """Acceleration, (n,) [rad/s^2 or m/s^2]."""
 
     def smooth(self, samples: np.ndarray) -> np.ndarray:
         """Apply the motion's own low-pass to `samples`, shape (n,)."""
 
 
+DifferentiatedMotionT = TypeVar("DifferentiatedMotionT", bound=DifferentiatedMotion)
+
+KINEMATIC_SIGNALS: tuple[Callable[[DifferentiatedMotion, float], np.ndarray], ...] = (
+    lambda m, slow: m.position,
+    lambda m, slow: m.velocity,
+    lambda m, slow: m.acceleration,
+    lambda m, slow: np.gradient(np.gradient(m.acceleration)) * m.fs**2,
+    lambda m, slow: np.abs(m.smooth((np.abs(m.velocity) <= slow).astype(float))),
+)
+"""Signals of a motion that no model changes: position, velocity, acceleration, snap, and the share of each sample that
+comes from speeds up to `slow`."""
+
+
 def collect_states(
-    data: Stack,
+    data: Stack[DifferentiatedMotionT],
     rotary: bool,
-    load: Callable[[DifferentiatedMotion, np.ndarray, np.ndarray], np.ndarray],
+    load: Callable[[DifferentiatedMotionT, np.ndarray, np.ndarray], np.ndarray],
     dead_band: float,
 ) -> States:
     """Collect the states in the rows of a stack.
@@ -163,14 +183,7 @@ def collect_states(
         usual = np.sqrt(power / sum(len(m.velocity) for m in data.motions))
         slow = dead_band if dead_band > 0.0 else STANDSTILL_SPEED_SHARE * float(usual)
         known["_kinematics"] = tuple(
-            np.concatenate([m.rows(of(m, slow)) for m in data.motions])
-            for of in (
-                lambda m, slow: m.position,
-                lambda m, slow: m.velocity,
-                lambda m, slow: m.acceleration,
-                lambda m, slow: np.gradient(np.gradient(m.acceleration)) * m.fs**2,
-                lambda m, slow: np.abs(m.smooth((np.abs(m.velocity) <= slow).astype(float))),
-            )
+            np.concatenate([m.rows(signal(m, slow)) for m in data.motions]) for signal in KINEMATIC_SIGNALS
         )
     position, velocity, acceleration, snap, standstill = known["_kinematics"]
     ends = np.cumsum(data.lengths)

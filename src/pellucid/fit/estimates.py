@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -19,13 +20,11 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Estimates(Mapping[str, Parameter]):
+class NamedEstimates(Mapping[str, Parameter]):
     """Estimated parameters by name: ``fit["inertia"].value``, ``fit["inertia"].interval(0.95)``.
 
     Attributes
     ----------
-    parameters : tuple of Parameter
-        Parameters in the order of the covariance.
     covariance : ndarray, shape (p, p)
         Covariance of the parameters, SI.
     title : str
@@ -34,20 +33,14 @@ class Estimates(Mapping[str, Parameter]):
         Confidence level of the printed intervals.
     """
 
-    parameters: tuple[Parameter, ...]
     covariance: np.ndarray = field(repr=False)
     title: str = ""
     confidence: float = 0.95
 
     @property
+    @abstractmethod
     def every(self) -> tuple[Parameter, ...]:
         """The parameters, followed by quantities derived from them."""
-        return self.parameters
-
-    @property
-    def array(self) -> np.ndarray:
-        """Values of the parameters in their order, shape (p,), SI."""
-        return np.array([p.value for p in self.parameters])
 
     def interval(self, name: str, level: float | None = None) -> tuple[float, float]:
         """Return the confidence interval of a parameter in its unit, at `level` or by default at `confidence`."""
@@ -92,7 +85,7 @@ class Estimates(Mapping[str, Parameter]):
             If pandas is not installed.
         """
         ends = [self.interval(p.name, level) for p in self.every]
-        columns = {
+        columns: dict[str, Sequence[object]] = {
             "value": [p.value for p in self.every],
             "standard_error": [p.standard_error for p in self.every],
             "low": [low for low, _ in ends],
@@ -122,6 +115,29 @@ class Estimates(Mapping[str, Parameter]):
 
     def _repr_html_(self) -> str:
         return html_table(self.title, self._head(), self._rows(), self._facts())
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Estimates(NamedEstimates):
+    """Estimated parameters by name, which are also a tuple in the order of the covariance.
+
+    Attributes
+    ----------
+    parameters : tuple of Parameter
+        Parameters in the order of the covariance.
+    """
+
+    parameters: tuple[Parameter, ...]
+
+    @property
+    def every(self) -> tuple[Parameter, ...]:
+        """The parameters, followed by quantities derived from them."""
+        return self.parameters
+
+    @property
+    def array(self) -> np.ndarray:
+        """Values of the parameters in their order, shape (p,), SI."""
+        return np.array([p.value for p in self.parameters])
 
 
 def _shown(parameter: Parameter, level: float) -> tuple[str, str]:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -27,20 +27,41 @@ does."""
 
 
 class FittedMotion(Protocol):
-    """A motion that may enter a regression, with its measured `effort`, (n,), and the states that a model reads."""
+    """A motion that may enter a regression. A model reads further states of the motions that it can be fitted to."""
 
-    effort: np.ndarray
+    @property
+    def effort(self) -> np.ndarray:
+        """Measured effort, (n,)."""
+
+    @property
+    def velocity(self) -> np.ndarray:
+        """Velocity, (n,) or already (m,) in the rows of the regression [rad/s or m/s]."""
 
     def rows(self, samples: np.ndarray) -> np.ndarray:
         """Reduce samples, (n,) or (n, k), to the regression rows: trimmed, thinned, without those at rest."""
 
 
-class ForceModel(Protocol):
+MotionT = TypeVar("MotionT", bound=FittedMotion)
+"""Kind of motion that a model is fitted to, for instance one of a joint or of a joint with a carriage."""
+
+MotionT_co = TypeVar("MotionT_co", bound=FittedMotion, covariant=True)
+MotionT_contra = TypeVar("MotionT_contra", bound=FittedMotion, contravariant=True)
+
+
+class ForceModel(Protocol[MotionT_contra]):
     """A model that can be fitted: names and bounds of its free parameters, and its effort along a motion."""
 
-    names: tuple[str, ...]
-    label: str
-    linear: bool
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the free parameters, in the order of every array."""
+
+    @property
+    def label(self) -> str:
+        """Name of the model in messages."""
+
+    @property
+    def linear(self) -> bool:
+        """Whether the effort is linear in the free parameters."""
 
     def unit(self, name: str) -> str:
         """Return the SI unit of a parameter, as plain text."""
@@ -48,18 +69,26 @@ class ForceModel(Protocol):
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the physical lower and upper bounds, each (p,), SI."""
 
-    def effort(self, values: np.ndarray, motion: FittedMotion) -> np.ndarray:
+    def effort(self, values: np.ndarray, motion: MotionT_contra) -> np.ndarray:
         """Return the effort, (n,), along a motion, filtered as the measured effort was."""
 
-    def jacobian(self, values: np.ndarray, motion: FittedMotion) -> tuple[np.ndarray, np.ndarray]:
+    def jacobian(self, values: np.ndarray, motion: MotionT_contra) -> tuple[np.ndarray, np.ndarray]:
         """Return the effort, (n,), and its derivative by the parameters, (n, p)."""
 
 
+@runtime_checkable
+class RowModel(Protocol[MotionT_contra]):
+    """A model that can compute the regression rows of a motion without its full-rate regressor."""
+
+    def rows(self, values: np.ndarray, motion: MotionT_contra) -> tuple[np.ndarray, np.ndarray]:
+        """Return the effort, (m,), and its derivative by the parameters, (m, p), in the regression rows."""
+
+
 @dataclass(frozen=True)
-class Stack:
+class Stack(Generic[MotionT_co]):
     """Several motions and their measured efforts, (m_i,), reduced to the rows that are fitted."""
 
-    motions: tuple[FittedMotion, ...]
+    motions: tuple[MotionT_co, ...]
     targets: tuple[np.ndarray, ...]
 
     @property
@@ -77,7 +106,7 @@ class Stack:
         return np.concatenate([m.rows(x) for m, x in zip(self.motions, signals, strict=True)])
 
 
-def stack(motions: Sequence[FittedMotion]) -> Stack:
+def stack(motions: Sequence[MotionT]) -> Stack[MotionT]:
     """Stack motions for a regression; refuse them if no sample is left."""
     if not motions:
         raise IdentificationError('no recording is marked use = "fit"; at least one must be')
@@ -92,7 +121,7 @@ def stack(motions: Sequence[FittedMotion]) -> Stack:
 
 
 def linearise(
-    model: ForceModel, values: np.ndarray, motions: Sequence[FittedMotion]
+    model: ForceModel[MotionT], values: np.ndarray, motions: Sequence[MotionT]
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Return efforts, (n_i,), and regressors, (n_i, p), of each motion at `values`, (p,), filtered as the measured
     effort."""
@@ -100,35 +129,39 @@ def linearise(
     return [effort for effort, _ in pairs], [jacobian for _, jacobian in pairs]
 
 
-def predict_efforts(model: ForceModel, values: np.ndarray, motions: Sequence[FittedMotion]) -> list[np.ndarray]:
+def predict_efforts(model: ForceModel[MotionT], values: np.ndarray, motions: Sequence[MotionT]) -> list[np.ndarray]:
     """Return the model's effort for each motion, (n_i,), at full rate, filtered as the measured effort was."""
     return [model.effort(values, m) for m in motions]
 
 
-def regression_rows(model: ForceModel, values: np.ndarray, data: Stack) -> tuple[np.ndarray, np.ndarray]:
+def regression_rows(
+    model: ForceModel[MotionT], values: np.ndarray, data: Stack[MotionT]
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the regressor, (m, p), and the modelled effort, (m,), at `values`, (p,)."""
     # Each motion is reduced in turn: the full-rate regressor of hours of data would not fit in memory.
     made = [_rows(model, values, m) for m in data.motions]
     return np.concatenate([rows for _, rows in made]), np.concatenate([effort for effort, _ in made])
 
 
-def predict_effort_rows(model: ForceModel, values: np.ndarray, motion: FittedMotion) -> np.ndarray:
+def predict_effort_rows(model: ForceModel[MotionT], values: np.ndarray, motion: MotionT) -> np.ndarray:
     """Return the modelled effort, (m,), in the regression rows of one motion at `values`, (p,)."""
-    return (
-        _rows(model, values, motion)[0]
-        if _has_direct_rows(model, motion)
-        else motion.rows(model.effort(values, motion))
-    )
+    direct = _direct_rows(model, values, motion)
+    return motion.rows(model.effort(values, motion)) if direct is None else direct[0]
 
 
-def _has_direct_rows(model: ForceModel, motion: FittedMotion) -> bool:
-    """Return whether the model computes the thinned rows of this motion directly."""
-    return hasattr(model, "rows") and (model.linear or len(motion.effort) > MAX_FULL_JACOBIAN_SAMPLES)
-
-
-def _rows(model: ForceModel, values: np.ndarray, motion: FittedMotion) -> tuple[np.ndarray, np.ndarray]:
-    if _has_direct_rows(model, motion):
+def _direct_rows(
+    model: ForceModel[MotionT], values: np.ndarray, motion: MotionT
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return the effort, (m,), and regressor, (m, p), if the model computes the rows of this motion directly."""
+    if isinstance(model, RowModel) and (model.linear or len(motion.effort) > MAX_FULL_JACOBIAN_SAMPLES):
         return model.rows(values, motion)
+    return None
+
+
+def _rows(model: ForceModel[MotionT], values: np.ndarray, motion: MotionT) -> tuple[np.ndarray, np.ndarray]:
+    direct = _direct_rows(model, values, motion)
+    if direct is not None:
+        return direct
     rows = motion.rows(np.column_stack(model.jacobian(values, motion)))
     return rows[:, 0], rows[:, 1:]
 
@@ -147,8 +180,8 @@ class Solution:
 
 
 def solve(
-    model: ForceModel,
-    data: Stack,
+    model: ForceModel[MotionT],
+    data: Stack[MotionT],
     *,
     weights: np.ndarray | None = None,
     bounds: tuple[np.ndarray, np.ndarray] | None = None,
@@ -173,6 +206,8 @@ def solve(
         residual, iterations, converged = target - jacobian @ values, 1, True
     else:
         first = after.values if after is not None else start
+        if first is None:
+            raise ValueError(f"{model.label}: a nonlinear model needs `start` or `after`, found neither")
         # Reweighting moves the minimum only a little, so a few steps suffice.
         values, iterations, converged = _gauss_newton(model, data, w, lower, upper, first, 60 if after is None else 8)
         jacobian, effort = regression_rows(model, values, data)
@@ -201,7 +236,13 @@ def least_squares_within(
 
 
 def _gauss_newton(
-    model: ForceModel, data: Stack, w: np.ndarray, lower: np.ndarray, upper: np.ndarray, start: np.ndarray, most: int
+    model: ForceModel[MotionT],
+    data: Stack[MotionT],
+    w: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    start: np.ndarray,
+    most: int,
 ) -> tuple[np.ndarray, int, bool]:
     """Fit a nonlinear model by bounded least squares with `most` evaluations at most.
 
@@ -240,7 +281,7 @@ def nearest_feasible(
     residual: np.ndarray,
     values: np.ndarray,
     bounds: tuple[np.ndarray, np.ndarray],
-    room: Callable[[np.ndarray], np.ndarray],
+    room: Callable[[np.ndarray], np.ndarray | float],
     start: np.ndarray,
 ) -> tuple[np.ndarray, str]:
     """Return the feasible values, (p,), with the smallest residual, and the message of the search.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -22,6 +22,19 @@ class Regressor(Protocol):
 
     def predict(self, x: np.ndarray) -> np.ndarray:
         """Predict the torque for features `x`."""
+
+    def get_params(self) -> dict[str, Any]:
+        """Return the settings by name."""
+
+
+@runtime_checkable
+class SharingRegressor(Protocol):
+    """An estimator that shares the work of fits which differ in one setting."""
+
+    def predict_each(
+        self, x: np.ndarray, y: np.ndarray, values: Sequence[Any], new: np.ndarray
+    ) -> Sequence[np.ndarray]:
+        """Fit with each of `values` of the shared setting, and return the predictions for `new`, shape (m, k)."""
 
 
 def _refuse_features(settings: Mapping[str, Any], seen: Features) -> Regressor:
@@ -86,6 +99,8 @@ class Family:
         found: dict[int, np.ndarray] = {}
         for indices in alike.values():
             made = self.make(settings[indices[0]], seen)
+            if not isinstance(made, SharingRegressor):
+                raise TypeError(f"{self.description}: shared_setting: found an estimator without `predict_each`")
             values = [settings[i][self.shared_setting] for i in indices]
             found |= zip(indices, made.predict_each(x, y, values, new), strict=True)
         return [found[i] for i in range(len(settings))]

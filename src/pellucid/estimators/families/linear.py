@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 from ..features import Features
@@ -26,11 +27,11 @@ def make_ridge(settings: Mapping[str, Any], seen: Features) -> Regressor:
     return Ridge(settings["penalty"], columns)
 
 
-COMMON_FIELDS: Mapping[str, Any] = {"shared_setting": "penalty", "smoothing": 0.0, "extrapolation_rank": 2}
-"""Fields that all families of this module have in common."""
+linear_family = partial(Family, shared_setting="penalty", smoothing=0.0, extrapolation_rank=2)
+"""Constructor of a family with the fields that all families of this module have in common."""
 
 FAMILIES = {
-    "ridge": Family(
+    "ridge": linear_family(
         "ridge regression",
         make_ridge,
         RIDGE_SETTINGS,
@@ -41,9 +42,8 @@ FAMILIES = {
         rivals_muscles=True,
         scored_causally=True,
         runs_live=True,
-        **COMMON_FIELDS,
     ),
-    "ridge_lags": Family(
+    "ridge_lags": linear_family(
         "ridge regression with lags",
         make_ridge,
         RIDGE_SETTINGS,
@@ -53,12 +53,11 @@ FAMILIES = {
         short="ridge with lags",
         colour="stribeck",
         rivals_muscles=True,
-        **COMMON_FIELDS,
     ),
-    "linear": Family(
-        "linear regression", make_ridge, ({"penalty": 0.0},), lags=False, rank=42, colour="combined", **COMMON_FIELDS
+    "linear": linear_family(
+        "linear regression", make_ridge, ({"penalty": 0.0},), lags=False, rank=42, colour="combined"
     ),
-    "motion": Family(
+    "motion": linear_family(
         "ridge regression without EMG",
         make_ridge,
         RIDGE_SETTINGS,
@@ -67,6 +66,5 @@ FAMILIES = {
         rank=43,
         short="angles alone",
         colour="symmetric",
-        **COMMON_FIELDS,
     ),
 }

@@ -48,7 +48,7 @@ def with_free_zero(model: JointModel) -> JointModel:
     return replace(model, symbols=(rest[0], *free, *rest[1:]))
 
 
-def estimate_angle_zero(model: JointModel, data: Stack, held: Sequence[Motion]) -> AngleZero:
+def estimate_angle_zero(model: JointModel, data: Stack[Motion], held: Sequence[Motion]) -> AngleZero:
     """Estimate the encoder's zero error by fitting `model` to `data` with both terms of gravity free.
 
     The correction is tested on `held` motions or, without any, on blocks of `data` predicted from the others.
@@ -62,6 +62,7 @@ def estimate_angle_zero(model: JointModel, data: Stack, held: Sequence[Motion]) 
     covariance = sandwich_covariance(found.jacobian, found.residual, data.lengths)[np.ix_(at, at)]
     size = float(np.hypot(sine, cosine))
     slope = np.array([-cosine, sine]) / size**2
+    residuals: dict[str, Sequence[np.ndarray]]
     if held:
         residuals = {
             name: [

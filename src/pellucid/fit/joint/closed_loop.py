@@ -24,6 +24,7 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...models.joint import JointModel
+from ...models.simulate import JointTrace
 from ...signals.motion import Motion, differentiate
 from ..regression import Solution, Stack, linearise, remember_last_call, snap_to_bounds
 from .replay import Machine, is_bounded, replay
@@ -49,7 +50,7 @@ def simulated_motions(
     return tuple(made)
 
 
-def require_loop(machine: Machine, data: Stack) -> None:
+def require_loop(machine: Machine, data: Stack[Motion]) -> None:
     """Refuse a closed-loop method without a controller and a reference."""
     for motion in data.motions:
         if not machine.can_close(motion):
@@ -60,7 +61,7 @@ def require_loop(machine: Machine, data: Stack) -> None:
 
 
 def solve_instrumental(
-    model: JointModel, data: Stack, machine: Machine, first: Solution
+    model: JointModel, data: Stack[Motion], machine: Machine, first: Solution
 ) -> tuple[Solution, np.ndarray]:
     """Solve IDIM-IV with instruments from the simulated closed loop; return the solution and instruments, (m, p)."""
     require_loop(machine, data)
@@ -68,7 +69,7 @@ def solve_instrumental(
 
 
 def _instruments(
-    model: JointModel, values: np.ndarray, data: Stack, machine: Machine
+    model: JointModel, values: np.ndarray, data: Stack[Motion], machine: Machine
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     efforts, regressors = linearise(model, values, data.motions)
     simulated = simulated_motions(model, values, data.motions, machine)
@@ -76,14 +77,14 @@ def _instruments(
     return z, data.reduced(regressors), data.target - data.reduced(efforts)
 
 
-def solve_didim(model: JointModel, data: Stack, machine: Machine, first: Solution) -> Solution:
+def solve_didim(model: JointModel, data: Stack[Motion], machine: Machine, first: Solution) -> Solution:
     """Solve DIDIM: fit the inverse model on simulated states alone."""
     require_loop(machine, data)
     return _iterate(model, data, first, lambda values: _simulated_rows(model, values, data, machine))[0]
 
 
 def _simulated_rows(
-    model: JointModel, values: np.ndarray, data: Stack, machine: Machine
+    model: JointModel, values: np.ndarray, data: Stack[Motion], machine: Machine
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     simulated = simulated_motions(model, values, data.motions, machine)
     efforts, regressors = linearise(model, values, simulated)
@@ -93,7 +94,7 @@ def _simulated_rows(
 
 def _iterate(
     model: JointModel,
-    data: Stack,
+    data: Stack[Motion],
     first: Solution,
     rows: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]],
 ) -> tuple[Solution, np.ndarray]:
@@ -109,7 +110,7 @@ def _iterate(
     return _solution(model, values, w, residual, iterations, converged), z
 
 
-def solve_output_error(model: JointModel, data: Stack, machine: Machine, first: Solution) -> Solution:
+def solve_output_error(model: JointModel, data: Stack[Motion], machine: Machine, first: Solution) -> Solution:
     """Fit the simulated response, with its exact Jacobian, to the measured one.
 
     The response is the effort if the loop can be closed [N*m, N, A or V], otherwise the position [rad or m].
@@ -125,12 +126,13 @@ def solve_output_error(model: JointModel, data: Stack, machine: Machine, first: 
     def at(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         traces = [replay(model, values, m, machine, closed=closed, differentiate=signal) for m in data.motions]
         # A trial step that diverges returns a large residual, so that the solver rejects it and no filter fails.
-        if not all(is_bounded(getattr(t, signal)) and is_bounded(t.jacobians[signal]) for t in traces):
+        slopes = [_derivative(t, signal) for t in traces]
+        if not all(is_bounded(getattr(t, signal)) and is_bounded(d) for t, d in zip(traces, slopes, strict=True)):
             return np.full(size, 1e6), np.zeros((size, len(values)))
         # A simulation covers every sample, including those at rest.
         off = [m.reduce(getattr(t, signal) - x) for m, t, x in zip(data.motions, traces, measured, strict=True)]
         residual = np.concatenate(off)
-        jacobian = np.concatenate([m.reduce(t.jacobians[signal]) for m, t in zip(data.motions, traces, strict=True)])
+        jacobian = np.concatenate([m.reduce(d) for m, d in zip(data.motions, slopes, strict=True)])
         return residual, jacobian
 
     lower, upper = model.bounds()
@@ -144,8 +146,15 @@ def solve_output_error(model: JointModel, data: Stack, machine: Machine, first: 
     return _solution(model, found.x, jacobian, -residual, int(found.nfev), bool(found.success))
 
 
+def _derivative(trace: JointTrace, signal: str) -> np.ndarray:
+    """Return the derivative of a simulated signal by the free values, (n, p)."""
+    if trace.jacobians is None:
+        raise ValueError(f"found a simulation without derivatives, expected that of the {signal}")
+    return trace.jacobians[signal]
+
+
 def _bounded_step(
-    model: JointModel, values: np.ndarray, step: np.ndarray, w: np.ndarray, data: Stack
+    model: JointModel, values: np.ndarray, step: np.ndarray, w: np.ndarray, data: Stack[Motion]
 ) -> tuple[np.ndarray, float]:
     """Return the next values, (p,), within their bounds, and the largest relative change in effort of any one."""
     lower, upper = model.bounds()

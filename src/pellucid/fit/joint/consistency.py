@@ -17,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...models.joint import GRAVITY, JointModel
+from ...signals.motion import Motion
 from ..regression import Solution, Stack, nearest_feasible, regression_rows
 
 RELINEARISATION_COUNT = 4
@@ -34,7 +35,7 @@ def least_inertia(model: JointModel, values: np.ndarray, mass: float) -> float:
 
 
 def enforce_pseudo_inertia(
-    model: JointModel, data: Stack, found: Solution, mass: float
+    model: JointModel, data: Stack[Motion], found: Solution, mass: float
 ) -> tuple[Solution, tuple[str, ...]]:
     """Move the least-squares solution `found` to the nearest physically consistent one, in the metric of its residuals.
 

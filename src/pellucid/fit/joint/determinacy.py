@@ -10,6 +10,7 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...models.joint import JointModel
+from ...signals.motion import Motion
 from ..parameter import UNDETERMINED_REASON, Parameter
 from ..regression import Solution, Stack, stack
 from .friction_solver import solve_family
@@ -23,7 +24,11 @@ PERTURBATION_SEEDS = (1, 2)
 
 
 def find_undetermined(
-    model: JointModel, data: Stack, found: Solution, widths: Iterable[float], seeds: Sequence[int] = PERTURBATION_SEEDS
+    model: JointModel,
+    data: Stack[Motion],
+    found: Solution,
+    widths: Iterable[float],
+    seeds: Sequence[int] = PERTURBATION_SEEDS,
 ) -> frozenset[str]:
     """Return the names of parameters that a refit to perturbed columns moves by more than their interval's half width.
 
@@ -51,11 +56,21 @@ def mark_undetermined(parameters: Iterable[Parameter], names: frozenset[str]) ->
     return tuple(replace(p, refused=UNDETERMINED_REASON) if p.name in names else p for p in parameters)
 
 
-def _perturb(data: Stack, rng: np.random.Generator) -> Stack:
+def _perturb(data: Stack[Motion], rng: np.random.Generator) -> Stack[Motion]:
     """Return the stack with noise of relative size `PERTURBATION_SHARE` added to its states and efforts."""
 
     def change(x: np.ndarray) -> np.ndarray:
         return x + PERTURBATION_SHARE * float(np.sqrt(np.mean(x**2))) * rng.standard_normal(x.shape)
 
-    columns = ("position", "velocity", "acceleration", "effort")
-    return stack([replace(m, **{name: change(getattr(m, name)) for name in columns}) for m in data.motions])
+    return stack(
+        [
+            replace(
+                m,
+                position=change(m.position),
+                velocity=change(m.velocity),
+                acceleration=change(m.acceleration),
+                effort=change(m.effort),
+            )
+            for m in data.motions
+        ]
+    )

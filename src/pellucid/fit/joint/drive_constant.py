@@ -20,6 +20,7 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.filtered_dynamics import filtered_jacobian
 from ...models.joint import JointModel
+from ...signals.motion import Motion
 from ..parameter import Parameter
 from ..regression import Stack, least_squares_within
 from ..uncertainty import sandwich_covariance
@@ -32,7 +33,7 @@ STEP_TOLERANCE = 1e-7
 """The search ends when a step changes the effort by less than this share of it."""
 
 
-def estimate_drive_constant(model: JointModel, data: Stack) -> Parameter:
+def estimate_drive_constant(model: JointModel, data: Stack[Motion]) -> Parameter:
     """Estimate the effort per ampere or volt from known payloads [N*m/A, N*m/V, N/A or N/V]."""
     if len({m.payload for m in data.motions}) < 2:
         raise IdentificationError(
@@ -64,7 +65,7 @@ def estimate_drive_constant(model: JointModel, data: Stack) -> Parameter:
     return Parameter("drive_constant", unit, float(1.0 / inverse), float(sd / inverse**2))
 
 
-def _rows_with_payload(model: JointModel, values: np.ndarray, data: Stack) -> tuple[np.ndarray, np.ndarray]:
+def _rows_with_payload(model: JointModel, values: np.ndarray, data: Stack[Motion]) -> tuple[np.ndarray, np.ndarray]:
     """Return the regressor, (m, p + 1), of the free parameters and the payload's scale, and the residual, (m,).
 
     The last of `values`, (p + 1,), is the scale.

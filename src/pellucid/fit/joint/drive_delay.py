@@ -10,7 +10,7 @@ import numpy as np
 from ...models.joint import JointModel, joint_model
 from ...signals.filters import anti_aliased
 from ...signals.motion import Motion
-from ..delay import Columns, Delay, DrivenRows, combine_models, fit_delay, prefer_better_lag
+from ..delay import Columns, Delay, DelayFit, DrivenRows, combine_models, fit_delay, prefer_better_lag
 from .friction_solver import with_known_stribeck_velocity
 
 STRIBECK_SPEED_SHARE = 0.05
@@ -31,10 +31,12 @@ def estimate_drive_delay(
     rows = []
     for m in motions:
         both = np.column_stack([m.effort + back_emf * m.velocity, back_emf * m.velocity])
-        rows.append(DrivenRows(*anti_aliased(both, m.filtering.decimate).T, m.fs, m.kept))
+        driven, own = anti_aliased(both, m.filtering.decimate).T
+        rows.append(DrivenRows(driven, own, m.fs, m.kept))
     if sum(len(r.kept) for r in rows) < MIN_ROWS:
         return None
-    fits, values = [], {}
+    fits: list[DelayFit] = []
+    values: dict[str, float] = {}
     for model in _models_by_richness(plain, motions):
         at = np.array([values.get(name, 0.0) for name in model.names])
         columns, full = [], []
@@ -49,8 +51,8 @@ def estimate_drive_delay(
             return None
         fits.append(found)
         values = dict(zip(model.names, found.values, strict=True))
-    found = combine_models(fits, quantile, step)
-    return prefer_better_lag(found, fits[-1].after, rows, full, step) if found.clear(step) else found
+    delay = combine_models(fits, quantile, step)
+    return prefer_better_lag(delay, fits[-1].after, rows, full, step) if delay.clear(step) else delay
 
 
 def _models_by_richness(plain: JointModel, motions: Sequence[Motion]) -> tuple[JointModel, ...]:

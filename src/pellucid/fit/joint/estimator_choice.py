@@ -76,8 +76,8 @@ def choose_estimator(
     if not torque:
         return EstimatorChoice(purpose=purpose, predictions=tuple(predictions["ls"]))
     held = [m for m in motions if m.split == "heldout"]
-    simulated = {n: _position_errors(e, simulations.get(n, ()), held, machine) for n, e in estimates.items()}
-    simulated = {name: errors for name, errors in simulated.items() if errors is not None}
+    tried = {n: _position_errors(e, simulations.get(n, ()), held, machine) for n, e in estimates.items()}
+    simulated = {name: errors for name, errors in tried.items() if errors is not None}
     orders = {"torque": (torque, simulated), "simulation": (simulated or torque, torque)}
     method = choose_method(*orders[purpose])
     return EstimatorChoice(

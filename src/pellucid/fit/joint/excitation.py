@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.joint import JointModel
+from ...signals.motion import Motion
 from ..regression import Stack, regression_rows
 
 
@@ -21,7 +22,7 @@ class Excitation:
     own: dict[str, float]  # for each parameter, the share of its column's norm that no other column explains
 
 
-def measure_excitation(model: JointModel, data: Stack) -> Excitation:
+def measure_excitation(model: JointModel, data: Stack[Motion]) -> Excitation:
     """Return the excitation of a linear `model` by the motions of `data`; their effort is not used."""
     w, _ = regression_rows(model, np.zeros(len(model.names)), data)
     norms = np.linalg.norm(w, axis=0)

@@ -150,7 +150,8 @@ def fit_joint(
     )
     model = replace(plain, payload_scale=1.0 if own == units[motion] else 0.0)
     data = stack([taken])
-    found, notes = solve_family(model, data), ()
+    found = solve_family(model, data)
+    notes: tuple[str, ...] = ()
     if moving_mass is not None:
         found, notes = enforce_pseudo_inertia(model, data, found, moving_mass)
     return make_estimate(model, data, found, "ls", notes, level=confidence)

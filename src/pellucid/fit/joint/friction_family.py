@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -82,7 +83,7 @@ class FamilyFit:
 
 def fit_family(
     model: JointModel,
-    data: Stack,
+    data: Stack[Motion],
     everything: Sequence[Motion],
     machine: Machine,
     *,
@@ -101,15 +102,17 @@ def fit_family(
     """
     taken, part = everything, data
     if said:
+        if excerpt is None:
+            raise ValueError(f"found no `excerpt` that is {said}, expected its motions")
         taken, part = excerpt, stack([m for m in excerpt if m.split == "fitted"])
     free = start = solve_family(model, part)
-    note = ()
+    note: tuple[str, ...] = ()
     first = solve_from_part(model, data, start) if said else start
     if moving_mass is not None:
         first, note = enforce_pseudo_inertia(model, data, first, moving_mass)
         start = enforce_pseudo_inertia(model, part, start, moving_mass)[0] if said else first
     estimate = make_estimate(model, data, first, "ls", note, level=level)
-    loose = frozenset()
+    loose: frozenset[str] = frozenset()
     if thorough:
         widths = [0.5 * np.ptp(p.interval(level)) for p in estimate.parameters]
         # With hours of data one perturbation is tried, to save time.
@@ -153,7 +156,7 @@ def fit_family(
 
 def _apply_other_methods(
     model: JointModel,
-    data: Stack,
+    data: Stack[Motion],
     first: Solution,
     estimate: JointEstimate,
     everything: Sequence[Motion],
@@ -171,11 +174,11 @@ def _apply_other_methods(
             jacobian=np.delete(first.jacobian, at, axis=1),
             at_bound=np.delete(first.at_bound, at),
         )
-    told = {"level": level, "discrepancy": estimate.discrepancy}
+    make = partial(make_estimate, model, data, level=level, discrepancy=estimate.discrepancy)
     weighted, robust = solve_weighted(model, data, first), solve_robust(model, data, first)
     others = {
-        "wls": make_estimate(model, data, weighted, "wls", **told),
-        "irls": make_estimate(model, data, robust, "irls", **told),
+        "wls": make(weighted, "wls"),
+        "irls": make(robust, "irls"),
     }
     failures: dict[str, str] = {}
 
@@ -187,15 +190,15 @@ def _apply_other_methods(
 
     def instrumental() -> JointEstimate:
         solution, z = solve_instrumental(model, data, machine, first)
-        return make_estimate(model, data, solution, "iv", instruments=z, **told)
+        return make(solution, "iv", instruments=z)
 
     def didim() -> JointEstimate:
-        return make_estimate(model, data, solve_didim(model, data, machine, first), "didim", **told)
+        return make(solve_didim(model, data, machine, first), "didim")
 
     def output_error() -> JointEstimate:
         solution = solve_output_error(model, data, machine, first)
         stretches = [len(m.moving) for m in data.motions]
-        return make_estimate(model, data, solution, "output_error", lengths=stretches, **told)
+        return make(solution, "output_error", lengths=stretches)
 
     if all(machine.can_close(m) for m in data.motions):
         attempt("iv", instrumental)

@@ -13,6 +13,7 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.friction_terms import STRIBECK_VELOCITY
 from ...models.joint import MAX_STRIBECK_SHARE, JointModel
+from ...signals.motion import Motion
 from ..regression import (
     Solution,
     Stack,
@@ -44,7 +45,7 @@ REFINING_STEP_TOLERANCE = 2e-3
 
 def solve_family(
     model: JointModel,
-    data: Stack,
+    data: Stack[Motion],
     *,
     weights: np.ndarray | None = None,
     consistent: bool = True,
@@ -66,7 +67,7 @@ def solve_family(
     return solve(model, data, weights=weights, bounds=(lower, upper), start=start, after=after)
 
 
-def solve_from_part(model: JointModel, data: Stack, found: Solution) -> Solution:
+def solve_from_part(model: JointModel, data: Stack[Motion], found: Solution) -> Solution:
     """Minimise over much `data` from the solution `found` on a part of it.
 
     Linear families take one step. Others take Gauss-Newton steps, first on one motion in `MOTION_SUBSAMPLING`.
@@ -80,7 +81,7 @@ def solve_from_part(model: JointModel, data: Stack, found: Solution) -> Solution
     return _gauss_newton_steps(model, data, values, STEP_TOLERANCE)
 
 
-def _gauss_newton_steps(model: JointModel, data: Stack, values: np.ndarray, close: float) -> Solution:
+def _gauss_newton_steps(model: JointModel, data: Stack[Motion], values: np.ndarray, close: float) -> Solution:
     """Take bounded Gauss-Newton steps from `values`, (p,), until one changes the effort by less than a share `close`.
 
     The remaining error is of the order of its square. The solution's Jacobian is from before the last step, its
@@ -93,7 +94,7 @@ def _gauss_newton_steps(model: JointModel, data: Stack, values: np.ndarray, clos
         # A Stribeck velocity without a Stribeck level has no effect at all.
         norms = np.linalg.norm(jacobian, axis=0)
         free = norms > 1e-12 * norms.max()
-        triangle = np.linalg.qr(np.column_stack([jacobian[:, free], residual]), mode="r")
+        triangle = np.asarray(np.linalg.qr(np.column_stack([jacobian[:, free], residual]), mode="r"))
         require_full_rank([n for n, f in zip(model.names, free, strict=True) if f], triangle[:, :-1], model.label)
         low, high = lower.copy(), upper.copy()
         if model.shape_index is not None:
@@ -115,7 +116,7 @@ def _gauss_newton_steps(model: JointModel, data: Stack, values: np.ndarray, clos
     return Solution(snapped, jacobian, residual, np.ones(len(residual)), held, iteration, near)
 
 
-def _from_linear_part(model: JointModel, data: Stack, weights: np.ndarray | None) -> np.ndarray:
+def _from_linear_part(model: JointModel, data: Stack[Motion], weights: np.ndarray | None) -> np.ndarray:
     """Return starting values, (p,), from the fit of the model's linear part."""
     linear = replace(model, symbols=tuple(s for s in model.symbols if s.linear))
     base = dict(zip(linear.names, solve(linear, data, weights=weights).values, strict=True))
@@ -129,7 +130,7 @@ def with_known_stribeck_velocity(model: JointModel, velocity: float) -> JointMod
 
 
 def _profile_stribeck_velocity(
-    model: JointModel, data: Stack, w: np.ndarray, consistent: bool, after: Solution | None
+    model: JointModel, data: Stack[Motion], w: np.ndarray, consistent: bool, after: Solution | None
 ) -> Solution:
     """Profile over the Stribeck velocity. With it fixed, the other parameters have no local minima."""
     from scipy.optimize import minimize_scalar
@@ -149,7 +150,7 @@ def _profile_stribeck_velocity(
         velocity = float(np.exp(log_velocity))
         held = with_known_stribeck_velocity(model, velocity)
         # A nonlinear problem starts from the last velocity's solution; a linear one must not reuse that regressor.
-        near = previous if held.linear else (list(tried.values()) or [previous])[-1]
+        near = previous if held.linear else next(reversed(tried.values()), previous)
         try:
             found = solve_family(held, data, weights=w, consistent=consistent, after=near)
         except IdentificationError:
@@ -182,7 +183,7 @@ def _profile_stribeck_velocity(
     return replace(found, values=values, jacobian=jacobian, residual=residual, at_bound=held, iterations=len(tried))
 
 
-def _min_stribeck_velocity(data: Stack, top: float) -> float:
+def _min_stribeck_velocity(data: Stack[Motion], top: float) -> float:
     """Return the smallest Stribeck velocity in the search up to `top` [rad/s or m/s].
 
     Below the dead band the Stribeck level would be an extrapolation.
@@ -192,7 +193,7 @@ def _min_stribeck_velocity(data: Stack, top: float) -> float:
 
 def _polish(
     model: JointModel,
-    data: Stack,
+    data: Stack[Motion],
     w: np.ndarray,
     values: np.ndarray,
     jacobian: np.ndarray,

@@ -11,7 +11,7 @@ from ... import _core
 from ..._errors import IdentificationError
 from ...models.card import ModelCard
 from ...models.joint import UNITS, JointModel
-from ...signals.motion import Filtering, motion_of
+from ...signals.motion import Filtering, Motion, motion_of
 from ...signals.sampled import sampled
 from ..discrepancy import Discrepancy, States, collect_states, estimate_discrepancy
 from ..estimates import Estimates
@@ -63,7 +63,7 @@ class JointEstimate(Estimates):
     scaled_condition_number: float
     residual_sd: float
     samples: int
-    filtering: Filtering | None = None
+    filtering: Filtering
     effort_error: float = float("nan")
     iterations: int = 1
     converged: bool = True
@@ -147,7 +147,7 @@ class JointEstimate(Estimates):
         )
 
 
-def joint_states(model: JointModel, data: Stack, values: np.ndarray) -> States:
+def joint_states(model: JointModel, data: Stack[Motion], values: np.ndarray) -> States:
     """Return the joint's states in the rows of a stack, with the load by a `model` with `values`, (p,)."""
     bare = model.vector(values)
     return collect_states(
@@ -160,7 +160,7 @@ def joint_states(model: JointModel, data: Stack, values: np.ndarray) -> States:
 
 def make_estimate(
     model: JointModel,
-    data: Stack,
+    data: Stack[Motion],
     found: Solution,
     method: str,
     notes: tuple[str, ...] = (),

@@ -22,6 +22,7 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.friction_terms import SEPARATE_LOAD_FEATURE, TERMS
 from ...models.joint import JointModel
+from ...signals.motion import Motion
 from ..discrepancy import COMMON_LOAD_COEFFICIENT, LOAD_SHARE_SPREAD_RATIO, estimate_discrepancy
 from ..parameter import Parameter
 from ..regression import Solution, Stack
@@ -41,7 +42,7 @@ class LoadShares:
     why: Literal["", "no known load", "unknown drive", "same payload", "small payload"] = ""  # reason if not separate
 
 
-def decide_load_shares(model: JointModel, data: Stack) -> LoadShares:
+def decide_load_shares(model: JointModel, data: Stack[Motion]) -> LoadShares:
     """Decide whether the payloads of `data` separate the two shares of a `model` in which both are free."""
     payloads = {motion.payload for motion in data.motions}
     if not any(mass for mass, _ in payloads):
@@ -75,7 +76,7 @@ def widen_for_unknown_shares(constant: Parameter, estimate: JointEstimate) -> Pa
     return replace(constant, standard_error=float(error))
 
 
-def _half_difference_error(model: JointModel, data: Stack, found: Solution, at: list[int]) -> float:
+def _half_difference_error(model: JointModel, data: Stack[Motion], found: Solution, at: list[int]) -> float:
     """Return the standard error of half the difference of the two shares, whose indices are `at`."""
     memory = correlation_time(found.residual, data.lengths)
     covariance = sandwich_covariance(found.jacobian, found.residual, data.lengths, memory=memory)

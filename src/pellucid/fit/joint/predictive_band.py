@@ -131,12 +131,14 @@ def _residuals_by_recording(own: Sequence[Prediction], crossed: Sequence[np.ndar
 def _coverage_by_condition(own: Sequence[Prediction], inside: np.ndarray) -> Iterator[ConditionCoverage]:
     """Yield the coverage by direction, speed, position and recording; `inside`, (n,), marks the covered samples."""
     velocity, position = (np.concatenate([getattr(p, n) for p in own]) for n in ("velocity", "position"))
-    kinds = [("direction", (velocity > 0.0).astype(int), ("negative", "positive"))]
-    for kind, values, words in (
+    kinds: list[tuple[str, np.ndarray, tuple[str, ...]]] = [
+        ("direction", (velocity > 0.0).astype(int), ("negative", "positive"))
+    ]
+    for kind, values, thirds in (
         ("speed", np.abs(velocity), ("slow", "middle", "fast")),
         ("position", position, ("low", "middle", "high")),
     ):
-        kinds.append((kind, np.searchsorted(np.quantile(values, [1.0 / 3.0, 2.0 / 3.0]), values), words))
+        kinds.append((kind, np.searchsorted(np.quantile(values, [1.0 / 3.0, 2.0 / 3.0]), values), thirds))
     owner = np.repeat(np.arange(len(own)), [len(p.effort) for p in own])
     for kind, label, words in (*kinds, ("recording", owner, tuple(p.recording for p in own))):
         for i, word in enumerate(words):

@@ -142,17 +142,17 @@ def estimate_presliding(
     strokes = [_make_stroke(model, values, m) for m in fitted]
     grid = np.geomspace(bottom, top, int(np.ceil(GRID_STEPS_PER_DECADE * np.log10(top / bottom))) + 1)
     fewest, most = strokes[0].fixed.shape[1] + 1, strokes[0].fixed.shape[1] + strokes[0].levels.shape[1]
-    profiles = {terms: [] for terms in range(fewest, most + 1)}
+    profiles: dict[int, list[np.ndarray]] = {terms: [] for terms in range(fewest, most + 1)}
     for travel in grid:
         jacobian, target = _regression(strokes, travel)
-        for terms, losses in profiles.items():
+        for terms, profile_of_terms in profiles.items():
             some = jacobian[:, :terms]
-            losses.append(np.square(target - some @ _least_squares(some, target, terms - fewest + 1)))
+            profile_of_terms.append(np.square(target - some @ _least_squares(some, target, terms - fewest + 1)))
     profile = np.array(profiles[most])
     starts, ends = _block_starts(strokes), np.cumsum([len(s.target) for s in strokes])[:-1]
     sums = np.add.reduceat(profile, starts, axis=1)
     found, nearest = _grid_minimum(grid, sums.sum(axis=1)), int(np.argmin(sums.sum(axis=1)))
-    simpler = [_grid_minimum(grid, np.sum(losses, axis=1)) for losses in profiles.values()]
+    simpler = [_grid_minimum(grid, np.sum(each, axis=1)) for each in profiles.values()]
     drawn = np.random.default_rng(BOOTSTRAP_SEED).multinomial(
         len(starts), np.full(len(starts), 1.0 / len(starts)), BOOTSTRAP_DRAW_COUNT
     )
@@ -166,8 +166,8 @@ def estimate_presliding(
         solved = _least_squares(*_regression(strokes, travel), most - fewest + 1)
         losses.append([np.square(s.target - s.at(travel) @ solved) for s in (*others, *strokes)])
     judged = len(others) or len(strokes)
-    *none, best = losses
-    none = min(none, key=lambda loss: _mean_loss(loss[:judged]))
+    *slipping, best = losses
+    none = min(slipping, key=lambda loss: _mean_loss(loss[:judged]))
     slips, gives = _mean_loss(none[:judged]) ** 0.5, _mean_loss(best[:judged]) ** 0.5
     # The fitted motions enter the test too. One parameter was fitted to thousands of samples, and few motions are held
     # out.
@@ -200,9 +200,8 @@ def _make_stroke(model: JointModel, values: np.ndarray, motion: Motion) -> _Stro
         levels.append(np.abs(_core.load(vector, motion.position, motion.acceleration)))
     if STRIBECK_FRICTION.name in model.names and velocity > 0.0:
         levels.append(np.exp(-np.square(motion.velocity / velocity)))
-    levels = np.column_stack(levels)
     fixed = np.hstack([motion.rows(every[:, used]), _nonlinear_speed_columns(model, motion)])
-    return _Stroke(motion, fixed, motion.rows(motion.effort - every @ payload), levels)
+    return _Stroke(motion, fixed, motion.rows(motion.effort - every @ payload), np.column_stack(levels))
 
 
 def _nonlinear_speed_columns(model: JointModel, motion: Motion) -> np.ndarray:
@@ -210,7 +209,7 @@ def _nonlinear_speed_columns(model: JointModel, motion: Motion) -> np.ndarray:
     curved = [
         target
         for target in dict.fromkeys(target for symbol in model.symbols for target in symbol.targets)
-        if PARAMETER_FIELDS[target].resists is not None and PARAMETER_FIELDS[target].resists.speed not in (0.0, 1.0)
+        if (resists := PARAMETER_FIELDS[target].resists) is not None and resists.speed not in (0.0, 1.0)
     ]
     still, columns = np.zeros(len(motion.velocity)), [np.zeros((len(motion.rows(motion.velocity)), 0))]
     for target in curved:

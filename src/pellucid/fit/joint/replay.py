@@ -74,11 +74,15 @@ def replay(
     width = SIGN_SMOOTHING_SHARE * float(np.abs(motion.velocity).max()) if differentiate else 0.0
     selection = model.selection()
     active = np.flatnonzero(selection.any(axis=1)) if differentiate else None
+    loop, driven_by = (machine.loop, motion.reference) if closed else (LoopSetting(), motion.command)
+    if loop is None or driven_by is None:
+        missing = "a controller and a reference" if closed else "a command"
+        raise IdentificationError(f"recording '{motion.recording}': expected {missing} to simulate it, found none")
     trace = simulate(
         model.loaded(model.vector(values, velocity_width=width), *motion.payload),
-        motion.reference if closed else motion.command,
+        driven_by,
         1.0 / motion.fs,
-        loop=machine.loop if closed else LoopSetting(),
+        loop=loop,
         gain=machine.gain,
         back_emf=machine.back_emf,
         injected=motion.injected if closed else None,

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...models.joint import JointModel
+from ...signals.motion import Motion
 from ..regression import Solution, Stack
 from .friction_solver import solve_family
 
@@ -20,7 +21,7 @@ MAX_REWEIGHTINGS = 30
 """Largest number of iterations of robust reweighting."""
 
 
-def speed_weights(model: JointModel, data: Stack, residual: np.ndarray) -> np.ndarray:
+def speed_weights(model: JointModel, data: Stack[Motion], residual: np.ndarray) -> np.ndarray:
     """Return weights, (m,): 1 / standard deviation of the residual, per recording and per band of speed.
 
     Friction models err most at low speed, so those samples get less weight. `residual` has shape (m,).
@@ -44,7 +45,7 @@ def robust_weights(residual: np.ndarray) -> np.ndarray:
     return np.sqrt(np.minimum(1.0, HUBER_THRESHOLD * scale / np.maximum(np.abs(residual), np.finfo(float).tiny)))
 
 
-def solve_weighted(model: JointModel, data: Stack, first: Solution, consistent: bool = True) -> Solution:
+def solve_weighted(model: JointModel, data: Stack[Motion], first: Solution, consistent: bool = True) -> Solution:
     """Solve weighted least squares with weights from the residuals of `first`, refined twice."""
     found = first
     for _ in range(3):
@@ -53,7 +54,7 @@ def solve_weighted(model: JointModel, data: Stack, first: Solution, consistent: 
     return found
 
 
-def solve_robust(model: JointModel, data: Stack, first: Solution, consistent: bool = True) -> Solution:
+def solve_robust(model: JointModel, data: Stack[Motion], first: Solution, consistent: bool = True) -> Solution:
     """Solve iteratively reweighted least squares with Huber's weights.
 
     Iterations end when no parameter changes by more than 1e-4 of its value.

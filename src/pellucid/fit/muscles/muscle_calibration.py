@@ -108,8 +108,7 @@ class MuscleProblem:
         self.model = HillModel(muscles, [p.free for p in self.priors])
         self.passive = passive
         low, high = self.model.bounds
-        tissue = PASSIVE_TISSUE_PARAMETERS if passive else ()
-        tissue *= len(samples.joints)
+        tissue = PASSIVE_TISSUE_PARAMETERS * len(samples.joints) if passive else ()
         own = [joint for joint in samples.joints for _ in PASSIVE_TISSUE_PARAMETERS] if passive else []
         self.names = (*self.model.names, *(f"{j}.{row[0]}" for j, row in zip(own, tissue, strict=True)))
         self.units = (*(p.unit for p in self.priors), *(row[1] for row in tissue))
@@ -125,8 +124,8 @@ class MuscleProblem:
         self.count = float(samples.weight.sum())
         rows = zip(*map(np.atleast_2d, (samples.torque, samples.weight)), strict=True)
         spreads = []
-        for torque, weight in rows:
-            counted = weight > 0.0
+        for torque, own_weight in rows:
+            counted = own_weight > 0.0
             if not counted.any() or np.std(torque[counted]) == 0.0:
                 raise IdentificationError(
                     f"calibration: found {int(counted.sum())} samples that count"
@@ -252,7 +251,7 @@ class MuscleFit:
         own = self.problem.values(self.z)[len(self.problem.priors) :].reshape(
             len(joints), len(PASSIVE_TISSUE_PARAMETERS)
         )
-        return {joint: tuple(map(float, row)) for joint, row in zip(joints, own, strict=True)}
+        return {joint: (float(row[0]), float(row[1]), float(row[2])) for joint, row in zip(joints, own, strict=True)}
 
     @property
     def at_bound(self) -> np.ndarray:

@@ -48,6 +48,8 @@ MAX_NORMAL_DEVIATION = 6.0
 class _Anatomy(Prior):
     """The prior of z with coupled muscles. Its intervals are in the parameters' own units."""
 
+    _problem: MuscleProblem
+
     def __init__(self, problem: MuscleProblem):
         p = len(problem.names)
         super().__init__(problem.lower, problem.upper, np.zeros(p), np.ones(p))
@@ -158,6 +160,11 @@ class _Density:
         return np.append(end.x, np.log(noise.variance)), covariance
 
 
+def _refuse_misfit(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Refuse to be called: the density of a calibration takes the misfit from the problem itself."""
+    raise NotImplementedError("the misfit of a calibration is that of its problem")
+
+
 def calibration_posterior(fit: MuscleFit, *, level: float = 0.95, title: str = "", **sampling) -> CalibrationPosterior:
     """Return the posterior of calibrated muscles, in their units; `sampling` is passed to `drawn_by_gradients`."""
     problem, z = _with_common(fit)
@@ -168,7 +175,7 @@ def calibration_posterior(fit: MuscleFit, *, level: float = 0.95, title: str = "
     variance = float(np.median(np.diag(scores)[told] / np.diag(data)[told]))
     known = np.linalg.eigvalsh(data)
     likelihood = MarginalLikelihood(
-        lambda values: None, _Anatomy(problem), Noise(variance, freedom),
+        _refuse_misfit, _Anatomy(problem), Noise(variance, freedom),
         float(np.sum(problem.weighed(least)[0] ** 2)), float(np.sum(known / (known + variance))),
     )  # fmt: skip
     density = _Density(problem, likelihood)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..._errors import IdentificationError
+from ...signals.motion import Motion
 from ..discrepancy import neglected_columns
 from ..joint.joint_estimate import JointEstimate, joint_states
 from ..regression import Stack, predict_effort_rows, regression_rows
@@ -20,7 +21,7 @@ MAX_NONLINEAR_SAMPLES = 200_000
 """A nonlinear family is sampled only up to this many samples: reweighting computes every sample for every draw."""
 
 
-def joint_posterior(estimate: JointEstimate, data: Stack, **sampling) -> Posterior:
+def joint_posterior(estimate: JointEstimate, data: Stack[Motion], **sampling) -> Posterior:
     """Return the posterior of a least-squares `estimate`, from the rows that it was fitted to.
 
     `sampling` is passed on to `drawn`.

@@ -107,7 +107,7 @@ class MarginalLikelihood:
     prior: Prior
     noise: Noise
     least: float  # R
-    columns: int  # q
+    columns: float  # q, or an effective number of columns
     shares: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (c,) a_k, 0 or more
     known: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (c,) t_k
     scale_prior: tuple[float, float] | None = None  # prior mean and standard deviation of log v; None: a weak prior
@@ -170,7 +170,8 @@ class MarginalLikelihood:
             evenly = low + (high - low) * rng.random(at.shape)
             at = np.where((at > self.prior.lower) & (at < self.prior.upper), at, evenly)
             log_v = np.log(self.noise.variance) + 0.3 * rng.standard_normal((walkers, 1))
-            log_s = rng.uniform(*np.log(DISCREPANCY_SCALE_BOUNDS), (walkers, 1))[:, : int(self.scaled)]
+            least, largest = np.log(DISCREPANCY_SCALE_BOUNDS)
+            log_s = rng.uniform(least, largest, (walkers, 1))[:, : int(self.scaled)]
             return np.hstack([at, log_v, log_s])
 
         return begin

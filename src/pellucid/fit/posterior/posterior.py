@@ -56,12 +56,15 @@ class Posterior(Estimates):
 
     Attributes
     ----------
+    parameters : tuple of DrawnParameter
+        Parameters in the order of the covariance.
     settled : str
         A sentence on the convergence of the sampler.
     unsettled : str
         The reasons why the draws must not be used; empty if the sampler converged.
     """
 
+    parameters: tuple[DrawnParameter, ...]
     settled: str = ""
     unsettled: str = ""
 

@@ -70,11 +70,16 @@ class _CountedCost:
         self.trail: list[tuple[int, float]] = []
 
     def value(self, x: np.ndarray) -> float:
-        found = self._cost(x) if self._cost is not None else self._with_gradient(x)[0]
+        found = self._cost(x) if self._cost is not None else self._found_with_gradient(x)[0]
         return self._seen(x, float(found))
 
+    def _found_with_gradient(self, x: np.ndarray) -> tuple[float, np.ndarray]:
+        if self._with_gradient is None:
+            raise TypeError("found a cost without its gradient, expected both")
+        return self._with_gradient(x)
+
     def value_and_gradient(self, x: np.ndarray) -> tuple[float, np.ndarray]:
-        found, gradient = self._with_gradient(x)
+        found, gradient = self._found_with_gradient(x)
         self.gradients += 1
         return self._seen(x, float(found)), np.asarray(gradient, dtype=float)
 
@@ -189,7 +194,8 @@ def _descend(counted, start, low, high, iterations, tolerance, near) -> None:
     value, gradient = counted.value_and_gradient(x)
     if not np.isfinite(value):
         raise IdentificationError(f"found the cost {value} at the start {x}, expected a finite number")
-    direction = before = None
+    direction: np.ndarray | None = None
+    before = np.zeros(len(x))
     resting = np.zeros(len(x), bool)
     step = 1.0 / max(float(np.abs(gradient).sum()), np.finfo(float).tiny)
     for _ in range(iterations):
@@ -197,14 +203,12 @@ def _descend(counted, start, low, high, iterations, tolerance, near) -> None:
         down = np.where(rests, 0.0, -gradient)
         if not np.any(down):
             return
-        fresh = direction is None or not np.array_equal(rests, resting)
-        if not fresh:
+        conjugate = None
+        if direction is not None and np.array_equal(rests, resting):
             # The factor is at least 0; at 0 the search restarts along the gradient.
             share = max(float(gradient @ (gradient - before)) / max(float(before @ before), np.finfo(float).tiny), 0.0)
-            direction = down + share * np.where(rests, 0.0, direction)
-            fresh = float(direction @ gradient) >= 0.0
-        if fresh:
-            direction = down
+            conjugate = down + share * np.where(rests, 0.0, direction)
+        direction = down if conjugate is None or float(conjugate @ gradient) >= 0.0 else conjugate
         resting, before = rests, gradient
         found = _line_search(counted, x, value, gradient, direction, step, low, high, near)
         if found is None and direction is not down:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -55,9 +56,12 @@ def fit_coherent(
         held = snap_to_bounds(values, *model.bounds(), w, residual)[1]
     statistical = sandwich_covariance(w, residual, data.lengths)
     slowest = min(float(np.abs(m.velocity[m.scored]).min(initial=np.inf)) for m in data.motions)
-    states = collect_states(
-        data, True, lambda m, q, a: model.inertia(values, m.slider) * a + model.gravity(values, m.slider, q), slowest
-    )
+
+    def load(motion: SliderMotion, position: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+        slider = np.asarray(motion.slider)
+        return model.inertia(values, slider) * acceleration + model.gravity(values, slider, position)
+
+    states = collect_states(data, True, load, slowest)
     lacking = estimate_discrepancy(model.names, values, w, residual, states, statistical)
     covariance = statistical + lacking.covariance
     units = [model.unit(n) for n in model.names]
@@ -80,7 +84,13 @@ def fit_coherent(
     )
 
 
-def _nearest_possible_body(model: SliderJointModel, values, data: Stack, rail, mass) -> np.ndarray:
+def _nearest_possible_body(
+    model: SliderJointModel,
+    values: np.ndarray,
+    data: Stack[SliderMotion],
+    rail: tuple[float, float],
+    mass: float | None,
+) -> np.ndarray:
     """Return the nearest consistent parameters, in the metric of the residuals."""
 
     lower, upper = model.bounds()
@@ -94,7 +104,7 @@ def _nearest_possible_body(model: SliderJointModel, values, data: Stack, rail, m
             data.target - effort,
             values,
             (lower, upper),
-            lambda x, unit=unit: model.room(x, rail, mass) / unit,
+            partial(_scaled_room, model, rail, mass, unit),
             inside,
         )
         if np.min(model.gaps(found, rail, mass)) < -1e-6:
@@ -110,15 +120,24 @@ def _nearest_possible_body(model: SliderJointModel, values, data: Stack, rail, m
                 break
             best, least = best + step * (found - best), misfit
         values = best
-    return best
+    return values
 
 
-def _misfit(model: SliderJointModel, values: np.ndarray, data: Stack) -> float:
+def _scaled_room(
+    model: SliderJointModel, rail: tuple[float, float], mass: float | None, unit: float, values: np.ndarray
+) -> np.ndarray:
+    """Return the conditions of consistency, divided by the inertia `unit`, (k,)."""
+    return model.room(values, rail, mass) / unit
+
+
+def _misfit(model: SliderJointModel, values: np.ndarray, data: Stack[SliderMotion]) -> float:
     effort = data.reduced([model.effort(values, m) for m in data.motions])
     return float(np.sum((data.target - effort) ** 2))
 
 
-def _consistent_start(model, values, rail, mass) -> np.ndarray:
+def _consistent_start(
+    model: SliderJointModel, values: np.ndarray, rail: tuple[float, float], mass: float | None
+) -> np.ndarray:
     """Return a consistent starting point: the values with more inertia and at least some mass of the carriage."""
     values = values.copy()
     if "carriage_mass" in model.names:

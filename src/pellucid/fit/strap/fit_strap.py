@@ -109,7 +109,8 @@ def _orthosis(numbers: Mapping[str, float]) -> Orthosis:
             f"fit_strap, orthosis: found {', '.join(numbers) or 'nothing'}, expected {', '.join(allowed[:3])} and "
             f"optionally {', '.join(allowed[3:])}"
         )
-    return Orthosis(**{name: float(value) for name, value in numbers.items()})
+    inertia, viscous, gravity, coulomb, zero, offset = (float(numbers.get(name, 0.0)) for name in allowed)
+    return Orthosis(inertia, viscous, gravity, coulomb, zero=zero, offset=offset)
 
 
 def _swing(name: str, arrays: Mapping[str, ArrayLike]) -> StrappedSwing:

@@ -126,7 +126,7 @@ def _records(swings, torques, coupling, start, steps, step_torques) -> tuple[lis
     """Prepare all trials, weighted by their noise, with the swings' clocks found from their motion; return a first
     fit."""
     decay = MAX_DECAY_TIME_CONSTANTS * start["damping"] / start["stiffness"]
-    clocks = [i.shift for i in coupling.instruments]
+    clocks: Sequence[float] = [i.shift for i in coupling.instruments]
     # The records are made again after the clocks are known, because the excluded samples depend on the clock.
     records = [StrapRecord(s, t, c, decay) for s, t, c in zip(swings, torques, clocks, strict=True)]
     clocks = fit_strap_model(KELVIN_VOIGT, records, gain=PRIOR_IMU_GAIN, noise=FIRST_NOISE_VARIANCE, start=start).shifts

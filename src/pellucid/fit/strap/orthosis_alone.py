@@ -71,13 +71,14 @@ class OrthosisFit:
     def orthosis(self) -> Orthosis:
         """The parameters as the strap's torque needs them."""
         inertia, damping, coulomb = self.pendulum.complete[:3]
+        zero = self.gravity.zero
         return Orthosis(
             inertia,
             damping,
             self.gravity.gravity.value,
             coulomb,
             self.covariance,
-            self.gravity.zero.value,
+            0.0 if zero is None else zero.value,
             float(self.pendulum.complete[5]),
         )
 

@@ -101,12 +101,12 @@ def fit_two_poles(torques: Sequence[np.ndarray], mismatches: Sequence[np.ndarray
     def residual(x: np.ndarray, sign: float) -> np.ndarray:
         return np.concatenate([_respond(sign * x * COEFFICIENT_SCALES, u, y, step / fs) - y for u, y in pairs])
 
-    best, signed = None, 1.0
-    for sign in (1.0, -1.0):
-        for start in SEARCH_STARTS:
-            found = least_squares(residual, start, bounds=(1e-9, 1e4), args=(sign,), max_nfev=60)
-            if best is None or found.cost < best.cost:
-                best, signed = found, sign
+    tried = [
+        (sign, least_squares(residual, start, bounds=(1e-9, 1e4), args=(sign,), max_nfev=60))
+        for sign in (1.0, -1.0)
+        for start in SEARCH_STARTS
+    ]
+    signed, best = min(tried, key=lambda each: float(each[1].cost))
     return PublishedCoupling(*(float(v) for v in signed * best.x * COEFFICIENT_SCALES))
 
 

@@ -347,4 +347,5 @@ class StrapProblem:
         return np.concatenate([[p.stiffness, p.damping, p.inertia, p.gain], pairs])
 
     def _point(self, x: np.ndarray, converged: bool) -> StrapPoint:
-        return StrapPoint(*(float(v) for v in x[:4]), x[4::2].copy(), x[5::2].copy(), converged)
+        stiffness, damping, inertia, gain = (float(v) for v in x[:4])
+        return StrapPoint(stiffness, damping, inertia, gain, x[4::2].copy(), x[5::2].copy(), converged)

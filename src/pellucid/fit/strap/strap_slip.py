@@ -46,8 +46,8 @@ def regression_residual(swing: StrappedSwing, torque: StrapTorque, shift: float)
     `shift` is the clocks' difference [s]. Returns times and residuals, each of shape (m,) [s], [rad].
     """
     rate = central_difference(torque.torque, swing.fs)
-    series = [swing.position, central_difference(swing.position, swing.fs), torque.torque, rate]
-    series = np.column_stack([*series, central_difference(rate, swing.fs)])
+    speed, jerk = central_difference(swing.position, swing.fs), central_difference(rate, swing.fs)
+    series = np.column_stack([swing.position, speed, torque.torque, rate, jerk])
     # The clock was found from two angles that differ, so corrections are tried and the best one is used.
     tried = [_residual_at_shift(swing, series, shift + late) for late in CLOCK_CORRECTIONS_S]
     return min(tried, key=lambda pair: float(np.mean(pair[1] ** 2)))

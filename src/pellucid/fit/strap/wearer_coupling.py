@@ -146,10 +146,12 @@ def identify_wearer(
     for swing in swings:
         if swing.name not in instruments:
             instruments[swing.name] = align(swing, torques[swing.name], fit)
-    muscles = limb is not None and all(s.knee_torque is not None for s in swings)
-    angles = {s.name: limb_angle(s, instruments[s.name]) for s in swings} if muscles else {}
-    other, failure = _limb_side(used, limb, angles, gain) if muscles else (None, "no torque of the muscles is known")
-    published = _published(used, angles, orthosis, limb) if muscles else {}
+    angles, published = {}, {}
+    other, failure = None, "no torque of the muscles is known"
+    if limb is not None and all(s.knee_torque is not None for s in swings):
+        angles = {s.name: limb_angle(s, instruments[s.name]) for s in swings}
+        other, failure = _limb_side(used, limb, angles, gain)
+        published = _published(used, angles, orthosis, limb)
     strap = _strap(used, torques, fit, steps, orthosis)
     evaluated = tuple(
         _judge(s, torques[s.name], instruments[s.name], fit, strap, other, published, angles, orthosis, limb, imu_sd)

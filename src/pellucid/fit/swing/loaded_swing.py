@@ -276,7 +276,7 @@ def fit_swings(swings: Sequence[Swing], form: SwingForm, *, mass_bound: float | 
         free[form.terms.index("inertia")] = False
     residual = torque - matrix @ values
     covariance = sandwich_covariance(matrix, residual, [len(s) for s in swings], free=free)
-    if bound:
+    if bound and mass_bound is not None:
         covariance = _covariance_on_mass_bound(covariance, values, form, mass_bound)
     return _swing_fit(form, values, covariance, held, residual, matrix, mass_bound if bound else None)
 

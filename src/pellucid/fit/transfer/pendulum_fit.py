@@ -231,7 +231,7 @@ class _Problem:
             q = record.output
             _, rubbed, hung, constant = resistance(q, speed, self.width)[:, :4].T
             signals = np.column_stack([record.input, q - q[0], rubbed, hung, q, constant])
-            powers = filtered_powers(denominator, record.time, signals, hold="first")
+            powers = filtered_powers(denominator.tolist(), record.time, signals, hold="first")
             plain = powers[:, 2, :]
             columns = np.column_stack([powers[:, 0, 1], powers[:, 1, 1], plain[:, 2:]])
             # The filtered acceleration lacks the initial velocity, which has its own column.

@@ -61,7 +61,7 @@ class Experiment:
 
     def bases(self, denominator: np.ndarray) -> list[ResponseBasis]:
         """Return the basis of all responses with a denominator, shape (poles + 1,), for each record."""
-        return [response_basis(denominator, self.zeros, r.time, r.input, hold=self.hold) for r in self.records]
+        return [response_basis(denominator.tolist(), self.zeros, r.time, r.input, hold=self.hold) for r in self.records]
 
     def columns(self, shared: Sequence[np.ndarray], own: Sequence[np.ndarray]) -> np.ndarray:
         """Assemble the regressor of all records, (m, k + l * records), from `shared` (n, k) and `own` (n, l)
@@ -182,7 +182,7 @@ def _step(
     for record, basis in zip(experiment.records, bases, strict=True):
         # The output between its samples is unknown, so it is interpolated linearly.
         both = np.column_stack([record.output, np.ones(len(record))])
-        powers = filtered_powers(denominator, record.time, both, hold="first")
+        powers = filtered_powers(denominator.tolist(), record.time, both, hold="first")
         target.append(powers[:, 0, 0])
         measured.append(-powers[:, 1:, 0])
         constant = powers[:, -1:, 1] if experiment.offset else np.empty((len(record), 0))

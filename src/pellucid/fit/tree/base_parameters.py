@@ -121,20 +121,20 @@ def find_base_parameters(robot: Robot) -> BaseParameters:
     size = np.linalg.norm(y, axis=0)
     seen = size > MIN_COLUMN_REMAINDER * size.max()
     y = np.divide(y, size, where=seen, out=np.zeros_like(y))
-    square = np.linalg.qr(y, mode="r")
-    order = sorted(np.flatnonzero(seen), key=lambda i: _choice_order(i, members[i], len(robot.tree.order)))
-    chosen, spanned = [], np.zeros((len(square), 0))
+    square = np.asarray(np.linalg.qr(y, mode="r"))
+    order = sorted(np.flatnonzero(seen).tolist(), key=lambda i: _choice_order(i, members[i], len(robot.tree.order)))
+    leading, spanned = [], np.zeros((len(square), 0))
     for i in order:
         column = square[:, i]
         for _ in range(2):  # the second projection removes the rounding errors of the first
             column = column - spanned @ (spanned.T @ column)
         left = np.linalg.norm(column)
         if left > MIN_COLUMN_REMAINDER:
-            chosen.append(i)
+            leading.append(i)
             spanned = np.column_stack([spanned, column / left])
-    if len(chosen) != _rank(square):
+    if len(leading) != _rank(square):
         raise AssertionError("independent columns are as many as the rank")
-    chosen = np.sort(chosen)
+    chosen = np.sort(leading)
     stands = np.linalg.lstsq(square[:, chosen], square, rcond=None)[0] * (size / size[chosen][:, None])
     stands[np.abs(stands) < 1e-9 * np.abs(stands).max(axis=1, keepdims=True)] = 0.0
     stands[:, chosen] = np.eye(len(chosen))

@@ -60,12 +60,16 @@ def gains_from_desired(robot: Robot, motions: Sequence[TreeMotion], *, width: fl
         )
     turns = np.asarray(robot.turns)
     back = np.linalg.inv(turns)
-    sums = [[] for _ in robot.names]
+    sums: list[list[np.ndarray]] = [[] for _ in robot.names]
     for motion in motions:
-        wanted, speed = motion.desired @ back, motion.velocity @ turns.T
+        desired, drive = motion.desired, motion.desired_drive
+        # Motions that lack either were refused above.
+        assert desired is not None
+        assert drive is not None
+        wanted, speed = desired @ back, motion.velocity @ turns.T
         for i in range(len(robot.names)):
             v = speed[:, i]
-            z = np.column_stack([wanted[:, i], v, smooth_sign(v, width), np.ones_like(v), motion.desired_drive[:, i]])
+            z = np.column_stack([wanted[:, i], v, smooth_sign(v, width), np.ones_like(v), drive[:, i]])
             for s in range(int(motion.segment.max(initial=-1)) + 1):
                 mine = z[motion.moving[:, i] & (motion.segment == s)]
                 sums[i].append(mine.T @ mine)

@@ -148,11 +148,17 @@ def sum_friction(
     numbers: Mapping[str, float], velocity: np.ndarray, load: np.ndarray | None, width: float = 0.0
 ) -> np.ndarray:
     """Return the friction, (n,), of named coefficients at velocities and loads of shape (n,)."""
-    total = np.zeros_like(velocity)
+    total: np.ndarray = np.zeros_like(velocity)
     for name, value in numbers.items():
-        if name != STRIBECK_VELOCITY_NAME:
-            column = FRICTION_COEFFICIENTS[name].column(velocity, width, numbers.get(STRIBECK_VELOCITY_NAME, np.nan))
-            total += value * column * (np.abs(load) if FRICTION_COEFFICIENTS[name].grows_with_load else 1.0)
+        if name == STRIBECK_VELOCITY_NAME:
+            continue
+        coefficient = FRICTION_COEFFICIENTS[name]
+        part = value * coefficient.column(velocity, width, numbers.get(STRIBECK_VELOCITY_NAME, np.nan))
+        if coefficient.grows_with_load:
+            if load is None:
+                raise ValueError(f"{name}: found no load, expected one of each velocity")
+            part = part * np.abs(load)
+        total += part
     return total
 
 

@@ -200,7 +200,7 @@ def choose_weight(
     missed = {}
     for weight in weights:
         solver, total = DISTANCE_SOLVERS[distance](maker, weight), 0.0
-        for s in numbers:
+        for s in numbers.tolist():
             part = equations.segment(s)
             values = spread.matrix @ solver(spread, whole.minus(part), found.sd).values
             total += float(np.sum(part.squares(values)[0] / found.sd**2))

@@ -83,7 +83,7 @@ def _windows(rows: TreeRows, length: int) -> Iterator[slice]:
     """Yield windows of `length` rows within one segment each; windows shorter than half of it are dropped."""
     key = np.where(rows.segment >= 0, rows.segment, -1)
     edges = np.flatnonzero(np.diff(key, prepend=key[0] - 1, append=key[-1] - 1))
-    for first, last in pairwise(edges):
+    for first, last in pairwise(edges.tolist()):
         if key[first] < 0:
             continue
         for start in range(first, last, length):

@@ -12,7 +12,7 @@ from ... import _core
 from ...models.friction_terms import STRIBECK_VELOCITY
 from ...models.kinematic_tree import BODY_QUANTITIES
 from ...models.robot import Robot
-from ..estimates import Estimates
+from ..estimates import NamedEstimates
 from ..parameter import Parameter
 from .base_parameters import REGROUPED_SUFFIX
 from .friction_terms import (
@@ -49,7 +49,7 @@ class Ripple:
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class TreeEstimate(Estimates):
+class TreeEstimate(NamedEstimates):
     """An identified robot.
 
     Attributes

@@ -113,11 +113,11 @@ def collect_rows(
         np.concatenate([getattr(x, name) for x in motions])
         for name in ("position", "velocity", "acceleration", "effort", "moving")
     )
-    segment, first = [], 0
+    numbered, first = [], 0
     for motion in motions:
-        segment.append(np.where(motion.segment >= 0, motion.segment + first, -1))
+        numbered.append(np.where(motion.segment >= 0, motion.segment + first, -1))
         first += int(motion.segment.max(initial=-1)) + 1
-    segment = np.concatenate(segment)
+    segment = np.concatenate(numbered)
     used = moving & (segment >= 0)[:, None]
     still = [name for name, column in zip(robot.names, used.T, strict=True) if not column.any()]
     if still:
@@ -499,12 +499,13 @@ def fit_rows(
         return solve_normal_equations(
             sum_normal_equations(at, weights, apart=False), model.bounds, floor=floor, rounds=rounds
         ), at
-    if start is None and load is None:
-        plain = tuple(tuple(t for t in family if t != LOAD_FEATURE) for family in model.families)
-        load = compute_loads(rows, bare := replace(model, families=plain), fit_rows(bare, rows)[0].values)
-    values = None if start is None else start.values
-    alpha, sd = (None, None) if start is None else (model.alpha(values), start.sd)
-    load = compute_loads(rows, model, values) if load is None else load
+    alpha, sd = (None, None) if start is None else (model.alpha(start.values), start.sd)
+    if load is None:
+        if start is None:
+            plain = tuple(tuple(t for t in family if t != LOAD_FEATURE) for family in model.families)
+            load = compute_loads(rows, bare := replace(model, families=plain), fit_rows(bare, rows)[0].values)
+        else:
+            load = compute_loads(rows, model, start.values)
     for step in range(1, MAX_STEPS + 1):
         at = linearise_rows(model, rows, load, alpha)
         found = solve_normal_equations(

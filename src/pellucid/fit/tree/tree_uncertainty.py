@@ -88,7 +88,7 @@ def estimate_uncertainty(at: LinearisedModel, found: TreeSolution) -> TreeUncert
     size = np.sqrt(np.diag(gram))
     # B = L'L with L = `root`: the projection's part of a block is (W L')(W L')'.
     root = np.linalg.inv(np.linalg.cholesky(gram / np.outer(size, size))) / size
-    scores = []
+    score_rows = []
     for b in range(int(block.max()) + 1):
         inner, pull = np.zeros_like(gram), np.zeros(len(free))
         for place, own, r, blocks in parts:
@@ -101,8 +101,8 @@ def estimate_uncertainty(at: LinearisedModel, found: TreeSolution) -> TreeUncert
         # A' (I - A A')^(-1/2) r equals (I - A'A)^(-1/2) A' r.
         taken, ways = np.linalg.eigh(root @ inner @ root.T)
         left = 1.0 - np.clip(taken, 0.0, MAX_LEVERAGE)
-        scores.append(root.T @ (ways @ ((ways.T @ (root @ pull)) / np.sqrt(left))))
-    scores = np.array(scores)
+        score_rows.append(root.T @ (ways @ ((ways.T @ (root @ pull)) / np.sqrt(left))))
+    scores = np.array(score_rows)
     freedom = float(max(len(scores) - 1, 1))
     k = student_to_normal_ratio(freedom) if freedom > 1.0 else 6.5
     covariance, textbook = np.zeros((2, p, p))
