@@ -395,13 +395,13 @@ def speed_rows() -> Iterator[ResultRow]:
             "called from Python on 45,000 samples; bodies alike" if "once" not in name else "all samples in one call"
         )
         yield row(f"{name}.over_pinocchio", value, "1", words)
-    steps = {one["name"].removeprefix(f"{arm.STEP}: ").removesuffix(", step"): one for one in arm.step_rows()}
+    steps = {one["name"].removeprefix(f"{arm.STEP_ROW}: ").removesuffix(", step"): one for one in arm.step_rows()}
     for name, one in steps.items():
         yield row(f"step.{name}", one["value"], "us", one["note"])
     yield row("step", max(one["value"] for one in steps.values()), "us", "the slowest of these laws")
     exported = arm.export_rows()
     for one in exported:
-        law, _, figure = one["name"].removeprefix(f"{arm.EXPORT}: ").partition(", ")
+        law, _, figure = one["name"].removeprefix(f"{arm.EXPORT_ROW}: ").partition(", ")
         if figure != "wrong":
             yield row(f"export.{law}.instructions", one["value"], "1", one["note"])
     wrong = [one["value"] for one in exported if one["name"].endswith("wrong")]
