@@ -45,6 +45,7 @@ FOLDER_TITLE = "compensation of all joints of a robot"
 """Title in the exported files."""
 
 _NO_LIMIT = float("inf")
+"""Limit that nothing exceeds."""
 
 # Configuration of the supervisor in which no check trips.
 _UNCHECKED_LAW = {

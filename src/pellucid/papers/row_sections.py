@@ -9,7 +9,7 @@ from ..pages.quantities import MINUS_SIGN, typeset_units, unit_text
 from ..pages.tables import Row, Table
 from .figure import Reproduced
 
-FROM_PRINT = ("recomputed", "cannot be")
+VERDICTS_FROM_PRINT = ("recomputed", "cannot be")
 """Verdicts of rows that come from print alone."""
 
 
@@ -35,7 +35,7 @@ def row_sections(
     rows: Sequence[Reproduced], *, over: str, remarks: bool, printed_of: str, ours_of: str
 ) -> tuple[Section, Section]:
     """Both sections; `printed_of` and `ours_of` are whom or what either column is about."""
-    printed = [r for r in rows if r.verdict in FROM_PRINT]
+    printed = [r for r in rows if r.verdict in VERDICTS_FROM_PRINT]
     recomputed = (
         Row(
             (_said(r.quantity), cell(r.published), cell(r.ours), unit_text(r.unit) or "–", r.verdict, _said(r.note)),

@@ -28,6 +28,7 @@ MODEL_WORDS = {
 """Names of the models in figures, in the order in which they are drawn."""
 
 MODEL_COLOUR_ROLES = dict(zip(MODEL_WORDS.values(), ("symmetric", "heldout", "fitted", "load"), strict=True))
+"""Colour role of each model, by its name in figures."""
 
 
 def identification_sections(

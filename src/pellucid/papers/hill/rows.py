@@ -43,7 +43,7 @@ def _subject_key(name: str) -> str:
     return f"subject_{name.removeprefix('S')}"
 
 
-TERMS = {"p": "inertia", "q": "weight_moment"}
+PARAMETER_OF_LETTER = {"p": "inertia", "q": "weight_moment"}
 """What the paper's letters stand for."""
 
 _row, _over = partial(figure, "hill"), partial(mean_figure, "hill")
@@ -54,12 +54,12 @@ def step_rows(empty: BodyFound, legs: Mapping[str, LegFound], paper: PrintedPape
     table, units = paper.tables["swings"], {"p": "kg*m^2", "q": "kg*m"}
     rows = []
     for n, unit in units.items():
-        own = empty.published[TERMS[n]]
+        own = empty.published[PARAMETER_OF_LETTER[n]]
         rows.append(_row(f"empty.{n}", f"{n} of the exoskeleton, eq. 9", unit, own.value, table["empty"][n]))
     for name, leg in legs.items():
         both = leg.body.published
         rows += [
-            _row(f"{n}.{name}", f"{n}' of {name}, eq. 10", unit, both[TERMS[n]].value,
+            _row(f"{n}.{name}", f"{n}' of {name}, eq. 10", unit, both[PARAMETER_OF_LETTER[n]].value,
                     table[_subject_key(name)][n] if _subject_key(name) in table.rows else None)
             for n, unit in units.items()
         ]  # fmt: skip

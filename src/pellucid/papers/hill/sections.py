@@ -14,7 +14,7 @@ from ...pages.quantities import number
 from ...pages.tables import number_table
 from ..row_sections import bracketed
 from .descent_figures import Compared, Paths, compared, paths
-from .rows import ESTIMATOR_WORDS, PRINTED_ROW_OF_ESTIMATOR, TERMS
+from .rows import ESTIMATOR_WORDS, PARAMETER_OF_LETTER, PRINTED_ROW_OF_ESTIMATOR
 from .torque import BASELINE_FAMILIES, RECORDED_EMG_BASELINES
 from .training import TRAINED_QUANTITIES
 
@@ -25,7 +25,7 @@ LINE_COLOUR_ROLES = {"true": "measured", "muscles": "fitted", "electrodes alone"
          "measured": "measured", "eq. 9": "fitted", "eq. 10": "fitted"}  # fmt: skip
 """Colour roles of lines, by their label."""
 
-DRAWN_SPAN_S = (8.0, 20.0)
+DRAWN_BOUNDS_S = (8.0, 20.0)
 """First and last time of a swing that are drawn."""
 
 DRAWN_SUBJECTS = ("S2", "S4")
@@ -115,7 +115,10 @@ def _legs(made: HillPaper) -> Section:
     more = [
         100.0 * (s.leg.weight_moment["rich"].value / s.leg.true_weight_moment - 1.0) for s in made.subjects.values()
     ]
-    empty = (_both(made.empty.published[TERMS[n]].value, printed["empty"][n].value) for n in TERMS)
+    empty = (
+        _both(made.empty.published[PARAMETER_OF_LETTER[n]].value, printed["empty"][n].value)
+        for n in PARAMETER_OF_LETTER
+    )
     rows = [("Empty", *empty, "", "", "", "")]
     for name, found in made.subjects.items():
         leg, key = found.leg, f"subject_{name[1:]}"
@@ -123,7 +126,7 @@ def _legs(made: HillPaper) -> Section:
         rows.append(
             (
                 name,
-                *(_both(leg.body.published[TERMS[n]].value, value) for n, value in shown.items()),
+                *(_both(leg.body.published[PARAMETER_OF_LETTER[n]].value, value) for n, value in shown.items()),
                 *(
                     f"{leg.inertia[s].value:.3f} ± {1.96 * leg.inertia[s].standard_error:.3f}"
                     for s in ("two_sines", "rich")
@@ -251,7 +254,7 @@ def _torque(made: HillPaper) -> Section:
     traces = []
     for name in _chosen(made, DRAWN_SUBJECTS):
         f = made.subjects[name].torque
-        shown = (f.time >= DRAWN_SPAN_S[0]) & (f.time < DRAWN_SPAN_S[1])
+        shown = (f.time >= DRAWN_BOUNDS_S[0]) & (f.time < DRAWN_BOUNDS_S[1])
         lines = {"true": f.active, "muscles": f.predicted["hill"], "electrodes alone": f.predicted["hill.recorded"]}
         rest = f"RMSE {f.errors('hill').rmse:.2f} N·m"
         traces.append(Traces(name, rest, f.time[shown], {n: x[shown] for n, x in lines.items()}, "Torque (N·m)"))

@@ -19,7 +19,7 @@ from ...lab.knee.rig import KneeRig
 from ...procedures.coupling.actuator_card import REQUIRED_CHANNELS
 from ...procedures.coupling.identify_coupling import identify_worn
 from ...procedures.emg_torque.strapped_trials import strapped_emg_trial
-from .trials import STRAP_ONLY, take
+from .trials import STRAP_PROTOCOLS, take
 
 ACTUATOR_DEAD_SAMPLES = 1
 """Dead time of the actuator's torque loop, from reading to current, in samples, as the actuator's maker states it."""
@@ -53,7 +53,7 @@ class Identified:
 
 def identify_wearer_of(rig: KneeRig, name: str, seed: int) -> Identified:
     """Record one wearer in every protocol, and identify orthosis, limb, strap and actuator."""
-    taken = take(rig, seed, [name], protocols=(*STRAP_ONLY, "mvc", "torque_steps"))
+    taken = take(rig, seed, [name], protocols=(*STRAP_PROTOCOLS, "mvc", "torque_steps"))
     used = [r for r in taken.recordings if r.protocol != "torque_steps"]  # torque steps serve the EMG map alone
     findings = identify_worn(taken.config, used)
     cards, stages = findings.cards, findings.wearers.get(name)

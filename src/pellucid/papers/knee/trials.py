@@ -16,7 +16,7 @@ from ...recordings.recording import Recording
 from ...signals.input_output import InputOutput, input_output
 from ...studies.study_file import StudyFile
 
-STRAP_ONLY = ("imu_on_orthosis", "relaxed_holds", "free_swing")
+STRAP_PROTOCOLS = ("imu_on_orthosis", "relaxed_holds", "free_swing")
 """Protocols that a strap takes; the thesis's others are for EMG."""
 
 

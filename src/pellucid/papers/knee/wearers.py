@@ -22,7 +22,7 @@ from ...procedures.coupling.identify_coupling import identify_worn
 from ...procedures.coupling.procedure import CouplingTable
 from ...signals.inertial import inertial
 from ...signals.input_output import input_output
-from .trials import STRAP_ONLY, KneeSession, hold_angles, take
+from .trials import STRAP_PROTOCOLS, KneeSession, hold_angles, take
 
 STRAP_PARAMETERS = ("stiffness", "damping", "inertia")
 """Fitted parameters of a strap; the true inertia is 0."""
@@ -150,7 +150,7 @@ def identify_bench(rig: KneeRig, seed: int) -> Bench:
 
 def identify_straps(rig: KneeRig, seed: int) -> list[WearerFound]:
     """Record of all subjects what their straps need, and identify them."""
-    taken = take(rig, seed, list(rig.subjects), protocols=STRAP_ONLY)
+    taken = take(rig, seed, list(rig.subjects), protocols=STRAP_PROTOCOLS)
     found = identify_worn(taken.config, taken.recordings)
     return [
         WearerFound(name, seed, stages, _mismatches(taken, stages.coupling), rig.subjects[name])

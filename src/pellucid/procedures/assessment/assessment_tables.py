@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 MINUS_SIGN = "\N{MINUS SIGN}"
 """Minus sign in tables."""
 
-UNITS = {"rad/s^2": "rad/s²", "m/s^2": "m/s²", "N*m": "N·m", "1": ""}
+PRINTED_UNITS = {"rad/s^2": "rad/s²", "m/s^2": "m/s²", "N*m": "N·m", "1": ""}
 """Printed form of units that differ from their plain text."""
 
 INDICES_WITH_TABLE = (
@@ -94,7 +94,7 @@ def _row_decimals(each: Assessed) -> int:
 def words(each: Assessed, *, short: bool = False) -> str:
     """An index with its unit, as tables call it."""
     index = each.table.index
-    unit = UNITS.get(index.shown[1], index.shown[1])
+    unit = PRINTED_UNITS.get(index.shown[1], index.shown[1])
     return (index.short if short else index.words) + (f" ({unit})" if unit else "")
 
 

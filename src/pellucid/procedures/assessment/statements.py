@@ -10,7 +10,7 @@ import numpy as np
 
 from ...assessment.signed_rank import smallest_p
 from ...fit.parameter import Verdict
-from .assessment_tables import UNITS
+from .assessment_tables import PRINTED_UNITS
 from .pointing_faults import REASON_WORDS
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def _told_apart(found: AssessmentResult, each: Assessed, alpha: float) -> bool |
 def _index_sentences(found: AssessmentResult, each: Assessed, alpha: float) -> list[str]:
     index, compared = each.table.index, each.comparison
     factor, unit = index.shown
-    unit = UNITS.get(unit, unit)
+    unit = PRINTED_UNITS.get(unit, unit)
     against = {a.condition: a for a in compared.against_control}
     parts = []
     for condition in each.table.conditions:

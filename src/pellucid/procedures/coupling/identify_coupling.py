@@ -56,6 +56,7 @@ RECORDING_PROTOCOLS = (
     "torque_steps",
     "free_swing",
 )
+"""Protocols of the recordings that the procedure may use."""
 
 
 def identify_coupling(study: Study, on_progress: Progress | None = None) -> CouplingResult:

@@ -22,7 +22,7 @@ from ..result import FigureTable, ParameterTable, Result
 from .hinge_reference import HingeReference, HingeScore, clock_delay, has_reference, hinge_reference, score
 from .procedure import HingeTable
 
-RESULT_COMMAND = "identify"
+COMMAND_NAME = "identify"
 """Every row names this command as its origin."""
 
 PROCESSING_NOTE = (
@@ -85,7 +85,7 @@ def identify_hinge(study: Study, on_progress: Callable[[str, float], None] | Non
     checksums = {r.name: r.checksum for r in recordings}
     rows = [row for trial in trials for row in _rows(study.name, trial, checksums[trial.name])]
     rows += [
-        ResultRow(f"{study.name}.angle.rmse_deg.{name}", None, "deg", RESULT_COMMAND, "heldout", checksums[name], why)
+        ResultRow(f"{study.name}.angle.rmse_deg.{name}", None, "deg", COMMAND_NAME, "heldout", checksums[name], why)
         for name, why in failures.items()
     ]
     return HingeResult(
@@ -166,7 +166,7 @@ def _evaluated(
 
 def _rows(study: str, trial: HingeTrial, checksum: str) -> list[ResultRow]:
     def row(what, value, unit, split, note=""):
-        return ResultRow(f"{study}.{what}.{trial.name}", value, unit, RESULT_COMMAND, split, checksum, note)
+        return ResultRow(f"{study}.{what}.{trial.name}", value, unit, COMMAND_NAME, split, checksum, note)
 
     found = [
         row(f"axis.{side}.{c}", trial.hinge.axes[i, k], "1", "fitted")

@@ -30,7 +30,7 @@ from .recorded_slider import slider_motions
 from .slider_faults import examine, of_body, require_torques
 from .slider_result import SliderResult, slider_result
 
-AT_ONCE = "fourier"
+ALL_AT_ONCE_PROTOCOL = "fourier"
 """The protocol of one excitation that shows everything; without it, all at once fits what the steps fit."""
 
 
@@ -95,7 +95,7 @@ def _fit(
     rig = config.rig
     fitted = [m for m in motions if m.split == "fitted"]
     steps = [m for m in fitted if m.protocol in STEP_PROTOCOLS]
-    at_once = [m for m in fitted if m.protocol == AT_ONCE] or steps
+    at_once = [m for m in fitted if m.protocol == ALL_AT_ONCE_PROTOCOL] or steps
     tell("three steps", 0.0)
     estimates: dict[str, SliderEstimate] = {
         "pooled": three_steps(steps, dissociated=False, method="pooled"),

@@ -13,7 +13,7 @@ from ...studies.results import ResultRow, combined_checksum
 from ...studies.study import Study
 from ..result import FigureTable, ParameterTable, Result
 
-RESULT_COMMAND = "identify"
+COMMAND_NAME = "identify"
 """Every row names this command as its origin."""
 
 PRINTED_METHODS = ("load", "dissociated")
@@ -83,7 +83,7 @@ def slider_rows(fit: SliderFit) -> Iterator[ResultRow]:
     Ids are ``<study>.<method>.<figure>[.<recording>]``, and ``<study>.slider.<recording>`` for the carriage's place.
     """
     together = combined_checksum(fit.checksums.values())
-    plain = ResultRow("", None, "1", RESULT_COMMAND, "fitted", together, fit.filter_note)
+    plain = ResultRow("", None, "1", COMMAND_NAME, "fitted", together, fit.filter_note)
     for p in fit.static:
         yield replace(plain, id=f"{fit.study}.static.{p.name}", value=p.value, unit=p.unit)
     for method, estimate in fit.estimates.items():
@@ -108,7 +108,7 @@ def slider_rows(fit: SliderFit) -> Iterator[ResultRow]:
             f"{fit.study}.slider.{place.recording}",
             place.slider,
             "m",
-            RESULT_COMMAND,
+            COMMAND_NAME,
             split.get(place.recording, "fitted"),
             fit.checksums.get(place.recording),
             "from the markers" if place.optical else "by a ruler",

@@ -13,7 +13,7 @@ from ...drawing.drawing import Drawing, key, line, one_panel, origin, tidy
 from ...drawing.style import FIGURE_WIDTH, colour
 from ...pages.quantities import number
 
-AXES: Mapping[str, tuple[str, float, str]] = {
+CHANNEL_AXES: Mapping[str, tuple[str, float, str]] = {
     "rad": ("Angle", 180.0 / np.pi, "deg"),
     "m": ("Position", 1e3, "mm"),
     "N*m": ("Torque", 1.0, "N·m"),
@@ -24,7 +24,7 @@ AXES: Mapping[str, tuple[str, float, str]] = {
 
 def shown(unit: str, channel: str) -> tuple[str, float]:
     """An axis's label and what an SI value is multiplied by, for a `channel` in a `unit`."""
-    words, scale, text = AXES.get(unit, (channel.replace("_", " ").capitalize(), 1.0, unit))
+    words, scale, text = CHANNEL_AXES.get(unit, (channel.replace("_", " ").capitalize(), 1.0, unit))
     return f"{words} ({text})", scale
 
 

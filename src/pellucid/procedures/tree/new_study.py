@@ -27,6 +27,7 @@ urdf = "robot.urdf"                 # copied from {file}; its bodies are a start
 [rig]
 
 """
+"""Template of the beginning of the new study.toml."""
 
 JOINT_TEXT = """[[rig.joints]]
 name = "{name}"
@@ -34,6 +35,7 @@ motion = "{motion}"
 {band}[rig.joints.drive]
 kind = "torque"
 """
+"""Template of a joint's table in the new study.toml, for all joints but the first."""
 
 FIRST_JOINT_TEXT = """\
 # Names are those of the robot's file; channels end in them. Where channels are the motors', say how
@@ -48,6 +50,7 @@ motion = "{motion}"
 {band}[rig.joints.drive]
 kind = "torque"                     # or "current" with torque_constant = "12 N*m/A", or without one: results per ampere
 """
+"""Template of the first joint's table, with comments that explain it."""
 
 CHANNELS_TEXT = """
 [channels]                          # a column's name, or its number from 0 in files without a header
@@ -85,6 +88,7 @@ use = "fit"
 # use = "validate"
 # payload = {{ mass = "2 kg" }}       # on the last link, or link = "NAME"
 """
+"""Template of the tables of channels and recordings, with comments that explain them."""
 
 
 def new_study(robot: Urdf, folder: str) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from ...models.robot import Robot
 from ...signals.tree_motion import TreeMotion
 
-ROW_COUNT = 4000
+SIGN_ROW_COUNT = 4000
 """Approximate number of rows, spread over all recordings, from which signs are determined."""
 
 MOTOR_POWER_THRESHOLD = 0.02
@@ -168,7 +168,7 @@ class _Rows:
 
 
 def _rows(motions: Sequence[TreeMotion]) -> list[_Rows]:
-    step = max(1, sum(len(m) for m in motions) // ROW_COUNT)
+    step = max(1, sum(len(m) for m in motions) // SIGN_ROW_COUNT)
     names = ("position", "velocity", "acceleration", "effort", "moving", "segment")
     return [_Rows(*(getattr(m, name)[::step] for name in names)) for m in motions]
 

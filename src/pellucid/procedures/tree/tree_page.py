@@ -33,8 +33,11 @@ BODY_HEADS = {
 }  # fmt: skip
 """Column heads of the ten inertial parameters of a body."""
 
-_COLUMNS = ("inertia", "viscous", "positive", "negative", "coulomb", "offset", "load", "root", "stribeck", "velocity",
-            "sine", "cosine")  # fmt: skip
+_TERM_COLUMN_ORDER = (
+    "inertia", "viscous", "positive", "negative", "coulomb", "offset", "load", "root", "stribeck", "velocity", "sine",
+    "cosine",
+)  # fmt: skip
+"""Last words of column heads, in the order of the columns of a table of friction."""
 
 MAX_DRAWN_ROWS = 4000
 """Largest number of rows, over all recordings, in figures of friction."""
@@ -281,7 +284,9 @@ def _map(found: TreeResult) -> tuple[tuple[str, ...], tuple[str, ...], dict[tupl
             rows.append(owner)
         cells[(owner, column)] = Cell(parameter.relative_sd, _remark(parameter))
     first = [c for c in BODY_HEADS.values() if c in columns]
-    columns = first + sorted((c for c in columns if c not in first), key=lambda c: _COLUMNS.index(c.split()[-1]))
+    columns = first + sorted(
+        (c for c in columns if c not in first), key=lambda c: _TERM_COLUMN_ORDER.index(c.split()[-1])
+    )
     rows.sort(key=lambda row: (bodies + found.names).index(row))
     wrapped = {c: c.replace(" ", "\n") for c in columns}
     return tuple(rows), tuple(wrapped.values()), {(r, wrapped[c]): cell for (r, c), cell in cells.items()}
