@@ -39,7 +39,7 @@ from pellucid.lab.arm.free_shoulder import compare_shoulders
 from pellucid.lab.arm.human_motion import JOINTS
 from pellucid.lab.arm.protocol import ArmTrial, limits_of
 from pellucid.lab.arm.rig import ArmRig, able_arm, drawn_arms
-from pellucid.lab.arm.single_faults import KINDS, ONSET, WATCHED, ArmFaultTrial, fault_trials
+from pellucid.lab.arm.single_faults import KINDS, ONSET_S, WATCH_S, ArmFaultTrial, fault_trials
 from pellucid.lab.arm.wearer import CUFFS, HANDLE, HANDLE_AT, UPPER_CUFF, UPPER_CUFF_AT, Person
 from pellucid.lab.arm.worn_trial import motion_of
 from pellucid.papers.able.arm_identification import (
@@ -341,7 +341,7 @@ def fault_rows(arms: Sequence[ArmRig]) -> Iterator[ResultRow]:
     wearers, motion = wearers_of(arms)
     jobs = [(faulted, rig, person, k) for k, (rig, person) in enumerate(zip(arms, wearers, strict=True))]
     made = ordered_results(jobs)
-    said = f"{len(arms)} robots and people, {motion}; {WATCHED:g} s from the onset, {ONSET:g} s after the start"
+    said = f"{len(arms)} robots and people, {motion}; {WATCH_S:g} s from the onset, {ONSET_S:g} s after the start"
     every: list[ArmFaultTrial] = []
     for law in (PUBLISHED_LAW, BEST_LAW):
         trials = [trial for one in made for trial in one[law]]
