@@ -136,7 +136,7 @@ def test_the_protocol_keeps_to_its_limits_and_is_drawn_by_its_seed(rig):
 
 def test_cuffs_are_closed_without_force_where_they_were_put_on(rig):
     person = drawn_people(1)[0]
-    tree = built_tree(rig.tables, rotors=False)
+    tree = built_tree(rig.constants, rotors=False)
     given = worn_arguments(person, tree, 1e-3)
     plant = rig.plant(**given)
     plant.reset(np.append(DONNED, HANDLE_AT * person.forearm), np.array(DONNED))

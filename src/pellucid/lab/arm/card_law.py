@@ -91,9 +91,9 @@ def identified(rig: ArmRig, seed: int = 1) -> TreeEstimate:
 
 def card_of(rig: ArmRig, estimate: TreeEstimate) -> TreeCard:
     """The card of a model of an arm."""
-    said = [rig["joint"][name] for name in JOINTS]
+    said = [rig.constants.joint[name] for name in JOINTS]
     ranges = tuple(
-        JointRange(s["low"], s["high"], s["velocity"] * 1.5, float(most), None, None, s["velocity"])
+        JointRange(s.low, s.high, s.velocity * 1.5, float(most), None, None, s.velocity)
         for s, most in zip(said, rig.limits, strict=True)
     )
     return TreeCard(

@@ -67,7 +67,7 @@ def elbow_constants(rig: ArmRig, slider: float, *, seed: int = 1) -> ElbowConsta
     """By least squares from slow and fast elbow movements with the shoulder held; the carriage at `slider` [m]."""
     from scipy.signal import butter, sosfiltfilt
 
-    rate, rng = rig["sampling"]["rate"], np.random.default_rng([seed, 12])
+    rate, rng = rig.constants.sampling.rate, np.random.default_rng([seed, 12])
     time = np.arange(round(30.0 * rate)) / rate
     path = np.repeat([[*POSTURE, 0.0]], len(time), axis=0)
     # Slow first, then up to the speed of movements: friction by itself, then with inertia.
@@ -79,9 +79,9 @@ def elbow_constants(rig: ArmRig, slider: float, *, seed: int = 1) -> ElbowConsta
         path,
         np.array(gains_of(rig)),
         loop="cascade",
-        velocity_span=rig["sampling"]["velocity_span"],
+        velocity_span=rig.constants.sampling.velocity_span,
         quantum=rig.quanta,
-        noise=rig["encoder"]["noise"] * rng.standard_normal(path.shape),
+        noise=rig.constants.encoder.noise * rng.standard_normal(path.shape),
     )
     sos = butter(2, CUT_OFF, fs=rate, output="sos")
     q, torque = (sosfiltfilt(sos, x[:, 3]) for x in (measured, rig.gains * command))
@@ -130,7 +130,7 @@ def full_compensation(rig: ArmRig, constants: ElbowConstants) -> ControlLaw:
 
 def _gate(rig: ArmRig) -> dict[str, float]:
     effort = float(rig.limits[3])
-    return gate_values(Limits(effort, 100.0 * effort, 8.0, (-0.5, 2.8)), 1.0 / rig["sampling"]["rate"])
+    return gate_values(Limits(effort, 100.0 * effort, 8.0, (-0.5, 2.8)), 1.0 / rig.constants.sampling.rate)
 
 
 LAWS: Mapping[str, Callable[[ArmRig, ElbowConstants], ControlLaw]] = {
@@ -148,7 +148,7 @@ class ElbowAndShoulder:
 
     def __init__(self, rig: ArmRig, elbow: ControlLaw, *, held: bool):
         self.rig, self.elbow, self.held = rig, elbow, held
-        self.period, self.span = 1.0 / rig["sampling"]["rate"], rig["sampling"]["velocity_span"]
+        self.period, self.span = 1.0 / rig.constants.sampling.rate, rig.constants.sampling.velocity_span
         self.kp, self.ki, _, self.kv, _ = np.array(gains_of(rig))[:3].T
         self.reset()
 
@@ -207,7 +207,7 @@ def figures_of(trial: WornTrial, law: str, shoulder: str) -> ShoulderFigures:
 
 def compare_shoulders(rig: ArmRig, person: Person, *, seed: int = 1) -> tuple[ShoulderFigures, ...]:
     """Both laws with the shoulder each way, on one robot and one person."""
-    elbow_alone = pointing(rig["sampling"]["rate"])
+    elbow_alone = pointing(rig.constants.sampling.rate)
     constants = elbow_constants(rig, HANDLE_AT * person.forearm, seed=seed)
     made = []
     for name, build in LAWS.items():

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,9 +17,7 @@ from ...protocols.fourier import optimised_fourier, play
 from ...protocols.reversals import REVERSALS_NAME
 from ...protocols.swept_sine import swept_sine
 from ..rig import Trial
-
-if TYPE_CHECKING:
-    from .rig import ElbowRig
+from .machine import ElbowMachine
 
 SPEEDS = (1.0, 3.5, 6.0, 8.5, 11.0)
 """Of the constant velocities [motor turns/s]."""
@@ -51,22 +48,22 @@ class ElbowTrial(Trial):
     slider: float = 0.0  # Where the carriage is clamped [m]
 
 
-def fitted_sliders(rig: ElbowRig) -> np.ndarray:
+def fitted_sliders(rig: ElbowMachine) -> np.ndarray:
     """Six positions of the carriage, equally spaced over the rail, shape (6,) [m]."""
-    return np.linspace(rig["slider"]["low"], rig["slider"]["high"], 6)
+    return np.linspace(rig.constants.slider.low, rig.constants.slider.high, 6)
 
 
-def unseen_sliders(rig: ElbowRig) -> np.ndarray:
+def unseen_sliders(rig: ElbowMachine) -> np.ndarray:
     """Six positions between the fitted ones, shape (6,) [m]: the five midpoints, and one a quarter of a step in."""
     fitted = fitted_sliders(rig)
     step = fitted[1] - fitted[0]
     return np.append(fitted[:-1] + 0.5 * step, fitted[0] + 0.25 * step)
 
 
-def holds(rig: ElbowRig) -> tuple[np.ndarray, float]:
+def holds(rig: ElbowMachine) -> tuple[np.ndarray, float]:
     """Angles equally spaced over the range, in an order that comes from both sides; reference [rad] and start [rad]."""
-    span, fs = rig["range"], rig["sampling"]["rate"]
-    angles = np.linspace(span["low"], span["high"], HOLDS)
+    span, fs = rig.constants.range, rig.constants.sampling.rate
+    angles = np.linspace(span.low, span.high, HOLDS)
     # Every seventh of twenty visits each once, and arrives from below about as often as from above.
     order = angles[(7 * np.arange(HOLDS)) % HOLDS]
     s = np.arange(round(MOVE_TIME * fs)) / (MOVE_TIME * fs)
@@ -86,42 +83,42 @@ def _one_way(speed: float, travel: float, fs: float) -> np.ndarray:
     return np.concatenate([up, np.full(flat, speed), up[::-1], np.zeros(round(DWELL * fs))])
 
 
-def constant_velocities(rig: ElbowRig) -> tuple[np.ndarray, float]:
+def constant_velocities(rig: ElbowMachine) -> tuple[np.ndarray, float]:
     """Up and down at each speed; velocity reference [rad/s] and start [rad]."""
-    span, fs = rig["range"], rig["sampling"]["rate"]
-    travel = span["high"] - span["low"] - 2.0 * TRAVEL_MARGIN
+    span, fs = rig.constants.range, rig.constants.sampling.rate
+    travel = span.high - span.low - 2.0 * TRAVEL_MARGIN
     parts = [np.zeros(round(DWELL * fs))]
     for turns in SPEEDS:
-        one = _one_way(2.0 * np.pi * turns / rig["motor"]["gear_ratio"], travel, fs)
+        one = _one_way(2.0 * np.pi * turns / rig.constants.motor.gear_ratio, travel, fs)
         parts += [one, -one]
-    return np.concatenate(parts), span["low"] + TRAVEL_MARGIN
+    return np.concatenate(parts), span.low + TRAVEL_MARGIN
 
 
-def slow_movements(rig: ElbowRig) -> tuple[np.ndarray, float]:
+def slow_movements(rig: ElbowMachine) -> tuple[np.ndarray, float]:
     """Ten slow movements up and ten down, at one motor turn a second; velocity [rad/s] and start [rad]."""
-    span, fs = rig["range"], rig["sampling"]["rate"]
-    one = _one_way(2.0 * np.pi / rig["motor"]["gear_ratio"], SLOW_TRAVEL, fs)
+    span, fs = rig.constants.range, rig.constants.sampling.rate
+    one = _one_way(2.0 * np.pi / rig.constants.motor.gear_ratio, SLOW_TRAVEL, fs)
     rest = np.zeros(round(DWELL * fs))
-    return np.concatenate([rest, *([one, -one] * SLOW_MOVES)]), 0.5 * (span["low"] + span["high"] - SLOW_TRAVEL)
+    return np.concatenate([rest, *([one, -one] * SLOW_MOVES)]), 0.5 * (span.low + span.high - SLOW_TRAVEL)
 
 
-def sweep(rig: ElbowRig, *, literal: bool) -> tuple[np.ndarray, float]:
+def sweep(rig: ElbowMachine, *, literal: bool) -> tuple[np.ndarray, float]:
     """Equation 5 about the middle of the range, as printed or phase-integrated; velocity [rad/s] and start [rad]."""
-    span, fs = rig["range"], rig["sampling"]["rate"]
+    span, fs = rig.constants.range, rig.constants.sampling.rate
     _, velocity, _ = swept_sine(fs=fs, literal=literal, **SWEEP)
     rest = np.zeros(round(DWELL * fs))
-    return np.concatenate([rest, velocity, rest]), 0.5 * (span["low"] + span["high"])
+    return np.concatenate([rest, velocity, rest]), 0.5 * (span.low + span.high)
 
 
-def reversals(rig: ElbowRig, place: float) -> tuple[np.ndarray, float]:
+def reversals(rig: ElbowMachine, place: float) -> tuple[np.ndarray, float]:
     """To and fro about a place of the range, slowly; position reference [rad] and start [rad]."""
-    span, fs, w = rig["range"], rig["sampling"]["rate"], 2.0 * np.pi * TURNS["frequency"]
+    span, fs, w = rig.constants.range, rig.constants.sampling.rate, 2.0 * np.pi * TURNS["frequency"]
     time = np.arange(round(TURNS["periods"] / TURNS["frequency"] * fs)) / fs
-    reference = span["low"] + place * (span["high"] - span["low"]) + TURNS["amplitude"] * np.cos(w * time)
+    reference = span.low + place * (span.high - span.low) + TURNS["amplitude"] * np.cos(w * time)
     return reference, float(reference[0])
 
 
-def trials(rig: ElbowRig, fourier: Callable[[ElbowRig], np.ndarray] | None = None) -> tuple[ElbowTrial, ...]:
+def trials(rig: ElbowMachine, fourier: Callable[[ElbowMachine], np.ndarray] | None = None) -> tuple[ElbowTrial, ...]:
     """Three steps and slow movements at six positions of the carriage, 18 unseen trials, and reversals; with the
     position reference [rad] that `fourier` gives for a `rig`, if it is given."""
     static, cv, slow = holds(rig), constant_velocities(rig), slow_movements(rig)
@@ -150,16 +147,16 @@ def trials(rig: ElbowRig, fourier: Callable[[ElbowRig], np.ndarray] | None = Non
     return tuple(made)
 
 
-def _reversals(rig: ElbowRig, place: float, name: str) -> ElbowTrial:
+def _reversals(rig: ElbowMachine, place: float, name: str) -> ElbowTrial:
     """The carriage in the middle of its rail: where it is changes nothing of what is looked for."""
     reference, start = reversals(rig, place)
-    middle = 0.5 * (rig["slider"]["low"] + rig["slider"]["high"])
+    middle = 0.5 * (rig.constants.slider.low + rig.constants.slider.high)
     return ElbowTrial(name, REVERSALS_NAME, "fit", reference=reference, loop="position", start=start, slider=middle)
 
 
-def excitation(rig: ElbowRig) -> np.ndarray:
+def excitation(rig: ElbowMachine) -> np.ndarray:
     """A Fourier motion optimised for what the coherent body's parameters show in, shape (n,) [rad]."""
-    span, fs = rig["range"], rig["sampling"]["rate"]
+    span, fs = rig.constants.range, rig.constants.sampling.rate
 
     def regressor(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         sign = np.tanh(v / 0.05)
@@ -171,11 +168,11 @@ def excitation(rig: ElbowRig) -> np.ndarray:
         regressor,
         fundamental=0.1,
         harmonics=8,
-        low=span["low"] + 0.05,
-        high=span["high"] - 0.05,
-        velocity=0.5 * span["velocity"],
-        acceleration=0.5 * span["acceleration"],
+        low=span.low + 0.05,
+        high=span.high - 0.05,
+        velocity=0.5 * span.velocity,
+        acceleration=0.5 * span.acceleration,
         scales=np.array([0.05, 2.0, 0.3, 0.3, 0.3, 0.1, 0.1]),
         rng=np.random.default_rng(7),
     )
-    return play(series, 40.0, fs, velocity=span["velocity"], acceleration=span["acceleration"])
+    return play(series, 40.0, fs, velocity=span.velocity, acceleration=span.acceleration)

@@ -71,11 +71,11 @@ STRAPS: Mapping[str, tuple[float, float]] = {
 def drawn_strap(rig: KneeRig, stiffness: float, seed: int) -> dict[str, float]:
     """What sets a strap of a `stiffness` [N*m/rad] apart from a spring and a damper, drawn of what `rig` has: without
     slack, say, if its straps are `strapped` without."""
-    rng, own = np.random.default_rng([seed, 0x5]), rig["strap"]
+    rng, usual = np.random.default_rng([seed, 0x5]), rig.constants.strap
     drawn = {name: float(np.exp(rng.uniform(*np.log(ends)))) for name, ends in STRAPS.items()}
     drawn["relaxing_stiffness"] *= stiffness
-    across, along = own.get("askew_spread", 0.0) * np.clip(rng.standard_normal(2), -2.0, 2.0)
-    has = {name: value for name, value in drawn.items() if own.get(name)}
+    across, along = usual.askew_spread * np.clip(rng.standard_normal(2), -2.0, 2.0)
+    has = {name: value for name, value in drawn.items() if usual[name]}
     return {**has, "across": float(across), "along": float(along)}
 
 
@@ -115,13 +115,14 @@ def drawn_rig(rig: KneeRig, seed: int) -> KneeRig:
         "emg_gain": dict(zip((EXTENSOR, FLEXOR), gains, strict=True)),
     }
     values: dict[str, object] = {path: factor * _constant(rig, path) for path, factor in factors.items()}
-    muscles = rig["muscles"]
+    muscles = rig.constants.muscles
     # People plan as early as their own muscles are late.
-    values["wearer.foresight"] = rig["wearer"]["foresight"] + values["muscles.delay"] - muscles["delay"]
+    values["wearer.foresight"] = rig.constants.wearer.foresight + values["muscles.delay"] - muscles.delay
     made = rig.changed(values, f"{rig.name}-{seed}")
-    return KneeRig(made.name, {**made.tables, "subjects": {f"D{seed}": subject}})
+    return made.changed({"subjects": {f"D{seed}": subject}})
 
 
 def _constant(rig: KneeRig, path: str) -> float:
+    """Return the constant with a dotted path."""
     table, key = path.split(".")
     return rig[table][key]

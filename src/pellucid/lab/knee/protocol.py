@@ -10,16 +10,14 @@ thesis's own values), so that its response is recorded again over 40 s per frequ
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from ..rig import Trial
+from .machine import KneeMachine
 from .subject import KneeSubject
 from .wearer import Wearer, contracting, counteracting, following, relaxed, swinging
-
-if TYPE_CHECKING:
-    from .rig import KneeRig
 
 ANGLES = (0, 15, 30, 45, 60, 90)
 """Of the holds [deg]."""
@@ -83,9 +81,9 @@ class KneeTrial(Trial):
             object.__setattr__(self, "participant", self.wearer.subject.name)
 
 
-def holds(rig: KneeRig, angles: tuple[float, ...], hold_time: float = HOLD_TIME) -> np.ndarray:
+def holds(rig: KneeMachine, angles: tuple[float, ...], hold_time: float = HOLD_TIME) -> np.ndarray:
     """Angles [rad] held one after another, for `hold_time` [s] each, with smooth ways between, shape (n,)."""
-    fs = rig["encoders"]["rate"]
+    fs = rig.constants.encoders.rate
     s = np.arange(round(MOVE_TIME * fs)) / (MOVE_TIME * fs)
     ease = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
     parts, at = [], angles[0]
@@ -95,15 +93,15 @@ def holds(rig: KneeRig, angles: tuple[float, ...], hold_time: float = HOLD_TIME)
     return np.concatenate(parts)
 
 
-def sine(rig: KneeRig, frequency: float, amplitude: float, duration: float) -> np.ndarray:
+def sine(rig: KneeMachine, frequency: float, amplitude: float, duration: float) -> np.ndarray:
     """A sine from its own zero, of [Hz], [rad] and [s], one sample a period, shape (n,) [rad]."""
-    t = np.arange(round(duration * rig["encoders"]["rate"])) * rig.period
+    t = np.arange(round(duration * rig.constants.encoders.rate)) * rig.period
     return amplitude * np.sin(2.0 * np.pi * frequency * t)
 
 
-def torque_steps(rig: KneeRig, torques: tuple[float, ...] = TORQUES) -> np.ndarray:
+def torque_steps(rig: KneeMachine, torques: tuple[float, ...] = TORQUES) -> np.ndarray:
     """Torques held for 5 s each, ways to them included; shape (n,) [N*m]."""
-    fs = rig["encoders"]["rate"]
+    fs = rig.constants.encoders.rate
     n = round(HOLD_TIME * fs)
     way = np.minimum(np.arange(n) / (STEP_TIME * fs), 1.0)
     parts, at = [], torques[0]
@@ -113,7 +111,7 @@ def torque_steps(rig: KneeRig, torques: tuple[float, ...] = TORQUES) -> np.ndarr
     return np.concatenate(parts)
 
 
-def bench_trials(rig: KneeRig) -> list[KneeTrial]:
+def bench_trials(rig: KneeMachine) -> list[KneeTrial]:
     """The orthosis alone: gravity, and its response to sines, long and brief."""
     angles = tuple(np.radians([*ANGLES, *ANGLES[-2::-1]]).tolist())
     made = [KneeTrial("gravity", "gravity_holds", reference=holds(rig, angles))]
@@ -128,7 +126,7 @@ def bench_trials(rig: KneeRig) -> list[KneeTrial]:
     return made
 
 
-def imu_trial(rig: KneeRig, name: str, participant: str | None = None, faults: Faults = NO_FAULTS) -> KneeTrial:
+def imu_trial(rig: KneeMachine, name: str, participant: str | None = None, faults: Faults = NO_FAULTS) -> KneeTrial:
     """The IMU fixed to the orthosis, which goes through its range: holds, and sines that show the clocks.
 
     Nobody is in it, but its calibration is a participant's: the IMU stays as it is when it moves to their ankle.
@@ -144,7 +142,7 @@ def imu_trial(rig: KneeRig, name: str, participant: str | None = None, faults: F
 
 
 def relaxed_trial(
-    rig: KneeRig, name: str, subject: KneeSubject, *, helps: bool = False, faults: Faults = NO_FAULTS
+    rig: KneeMachine, name: str, subject: KneeSubject, *, helps: bool = False, faults: Faults = NO_FAULTS
 ) -> KneeTrial:
     """A relaxed leg on a rigid plate, held at the angles."""
     reference, wearer = holds(rig, tuple(np.radians(ANGLES).tolist())), relaxed(subject, helps=helps)
@@ -152,7 +150,7 @@ def relaxed_trial(
     return KneeTrial(name, "relaxed_holds", reference=reference, wearer=wearer, **how)
 
 
-def mvc_trial(rig: KneeRig, name: str, subject: KneeSubject, faults: Faults = NO_FAULTS) -> KneeTrial:
+def mvc_trial(rig: KneeMachine, name: str, subject: KneeSubject, faults: Faults = NO_FAULTS) -> KneeTrial:
     """Both muscles as hard as they can, against a frame."""
     reference, wearer = np.full(round(MVC_TIME / rig.period), np.radians(60.0)), contracting(subject)
     how = {"start": float(reference[0]), "locked": True, "faults": faults}
@@ -160,7 +158,7 @@ def mvc_trial(rig: KneeRig, name: str, subject: KneeSubject, faults: Faults = NO
 
 
 def torque_trial(
-    rig: KneeRig, name: str, subject: KneeSubject, angle: float, *, use: str = "fit", faults: Faults = NO_FAULTS
+    rig: KneeMachine, name: str, subject: KneeSubject, angle: float, *, use: str = "fit", faults: Faults = NO_FAULTS
 ) -> KneeTrial:
     """An angle [rad] held against torques."""
     wearer, how = counteracting(subject, angle), {"start": angle, "imu": "ankle", "faults": faults}
@@ -168,7 +166,7 @@ def torque_trial(
 
 
 def swing_trial(
-    rig: KneeRig,
+    rig: KneeMachine,
     name: str,
     subject: KneeSubject,
     *,
@@ -181,18 +179,18 @@ def swing_trial(
     """A shank that swings freely in zero-impedance mode for a duration [s], as `swinging` says."""
     reference = np.zeros(round(duration / rig.period))
     wearer = swinging(subject, frequency=frequency, amplitude=amplitude)
-    how = {"start": rig["swing"]["centre"], "imu": "ankle", "faults": faults}
+    how = {"start": rig.constants.swing.centre, "imu": "ankle", "faults": faults}
     return KneeTrial(name, "free_swing", use, reference=reference, mode="torque", wearer=wearer, **how)
 
 
-def walking_trial(rig: KneeRig, name: str, subject: KneeSubject, path: np.ndarray) -> KneeTrial:
+def walking_trial(rig: KneeMachine, name: str, subject: KneeSubject, path: np.ndarray) -> KneeTrial:
     """A shank that goes through a path, shape (n,) [rad], a sample a period, in zero-impedance mode."""
     how = {"start": float(path[0]), "imu": "ankle"}
     wearer = following(subject, path)
     return KneeTrial(name, "walking", reference=np.zeros(len(path)), mode="torque", wearer=wearer, **how)
 
 
-def subject_trials(rig: KneeRig, subject: KneeSubject) -> list[KneeTrial]:
+def subject_trials(rig: KneeMachine, subject: KneeSubject) -> list[KneeTrial]:
     """Everything that one subject does."""
     who = subject.name
     made = [imu_trial(rig, f"{who}_imu", who)]
@@ -208,7 +206,7 @@ def subject_trials(rig: KneeRig, subject: KneeSubject) -> list[KneeTrial]:
     return made
 
 
-def knee_trials(rig: KneeRig) -> tuple[KneeTrial, ...]:
+def knee_trials(rig: KneeMachine) -> tuple[KneeTrial, ...]:
     """The full protocol: the orthosis alone, then every subject."""
     subjects = rig.subjects.values()
     return (*bench_trials(rig), *(trial for subject in subjects for trial in subject_trials(rig, subject)))
