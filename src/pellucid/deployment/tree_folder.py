@@ -145,8 +145,8 @@ def write_tree_folder(study: str, values: TreeValues, out: Path) -> Path:
     for name in TEMPLATE_FOLDERS:
         files[template_path(name)] = render(f"{name}.j2" if name in SHARED_TEMPLATES else f"tree/{name}.j2", **content)
     lines = [line.split() for line in record_outputs(files, out)]
-    outputs = [(int(said), [int(x, 16) for x in bits]) for said, *bits in lines]
-    refuse_faults(out, [said for said, _ in outputs[: vector.motion]])
+    outputs = [(int(status), [int(x, 16) for x in bits]) for status, *bits in lines]
+    refuse_faults(out, [status for status, _ in outputs[: vector.motion]])
     if outputs:
         files[OUTPUT_FILE] = render("tree/vector_outputs.h.j2", outputs=outputs)
     return write_files(files, out)

@@ -79,5 +79,5 @@ def wearers_of(arms: Sequence[ArmRig]) -> tuple[Sequence[Person], str]:
 
 def arms_worn(arms: Sequence[ArmRig]) -> tuple[list[dict[str, ArmWorn]], str]:
     """Every law on each of some robots, and how their wearers moved, in words."""
-    wearers, said = wearers_of(arms)
-    return ordered_results([(worn, rig, person) for rig, person in zip(arms, wearers, strict=True)]), said
+    wearers, source = wearers_of(arms)
+    return ordered_results([(worn, rig, person) for rig, person in zip(arms, wearers, strict=True)]), source

@@ -73,16 +73,16 @@ def limbs_rows(
     """Table 3.3 and Fig. 3.3."""
     shank = paper.tables["shank"]
     off = [100.0 * abs(shank[s]["gravity_found"].value / shank[s]["gravity"].value - 1.0) for s in SUBJECT_KEYS]
-    said = "the thesis's is a difference from an estimate"
+    difference_note = "the thesis's is a difference from an estimate"
     rows = [
         _row("mgl_sh.error", "Error of the shank's gravity torque, mean of the subjects", "%",
-             _by_seed(drawn, lambda d: abs(d.gravity_error)), float(np.mean(off)), said)
+             _by_seed(drawn, lambda d: abs(d.gravity_error)), float(np.mean(off)), difference_note)
     ]  # fmt: skip
     for (name, found), printed_, difference in zip(wearers.items(), SUBJECT_KEYS, off, strict=True):
         own = [abs(d.gravity_error) for d in drawn if d.subject == name]
         tables = tape_measure(rig.subjects[name])
         rows += [
-            _row(f"mgl_sh.error.{name}", f"The same, {name}", "%", own, difference, said),
+            _row(f"mgl_sh.error.{name}", f"The same, {name}", "%", own, difference, difference_note),
             _interval(f"mgl_sh.{name}", f"Gravity torque of the shank, {name}", found.stages.limb.gravity,
                       shank[printed_]["gravity_found"], "Table 3.3; the virtual subject's limb is not Winter's"),
             *(

@@ -187,8 +187,11 @@ def _rows(study: str, trial: HingeTrial, checksum: str) -> list[ResultRow]:
         "unaligned": "zero-phase; one offset, no delay",
         "gyroscopes": "integrated rates alone, as they drift; offset and delay as for the zero-phase angle",
     }
-    ids = {"offline": "angle.rmse_deg"} | {way: f"angle.{way}_rms_deg" for way in SCORED_ANGLES[1:]}
-    found += [row(ids[way], np.degrees(trial.scores[way].rms), "deg", "heldout", notes[way]) for way in SCORED_ANGLES]
+    ids = {"offline": "angle.rmse_deg"} | {estimate: f"angle.{estimate}_rms_deg" for estimate in SCORED_ANGLES[1:]}
+    found += [
+        row(ids[estimate], np.degrees(trial.scores[estimate].rms), "deg", "heldout", notes[estimate])
+        for estimate in SCORED_ANGLES
+    ]
     error, drift = 1.96 * trial.alignment.delay_error, trial.clock_drift
     found += [
         row("angle.largest_deg", np.degrees(trial.scores["offline"].largest), "deg", "heldout"),
@@ -223,11 +226,11 @@ def _error_tables(trials: list[HingeTrial]) -> list[FigureTable]:
     if not evaluated:
         return []
     ways = ("offline", "causal", "own delay", "no delay", "rates alone")
-    heads = ("recording", *(f"{way} [deg]" for way in ways), "delay found [ms]", "excluded samples")
+    heads = ("recording", *(f"{estimate} [deg]" for estimate in ways), "delay found [ms]", "excluded samples")
     rows = tuple(
         (
             t.name,
-            *(float(np.degrees(t.scores[way].rms)) for way in SCORED_ANGLES),
+            *(float(np.degrees(t.scores[estimate].rms)) for estimate in SCORED_ANGLES),
             1e3 * t.alignment.delay,
             t.reference.excluded,
         )
@@ -257,7 +260,7 @@ def _verdicts(trials: list[HingeTrial], failures: dict[str, str], table: HingeTa
     for trial in trials:
         if trial.scores:
             scores = trial.scores
-            degrees = {way: float(np.degrees(scores[way].rms)) for way in SCORED_ANGLES}
+            degrees = {estimate: float(np.degrees(scores[estimate].rms)) for estimate in SCORED_ANGLES}
             found.append(
                 Verdict(
                     "good" if degrees["offline"] < 0.5 * degrees["gyroscopes"] else "note",

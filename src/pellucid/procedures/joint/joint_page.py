@@ -86,12 +86,12 @@ def page(study: Study, result: JointResult) -> Page:
     ]
     motion = _simulation_drawings(result, simulated)
     if motion:
-        said = (
+        simulation_text = (
             "A prediction of effort can look good while a simulation drifts, so the identified joint "
             f"({simulated.family} friction) is also set in motion."
         )
         table = _simulated(result, simulated)
-        sections.append(Section("simulation", "Simulated motion", (said,), (table,), motion))
+        sections.append(Section("simulation", "Simulated motion", (simulation_text,), (table,), motion))
     sections.append(
         Section(
             "families",
@@ -122,12 +122,12 @@ def _posterior(fit: JointResult) -> tuple[Section, ...]:
     if fit.posterior is None:
         return ()
     compared = pair_with_posterior(fit.families[fit.best].estimate.parameters, fit.posterior)
-    said = (
+    text = (
         f"The same rows by a posterior: bounds hold, and what a {fit.best} model lacks is as large as the draws say. "
         f"{fit.posterior.settled}."
     )
     drawing = draw(posterior_figure, compared, fit.confidence)
-    return (Section("posterior", "Posterior", (said,), figure_tables(fit, "Posterior"), (drawing,)),)
+    return (Section("posterior", "Posterior", (text,), figure_tables(fit, "Posterior"), (drawing,)),)
 
 
 # --- figures --------------------------------------------------------------------------------------------------------

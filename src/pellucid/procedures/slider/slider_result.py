@@ -100,8 +100,8 @@ def slider_rows(fit: SliderFit) -> Iterator[ResultRow]:
             one = replace(plain, split=e.split, data_checksum=fit.checksums.get(e.recording))
             yield replace(one, id=f"{head}.error.{e.recording}", value=e.current, unit="A")
     if fit.travel is not None:
-        said = f"way from rest over which friction builds up before it slips; {fit.travel.sentence()}"
-        yield replace(plain, id=f"{fit.study}.presliding_travel", value=fit.travel.value, unit="rad", note=said)
+        travel_note = f"way from rest over which friction builds up before it slips; {fit.travel.sentence()}"
+        yield replace(plain, id=f"{fit.study}.presliding_travel", value=fit.travel.value, unit="rad", note=travel_note)
     split = {m.recording: m.split for m in fit.motions}
     for place in fit.geometry.placements:
         yield ResultRow(

@@ -132,12 +132,15 @@ def _tiles(found: TreeResult) -> list[Tile]:
     best = found.errors_of("best", found.judged)
     worst = found.worst
     base = found.models["base"].parameters
-    told = sum(parameter_verdict(p) == "identified" for p in found.best.parameters.values())
+    identified_count = sum(parameter_verdict(p) == "identified" for p in found.best.parameters.values())
     tiles = [
         Tile("Mean effort error", percent(best.mean), "%", f"on {ROW_KIND_DESCRIPTIONS[found.judged]}"),
         Tile("Worst joint", percent(best.each[worst]), "%", short(found.names[worst])),
         Tile(
-            "Parameters told from 0", f"{told}", f"of {len(found.best.parameters)}", f"{len(base)} with plain friction"
+            "Parameters told from 0",
+            f"{identified_count}",
+            f"of {len(found.best.parameters)}",
+            f"{len(base)} with plain friction",
         ),
     ]
     if found.jackknife is not None:
@@ -235,11 +238,11 @@ def _choice(found: TreeResult) -> tuple[Section, ...]:
             shares[k, -1] = found.choice.ripples.get(joint, 0) / found.choice.folds
             chosen[k, -1] = k in turned
     drawing = draw(figures.chosen_families, found.names, terms, shares, chosen, found.choice.folds)
-    said = (
+    text = (
         "A term is given to a joint where it predicts segments better that were left out of its fit. To judge the "
         "choice, it is made again without each segment in turn."
     )
-    return (Section("families", "Friction terms chosen", (said,), drawings=(drawing,)),)
+    return (Section("families", "Friction terms chosen", (text,), drawings=(drawing,)),)
 
 
 def _ripple(found: TreeResult) -> tuple[Section, ...]:
@@ -255,11 +258,11 @@ def _ripple(found: TreeResult) -> tuple[Section, ...]:
         spectra.append(RippleSpectrum(found.names[k], found.effort_units[k], order, amplitude, ripple.order))
     if not spectra:
         return ()
-    said = (
+    text = (
         "Cogging, teeth and bearings repeat with the motor's angle, at orders that nobody states. Where one stands out "
         "of what the model leaves over, and predicts segments left out, it is part of the model."
     )
-    return (Section("ripple", "Drive ripple", (said,), drawings=(draw(figures.ripples, spectra),)),)
+    return (Section("ripple", "Drive ripple", (text,), drawings=(draw(figures.ripples, spectra),)),)
 
 
 def _spectrum(angle: np.ndarray, left: np.ndarray, order: float) -> tuple[np.ndarray, np.ndarray]:
@@ -338,7 +341,7 @@ def _intervals(found: TreeResult) -> tuple[Section, ...]:
     values = np.array([abs(p.value) for p in found.best.parameters.values()])[: len(jack.sd)]
     with np.errstate(divide="ignore", invalid="ignore"):
         stated, out = 100.0 * jack.stated / values, 100.0 * jack.sd / values
-    said = (
+    text = (
         "Residuals remember: textbook standard errors, which take every row for news, are "
         f"{number(jack.textbook_ratio, digits=2)} times too small here. Those stated are by blocks of rows; leaving "
         f"out each of {jack.segments} segments and fitting again is an independent check."
@@ -347,7 +350,7 @@ def _intervals(found: TreeResult) -> tuple[Section, ...]:
         Section(
             "intervals",
             "Are the intervals honest?",
-            (said,),
+            (text,),
             drawings=(draw(figures.intervals, stated, out, jack.share_within),),
         ),
     )
