@@ -20,7 +20,7 @@ from .._errors import PellucidError
 class Printed:
     """A number as printed."""
 
-    value: float  # In `unit`
+    value: float  # Printed value, in `unit`
     half_unit: float  # Half a unit of the last digit printed: how far rounding may have moved it
     unit: str  # As the paper prints it, in this package's spelling
     where: str  # Table, equation or section
@@ -31,7 +31,7 @@ class Printed:
         return self.value - self.half_unit, self.value + self.half_unit
 
     def agrees(self, exact: float) -> bool:
-        """Whether `exact`, in `unit`, rounds to what is printed."""
+        """Return whether `exact`, in `unit`, rounds to the printed number."""
         low, high = self.interval
         slack = 1e-9 * self.half_unit  # a value that lies on the edge may round either way
         return low - slack <= exact <= high + slack
@@ -64,7 +64,7 @@ class PrintedPaper:
     tables: Mapping[str, PrintedTable]
 
     def __getitem__(self, name: str) -> float:
-        """A single number of `values`, without the rest."""
+        """Return a single number of `values`, without the rest."""
         found = self.values[name]
         if isinstance(found, tuple):
             raise KeyError(f"{name!r} is a list of {len(found)} numbers; take it from values")
@@ -72,7 +72,7 @@ class PrintedPaper:
 
 
 def papers() -> dict[str, Path]:
-    """The folder of every paper, by name: those that have a ``printed.toml``."""
+    """Return the folder of every paper, by name: those that have a ``printed.toml``."""
     found = {
         toml.parent.name: toml.parent for place in _package.__path__ for toml in Path(place).glob("*/printed.toml")
     }
@@ -80,7 +80,7 @@ def papers() -> dict[str, Path]:
 
 
 def printed(paper: str) -> PrintedPaper:
-    """The numbers that a paper, one of `papers`, prints."""
+    """Return the numbers that a paper, one of `papers`, prints."""
     folder = papers().get(paper)
     if folder is None:
         raise PellucidError(f"unknown paper {paper!r}; known: {', '.join(papers())}")

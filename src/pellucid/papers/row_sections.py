@@ -14,7 +14,7 @@ VERDICTS_FROM_PRINT = ("recomputed", "cannot be")
 
 
 def cell(value: float | None) -> str:
-    """A number of a table, "–" where there is none."""
+    """Return a number of a table, "–" where there is none."""
     if value is None:
         return "–"
     text = f"{value:.4g}" if value == 0.0 or abs(value) >= 1e-4 else f"{value:.1e}"
@@ -22,7 +22,7 @@ def cell(value: float | None) -> str:
 
 
 def bracketed(ours: str, printed: str | None) -> str:
-    """A number with what is printed behind it, in angular brackets."""
+    """Return a number with the printed one behind it, in angular brackets."""
     return ours if printed is None else f"{ours} ⟨{printed}⟩"
 
 

@@ -69,7 +69,7 @@ def worn(
 
 
 def wearers_of(arms: Sequence[ArmRig]) -> tuple[Sequence[Person], str]:
-    """Whom each of some robots is worn by, and how they move, in words."""
+    """Return a person for each of some robots, and the source of their motions in words."""
     try:
         recorded, source = people(), "recorded reaching"
     except PellucidError:
@@ -78,6 +78,6 @@ def wearers_of(arms: Sequence[ArmRig]) -> tuple[Sequence[Person], str]:
 
 
 def arms_worn(arms: Sequence[ArmRig]) -> tuple[list[dict[str, ArmWorn]], str]:
-    """Every law on each of some robots, and how their wearers moved, in words."""
+    """Return the outcome of every law on each of some robots, and the source of the wearers' motions in words."""
     wearers, source = wearers_of(arms)
     return ordered_results([(worn, rig, person) for rig, person in zip(arms, wearers, strict=True)]), source

@@ -109,7 +109,7 @@ def factor_rows(by_factor: Sequence[ModelsCompared], paper: PrintedPaper) -> lis
 
 
 def recomputed_rows(paper: PrintedPaper) -> list[Reproduced]:
-    """Table I's test, the count of parameters, and what is wrong with Table II."""
+    """Return rows on Table I's test, the count of parameters, and the contradictions in Table II."""
     table = paper.tables["error"]
     without, with_ = table["without_dissociation"], table["with_dissociation"]
     test = paired_test(

@@ -38,7 +38,7 @@ def identification_sections(
     fit: SliderFit,
     rows: Mapping[str, Reproduced],
 ) -> tuple[Section, ...]:
-    """Table I, Fig. 3b, the friction that the paper's ratio needs, gravity, inertia and friction, and energy."""
+    """Return the sections on Table I, Fig. 3b, load friction, gravity, inertia, friction and energy."""
     return (
         _table1(rig, comparisons, rows),
         _trace(fit),
@@ -240,7 +240,7 @@ def _body(rig: ElbowRig, fit: SliderFit) -> Section:
 
 
 def _energy(fit: SliderFit) -> Section:
-    """Energy that compensating gravity alone puts into a joint over a closed cycle."""
+    """Return the section on the energy that compensating gravity alone puts into a joint over a closed cycle."""
     paper_angle = 1.15
     amplitude = np.linspace(0.02, 0.8, 30)
     middle = 0.5 * sum(fit.rail)

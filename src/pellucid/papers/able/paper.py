@@ -130,7 +130,7 @@ class AblePaper(Paper):
         return predicted_rows(self.scored, self.screened)
 
     def headline(self, figures: Figures) -> str:
-        """What dissociation and one coherent body gain, and what laws do to people."""
+        """Return the gain by dissociation and by one coherent body, and the effect of the laws on people."""
         ratio, load = figures["able.table1.ratio"], figures["able.load.ratio"]
         changes_text = ", ".join(
             f"{law} {figures.ours(f'transparency.duration_median.{law.lower()}'):+.0f} % in the median "
@@ -151,7 +151,7 @@ class AblePaper(Paper):
         )
 
     def tiles(self, figures: Figures) -> tuple[Tile, ...]:
-        """Ratio, torque and gravity errors, and interaction torque."""
+        """Return tiles on the ratio, torque and gravity errors, and interaction torque."""
         ours, torque = figures.ours, "transparency.torque"
         return (
             Tile("Error ratio, never fitted", f"{ours('able.table1.ratio'):.2f}", "",

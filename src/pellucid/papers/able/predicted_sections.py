@@ -28,7 +28,7 @@ SCREENED_INDICES = {"duration_median": "Median duration", "vmax": "Peak velocity
 def predicted_sections(
     made: Scored, screened: Sensitivity | None, rows: Mapping[str, Reproduced]
 ) -> tuple[Section, ...]:
-    """The experiment predicted; which factor decides, where it was screened."""
+    """Return the section on the predicted experiment, and one on the deciding factors if they were screened."""
     first = _predicted(made, rows, screened)
     return (first,) if screened is None else (first, _deciding(screened))
 
@@ -99,7 +99,7 @@ def _predicted(made: Scored, rows: Mapping[str, Reproduced], screened: Sensitivi
 
 
 def _alone(made: Scored) -> Table:
-    """What people of one model predict."""
+    """Return the prediction by people of one model as a table."""
     rows = [
         (EFFECT_WORDS[e.index], e.law, _number(e.printed, e.index), _number(e.middle, e.index),
          f"{_number(e.low, e.index)} to {_number(e.high, e.index)}", "inside" if e.inside else "outside")

@@ -177,8 +177,8 @@ class Transparency:
     torques: dict[float, tuple[float, float]]  # Interaction torque by k, by which five other people chose k [N*m]
     recorded: Recorded  # Study of the first seed, recorded with instruments
     studies: tuple[VirtualStudy, ...]  # Study of every seed under the paper's laws
-    own: tuple[VirtualStudy, ...]  # The same people in control and under the toolkit's own laws
-    content: tuple[VirtualStudy, ...]  # The same people under all these laws, with a tolerance of the whole target
+    own: tuple[VirtualStudy, ...]  # Studies of the same people in control and under the toolkit's own laws
+    content: tuple[VirtualStudy, ...]  # Studies under all these laws with a tolerance of the whole target
     required: dict[str, float]  # Additional resistance from `required_resistance`
 
     def with_law(self, law: str) -> tuple[VirtualStudy, ...]:

@@ -108,5 +108,5 @@ def _one(rig: ElbowRig, seed: int) -> ModelsCompared:
 def compare_many(
     jobs: Sequence[tuple[ElbowRig, int]], workers: int | None, tell: Callable[[int, int], None]
 ) -> list[ModelsCompared]:
-    """The same for many rigs and seeds, in processes of their own and in the order of the jobs."""
+    """Return `compare_models` of many rigs and seeds, computed in processes, in the order of the jobs."""
     return ordered_results([(_one, *job) for job in jobs], workers, tell)

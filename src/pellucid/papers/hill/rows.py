@@ -50,7 +50,7 @@ _row, _over = partial(figure, "hill"), partial(mean_figure, "hill")
 
 
 def step_rows(empty: BodyFound, legs: Mapping[str, LegFound], paper: PrintedPaper) -> list[Reproduced]:
-    """Table 2 and what its errors are."""
+    """Return rows on Table 2 and its errors."""
     table, units = paper.tables["swings"], {"p": "kg*m^2", "q": "kg*m"}
     rows = []
     for n, unit in units.items():
@@ -89,7 +89,7 @@ def step_rows(empty: BodyFound, legs: Mapping[str, LegFound], paper: PrintedPape
 
 
 def torque_rows(found: Mapping[str, TorqueFound], paper: PrintedPaper) -> list[Reproduced]:
-    """Tables 4 and 5: errors on the swing that was held out, full and truncated."""
+    """Return rows on Tables 4 and 5: errors on the held-out swing, full and truncated."""
     table, rows = paper.tables["errors"], []
     references = {
         "truth": ("hill", "active", "the true torque of the muscles"),
@@ -141,7 +141,7 @@ def torque_rows(found: Mapping[str, TorqueFound], paper: PrintedPaper) -> list[R
 def training_rows(
     empty: BodyFound, found: Mapping[str, tuple[LegFound, Training, TorqueFound]], paper: PrintedPaper
 ) -> list[Reproduced]:
-    """Table 3, and Figs. 5, 7 and 11 in numbers."""
+    """Return rows on Table 3, and on Figs. 5, 7 and 11 in numbers."""
     bodies = [empty, *(leg.body for leg, _, _ in found.values())]
     trained = {n: t for n, (_, t, _) in found.items()}
     rows = [

@@ -45,7 +45,7 @@ def _chosen(made: HillPaper, wanted: Sequence[str]) -> list[str]:
 
 
 def step_sections(made: HillPaper) -> tuple[Section, ...]:
-    """Each table and figure of the paper, in its order."""
+    """Return a section for each table and figure of the paper, in its order."""
     return tuple(make(made) for make in (_people, _swings, _legs, _training, _torque, _methods))
 
 
@@ -69,7 +69,7 @@ def _people(made: HillPaper) -> Section:
 
 
 def _swings(made: HillPaper) -> Section:
-    """Figs. 5 and 6."""
+    """Return the section on Figs. 5 and 6."""
     name = next(iter(made.subjects))
     bodies = {"exoskeleton alone": made.empty, f"with the leg of {name}": made.subjects[name].leg.body}
     panels = [
@@ -110,7 +110,7 @@ def _swings(made: HillPaper) -> Section:
 
 
 def _legs(made: HillPaper) -> Section:
-    """Table 2 and what is wrong with it."""
+    """Return the section on Table 2 and its contradictions."""
     printed = made.printed.tables["swings"]
     more = [
         100.0 * (s.leg.weight_moment["rich"].value / s.leg.true_weight_moment - 1.0) for s in made.subjects.values()
@@ -154,7 +154,7 @@ def _legs(made: HillPaper) -> Section:
 
 
 def _training(made: HillPaper) -> Section:
-    """Table 3, Figs. 7 and 11."""
+    """Return the section on Table 3 and Figs. 7 and 11."""
     panels = []
     for name in list(made.subjects)[:4]:
         t = made.subjects[name].training
@@ -217,7 +217,7 @@ def _training(made: HillPaper) -> Section:
 
 
 def _stopped(made: HillPaper, quantity: str) -> float:
-    """Share of a quantity's parameters, over subjects and muscles, that a bound holds still in the end."""
+    """Return the share of a quantity's parameters, over subjects and muscles, that end on a bound."""
     still = [
         spread < 1e-9
         for s in made.subjects.values()
@@ -232,7 +232,7 @@ def _smooth(costs: np.ndarray, size: int = 25) -> np.ndarray:
 
 
 def _torque(made: HillPaper) -> Section:
-    """Table 4, Figs. 8 and 9."""
+    """Return the section on Table 4 and Figs. 8 and 9."""
     printed = made.printed.tables["errors"]
     rows = []
     for name, found in made.subjects.items():
@@ -282,7 +282,7 @@ def _torque(made: HillPaper) -> Section:
 
 
 def _methods(made: HillPaper) -> Section:
-    """Table 5 and Fig. 10."""
+    """Return the section on Table 5 and Fig. 10."""
     table = made.printed.tables["methods"]
 
     def row(estimator: str, label: str, strong: bool = False) -> Compared:

@@ -29,7 +29,8 @@ class SubjectTaken:
     """A subject's session."""
 
     subject: SeatedSubject
-    recordings: Mapping[str, Recording] = field(repr=False)  # By trial: two_sines, rich, mvc, swing_1, swing_2
+    # Recordings by trial: two_sines, rich, mvc, swing_1, swing_2
+    recordings: Mapping[str, Recording] = field(repr=False)
     truth: Mapping[str, SeatedTruth] = field(repr=False)  # Simulated truth by trial
     knee: float  # Angle of the knee as noted in the session [rad]
     hip: float  # Angle of the hip as noted in the session [rad]

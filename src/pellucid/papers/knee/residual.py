@@ -177,5 +177,5 @@ def robustness(
 
 
 def evaluate_changes(rig: KneeRig, name: str) -> dict[str, list[ControllerRow]]:
-    """`robustness` of one wearer, from recordings to rows."""
+    """Record and identify one wearer, and compare controllers under each perturbation."""
     return robustness(identify_by_name(rig, name))

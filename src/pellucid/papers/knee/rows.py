@@ -70,7 +70,7 @@ def orthosis_rows(bench: Bench, paper: PrintedPaper) -> list[Reproduced]:
 def limbs_rows(
     rig: KneeRig, wearers: Mapping[str, WearerFound], drawn: Sequence[Drawn], paper: PrintedPaper
 ) -> list[Reproduced]:
-    """Table 3.3 and Fig. 3.3."""
+    """Return rows on Table 3.3 and Fig. 3.3."""
     shank = paper.tables["shank"]
     off = [100.0 * abs(shank[s]["gravity_found"].value / shank[s]["gravity"].value - 1.0) for s in SUBJECT_KEYS]
     difference_note = "the thesis's is a difference from an estimate"
@@ -96,14 +96,14 @@ def limbs_rows(
 
 
 def _by_seed(drawn: Sequence[Drawn], of: Callable[[Drawn], float]) -> list[float]:
-    """Mean over the subjects, seed by seed."""
+    """Return the mean over the subjects, seed by seed."""
     return [float(np.mean([of(d) for d in drawn if d.seed == s])) for s in dict.fromkeys(d.seed for d in drawn)]
 
 
 def torques_rows(
     steps: Mapping[tuple[str, str], TorqueSteps], maps: Sequence[MapScored], paper: PrintedPaper
 ) -> list[Reproduced]:
-    """Table 3.4 and Fig. 3.4."""
+    """Return rows on Table 3.4 and Fig. 3.4."""
     table, rows = paper.tables["regression"], []
     for protocol, estimator in dict.fromkeys((m.protocol, m.estimator) for m in maps):
         mine = [m for m in maps if (m.protocol, m.estimator) == (protocol, estimator)]
@@ -135,7 +135,7 @@ def torques_rows(
 
 
 def coupling_rows(wearers: Mapping[str, WearerFound], drawn: Sequence[Drawn], paper: PrintedPaper) -> list[Reproduced]:
-    """Table 3.5 and Figs. 3.5 to 3.7."""
+    """Return rows on Table 3.5 and Figs. 3.5 to 3.7."""
     table = paper.tables["coupling"]
 
     def mean(of: Callable[[WearerFound], float]) -> float:
@@ -199,6 +199,6 @@ def coupling_rows(wearers: Mapping[str, WearerFound], drawn: Sequence[Drawn], pa
 
 
 def _filter_error(found: WearerFound, method: str, axes: int) -> float:
-    """Held-out error of an orientation filter's regressed outputs against the encoder [rad]."""
+    """Return the held-out error of an orientation filter's regressed outputs against the encoder [rad]."""
     every = found.stages.calibration.filters
     return next(e.heldout for e in every if (e.method, e.axes, e.inputs) == (method, axes, "outputs"))

@@ -251,7 +251,7 @@ def phase_gains(taken: KneeReadings, made: ResidualDesign) -> tuple[float, ...]:
 
 
 def phase_gains_of_wearer(constants: Chosen, seed: int) -> tuple[float, ...]:
-    """`phase_gains` of one tuning wearer."""
+    """Return `phase_gains` of one tuning wearer."""
     one, pace = _identify_tuning_wearer(seed), knee_orthosis()["swing"]
     made = design_for_wearer(one.coupling, one.rig.period, constants)
     made = replace(made, swing=(pace["centre"], np.pi * sum(pace["frequency"])))

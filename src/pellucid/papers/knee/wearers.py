@@ -174,7 +174,7 @@ def identify_subject(rig: KneeRig, name: str, seed: int) -> tuple[WearerFound, K
 
 
 def tape_measure(subject: KneeSubject) -> dict[str, float]:
-    """Gravity torque of shank and foot by tables of shares [N m]."""
+    """Return the gravity torque of shank and foot by tables of shares [N m]."""
     return {
         "winter": winter(subject.weight, shank_length(subject.height)).gravity(),
         "published": winter(subject.weight, subject.shank_length).gravity(),

@@ -224,7 +224,7 @@ def _range(scale: float, interval: tuple[float, float]) -> str | None:
     largest = max(abs(low), abs(high))
     digits = 2 if largest >= 10.0 else 1
     decimals = min(max(digits - int(f"{largest:.1e}".split("e")[1]), 0), 5) if largest > 0.0 else 0
-    # On which side of 0 an end lies is what a reader looks for.
+    # A reader needs to see on which side of 0 an end lies, so no end but 0 itself is rounded to 0.
     while decimals < 5 and any(end != 0.0 and round(end, decimals) == 0.0 for end in (low, high)):
         decimals += 1
     return f"{_fixed(low, decimals)} to {_fixed(high, decimals)}"

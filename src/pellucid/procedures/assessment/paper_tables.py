@@ -128,7 +128,7 @@ def _latex(cell) -> str:
         return "--"
     text = f"{cell:.3g}" if isinstance(cell, float) else str(cell)
     text = text.replace("-", MINUS_SIGN) if isinstance(cell, float) else text
-    # In one pass: what stands for a character is not looked at again.
+    # One pass replaces all characters, so that a replacement is not replaced again.
     return re.sub(
         "|".join(map(re.escape, LATEX_REPLACEMENTS)), lambda found: LATEX_REPLACEMENTS[found[0]], visible_text(text)
     )

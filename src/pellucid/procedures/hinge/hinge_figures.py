@@ -20,7 +20,7 @@ def angle_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
     time = reference.time[shown]
     figure, axis = one_panel(3.2)
     true = np.where(reference.believable, reference.angle, np.nan)[shown]
-    # Both are drawn about the reference, so that what it is not believed in breaks both alike.
+    # Both are drawn about the reference, so that samples without a credible reference are gaps in both.
     level = 2.0 * np.pi * np.round(np.nanmedian(true) / (2.0 * np.pi))
     line(axis, time, np.degrees(true - level), color=colour("measured"), linewidth=2.4)
     line(axis, time, np.degrees(found.angle[shown] - level), color=colour("heldout"), linewidth=1.2)

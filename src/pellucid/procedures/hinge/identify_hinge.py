@@ -44,7 +44,7 @@ class HingeTrial:
     """One recording of a hinge."""
 
     name: str
-    hinge: Hinge  # From its first seconds
+    hinge: Hinge  # Axes, centres and offsets from the recording's first seconds
     offline: HingeAngle
     causal: HingeAngle
     interpolated: int = 0  # Samples of the IMUs that were missing and were bridged
@@ -53,7 +53,7 @@ class HingeTrial:
     # Drift of the two clocks against each other, and its standard error, from the first and the last seconds [s/s].
     # It corrects nothing: it says for how long a delay that was found early still holds.
     clock_drift: tuple[float, float] | None = None
-    scores: dict[str, HingeScore] | None = None  # By `SCORED_ANGLES`; empty without a reference
+    scores: dict[str, HingeScore] | None = None  # Scores by name in `SCORED_ANGLES`; empty without a reference
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

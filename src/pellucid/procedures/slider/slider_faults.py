@@ -22,15 +22,15 @@ from .recorded_slider import slider_motions
 
 @dataclass(frozen=True)
 class Examined:
-    """Recordings of a joint with a carriage, looked at."""
+    """Examined recordings of a joint with a carriage."""
 
-    faults: list[Fault]  # The refusing ones first
+    faults: list[Fault]  # Faults, those that refuse first
     geometry: Geometry | None = None
-    motions: tuple[SliderMotion, ...] = ()  # Both as far as they could be had: where nothing is refused, whole
+    motions: tuple[SliderMotion, ...] = ()  # Motions that could be computed; complete if no fault refuses
 
 
 def slider_faults(study: Study) -> list[Fault]:
-    """Faults of every file; where none refuses, of the carriage's places and of the motion."""
+    """Return the faults of every file and, if none refuses, of the carriage's places and the motions."""
     faults = [fault for recording in study.recordings() for fault in inspect(recording, study)]
     if any(fault.severity == "refuse" for fault in faults):
         return faults

@@ -314,7 +314,7 @@ def _trace(fit: SliderFit, names: list[str]) -> Drawing | None:
         return None
     m = next((m for m in motions if m.protocol == "constant_velocity"), motions[0])
     made = {SHORT_METHOD_NAMES[name]: predicted(fit[name], m) / fit.gain for name in ("pooled", *TRACED_METHODS)}
-    # Where it rests no model speaks: friction is then anything up to its level.
+    # No model predicts the current at rest, because friction may then have any value up to its level.
     made = {name: np.where(m.scored, values, np.nan) for name, values in made.items()}
     return draw(
         figures.current_trace, m.time, m.effort / fit.gain, made, m.velocity, roles=COLOUR_ROLES,

@@ -89,7 +89,7 @@ def frequency_response(
         entries.append((words, colour(role)))
     _logarithmic(top, f"Gain ({unit})")
     key(top, entries)
-    # Where the gain is lost in its disk the phase is anything.
+    # The phase is arbitrary where the gain's uncertainty includes 0.
     sure = radius < size
     angle = np.degrees(np.unwrap(np.angle(measured[sure])))
     bottom.plot(frequency[sure], angle, color=tone, marker="o", markersize=3.5, linestyle="none", zorder=3)
