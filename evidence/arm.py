@@ -44,7 +44,7 @@ from pellucid.lab.arm.wearer import CUFFS, HANDLE, HANDLE_AT, UPPER_CUFF, UPPER_
 from pellucid.lab.arm.worn_trial import motion_of
 from pellucid.papers.able.arm_identification import (
     LOAD_FRICTION_FAMILY,
-    ArmIdentified,
+    IdentifiedArm,
     directional_many,
     draw_test_motions,
     identified_many,
@@ -92,7 +92,7 @@ def row(name: str, value: float | None, unit: str, note: str, split: str = "simu
 # --- identified -----------------------------------------------------------------------------------------------------
 
 
-def identified_rows(found: Sequence[ArmIdentified]) -> Iterator[ResultRow]:
+def identified_rows(found: Sequence[IdentifiedArm]) -> Iterator[ResultRow]:
     """Gravity, bodies that can exist, and torque of each joint on people's motion."""
     of_rig = [f for f in found if f.rig == found[0].rig]
     said = f"{len(found)} identifications: the rig with {len(of_rig)} seeds, the others drawn"
@@ -247,8 +247,9 @@ def worn_about(estimate: TreeEstimate, person: Person, posture: Sequence[float])
     load = 0.5 * (column["load_motoring"] + column["load_generating"]) * weight
     points = ((2, (0.0, 0.0, -UPPER_CUFF_AT * person.upper_arm), UPPER_CUFF),
               (3, (0.0, 0.0, -HANDLE_AT * person.forearm), HANDLE))  # fmt: skip
-    springs = [(link, at, (*CUFFS[name][0], *(CUFFS[name][2],) * 3)) for link, at, name in points]
-    dampers = [(link, at, (*CUFFS[name][1], *(CUFFS[name][3],) * 3)) for link, at, name in points]
+    cuffs = [(link, at, CUFFS[name]) for link, at, name in points]
+    springs = [(link, at, (*cuff.stiffness, *(cuff.turning_stiffness,) * 3)) for link, at, cuff in cuffs]
+    dampers = [(link, at, (*cuff.damping, *(cuff.turning_damping,) * 3)) for link, at, cuff in cuffs]
     return TreeCoupling(
         mass=robot.mass_matrix(q),
         viscous=0.5 * (column["viscous_positive"] + column["viscous_negative"]),
