@@ -14,7 +14,7 @@ from pellucid.papers.knee import tuning as knee_tuning
 from pellucid.papers.knee.controllers import (
     REQUIRED_DELAY_MARGIN_S,
     REQUIRED_GAIN_MARGIN_DB,
-    Chosen,
+    ChosenConstants,
     chosen,
     design_by_phase,
     design_for_wearer,
@@ -170,7 +170,9 @@ def test_a_search_takes_the_least_that_keeps_its_margins(monkeypatch):
     monkeypatch.setattr(knee_tuning, "SEARCHED_VALUES", {"fuzzy": {"fuzzy.largest": (1.0, 2.0, 3.0)}})
     monkeypatch.setattr(knee_tuning, "strap_torque_share", lambda kind, c, seed: 1.0 / c.fuzzy["largest"])
     monkeypatch.setattr(knee_tuning, "keeps_margins", lambda kind, c, seed: c.fuzzy["largest"] < 2.5)
-    found, reached = knee_tuning.search("fuzzy", Chosen(fuzzy={"largest": 1.5}), (1, 2), map, lambda line: None)
+    found, reached = knee_tuning.search(
+        "fuzzy", ChosenConstants(fuzzy={"largest": 1.5}), (1, 2), map, lambda line: None
+    )
     assert found.fuzzy["largest"] == 2.0
     assert reached == pytest.approx(0.5)
 

@@ -17,7 +17,7 @@ from ...procedures.slider.identify_slider import predicted
 from ..figure import Reproduced
 from ..row_sections import cell
 from .identification_rows import LOAD_FRICTION_FACTORS
-from .trials import ModelsCompared
+from .trials import ModelComparison
 
 MODEL_WORDS = {
     "pooled": "without dissociation",
@@ -33,8 +33,8 @@ MODEL_COLOUR_ROLES = dict(zip(MODEL_WORDS.values(), ("symmetric", "heldout", "fi
 
 def identification_sections(
     rig: ElbowRig,
-    comparisons: Sequence[ModelsCompared],
-    by_factor: Sequence[ModelsCompared],
+    comparisons: Sequence[ModelComparison],
+    by_factor: Sequence[ModelComparison],
     fit: SliderFit,
     rows: Mapping[str, Reproduced],
 ) -> tuple[Section, ...]:
@@ -48,7 +48,7 @@ def identification_sections(
     )
 
 
-def _table1(rig: ElbowRig, comparisons: Sequence[ModelsCompared], rows: Mapping[str, Reproduced]) -> Section:
+def _table1(rig: ElbowRig, comparisons: Sequence[ModelComparison], rows: Mapping[str, Reproduced]) -> Section:
     committed = [c for c in comparisons if c.rig == rig.name]
     first = committed[0]
     kinds = ["constant"] * 6 + ["sweep"] * 6 + ["slow"] * 6
@@ -137,7 +137,7 @@ def _trace(fit: SliderFit) -> Section:
     )
 
 
-def _needed(rig: ElbowRig, by_factor: Sequence[ModelsCompared], rows: Mapping[str, Reproduced]) -> Section:
+def _needed(rig: ElbowRig, by_factor: Sequence[ModelComparison], rows: Mapping[str, Reproduced]) -> Section:
     ratios = np.array([c.ratio("published", "pooled", "dissociated") for c in by_factor])
     share = np.array(LOAD_FRICTION_FACTORS) * rig["transmission"]["load_motoring"]
     drawing = draw(

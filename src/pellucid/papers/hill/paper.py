@@ -18,8 +18,8 @@ from ..paper import Paper, Progress
 from .recomputed import recomputed
 from .rows import step_rows, torque_rows, training_rows
 from .sections import step_sections
-from .steps import BodyFound, LegFound, find_body, find_leg
-from .torque import TorqueFound, find_torque
+from .steps import IdentifiedBody, IdentifiedLeg, find_body, find_leg
+from .torque import TorqueComparison, find_torque
 from .training import Training, train
 from .trials import active_swing, driven_swing, take_subject
 
@@ -29,8 +29,8 @@ class SubjectFound:
     """All three steps of one subject."""
 
     name: str
-    leg: LegFound
-    torque: TorqueFound
+    leg: IdentifiedLeg
+    torque: TorqueComparison
     training: Training
 
 
@@ -55,7 +55,7 @@ class HillPaper(Paper):
     workers: int | None = None  # Processes; as many as there are processors if None
 
     rig: SeatedRig = field(init=False)
-    empty: BodyFound = field(init=False)
+    empty: IdentifiedBody = field(init=False)
     subjects: dict[str, SubjectFound] = field(init=False)
 
     def figures(self, tell: Progress) -> Iterator[Reproduced]:
@@ -125,7 +125,7 @@ class HillPaper(Paper):
         return "The rig was fixed before anything was identified on it. Errata C1 to C15."
 
 
-def _subject(rig: SeatedRig, made: list[SeatedTrial], empty: BodyFound, name: str, seed: int) -> SubjectFound:
+def _subject(rig: SeatedRig, made: list[SeatedTrial], empty: IdentifiedBody, name: str, seed: int) -> SubjectFound:
     taken = take_subject(rig, made, subjects(rig)[name], seed)
     leg = find_leg(empty, taken)
     torque = find_torque(empty, leg, taken)

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..figure import Reproduced, figure, mean_figure
 from ..printed import PrintedPaper
-from .steps import DRIVEN_SWINGS, BodyFound, LegFound
-from .torque import BASELINE_FAMILIES, ERROR_MEASURES, RECORDED_EMG_BASELINES, TorqueFound
+from .steps import DRIVEN_SWINGS, IdentifiedBody, IdentifiedLeg
+from .torque import BASELINE_FAMILIES, ERROR_MEASURES, RECORDED_EMG_BASELINES, TorqueComparison
 from .training import TRAINED_QUANTITIES, Training
 
 MEASURE_WORDS = {"rmse": "RMSE", "maxe": "Largest error", "mae": "Mean error"}
@@ -49,7 +49,7 @@ PARAMETER_OF_LETTER = {"p": "inertia", "q": "weight_moment"}
 _row, _over = partial(figure, "hill"), partial(mean_figure, "hill")
 
 
-def step_rows(empty: BodyFound, legs: Mapping[str, LegFound], paper: PrintedPaper) -> list[Reproduced]:
+def step_rows(empty: IdentifiedBody, legs: Mapping[str, IdentifiedLeg], paper: PrintedPaper) -> list[Reproduced]:
     """Return rows on Table 2 and its errors."""
     table, units = paper.tables["swings"], {"p": "kg*m^2", "q": "kg*m"}
     rows = []
@@ -88,7 +88,7 @@ def step_rows(empty: BodyFound, legs: Mapping[str, LegFound], paper: PrintedPape
     return rows
 
 
-def torque_rows(found: Mapping[str, TorqueFound], paper: PrintedPaper) -> list[Reproduced]:
+def torque_rows(found: Mapping[str, TorqueComparison], paper: PrintedPaper) -> list[Reproduced]:
     """Return rows on Tables 4 and 5: errors on the held-out swing, full and truncated."""
     table, rows = paper.tables["errors"], []
     references = {
@@ -139,7 +139,7 @@ def torque_rows(found: Mapping[str, TorqueFound], paper: PrintedPaper) -> list[R
 
 
 def training_rows(
-    empty: BodyFound, found: Mapping[str, tuple[LegFound, Training, TorqueFound]], paper: PrintedPaper
+    empty: IdentifiedBody, found: Mapping[str, tuple[IdentifiedLeg, Training, TorqueComparison]], paper: PrintedPaper
 ) -> list[Reproduced]:
     """Return rows on Table 3, and on Figs. 5, 7 and 11 in numbers."""
     bodies = [empty, *(leg.body for leg, _, _ in found.values())]

@@ -31,11 +31,11 @@ class WearerCard:
 
     coupling: Coupling  # Orthosis, actuator, strap and limb
     emg: CausalMap  # Map from raw EMG to torque
-    alone: tuple[tuple[np.ndarray, np.ndarray], ...] = ()  # Sines of the empty orthosis, as in `Identified`
+    alone: tuple[tuple[np.ndarray, np.ndarray], ...] = ()  # Sines of the empty orthosis, as in `IdentifiedWearer`
 
 
 @dataclass(frozen=True, eq=False)
-class Identified:
+class IdentifiedWearer:
     """One identified wearer, with the recordings to which EMG maps are fitted."""
 
     name: str  # Name of the wearer
@@ -51,7 +51,7 @@ class Identified:
         return WearerCard(self.coupling, fit_causal_map(self.steps, settings), self.alone)
 
 
-def identify_wearer_of(rig: KneeRig, name: str, seed: int) -> Identified:
+def identify_wearer_of(rig: KneeRig, name: str, seed: int) -> IdentifiedWearer:
     """Record one wearer in every protocol, and identify orthosis, limb, strap and actuator."""
     taken = take(rig, seed, [name], protocols=(*STRAP_PROTOCOLS, "mvc", "torque_steps"))
     used = [r for r in taken.recordings if r.protocol != "torque_steps"]  # torque steps serve the EMG map alone
@@ -67,7 +67,7 @@ def identify_wearer_of(rig: KneeRig, name: str, seed: int) -> Identified:
     known = {"orthosis": findings.orthosis.orthosis, "limb": stages.limb.limb, "strap": stages.coupling.plain}
     steps = [strapped_emg_trial(r, "emg", r.name.rsplit("_", 1)[-1], **known) for r in taken.of("torque_steps")]
     alone = tuple((r["position"], r["command"]) for r in sines)
-    return Identified(name, rig, seed, coupling, tuple(steps), alone)
+    return IdentifiedWearer(name, rig, seed, coupling, tuple(steps), alone)
 
 
 def card_with_coupling_errors(card: WearerCard, **factors: float) -> WearerCard:

@@ -21,13 +21,21 @@ from .torque import (
     ESTIMATOR_NAMES,
     PUBLISHED_ESTIMATOR_NAMES,
     STEP_PROTOCOLS,
-    MapScored,
+    ScoredMap,
     TorqueSteps,
     published_steps,
     score_map,
     torque_steps,
 )
-from .wearers import Bench, Drawn, WearerFound, drawn_from, identify_bench, identify_straps, identify_subject
+from .wearers import (
+    Bench,
+    WearerErrors,
+    WearerIdentification,
+    drawn_from,
+    identify_bench,
+    identify_straps,
+    identify_subject,
+)
 
 
 @dataclass(eq=False)
@@ -59,11 +67,11 @@ class KneePaper(Paper):
 
     rig: KneeRig = field(init=False)
     bench: Bench = field(init=False)
-    wearers: dict[str, WearerFound] = field(init=False, default_factory=dict)  # Wearers, by name
+    wearers: dict[str, WearerIdentification] = field(init=False, default_factory=dict)  # Wearers, by name
     # Torque steps by subject and protocol
     steps: dict[tuple[str, str], TorqueSteps] = field(init=False, default_factory=dict)
-    maps: list[MapScored] = field(init=False, default_factory=list)
-    drawn: list[Drawn] = field(init=False, default_factory=list)  # Subjects of all seeds
+    maps: list[ScoredMap] = field(init=False, default_factory=list)
+    drawn: list[WearerErrors] = field(init=False, default_factory=list)  # Subjects of all seeds
     controllers: list[ControllerRow] = field(init=False, default_factory=list)  # Comparison by wearer and swing
 
     def figures(self, tell: Progress) -> Iterator[Reproduced]:
@@ -104,7 +112,7 @@ class KneePaper(Paper):
     def _keep(self, result, maps: Sequence[tuple[str, str]]) -> list[Job]:
         """Store the result of a job, and return the jobs that it makes possible."""
         match result:
-            case MapScored():
+            case ScoredMap():
                 self.maps.append(result)
             case (ControllerRow(), *_):
                 self.controllers += result
@@ -166,12 +174,12 @@ class KneePaper(Paper):
         )
 
 
-def _whole(rig: KneeRig, name: str, seed: int, bench: Bench) -> tuple[WearerFound, TorqueSteps]:
+def _whole(rig: KneeRig, name: str, seed: int, bench: Bench) -> tuple[WearerIdentification, TorqueSteps]:
     """Return all that is computed of one subject."""
     found, taken = identify_subject(rig, name, seed)
     return found, torque_steps(rig, taken, bench.fit.orthosis, found)
 
 
-def _drawn(rig: KneeRig, seed: int) -> list[Drawn]:
+def _drawn(rig: KneeRig, seed: int) -> list[WearerErrors]:
     """Identify straps and limbs of all subjects with other noise."""
     return [drawn_from(found) for found in identify_straps(rig, seed)]

@@ -12,8 +12,8 @@ from ...lab.knee.rig import KneeRig
 from ..figure import Reproduced, figure
 from ..printed import Printed, PrintedPaper
 from .recomputed import SUBJECT_KEYS
-from .torque import MapScored, TorqueSteps
-from .wearers import Bench, Drawn, WearerFound, mean_fit, tape_measure
+from .torque import ScoredMap, TorqueSteps
+from .wearers import Bench, WearerErrors, WearerIdentification, mean_fit, tape_measure
 
 IMU_AXES_WORDS = {9: "nine", 6: "six"}
 """Word in ids for an IMU with this number of axes, with and without its magnetometer."""
@@ -68,7 +68,7 @@ def orthosis_rows(bench: Bench, paper: PrintedPaper) -> list[Reproduced]:
 
 
 def limbs_rows(
-    rig: KneeRig, wearers: Mapping[str, WearerFound], drawn: Sequence[Drawn], paper: PrintedPaper
+    rig: KneeRig, wearers: Mapping[str, WearerIdentification], drawn: Sequence[WearerErrors], paper: PrintedPaper
 ) -> list[Reproduced]:
     """Return rows on Table 3.3 and Fig. 3.3."""
     shank = paper.tables["shank"]
@@ -95,13 +95,13 @@ def limbs_rows(
     return rows
 
 
-def _by_seed(drawn: Sequence[Drawn], of: Callable[[Drawn], float]) -> list[float]:
+def _by_seed(drawn: Sequence[WearerErrors], of: Callable[[WearerErrors], float]) -> list[float]:
     """Return the mean over the subjects, seed by seed."""
     return [float(np.mean([of(d) for d in drawn if d.seed == s])) for s in dict.fromkeys(d.seed for d in drawn)]
 
 
 def torques_rows(
-    steps: Mapping[tuple[str, str], TorqueSteps], maps: Sequence[MapScored], paper: PrintedPaper
+    steps: Mapping[tuple[str, str], TorqueSteps], maps: Sequence[ScoredMap], paper: PrintedPaper
 ) -> list[Reproduced]:
     """Return rows on Table 3.4 and Fig. 3.4."""
     table, rows = paper.tables["regression"], []
@@ -134,11 +134,13 @@ def torques_rows(
     return rows
 
 
-def coupling_rows(wearers: Mapping[str, WearerFound], drawn: Sequence[Drawn], paper: PrintedPaper) -> list[Reproduced]:
+def coupling_rows(
+    wearers: Mapping[str, WearerIdentification], drawn: Sequence[WearerErrors], paper: PrintedPaper
+) -> list[Reproduced]:
     """Return rows on Table 3.5 and Figs. 3.5 to 3.7."""
     table = paper.tables["coupling"]
 
-    def mean(of: Callable[[WearerFound], float]) -> float:
+    def mean(of: Callable[[WearerIdentification], float]) -> float:
         return float(np.mean([of(w) for w in wearers.values()]))
 
     rows = [
@@ -198,7 +200,7 @@ def coupling_rows(wearers: Mapping[str, WearerFound], drawn: Sequence[Drawn], pa
     return rows
 
 
-def _filter_error(found: WearerFound, method: str, axes: int) -> float:
+def _filter_error(found: WearerIdentification, method: str, axes: int) -> float:
     """Return the held-out error of an orientation filter's regressed outputs against the encoder [rad]."""
     every = found.stages.calibration.filters
     return next(e.heldout for e in every if (e.method, e.axes, e.inputs) == (method, axes, "outputs"))
