@@ -9,7 +9,7 @@ from pellucid.estimators.causal_map import EmgSettings, EmgTrial, fit_causal_map
 from pellucid.lab.knee.drawn import BODY, FACTORS, FITTED, drawn_rig
 from pellucid.lab.knee.protocol import Faults
 from pellucid.lab.knee.rig import knee_orthosis
-from pellucid.lab.knee.subject import FLEXOR
+from pellucid.lab.knee.subject import FLEXOR_MUSCLE
 from pellucid.papers.knee import tuning as knee_tuning
 from pellucid.papers.knee.controllers import (
     REQUIRED_DELAY_MARGIN_S,
@@ -65,7 +65,7 @@ def test_wearers_are_drawn_within_what_is_stated_and_each_is_the_same_again(rig)
             (index, BODY["mass_index"]),
             (person.strap["stiffness"], FITTED["stiffness"]),
             (ratio, FITTED["damping"]),
-            (person.strength[FLEXOR] / person.weight, FITTED["flexor"]),
+            (person.strength[FLEXOR_MUSCLE] / person.weight, FITTED["flexor"]),
             (own["actuator"]["coulomb_positive"] / rig["actuator"]["coulomb_positive"],
              FACTORS["actuator.coulomb_positive"]),
         ):  # fmt: skip

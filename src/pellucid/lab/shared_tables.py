@@ -30,7 +30,7 @@ class MultisineTable(RigTable):
     low: Frequency  # lower end of the excited band [Hz]
     high: Annotated[Frequency, Field(le=1000.0)]  # upper end of the excited band [Hz]
     resolution: Annotated[float, Field(ge=0.01, le=1.0)]  # frequency resolution, one over the period [Hz]
-    lines: Literal["full", "odd", "odd_random"]  # which harmonics of the band are excited
+    lines: Literal["full", "odd", "odd_random"]  # harmonics of the band that are excited
     rms: PositiveAngle  # root mean square of the motion [rad]
     peak: PositiveAngle  # largest angle that a realisation may reach [rad]
     fall: Annotated[float, Field(ge=0.0, le=100.0)]  # amplitudes are proportional to frequency to minus this power

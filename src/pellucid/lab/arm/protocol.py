@@ -14,11 +14,23 @@ from ..rig import Trial
 from .human_motion import JOINTS, HumanMotion, generated_motion
 from .machine import ArmMachine
 
-FUNDAMENTAL, HARMONICS = 0.1, 8  # Hz; of Fourier motions, which repeat after 10 s
-DRAWN = 40  # motions, of which the one is kept that shows most
-REST = 1.0  # s, before and after everything
-MARGIN = 0.06  # rad: between protocols and the stops
-REACHED_FOR = 40.0  # s of reaching
+FUNDAMENTAL_HZ = 0.1
+"""Fundamental frequency of Fourier motions, which repeat after 10 s [Hz]."""
+
+HARMONIC_COUNT = 8
+"""Number of harmonics of Fourier motions."""
+
+DRAWN_MOTION_COUNT = 40
+"""Number of drawn Fourier motions, of which the most informative is kept."""
+
+REST_S = 1.0
+"""Rest before and after every motion [s]."""
+
+STOP_MARGIN_RAD = 0.06
+"""Distance of all motions from the joints' stops [rad]."""
+
+REACHING_DURATION_S = 40.0
+"""Duration of the recording of reaching [s]."""
 
 
 @dataclass(frozen=True)
@@ -40,13 +52,13 @@ def limits_of(rig: ArmMachine, *, share: float = 0.85) -> TreeLimits:
         # What the drawing knows, and as much again of what it does not: friction, cables.
         return 1.4 * np.abs(tree.inverse_dynamics(*map(np.ascontiguousarray, (q, v, a)))) + 1.0
 
-    return TreeLimits(JOINTS, low + MARGIN, high - MARGIN, velocity, acceleration, effort, needed)
+    return TreeLimits(JOINTS, low + STOP_MARGIN_RAD, high - STOP_MARGIN_RAD, velocity, acceleration, effort, needed)
 
 
 def fourier(rig: ArmMachine, seed: int) -> TreeFourier:
     """The motion that shows a drawing's bodies and their friction best, of some that are drawn within the limits."""
     limits, rng = limits_of(rig), np.random.default_rng([seed, 16])
-    time = np.arange(round(1.0 / FUNDAMENTAL * 20.0)) / 20.0
+    time = np.arange(round(1.0 / FUNDAMENTAL_HZ * 20.0)) / 20.0
     tree = rig.drawing.core
 
     def worth(series: TreeFourier) -> float:
@@ -57,21 +69,24 @@ def fourier(rig: ArmMachine, seed: int) -> TreeFourier:
         shown = singular[singular > 1e-8 * singular[0]]
         return float(np.log(shown).sum() / len(shown) + 0.2 * np.log(np.abs(v).mean(axis=0)).sum())
 
-    made = [random_tree_fourier(limits, rng, fundamental=FUNDAMENTAL, harmonics=HARMONICS) for _ in range(DRAWN)]
+    made = [
+        random_tree_fourier(limits, rng, fundamental=FUNDAMENTAL_HZ, harmonics=HARMONIC_COUNT)
+        for _ in range(DRAWN_MOTION_COUNT)
+    ]
     return shrink_within_limits(max(made, key=worth), limits)
 
 
 def _led(path: np.ndarray, rate: float) -> np.ndarray:
     """With rest before and after, shape (n, 4) [rad]."""
-    rest = round(REST * rate)
+    rest = round(REST_S * rate)
     return np.concatenate([np.repeat(path[:1], rest, axis=0), path, np.repeat(path[-1:], rest, axis=0)])
 
 
 def fourier_path(rig: ArmMachine, seed: int) -> np.ndarray:
     """Whole periods of `fourier`, shape (n, 4) [rad]."""
     rate = rig.constants.sampling.rate
-    periods = max(round(rig.constants.protocol.duration * FUNDAMENTAL), 1)
-    time = np.arange(round(periods / FUNDAMENTAL * rate)) / rate
+    periods = max(round(rig.constants.protocol.duration * FUNDAMENTAL_HZ), 1)
+    time = np.arange(round(periods / FUNDAMENTAL_HZ * rate)) / rate
     return _led(fourier(rig, seed).motion(time)[0], rate)
 
 
@@ -102,12 +117,12 @@ def trials(rig: ArmMachine, seed: int) -> tuple[ArmTrial, ...]:
         name, use = (f"fourier_{i + 1}", "fit") if i < count else ("fourier_unseen", "validate")
         add(name, "fourier", use, fourier_path(rig, 10 * seed + i))
     add("slow", "constant_velocity", "fit", slow_path(rig))
-    made.append(followed(generated_motion(seed, rate, REACHED_FOR), slider=slider))
+    made.append(followed(generated_motion(seed, rate, REACHING_DURATION_S), slider=slider))
     return tuple(made)
 
 
 def gains_of(rig: ArmMachine) -> Sequence[Sequence[float]]:
-    """Of the robot's own loops: kp, ki, kd, kv and limit of each joint."""
+    """Return kp, ki, kd, kv and the effort limit of the robot's own loop at each joint."""
     rows = []
     for name in JOINTS:
         loop = rig.constants.loop[name]

@@ -98,7 +98,9 @@ STIFFNESS_FACTOR_RANGE = (0.7, 1.5)
 """Smallest and largest factor of drawn people on `MUSCLES` [1]. Chosen by judgement; no measurement is recorded."""
 
 PADDING_FACTOR_RANGE = (0.6, 1.6)
-"""Smallest and largest factor of drawn people on `CUFF_CONSTANTS` [1]. Chosen by judgement; no measurement is recorded."""
+"""Smallest and largest factor of drawn people on `CUFF_CONSTANTS` [1].
+
+Chosen by judgement; no measurement is recorded."""
 
 
 @dataclass(frozen=True)

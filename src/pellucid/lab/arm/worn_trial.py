@@ -14,8 +14,11 @@ from .human_motion import HumanMotion, generated_motion, recorded_motion
 from .rig import ArmRig
 from .wearer import HANDLE_AT, Person, worn_arguments
 
-SETTLING = 1.0  # s, at first, that no figure counts
-AWAY = 1.5  # rad, between arm and motion, from which on a trial is stopped: nothing holds there
+SETTLING_S = 1.0
+"""Time at the start of a trial that no figure counts [s]."""
+
+MAX_MOTION_ERROR_RAD = 1.5
+"""Error of the arm from its motion at which a trial is stopped, because nothing holds the arm there [rad]."""
 
 
 class ArmLaw(Protocol):
@@ -50,7 +53,7 @@ class WornTrial:
     @property
     def counted(self) -> slice:
         """Periods that figures count."""
-        return slice(round(SETTLING * self.rate), None)
+        return slice(round(SETTLING_S * self.rate), None)
 
     @property
     def interaction(self) -> np.ndarray:
@@ -127,7 +130,7 @@ def run(
         made["pull"][i] = pull
         made["wrench"][i] = felt = pull + errors[i]
         motor = motors[:4]
-        if not np.abs(limb - wanted[i]).max() < AWAY:
+        if not np.abs(limb - wanted[i]).max() < MAX_MOTION_ERROR_RAD:
             stopped = True
             made = {name: array[: i + 1] for name, array in made.items()}
             break

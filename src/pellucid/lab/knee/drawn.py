@@ -12,7 +12,7 @@ import numpy as np
 
 from ...models.anthropometry import shank_length, winter
 from .rig import KneeRig
-from .subject import EXTENSOR, FLEXOR
+from .subject import EXTENSOR_MUSCLE, FLEXOR_MUSCLE
 
 BODY: Mapping[str, tuple[float, float]] = {
     "age": (20.0, 60.0),
@@ -111,8 +111,8 @@ def drawn_rig(rig: KneeRig, seed: int) -> KneeRig:
             "damping": fitted["damping"] * fitted["stiffness"],
             **drawn_strap(rig, fitted["stiffness"], seed),
         },
-        "strength": {EXTENSOR: fitted["extensor"] * weight, FLEXOR: fitted["flexor"] * weight},
-        "emg_gain": dict(zip((EXTENSOR, FLEXOR), gains, strict=True)),
+        "strength": {EXTENSOR_MUSCLE: fitted["extensor"] * weight, FLEXOR_MUSCLE: fitted["flexor"] * weight},
+        "emg_gain": dict(zip((EXTENSOR_MUSCLE, FLEXOR_MUSCLE), gains, strict=True)),
     }
     values: dict[str, object] = {path: factor * _constant(rig, path) for path, factor in factors.items()}
     muscles = rig.constants.muscles

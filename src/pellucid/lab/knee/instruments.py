@@ -37,7 +37,7 @@ class Mounting:
     accelerometer_bias: np.ndarray  # accelerometer_bias, gyroscope_bias, magnetometer_bias: (3,) [m/s^2], [rad/s], [T]
     gyroscope_bias: np.ndarray
     magnetometer_bias: np.ndarray
-    # By which the gains of rectus femoris and lateral hamstring differ from the subject's [1]
+    # Factors on the subject's EMG gains of rectus femoris and lateral hamstring [1]
     emg_gain: tuple[float, float]
 
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from ...models.joint import GRAVITY
 from .constants import EmgGainTable, LimbTable, StrengthTable, SubjectStrapTable
 
-FLEXOR = "lateral_hamstring"
+FLEXOR_MUSCLE = "lateral_hamstring"
 """Name of the muscle that pulls towards positive angles."""
 
-EXTENSOR = "rectus_femoris"
+EXTENSOR_MUSCLE = "rectus_femoris"
 """Name of the muscle that pulls towards negative angles."""
 
 
@@ -37,4 +37,4 @@ class KneeSubject:
     @property
     def inertia(self) -> float:
         """Return the inertia of shank and foot about the knee [kg*m^2]."""
-        return self.limb.mass * (self.limb.centre ** 2 + self.limb.gyration ** 2)
+        return self.limb.mass * (self.limb.centre**2 + self.limb.gyration**2)

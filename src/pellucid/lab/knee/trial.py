@@ -13,7 +13,7 @@ from ..emg_synthesis import Electrodes, EmgSynthesis
 from .instruments import ImuReadings, Mounting, draw_mounting, take_imu
 from .machine import KneeMachine
 from .protocol import KneeTrial
-from .subject import EXTENSOR, FLEXOR
+from .subject import EXTENSOR_MUSCLE, FLEXOR_MUSCLE
 from .wearer import Acting
 
 
@@ -110,7 +110,7 @@ def run_trial(
     acting = synthesis = None
     if wearer is not None:
         acting = Acting(rig, wearer, n, reading[5], reading[7], of_body)
-        usual = (wearer.subject.emg_gain[muscle] for muscle in (EXTENSOR, FLEXOR))
+        usual = (wearer.subject.emg_gain[muscle] for muscle in (EXTENSOR_MUSCLE, FLEXOR_MUSCLE))
         gains = tuple(gain * factor for gain, factor in zip(usual, mounting.emg_gain, strict=True))
         faults = trial.faults
         electrodes = Electrodes(gains, rig.constants.emg, faults.emg_rate, faults.emg_detached, faults.emg_clipped)

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..noise import draw_noise, draw_wandering_path
 from .machine import KneeMachine
-from .subject import EXTENSOR, FLEXOR, KneeSubject
+from .subject import EXTENSOR_MUSCLE, FLEXOR_MUSCLE, KneeSubject
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class Acting:
         fs, self._period = rig.constants.encoders.rate, rig.period
         self._muscles, self._nerves, subject = rig.constants.muscles, rig.constants.wearer, wearer.subject
         m, w = self._muscles, self._nerves
-        self._strength = subject.strength[FLEXOR], subject.strength[EXTENSOR]
+        self._strength = subject.strength[FLEXOR_MUSCLE], subject.strength[EXTENSOR_MUSCLE]
         self._bend = math.expm1(m.shape)
         self._late = round(m.delay * fs)
         self._reflex = round(w.reflex_delay * fs)

@@ -16,8 +16,8 @@ from .machine import SeatedMachine
 from .subject import SeatedSubject, subjects
 from .wearer import swing_path
 
-EASE = 2.0
-"""In which a swing that the motor makes begins and ends [s]."""
+EASE_IN_S = 2.0
+"""Time in which a swing that the motor makes begins and ends [s]."""
 
 
 @dataclass(frozen=True)
@@ -76,4 +76,4 @@ def seated_trials(rig: SeatedMachine, names: tuple[str, ...] | None = None) -> l
 
 def _driven(series: FourierSeries, duration: float, fs: float) -> np.ndarray:
     *_, velocity, acceleration = series.peaks()
-    return play(series, duration, fs, EASE, velocity=2.0 * velocity, acceleration=4.0 * acceleration)
+    return play(series, duration, fs, EASE_IN_S, velocity=2.0 * velocity, acceleration=4.0 * acceleration)

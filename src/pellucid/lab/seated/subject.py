@@ -30,19 +30,19 @@ class SeatedSubject:
     inertia: float
     ahead: float
     viscous: float
-    stiffness: float  # Of the shells on them [N m/rad]
-    rest: float  # rest, hip: Angles of the knee where the shank is vertical, and of the hip [rad]
-    hip: float
+    stiffness: float  # stiffness of the shells on the limb [N m/rad]
+    rest: float  # angle of the knee at which the shank is vertical [rad]
+    hip: float  # angle of the hip [rad]
     extensors: tuple[VirtualMuscle, ...] = field(repr=False)
     flexors: tuple[VirtualMuscle, ...] = field(repr=False)
-    activation_time: float  # activation_time, deactivation_time, delay, shape: Of all muscles [s], [s], [s], [1]
-    deactivation_time: float
-    delay: float
-    shape: float
-    cocontraction: float  # [N m]
-    belief: float  # By how much they count with a heavier body, a share
-    maximal: float  # Of full excitation, at most
-    emg_gain: tuple[float, ...]  # Of each electrode, and of what only leaks [V]
+    activation_time: float  # activation time of all muscles [s]
+    deactivation_time: float  # deactivation time of all muscles [s]
+    delay: float  # delay from EMG to force of all muscles [s]
+    shape: float  # shape factor between EMG and activation of all muscles [1]
+    cocontraction: float  # torque of co-contraction [N m]
+    belief: float  # relative error of the inertia and weight that the person expects of the limb [1]
+    maximal: float  # largest excitation that the person reaches, as a share of full excitation [1]
+    emg_gain: tuple[float, ...]  # RMS of each electrode at full excitation, and of cross-talk alone [V]
 
     @property
     def muscles(self) -> tuple[VirtualMuscle, ...]:

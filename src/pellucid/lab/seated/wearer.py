@@ -18,11 +18,11 @@ from .machine import SeatedMachine
 from .muscles import DriveMap
 from .subject import SeatedSubject
 
-UNIT = Muscle(max_isometric_force=1.0, optimal_fibre_length=1.0, tendon_slack_length=0.0, max_velocity=1.0)
-"""A muscle whose speeds and forces are relative: what people have learned of shortening."""
+UNIT_MUSCLE = Muscle(max_isometric_force=1.0, optimal_fibre_length=1.0, tendon_slack_length=0.0, max_velocity=1.0)
+"""A muscle whose speeds and forces are relative: people's expectation of the force lost in shortening."""
 
-WEAKEST = 0.2
-"""What is left of a force, at least [1]."""
+MIN_FORCE_SHARE = 0.2
+"""Smallest share of a force that remains after shortening [1]."""
 
 
 def swing_path(rig: SeatedMachine, subject: SeatedSubject, n: int, rng: np.random.Generator) -> np.ndarray:
@@ -78,7 +78,7 @@ class Nerves:
             self._toward = np.append(path[ahead:], np.full(ahead, path[-1])).tolist()
             moving = wearer.weakening * np.append(self._rate[ahead:], np.zeros(ahead))
             # Never believed to be weaker than that: nobody drives a muscle to pull nothing.
-            weaker = (np.maximum(UNIT.force_velocity(way * moving), WEAKEST) for way in (-1.0, 1.0))
+            weaker = (np.maximum(UNIT_MUSCLE.force_velocity(way * moving), MIN_FORCE_SHARE) for way in (-1.0, 1.0))
             self._weaker = np.column_stack(list(weaker)).tolist()
 
     def _planned(self, rig: SeatedMachine, path: np.ndarray) -> np.ndarray:
