@@ -6,7 +6,7 @@ import pytest
 from pellucid._errors import IdentificationError, PellucidError
 from pellucid.control.worn import WornCompensator
 from pellucid.estimators.causal_map import EmgSettings, EmgTrial, fit_causal_map
-from pellucid.lab.knee.drawn import BODY, FACTORS, FITTED, drawn_rig
+from pellucid.lab.knee.drawn import BODY_RANGES, FACTOR_RANGES, FITTED_RANGES, drawn_rig
 from pellucid.lab.knee.protocol import Faults
 from pellucid.lab.knee.rig import knee_orthosis
 from pellucid.lab.knee.subject import FLEXOR_MUSCLE
@@ -62,12 +62,12 @@ def test_wearers_are_drawn_within_what_is_stated_and_each_is_the_same_again(rig)
     for person, own in zip(people, made, strict=True):
         index, ratio = person.weight / person.height**2, person.strap["damping"] / person.strap["stiffness"]
         for value, (low, high) in (
-            (index, BODY["mass_index"]),
-            (person.strap["stiffness"], FITTED["stiffness"]),
-            (ratio, FITTED["damping"]),
-            (person.strength[FLEXOR_MUSCLE] / person.weight, FITTED["flexor"]),
+            (index, BODY_RANGES["mass_index"]),
+            (person.strap["stiffness"], FITTED_RANGES["stiffness"]),
+            (ratio, FITTED_RANGES["damping"]),
+            (person.strength[FLEXOR_MUSCLE] / person.weight, FITTED_RANGES["flexor"]),
             (own["actuator"]["coulomb_positive"] / rig["actuator"]["coulomb_positive"],
-             FACTORS["actuator.coulomb_positive"]),
+             FACTOR_RANGES["actuator.coulomb_positive"]),
         ):  # fmt: skip
             assert low <= value <= high
     assert len({p.strap["stiffness"] for p in people}) == len(people)
