@@ -19,7 +19,7 @@ ALLOWED: dict[str, int] = {
     "drawing": 5,
     "estimators": 94,
     "fit": 184,
-    "lab": 136,
+    "lab": 100,
     "models": 67,
     "pages": 1,
     "papers": 213,

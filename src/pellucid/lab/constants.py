@@ -333,10 +333,10 @@ def _explain_problems(error: ValidationError, where: str, text: str, root: type[
             message = f"{shown}: {_describe_problem(problem)}"
             described.append(f"{_file_line(where, text, place)}: {message.lstrip(': ')}")
     lines = list(dict.fromkeys(described))
-    for place, keys in missing.items():
-        named = [key for key in keys if not place and _is_family(root, key)]
+    for place, absent in missing.items():
+        named = [key for key in absent if not place and _is_family(root, key)]
         lines += [f"{where}: found no [{key}.NAME], expected at least one" for key in named]
-        lacking = [key for key in keys if key not in named]
+        lacking = [key for key in absent if key not in named]
         if lacking:
             head = f"{_file_line(where, text, place)}: {_table_name(place)}".rstrip()
             lines.append(f"{head} lacks {', '.join(lacking)}")

@@ -88,7 +88,7 @@ class Taken:
             entry |= {key: value for key, value in said.items() if value is not None}
             own = {c.channel: c.spec for c in streams[MAIN_STREAM].columns if c.channel not in known}
             own |= self.entry.get("channels", {})
-            made.append(entry | self.entry | ({"channels": own} if own else {}))
+            made.append(entry | dict(self.entry) | ({"channels": own} if own else {}))
         return made
 
 

@@ -18,7 +18,7 @@ AXES: Mapping[str, tuple[float, float, float]] = {
     "internal_rotation": (0.0, 0.0, 1.0),
     "elbow_flexion": (0.0, -1.0, 0.0),
 }
-"""Of a right arm's joints, in their own frames: x forwards, y to the left, z up while it hangs."""
+"""Axes of a right arm's joints in their own frames: x forwards, y to the left, z up while the arm hangs."""
 
 CARRIAGE, SLIDER, BASE = "carriage", "slider", "trunk"
 DOWN_THE_ARM = (0.0, 0.0, -1.0)
@@ -99,7 +99,10 @@ def joined(link: Link, other: Link, place: tuple[float, float, float]) -> Link:
 
 
 def friction_rows(constants: ArmConstants, *, free: bool) -> np.ndarray:
-    """Of the joints themselves, behind transmissions, in the order of `JOINT_NUMBERS`; a free slider's is last."""
+    """Return the friction of the joints behind their transmissions, in the order of `JOINT_NUMBERS`.
+
+    A free slider's row is last.
+    """
     rows = np.zeros((len(JOINTS) + free, len(JOINT_NUMBERS)))
 
     def put(row: int, **numbers: float) -> None:
@@ -119,7 +122,10 @@ def friction_rows(constants: ArmConstants, *, free: bool) -> np.ndarray:
 
 
 def transmission_rows(constants: ArmConstants, *, free: bool) -> np.ndarray:
-    """Of each motor behind its cable, in the order of `ELASTIC_NUMBERS`; a free slider has none."""
+    """Return the parameters of each motor behind its cable, in the order of `ELASTIC_NUMBERS`.
+
+    The row of a free slider is 0.
+    """
     rows = np.zeros((len(JOINTS) + free, len(ELASTIC_NUMBERS)))
     for i, name in enumerate(JOINTS):
         said = constants.joint[name]

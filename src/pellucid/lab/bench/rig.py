@@ -163,7 +163,7 @@ class BenchRig(Rig):
             return {**super().study(made), "rig": rig, **look}
         drive, loop = self.constants.drive, self.constants.loop
         limit = f"{drive.current_limit} A"
-        rig = {
+        rig: dict[str, Any] = {
             "joint": "elbow",
             "motion": self.constants.motion,
             "lifts": self.constants.lifts,

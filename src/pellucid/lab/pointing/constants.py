@@ -291,7 +291,7 @@ class PointingTable(RigTable):
     """``[pointing]``: the task."""
 
     reference: Angle  # angle at which upward movements start [rad]
-    amplitudes: Annotated[tuple[AmplitudeDegrees, ...], Field(min_length=1, max_length=50)]  # of movements [degrees]
+    amplitudes: Annotated[tuple[AmplitudeDegrees, ...], Field(min_length=1, max_length=50)]  # amplitudes [degrees]
     repetitions: Repetitions  # number of movements of each amplitude in either direction
     block: Annotated[int, Field(ge=1, le=10_000)]  # number of movements between two pauses
     hold: Annotated[float, Field(ge=0.01, le=20.0)]  # time for which the target is held [s]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ..elbow.rig import ElbowRig
 from ..known_rigs import shipped_rig
 from ..recorded_table import MAIN_STREAM, MARKER_STREAM, Column, emg_columns, marker_columns
 from ..rig import Rig, Taken, Trial
-from .constants import ParticipantsConstants, PeopleConstants, RobotTable
+from .constants import ParticipantsConstants, PeopleConstants, PointingConstants, RobotTable
 from .instruments import COMMON_COLUMNS, FOREARM_MARKERS, record_blocks
 from .people import PERSONAL_TABLES, Person, draw_people, personal_parameter_names
 from .session import CONTROL_CONDITION, Conditions, PointingSession, RobotLaw, simulate_session
@@ -44,19 +44,19 @@ class PointingTrial(Trial):
 class PointingRig(Rig):
     """People who point, of a file like ``lab/rigs/elbow-participants.toml``, and the robot that they wear."""
 
-    constants: ParticipantsConstants | PeopleConstants
+    constants: PointingConstants
     robot: ElbowRig
     conditions: Conditions | None = None  # law of each condition; known once the rig is `prepared`
 
     kind = "elbow-participants"
-    constants_type = ParticipantsConstants
+    constants_type: ClassVar[type[PointingConstants]] = ParticipantsConstants
     comments = COMMENTS
     parallel = True  # The core releases Python's lock while it simulates arms.
 
     @classmethod
     def parse(cls, text: str, name: str, robot: ElbowRig | None = None) -> Self:
         """Return the people that the text of a file describes, who wear `robot`, or the one that the file names."""
-        constants = cls.read_constants(text, name)
+        constants: Any = cls.read_constants(text, name)
         if robot is None:
             robot = ElbowRig.parse(shipped_rig(constants.robot.rig), constants.robot.rig)
         return cls(name, constants, robot)
@@ -99,7 +99,8 @@ class PointingRig(Rig):
 
     def trials(self, seed: int = 1) -> tuple[PointingTrial, ...]:
         """Return a trial of each person in each condition, in random order; `seed` draws people and orders."""
-        rng, made = np.random.default_rng(seed), []
+        rng = np.random.default_rng(seed)
+        made: list[PointingTrial] = []
         for person in draw_people(self, rng):
             # Learning starts anew in each: two minutes' pause and another law lie in between, and nobody is told which.
             for condition in rng.permutation(list(self.conditions or PUBLISHED)).tolist():
@@ -184,12 +185,14 @@ class PeopleRig(PointingRig):
     """People who differ in how they move, of a file like ``lab/rigs/elbow-people.toml``."""
 
     kind = "elbow-people"
+    constants: PeopleConstants
     constants_type = PeopleConstants
 
     @classmethod
     def read_constants(cls, text: str, name: str) -> PeopleConstants:
         """Return the constants of a file's text; raise a StudyError where the model of people lacks a number."""
-        return cls._require_model(super().read_constants(text, name), name)
+        constants: Any = super().read_constants(text, name)
+        return cls._require_model(constants, name)
 
     @staticmethod
     def _require_model(constants: PeopleConstants, name: str) -> PeopleConstants:
