@@ -8,7 +8,7 @@ from pathlib import Path
 
 from .._errors import StudyError
 from .._given import read_given
-from .rig import BENCH, KINDS, Rig, parse_tables
+from .rig import DEFAULT_KIND, KINDS, Rig, parse_tables
 
 RIGS = files(__package__) / "rigs"
 """Folder of the rigs' files that come with the package."""
@@ -36,7 +36,7 @@ def kind_of(kind: str) -> type[Rig] | None:
 def parse_rig(text: str, name: str) -> Rig:
     """Return the rig that a file's text describes, of the kind that the text names."""
     tables = parse_tables(text, f"rig {name}")
-    kind = tables.get("kind", BENCH)
+    kind = tables.get("kind", DEFAULT_KIND)
     found = kind_of(kind) if isinstance(kind, str) else None
     if found is None:
         raise StudyError(f"rig {name}: found kind = {kind!r}, expected one of {', '.join(sorted(KINDS))}")

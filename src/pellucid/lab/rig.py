@@ -23,11 +23,11 @@ from .recorded_table import MAIN_STREAM, MARKER_STREAM, Column, StoredTable, fil
 Outcome = TypeVar("Outcome")
 Tell = Callable[[str, float], None]
 
-BENCH = "bench-joint"
-"""Kind of a rig file that names none."""
+DEFAULT_KIND = "bench-joint"
+"""Kind of a rig whose file names none."""
 
 KINDS: dict[str, type[Rig]] = {}
-"""Every kind of rig that was defined so far."""
+"""Class of each kind of rig that has been defined."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ class Rig(ABC):
     def read_constants(cls, text: str, name: str) -> RigConstants:
         """Return the constants of a file's text; raise a StudyError if one is missing, unknown or impossible."""
         tables = parse_tables(text, f"rig {name}")
-        if tables.get("kind", BENCH) != cls.kind:
+        if tables.get("kind", DEFAULT_KIND) != cls.kind:
             raise StudyError(f"rig {name}: found kind = {tables.get('kind')!r}, expected {cls.kind!r}")
         return cls.constants_type.from_tables(tables, f"rig {name}", text)
 

@@ -20,8 +20,17 @@ AXES: Mapping[str, tuple[float, float, float]] = {
 }
 """Axes of a right arm's joints in their own frames: x forwards, y to the left, z up while the arm hangs."""
 
-CARRIAGE, SLIDER, BASE = "carriage", "slider", "trunk"
+CARRIAGE_BODY = "carriage"
+"""Name of the body that slides along the forearm."""
+
+SLIDER_JOINT = "slider"
+"""Name of the joint between forearm and carriage."""
+
+BASE_BODY = "trunk"
+"""Name of the body that does not move."""
+
 DOWN_THE_ARM = (0.0, 0.0, -1.0)
+"""Direction along the hanging arm, away from the shoulder [1]."""
 
 JOINT_NUMBERS: tuple[str, ...] = tuple(_core.TREE_JOINT_PARAMETER_NAMES)
 ELASTIC_NUMBERS: tuple[str, ...] = tuple(_core.SERIES_ELASTIC_PARAMETER_NAMES)
@@ -43,7 +52,7 @@ def built_tree(constants: ArmConstants, *, slider: float | None = None, rotors: 
     """The robot as it stands there: axes off, base not level. The carriage clamped at `slider` [m], or None: free, a
     fifth coordinate. Without `rotors` they are behind springs, and no part of the bodies."""
     assembly, names = constants.assembly, list(JOINTS)
-    joints, parent = [], BASE
+    joints, parent = [], BASE_BODY
     for name in names:
         off = np.array(assembly.get(f"place_{name}", (0.0, 0.0, 0.0)), float)
         if name == "elbow_flexion":
@@ -57,10 +66,10 @@ def built_tree(constants: ArmConstants, *, slider: float | None = None, rotors: 
         )
         parent = name
     if slider is None:
-        joints.append(TreeJoint(SLIDER, parent, CARRIAGE, "prismatic", DOWN_THE_ARM))
+        joints.append(TreeJoint(SLIDER_JOINT, parent, CARRIAGE_BODY, "prismatic", DOWN_THE_ARM))
     else:
-        joints.append(TreeJoint(SLIDER, parent, CARRIAGE, "fixed", None, (0.0, 0.0, -float(slider))))
-    links = tuple(_link(constants.link[name], name) for name in (*names, CARRIAGE))
+        joints.append(TreeJoint(SLIDER_JOINT, parent, CARRIAGE_BODY, "fixed", None, (0.0, 0.0, -float(slider))))
+    links = tuple(_link(constants.link[name], name) for name in (*names, CARRIAGE_BODY))
     return Tree(tuple(joints), links, built_gravity(constants), "virtual arm")
 
 
@@ -73,7 +82,7 @@ def built_gravity(constants: ArmConstants) -> tuple[float, float, float]:
 
 def drawing(constants: ArmConstants) -> Tree:
     """What identification is given: axes as they were meant, the forearm and its clamped carriage one body."""
-    joints, links, parent = [], [], BASE
+    joints, links, parent = [], [], BASE_BODY
     for name in JOINTS:
         place = (0.0, 0.0, -constants.body.upper_arm) if name == "elbow_flexion" else (0.0, 0.0, 0.0)
         said = constants.joint[name]
@@ -81,7 +90,7 @@ def drawing(constants: ArmConstants) -> Tree:
         joints.append(TreeJoint(name, parent, name, "revolute", AXES[name], place, rotor_inertia=rotor))
         links.append(_drawn_link(constants.link[name], name, constants.maker))
         parent = name
-    carriage = _drawn_link(constants.link[CARRIAGE], CARRIAGE, constants.maker)
+    carriage = _drawn_link(constants.link[CARRIAGE_BODY], CARRIAGE_BODY, constants.maker)
     links[-1] = joined(links[-1], carriage, (0.0, 0.0, -constants.slider.clamped))
     return Tree(tuple(joints), tuple(links), (0.0, 0.0, -GRAVITY), "drawing of the virtual arm")
 

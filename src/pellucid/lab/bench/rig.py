@@ -18,7 +18,7 @@ from ..known_rigs import shipped_rig
 from ..multisine import multisine_references, multisine_study
 from ..noise import draw_noise
 from ..recorded_table import MAIN_STREAM, Column, StoredTable
-from ..rig import BENCH, Rig, Taken, Trial
+from ..rig import DEFAULT_KIND, Rig, Taken, Trial
 from .constants import BenchConstants
 
 COLUMNS = tuple(
@@ -27,7 +27,7 @@ COLUMNS = tuple(
 )
 
 
-STROKES = {"smallest": 2e-3, "largest": 0.08, "frequency": 1.0}
+REVERSAL_STROKES = {"smallest": 2e-3, "largest": 0.08, "frequency": 1.0}
 """Strokes about each angle of a reversal recording: smallest and largest amplitude [rad], frequency [Hz].
 
 The frequency is low because the joint's loop is soft.
@@ -47,7 +47,7 @@ class BenchRig(Rig):
 
     constants: BenchConstants
 
-    kind = BENCH
+    kind = DEFAULT_KIND
     constants_type = BenchConstants
     comments = COMMENTS
 
@@ -102,7 +102,7 @@ class BenchRig(Rig):
             Trial("heldout_multisine", use="validate", reference=waves(0.13, 8, 0.8 * half)),
         )
         return made + tuple(
-            Trial(name, use=use, reference=reversals(duration, rate, centres=angles, **STROKES))
+            Trial(name, use=use, reference=reversals(duration, rate, centres=angles, **REVERSAL_STROKES))
             for name, use in (("reversals", "fit"), ("heldout_reversals", "validate"))
             for angles in [centre + half * rng.uniform(-0.7, 0.7, self.constants.sampling.reversals)]
             if len(angles)

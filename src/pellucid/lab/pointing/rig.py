@@ -19,7 +19,7 @@ from .instruments import COMMON_COLUMNS, FOREARM_MARKERS, record_blocks
 from .people import PERSONAL_TABLES, Person, draw_people, personal_parameter_names
 from .session import CONTROL_CONDITION, Conditions, PointingSession, RobotLaw, simulate_session
 
-PUBLISHED = (CONTROL_CONDITION, "FC", "PCFr", "CLPC")
+PUBLISHED_CONDITIONS = (CONTROL_CONDITION, "FC", "PCFr", "CLPC")
 """Names of the paper's conditions."""
 
 
@@ -103,7 +103,7 @@ class PointingRig(Rig):
         made: list[PointingTrial] = []
         for person in draw_people(self, rng):
             # Learning starts anew in each: two minutes' pause and another law lie in between, and nobody is told which.
-            for condition in rng.permutation(list(self.conditions or PUBLISHED)).tolist():
+            for condition in rng.permutation(list(self.conditions or PUBLISHED_CONDITIONS)).tolist():
                 whose = {"participant": person.name, "condition": condition, "person": person, "number": len(made)}
                 made.append(PointingTrial(f"{person.name}_{condition}", "pointing", **whose))
         return tuple(made)
@@ -145,7 +145,7 @@ class PointingRig(Rig):
 
     def study(self, made: Sequence[Taken]) -> dict[str, Any]:
         """Return the contents of study.toml for the recordings that were `made`."""
-        emg, order = self.constants.emg, list(self.conditions or PUBLISHED)
+        emg, order = self.constants.emg, list(self.conditions or PUBLISHED_CONDITIONS)
         # Tables and figures follow study.toml, so conditions have one order for all people.
         named = sorted(made, key=lambda taken: order.index(taken.trial.condition))
         people = {taken.trial.participant: taken.trial.person for taken in made}
