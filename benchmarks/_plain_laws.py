@@ -167,5 +167,5 @@ class Transparent:
         return self.gate.step(u, q, speed, time, number)
 
 
-PLAIN = {"position_prediction": PositionPrediction, "directional": Directional, "transparent": Transparent}
-"""By the core's name of each law."""
+PLAIN_LAWS = {"position_prediction": PositionPrediction, "directional": Directional, "transparent": Transparent}
+"""The laws in plain Python, by the core's name of each law."""

@@ -12,14 +12,21 @@ from pellucid.studies.study import STUDY_FILE
 from ._size import is_smallest
 
 DATASET = "lower_limb_walking"
-JOINTS = 'joints = ["knee", "ankle"]'
-MUSCLES_OF_THE_SMALLEST = (
+"""Name of the public data set of walking."""
+
+JOINTS_LINE = 'joints = ["knee", "ankle"]'
+"""Line of the data set's study.toml that names the joints; at the smallest size fewer muscles follow it."""
+
+SMALLEST_MUSCLES = (
     "soleus", "tibialis_anterior", "gastrocnemius_medialis", "semimembranosus", "vastus_lateralis",
 )  # fmt: skip
-"""Muscles of the smallest size, of the ankle and of the knee."""
-FITTED = 'window = ["19 s", "24 s"]'
-FITTED_OF_THE_SMALLEST = 'window = ["22 s", "24 s"]'
-"""What is fitted at the smallest size."""
+"""Muscles of ankle and knee that are calibrated at the smallest size."""
+
+FITTED_LINE = 'window = ["19 s", "24 s"]'
+"""Line of the data set's study.toml with the fitted stretch."""
+
+SMALLEST_FITTED_LINE = 'window = ["22 s", "24 s"]'
+"""Line that replaces it at the smallest size."""
 
 
 def walking_study(folder: Path) -> Study:
@@ -29,8 +36,8 @@ def walking_study(folder: Path) -> Study:
         return study
     path = study.folder / STUDY_FILE
     text = path.read_text(encoding="utf-8")
-    muscles = ", ".join(f'"{name}"' for name in MUSCLES_OF_THE_SMALLEST)
-    for words, instead in ((JOINTS, f"{JOINTS}\nmuscles = [{muscles}]"), (FITTED, FITTED_OF_THE_SMALLEST)):
+    muscles = ", ".join(f'"{name}"' for name in SMALLEST_MUSCLES)
+    for words, instead in ((JOINTS_LINE, f"{JOINTS_LINE}\nmuscles = [{muscles}]"), (FITTED_LINE, SMALLEST_FITTED_LINE)):
         if words not in text:
             raise RuntimeError(f"{DATASET}: found no {words} in its study.toml")
         text = text.replace(words, instead, 1)

@@ -24,11 +24,20 @@ from . import kinematic_tree
 from ._size import sized
 from .identification import _row
 
-CYCLES = sized(20_000, smallest=1_000)
-ROUNDS = sized(7, smallest=1)
+CYCLE_COUNT = sized(20_000, smallest=1_000)
+"""Number of control cycles that are timed in a run."""
+
+ROUND_COUNT = sized(7, smallest=1)
+"""Number of timed runs."""
+
 EXPORTED_COUNT = sized(None, smallest=1)
-"""Laws that are measured on a Cortex-M4F, the first of all; None: every one."""
-STEP, EXPORT = "tree law", "tree export"
+"""Number of laws that are measured on a Cortex-M4F, the first of all; None for every one."""
+
+STEP_ROW = "tree law"
+"""First word of the rows on the time of a step."""
+
+EXPORT_ROW = "tree export"
+"""First word of the rows on exported code."""
 
 
 def card() -> TreeCard:
@@ -63,14 +72,19 @@ def step_rows() -> list[dict]:
     running = {name: law.start() for name, law in variants().items()}
     taken: dict[str, list[float]] = {name: [] for name in running}
     late: dict[str, list[float]] = {name: [] for name in running}
-    for _ in range(ROUNDS):
+    for _ in range(ROUND_COUNT):
         for name, law in running.items():
             law.reset()
-            times = law.time(CYCLES)
+            times = law.time(CYCLE_COUNT)
             taken[name].append(1e-3 * float(np.median(times)))
             late[name].append(1e-3 * float(np.quantile(times, 0.999)))
     return [
-        _row(f"{STEP}: {name}, step", taken[name], "us", f"four joints, double; 99.9 % below {min(late[name]):.3g} us")
+        _row(
+            f"{STEP_ROW}: {name}, step",
+            taken[name],
+            "us",
+            f"four joints, double; 99.9 % below {min(late[name]):.3g} us",
+        )
         for name in taken
     ]
 
@@ -86,8 +100,8 @@ def export_rows() -> list[dict]:
             found = measure(write_tree_folder("bench", TreeValues(law, ("bench.json",), {}, ()), Path(scratch) / "c"))
         size = f"{found.bytes} bytes of code and constants, {found.memory} of memory"
         note = f"supervised; the costliest {found.most}; {size}"
-        made.append(_row(f"{EXPORT}: {name}, instructions per step", [found.instructions], "1", note))
-        made.append(_row(f"{EXPORT}: {name}, wrong", [float(found.wrong)], "1", f"of {found.steps} steps"))
+        made.append(_row(f"{EXPORT_ROW}: {name}, instructions per step", [found.instructions], "1", note))
+        made.append(_row(f"{EXPORT_ROW}: {name}, wrong", [float(found.wrong)], "1", f"of {found.steps} steps"))
     return made
 
 

@@ -22,9 +22,13 @@ from ._size import sized
 from ._walking import walking_study
 from .commands import COMMAND_LINE, processor_seconds
 
-CEINMS = 208.0
-REPEATS = sized(3, smallest=1)
-OURS = """
+CEINMS_S = 208.0
+"""Time of CEINMS for the same calibration [s]: a reported figure, not run here."""
+
+REPEAT_COUNT = sized(3, smallest=1)
+"""Number of runs of each call."""
+
+RIDGE_BY_PELLUCID = """
 import sys
 import numpy as np
 import pellucid as pl
@@ -32,7 +36,9 @@ told = np.load(sys.argv[1])
 made = pl.TorqueRegressor("ridge", columns=told["names"].tolist()).fit(told["x"], told["y"])
 print(made.settings_, min(made.tried_.values()))
 """
-PLAIN = """
+"""Python code of the ridge regression with Pellucid."""
+
+RIDGE_BY_SCIKIT_LEARN = """
 import sys
 import numpy as np
 from sklearn.compose import ColumnTransformer
@@ -49,6 +55,7 @@ candidates = {"products": ["passthrough", some, every], "ridge__alpha": told["pe
 made = GridSearchCV(steps, candidates, cv=KFold(5), scoring="neg_root_mean_squared_error")
 print(made.fit(told["x"], told["y"]).best_params_, -made.best_score_)
 """
+"""Python code of the same regression with scikit-learn alone."""
 
 
 def run() -> list[dict]:
@@ -61,21 +68,21 @@ def run() -> list[dict]:
         np.savez(arrays, x=seen.x, y=trial.torque, names=np.array(seen.names), penalties=PENALTY_CANDIDATES)
         jobs = {
             "pellucid calibrate": ("-c", COMMAND_LINE, "calibrate", str(study.folder)),
-            "ridge": ("-c", OURS, str(arrays)),
-            "plain": ("-c", PLAIN, str(arrays)),
+            "ridge": ("-c", RIDGE_BY_PELLUCID, str(arrays)),
+            "plain": ("-c", RIDGE_BY_SCIKIT_LEARN, str(arrays)),
         }
         taken: dict[str, list[tuple[float, float]]] = {name: [] for name in jobs}
-        for _ in range(REPEATS):
+        for _ in range(REPEAT_COUNT):
             for name, arguments in jobs.items():
                 began = time.perf_counter()
                 used = processor_seconds(*arguments)
                 taken[name].append((time.perf_counter() - began, used))
     wall, used = ({name: statistics.median(each) for name, each in (
         (name, [pair[i] for pair in pairs]) for name, pairs in taken.items())} for i in (0, 1))  # fmt: skip
-    what = f"knee and ankle by every method, {REPEATS} runs"
+    what = f"knee and ankle by every method, {REPEAT_COUNT} runs"
     return [
         {"name": "pellucid calibrate, walking", "value": wall["pellucid calibrate"], "unit": "s",
-         "note": f"by the clock: {what}; CEINMS is published with {CEINMS:g} s for the muscles of one knee"},
+         "note": f"by the clock: {what}; CEINMS is published with {CEINMS_S:g} s for the muscles of one knee"},
         {"name": "pellucid calibrate, walking, processors", "value": used["pellucid calibrate"], "unit": "s",
          "note": f"of all processes together: {what}"},
         {"name": "ridge regression with its choice", "value": used["ridge"], "unit": "s",

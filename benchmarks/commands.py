@@ -22,10 +22,16 @@ from pellucid.studies.effort import drive_model
 from ._size import sized
 from .identification import study_at
 
-REPEATS = sized(5, smallest=1)
+REPEAT_COUNT = sized(5, smallest=1)
+"""Number of runs of each command."""
+
 COMMANDS = ("check", "identify", "report")
+"""Commands that are timed, in the order in which they run."""
+
 COMMAND_LINE = "from pellucid.cli import main; main()"
-PLAIN = """
+"""Python code that runs Pellucid's command line."""
+
+PLAIN_FIT = """
 import sys
 import numpy as np
 from scipy import signal
@@ -38,6 +44,7 @@ block = np.column_stack([np.gradient(v, 1.0 / fs), v, np.sign(v), np.ones_like(v
 block = signal.decimate(block, int(told["decimate"]), axis=0, zero_phase=True)
 print(np.linalg.lstsq(block[:, :-1], block[:, -1], rcond=None)[0])
 """
+"""Python code of the same fit with NumPy and SciPy alone."""
 
 
 def processor_seconds(*arguments: str) -> float:
@@ -68,11 +75,11 @@ def run() -> list[dict]:
         )  # fmt: skip
         jobs = {
             "start-up: import numpy": ("-c", "import numpy"),
-            "plain NumPy and SciPy: least squares": ("-c", PLAIN, str(arrays)),
+            "plain NumPy and SciPy: least squares": ("-c", PLAIN_FIT, str(arrays)),
             **{f"pellucid {name}": ("-c", COMMAND_LINE, name, str(study.folder)) for name in COMMANDS},
         }
         taken: dict[str, list[float]] = {name: [] for name in jobs}
-        for repeat in range(REPEATS + 1):  # the first one writes byte code and the fonts' cache
+        for repeat in range(REPEAT_COUNT + 1):  # the first one writes byte code and the fonts' cache
             for name, arguments in jobs.items():
                 seconds = processor_seconds(*arguments)
                 if repeat:
@@ -80,7 +87,8 @@ def run() -> list[dict]:
     medians = {name: statistics.median(values) for name, values in taken.items()}
     rows = []
     for name, values in taken.items():
-        note = f"processor, a fresh process on '{study.name}'; {min(values):.3g} to {max(values):.3g} in {REPEATS} runs"
+        spread = f"{min(values):.3g} to {max(values):.3g} in {REPEAT_COUNT} runs"
+        note = f"processor, a fresh process on '{study.name}'; {spread}"
         rows.append({"name": name, "value": medians[name], "unit": "s", "note": note})
     together = sum(medians[f"pellucid {name}"] for name in COMMANDS)
     rows.append({"name": f"pellucid {', '.join(COMMANDS)}", "value": together, "unit": "s", "note": "sum of the three"})

@@ -29,7 +29,8 @@ from pellucid.signals.slider_motion import REGRESSION_STRIDE, SliderMotion
 from ._size import sized
 from .identification import _row, interleaved
 
-REPEATS = sized(5, smallest=1)
+REPEAT_COUNT = sized(5, smallest=1)
+"""Number of runs of each fit."""
 
 
 def plain_fit(motions: list[SliderMotion], mass: float, start: np.ndarray, bounds: tuple) -> np.ndarray:
@@ -57,9 +58,9 @@ def plain_fit(motions: list[SliderMotion], mass: float, start: np.ndarray, bound
 
 
 def seconds(call: Callable[[], object]) -> list[float]:
-    """Wall seconds of a call, `REPEATS` times, after one that does not count."""
+    """Wall seconds of a call, `REPEAT_COUNT` times, after one that does not count."""
     taken = []
-    for repeat in range(REPEATS + 1):
+    for repeat in range(REPEAT_COUNT + 1):
         start = time.perf_counter()
         call()
         if repeat:

@@ -23,14 +23,23 @@ from pellucid.models.muscle_surface import surface_from_geometry
 from ._size import sized
 from .identification import _row
 
-KNEE = (
+KNEE_MUSCLES = (
     "rectus_femoris", "vastus_medialis", "vastus_intermedius", "vastus_lateralis", "biceps_femoris_long",
     "biceps_femoris_short", "semimembranosus", "semitendinosus", "gastrocnemius_medialis", "gastrocnemius_lateralis",
 )  # fmt: skip
-SAMPLES = sized(20_000, smallest=2_000)
-STEPS = sized(2_000, smallest=200)
-REPEATS = sized(7, smallest=1)
-PERIOD = 1e-3
+"""Muscles of the knee that the estimator uses."""
+
+SAMPLE_COUNT = sized(20_000, smallest=2_000)
+"""Number of samples that are estimated at once."""
+
+STEP_COUNT = sized(2_000, smallest=200)
+"""Number of samples that are estimated one by one."""
+
+REPEAT_COUNT = sized(7, smallest=1)
+"""Number of timed runs."""
+
+PERIOD_S = 1e-3
+"""Control period [s]."""
 
 
 def card() -> EmgEstimatorCard:
@@ -43,33 +52,33 @@ def card() -> EmgEstimatorCard:
             {name: 1.0},
             surface_from_geometry(table.geometry[name]),
         )
-        for name in KNEE
+        for name in KNEE_MUSCLES
     )
-    channels = tuple(EstimatorChannel(name, 1.0, 0.0, 1.0) for name in KNEE)
+    channels = tuple(EstimatorChannel(name, 1.0, 0.0, 1.0) for name in KNEE_MUSCLES)
     joints = (EstimatorJoint("knee", 0.0, 5.0, 0.5, 300.0),)
     return EmgEstimatorCard(
-        "benchmark", "emg_knee_hill", channels, ("hip", "knee", "ankle"), muscles, joints, PERIOD, 12.0
+        "benchmark", "emg_knee_hill", channels, ("hip", "knee", "ankle"), muscles, joints, PERIOD_S, 12.0
     )
 
 
 def run() -> list[dict]:
     """Rows for benchmarks.json."""
-    own, t = card(), PERIOD * np.arange(SAMPLES)
-    emg = 0.3 + 0.25 * np.sin(6.0 * t + np.arange(len(KNEE))[:, None])
+    own, t = card(), PERIOD_S * np.arange(SAMPLE_COUNT)
+    emg = 0.3 + 0.25 * np.sin(6.0 * t + np.arange(len(KNEE_MUSCLES))[:, None])
     angles = np.array([0.2 + 0.3 * np.sin(5.0 * t), -0.6 + 0.5 * np.sin(5.0 * t + 1.0), 0.1 * np.sin(5.0 * t + 2.0)])
     whole, stepped, time = [], [], np.round(1e6 * t)
-    for _ in range(REPEATS):
+    for _ in range(REPEAT_COUNT):
         estimator = own.build()
         start = perf_counter()
         estimator.run(time, emg, angles)
-        whole.append((perf_counter() - start) / SAMPLES)
-        live, seconds = LiveTorque(own), PERIOD * np.arange(STEPS)
-        heard = [dict(zip(KNEE, row, strict=True)) for row in emg.T[:STEPS].tolist()]
-        moved = [dict(zip(own.angles, row, strict=True)) for row in angles.T[:STEPS].tolist()]
+        whole.append((perf_counter() - start) / SAMPLE_COUNT)
+        live, seconds = LiveTorque(own), PERIOD_S * np.arange(STEP_COUNT)
+        heard = [dict(zip(KNEE_MUSCLES, row, strict=True)) for row in emg.T[:STEP_COUNT].tolist()]
+        moved = [dict(zip(own.angles, row, strict=True)) for row in angles.T[:STEP_COUNT].tolist()]
         start = perf_counter()
         for each in zip(seconds, heard, moved, strict=True):
             live.step(*each)
-        stepped.append((perf_counter() - start) / STEPS)
+        stepped.append((perf_counter() - start) / STEP_COUNT)
     rows = [
         _row("emg_estimator.step", [1e9 * s for s in whole], "ns", "ten muscles and their stiffness"),
         _row("emg_estimator.live_step", [1e9 * s for s in stepped], "ns", "the same by names, from Python"),

@@ -24,9 +24,9 @@ from pellucid.models.slider_card import SliderCard
 from ._size import sized
 
 MEASURED_COUNT = sized(None, smallest=1)
-"""Controllers that are measured, the first of all; None: every one."""
+"""Number of controllers that are measured, the first of all; None for every one."""
 
-JOINT = {
+JOINT_LAW_VALUES = {
     "inertia": 0.05, "gravity_sine": 1.5, "gravity_cosine": 0.2, "offset": 0.1, "coulomb_positive": 0.3,
     "coulomb_negative": 0.25, "viscous_positive": 0.1, "viscous_negative": 0.08, "stribeck": 0.0,
     "stribeck_velocity": 0.0, "load_motoring": 0.15, "load_generating": 0.1, "square_root": 0.0,
@@ -35,26 +35,31 @@ JOINT = {
     "velocity_limit": 8.0, "position_min": -0.5, "position_max": 2.2, "stop_margin": 0.05, "max_age": 0.005,
     "max_repeats": 2.0, "period": 0.001,
 }  # fmt: skip
-WORN = Coupling(0.05, 0.02, 1.6, 0.05, 0.3, 0.1, 8.0, 14.0, 0.5, actuator_frequency=60.0, delay=0.002)
+"""Parameters and limits of the laws of one joint."""
 
+WORN_COUPLING = Coupling(0.05, 0.02, 1.6, 0.05, 0.3, 0.1, 8.0, 14.0, 0.5, actuator_frequency=60.0, delay=0.002)
+"""Coupling of limb and orthosis for which the worn law is designed."""
 
-BODY = {
+LOAD_CARD_VALUES = {
     "inertia": 0.032, "carriage_moment": -0.0045, "gravity": 1.15, "gravity_cosine": 0.26, "coulomb_positive": 0.26,
     "coulomb_negative": 0.21, "viscous_positive": 0.05, "viscous_negative": 0.04, "load_motoring": 0.13,
     "load_generating": 0.11,
 }  # fmt: skip
-ONE_WAY = {
+"""Parameters of the elbow's card with friction by load."""
+
+DIRECTION_CARD_VALUES = {
     "moment_slope": 0.48, "moment": 0.12, "cross_moment": 0.026, "coulomb": 0.25, "viscous": 0.05, "a0": 0.032,
     "a1": -0.009, "a2": 0.48,
 }  # fmt: skip
+"""Parameters of one direction of the elbow's card with two directions."""
 
 
 def elbow_card(family: str) -> SliderCard:
     """An elbow with a carriage as `identify` would write it."""
     values = {
-        "pooled": ONE_WAY,
-        "dissociated": {f"{n}_{way}": x for way in ("up", "down") for n, x in ONE_WAY.items()},
-        "load": BODY,
+        "pooled": DIRECTION_CARD_VALUES,
+        "dissociated": {f"{n}_{way}": x for way in ("up", "down") for n, x in DIRECTION_CARD_VALUES.items()},
+        "load": LOAD_CARD_VALUES,
     }[family]
     return SliderCard(
         study="benchmark", family=family, method="", motion="rotary", effort_unit="N*m", lifts="flexion",
@@ -67,8 +72,11 @@ def elbow_card(family: str) -> SliderCard:
 
 def controllers() -> dict[str, ControllerValues]:
     """Every controller that can be exported, by its name."""
-    worn = design(WORN, 0.002).control_law().values
-    made = {law: ControllerValues(law, numbers, {}, (), {}) for law, numbers in (("joint", JOINT), ("worn", worn))}
+    worn = design(WORN_COUPLING, 0.002).control_law().values
+    made = {
+        law: ControllerValues(law, numbers, {}, (), {})
+        for law, numbers in (("joint", JOINT_LAW_VALUES), ("worn", worn))
+    }
     for name, controller in ELBOW_CONTROLLERS.items():
         limb = {"limb": forearm(70.0, 1.75)} if controller.wearer else {}
         law = controller.build(elbow_card(controller.method), 0.2, **limb)

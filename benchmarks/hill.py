@@ -23,12 +23,26 @@ from ._peers import peer
 from ._size import sized
 from .identification import _row, interleaved
 
-SAMPLES = sized(50_000, smallest=2_000)
-PERIOD = 1e-3
-NAMES = ("rectus_femoris", "vastus_lateralis", "vastus_medialis")
-TRUTH = np.array([-1.6, 1.06, 0.11, 0.9, 1.25])
-START = np.array([-1.0, 1.0, 0.15, 1.0, 1.0])
-LOWER, UPPER = np.array([-3.0, 0.8, 0.0, 0.5, 0.5]), np.array([0.0, 1.2, 0.25, 1.5, 2.0])
+SAMPLE_COUNT = sized(50_000, smallest=2_000)
+"""Number of samples of the simulated recording."""
+
+PERIOD_S = 1e-3
+"""Sampling period [s]."""
+
+MUSCLE_NAMES = ("rectus_femoris", "vastus_lateralis", "vastus_medialis")
+"""Muscles of the simulated recording."""
+
+TRUE_PARAMETERS = np.array([-1.6, 1.06, 0.11, 0.9, 1.25])
+"""True parameters of the simulation, in the order of the free parameters."""
+
+START_PARAMETERS = np.array([-1.0, 1.0, 0.15, 1.0, 1.0])
+"""Parameters at which both fits start."""
+
+LOWER_BOUNDS = np.array([-3.0, 0.8, 0.0, 0.5, 0.5])
+"""Lower bounds of the parameters."""
+
+UPPER_BOUNDS = np.array([0.0, 1.2, 0.25, 1.5, 2.0])
+"""Upper bounds of the parameters."""
 
 
 def problem() -> tuple[HillModel, HillData, np.ndarray]:
@@ -37,24 +51,26 @@ def problem() -> tuple[HillModel, HillData, np.ndarray]:
     quantities = ("shape", "optimal_fibre_length", "optimal_length_shift", "max_velocity", "strength")
     relative = {"optimal_fibre_length", "max_velocity"}
     free = [
-        FreeParameter(q, q, NAMES, low, high, q in relative)
-        for q, low, high in zip(quantities, LOWER, UPPER, strict=True)
+        FreeParameter(q, q, MUSCLE_NAMES, low, high, q in relative)
+        for q, low, high in zip(quantities, LOWER_BOUNDS, UPPER_BOUNDS, strict=True)
     ]
-    model = HillModel([table.constants[n] for n in NAMES], free)
+    model = HillModel([table.constants[n] for n in MUSCLE_NAMES], free)
     rng = np.random.default_rng(1)
-    t = PERIOD * np.arange(SAMPLES)
-    angles = {"knee": np.radians(-65.0 + 35.0 * np.sin(3.1 * t)), "hip": np.full(SAMPLES, np.radians(85.0))}
-    rates = {"knee": np.radians(35.0 * 3.1 * np.cos(3.1 * t)), "hip": np.zeros(SAMPLES)}
-    paths = [table.geometry[n] for n in NAMES]
-    excitation = np.abs(np.sin(3.1 * t + np.array([[0.1], [0.4], [0.6]]))) ** 3 * 0.4 + 0.02 * rng.random((3, SAMPLES))
+    t = PERIOD_S * np.arange(SAMPLE_COUNT)
+    angles = {"knee": np.radians(-65.0 + 35.0 * np.sin(3.1 * t)), "hip": np.full(SAMPLE_COUNT, np.radians(85.0))}
+    rates = {"knee": np.radians(35.0 * 3.1 * np.cos(3.1 * t)), "hip": np.zeros(SAMPLE_COUNT)}
+    paths = [table.geometry[n] for n in MUSCLE_NAMES]
+    excitation = np.abs(np.sin(3.1 * t + np.array([[0.1], [0.4], [0.6]]))) ** 3 * 0.4 + 0.02 * rng.random(
+        (3, SAMPLE_COUNT)
+    )
     data = HillData(
         excitation,
         [p.length(angles) for p in paths],
         [p.rate(angles, rates) for p in paths],
         [p.moment_arm("knee", angles) for p in paths],
-        PERIOD,
+        PERIOD_S,
     )
-    return model, data, model.torque(data, TRUTH) + rng.normal(0.0, 0.5, SAMPLES)
+    return model, data, model.torque(data, TRUE_PARAMETERS) + rng.normal(0.0, 0.5, SAMPLE_COUNT)
 
 
 def torque_with(xp, p, u, length, rate, arm, constants):
@@ -79,7 +95,7 @@ def levenberg(normal: Callable, values: np.ndarray) -> np.ndarray:
     damping, (cost, gradient, matrix) = 1e-3, normal(values)
     for _ in range(60):
         step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), -gradient)
-        trial = np.clip(values + step, LOWER, UPPER)
+        trial = np.clip(values + step, LOWER_BOUNDS, UPPER_BOUNDS)
         found = normal(trial)
         if found[0] < cost:
             done = cost - found[0] < 1e-12 * cost
@@ -106,38 +122,38 @@ def run() -> list[dict]:
     def plain(p: np.ndarray) -> np.ndarray:
         return torque_with(np, p, *rest) - measured
 
-    assert np.allclose(plain(TRUTH) + measured, model.torque(data, TRUTH), rtol=1e-9, atol=1e-9)
+    assert np.allclose(plain(TRUE_PARAMETERS) + measured, model.torque(data, TRUE_PARAMETERS), rtol=1e-9, atol=1e-9)
 
     def differences() -> tuple:
-        first = plain(START)
-        return first, [(plain(START + h) - first) / 1e-7 for h in 1e-7 * np.eye(5)]
+        first = plain(START_PARAMETERS)
+        return first, [(plain(START_PARAMETERS + h) - first) / 1e-7 for h in 1e-7 * np.eye(5)]
 
     fitted = {}
 
     def ours() -> None:
-        fitted["core"] = levenberg(lambda v: model.normal(data, v, measured), START)
+        fitted["core"] = levenberg(lambda v: model.normal(data, v, measured), START_PARAMETERS)
 
     def scipys(name: str, f: Callable, jac: Callable | str = "2-point") -> Callable:
         def fit() -> None:
-            options = dict(bounds=(LOWER, UPPER), x_scale="jac", xtol=1e-10, ftol=1e-12)
-            fitted[name] = optimize.least_squares(f, START, jac=jac, **options).x
+            options = dict(bounds=(LOWER_BOUNDS, UPPER_BOUNDS), x_scale="jac", xtol=1e-10, ftol=1e-12)
+            fitted[name] = optimize.least_squares(f, START_PARAMETERS, jac=jac, **options).x
 
         return fit
 
-    passes = {"core": lambda: model.normal(data, START, measured), "NumPy and differences": differences}
+    passes = {"core": lambda: model.normal(data, START_PARAMETERS, measured), "NumPy and differences": differences}
     fits = {"core": ours, "SciPy and differences": scipys("SciPy and differences", plain)}
     jax = peer("hill", "jax")
     if jax is not None:
         residual, jacobian = with_jax(jax, rest, measured)
-        passes["JAX, jacfwd"] = lambda: (residual(START), jacobian(START))
+        passes["JAX, jacfwd"] = lambda: (residual(START_PARAMETERS), jacobian(START_PARAMETERS))
         fits["JAX, jacfwd"] = scipys("JAX, jacfwd", residual, jacobian)
     casadi = peer("hill", "casadi")
     if casadi is not None:
         both = with_casadi(casadi, rest)
-        passes["CasADi"] = lambda: both(START)
+        passes["CasADi"] = lambda: both(START_PARAMETERS)
         fits["CasADi"] = scipys("CasADi", lambda p: both(p)[0] - measured, lambda p: both(p)[1])
 
-    what = f"{SAMPLES} samples, 3 muscles, 5 parameters"
+    what = f"{SAMPLE_COUNT} samples, 3 muscles, 5 parameters"
     rows = []
     for kind, calls in (("pass", passes), ("fit", fits)):
         for name, taken in zip(calls, interleaved(*calls.values()), strict=True):
@@ -145,9 +161,9 @@ def run() -> list[dict]:
     apart = max(float(np.max(np.abs(v - fitted["core"]))) for v in fitted.values())
     rows.append({"name": "Hill fits agree within", "value": apart, "unit": "1", "note": ", ".join(fitted)})
 
-    estimator = _core.HillTorque(model.parameters(TRUTH), period=PERIOD)
+    estimator = _core.HillTorque(model.parameters(TRUE_PARAMETERS), period=PERIOD_S)
     (taken,) = interleaved(lambda: estimator.run(*data.arrays))
-    rows.append(_row("Hill step, three muscles", [1e9 * s / SAMPLES for s in taken], "ns", "envelope to torque"))
+    rows.append(_row("Hill step, three muscles", [1e9 * s / SAMPLE_COUNT for s in taken], "ns", "envelope to torque"))
     return rows
 
 
@@ -155,7 +171,7 @@ def neural_activation(model: HillModel, data: HillData) -> np.ndarray:
     """What the envelopes become before the shape: the activation of the same muscles with a straight one."""
     table = model.parameters()
     table[:, 0] = 0.0
-    return _core.hill_states(table, *data.arrays[:3], period=PERIOD)[0]
+    return _core.hill_states(table, *data.arrays[:3], period=PERIOD_S)[0]
 
 
 def with_jax(jax: ModuleType, rest: tuple, measured: np.ndarray) -> tuple[Callable, Callable]:
@@ -189,12 +205,12 @@ def with_casadi(casadi: ModuleType, rest: tuple) -> Callable:
         values = [x[i] for x in inputs]
         total = total + _summed(Symbols, [p[j] for j in range(5)], values, constants)
     one = casadi.Function("one", [p, *inputs], [total, casadi.jacobian(total, p)])
-    every = one.map(SAMPLES)
+    every = one.map(SAMPLE_COUNT)
     arrays = [casadi.DM(x) for x in (neural, length, rate, arm)]
 
     def both(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        torque, jacobian = every(casadi.repmat(casadi.DM(values), 1, SAMPLES), *arrays)
-        return np.array(torque).ravel(), np.array(jacobian).reshape(SAMPLES, 5)
+        torque, jacobian = every(casadi.repmat(casadi.DM(values), 1, SAMPLE_COUNT), *arrays)
+        return np.array(torque).ravel(), np.array(jacobian).reshape(SAMPLE_COUNT, 5)
 
     return both
 

@@ -36,8 +36,8 @@ from pellucid.studies.study import Study
 from ._peers import peer
 from ._size import sized
 
-REPEATS = sized(7, smallest=1)
-"""Runs of each call that count."""
+REPEAT_COUNT = sized(7, smallest=1)
+"""Number of runs of each call that are timed."""
 
 
 def study_at(folder: Path) -> Study:
@@ -117,9 +117,9 @@ def plain_output_error(study: Study, start: np.ndarray, run: Callable) -> np.nda
 
 
 def interleaved(*calls: Callable[[], object]) -> list[list[float]]:
-    """Wall seconds of each call, one after another, `REPEATS` times, after one round that does not count."""
+    """Wall seconds of each call, one after another, `REPEAT_COUNT` times, after one round that does not count."""
     taken: list[list[float]] = [[] for _ in calls]
-    for repeat in range(REPEATS + 1):
+    for repeat in range(REPEAT_COUNT + 1):
         for seconds, call in zip(taken, calls, strict=True):
             start = time.perf_counter()
             call()

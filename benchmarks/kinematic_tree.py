@@ -18,11 +18,26 @@ from ._peers import peer
 from ._size import sized
 from .identification import _row, interleaved
 
-SAMPLES = sized(45_000, smallest=500)
-SECONDS = sized(0.5, smallest=0.05)
-PERIOD, SUBSTEPS = 1e-3, 4
-FRICTION, ROTOR = 0.5, 0.02
+SAMPLE_COUNT = sized(45_000, smallest=500)
+"""Number of samples of each call."""
+
+SIMULATED_S = sized(0.5, smallest=0.05)
+"""Duration of the simulated motion [s]."""
+
+PERIOD_S = 1e-3
+"""Control period of the simulation [s]."""
+
+SUBSTEP_COUNT = 4
+"""Number of simulation steps in a control period."""
+
+COULOMB_FRICTION_NM = 0.5
+"""Coulomb friction of every joint [N*m]."""
+
+ROTOR_INERTIA_KGM2 = 0.02
+"""Inertia of every rotor at its joint [kg*m^2]."""
+
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+"""Unit vector of each axis by its letter."""
 
 
 def chain(axes: str, rng: np.random.Generator) -> Tree:
@@ -32,7 +47,7 @@ def chain(axes: str, rng: np.random.Generator) -> Tree:
         joints.append(
             TreeJoint(
                 f"joint{i}", f"link{i - 1}" if i else "base", f"link{i}", axis=AXES[axis],
-                place=(0.0, 0.0, -0.3 if i else 0.0), rotor_inertia=ROTOR,
+                place=(0.0, 0.0, -0.3 if i else 0.0), rotor_inertia=ROTOR_INERTIA_KGM2,
             )
         )  # fmt: skip
         centre = (*rng.uniform(-0.02, 0.02, 2), -0.15)
@@ -54,7 +69,7 @@ def in_pinocchio(tree: Tree):
         joint = model.addJoint(joint, made[axis](), pinocchio.SE3(np.eye(3), np.array(one.place)), one.name)
         numbers = body[one.child][[0, 1, 2, 3, 4, 5, 7, 6, 8, 9]]
         model.appendBodyToJoint(joint, pinocchio.Inertia.FromDynamicParameters(numbers), pinocchio.SE3.Identity())
-    model.armature = np.full(len(tree.order), ROTOR)
+    model.armature = np.full(len(tree.order), ROTOR_INERTIA_KGM2)
     return pinocchio, model, model.createData()
 
 
@@ -75,12 +90,13 @@ def in_mujoco(tree: Tree) -> Callable[[np.ndarray], None] | None:
         about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) - link.mass * (c @ c * np.eye(3) - np.outer(c, c))
         six = words(about[i] for i in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
         text += (
-            f'<body pos="{words(one.place)}"><joint name="{one.name}" axis="{words(one.axis)}" armature="{ROTOR}" '
-            f'frictionloss="{FRICTION}"/><inertial pos="{words(c)}" mass="{link.mass}" fullinertia="{six}"/>'
+            f'<body pos="{words(one.place)}"><joint name="{one.name}" axis="{words(one.axis)}" '
+            f'armature="{ROTOR_INERTIA_KGM2}" '
+            f'frictionloss="{COULOMB_FRICTION_NM}"/><inertial pos="{words(c)}" mass="{link.mass}" fullinertia="{six}"/>'
         )
     motors = "".join(f'<motor joint="{one.name}"/>' for one in tree.order)
     model = mujoco.MjModel.from_xml_string(
-        f'<mujoco><option timestep="{PERIOD / SUBSTEPS}" gravity="{words(tree.gravity)}"/><worldbody>{text}'
+        f'<mujoco><option timestep="{PERIOD_S / SUBSTEP_COUNT}" gravity="{words(tree.gravity)}"/><worldbody>{text}'
         f"{'</body>' * len(tree.order)}</worldbody><actuator>{motors}</actuator></mujoco>"
     )
     data = mujoco.MjData(model)
@@ -89,7 +105,7 @@ def in_mujoco(tree: Tree) -> Callable[[np.ndarray], None] | None:
         mujoco.mj_resetData(model, data)
         for one in effort:
             data.ctrl[:] = one
-            mujoco.mj_step(model, data, SUBSTEPS)
+            mujoco.mj_step(model, data, SUBSTEP_COUNT)
 
     return run
 
@@ -99,8 +115,8 @@ def driven(tree: Tree) -> _core.DrivenTree:
     m = len(tree.moving)
     joints = np.zeros((m, len(_core.TREE_JOINT_PARAMETER_NAMES)))
     for name in ("coulomb_positive", "coulomb_negative"):
-        joints[:, _core.TREE_JOINT_PARAMETER_NAMES.index(name)] = FRICTION
-    return _core.DrivenTree(tree.links_array, tree.gravity, joints, period=PERIOD, substeps=SUBSTEPS)
+        joints[:, _core.TREE_JOINT_PARAMETER_NAMES.index(name)] = COULOMB_FRICTION_NM
+    return _core.DrivenTree(tree.links_array, tree.gravity, joints, period=PERIOD_S, substeps=SUBSTEP_COUNT)
 
 
 def run() -> list[dict]:
@@ -108,13 +124,13 @@ def run() -> list[dict]:
     rng = np.random.default_rng(1)
     tree = chain("zyyxyx", rng)
     core = tree.core
-    q, v, a = rng.uniform(-3, 3, (3, SAMPLES, 6))
+    q, v, a = rng.uniform(-3, 3, (3, SAMPLE_COUNT, 6))
     effort = core.inverse_dynamics(q, v, a)
-    rows, out = np.zeros((SAMPLES, 6, 60)), np.zeros((SAMPLES, 6))
-    weight = rng.uniform(0.5, 1.0, (SAMPLES, 6))
+    rows, out = np.zeros((SAMPLE_COUNT, 6, 60)), np.zeros((SAMPLE_COUNT, 6))
+    weight = rng.uniform(0.5, 1.0, (SAMPLE_COUNT, 6))
 
     def one_by_one() -> None:
-        for i in range(SAMPLES):
+        for i in range(SAMPLE_COUNT):
             out[i] = core.inverse_dynamics(q[i], v[i], a[i])
 
     named: dict[str, Callable[[], object]] = {
@@ -124,8 +140,8 @@ def run() -> list[dict]:
         "inverse dynamics, one by one": one_by_one,
     }
     arm = chain("zxyx", rng)
-    plant, periods = driven(arm), round(SECONDS / PERIOD)
-    pushed = 4.0 * np.sin(np.outer(np.arange(periods) * PERIOD * 6.0, [1.0, 2.0, 3.0, 4.0]))
+    plant, periods = driven(arm), round(SIMULATED_S / PERIOD_S)
+    pushed = 4.0 * np.sin(np.outer(np.arange(periods) * PERIOD_S * 6.0, [1.0, 2.0, 3.0, 4.0]))
 
     def simulate() -> None:
         plant.reset()
@@ -135,22 +151,22 @@ def run() -> list[dict]:
     beside = in_pinocchio(tree)
     if beside is not None:
         pin, model, data = beside
-        theirs = np.zeros((SAMPLES, 6, 60))
+        theirs = np.zeros((SAMPLE_COUNT, 6, 60))
 
         def their_regressor() -> None:
-            for i in range(SAMPLES):
+            for i in range(SAMPLE_COUNT):
                 theirs[i] = pin.computeJointTorqueRegressor(model, data, q[i], v[i], a[i])
 
         def their_dynamics() -> None:
-            for i in range(SAMPLES):
+            for i in range(SAMPLE_COUNT):
                 out[i] = pin.rnea(model, data, q[i], v[i], a[i])
 
         _, arm_model, arm_data = in_pinocchio(arm)
 
         def their_arm() -> None:
-            x, u, h = np.zeros(4), np.zeros(4), PERIOD / SUBSTEPS
+            x, u, h = np.zeros(4), np.zeros(4), PERIOD_S / SUBSTEP_COUNT
             for one in pushed:
-                for _ in range(SUBSTEPS):
+                for _ in range(SUBSTEP_COUNT):
                     u = u + h * pin.aba(arm_model, arm_data, x, u, one)
                     x = x + h * u
 
@@ -161,7 +177,7 @@ def run() -> list[dict]:
         }
         their_regressor()
         named["regressor"]()
-        ours = rows.reshape(SAMPLES, 6, 6, 10)[..., [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]].reshape(theirs.shape)
+        ours = rows.reshape(SAMPLE_COUNT, 6, 6, 10)[..., [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]].reshape(theirs.shape)
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-11 * np.abs(theirs).max())
         their_dynamics()
         np.testing.assert_allclose(effort, out, rtol=0, atol=1e-11 * np.abs(out).max())
@@ -172,9 +188,11 @@ def run() -> list[dict]:
     made = []
     for name, seconds in taken.items():
         if name.startswith("arm"):
-            made.append(_row(f"tree: {name}", [SECONDS / s for s in seconds], "s/s", f"{SUBSTEPS} kHz"))
+            made.append(_row(f"tree: {name}", [SIMULATED_S / s for s in seconds], "s/s", f"{SUBSTEP_COUNT} kHz"))
         else:
-            made.append(_row(f"tree: {name}", [1e3 * s for s in seconds], "ms", f"{SAMPLES} samples of six joints"))
+            made.append(
+                _row(f"tree: {name}", [1e3 * s for s in seconds], "ms", f"{SAMPLE_COUNT} samples of six joints")
+            )
     for name, other in (
         ("regressor", "regressor, Pinocchio"),
         ("regressor and normal equations", "regressor, Pinocchio"),

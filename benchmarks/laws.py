@@ -21,21 +21,27 @@ from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.models.simulate import substeps_for
 
-from ._plain_laws import PLAIN
+from ._plain_laws import PLAIN_LAWS
 from ._size import sized
 from .export import elbow_card
 from .identification import _row
 
 LAWS = {"FC": "fc", "PCFr": "pcfr", "CLPC": "clpc", "best": "transparent", "best with force sensor": "force_sensor"}
-TURNS = sized(7, smallest=1)
-STEPS = sized(20_000, smallest=2_000)
-"""Of each side in a turn."""
+"""Names of the measured controllers, by their names in the table."""
 
-SAME = 1e-9
+TURN_COUNT = sized(7, smallest=1)
+"""Number of turns, in each of which both sides are timed."""
+
+STEP_COUNT = sized(20_000, smallest=2_000)
+"""Number of steps of each side in a turn."""
+
+MAX_DIFFERENCE_NM = 1e-9
 """Largest difference between the two sides [N*m]."""
 
-CEINMS_RT = {"p50": 58e-6, "p99": 1.5e-3}
-"""Of its whole pipeline, from EMG to torques, on two cores [s]: a reported figure, not run here, and for other work."""
+CEINMS_RT_S = {"p50": 58e-6, "p99": 1.5e-3}
+"""Time of CEINMS-RT's whole pipeline from EMG to torques on two cores [s].
+
+These are reported figures, not run here, and for other work."""
 
 
 def worn(law: ControlLaw) -> Callable[[int, float], tuple[np.ndarray, ...]]:
@@ -71,7 +77,7 @@ def driven(law: ControlLaw) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def plain_times(law: ControlLaw, m, q: np.ndarray, felt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Torques [N*m] of the plain law, and the time of each step [s]."""
-    plain, clock = PLAIN[law.kind](m, law.values), time.perf_counter_ns
+    plain, clock = PLAIN_LAWS[law.kind](m, law.values), time.perf_counter_ns
     torques, took = np.empty(len(q)), np.empty(len(q))
     micros = round(1e6 * law.values["period"])
     for i, (position, torque) in enumerate(zip(q.tolist(), felt.tolist(), strict=True)):
@@ -86,10 +92,10 @@ def periods_per_second(law: ControlLaw, threads: int) -> list[float]:
     arms = [worn(law) for _ in range(threads)]
     rates = []
     with ThreadPoolExecutor(threads) as pool:
-        for turn in range(TURNS):
+        for turn in range(TURN_COUNT):
             begun = time.perf_counter()
-            list(pool.map(lambda move, lift=0.6 if turn % 2 == 0 else -0.6: move(STEPS, lift), arms))
-            rates.append(threads * STEPS / (time.perf_counter() - begun))
+            list(pool.map(lambda move, lift=0.6 if turn % 2 == 0 else -0.6: move(STEP_COUNT, lift), arms))
+            rates.append(threads * STEP_COUNT / (time.perf_counter() - begun))
     return rates
 
 
@@ -101,15 +107,15 @@ def run() -> list[dict]:
         law = named.build(elbow_card(named.method), 0.2)
         q, felt, asked = driven(law)
         core, plain = [], {"Python": [], "NumPy": []}
-        for _ in range(TURNS):
-            core.append(step_times(law, STEPS))
+        for _ in range(TURN_COUNT):
+            core.append(step_times(law, STEP_COUNT))
             for words, m in (("Python", math), ("NumPy", np)):
                 torques, took = plain_times(law, m, q, felt)
                 plain[words].append(took)
                 apart = float(np.max(np.abs(torques - asked)))
-                if not apart <= SAME:
+                if not apart <= MAX_DIFFERENCE_NM:
                     raise AssertionError(f"{name}: {words} and core differ by {apart} N*m")
-        note = f"{TURNS * STEPS} steps; same torque within {SAME:g} N*m over {len(q)} steps"
+        note = f"{TURN_COUNT * STEP_COUNT} steps; same torque within {MAX_DIFFERENCE_NM:g} N*m over {len(q)} steps"
         for words, turns in {"core": core, **plain}.items():
             steps = 1e9 * np.concatenate(turns)
             for label, share in (("p50", 50.0), ("p99.9", 99.9)):
@@ -123,7 +129,7 @@ def run() -> list[dict]:
     for threads in (1, 2):
         words = f"law: person, robot and FC, {threads} core{'s' * (threads > 1)}"
         rows.append(_row(words, periods_per_second(law, threads), "1/s", "periods of 1 ms"))
-    for label, seconds in CEINMS_RT.items():
+    for label, seconds in CEINMS_RT_S.items():
         rows.append(
             _one(f"law: CEINMS-RT, {label}", 1e9 * seconds, "ns", "reported, two cores, EMG to torques; not run here")
         )

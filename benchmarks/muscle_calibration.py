@@ -21,14 +21,19 @@ MUSCLES = (
     "rectus_femoris", "vastus_medialis", "vastus_intermedius", "vastus_lateralis", "biceps_femoris_long",
     "biceps_femoris_short", "semimembranosus", "semitendinosus", "gastrocnemius_medialis", "gastrocnemius_lateralis",
 )  # fmt: skip
-SAMPLES = sized(500, smallest=100)
-PERIOD = 0.01
+"""Muscles of the simulated recording."""
+
+SAMPLE_COUNT = sized(500, smallest=100)
+"""Number of samples of the simulated recording."""
+
+PERIOD_S = 0.01
+"""Sampling period [s]."""
 
 
 def problem() -> MuscleProblem:
     """Five seconds of a leg that swings, with noise of 1 N m."""
     table, rng = muscle_table(), np.random.default_rng(2)
-    t = PERIOD * np.arange(SAMPLES)
+    t = PERIOD_S * np.arange(SAMPLE_COUNT)
     phase = {"hip": 0.0, "knee": 1.0, "ankle": 2.0}
     middle = {"hip": 0.3, "knee": -0.6, "ankle": 0.0}
     angles = {j: middle[j] + 0.4 * np.sin(5.5 * t + p) for j, p in phase.items()}
@@ -40,13 +45,13 @@ def problem() -> MuscleProblem:
         [p.length(angles) for p in paths],
         [p.rate(angles, rates) for p in paths],
         [p.moment_arm("knee", angles) for p in paths],
-        PERIOD,
+        PERIOD_S,
     )
-    samples = MuscleSamples(data, t.copy(), angles["knee"], rates["knee"], np.ones(SAMPLES))
+    samples = MuscleSamples(data, t.copy(), angles["knee"], rates["knee"], np.ones(SAMPLE_COUNT))
     muscles = [table.constants[m] for m in MUSCLES]
     asked = MuscleProblem(muscles, samples)
     z = np.clip(rng.normal(0.0, 1.0, len(asked.lower)), asked.lower, asked.upper)
-    torque = asked.torque(z) + rng.normal(0.0, 1.0, SAMPLES)
+    torque = asked.torque(z) + rng.normal(0.0, 1.0, SAMPLE_COUNT)
     return MuscleProblem(muscles, MuscleSamples(data, torque, samples.angle, samples.speed, samples.weight))
 
 

@@ -19,20 +19,24 @@ from pellucid.lab.pointing.session import CONTROL_CONDITION, simulate_session
 
 from ._size import sized
 
-EXPONENTS = (-0.5, -0.5)
-"""Of equation 8, as five people chose them on most robots."""
-PEOPLE = sized(6, smallest=1)
-"""People of each rig, the first of those whom the rig draws."""
-REPETITIONS = sized(None, smallest=1)
-"""Movements of each amplitude and direction; None: as many as the rig states."""
+COMMON_EXPONENTS = (-0.5, -0.5)
+"""Exponents k of equation 8 of Verdel et al. (Robotica 39, 2021), upwards and downwards.
+
+Five virtual people chose these values on most robots."""
+
+PEOPLE_COUNT = sized(6, smallest=1)
+"""Number of people of each rig, the first of those whom the rig draws."""
+
+REPETITION_COUNT = sized(None, smallest=1)
+"""Number of movements of each amplitude and direction; None for as many as the rig states."""
 
 
 def study_seconds(rigs: tuple[PointingRig, ...], conditions: Conditions, seed: int = 1) -> np.ndarray:
     """CPU seconds of all movements of each rig's people in each condition, session by session by turns, shape
     (rigs, conditions)."""
-    people = [draw_people(rig, np.random.default_rng(seed))[:PEOPLE] for rig in rigs]
-    if REPETITIONS is not None:
-        rigs = tuple(rig.changed({"pointing.repetitions": REPETITIONS}) for rig in rigs)
+    people = [draw_people(rig, np.random.default_rng(seed))[:PEOPLE_COUNT] for rig in rigs]
+    if REPETITION_COUNT is not None:
+        rigs = tuple(rig.changed({"pointing.repetitions": REPETITION_COUNT}) for rig in rigs)
     n = len(rigs)
     taken = np.zeros((n, len(conditions)))
     for i, same in enumerate(zip(*people, strict=True)):
@@ -49,7 +53,7 @@ def study_seconds(rigs: tuple[PointingRig, ...], conditions: Conditions, seed: i
 def run() -> list[dict]:
     """Rows of name, value, unit, note."""
     rigs = elbow_people(), elbow_people().modelled("optimal"), elbow_participants()
-    conditions = published_conditions(identify_cards(rigs[0].robot), EXPONENTS)
+    conditions = published_conditions(identify_cards(rigs[0].robot), COMMON_EXPONENTS)
     taken = study_seconds(rigs, conditions)
     free = list(conditions).index(CONTROL_CONDITION)
     whole = taken.sum(axis=1)

@@ -17,11 +17,17 @@ from pellucid.signals.input_output import InputOutput
 from ._size import sized
 from .identification import _row, interleaved
 
-TRUE = TransferFunction((20.0,), (1.0, 0.8, 27.0))
-START = TransferFunction((14.0,), (1.0, 1.4, 21.0))
-INITIAL = (0.2, -0.5)
+TRUE_SYSTEM = TransferFunction((20.0,), (1.0, 0.8, 27.0))
+"""Transfer function of the simulated system."""
+
+START_SYSTEM = TransferFunction((14.0,), (1.0, 1.4, 21.0))
+"""Transfer function at which both fits start."""
+
+INITIAL_STATE = (0.2, -0.5)
+"""State of the simulated system at the first sample."""
+
 RECORDS = sized(((2_000, 50.0), (10_000, 500.0)), smallest=((2_000, 50.0),))
-"""Samples and sampling rate [Hz] of the records that are fitted."""
+"""Number of samples and sampling rate [Hz] of the records that are fitted."""
 
 
 def record(*, samples: int, rate: float) -> InputOutput:
@@ -29,7 +35,7 @@ def record(*, samples: int, rate: float) -> InputOutput:
     rng = np.random.default_rng(4)
     time = np.arange(samples) / rate
     torque = sum(np.sin(2.0 * np.pi * f * time) for f in (0.3, 0.5, 0.7, 1.0))
-    clean = TRUE.simulate(time, torque, hold="first", initial=INITIAL)
+    clean = TRUE_SYSTEM.simulate(time, torque, hold="first", initial=INITIAL_STATE)
     noise = signal.lfilter([1.0], [1.0, -0.95], rng.normal(size=samples))
     return InputOutput("record", "fitted", time, torque, clean + 0.02 * clean.std() * noise / noise.std())
 
@@ -42,8 +48,8 @@ def plain_output_error(data: InputOutput) -> np.ndarray:
         system = (np.array([[-a1, 1.0], [-a0, 0.0]]), np.array([[0.0], [b0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1)))
         return signal.lsim(system, data.input, data.time, X0=state)[1] - data.output
 
-    _, a1, a0 = START.denominator
-    start = np.array([a1, a0, *START.numerator, 0.0, 0.0])
+    _, a1, a0 = START_SYSTEM.denominator
+    start = np.array([a1, a0, *START_SYSTEM.numerator, 0.0, 0.0])
     return optimize.least_squares(residual, start, x_scale=np.array([1.0, 20.0, 20.0, 1.0, 1.0]), xtol=1e-8).x[:3]
 
 
@@ -54,7 +60,7 @@ def run() -> list[dict]:
         data = record(samples=samples, rate=rate)
 
         def ours(data: InputOutput = data) -> np.ndarray:
-            found = fit_records([data], 2, hold="first", start=START)
+            found = fit_records([data], 2, hold="first", start=START_SYSTEM)
             return np.array([p.value for p in found.parameters])
 
         def unaided(data: InputOutput = data) -> object:

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from pellucid.papers.able.predicted import EMG_RANK_SUM, Drawn, models_of_people, predict_paper
+from pellucid.papers.able.predicted import EMG_RANK_SUM, PredictionSize, models_of_people, predict_paper
 from pellucid.papers.printed import printed
 from pellucid.studies.results import ResultRow
 
 
-def able_rows(drawn: Drawn | None = None) -> Iterator[ResultRow]:
+def able_rows(drawn: PredictionSize | None = None) -> Iterator[ResultRow]:
     """Nine effects in their intervals, their order, and what saying that nothing changes would score."""
-    drawn = drawn or Drawn()
+    drawn = drawn or PredictionSize()
     made = predict_paper(
         drawn.rigs or models_of_people(), printed("able"), people=drawn.people, robots=drawn.robots,
         movements=drawn.movements,

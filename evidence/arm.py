@@ -39,12 +39,12 @@ from pellucid.lab.arm.free_shoulder import compare_shoulders
 from pellucid.lab.arm.human_motion import JOINTS
 from pellucid.lab.arm.protocol import ArmTrial, limits_of
 from pellucid.lab.arm.rig import ArmRig, able_arm, drawn_arms
-from pellucid.lab.arm.single_faults import KINDS, ONSET, WATCHED, ArmFaultTrial, fault_trials
+from pellucid.lab.arm.single_faults import KINDS, ONSET_S, WATCH_S, ArmFaultTrial, fault_trials
 from pellucid.lab.arm.wearer import CUFFS, HANDLE, HANDLE_AT, UPPER_CUFF, UPPER_CUFF_AT, Person
 from pellucid.lab.arm.worn_trial import motion_of
 from pellucid.papers.able.arm_identification import (
     LOAD_FRICTION_FAMILY,
-    ArmIdentified,
+    IdentifiedArm,
     directional_many,
     draw_test_motions,
     identified_many,
@@ -92,7 +92,7 @@ def row(name: str, value: float | None, unit: str, note: str, split: str = "simu
 # --- identified -----------------------------------------------------------------------------------------------------
 
 
-def identified_rows(found: Sequence[ArmIdentified]) -> Iterator[ResultRow]:
+def identified_rows(found: Sequence[IdentifiedArm]) -> Iterator[ResultRow]:
     """Gravity, bodies that can exist, and torque of each joint on people's motion."""
     of_rig = [f for f in found if f.rig == found[0].rig]
     said = f"{len(found)} identifications: the rig with {len(of_rig)} seeds, the others drawn"
@@ -247,8 +247,9 @@ def worn_about(estimate: TreeEstimate, person: Person, posture: Sequence[float])
     load = 0.5 * (column["load_motoring"] + column["load_generating"]) * weight
     points = ((2, (0.0, 0.0, -UPPER_CUFF_AT * person.upper_arm), UPPER_CUFF),
               (3, (0.0, 0.0, -HANDLE_AT * person.forearm), HANDLE))  # fmt: skip
-    springs = [(link, at, (*CUFFS[name][0], *(CUFFS[name][2],) * 3)) for link, at, name in points]
-    dampers = [(link, at, (*CUFFS[name][1], *(CUFFS[name][3],) * 3)) for link, at, name in points]
+    cuffs = [(link, at, CUFFS[name]) for link, at, name in points]
+    springs = [(link, at, (*cuff.stiffness, *(cuff.turning_stiffness,) * 3)) for link, at, cuff in cuffs]
+    dampers = [(link, at, (*cuff.damping, *(cuff.turning_damping,) * 3)) for link, at, cuff in cuffs]
     return TreeCoupling(
         mass=robot.mass_matrix(q),
         viscous=0.5 * (column["viscous_positive"] + column["viscous_negative"]),
@@ -341,7 +342,7 @@ def fault_rows(arms: Sequence[ArmRig]) -> Iterator[ResultRow]:
     wearers, motion = wearers_of(arms)
     jobs = [(faulted, rig, person, k) for k, (rig, person) in enumerate(zip(arms, wearers, strict=True))]
     made = ordered_results(jobs)
-    said = f"{len(arms)} robots and people, {motion}; {WATCHED:g} s from the onset, {ONSET:g} s after the start"
+    said = f"{len(arms)} robots and people, {motion}; {WATCH_S:g} s from the onset, {ONSET_S:g} s after the start"
     every: list[ArmFaultTrial] = []
     for law in (PUBLISHED_LAW, BEST_LAW):
         trials = [trial for one in made for trial in one[law]]
@@ -395,13 +396,13 @@ def speed_rows() -> Iterator[ResultRow]:
             "called from Python on 45,000 samples; bodies alike" if "once" not in name else "all samples in one call"
         )
         yield row(f"{name}.over_pinocchio", value, "1", words)
-    steps = {one["name"].removeprefix(f"{arm.STEP}: ").removesuffix(", step"): one for one in arm.step_rows()}
+    steps = {one["name"].removeprefix(f"{arm.STEP_ROW}: ").removesuffix(", step"): one for one in arm.step_rows()}
     for name, one in steps.items():
         yield row(f"step.{name}", one["value"], "us", one["note"])
     yield row("step", max(one["value"] for one in steps.values()), "us", "the slowest of these laws")
     exported = arm.export_rows()
     for one in exported:
-        law, _, figure = one["name"].removeprefix(f"{arm.EXPORT}: ").partition(", ")
+        law, _, figure = one["name"].removeprefix(f"{arm.EXPORT_ROW}: ").partition(", ")
         if figure != "wrong":
             yield row(f"export.{law}.instructions", one["value"], "1", one["note"])
     wrong = [one["value"] for one in exported if one["name"].endswith("wrong")]

@@ -17,7 +17,7 @@ from benchmarks._size import sized
 
 from pellucid._errors import PellucidError
 from pellucid._processes import ordered_results
-from pellucid.lab.arm.free_shoulder import LAWS, SHOULDERS, ShoulderFigures, compare_shoulders
+from pellucid.lab.arm.free_shoulder import LAWS, SHOULDER_CONDITIONS, ShoulderFigures, compare_shoulders
 from pellucid.lab.arm.human_motion import people
 from pellucid.lab.arm.rig import able_arm, drawn_arms
 from pellucid.lab.arm.wearer import drawn_people
@@ -37,7 +37,7 @@ def rows(arms: int = ARM_COUNT) -> Iterator[ResultRow]:
     found = ordered_results([(compare_shoulders, rig, person) for rig, person in pairs])
     motion = "recorded reaching" if recorded else "generated reaching"
     for law in LAWS:
-        by = {shoulder: [_of(figures, law, shoulder) for figures in found] for shoulder in SHOULDERS}
+        by = {shoulder: [_of(figures, law, shoulder) for figures in found] for shoulder in SHOULDER_CONDITIONS}
         for shoulder, own in by.items():
             head = f"free_shoulder.{law}.{shoulder}"
             note = f"{arms} robots and people; shoulder {shoulder}" + (f", {motion}" if shoulder == "moving" else "")

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 from benchmarks._size import sized
-from benchmarks.people import EXPONENTS, study_seconds
+from benchmarks.people import COMMON_EXPONENTS, study_seconds
 
 from pellucid.datasets.motions import motions_of
 from pellucid.lab.pointing.conditions import identify_cards, published_conditions
@@ -232,7 +232,7 @@ def worn_rows(folder: Path) -> Iterator[ResultRow]:
 def study_over_frozen() -> ResultRow:
     """Processor time of the published study's 2,400 movements over that of the earlier people, in one run by turns."""
     rigs = elbow_people(), elbow_participants()
-    taken = study_seconds(rigs, published_conditions(identify_cards(rigs[0].robot), EXPONENTS))
+    taken = study_seconds(rigs, published_conditions(identify_cards(rigs[0].robot), COMMON_EXPONENTS))
     new, old = taken.sum(axis=1)
     note = f"{new:.1f} s over {old:.1f} s; free arms alone {taken[0, 0] / taken[1, 0]:.2f}"
     return _row("study_over_frozen", new / old, "1", note, "simulated")

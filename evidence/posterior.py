@@ -216,7 +216,7 @@ def strap(seed: int, hardens: bool) -> dict[str, Both]:
     own = {name: subject["strap"][name] for name in ("stiffness", "damping")} | dict.fromkeys(STRAP_EFFECTS, 0.0)
     if hardens:
         own["hardening"] = float(np.random.default_rng([seed, 0x6]).uniform(0.2, 0.4))
-    rig = replace(rig, tables={**rig.tables, "subjects": {who: {**subject, "strap": own}}})
+    rig = rig.changed({f"subjects.{who}.strap": own}, rig.name)
     made = [t for t in rig.trials(1) if not any(word in t.name for word in UNUSED_TRIALS)]
     config, recordings, _ = record_in_memory(rig, made, seed=1)
     config = config.model_copy(update={"coupling": config.coupling.model_copy(update={"posterior": True})})

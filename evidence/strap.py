@@ -146,8 +146,7 @@ def identified(
     """A drawn wearer in an orthosis: recorded, and their strap identified as `identify` does it."""
     of_orthosis, orthosis = worn
     drawn = drawn_rig(rig, wearer)
-    tables = {**drawn.tables, "orthosis": of_orthosis["orthosis"], "actuator": of_orthosis["actuator"]}
-    drawn = KneeRig(drawn.name, tables)
+    drawn = drawn.changed({"orthosis": of_orthosis["orthosis"], "actuator": of_orthosis["actuator"]})
     drawn = drawn.strapped(strap) if strap else drawn
     subject = next(iter(drawn.subjects.values()))
     trials = [swing_trial(drawn, f"swing_{i}", subject) for i in (1, 2)]

@@ -8,7 +8,7 @@ import pytest
 
 from pellucid.lab.pointing.prediction import INDICES, Prediction, RobotOutcome
 from pellucid.lab.pointing.rig import elbow_participants
-from pellucid.papers.able.predicted import Scored, friction_drawn, predicted_rows, printed_exponents
+from pellucid.papers.able.predicted import ScoredPrediction, friction_drawn, predicted_rows, printed_exponents
 from pellucid.papers.able.predicted_sections import predicted_sections
 from pellucid.papers.figure import Figures
 from pellucid.papers.printed import printed
@@ -33,7 +33,7 @@ def scored(ratios, spread, seed=1):
             values[:, :, INDICES.index(name)] = np.array(times)[:, None]
         worn.append(RobotOutcome(f"drawn-{i}", 0, 0.5, (-1.0, -1.9), False, values * off, 100, 1.0, 1.0))
     made = Prediction(LAWS, ("these",), free, tuple(worn), 12, 1.0)
-    return Scored(made, made.studies(400, size=6), paper())
+    return ScoredPrediction(made, made.studies(400, size=6), paper())
 
 
 def as_printed():
@@ -99,7 +99,7 @@ def test_models_of_people_are_judged_apart():
     one, other = scored(good, 0.02).prediction, scored(bad, 0.02).prediction
     worn = (*one.worn, *(replace(w, model=1) for w in other.worn))
     made = replace(one, models=("these", "those"), control=np.concatenate([one.control] * 2), worn=worn)
-    found = Scored(made, made.studies(400, size=6), paper())
+    found = ScoredPrediction(made, made.studies(400, size=6), paper())
     assert found.of_models["these"].inside == 1.0
     assert found.of_models["those"].inside < 0.5
     assert found.interval_score() > found.of_models["these"].interval_score()

@@ -2,7 +2,6 @@
 
 import json
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,9 +16,7 @@ from pellucid.studies.results import read_rows
 
 def few():
     """Three people who make every movement twice."""
-    rig = elbow_participants()
-    pointing, people = {**rig["pointing"], "repetitions": 2}, {**rig["people"], "count": 3}
-    return replace(rig, tables={**rig.tables, "pointing": pointing, "people": people})
+    return elbow_participants().changed({"pointing.repetitions": 2, "people.count": 3})
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,5 @@
 """Laws compared with virtual people: control as published, our own laws, energy, what would slow people."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -98,9 +97,7 @@ def test_what_would_slow_people_by_a_fifth():
 
 
 def test_a_study_keeps_what_its_sessions_came_to(cards):
-    rig = elbow_participants()
-    few = replace(rig, tables={**rig.tables, "pointing": {**rig["pointing"], "repetitions": 1}})
-    few = replace(few, tables={**few.tables, "people": {**few["people"], "count": 2}})
+    few = elbow_participants().changed({"pointing.repetitions": 1, "people.count": 2})
     conditions = {"Ctrl": None, "CLPC": published_conditions(cards, (0.0, -0.5))["CLPC"]}
     study = simulate_study(few, conditions, seed=4)
     assert study.conditions == ("Ctrl", "CLPC")

@@ -6,15 +6,15 @@ import pytest
 from pellucid._errors import IdentificationError, PellucidError
 from pellucid.control.worn import WornCompensator
 from pellucid.estimators.causal_map import EmgSettings, EmgTrial, fit_causal_map
-from pellucid.lab.knee.drawn import BODY, FACTORS, FITTED, drawn_rig
+from pellucid.lab.knee.drawn import BODY_RANGES, FACTOR_RANGES, FITTED_RANGES, drawn_rig
 from pellucid.lab.knee.protocol import Faults
 from pellucid.lab.knee.rig import knee_orthosis
-from pellucid.lab.knee.subject import FLEXOR
+from pellucid.lab.knee.subject import FLEXOR_MUSCLE
 from pellucid.papers.knee import tuning as knee_tuning
 from pellucid.papers.knee.controllers import (
     REQUIRED_DELAY_MARGIN_S,
     REQUIRED_GAIN_MARGIN_DB,
-    Chosen,
+    ChosenConstants,
     chosen,
     design_by_phase,
     design_for_wearer,
@@ -62,12 +62,12 @@ def test_wearers_are_drawn_within_what_is_stated_and_each_is_the_same_again(rig)
     for person, own in zip(people, made, strict=True):
         index, ratio = person.weight / person.height**2, person.strap["damping"] / person.strap["stiffness"]
         for value, (low, high) in (
-            (index, BODY["mass_index"]),
-            (person.strap["stiffness"], FITTED["stiffness"]),
-            (ratio, FITTED["damping"]),
-            (person.strength[FLEXOR] / person.weight, FITTED["flexor"]),
+            (index, BODY_RANGES["mass_index"]),
+            (person.strap["stiffness"], FITTED_RANGES["stiffness"]),
+            (ratio, FITTED_RANGES["damping"]),
+            (person.strength[FLEXOR_MUSCLE] / person.weight, FITTED_RANGES["flexor"]),
             (own["actuator"]["coulomb_positive"] / rig["actuator"]["coulomb_positive"],
-             FACTORS["actuator.coulomb_positive"]),
+             FACTOR_RANGES["actuator.coulomb_positive"]),
         ):  # fmt: skip
             assert low <= value <= high
     assert len({p.strap["stiffness"] for p in people}) == len(people)
@@ -170,7 +170,9 @@ def test_a_search_takes_the_least_that_keeps_its_margins(monkeypatch):
     monkeypatch.setattr(knee_tuning, "SEARCHED_VALUES", {"fuzzy": {"fuzzy.largest": (1.0, 2.0, 3.0)}})
     monkeypatch.setattr(knee_tuning, "strap_torque_share", lambda kind, c, seed: 1.0 / c.fuzzy["largest"])
     monkeypatch.setattr(knee_tuning, "keeps_margins", lambda kind, c, seed: c.fuzzy["largest"] < 2.5)
-    found, reached = knee_tuning.search("fuzzy", Chosen(fuzzy={"largest": 1.5}), (1, 2), map, lambda line: None)
+    found, reached = knee_tuning.search(
+        "fuzzy", ChosenConstants(fuzzy={"largest": 1.5}), (1, 2), map, lambda line: None
+    )
     assert found.fuzzy["largest"] == 2.0
     assert reached == pytest.approx(0.5)
 

@@ -6,6 +6,7 @@ import pytest
 from copied_package import copied_package, run_copied
 
 import pellucid
+from pellucid._errors import StudyError
 from pellucid.models.card import read_card
 
 PENDULUM = '''\
@@ -18,25 +19,65 @@ import numpy as np
 from ... import _core
 from ...models.joint import NAMES
 from ...protocols.excitation import multisine
+from ..constants import Gain, Quantum, Rate, RigConstants, RigTable, Torque, Viscosity
 from ..recorded_table import MAIN_STREAM, Column, StoredTable
 from ..rig import Rig, Taken, Trial
 
-NEEDED = {"joint": ("inertia", "gravity_sine"), "encoder": ("quantum",), "loop": ("kp", "kv"), "sampling": ("rate",)}
+
+class JointTable(RigTable):
+    """``[joint]``: the pendulum; names are those of the core's joint."""
+
+    inertia: float  # [kg*m^2]
+    gravity_sine: Torque  # [N*m]
+    coulomb_positive: Torque  # [N*m]
+    coulomb_negative: Torque  # [N*m]
+    viscous_positive: Viscosity  # [N*m*s/rad]
+    viscous_negative: Viscosity  # [N*m*s/rad]
+
+
+class EncoderTable(RigTable):
+    """``[encoder]``."""
+
+    quantum: Quantum  # [rad]
+
+
+class LoopTable(RigTable):
+    """``[loop]``."""
+
+    kp: Gain  # [1/s]
+    kv: Gain  # [N*m*s/rad]
+
+
+class SamplingTable(RigTable):
+    """``[sampling]``."""
+
+    rate: Rate  # [Hz]
+
+
+class PendulumConstants(RigConstants):
+    """The tables of its file."""
+
+    joint: JointTable
+    encoder: EncoderTable
+    loop: LoopTable
+    sampling: SamplingTable
 
 
 @dataclass(frozen=True)
 class PendulumRig(Rig):
-    """The tables of its file."""
+    """A pendulum on a torque motor."""
+
+    constants: PendulumConstants
 
     kind = "pendulum"
-    needed = NEEDED
+    constants_type = PendulumConstants
 
     def streams(self):
-        position = Column("position", "counts", "rad", self["encoder"]["quantum"])
-        return {MAIN: (Column("time", "time", "ms"), position, Column("torque", "torque", "N*m", 1e-4))}
+        position = Column("position", "counts", "rad", self.constants.encoder.quantum)
+        return {MAIN_STREAM: (Column("time", "time", "ms"), position, Column("torque", "torque", "N*m", 1e-4))}
 
     def trials(self, seed=1):
-        rate, made = self["sampling"]["rate"], []
+        rate, made = self.constants.sampling.rate, []
         for i, use in enumerate(("fit", "validate")):
             shape = {"fundamental": 0.2, "harmonics": 8, "amplitude": 0.8, "centre": 0.3}
             path = multisine(10.0, rate, rng=np.random.default_rng([seed, i]), **shape)
@@ -44,13 +85,14 @@ class PendulumRig(Rig):
         return made
 
     def record(self, trial, rng, controller=None):
-        period, n = 1.0 / self["sampling"]["rate"], len(trial.reference)
-        rows = np.array([[self["joint"].get(name, 0.0) for name in NAMES]])
-        quantum = self["encoder"]["quantum"]
+        period, n = 1.0 / self.constants.sampling.rate, len(trial.reference)
+        joint, loop = self.constants.joint.model_dump(), self.constants.loop.model_dump()
+        rows = np.array([[joint.get(name, 0.0) for name in NAMES]])
+        quantum = self.constants.encoder.quantum
         _, _, _, torque, _, measured = _core.simulate_batch(
             rows, reference=trial.reference, period=period, substeps=10, limit=9.0, gain=1.0,
             encoder_quantum=quantum, encoder_noise=1e-5 * rng.standard_normal((1, n)),
-            position0=float(trial.reference[0]), stiction=True, loop="cascade", velocity_span=4, **self["loop"],
+            position0=float(trial.reference[0]), stiction=True, loop="cascade", velocity_span=4, **loop,
         )
         sensed = 0.5 * (torque[0] + np.concatenate([torque[0, :1], torque[0, :-1]])) + 0.01 * rng.standard_normal(n)
         counts = (1e3 * period * np.arange(n), np.round(measured[0] / quantum), np.round(sensed / 1e-4))
@@ -58,13 +100,13 @@ class PendulumRig(Rig):
 
     def study(self, made):
         drive = {"kind": "torque", "limit": "9 N*m"}
-        loop = {"kind": "cascade", "velocity_span": 4, "limit": "9 N*m", **self["loop"]}
+        loop = {"kind": "cascade", "velocity_span": 4, "limit": "9 N*m", **self.constants.loop.model_dump()}
         processing = {"lowpass": "40 Hz", "decimate": 10, "dead_band": "0.1 rad/s", "trim": 100}
         rig = {"joint": "pendulum", "motion": "rotary", "lifts": "extension", "drive": drive, "loop": loop}
         return {**super().study(made), "rig": rig, "processing": processing, "model": {"gravity": "sine"}}
 
     def truth(self, seed=1):
-        return dict(self["joint"])
+        return self.constants.joint.model_dump()
 '''
 
 CONSTANTS = """\
@@ -147,6 +189,9 @@ def test_a_rig_that_a_session_defines_is_found_by_its_kind(tmp_path):
         (tmp_path / "mine.toml").write_text('kind = "nothing"\n', encoding="utf-8")
         rig = load_rig(tmp_path / "mine.toml")
         assert type(rig) is Nothing
+        (tmp_path / "other.toml").write_text('kind = "nothing"\nmass = 1\n', encoding="utf-8")
+        with pytest.raises(StudyError, match="rig other, line 2: found mass, expected some of kind"):
+            load_rig(tmp_path / "other.toml")
         assert rig.name == "mine"
         assert pellucid.init(tmp_path / "study", rig=str(tmp_path / "mine.toml")).read_text() == 'kind = "nothing"\n'
     finally:

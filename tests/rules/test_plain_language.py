@@ -34,7 +34,6 @@ FRAGMENT = re.compile(
 KINDS = ("one-word constants", "fragments", "constants on one line")
 
 ALLOWED: dict[str, tuple[int, int, int]] = {
-    "lab": (87, 48, 19),
 }
 """Numbers of `KINDS` that a room still has; a room that is not here has none."""
 

@@ -17,7 +17,7 @@ ALLOWED: dict[str, int] = {
     "drawing": 5,
     "estimators": 61,
     "fit": 181,
-    "lab": 135,
+    "lab": 100,
     "pages": 1,
     "papers": 213,
     "procedures": 506,

@@ -5,7 +5,7 @@ import numpy as np
 from pellucid.fit.tree.directional_sets import DirectionalRow
 from pellucid.lab.arm.rig import able_arm
 from pellucid.papers.able.arm_chapter import MODEL_IDS, ArmChapter, arm_rows, arm_sections
-from pellucid.papers.able.arm_identification import ArmIdentified, add_payload, directional, draw_test_motions
+from pellucid.papers.able.arm_identification import IdentifiedArm, add_payload, directional, draw_test_motions
 from pellucid.papers.able.arm_worn import BEST_LAW, LAWS, PUBLISHED_LAW
 
 
@@ -15,7 +15,7 @@ def made_up(n, model):
 
 def test_rows_and_page_say_the_same_of_every_model():
     compared = {n: {name: made_up(n, model) for model, name in MODEL_IDS.items()} for n in (1, 4)}
-    found = ArmIdentified("able-arm", 1, {}, {"consistent": 1.2, "load_stated_gains": 1.7}, 0.0, {}, "people",
+    found = IdentifiedArm("able-arm", 1, {}, {"consistent": 1.2, "load_stated_gains": 1.7}, 0.0, {}, "people",
                           np.ones(4), None, None)  # fmt: skip
     chapter = ArmChapter(compared, found, {PUBLISHED_LAW: 0.8, "transparent": 0.7, BEST_LAW: 0.6})
     rows = {row.id: row for row in arm_rows(chapter)}

@@ -17,7 +17,7 @@ from pellucid.lab.arm.human_motion import JOINTS, generated_motion
 from pellucid.lab.arm.protocol import ArmTrial, limits_of
 from pellucid.lab.arm.rig import able_arm, drawn_arms
 from pellucid.lab.arm.single_faults import fault_trials
-from pellucid.lab.arm.wearer import DONNED, HANDLE_AT, Person, drawn_people, worn_arguments
+from pellucid.lab.arm.wearer import DONNING_POSTURE_RAD, HANDLE_AT, Person, drawn_people, worn_arguments
 from pellucid.lab.arm.worn_trial import run
 from pellucid.lab.known_rigs import parse_rig, shipped_rig
 from pellucid.lab.study import record_in_memory, study_config
@@ -136,10 +136,10 @@ def test_the_protocol_keeps_to_its_limits_and_is_drawn_by_its_seed(rig):
 
 def test_cuffs_are_closed_without_force_where_they_were_put_on(rig):
     person = drawn_people(1)[0]
-    tree = built_tree(rig.tables, rotors=False)
+    tree = built_tree(rig.constants, rotors=False)
     given = worn_arguments(person, tree, 1e-3)
     plant = rig.plant(**given)
-    plant.reset(np.append(DONNED, HANDLE_AT * person.forearm), np.array(DONNED))
+    plant.reset(np.append(DONNING_POSTURE_RAD, HANDLE_AT * person.forearm), np.array(DONNING_POSTURE_RAD))
     *_, pull = plant.run(np.zeros(5))
     assert np.abs(pull[:, :3]).max() < 1e-9
     # Axes that miss each other by a centimetre pull elsewhere.

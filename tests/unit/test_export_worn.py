@@ -12,7 +12,7 @@ from pellucid.deployment import worn_values as module
 from pellucid.deployment.worn_values import worn_values
 from pellucid.models.card import CardParameter
 from pellucid.models.parameter_card import ParameterCard, write_parameter_card
-from pellucid.procedures.coupling.actuator_card import UNITS
+from pellucid.procedures.coupling.actuator_card import PARAMETER_UNITS
 
 STUDY = """
 name = "knee"
@@ -98,7 +98,7 @@ def test_what_identify_wrote_of_the_actuator_is_not_identified_again(study, monk
     monkeypatch.undo()
     found = {**ACTUATOR, "spring_stiffness": 105.0, "actuator_fit": 0.9}
     found.pop("delay")
-    parameters = tuple(CardParameter(n, UNITS[n], x, nan, (nan, nan)) for n, x in found.items())
+    parameters = tuple(CardParameter(n, PARAMETER_UNITS[n], x, nan, (nan, nan)) for n, x in found.items())
     card = ParameterCard("actuator", "knee", "actuator", parameters, settings={"period": 0.002})
     write_parameter_card(study.models_dir / "actuator.json", card)
 

@@ -38,7 +38,7 @@ def test_generated_walking_flexes_as_textbooks_say(monkeypatch):
     assert -0.05 < late.min() < 0.2
     # As many strides as fit, a peak each.
     high = late > 0.9
-    assert np.sum(high[1:] & ~high[:-1]) == pytest.approx(len(late) * 0.002 / gait.STRIDE, abs=1.0)
+    assert np.sum(high[1:] & ~high[:-1]) == pytest.approx(len(late) * 0.002 / gait.STRIDE_DURATION_S, abs=1.0)
     assert path[:5] == pytest.approx(path[0], abs=1e-4)
 
 

@@ -9,7 +9,7 @@ import pytest
 from pellucid import _core
 from pellucid._errors import StudyError
 from pellucid.lab.init import start_study
-from pellucid.lab.knee.drawn import STRAPS, drawn_rig, drawn_strap
+from pellucid.lab.knee.drawn import STRAP_EFFECT_RANGES, drawn_rig, drawn_strap
 from pellucid.lab.knee.instruments import draw_mounting, rotation, take_imu
 from pellucid.lab.knee.protocol import (
     Faults,
@@ -347,7 +347,11 @@ def test_a_drawn_strap_has_what_the_rig_has_whoever_draws():
     whole, one = RIG, RIG.strapped(without_strap_options(*(o for o in STRAP_OPTIONS if o != "slack")))
     for seed in range(20):
         strap = drawn_strap(whole, 20.0, seed)
-        assert all(low <= strap[name] <= high for name, (low, high) in STRAPS.items() if name != "relaxing_stiffness")
+        assert all(
+            low <= strap[name] <= high
+            for name, (low, high) in STRAP_EFFECT_RANGES.items()
+            if name != "relaxing_stiffness"
+        )
         assert max(abs(strap["across"]), abs(strap["along"])) <= 0.1
         assert drawn_strap(one, 20.0, seed)["slack"] == strap["slack"]
         bare = one.strap_of(drawn_rig(one, seed).subjects[f"D{seed}"])

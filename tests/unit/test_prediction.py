@@ -198,7 +198,7 @@ def test_a_law_without_equation_8_does_not_hang_on_its_exponents(cards):
 
 def test_ranges_are_those_of_people_or_half_to_double():
     rig = elbow_participants()
-    differ = replace(rig, tables={**rig.tables, "muscles": {**rig["muscles"], "stiffness_spread": 0.25}})
+    differ = rig.changed({"muscles.stiffness_spread": 0.25})
     by_name = {f.name: f for f in list_factors(differ)}
     assert by_name["stiffness"].spread
     assert (by_name["stiffness"].at(0.0), by_name["stiffness"].at(1.0)) == pytest.approx((3.63, 6.89), abs=0.01)

@@ -59,8 +59,8 @@ def _files(config: StudyFile) -> list[str]:
 
     files = [file for entry in config.recordings for file in (entry.file, *entry.streams.values())]
     muscles, tree = config.find_table(EmgTorqueTable), config.find_table(TreeTable)
-    said = (muscles and muscles.muscle_file, tree and tree.urdf)
-    return list(dict.fromkeys(files + [file for file in said if file]))
+    named_files = (muscles and muscles.muscle_file, tree and tree.urdf)
+    return list(dict.fromkeys(files + [file for file in named_files if file]))
 
 
 def _in_the_data_set(file: str) -> PurePosixPath:
@@ -71,10 +71,10 @@ def _in_the_data_set(file: str) -> PurePosixPath:
 def _with_notes(text: str, remarks: tuple[str, ...]) -> str:
     if not remarks:
         return text
-    said = ", ".join(json.dumps(remark) for remark in remarks)
+    remarks_text = ", ".join(json.dumps(remark) for remark in remarks)
     if "\nnotes = [" in text:
-        return text.replace("\nnotes = [", f"\nnotes = [{said}, ", 1)
-    line = f"notes = [{said}]  # repeated in the report\n"
+        return text.replace("\nnotes = [", f"\nnotes = [{remarks_text}, ", 1)
+    line = f"notes = [{remarks_text}]  # repeated in the report\n"
     head, separator, tail = text.partition("\n[rig]")
     return f"{head}{line}{separator}{tail}"
 

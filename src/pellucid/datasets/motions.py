@@ -53,20 +53,22 @@ def _of(name: str, joints: tuple[str, ...], folder: Path) -> tuple[RecordedMotio
 
 def motions_of(name: str, file: Path, joints: Sequence[str]) -> list[RecordedMotion]:
     """Return the motions in one person's `file`, which has the format of the data set `name`."""
-    said, made = info(name).motion, []
-    scale = np.array(said["signs"], float) * (np.pi / 180.0 if said["unit"] == "deg" else 1.0)
-    order = [said["joints"].index(joint) for joint in joints]
+    motion_info, made = info(name).motion, []
+    scale = np.array(motion_info["signs"], float) * (np.pi / 180.0 if motion_info["unit"] == "deg" else 1.0)
+    order = [motion_info["joints"].index(joint) for joint in joints]
     cells: dict[tuple[int, ...], dict[int, np.ndarray]] = defaultdict(dict)
     for column, values in read_columns(file).values.items():
         variable, *places = column.split(".")
-        if variable == said["variable"] and len(places) == 4:
+        if variable == motion_info["variable"] and len(places) == 4:
             *cell, row = map(int, places)
             cells[tuple(cell)][row] = values
     if not cells:
-        raise DatasetError(f"{file}: found no motions, expected cells {said['variable']}")
+        raise DatasetError(f"{file}: found no motions, expected cells {motion_info['variable']}")
     for (repetition, task, number), rows in sorted(cells.items(), key=lambda item: (item[0][1], item[0])):
         angles = np.column_stack([scale[k] * rows[k] for k in order])
         angles.flags.writeable = False
         person = file.name.partition("_")[0]
-        made.append(RecordedMotion(person, task + 1, repetition + 1, number + 1, said["rate"], tuple(joints), angles))
+        made.append(
+            RecordedMotion(person, task + 1, repetition + 1, number + 1, motion_info["rate"], tuple(joints), angles)
+        )
     return made

@@ -11,6 +11,7 @@ from typing import Any
 from .._errors import DatasetError
 
 _DATASETS_FOLDER = Path(__file__).parent
+"""Folder with a file for each data set."""
 
 
 @dataclass(frozen=True)

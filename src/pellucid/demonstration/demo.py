@@ -69,7 +69,10 @@ HELD_OUT_PLACE_COUNT = 2
 DEMO_FILE = "demo.txt"
 """File that marks a folder whose studies a demo may replace."""
 
-DEMO_TEXT = "The folders beside this file were made by: pellucid demo. The next demo in this folder replaces them.\n"
+DEMO_FILE_TEXT = (
+    "The folders beside this file were made by: pellucid demo. The next demo in this folder replaces them.\n"
+)
+"""Text of the file that marks a demo's folder."""
 
 Tell = Callable[[str, float], None]
 
@@ -221,7 +224,7 @@ def _clear_folders(folders: Sequence[Path], out: Path) -> None:
                 f"{folder}: found something that no demo made, expected nothing or an earlier demo's study; name "
                 "another folder with --out"
             )
-    write_text_atomically(out / DEMO_FILE, DEMO_TEXT)
+    write_text_atomically(out / DEMO_FILE, DEMO_FILE_TEXT)
     for folder in found:
         shutil.rmtree(folder)
     for folder in folders:

@@ -224,7 +224,7 @@ def _people(made: Demonstration) -> Section:
 
 def _exported(made: Demonstration) -> Section:
     cost, tables = made.cost, ()
-    said = [
+    paragraphs = [
         f"The controller {BEST_SENSED_CONTROLLER} as a folder of C and C++: the core's own headers, the identified "
         "constants, "
         "three functions to call, and a test vector with a motion and every fault."
@@ -241,11 +241,11 @@ def _exported(made: Demonstration) -> Section:
         cells = tuple(Row((words, f"{count}")) for words, count in rows)
         tables = (Table(("On a Cortex-M4F in QEMU", ""), cells, frozenset({1})),)
     elif made.played is not None:
-        said.append(f"Compiled on this machine, it played {made.played[0]} steps; {made.played[1]} were wrong.")
+        paragraphs.append(f"Compiled on this machine, it played {made.played[0]} steps; {made.played[1]} were wrong.")
     return Section(
         "exported",
         "The controller leaves the PC",
-        tuple(said),
+        tuple(paragraphs),
         tables,
         links=(
             ("Read before switching on", "elbow/controller/README.md"),

@@ -142,14 +142,14 @@ def write_files(files: Mapping[str, str], out: Path) -> Path:
 def _output_files(files: Mapping[str, str], out: Path, motion: int) -> dict[str, str]:
     """Return the file with this machine's outputs for the test vector; none without a compiler."""
     lines = record_outputs(files, out)
-    outputs = [(int(bits, 16), int(said)) for bits, said in (line.split() for line in lines)]
-    refuse_faults(out, [said for _, said in outputs[:motion]])
+    outputs = [(int(bits, 16), int(status)) for bits, status in (line.split() for line in lines)]
+    refuse_faults(out, [status for _, status in outputs[:motion]])
     return {OUTPUT_FILE: render("vector_outputs.h", outputs=outputs)} if lines else {}
 
 
-def refuse_faults(out: Path, said: Iterable[int]) -> None:
-    """Raise a PellucidError if one of the status words `said` of a motion contains a fault."""
-    wrong = next((word & 0xFF for word in said if word & 0xFF), 0)
+def refuse_faults(out: Path, statuses: Iterable[int]) -> None:
+    """Raise a PellucidError if one of the status words `statuses` of a motion contains a fault."""
+    wrong = next((word & 0xFF for word in statuses if word & 0xFF), 0)
     if wrong:
         raise PellucidError(f"{out}: found fault {wrong} in the test vector's motion, expected none")
 
@@ -192,10 +192,10 @@ def check_on_host(folder: Path) -> tuple[int, int] | None:
         return None
     with copied_controller(folder) as copy:
         run = subprocess.run(["make", "-s", "check"], cwd=copy, capture_output=True, text=True)
-    said = dict(line.split() for line in run.stdout.splitlines() if len(line.split()) == 2)
-    if not {"steps", "wrong"} <= set(said):
+    counts = dict(line.split() for line in run.stdout.splitlines() if len(line.split()) == 2)
+    if not {"steps", "wrong"} <= set(counts):
         raise PellucidError(f"{folder}: make check failed:\n{run.stderr.strip()}")
-    return int(said["steps"]), int(said["wrong"])
+    return int(counts["steps"]), int(counts["wrong"])
 
 
 def template_path(template: str) -> str:

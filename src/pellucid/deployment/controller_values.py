@@ -10,10 +10,11 @@ from ..control.control_law import LAWS, ControlLaw
 from ..control.supervised import SupervisedLaw, supervised
 from ..control.worn import watched_worn
 
-NO_TEST = (
+NO_START_UP_TEST_NOTE = (
     "The limit of effort is too small for a test at start-up: a wave of that size might not move the joint. Polarity "
     "and gain of the drive are not tested: test them by hand, or set a larger effort in [rig.limits] and export again."
 )
+"""Note in the exported README if the controller has no test at start-up."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class ControllerValues:
         tested = supervision["test_effort"] > 0.0 or not supervision["body_inertia"] > 0.0
         if LAWS[self.law].drives_spring or tested:
             return self.notes
-        return (*self.notes, NO_TEST)
+        return (*self.notes, NO_START_UP_TEST_NOTE)
 
     @cached_property
     def supervised(self) -> SupervisedLaw:

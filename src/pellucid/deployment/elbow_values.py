@@ -70,12 +70,12 @@ def elbow_values(
     law = named.build(card, place, **settings)
     remarks = _remarks(study, law, named.card)
     if LAWS[law.kind].carries_body:
-        remarks |= {name: said for name, said in identified_remarks(card).items() if name in law.values}
+        remarks |= {name: remark for name, remark in identified_remarks(card).items() if name in law.values}
     if named.wearer:
         remarks |= {name: f"of {participant}, by mass and height" for name in ("limb_inertia", "limb_gravity")}
     if named.exponents:
-        said = "chosen" if exponents else "chosen by five people on another robot"
-        remarks |= dict.fromkeys(("exponent_up", "exponent_down"), said)
+        remark = "chosen" if exponents else "chosen by five people on another robot"
+        remarks |= dict.fromkeys(("exponent_up", "exponent_down"), remark)
     notes += tuple(_notes(law, named, card, controller=controller, exponents=exponents, place=place))
     notes += source_notes(named.card, card)
     return ControllerValues(

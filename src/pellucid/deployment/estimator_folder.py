@@ -139,8 +139,10 @@ def write_estimator_folder(
         "notes": card.notes, "period": arrays["period"],
     }  # fmt: skip
     files |= render_all("estimator", **content)
-    outputs = [(int(said), [int(x, 16) for x in bits]) for said, *bits in map(str.split, record_outputs(files, out))]
-    wrong = {said & 0xFF for said, _ in outputs[1 : vector.motion]} - {0}
+    outputs = [
+        (int(status), [int(x, 16) for x in bits]) for status, *bits in map(str.split, record_outputs(files, out))
+    ]
+    wrong = {status & 0xFF for status, _ in outputs[1 : vector.motion]} - {0}
     if wrong:
         raise PellucidError(f"{out}: found {_core.EMG_FAULTS[wrong.pop()]} in the test vector's motion, expected none")
     if outputs:

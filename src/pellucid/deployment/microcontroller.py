@@ -97,11 +97,11 @@ def _rows(study: str, found: OnCortexM4, checksum: str, controller: str | None) 
 
 def _run_target(folder: Path, target: str) -> dict[str, int]:
     run = _make(folder, target)
-    said = dict(line.split() for line in run.stdout.splitlines() if len(line.split()) == 2)
+    counts = dict(line.split() for line in run.stdout.splitlines() if len(line.split()) == 2)
     # A check that finds a wrong output prints their number and fails. A program that cannot run prints nothing.
-    if "steps" not in said or (run.returncode and not int(said.get("wrong", 0))):
+    if "steps" not in counts or (run.returncode and not int(counts.get("wrong", 0))):
         raise PellucidError(f"{folder}: make {target} failed:\n{(run.stderr or run.stdout).strip()}")
-    return {word: int(number) for word, number in said.items()}
+    return {word: int(number) for word, number in counts.items()}
 
 
 def _size(folder: Path) -> tuple[int, int]:

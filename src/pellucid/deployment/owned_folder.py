@@ -46,6 +46,7 @@ def mark_own_folder(folder: Path, owner: Mapping[str, str]) -> Path:
 
 
 _WAY_OUT = "Name another folder with --out, or let it be replaced: --overwrite (overwrite=True)"
+"""End of a refusal to write into a folder: what the caller can do."""
 
 
 def _owner_of(folder: Path) -> dict[str, str] | None:

@@ -35,6 +35,7 @@ FAULT_STEPS = 12
 """Number of steps of most faults. The first ten are motion, unless the first sample itself is faulty."""
 
 _NO_LIMIT = float("inf")
+"""Limit that nothing exceeds."""
 
 # Configuration of the supervisor in which no check trips.
 _UNCHECKED_LAW: Mapping[str, float] = {

@@ -90,13 +90,13 @@ def _card(study: Study, name: str | None) -> ParameterCard:
 
 
 def _model(study: Study) -> Path:
-    said = study.table(EmgTorqueTable).muscle_file
-    if said is None or not said.lower().endswith(".osim"):
+    muscle_file = study.table(EmgTorqueTable).muscle_file
+    if muscle_file is None or not muscle_file.lower().endswith(".osim"):
         raise PellucidError(
-            f"export of {study.name}: found {said or 'no muscle_file'}, expected [emg_torque] muscle_file to name the "
-            "OpenSim model (.osim) that is copied"
+            f"export of {study.name}: found {muscle_file or 'no muscle_file'}, expected [emg_torque] muscle_file to "
+            "name the OpenSim model (.osim) that is copied"
         )
-    path = study.inside(said, "[emg_torque] muscle_file")
+    path = study.inside(muscle_file, "[emg_torque] muscle_file")
     if not path.is_file():
         raise RecordingError(f"{path}: not readable: no such file")
     return path
@@ -104,9 +104,9 @@ def _model(study: Study) -> Path:
 
 def _names(study: Study, kept: CalibratedMuscles) -> dict[str, str]:
     """Return the name of each muscle in other programs, from study.toml or from the package's own leg."""
-    said, table = study.table(EmgTorqueTable).muscle_names, muscle_table().labels
+    stated_names, table = study.table(EmgTorqueTable).muscle_names, muscle_table().labels
     own = study.table(EmgTorqueTable).muscle_file is None
-    return {m.name: said.get(m.name, table.get(m.name, m.name) if own else m.name) for m in kept.muscles}
+    return {m.name: stated_names.get(m.name, table.get(m.name, m.name) if own else m.name) for m in kept.muscles}
 
 
 def _muscles_by_coordinate(study: Study, kept: CalibratedMuscles) -> dict[str, list[str]]:

@@ -41,6 +41,7 @@ FOLDER_TITLE = "compensation of all joints of a robot"
 """Title in the exported files."""
 
 _NO_LIMIT = float("inf")
+"""Limit that nothing exceeds."""
 
 # Configuration of the supervisor in which no check trips.
 _UNCHECKED_LAW = {
@@ -140,8 +141,8 @@ def write_tree_folder(study: str, values: TreeValues, out: Path) -> Path:
     }  # fmt: skip
     files |= render_all("tree", **content)
     lines = [line.split() for line in record_outputs(files, out)]
-    outputs = [(int(said), [int(x, 16) for x in bits]) for said, *bits in lines]
-    refuse_faults(out, [said for said, _ in outputs[: vector.motion]])
+    outputs = [(int(status), [int(x, 16) for x in bits]) for status, *bits in lines]
+    refuse_faults(out, [status for status, _ in outputs[: vector.motion]])
     if outputs:
         files[OUTPUT_FILE] = render("vector_outputs.h", "tree", outputs=outputs)
     return write_files(files, out)

@@ -64,7 +64,7 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
     remarks |= {name: "from recordings of the orthosis alone" for name in actuator if name in remarks}
     remarks |= {name: "of the steady-state Kalman filter" for name in remarks if name.startswith("correct_")}
     gain, delay = f"{MIN_GAIN_MARGIN_DB:g} dB", f"{1e3 * MIN_DELAY_MARGIN_S:g} ms"
-    told = [note for kind, name in names.items() for note in source_notes(name, cards[kind])]
+    source_remarks = [note for kind, name in names.items() for note in source_notes(name, cards[kind])]
     notes = (
         f"For the wearer {wearer} alone: limb and strap are theirs.",
         f"The loop keeps {gain} and {delay} on straps {1 - STRAP_FACTORS[0]:.0%} softer and stiffer than identified.",
@@ -78,7 +78,7 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
         remarks=remarks,
         cards=tuple(names.values()),
         checksums={name: sha256(paths[kind].read_bytes()).hexdigest() for kind, name in names.items()},
-        notes=(*notes, *stops, *told),
+        notes=(*notes, *stops, *source_remarks),
     )
 
 

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .shared_tables import EmgTable
+
 PIECE_SAMPLE_COUNT = 1 << 14
 """Number of samples that are computed at a time, chosen so that their arrays stay in a processor's cache."""
 
@@ -23,7 +25,7 @@ class Electrodes:
     gains: tuple[float, ...]  # RMS of each channel at full excitation [V]
     # Table ``[emg]`` of a rig's file: rate, clock_drift, band, median_frequency, baseline, hum, hum_frequency,
     # harmonics, artefact, artefact_band, crosstalk, quantum, full_range; SI
-    table: Mapping
+    table: Mapping | EmgTable
     rate: float | None = None  # sampling rate [Hz]; the table's rate if None
     detached: Mapping[int, float] = field(default_factory=dict)  # time at which a channel's electrode comes off [s]
     clipped: Mapping[int, float] = field(default_factory=dict)  # range of a channel that clips early [V]
@@ -34,7 +36,9 @@ class Electrodes:
         return float(self.rate or self.table["rate"])
 
 
-def motor_unit_noise(n: int, channels: int, fs: float, table: Mapping, rng: np.random.Generator) -> np.ndarray:
+def motor_unit_noise(
+    n: int, channels: int, fs: float, table: Mapping | EmgTable, rng: np.random.Generator
+) -> np.ndarray:
     r"""Draw noise of unit variance with the spectrum of a surface EMG interference pattern.
 
     The power spectrum is :math:`f^2 / ((f^2 + f_l^2)(f^2 + f_h^2)^2)` with :math:`f_h = 2 f_l` [1]_. :math:`f_l` is

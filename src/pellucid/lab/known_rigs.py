@@ -1,29 +1,30 @@
-"""The list of rigs: kinds by the folders of this package, and the files of constants that come with it."""
+"""Registry of rigs: kinds by the folders of this package, and the files of constants that come with it."""
 
 from __future__ import annotations
 
-from functools import cache
 from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
 
 from .._errors import StudyError
 from .._given import read_given
-from .rig import BENCH, KINDS, Rig, parse_tables
-from .rig_schema import require_like
+from .rig import DEFAULT_KIND, KINDS, Rig, parse_tables
 
 RIGS = files(__package__) / "rigs"
-"""The rigs that come with the package."""
+"""Folder of the rigs' files that come with the package."""
 
-MOST_BYTES = 3_000_000
-"""Of a rig's file [B]."""
+MAX_RIG_FILE_BYTES = 3_000_000
+"""Largest size of a rig's file [B]."""
 
-DRAWN, DRAWN_FROM = 5, "able-elbow"
-"""How many rigs are drawn from the ranges of the one with a carriage."""
+DRAWN_RIG_COUNT = 5
+"""Number of rigs that are drawn from the ranges of `DRAWN_RIG_MODEL`."""
+
+DRAWN_RIG_MODEL = "able-elbow"
+"""Name of the rig whose file has the ranges."""
 
 
 def kind_of(kind: str) -> type[Rig] | None:
-    """The class of a `kind` of rig: of those defined so far, or of ``lab/<folder>/rig.py``; None if there is none."""
+    """Return the class of a `kind` of rig, defined so far or in ``lab/<folder>/rig.py``; None if there is none."""
     for folder in sorted(files(__package__).iterdir(), key=lambda folder: folder.name):
         if kind in KINDS:
             break
@@ -33,43 +34,33 @@ def kind_of(kind: str) -> type[Rig] | None:
 
 
 def parse_rig(text: str, name: str) -> Rig:
-    """A rig of whatever kind its file is."""
+    """Return the rig that a file's text describes, of the kind that the text names."""
     tables = parse_tables(text, f"rig {name}")
-    kind = tables.get("kind", BENCH)
+    kind = tables.get("kind", DEFAULT_KIND)
     found = kind_of(kind) if isinstance(kind, str) else None
     if found is None:
         raise StudyError(f"rig {name}: found kind = {kind!r}, expected one of {', '.join(sorted(KINDS))}")
-    own = _own(kind)
-    if own is not None:
-        require_like(tables, own, f"rig {name}:", found.free)
     return found.parse(text, name)
 
 
-@cache
-def _own(kind: str) -> dict | None:
-    """The tables of the package's own rig of a kind."""
-    files = (parse_tables(file.read_text(encoding="utf-8"), file.name) for file in RIGS.iterdir())
-    return next((tables for tables in files if tables.get("kind", BENCH) == kind), None)
-
-
 def shipped_rig(name: str) -> str:
-    """The text of a file of ``lab/rigs``, by its `name` without the ending."""
+    """Return the text of a file of ``lab/rigs``, by its `name` without the ending."""
     return (RIGS / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def rig_names() -> tuple[str, ...]:
-    """Names of the virtual rigs that come with the package."""
-    own = sorted(file.name.removesuffix(".toml") for file in RIGS.iterdir())
-    return (*own, *(f"{DRAWN_FROM}-drawn-{i + 1}" for i in range(DRAWN)))
+    """Return the names of the virtual rigs that come with the package."""
+    shipped = sorted(file.name.removesuffix(".toml") for file in RIGS.iterdir())
+    return (*shipped, *(f"{DRAWN_RIG_MODEL}-drawn-{i + 1}" for i in range(DRAWN_RIG_COUNT)))
 
 
 def load_rig(name: str | Path) -> Rig:
-    """A virtual rig by name, or from a file of one's own."""
+    """Return a virtual rig that comes with the package, by name, or the rig of a file that ends in .toml."""
     return parse_rig(rig_text(name), Path(name).stem if str(name).endswith(".toml") else str(name))
 
 
 def rig_text(name: str | Path) -> str:
-    """The text of a rig's file; a drawn rig's is its model's with the drawn values in their places."""
+    """Return the text of a rig's file; a drawn rig's text is that of its model with the drawn values in place."""
     if str(name).endswith(".toml") and Path(name).is_file():
         return text_of_rig(Path(name))
     if name not in rig_names():
@@ -81,21 +72,22 @@ def rig_text(name: str | Path) -> str:
     from .elbow.rig import ElbowRig, drawn_rigs
 
     original = ElbowRig.parse(text, base)
-    return _with_values(text, original, drawn_rigs(original, DRAWN)[int(drawn) - 1], drawn)
+    return _with_values(text, original, drawn_rigs(original, DRAWN_RIG_COUNT)[int(drawn) - 1], drawn)
 
 
 def text_of_rig(path: Path) -> str:
-    """What a rig's file says, as it is."""
+    """Return the text of a rig's file."""
     try:
-        return read_given(path, MOST_BYTES).decode("utf-8")
+        return read_given(path, MAX_RIG_FILE_BYTES).decode("utf-8")
     except UnicodeDecodeError as error:
         raise StudyError(f"{path}: not readable: {error}") from None
 
 
 def _with_values(text: str, original: Rig, values: Rig, number: str) -> str:
+    """Return the text of the original rig's file with the values of a drawn rig."""
     import re
 
-    made, table = [f"# Drawn from the ranges at the end of this file: rig {number} of {DRAWN}."], ""
+    made, table = [f"# Drawn from the ranges at the end of this file: rig {number} of {DRAWN_RIG_COUNT}."], ""
     for line in text.splitlines():
         head = re.match(r"\[([\w.]+)\]", line)
         table = head[1] if head else table

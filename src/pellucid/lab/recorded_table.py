@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
+from .shared_tables import EmgTable
 
 MAIN_STREAM = "main"
 """Name of the stream of the machine's own file, which every recording has."""
@@ -76,15 +78,15 @@ def file_name(recording: str, stream: str) -> str:
     return f"recordings/{recording}.csv" if stream == MAIN_STREAM else f"recordings/{recording}_{stream}.csv"
 
 
-def emg_columns(emg: Mapping) -> tuple[Column, ...]:
+def emg_columns(emg: EmgTable) -> tuple[Column, ...]:
     """Return the columns of raw EMG in counts of the converter, from a rig's table ``[emg]``."""
-    clock = Column("time", "sample", "s", 1.0 / emg["rate"])
-    return (clock, *(Column(f"emg.{muscle}", muscle, "V", emg["quantum"]) for muscle in emg["muscles"]))
+    clock = Column("time", "sample", "s", 1.0 / emg.rate)
+    return (clock, *(Column(f"emg.{muscle}", muscle, "V", emg.quantum) for muscle in emg.muscles))
 
 
-def store_emg(time: np.ndarray, counts: np.ndarray, emg: Mapping) -> StoredTable:
+def store_emg(time: np.ndarray, counts: np.ndarray, emg: EmgTable) -> StoredTable:
     """Return raw EMG as stored: `time` (n,) [s], the converter's `counts` (n, muscles); `emg` is a rig's table."""
-    return StoredTable.of(emg_columns(emg), np.round(time * emg["rate"]), counts)
+    return StoredTable.of(emg_columns(emg), np.round(time * emg.rate), counts)
 
 
 def marker_columns(markers: Sequence[str]) -> tuple[Column, ...]:

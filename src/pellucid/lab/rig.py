@@ -1,7 +1,8 @@
-"""What a virtual rig is: it knows its trials, records one as a lab would, says its study, and tells its truth.
+"""Virtual rigs: each has constants, a protocol of trials, recordings as a lab would make them, a study and a truth.
 
-A kind of rig is one file, ``lab/<folder>/rig.py``, with a class that derives from `Rig`, and one file of constants in
-``lab/rigs``. `known_rigs` finds both; everything else is shared: files, studies, recordings in memory, the commands.
+A kind of rig is a class that derives from `Rig` in ``lab/<folder>/rig.py``, and a file of constants in ``lab/rigs``.
+The class names the type of its constants, a class that derives from `RigConstants`. `known_rigs` finds class and file.
+Files, studies, recordings in memory and commands are shared by all rigs.
 """
 
 from __future__ import annotations
@@ -16,16 +17,17 @@ from typing import Any, ClassVar, Self, TypeVar
 import numpy as np
 
 from .._errors import StudyError
+from .constants import RigConstants
 from .recorded_table import MAIN_STREAM, MARKER_STREAM, Column, StoredTable, file_name
 
 Outcome = TypeVar("Outcome")
 Tell = Callable[[str, float], None]
 
-BENCH = "bench-joint"
-"""Kind of a rig file that names none."""
+DEFAULT_KIND = "bench-joint"
+"""Kind of a rig whose file names none."""
 
 KINDS: dict[str, type[Rig]] = {}
-"""Every kind of rig that was defined so far."""
+"""Class of each kind of rig that has been defined."""
 
 
 @dataclass(frozen=True)
@@ -86,72 +88,63 @@ class Taken:
             entry |= {key: value for key, value in said.items() if value is not None}
             own = {c.channel: c.spec for c in streams[MAIN_STREAM].columns if c.channel not in known}
             own |= self.entry.get("channels", {})
-            made.append(entry | self.entry | ({"channels": own} if own else {}))
+            made.append(entry | dict(self.entry) | ({"channels": own} if own else {}))
         return made
 
 
 @dataclass(frozen=True)
 class Rig(ABC):
-    """Everything a virtual rig is made of: the tables of its file, SI.
+    """A virtual rig: its name and the constants of its file, SI.
 
-    A class that names its `kind` is found by it; `streams`, `trials`, `record`, `study` and `truth` are its own.
+    A class that sets `kind` is found by it. It implements `streams`, `trials`, `record` and `truth`, and extends
+    `study`. ``rig["table"]`` is a table of the file.
     """
 
     name: str
-    tables: Mapping[str, Mapping]  # As in a file of ``lab/rigs``
+    constants: RigConstants  # all tables of a file of ``lab/rigs``
 
-    kind: ClassVar[str]  # What the file calls itself
-    # What each table of the file must say: ``""`` is its head, ``"subjects.*"`` every table below ``[subjects]``, at
-    # least one
-    needed: ClassVar[Mapping[str, tuple[str, ...]]] = {}
-    # Tables that may have keys beside those of the package's own rig
-    free: ClassVar[tuple[str, ...]] = ()
-    # What its study.toml says beside a table or a key, by dotted path; ``""`` is the head
+    kind: ClassVar[str]  # value of ``kind`` in the file
+    constants_type: ClassVar[type[RigConstants]] = RigConstants  # class that reads and checks the file
+    # Comments of study.toml beside a table or a key, by dotted path; ``""`` is the head of the file.
     comments: ClassVar[Mapping[str, str]] = {}
-    parallel: ClassVar[bool] = False  # Whether trials side by side in threads take less time
+    parallel: ClassVar[bool] = False  # whether recording trials in several threads takes less time
 
     def __init_subclass__(cls, **settings: Any) -> None:
         super().__init_subclass__(**settings)
         if "kind" in cls.__dict__:
             KINDS[cls.kind] = cls
 
-    def __getitem__(self, table: str) -> Mapping:
-        return self.tables[table]
+    def __getitem__(self, table: str) -> Any:
+        """Return a table of the file, or a constant of its head."""
+        return self.constants[table]
+
+    @property
+    def tables(self) -> dict[str, Any]:
+        """All that the file says, as nested dictionaries."""
+        return self.constants.as_tables()
 
     @classmethod
     def parse(cls, text: str, name: str) -> Self:
-        """The rig a file describes."""
-        return cls(name, cls.checked(parse_tables(text, f"rig {name}"), name))
+        """Return the rig that the text of a file describes."""
+        return cls(name, cls.read_constants(text, name))
 
     @classmethod
-    def checked(cls, tables: dict, name: str) -> dict:
-        """The tables of a rig's file, with nothing missing."""
-        if tables.get("kind", BENCH) != cls.kind:
+    def read_constants(cls, text: str, name: str) -> RigConstants:
+        """Return the constants of a file's text; raise a StudyError if one is missing, unknown or impossible."""
+        tables = parse_tables(text, f"rig {name}")
+        if tables.get("kind", DEFAULT_KIND) != cls.kind:
             raise StudyError(f"rig {name}: found kind = {tables.get('kind')!r}, expected {cls.kind!r}")
-        for table, keys in cls.needed.items():
-            family, _, every = table.partition(".")
-            found = tables.get(family, {}) if table else tables
-            if every and not found:
-                raise StudyError(f"rig {name}: found no [{family}.NAME], expected at least one")
-            entries = ((f"[{family}.{k}]", v) for k, v in found.items()) if every else [(f"[{table}]", found)]
-            for title, entry in entries:
-                missing = [key for key in keys if key not in entry]
-                if missing:
-                    raise StudyError(f"rig {name}: {title} lacks {', '.join(missing)}")
-        return tables
+        return cls.constants_type.from_tables(tables, f"rig {name}", text)
 
     def changed(self, values: Mapping[str, object], name: str | None = None) -> Self:
-        """The same rig with some constants changed."""
-        tables = _copied(self.tables)
-        for path, value in values.items():
-            *parts, key = path.split(".")
-            table = tables
-            for part in parts:
-                table = table.get(part, {})
-            if key not in table:
-                raise StudyError(f"rig {self.name} has no constant {path}")
-            table[key] = value
-        return replace(self, name=name or self.name, tables=tables)
+        """Return the rig with other values of some constants, by the dotted path of each.
+
+        Raises
+        ------
+        StudyError
+            If a path names no constant, or a value is not of its type or out of its bounds.
+        """
+        return replace(self, name=name or self.name, constants=self.constants.with_values(values, f"rig {self.name}"))
 
     @abstractmethod
     def streams(self) -> Mapping[str, Sequence[Column]]:
@@ -236,7 +229,3 @@ def parse_tables(text: str, where: str) -> dict:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise StudyError(f"{where}: not valid TOML: {error}") from error
-
-
-def _copied(tables: Mapping) -> dict:
-    return {key: _copied(value) if isinstance(value, Mapping) else value for key, value in tables.items()}

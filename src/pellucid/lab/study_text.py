@@ -7,16 +7,17 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-ORDER = ("name", "rig", "participants", "channels", "streams", "optical", "processing", "model")
-"""What stands first; then whatever else is said, and the recordings last."""
+TABLE_ORDER = ("name", "rig", "participants", "channels", "streams", "optical", "processing", "model")
+"""Tables that study.toml begins with, in order; other tables follow, and the recordings are last."""
 
 COMMENT_COLUMN = 32
+"""Column at which comments begin."""
 
 
 def study_text(said: Mapping[str, Any], comments: Mapping[str, str]) -> str:
     """The text of a study.toml."""
-    keys = [key for key in ORDER if key in said]
-    keys += [key for key in said if key not in (*ORDER, "recordings")]
+    keys = [key for key in TABLE_ORDER if key in said]
+    keys += [key for key in said if key not in (*TABLE_ORDER, "recordings")]
     lines = [f"# {line}" for line in comments.get("", "").splitlines()]
     for key in keys:
         value = said[key]

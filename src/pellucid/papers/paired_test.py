@@ -30,7 +30,7 @@ class PairedTest:
 
 
 def paired_test(t: float, n: int, *, means: tuple[float, float], sds: tuple[float, float]) -> PairedTest:
-    """Recompute a paired t-test from what was printed of it."""
+    """Recompute a paired t-test from its printed numbers."""
     if n < 2 or t == 0.0 or min(sds) <= 0.0:
         raise PellucidError(
             f"paired test: n = {n}, t = {t}, standard deviations {sds}; expected n >= 2, t != 0, both > 0"

@@ -21,7 +21,7 @@ from .._plugins import load_plugins, require_attributes
 class Printed:
     """A number as printed."""
 
-    value: float  # In `unit`
+    value: float  # Printed value, in `unit`
     half_unit: float  # Half a unit of the last digit printed: how far rounding may have moved it
     unit: str  # As the paper prints it, in this package's spelling
     where: str  # Table, equation or section
@@ -32,7 +32,7 @@ class Printed:
         return self.value - self.half_unit, self.value + self.half_unit
 
     def agrees(self, exact: float) -> bool:
-        """Whether `exact`, in `unit`, rounds to what is printed."""
+        """Return whether `exact`, in `unit`, rounds to the printed number."""
         low, high = self.interval
         slack = 1e-9 * self.half_unit  # a value that lies on the edge may round either way
         return low - slack <= exact <= high + slack
@@ -65,7 +65,7 @@ class PrintedPaper:
     tables: Mapping[str, PrintedTable]
 
     def __getitem__(self, name: str) -> float:
-        """A single number of `values`, without the rest."""
+        """Return a single number of `values`, without the rest."""
         found = self.values[name]
         if isinstance(found, tuple):
             raise KeyError(f"{name!r} is a list of {len(found)} numbers; take it from values")
@@ -95,7 +95,7 @@ def papers() -> dict[str, Path]:
 
 
 def printed(paper: str) -> PrintedPaper:
-    """The numbers that a paper, one of `papers`, prints."""
+    """Return the numbers that a paper, one of `papers`, prints."""
     folder = papers().get(paper)
     if folder is None:
         raise PellucidError(f"unknown paper {paper!r}; known: {', '.join(papers())}")

@@ -9,12 +9,12 @@ from ..pages.quantities import MINUS_SIGN, typeset_units, unit_text
 from ..pages.tables import Row, Table
 from .figure import Reproduced
 
-FROM_PRINT = ("recomputed", "cannot be")
+VERDICTS_FROM_PRINT = ("recomputed", "cannot be")
 """Verdicts of rows that come from print alone."""
 
 
 def cell(value: float | None) -> str:
-    """A number of a table, "–" where there is none."""
+    """Return a number of a table, "–" where there is none."""
     if value is None:
         return "–"
     text = f"{value:.4g}" if value == 0.0 or abs(value) >= 1e-4 else f"{value:.1e}"
@@ -22,7 +22,7 @@ def cell(value: float | None) -> str:
 
 
 def bracketed(ours: str, printed: str | None) -> str:
-    """A number with what is printed behind it, in angular brackets."""
+    """Return a number with the printed one behind it, in angular brackets."""
     return ours if printed is None else f"{ours} ⟨{printed}⟩"
 
 
@@ -35,7 +35,7 @@ def row_sections(
     rows: Sequence[Reproduced], *, over: str, remarks: bool, printed_of: str, ours_of: str
 ) -> tuple[Section, Section]:
     """Both sections; `printed_of` and `ours_of` are whom or what either column is about."""
-    printed = [r for r in rows if r.verdict in FROM_PRINT]
+    printed = [r for r in rows if r.verdict in VERDICTS_FROM_PRINT]
     recomputed = (
         Row(
             (_said(r.quantity), cell(r.published), cell(r.ours), unit_text(r.unit) or "–", r.verdict, _said(r.note)),

@@ -75,18 +75,18 @@ def require_fresh(study: Study, path: Path, card: Made) -> Made:
     if not card.made_from:
         if not _has_other_recordings(study, card):
             return card
-        said = "found a stale card: the recordings that it was made from have changed or are other ones"
+        problem = "found a stale card: the recordings that it was made from have changed or are other ones"
     elif procedure is None:
-        said = f'found a card of the unknown procedure "{name}", expected one of this study as it is now'
+        problem = f'found a card of the unknown procedure "{name}", expected one of this study as it is now'
     else:
         changed = list(_changes(card.made_from, card_sources(_read_anew(study), procedure)))
         if not changed:
             return card
         whose = "" if card.study == study.name else f" of the study {card.study}"
-        said = f"found a stale card{whose}: {', '.join(changed)} changed since it was made"
+        problem = f"found a stale card{whose}: {', '.join(changed)} changed since it was made"
     raise PellucidError(
-        f"{path}: {said}; {command} again: pellucid {command} {study.folder}. --accept-stale (accept_stale=True) takes "
-        "it all the same"
+        f"{path}: {problem}; {command} again: pellucid {command} {study.folder}. --accept-stale (accept_stale=True) "
+        "takes it all the same"
     )
 
 

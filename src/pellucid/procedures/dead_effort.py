@@ -76,9 +76,15 @@ def _faults_of_use(study: Study, recordings: Sequence[Recording], use: str) -> I
         elif levels.size == 1:
             found = f"the one value {levels[0]:.6g}{unit} in {where}"
             yield _fault("refuse", files, drive, found, wanted)
-        elif levels.size > 1 and (told := _explained(study, drive, [r for r, _, _ in seen])) < MIN_EXPLAINED_SHARE:
+        elif (
+            levels.size > 1
+            and (explained_share := _explained(study, drive, [r for r, _, _ in seen])) < MIN_EXPLAINED_SHARE
+        ):
             values = ", ".join(f"{level:.6g}" for level in levels)
-            found = f"only the values {values}{unit} in {where}; motion explains {100 * told:.2g} % of their variance"
+            found = (
+                f"only the values {values}{unit} in {where}; motion explains {100 * explained_share:.2g} % of their "
+                "variance"
+            )
             yield _fault("refuse", files, drive, found, wanted)
 
 

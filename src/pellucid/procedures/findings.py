@@ -22,5 +22,7 @@ def finders(folder: ModuleType) -> Iterator[tuple[str, ModuleType]]:
 
 def collect_findings(folder: ModuleType, case: Any) -> tuple[Verdict, ...]:
     """Return the verdicts of all findings in a package on a `case`, worst first, each under its file's name."""
-    told = (replace(v, finding=v.finding or name) for name, module in finders(folder) for v in module.find(case))
-    return rank_verdicts(told)
+    named_verdicts = (
+        replace(v, finding=v.finding or name) for name, module in finders(folder) for v in module.find(case)
+    )
+    return rank_verdicts(named_verdicts)

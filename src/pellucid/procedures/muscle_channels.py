@@ -118,9 +118,9 @@ def envelope_faults(
 
 def raise_refusals(faults: Sequence[Fault]) -> None:
     """Raise a RecordingError with the messages of all refusing faults, if there are any."""
-    told = [fault.message for fault in faults if fault.severity == "refuse"]
-    if told:
-        raise RecordingError("\n".join(told))
+    refusals = [fault.message for fault in faults if fault.severity == "refuse"]
+    if refusals:
+        raise RecordingError("\n".join(refusals))
 
 
 def raw_channel(stream: Recording, muscle: str) -> np.ndarray:

@@ -101,24 +101,25 @@ def posterior_verdicts(
             "warning", f"{head}The posterior has not settled: {posterior.unsettled}; nothing is read from it."
         )
         return
-    told = [one for one in compared if not one.drawn.told_by_prior]
+    determined = [one for one in compared if not one.drawn.told_by_prior]
     # An interval may be wider than a posterior that the prior limits, but it should not be narrower.
     apart = [
         one
         for one in compared
-        if one.widths(level) > AGREEMENT_FACTOR or (one in told and one.widths(level) < 1.0 / AGREEMENT_FACTOR)
+        if one.widths(level) > AGREEMENT_FACTOR or (one in determined and one.widths(level) < 1.0 / AGREEMENT_FACTOR)
     ]
     if apart:
-        said = "; ".join(
+        widths_text = "; ".join(
             f"{_named(one)} {_range(one.fitted, level)} by the fit, {_range(one.drawn, level)} by the posterior"
             for one in apart
         )
         yield Verdict(
             "warning",
-            f"{head}Intervals and posterior differ in width by more than a factor of {AGREEMENT_FACTOR:g}: {said}.",
+            f"{head}Intervals and posterior differ in width by more than a factor of {AGREEMENT_FACTOR:g}: "
+            f"{widths_text}.",
             "Take the wider of the two.",
         )
-    for one in (one for one in told if one.fitted.refused):
+    for one in (one for one in determined if one.fitted.refused):
         found = f"{_range(one.drawn, level)} {unit_text(one.drawn.unit)}".rstrip()
         yield Verdict(
             "note",
@@ -129,9 +130,9 @@ def posterior_verdicts(
         verb = "is" if len(prior) == 1 else "are"
         yield Verdict("note", f"{head}In the posterior {', '.join(prior)} {verb} told by the prior, not by the data.")
     if posterior.pairs:
-        said = ", ".join(f"{a} and {b} ({r:+.2f})".replace("_", " ") for a, b, r in posterior.pairs)
-        yield Verdict("note", f"{head}In the posterior these trade off: {said}.")
-    if any(np.isfinite(one.widths(level)) for one in told) and not apart:
+        pairs_text = ", ".join(f"{a} and {b} ({r:+.2f})".replace("_", " ") for a, b, r in posterior.pairs)
+        yield Verdict("note", f"{head}In the posterior these trade off: {pairs_text}.")
+    if any(np.isfinite(one.widths(level)) for one in determined) and not apart:
         yield Verdict(
             "good",
             f"{head}Where an interval and the posterior can both be read, they agree within a factor of "

@@ -88,8 +88,8 @@ class Procedure(ABC, Generic[Table, Found]):
         be missing, anything."""
         from ..studies.quality import left_out_fault
 
-        told = {r.name: left_out_fault(r, study, self.whole) for r in study.recordings()}
-        return {name: fault for name, fault in told.items() if fault is not None}
+        faults = {r.name: left_out_fault(r, study, self.whole) for r in study.recordings()}
+        return {name: fault for name, fault in faults.items() if fault is not None}
 
     def taken(self, study: Study) -> Study:
         """Return the study without unfit recordings; raise a RecordingError where no other is left."""

@@ -136,8 +136,8 @@ class Result:
         """Return headline, tables and verdicts for a notebook."""
         from .print_result import html_tables
 
-        said = "".join(f"<li>{escape(v.said)}</li>" for v in self.verdicts)
-        return f"<p>{escape(self.headline)}</p>{html_tables(self)}<ul>{said}</ul>"
+        verdict_items = "".join(f"<li>{escape(v.said)}</li>" for v in self.verdicts)
+        return f"<p>{escape(self.headline)}</p>{html_tables(self)}<ul>{verdict_items}</ul>"
 
     @property
     def each(self) -> tuple[Result, ...]:
@@ -217,7 +217,7 @@ class Result:
             self.save(study)
             return study, ""
         except (OSError, PellucidError) as error:
-            said = f"{study.made} could not be written: {error}"
+            problem = f"{study.made} could not be written: {error}"
             for parent in (Path.cwd(), Path(gettempdir()), Path.home(), Path("/dev/shm")):
                 try:
                     out = Path(mkdtemp(prefix=f"pellucid-{study.name}-", dir=parent))
@@ -228,7 +228,7 @@ class Result:
                 except (OSError, PellucidError):
                     rmtree(out, ignore_errors=True)
                     continue
-                return replace(study, out=out), f"{said}; what was found is in {out} instead"
+                return replace(study, out=out), f"{problem}; what was found is in {out} instead"
             raise
 
     @classmethod

@@ -543,11 +543,14 @@ def _run(procedure: Procedure, study: Study, on_progress: Progress | None, **opt
         raise UnfitRecordingError("\n".join(fault.message for fault in twice))
     taken = procedure.taken(study)
     found = procedure.run(taken, procedure.table_of(taken), tell, **options)
-    told = procedure.cut(study)
+    cut_notes = procedure.cut(study)
     warned = [
-        Verdict("warning", text) for text in grouped_messages([fault for fault in told if fault.severity == "warn"])
+        Verdict("warning", text)
+        for text in grouped_messages([fault for fault in cut_notes if fault.severity == "warn"])
     ]
-    cut = [Verdict("note", text) for text in grouped_messages([fault for fault in told if fault.severity != "warn"])]
+    cut = [
+        Verdict("note", text) for text in grouped_messages([fault for fault in cut_notes if fault.severity != "warn"])
+    ]
     found = found_by(procedure, study, replace(found, verdicts=(*rank_verdicts((*found.verdicts, *warned)), *cut)))
     tell("done", 1.0)
     return found
@@ -555,7 +558,7 @@ def _run(procedure: Procedure, study: Study, on_progress: Progress | None, **opt
 
 def _required(study: Study, name: str | None) -> tuple[Procedure, ...]:
     """Return the procedures of that command or name that the study asks for; IdentificationError if there is none."""
-    known = dict.fromkeys(said for p in registry.ALL_PROCEDURES for said in (p.command, p.name))
+    known = dict.fromkeys(known_name for p in registry.ALL_PROCEDURES for known_name in (p.command, p.name))
     if name is not None and name not in known:
         raise PellucidError(f"run: found {name!r}, expected a procedure or a command: {', '.join(known)}")
     found = asked(study, name)

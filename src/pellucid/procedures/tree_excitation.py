@@ -82,9 +82,11 @@ def limits_of(
     second. `radius` is that of links and `clearance` the distance between them [m]. A radius of 0 is for an arm that
     cannot collide with itself.
     """
-    said = {joint.joint: joint.limits for joint in study.rig.joints}
+    stated_limits = {joint.joint: joint.limits for joint in study.rig.joints}
     for name in robot.names:
-        missing = [key for key in ("position_min", "position_max", "velocity") if getattr(said[name], key) is None]
+        missing = [
+            key for key in ("position_min", "position_max", "velocity") if getattr(stated_limits[name], key) is None
+        ]
         if missing:
             raise StudyError(
                 f"study.toml: [[rig.joints]] {name}: limits: found no {', '.join(missing)}, expected what a motion "
@@ -92,10 +94,12 @@ def limits_of(
                 'velocity = "2 rad/s" }'
             )
     low, high, velocity = (
-        np.array([getattr(said[name], key) for name in robot.names])
+        np.array([getattr(stated_limits[name], key) for name in robot.names])
         for key in ("position_min", "position_max", "velocity")
     )
-    effort = np.array([np.inf if said[name].effort is None else said[name].effort for name in robot.names])
+    effort = np.array(
+        [np.inf if stated_limits[name].effort is None else stated_limits[name].effort for name in robot.names]
+    )
     bodies = any(link.mass > 0.0 for link in robot.tree.links)
     bound = {}
     if bodies and np.isfinite(effort).any():

@@ -10,7 +10,7 @@ from ..lab.knee.gait import walking
 from ..lab.knee.protocol import swing_trial, walking_trial
 from ..lab.knee.rig import knee_orthosis
 from ..lab.knee.trial import Controller, KneeReadings, run_trial
-from ..papers.knee.controllers import Built, chosen, controllers
+from ..papers.knee.controllers import BuiltController, chosen, controllers
 from ..papers.knee.residual import identify_by_name, session_of
 from ..papers.knee.swings import SETTLING_TIME_S, holds_margins, rms_mismatch_and_torque, without_control, without_power
 from .strategies import SWING_TASK, WALKING_TASK, strategies_of_task
@@ -39,7 +39,7 @@ def knee_pair(
     pace = rig["swing"]
     middle = (pace["centre"], np.pi * sum(pace["frequency"]))
     built = controllers(identified.card(constants.emg), rig.period, middle, constants, only)
-    built = {"no_control": Built(lambda: None), **built}
+    built = {"no_control": BuiltController(lambda: None), **built}
     plain = without_control(rig, name) if sway else None
     path, _ = walking(1.0 / rig.period, TRIAL_DURATION_S, np.random.default_rng([seed, index, 3]))
     made = []

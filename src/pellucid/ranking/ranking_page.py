@@ -139,6 +139,7 @@ def _faults(tried: Sequence[ControllerTrial]) -> str:
 
 
 ENERGY_COLUMNS = (("given (mW)", _median("given", ".0f", 1e3)), ("taken (mW)", _median("taken", ".0f", 1e3)))
+"""Heads and cells of the columns on power, for every task."""
 
 ELBOW_COLUMNS = (
     *ENERGY_COLUMNS,
@@ -149,10 +150,13 @@ ELBOW_COLUMNS = (
     ("step (ns)", _median("cost", ".0f", 1e9)),
     ("gates shut", _faults),
 )
+"""Heads and cells of all columns beside the torque, for the elbow."""
+
 ELBOW_CAPTION = (
     "Duration, peak velocity and EMG over acceleration: change from no robot. Worst fault: the most energy that any "
     "single fault which a sensor can show gives the person until the robot is safe, over all pairs. Step: here."
 )
+"""Caption of the elbow's table."""
 
 KNEE_COLUMNS = (
     *ENERGY_COLUMNS,
@@ -161,10 +165,13 @@ KNEE_COLUMNS = (
     ("no sway", _holds),
     ("gates shut", _faults),
 )
+"""Heads and cells of all columns beside the torque, for the knee."""
+
 KNEE_CAPTION = (
     "Margins: smallest over pairs, of the linear loop with the strap 30 % off. No sway: without a linear form, whether "
     "twice the command, or one 20 ms late, leaves a relaxed leg and a swing quiet; tried with two, if there are more."
 )
+"""Caption of the knee's tables."""
 
 
 def _method_section() -> Section:

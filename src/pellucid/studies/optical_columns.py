@@ -21,10 +21,10 @@ def read_optical(
     markers = {}
     for marker in spec.markers:
         stored = [columns.column(spec.column(marker, axis), f"of marker {marker}") for axis in AXES]
-        said = columns.units.get(spec.column(marker, AXES[0]), spec.unit)
-        if said != spec.unit:
+        file_unit = columns.units.get(spec.column(marker, AXES[0]), spec.unit)
+        if file_unit != spec.unit:
             raise RecordingError(
-                f'{columns.path.name}: marker {marker}: study.toml says {spec.unit}, the file itself "{said}"'
+                f'{columns.path.name}: marker {marker}: study.toml says {spec.unit}, the file itself "{file_unit}"'
             )
         for axis, samples in zip(AXES, stored, strict=True):
             if len(samples) != len(time):

@@ -564,10 +564,10 @@ def _truncated_row_cut(path: Path, time: np.ndarray, window: tuple[float, float]
 def _require_file_units(columns: Columns, specs: dict[str, ChannelSpec]) -> None:
     for name, spec in specs.items():
         used = (spec.column,) if spec.minus is None else (spec.column, spec.minus.column)
-        said = next((columns.units[c] for c in used if columns.units.get(c) not in (None, spec.unit)), None)
-        if said is not None:
+        file_unit = next((columns.units[c] for c in used if columns.units.get(c) not in (None, spec.unit)), None)
+        if file_unit is not None:
             raise RecordingError(
-                f'{columns.path.name}: channel {name}: study.toml says {spec.unit}, the file itself "{said}"'
+                f'{columns.path.name}: channel {name}: study.toml says {spec.unit}, the file itself "{file_unit}"'
             )
 
 

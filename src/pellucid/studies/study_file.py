@@ -374,7 +374,10 @@ class SeveralJoints(StudyTable):
 
 
 _ONE_TAG = DERIVED_PREFIX + "one"
+"""Tag of the schema's variant for a rig with one joint."""
+
 _SEVERAL_TAG = DERIVED_PREFIX + "several"
+"""Tag of the schema's variant for a rig with several joints."""
 
 
 def _unpack_single_joint(rig: OneJoint | SeveralJoints) -> JointTable | SeveralJoints:

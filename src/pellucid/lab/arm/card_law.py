@@ -21,12 +21,11 @@ from .protocol import ArmTrial
 from .rig import ArmRig
 from .wearer import HANDLE_AT, UPPER_CUFF_AT, Person
 
-FILTERING = Filtering(8.0, 4, 20, 0.05, 500)
-"""As in the study of the rig: low-pass [Hz], order, decimation, dead band [rad/s], trim."""
+STUDY_FILTERING = Filtering(8.0, 4, 20, 0.05, 500)
+"""Filters of the rig's study: low-pass [Hz], order, decimation, dead band [rad/s], trim [samples]."""
 
-SENSED = (JOINTS.index("internal_rotation"), JOINTS.index("elbow_flexion"))
-"""Links that bear the force sensors of cuff and handle."""
-
+SENSOR_LINKS = (JOINTS.index("internal_rotation"), JOINTS.index("elbow_flexion"))
+"""Indices of the links that bear the force sensors of cuff and handle."""
 
 Point = tuple[float, float, float]
 
@@ -53,7 +52,7 @@ class CardLaw:
         """What both force sensors read, at the joints, shape (4,) [N m]."""
         tree, felt = self.law.card.tree, np.zeros(len(JOINTS))
         frames = tree.placements(position)
-        for link, point, read in zip(SENSED, self.points, wrench, strict=True):
+        for link, point, read in zip(SENSOR_LINKS, self.points, wrench, strict=True):
             turn = frames[link, :, :3]
             jacobian = tree.jacobian(position, link, np.array(point))
             felt += jacobian[:3].T @ (turn @ read[:3]) + jacobian[3:].T @ (turn @ read[3:])
@@ -72,7 +71,7 @@ def motions_of(rig: ArmRig, trials: Sequence[ArmTrial], seed: int) -> list[TreeM
         (streams,) = rig.record(trial, **drawn).files.values()
         (stored,) = streams.values()
         motion = tree_motion_of(
-            stored.values[:, 0], stored.values[:, 1:5] * rig.quanta, 1e-3 * stored.values[:, 5:9], FILTERING,
+            stored.values[:, 0], stored.values[:, 1:5] * rig.quanta, 1e-3 * stored.values[:, 5:9], STUDY_FILTERING,
             gain=rig.gains, recording=trial.name, use=trial.use, protocol=trial.protocol,
         )  # fmt: skip
         numbered = np.where(motion.segment < 0, -1, motion.segment + first)
@@ -91,9 +90,9 @@ def identified(rig: ArmRig, seed: int = 1) -> TreeEstimate:
 
 def card_of(rig: ArmRig, estimate: TreeEstimate) -> TreeCard:
     """The card of a model of an arm."""
-    said = [rig["joint"][name] for name in JOINTS]
+    said = [rig.constants.joint[name] for name in JOINTS]
     ranges = tuple(
-        JointRange(s["low"], s["high"], s["velocity"] * 1.5, float(most), None, None, s["velocity"])
+        JointRange(s.low, s.high, s.velocity * 1.5, float(most), None, None, s.velocity)
         for s, most in zip(said, rig.limits, strict=True)
     )
     return TreeCard(

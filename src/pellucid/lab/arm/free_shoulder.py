@@ -25,19 +25,32 @@ from .rig import ArmRig
 from .wearer import HANDLE_AT, Person
 from .worn_trial import WornTrial, motion_of, run
 
-POSTURE = (0.12, 0.10, 0.0)
-"""Of the shoulder [rad]: the upper arm hangs, clear of the trunk."""
+SHOULDER_POSTURE_RAD = (0.12, 0.10, 0.0)
+"""Posture of the shoulder, in which the upper arm hangs clear of the trunk [rad]."""
 
-REACHES = (0.63, 0.94, 1.26)
-"""Amplitudes of upward and downward movements, from `LOWEST`: 36 to 72 degrees [rad]."""
+REACH_AMPLITUDES_RAD = (0.63, 0.94, 1.26)
+"""Amplitudes of upward and downward movements of the elbow, 36 to 72 degrees [rad]."""
 
-LOWEST, FULL_SPEED, PAUSE = 0.7, 1.5, 0.5
-"""Where movements begin [rad], how fast their middle is [rad/s], and rest between two [s]."""
+LOWEST_ELBOW_ANGLE_RAD = 0.7
+"""Angle of the elbow at which upward movements begin [rad]."""
 
-BANDWIDTH, SPEED_SPAN, EXPONENTS = 100.0, 8.0, (-1.0, -1.9)
-"""Of the position control [rad/s]; samples of a measured velocity; equation 8's k upwards and downwards."""
+PEAK_SPEED_RAD_S = 1.5
+"""Speed in the middle of a movement [rad/s]."""
 
-CUT_OFF = 8.0  # Hz: of what constants are found from
+PAUSE_S = 0.5
+"""Rest between two movements [s]."""
+
+POSITION_BANDWIDTH_RAD_S = 100.0
+"""Bandwidth of the position control [rad/s]."""
+
+SPEED_SPAN_SAMPLES = 8.0
+"""Number of samples over which a velocity is measured."""
+
+PUBLISHED_EXPONENTS = (-1.0, -1.9)
+"""Exponents k of equation 8 of Verdel et al. (Robotica 39, 2021), upwards and downwards."""
+
+ELBOW_LOWPASS_HZ = 8.0
+"""Corner of the low-pass filter before the elbow's constants are fitted [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -51,15 +64,15 @@ class ElbowConstants:
 
 def pointing(rate: float) -> HumanMotion:
     """Up and down with the elbow alone, minimum jerk, a rest between, at a `rate` [Hz]."""
-    at = np.array([*POSTURE, LOWEST])
+    at = np.array([*SHOULDER_POSTURE_RAD, LOWEST_ELBOW_ANGLE_RAD])
     parts = [np.repeat(at[None], round(1.5 * rate), axis=0)]
-    for reach in REACHES:
+    for reach in REACH_AMPLITUDES_RAD:
         for sign in (1.0, -1.0):
-            n = round(1.875 * reach / FULL_SPEED * rate)
+            n = round(1.875 * reach / PEAK_SPEED_RAD_S * rate)
             s = (np.arange(n) + 1.0) / n
             path = np.repeat(parts[-1][-1:], n, axis=0)
             path[:, 3] += sign * reach * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-            parts += [path, np.repeat(path[-1:], round(PAUSE * rate), axis=0)]
+            parts += [path, np.repeat(path[-1:], round(PAUSE_S * rate), axis=0)]
     return HumanMotion("pointing", "pointing with the elbow", rate, np.concatenate(parts))
 
 
@@ -67,23 +80,23 @@ def elbow_constants(rig: ArmRig, slider: float, *, seed: int = 1) -> ElbowConsta
     """By least squares from slow and fast elbow movements with the shoulder held; the carriage at `slider` [m]."""
     from scipy.signal import butter, sosfiltfilt
 
-    rate, rng = rig["sampling"]["rate"], np.random.default_rng([seed, 12])
+    rate, rng = rig.constants.sampling.rate, np.random.default_rng([seed, 12])
     time = np.arange(round(30.0 * rate)) / rate
-    path = np.repeat([[*POSTURE, 0.0]], len(time), axis=0)
+    path = np.repeat([[*SHOULDER_POSTURE_RAD, 0.0]], len(time), axis=0)
     # Slow first, then up to the speed of movements: friction by itself, then with inertia.
     phase = 2.0 * np.pi * (0.08 * time + 0.5 * 0.012 * time**2)
-    path[:, 3] = LOWEST + 0.5 * max(REACHES) * (1.0 - np.cos(phase))
+    path[:, 3] = LOWEST_ELBOW_ANGLE_RAD + 0.5 * max(REACH_AMPLITUDES_RAD) * (1.0 - np.cos(phase))
     plant = rig.plant(slider=slider)
     plant.reset(path[0])
     command, measured, _, _ = plant.follow(
         path,
         np.array(gains_of(rig)),
         loop="cascade",
-        velocity_span=rig["sampling"]["velocity_span"],
+        velocity_span=rig.constants.sampling.velocity_span,
         quantum=rig.quanta,
-        noise=rig["encoder"]["noise"] * rng.standard_normal(path.shape),
+        noise=rig.constants.encoder.noise * rng.standard_normal(path.shape),
     )
-    sos = butter(2, CUT_OFF, fs=rate, output="sos")
+    sos = butter(2, ELBOW_LOWPASS_HZ, fs=rate, output="sos")
     q, torque = (sosfiltfilt(sos, x[:, 3]) for x in (measured, rig.gains * command))
     v = np.gradient(q, 1.0 / rate)
     a = np.gradient(v, 1.0 / rate)
@@ -105,9 +118,9 @@ def position_control(rig: ArmRig, constants: ElbowConstants) -> ControlLaw:
         "gravity_sine": sine,
         "gravity_cosine": cosine,
         "coulomb": max(coulomb, 0.0),
-        "stiffness": max(inertia, 0.0) * BANDWIDTH**2,
+        "stiffness": max(inertia, 0.0) * POSITION_BANDWIDTH_RAD_S**2,
         "dead_band": 0.02,
-        "speed_span": SPEED_SPAN,
+        "speed_span": SPEED_SPAN_SAMPLES,
         **_gate(rig),
     }
     return ControlLaw(POSITION_PREDICTION_LAW.name, {name: float(x) for name, x in values.items()})
@@ -116,7 +129,7 @@ def position_control(rig: ArmRig, constants: ElbowConstants) -> ControlLaw:
 def full_compensation(rig: ArmRig, constants: ElbowConstants) -> ControlLaw:
     """Open-loop compensation by direction, friction with it (FC)."""
     values: dict[str, float] = {}
-    for name, own, k in zip(("up", "down"), (constants.up, constants.down), EXPONENTS, strict=True):
+    for name, own, k in zip(("up", "down"), (constants.up, constants.down), PUBLISHED_EXPONENTS, strict=True):
         sine, cosine, coulomb, viscous, inertia = own
         keys = ("gravity_sine", "gravity_cosine", "coulomb", "viscous", "inertia", "exponent")
         values |= {
@@ -124,23 +137,23 @@ def full_compensation(rig: ArmRig, constants: ElbowConstants) -> ControlLaw:
             for key, x in zip(keys, (sine, cosine, coulomb, viscous, max(inertia, 0.0), k), strict=True)
         }
     largest = max(values["inertia_up"], values["inertia_down"])
-    values |= {"dead_band": 0.05, "inertia_limit": 8.0 * largest, "speed_span": SPEED_SPAN, **_gate(rig)}
+    values |= {"dead_band": 0.05, "inertia_limit": 8.0 * largest, "speed_span": SPEED_SPAN_SAMPLES, **_gate(rig)}
     return ControlLaw(DIRECTIONAL_LAW.name, values)
 
 
 def _gate(rig: ArmRig) -> dict[str, float]:
     effort = float(rig.limits[3])
-    return gate_values(Limits(effort, 100.0 * effort, 8.0, (-0.5, 2.8)), 1.0 / rig["sampling"]["rate"])
+    return gate_values(Limits(effort, 100.0 * effort, 8.0, (-0.5, 2.8)), 1.0 / rig.constants.sampling.rate)
 
 
 LAWS: Mapping[str, Callable[[ArmRig, ElbowConstants], ControlLaw]] = {
     "clpc": position_control,
     "fc": full_compensation,
 }
-"""What the elbow is driven by."""
+"""Functions that build the elbow's law from its constants, by the law's name."""
 
-SHOULDERS = ("held", "free", "moving")
-"""Held by the robot's loops; free and kept still by the wearer; free and moved, in reaching with the whole arm."""
+SHOULDER_CONDITIONS = ("held", "free", "moving")
+"""Conditions of the shoulder: held by the robot's loops; free and kept still by the wearer; free and moving."""
 
 
 class ElbowAndShoulder:
@@ -148,7 +161,7 @@ class ElbowAndShoulder:
 
     def __init__(self, rig: ArmRig, elbow: ControlLaw, *, held: bool):
         self.rig, self.elbow, self.held = rig, elbow, held
-        self.period, self.span = 1.0 / rig["sampling"]["rate"], rig["sampling"]["velocity_span"]
+        self.period, self.span = 1.0 / rig.constants.sampling.rate, rig.constants.sampling.velocity_span
         self.kp, self.ki, _, self.kv, _ = np.array(gains_of(rig))[:3].T
         self.reset()
 
@@ -166,7 +179,7 @@ class ElbowAndShoulder:
             return asked
         self.seen = [*self.seen[-self.span :], position[:3]]
         speed = (self.seen[-1] - self.seen[0]) / (max(len(self.seen) - 1, 1) * self.period)
-        error = self.kp * (np.array(POSTURE) - position[:3]) - speed
+        error = self.kp * (np.array(SHOULDER_POSTURE_RAD) - position[:3]) - speed
         self.integral = self.integral + error * self.period
         asked[:3] += self.rig.gains[:3] * (self.kv * error + self.ki * self.integral)
         return asked
@@ -177,7 +190,7 @@ class ShoulderFigures:
     """What one law was like with the shoulder one way."""
 
     law: str  # "clpc" or "fc"
-    shoulder: str  # One of `SHOULDERS`
+    shoulder: str  # One of `SHOULDER_CONDITIONS`
     elbow_interaction: float  # RMS of the torque at the wearer's elbow [N m]
     shoulder_interaction: float  # RMS over the shoulder's three joints [N m]
     elbow_error: float  # RMS of how far the elbow is from where it was meant to be [rad]
@@ -188,7 +201,7 @@ class ShoulderFigures:
 
 
 def figures_of(trial: WornTrial, law: str, shoulder: str) -> ShoulderFigures:
-    """Of a trial."""
+    """Return the figures of a trial under a law of the elbow, with a condition of the shoulder."""
     counted = trial.counted
     off = (trial.limb - trial.motion.position[: len(trial.limb)])[counted]
     torque = trial.on_limb[counted]
@@ -207,11 +220,11 @@ def figures_of(trial: WornTrial, law: str, shoulder: str) -> ShoulderFigures:
 
 def compare_shoulders(rig: ArmRig, person: Person, *, seed: int = 1) -> tuple[ShoulderFigures, ...]:
     """Both laws with the shoulder each way, on one robot and one person."""
-    elbow_alone = pointing(rig["sampling"]["rate"])
+    elbow_alone = pointing(rig.constants.sampling.rate)
     constants = elbow_constants(rig, HANDLE_AT * person.forearm, seed=seed)
     made = []
     for name, build in LAWS.items():
-        for shoulder in SHOULDERS:
+        for shoulder in SHOULDER_CONDITIONS:
             motion = motion_of(person, rig, seed=seed) if shoulder == "moving" else elbow_alone
             law = ElbowAndShoulder(rig, build(rig, constants), held=shoulder == "held")
             made.append(figures_of(run(rig, person, law, motion, seed=seed), name, shoulder))

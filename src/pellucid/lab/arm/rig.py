@@ -2,49 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from ... import _core
-from ..._errors import StudyError
-from ...models.kinematic_tree import Tree
-from ...models.robot import Robot
 from ..known_rigs import shipped_rig
 from ..noise import draw_noise
 from ..recorded_table import MAIN_STREAM, Column, StoredTable
-from ..rig import Rig, Taken
-from .bodies import CARRIAGE, built_gravity, built_tree, drawing, drive_rows, friction_rows, transmission_rows
+from ..rig import Taken
+from .bodies import friction_rows, transmission_rows
+from .constants import ArmConstants
 from .human_motion import JOINTS
+from .machine import ArmMachine
 from .protocol import ArmTrial, gains_of, trials
-
-LINK, JOINT = ("mass", "centre", "inertia", "product"), (
-    "rotor_inertia", "torque_constant", "gear_ratio", "current_limit", "ripple_amplitude", "ripple_wave_number",
-    "stiffness", "damping", "backlash", "coulomb_positive", "coulomb_negative", "viscous_positive", "viscous_negative",
-    "stribeck", "stribeck_velocity", "load_motoring", "load_generating", "bearing_coulomb", "bearing_viscous",
-    "presliding_travel", "low", "high", "velocity", "acceleration",
-)  # fmt: skip
-
-NEEDED = {
-    "body": ("upper_arm",),
-    **{f"link.{name}": LINK for name in (*JOINTS, CARRIAGE)},
-    "slider": ("low", "high", "clamped", "coulomb", "viscous"),
-    "assembly": ("tilt", *(f"axis_{name}" for name in JOINTS)),
-    "maker": ("mass", "centre", "inertia"),
-    **{f"joint.{name}": JOINT for name in JOINTS},
-    "drive": ("lag", "delay"),
-    "encoder": ("counts_per_turn", "noise"),
-    "current_sensor": ("noise", "noise_memory", "quantum"),
-    "force_sensor": ("force_noise", "moment_noise"),
-    **{f"loop.{name}": ("kp", "kv", "ki") for name in JOINTS},
-    "sampling": ("rate", "velocity_span", "substeps"),
-    "protocol": ("repetitions", "duration", "slow_share"),
-}
-"""What a rig file must say, table by table."""
 
 COMMENTS = {
     "": "A virtual arm exoskeleton of four joints, recorded like a real one. Nothing below tells its physics apart"
@@ -52,79 +25,16 @@ COMMENTS = {
     "tree": "all joints at once",
     "processing.dead_band": "slower, friction may be anything up to its level",
 }
-"""What its study.toml says beside a table or a key."""
+"""Comments of study.toml beside a table or a key."""
 
 
 @dataclass(frozen=True)
-class ArmRig(Rig):
-    """The virtual arm: the tables of a file like ``lab/rigs/able-arm.toml``, or of a drawn one."""
+class ArmRig(ArmMachine):
+    """The virtual arm with its protocol and instruments, of a file like ``lab/rigs/able-arm.toml``."""
 
     kind = "serial-arm"
+    constants_type = ArmConstants
     comments = COMMENTS
-
-    @classmethod
-    def checked(cls, tables: dict, name: str) -> dict:
-        """The tables of a rig's file, with nothing missing, those within tables too."""
-        tables = super().checked(tables, name)
-        for path, keys in NEEDED.items():
-            found: Any = tables
-            for part in path.split("."):
-                found = found.get(part, {}) if isinstance(found, Mapping) else {}
-            missing = [key for key in keys if key not in found]
-            if missing:
-                raise StudyError(f"rig {name}: [{path}] lacks {', '.join(missing)}")
-        return tables
-
-    @cached_property
-    def drawing(self) -> Tree:
-        """What identification is given."""
-        return drawing(self.tables)
-
-    @property
-    def robot(self) -> Robot:
-        """The same, with motors that turn with one joint each."""
-        return Robot(self.drawing)
-
-    @cached_property
-    def built(self) -> Tree:
-        """As it stands there, the carriage clamped where it is while it is identified, rotors in their joints."""
-        return built_tree(self.tables, slider=self["slider"]["clamped"])
-
-    @property
-    def gains(self) -> np.ndarray:
-        """Torque at each joint per ampere, shape (4,) [N m/A]."""
-        return drive_rows(self.tables, free=False)[:, 0]
-
-    @property
-    def limits(self) -> np.ndarray:
-        """Largest torque of each drive at its joint, shape (4,) [N m]."""
-        return self.gains * [self["joint"][name]["current_limit"] for name in JOINTS]
-
-    @property
-    def quanta(self) -> np.ndarray:
-        """Angle of each joint per count of its encoder, shape (4,) [rad]."""
-        turn = 2.0 * np.pi / self["encoder"]["counts_per_turn"]
-        return turn / np.array([self["joint"][name]["gear_ratio"] for name in JOINTS])
-
-    def gravity(self, position: np.ndarray) -> np.ndarray:
-        """Torque that holds the built robot, motors and all, `position` (n, 4) [rad]; gives (n, 4) [N m]."""
-        return self.built.core.gravity(np.ascontiguousarray(position))
-
-    def plant(self, *, slider: float | None = None, **worn: Any) -> _core.WornTree:
-        """The plant of the core, in ampere; the carriage clamped at a `slider` [m] or free, the limb if any `worn`."""
-        free, period = slider is None, 1.0 / self["sampling"]["rate"]
-        tree = built_tree(self.tables, slider=slider, rotors=False)
-        return _core.WornTree(
-            tree.links_array,
-            np.array(built_gravity(self.tables)),
-            friction_rows(self.tables, free=free),
-            period=period,
-            substeps=self["sampling"]["substeps"],
-            elastic=transmission_rows(self.tables, free=free),
-            drives=drive_rows(self.tables, free=free),
-            lag=self["drive"]["lag"],
-            **worn,
-        )
 
     def streams(self) -> Mapping[str, Sequence[Column]]:
         """The robot's file."""
@@ -140,7 +50,7 @@ class ArmRig(Rig):
 
     def record(self, trial: ArmTrial, rng: np.random.Generator, controller: None = None) -> Taken:
         """Do a `trial` under the robot's own loops; no `controller`; noise from `rng`."""
-        sensor, fs = self["current_sensor"], self["sampling"]["rate"]
+        sensor, fs = self.constants.current_sensor, self.constants.sampling.rate
         reference = np.ascontiguousarray(trial.reference, float)
         plant = self.plant(slider=trial.slider)
         plant.reset(reference[0])
@@ -148,20 +58,20 @@ class ArmRig(Rig):
             reference,
             np.array(gains_of(self)),
             loop="cascade",
-            velocity_span=self["sampling"]["velocity_span"],
+            velocity_span=self.constants.sampling.velocity_span,
             quantum=self.quanta,
-            noise=self["encoder"]["noise"] * rng.standard_normal(reference.shape),
+            noise=self.constants.encoder.noise * rng.standard_normal(reference.shape),
         )
         # Sampled in the middle of a centre-aligned PWM period: half of what flowed before, half of what flows after.
         current = 0.5 * (command + np.concatenate([command[:1], command[:-1]]))
-        current = current + draw_noise(current.T.shape, sensor["noise"], sensor["noise_memory"], fs, rng).T
-        most = np.array([self["joint"][name]["current_limit"] for name in JOINTS])
+        current = current + draw_noise(current.T.shape, sensor.noise, sensor.noise_memory, fs, rng).T
+        most = np.array([self.constants.joint[name].current_limit for name in JOINTS])
         current = np.clip(current, -most, most)
         stored = StoredTable.of(
             self.streams()[MAIN_STREAM],
             np.arange(len(reference)) / fs,
             np.round(measured / self.quanta),
-            np.round(current / sensor["quantum"]) * (1e3 * sensor["quantum"]),
+            np.round(current / sensor.quantum) * (1e3 * sensor.quantum),
         )
         inside = {"position": link, "velocity": velocity, "command": command}
         return Taken(trial, {trial.name: {MAIN_STREAM: stored}}, truth={"slider": trial.slider}, inside=inside)
@@ -171,7 +81,7 @@ class ArmRig(Rig):
         links = {link.name: link for link in self.drawing.links}
         joints = []
         for joint in self.drawing.joints:
-            said, link = self["joint"][joint.name], links[joint.child]
+            said, link = self.constants.joint[joint.name], links[joint.child]
             centre = np.array(link.moment) / link.mass
             joints.append(
                 {
@@ -189,15 +99,15 @@ class ArmRig(Rig):
                     },
                     "drive": {
                         "kind": "current",
-                        "torque_constant": f"{said['torque_constant']} N*m/A",
-                        "gear_ratio": said["gear_ratio"],
-                        "limit": f"{said['current_limit']} A",
+                        "torque_constant": f"{said.torque_constant} N*m/A",
+                        "gear_ratio": said.gear_ratio,
+                        "limit": f"{said.current_limit} A",
                     },
                     "limits": {
-                        "position_min": f"{said['low']} rad",
-                        "position_max": f"{said['high']} rad",
-                        "velocity": f"{said['velocity']} rad/s",
-                        "effort": f"{said['torque_constant'] * said['gear_ratio'] * said['current_limit']:g} N*m",
+                        "position_min": f"{said.low} rad",
+                        "position_max": f"{said.high} rad",
+                        "velocity": f"{said.velocity} rad/s",
+                        "effort": f"{said.torque_constant * said.gear_ratio * said.current_limit:g} N*m",
                     },
                 }
             )
@@ -212,9 +122,9 @@ class ArmRig(Rig):
             "bodies": [joint.child for joint in tree.order],
             "links": tree.links_array.tolist(),
             "gravity": list(tree.gravity),
-            "transmission": transmission_rows(self.tables, free=False).tolist(),
-            "joints": friction_rows(self.tables, free=False).tolist(),
-            "slider": self["slider"]["clamped"],
+            "transmission": transmission_rows(self.constants, free=False).tolist(),
+            "joints": friction_rows(self.constants, free=False).tolist(),
+            "slider": self.constants.slider.clamped,
         }
 
 
@@ -230,20 +140,22 @@ def able_arm() -> ArmRig:
 
 
 def drawn_arms(rig: ArmRig, count: int = 5, seed: int = 20261122) -> tuple[ArmRig, ...]:
-    """As many further arms as `count`, drawn with a `seed` by the factors of a `rig` file's ``[drawn]``: each constant
-    that a path matches by its own factor."""
+    """Return `count` further arms, drawn with a `seed` by the factors of ``[drawn]`` in the file of a `rig`.
+
+    Each constant that a path of ``[drawn]`` matches has a factor of its own.
+    """
     rng = np.random.default_rng(seed)
     constants = dict(_numbers(rig.tables))
     made = []
     for i in range(count):
-        values = {
+        values: dict[str, object] = {
             path: constants[path] * float(rng.uniform(*ends))
-            for pattern, ends in rig["drawn"].items()
+            for pattern, ends in rig.constants.drawn.items()
             for path in constants
             if fnmatch(path, pattern)
         }
-        # Where the axes ended up is another machine's, as large as this one's.
-        for path, value in rig["assembly"].items():
+        # The errors of the assembly are another machine's, of the same size as this one's.
+        for path, value in rig.constants.assembly.items():
             values[f"assembly.{path}"] = (
                 np.array(value)[rng.permutation(len(value))] * rng.uniform(-1.5, 1.5)
             ).tolist()
@@ -251,8 +163,8 @@ def drawn_arms(rig: ArmRig, count: int = 5, seed: int = 20261122) -> tuple[ArmRi
     return tuple(made)
 
 
-def _numbers(tables: Mapping, path: str = ""):
-    """Every number of nested tables with its dotted path."""
+def _numbers(tables: Mapping, path: str = "") -> Iterator[tuple[str, float]]:
+    """Yield every number of nested tables with its dotted path."""
     for key, value in tables.items():
         if isinstance(value, Mapping):
             yield from _numbers(value, f"{path}{key}.")

@@ -1,7 +1,8 @@
-"""Single faults on a whole arm that somebody wears: what a sensor, a drive or the clock does to a supervised law.
+"""Single faults of a sensor, a drive or the clock on a whole arm that somebody wears under a supervised law.
 
-Names and sentences are those of the core's list, of which the ones stand here that an arm of several joints can have
-and that need no wearer's part. Faults of an encoder or a drive are of one joint; force sensors are those of both cuffs.
+Names and sentences are those of the core's list. Here are the faults that an arm of several joints can have and in
+which the wearer has no part. A fault of an encoder or a drive concerns one joint; a fault of the force sensors concerns
+both cuffs.
 """
 
 from __future__ import annotations
@@ -22,80 +23,110 @@ from .rig import ArmRig
 from .wearer import Person
 from .worn_trial import WornTrial, run
 
-ONSET, WATCHED = 3.0, 3.0
-"""When a fault begins, and how long it is watched, found or not [s]."""
+ONSET_S = 3.0
+"""Time at which a fault begins [s]."""
 
-STUCK, RAIL, OFFSET = 5.0, 30.0, 3.0
-"""Effort of a drive that is stuck, a force sensor's rail, and what it reads too much [N m]."""
+WATCH_S = 3.0
+"""Time after the onset for which a fault is simulated, whether or not it is found [s]."""
 
+STUCK_EFFORT_NM = 5.0
+"""Effort of a drive that is stuck [N m]."""
 
-class Read(NamedTuple):
-    """What a law reads in a period."""
+FORCE_RAIL_NM = 30.0
+"""Reading of a force sensor at the end of its range [N m]."""
 
-    time: float
-    position: np.ndarray  # (4,)
-    wrench: np.ndarray  # (2, 6)
-
-
-def _put(values: np.ndarray, k: int, value: float) -> np.ndarray:
-    made = values.copy()
-    made[k] = value
-    return made
+FORCE_OFFSET_NM = 3.0
+"""Error of a force sensor with an offset [N m]."""
 
 
-def _encoder(value: Callable[[float, float], float]) -> Callable[[Read, Read, int], Read]:
-    """Of what it ought to read now, and read at the onset."""
-    return lambda now, then, k: now._replace(position=_put(now.position, k, value(now.position[k], then.position[k])))
+class LawInput(NamedTuple):
+    """The inputs of a law in one period."""
+
+    time: float  # [s]
+    position: np.ndarray  # (4,) angles of the encoders [rad]
+    wrench: np.ndarray  # (2, 6) force [N] and moment [N m] of the sensors at both cuffs
 
 
-def _force(value: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Callable[[Read, Read, int], Read]:
+def _replace_one(values: np.ndarray, k: int, value: float) -> np.ndarray:
+    """Return a copy of `values` with another `value` at index `k`."""
+    copied = values.copy()
+    copied[k] = value
+    return copied
+
+
+def _encoder_fault(value: Callable[[float, float], float]) -> Callable[[LawInput, LawInput, int], LawInput]:
+    """Return the fault of one encoder whose reading is `value`, a function of the true angle now and at the onset."""
+    return lambda now, then, k: now._replace(
+        position=_replace_one(now.position, k, value(now.position[k], then.position[k]))
+    )
+
+
+def _force_fault(
+    value: Callable[[np.ndarray, np.ndarray], np.ndarray],
+) -> Callable[[LawInput, LawInput, int], LawInput]:
+    """Return the fault of force sensors that read `value`, a function of the true wrenches now and at the onset."""
     return lambda now, then, k: now._replace(wrench=value(now.wrench, then.wrench))
 
 
-def _clock(ahead: float) -> Callable[[Read, Read, int], Read]:
+def _clock_fault(ahead: float) -> Callable[[LawInput, LawInput, int], LawInput]:
+    """Return the fault of a clock that is `ahead` [s]."""
     return lambda now, then, k: now._replace(time=now.time + ahead)
 
 
-_MOMENT = np.array([[0.0] * 6, [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]])  # Of the handle's sensor
+_HANDLE_MOMENT = np.array([[0.0] * 6, [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]])
+"""The three moments of the handle's force sensor: 1 in their places, 0 elsewhere, shape (2, 6)."""
 
-READ: Mapping[str, Callable[[Read, Read, int], Read]] = {
-    "encoder_frozen": _encoder(lambda now, then: then),
-    "encoder_nan": _encoder(lambda now, then: np.nan),
-    "encoder_jump": _encoder(lambda now, then: now + 1.0),
-    "encoder_slip": _encoder(lambda now, then: now + 0.1),
-    "encoder_flipped": _encoder(lambda now, then: 2.0 * then - now),
-    "force_flipped": _force(lambda now, then: -now),
-    "force_offset": _force(lambda now, then: now + OFFSET * _MOMENT),
-    "force_triple": _force(lambda now, then: 3.0 * now),
-    "force_frozen": _force(lambda now, then: then),
-    "force_lost": _force(lambda now, then: np.full_like(now, np.nan)),
-    "force_rail": _force(lambda now, then: np.where(_MOMENT > 0.0, RAIL, now)),
-    "clock_ahead": _clock(1.0),
-    "clock_back": _clock(-1.0),
+SENSOR_FAULTS: Mapping[str, Callable[[LawInput, LawInput, int], LawInput]] = {
+    "encoder_frozen": _encoder_fault(lambda now, then: then),
+    "encoder_nan": _encoder_fault(lambda now, then: np.nan),
+    "encoder_jump": _encoder_fault(lambda now, then: now + 1.0),
+    "encoder_slip": _encoder_fault(lambda now, then: now + 0.1),
+    "encoder_flipped": _encoder_fault(lambda now, then: 2.0 * then - now),
+    "force_flipped": _force_fault(lambda now, then: -now),
+    "force_offset": _force_fault(lambda now, then: now + FORCE_OFFSET_NM * _HANDLE_MOMENT),
+    "force_triple": _force_fault(lambda now, then: 3.0 * now),
+    "force_frozen": _force_fault(lambda now, then: then),
+    "force_lost": _force_fault(lambda now, then: np.full_like(now, np.nan)),
+    "force_rail": _force_fault(lambda now, then: np.where(_HANDLE_MOMENT > 0.0, FORCE_RAIL_NM, now)),
+    "clock_ahead": _clock_fault(1.0),
+    "clock_back": _clock_fault(-1.0),
 }
-"""What is read, of what ought to be now and was at the onset, and of a joint."""
+"""Faulty input of the law, from the true input now, the true input at the onset, and the index of the joint."""
 
-GIVEN: Mapping[str, Callable[[float, float], tuple[float, float]]] = {
+DRIVE_FAULTS: Mapping[str, Callable[[float, float], tuple[float, float]]] = {
     "drive_reversed": lambda asked, then: (-asked, -asked),
     "drive_triple": lambda asked, then: (3.0 * asked, 3.0 * asked),
     "drive_triple_unseen": lambda asked, then: (3.0 * asked, asked),
-    "drive_stuck": lambda asked, then: (STUCK, STUCK),
+    "drive_stuck": lambda asked, then: (STUCK_EFFORT_NM, STUCK_EFFORT_NM),
     "drive_holds": lambda asked, then: (then, then),
     "drive_dead": lambda asked, then: (0.0, 0.0),
     "current_zero": lambda asked, then: (asked, 0.0),
 }
-"""What a drive gives and says it gives, of what is asked now and was at the onset."""
+"""Effort that a faulty drive gives and effort that it reports, from the effort asked for now and at the onset."""
 
 KINDS: Mapping[str, Mapping[str, str]] = {
-    kind["name"]: kind for kind in _core.single_faults() if kind["name"] in {**READ, **GIVEN}
+    kind["name"]: kind for kind in _core.single_faults() if kind["name"] in {**SENSOR_FAULTS, **DRIVE_FAULTS}
 }
-"""What the core says of each, by name in its order."""
+"""Entry of the core's list of single faults, by name and in the core's order."""
 
 
 class FaultyLaw(CardLaw):
-    """A law of a card under its supervisor, with one `fault` of a joint from `onset` [s] on; "": none.
+    """A law of a card under its supervisor, with one fault from its onset on.
 
-    `readings` say how each motor's drive measures its own effort, by default exactly."""
+    Parameters
+    ----------
+    law : TreeLaw
+    points : tuple of Point, optional
+        Places of the force sensors, where the law uses them.
+    fault : str
+        Name of a fault of `KINDS`; "" for none.
+    joint : int
+        Index of the joint with the fault.
+    onset : float
+        Time at which the fault begins [s].
+    readings : sequence of DriveReading
+        Errors with which each motor's drive measures its own effort; none by default.
+    """
 
     def __init__(
         self,
@@ -103,7 +134,7 @@ class FaultyLaw(CardLaw):
         points: tuple[Point, Point] | None = None,
         fault: str = "",
         joint: int = 0,
-        onset: float = ONSET,
+        onset: float = ONSET_S,
         readings: Sequence[DriveReading] = (),
     ):
         self.fault, self.joint, self.onset = fault, joint, onset
@@ -111,26 +142,26 @@ class FaultyLaw(CardLaw):
         super().__init__(law, points)
 
     def reset(self) -> None:
-        """One more of it, at rest, whole."""
+        """Return to the state before the first step, without the fault."""
         self.running, self.started = self.law.supervised(), False
         self.measured, self.then, self.asked = np.zeros(len(self.law.card.names)), None, None
-        self.found, self.said = np.nan, NO_FAULT  # When the supervisor acted [s], and on what
+        self.found, self.said = np.nan, NO_FAULT  # time at which the supervisor acted [s], and the fault that it found
         period = self.law.shares[0]["period"]
         self.meters = [_core.DriveReading(one.numbers, period) for one in self.readings]
         self.noise = np.array([one.draw_noise(k) for k, one in enumerate(self.readings)])  # (m, n)
         self.steps = 0
 
     def step(self, time: float, position: np.ndarray, wrench: np.ndarray) -> np.ndarray:
-        """Torque that each drive gives, shape (4,) [N m]."""
+        """Return the torque that each drive gives, shape (4,) [N m]."""
         if not self.started:
-            # A trial's first reading is where the motion begins; the motor is a cable's stretch away.
+            # In the first reading the motor is off by the stretch of its cable; the law begins with the second.
             self.started = True
             return self.measured
-        read, begun = Read(time, position, wrench), time >= self.onset
+        read, begun = LawInput(time, position, wrench), time >= self.onset
         if begun and self.then is None:
             self.then = read
-        if begun and self.fault in READ:
-            read = READ[self.fault](read, self.then, self.joint)
+        if begun and self.fault in SENSOR_FAULTS:
+            read = SENSOR_FAULTS[self.fault](read, self.then, self.joint)
         felt = None if self.points is None else self.felt(read.position, read.wrench)
         asked = self.running.step(read.time, read.position, interaction=felt, drive=self.measured)
         if self.said == NO_FAULT and self.running.fault != NO_FAULT:
@@ -138,14 +169,14 @@ class FaultyLaw(CardLaw):
         given, said = asked.copy(), asked.copy()
         if begun and self.asked is None:
             self.asked = asked
-        # What has no power gives nothing, whatever is wrong with it.
-        if begun and self.fault in GIVEN and self.running.enable[self.joint]:
-            given[self.joint], said[self.joint] = GIVEN[self.fault](asked[self.joint], self.asked[self.joint])
+        # A drive without power gives no effort, whatever its fault.
+        if begun and self.fault in DRIVE_FAULTS and self.running.enable[self.joint]:
+            given[self.joint], said[self.joint] = DRIVE_FAULTS[self.fault](asked[self.joint], self.asked[self.joint])
         self.measured = self.read(said)
         return given
 
     def read(self, effort: np.ndarray) -> np.ndarray:
-        """What the drives' measurements make of what they say that they give, shape (m,) both [N m or N]."""
+        """Return the drives' measurements of the efforts that they report, shape (m,) both [N m or N]."""
         noise = self.noise[:, self.steps % self.noise.shape[1]]
         self.steps += 1
         return np.array([one.step(*now) for one, *now in zip(self.meters, effort, noise, strict=True)])
@@ -153,16 +184,16 @@ class FaultyLaw(CardLaw):
 
 @dataclass(frozen=True)
 class ArmFaultTrial:
-    """What one fault came to while somebody wore the arm."""
+    """The outcome of one fault while somebody wore the arm."""
 
     fault: str
     joint: int
-    found: float  # From the onset until the supervisor acted [s]; NaN for never, below 0 before there was a fault
-    said: str  # What it found
-    excess: float  # Positive work on the limb over that of the same run without the fault, at most [J]
-    peak: float  # Largest torque at one of the wearer's joints from the onset on [N m]
-    healthy_peak: float  # The same without the fault
-    lost: bool  # Whether arm and motion went apart, so that the trial was cut short
+    found: float  # time from the onset until the supervisor acted [s]; NaN for never, negative before the onset
+    said: str  # fault that the supervisor found
+    excess: float  # largest surplus of positive work on the limb over the same run without the fault [J]
+    peak: float  # largest torque at one of the wearer's joints from the onset on [N m]
+    healthy_peak: float  # the same torque without the fault [N m]
+    lost: bool  # whether the trial was cut short because the arm had left its motion
 
 
 def fault_trials(
@@ -174,12 +205,16 @@ def fault_trials(
     *,
     faults: tuple[str, ...] = tuple(KINDS),
     first: int = 0,
-    onset: float = ONSET,
-    watched: float = WATCHED,
+    onset: float = ONSET_S,
+    watched: float = WATCH_S,
     readings: Sequence[DriveReading] = (),
 ) -> Iterator[ArmFaultTrial]:
-    """Every fault that a law can have, of one joint after another from the `first` on, on one robot and person.
-    `onset`, `watched` [s]; `readings` of the motors' drives, by default exact."""
+    """Simulate every fault that a law can have, on one robot and person.
+
+    Faults take the joints in turn, beginning with the joint of index `first`. `onset` is the time at which a fault
+    begins and `watched` the time after it that is simulated [s]. `readings` are the errors of the drives' measurements;
+    none by default.
+    """
     last = round((onset + watched) * motion.rate)
     motion = replace(motion, position=motion.position[:last])
     healthy = run(rig, person, FaultyLaw(law, points, onset=onset, readings=readings), motion)
@@ -188,12 +223,13 @@ def fault_trials(
             continue
         joint = (first + number) % len(law.card.names)
         faulty = FaultyLaw(law, points, fault, joint, onset, readings)
-        yield _trial(run(rig, person, faulty, motion), healthy, faulty)
+        yield _compare_with_healthy(run(rig, person, faulty, motion), healthy, faulty)
 
 
-def _trial(trial: WornTrial, healthy: WornTrial, law: FaultyLaw) -> ArmFaultTrial:
+def _compare_with_healthy(trial: WornTrial, healthy: WornTrial, law: FaultyLaw) -> ArmFaultTrial:
+    """Return the outcome of a trial with a fault, compared with the same trial without it."""
     begin, n = round(law.onset * trial.rate), min(len(trial.limb), len(healthy.limb))
-    work, same = (
+    work, healthy_work = (
         np.cumsum(np.maximum(np.sum(one.on_limb * one.limb_velocity, axis=1)[begin:n], 0.0)) / one.rate
         for one in (trial, healthy)
     )
@@ -202,7 +238,7 @@ def _trial(trial: WornTrial, healthy: WornTrial, law: FaultyLaw) -> ArmFaultTria
         law.joint,
         law.found - law.onset,
         law.said,
-        max(float(np.max(work - same)), 0.0),
+        max(float(np.max(work - healthy_work)), 0.0),
         float(np.abs(trial.on_limb[begin:n]).max()),
         float(np.abs(healthy.on_limb[begin:n]).max()),
         trial.stopped,

@@ -1,8 +1,8 @@
-"""Who wears the virtual arm: weight and lengths of an arm, its muscles and reflexes, and cuffs that do not quite fit.
+"""Wearers of the virtual arm: masses and lengths of their arms, muscles and reflexes, and cuffs that fit imperfectly.
 
-A person is a tree of the robot's four joints about another centre, and muscles that follow a motion. The motion and the
-torques for it are those of the arm alone, as it was learnt without a robot: so what passes through the cuffs is what
-the robot costs.
+A person is a tree with the robot's four joints about another centre, and muscles that follow a motion. The feedforward
+torques are those of the arm alone, as it was learnt without a robot. What passes through the cuffs is therefore due to
+the robot.
 """
 
 from __future__ import annotations
@@ -18,33 +18,89 @@ from ...models.kinematic_tree import Link, Tree, TreeJoint
 from .bodies import AXES
 from .human_motion import JOINTS, HumanMotion
 
-TRUNK = "trunk"
+TRUNK_LINK = "trunk"
+"""Name of the link that does not move."""
+
+
+@dataclass(frozen=True)
+class MuscleConstants:
+    """The muscles of one joint, as a servo about the intended motion."""
+
+    stiffness: float  # stiffness of tense muscles [N m/rad]
+    damping: float  # damping of tense muscles [N m s/rad]
+    reflex_stiffness: float  # stiffness of the late stretch reflex [N m/rad]
+    reflex_damping: float  # damping of the late stretch reflex [N m s/rad]
+    max_torque: float  # strength [N m]
+
 
 MUSCLES = {
-    # K, D of tense muscles, K_r, D_r of the late reflex, strength: N m/rad, N m s/rad, and N m. The elbow's are those
-    # of elbow-participants.toml; the shoulder's are larger by what hands show that are pushed aside while they move: 10
-    # to 30 N m/rad at the shoulder where the elbow has 5 to 15 (Gomi and Kawato, Science 272, 1996).
-    "abduction": (14.0, 1.4, 5.0, 0.7, 60.0),
-    "flexion": (14.0, 1.4, 5.0, 0.7, 60.0),
-    "internal_rotation": (6.0, 0.6, 2.0, 0.3, 40.0),
-    "elbow_flexion": (5.0, 0.5, 2.0, 0.3, 50.0),
+    "abduction": MuscleConstants(14.0, 1.4, 5.0, 0.7, 60.0),
+    "flexion": MuscleConstants(14.0, 1.4, 5.0, 0.7, 60.0),
+    "internal_rotation": MuscleConstants(6.0, 0.6, 2.0, 0.3, 40.0),
+    "elbow_flexion": MuscleConstants(5.0, 0.5, 2.0, 0.3, 50.0),
 }
+"""Muscles by joint.
 
-REFLEX_DELAY = 0.055  # s: stretch reflex and muscle, as in elbow-participants.toml
+The elbow's are those of elbow-participants.toml. The shoulder's are stiffer, as hands show that are pushed aside while
+they move: 10 to 30 N m/rad at the shoulder where the elbow has 5 to 15 [1]_.
 
-UPPER_CUFF, HANDLE = "upper_arm", "handle"
-CUFFS = {
-    # Stiffness and damping along x, y, z of the robot's link, and against turning: a splint sits on 2 kN/m of padded
-    # skin, a cuff round an upper arm on half of it, and both slide along the arm more easily; damping is half of
-    # critical for what they hold (elbow-participants.toml).
-    UPPER_CUFF: ((1000.0, 1000.0, 300.0), (25.0, 25.0, 10.0), 4.0, 0.10),
-    HANDLE: ((2000.0, 2000.0, 1200.0), (25.0, 25.0, 20.0), 6.0, 0.06),
+.. [1] H. Gomi, M. Kawato, "Equilibrium-point control hypothesis examined by measured arm stiffness during multijoint
+   movement", Science 272, 1996."""
+
+REFLEX_DELAY_S = 0.055
+"""Delay of stretch reflex and muscle together, as in elbow-participants.toml [s]."""
+
+
+@dataclass(frozen=True)
+class CuffConstants:
+    """The coupling of limb and robot by one cuff."""
+
+    stiffness: tuple[float, float, float]  # along x, y and z of the robot's link [N/m]
+    damping: tuple[float, float, float]  # along x, y and z of the robot's link [N s/m]
+    turning_stiffness: float  # [N m/rad]
+    turning_damping: float  # [N m s/rad]
+
+
+UPPER_CUFF = "upper_arm"
+"""Name of the cuff round the upper arm."""
+
+HANDLE_CUFF = "handle"
+"""Name of the splint on the forearm."""
+
+CUFF_CONSTANTS = {
+    UPPER_CUFF: CuffConstants((1000.0, 1000.0, 300.0), (25.0, 25.0, 10.0), 4.0, 0.10),
+    HANDLE_CUFF: CuffConstants((2000.0, 2000.0, 1200.0), (25.0, 25.0, 20.0), 6.0, 0.06),
 }
-UPPER_CUFF_AT = 0.55  # of the upper arm, from the shoulder
-HANDLE_AT = 0.90  # of the forearm, from the elbow: the wrist's side of a splint
-DONNED = (0.25, 0.35, 0.15, 1.2)  # rad: posture in which the cuffs are closed
+"""Cuffs by name.
 
-OFFSET, FITS = 0.012, (1.58, 1.76)  # m: sd of where the shoulder is found; heights that the robot is made for
+A splint rests on 2 kN/m of padded skin, a cuff round an upper arm on half of it; both slide along the arm more easily.
+The damping is half of critical for the mass that the cuff holds, as in elbow-participants.toml."""
+
+UPPER_CUFF_AT = 0.55
+"""Place of the cuff on the upper arm, as a share of its length from the shoulder."""
+
+HANDLE_AT = 0.90
+"""Place of the splint's handle on the forearm, as a share of its length from the elbow: near the wrist."""
+
+DONNING_POSTURE_RAD = (0.25, 0.35, 0.15, 1.2)
+"""Posture in which the cuffs are closed [rad]. Chosen by judgement; no measurement is recorded."""
+
+SHOULDER_OFFSET_SD_M = 0.012
+"""Standard deviation of the shoulder's place from the robot's centre, in each direction [m]."""
+
+HEIGHT_RANGE_M = (1.58, 1.76)
+"""Smallest and largest height of people whom the robot fits [m]."""
+
+BODY_MASS_INDEX_RANGE = (19.5, 25.5)
+"""Smallest and largest body mass index of drawn people [kg/m^2]. Chosen by judgement; no measurement is recorded."""
+
+STIFFNESS_FACTOR_RANGE = (0.7, 1.5)
+"""Smallest and largest factor of drawn people on `MUSCLES` [1]. Chosen by judgement; no measurement is recorded."""
+
+PADDING_FACTOR_RANGE = (0.6, 1.6)
+"""Smallest and largest factor of drawn people on `CUFF_CONSTANTS` [1].
+
+Chosen by judgement; no measurement is recorded."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +108,12 @@ class Person:
     """One wearer."""
 
     name: str
-    height: float = 1.67  # m
-    mass: float = 64.0  # kg
-    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # Of the shoulder from the robot's centre [m]
-    stiffness: float = 1.0  # Of muscles, times `MUSCLES`
-    padding: float = 1.0  # Stiffness and damping of cuffs, times `CUFFS`
-    recorded: str | None = None  # Whose recorded motion this person does
+    height: float = 1.67  # [m]
+    mass: float = 64.0  # [kg]
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # place of the shoulder from the robot's centre [m]
+    stiffness: float = 1.0  # factor on stiffness and damping of `MUSCLES` [1]
+    padding: float = 1.0  # factor on stiffness and damping of `CUFF_CONSTANTS` [1]
+    recorded: str | None = None  # name of the recorded person whose motions this one makes
     tree: Tree = field(init=False, repr=False, compare=False)
 
     def __post_init__(self):
@@ -65,21 +121,22 @@ class Person:
 
     @property
     def upper_arm(self) -> float:
-        """From shoulder to elbow [m]."""
+        """Return the distance from shoulder to elbow [m]."""
         return winter.SHOULDER_TO_ELBOW * self.height
 
     @property
     def forearm(self) -> float:
-        """From elbow to wrist [m]."""
+        """Return the distance from elbow to wrist [m]."""
         return winter.ELBOW_TO_WRIST * self.height
 
     def learnt(self, motion: HumanMotion) -> np.ndarray:
-        """Torques that move the arm alone so, shape (n, 4) [N m]."""
-        of = (motion.position, motion.velocity, motion.acceleration)
-        return self.tree.core.inverse_dynamics(*map(np.ascontiguousarray, of))
+        """Return the torques that make a motion with the arm alone, shape (n, 4) [N m]."""
+        states = (motion.position, motion.velocity, motion.acceleration)
+        return self.tree.core.inverse_dynamics(*map(np.ascontiguousarray, states))
 
 
 def _tree(person: Person) -> Tree:
+    """Return the rigid bodies of a person's arm, with the robot's four joints."""
     names = ("upper_arm", "forearm")
     lengths = (person.upper_arm, person.forearm)
     shares = (winter.UPPER_ARM_MASS, winter.FOREARM_MASS)
@@ -90,10 +147,10 @@ def _tree(person: Person) -> Tree:
         names, lengths, shares, centres, gyrations, winter.ARM_GYRATION_ALONG, strict=True
     ):
         m = share * person.mass
-        across, own = m * (gyration * length) ** 2, m * (along * length) ** 2
-        links.append(Link.about_centre(name, m, (0.0, 0.0, -centre * length), (across, 0.0, 0.0, across, 0.0, own)))
+        across, axial = m * (gyration * length) ** 2, m * (along * length) ** 2
+        links.append(Link.about_centre(name, m, (0.0, 0.0, -centre * length), (across, 0.0, 0.0, across, 0.0, axial)))
     places = (person.offset, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, -person.upper_arm))
-    joints, parent = [], TRUNK
+    joints, parent = [], TRUNK_LINK
     for name, link, place in zip(JOINTS, links, places, strict=True):
         joints.append(TreeJoint(name, parent, link.name, "revolute", AXES[name], place))
         parent = link.name
@@ -101,49 +158,54 @@ def _tree(person: Person) -> Tree:
 
 
 def drawn_people(count: int = 5, seed: int = 20261123, recorded: tuple[str, ...] = ()) -> tuple[Person, ...]:
-    """As many people as `count`, drawn with a `seed`; the motions of those who were `recorded` go round among them."""
+    """Draw `count` people; the motions of the `recorded` people are assigned to them in turn."""
     rng = np.random.default_rng(seed)
-    made = []
+    people = []
     for i in range(count):
-        height = float(rng.uniform(*FITS))
-        made.append(
+        height = float(rng.uniform(*HEIGHT_RANGE_M))
+        people.append(
             Person(
                 f"wearer-{i + 1}",
                 height,
-                float(height**2 * rng.uniform(19.5, 25.5)),
-                tuple(float(x) for x in OFFSET * rng.standard_normal(3)),
-                float(rng.uniform(0.7, 1.5)),
-                float(rng.uniform(0.6, 1.6)),
+                float(height**2 * rng.uniform(*BODY_MASS_INDEX_RANGE)),
+                tuple(float(x) for x in SHOULDER_OFFSET_SD_M * rng.standard_normal(3)),
+                float(rng.uniform(*STIFFNESS_FACTOR_RANGE)),
+                float(rng.uniform(*PADDING_FACTOR_RANGE)),
                 recorded[i % len(recorded)] if recorded else None,
             )
         )
-    return tuple(made)
+    return tuple(people)
 
 
 def worn_arguments(person: Person, robot: Tree, period: float) -> dict[str, Any]:
-    """What the core's plant takes of a wearer: limb, muscles, and cuffs closed in the posture `DONNED` on a `robot`
-    whose carriage is free."""
+    """Return the arguments of the core's plant that describe a wearer: limb, muscles, and cuffs.
+
+    The cuffs are closed in the posture `DONNING_POSTURE_RAD` on a `robot` whose carriage moves freely.
+    """
     numbers = {link: i + 1 for i, link in enumerate(joint.child for joint in robot.order)}
-    closed = np.array(DONNED)
+    closed = np.array(DONNING_POSTURE_RAD)
     slider = HANDLE_AT * person.forearm
-    own = person.tree.core.placements(closed)
-    other = robot.core.placements(np.append(closed, slider))
+    limb_frames = person.tree.core.placements(closed)
+    robot_frames = robot.core.placements(np.append(closed, slider))
     points = {
         UPPER_CUFF: (3, (0.0, 0.0, -UPPER_CUFF_AT * person.upper_arm), numbers["internal_rotation"]),
-        HANDLE: (4, (0.0, 0.0, -slider), numbers["carriage"]),
+        HANDLE_CUFF: (4, (0.0, 0.0, -slider), numbers["carriage"]),
     }
     rows = []
     for name, (limb_link, point, robot_link) in points.items():
-        stiffness, damping, turning, turning_loss = CUFFS[name]
-        at = own[limb_link - 1][:, :3] @ point + own[limb_link - 1][:, 3]
-        frame = other[robot_link - 1]
-        seat = frame[:, :3].T @ (at - frame[:, 3])
-        held = np.array([*stiffness, *damping, turning, turning_loss]) * person.padding
-        rows.append([robot_link, limb_link, *seat, *point, *held])
-    servos = [[*(person.stiffness * np.array(MUSCLES[name][:4])), MUSCLES[name][4]] for name in JOINTS]
+        cuff, limb_frame, frame = CUFF_CONSTANTS[name], limb_frames[limb_link - 1], robot_frames[robot_link - 1]
+        place = limb_frame[:, :3] @ point + limb_frame[:, 3]
+        place_on_robot = frame[:, :3].T @ (place - frame[:, 3])
+        constants = [*cuff.stiffness, *cuff.damping, cuff.turning_stiffness, cuff.turning_damping]
+        rows.append([robot_link, limb_link, *place_on_robot, *point, *(np.array(constants) * person.padding)])
+    servos = []
+    for name in JOINTS:
+        muscle = MUSCLES[name]
+        impedance = [muscle.stiffness, muscle.damping, muscle.reflex_stiffness, muscle.reflex_damping]
+        servos.append([*(person.stiffness * np.array(impedance)), muscle.max_torque])
     return {
         "limb_links": person.tree.links_array,
         "servos": np.array(servos),
-        "reflex_delay": round(REFLEX_DELAY / period),
+        "reflex_delay": round(REFLEX_DELAY_S / period),
         "cuffs": np.array(rows),
     }

@@ -14,8 +14,11 @@ from .human_motion import HumanMotion, generated_motion, recorded_motion
 from .rig import ArmRig
 from .wearer import HANDLE_AT, Person, worn_arguments
 
-SETTLING = 1.0  # s, at first, that no figure counts
-AWAY = 1.5  # rad, between arm and motion, from which on a trial is stopped: nothing holds there
+SETTLING_S = 1.0
+"""Time at the start of a trial that no figure counts [s]."""
+
+MAX_MOTION_ERROR_RAD = 1.5
+"""Error of the arm from its motion at which a trial is stopped, because nothing holds the arm there [rad]."""
 
 
 class ArmLaw(Protocol):
@@ -50,7 +53,7 @@ class WornTrial:
     @property
     def counted(self) -> slice:
         """Periods that figures count."""
-        return slice(round(SETTLING * self.rate), None)
+        return slice(round(SETTLING_S * self.rate), None)
 
     @property
     def interaction(self) -> np.ndarray:
@@ -82,7 +85,7 @@ class WornTrial:
 
 def motion_of(person: Person, rig: ArmRig, *, repetition: int = 1, seed: int = 1) -> HumanMotion:
     """What a person does: as whoever they stand for was recorded, else generated reaching that a `seed` draws."""
-    rate = rig["sampling"]["rate"]
+    rate = rig.constants.sampling.rate
     if person.recorded is None:
         return generated_motion(seed, rate)
     return recorded_motion(person.recorded, rate, repetition=repetition)
@@ -98,20 +101,20 @@ def run(
     watched: Callable[[float], None] | None = None,
 ) -> WornTrial:
     """A `person` does a `motion` in a robot under a `law`; `seed` draws sensors' noise, `watched` is told the time."""
-    rate, n = rig["sampling"]["rate"], len(motion.position)
+    rate, n = rig.constants.sampling.rate, len(motion.position)
     rng = np.random.default_rng([seed, 41])
-    tree = built_tree(rig.tables, rotors=False)
+    tree = built_tree(rig.constants, rotors=False)
     plant = rig.plant(**worn_arguments(person, tree, 1.0 / rate))
     wanted, speed = np.ascontiguousarray(motion.position), np.ascontiguousarray(motion.velocity)
     learnt = np.ascontiguousarray(person.learnt(motion))
     plant.reset(np.append(wanted[0], HANDLE_AT * person.forearm), wanted[0])
     law.reset()
     quanta, gains, most = rig.quanta, rig.gains, rig.limits
-    steps = rig["encoder"]["noise"] * rng.standard_normal((n, 4))
-    sensor = rig["force_sensor"]
-    errors = np.repeat([sensor["force_noise"], sensor["moment_noise"]], 3) * rng.standard_normal((n, 2, 6))
+    steps = rig.constants.encoder.noise * rng.standard_normal((n, 4))
+    sensor = rig.constants.force_sensor
+    errors = np.repeat([sensor.force_noise, sensor.moment_noise], 3) * rng.standard_normal((n, 2, 6))
     first = rig.gravity(wanted[0])
-    waiting = deque([first] * rig["drive"]["delay"])
+    waiting = deque([first] * rig.constants.drive.delay)
     command = np.zeros(5)
     made = {"robot": np.empty((n, 5)), "limb": np.empty((n, 4)), "limb_velocity": np.empty((n, 4))}
     made |= {"effort": np.empty((n, 4)), "on_limb": np.empty((n, 4)), "on_robot": np.empty((n, 5))}
@@ -127,7 +130,7 @@ def run(
         made["pull"][i] = pull
         made["wrench"][i] = felt = pull + errors[i]
         motor = motors[:4]
-        if not np.abs(limb - wanted[i]).max() < AWAY:
+        if not np.abs(limb - wanted[i]).max() < MAX_MOTION_ERROR_RAD:
             stopped = True
             made = {name: array[: i + 1] for name, array in made.items()}
             break

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ... import _core
 from ...models.simulate import substeps_for
 from ..noise import draw_noise
+from .machine import ElbowMachine
 from .protocol import ElbowTrial
-
-if TYPE_CHECKING:
-    from .rig import ElbowRig
 
 
 @dataclass(frozen=True)
@@ -31,7 +28,7 @@ class ElbowReadings:
 
 
 def read_all(
-    rig: ElbowRig, trials: Sequence[ElbowTrial], rng: np.random.Generator, *, threads: int = 1
+    rig: ElbowMachine, trials: Sequence[ElbowTrial], rng: np.random.Generator, *, threads: int = 1
 ) -> list[ElbowReadings]:
     """Play every trial, those of one reference at once, and read the instruments."""
     groups: dict[tuple, list[int]] = {}
@@ -47,13 +44,13 @@ def read_all(
 
 
 def play(
-    rig: ElbowRig, loop: str, batch: Sequence[ElbowTrial], rng: np.random.Generator, *, threads: int = 1
+    rig: ElbowMachine, loop: str, batch: Sequence[ElbowTrial], rng: np.random.Generator, *, threads: int = 1
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Trials of one reference moved by the core: command [A], what the encoder says and the link's true position
     [rad], each shape (m, n)."""
-    period = 1.0 / rig["sampling"]["rate"]
+    period = 1.0 / rig.constants.sampling.rate
     reference = np.ascontiguousarray(batch[0].reference, float)
-    motor, gains = rig["motor"], rig["loop"][loop]
+    motor, gains = rig.constants.motor, getattr(rig.constants.loop, loop)
     _, _, link, _, command, measured, _ = _core.simulate_geared(
         np.array([rig.plant(trial.slider) for trial in batch]),
         reference=reference,
@@ -61,47 +58,47 @@ def play(
         substeps=substeps_for(period),
         threads=threads,
         loop="cascade" if loop == "position" else "velocity_pi",
-        limit=motor["current_limit"],
+        limit=motor.current_limit,
         gain=rig.gain,
-        ripple_amplitude=motor["ripple_amplitude"],
-        ripple_wave_number=motor["ripple_wave_number"],
+        ripple_amplitude=motor.ripple_amplitude,
+        ripple_wave_number=motor.ripple_wave_number,
         encoder_quantum=rig.quantum,
-        encoder_noise=rig["encoder"]["noise"] * rng.standard_normal((len(batch), len(reference))),
+        encoder_noise=rig.constants.encoder.noise * rng.standard_normal((len(batch), len(reference))),
         position0=np.array([trial.start for trial in batch]),
-        **gains,
+        **gains.model_dump(),
     )
     return command, measured, link
 
 
 def _read(
-    rig: ElbowRig,
+    rig: ElbowMachine,
     trial: ElbowTrial,
     command: np.ndarray,
     measured: np.ndarray,
     link: np.ndarray,
     rng: np.random.Generator,
 ) -> ElbowReadings:
-    sensor, fs = rig["current_sensor"], rig["sampling"]["rate"]
+    sensor, fs = rig.constants.current_sensor, rig.constants.sampling.rate
     # Sampled in the middle of a centre-aligned PWM period: half of what flowed before, half of what flows after.
     current = 0.5 * (command + np.concatenate([command[:1], command[:-1]]))
-    current = current + draw_noise(current.shape, sensor["noise"], sensor["noise_memory"], fs, rng)
-    current = np.clip(current, -rig["motor"]["current_limit"], rig["motor"]["current_limit"])
+    current = current + draw_noise(current.shape, sensor.noise, sensor.noise_memory, fs, rng)
+    current = np.clip(current, -rig.constants.motor.current_limit, rig.constants.motor.current_limit)
     time = np.arange(len(link)) / fs
     optical_time, markers, offset = film(rig, trial.slider, time, link, rng)
     return ElbowReadings(
         trial,
         time,
         np.round(measured / rig.quantum),
-        np.round(current / sensor["quantum"]) * (1e3 * sensor["quantum"]),
+        np.round(current / sensor.quantum) * (1e3 * sensor.quantum),
         optical_time,
         markers,
         offset,
     )
 
 
-def frame(rig: ElbowRig) -> np.ndarray:
+def frame(rig: ElbowMachine) -> np.ndarray:
     """Rows: down within the plane of rotation, where a lifted link goes, and the axis; shape (3, 3)."""
-    axis = np.array(rig["optical"]["axis"], float)
+    axis = np.array(rig.constants.optical.axis, float)
     axis /= np.linalg.norm(axis)
     down = np.array([0.0, 0.0, -1.0])
     down -= (down @ axis) * axis
@@ -110,26 +107,26 @@ def frame(rig: ElbowRig) -> np.ndarray:
 
 
 def film(
-    rig: ElbowRig, slider: float, time: np.ndarray, link: np.ndarray, rng: np.random.Generator
+    rig: ElbowMachine, slider: float, time: np.ndarray, link: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, dict[str, np.ndarray], float]:
     """Frames of the markers while the link moves: the cameras' own clock, shape (k,) [s], markers, each shape (k, 3)
     [mm], and robot time less camera time [s]."""
-    camera = rig["optical"]
-    offset = camera["clock_offset"] + camera["clock_offset_spread"] * rng.standard_normal()
-    k = int((time[-1] - max(offset, 0.0)) * camera["rate"]) - 1
-    own = np.arange(k) / camera["rate"]
-    angle = np.interp(offset + own * (1.0 + camera["clock_drift"]), time, link)
-    basis, origin = frame(rig), np.array(camera["origin"], float)
-    points = {"C": (slider, rig["slider"]["marker_height"], 0.0)}
-    for i, (place, along_axis) in enumerate(zip(camera["rail_markers"], camera["rail_offset"], strict=True)):
+    camera = rig.constants.optical
+    offset = camera.clock_offset + camera.clock_offset_spread * rng.standard_normal()
+    k = int((time[-1] - max(offset, 0.0)) * camera.rate) - 1
+    own = np.arange(k) / camera.rate
+    angle = np.interp(offset + own * (1.0 + camera.clock_drift), time, link)
+    basis, origin = frame(rig), np.array(camera.origin, float)
+    points = {"C": (slider, rig.constants.slider.marker_height, 0.0)}
+    for i, (place, along_axis) in enumerate(zip(camera.rail_markers, camera.rail_offset, strict=True)):
         points[f"R{i + 1}"] = (*place, along_axis)
     cos, sin = np.cos(angle), np.sin(angle)
     markers = {}
     for name, (along, across, aside) in points.items():
         plane = np.column_stack([along * cos - across * sin, along * sin + across * cos, np.full(k, aside)])
-        seen = origin + plane @ basis + camera["noise"] * rng.standard_normal((k, 3))
-        markers[name] = np.round(seen / camera["quantum"]) * camera["quantum"] * 1e3
-    length = max(round(camera["lost_length"] * camera["rate"]), 1)
-    for start in rng.integers(0, k, rng.poisson(camera["lost_share"] * k / length)):
+        seen = origin + plane @ basis + camera.noise * rng.standard_normal((k, 3))
+        markers[name] = np.round(seen / camera.quantum) * camera.quantum * 1e3
+    length = max(round(camera.lost_length * camera.rate), 1)
+    for start in rng.integers(0, k, rng.poisson(camera.lost_share * k / length)):
         markers["C"][start : start + length] = np.nan
     return own, markers, float(offset)

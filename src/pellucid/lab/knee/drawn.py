@@ -12,30 +12,32 @@ import numpy as np
 
 from ...models.anthropometry import shank_length, winter
 from .rig import KneeRig
-from .subject import EXTENSOR, FLEXOR
+from .subject import EXTENSOR_MUSCLE, FLEXOR_MUSCLE
 
-BODY: Mapping[str, tuple[float, float]] = {
+BODY_RANGES: Mapping[str, tuple[float, float]] = {
     "age": (20.0, 60.0),
     "mass_index": (18.5, 25.0),  # kg/m^2
-    "shank_share": (0.255, 0.310),  # of the height, knee to heel
+    "shank_share": (0.255, 0.310),  # length from knee to heel over the height
     "ahead": (0.035, 0.060),  # rad
     "viscous": (0.10, 0.26),  # N*m*s/rad
 }
-"""Ranges of uniform draws. Heights are normal: 1.64 ± 0.05 m of women, 1.77 ± 0.06 m of men."""
+"""Smallest and largest value of each number of a drawn body; values are uniform between them.
 
-DIFFERS: Mapping[str, float] = {"mass": 0.05, "centre": 0.04, "gyration": 0.05}
-"""Standard deviations by which a limb differs from Winter's shares: those by which the rig's own subjects do [1]."""
+Heights are normal: 1.64 m with a standard deviation of 0.05 m for women, 1.77 m with 0.06 m for men."""
 
-FITTED: Mapping[str, tuple[float, float]] = {
+LIMB_RELATIVE_SD: Mapping[str, float] = {"mass": 0.05, "centre": 0.04, "gyration": 0.05}
+"""Standard deviation of a limb's numbers over those of Winter's tables [1], as among the rig's own subjects."""
+
+FITTED_RANGES: Mapping[str, tuple[float, float]] = {
     "stiffness": (12.0, 28.0),  # N*m/rad
     "damping": (0.024, 0.036),  # s: of the stiffness
     "extensor": (1.9, 2.9),  # N*m per kg of weight
     "flexor": (0.95, 1.40),
     "emg_gain": (2.2e-4, 5.6e-4),  # V RMS at full excitation
 }
-"""Ranges of strap, strength and electrodes; drawn evenly in the logarithm."""
+"""Smallest and largest value of a drawn strap, of strength and of EMG gains; values are log-uniform between them."""
 
-FACTORS: Mapping[str, tuple[float, float]] = {
+FACTOR_RANGES: Mapping[str, tuple[float, float]] = {
     "actuator.coulomb_positive": (0.8, 1.25),
     "actuator.coulomb_negative": (0.8, 1.25),
     "actuator.viscous_positive": (0.8, 1.25),
@@ -54,39 +56,40 @@ FACTORS: Mapping[str, tuple[float, float]] = {
     "wearer.damping": (0.7, 1.3),
     "wearer.resistance": (0.6, 1.3),
 }
-"""Ranges of factors on the rig's own constants; drawn evenly in the logarithm."""
+"""Smallest and largest factor on the rig's own constants; factors are log-uniform between them."""
 
-
-STRAPS: Mapping[str, tuple[float, float]] = {
+STRAP_EFFECT_RANGES: Mapping[str, tuple[float, float]] = {
     "hardening": (0.08, 0.25),  # rad: 17 to 52 mm at the cuff
     "slack": (0.01, 0.05),  # rad: 2 to 10 mm
-    "relaxing_stiffness": (0.15, 0.60),  # of the stiffness
+    "relaxing_stiffness": (0.15, 0.60),  # share of the stiffness
     "relaxation_time": (0.5, 5.0),  # s
     "hold": (3.0, 8.0),  # N*m
     "mobility": (5e-5, 5e-4),  # rad/(N*m*s)
 }
-"""Ranges of what sets straps apart from a spring and a damper; drawn evenly in the logarithm."""
+"""Smallest and largest value of what a strap has beyond a spring and a damper; values are log-uniform between them."""
 
 
 def drawn_strap(rig: KneeRig, stiffness: float, seed: int) -> dict[str, float]:
     """What sets a strap of a `stiffness` [N*m/rad] apart from a spring and a damper, drawn of what `rig` has: without
     slack, say, if its straps are `strapped` without."""
-    rng, own = np.random.default_rng([seed, 0x5]), rig["strap"]
-    drawn = {name: float(np.exp(rng.uniform(*np.log(ends)))) for name, ends in STRAPS.items()}
+    rng, usual = np.random.default_rng([seed, 0x5]), rig.constants.strap
+    drawn = {name: float(np.exp(rng.uniform(*np.log(ends)))) for name, ends in STRAP_EFFECT_RANGES.items()}
     drawn["relaxing_stiffness"] *= stiffness
-    across, along = own.get("askew_spread", 0.0) * np.clip(rng.standard_normal(2), -2.0, 2.0)
-    has = {name: value for name, value in drawn.items() if own.get(name)}
+    across, along = usual.askew_spread * np.clip(rng.standard_normal(2), -2.0, 2.0)
+    has = {name: value for name, value in drawn.items() if usual[name]}
     return {**has, "across": float(across), "along": float(along)}
 
 
 def drawn_rig(rig: KneeRig, seed: int) -> KneeRig:
     """The orthosis with another friction, and ``D<seed>`` its single wearer, drawn; the rest as in `rig`."""
     rng = np.random.default_rng([seed, 0xD])
-    body = {name: float(rng.uniform(*ends)) for name, ends in BODY.items()}
-    fitted = {name: float(np.exp(rng.uniform(*np.log(ends)))) for name, ends in FITTED.items() if name != "emg_gain"}
-    gains = np.exp(rng.uniform(*np.log(FITTED["emg_gain"]), 2)).tolist()
-    factors = {path: float(np.exp(rng.uniform(*np.log(ends)))) for path, ends in FACTORS.items()}
-    off = {name: 1.0 + sd * float(rng.standard_normal()) for name, sd in DIFFERS.items()}
+    body = {name: float(rng.uniform(*ends)) for name, ends in BODY_RANGES.items()}
+    fitted = {
+        name: float(np.exp(rng.uniform(*np.log(ends)))) for name, ends in FITTED_RANGES.items() if name != "emg_gain"
+    }
+    gains = np.exp(rng.uniform(*np.log(FITTED_RANGES["emg_gain"]), 2)).tolist()
+    factors = {path: float(np.exp(rng.uniform(*np.log(ends)))) for path, ends in FACTOR_RANGES.items()}
+    off = {name: 1.0 + sd * float(rng.standard_normal()) for name, sd in LIMB_RELATIVE_SD.items()}
     sex = "female" if rng.random() < 0.5 else "male"
     height = float(rng.normal(1.64, 0.05) if sex == "female" else rng.normal(1.77, 0.06))
     weight = body["mass_index"] * height**2
@@ -111,17 +114,18 @@ def drawn_rig(rig: KneeRig, seed: int) -> KneeRig:
             "damping": fitted["damping"] * fitted["stiffness"],
             **drawn_strap(rig, fitted["stiffness"], seed),
         },
-        "strength": {EXTENSOR: fitted["extensor"] * weight, FLEXOR: fitted["flexor"] * weight},
-        "emg_gain": dict(zip((EXTENSOR, FLEXOR), gains, strict=True)),
+        "strength": {EXTENSOR_MUSCLE: fitted["extensor"] * weight, FLEXOR_MUSCLE: fitted["flexor"] * weight},
+        "emg_gain": dict(zip((EXTENSOR_MUSCLE, FLEXOR_MUSCLE), gains, strict=True)),
     }
     values: dict[str, object] = {path: factor * _constant(rig, path) for path, factor in factors.items()}
-    muscles = rig["muscles"]
+    muscles = rig.constants.muscles
     # People plan as early as their own muscles are late.
-    values["wearer.foresight"] = rig["wearer"]["foresight"] + values["muscles.delay"] - muscles["delay"]
+    values["wearer.foresight"] = rig.constants.wearer.foresight + values["muscles.delay"] - muscles.delay
     made = rig.changed(values, f"{rig.name}-{seed}")
-    return KneeRig(made.name, {**made.tables, "subjects": {f"D{seed}": subject}})
+    return made.changed({"subjects": {f"D{seed}": subject}})
 
 
 def _constant(rig: KneeRig, path: str) -> float:
+    """Return the constant with a dotted path."""
     table, key = path.split(".")
     return rig[table][key]

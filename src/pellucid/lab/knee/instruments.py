@@ -8,16 +8,13 @@ along the axis; a thigh that is believed to stand still sways, which only the IM
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...models.joint import GRAVITY
 from ..noise import draw_noise
+from .machine import KneeMachine
 from .subject import KneeSubject
-
-if TYPE_CHECKING:
-    from .rig import KneeRig
 
 
 @dataclass(frozen=True)
@@ -40,19 +37,19 @@ class Mounting:
     accelerometer_bias: np.ndarray  # accelerometer_bias, gyroscope_bias, magnetometer_bias: (3,) [m/s^2], [rad/s], [T]
     gyroscope_bias: np.ndarray
     magnetometer_bias: np.ndarray
-    # By which the gains of rectus femoris and lateral hamstring differ from the subject's [1]
+    # Factors on the subject's EMG gains of rectus femoris and lateral hamstring [1]
     emg_gain: tuple[float, float]
 
 
-def draw_mounting(rig: KneeRig, rng: np.random.Generator) -> Mounting:
+def draw_mounting(rig: KneeMachine, rng: np.random.Generator) -> Mounting:
     """How the instruments sit this time."""
-    imu = rig["imu"]
+    imu = rig.constants.imu
     return Mounting(
-        imu["remounting"] * rng.standard_normal(3),
-        imu["accelerometer_bias"] * rng.standard_normal(3),
-        imu["gyroscope_bias"] * rng.standard_normal(3),
-        imu["magnetometer_bias"] * rng.standard_normal(3),
-        tuple(np.exp(rig["emg"]["gain_spread"] * rng.standard_normal(2)).tolist()),
+        imu.remounting * rng.standard_normal(3),
+        imu.accelerometer_bias * rng.standard_normal(3),
+        imu.gyroscope_bias * rng.standard_normal(3),
+        imu.magnetometer_bias * rng.standard_normal(3),
+        tuple(np.exp(rig.constants.emg.gain_spread * rng.standard_normal(2)).tolist()),
     )
 
 
@@ -64,7 +61,7 @@ def rotation(vector: np.ndarray) -> np.ndarray:
 
 
 def segment_senses(
-    rig: KneeRig, lever: tuple[float, float], angle: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
+    rig: KneeMachine, lever: tuple[float, float], angle: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     r"""What an ideal nine-axis sensor at a place on a turning segment senses, in the segment's frame.
 
@@ -74,7 +71,7 @@ def segment_senses(
     `lever` [m]; `angle`, `velocity`, `acceleration` (k,) [rad], [rad/s], [rad/s^2]; gives `acceleration`,
     `angular_velocity`, `magnetic_field` (k, 3) [m/s^2], [rad/s], [T].
     """
-    imu, zero = rig["imu"], np.zeros_like(angle)
+    imu, zero = rig.constants.imu, np.zeros_like(angle)
     along, across = lever
     cos, sin = np.cos(angle), np.sin(angle)
     force = np.column_stack([
@@ -83,15 +80,15 @@ def segment_senses(
         zero,
     ])  # fmt: skip
     # Flexion swings the heel towards `heading` from magnetic north; the field dips below the horizon.
-    down = imu["field"] * np.sin(imu["dip"])
-    heel = imu["field"] * np.cos(imu["dip"]) * np.cos(imu["heading"])
-    axis = imu["field"] * np.cos(imu["dip"]) * np.sin(imu["heading"])
+    down = imu.field * np.sin(imu.dip)
+    heel = imu.field * np.cos(imu.dip) * np.cos(imu.heading)
+    axis = imu.field * np.cos(imu.dip) * np.sin(imu.heading)
     field = np.column_stack([cos * down + sin * heel, cos * heel - sin * down, zero + axis])
     return force, np.column_stack([zero, zero, velocity]), field
 
 
 def take_imu(
-    rig: KneeRig,
+    rig: KneeMachine,
     subject: KneeSubject | None,
     angle: np.ndarray,
     velocity: np.ndarray,
@@ -105,37 +102,37 @@ def take_imu(
     from scipy.interpolate import CubicSpline
     from scipy.ndimage import gaussian_filter1d
 
-    imu, fs, n = rig["imu"], rig["encoders"]["rate"], len(angle)
-    offset = imu["clock_offset"] + imu["clock_offset_spread"] * rng.standard_normal()
-    k = int(((n - 1) / fs - max(offset, 0.0)) * imu["rate"]) - 1
-    own = np.arange(k) / imu["rate"] + imu["jitter"] * rng.standard_normal(k)
+    imu, fs, n = rig.constants.imu, rig.constants.encoders.rate, len(angle)
+    offset = imu.clock_offset + imu.clock_offset_spread * rng.standard_normal()
+    k = int(((n - 1) / fs - max(offset, 0.0)) * imu.rate) - 1
+    own = np.arange(k) / imu.rate + imu.jitter * rng.standard_normal(k)
     own -= own[0]
-    at = offset + own * (1.0 + imu["clock_drift"])
+    at = offset + own * (1.0 + imu.clock_drift)
     sway = np.zeros(n)
     if subject is not None:
-        sway = draw_noise((n,), imu["sway"], imu["sway_memory"], fs, rng)
+        sway = draw_noise((n,), imu.sway, imu.sway_memory, fs, rng)
         sway = gaussian_filter1d(sway, 0.1 * fs)  # a body does not sway faster
     grid = np.arange(n) / fs
     # Velocity is the plant's own; a spline through it gives the acceleration between periods.
     rate = CubicSpline(grid, velocity + np.gradient(sway, 1.0 / fs))
     leaning = np.interp(at, grid, angle + sway)
-    lever = imu["orthosis_lever"]
+    lever = imu.orthosis_lever
     if subject is not None:
-        lever = (imu["lever"][0] * subject.shank_length, imu["lever"][1])
+        lever = (imu.lever[0] * subject.shank_length, imu.lever[1])
     ideal = segment_senses(rig, tuple(lever), leaning, rate(at), rate(at, 1))
-    turn = rotation(imu["mounting"])
+    turn = rotation(imu.mounting)
     if subject is not None:
         turn = rotation(mounting.remounting) @ turn
-    wandering = draw_noise((3, k), imu["gyroscope_drift"], imu["gyroscope_memory"], imu["rate"], rng).T
-    steel = draw_noise((3, k), imu["disturbance"], imu["disturbance_memory"], imu["rate"], rng).T
+    wandering = draw_noise((3, k), imu.gyroscope_drift, imu.gyroscope_memory, imu.rate, rng).T
+    steel = draw_noise((3, k), imu.disturbance, imu.disturbance_memory, imu.rate, rng).T
     biases = (
         mounting.accelerometer_bias,
         mounting.gyroscope_bias + wandering,
         mounting.magnetometer_bias + steel,
     )
-    noises = (imu["accelerometer_noise"], imu["gyroscope_noise"], imu["magnetometer_noise"])
+    noises = (imu.accelerometer_noise, imu.gyroscope_noise, imu.magnetometer_noise)
     sensed = []
-    for true, bias, sd, quantum in zip(ideal, biases, noises, imu["quanta"], strict=True):
+    for true, bias, sd, quantum in zip(ideal, biases, noises, imu.quanta, strict=True):
         value = true @ turn.T + bias + sd * rng.standard_normal((k, 3))
         sensed.append(np.round(value / quantum) * quantum)
     keep = np.ones(k, bool)
@@ -145,7 +142,7 @@ def take_imu(
         np.round(own[keep], 4),
         sensed[0][keep],
         sensed[1][keep],
-        sensed[2][keep] if imu["magnetometer"] else None,
+        sensed[2][keep] if imu.magnetometer else None,
         float(offset),
         np.interp(at, grid, angle)[keep],
     )

@@ -1,37 +1,40 @@
-"""Somebody who wears the virtual orthosis, as the rig file says them."""
+"""A person who wears the virtual orthosis, as the rig's file describes the person."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ...models.joint import GRAVITY
+from .constants import EmgGainTable, LimbTable, StrengthTable, SubjectStrapTable
 
-FLEXOR, EXTENSOR = "lateral_hamstring", "rectus_femoris"
-"""The muscle that pulls towards positive angles, and the one that pulls back."""
+FLEXOR_MUSCLE = "lateral_hamstring"
+"""Name of the muscle that pulls towards positive angles."""
+
+EXTENSOR_MUSCLE = "rectus_femoris"
+"""Name of the muscle that pulls towards negative angles."""
 
 
 @dataclass(frozen=True)
 class KneeSubject:
-    """Somebody who wears the orthosis: an entry of the rig file's ``[subjects]``, SI."""
+    """A person who wears the orthosis: an entry of ``[subjects]`` in the rig's file, SI."""
 
     name: str
     sex: str
-    age: float  # age, weight, height, shank_length: [years], [kg], [m], [m]
-    weight: float
-    height: float
-    shank_length: float
-    limb: Mapping[str, float]  # limb, strap: As in the rig file
-    strap: Mapping[str, float]
-    strength: Mapping[str, float]  # strength, emg_gain: Of each muscle [N*m], [V]
-    emg_gain: Mapping[str, float]
+    age: int  # age [years]
+    weight: float  # mass of the body [kg]
+    height: float  # height [m]
+    shank_length: float  # distance from knee to heel [m]
+    limb: LimbTable  # shank and foot
+    strap: SubjectStrapTable  # this person's strap; what it leaves out is common to all wearers
+    strength: StrengthTable  # largest torque of each muscle group [N*m]
+    emg_gain: EmgGainTable  # RMS of each muscle's EMG at full excitation [V]
 
     @property
     def gravity(self) -> float:
-        """Of shank and foot about the knee, m g l [N*m]."""
-        return GRAVITY * self.limb["mass"] * self.limb["centre"]
+        """Return the gravity torque m g l of shank and foot about the knee [N*m]."""
+        return GRAVITY * self.limb.mass * self.limb.centre
 
     @property
     def inertia(self) -> float:
-        """Of shank and foot about the knee [kg*m^2]."""
-        return self.limb["mass"] * (self.limb["centre"] ** 2 + self.limb["gyration"] ** 2)
+        """Return the inertia of shank and foot about the knee [kg*m^2]."""
+        return self.limb.mass * (self.limb.centre**2 + self.limb.gyration**2)

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from ... import _core
 from ..emg_synthesis import Electrodes, EmgSynthesis
 from .instruments import ImuReadings, Mounting, draw_mounting, take_imu
+from .machine import KneeMachine
 from .protocol import KneeTrial
-from .subject import EXTENSOR, FLEXOR
+from .subject import EXTENSOR_MUSCLE, FLEXOR_MUSCLE
 from .wearer import Acting
-
-if TYPE_CHECKING:
-    from .rig import KneeRig
 
 
 class Controller(Protocol):
@@ -72,11 +70,11 @@ class KneeReadings:
 class _PositionLoop:
     """The actuator's own position loop: proportional, with damping by differences of what the encoder says."""
 
-    def __init__(self, rig: KneeRig, trial: KneeTrial, worn: bool) -> None:
-        loop = rig["position_loop"]
-        gains = loop["worn" if worn else "bench"]
-        self._span = loop["velocity_span"]
-        self._kp, self._kd = gains["kp"], gains["kd"] / (self._span * rig.period)
+    def __init__(self, rig: KneeMachine, trial: KneeTrial, worn: bool) -> None:
+        loop = rig.constants.position_loop
+        gains = loop.worn if worn else loop.bench
+        self._span = loop.velocity_span
+        self._kp, self._kd = gains.kp, gains.kd / (self._span * rig.period)
         self._reference = trial.reference.tolist()
         self._errors: list[float] = []
 
@@ -88,7 +86,7 @@ class _PositionLoop:
 
 
 def run_trial(
-    rig: KneeRig,
+    rig: KneeMachine,
     trial: KneeTrial,
     *,
     rng: np.random.Generator,
@@ -96,15 +94,15 @@ def run_trial(
     mounting: Mounting | None = None,
 ) -> KneeReadings:
     """One trial, from rest in balance to its last period; a controller gets raw EMG while somebody wears it."""
-    n, period, loop, wearer = len(trial.reference), rig.period, rig["torque_loop"], trial.wearer
+    n, period, loop, wearer = len(trial.reference), rig.period, rig.constants.torque_loop, trial.wearer
     of_body, of_emg, of_imu, of_mounting = rng.spawn(4)
     mounting = mounting or draw_mounting(rig, of_mounting)
     plant = _core.CoupledPlant(
         rig.plant(wearer.subject if wearer else None, trial.link, locked=trial.locked),
         period=period,
-        substeps=loop["substeps"],
-        delay=loop["delay"],
-        torque_span=loop["torque_span"],
+        substeps=loop.substeps,
+        delay=loop.delay,
+        torque_span=loop.torque_span,
         position0=trial.start,
         torque0=rig.orthosis_load(trial.start) if trial.mode == "position" else 0.0,
     )
@@ -112,10 +110,10 @@ def run_trial(
     acting = synthesis = None
     if wearer is not None:
         acting = Acting(rig, wearer, n, reading[5], reading[7], of_body)
-        usual = (wearer.subject.emg_gain[muscle] for muscle in (EXTENSOR, FLEXOR))
+        usual = (wearer.subject.emg_gain[muscle] for muscle in (EXTENSOR_MUSCLE, FLEXOR_MUSCLE))
         gains = tuple(gain * factor for gain, factor in zip(usual, mounting.emg_gain, strict=True))
         faults = trial.faults
-        electrodes = Electrodes(gains, rig["emg"], faults.emg_rate, faults.emg_detached, faults.emg_clipped)
+        electrodes = Electrodes(gains, rig.constants.emg, faults.emg_rate, faults.emg_detached, faults.emg_clipped)
         synthesis = EmgSynthesis(electrodes, n, period, of_emg)
     hold = _PositionLoop(rig, trial, wearer is not None) if trial.mode == "position" else None
     slip_at, slip_by = _slip(trial, period)
@@ -162,7 +160,7 @@ def run_trial(
         _rolled(table[:-1, 0], trial.faults.encoder_turn),
         table[:-1, 1],
         table[:-1, 2],
-        np.clip(commands, -rig["actuator"]["torque_limit"], rig["actuator"]["torque_limit"]),
+        np.clip(commands, -rig.constants.actuator.torque_limit, rig.constants.actuator.torque_limit),
         synthesis.time if synthesis else None,
         emg,
         synthesis.quantum if synthesis else 0.0,
@@ -184,7 +182,7 @@ def _rolled(position: np.ndarray, turn: float | None) -> np.ndarray:
 
 
 def _imu(
-    rig: KneeRig,
+    rig: KneeMachine,
     trial: KneeTrial,
     table: np.ndarray,
     mounting: Mounting,

@@ -9,15 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from ..noise import draw_noise, draw_wandering_path
-from .subject import EXTENSOR, FLEXOR, KneeSubject
-
-if TYPE_CHECKING:
-    from .rig import KneeRig
+from .machine import KneeMachine
+from .subject import EXTENSOR_MUSCLE, FLEXOR_MUSCLE, KneeSubject
 
 
 @dataclass(frozen=True)
@@ -65,19 +63,19 @@ def contracting(subject: KneeSubject) -> Wearer:
     return Wearer(subject, "contracting")
 
 
-def swing_path(rig: KneeRig, wearer: Wearer, n: int, rng: np.random.Generator) -> np.ndarray:
+def swing_path(rig: KneeMachine, wearer: Wearer, n: int, rng: np.random.Generator) -> np.ndarray:
     """The angle that a swinging wearer means to go through, shape (n,) [rad]; it begins at rest in the centre."""
     if wearer.path is not None:
         return np.pad(wearer.path, (0, max(n - len(wearer.path), 0)), mode="edge")[:n]
-    swing, fs = rig["swing"], rig["encoders"]["rate"]
-    slow, fast = wearer.frequency or swing["frequency"]
-    small, large = wearer.amplitude or swing["amplitude"]
-    pace = slow + (fast - slow) * draw_wandering_path(n, swing["memory"], fs, rng)
-    size = small + (large - small) * draw_wandering_path(n, swing["memory"], fs, rng)
+    swing, fs = rig.constants.swing, rig.constants.encoders.rate
+    slow, fast = wearer.frequency or swing.frequency
+    small, large = wearer.amplitude or swing.amplitude
+    pace = slow + (fast - slow) * draw_wandering_path(n, swing.memory, fs, rng)
+    size = small + (large - small) * draw_wandering_path(n, swing.memory, fs, rng)
     phase = 2.0 * np.pi * np.cumsum(pace) / fs
     begin = np.clip(np.arange(n) / (2.0 * fs), 0.0, 1.0)
     size = size * begin**2 * (3.0 - 2.0 * begin)
-    return swing["centre"] + size * (np.sin(phase) + swing["sharpness"] * np.sin(2.0 * phase + 0.6))
+    return swing.centre + size * (np.sin(phase) + swing.sharpness * np.sin(2.0 * phase + 0.6))
 
 
 def contractions(n: int, fs: float) -> np.ndarray:
@@ -95,21 +93,21 @@ class Acting:
     """A wearer during one trial, period by period. `torque` [N*m]; `position`, `load` [rad], [N*m]."""
 
     def __init__(
-        self, rig: KneeRig, wearer: Wearer, n: int, position: float, load: float, rng: np.random.Generator
+        self, rig: KneeMachine, wearer: Wearer, n: int, position: float, load: float, rng: np.random.Generator
     ) -> None:
-        fs, self._period = rig["encoders"]["rate"], rig.period
-        self._muscles, self._nerves, subject = rig["muscles"], rig["wearer"], wearer.subject
+        fs, self._period = rig.constants.encoders.rate, rig.period
+        self._muscles, self._nerves, subject = rig.constants.muscles, rig.constants.wearer, wearer.subject
         m, w = self._muscles, self._nerves
-        self._strength = subject.strength[FLEXOR], subject.strength[EXTENSOR]
-        self._bend = math.expm1(m["shape"])
-        self._late = round(m["delay"] * fs)
-        self._reflex = round(w["reflex_delay"] * fs)
-        self._rate = 1.0 - math.exp(-self._period / m["activation"])
-        self._felt_rate = 1.0 - math.exp(-self._period / w["load_memory"])
+        self._strength = subject.strength[FLEXOR_MUSCLE], subject.strength[EXTENSOR_MUSCLE]
+        self._bend = math.expm1(m.shape)
+        self._late = round(m.delay * fs)
+        self._reflex = round(w.reflex_delay * fs)
+        self._rate = 1.0 - math.exp(-self._period / m.activation)
+        self._felt_rate = 1.0 - math.exp(-self._period / w.load_memory)
         self._task = wearer.task
-        self._both = w["bracing"] if wearer.task == "counteracting" else w["cocontraction"]
-        waver = 1.0 + draw_noise((2, n), m["variability"], m["variability_memory"], fs, rng)
-        unseen = 1.0 + draw_noise((2, n), m["unseen"], m["unseen_memory"], fs, rng)
+        self._both = w.bracing if wearer.task == "counteracting" else w.cocontraction
+        waver = 1.0 + draw_noise((2, n), m.variability, m.variability_memory, fs, rng)
+        unseen = 1.0 + draw_noise((2, n), m.unseen, m.unseen_memory, fs, rng)
         self._waver = list(zip(*waver.tolist(), strict=True))
         self._unseen = list(zip(*unseen.tolist(), strict=True))
         self.excitation: list[tuple[float, float]] = []
@@ -127,44 +125,44 @@ class Acting:
             self._first = self._excite(self._planned[0] + self._standing, position)
         self._state = [*self._first, *self._first]
 
-    def _spontaneous(self, rig: KneeRig, wearer: Wearer, n: int, rng: np.random.Generator) -> np.ndarray:
-        w, fs = self._nerves, rig["encoders"]["rate"]
-        rest = np.abs(draw_noise((2, n), w["spontaneous"], w["spontaneous_memory"], fs, rng)).T
+    def _spontaneous(self, rig: KneeMachine, wearer: Wearer, n: int, rng: np.random.Generator) -> np.ndarray:
+        w, fs = self._nerves, rig.constants.encoders.rate
+        rest = np.abs(draw_noise((2, n), w.spontaneous, w.spontaneous_memory, fs, rng)).T
         if wearer.task == "contracting":
             rest = rest + contractions(n, fs)
         elif wearer.helps:
-            rest[:, 0] += w["not_relaxed"] * (0.4 + 1.2 * draw_wandering_path(n, 2.0, fs, rng))
+            rest[:, 0] += w.not_relaxed * (0.4 + 1.2 * draw_wandering_path(n, 2.0, fs, rng))
         return np.clip(rest, 0.0, 1.0)
 
-    def _plan(self, rig: KneeRig, wearer: Wearer, n: int, load: float, rng: np.random.Generator) -> None:
-        w, fs, subject = self._nerves, rig["encoders"]["rate"], wearer.subject
-        ahead = round(w["foresight"] * fs)
+    def _plan(self, rig: KneeMachine, wearer: Wearer, n: int, load: float, rng: np.random.Generator) -> None:
+        w, fs, subject = self._nerves, rig.constants.encoders.rate, wearer.subject
+        ahead = round(w.foresight * fs)
         if wearer.task == "swinging":
             wanted = swing_path(rig, wearer, n + ahead, rng)
             tremor = np.zeros(n)
         else:
             wanted = np.full(n + ahead, wearer.angle)
-            tremor = w["tremor"] * np.sqrt(2.0) * np.sin(
-                2.0 * np.pi * np.cumsum(w["tremor_frequency"] * (0.8 + 0.4 * draw_wandering_path(n, 0.3, fs, rng))) / fs
+            tremor = w.tremor * np.sqrt(2.0) * np.sin(
+                2.0 * np.pi * np.cumsum(w.tremor_frequency * (0.8 + 0.4 * draw_wandering_path(n, 0.3, fs, rng))) / fs
             )  # fmt: skip
         speed = np.gradient(wanted, self._period)
-        limb, passive = subject.limb, rig["passive"]
+        limb, passive = subject.limb, rig.constants.passive
         torque = (
             subject.inertia * np.gradient(speed, self._period)
-            + subject.gravity * np.sin(wanted - limb["ahead"])
-            + limb["viscous"] * speed
-            - passive["torque"] * np.exp(np.minimum((passive["angle"] - wanted) / passive["scale"], 5.0))
+            + subject.gravity * np.sin(wanted - limb.ahead)
+            + limb.viscous * speed
+            - passive.torque * np.exp(np.minimum((passive.angle - wanted) / passive.scale, 5.0))
         )
         if wearer.task == "counteracting":
-            wanted[:n] += draw_noise((n,), w["drift"], w["drift_memory"], fs, rng)
+            wanted[:n] += draw_noise((n,), w.drift, w.drift_memory, fs, rng)
         self._planned = (torque[ahead:] + tremor).tolist()
-        self._against = np.tanh(speed[ahead:] / w["resistance_speed"]).tolist()
-        self._against_now = np.tanh(speed[:n] / w["resistance_speed"]).tolist()
+        self._against = np.tanh(speed[ahead:] / w.resistance_speed).tolist()
+        self._against_now = np.tanh(speed[:n] / w.resistance_speed).tolist()
         self._wanted, self._speed = wanted[:n].tolist(), speed[:n].tolist()
-        self._resistance = w["resistance"] if wearer.task == "swinging" else 0.0
+        self._resistance = w.resistance if wearer.task == "swinging" else 0.0
         self._felt, self._standing = load, load
         if wearer.task == "counteracting":
-            self._integral = load * (1.0 - w["load_share"])
+            self._integral = load * (1.0 - w.load_share)
         else:
             self._integral = load
 
@@ -172,10 +170,10 @@ class Acting:
         """Excitations that a wearer believes to give a torque [N*m], both sides never quite off."""
         m = self._muscles
         both = math.sqrt(torque * torque + 4.0 * self._both**2)
-        stretch = m["angle_slope"] * (position - m["best_angle"])
+        stretch = m.angle_slope * (position - m.best_angle)
         flexor = 0.5 * (both + torque) / (self._strength[0] * (1.0 + stretch))
         extensor = 0.5 * (both - torque) / (self._strength[1] * (1.0 - stretch))
-        bend, shape = self._bend, m["shape"]
+        bend, shape = self._bend, m.shape
         return (
             math.log1p(min(flexor, 1.0) * bend) / shape if flexor > 0.0 else 0.0,
             math.log1p(min(extensor, 1.0) * bend) / shape if extensor > 0.0 else 0.0,
@@ -187,13 +185,13 @@ class Acting:
         then = k - self._reflex if k > self._reflex else 0
         error = self._wanted[then] - self._position[then]
         lag = self._speed[then] - self._velocity[then]
-        self._integral += w["integral"] * error * self._period
-        torque = self._planned[k] + self._integral + w["stiffness"] * error + w["damping"] * lag
+        self._integral += w.integral * error * self._period
+        torque = self._planned[k] + self._integral + w.stiffness * error + w.damping * lag
         if self._task == "swinging":
-            self._resistance += w["learning"] * lag * self._against_now[then] * self._period
+            self._resistance += w.learning * lag * self._against_now[then] * self._period
             return torque + self._resistance * self._against[k]
         self._felt += self._felt_rate * (self._load[then] - self._felt)
-        return torque + w["load_share"] * self._felt
+        return torque + w.load_share * self._felt
 
     def step(self, k: int, position: float, velocity: float, load: float) -> float:
         """One period. `position`, `velocity` [rad], [rad/s]; `load` [N*m]; gives [N*m]."""
@@ -214,13 +212,13 @@ class Acting:
         state[3] += rate * (state[1] - state[3])
         tired[0] += state[2] * period
         tired[1] += state[3] * period
-        stretch = m["angle_slope"] * (position - m["best_angle"])
-        slowed = m["slowing"] * velocity
-        unseen, fatigue, bend, shape = self._unseen[k], m["fatigue"], self._bend, m["shape"]
+        stretch = m.angle_slope * (position - m.best_angle)
+        slowed = m.slowing * velocity
+        unseen, fatigue, bend, shape = self._unseen[k], m.fatigue, self._bend, m.shape
         flexor = self._strength[0] * (1.0 + stretch) * (1.0 - slowed) * (1.0 - fatigue * tired[0]) * unseen[0]
         extensor = self._strength[1] * (1.0 - stretch) * (1.0 + slowed) * (1.0 - fatigue * tired[1]) * unseen[1]
         torque = (flexor * math.expm1(shape * state[2]) - extensor * math.expm1(shape * state[3])) / bend
-        more = m["fatigue_emg"]
+        more = m.fatigue_emg
         self.amplitude.append((sent[0] * (1.0 + more * tired[0]), sent[1] * (1.0 + more * tired[1])))
         self.torque.append(torque)
         return torque

@@ -1,10 +1,10 @@
-"""Virtual people who point, and the robot that they wear: their rig file, their experiment, and its study."""
+"""Virtual people who point and the robot that they wear: their experiment, its recordings and its study."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -13,46 +13,15 @@ from ..._errors import StudyError
 from ..elbow.rig import ElbowRig
 from ..known_rigs import shipped_rig
 from ..recorded_table import MAIN_STREAM, MARKER_STREAM, Column, emg_columns, marker_columns
-from ..rig import Rig, Taken, Trial, parse_tables
+from ..rig import Rig, Taken, Trial
+from .constants import ParticipantsConstants, PeopleConstants, PointingConstants, RobotTable
 from .instruments import COMMON_COLUMNS, FOREARM_MARKERS, record_blocks
 from .people import PERSONAL_TABLES, Person, draw_people, personal_parameter_names
 from .session import CONTROL_CONDITION, Conditions, PointingSession, RobotLaw, simulate_session
 
-PUBLISHED = (CONTROL_CONDITION, "FC", "PCFr", "CLPC")
-"""Conditions of the paper."""
+PUBLISHED_CONDITIONS = (CONTROL_CONDITION, "FC", "PCFr", "CLPC")
+"""Names of the paper's conditions."""
 
-
-NEEDED = {
-    "robot": ("rig", "strap_stiffness", "strap_damping", "splint"),
-    "people": ("count", "age", "height", "mass"),
-    "arm": ("viscous", "passive_torque", "passive_angle", "passive_scale", "flexion", "extension"),
-    "muscles": ("stiffness", "damping", "reflex_stiffness", "reflex_damping", "reflex_delay", "muscle_delay",
-                "activation_time", "cocontraction", "noise_share", "noise_time"),
-    "vision": ("delay", "tolerance", "check_share", "correction_share", "correction_least"),
-    "planning": ("reach", "reach_spread", "pace_spread", "reaction", "sign_width"),
-    "choice": ("reward", "reward_spread", "resting_power", "efficiency", "torque_rate_cost", "discount", "shortest",
-               "longest"),
-    "learning": ("rate", "trust", "felt_noise"),
-    "emg": ("muscles", "groups", "share", "gains", "gain_spread", "rate"),
-    "force_sensor": ("noise", "offset", "drift", "delay"),
-    "pointing": ("reference", "amplitudes", "repetitions", "block", "hold", "tolerance", "longest"),
-    "cameras": ("rate", "noise", "quantum", "clock_drift", "elbow"),
-}  # fmt: skip
-"""What a rig file must say, table by table."""
-
-NEEDED_OF_PEOPLE = {
-    **{table: keys for table, keys in NEEDED.items() if table not in ("muscles", "vision")},
-    "people": ("model", *NEEDED["people"]),
-    "impedance": ("posture_stiffness", "movement_stiffness", "posture_damping_ratio", "movement_damping_ratio",
-                  "movement_speed", "stiffness_per_torque"),
-    "muscles": ("reflex_stiffness", "reflex_damping", "reflex_delay", "muscle_delay", "activation_time", "noise_share",
-                "noise_time"),
-    "cocontraction": ("cocontraction", "cocontraction_most", "cocontraction_rise", "cocontraction_decay", "late_time",
-                      "fatigue_rate", "recovery_rate"),
-    "vision": ("delay", "visual_noise", "tolerance_share", "check_share", "correction_share", "correction_least",
-               "correction_gain", "correction_discount", "refractory_time", "patience", "failures_most"),
-}  # fmt: skip
-"""And what one of people who hold as well as reach must say."""
 
 COMMENTS = {
     "": "People who point with the forearm, free and strapped to an elbow robot. Nothing below tells them from"
@@ -60,7 +29,7 @@ COMMENTS = {
     "streams.emg.channels": "raw, as the converter counts",
     "optical": "motion capture, on its own clock",
 }
-"""What its study.toml says beside a table or a key."""
+"""Comments of study.toml beside a table or a key."""
 
 
 @dataclass(frozen=True)
@@ -68,75 +37,79 @@ class PointingTrial(Trial):
     """One person in one condition; pauses divide it into recordings."""
 
     person: Person = field(kw_only=True)
-    number: int = 0  # Its place in the experiment, from 0
+    number: int = 0  # position in the experiment, counted from 0
 
 
 @dataclass(frozen=True)
 class PointingRig(Rig):
-    """The tables of a file like ``lab/rigs/elbow-participants.toml``, and the robot that its people wear."""
+    """People who point, of a file like ``lab/rigs/elbow-participants.toml``, and the robot that they wear."""
 
+    constants: PointingConstants
     robot: ElbowRig
-    conditions: Conditions | None = None  # A law by condition, as `Conditions`; known once the rig is `prepared`
+    conditions: Conditions | None = None  # law of each condition; known once the rig is `prepared`
 
     kind = "elbow-participants"
-    needed = NEEDED
+    constants_type: ClassVar[type[PointingConstants]] = ParticipantsConstants
     comments = COMMENTS
-    parallel = True  # the core leaves Python alone while it moves arms
+    parallel = True  # The core releases Python's lock while it simulates arms.
 
     @classmethod
     def parse(cls, text: str, name: str, robot: ElbowRig | None = None) -> Self:
-        """As `Rig.parse` of `text` and `name`; people wear `robot`, or the one that the file names."""
-        tables = cls.checked(parse_tables(text, f"rig {name}"), name)
+        """Return the people that the text of a file describes, who wear `robot`, or the one that the file names."""
+        constants: Any = cls.read_constants(text, name)
         if robot is None:
-            strapped = tables["robot"]["rig"]
-            robot = ElbowRig.parse(shipped_rig(strapped), strapped)
-        return cls(name, tables, robot)
+            robot = ElbowRig.parse(shipped_rig(constants.robot.rig), constants.robot.rig)
+        return cls(name, constants, robot)
 
     @property
     def period(self) -> float:
-        """Of control [s]."""
-        return 1.0 / self.robot["sampling"]["rate"]
+        """Return the control period [s]."""
+        return 1.0 / self.robot.constants.sampling.rate
 
     @property
     def strap(self) -> np.ndarray:
-        """The core's parameters of the strap, shape (11,), SI; what the file does not say of it is not there."""
-        return np.array([self["robot"].get(name, 0.0) for name in _core.STRAP_PARAMETER_NAMES], float)
+        """Return the core's parameters of the strap, shape (11,), SI; effects that the file leaves out are 0."""
+        values = self.constants.robot.model_dump()
+        return np.array([values[name] for name in _core.STRAP_PARAMETER_NAMES], float)
 
     def strapped(self, values: Mapping[str, float]) -> Self:
         """Return the same people with some constants of the strap changed, as `without_strap_options` gives them."""
-        robot = {**self["robot"], **{f"strap_{name}": value for name, value in values.items()}}
-        return replace(self, tables={**self.tables, "robot": robot})
+        # Only people differ in the offset of their axis; the strap itself has none.
+        strap = {f"robot.strap_{name}": value for name, value in values.items()}
+        known = {path: value for path, value in strap.items() if path.partition(".")[2] in RobotTable.key_names()}
+        return self.changed(known)
 
     def under(self, conditions: Conditions) -> Self:
-        """The same people under these conditions."""
+        """Return the same people under other conditions."""
         return replace(self, conditions=conditions)
 
     def prepared(self, controllers: Sequence[str] | None = None, seed: int = 1) -> Self:
-        """Identify the robot, and build of what is found the laws that people wear."""
+        """Return the rig with the laws that people wear, built from an identification of the robot."""
         from .conditions import build_study_conditions
 
         return self.under(build_study_conditions(self, controllers, seed=seed))
 
     def streams(self) -> Mapping[str, Sequence[Column]]:
-        """Time and target, the cameras' file, and the EMG amplifier's; where a robot is worn, its channels beside."""
+        """Return the columns of the main file, the cameras' and the EMG amplifier's; a worn robot adds its channels."""
         return {
             MAIN_STREAM: COMMON_COLUMNS,
             MARKER_STREAM: marker_columns(FOREARM_MARKERS),
-            "emg": emg_columns(self["emg"]),
+            "emg": emg_columns(self.constants.emg),
         }
 
     def trials(self, seed: int = 1) -> tuple[PointingTrial, ...]:
-        """Everybody in every condition, in an order of their own; `seed` draws people and orders."""
-        rng, made = np.random.default_rng(seed), []
+        """Return a trial of each person in each condition, in random order; `seed` draws people and orders."""
+        rng = np.random.default_rng(seed)
+        made: list[PointingTrial] = []
         for person in draw_people(self, rng):
             # Learning starts anew in each: two minutes' pause and another law lie in between, and nobody is told which.
-            for condition in rng.permutation(list(self.conditions or PUBLISHED)).tolist():
+            for condition in rng.permutation(list(self.conditions or PUBLISHED_CONDITIONS)).tolist():
                 whose = {"participant": person.name, "condition": condition, "person": person, "number": len(made)}
                 made.append(PointingTrial(f"{person.name}_{condition}", "pointing", **whose))
         return tuple(made)
 
     def draws(self, trials: Sequence[PointingTrial], seed: int) -> Iterator[dict[str, Any]]:
-        """Generators of people and of instruments for each of `trials`, from `seed` and its place in the experiment."""
+        """Return the generators of person and instruments for each of `trials`, from `seed` and the trial's number."""
         for trial in trials:
             of_person, of_instruments = (
                 np.random.default_rng(np.random.SeedSequence(entropy, spawn_key=(trial.number,)))
@@ -147,8 +120,7 @@ class PointingRig(Rig):
     def session(
         self, trial: PointingTrial, rng: np.random.Generator, controller: RobotLaw | None = None
     ) -> PointingSession:
-        """What truly happens in a trial, before any instrument; under a controller in place of the condition's own, if
-        given."""
+        """Simulate a trial without instruments; a `controller` takes the place of the condition's own."""
         if controller is None and trial.condition != CONTROL_CONDITION:
             make = (self.conditions or {}).get(trial.condition)
             if make is None:
@@ -166,21 +138,20 @@ class PointingRig(Rig):
         *,
         instruments: np.random.Generator | None = None,
     ) -> Taken:
-        """Do one trial under a controller in place of the condition's own, if given; `Taken.inside` is a
-        `PointingSession`."""
+        """Record one trial; a `controller` replaces the condition's own. `Taken.inside` is a `PointingSession`."""
         instruments = rng.spawn(1)[0] if instruments is None else instruments
         session = self.session(trial, rng, controller)
         return Taken(trial, record_blocks(self, session, instruments), truth={"fault": session.fault}, inside=session)
 
     def study(self, made: Sequence[Taken]) -> dict[str, Any]:
-        """The study.toml of what was `made`."""
-        emg, order = self["emg"], list(self.conditions or PUBLISHED)
-        # As they were named, not as each person met them: tables and figures follow study.toml.
+        """Return the contents of study.toml for the recordings that were `made`."""
+        emg, order = self.constants.emg, list(self.conditions or PUBLISHED_CONDITIONS)
+        # Tables and figures follow study.toml, so conditions have one order for all people.
         named = sorted(made, key=lambda taken: order.index(taken.trial.condition))
         people = {taken.trial.participant: taken.trial.person for taken in made}
 
         def of(group: str) -> list[str]:
-            return [m for m, g in zip(emg["muscles"], emg["groups"], strict=True) if g == group]
+            return [m for m, g in zip(emg.muscles, emg.groups, strict=True) if g == group]
 
         return {
             **super().study(named),
@@ -204,46 +175,50 @@ class PointingRig(Rig):
         }
 
     def truth(self, seed: int = 1) -> dict[str, Any]:
-        """The robot, and the people that a `seed` draws."""
+        """Return the robot, and the people that a `seed` draws."""
         people = draw_people(self, np.random.default_rng(seed))
         return {"robot": self.robot.name, "people": [asdict(person) for person in people]}
 
 
 @dataclass(frozen=True)
 class PeopleRig(PointingRig):
-    """The tables of a file like ``lab/rigs/elbow-people.toml``: people who differ in how they move, by its spreads."""
+    """People who differ in how they move, of a file like ``lab/rigs/elbow-people.toml``."""
 
     kind = "elbow-people"
-    needed = NEEDED_OF_PEOPLE
+    constants: PeopleConstants
+    constants_type = PeopleConstants
 
     @classmethod
-    def checked(cls, tables: dict, name: str) -> dict:
-        """As `Rig.checked`; and every number of the model that its people are is there."""
-        tables = super().checked(tables, name)
-        model = tables["people"]["model"]
+    def read_constants(cls, text: str, name: str) -> PeopleConstants:
+        """Return the constants of a file's text; raise a StudyError where the model of people lacks a number."""
+        constants: Any = super().read_constants(text, name)
+        return cls._require_model(constants, name)
+
+    @staticmethod
+    def _require_model(constants: PeopleConstants, name: str) -> PeopleConstants:
+        """Return the constants; raise a StudyError if the model is unknown or one of its numbers is missing."""
+        model = constants.people.model
         if model not in _core.PERSON_MODELS:
             known = ", ".join(_core.PERSON_MODELS)
             raise StudyError(f"rig {name}: [people] model: found {model!r}, expected one of {known}")
-        lacking = [
-            key
-            for key in personal_parameter_names(model)
-            if not any(key in tables.get(table, {}) for table in (*PERSONAL_TABLES, model))
-        ]
+        tables = [constants.get(table, {}) for table in (*PERSONAL_TABLES, model)]
+        lacking = [key for key in personal_parameter_names(model) if not any(key in table for table in tables)]
         if lacking:
             raise StudyError(f'rig {name}: [people] model = "{model}" lacks {", ".join(lacking)}')
-        return tables
+        return constants
 
     def modelled(self, model: str) -> Self:
-        """The same people, who move as another `model` of the core's `PERSON_MODELS` says."""
-        tables = {**self.tables, "people": {**self["people"], "model": model}}
-        return replace(self, name=f"{self.name}-{model}", tables=type(self).checked(tables, self.name))
+        """Return the same people, who move as another `model` of the core's `PERSON_MODELS` says."""
+        made = self.changed({"people.model": model}, f"{self.name}-{model}")
+        self._require_model(made.constants, self.name)
+        return made
 
 
 def elbow_people(robot: ElbowRig | None = None) -> PeopleRig:
-    """The people of ``lab/rigs/elbow-people.toml``, who wear `robot`, or the one that the file names."""
+    """Return the people of ``lab/rigs/elbow-people.toml``, who wear `robot`, or the one that the file names."""
     return PeopleRig.parse(shipped_rig(PeopleRig.kind), PeopleRig.kind, robot)
 
 
 def elbow_participants(robot: ElbowRig | None = None) -> PointingRig:
-    """The people of ``lab/rigs/elbow-participants.toml``, who wear `robot`, or the one that the file names."""
+    """Return the people of ``lab/rigs/elbow-participants.toml``, who wear `robot`, or the one that the file names."""
     return PointingRig.parse(shipped_rig(PointingRig.kind), PointingRig.kind, robot)

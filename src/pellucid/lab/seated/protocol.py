@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -12,14 +12,12 @@ from ...models.anthropometry import shank_length, winter
 from ...protocols.fourier import FourierSeries, play
 from ...protocols.two_sines import two_sines
 from ..rig import Trial
+from .machine import SeatedMachine
 from .subject import SeatedSubject, subjects
 from .wearer import swing_path
 
-if TYPE_CHECKING:
-    from .rig import SeatedRig
-
-EASE = 2.0
-"""In which a swing that the motor makes begins and ends [s]."""
+EASE_IN_S = 2.0
+"""Time in which a swing that the motor makes begins and ends [s]."""
 
 
 @dataclass(frozen=True)
@@ -35,28 +33,28 @@ class SeatedTrial(Trial):
             object.__setattr__(self, "participant", self.subject.name)
 
 
-def rich_swing(rig: SeatedRig) -> FourierSeries:
+def rich_swing(rig: SeatedMachine) -> FourierSeries:
     """A swing that shows inertia better than the paper's, designed for a mean leg before anybody is measured."""
-    loaded, people = rig["loaded"], rig["subjects"].values()
-    weight, height = (float(np.mean([p[key] for p in people])) for key in ("weight", "height"))
+    loaded, people = rig.constants.loaded, rig.constants.subjects.values()
+    weight, height = (float(np.mean(values)) for values in zip(*((p.weight, p.height) for p in people), strict=True))
     leg = winter(weight, shank_length(height))
-    part = rig["exoskeleton"]
+    part = rig.constants.exoskeleton
     return optimise_swing(
         leg.inertia + rig.exoskeleton_inertia,
-        leg.mass * leg.centre + part["mass"] * part["centre"][0],
-        reach=loaded["reach"],
-        peak_torque=loaded["peak_torque"],
-        rng=np.random.default_rng(loaded["excitation_seed"]),
+        leg.mass * leg.centre + part.mass * part.centre[0],
+        reach=loaded.reach,
+        peak_torque=loaded.peak_torque,
+        rng=np.random.default_rng(loaded.excitation_seed),
         friction=True,
     )
 
 
-def seated_trials(rig: SeatedRig, names: tuple[str, ...] | None = None) -> list[SeatedTrial]:
+def seated_trials(rig: SeatedMachine, names: tuple[str, ...] | None = None) -> list[SeatedTrial]:
     """Everything that is recorded, in the order of a session; of the subjects of these `names`, or of all."""
-    loaded, fs = rig["loaded"], rig["instruments"]["rate"]
+    loaded, fs = rig.constants.loaded, rig.constants.instruments.rate
     swings = {
-        "two_sines": _driven(two_sines(loaded["amplitude"]), loaded["duration"], fs),
-        "rich": _driven(rich_swing(rig), loaded["duration"], fs),
+        "two_sines": _driven(two_sines(loaded.amplitude), loaded.duration, fs),
+        "rich": _driven(rich_swing(rig), loaded.duration, fs),
     }
     people = {name: s for name, s in subjects(rig).items() if names is None or name in names}
     made = [SeatedTrial(f"empty_{key}", "empty_swing", reference=q) for key, q in swings.items()]
@@ -67,10 +65,10 @@ def seated_trials(rig: SeatedRig, names: tuple[str, ...] | None = None) -> list[
 
         for key, q in swings.items():
             add(key, "loaded_swing", q, "driven")
-        add("mvc", "mvc", np.full(round(rig["mvc"]["duration"] * fs), rig["mvc"]["angle"]), "maximal")
-        for i, (use, duration) in enumerate(zip(("fit", "validate"), rig["swing"]["duration"], strict=True), 1):
+        add("mvc", "mvc", np.full(round(rig.constants.mvc.duration * fs), rig.constants.mvc.angle), "maximal")
+        for i, (use, duration) in enumerate(zip(("fit", "validate"), rig.constants.swing.duration, strict=True), 1):
             # What a subject means to do is theirs, not a seed's: it is the same in every session.
-            rng = np.random.default_rng([rig["difference"]["seed"], i, *name.encode()])
+            rng = np.random.default_rng([rig.constants.difference.seed, i, *name.encode()])
             path = swing_path(rig, subject, round(duration * fs), rng)
             add(f"swing_{i}", "seated_swing", path, "swinging", use)
     return made
@@ -78,4 +76,4 @@ def seated_trials(rig: SeatedRig, names: tuple[str, ...] | None = None) -> list[
 
 def _driven(series: FourierSeries, duration: float, fs: float) -> np.ndarray:
     *_, velocity, acceleration = series.peaks()
-    return play(series, duration, fs, EASE, velocity=2.0 * velocity, acceleration=4.0 * acceleration)
+    return play(series, duration, fs, EASE_IN_S, velocity=2.0 * velocity, acceleration=4.0 * acceleration)

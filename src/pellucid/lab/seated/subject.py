@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import brentq
@@ -11,10 +10,8 @@ from scipy.optimize import brentq
 from ...models.anthropometry import shank_length, winter
 from ...models.hill import HillMuscle
 from ...models.muscle_geometry import muscle_table
+from .machine import SeatedMachine
 from .muscles import VirtualMuscle, torque_at_rest
-
-if TYPE_CHECKING:
-    from .rig import SeatedRig
 
 
 @dataclass(frozen=True)
@@ -33,19 +30,19 @@ class SeatedSubject:
     inertia: float
     ahead: float
     viscous: float
-    stiffness: float  # Of the shells on them [N m/rad]
-    rest: float  # rest, hip: Angles of the knee where the shank is vertical, and of the hip [rad]
-    hip: float
+    stiffness: float  # stiffness of the shells on the limb [N m/rad]
+    rest: float  # angle of the knee at which the shank is vertical [rad]
+    hip: float  # angle of the hip [rad]
     extensors: tuple[VirtualMuscle, ...] = field(repr=False)
     flexors: tuple[VirtualMuscle, ...] = field(repr=False)
-    activation_time: float  # activation_time, deactivation_time, delay, shape: Of all muscles [s], [s], [s], [1]
-    deactivation_time: float
-    delay: float
-    shape: float
-    cocontraction: float  # [N m]
-    belief: float  # By how much they count with a heavier body, a share
-    maximal: float  # Of full excitation, at most
-    emg_gain: tuple[float, ...]  # Of each electrode, and of what only leaks [V]
+    activation_time: float  # activation time of all muscles [s]
+    deactivation_time: float  # deactivation time of all muscles [s]
+    delay: float  # delay from EMG to force of all muscles [s]
+    shape: float  # shape factor between EMG and activation of all muscles [1]
+    cocontraction: float  # torque of co-contraction [N m]
+    belief: float  # relative error of the inertia and weight that the person expects of the limb [1]
+    maximal: float  # largest excitation that the person reaches, as a share of full excitation [1]
+    emg_gain: tuple[float, ...]  # RMS of each electrode at full excitation, and of cross-talk alone [V]
 
     @property
     def muscles(self) -> tuple[VirtualMuscle, ...]:
@@ -53,57 +50,58 @@ class SeatedSubject:
         return (*self.extensors, *self.flexors)
 
 
-def subjects(rig: SeatedRig) -> dict[str, SeatedSubject]:
+def subjects(rig: SeatedMachine) -> dict[str, SeatedSubject]:
     """Everybody in a rig, by name."""
-    return {name: draw_subject(rig, name) for name in rig["subjects"]}
+    return {name: draw_subject(rig, name) for name in rig.constants.subjects}
 
 
-def draw_subject(rig: SeatedRig, name: str) -> SeatedSubject:
+def draw_subject(rig: SeatedMachine, name: str) -> SeatedSubject:
     """What a subject is: the rig file's own numbers, and those drawn from its ranges; the same at every call."""
-    said, limb, muscles, wearer = (rig["subjects"][name], rig["limb"], rig["muscles"], rig["wearer"])
-    body, nerves, strange = np.random.default_rng([rig["difference"]["seed"], *name.encode()]).spawn(3)
+    constants = rig.constants
+    stated, limb, muscles, wearer = constants.subjects[name], constants.limb, constants.muscles, constants.wearer
+    body, nerves, strange = np.random.default_rng([rig.constants.difference.seed, *name.encode()]).spawn(3)
 
-    def within(rng: np.random.Generator, limits: list[float]) -> float:
+    def within(rng: np.random.Generator, limits: tuple[float, float]) -> float:
         return float(rng.uniform(*limits))
 
-    usual = winter(said["weight"], shank_length(said["height"]))
+    usual = winter(stated.weight, shank_length(stated.height))
     gyration = np.sqrt(usual.inertia / usual.mass - usual.centre**2)
     mass, centre, gyration = (
-        float(value * (1.0 + limb["spread"] * body.standard_normal())) for value in (usual.mass, usual.centre, gyration)
+        float(value * (1.0 + limb.spread * body.standard_normal())) for value in (usual.mass, usual.centre, gyration)
     )
-    rest, hip = within(body, rig["posture"]["rest"]), within(body, rig["posture"]["hip"])
-    size = said["height"] / muscles["model_height"]
-    force = (said["weight"] / muscles["model_mass"]) ** (2.0 / 3.0)
-    strain, shift = within(strange, muscles["tendon_strain"]), within(strange, muscles["length_shift"])
-    extensors = [_muscle(rig, m, strange, size, force, strain, shift) for m in muscles["extensors"]]
-    flexors = [_muscle(rig, m, strange, size, force, strain, shift) for m in muscles["flexors"]]
-    wanted = within(strange, muscles["passive_at_rest"])
-    emg = rig["emg"]
-    gains = [emg["gain"][m] for m in emg["muscles"]] + list(emg["leak_gain"])
+    rest, hip = within(body, rig.constants.posture.rest), within(body, rig.constants.posture.hip)
+    size = stated.height / muscles.model_height
+    force = (stated.weight / muscles.model_mass) ** (2.0 / 3.0)
+    strain, shift = within(strange, muscles.tendon_strain), within(strange, muscles.length_shift)
+    extensors = [_muscle(rig, m, strange, size, force, strain, shift) for m in muscles.extensors]
+    flexors = [_muscle(rig, m, strange, size, force, strain, shift) for m in muscles.flexors]
+    wanted = within(strange, muscles.passive_at_rest)
+    emg = rig.constants.emg
+    gains = [emg.gain[m] for m in emg.muscles] + list(emg.leak_gain)
     return SeatedSubject(
         name=name,
-        sex=said["sex"],
-        age=said["age"],
-        height=said["height"],
-        weight=said["weight"],
-        frequency=said["frequency"],
+        sex=stated.sex,
+        age=stated.age,
+        height=stated.height,
+        weight=stated.weight,
+        frequency=stated.frequency,
         moment=mass * centre,
         inertia=mass * (centre**2 + gyration**2),
-        ahead=within(body, limb["ahead"]),
-        viscous=within(body, limb["viscous"]),
-        stiffness=within(body, rig["shells"]["stiffness"]),
+        ahead=within(body, limb.ahead),
+        viscous=within(body, limb.viscous),
+        stiffness=within(body, rig.constants.shells.stiffness),
         rest=rest,
         hip=hip,
         extensors=tuple(_with_passive(extensors, wanted, hip, rest)),
-        flexors=tuple(_changed(m, passive_scale=muscles["passive_flexors"]) for m in flexors),
-        activation_time=within(nerves, muscles["activation_time"]),
-        deactivation_time=within(nerves, muscles["deactivation_time"]),
-        delay=within(nerves, muscles["delay"]),
-        shape=within(nerves, muscles["shape"]),
-        cocontraction=within(nerves, wearer["cocontraction"]),
-        belief=float(wearer["belief"] * nerves.standard_normal()),
-        maximal=within(nerves, wearer["maximal"]),
-        emg_gain=tuple(float(g * np.exp(emg["gain_spread"] * nerves.standard_normal())) for g in gains),
+        flexors=tuple(_changed(m, passive_scale=muscles.passive_flexors) for m in flexors),
+        activation_time=within(nerves, muscles.activation_time),
+        deactivation_time=within(nerves, muscles.deactivation_time),
+        delay=within(nerves, muscles.delay),
+        shape=within(nerves, muscles.shape),
+        cocontraction=within(nerves, wearer.cocontraction),
+        belief=float(wearer.belief * nerves.standard_normal()),
+        maximal=within(nerves, wearer.maximal),
+        emg_gain=tuple(float(g * np.exp(emg.gain_spread * nerves.standard_normal())) for g in gains),
     )
 
 
@@ -136,13 +134,15 @@ def subject_truth(s: SeatedSubject) -> dict[str, object]:
     }
 
 
-def _muscle(rig, name, rng, size, force, strain, shift) -> VirtualMuscle:
+def _muscle(
+    rig: SeatedMachine, name: str, rng: np.random.Generator, size: float, force: float, strain: float, shift: float
+) -> VirtualMuscle:
     """A muscle with every constant off by a drawn share of either sign."""
-    muscles, off = rig["muscles"], rig["difference"]
+    muscles, off = rig.constants.muscles, rig.constants.difference
     usual = muscle_table().constants[name]
 
     def error() -> float:
-        return float(rng.choice([-1.0, 1.0]) * rng.uniform(off["low"], off["high"]))
+        return float(rng.choice([-1.0, 1.0]) * rng.uniform(off.low, off.high))
 
     fibre = size * usual.optimal_fibre_length
     constants = HillMuscle(
@@ -154,10 +154,10 @@ def _muscle(rig, name, rng, size, force, strain, shift) -> VirtualMuscle:
         optimal_length_shift=shift,
         max_velocity=usual.max_velocity * (1.0 + error()),
         force_length_width=usual.force_length_width * (1.0 + error()),
-        damping=muscles["fibre_damping"],
-        passive_strain=muscles["passive_strain"],
+        damping=muscles.fibre_damping,
+        passive_strain=muscles.passive_strain,
     )
-    return VirtualMuscle(constants, strain, muscles["sharing"][name] * (1.0 + error()), size, 1.0 + error())
+    return VirtualMuscle(constants, strain, muscles.sharing[name] * (1.0 + error()), size, 1.0 + error())
 
 
 def _changed(muscle: VirtualMuscle, **values: float) -> VirtualMuscle:

@@ -10,19 +10,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...models.joint import GRAVITY
 from ..emg_synthesis import Electrodes, EmgSynthesis
 from ..noise import draw_noise
+from .machine import SeatedMachine
 from .muscles import Muscles
 from .protocol import SeatedTrial
 from .wearer import Nerves, activations, maximal_excitation
-
-if TYPE_CHECKING:
-    from .rig import SeatedRig
 
 
 @dataclass(frozen=True)
@@ -59,31 +56,31 @@ class SeatedReadings:
     truth: SeatedTruth
 
 
-def run_seated_trial(rig: SeatedRig, trial: SeatedTrial, *, rng: np.random.Generator) -> SeatedReadings:
+def run_seated_trial(rig: SeatedMachine, trial: SeatedTrial, *, rng: np.random.Generator) -> SeatedReadings:
     """One trial, from rest to its last period."""
     of_body, of_drive, of_emg = rng.spawn(3)
-    n, instruments, subject = len(trial.reference), rig["instruments"], trial.subject
+    n, instruments, subject = len(trial.reference), rig.constants.instruments, trial.subject
     moved = _clamped(rig, trial, of_body) if trial.task == "maximal" else _moved(rig, trial, of_body)
     truth, command, acceleration, seen = moved
-    count = instruments["encoder"]
+    count = instruments.encoder
     emg_time = emg = knee = hip = None
     if subject is not None:
-        table = rig["emg"]
-        every = [*table["muscles"], *table["leaking"]]
+        table = rig.constants.emg
+        every = [*table.muscles, *table.leaking]
         columns = [[m.name for m in subject.muscles].index(name) for name in every]
         synthesis = EmgSynthesis(Electrodes(subject.emg_gain, table), n, rig.period, of_emg)
         emg_time = synthesis.time
-        emg = synthesis.whole(truth.excitation[:, columns], acceleration)[:, : len(table["muscles"])]
+        emg = synthesis.whole(truth.excitation[:, columns], acceleration)[:, : len(table.muscles)]
         # A goniometer is read once for every subject, not once for every trial.
-        once = np.random.default_rng([rig["difference"]["seed"], 7, *subject.name.encode()])
-        off = rig["posture"]["goniometer"] * once.standard_normal(2)
+        once = np.random.default_rng([rig.constants.difference.seed, 7, *subject.name.encode()])
+        off = rig.constants.posture.goniometer * once.standard_normal(2)
         knee, hip = float(subject.rest + off[0]), float(subject.hip + off[1])
-    current = truth.motor_torque * (1.0 + rig["actuator"]["constant_error"])
+    current = truth.motor_torque * (1.0 + rig.constants.actuator.constant_error)
     return SeatedReadings(
         trial,
         np.arange(n) * rig.period,
         count * np.round(seen / count),
-        current + draw_noise((n,), instruments["torque_noise"], 0.0, instruments["rate"], of_drive),
+        current + draw_noise((n,), instruments.torque_noise, 0.0, instruments.rate, of_drive),
         command,
         knee,
         hip,
@@ -93,7 +90,7 @@ def run_seated_trial(rig: SeatedRig, trial: SeatedTrial, *, rng: np.random.Gener
     )
 
 
-def _clamped(rig: SeatedRig, trial: SeatedTrial, rng: np.random.Generator):
+def _clamped(rig: SeatedMachine, trial: SeatedTrial, rng: np.random.Generator):
     """Only the clamp yields, as much as an encoder sees; the muscles pull at it."""
     subject, n = trial.subject, len(trial.reference)
     excitation = maximal_excitation(rig, subject, n, rng)
@@ -105,32 +102,32 @@ def _clamped(rig: SeatedRig, trial: SeatedTrial, rng: np.random.Generator):
     pulled = [muscles.step(a, knee) for a in activation.tolist()]
     torque, force = np.array([p[0] for p in pulled]), np.array([p[1] for p in pulled])
     still = np.zeros(n)
-    position = trial.reference + rig["mvc"]["yield"] * torque
+    position = trial.reference + rig.constants.mvc.clamp_compliance * torque
     truth = SeatedTruth(position, still, torque, still, still, excitation, activation, force)
     return truth, still, still, position
 
 
-def _moved(rig: SeatedRig, trial: SeatedTrial, rng: np.random.Generator):
+def _moved(rig: SeatedMachine, trial: SeatedTrial, rng: np.random.Generator):
     """Truth, the motor's command, the shank's acceleration, and the exoskeleton's position."""
     n, period, subject = len(trial.reference), rig.period, trial.subject
-    motor, loop, substeps = rig["actuator"], rig["position_loop"], rig["instruments"]["substeps"]
+    motor, loop, substeps = rig.constants.actuator, rig.constants.position_loop, rig.constants.instruments.substeps
     sine, cosine = rig.exoskeleton_gravity
-    inertia, quantum, step = rig.exoskeleton_inertia, rig["instruments"]["encoder"], period / substeps
-    up, down, viscous = motor["coulomb_positive"], motor["coulomb_negative"], motor["viscous"]
-    rest_speed, loss, limit = motor["rest_speed"], motor["load_loss"], motor["torque_limit"]
-    cogging, waves = motor["cogging"], motor["cogging_wave_number"]
+    inertia, quantum, step = rig.exoskeleton_inertia, rig.constants.instruments.encoder, period / substeps
+    up, down, viscous = motor.coulomb_positive, motor.coulomb_negative, motor.viscous
+    rest_speed, loss, limit = motor.rest_speed, motor.load_loss, motor.torque_limit
+    cogging, waves = motor.cogging, motor.cogging_wave_number
     driven, reference = trial.task == "driven", trial.reference.tolist()
     nerves = muscles = None
     q_e = q_l = reference[0]
     leg, leg_moment, stiffness, soft, ahead, leg_viscous = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
     if subject is not None:
         leg, leg_moment, ahead, leg_viscous = subject.inertia, GRAVITY * subject.moment, subject.ahead, subject.viscous
-        stiffness, soft = subject.stiffness, rig["shells"]["damping"]
+        stiffness, soft = subject.stiffness, rig.constants.shells.damping
         nerves = Nerves(rig, subject, n, None if driven else trial.reference, q_l, rng)
         muscles = Muscles(subject.muscles, subject.hip, subject.rest, subject.rest + q_l, period)
     v_e = v_l = tau = pulled = 0.0
     errors: list[float] = []
-    span, kp, kd = loop["velocity_span"], loop["kp"], loop["kd"] / (loop["velocity_span"] * period)
+    span, kp, kd = loop.velocity_span, loop.kp, loop.kd / (loop.velocity_span * period)
     rows, commands, activation, force = [], [], [], []
     sin, tanh = math.sin, math.tanh
     for k in range(n):

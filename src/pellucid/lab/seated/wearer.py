@@ -8,34 +8,30 @@ activation makes of excitation.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ... import _core
 from ...models.joint import GRAVITY
 from ...models.muscle import Muscle
 from ..noise import draw_noise, draw_wandering_path
+from .machine import SeatedMachine
 from .muscles import DriveMap
 from .subject import SeatedSubject
 
-if TYPE_CHECKING:
-    from .rig import SeatedRig
+UNIT_MUSCLE = Muscle(max_isometric_force=1.0, optimal_fibre_length=1.0, tendon_slack_length=0.0, max_velocity=1.0)
+"""A muscle whose speeds and forces are relative: people's expectation of the force lost in shortening."""
 
-UNIT = Muscle(max_isometric_force=1.0, optimal_fibre_length=1.0, tendon_slack_length=0.0, max_velocity=1.0)
-"""A muscle whose speeds and forces are relative: what people have learned of shortening."""
-
-WEAKEST = 0.2
-"""What is left of a force, at least [1]."""
+MIN_FORCE_SHARE = 0.2
+"""Smallest share of a force that remains after shortening [1]."""
 
 
-def swing_path(rig: SeatedRig, subject: SeatedSubject, n: int, rng: np.random.Generator) -> np.ndarray:
+def swing_path(rig: SeatedMachine, subject: SeatedSubject, n: int, rng: np.random.Generator) -> np.ndarray:
     """Positions that a swinging subject means to go through, shape (n,) [rad]; it begins hanging."""
-    swing, fs = rig["swing"], rig["instruments"]["rate"]
-    pace, forward, backward = (draw_wandering_path(n, swing["memory"], fs, rng) for _ in range(3))
-    frequency = subject.frequency * (1.0 + swing["pace"] * (2.0 * pace - 1.0))
-    front = swing["forward"][0] + np.diff(swing["forward"]) * forward
-    back = swing["backward"][0] + np.diff(swing["backward"]) * backward
+    swing, fs = rig.constants.swing, rig.constants.instruments.rate
+    pace, forward, backward = (draw_wandering_path(n, swing.memory, fs, rng) for _ in range(3))
+    frequency = subject.frequency * (1.0 + swing.pace * (2.0 * pace - 1.0))
+    front = swing.forward[0] + np.diff(swing.forward) * forward
+    back = swing.backward[0] + np.diff(swing.backward) * backward
     phase = 2.0 * np.pi * np.cumsum(frequency) / fs
     begin = np.clip(np.arange(n) / (2.0 * fs), 0.0, 1.0)
     middle, size = 0.5 * (front - back), 0.5 * (front + back)
@@ -48,7 +44,7 @@ class Nerves:
 
     def __init__(
         self,
-        rig: SeatedRig,
+        rig: SeatedMachine,
         subject: SeatedSubject,
         n: int,
         path: np.ndarray | None,
@@ -56,18 +52,18 @@ class Nerves:
         rng: np.random.Generator,
     ) -> None:
         self._subject, self._period = subject, rig.period
-        fs, muscles, wearer = rig["instruments"]["rate"], rig["muscles"], rig["wearer"]
+        fs, muscles, wearer = rig.constants.instruments.rate, rig.constants.muscles, rig.constants.wearer
         count = len(subject.muscles)
         shares = np.array([m.share for m in subject.muscles])
-        unseen = draw_noise((count, n), muscles["unseen"], muscles["unseen_memory"], fs, rng)
+        unseen = draw_noise((count, n), muscles.unseen, muscles.unseen_memory, fs, rng)
         self._share = (shares[:, None] * np.maximum(1.0 + unseen, 0.1)).T
-        waver = draw_noise((count, n), muscles["variability"], muscles["variability_memory"], fs, rng)
+        waver = draw_noise((count, n), muscles.variability, muscles.variability_memory, fs, rng)
         self._waver = np.maximum(1.0 + waver, 0.0).T
-        idle = draw_noise((count, n), wearer["spontaneous"], wearer["spontaneous_memory"], fs, rng)
+        idle = draw_noise((count, n), wearer.spontaneous, wearer.spontaneous_memory, fs, rng)
         self._idle = np.abs(idle).T
         self.late = max(1, round(subject.delay * fs))
-        self._reflex = max(1, round(wearer["reflex_delay"] * fs))
-        self._stiffness, self._damping = wearer["stiffness"], wearer["damping"]
+        self._reflex = max(1, round(wearer.reflex_delay * fs))
+        self._stiffness, self._damping = wearer.stiffness, wearer.damping
         self._extending = len(subject.extensors)
         self.excitation = np.zeros((n, count))
         self.activation = np.zeros((n + self.late, count))
@@ -76,27 +72,27 @@ class Nerves:
         if path is not None:
             self._extensors = DriveMap(subject.extensors, subject.hip, subject.rest)
             self._flexors = DriveMap(subject.flexors, subject.hip, subject.rest)
-            ahead = self.late + round(wearer["activation_foresight"] * fs)
+            ahead = self.late + round(wearer.activation_foresight * fs)
             self._path, self._rate = path.tolist(), (np.gradient(path) * fs).tolist()
             self._plan = np.append(self._planned(rig, path)[ahead:], np.full(ahead, 0.0)).tolist()
             self._toward = np.append(path[ahead:], np.full(ahead, path[-1])).tolist()
-            moving = wearer["weakening"] * np.append(self._rate[ahead:], np.zeros(ahead))
+            moving = wearer.weakening * np.append(self._rate[ahead:], np.zeros(ahead))
             # Never believed to be weaker than that: nobody drives a muscle to pull nothing.
-            weaker = (np.maximum(UNIT.force_velocity(way * moving), WEAKEST) for way in (-1.0, 1.0))
+            weaker = (np.maximum(UNIT_MUSCLE.force_velocity(way * moving), MIN_FORCE_SHARE) for way in (-1.0, 1.0))
             self._weaker = np.column_stack(list(weaker)).tolist()
 
-    def _planned(self, rig: SeatedRig, path: np.ndarray) -> np.ndarray:
+    def _planned(self, rig: SeatedMachine, path: np.ndarray) -> np.ndarray:
         """Torque that the subject believes a path to take, shape (n,) [N m]."""
-        fs, subject, motor = rig["instruments"]["rate"], self._subject, rig["actuator"]
+        fs, subject, motor = rig.constants.instruments.rate, self._subject, rig.constants.actuator
         velocity = np.gradient(path) * fs
         acceleration = np.gradient(velocity) * fs
         sine, cosine = rig.exoskeleton_gravity
         body = (subject.inertia + rig.exoskeleton_inertia) * acceleration
         body += GRAVITY * subject.moment * np.sin(path - subject.ahead) + sine * np.sin(path) + cosine * np.cos(path)
-        dry = 0.5 * (motor["coulomb_positive"] + motor["coulomb_negative"]) * np.tanh(velocity / 0.2)
-        friction = dry + (motor["viscous"] + subject.viscous) * velocity
+        dry = 0.5 * (motor.coulomb_positive + motor.coulomb_negative) * np.tanh(velocity / 0.2)
+        friction = dry + (motor.viscous + subject.viscous) * velocity
         tissue = self._extensors.passive(subject.rest + path) - self._flexors.passive(subject.rest + path)
-        return (1.0 + subject.belief) * body + rig["wearer"]["friction_belief"] * friction - tissue
+        return (1.0 + subject.belief) * body + rig.constants.wearer.friction_belief * friction - tissue
 
     def step(self, k: int, position: float, velocity: float) -> list[float]:
         """One period: what is felt of the shank goes in, [rad], [rad/s]; the activations of this period come out, one
@@ -150,14 +146,14 @@ def activations(subject: SeatedSubject, excitation: np.ndarray, start: np.ndarra
     return np.array(made).T
 
 
-def maximal_excitation(rig: SeatedRig, subject: SeatedSubject, n: int, rng: np.random.Generator) -> np.ndarray:
+def maximal_excitation(rig: SeatedMachine, subject: SeatedSubject, n: int, rng: np.random.Generator) -> np.ndarray:
     """Excitations, shape (n, muscles) [1], of somebody who extends twice with all their might against a clamp."""
-    muscles, fs = rig["muscles"], rig["instruments"]["rate"]
+    muscles, fs = rig.constants.muscles, rig.constants.instruments.rate
     t = np.arange(n) / n
     shown = sum(np.clip(np.minimum(t - a, b - t) / 0.03, 0.0, 1.0) for a, b in ((0.12, 0.42), (0.60, 0.90)))
     count, extending = len(subject.muscles), len(subject.extensors)
     level = np.full(count, 0.08)
     # In an attempt at the maximum every synergist is driven as much as it can be.
     level[:extending] = subject.maximal * rng.uniform(0.96, 1.0, extending)
-    waver = 1.0 + draw_noise((count, n), muscles["variability"], muscles["variability_memory"], fs, rng)
+    waver = 1.0 + draw_noise((count, n), muscles.variability, muscles.variability_memory, fs, rng)
     return np.clip(shown[:, None] * level * waver.T, 0.0, 1.0)

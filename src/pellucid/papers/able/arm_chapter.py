@@ -19,7 +19,7 @@ from ...pages.tables import Row, Table
 from ..figure import Reproduced, figure
 from ..row_sections import cell
 from .arm_figures import cost_by_joints
-from .arm_identification import ArmIdentified, directional_many, identified
+from .arm_identification import IdentifiedArm, directional_many, identified
 from .arm_worn import BEST_LAW, PUBLISHED_LAW, worn
 
 MODEL_IDS: Mapping[str, str] = {
@@ -54,7 +54,7 @@ class ArmChapter:
     """Figures of the chapter."""
 
     compared: Mapping[int, Mapping[str, DirectionalRow]]  # Comparison by number of moving joints, then by model's id
-    found: ArmIdentified
+    found: IdentifiedArm
     torque: Mapping[str, float]  # Interaction torque by law, RMS over joints [N m]
 
 

@@ -26,6 +26,7 @@ MODEL_COLOUR_ROLES = {
     "sets_printed": "heldout",
     "sets_errata": "ink",
 }
+"""Colour role of each model, by its id."""
 
 
 def cost_by_joints(

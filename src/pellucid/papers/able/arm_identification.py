@@ -48,7 +48,7 @@ PAYLOAD_KG = 1.5
 
 
 @dataclass(frozen=True, eq=False)
-class ArmIdentified:
+class IdentifiedArm:
     """One arm identified from one seed's recordings, with its errors on people's motions."""
 
     rig: str
@@ -92,7 +92,7 @@ def gravity_error(rig: ArmRig, estimate: TreeEstimate) -> float:
     return 100.0 * float(np.abs(found - true).max() / np.abs(true).max())
 
 
-def identified(rig: ArmRig, seed: int = 1) -> ArmIdentified:
+def identified(rig: ArmRig, seed: int = 1) -> IdentifiedArm:
     """Record a rig's protocol with and without payload, and people's motions; fit the protocol, test on the motions."""
     robot = rig.robot
     trials = [t for t in rig.trials(seed) if t.use == "fit"]
@@ -111,7 +111,7 @@ def identified(rig: ArmRig, seed: int = 1) -> ArmIdentified:
     errors = {"plain": heldout_errors(plain, judged), "load_stated_gains": heldout_errors(stated, judged)}
     errors |= {e.name: heldout_errors(e, others) for e in (load, best, consistent)}
     every = {"plain": plain, "load_stated_gains": stated, "load": load, "best": best, "consistent": consistent}
-    return ArmIdentified(
+    return IdentifiedArm(
         rig.name,
         seed,
         errors,
@@ -125,7 +125,7 @@ def identified(rig: ArmRig, seed: int = 1) -> ArmIdentified:
     )
 
 
-def identified_many(jobs: Sequence[tuple[ArmRig, int]], workers: int | None = None) -> list[ArmIdentified]:
+def identified_many(jobs: Sequence[tuple[ArmRig, int]], workers: int | None = None) -> list[IdentifiedArm]:
     """Return `identified` of several pairs of rig and seed, each computed in a process."""
     return ordered_results([(identified, *job) for job in jobs], workers)
 

@@ -42,7 +42,7 @@ LAWS_WITH_FORCE_SENSOR = ("force_sensors",)
 
 
 @dataclass(frozen=True)
-class ArmWorn:
+class WornArmOutcome:
     """Outcome of one robot on one person under one law."""
 
     interaction: float  # RMS of the cuffs' torque at the wearer's joints [N m]; infinite where the trial was stopped
@@ -54,7 +54,7 @@ class ArmWorn:
 
 def worn(
     rig: ArmRig, person: Person, laws: Sequence[str] = tuple(LAWS), seconds: float | None = None
-) -> dict[str, ArmWorn]:
+) -> dict[str, WornArmOutcome]:
     """Return the outcome of each law on one robot and one person, over the first `seconds` [s] of a motion, or all."""
     card, motion, made = card_of(rig, identified(rig)), motion_of(person, rig, repetition=3), {}
     if seconds is not None:
@@ -64,12 +64,12 @@ def worn(
         trial = run(rig, person, law, motion)
         off = float(np.sqrt(np.mean(trial.error**2)))
         stopped = trial.stopped or law.running.fault != "none"
-        made[name] = ArmWorn(trial.interaction_rms, off, trial.work, trial.exchanged, stopped)
+        made[name] = WornArmOutcome(trial.interaction_rms, off, trial.work, trial.exchanged, stopped)
     return made
 
 
 def wearers_of(arms: Sequence[ArmRig]) -> tuple[Sequence[Person], str]:
-    """Whom each of some robots is worn by, and how they move, in words."""
+    """Return a person for each of some robots, and the source of their motions in words."""
     try:
         recorded, source = people(), "recorded reaching"
     except PellucidError:
@@ -77,7 +77,7 @@ def wearers_of(arms: Sequence[ArmRig]) -> tuple[Sequence[Person], str]:
     return drawn_people(len(arms), recorded=recorded), source
 
 
-def arms_worn(arms: Sequence[ArmRig]) -> tuple[list[dict[str, ArmWorn]], str]:
-    """Every law on each of some robots, and how their wearers moved, in words."""
-    wearers, said = wearers_of(arms)
-    return ordered_results([(worn, rig, person) for rig, person in zip(arms, wearers, strict=True)]), said
+def arms_worn(arms: Sequence[ArmRig]) -> tuple[list[dict[str, WornArmOutcome]], str]:
+    """Return the outcome of every law on each of some robots, and the source of the wearers' motions in words."""
+    wearers, source = wearers_of(arms)
+    return ordered_results([(worn, rig, person) for rig, person in zip(arms, wearers, strict=True)]), source

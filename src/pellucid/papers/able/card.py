@@ -29,6 +29,7 @@ PARAMETER_UNITS = {
     "viscous": "N*m*s/rad",
     "inertia": ["kg*m^2", "kg*m", "kg"],
 }
+"""Units of the card's parameters; an inertia has those of a_0, a_1 and a_2."""
 
 MISSING_QUANTITIES = (
     "torque constant",

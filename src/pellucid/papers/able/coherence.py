@@ -47,7 +47,7 @@ def inconsistencies(
     sliders: np.ndarray | tuple = DEFAULT_SLIDERS_M,
     angles: np.ndarray | tuple = DEFAULT_ANGLES_RAD,
 ) -> tuple[Inconsistency, ...]:
-    """All that is wrong with an elbow, nothing for one that can exist; sliders (n,) [m], angles (m,) [rad]."""
+    """Return all that contradicts mechanics in an elbow; sliders (n,) [m], angles (m,) [rad]."""
     sliders, angles = np.asarray(sliders, float), np.asarray(angles, float)
     found = []
     for direction in ("down", "up"):
@@ -62,7 +62,7 @@ def inconsistencies(
 
 
 def positive_inertia_range(elbow: PublishedElbow, direction: str) -> tuple[float, float] | None:
-    """Between which slider positions [m] a concave inertia is positive; None if nowhere, or if it is not concave."""
+    """Return the slider positions [m] between which a concave inertia is positive; None if nowhere or not concave."""
     a0, a1, a2 = elbow.direction(direction).inertia
     root = a1**2 - 4.0 * a0 * a2
     if a2 >= 0.0 or root <= 0.0:
@@ -74,7 +74,7 @@ def positive_inertia_range(elbow: PublishedElbow, direction: str) -> tuple[float
 def implied_friction(
     elbow: PublishedElbow, sliders: np.ndarray, angles: np.ndarray, *, positive: str = "up"
 ) -> np.ndarray:
-    """Friction at vanishing speed that two directional sets amount to.
+    """Return the friction at vanishing speed that two directional sets imply.
 
     sliders (n,) [m], angles (m,) [rad]; gives (n, m) [N*m].
     """

@@ -44,27 +44,27 @@ class DirectionSet:
 class PublishedElbow:
     """A direction-dependent elbow with a slider, in the paper's own angle: 0 is horizontal [rad]."""
 
-    source: str  # Where its numbers are printed
-    sets: Mapping[str, DirectionSet]  # By direction, one of `TABLE_DIRECTIONS`
+    source: str  # Publication and table of its numbers
+    sets: Mapping[str, DirectionSet]  # Sets by direction, one of `TABLE_DIRECTIONS`
 
     def direction(self, name: str) -> DirectionSet:
-        """The set of a direction."""
+        """Return the set of a direction."""
         if name not in self.sets:
             raise PellucidError(f"direction {name!r}; expected one of {', '.join(self.sets)}")
         return self.sets[name]
 
     def first_moment(self, direction: str, slider: float | np.ndarray) -> float | np.ndarray:
-        """m x(s) [kg*m], of the shape of `slider` [m]; `direction` is one of `TABLE_DIRECTIONS`."""
+        """Return m x(s) [kg*m], of the shape of `slider` [m]; `direction` is one of `TABLE_DIRECTIONS`."""
         found = self.direction(direction)
         return found.m_x_slope * np.asarray(slider, float) + found.m_x_offset
 
     def gravity(self, direction: str, slider: float | np.ndarray, angle: float | np.ndarray) -> float | np.ndarray:
-        """The gravity term, with the paper's plus sign before the sine; slider [m], angle [rad]; gives [N*m]."""
+        """Return the gravity term [N*m], with the paper's plus sign before the sine; slider [m], angle [rad]."""
         m_y = self.direction(direction).m_y
         return GRAVITY * (self.first_moment(direction, slider) * np.cos(angle) + m_y * np.sin(angle))
 
     def inertia(self, direction: str, slider: float | np.ndarray) -> float | np.ndarray:
-        """J(s), negative where the table makes it so; slider [m]; gives [kg*m^2]."""
+        """Return J(s) [kg*m^2], negative where the table makes it so; slider [m]."""
         found = self.direction(direction).inertia
         if found is None:
             raise PellucidError(f"{self.source} gives no inertia for direction {direction!r}")
@@ -72,7 +72,7 @@ class PublishedElbow:
         return found[0] + found[1] * slider + found[2] * slider**2
 
     def friction(self, direction: str, velocity: float | np.ndarray) -> float | np.ndarray:
-        """Coulomb and viscous friction, or at rest the adherence as printed, sign included.
+        """Return Coulomb and viscous friction, or at rest the adherence as printed, sign included.
 
         velocity [rad/s]; gives [N*m].
         """
@@ -90,7 +90,7 @@ class PublishedElbow:
         velocity: float | np.ndarray,
         acceleration: float | np.ndarray,
     ) -> float | np.ndarray:
-        """Torque at the joint: gravity, friction, and but for the static set inertia.
+        """Return the torque at the joint: gravity, friction, and except for the static set inertia.
 
         slider [m], angle [rad], velocity [rad/s], acceleration [rad/s^2]; gives [N*m].
         """
@@ -100,7 +100,7 @@ class PublishedElbow:
         return total + self.inertia(direction, slider) * np.asarray(acceleration, float)
 
     def current(self, torque: float | np.ndarray, *, torque_constant: float, reduction: float) -> float | np.ndarray:
-        """Motor current for a torque at the joint; the paper gives neither constant, so neither has a default.
+        """Return the motor current for a torque at the joint; neither constant is printed, so neither has a default.
 
         torque [N*m], torque_constant [N*m/A]; gives [A].
         """
@@ -110,7 +110,7 @@ class PublishedElbow:
 
 
 def published_angle(position: float | np.ndarray) -> float | np.ndarray:
-    """The paper's angle for Pellucid's: both grow while the forearm rises, by eq. 2 with Y upward.
+    """Return the paper's angle for Pellucid's: both grow while the forearm rises, by eq. 2 with Y upward.
 
     position [rad]; gives [rad].
     """
@@ -118,7 +118,7 @@ def published_angle(position: float | np.ndarray) -> float | np.ndarray:
 
 
 def able_elbow() -> PublishedElbow:
-    """Table II of the paper ``able``."""
+    """Return Table II of the paper ``able``."""
     paper = printed("able")
     table = paper.tables["elbow"]
     sets = {}

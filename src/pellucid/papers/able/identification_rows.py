@@ -13,7 +13,7 @@ from ..paired_test import paired_test
 from ..printed import PrintedPaper
 from .coherence import inconsistencies
 from .elbow import able_elbow as published_elbow
-from .trials import ModelsCompared
+from .trials import ModelComparison
 
 LOAD_FRICTION_FACTORS = (0.0, 0.5, 1.0, 2.0, 3.0, 4.0)
 """Factors on the rig's load friction; the ratio of errors is computed for each, to find which gives the paper's."""
@@ -21,7 +21,7 @@ LOAD_FRICTION_FACTORS = (0.0, 0.5, 1.0, 2.0, 3.0, 4.0)
 _row = partial(figure, "able")
 
 
-def compared_rows(rig: ElbowRig, comparisons: Sequence[ModelsCompared], paper: PrintedPaper) -> Iterator[Reproduced]:
+def compared_rows(rig: ElbowRig, comparisons: Sequence[ModelComparison], paper: PrintedPaper) -> Iterator[Reproduced]:
     """Yield Table I for every rig; ids name the rig unless it is the committed one."""
     table = paper.tables["error"]
     printed = {
@@ -36,7 +36,7 @@ def compared_rows(rig: ElbowRig, comparisons: Sequence[ModelsCompared], paper: P
 
 
 def _rows_of_rig(
-    head: str, rig: str, mine: Sequence[ModelsCompared], printed: Mapping[str, float]
+    head: str, rig: str, mine: Sequence[ModelComparison], printed: Mapping[str, float]
 ) -> Iterator[Reproduced]:
     """Yield Table I for one rig over its seeds (`mine`), beside the paper's `printed` figures."""
 
@@ -85,7 +85,7 @@ def _rows_of_rig(
     )  # fmt: skip
 
 
-def factor_rows(by_factor: Sequence[ModelsCompared], paper: PrintedPaper) -> list[Reproduced]:
+def factor_rows(by_factor: Sequence[ModelComparison], paper: PrintedPaper) -> list[Reproduced]:
     """Return rows with the ratio of errors by load friction, and the friction that gives the paper's ratio."""
     ratios = np.array([c.ratio("published", "pooled", "dissociated") for c in by_factor])
     wanted = paper["error_ratio"]
@@ -109,7 +109,7 @@ def factor_rows(by_factor: Sequence[ModelsCompared], paper: PrintedPaper) -> lis
 
 
 def recomputed_rows(paper: PrintedPaper) -> list[Reproduced]:
-    """Table I's test, the count of parameters, and what is wrong with Table II."""
+    """Return rows on Table I's test, the count of parameters, and the contradictions in Table II."""
     table = paper.tables["error"]
     without, with_ = table["without_dissociation"], table["with_dissociation"]
     test = paired_test(

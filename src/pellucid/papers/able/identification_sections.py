@@ -17,7 +17,7 @@ from ...procedures.slider.identify_slider import predicted
 from ..figure import Reproduced
 from ..row_sections import cell
 from .identification_rows import LOAD_FRICTION_FACTORS
-from .trials import ModelsCompared
+from .trials import ModelComparison
 
 MODEL_WORDS = {
     "pooled": "without dissociation",
@@ -28,16 +28,17 @@ MODEL_WORDS = {
 """Names of the models in figures, in the order in which they are drawn."""
 
 MODEL_COLOUR_ROLES = dict(zip(MODEL_WORDS.values(), ("symmetric", "heldout", "fitted", "load"), strict=True))
+"""Colour role of each model, by its name in figures."""
 
 
 def identification_sections(
     rig: ElbowRig,
-    comparisons: Sequence[ModelsCompared],
-    by_factor: Sequence[ModelsCompared],
+    comparisons: Sequence[ModelComparison],
+    by_factor: Sequence[ModelComparison],
     fit: SliderFit,
     rows: Mapping[str, Reproduced],
 ) -> tuple[Section, ...]:
-    """Table I, Fig. 3b, the friction that the paper's ratio needs, gravity, inertia and friction, and energy."""
+    """Return the sections on Table I, Fig. 3b, load friction, gravity, inertia, friction and energy."""
     return (
         _table1(rig, comparisons, rows),
         _trace(fit),
@@ -47,7 +48,7 @@ def identification_sections(
     )
 
 
-def _table1(rig: ElbowRig, comparisons: Sequence[ModelsCompared], rows: Mapping[str, Reproduced]) -> Section:
+def _table1(rig: ElbowRig, comparisons: Sequence[ModelComparison], rows: Mapping[str, Reproduced]) -> Section:
     committed = [c for c in comparisons if c.rig == rig.name]
     first = committed[0]
     kinds = ["constant"] * 6 + ["sweep"] * 6 + ["slow"] * 6
@@ -136,7 +137,7 @@ def _trace(fit: SliderFit) -> Section:
     )
 
 
-def _needed(rig: ElbowRig, by_factor: Sequence[ModelsCompared], rows: Mapping[str, Reproduced]) -> Section:
+def _needed(rig: ElbowRig, by_factor: Sequence[ModelComparison], rows: Mapping[str, Reproduced]) -> Section:
     ratios = np.array([c.ratio("published", "pooled", "dissociated") for c in by_factor])
     share = np.array(LOAD_FRICTION_FACTORS) * rig["transmission"]["load_motoring"]
     drawing = draw(
@@ -239,7 +240,7 @@ def _body(rig: ElbowRig, fit: SliderFit) -> Section:
 
 
 def _energy(fit: SliderFit) -> Section:
-    """Energy that compensating gravity alone puts into a joint over a closed cycle."""
+    """Return the section on the energy that compensating gravity alone puts into a joint over a closed cycle."""
     paper_angle = 1.15
     amplitude = np.linspace(0.02, 0.8, 30)
     middle = 0.5 * sum(fit.rail)

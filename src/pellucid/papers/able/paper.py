@@ -29,13 +29,13 @@ from .elbow import able_elbow as published_elbow
 from .identification_rows import LOAD_FRICTION_FACTORS, compared_rows, factor_rows, recomputed_rows
 from .identification_sections import identification_sections
 from .law_comparison import compare_controllers, comparison_rows
-from .predicted import Drawn, Scored, models_of_people, predict_paper, predicted_rows
+from .predicted import PredictionSize, ScoredPrediction, models_of_people, predict_paper, predicted_rows
 from .predicted_sections import predicted_sections
 from .statistics import statistics_rows
 from .transparency import LAWS, Transparency, compare_laws
 from .transparency_rows import safety_rows, transparency_rows
 from .transparency_sections import transparency_sections
-from .trials import ModelsCompared, compare_many, compare_models
+from .trials import ModelComparison, compare_many, compare_models
 
 
 @dataclass(eq=False)
@@ -67,16 +67,16 @@ class AblePaper(Paper):
     studies: Sequence[int] = tuple(range(1, 6))  # Seeds of the virtual people, their order of conditions, their noise
     joints: Sequence[int] = (1, 2, 3, 4)  # Numbers of moving joints in the four-joint chapter; empty: no chapter
     # Size of the prediction of the experiment; None: no such chapter
-    predicted: Drawn | None = field(default_factory=Drawn)
+    predicted: PredictionSize | None = field(default_factory=PredictionSize)
     fuzzed: int = 10_000_000  # Number of control cycles with fuzzed inputs, for every law
     workers: int | None = None  # Processes, or threads; as many as there are processors if None
 
     rig: ElbowRig = field(init=False)
-    comparisons: tuple[ModelsCompared, ...] = field(init=False)  # All rigs and seeds, the committed rig's first
-    by_factor: tuple[ModelsCompared, ...] = field(init=False)  # The committed rig, its friction times `LOAD_FACTORS`
+    comparisons: tuple[ModelComparison, ...] = field(init=False)  # All rigs and seeds, the committed rig's first
+    by_factor: tuple[ModelComparison, ...] = field(init=False)  # The committed rig, its friction times `LOAD_FACTORS`
     fit: SliderFit = field(init=False)  # The committed rig's, first seed
     transparency: Transparency = field(init=False)  # The paper's laws with virtual people, on the committed rig
-    scored: Scored | None = field(init=False, default=None)  # Prediction of the experiment beside the paper
+    scored: ScoredPrediction | None = field(init=False, default=None)  # Prediction of the experiment beside the paper
     screened: Sensitivity | None = field(init=False, default=None)  # Sensitivity of that prediction to each factor
     chapter: ArmChapter | None = field(init=False, default=None)  # Chapter on four joints
 
@@ -116,7 +116,7 @@ class AblePaper(Paper):
         tell("laws among nonsense", 0.95)
         yield from safety_rows(_all_laws(people, cards, self.transparency.exponents), cycles=self.fuzzed)
 
-    def _predicted(self, drawn: Drawn, people: PointingRig, tell: Progress) -> list[Reproduced]:
+    def _predicted(self, drawn: PredictionSize, people: PointingRig, tell: Progress) -> list[Reproduced]:
         rigs = drawn.rigs or models_of_people(people.robot)
         self.scored = predict_paper(
             rigs, self.printed, people=drawn.people, robots=drawn.robots, movements=drawn.movements,
@@ -130,7 +130,7 @@ class AblePaper(Paper):
         return predicted_rows(self.scored, self.screened)
 
     def headline(self, figures: Figures) -> str:
-        """What dissociation and one coherent body gain, and what laws do to people."""
+        """Return the gain by dissociation and by one coherent body, and the effect of the laws on people."""
         ratio, load = figures["able.table1.ratio"], figures["able.load.ratio"]
         changes_text = ", ".join(
             f"{law} {figures.ours(f'transparency.duration_median.{law.lower()}'):+.0f} % in the median "
@@ -151,7 +151,7 @@ class AblePaper(Paper):
         )
 
     def tiles(self, figures: Figures) -> tuple[Tile, ...]:
-        """Ratio, torque and gravity errors, and interaction torque."""
+        """Return tiles on the ratio, torque and gravity errors, and interaction torque."""
         ours, torque = figures.ours, "transparency.torque"
         return (
             Tile("Error ratio, never fitted", f"{ours('able.table1.ratio'):.2f}", "",

@@ -56,7 +56,7 @@ _row = partial(figure, "able.predicted")
 
 
 @dataclass(frozen=True)
-class Drawn:
+class PredictionSize:
     """Size of the prediction of the experiment."""
 
     robots: int = 8
@@ -137,7 +137,7 @@ def predict_paper(
     workers: int | None = None,
     executor: Executor | None = None,
     on_progress: Callable[[str, float], None] | None = None,
-) -> Scored:
+) -> ScoredPrediction:
     """Predict the paper's experiment with people of `rigs`, on robots with friction between the paper's and the rig's.
 
     On half of the robots five people choose k of equation 8; on the others it is as printed.
@@ -146,11 +146,11 @@ def predict_paper(
         rigs, people=people, robots=robots, movements=movements, friction=friction_drawn(rigs[0], paper), seed=seed,
         exponents=(None, printed_exponents(paper)), workers=workers, executor=executor, on_progress=on_progress,
     )  # fmt: skip
-    return Scored(made, made.studies(size=int(paper["participants"])), paper)
+    return ScoredPrediction(made, made.studies(size=int(paper["participants"])), paper)
 
 
 @dataclass(frozen=True, eq=False)
-class Scored:
+class ScoredPrediction:
     """A prediction beside the paper."""
 
     prediction: Prediction
@@ -200,14 +200,14 @@ class Scored:
         return float(np.mean([e.interval_score for e in found]))
 
     @cached_property
-    def of_models(self) -> dict[str, Scored]:
+    def of_models(self) -> dict[str, ScoredPrediction]:
         """The prediction by people of each model alone, if there are several models."""
         p = self.prediction
         if len(p.models) < 2:
             return {}
         alone = {name: p.of_model(i) for i, name in enumerate(p.models)}
         size = self.studies.control.shape[1]
-        return {name: Scored(one, one.studies(size=size), self.paper) for name, one in alone.items()}
+        return {name: ScoredPrediction(one, one.studies(size=size), self.paper) for name, one in alone.items()}
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
@@ -290,7 +290,7 @@ def _longer_by_published_tests(studies: DrawnStudies) -> np.ndarray:
     return longer[:, PCFR_ROW] & longer[:, CLPC_ROW] & (np.abs(sums[:, 1 + FC_ROW] - sums[:, 0]) < needed)
 
 
-def predicted_rows(made: Scored, screened: Sensitivity | None) -> list[Reproduced]:
+def predicted_rows(made: ScoredPrediction, screened: Sensitivity | None) -> list[Reproduced]:
     """Return rows of every predicted effect and finding, and of the factors' sensitivities."""
     p, rows = made.prediction, []
     drawn = (

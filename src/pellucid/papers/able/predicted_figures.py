@@ -71,7 +71,7 @@ def spread_figure(panels: Mapping[str, Sequence[Spread]], ranks: str, caption: s
 
 
 def _density(axis, row: Spread, place: int, span: tuple[float, float], log: bool) -> None:
-    """How the drawn studies lie, as a hill on the row's line."""
+    """Draw the density of the drawn studies as a hill on the row's line."""
     drawn = row.drawn[np.isfinite(row.drawn)]
     if not log:
         values, counts = np.unique(drawn, return_counts=True)
@@ -89,7 +89,7 @@ def _density(axis, row: Spread, place: int, span: tuple[float, float], log: bool
 
 
 def deciding_figure(screened: Sensitivity, titles: Mapping[str, str], caption: str) -> Drawing:
-    """Mean elementary effects of every factor, a panel for each index, a bar for each law; chance as a line."""
+    """Draw mean elementary effects of every factor, a panel for each index, a bar for each law; chance is a line."""
     figure = Figure(figsize=(FIGURE_WIDTH, 1.0 + 0.42 * len(screened.factors)), layout="constrained")
     axes = figure.subplots(1, len(titles))
     tones = dict(zip(screened.laws, ("fitted", "heldout", "directional"), strict=False))

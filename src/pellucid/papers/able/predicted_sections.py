@@ -14,7 +14,7 @@ from ...pages.page import Section
 from ...pages.quantities import MINUS_SIGN
 from ...pages.tables import Row, Table, number_table
 from ..figure import Reproduced
-from .predicted import EFFECT_WORDS, EMG_RANK_SUM, Scored, rank_sums
+from .predicted import EFFECT_WORDS, EMG_RANK_SUM, ScoredPrediction, rank_sums
 from .predicted_figures import Spread, deciding_figure, spread_figure
 from .transparency import LAWS
 
@@ -26,14 +26,14 @@ SCREENED_INDICES = {"duration_median": "Median duration", "vmax": "Peak velocity
 
 
 def predicted_sections(
-    made: Scored, screened: Sensitivity | None, rows: Mapping[str, Reproduced]
+    made: ScoredPrediction, screened: Sensitivity | None, rows: Mapping[str, Reproduced]
 ) -> tuple[Section, ...]:
-    """The experiment predicted; which factor decides, where it was screened."""
+    """Return the section on the predicted experiment, and one on the deciding factors if they were screened."""
     first = _predicted(made, rows, screened)
     return (first,) if screened is None else (first, _deciding(screened))
 
 
-def _predicted(made: Scored, rows: Mapping[str, Reproduced], screened: Sensitivity | None) -> Section:
+def _predicted(made: ScoredPrediction, rows: Mapping[str, Reproduced], screened: Sensitivity | None) -> Section:
     p, share = made.prediction, f"{100.0 * STUDY_INTERVAL_SHARE:.0f} %"
     count = len(made.effects)
     inside = sum(e.inside for e in made.effects)
@@ -98,8 +98,8 @@ def _predicted(made: Scored, rows: Mapping[str, Reproduced], screened: Sensitivi
     )  # fmt: skip
 
 
-def _alone(made: Scored) -> Table:
-    """What people of one model predict."""
+def _alone(made: ScoredPrediction) -> Table:
+    """Return the prediction by people of one model as a table."""
     rows = [
         (EFFECT_WORDS[e.index], e.law, _number(e.printed, e.index), _number(e.middle, e.index),
          f"{_number(e.low, e.index)} to {_number(e.high, e.index)}", "inside" if e.inside else "outside")
@@ -108,7 +108,7 @@ def _alone(made: Scored) -> Table:
     return number_table(("Effect", "Law", "Paper", "Predicted", "80 % of studies", ""), rows, words=2)
 
 
-def _panels(made: Scored) -> dict[str, list[Spread]]:
+def _panels(made: ScoredPrediction) -> dict[str, list[Spread]]:
     found: dict[str, list[Spread]] = {}
     sums = rank_sums(made.studies)
     for e in made.effects:

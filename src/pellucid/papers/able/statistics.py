@@ -34,7 +34,7 @@ PRINT_ERRORS = {
 
 
 def statistics_rows(paper: PrintedPaper) -> tuple[Reproduced, ...]:
-    """Every printed statistic of section 5's tests, beside what the rank sums give."""
+    """Return every printed statistic of section 5's tests, beside that from the rank sums."""
     n = int(paper["participants"])
     rows = []
     for index, sums in RANK_SUMS.items():

@@ -143,7 +143,7 @@ def required_resistance(rig: PointingRig, people: Sequence[Person], slower: floa
 
 
 @dataclass(frozen=True)
-class Recorded:
+class RecordedStudy:
     """One study as a lab would record and assess it."""
 
     study: VirtualStudy  # Indices from the true motion
@@ -152,7 +152,7 @@ class Recorded:
     seconds: float  # Computing time of people, robots and instruments [s]
 
 
-def record_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads: int = 2) -> Recorded:
+def record_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads: int = 2) -> RecordedStudy:
     """Record all people in all conditions with markers, encoder and EMG, and assess the recordings."""
     begun = time.perf_counter()
     rig = rig.under(conditions)
@@ -162,12 +162,12 @@ def record_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads
     seconds = time.perf_counter() - begun
     study = VirtualStudy(seed, tuple(one.inside for one in made))
     try:
-        return Recorded(
+        return RecordedStudy(
             study, assess_recordings("virtual-able", recordings, config.table(AssessmentTable)), "", seconds
         )
     except RecordingError as error:
         # People who cannot hold a robot at all leave nothing to assess; their true motion still counts.
-        return Recorded(study, None, str(error), seconds)
+        return RecordedStudy(study, None, str(error), seconds)
 
 
 @dataclass(frozen=True)
@@ -176,10 +176,10 @@ class Transparency:
 
     exponents: tuple[float, float]  # k of equation 8, upwards and downwards
     torques: dict[float, tuple[float, float]]  # Interaction torque by k, by which five other people chose k [N*m]
-    recorded: Recorded  # Study of the first seed, recorded with instruments
+    recorded: RecordedStudy  # Study of the first seed, recorded with instruments
     studies: tuple[VirtualStudy, ...]  # Study of every seed under the paper's laws
-    own: tuple[VirtualStudy, ...]  # The same people in control and under the toolkit's own laws
-    content: tuple[VirtualStudy, ...]  # The same people under all these laws, with a tolerance of the whole target
+    own: tuple[VirtualStudy, ...]  # Studies of the same people in control and under the toolkit's own laws
+    content: tuple[VirtualStudy, ...]  # Studies under all these laws with a tolerance of the whole target
     required: dict[str, float]  # Additional resistance from `required_resistance`
 
     def with_law(self, law: str) -> tuple[VirtualStudy, ...]:

@@ -58,7 +58,7 @@ def change_figure(
 
 
 def name_marks(axis, roles: Mapping[str, str]) -> None:
-    """Names in their colours, in a row above all panels."""
+    """Write names in their colours, in a row above all panels."""
     at = {"xycoords": "axes fraction", "xy": (0.0, 1.0), "xytext": (0.0, 24.0)}
     for kind, tone in roles.items():
         shown = axis.annotate(
@@ -76,7 +76,7 @@ def _mark(axis, values: tuple[float, float, float], height: float, tone: str) ->
 
 
 def some_ticks(ticks: Sequence[float]) -> list[float]:
-    """At most five of the ticks, 1 among them, as even on a log axis as they come."""
+    """Return at most five of the ticks, 1 among them, as evenly spaced on a log axis as they come."""
     ticks = list(ticks)
     while len(ticks) > 5:
         gaps = np.diff(np.log(ticks))

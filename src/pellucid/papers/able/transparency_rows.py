@@ -41,7 +41,7 @@ _row = partial(figure, "transparency")
 
 
 def transparency_rows(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
-    """Everything that the virtual comparison says, beside what is printed."""
+    """Return all rows of the virtual comparison, beside the printed numbers."""
     rows = _changes(made, paper)
     for name, table, index, unit in (
         ("table3", "duration", "duration", "s"),
@@ -61,7 +61,7 @@ def transparency_rows(made: Transparency, paper: PrintedPaper) -> list[Reproduce
 
 
 def printed_change(table: PrintedTable, law: str) -> float:
-    """Change from control in the means of a printed table [%]."""
+    """Return the change from control in the means of a printed table [%]."""
     return 100.0 * (table[law.lower()]["mean"].value / table["ctrl"]["mean"].value - 1.0)
 
 
@@ -181,7 +181,7 @@ def _circumstances(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
 
 
 def safety_rows(laws: Mapping[str, ControlLaw], *, cycles: int, seed: int = 1) -> list[Reproduced]:
-    """Unsafe commands of all laws together among nonsense, and how late a fault is answered."""
+    """Return the unsafe commands of all laws among fuzzed inputs, and the delay from a fault to a safe output."""
     found = {name: fuzz(law, cycles, seed=seed) for name, law in laws.items()}
     note = f"{cycles} cycles of each of {', '.join(found)}; {sum(f.faults for f in found.values())} faults"
     unsafe, slowest = sum(f.unsafe for f in found.values()), max(f.slowest for f in found.values())

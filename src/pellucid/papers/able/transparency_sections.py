@@ -45,7 +45,7 @@ OWN_LAW_WORDS = dict(zip(OWN_LAWS, ("Own, encoder", "Own, sensor"), strict=True)
 
 
 def transparency_sections(made: Transparency, rows: Mapping[str, Reproduced]) -> tuple[Section, ...]:
-    """Changes from control, Tables III to V, Figs. 6 to 8, and what is behind them."""
+    """Return the sections on changes from control, Tables III to V, Figs. 6 to 8, and circumstances."""
     sections = [_changes(made, rows), _tables(made, rows), _circumstances(made, rows), _all_laws(rows)]
     if made.recorded.findings is not None:
         sections.insert(2, _figures(made))
@@ -119,7 +119,7 @@ def _changes(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
 
 
 def _settling(made: Transparency) -> tuple[Settling, ...]:
-    """All studies' movements together, by condition."""
+    """Return the settling of all studies' movements together, by condition."""
     found = []
     for condition in (CONTROL_CONDITION, *LAWS, *OWN_LAWS):
         lasted = np.concatenate([t.lasted for study in made.with_law(condition) for t in study.of(condition)])

@@ -26,7 +26,7 @@ COMPARED_PROTOCOLS = ("constant_velocity", "swept_sine", "slow")
 
 
 @dataclass(frozen=True)
-class ModelsCompared:
+class ModelComparison:
     """Comparison of all models on the recordings of one rig with one seed."""
 
     rig: str
@@ -61,7 +61,7 @@ def numbered_names(names: Sequence[str], prefixes: Sequence[str]) -> tuple[str, 
     return tuple(n for prefix in prefixes for n in names if n.startswith(prefix) and n[len(prefix) :].isdigit())
 
 
-def compare_models(rig: ElbowRig, seed: int, made: tuple[ElbowTrial, ...]) -> tuple[ModelsCompared, SliderFit]:
+def compare_models(rig: ElbowRig, seed: int, made: tuple[ElbowTrial, ...]) -> tuple[ModelComparison, SliderFit]:
     """Record the protocol on a rig, identify, and evaluate."""
     config, recordings, taken = record_in_memory(rig, made, seed=seed)
     fit = fit_slider(config, recordings)
@@ -80,7 +80,7 @@ def compare_models(rig: ElbowRig, seed: int, made: tuple[ElbowTrial, ...]) -> tu
     model = fit["dissociated"].model
     friction = directional_friction(model, x, q)
     true_place = {one.trial.name: one.trial.slider for one in taken}
-    comparison = ModelsCompared(
+    comparison = ModelComparison(
         rig=rig.name,
         seed=seed,
         recordings=sets,
@@ -101,12 +101,12 @@ def compare_models(rig: ElbowRig, seed: int, made: tuple[ElbowTrial, ...]) -> tu
     return comparison, fit
 
 
-def _one(rig: ElbowRig, seed: int) -> ModelsCompared:
+def _one(rig: ElbowRig, seed: int) -> ModelComparison:
     return compare_models(rig, seed, tuple(t for t in trials(rig) if t.protocol in COMPARED_PROTOCOLS))[0]
 
 
 def compare_many(
     jobs: Sequence[tuple[ElbowRig, int]], workers: int | None, tell: Callable[[int, int], None]
-) -> list[ModelsCompared]:
-    """The same for many rigs and seeds, in processes of their own and in the order of the jobs."""
+) -> list[ModelComparison]:
+    """Return `compare_models` of many rigs and seeds, computed in processes, in the order of the jobs."""
     return ordered_results([(_one, *job) for job in jobs], workers, tell)

@@ -31,7 +31,7 @@ class Paths:
 
 
 def paths(panels: Sequence[Paths], name: str, *, caption: str, columns: int = 2) -> Drawing:
-    """Numbers over the iterations of a descent."""
+    """Draw numbers over the iterations of a descent."""
     rows = -(-len(panels) // columns)
     figure = Figure(figsize=(FIGURE_WIDTH, 2.9 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
@@ -72,7 +72,7 @@ class Compared:
 
 
 def compared(rows: Sequence[Compared], name: str, *, text: str, caption: str) -> Drawing:
-    """Errors of estimators, a dot per subject, a bar at their mean, and an open mark where something is printed."""
+    """Draw errors of estimators: a dot per subject, a bar at their mean, and an open mark for the printed value."""
     figure, axis = one_panel(0.9 + 0.34 * len(rows))
     for i, row in enumerate(rows):
         tone = colour("fitted" if row.strong else "measured")

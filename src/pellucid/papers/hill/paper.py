@@ -18,7 +18,7 @@ from ..paper import Paper, Progress
 from .recomputed import recomputed
 from .rows import step_rows, torque_rows, training_rows
 from .sections import step_sections
-from .steps import BodyFound, find_body, find_leg
+from .steps import IdentifiedBody, find_body, find_leg
 from .subject_found import SubjectFound
 from .torque import find_torque
 from .training import train
@@ -46,11 +46,11 @@ class HillPaper(Paper):
     workers: int | None = None  # Processes; as many as there are processors if None
 
     rig: SeatedRig = field(init=False)
-    empty: BodyFound = field(init=False)
+    empty: IdentifiedBody = field(init=False)
     subjects: dict[str, SubjectFound] = field(init=False)
 
     def figures(self, tell: Progress) -> Iterator[Reproduced]:
-        """The exoskeleton alone, then everybody's leg, torque and training, and what print allows."""
+        """Yield figures of the exoskeleton, of everybody's leg, torque and training, then those from print alone."""
         self.rig = rig = load_seated_rig()
         chosen = tuple(rig["subjects"]) if self.names is None else tuple(self.names)
         tell("a swing that shows inertia", 0.0)
@@ -72,11 +72,11 @@ class HillPaper(Paper):
         yield from recomputed(self.printed)
 
     def is_main(self, row: str) -> bool:
-        """Over subjects, whole, with all muscles."""
+        """Return whether a row is over all subjects and with all muscles."""
         return super().is_main(row) and row.rsplit(".", 1)[-1] not in (*self.subjects, "truncated", "recorded")
 
     def headline(self, figures: Figures) -> str:
-        """How near the torque comes to the truth, and by what the paper's own reference misses it."""
+        """Return the error of the torque against the truth, and that of the paper's own reference."""
 
         def ours(name: str) -> float:
             return figures.ours(f"hill.{name}")
@@ -91,7 +91,7 @@ class HillPaper(Paper):
         )
 
     def tiles(self, figures: Figures) -> tuple[Tile, ...]:
-        """Torque, leg and training."""
+        """Return tiles on torque, leg and training."""
 
         def worst(start: str) -> str:
             values = [row.ours for name, row in figures.items() if name.startswith(f"hill.{start}")]
@@ -108,15 +108,15 @@ class HillPaper(Paper):
         )  # fmt: skip
 
     def sections(self, figures: Figures) -> tuple[Section, ...]:
-        """Each table and figure of the paper."""
+        """Return a section for each table and figure of the paper."""
         return step_sections(self)
 
     def footer(self) -> str:
-        """What is known to be wrong with the paper."""
+        """Return the page's last line, which names the rig's status and the paper's errata."""
         return "The rig was fixed before anything was identified on it. Errata C1 to C15."
 
 
-def _subject(rig: SeatedRig, made: list[SeatedTrial], empty: BodyFound, name: str, seed: int) -> SubjectFound:
+def _subject(rig: SeatedRig, made: list[SeatedTrial], empty: IdentifiedBody, name: str, seed: int) -> SubjectFound:
     taken = take_subject(rig, made, subjects(rig)[name], seed)
     leg = find_leg(empty, taken)
     torque = find_torque(empty, leg, taken)

@@ -70,7 +70,7 @@ def half_activation(shape: float, ratio: float) -> float:
 
 
 def recomputed(paper: PrintedPaper) -> list[Reproduced]:
-    """Every figure of the paper that its other printed numbers determine."""
+    """Return every figure of the paper that its other printed numbers determine."""
     return [*_bodies(paper), *_step_three(paper), *_activations(paper), *_means(paper), *_methods(paper)]
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..figure import Reproduced, figure, mean_figure
 from ..printed import PrintedPaper
-from .steps import DRIVEN_SWINGS, BodyFound, LegFound
-from .torque import BASELINE_FAMILIES, ERROR_MEASURES, RECORDED_EMG_BASELINES, TorqueFound
+from .steps import DRIVEN_SWINGS, IdentifiedBody, IdentifiedLeg
+from .torque import BASELINE_FAMILIES, ERROR_MEASURES, RECORDED_EMG_BASELINES, TorqueComparison
 from .training import TRAINED_QUANTITIES, Training
 
 MEASURE_WORDS = {"rmse": "RMSE", "maxe": "Largest error", "mae": "Mean error"}
@@ -43,23 +43,23 @@ def _subject_key(name: str) -> str:
     return f"subject_{name.removeprefix('S')}"
 
 
-TERMS = {"p": "inertia", "q": "weight_moment"}
+PARAMETER_OF_LETTER = {"p": "inertia", "q": "weight_moment"}
 """What the paper's letters stand for."""
 
 _row, _over = partial(figure, "hill"), partial(mean_figure, "hill")
 
 
-def step_rows(empty: BodyFound, legs: Mapping[str, LegFound], paper: PrintedPaper) -> list[Reproduced]:
-    """Table 2 and what its errors are."""
+def step_rows(empty: IdentifiedBody, legs: Mapping[str, IdentifiedLeg], paper: PrintedPaper) -> list[Reproduced]:
+    """Return rows on Table 2 and its errors."""
     table, units = paper.tables["swings"], {"p": "kg*m^2", "q": "kg*m"}
     rows = []
     for n, unit in units.items():
-        own = empty.published[TERMS[n]]
+        own = empty.published[PARAMETER_OF_LETTER[n]]
         rows.append(_row(f"empty.{n}", f"{n} of the exoskeleton, eq. 9", unit, own.value, table["empty"][n]))
     for name, leg in legs.items():
         both = leg.body.published
         rows += [
-            _row(f"{n}.{name}", f"{n}' of {name}, eq. 10", unit, both[TERMS[n]].value,
+            _row(f"{n}.{name}", f"{n}' of {name}, eq. 10", unit, both[PARAMETER_OF_LETTER[n]].value,
                     table[_subject_key(name)][n] if _subject_key(name) in table.rows else None)
             for n, unit in units.items()
         ]  # fmt: skip
@@ -88,8 +88,8 @@ def step_rows(empty: BodyFound, legs: Mapping[str, LegFound], paper: PrintedPape
     return rows
 
 
-def torque_rows(found: Mapping[str, TorqueFound], paper: PrintedPaper) -> list[Reproduced]:
-    """Tables 4 and 5: errors on the swing that was held out, full and truncated."""
+def torque_rows(found: Mapping[str, TorqueComparison], paper: PrintedPaper) -> list[Reproduced]:
+    """Return rows on Tables 4 and 5: errors on the held-out swing, full and truncated."""
     table, rows = paper.tables["errors"], []
     references = {
         "truth": ("hill", "active", "the true torque of the muscles"),
@@ -139,9 +139,9 @@ def torque_rows(found: Mapping[str, TorqueFound], paper: PrintedPaper) -> list[R
 
 
 def training_rows(
-    empty: BodyFound, found: Mapping[str, tuple[LegFound, Training, TorqueFound]], paper: PrintedPaper
+    empty: IdentifiedBody, found: Mapping[str, tuple[IdentifiedLeg, Training, TorqueComparison]], paper: PrintedPaper
 ) -> list[Reproduced]:
-    """Table 3, and Figs. 5, 7 and 11 in numbers."""
+    """Return rows on Table 3, and on Figs. 5, 7 and 11 in numbers."""
     bodies = [empty, *(leg.body for leg, _, _ in found.values())]
     trained = {n: t for n, (_, t, _) in found.items()}
     rows = [

@@ -14,21 +14,21 @@ from ...pages.quantities import number
 from ...pages.tables import number_table
 from ..row_sections import bracketed
 from .descent_figures import Compared, Paths, compared, paths
-from .rows import ESTIMATOR_WORDS, PRINTED_ROW_OF_ESTIMATOR, TERMS
+from .rows import ESTIMATOR_WORDS, PARAMETER_OF_LETTER, PRINTED_ROW_OF_ESTIMATOR
 from .torque import BASELINE_FAMILIES, RECORDED_EMG_BASELINES
 from .training import TRAINED_QUANTITIES
 
 if TYPE_CHECKING:
     from ...lab.seated.rig import SeatedRig
     from ..printed import PrintedPaper
-    from .steps import BodyFound
+    from .steps import IdentifiedBody
     from .subject_found import SubjectFound
 
 LINE_COLOUR_ROLES = {"true": "measured", "muscles": "fitted", "electrodes alone": "heldout", "eq. 12": "good",
          "measured": "measured", "eq. 9": "fitted", "eq. 10": "fitted"}  # fmt: skip
 """Colour roles of lines, by their label."""
 
-DRAWN_SPAN_S = (8.0, 20.0)
+DRAWN_BOUNDS_S = (8.0, 20.0)
 """First and last time of a swing that are drawn."""
 
 DRAWN_SUBJECTS = ("S2", "S4")
@@ -43,7 +43,7 @@ class HillReproduction(Protocol):
         """Numbers that the paper prints."""
 
     rig: SeatedRig
-    empty: BodyFound
+    empty: IdentifiedBody
     subjects: dict[str, SubjectFound]
 
 
@@ -60,7 +60,7 @@ def _chosen(made: HillReproduction, wanted: Sequence[str]) -> list[str]:
 
 
 def step_sections(made: HillReproduction) -> tuple[Section, ...]:
-    """Each table and figure of the paper, in its order."""
+    """Return a section for each table and figure of the paper, in its order."""
     return tuple(make(made) for make in (_people, _swings, _legs, _training, _torque, _methods))
 
 
@@ -84,7 +84,7 @@ def _people(made: HillReproduction) -> Section:
 
 
 def _swings(made: HillReproduction) -> Section:
-    """Figs. 5 and 6."""
+    """Return the section on Figs. 5 and 6."""
     name = next(iter(made.subjects))
     bodies = {"exoskeleton alone": made.empty, f"with the leg of {name}": made.subjects[name].leg.body}
     panels = [
@@ -125,12 +125,15 @@ def _swings(made: HillReproduction) -> Section:
 
 
 def _legs(made: HillReproduction) -> Section:
-    """Table 2 and what is wrong with it."""
+    """Return the section on Table 2 and its contradictions."""
     printed = made.printed.tables["swings"]
     more = [
         100.0 * (s.leg.weight_moment["rich"].value / s.leg.true_weight_moment - 1.0) for s in made.subjects.values()
     ]
-    empty = (_both(made.empty.published[TERMS[n]].value, printed["empty"][n].value) for n in TERMS)
+    empty = (
+        _both(made.empty.published[PARAMETER_OF_LETTER[n]].value, printed["empty"][n].value)
+        for n in PARAMETER_OF_LETTER
+    )
     rows = [("Empty", *empty, "", "", "", "")]
     for name, found in made.subjects.items():
         leg, key = found.leg, f"subject_{name[1:]}"
@@ -138,7 +141,7 @@ def _legs(made: HillReproduction) -> Section:
         rows.append(
             (
                 name,
-                *(_both(leg.body.published[TERMS[n]].value, value) for n, value in shown.items()),
+                *(_both(leg.body.published[PARAMETER_OF_LETTER[n]].value, value) for n, value in shown.items()),
                 *(
                     f"{leg.inertia[s].value:.3f} ± {1.96 * leg.inertia[s].standard_error:.3f}"
                     for s in ("two_sines", "rich")
@@ -166,7 +169,7 @@ def _legs(made: HillReproduction) -> Section:
 
 
 def _training(made: HillReproduction) -> Section:
-    """Table 3, Figs. 7 and 11."""
+    """Return the section on Table 3 and Figs. 7 and 11."""
     panels = []
     for name in list(made.subjects)[:4]:
         t = made.subjects[name].training
@@ -229,7 +232,7 @@ def _training(made: HillReproduction) -> Section:
 
 
 def _stopped(made: HillReproduction, quantity: str) -> float:
-    """Share of a quantity's parameters, over subjects and muscles, that a bound holds still in the end."""
+    """Return the share of a quantity's parameters, over subjects and muscles, that end on a bound."""
     still = [
         spread < 1e-9
         for s in made.subjects.values()
@@ -244,7 +247,7 @@ def _smooth(costs: np.ndarray, size: int = 25) -> np.ndarray:
 
 
 def _torque(made: HillReproduction) -> Section:
-    """Table 4, Figs. 8 and 9."""
+    """Return the section on Table 4 and Figs. 8 and 9."""
     printed = made.printed.tables["errors"]
     rows = []
     for name, found in made.subjects.items():
@@ -266,7 +269,7 @@ def _torque(made: HillReproduction) -> Section:
     traces = []
     for name in _chosen(made, DRAWN_SUBJECTS):
         f = made.subjects[name].torque
-        shown = (f.time >= DRAWN_SPAN_S[0]) & (f.time < DRAWN_SPAN_S[1])
+        shown = (f.time >= DRAWN_BOUNDS_S[0]) & (f.time < DRAWN_BOUNDS_S[1])
         lines = {"true": f.active, "muscles": f.predicted["hill"], "electrodes alone": f.predicted["hill.recorded"]}
         rest = f"RMSE {f.errors('hill').rmse:.2f} N·m"
         traces.append(Traces(name, rest, f.time[shown], {n: x[shown] for n, x in lines.items()}, "Torque (N·m)"))
@@ -294,7 +297,7 @@ def _torque(made: HillReproduction) -> Section:
 
 
 def _methods(made: HillReproduction) -> Section:
-    """Table 5 and Fig. 10."""
+    """Return the section on Table 5 and Fig. 10."""
     table = made.printed.tables["methods"]
 
     def row(estimator: str, label: str, strong: bool = False) -> Compared:

@@ -21,7 +21,7 @@ from ...fit.swing.loaded_swing import (
 )
 from ...lab.seated.subject import SeatedSubject
 from ...models.joint import GRAVITY
-from .trials import SubjectTaken, tissue_torque
+from .trials import SubjectSession, tissue_torque
 
 ADAM_ITERATIONS = 3000
 """Iterations of Adam. The paper prints no number; chosen by judgement."""
@@ -46,7 +46,7 @@ DRIVEN_SWINGS = ("two_sines", "rich")
 
 
 @dataclass(frozen=True, eq=False)
-class BodyFound:
+class IdentifiedBody:
     """One body identified from its swings: the exoskeleton, empty or with a leg in it."""
 
     published: SwingFit  # Least squares of eqs. 9 and 10 on the paper's swing, in closed form
@@ -73,12 +73,12 @@ class BodyFound:
         return float(np.exp(np.mean(np.log(self.fixed_parts.spread() / self.falling_parts.spread()))))
 
 
-def find_body(swings: Mapping[str, Swing]) -> BodyFound:
+def find_body(swings: Mapping[str, Swing]) -> IdentifiedBody:
     """Identify an exoskeleton, empty or with a leg in it."""
     literal: SwingForm = published_form(PUBLISHED_ZERO_RAD)
     two = [swings["two_sines"]]
     options = {"rate": ADAM_RATE, "iterations": ADAM_ITERATIONS}
-    return BodyFound(
+    return IdentifiedBody(
         published=fit_swings(two, literal),
         corrected={name: fit_swings([swings[name]], corrected_form(0.0)) for name in DRIVEN_SWINGS},
         falling=adam_swings(two, literal, final_rate=ADAM_FINAL_RATE, **options),
@@ -89,10 +89,10 @@ def find_body(swings: Mapping[str, Swing]) -> BodyFound:
 
 
 @dataclass(frozen=True, eq=False)
-class LegFound:
+class IdentifiedLeg:
     """A subject's leg."""
 
-    body: BodyFound  # Leg and exoskeleton together
+    body: IdentifiedBody  # Leg and exoskeleton together
     inertia: Mapping[str, Parameter]  # p' - p of the corrected form, by swing [kg m^2]
     weight_moment: Mapping[str, Parameter]  # q' - q of the corrected form, by swing [kg m]
     true_inertia: float  # True inertia of shank and foot [kg m^2]
@@ -100,12 +100,12 @@ class LegFound:
     restoring_moment: float  # The relaxed leg's whole restoring torque over the rich swing, tissue included [kg m]
 
 
-def find_leg(empty: BodyFound, taken: SubjectTaken) -> LegFound:
+def find_leg(empty: IdentifiedBody, taken: SubjectSession) -> IdentifiedLeg:
     """Identify a subject's leg in the exoskeleton."""
     body = find_body({name: taken.driven(name) for name in DRIVEN_SWINGS})
     alone = {name: leg_alone(empty.corrected[name], body.corrected[name]) for name in DRIVEN_SWINGS}
     subject = taken.subject
-    return LegFound(
+    return IdentifiedLeg(
         body,
         {name: found[0] for name, found in alone.items()},
         {name: found[1] for name, found in alone.items()},

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .steps import LegFound
-from .torque import TorqueFound
+from .steps import IdentifiedLeg
+from .torque import TorqueComparison
 from .training import Training
 
 
@@ -14,6 +14,6 @@ class SubjectFound:
     """All three steps of one subject."""
 
     name: str
-    leg: LegFound
-    torque: TorqueFound
+    leg: IdentifiedLeg
+    torque: TorqueComparison
     training: Training

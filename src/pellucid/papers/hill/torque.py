@@ -15,8 +15,8 @@ from ...estimators.reconstructions import CORRECTION_FEATURES, CorrectedMap
 from ...estimators.torque_map import fit_torque_map
 from ...fit.swing.leg_balance import bare_leg_torque
 from ...procedures.emg_torque.seated_swings import FLEXOR_MUSCLE
-from .steps import BodyFound, LegFound
-from .trials import ActiveSwing, SubjectTaken, active_swing
+from .steps import IdentifiedBody, IdentifiedLeg
+from .trials import ActiveSwing, SubjectSession, active_swing
 
 BASELINE_FAMILIES = ("nmco", "nmcoa", "nmnc", "mbp", "ridge", "boost", "motion")
 """Estimators of `ESTIMATOR_FAMILIES` that are fitted and scored on the same swings."""
@@ -49,7 +49,7 @@ def errors_of(found: np.ndarray, true: np.ndarray, *, truncated: bool = False) -
 
 
 @dataclass(frozen=True, eq=False)
-class TorqueFound:
+class TorqueComparison:
     """One subject's torque in the held-out swing."""
 
     time: np.ndarray  # (n,) [s]
@@ -67,7 +67,7 @@ class TorqueFound:
         return errors_of(self.predicted[estimator], getattr(self, against), truncated=truncated)
 
 
-def find_torque(empty: BodyFound, leg: LegFound, taken: SubjectTaken) -> TorqueFound:
+def find_torque(empty: IdentifiedBody, leg: IdentifiedLeg, taken: SubjectSession) -> TorqueComparison:
     """Calibrate on a subject's first swing and predict the second one; every setting is chosen within the first."""
     loaded = leg.body.corrected["rich"]
     fitted, heldout = (active_swing(taken, what, loaded, flexors=True) for what in ("swing_1", "swing_2"))
@@ -86,7 +86,7 @@ def find_torque(empty: BodyFound, leg: LegFound, taken: SubjectTaken) -> TorqueF
     as_published = fit_hill([replace(alone.trial, torque=of_eq12[0])])
     predicted["hill.eq12"] = as_published.predict(alone_heldout.trial)
     trial = heldout.trial
-    return TorqueFound(
+    return TorqueComparison(
         trial.time, trial.torque, heldout.active, heldout.muscles, of_eq12[1], predicted,
         dict(alone_heldout.trial.envelopes), hill, recorded,
     )  # fmt: skip

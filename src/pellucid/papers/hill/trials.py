@@ -25,11 +25,12 @@ DRIVEN_LOWPASS_HZ = 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class SubjectTaken:
+class SubjectSession:
     """A subject's session."""
 
     subject: SeatedSubject
-    recordings: Mapping[str, Recording] = field(repr=False)  # By trial: two_sines, rich, mvc, swing_1, swing_2
+    # Recordings by trial: two_sines, rich, mvc, swing_1, swing_2
+    recordings: Mapping[str, Recording] = field(repr=False)
     truth: Mapping[str, SeatedTruth] = field(repr=False)  # Simulated truth by trial
     knee: float  # Angle of the knee as noted in the session [rad]
     hip: float  # Angle of the hip as noted in the session [rad]
@@ -39,7 +40,7 @@ class SubjectTaken:
         return driven_swing(self.recordings[what])
 
 
-def take_subject(rig: SeatedRig, made: list[SeatedTrial], subject: SeatedSubject, seed: int) -> SubjectTaken:
+def take_subject(rig: SeatedRig, made: list[SeatedTrial], subject: SeatedSubject, seed: int) -> SubjectSession:
     """Simulate and record a subject's trials."""
     own = [t for t in made if t.subject is not None and t.subject.name == subject.name]
     recordings, truth, knee, hip = {}, {}, 0.0, 0.0
@@ -48,7 +49,7 @@ def take_subject(rig: SeatedRig, made: list[SeatedTrial], subject: SeatedSubject
         what = recording.name.removeprefix(f"{subject.name}_")
         recordings[what], truth[what] = recording, one.inside.truth
         knee, hip = one.inside.knee, one.inside.hip
-    return SubjectTaken(subject, recordings, truth, knee, hip)
+    return SubjectSession(subject, recordings, truth, knee, hip)
 
 
 def driven_swing(recording: Recording) -> Swing:
@@ -73,7 +74,7 @@ class ActiveSwing:
     muscles: np.ndarray = field(repr=False)  # (n,) True torque of the muscles [N m]
 
 
-def active_swing(taken: SubjectTaken, what: str, loaded: SwingFit, *, flexors: bool) -> ActiveSwing:
+def active_swing(taken: SubjectSession, what: str, loaded: SwingFit, *, flexors: bool) -> ActiveSwing:
     """Return a swing with envelopes, angle and reference torque; `flexors` adds the flexors' by balance."""
     emg = {name: taken.recordings[name].streams["emg"] for name in ("mvc", "rich")}
     session = WearerSwings(loaded, emg["mvc"], emg["rich"], emg_chain("hill"), taken.hip)

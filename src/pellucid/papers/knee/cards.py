@@ -19,7 +19,7 @@ from ...lab.knee.rig import KneeRig
 from ...procedures.coupling.actuator_card import REQUIRED_CHANNELS
 from ...procedures.coupling.identify_coupling import identify_worn
 from ...procedures.emg_torque.strapped_trials import strapped_emg_trial
-from .trials import STRAP_ONLY, take
+from .trials import STRAP_PROTOCOLS, take
 
 ACTUATOR_DEAD_SAMPLES = 1
 """Dead time of the actuator's torque loop, from reading to current, in samples, as the actuator's maker states it."""
@@ -31,11 +31,11 @@ class WearerCard:
 
     coupling: Coupling  # Orthosis, actuator, strap and limb
     emg: CausalMap  # Map from raw EMG to torque
-    alone: tuple[tuple[np.ndarray, np.ndarray], ...] = ()  # Sines of the empty orthosis, as in `Identified`
+    alone: tuple[tuple[np.ndarray, np.ndarray], ...] = ()  # Sines of the empty orthosis, as in `IdentifiedWearer`
 
 
 @dataclass(frozen=True, eq=False)
-class Identified:
+class IdentifiedWearer:
     """One identified wearer, with the recordings to which EMG maps are fitted."""
 
     name: str  # Name of the wearer
@@ -51,9 +51,9 @@ class Identified:
         return WearerCard(self.coupling, fit_causal_map(self.steps, settings), self.alone)
 
 
-def identify_wearer_of(rig: KneeRig, name: str, seed: int) -> Identified:
+def identify_wearer_of(rig: KneeRig, name: str, seed: int) -> IdentifiedWearer:
     """Record one wearer in every protocol, and identify orthosis, limb, strap and actuator."""
-    taken = take(rig, seed, [name], protocols=(*STRAP_ONLY, "mvc", "torque_steps"))
+    taken = take(rig, seed, [name], protocols=(*STRAP_PROTOCOLS, "mvc", "torque_steps"))
     used = [r for r in taken.recordings if r.protocol != "torque_steps"]  # torque steps serve the EMG map alone
     findings = identify_worn(taken.config, used)
     cards, stages = findings.cards, findings.wearers.get(name)
@@ -67,7 +67,7 @@ def identify_wearer_of(rig: KneeRig, name: str, seed: int) -> Identified:
     known = {"orthosis": findings.orthosis.orthosis, "limb": stages.limb.limb, "strap": stages.coupling.plain}
     steps = [strapped_emg_trial(r, "emg", r.name.rsplit("_", 1)[-1], **known) for r in taken.of("torque_steps")]
     alone = tuple((r["position"], r["command"]) for r in sines)
-    return Identified(name, rig, seed, coupling, tuple(steps), alone)
+    return IdentifiedWearer(name, rig, seed, coupling, tuple(steps), alone)
 
 
 def card_with_coupling_errors(card: WearerCard, **factors: float) -> WearerCard:

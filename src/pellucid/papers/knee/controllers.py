@@ -71,7 +71,7 @@ BODY_LAW_WORDS: Mapping[str, str] = {
 
 
 @dataclass(frozen=True)
-class Chosen:
+class ChosenConstants:
     """All free constants."""
 
     law: Law = field(default_factory=Law)  # Constants of the residual compensator
@@ -101,16 +101,16 @@ class Chosen:
 
 
 @cache
-def chosen() -> Chosen:
+def chosen() -> ChosenConstants:
     """Return the constants of ``chosen.toml``."""
     return parse_chosen((files(__package__) / "chosen.toml").read_text(encoding="utf-8"))
 
 
-def parse_chosen(text: str) -> Chosen:
-    """Return constants from TOML, table by table as `Chosen.tables` has them."""
+def parse_chosen(text: str) -> ChosenConstants:
+    """Return constants from TOML, table by table as `ChosenConstants.tables` has them."""
     t = tomllib.loads(text)
     pairs = {n: tuple(v) if isinstance(v, list) else v for n, v in t["learning"].items()}
-    return Chosen(
+    return ChosenConstants(
         Law(**t["law"]), Noise(**t["noise"]), t["widths"], EmgSettings(**t["emg"]), tuple(t["phase_gain"]["gains"]),
         StrapLearning(**pairs), t["observer"], t["fuzzy"], t["rbf"], t["body"], t["oscillator"], t["rules"],
         t["amplification"],
@@ -118,7 +118,7 @@ def parse_chosen(text: str) -> Chosen:
 
 
 @dataclass(frozen=True)
-class Built:
+class BuiltController:
     """A controller for one wearer."""
 
     build: Callable[[], Controller | None]  # Makes a fresh controller; it returns None for zero-impedance mode
@@ -131,7 +131,9 @@ def uncertain_straps(coupling: Coupling) -> list[Coupling]:
     return [coupling] + [coupling.scaled(strap_stiffness=k, strap_damping=b) for k in (0.7, 1.3) for b in (0.7, 1.3)]
 
 
-def design_for_wearer(coupling: Coupling, period: float, constants: Chosen, law: Law | None = None) -> ResidualDesign:
+def design_for_wearer(
+    coupling: Coupling, period: float, constants: ChosenConstants, law: Law | None = None
+) -> ResidualDesign:
     """Design the chosen law on one wearer's card, weakened until it has the required margins; `period` [s]."""
     made = design(coupling, period, law=law or constants.law, noise=constants.noise, **constants.widths)
     return within(
@@ -168,7 +170,7 @@ def design_by_phase(made: ResidualDesign, gains: Sequence[float], swing: tuple[f
     return replace(made, swing=swing, law=replace(made.law, phase_gain=lowered))
 
 
-def disturbance_observer(coupling: Coupling, period: float, constants: Chosen) -> StrapDisturbance:
+def disturbance_observer(coupling: Coupling, period: float, constants: ChosenConstants) -> StrapDisturbance:
     """Return the disturbance observer, its gain and friction lowered until it has the required margins; `period`
     [s]."""
     wanted = StrapDisturbance(coupling, period, **constants.observer)
@@ -206,8 +208,8 @@ def observer_margins(observer: StrapDisturbance) -> Margins:
 
 
 def body_controllers(
-    card: WearerCard, period: float, constants: Chosen, only: Sequence[str] = tuple(BODY_LAW_WORDS)
-) -> dict[str, Built]:
+    card: WearerCard, period: float, constants: ChosenConstants, only: Sequence[str] = tuple(BODY_LAW_WORDS)
+) -> dict[str, BuiltController]:
     """Build the controllers of `BODY_LAW_WORDS` that `only` names; `period` [s]."""
     m, body = card.coupling, constants.body
     laws: dict[str, ControlLaw] = {}
@@ -222,16 +224,16 @@ def body_controllers(
             )
     if "amplification" in only:
         laws["amplification"] = amplification_law(m, period, **constants.amplification)
-    return {name: Built(partial(BodyLaw, law)) for name, law in laws.items()}
+    return {name: BuiltController(partial(BodyLaw, law)) for name, law in laws.items()}
 
 
 def controllers(
     card: WearerCard,
     period: float,
     swing: tuple[float, float],
-    constants: Chosen,
+    constants: ChosenConstants,
     only: Sequence[str] = tuple(CONTROLLER_WORDS),
-) -> dict[str, Built]:
+) -> dict[str, BuiltController]:
     """Build the controllers that `only` names for one wearer.
 
     `period` [s]; `swing` has the swing's centre [rad] and its angular frequency [rad/s].
@@ -239,27 +241,29 @@ def controllers(
     coupling, plants = card.coupling, uncertain_straps(card.coupling)
     found = body_controllers(card, period, constants, only)
     if not set(only) - {*BODY_LAW_WORDS, "zero_impedance"}:
-        return {"zero_impedance": Built(lambda: None), **found} if "zero_impedance" in only else found
+        return {"zero_impedance": BuiltController(lambda: None), **found} if "zero_impedance" in only else found
     made = design_for_wearer(coupling, period, constants)
-    found = {"zero_impedance": Built(lambda: None), **found}
+    found = {"zero_impedance": BuiltController(lambda: None), **found}
 
     def linear(one: ResidualDesign) -> Callable[[], Margins]:
         return cache(lambda: worst_margins(one, plants, MARGIN_SPEEDS_RAD_S))
 
     own = linear(made)
-    found["residual"] = Built(lambda: WornCompensator(made, card.emg.build()), own)
-    found["residual_no_emg"] = Built(lambda: WornCompensator(made), own)
-    found["residual_strap_learnt"] = Built(lambda: WornCompensator(made, card.emg.build(), constants.learning), own)
+    found["residual"] = BuiltController(lambda: WornCompensator(made, card.emg.build()), own)
+    found["residual_no_emg"] = BuiltController(lambda: WornCompensator(made), own)
+    found["residual_strap_learnt"] = BuiltController(
+        lambda: WornCompensator(made, card.emg.build(), constants.learning), own
+    )
     if "residual_by_phase" in only:
         phased = design_by_phase(made, constants.phase_gain, swing)
         largest = replace(phased, law=replace(phased.law, phase_gain=(max(phased.law.phase_gain),) * 8))
-        found["residual_by_phase"] = Built(lambda: WornCompensator(phased, card.emg.build()), linear(largest))
+        found["residual_by_phase"] = BuiltController(lambda: WornCompensator(phased, card.emg.build()), linear(largest))
     if "pid" in only:
         pid = tune_pid(made, plants, gain_db=REQUIRED_GAIN_MARGIN_DB, delay=REQUIRED_DELAY_MARGIN_S)
-        found["pid"] = Built(lambda: WornCompensator(pid, card.emg.build()), linear(pid))
+        found["pid"] = BuiltController(lambda: WornCompensator(pid, card.emg.build()), linear(pid))
     if "disturbance_observer" in only:
         observer = disturbance_observer(coupling, period, constants)
-        found["disturbance_observer"] = Built(lambda: replace(observer), lambda: observer_margins(observer))
-    found["fuzzy"] = Built(lambda: FuzzyCompensation(coupling, period, **constants.fuzzy))
-    found["rbf"] = Built(lambda: RbfCompensation(coupling, period, **constants.rbf))
+        found["disturbance_observer"] = BuiltController(lambda: replace(observer), lambda: observer_margins(observer))
+    found["fuzzy"] = BuiltController(lambda: FuzzyCompensation(coupling, period, **constants.fuzzy))
+    found["rbf"] = BuiltController(lambda: RbfCompensation(coupling, period, **constants.rbf))
     return {name: built for name, built in found.items() if name in only}

@@ -27,7 +27,7 @@ class HoldTorques:
 
 
 def hold_torques(panels: Sequence[HoldTorques], name: str, *, caption: str) -> Drawing:
-    """Torques that hold a segment at its angles, the sine through them, and the straight line of best fit."""
+    """Draw torques that hold a segment at its angles, the sine through them, and the straight line of best fit."""
     figure = Figure(figsize=(FIGURE_WIDTH, 3.9), layout="constrained")
     axes = figure.subplots(1, len(panels), squeeze=False)[0]
     angle = np.linspace(-0.03, np.pi / 2 + 0.03, 120)
@@ -64,7 +64,7 @@ class StrapIntervals:
 
 
 def strap_intervals(rows: Sequence[Sequence[StrapIntervals]], name: str, *, caption: str) -> Drawing:
-    """Estimates of straps with their intervals, seed by seed, and the truth as a line."""
+    """Draw estimates of straps with their intervals, seed by seed, and the truth as a line."""
     figure = Figure(figsize=(FIGURE_WIDTH, 2.4 * len(rows) + 0.3), layout="constrained")
     axes = figure.subplots(len(rows), len(rows[0]), squeeze=False)
     for panels, row in zip(rows, axes, strict=True):
@@ -92,7 +92,7 @@ class ControllerRatios:
     """One line of `torque_ratios`."""
 
     name: str  # The controller
-    # (k,) By group of wearers: each wearer's strap torque as a share of zero-impedance mode's [1]
+    # (k,) Strap torque as a share of zero-impedance mode's, a value for each wearer and swing [1], by group of wearers
     groups: Mapping[str, np.ndarray]
 
 

@@ -21,13 +21,21 @@ from .torque import (
     ESTIMATOR_NAMES,
     PUBLISHED_ESTIMATOR_NAMES,
     STEP_PROTOCOLS,
-    MapScored,
+    ScoredMap,
     TorqueSteps,
     published_steps,
     score_map,
     torque_steps,
 )
-from .wearers import Bench, Drawn, WearerFound, drawn_from, identify_bench, identify_straps, identify_subject
+from .wearers import (
+    Bench,
+    WearerErrors,
+    WearerIdentification,
+    drawn_from,
+    identify_bench,
+    identify_straps,
+    identify_subject,
+)
 
 
 @dataclass(eq=False)
@@ -59,11 +67,11 @@ class KneePaper(Paper):
 
     rig: KneeRig = field(init=False)
     bench: Bench = field(init=False)
-    wearers: dict[str, WearerFound] = field(init=False, default_factory=dict)  # Wearers, by name
+    wearers: dict[str, WearerIdentification] = field(init=False, default_factory=dict)  # Wearers, by name
     # Torque steps by subject and protocol
     steps: dict[tuple[str, str], TorqueSteps] = field(init=False, default_factory=dict)
-    maps: list[MapScored] = field(init=False, default_factory=list)
-    drawn: list[Drawn] = field(init=False, default_factory=list)  # Subjects of all seeds
+    maps: list[ScoredMap] = field(init=False, default_factory=list)
+    drawn: list[WearerErrors] = field(init=False, default_factory=list)  # Subjects of all seeds
     controllers: list[ControllerRow] = field(init=False, default_factory=list)  # Comparison by wearer and swing
 
     def figures(self, tell: Progress) -> Iterator[Reproduced]:
@@ -82,7 +90,7 @@ class KneePaper(Paper):
     def _compute(self, tell: Progress) -> None:
         """One subject, one seed or one map at a time, in the order of subjects, seeds and estimators in the end."""
         names = tuple(self.rig.subjects)
-        # The other tool's defaults are of interest on its own protocol alone.
+        # The defaults of the thesis's tool are compared on the thesis's protocol alone.
         maps = [
             (p, e)
             for p in STEP_PROTOCOLS
@@ -102,9 +110,9 @@ class KneePaper(Paper):
         self.drawn.sort(key=lambda d: (self.seeds.index(d.seed), names.index(d.subject)))
 
     def _keep(self, result, maps: Sequence[tuple[str, str]]) -> list[Job]:
-        """Keep what a job gave, and say what can be done next."""
+        """Store the result of a job, and return the jobs that it makes possible."""
         match result:
-            case MapScored():
+            case ScoredMap():
                 self.maps.append(result)
             case (ControllerRow(), *_):
                 self.controllers += result
@@ -120,11 +128,11 @@ class KneePaper(Paper):
         return []
 
     def is_main(self, row: str) -> bool:
-        """Nobody's own."""
+        """Return whether a row is neither on a single subject nor on a single kind of IMU."""
         return super().is_main(row) and not row.endswith(tuple(self.wearers)) and "_axes" not in row
 
     def headline(self, figures: Figures) -> str:
-        """What the strap explains, and what the thesis's form does."""
+        """Return the share of the mismatch that the strap explains, beside that of the thesis's form."""
         fit, form = figures["knee.coupled.fit"], figures["knee.coupled.fit.published_form"]
         best = figures.ours("knee.coupled.fit.published_form.true_torque.fitted")
         return (
@@ -136,7 +144,7 @@ class KneePaper(Paper):
         )
 
     def tiles(self, figures: Figures) -> tuple[Tile, ...]:
-        """Gravity of both bodies, the orthosis's response, the strap, and torque from EMG."""
+        """Return tiles on gravity of both bodies, the orthosis's response, the strap, and torque from EMG."""
 
         def tile(name: str, what: str, unit: str, more: str = "") -> Tile:
             row = figures[f"knee.{name}"]
@@ -155,23 +163,23 @@ class KneePaper(Paper):
         )  # fmt: skip
 
     def sections(self, figures: Figures) -> tuple[Section, ...]:
-        """The thesis's tables and figures, then its further work."""
+        """Return the thesis's tables and figures, then its further work."""
         return (*thesis_sections(self, figures), *((residual_section(self.controllers),) if self.controllers else ()))
 
     def footer(self) -> str:
-        """How much was drawn."""
+        """Return the number of seeds, the rig's status, and the thesis's errata."""
         return (
             f"{len(self.seeds)} seeds of all noise; the rig was fixed before anything was identified on it. Errata B1 "
             "to B13."
         )
 
 
-def _whole(rig: KneeRig, name: str, seed: int, bench: Bench) -> tuple[WearerFound, TorqueSteps]:
-    """Everything that one subject does."""
+def _whole(rig: KneeRig, name: str, seed: int, bench: Bench) -> tuple[WearerIdentification, TorqueSteps]:
+    """Return all that is computed of one subject."""
     found, taken = identify_subject(rig, name, seed)
     return found, torque_steps(rig, taken, bench.fit.orthosis, found)
 
 
-def _drawn(rig: KneeRig, seed: int) -> list[Drawn]:
-    """Straps and limbs of all subjects with other noise."""
+def _drawn(rig: KneeRig, seed: int) -> list[WearerErrors]:
+    """Identify straps and limbs of all subjects with other noise."""
     return [drawn_from(found) for found in identify_straps(rig, seed)]

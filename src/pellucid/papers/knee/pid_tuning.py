@@ -15,8 +15,10 @@ from ...control.stability import LinearSystem, sampled, worn_orthosis
 
 
 def strap_torque_gain(made: ResidualDesign, omega: Sequence[float], speed: float = 1.0) -> np.ndarray:
-    """How much strap torque the limb's own torque causes in the closed loop, EMG left aside. `omega` [rad/s];
-    `speed` [rad/s]; gives (len(omega),)."""
+    """Return the gain from the limb's torque to the strap's in the closed loop without EMG, (len(omega),) [1].
+
+    `omega` has angular frequencies [rad/s]; friction is linearised at `speed` [rad/s].
+    """
     m = made.coupling
     plant = sampled(worn_orthosis(m, speed), made.period, m.delay)
     controller: LinearSystem = made.linear(speed, trust=0.0)
@@ -42,7 +44,7 @@ def tune_pid(
     integral: Sequence[float] = (0.0, 1.5, 3.0, 6.0),
     derivative: Sequence[float] = (0.0, 0.03),
 ) -> ResidualDesign:
-    """The gains that leave the least strap torque over a band, among those with these margins on every plant.
+    """Return the gains with the smallest strap torque over a band, among those with these margins on every plant.
     `gain_db`, `delay` [dB], [s]; `band` [rad/s]; `proportional`, `integral`, `derivative` [1/s], [s]."""
     omega = np.linspace(*band, 8)
     tried = []

@@ -169,7 +169,7 @@ def _shanks(paper: PrintedPaper) -> list[Reproduced]:
 
 
 def _by_rounded_centre(printed: dict[str, Printed], heel: float) -> str:
-    """Whether the printed inertia follows from the printed, rounded, mass and centre."""
+    """Return whether the printed inertia follows from the printed, rounded, mass and centre."""
     mass, centre = printed["mass"].value, printed["centre"].value
     return (
         "as printed with the rounded centre"

@@ -17,8 +17,8 @@ from ...lab.knee.instruments import Mounting
 from ...lab.knee.protocol import Faults
 from ...lab.knee.rig import KneeRig
 from ...lab.knee.trial import Controller
-from .cards import Identified, WearerCard, card_with_channel_gains, card_with_coupling_errors, identify_wearer_of
-from .controllers import CONTROLLER_WORDS, Built, Chosen, chosen, controllers
+from .cards import IdentifiedWearer, WearerCard, card_with_channel_gains, card_with_coupling_errors, identify_wearer_of
+from .controllers import CONTROLLER_WORDS, BuiltController, ChosenConstants, chosen, controllers
 from .swings import holds_margins, rms_mismatch_and_torque, swing, without_control, without_power
 
 TUNING_WEARER_SEEDS = tuple(range(101, 107))
@@ -59,17 +59,17 @@ class ControllerRow:
     fault: str = "none"  # Fault of its safety gate at the end
 
 
-def session_of(identified: Identified) -> Mounting:
+def session_of(identified: IdentifiedWearer) -> Mounting:
     """Return the instruments' mounting while a wearer was identified: electrodes stay on for the swings."""
     return identified.rig.mountings(identified.seed)[identified.name]
 
 
 def compare(
-    identified: Identified,
+    identified: IdentifiedWearer,
     seeds: Sequence[int] = SWING_SEEDS,
     *,
     only: Sequence[str] = tuple(CONTROLLER_WORDS),
-    constants: Chosen | None = None,
+    constants: ChosenConstants | None = None,
     card: WearerCard | None = None,
     rig: KneeRig | None = None,
     session: Mounting | None = None,
@@ -83,7 +83,7 @@ def compare(
     name, pace = identified.name, rig["swing"]
     built = controllers(card, rig.period, (pace["centre"], np.pi * sum(pace["frequency"])), constants, only)
     if "no_control" in only:
-        built["no_control"] = Built(lambda: None)
+        built["no_control"] = BuiltController(lambda: None)
     margins, steady = {}, {}
     plain = without_control(rig, name) if stability else None
     for kind, one in built.items() if stability else ():
@@ -118,7 +118,7 @@ def compare(
 # --- wearers and perturbations --------------------------------------------------------------------------------------
 
 
-def identify_by_name(rig: KneeRig, name: str) -> Identified:
+def identify_by_name(rig: KneeRig, name: str) -> IdentifiedWearer:
     """Record and identify one of the rig's own subjects, or a drawn wearer ``D<seed>``."""
     if name in rig.subjects:
         return identify_wearer_of(rig, name, RECORDING_SEED)
@@ -133,7 +133,7 @@ def evaluate_wearer(rig: KneeRig, name: str, seeds: Sequence[int] = SWING_SEEDS[
     return tuple(compare(identify_by_name(rig, name), seeds))
 
 
-def perturbations(identified: Identified, card: WearerCard, duration: float) -> dict[str, dict]:
+def perturbations(identified: IdentifiedWearer, card: WearerCard, duration: float) -> dict[str, dict]:
     """Return each deviation from the identified system, by its words, as arguments of `compare`; `duration` [s]."""
     rig, half = identified.rig, duration / 2
     muscles, foresight = rig["muscles"]["delay"], rig["wearer"]["foresight"]
@@ -157,11 +157,11 @@ def perturbations(identified: Identified, card: WearerCard, duration: float) -> 
 
 
 def robustness(
-    identified: Identified,
+    identified: IdentifiedWearer,
     seeds: Sequence[int] = SWING_SEEDS[:1],
     *,
     only: Sequence[str] = ("residual", "residual_strap_learnt", "residual_no_emg"),
-    constants: Chosen | None = None,
+    constants: ChosenConstants | None = None,
     duration: float = SWING_DURATION_S,
 ) -> dict[str, list[ControllerRow]]:
     """Compare controllers under each of `perturbations`, where the system is not as it was identified."""
@@ -177,5 +177,5 @@ def robustness(
 
 
 def evaluate_changes(rig: KneeRig, name: str) -> dict[str, list[ControllerRow]]:
-    """`robustness` of one wearer, from recordings to rows."""
+    """Record and identify one wearer, and compare controllers under each perturbation."""
     return robustness(identify_by_name(rig, name))

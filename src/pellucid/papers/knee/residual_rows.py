@@ -33,8 +33,10 @@ RIG_GROUP = "rig"
 """Group of the rig's own wearers, who were known while controllers were made."""
 
 GROUP_WORDS: Mapping[str, str] = {DRAWN_GROUP: "drawn wearers, never seen before", RIG_GROUP: "the rig's own"}
+"""Words for the two groups of wearers."""
 
 GROUP_COLOUR_ROLES = {GROUP_WORDS[DRAWN_GROUP]: "fitted", GROUP_WORDS[RIG_GROUP]: "measured"}
+"""Colour role of each group, by its words."""
 
 _row = partial(figure, "knee.residual")
 

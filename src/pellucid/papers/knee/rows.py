@@ -12,8 +12,8 @@ from ...lab.knee.rig import KneeRig
 from ..figure import Reproduced, figure
 from ..printed import Printed, PrintedPaper
 from .recomputed import SUBJECT_KEYS
-from .torque import MapScored, TorqueSteps
-from .wearers import Bench, Drawn, WearerFound, mean_fit, tape_measure
+from .torque import ScoredMap, TorqueSteps
+from .wearers import Bench, WearerErrors, WearerIdentification, mean_fit, tape_measure
 
 IMU_AXES_WORDS = {9: "nine", 6: "six"}
 """Word in ids for an IMU with this number of axes, with and without its magnetometer."""
@@ -68,21 +68,21 @@ def orthosis_rows(bench: Bench, paper: PrintedPaper) -> list[Reproduced]:
 
 
 def limbs_rows(
-    rig: KneeRig, wearers: Mapping[str, WearerFound], drawn: Sequence[Drawn], paper: PrintedPaper
+    rig: KneeRig, wearers: Mapping[str, WearerIdentification], drawn: Sequence[WearerErrors], paper: PrintedPaper
 ) -> list[Reproduced]:
-    """Table 3.3 and Fig. 3.3."""
+    """Return rows on Table 3.3 and Fig. 3.3."""
     shank = paper.tables["shank"]
     off = [100.0 * abs(shank[s]["gravity_found"].value / shank[s]["gravity"].value - 1.0) for s in SUBJECT_KEYS]
-    said = "the thesis's is a difference from an estimate"
+    difference_note = "the thesis's is a difference from an estimate"
     rows = [
         _row("mgl_sh.error", "Error of the shank's gravity torque, mean of the subjects", "%",
-             _by_seed(drawn, lambda d: abs(d.gravity_error)), float(np.mean(off)), said)
+             _by_seed(drawn, lambda d: abs(d.gravity_error)), float(np.mean(off)), difference_note)
     ]  # fmt: skip
     for (name, found), printed_, difference in zip(wearers.items(), SUBJECT_KEYS, off, strict=True):
         own = [abs(d.gravity_error) for d in drawn if d.subject == name]
         tables = tape_measure(rig.subjects[name])
         rows += [
-            _row(f"mgl_sh.error.{name}", f"The same, {name}", "%", own, difference, said),
+            _row(f"mgl_sh.error.{name}", f"The same, {name}", "%", own, difference, difference_note),
             _interval(f"mgl_sh.{name}", f"Gravity torque of the shank, {name}", found.stages.limb.gravity,
                       shank[printed_]["gravity_found"], "Table 3.3; the virtual subject's limb is not Winter's"),
             *(
@@ -95,15 +95,15 @@ def limbs_rows(
     return rows
 
 
-def _by_seed(drawn: Sequence[Drawn], of: Callable[[Drawn], float]) -> list[float]:
-    """Mean over the subjects, seed by seed."""
+def _by_seed(drawn: Sequence[WearerErrors], of: Callable[[WearerErrors], float]) -> list[float]:
+    """Return the mean over the subjects, seed by seed."""
     return [float(np.mean([of(d) for d in drawn if d.seed == s])) for s in dict.fromkeys(d.seed for d in drawn)]
 
 
 def torques_rows(
-    steps: Mapping[tuple[str, str], TorqueSteps], maps: Sequence[MapScored], paper: PrintedPaper
+    steps: Mapping[tuple[str, str], TorqueSteps], maps: Sequence[ScoredMap], paper: PrintedPaper
 ) -> list[Reproduced]:
-    """Table 3.4 and Fig. 3.4."""
+    """Return rows on Table 3.4 and Fig. 3.4."""
     table, rows = paper.tables["regression"], []
     for protocol, estimator in dict.fromkeys((m.protocol, m.estimator) for m in maps):
         mine = [m for m in maps if (m.protocol, m.estimator) == (protocol, estimator)]
@@ -134,11 +134,13 @@ def torques_rows(
     return rows
 
 
-def coupling_rows(wearers: Mapping[str, WearerFound], drawn: Sequence[Drawn], paper: PrintedPaper) -> list[Reproduced]:
-    """Table 3.5 and Figs. 3.5 to 3.7."""
+def coupling_rows(
+    wearers: Mapping[str, WearerIdentification], drawn: Sequence[WearerErrors], paper: PrintedPaper
+) -> list[Reproduced]:
+    """Return rows on Table 3.5 and Figs. 3.5 to 3.7."""
     table = paper.tables["coupling"]
 
-    def mean(of: Callable[[WearerFound], float]) -> float:
+    def mean(of: Callable[[WearerIdentification], float]) -> float:
         return float(np.mean([of(w) for w in wearers.values()]))
 
     rows = [
@@ -198,7 +200,7 @@ def coupling_rows(wearers: Mapping[str, WearerFound], drawn: Sequence[Drawn], pa
     return rows
 
 
-def _filter_error(found: WearerFound, method: str, axes: int) -> float:
-    """Held-out error of an orientation filter's regressed outputs against the encoder [rad]."""
+def _filter_error(found: WearerIdentification, method: str, axes: int) -> float:
+    """Return the held-out error of an orientation filter's regressed outputs against the encoder [rad]."""
     every = found.stages.calibration.filters
     return next(e.heldout for e in every if (e.method, e.axes, e.inputs) == (method, axes, "outputs"))

@@ -23,8 +23,8 @@ from .torque import ESTIMATOR_NAMES
 if TYPE_CHECKING:
     from ...lab.knee.rig import KneeRig
     from ..printed import PrintedPaper
-    from .torque import MapScored, TorqueSteps
-    from .wearers import Bench, Drawn, WearerFound
+    from .torque import ScoredMap, TorqueSteps
+    from .wearers import Bench, WearerErrors, WearerIdentification
 
 LINE_COLOUR_ROLES = {
     "true": "measured",
@@ -59,10 +59,10 @@ class KneeReproduction(Protocol):
 
     rig: KneeRig
     bench: Bench
-    wearers: dict[str, WearerFound]
+    wearers: dict[str, WearerIdentification]
     steps: dict[tuple[str, str], TorqueSteps]
-    maps: list[MapScored]
-    drawn: list[Drawn]
+    maps: list[ScoredMap]
+    drawn: list[WearerErrors]
 
 
 def _both(ours: str, printed: Printed | None) -> str:
@@ -81,7 +81,7 @@ def thesis_sections(made: KneeReproduction, rows: dict[str, Reproduced]) -> tupl
 
 
 def _subjects(made: KneeReproduction) -> Section:
-    """Table 3.1."""
+    """Return the section on Table 3.1."""
     table = made.printed.tables["subjects"]
     columns = ("age", "mass", "height", "shank_length")
     rows = [(table.labels[s], *(cell(table[s][n].value) for n in columns)) for s in SUBJECT_KEYS]
@@ -97,7 +97,7 @@ def _subjects(made: KneeReproduction) -> Section:
 
 
 def _orthosis(made: KneeReproduction) -> Section:
-    """Figs. 3.1 and 3.2, Table 3.2."""
+    """Return the section on Figs. 3.1 and 3.2 and Table 3.2."""
     bench, table = made.bench, made.printed.tables["orthosis"]
     found = {p.name: p for p in bench.fit.parameters} | {"stiffness": bench.fit.linear["stiffness"]}
     truth = {"gravity": bench.gravity, "inertia": bench.inertia, "damping": made.rig["orthosis"]["bearing_viscous"]}
@@ -152,13 +152,13 @@ def _orthosis(made: KneeReproduction) -> Section:
 
 
 def _hanging(made: KneeReproduction) -> tuple[float, float]:
-    """m g l [N m] and angle of rest [rad] of the orthosis."""
+    """Return m g l [N m] and angle of rest [rad] of the orthosis."""
     fit = made.bench.fit.gravity
     return fit.gravity.value, 0.0 if fit.zero is None else fit.zero.value
 
 
 def _sine(*bodies: tuple[float, float]) -> tuple[float, float]:
-    """m g l [N m] and angle of rest [rad] of bodies that hang together, each by its own two."""
+    """Return m g l [N m] and angle of rest [rad] of bodies that hang together, from the two of each."""
     whole = sum(gravity * np.exp(1j * zero) for gravity, zero in bodies)
     return float(abs(whole)), float(np.angle(whole))
 
@@ -191,7 +191,7 @@ def _response(made: KneeReproduction) -> Drawing:
 
 
 def _shanks(made: KneeReproduction) -> Section:
-    """Fig. 3.3, Table 3.3."""
+    """Return the section on Fig. 3.3 and Table 3.3."""
     shank = made.printed.tables["shank"]
     panels, cells = [], []
     for (name, found), subject in zip(made.wearers.items(), SUBJECT_KEYS, strict=True):
@@ -240,7 +240,7 @@ def _shanks(made: KneeReproduction) -> Section:
 
 
 def _torque(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
-    """Fig. 3.4, Table 3.4."""
+    """Return the section on Fig. 3.4 and Table 3.4."""
     table, cells = made.printed.tables["regression"], []
     for estimator in dict.fromkeys(m.estimator for m in made.maps):
         mine = [m for m in made.maps if (m.estimator, m.protocol) == (estimator, "published")]
@@ -301,7 +301,7 @@ def _torque_errors(made: KneeReproduction) -> tuple[Drawing, ...]:
 
 
 def _torque_trace(made: KneeReproduction) -> Drawing:
-    """The longer steps, in which the thesis's come first."""
+    """Draw the torque in the longer steps, which begin with the thesis's."""
     mine = [m for m in made.maps if m.protocol == "both_ways"]
     chosen = next((m for m in mine if m.estimator == "boost"), mine[0])
     steps = made.steps[chosen.subject, "both_ways"]
@@ -321,7 +321,7 @@ def _torque_trace(made: KneeReproduction) -> Drawing:
 
 
 def _strap(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
-    """Figs. 3.5 to 3.7, Table 3.5."""
+    """Return the section on Figs. 3.5 to 3.7 and Table 3.5."""
     table, drawings, cells = made.printed.tables["coupling"], [], []
     for number_, ((name, found), subject) in enumerate(zip(made.wearers.items(), SUBJECT_KEYS, strict=True), 5):
         printed, coupling = table[subject], found.stages.coupling
@@ -390,7 +390,7 @@ def _imu_note(rows: dict[str, Reproduced]) -> str:
 
 
 def _straps_over_seeds(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
-    """Whether intervals hold the truth."""
+    """Return the section on whether intervals contain the truth."""
     panels = []
     for what, unit, letter in (("stiffness", "N·m/rad", "k"), ("damping", "N·m·s/rad", "b")):
         row = []

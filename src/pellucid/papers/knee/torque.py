@@ -18,7 +18,7 @@ from ...lab.knee.rig import KneeRig
 from ...procedures.emg_torque.emg_torque_table import EmgTorqueTable
 from ...signals.emg_chain import emg_chain
 from .trials import KneeSession
-from .wearers import WearerFound
+from .wearers import WearerIdentification
 
 ESTIMATOR_NAMES = ("boost", "bagging", "tree", "ridge")
 """Table 3.4's three estimators, and a ridge regression as the simple baseline."""
@@ -34,7 +34,7 @@ SAMPLE_STEP = 5
 
 
 @dataclass(frozen=True, eq=False)
-class MapScored:
+class ScoredMap:
     """One estimator on one subject's torque steps."""
 
     subject: str
@@ -67,7 +67,7 @@ class TorqueSteps:
         return score(*(np.concatenate([t[n] for n in self.true]) for t in (self.true, predicted))).rmse
 
 
-def torque_steps(rig: KneeRig, taken: KneeSession, orthosis: Orthosis, found: WearerFound) -> TorqueSteps:
+def torque_steps(rig: KneeRig, taken: KneeSession, orthosis: Orthosis, found: WearerIdentification) -> TorqueSteps:
     """Return a subject's torque steps with their EMG envelopes."""
     chain, kept = emg_chain(taken.config.table(EmgTorqueTable).chain), slice(None, None, SAMPLE_STEP)
     limb, coupling = found.stages.limb.limb, found.stages.coupling
@@ -113,10 +113,10 @@ def published_steps(steps: TorqueSteps, duration: float) -> TorqueSteps:
     return TorqueSteps(steps.subject, "published", trials, *parts)
 
 
-def score_map(steps: TorqueSteps, estimator: str) -> MapScored:
+def score_map(steps: TorqueSteps, estimator: str) -> ScoredMap:
     """Score one estimator; each repetition is predicted by a map that is chosen and fitted without it."""
     found = cross_validate_torque_maps(steps.trials, (estimator,))[estimator]
-    return MapScored(steps.subject, estimator, steps.protocol, found.score, found.choices[0].words, found.predicted)
+    return ScoredMap(steps.subject, estimator, steps.protocol, found.score, found.choices[0].words, found.predicted)
 
 
 def _ligaments(rig: KneeRig, position: np.ndarray) -> np.ndarray:

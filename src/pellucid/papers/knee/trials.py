@@ -16,7 +16,7 @@ from ...recordings.recording import Recording
 from ...signals.input_output import InputOutput, input_output
 from ...studies.study_file import StudyFile
 
-STRAP_ONLY = ("imu_on_orthosis", "relaxed_holds", "free_swing")
+STRAP_PROTOCOLS = ("imu_on_orthosis", "relaxed_holds", "free_swing")
 """Protocols that a strap takes; the thesis's others are for EMG."""
 
 
@@ -26,10 +26,10 @@ class KneeSession:
 
     config: StudyFile  # What study.toml would say
     recordings: tuple[Recording, ...]
-    truth: dict[str, KneeTruth]  # By recording
+    truth: dict[str, KneeTruth]  # Simulated truth by recording
 
     def of(self, protocol: str, use: str | None = None) -> list[Recording]:
-        """Recordings of a `protocol`, and of a `use` if one is given."""
+        """Return the recordings of a `protocol`, and of a `use` if one is given."""
         return [r for r in self.recordings if r.protocol == protocol and use in (None, r.use)]
 
     def responses(self, protocol: str, use: str | None = None) -> list[InputOutput]:
@@ -38,7 +38,7 @@ class KneeSession:
 
 
 def take(rig: KneeRig, seed: int, subjects: Sequence[str] = (), *, protocols: Sequence[str] = ()) -> KneeSession:
-    """Do the experiments on the orthosis alone, and those of some subjects."""
+    """Simulate and record the orthosis alone, and some subjects."""
     made = bench_trials(rig)
     for name in subjects:
         own = subject_trials(rig, rig.subjects[name])
@@ -48,6 +48,6 @@ def take(rig: KneeRig, seed: int, subjects: Sequence[str] = (), *, protocols: Se
 
 
 def hold_angles(responses: Sequence[InputOutput]) -> tuple[np.ndarray, np.ndarray]:
-    """Angles and torques of holds, as a plot of them shows; gives (k,) [rad], [N m]."""
+    """Return angles [rad] and torques [N m] of holds, (k,) each, as a plot of them shows."""
     holds = [h for r in responses for h in find_holds(r.time, r.output, r.input, recording=r.recording)]
     return np.array([h.angle for h in holds]), np.array([h.torque for h in holds])

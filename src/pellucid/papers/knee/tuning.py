@@ -26,8 +26,8 @@ from ...control.worn import WornCompensator
 from ...estimators.causal_map import EmgSettings
 from ...lab.knee.rig import knee_orthosis
 from ...lab.knee.trial import KneeReadings
-from .cards import Identified, WearerCard, card_with_coupling_errors
-from .controllers import BODY_LAW_WORDS, Chosen, body_controllers, controllers, design_for_wearer
+from .cards import IdentifiedWearer, WearerCard, card_with_coupling_errors
+from .controllers import BODY_LAW_WORDS, ChosenConstants, body_controllers, controllers, design_for_wearer
 from .residual import TUNING_WEARER_SEEDS, identify_by_name, session_of
 from .swings import (
     SETTLING_TIME_S,
@@ -90,7 +90,7 @@ SEARCHED_VALUES: Mapping[str, Mapping[str, tuple[float, ...]]] = {
 }  # fmt: skip
 """Values that are tried for each constant (``table.name``), by controller."""
 
-START_CONSTANTS = Chosen(
+START_CONSTANTS = ChosenConstants(
     law=Law(gravity=0.0, friction=0.3, proportional=2.0, integral=3.0, torque_gain=0.3),
     noise=Noise(orthosis_torque=0.4, limb_torque=2.0, emg_drift=4.0),
     widths={"width": 0.02, "assist_width": 0.3},
@@ -119,7 +119,7 @@ LOOSE_STRAP_SLACK_RAD = 0.03
 """They are also chosen on a strap that has come loose by this angle."""
 
 
-def change_constant(constants: Chosen, path: str, value: float) -> Chosen:
+def change_constant(constants: ChosenConstants, path: str, value: float) -> ChosenConstants:
     """Return constants with one of them, ``table.name``, set to `value`."""
     table, name = path.split(".")
     old = getattr(constants, table)
@@ -128,7 +128,7 @@ def change_constant(constants: Chosen, path: str, value: float) -> Chosen:
 
 
 @cache
-def _identify_tuning_wearer(seed: int) -> Identified:
+def _identify_tuning_wearer(seed: int) -> IdentifiedWearer:
     """Record and identify a tuning wearer, once in each process."""
     return identify_by_name(knee_orthosis(), f"D{seed}")
 
@@ -156,7 +156,7 @@ def _without_control_of(seed: int) -> WithoutControl:
     return without_control(one.rig, one.name, TUNING_SWING_SEED)
 
 
-def strap_torque_share(kind: str, constants: Chosen, seed: int) -> float:
+def strap_torque_share(kind: str, constants: ChosenConstants, seed: int) -> float:
     """Return a controller's strap torque on one tuning wearer over that of zero-impedance mode [1].
 
     It is infinite if the linear margins do not hold or the gate finds a fault.
@@ -182,7 +182,7 @@ def strap_torque_share(kind: str, constants: Chosen, seed: int) -> float:
     return ratio(card)
 
 
-def keeps_margins(kind: str, constants: Chosen, seed: int) -> bool:
+def keeps_margins(kind: str, constants: ChosenConstants, seed: int) -> bool:
     """Return whether a controller without a linear form holds the margins in the simulation.
 
     Controllers with a linear form hold them by design; laws of the body must only let a released leg come to rest.
@@ -198,14 +198,14 @@ def keeps_margins(kind: str, constants: Chosen, seed: int) -> bool:
 
 
 def search(
-    kind: str, start: Chosen, seeds: Sequence[int], mapped: Callable, tell: Callable[[str], None]
-) -> tuple[Chosen, float]:
+    kind: str, start: ChosenConstants, seeds: Sequence[int], mapped: Callable, tell: Callable[[str], None]
+) -> tuple[ChosenConstants, float]:
     """Choose one controller's constants, one at a time; return them and the mean share of strap torque [1]."""
 
-    def mean(constants: Chosen) -> float:
+    def mean(constants: ChosenConstants) -> float:
         return float(np.mean(list(mapped(partial(strap_torque_share, kind, constants), seeds))))
 
-    def keeps(constants: Chosen) -> bool:
+    def keeps(constants: ChosenConstants) -> bool:
         return all(mapped(partial(keeps_margins, kind, constants), seeds))
 
     best, least = start, mean(start) if keeps(start) else float("inf")
@@ -250,8 +250,8 @@ def phase_gains(taken: KneeReadings, made: ResidualDesign) -> tuple[float, ...]:
     return tuple(gains)
 
 
-def phase_gains_of_wearer(constants: Chosen, seed: int) -> tuple[float, ...]:
-    """`phase_gains` of one tuning wearer."""
+def phase_gains_of_wearer(constants: ChosenConstants, seed: int) -> tuple[float, ...]:
+    """Return `phase_gains` of one tuning wearer."""
     one, pace = _identify_tuning_wearer(seed), knee_orthosis()["swing"]
     made = design_for_wearer(one.coupling, one.rig.period, constants)
     made = replace(made, swing=(pace["centre"], np.pi * sum(pace["frequency"])))
@@ -262,7 +262,7 @@ def phase_gains_of_wearer(constants: Chosen, seed: int) -> tuple[float, ...]:
 
 def tune(
     seeds: Sequence[int] = TUNING_WEARER_SEEDS, *, mapped: Callable = map, tell: Callable[[str], None] = print
-) -> Chosen:
+) -> ChosenConstants:
     """Choose all constants."""
     constants = START_CONSTANTS
     for kind in SEARCHED_VALUES:
@@ -272,7 +272,7 @@ def tune(
     return replace(constants, phase_gain=tuple(float(g) for g in np.round(np.median(each, axis=0), 2)))
 
 
-def write_toml(constants: Chosen, seeds: Sequence[int]) -> str:
+def write_toml(constants: ChosenConstants, seeds: Sequence[int]) -> str:
     """Return the text of ``chosen.toml``, as `parse_chosen` reads it."""
     lines = [
         "# Constants of the controllers that are compared on the virtual knee orthosis. Written by",

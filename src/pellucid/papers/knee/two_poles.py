@@ -49,12 +49,12 @@ class TwoPoles:
         return 2.0 * self.inertia / self.damping
 
     def left_after(self, seconds: float) -> float:
-        """Share of an oscillation's amplitude that is left after `seconds` [s]."""
+        """Return the share of an oscillation's amplitude that is left after `seconds` [s]."""
         return math.exp(-seconds / self.time_constant)
 
 
 def sine_stiffness(gravity: float, amplitude: float) -> float:
-    """The spring that a pendulum looks like to least squares over a sine.
+    """Return the stiffness of a pendulum by least squares over a sine.
 
     gravity [N m], amplitude [rad]; gives [N m/rad].
     """
@@ -67,17 +67,17 @@ def chord_stiffness(gravity: float, amplitude: float) -> float:
 
 
 def r_squared(fit: float) -> float:
-    """R² that goes with a fit in percent, 100 (1 - |y - ŷ| / |y - mean y|)."""
+    """Return R² for a fit in percent, 100 (1 - |y - ŷ| / |y - mean y|)."""
     return 1.0 - (1.0 - fit / 100.0) ** 2
 
 
 def output_sd(rmse: float, fit: float) -> float:
-    """Standard deviation of what was fitted, from the error's size and the fit in percent; in the error's unit."""
+    """Return the output's standard deviation, from the error's size and the fit in percent; in the error's unit."""
     return rmse / (1.0 - fit / 100.0)
 
 
 def lowpass_delay(order: int, cutoff: float) -> float:
-    """Delay of a causal Butterworth low-pass for slow signals; cutoff [Hz]; gives [s]."""
+    """Return the delay [s] of a causal Butterworth low-pass for slow signals; cutoff [Hz]."""
     if order < 1 or cutoff <= 0.0:
         raise PellucidError(f"low-pass: found order {order}, cutoff {cutoff} Hz; expected both positive")
     angles = (math.pi * (2 * i + 1) / (2 * order) for i in range(order))

@@ -22,7 +22,7 @@ from ...procedures.coupling.coupling_table import CouplingTable
 from ...procedures.coupling.identify_coupling import identify_worn
 from ...signals.inertial import inertial
 from ...signals.input_output import input_output
-from .trials import STRAP_ONLY, KneeSession, hold_angles, take
+from .trials import STRAP_PROTOCOLS, KneeSession, hold_angles, take
 
 STRAP_PARAMETERS = ("stiffness", "damping", "inertia")
 """Fitted parameters of a strap; the true inertia is 0."""
@@ -78,7 +78,7 @@ class Mismatch:
 
 
 @dataclass(frozen=True, eq=False)
-class WearerFound:
+class WearerIdentification:
     """One identified subject."""
 
     name: str
@@ -108,7 +108,7 @@ def mean_fit(swings: Sequence[Mismatch], model: str = "predicted", split: str = 
 
 
 @dataclass(frozen=True)
-class Drawn:
+class WearerErrors:
     """Errors and fits of one subject and seed against the truth."""
 
     subject: str
@@ -122,10 +122,10 @@ class Drawn:
     holds: Mapping[str, bool]  # True where a parameter's interval contains the true value
 
 
-def drawn_from(found: WearerFound) -> Drawn:
+def drawn_from(found: WearerIdentification) -> WearerErrors:
     """Return a wearer's figures against the truth."""
     coupling = found.stages.coupling
-    return Drawn(
+    return WearerErrors(
         found.name,
         found.seed,
         100.0 * (found.stages.limb.gravity.value / found.subject.gravity - 1.0),
@@ -148,24 +148,24 @@ def identify_bench(rig: KneeRig, seed: int) -> Bench:
     return Bench(fit, brief, *hold_angles(holds), gravity, rig["orthosis"]["inertia"])
 
 
-def identify_straps(rig: KneeRig, seed: int) -> list[WearerFound]:
+def identify_straps(rig: KneeRig, seed: int) -> list[WearerIdentification]:
     """Record of all subjects what their straps need, and identify them."""
-    taken = take(rig, seed, list(rig.subjects), protocols=STRAP_ONLY)
+    taken = take(rig, seed, list(rig.subjects), protocols=STRAP_PROTOCOLS)
     found = identify_worn(taken.config, taken.recordings)
     return [
-        WearerFound(name, seed, stages, _mismatches(taken, stages.coupling), rig.subjects[name])
+        WearerIdentification(name, seed, stages, _mismatches(taken, stages.coupling), rig.subjects[name])
         for name, stages in found.wearers.items()
     ]
 
 
-def identify_subject(rig: KneeRig, name: str, seed: int) -> tuple[WearerFound, KneeSession]:
+def identify_subject(rig: KneeRig, name: str, seed: int) -> tuple[WearerIdentification, KneeSession]:
     """Record everything that one subject does, and identify limb and strap with six and with nine axes."""
     taken = take(rig, seed, [name])
     asked = taken.config.table(CouplingTable)
     without = taken.config.model_copy(update={"coupling": asked.model_copy(update={"magnetometer": False})})
     found, six = (identify_worn(config, taken.recordings) for config in (taken.config, without))
     stages, other = found.wearers[name], six.wearers[name]
-    made = WearerFound(
+    made = WearerIdentification(
         name, seed, stages, _mismatches(taken, stages.coupling), rig.subjects[name], other,
         _mismatches(taken, other.coupling), _with_true_torque(taken, found.orthosis, stages),
         hold_angles(taken.responses("relaxed_holds")),
@@ -174,7 +174,7 @@ def identify_subject(rig: KneeRig, name: str, seed: int) -> tuple[WearerFound, K
 
 
 def tape_measure(subject: KneeSubject) -> dict[str, float]:
-    """Gravity torque of shank and foot by tables of shares [N m]."""
+    """Return the gravity torque of shank and foot by tables of shares [N m]."""
     return {
         "winter": winter(subject.weight, shank_length(subject.height)).gravity(),
         "published": winter(subject.weight, subject.shank_length).gravity(),

@@ -47,13 +47,13 @@ def page(study: Study, found: ActivationsResult) -> Page:
         )  # fmt: skip
     sections = []
     if judged:
-        said = (
+        method_text = (
             "Assisted muscles are found from the measured torque, so reproducing it is no evidence for them. Removing "
             "a recorded electrode and predicting its activation is. For methods that see EMG and angles alone, the "
             "resulting torque is scored as well."
         )
         tables = figure_tables(found, "taken away")
-        sections.append(Section("taken_away", "An electrode taken away", (said,), tables, tuple(judged)))
+        sections.append(Section("taken_away", "An electrode taken away", (method_text,), tables, tuple(judged)))
     tables = figure_tables(found, "Torque by EMG")
     sections.append(Section("activations", "Torque and activations", (), tables, tuple(shown)))
     return study_page(

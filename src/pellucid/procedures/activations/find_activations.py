@@ -112,12 +112,12 @@ def find_activations(study: Study, tell: Progress = quiet) -> ActivationsResult:
     table, config = study.find_table(ActivationsTable), study.find_table(EmgTorqueTable)
     if table is None or config is None:
         raise IdentificationError(f"{study.folder}: found no tables [activations] and [emg_torque], expected both")
-    recordings, left_out, checksums, said = [], [], {}, []
+    recordings, left_out, checksums, remarks = [], [], {}, []
     trials = {joint: moment_trials(study, joint) for joint in config.joints}
     checksums |= {trial.name: trial.checksum for own in trials.values() for trial in own}
     parts = [tuple(trials)] if _have_same_recordings(trials) else [(joint,) for joint in trials]
     if len(parts) > 1:
-        said.append(
+        remarks.append(
             Verdict("note", f"{', '.join(trials)}: not of the same recordings, so each joint's muscles stand alone.")
         )
     for i, joints in enumerate(parts):
@@ -139,7 +139,7 @@ def find_activations(study: Study, tell: Progress = quiet) -> ActivationsResult:
         study=study.name,
         headline=_headline(recordings, left_out),
         tables=(_table(recordings), *_left_out_tables(left_out)),
-        verdicts=(*said, *_verdicts(recordings, left_out)),
+        verdicts=(*remarks, *_verdicts(recordings, left_out)),
         rows=tuple(_rows(study.name, recordings, left_out)),
         cards={},
         checksums=checksums,
@@ -198,14 +198,14 @@ def _assist_recording(
     static = without if table.unrecorded == "static" else ()
     activation = muscles.find_activations(static, trust=trust.trust, effort=trust.effort)
     by_emg, kept = muscles.recorded, slice(count_warm_up_samples(one), None)
-    told, torque = found.predict(trial), {joint: trial[joint].torque for joint in found.joints}
+    predicted, torque = found.predict(trial), {joint: trial[joint].torque for joint in found.joints}
     followed = dict(zip(found.joints, muscles.torque(activation)[:, own], strict=True))
     return AssistedRecording(
         what, one.name, names, tuple(dict.fromkeys((*(names[i] for i in without), *lost))), trust,
-        {joint: score(torque[joint][kept], told[joint][kept]) for joint in torque},
+        {joint: score(torque[joint][kept], predicted[joint][kept]) for joint in torque},
         {joint: score(torque[joint][kept], followed[joint][kept]) for joint in torque},
-        float(np.sqrt(np.mean((activation - by_emg)[:, own] ** 2))), one.checksum, one.time, torque, told, followed,
-        by_emg[:, own], activation[:, own],
+        float(np.sqrt(np.mean((activation - by_emg)[:, own] ** 2))), one.checksum, one.time, torque, predicted,
+        followed, by_emg[:, own], activation[:, own],
     )  # fmt: skip
 
 
@@ -243,30 +243,30 @@ def _joints_left_out(left_out: Sequence[tuple[str, FillingScore]]) -> list[str]:
 
 def _headline(recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[str, FillingScore]]) -> str:
     """Return the headline: the median scores of filling in a removed electrode, by joint."""
-    said = []
+    sentences = []
     for joint in _joints_left_out(left_out):
         way = _best_emg_method(left_out, joint)
         own, assisted = (median_scores(left_out, joint, each)[0] for each in (way, "assisted"))
-        said.append(
+        sentences.append(
             f"{joint}: the activation of a muscle whose electrode was removed is predicted with R² {own:.2f} by the "
             f"{FILLING_METHODS[way]}, {assisted:.2f} by EMG-assisted muscles"
         )
-    if not said:
+    if not sentences:
         return f"Activations of {len(recordings)} recordings; no electrode could be removed to score them."
-    return "; ".join(said) + " (median)."
+    return "; ".join(sentences) + " (median)."
 
 
 def _verdicts(
     recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[str, FillingScore]]
 ) -> tuple[Verdict, ...]:
     """Return notes on torques, trusts and muscles without EMG, and a warning if static optimisation fails."""
-    said = []
+    verdicts = []
     for joint in dict.fromkeys(each.what for each in recordings):
         own = [each for each in recordings if each.what == joint]
         for of in own[0].torque:
             met = float(np.median([each.assisted[of].r2 for each in own]))
             driven = float(np.median([each.emg_driven[of].r2 for each in own]))
-            said.append(
+            verdicts.append(
                 Verdict(
                     "note",
                     f"{joint if of == joint else f'{joint}, {of}'}: assisted activations reproduce the torque with R² "
@@ -275,25 +275,25 @@ def _verdicts(
                 )
             )
         if joint in _joints_left_out(left_out):
-            told = median_scores(left_out, joint, "assisted")[0]
-            if told < 0.0:
+            median_score = median_scores(left_out, joint, "assisted")[0]
+            if median_score < 0.0:
                 best = _best_emg_method(left_out, joint)
-                said.append(
+                verdicts.append(
                     Verdict(
                         "warning",
                         f"{joint}: the activation that the torque implies for a muscle without EMG is worse than the "
-                        f"muscle's mean (R² {told:.2f}). Fill it in by the {FILLING_METHODS[best]}, and do not "
+                        f"muscle's mean (R² {median_score:.2f}). Fill it in by the {FILLING_METHODS[best]}, and do not "
                         "interpret activations by static optimisation.",
                     )
                 )
         trusts = {(each.trust.trust, each.trust.effort, each.trust.chosen) for each in own}
         for trust, effort, chosen in sorted(trusts):
             how = "chosen within the fitted recordings" if chosen else "given by the study"
-            said.append(Verdict("note", f"{joint}: trust in EMG {trust:g}, effort without it {effort:g}, {how}."))
+            verdicts.append(Verdict("note", f"{joint}: trust in EMG {trust:g}, effort without it {effort:g}, {how}."))
         without = sorted({muscle for each in own for muscle in each.filled})
         if without:
-            said.append(Verdict("note", f"{joint}: no EMG of {', '.join(without).replace('_', ' ')}."))
-    return tuple(said)
+            verdicts.append(Verdict("note", f"{joint}: no EMG of {', '.join(without).replace('_', ' ')}."))
+    return tuple(verdicts)
 
 
 def _table(recordings: Sequence[AssistedRecording]) -> FigureTable:
@@ -341,8 +341,8 @@ def _rows(
     for joint in _joints_left_out(left_out):
         for way in find_scored_methods(left_out, joint):
             r2, together, torque = median_scores(left_out, joint, way)
-            told = ", told the torque" if way in TORQUE_INFORMED_METHODS else ""
-            note = f"median over electrodes taken away and recordings{told}"
+            input_note = ", told the torque" if way in TORQUE_INFORMED_METHODS else ""
+            note = f"median over electrodes taken away and recordings{input_note}"
             row(f"{make_joint_id(joint)}.left_out.{way}.r2", r2, "heldout", "", note)
             row(f"{make_joint_id(joint)}.left_out.{way}.correlation", together, "heldout", "", note)
             if torque is not None:

@@ -352,8 +352,8 @@ def _profiles(
         if people:
             made.append(Profile(condition, time, *np.mean(people, axis=0)))
     way = cell[1] if along.unit == "rad" else along.ways[cell[1]]
-    said = f"{cell[0]:g} {along.shown} {way}" if cell[0] is not None else f"movements {way}"
-    return tuple(made), said
+    movements_text = f"{cell[0]:g} {along.shown} {way}" if cell[0] is not None else f"movements {way}"
+    return tuple(made), movements_text
 
 
 def _settling(whole: MeasuredStudy, conditions: Sequence[str]) -> tuple[Settling, ...]:

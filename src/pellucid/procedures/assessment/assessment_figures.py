@@ -89,12 +89,12 @@ def settling_figure(settling: Sequence[Settling], conditions: Sequence[str]) -> 
     tidy(axis, first=True, text="Still moving (%)")
     axis.set_xlabel("Time from start (s)")
     key(axis, [(each.condition, tone[each.condition]) for each in settling])
-    said = "; ".join(f"{each.condition} {100.0 * each.curve.cut:.1f} %" for each in settling)
+    shares_text = "; ".join(f"{each.condition} {100.0 * each.curve.cut:.1f} %" for each in settling)
     return Drawing(
         "settling",
         figure,
         "Share of all participants' movements that still go on, with 95 % intervals for movements as if independent "
-        f"(Kaplan and Meier). Never settled before the next target came: {said}.",
+        f"(Kaplan and Meier). Never settled before the next target came: {shares_text}.",
     )
 
 
@@ -129,7 +129,7 @@ def isochrony_figure(lines: Sequence[Isochrony], conditions: Sequence[str]) -> D
     shown = [c for c in conditions if any(each.condition == c for each in lines)]
     axes[0, -1].set_ylim(top=1.1 * axes[0, -1].get_ylim()[1])
     key(axes[0, -1], [(c, tone[c]) for c in shown])
-    said = "; ".join(
+    slopes_text = "; ".join(
         f"{each.condition} {each.direction} {each.velocity_slope:.2f} 1/s, "
         f"{along.factor * each.velocity_intercept:.0f} {along.shown}/s"
         for each in lines
@@ -138,7 +138,7 @@ def isochrony_figure(lines: Sequence[Isochrony], conditions: Sequence[str]) -> D
         "isochrony",
         figure,
         "Means over participants at each amplitude, with straight lines; thin lines are participants. Mean velocity's "
-        "slope and offset: " + said + ".",
+        "slope and offset: " + slopes_text + ".",
     )
 
 

@@ -124,7 +124,7 @@ def _isochrony(findings: AssessmentResult) -> Section:
 
 
 def _sensitivity(findings: AssessmentResult) -> Section:
-    said = (
+    text = (
         "The published indices again: with other cut-offs of the angle's filter; with other shares of the largest "
         "speed that begin and end a movement; with movements that end where the speed first falls below the share, in "
         "place of where it last does. A column in ms is by how much later the markers of recordings without an encoder "
@@ -132,49 +132,49 @@ def _sensitivity(findings: AssessmentResult) -> Section:
     )
     table = tables.sensitivity_table(findings)
     shown = (_table(table),) if table.rows else ()
-    return Section("assess_filters", "Other filters", (said,), shown)
+    return Section("assess_filters", "Other filters", (text,), shown)
 
 
 def _needed(findings: AssessmentResult) -> Section:
-    said = (
+    text = (
         f"With how many participants signed ranks against {findings.control}, corrected after Holm for the smallest of "
         f"the p values, would be significant in 8 of 10 studies. Changes from {findings.control} are drawn from a "
         "normal distribution with the standard deviation that this study's participants show in the condition in "
         "which they differ most; it is itself uncertain where they are few."
     )
     shown = tables.needed_table(findings), tables.effect_size_table(findings)
-    return Section("assess_needed", "Participants needed", (said,), tuple(_table(each) for each in shown if each.rows))
+    return Section("assess_needed", "Participants needed", (text,), tuple(_table(each) for each in shown if each.rows))
 
 
 def _method(study: Study, findings: AssessmentResult) -> Section:
     spec = study.table(AssessmentTable)
-    said = [
+    paragraphs = [
         f"The angle passes a zero-phase Butterworth low-pass of order {spec.order} at {spec.lowpass:g} Hz. A movement "
         f"lasts from the first to the last sample above {100 * spec.threshold:g} % of its largest speed. A "
         "participant's value is the mean over movements that are alike, then over amplitudes and directions."
     ]
-    said.append(
+    paragraphs.append(
         "A movement that was not at rest when the next target came has not settled: it lasted longer than was seen. "
         "The median duration counts it so (Kaplan and Meier); the mean duration takes what was seen for all of it."
     )
-    said.append(
+    paragraphs.append(
         "The end-point error is that of the movement's last sample, along its direction; where the target's 0 lies in "
         f"the angle is told by the participant's movements in {findings.control}, in the mean of both directions. The "
         "variable error is the standard deviation of the end points of movements that are alike."
     )
     if spec.agonists:
-        said.append(
+        paragraphs.append(
             "EMG is band-passed from 20 to 450 Hz (order 4), centred, rectified, divided by the muscle's largest value "
             f"in all of the participant's recordings, and taken {spec.advance:g} s earlier than the motion. EMG/Acc is "
             "the mean RMS of the agonists over the largest acceleration of upward movements, relative to the same "
             f"participant and amplitude in {findings.control}, less 1."
         )
-    said.append(
+    paragraphs.append(
         "Friedman's test with its p counted over all orders; Nemenyi's by the studentised range; signed ranks against "
         f"{findings.control} with counted p, corrected after Holm; intervals by bootstrap over participants, widened "
         "for few of them."
     )
-    return Section("assess_method", "How", (" ".join(said),), notes=study.notes)
+    return Section("assess_method", "How", (" ".join(paragraphs),), notes=study.notes)
 
 
 def _table(table: FigureTable) -> Table:

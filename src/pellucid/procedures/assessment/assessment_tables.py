@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 MINUS_SIGN = "\N{MINUS SIGN}"
 """Minus sign in tables."""
 
-UNITS = {"rad/s^2": "rad/s²", "m/s^2": "m/s²", "N*m": "N·m", "1": ""}
+PRINTED_UNITS = {"rad/s^2": "rad/s²", "m/s^2": "m/s²", "N*m": "N·m", "1": ""}
 """Printed form of units that differ from their plain text."""
 
 
@@ -82,7 +82,7 @@ def _row_decimals(each: Assessed) -> int:
 def words(each: Assessed, *, short: bool = False) -> str:
     """An index with its unit, as tables call it."""
     index = each.table.index
-    unit = UNITS.get(index.shown[1], index.shown[1])
+    unit = PRINTED_UNITS.get(index.shown[1], index.shown[1])
     return (index.short if short else index.words) + (f" ({unit})" if unit else "")
 
 
@@ -100,8 +100,8 @@ def test_table(found: AssessmentResult) -> FigureTable:
         test = each.comparison.friedman
         if test is not None:
             kendall = each.comparison.kendall
-            told = test.degrees_of_freedom, p_text(test.p_value), p_text(test.exact_p_value), kendall
-            rows.append((each.table.index.short, test.statistic, *told))
+            test_cells = test.degrees_of_freedom, p_text(test.p_value), p_text(test.exact_p_value), kendall
+            rows.append((each.table.index.short, test.statistic, *test_cells))
     heads = ("Index", "χ²", "df", "p", "p counted", "Kendall W")
     return FigureTable("Do conditions differ at all (Friedman)", heads, tuple(rows))
 
@@ -169,8 +169,14 @@ def effect_table(found: AssessmentResult) -> FigureTable:
         for a in each.comparison.against_control:
             sizes = a.standardised, a.rank_biserial, a.cliff
             factor = each.table.index.shown[0]
-            told = _short(factor * a.change), _range(factor, a.interval), *sizes, p_text(a.p_value), p_text(a.holm)
-            rows.append((words(each, short=True), a.condition, *told))
+            effect_cells = (
+                _short(factor * a.change),
+                _range(factor, a.interval),
+                *sizes,
+                p_text(a.p_value),
+                p_text(a.holm),
+            )
+            rows.append((words(each, short=True), a.condition, *effect_cells))
     level = f"{100 * found.confidence:g} % CI"
     heads = ("Index", "", "Change", level, "d of pairs", "Rank-biserial", "Cliff's δ", "p", "p (Holm)")
     return FigureTable(f"Changes from {found.control}", heads, tuple(rows))
@@ -206,7 +212,7 @@ def _range(scale: float, interval: tuple[float, float]) -> str | None:
     largest = max(abs(low), abs(high))
     digits = 2 if largest >= 10.0 else 1
     decimals = min(max(digits - int(f"{largest:.1e}".split("e")[1]), 0), 5) if largest > 0.0 else 0
-    # On which side of 0 an end lies is what a reader looks for.
+    # A reader needs to see on which side of 0 an end lies, so no end but 0 itself is rounded to 0.
     while decimals < 5 and any(end != 0.0 and round(end, decimals) == 0.0 for end in (low, high)):
         decimals += 1
     return f"{_fixed(low, decimals)} to {_fixed(high, decimals)}"
@@ -267,8 +273,8 @@ def range_table(found: AssessmentResult) -> FigureTable:
         own = [s for s in found.sensitivity if (s.index, s.condition) == (index, condition) and np.isfinite(s.change)]
         changes = [100.0 * s.change for s in own]
         p = [s.p_value for s in own if np.isfinite(s.p_value)]
-        told = (p_text(min(p)), p_text(max(p))) if p else (None, None)
+        p_cells = (p_text(min(p)), p_text(max(p))) if p else (None, None)
         cells = (_fixed(each, 1) for each in (changes[0], min(changes), max(changes)))
-        rows.append((found.indices[index].short, condition, *cells, *told))
+        rows.append((found.indices[index].short, condition, *cells, *p_cells))
     title = f"Change from {found.control} (%) as chosen, and over all filters, thresholds and ends tried"
     return FigureTable(title, ("Index", "", "Chosen", "Least", "Most", "p from", "to"), tuple(rows))

@@ -119,8 +119,8 @@ def _of_order(found, point, condition, people, seen, order, alpha, unknown) -> l
     table = found.assessed[point.index.name].table
     control = found.control if found.control in table.conditions or table.index.over_control else None
     later = order.later(people, condition, control)
-    told = period_effect(seen, later, point.margin, alpha=alpha)
-    if told is None:
+    effect = period_effect(seen, later, point.margin, alpha=alpha)
+    if effect is None:
         few = len(people) < 4
         unknown.append(
             f"With {len(people)} participants an effect of the period is not looked for."
@@ -129,7 +129,7 @@ def _of_order(found, point, condition, people, seen, order, alpha, unknown) -> l
             "be told from its own."
         )
     else:
-        made.append(Doubt(PERIOD_DOUBT, told.p_value, told.without, always=True))
+        made.append(Doubt(PERIOD_DOUBT, effect.p_value, effect.without, always=True))
     if found.control in table.conditions:
         rows = [table.participants.index(person) for person in people]
         values = np.log(table.values[rows]) if point.ratio else table.values[rows]

@@ -72,9 +72,9 @@ def beside_table(found: AssessmentResult) -> FigureTable:
         for name, own in each.beside.items():
             point, model = each.end_points[name], each.models[name]
             spread = None if model.trouble else f"{_scaled(point, model.spread):.3g} {point.unit}".strip()
-            said = "no answer" if model.trouble else own.verdict
+            model_verdict = "no answer" if model.trouble else own.verdict
             cells = (None, None) if model.trouble else (_change(point, own), _interval(point, own))
-            rows.append((each.condition, point.index.short, *cells, spread, model.movements, said))
+            rows.append((each.condition, point.index.short, *cells, spread, model.movements, model_verdict))
     other = next(words for name, words in TEST_NAMES.items() if name != found.certified[0].rests_on)
     heads = ("Condition", "Index", "Change", f"{_share(found):g} % interval", "SD of people's", "Movements", "Said")
     return FigureTable(f"Beside it, by {other}", heads, tuple(rows))
@@ -113,7 +113,7 @@ def curve_table(found: AssessmentResult) -> FigureTable:
         for curve in each.curves:
             own = curve.comparison
             at = "; ".join(f"{c.first} to {c.last} % ({_p(c.p_value)})" for c in own.clusters if c.p_value <= 0.05)
-            said = each.certificate.said_of(f"{curve.quantity} curve") if curve.stated else None
+            curve_verdict = each.certificate.said_of(f"{curve.quantity} curve") if curve.stated else None
             rows.append(
                 (
                     each.condition,
@@ -122,7 +122,7 @@ def curve_table(found: AssessmentResult) -> FigureTable:
                     at or "nowhere",
                     curve.stated or None,
                     _p(own.p_within) if curve.stated else None,
-                    said,
+                    curve_verdict,
                 )
             )
     heads = ("Condition", "Curve", "Furthest", "Differs at (p)", "Margin", "p within", "Said")
@@ -171,26 +171,26 @@ def certificate_sentences(found: AssessmentResult) -> tuple[str, ...]:
 
 def certificate_remarks(found: AssessmentResult) -> tuple[str, ...]:
     """Return remarks on a certificate: disagreement of tests, and questions that could not be tested."""
-    said = []
+    remarks = []
     for each in found.certified:
-        said += [*_disagreeing(each), *_without_model(each), *_cut(each), *_failed(each), *_lost(each)]
-    said += [text for each in found.certified for text in each.unknown]
-    return tuple(dict.fromkeys(said))
+        remarks += [*_disagreeing(each), *_without_model(each), *_cut(each), *_failed(each), *_lost(each)]
+    remarks += [text for each in found.certified for text in each.unknown]
+    return tuple(dict.fromkeys(remarks))
 
 
 def _sentence(each: Certified) -> str:
-    said, names = each.certificate.verdict, list(each.end_points)
+    verdict, names = each.certificate.verdict, list(each.end_points)
     words = {n: point.index.short for n, point in each.end_points.items()}
     words |= {name: name for name in each.certificate.curves}
     level = f"{100.0 * each.certificate.alpha:g} %"
-    if said == PASS:
+    if verdict == PASS:
         return (
             f"{each.condition}: transparent. All {len(words)} end points lie within their margins. "
             f"{_what_was_tested(each, level)}"
         )
     by = {word: [words[n] for n in words if each.certificate.said_of(n) == word]
           for word in (WITHIN_MARGIN, UNDECIDED, BEYOND_MARGIN)}  # fmt: skip
-    if said == FAIL:
+    if verdict == FAIL:
         return f"{each.condition}: not transparent. Beyond the margin: {', '.join(by[BEYOND_MARGIN])}." + (
             f" Within: {', '.join(by[WITHIN_MARGIN])}." if by[WITHIN_MARGIN] else ""
         )
@@ -199,12 +199,12 @@ def _sentence(each: Certified) -> str:
     kinds = {d.what for *_, why in doubted for d in why}
     counts = f" {_lost_counts(each)}" if LOST_MOVEMENTS_DOUBT in kinds else ""
     if doubted and len(doubted) == len(by[UNDECIDED]):
-        told = "; ".join(
+        doubts_text = "; ".join(
             f"{name} is {tested} its margin; {' or '.join(DOUBT_DESCRIPTIONS[d.what] for d in why)} "
             "it is not shown to be"
             for name, tested, why in doubted
         )
-        return f"{each.condition}: cannot say. {told}.{counts} {_remedy(kinds)}"
+        return f"{each.condition}: cannot say. {doubts_text}.{counts} {_remedy(kinds)}"
     alone = [words[n] for n in names if each.certificate.end_points[n].verdict == BEYOND_MARGIN]
     if alone:
         return (
@@ -253,8 +253,8 @@ def _what_was_tested(each: Certified, level: str) -> str:
 
 def _lost_counts(each: Certified) -> str:
     """State the conditions that lost more movements than the study allows, with their counts."""
-    told = _counted(too_many_lost(_most_lost(each), each.max_left_out))
-    return f"Left out were {told}: more than the {100.0 * each.max_left_out:g} % that max_left_out allows."
+    counts_text = _counted(too_many_lost(_most_lost(each), each.max_left_out))
+    return f"Left out were {counts_text}: more than the {100.0 * each.max_left_out:g} % that max_left_out allows."
 
 
 def _lost(each: Certified) -> list[str]:
@@ -312,9 +312,9 @@ def _cut(each: Certified) -> list[str]:
 def _failed(each: Certified) -> list[str]:
     if not any(count for count, _ in each.failed.values()):
         return []
-    told = ", ".join(f"{count} of {of} in {condition}" for condition, (count, of) in each.failed.items())
+    counts_text = ", ".join(f"{count} of {of} in {condition}" for condition, (count, of) in each.failed.items())
     return [
-        f"{each.condition}: targets that got no movement: {told}. Median durations are tested again with these "
+        f"{each.condition}: targets that got no movement: {counts_text}. Median durations are tested again with these "
         "counted as longer than any; of other indices they have no value."
     ]
 

@@ -60,11 +60,11 @@ def delay_notes(delays: MarkerDelays) -> list[str]:
     """State the assumed delays of markers in words."""
     if not delays.recordings:
         return []
-    said = f"{len(delays.recordings)} recordings have markers and no encoder to compare them with"
+    note = f"{len(delays.recordings)} recordings have markers and no encoder to compare them with"
     if delays.assumed is None:
-        return [f"{said}: their clock is taken to start with the recording."]
+        return [f"{note}: their clock is taken to start with the recording."]
     return [
-        f"{said}: their markers are taken to be as late as in the participant's other recordings "
+        f"{note}: their markers are taken to be as late as in the participant's other recordings "
         f"({1e3 * delays.assumed:.1f} ms in the mean). What {1e3 * delays.span:.0f} ms more would change is among the "
         "filters."
     ]

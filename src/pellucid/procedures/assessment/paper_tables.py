@@ -64,10 +64,10 @@ def paper_table(found: AssessmentResult) -> FigureTable:
     rows = []
     for row, each in zip(summary.rows, found.assessed.values(), strict=True):
         test = each.comparison.friedman
-        told = (None, None, None)
+        test_cells = (None, None, None)
         if test is not None:
-            told = f"{test.statistic:.2f}", test.degrees_of_freedom, p_text(each.comparison.p_value)
-        rows.append((*row, *told))
+            test_cells = f"{test.statistic:.2f}", test.degrees_of_freedom, p_text(each.comparison.p_value)
+        rows.append((*row, *test_cells))
     return FigureTable(summary.title, (*summary.heads, "χ²", "df", "p"), tuple(rows))
 
 
@@ -128,7 +128,7 @@ def _latex(cell) -> str:
         return "--"
     text = f"{cell:.3g}" if isinstance(cell, float) else str(cell)
     text = text.replace("-", MINUS_SIGN) if isinstance(cell, float) else text
-    # In one pass: what stands for a character is not looked at again.
+    # One pass replaces all characters, so that a replacement is not replaced again.
     return re.sub(
         "|".join(map(re.escape, LATEX_REPLACEMENTS)), lambda found: LATEX_REPLACEMENTS[found[0]], visible_text(text)
     )

@@ -65,14 +65,14 @@ def usable_records(recordings: Sequence[Recording], spec: PointingSettings) -> t
     for recording in recordings:
         try:
             record = pointing_record(recording, spec)
-            said = _gaps(record, spec)
+            reason = _gaps(record, spec)
         except NoAngle as error:
-            said = str(error)
-        if not said:
+            reason = str(error)
+        if not reason:
             records.append(record)
             continue
-        message = f"{said}: the recording {recording.name} is left out"
-        faults.append(Fault("cut", "gap", recording.path.name, spec.angle, said, "an angle throughout", message))
+        message = f"{reason}: the recording {recording.name} is left out"
+        faults.append(Fault("cut", "gap", recording.path.name, spec.angle, reason, "an angle throughout", message))
     return records, faults
 
 
@@ -125,8 +125,13 @@ def pointing_faults(record: PointingRecord, spec: AssessmentTable, labels: Seque
         what = f"{len(found)} movements in {total} stretches, most often {one.found} ({one.stretch.begin:.4g} s)"
         add("refuse", "movements", what, one.expected)
     elif len(left_out) > MAX_SILENT_LEFT_OUT_SHARE * total:
-        said = ", ".join(f"{count} {REASON_WORDS[kind]}" for kind, count in reasons.most_common())
-        add("note", "left_out", f"{len(left_out)} of {total} movements that had to be left out ({said})", "hardly any")
+        reasons_text = ", ".join(f"{count} {REASON_WORDS[kind]}" for kind, count in reasons.most_common())
+        add(
+            "note",
+            "left_out",
+            f"{len(left_out)} of {total} movements that had to be left out ({reasons_text})",
+            "hardly any",
+        )
     missing = ~np.isfinite(record.angle)
     if missing.any():
         share = 100.0 * float(missing.mean())
@@ -190,8 +195,10 @@ def _label_faults(
     found = strays(reach, label, labels, record.along)
     share = float(found.wrong.mean())
     if found.mislabelled or (share > MAX_MISTAKEN_SHARE and not aimed):
-        said = found.mislabelled or f"{int(found.wrong.sum())} of {len(named)} movements {found.commonest(label)}"
-        return fault("refuse", "amplitude", said, "movements that go as far as their labels say")
+        mismatch_text = (
+            found.mislabelled or f"{int(found.wrong.sum())} of {len(named)} movements {found.commonest(label)}"
+        )
+        return fault("refuse", "amplitude", mismatch_text, "movements that go as far as their labels say")
     if share > MAX_MISTAKEN_SHARE:
         miss = record.along.factor * float(np.median(np.abs(reach - label)[found.wrong]))
         what = (

@@ -11,7 +11,7 @@ import numpy as np
 from ...assessment.indices import MOVEMENT_DURATION, index_names, leading_index
 from ...assessment.signed_rank import smallest_p
 from ...fit.parameter import Verdict
-from .assessment_tables import UNITS
+from .assessment_tables import PRINTED_UNITS
 from .pointing_faults import REASON_WORDS
 
 if TYPE_CHECKING:
@@ -25,16 +25,16 @@ MIN_ISOCHRONY_R2 = 0.8
 def headline(found: AssessmentResult) -> str:
     """Return the result in one sentence."""
     who = f"{len(found.participants)} participant" + ("s" if len(found.participants) != 1 else "")
-    said = f"{len(found.conditions)} conditions, {who}, {found.movements} movements"
+    counts_text = f"{len(found.conditions)} conditions, {who}, {found.movements} movements"
     leading = found.assessed.get(leading_index().name)
     if leading is None or not leading.comparison.against_control:
-        return f"{said}."
+        return f"{counts_text}."
     changes = {c: leading.first_change(found.control, c) for c in found.conditions if c != found.control}
     parts = [f"{condition} {_percent(change)}" for condition, change in changes.items() if change is not None]
     cut = [f"{100.0 * each.curve.cut:.0f} % in {each.condition}" for each in found.settling if each.curve.cut]
     more = f"; never settled: {_listed(cut)}" if cut else ""
     words = _lower(leading.table.index.words)
-    return f"{said}; {words} against {found.control}: {', '.join(parts)}{more}."
+    return f"{counts_text}; {words} against {found.control}: {', '.join(parts)}{more}."
 
 
 def paragraph(found: AssessmentResult) -> str:
@@ -74,7 +74,7 @@ def _told_apart(found: AssessmentResult, each: Assessed, alpha: float) -> bool |
 def _index_sentences(found: AssessmentResult, each: Assessed, alpha: float) -> list[str]:
     index, compared = each.table.index, each.comparison
     factor, unit = index.shown
-    unit = UNITS.get(unit, unit)
+    unit = PRINTED_UNITS.get(unit, unit)
     against = {a.condition: a for a in compared.against_control}
     parts = []
     for condition in each.table.conditions:
@@ -86,16 +86,16 @@ def _index_sentences(found: AssessmentResult, each: Assessed, alpha: float) -> l
             parts.append(f"{told} in {condition}" + (f" ({interval})" if interval else ""))
             continue
         parts.append(f"{mean:.3g}{' ' if unit else ''}{unit} in {condition}" + (f" ({change})" if change else ""))
-    said = [f"{_mean_of(index.words)} was {_listed(parts)}."]
+    sentences = [f"{_mean_of(index.words)} was {_listed(parts)}."]
     if index.over_control:
-        said = [f"{index.sentence_words or index.words} changed from {found.control} by {_listed(parts)}."]
+        sentences = [f"{index.sentence_words or index.words} changed from {found.control} by {_listed(parts)}."]
     if compared.friedman is None:
-        return said
+        return sentences
     test = compared.friedman
     exact = "exact " if test.exact_p_value is not None else ""
     result = f"Friedman's χ²({test.degrees_of_freedom}) = {test.statistic:.3g}, {exact}{_p(compared.p_value)}"
     if compared.p_value >= alpha:
-        return [*said, f"No difference between conditions was found ({result})."]
+        return [*sentences, f"No difference between conditions was found ({result})."]
     pairs = [
         (a, b, compared.pair(a, b))
         for i, a in enumerate(compared.conditions)
@@ -104,7 +104,7 @@ def _index_sentences(found: AssessmentResult, each: Assessed, alpha: float) -> l
     ]
     which = _listed([f"{a} from {b} ({_p(q)})" for a, b, q in pairs])
     told = f"Nemenyi's test told {which}" if pairs else "Nemenyi's test could not say which"
-    return [*said, f"Conditions differed ({result}); {told}."]
+    return [*sentences, f"Conditions differed ({result}); {told}."]
 
 
 def _mean_of(words: str) -> str:
@@ -146,8 +146,8 @@ def _other_indices(found: AssessmentResult, alpha: float) -> list[str]:
     def named(each: Assessed) -> str:
         return f"{_lower(each.table.index.words)} ({_p(each.comparison.p_value)})"
 
-    said = [f"Conditions also differed in {_listed(list(map(named, differ)))}."] if differ else []
-    return said + ([f"No difference was found in {_listed(list(map(named, same)))}."] if same else [])
+    sentences = [f"Conditions also differed in {_listed(list(map(named, differ)))}."] if differ else []
+    return sentences + ([f"No difference was found in {_listed(list(map(named, same)))}."] if same else [])
 
 
 def _listed(parts: Sequence[str]) -> str:
@@ -161,11 +161,11 @@ def _isochrony_sentence(found: AssessmentResult) -> list[str]:
     (condition, direction), lowest = min(means.items(), key=lambda item: item[1])
     where = f"{lowest:.2f}, in {condition} {found.along.ways[direction]}"
     if lowest >= MIN_ISOCHRONY_R2:
-        said = f"grew with amplitude along a straight line in every condition (mean R² at least {where})"
+        clause = f"grew with amplitude along a straight line in every condition (mean R² at least {where})"
     else:
-        said = f"did not grow with amplitude along a straight line in every condition (mean R² as low as {where})"
+        clause = f"did not grow with amplitude along a straight line in every condition (mean R² as low as {where})"
     return [
-        f"Mean velocity {said}; this relation alone says little about transparency, since it survives a robot that "
+        f"Mean velocity {clause}; this relation alone says little about transparency, since it survives a robot that "
         "slows people down."
     ]
 
@@ -198,13 +198,13 @@ def _limits(found: AssessmentResult, alpha: float) -> str:
 
 def verdicts(found: AssessmentResult, notes: Sequence[str] = ()) -> tuple[Verdict, ...]:
     """Return the verdicts that a reader must know before using the numbers."""
-    said = [Verdict("warning", f"{why}.") for why in found.unusable.values()]
-    said += [
+    found_verdicts = [Verdict("warning", f"{why}.") for why in found.unusable.values()]
+    found_verdicts += [
         Verdict("warning", f"{person} is left out of every comparison: {why}.") for person, why in found.without.items()
     ]
-    said += _one_sided(found)
+    found_verdicts += _one_sided(found)
     if len(found.participants) == 1:
-        said.append(
+        found_verdicts.append(
             Verdict("warning", f"Only {found.participants[0]} can be compared: one participant, so nothing is tested.")
         )
     total = sum(found.left_out.values())
@@ -212,10 +212,12 @@ def verdicts(found: AssessmentResult, notes: Sequence[str] = ()) -> tuple[Verdic
         words = ", ".join(
             f"{n} {REASON_WORDS.get(why, 'that went as far as another label')}" for why, n in found.left_out.items()
         )
-        said.append(Verdict("note", f"{total} of {total + found.movements} movements were left out: {words}."))
-    said += _filter_verdicts(found)
-    said += [Verdict("note", note) for note in notes]
-    return tuple(said)
+        found_verdicts.append(
+            Verdict("note", f"{total} of {total + found.movements} movements were left out: {words}.")
+        )
+    found_verdicts += _filter_verdicts(found)
+    found_verdicts += [Verdict("note", note) for note in notes]
+    return tuple(found_verdicts)
 
 
 def _one_sided(found: AssessmentResult) -> list[Verdict]:
@@ -244,8 +246,8 @@ def _filter_verdicts(found: AssessmentResult) -> list[Verdict]:
         p = {s.words: s.p_value for s in found.sensitivity if s.index == index and np.isfinite(s.p_value)}
         yes, no = ([words for words, q in p.items() if (q < alpha) == differs] for differs in (True, False))
         if yes and no:
-            said = f"only with {_listed(yes)}" if len(yes) <= len(no) else f"not with {_listed(no)}"
-            turned.append(f"{_lower(found.indices[index].words)} ({said})")
+            filters_text = f"only with {_listed(yes)}" if len(yes) <= len(no) else f"not with {_listed(no)}"
+            turned.append(f"{_lower(found.indices[index].words)} ({filters_text})")
     if not turned:
         return []
     text = f"Whether conditions differ hangs on the filter or on where movements end: {'; '.join(turned)}."

@@ -23,7 +23,7 @@ def page(study: Study, found: CocontractionResult) -> Page:
         name = each.recording.replace("_", " ")
         caption = f"{name}: envelopes over each muscle's maximum; what both have is shaded."
         drawings.append(draw(overlap, each, f"pair_{i}", caption))
-    said = (
+    method_text = (
         "Common is twice the lower envelope over the sum of both: 100 % where both do the same, however little. "
         "Weighed is the lower over the higher, times their sum: how hard they work counts as well."
     )
@@ -31,6 +31,6 @@ def page(study: Study, found: CocontractionResult) -> Page:
         title=f"{found.study}: co-contraction",
         headline=typeset_sentence(found.headline),
         tiles=(),
-        sections=(Section("cocontraction", "Co-contraction", (said,), figure_tables(found), tuple(drawings)),),
+        sections=(Section("cocontraction", "Co-contraction", (method_text,), figure_tables(found), tuple(drawings)),),
         verdicts=found.verdicts,
     )

@@ -109,12 +109,12 @@ def _rows(study: str, each: PairActivity, of: MuscleEnvelopes, level: float) -> 
 
 def _headline(found: list[PairActivity]) -> str:
     """Return the headline: the range of the common index for each pair."""
-    said = []
+    sentences = []
     for pair in dict.fromkeys(each.pair for each in found):
         values = [each.found.common.value for each in found if each.pair == pair]
         span = f"{values[0]:.0f}" if len(values) == 1 else f"{min(values):.0f} to {max(values):.0f}"
-        said.append(f"{' and '.join(pair)} share {span} % of their activity")
-    return "; ".join(said) + "."
+        sentences.append(f"{' and '.join(pair)} share {span} % of their activity")
+    return "; ".join(sentences) + "."
 
 
 def _verdicts(study: Study, table: CocontractionTable, found: list[PairActivity]) -> Iterator[Verdict]:

@@ -18,7 +18,7 @@ CARD_NAME = "actuator"
 REQUIRED_CHANNELS = ("command", "torque", "position", "motor_position")
 """Channels that a recording of the actuator must have."""
 
-UNITS = {
+PARAMETER_UNITS = {
     "actuator_inertia": "kg*m^2",
     "actuator_viscous": "N*m*s/rad",
     "actuator_coulomb": "N*m",
@@ -28,6 +28,7 @@ UNITS = {
     "spring_stiffness": "N*m/rad",
     "actuator_fit": "1",
 }
+"""Units of the card's parameters, by their names."""
 
 
 def actuator_card(study: str, recordings: Sequence[Recording]) -> ParameterCard | None:
@@ -47,7 +48,7 @@ def actuator_card(study: str, recordings: Sequence[Recording]) -> ParameterCard 
         kind="actuator",
         study=study,
         name=CARD_NAME,
-        parameters=tuple(CardParameter(n, UNITS[n], value, nan, (nan, nan)) for n, value in found.items()),
+        parameters=tuple(CardParameter(n, PARAMETER_UNITS[n], value, nan, (nan, nan)) for n, value in found.items()),
         settings={"period": 1.0 / alone[0].fs},
         checksums={r.name: r.checksum for r in alone},
         pellucid=version("pellucid"),

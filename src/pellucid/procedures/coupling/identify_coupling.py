@@ -56,6 +56,7 @@ RECORDING_PROTOCOLS = (
     "torque_steps",
     "free_swing",
 )
+"""Protocols of the recordings that the procedure may use."""
 
 
 def identify_coupling(study: Study, on_progress: Progress | None = None) -> CouplingResult:
@@ -175,9 +176,9 @@ class _Trials:
         """Return torque (input) and unwrapped angle (output) of a recording."""
         made = input_output(recording, ORTHOSIS_CHANNELS)
         undone = unwrap(made.output)
-        said = [undone.said("position", made.time).rstrip("."), *made.notes]
-        if any(said):
-            self.notes[recording.name] = "; ".join(filter(None, said))
+        remarks = [undone.said("position", made.time).rstrip("."), *made.notes]
+        if any(remarks):
+            self.notes[recording.name] = "; ".join(filter(None, remarks))
         # Angles that differ by whole turns are the same hanging angle.
         turns = np.round(np.median(undone.angle) / (2.0 * np.pi))
         return replace(made, output=undone.angle - 2.0 * np.pi * turns)
@@ -233,9 +234,9 @@ def _wearer(
         raise IdentificationError(f"{who}: no free swing can be used: " + ("; ".join(dropped.values()) or "none found"))
     known = limb.limb if limb is not None and np.isfinite(limb.inertia.value) else None
     sd = calibration.sd if calibration is not None else float("nan")
-    told = {"posterior": asked.posterior, "level": asked.confidence}
+    posterior_options = {"posterior": asked.posterior, "level": asked.confidence}
     steps = _held_trials(trials, who, asked, turning, chosen)
-    coupling = identify_wearer(who, swings, orthosis.orthosis, limb=known, imu_sd=sd, steps=steps, **told)
+    coupling = identify_wearer(who, swings, orthosis.orthosis, limb=known, imu_sd=sd, steps=steps, **posterior_options)
     return WearerStages(calibration, limb, muscles, coupling, working, dropped, tuple(notes))
 
 
@@ -283,10 +284,10 @@ def _not_relaxed(trials: _Trials, who: str, asked: CouplingTable) -> dict[str, s
         levels = _levels(trials, who, asked, chain) if recorded else None
         if levels is None:
             return {}
-        said = {r.name: at_work(r.streams[asked.emg], chain, levels) for r in recorded}
+        activity = {r.name: at_work(r.streams[asked.emg], chain, levels) for r in recorded}
     except PellucidError as error:
         return {r.name: str(error) for r in recorded}
-    return {name: text for name, text in said.items() if text}
+    return {name: text for name, text in activity.items() if text}
 
 
 def _muscles(trials: _Trials, who: str, asked: CouplingTable, gravity: float) -> MuscleTorque | None:

@@ -421,36 +421,36 @@ def _invalid_band_sentences(found: CalibrationFindings) -> list[str]:
 
     They follow from EMG and angles alone, without any reference torque.
     """
-    said = []
+    sentences = []
     changed = [
         f"{name} ({', '.join(m.replace('_', ' ') for m in c.changed)})"
         for name, c in found.sessions.items()
         if c.is_valid and c.changed
     ]
     if changed:
-        said.append(f"Bands do not hold on {', '.join(changed)}: channels changed.")
+        sentences.append(f"Bands do not hold on {', '.join(changed)}: channels changed.")
     few = [
         f"{each.what} by {each.conditions}"
         for each in found.chosen.values()
         if 1 < each.conditions < MIN_ERROR_BAND_CONDITIONS
     ]
     if few:
-        said.append(
+        sentences.append(
             f"Bands are not known to hold, chosen by fewer than {MIN_ERROR_BAND_CONDITIONS} trials: {', '.join(few)}."
         )
-    return said
+    return sentences
 
 
 def _headline(chosen: Sequence[RecommendedEstimator]) -> str:
     """Return the headline: errors of the recommended estimators, the worst recording first, beside angles alone."""
-    said = []
+    sentences = []
     if len(chosen) > 3:
         words = " or ".join(dict.fromkeys(each.words for each in chosen))
         worst = max(chosen, key=lambda each: each.judged[0].score.rmse)
         one = worst.judged[0]
         least = min(e.score.rmse for each in chosen for e in each.judged)
         bare = [each.bare[0].score.rmse for each in chosen if each.bare]
-        said.append(
+        sentences.append(
             f"{', '.join(each.what for each in chosen)}: off by {_error_words(one)} at worst ({worst.what}) and by "
             f"{least:.3g} at best, by {words}"
             + (f"; angles alone, without EMG, by {max(bare):.3g} and {min(bare):.3g}" if bare else "")
@@ -468,13 +468,13 @@ def _headline(chosen: Sequence[RecommendedEstimator]) -> str:
             worst = f"{by_trial[name].rmse:.3g} {each.judged[0].unit} at worst ({name.replace('_', ' ')})"
             first = f"{worst} and {first} over all trials left out,"
         bare = " and ".join(f"{e.score.rmse:.3g}" for e in each.bare[:3])
-        said.append(
+        sentences.append(
             f"{each.what}: off by {' and '.join([first, *others])} by {each.words}"
             + (f" (angles alone, without EMG: {bare})" if bare else "")
         )
     recordings = {e.recording for each in chosen for e in each.judged} - {""}
     where = f", on the {len(recordings)} recordings that were not fitted" if len(recordings) > 1 else ""
-    return "; ".join(said) + (where or ", on what was not fitted") + "."
+    return "; ".join(sentences) + (where or ", on what was not fitted") + "."
 
 
 def _error_words(judged: EstimatorEvaluation) -> str:
@@ -494,7 +494,7 @@ def calibration_verdicts(
     chosen: Sequence[RecommendedEstimator] = (),
 ) -> tuple[Verdict, ...]:
     """Return warnings and notes on the recommended estimators and on their test recordings."""
-    said = []
+    verdicts = []
     for what, best, bare in (
         (each.what, judged, next((e for e in each.bare if e.recording == judged.recording), None))
         for each in chosen
@@ -502,7 +502,7 @@ def calibration_verdicts(
     ):
         on = f" on {best.recording}" if best.recording else ""
         if bare is not None and bare.score.rmse <= best.score.rmse:
-            said.append(
+            verdicts.append(
                 Verdict(
                     "warning",
                     f"{what}{on}: joint angles alone err by {bare.score.rmse:.3g} {bare.unit}, no more than the map "
@@ -511,7 +511,7 @@ def calibration_verdicts(
                 )
             )
         if best.within is not None and best.score.r2 < best.within.r2 - 0.1:
-            said.append(
+            verdicts.append(
                 Verdict(
                     "warning",
                     f"{what}: R² falls from {best.within.r2:.3f} within what was fitted to {best.score.r2:.3f} on "
@@ -526,7 +526,7 @@ def calibration_verdicts(
         and not any(f"{name}_".startswith(f"{r.name}_") for name in judged)
     ]
     if idle:
-        said.append(
+        verdicts.append(
             Verdict(
                 "warning",
                 f"{', '.join(idle)}: to be judged on, and nothing was: no torque is known there. No figure of these "
@@ -536,7 +536,7 @@ def calibration_verdicts(
     late = smoothing_delay(0.05, trials[0].fs)
     chain = study.table(EmgTorqueTable).chain
     if chain == "none":
-        said.append(
+        verdicts.append(
             Verdict(
                 "note",
                 f"Envelopes were recorded, not EMG: how late they are is not known here. Causal figures filter the "
@@ -548,11 +548,11 @@ def calibration_verdicts(
         stream = next((r.streams[emg] for r in study.recordings() if emg in r.streams), None)
         if stream is not None:
             delay = emg_chain(chain, study.table(EmgTorqueTable).mains).delay(stream.fs)
-            said.append(
+            verdicts.append(
                 Verdict(
                     "note",
                     f'The chain "{chain}" run causally is {1e3 * delay.filters:.0f} ms late, and smoothing makes trees '
                     f"{1e3 * late:.0f} ms later.",
                 )
             )
-    return tuple(said)
+    return tuple(verdicts)

@@ -138,21 +138,21 @@ def _torque_section(findings: CalibrationResult) -> Section:
 
 def _verdicts_section(findings: CalibrationResult) -> Section | None:
     """Return the section with the remaining verdicts, the worst first; None if there are none."""
-    said = tuple(
+    verdict_texts = tuple(
         (v.kind, typeset_sentence(v.said))
         for v in rank_verdicts(v for v in findings.verdicts if not _invalidates_results(v))
     )
-    return Section("emg_known", "What is to be known", verdicts=said) if said else None
+    return Section("emg_known", "What is to be known", verdicts=verdict_texts) if verdict_texts else None
 
 
 def coverage_text(trace: TorqueTrace) -> str:
     """Return words that state each band's level and the share of the torque that it holds; empty without bands."""
-    said = []
+    sentences = []
     for name, half in trace.half_width.items():
         share = 100.0 * float(np.mean(np.abs(trace.reference - trace.predicted[name]) <= half))
         words, level = ESTIMATOR_FAMILIES[name].description, 100.0 * trace.level
-        said.append(f"; the band of {words}, meant for {level:g} %, holds {share:.0f} % of this torque")
-    return "".join(said)
+        sentences.append(f"; the band of {words}, meant for {level:g} %, holds {share:.0f} % of this torque")
+    return "".join(sentences)
 
 
 def _muscles_section(findings: CalibrationResult) -> Section | None:
@@ -217,17 +217,17 @@ def _together_section(findings: CalibrationResult) -> Section | None:
             "interval. A diamond ended on a bound and is undetermined.",
         ),
     )  # fmt: skip
-    said = ()
-    posterior, told = findings.together.posterior, findings.together.told
+    posterior_text = ()
+    posterior, determined = findings.together.posterior, findings.together.told
     if posterior is not None:
-        said = (
+        posterior_text = (
             "A posterior of these muscles: bounds hold, and anatomy counts for what people differ by. "
             f"{posterior.settled}. Drawn are those numbers that the recording tells most of.",
         )
-        if told:
-            drawings += (draw(posterior_figure, told, posterior.confidence, "posterior_together"),)
+        if determined:
+            drawings += (draw(posterior_figure, determined, posterior.confidence, "posterior_together"),)
     tables = figure_tables(findings, "Posterior of muscles together")
-    return Section("emg_together", "Muscles across joints", said, tables, drawings)
+    return Section("emg_together", "Muscles across joints", posterior_text, tables, drawings)
 
 
 def _stiffness_section(findings: CalibrationResult) -> Section | None:
@@ -271,14 +271,16 @@ def _choices_section(findings: CalibrationResult) -> Section:
 def _method_section(study: Study) -> Section:
     """Return the section that describes the method."""
     spec = study.table(EmgTorqueTable)
-    said = []
+    paragraphs = []
     if spec.chain == "none":
-        said.append("Envelopes are used as they were recorded.")
+        paragraphs.append("Envelopes are used as they were recorded.")
     else:
-        said.append(f"Envelopes by the chain “{spec.chain}”. {emg_chain(spec.chain).source}")
+        paragraphs.append(f"Envelopes by the chain “{spec.chain}”. {emg_chain(spec.chain).source}")
     if spec.reference_lowpass is not None:
-        said.append(f"The reference torque passes a zero-phase low-pass at {spec.reference_lowpass:g} Hz (order 4).")
-    said.append(
+        paragraphs.append(
+            f"The reference torque passes a zero-phase low-pass at {spec.reference_lowpass:g} Hz (order 4)."
+        )
+    paragraphs.append(
         "Features and settings are chosen by cross-validation that leaves out whole repetitions, or blocks of time "
         "with gaps as long as the features remember; what is judged takes no part in it. Which estimator is named "
         "first is chosen where it will be used, away from what it is fitted to: by leaving out whole recordings or "
@@ -286,4 +288,4 @@ def _method_section(study: Study) -> Section:
         "the samples with the most effort and speed. Where these tests cannot tell two apart, muscles come before "
         "what is linear and that before trees. The 90 % band is as wide as errors were there."
     )
-    return Section("emg_method", "How", (" ".join(said),), notes=study.notes)
+    return Section("emg_method", "How", (" ".join(paragraphs),), notes=study.notes)

@@ -106,8 +106,8 @@ def muscle_estimator(
     """
     surfaces, notes = {}, [*known]
     for muscle in muscles.muscles:
-        surfaces[muscle.name], said = _muscle_surface(muscle.name, trials)
-        notes += said
+        surfaces[muscle.name], surface_notes = _muscle_surface(muscle.name, trials)
+        notes += surface_notes
     made = [
         EstimatorMuscle(
             m.name,

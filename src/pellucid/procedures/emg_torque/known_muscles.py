@@ -85,7 +85,7 @@ def geometry_verdicts(study: Study) -> list[Verdict]:
         return []
     far = max(model.polynomials.values(), key=lambda p: p.error.arm)
     held = ", ".join(f"{name} {value:.3g}" for name, value in model.held.items())
-    said = [
+    verdicts = [
         Verdict(
             "note",
             f"lengths and moment arms of {len(model.polynomials)} muscles are those of {model.source} over "
@@ -95,7 +95,7 @@ def geometry_verdicts(study: Study) -> list[Verdict]:
             + (f"; the model's other coordinates are at rest: {held}." if held else "."),
         )
     ]
-    said += [
+    verdicts += [
         Verdict(
             "warning",
             f"{model.source}, muscle {name}: a polynomial errs by {1e3 * p.error.length:.2g} mm in length and "
@@ -105,4 +105,6 @@ def geometry_verdicts(study: Study) -> list[Verdict]:
         for name, p in model.polynomials.items()
         if p.error.length > MAX_LENGTH_ERROR_M or p.error.arm > MAX_ARM_ERROR_M
     ]
-    return said + [Verdict("warning", f"{model.source}, {why}; it takes no part.") for why in model.refused.values()]
+    return verdicts + [
+        Verdict("warning", f"{model.source}, {why}; it takes no part.") for why in model.refused.values()
+    ]

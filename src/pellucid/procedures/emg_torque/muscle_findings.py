@@ -126,31 +126,31 @@ def activation_delays(found: HillMap) -> np.ndarray:
 
 def calibrated_muscle_verdicts(found: CalibrationFindings) -> tuple[Verdict, ...]:
     """Return verdicts on calibrated muscles: their delays, the coverage of intervals, and why some were not fitted."""
-    said: list[Verdict] = list(found.verdicts)
+    verdicts: list[Verdict] = list(found.verdicts)
     for what, fitted in found.muscles.items():
-        said += muscle_verdicts(fitted.fit, what)
+        verdicts += muscle_verdicts(fitted.fit, what)
         late = 1e3 * activation_delays(fitted)
-        said.append(
+        verdicts.append(
             Verdict(
                 "note",
                 f"{what}, muscles: activation follows its envelope by {late.min():.0f} to {late.max():.0f} ms, delay "
                 "and lags together; run causally, the angles' rates come 19 ms late on top.",
             )
         )
-        said += _compare_with_regression(found, what)
+        verdicts += _compare_with_regression(found, what)
     for each in found.evaluated:
         if each.coverage is not None and not each.causal:
             kind = "good" if each.coverage >= 0.9 else "warning"
             where = each.recording.replace("_", " ") or "each trial left out in turn"
-            said.append(
+            verdicts.append(
                 Verdict(
                     kind,
                     f"{each.what}, muscles: {100.0 * each.coverage:.0f} % of the torque in {where} lies within the "
                     "95 % interval that was stated beforehand.",
                 )
             )
-    said += [Verdict("note", f"{what}: muscles were not fitted: {why}.") for what, why in found.passed_over.items()]
-    return tuple(said)
+    verdicts += [Verdict("note", f"{what}: muscles were not fitted: {why}.") for what, why in found.passed_over.items()]
+    return tuple(verdicts)
 
 
 def _compare_with_regression(found: CalibrationFindings, what: str) -> list[Verdict]:

@@ -138,21 +138,21 @@ def invalidity_words(compared: ChannelComparison) -> str:
 
 def session_verdicts(sessions: Mapping[str, ChannelComparison], rescaled: bool) -> list[Verdict]:
     """Return verdicts on test recordings with changed channels or without valid estimates."""
-    said = []
+    verdicts = []
     for name, compared in sessions.items():
         if not compared.is_valid:
             text = (
                 f"{name}: no estimate is valid, since fitted recordings do not cover it: {invalidity_words(compared)}."
             )
-            said.append(Verdict("wrong", text, "Record such movements to fit, too.", finding="another_condition"))
+            verdicts.append(Verdict("wrong", text, "Record such movements to fit, too.", finding="another_condition"))
         for muscle in compared.changed:
             own = [change for change in compared.changes if change.muscle == muscle]
             found = "; ".join(f"{change.found}, expected {change.expected}" for change in own)
             kinds = {change.kind for change in own}
             what = next((words for kind, words in ADVICE_BY_CHANGE.items() if kind in kinds), ADVICE_BY_CHANGE["floor"])
             text = f"{name}, channel emg.{muscle}: found {found}."
-            said.append(Verdict("warning", text, what[int(rescaled)], finding="changed_channel"))
-    return said
+            verdicts.append(Verdict("warning", text, what[int(rescaled)], finding="changed_channel"))
+    return verdicts
 
 
 def session_tables(sessions: Mapping[str, ChannelComparison]) -> tuple[FigureTable, ...]:

@@ -107,8 +107,8 @@ def find_determined_parameters(found: TogetherFindings) -> tuple[ComparedPosteri
     The parameters with the smallest share of the prior come first.
     """
     compared = pair_with_posterior(found.fit.parameters, found.posterior) if found.posterior else ()
-    told = [one for one in compared if not one.drawn.told_by_prior]
-    return tuple(sorted(told, key=lambda one: one.drawn.prior_share))
+    determined = [one for one in compared if not one.drawn.told_by_prior]
+    return tuple(sorted(determined, key=lambda one: one.drawn.prior_share))
 
 
 def _posterior_tables(found: TogetherFindings) -> tuple[FigureTable, ...]:
@@ -146,14 +146,14 @@ def _posterior_verdicts(found: TogetherFindings) -> Iterator[Verdict]:
     posterior = found.posterior
     if posterior is None:
         return
-    who, told = f"{found.what} together", find_determined_parameters(found)
-    yield from posterior_verdicts(told, posterior, posterior.confidence, who)
+    who, determined = f"{found.what} together", find_determined_parameters(found)
+    yield from posterior_verdicts(determined, posterior, posterior.confidence, who)
     if posterior.unsettled:
         return
     yield Verdict(
         "note",
-        f"{who}: in the posterior the recording determines {len(told)} of {len(posterior)} parameters; the others have "
-        "the spread of anatomy among people.",
+        f"{who}: in the posterior the recording determines {len(determined)} of {len(posterior)} parameters; the "
+        "others have the spread of anatomy among people.",
     )
     drawn = [s for s in found.beside if s.how == POSTERIOR_VARIANT]
     for name in dict.fromkeys(s.recording for s in drawn):
@@ -176,10 +176,10 @@ def together_verdicts(found: TogetherFindings | None, alone: CalibrationFindings
     """Return verdicts on both fits: muscles, the EMG stream's offset, and the coverage of bands."""
     if found is None:
         return ()
-    said = [*muscle_verdicts(found.fit.fit, f"{found.what} together")]
-    said.append(_offset_verdict(found))
+    verdicts = [*muscle_verdicts(found.fit.fit, f"{found.what} together")]
+    verdicts.append(_offset_verdict(found))
     for muscle, strengths in _shared_strength_words(found, alone).items():
-        said.append(
+        verdicts.append(
             Verdict(
                 "note",
                 f"{muscle.replace('_', ' ')}: {strengths}, relative to the anatomical model. It is the same muscle at "
@@ -192,14 +192,14 @@ def together_verdicts(found: TogetherFindings | None, alone: CalibrationFindings
         shares = sorted(100.0 * s.coverage for s in own)
         where = f"; farthest off at the {worst.joint}, {worst.recording.replace('_', ' ') or 'each left out'}"
         held = VALID_COVERAGE_BOUNDS[0] <= worst.coverage <= VALID_COVERAGE_BOUNDS[1]
-        said.append(
+        verdicts.append(
             Verdict(
                 "good" if held else "warning",
                 f"{found.what}, {words}: {shares[0]:.0f} to {shares[-1]:.0f} % of each torque lies within the "
                 f"{100.0 * ERROR_BAND_SHARE:g} % band that was stated beforehand{where * (not held)}.",
             )
         )
-    return (*said, *_unrecorded_verdicts(found), *_posterior_verdicts(found))
+    return (*verdicts, *_unrecorded_verdicts(found), *_posterior_verdicts(found))
 
 
 def _offset_verdict(found: TogetherFindings) -> Verdict:
@@ -243,7 +243,7 @@ def _r2_words(found: TogetherFindings) -> str:
 
 def _shared_strength_words(found: TogetherFindings, alone: CalibrationFindings) -> dict[str, str]:
     """Return the strength of each muscle across several joints in words, by each joint alone and together."""
-    said = {}
+    words_by_muscle = {}
     for muscle in found.fit.driven:
         name = f"strength.{muscle}"
         own = {
@@ -255,8 +255,10 @@ def _shared_strength_words(found: TogetherFindings, alone: CalibrationFindings) 
             continue
         both = next(p for p in found.fit.parameters if p.name == name)
         parts = [f"{p.value:.2f}{' (on a bound)' * p.at_bound} by the {joint} alone" for joint, p in own.items()]
-        said[muscle] = f"strength {', '.join(parts)}, {both.value:.2f}{' (on a bound)' * both.at_bound} by both"
-    return said
+        words_by_muscle[muscle] = (
+            f"strength {', '.join(parts)}, {both.value:.2f}{' (on a bound)' * both.at_bound} by both"
+        )
+    return words_by_muscle
 
 
 def together_rows(
@@ -269,7 +271,7 @@ def together_rows(
         rows.append(ResultRow(f"{study}.together.{name}", value, unit, "calibrate", split, sums.get(recording), note))
 
     sums = {trial.name: trial.checksum for trial in trials}
-    told = sum(
+    bound_count = sum(
         count_bounds_reported_as_estimates(each.fit, muscle_parameters(each.fit)) for each in alone.muscles.values()
     )
     if found is None:
@@ -293,7 +295,7 @@ def together_rows(
         add(f"{how}.seconds", fit.fit.seconds, "s", "one calibration, all starts included")
         for joint, each in fit.choice.scores.items():
             add(f"{joint}.{how}.r2.cross_validated", each.r2, "1", "within what was fitted")
-        told += count_bounds_reported_as_estimates(fit.fit, fit.parameters)
+        bound_count += count_bounds_reported_as_estimates(fit.fit, fit.parameters)
     offset = found.fits[OFFSET_FIT].offset
     for name, value in (("", offset.value), (".low", offset.low), (".high", offset.high)):
         add(f"{OFFSET_FIT}.emg{name}", value, "s", "the recording's EMG runs ahead of its moments by so much")
@@ -314,7 +316,7 @@ def together_rows(
             f"of {len(found.posterior)} parameters, by the recording",
         )
     words = "parameters on a bound told as estimates, joint by joint and together"
-    add(f"{PLAIN_FIT}.at_bound_unreported", told, "1", words)
+    add(f"{PLAIN_FIT}.at_bound_unreported", bound_count, "1", words)
     return tuple(rows)
 
 

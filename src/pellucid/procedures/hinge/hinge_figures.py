@@ -20,7 +20,7 @@ def angle_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
     time = reference.time[shown]
     figure, axis = one_panel(3.2)
     true = np.where(reference.believable, reference.angle, np.nan)[shown]
-    # Both are drawn about the reference, so that what it is not believed in breaks both alike.
+    # Both are drawn about the reference, so that samples without a credible reference are gaps in both.
     level = 2.0 * np.pi * np.round(np.nanmedian(true) / (2.0 * np.pi))
     line(axis, time, np.degrees(true - level), color=colour("measured"), linewidth=2.4)
     line(axis, time, np.degrees(found.angle[shown] - level), color=colour("heldout"), linewidth=1.2)
@@ -42,16 +42,16 @@ def error_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
     time = trial.reference.time
     tones = {"gyroscopes": "faint", "causal": "directional", "offline": "heldout"}
     words = {"gyroscopes": "gyroscopes alone", "causal": "causal", "offline": "whole recording"}
-    for way, role in tones.items():
-        error = np.where(trial.reference.believable, trial.scores[way].error, np.nan)
+    for estimate, role in tones.items():
+        error = np.where(trial.reference.believable, trial.scores[estimate].error, np.nan)
         line(axis, time, np.degrees(error), color=colour(role), linewidth=1.0)
     tidy(axis, first=True, text="Error (deg)")
     # Gyroscopes leave the frame: what is judged must stay readable.
-    top = 1.3 * max(np.degrees(trial.scores[way].largest) for way in ("offline", "causal"))
+    top = 1.3 * max(np.degrees(trial.scores[estimate].largest) for estimate in ("offline", "causal"))
     axis.set_ylim(-top, top)
     axis.axvline(score_from, color=colour("muted"), linewidth=0.8, linestyle=(0, (4, 3)))
     axis.set_xlabel("Time (s)")
-    key(axis, [(words[way], colour(role)) for way, role in tones.items()])
+    key(axis, [(words[estimate], colour(role)) for estimate, role in tones.items()])
     heads([axis], [Head(trial.name, "error against the reference", colour("muted"))])
     return Drawing(
         name,

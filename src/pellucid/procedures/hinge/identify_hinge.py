@@ -22,7 +22,7 @@ from ..result import FigureTable, ParameterTable, Result
 from .hinge_reference import HingeReference, HingeScore, clock_delay, has_reference, hinge_reference, score
 from .hinge_table import HingeTable
 
-RESULT_COMMAND = "identify"
+COMMAND_NAME = "identify"
 """Every row names this command as its origin."""
 
 PROCESSING_NOTE = (
@@ -44,7 +44,7 @@ class HingeTrial:
     """One recording of a hinge."""
 
     name: str
-    hinge: Hinge  # From its first seconds
+    hinge: Hinge  # Axes, centres and offsets from the recording's first seconds
     offline: HingeAngle
     causal: HingeAngle
     interpolated: int = 0  # Samples of the IMUs that were missing and were bridged
@@ -53,7 +53,7 @@ class HingeTrial:
     # Drift of the two clocks against each other, and its standard error, from the first and the last seconds [s/s].
     # It corrects nothing: it says for how long a delay that was found early still holds.
     clock_drift: tuple[float, float] | None = None
-    scores: dict[str, HingeScore] | None = None  # By `SCORED_ANGLES`; empty without a reference
+    scores: dict[str, HingeScore] | None = None  # Scores by name in `SCORED_ANGLES`; empty without a reference
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -85,7 +85,7 @@ def identify_hinge(study: Study, on_progress: Callable[[str, float], None] | Non
     checksums = {r.name: r.checksum for r in recordings}
     rows = [row for trial in trials for row in _rows(study.name, trial, checksums[trial.name])]
     rows += [
-        ResultRow(f"{study.name}.angle.rmse_deg.{name}", None, "deg", RESULT_COMMAND, "heldout", checksums[name], why)
+        ResultRow(f"{study.name}.angle.rmse_deg.{name}", None, "deg", COMMAND_NAME, "heldout", checksums[name], why)
         for name, why in failures.items()
     ]
     return HingeResult(
@@ -166,7 +166,7 @@ def _evaluated(
 
 def _rows(study: str, trial: HingeTrial, checksum: str) -> list[ResultRow]:
     def row(what, value, unit, split, note=""):
-        return ResultRow(f"{study}.{what}.{trial.name}", value, unit, RESULT_COMMAND, split, checksum, note)
+        return ResultRow(f"{study}.{what}.{trial.name}", value, unit, COMMAND_NAME, split, checksum, note)
 
     found = [
         row(f"axis.{side}.{c}", trial.hinge.axes[i, k], "1", "fitted")
@@ -187,8 +187,11 @@ def _rows(study: str, trial: HingeTrial, checksum: str) -> list[ResultRow]:
         "unaligned": "zero-phase; one offset, no delay",
         "gyroscopes": "integrated rates alone, as they drift; offset and delay as for the zero-phase angle",
     }
-    ids = {"offline": "angle.rmse_deg"} | {way: f"angle.{way}_rms_deg" for way in SCORED_ANGLES[1:]}
-    found += [row(ids[way], np.degrees(trial.scores[way].rms), "deg", "heldout", notes[way]) for way in SCORED_ANGLES]
+    ids = {"offline": "angle.rmse_deg"} | {estimate: f"angle.{estimate}_rms_deg" for estimate in SCORED_ANGLES[1:]}
+    found += [
+        row(ids[estimate], np.degrees(trial.scores[estimate].rms), "deg", "heldout", notes[estimate])
+        for estimate in SCORED_ANGLES
+    ]
     error, drift = 1.96 * trial.alignment.delay_error, trial.clock_drift
     found += [
         row("angle.largest_deg", np.degrees(trial.scores["offline"].largest), "deg", "heldout"),
@@ -223,11 +226,11 @@ def _error_tables(trials: list[HingeTrial]) -> list[FigureTable]:
     if not evaluated:
         return []
     ways = ("offline", "causal", "own delay", "no delay", "rates alone")
-    heads = ("recording", *(f"{way} [deg]" for way in ways), "delay found [ms]", "excluded samples")
+    heads = ("recording", *(f"{estimate} [deg]" for estimate in ways), "delay found [ms]", "excluded samples")
     rows = tuple(
         (
             t.name,
-            *(float(np.degrees(t.scores[way].rms)) for way in SCORED_ANGLES),
+            *(float(np.degrees(t.scores[estimate].rms)) for estimate in SCORED_ANGLES),
             1e3 * t.alignment.delay,
             t.reference.excluded,
         )
@@ -257,7 +260,7 @@ def _verdicts(trials: list[HingeTrial], failures: dict[str, str], table: HingeTa
     for trial in trials:
         if trial.scores:
             scores = trial.scores
-            degrees = {way: float(np.degrees(scores[way].rms)) for way in SCORED_ANGLES}
+            degrees = {estimate: float(np.degrees(scores[estimate].rms)) for estimate in SCORED_ANGLES}
             found.append(
                 Verdict(
                     "good" if degrees["offline"] < 0.5 * degrees["gyroscopes"] else "note",

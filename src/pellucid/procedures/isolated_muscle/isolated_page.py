@@ -17,14 +17,16 @@ def page(study: Study, found: IsolatedMuscleResult) -> Page:
     if found.posterior is not None:
         drawing = draw(posterior_figure, pair_with_posterior((found.interval,), found.posterior), found.confidence)
         tables = (*parameter_tables(found), *figure_tables(found, "Posterior"))
-        said = f"Where the muscle was held, its constants being wrong by any share. {found.posterior.settled}."
-        sections.append(Section("posterior", "Posterior", (said,), tables, (drawing,)))
-    told = tuple((v.kind, v.said) for v in found.verdicts)
+        posterior_text = (
+            f"Where the muscle was held, its constants being wrong by any share. {found.posterior.settled}."
+        )
+        sections.append(Section("posterior", "Posterior", (posterior_text,), tables, (drawing,)))
+    verdict_texts = tuple((v.kind, v.said) for v in found.verdicts)
     return Page(
         study.name,
         "Isolated muscle",
         found.headline,
         sections=tuple(sections),
         footer=study.config.citation,
-        verdicts=told,
+        verdicts=verdict_texts,
     )

@@ -169,10 +169,10 @@ def filter_note(study: Study) -> str:
 
 def _processing_sentence(processing: Processing, unit: str) -> str:
     """Return one processing in words."""
-    said = filtering_of(processing).sentence(unit)
+    sentence = filtering_of(processing).sentence(unit)
     if processing.velocity == "recorded":
-        said = said.replace("central differences", "velocity as recorded")
-    return f"resampled to {processing.resample:g} Hz; {said}" if processing.resample else said
+        sentence = sentence.replace("central differences", "velocity as recorded")
+    return f"resampled to {processing.resample:g} Hz; {sentence}" if processing.resample else sentence
 
 
 def machine_of(rig: JointTable) -> Machine:

@@ -39,8 +39,8 @@ def joint_faults(study: Study) -> list[Fault]:
     if any(fault.severity == "refuse" for fault in faults):
         return faults
     for clock in find_clocks(study):
-        said, kind = f"{clock.said} {clock.do}", "refuse" if clock.why else "note"
-        faults.append(Fault(kind, "clock", clock.file, "time", f"{clock.offset:.6g} s", "its offset", said))
+        found_text, kind = f"{clock.said} {clock.do}", "refuse" if clock.why else "note"
+        faults.append(Fault(kind, "clock", clock.file, "time", f"{clock.offset:.6g} s", "its offset", found_text))
     if any(fault.severity == "refuse" for fault in faults):
         return faults
     try:

@@ -36,7 +36,7 @@ from ..study_page import figure_tables, provenance, study_page
 from . import joint_figures as figures
 from .joint_result import JointResult, Trace
 
-WHAT_ESTIMATORS_DO = (
+ESTIMATOR_EXPLANATIONS = (
     (("ls",), "least squares trusts the filtered motion as measured"),
     (("wls", "irls"), "weighted and robust fits let noisy samples count for less"),
     (
@@ -46,6 +46,7 @@ WHAT_ESTIMATORS_DO = (
     ),
     (("output_error",), "output error fits the simulated response itself"),
 )
+"""Clauses that explain the estimators, each with the names of those to which it applies."""
 
 
 def page(study: Study, result: JointResult) -> Page:
@@ -85,12 +86,12 @@ def page(study: Study, result: JointResult) -> Page:
     ]
     motion = _simulation_drawings(result, simulated)
     if motion:
-        said = (
+        simulation_text = (
             "A prediction of effort can look good while a simulation drifts, so the identified joint "
             f"({simulated.family} friction) is also set in motion."
         )
         table = _simulated(result, simulated)
-        sections.append(Section("simulation", "Simulated motion", (said,), (table,), motion))
+        sections.append(Section("simulation", "Simulated motion", (simulation_text,), (table,), motion))
     sections.append(
         Section(
             "families",
@@ -121,12 +122,12 @@ def _posterior(fit: JointResult) -> tuple[Section, ...]:
     if fit.posterior is None:
         return ()
     compared = pair_with_posterior(fit.families[fit.best].estimate.parameters, fit.posterior)
-    said = (
+    text = (
         f"The same rows by a posterior: bounds hold, and what a {fit.best} model lacks is as large as the draws say. "
         f"{fit.posterior.settled}."
     )
     drawing = draw(posterior_figure, compared, fit.confidence)
-    return (Section("posterior", "Posterior", (said,), figure_tables(fit, "Posterior"), (drawing,)),)
+    return (Section("posterior", "Posterior", (text,), figure_tables(fit, "Posterior"), (drawing,)),)
 
 
 # --- figures --------------------------------------------------------------------------------------------------------
@@ -412,7 +413,7 @@ def _estimators_words(family: FamilyFit | None) -> str:
     if family is None:
         return ""
     present = {family.estimate.method, *family.others}
-    does = [text for methods, text in WHAT_ESTIMATORS_DO if present & set(methods)]
+    does = [text for methods, text in ESTIMATOR_EXPLANATIONS if present & set(methods)]
     return (
         f"They weigh the same misfit differently: {', '.join(does[:-1])}{', and ' if len(does) > 1 else ''}{does[-1]}; "
         "where friction is not quite what the model says, they need not agree."

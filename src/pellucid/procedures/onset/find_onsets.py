@@ -179,10 +179,10 @@ def _rows(base: str, each: MuscleBursts, level: float, checksum: str) -> list[Re
     seen = [b.onset for b in each.bursts if b.seen]
     if seen:
         first, lengths = seen[0], [b.duration for b in each.bursts]
-        said = f"{100 * level:g} % interval {first.low:.4f} to {first.high:.4f} s"
+        interval_note = f"{100 * level:g} % interval {first.low:.4f} to {first.high:.4f} s"
         half = float(np.median([0.5 * (b.onset.high - b.onset.low) for b in each.bursts if b.seen]))
         made += [
-            row("first_onset", first.time, "s", said),
+            row("first_onset", first.time, "s", interval_note),
             row("onset_half_width", half, "s", "median over bursts"),
             row("duration", float(np.median(lengths)), "s", "median over bursts"),
         ]

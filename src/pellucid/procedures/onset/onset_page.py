@@ -30,7 +30,7 @@ def page(study: Study, found: OnsetResult) -> Page:
         else (f"{len(names) - MAX_DRAWN_RECORDINGS} more recordings are in tables/onsets.csv.",)
     )
     table = study.table(OnsetTable)
-    said = (
+    method_text = (
         f"Energy after Teager and Kaiser passes {table.height:g} standard deviations of rest for at least "
         f"{1e3 * table.shortest:g} ms; the onset itself is where the variance begins to rise, a change point with its "
         "interval."
@@ -40,7 +40,9 @@ def page(study: Study, found: OnsetResult) -> Page:
         headline=typeset_sentence(found.headline),
         tiles=(Tile("Bursts", str(count), "", f"{len(names)} recordings"),),
         sections=(
-            Section("onset_bursts", "When muscles become active", (said,), figure_tables(found), drawings, notes),
+            Section(
+                "onset_bursts", "When muscles become active", (method_text,), figure_tables(found), drawings, notes
+            ),
         ),
         verdicts=found.verdicts,
     )

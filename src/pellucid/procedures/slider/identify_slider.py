@@ -30,7 +30,7 @@ from .recorded_slider import slider_motions
 from .slider_faults import examine, of_body, require_torques
 from .slider_result import SliderResult, slider_result
 
-AT_ONCE = "fourier"
+ALL_AT_ONCE_PROTOCOL = "fourier"
 """The protocol of one excitation that shows everything; without it, all at once fits what the steps fit."""
 
 
@@ -95,7 +95,7 @@ def _fit(
     rig = config.rig
     fitted = [m for m in motions if m.split == "fitted"]
     steps = [m for m in fitted if m.protocol in STEP_PROTOCOLS]
-    at_once = [m for m in fitted if m.protocol == AT_ONCE] or steps
+    at_once = [m for m in fitted if m.protocol == ALL_AT_ONCE_PROTOCOL] or steps
     tell("three steps", 0.0)
     estimates: dict[str, SliderEstimate] = {
         "pooled": three_steps(steps, dissociated=False, method="pooled"),
@@ -168,7 +168,7 @@ def slider_verdicts(fit: SliderFit) -> tuple[Verdict, ...]:
     """What the figures say, in sentences."""
     error = {name: fit.evaluated_error(name) for name in fit.estimates}
     split = "held-out trials" if fit.evaluated_split == "heldout" else "fitted trials (nothing is held out)"
-    said = [
+    verdicts = [
         Verdict(
             "good" if error["dissociated"] < error["pooled"] else "warning",
             f"Dissociating the directions takes the mean current error on {split} from {error['pooled']:.4f} to "
@@ -176,7 +176,7 @@ def slider_verdicts(fit: SliderFit) -> tuple[Verdict, ...]:
         ),
     ]
     best = min(("consistent", "load"), key=lambda name: error[name])
-    said.append(
+    verdicts.append(
         Verdict(
             "good" if error[best] <= 1.05 * error["dissociated"] else "note",
             f"One coherent body with {SLIDER_METHODS[best].split(', ')[1]} errs by {error[best]:.4f} A with "
@@ -187,13 +187,13 @@ def slider_verdicts(fit: SliderFit) -> tuple[Verdict, ...]:
     x = np.linspace(*fit.rail, 9)
     worst = min(float(model.inertia(d, x).min()) for d in ("up", "down"))
     if worst < 0.0:
-        said.append(
+        verdicts.append(
             Verdict("warning", f"The dissociated model's inertia is negative on the rail ({worst:.3g} kg*m^2).")
         )
     q = np.linspace(min(m.position.min() for m in fit.motions), max(m.position.max() for m in fit.motions), 60)
     friction = directional_friction(model, x, q)
     if friction.min() < 0.0:
-        said.append(
+        verdicts.append(
             Verdict(
                 "warning",
                 f"Between its directions the dissociated model rubs by {friction.min():.3g} to {friction.max():.3g} "
@@ -201,17 +201,17 @@ def slider_verdicts(fit: SliderFit) -> tuple[Verdict, ...]:
             )
         )
     notes = [note for name in ("consistent", "load") for note in fit[name].notes]
-    said += [Verdict("note", note) for note in notes]
-    said.append(Verdict("note", travel_in_words(fit.travel)))
+    verdicts += [Verdict("note", note) for note in notes]
+    verdicts.append(Verdict("note", travel_in_words(fit.travel)))
     if LOAD_FEATURE in features_of(fit["load"].model.names):
-        said.append(
+        verdicts.append(
             Verdict(
                 "note",
                 "The carriage's mass is not known, so motoring and generating friction share one coefficient: weigh "
                 'the carriage and write it as [rig.slider] mass = "... kg".',
             )
         )
-    return tuple(said)
+    return tuple(verdicts)
 
 
 def travel_in_words(travel: Parameter | None) -> str:

@@ -21,16 +21,16 @@ from .recorded_slider import slider_motions
 
 
 @dataclass(frozen=True)
-class Examined:
-    """Recordings of a joint with a carriage, looked at."""
+class SliderExamination:
+    """Examined recordings of a joint with a carriage."""
 
-    faults: list[Fault]  # The refusing ones first
+    faults: list[Fault]  # Faults, those that refuse first
     geometry: Geometry | None = None
-    motions: tuple[SliderMotion, ...] = ()  # Both as far as they could be had: where nothing is refused, whole
+    motions: tuple[SliderMotion, ...] = ()  # Motions that could be computed; complete if no fault refuses
 
 
 def slider_faults(study: Study) -> list[Fault]:
-    """Faults of every file; where none refuses, of the carriage's places and of the motion."""
+    """Return the faults of every file and, if none refuses, of the carriage's places and the motions."""
     faults = [fault for recording in study.recordings() for fault in inspect(recording, study)]
     if any(fault.severity == "refuse" for fault in faults):
         return faults
@@ -45,20 +45,20 @@ def of_body(recordings: Sequence[Recording]) -> list[Recording]:
     return [recording for recording in recordings if recording.protocol != REVERSALS_NAME]
 
 
-def examine(config: StudyFile, recordings: Sequence[Recording]) -> Examined:
+def examine(config: StudyFile, recordings: Sequence[Recording]) -> SliderExamination:
     """Faults of the carriage's places, of the clocks and of the motion, of recordings that are sound as files."""
     recordings = of_body(recordings)
     try:
         geometry = slider_geometry(recordings)
     except PellucidError as error:
-        return Examined([_fault("geometry", "markers that show the axis and the carriage", error)])
+        return SliderExamination([_fault("geometry", "markers that show the axis and the carriage", error)])
     faults = geometry_faults(geometry, config.rig.slider)
     if any(fault.severity == "refuse" for fault in faults):
-        return Examined(faults, geometry)
+        return SliderExamination(faults, geometry)
     try:
         require_torques(config)
     except IdentificationError as error:
-        return Examined([_fault("drive", "torques in N*m", error), *faults], geometry)
+        return SliderExamination([_fault("drive", "torques in N*m", error), *faults], geometry)
     motions: tuple[SliderMotion, ...] = ()
     try:
         motions = slider_motions(recordings, config, geometry)
@@ -68,7 +68,7 @@ def examine(config: StudyFile, recordings: Sequence[Recording]) -> Examined:
         require_dissipation(steps)
     except PellucidError as error:
         faults.insert(0, _fault("excitation", "motion both ways, at several places of the carriage", error))
-    return Examined(faults, geometry, motions)
+    return SliderExamination(faults, geometry, motions)
 
 
 def require_torques(config: StudyFile) -> None:

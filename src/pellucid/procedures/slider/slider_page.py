@@ -314,7 +314,7 @@ def _trace(fit: SliderFit, names: list[str]) -> Drawing | None:
         return None
     m = next((m for m in motions if m.protocol == "constant_velocity"), motions[0])
     made = {SHORT_METHOD_NAMES[name]: predicted(fit[name], m) / fit.gain for name in ("pooled", *TRACED_METHODS)}
-    # Where it rests no model speaks: friction is then anything up to its level.
+    # No model predicts the current at rest, because friction may then have any value up to its level.
     made = {name: np.where(m.scored, values, np.nan) for name, values in made.items()}
     return draw(
         figures.current_trace, m.time, m.effort / fit.gain, made, m.velocity, roles=COLOUR_ROLES,
@@ -326,17 +326,17 @@ def _trace(fit: SliderFit, names: list[str]) -> Drawing | None:
 def _geometry(fit: SliderFit) -> Section:
     g = fit.geometry
     optical = [p for p in g.placements if p.optical]
-    said = []
+    paragraphs = []
     if optical and np.all(np.isfinite(g.axis)):
         x, y, z = (number(float(v), 1e-4) for v in g.axis)
-        said.append(
+        paragraphs.append(
             f"The axis points along ({x}, {y}, {z}) in the laboratory, known to {np.degrees(g.axis_se):.2g} deg; "
             f"across it, its place is known to {1e3 * g.origin_se:.2g} mm. Markers stay within "
             f"{1e3 * g.residual:.2g} mm rms of turning about it. These errors are the markers' noise alone."
         )
         delays = 1e3 * np.array([p.delay for p in optical if p.aligned])
         if len(delays):
-            said.append(
+            paragraphs.append(
                 f"The cameras' clock is {number(float(delays.min()), 0.1)} to {number(float(delays.max()), 0.1)} ms "
                 "from the robot's; each recording is corrected by its own delay."
             )
@@ -358,7 +358,7 @@ def _geometry(fit: SliderFit) -> Section:
         heads, rows, frozenset({1, 2, 3, 5}),
         "Where the carriage was, and what the cameras' clock shows when the robot's shows 0.", True,
     )  # fmt: skip
-    return Section("geometry", "Axis, carriage and clocks", tuple(said), (table,))
+    return Section("geometry", "Axis, carriage and clocks", tuple(paragraphs), (table,))
 
 
 def _methods(fit: SliderFit, level: float) -> Section:

@@ -13,7 +13,7 @@ from ...studies.results import ResultRow, combined_checksum
 from ...studies.study import Study
 from ..result import FigureTable, ParameterTable, Result
 
-RESULT_COMMAND = "identify"
+COMMAND_NAME = "identify"
 """Every row names this command as its origin."""
 
 PRINTED_METHODS = ("load", "dissociated")
@@ -83,7 +83,7 @@ def slider_rows(fit: SliderFit) -> Iterator[ResultRow]:
     Ids are ``<study>.<method>.<figure>[.<recording>]``, and ``<study>.slider.<recording>`` for the carriage's place.
     """
     together = combined_checksum(fit.checksums.values())
-    plain = ResultRow("", None, "1", RESULT_COMMAND, "fitted", together, fit.filter_note)
+    plain = ResultRow("", None, "1", COMMAND_NAME, "fitted", together, fit.filter_note)
     for p in fit.static:
         yield replace(plain, id=f"{fit.study}.static.{p.name}", value=p.value, unit=p.unit)
     for method, estimate in fit.estimates.items():
@@ -100,15 +100,15 @@ def slider_rows(fit: SliderFit) -> Iterator[ResultRow]:
             one = replace(plain, split=e.split, data_checksum=fit.checksums.get(e.recording))
             yield replace(one, id=f"{head}.error.{e.recording}", value=e.current, unit="A")
     if fit.travel is not None:
-        said = f"way from rest over which friction builds up before it slips; {fit.travel.sentence()}"
-        yield replace(plain, id=f"{fit.study}.presliding_travel", value=fit.travel.value, unit="rad", note=said)
+        travel_note = f"way from rest over which friction builds up before it slips; {fit.travel.sentence()}"
+        yield replace(plain, id=f"{fit.study}.presliding_travel", value=fit.travel.value, unit="rad", note=travel_note)
     split = {m.recording: m.split for m in fit.motions}
     for place in fit.geometry.placements:
         yield ResultRow(
             f"{fit.study}.slider.{place.recording}",
             place.slider,
             "m",
-            RESULT_COMMAND,
+            COMMAND_NAME,
             split.get(place.recording, "fitted"),
             fit.checksums.get(place.recording),
             "from the markers" if place.optical else "by a ruler",

@@ -160,9 +160,9 @@ def _headline(groups: list[GroupSynergies], alike: tuple[GroupSimilarity, ...]) 
     count, number = groups[0].count, len(groups[0].synergies)
     several = "y accounts" if number == 1 else "ies account"
     where = list(count.numbers).index(number) if number in count.numbers else -1
-    said = f"{number} synerg{several} for {100 * count.heldout[where]:.0f} % of the held-out variance"
+    count_text = f"{number} synerg{several} for {100 * count.heldout[where]:.0f} % of the held-out variance"
     if len(groups) == 1:
-        return said + "."
+        return count_text + "."
     least = min(100 * g.count.heldout[where] for g in groups)
     above = sum(each.cosine > each.chance for each in alike)
     return (
@@ -195,11 +195,11 @@ def _similarity_table(alike: tuple[GroupSimilarity, ...]) -> tuple[FigureTable, 
 def _verdicts(
     groups: list[GroupSynergies], alike: tuple[GroupSimilarity, ...], asked: int | None
 ) -> tuple[Verdict, ...]:
-    said = []
+    verdicts = []
     for g in groups:
         name, c = f"{g.name}: " if g.name else "", g.count
         if c.heldout.max() < VAF_THRESHOLD:
-            said.append(
+            verdicts.append(
                 Verdict(
                     "warning",
                     f"{name}{c.numbers[-1]} synergies account for {100 * c.heldout[-1]:.0f} % of the held-out "
@@ -209,7 +209,7 @@ def _verdicts(
             )
         chance = float(c.shuffled[list(c.numbers).index(c.enough)])
         if chance > VAF_THRESHOLD - 0.05 and c.heldout.max() >= VAF_THRESHOLD:
-            said.append(
+            verdicts.append(
                 Verdict(
                     "warning",
                     f"{name}{c.enough} synergies account for {100 * chance:.0f} % of the same envelopes shifted apart "
@@ -217,7 +217,7 @@ def _verdicts(
                 )
             )
         if c.left_out.max() <= 0.0:
-            said.append(
+            verdicts.append(
                 Verdict(
                     "warning",
                     f"{name}no number of synergies predicts a muscle that is left out from the others (R² below 0): "
@@ -225,14 +225,14 @@ def _verdicts(
                 )
             )
         elif c.predicting != c.enough and asked is None:
-            said.append(
+            verdicts.append(
                 Verdict(
                     "note",
                     f"{name}{100 * VAF_THRESHOLD:g} % of the variance needs {c.enough}; a muscle left out is predicted "
                     f"best by {c.predicting} (R² {c.left_out.max():.2f}).",
                 )
             )
-    return tuple(said)
+    return tuple(verdicts)
 
 
 def _rows(

@@ -42,20 +42,22 @@ def page(study: Study, found: SynergiesResult) -> Page:
                 f"{of}Envelopes, and their reconstruction.",
             )
         )
-    said = (
+    method_text = (
         "Weights are fitted on one part, and the variance is computed on another. More synergies always account for "
         "more of it; a muscle left out is predicted best by a certain number, which may be smaller."
     )
     sections = [
-        Section("synergy_count", "How many synergies", (said,), figure_tables(found, "How many"), tuple(how_many)),
+        Section(
+            "synergy_count", "How many synergies", (method_text,), figure_tables(found, "How many"), tuple(how_many)
+        ),
         Section("synergies", "Which muscles, and when", drawings=tuple(which)),
     ]
     if found.alike:
-        said = (
+        method_text = (
             "Synergies are matched by the largest cosines of their weights. By chance: the cosine that randomly "
             "permuted weights exceed once in twenty. VAF across: envelopes of the second by weights of the first."
         )
-        sections.append(Section("synergies_alike", "How alike", (said,), figure_tables(found, "How alike")))
+        sections.append(Section("synergies_alike", "How alike", (method_text,), figure_tables(found, "How alike")))
     return study_page(
         title=f"{found.study}: muscle synergies",
         headline=typeset_sentence(found.headline),

@@ -27,8 +27,7 @@ MAX_GRID_DEVIATION_STEPS = 0.5
 """A recording counts as evenly sampled if no sample is further than this off an even grid, in steps of the grid."""
 
 REPETITION_TOLERANCE = 1e-3
-"""A reference counts as periodic if it differs from itself a period later by at most this share of its standard
-deviation."""
+"""A reference is periodic if it differs from itself a period later by at most this share of its standard deviation."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from ...drawing.drawing import Drawing, key, line, one_panel, origin, tidy
 from ...drawing.style import FIGURE_WIDTH, colour
 from ...pages.quantities import number
 
-AXES: Mapping[str, tuple[str, float, str]] = {
+CHANNEL_AXES: Mapping[str, tuple[str, float, str]] = {
     "rad": ("Angle", 180.0 / np.pi, "deg"),
     "m": ("Position", 1e3, "mm"),
     "N*m": ("Torque", 1.0, "N·m"),
@@ -24,7 +24,7 @@ AXES: Mapping[str, tuple[str, float, str]] = {
 
 def shown(unit: str, channel: str) -> tuple[str, float]:
     """An axis's label and what an SI value is multiplied by, for a `channel` in a `unit`."""
-    words, scale, text = AXES.get(unit, (channel.replace("_", " ").capitalize(), 1.0, unit))
+    words, scale, text = CHANNEL_AXES.get(unit, (channel.replace("_", " ").capitalize(), 1.0, unit))
     return f"{words} ({text})", scale
 
 
@@ -89,7 +89,7 @@ def frequency_response(
         entries.append((words, colour(role)))
     _logarithmic(top, f"Gain ({unit})")
     key(top, entries)
-    # Where the gain is lost in its disk the phase is anything.
+    # The phase is arbitrary where the gain's uncertainty includes 0.
     sure = radius < size
     angle = np.degrees(np.unwrap(np.angle(measured[sure])))
     bottom.plot(frequency[sure], angle, color=tone, marker="o", markersize=3.5, linestyle="none", zorder=3)

@@ -27,6 +27,7 @@ urdf = "robot.urdf"                 # copied from {file}; its bodies are a start
 [rig]
 
 """
+"""Template of the beginning of the new study.toml."""
 
 JOINT_TEXT = """[[rig.joints]]
 name = "{name}"
@@ -34,6 +35,7 @@ motion = "{motion}"
 {band}[rig.joints.drive]
 kind = "torque"
 """
+"""Template of a joint's table in the new study.toml, for all joints but the first."""
 
 FIRST_JOINT_TEXT = """\
 # Names are those of the robot's file; channels end in them. Where channels are the motors', say how
@@ -48,6 +50,7 @@ motion = "{motion}"
 {band}[rig.joints.drive]
 kind = "torque"                     # or "current" with torque_constant = "12 N*m/A", or without one: results per ampere
 """
+"""Template of the first joint's table, with comments that explain it."""
 
 CHANNELS_TEXT = """
 [channels]                          # a column's name, or its number from 0 in files without a header
@@ -85,6 +88,7 @@ use = "fit"
 # use = "validate"
 # payload = {{ mass = "2 kg" }}       # on the last link, or link = "NAME"
 """
+"""Template of the tables of channels and recordings, with comments that explain them."""
 
 
 def new_study(robot: Urdf, folder: str) -> str:
@@ -101,17 +105,19 @@ def new_study(robot: Urdf, folder: str) -> str:
             )
     mixed = len({joint.kind for joint in joints}) > 1
     name = re.sub(r"[^A-Za-z0-9_-]+", "-", folder).strip("-_") or "robot"
-    said = HEAD_TEXT.format(robot=_comment(robot.name), count=len(joints), name=name, file=_comment(robot.path.name))
+    study_text = HEAD_TEXT.format(
+        robot=_comment(robot.name), count=len(joints), name=name, file=_comment(robot.path.name)
+    )
     if held:
         places = ", ".join(f'"{key}" = "{x:.6g} {_unit(robot, key)}"' for key, x in held.items())
         line = f"held = {{ {places} }}  # they follow other joints; hold those too, if they do not move\n"
-        said = said.replace("# gravity", f"{line}# gravity", 1)
+        study_text = study_text.replace("# gravity", f"{line}# gravity", 1)
     tables = []
     for i, joint in enumerate(joints):
         band = f'dead_band = "{_band(joint)}"\n' if mixed else ""
         motion = "prismatic" if joint.kind == "prismatic" else "rotary"
-        text = (JOINT_TEXT if i else FIRST_JOINT_TEXT).format(name=joint.name, motion=motion, band=band)
-        tables.append(text + _limits(joint, robot.limits[joint.name]))
+        joint_text = (JOINT_TEXT if i else FIRST_JOINT_TEXT).format(name=joint.name, motion=motion, band=band)
+        tables.append(joint_text + _limits(joint, robot.limits[joint.name]))
     n = len(joints)
     channels = [
         f'position.{joint.name} = {{ column = {1 + i}, unit = "{"m" if joint.kind == "prismatic" else "rad"}" }}'
@@ -127,7 +133,7 @@ def new_study(robot: Urdf, folder: str) -> str:
     tail = CHANNELS_TEXT.format(
         channels="\n".join(channels), name=joints[0].name, next=1 + 2 * n, after=1 + 3 * n, dead_band=dead_band
     )
-    return said + "\n".join(tables) + tail
+    return study_text + "\n".join(tables) + tail
 
 
 def _band(joint: TreeJoint) -> str:

@@ -36,11 +36,11 @@ def recorded_tree(study: Study) -> tuple[Robot, list[TreeMotion]]:
 
 def file_of(study: Study) -> Urdf | None:
     """Return the robot's file; None if study.toml describes the robot."""
-    said = study.table(TreeTable).urdf
-    if said is None:
+    stated_file = study.table(TreeTable).urdf
+    if stated_file is None:
         return None
     if "urdf" not in study.found:
-        path = study.inside(said, "[tree] urdf")
+        path = study.inside(stated_file, "[tree] urdf")
         if not path.exists():
             raise RecordingError(
                 f"{path}: no such file, expected by [tree] urdf: the robot's file, in the study's folder"
@@ -259,14 +259,14 @@ def _motions_of(recording: Recording, study: Study, robot: Robot) -> Iterator[Tr
             raise RecordingError(f"{recording.path}: {error}") from None
 
 
-def _payload(study: Study, said: PayloadSpec | None) -> PayloadSpec | None:
+def _payload(study: Study, stated: PayloadSpec | None) -> PayloadSpec | None:
     """Return a payload on the moving link, if study.toml names a link that is welded to it."""
-    link, frames = said.link if said is not None else None, frames_of(study)
+    link, frames = stated.link if stated is not None else None, frames_of(study)
     if link not in frames or frames[link][0] == link:
-        return said
+        return stated
     carrier, (turn, place) = frames[link]
-    centre = None if said.centre is None else tuple((place + turn @ np.array(said.centre)).tolist())
-    return said.model_copy(update={"link": carrier, "centre": centre})
+    centre = None if stated.centre is None else tuple((place + turn @ np.array(stated.centre)).tolist())
+    return stated.model_copy(update={"link": carrier, "centre": centre})
 
 
 def _command(recording: Recording, joint: RigJoint, joints: int) -> np.ndarray:

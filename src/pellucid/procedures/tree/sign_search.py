@@ -10,7 +10,7 @@ import numpy as np
 from ...models.robot import Robot
 from ...signals.tree_motion import TreeMotion
 
-ROW_COUNT = 4000
+SIGN_ROW_COUNT = 4000
 """Approximate number of rows, spread over all recordings, from which signs are determined."""
 
 MOTOR_POWER_THRESHOLD = 0.02
@@ -93,9 +93,9 @@ def stated_effort_correlation(robot: Robot, motions: Sequence[TreeMotion]) -> fl
         )
     )
     sizes = [np.sqrt((x * x * moving).sum(axis=0)) for x in (effort, needed)]
-    told = (sizes[0] > 0.0) & (sizes[1] > 0.0)
-    alike = (effort * needed * moving).sum(axis=0)[told] / (sizes[0] * sizes[1])[told]
-    return float(alike.mean()) if told.any() else 0.0
+    has_effort = (sizes[0] > 0.0) & (sizes[1] > 0.0)
+    alike = (effort * needed * moving).sum(axis=0)[has_effort] / (sizes[0] * sizes[1])[has_effort]
+    return float(alike.mean()) if has_effort.any() else 0.0
 
 
 def find_flipped_joints(
@@ -129,23 +129,23 @@ def find_flipped_joints(
         if chosen is None:
             break
         best, k, other = chosen
-        ratio, told = left / best, False
+        ratio, is_explained = left / best, False
         sure = _is_decisive(ratio, *(_residuals_by_segment(robot, rows, s, zeros, weights) for s in (signs, other)))
         if stated and not sure:
             before, after = (_solve(robot, rows, s, zeros, weights, stated=True)[1] for s in (signs, other))
-            sure = told = _is_decisive(
+            sure = is_explained = _is_decisive(
                 before / after,
                 *(_residuals_by_segment(robot, rows, s, zeros, weights, stated=True) for s in (signs, other)),
             )
-            ratio = before / after if told else ratio
+            ratio = before / after if is_explained else ratio
         alone = bool(other[0, k] > 0.0)
         alike = (
             i
             for one, i, s in tried
             if i != k and (s[0, i] > 0.0) == alone and left - one > MIN_ALTERNATIVE_SHARE * (left - best)
         )
-        others = () if told else tuple(int(i) for i in alike)
-        found.append(FlippedJoint(int(k), float(ratio), sure, alone, others, told))
+        others = () if is_explained else tuple(int(i) for i in alike)
+        found.append(FlippedJoint(int(k), float(ratio), sure, alone, others, is_explained))
         signs, left = other, best
     return found
 
@@ -168,7 +168,7 @@ class _Rows:
 
 
 def _rows(motions: Sequence[TreeMotion]) -> list[_Rows]:
-    step = max(1, sum(len(m) for m in motions) // ROW_COUNT)
+    step = max(1, sum(len(m) for m in motions) // SIGN_ROW_COUNT)
     names = ("position", "velocity", "acceleration", "effort", "moving", "segment")
     return [_Rows(*(getattr(m, name)[::step] for name in names)) for m in motions]
 
@@ -182,15 +182,15 @@ def _weights(rows: Sequence[_Rows]) -> np.ndarray:
 
 def _turns(robot: Robot, signs: np.ndarray) -> np.ndarray:
     """Return the turns of motors per turn of joints, (m, m), with the signs of gears applied to other joints' turns."""
-    told = robot.turns_array
-    return np.where(np.eye(len(told)) > 0.0, told, signs[0][:, None] * told)
+    stated_turns = robot.turns_array
+    return np.where(np.eye(len(stated_turns)) > 0.0, stated_turns, signs[0][:, None] * stated_turns)
 
 
 def _arguments(robot: Robot, row: _Rows, signs: np.ndarray, zeros: np.ndarray):
     """Return motion, efforts and friction columns with other `signs`, (2, m), of gears and of drives."""
-    told, (gear, drive), turns = robot.turns_array, signs, _turns(robot, signs)
-    moved = np.linalg.solve(turns, gear[:, None] * told)
-    effort = np.linalg.solve(told.T, row.effort.T).T * (gear * drive) @ turns
+    stated_turns, (gear, drive), turns = robot.turns_array, signs, _turns(robot, signs)
+    moved = np.linalg.solve(turns, gear[:, None] * stated_turns)
+    effort = np.linalg.solve(stated_turns.T, row.effort.T).T * (gear * drive) @ turns
     q, v, a = zeros + (row.position - zeros) @ moved.T, row.velocity @ moved.T, row.acceleration @ moved.T
     shared = [
         x[:, None] * turns[i]

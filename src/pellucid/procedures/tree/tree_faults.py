@@ -82,8 +82,8 @@ def even_sampling_notes(study: Study) -> list[Fault]:
 
 def _fault(severity: str, kind: str, file: str, channel: str, found: str, expected: str, message: str = "") -> Fault:
     file = file or "study.toml"
-    said = message or f"{file}{', channel ' if channel else ''}{channel}: found {found}, expected {expected}"
-    return Fault(severity, kind, file, channel, found, expected, said)
+    text = message or f"{file}{', channel ' if channel else ''}{channel}: found {found}, expected {expected}"
+    return Fault(severity, kind, file, channel, found, expected, text)
 
 
 def _unmet_requests(study: Study, robot: Robot) -> Iterator[Fault]:
@@ -256,10 +256,14 @@ def _limits(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterat
     """Yield a fault for positions beyond the limits of study.toml or the robot's file."""
     urdf, joints = file_of(study), {joint.joint: joint for joint in study.rig.joints}
     for k, name in enumerate(robot.names):
-        said, unit = joints[name].limits, robot.units[k][0]
+        stated_limits, unit = joints[name].limits, robot.units[k][0]
         of_file = urdf.limits.get(name) if urdf is not None else None
-        low = said.position_min if said.position_min is not None else of_file.lower if of_file else None
-        high = said.position_max if said.position_max is not None else of_file.upper if of_file else None
+        low = (
+            stated_limits.position_min if stated_limits.position_min is not None else of_file.lower if of_file else None
+        )
+        high = (
+            stated_limits.position_max if stated_limits.position_max is not None else of_file.upper if of_file else None
+        )
         if low is None or high is None:
             continue
         seen = [min(m.position[:, k].min() for m in motions), max(m.position[:, k].max() for m in motions)]

@@ -189,8 +189,8 @@ def friction_by_load(curves: Sequence[FrictionCurve], name: str = "friction-load
         pad = 0.08 * float(high - low)
         axis.set_ylim(float(min(low, 0.0)) - pad, float(max(high, curve.slope * x[1])) + pad)
         axis.set_xlabel(f"Load ({unit_text(curve.unit)})")
-        said = f"{percent(100.0 * curve.slope)} % of the load" if curve.slope else "no load friction chosen"
-        heads([axis], [Head(short(curve.name), said, colour("muted"))])
+        slope_text = f"{percent(100.0 * curve.slope)} % of the load" if curve.slope else "no load friction chosen"
+        heads([axis], [Head(short(curve.name), slope_text, colour("muted"))])
     return Drawing(
         name,
         figure,
@@ -385,12 +385,12 @@ def arm(found: TreeResult, errors: Mapping[str, Sequence[float]], judged: str, n
         errors,
         {MODEL_DESCRIPTIONS[model]: role for model, role in MODEL_ROLES.items()},
     )
-    said = (
+    caption = (
         f"Left: the arm, along {seconds:.3g} s of {trace.recording.replace('_', ' ')}: links as lines, joints as "
         "circles, their axes as short strokes; faint is where else it was, the thin line the way of its end. Orange: "
         f"the joint that is predicted worst. Right: how much of each joint's effort is missed on {judged}, by model."
     )
-    return MovingDrawing(name, figure, said, ways=ways, seconds=seconds)
+    return MovingDrawing(name, figure, caption, ways=ways, seconds=seconds)
 
 
 MODEL_ROLES: Mapping[str, str] = {

@@ -33,8 +33,11 @@ BODY_HEADS = {
 }  # fmt: skip
 """Column heads of the ten inertial parameters of a body."""
 
-_COLUMNS = ("inertia", "viscous", "positive", "negative", "coulomb", "offset", "load", "root", "stribeck", "velocity",
-            "sine", "cosine")  # fmt: skip
+_TERM_COLUMN_ORDER = (
+    "inertia", "viscous", "positive", "negative", "coulomb", "offset", "load", "root", "stribeck", "velocity", "sine",
+    "cosine",
+)  # fmt: skip
+"""Last words of column heads, in the order of the columns of a table of friction."""
 
 MAX_DRAWN_ROWS = 4000
 """Largest number of rows, over all recordings, in figures of friction."""
@@ -129,12 +132,15 @@ def _tiles(found: TreeResult) -> list[Tile]:
     best = found.errors_of("best", found.judged)
     worst = found.worst
     base = found.models["base"].parameters
-    told = sum(parameter_verdict(p) == "identified" for p in found.best.parameters.values())
+    identified_count = sum(parameter_verdict(p) == "identified" for p in found.best.parameters.values())
     tiles = [
         Tile("Mean effort error", percent(best.mean), "%", f"on {ROW_KIND_DESCRIPTIONS[found.judged]}"),
         Tile("Worst joint", percent(best.each[worst]), "%", short(found.names[worst])),
         Tile(
-            "Parameters told from 0", f"{told}", f"of {len(found.best.parameters)}", f"{len(base)} with plain friction"
+            "Parameters told from 0",
+            f"{identified_count}",
+            f"of {len(found.best.parameters)}",
+            f"{len(base)} with plain friction",
         ),
     ]
     if found.jackknife is not None:
@@ -232,11 +238,11 @@ def _choice(found: TreeResult) -> tuple[Section, ...]:
             shares[k, -1] = found.choice.ripples.get(joint, 0) / found.choice.folds
             chosen[k, -1] = k in turned
     drawing = draw(figures.chosen_families, found.names, terms, shares, chosen, found.choice.folds)
-    said = (
+    text = (
         "A term is given to a joint where it predicts segments better that were left out of its fit. To judge the "
         "choice, it is made again without each segment in turn."
     )
-    return (Section("families", "Friction terms chosen", (said,), drawings=(drawing,)),)
+    return (Section("families", "Friction terms chosen", (text,), drawings=(drawing,)),)
 
 
 def _ripple(found: TreeResult) -> tuple[Section, ...]:
@@ -252,11 +258,11 @@ def _ripple(found: TreeResult) -> tuple[Section, ...]:
         spectra.append(RippleSpectrum(found.names[k], found.effort_units[k], order, amplitude, ripple.order))
     if not spectra:
         return ()
-    said = (
+    text = (
         "Cogging, teeth and bearings repeat with the motor's angle, at orders that nobody states. Where one stands out "
         "of what the model leaves over, and predicts segments left out, it is part of the model."
     )
-    return (Section("ripple", "Drive ripple", (said,), drawings=(draw(figures.ripples, spectra),)),)
+    return (Section("ripple", "Drive ripple", (text,), drawings=(draw(figures.ripples, spectra),)),)
 
 
 def _spectrum(angle: np.ndarray, left: np.ndarray, order: float) -> tuple[np.ndarray, np.ndarray]:
@@ -281,7 +287,9 @@ def _map(found: TreeResult) -> tuple[tuple[str, ...], tuple[str, ...], dict[tupl
             rows.append(owner)
         cells[(owner, column)] = Cell(parameter.relative_sd, _remark(parameter))
     first = [c for c in BODY_HEADS.values() if c in columns]
-    columns = first + sorted((c for c in columns if c not in first), key=lambda c: _COLUMNS.index(c.split()[-1]))
+    columns = first + sorted(
+        (c for c in columns if c not in first), key=lambda c: _TERM_COLUMN_ORDER.index(c.split()[-1])
+    )
     rows.sort(key=lambda row: (bodies + found.names).index(row))
     wrapped = {c: c.replace(" ", "\n") for c in columns}
     return tuple(rows), tuple(wrapped.values()), {(r, wrapped[c]): cell for (r, c), cell in cells.items()}
@@ -333,7 +341,7 @@ def _intervals(found: TreeResult) -> tuple[Section, ...]:
     values = np.array([abs(p.value) for p in found.best.parameters.values()])[: len(jack.sd)]
     with np.errstate(divide="ignore", invalid="ignore"):
         stated, out = 100.0 * jack.stated / values, 100.0 * jack.sd / values
-    said = (
+    text = (
         "Residuals remember: textbook standard errors, which take every row for news, are "
         f"{number(jack.textbook_ratio, digits=2)} times too small here. Those stated are by blocks of rows; leaving "
         f"out each of {jack.segments} segments and fitting again is an independent check."
@@ -342,7 +350,7 @@ def _intervals(found: TreeResult) -> tuple[Section, ...]:
         Section(
             "intervals",
             "Are the intervals honest?",
-            (said,),
+            (text,),
             drawings=(draw(figures.intervals, stated, out, jack.share_within),),
         ),
     )

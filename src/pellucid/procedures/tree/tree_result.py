@@ -185,12 +185,12 @@ def complete_result(study: Study, found: TreeResult) -> TreeResult:
 def _headline(found: TreeResult) -> str:
     best, base = (found.errors_of(name, found.judged) for name in ("best", "base"))
     wrong = list(dict.fromkeys(v.finding.replace("_", " ") for v in found.verdicts if v.kind == "wrong"))
-    said = (
+    text = (
         f"{len(found.names)} joints; mean effort error {best.mean:.3g} % on {ROW_KIND_DESCRIPTIONS[found.judged]} "
         "with friction "
         f"chosen for each joint, {base.mean:.3g} % with plain friction"
     )
-    return said + (f"; not to be used before this is mended: {', '.join(wrong)}" if wrong else "")
+    return text + (f"; not to be used before this is mended: {', '.join(wrong)}" if wrong else "")
 
 
 def _tables(found: TreeResult) -> Iterator[ParameterTable | FigureTable]:
@@ -248,23 +248,23 @@ OFTEN_ZERO_PARAMETERS = ("offset", "ripple_")
 
 def unidentified_parameters(found: TreeResult, k: int) -> list[str]:
     """Return the parameters of a joint that are not identified but should be."""
-    said = joint_states(found, k)
+    states = joint_states(found, k)
     return [
         n.replace("_", " ")
-        for n, state in said.items()
+        for n, state in states.items()
         if state not in ACCEPTABLE_VERDICTS and not n.startswith(OFTEN_ZERO_PARAMETERS)
     ]
 
 
 def _joints(found: TreeResult) -> Iterator[tuple[str, str, str, str]]:
     for k, name in enumerate(found.names):
-        said = joint_states(found, k)
-        good = sum(state == "identified" for state in said.values())
+        states = joint_states(found, k)
+        good = sum(state == "identified" for state in states.values())
         terms = ", ".join(term.replace("_", " ") for term in terms_of(found, k)) or "nothing"
         if any(ripple.motor == k for ripple in found.best.ripples):
             terms += ", ripple"
         weak = unidentified_parameters(found, k)
-        yield name, terms, f"{good} of {len(said)}", "good" if not weak else f"not sure: {', '.join(weak)}"
+        yield name, terms, f"{good} of {len(states)}", "good" if not weak else f"not sure: {', '.join(weak)}"
 
 
 def _friction_names(found: TreeResult) -> tuple[str, ...]:

@@ -52,14 +52,14 @@ def _verdict(case: JointCase, each: Disagreement, rest: str, weight: float) -> V
         f"{text(name, each.others[name])} {others}, {number(each.together[name], digits=3)} from what was fitted"
         for name in each.own
     )
-    said = f"Recording '{each.recording}' contradicts {repr(rest) if rest else 'the others'}: {apart}."
+    sentence = f"Recording '{each.recording}' contradicts {repr(rest) if rest else 'the others'}: {apart}."
     which = f"'{each.recording}'" + (f" and in '{rest}'" if rest else "")
     if "gravity_cosine" in each.own and abs(each.turned) > MIN_ZERO_DIFFERENCE_RAD:
-        said += f" By its weight, its angle reads {-np.degrees(each.turned):+.1f} deg against theirs."
+        sentence += f" By its weight, its angle reads {-np.degrees(each.turned):+.1f} deg against theirs."
         do = f"Check the encoder's zero in {which}: an offset of its own in that recording's channels puts it right"
     elif np.isfinite(each.scale) and abs(each.scale - 1.0) > MIN_SCALE_DIFFERENCE:
-        said += f" Its effort is {each.scale:.3g} times what the others' model asks for."
+        sentence += f" Its effort is {each.scale:.3g} times what the others' model asks for."
         do = f"Check the drive's unit, scale and sign in {which}"
     else:
         do = f"Check what moved in {which}: a payload that is not stated, another machine, other settings"
-    return Verdict("wrong", said, f"{do}; or leave it out.", weight=weight)
+    return Verdict("wrong", sentence, f"{do}; or leave it out.", weight=weight)

@@ -31,13 +31,15 @@ def find(case: JointCase) -> Iterator[Verdict]:
     shown = {"ls", choice.method, *winners, *(m for methods in apart.values() for m in methods)}
     involved = [m for m in estimates if m in shown]
     if apart:
-        told = "; ".join(
+        differences_text = "; ".join(
             f"{parameter_label(name)} is "
             + ", ".join(f"{_value(estimates[m][name])} by {METHODS[m]}" for m in ("ls", *methods))
             for name, methods in apart.items()
         )
-        text = f"Estimators disagree by more than their intervals: {told}. The model is not the whole truth, and each "
-        text += "weighs what it misses differently."
+        text = (
+            f"Estimators disagree by more than their intervals: {differences_text}. The model is not the whole truth, "
+        )
+        text += "and each weighs what it misses differently."
         yield Verdict("warning", f"{text} {_used(case, involved)}", _advice(case), weight=10.0)
     elif worse:
         text = f"The headline's values are the better ones for {choice.purpose}, but not for {' and '.join(worse)}."
@@ -91,12 +93,12 @@ def _used(case: JointCase, involved: list[str]) -> str:
     choice = case.fit.choice
     if choice.torque is None:
         return f"Nothing is held out that could choose: the headline is by {METHODS[choice.method]}."
-    said = []
+    clauses = []
     if choice.simulation is not None:
         scale, unit = (float(np.degrees(1.0)), "deg") if case.rotary else (1e3, "mm")
-        said.append(f"the motion is simulated to {_errors(choice.simulation, involved, unit, scale)}")
-    said.append(f"effort is predicted to {_errors(choice.torque, involved, case.fit.model.effort_unit)}")
-    return f"On what is held out, {' and '.join(said)}. The headline is by {METHODS[choice.method]}."
+        clauses.append(f"the motion is simulated to {_errors(choice.simulation, involved, unit, scale)}")
+    clauses.append(f"effort is predicted to {_errors(choice.torque, involved, case.fit.model.effort_unit)}")
+    return f"On what is held out, {' and '.join(clauses)}. The headline is by {METHODS[choice.method]}."
 
 
 def _errors(found: HeldOutComparison, involved: list[str], unit: str, scale: float = 1.0) -> str:

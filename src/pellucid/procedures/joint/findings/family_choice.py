@@ -41,8 +41,8 @@ def added_terms(estimate: JointEstimate, simpler: Sequence[str], level: float) -
             break
         else:
             low, high = parameter.interval(level)
-            told = parameter.identifiable and not parameter.at_bound and not low <= 0.0 <= high
-            added[name.replace("_", " ")] = bool(told)
+            is_found = parameter.identifiable and not parameter.at_bound and not low <= 0.0 <= high
+            added[name.replace("_", " ")] = bool(is_found)
     return added
 
 
@@ -60,7 +60,7 @@ def find(case: JointCase) -> Iterator[Verdict]:
         gain = 100.0 * (1.0 - found.errors[best] / found.errors[nearest])
         better = f"The '{best}' family is {gain:.2g} % better {where} than '{nearest}'"
         added = added_terms(case.fit.headline.estimate, case.fits[nearest].model.names, case.level)
-        open_ones = [name for name, told in added.items() if not told]
+        open_ones = [name for name, is_found in added.items() if not is_found]
         if added and len(open_ones) == len(added):
             yield Verdict(
                 "note",

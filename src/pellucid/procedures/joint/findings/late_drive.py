@@ -13,5 +13,5 @@ def find(case: JointCase) -> Iterator[Verdict]:
     """Report a delay that was found, or a requested one that was not."""
     for found in find_alignments(case.study):
         if found.said:
-            told = found.moved or found.recording
-            yield Verdict("warning" if told else "note", found.said, found.do)
+            is_warning = found.moved or found.recording
+            yield Verdict("warning" if is_warning else "note", found.said, found.do)

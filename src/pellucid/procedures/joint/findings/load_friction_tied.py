@@ -12,6 +12,7 @@ COMMON_COEFFICIENT_TEXT = (
     "motoring and generating load friction cannot be told apart from the load itself: one coefficient stands for both, "
     "and the intervals of inertia and gravity leave room for either."
 )
+"""Sentence on load friction with one coefficient for both directions of power."""
 
 REASON_TEXTS = {
     "no known load": ("Without a known load,", ""),

@@ -11,6 +11,7 @@ RECORDING_ADVICE = (
     "Before dither or a law that acts near standstill is used, record small slow reversals of growing size around "
     "several angles: pellucid protocol reversals."
 )
+"""Advice if no recording shows the travel before friction slips."""
 
 
 def find(case: JointCase) -> Iterator[Verdict]:

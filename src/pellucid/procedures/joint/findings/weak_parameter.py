@@ -11,7 +11,7 @@ from ....fit.parameter import Verdict
 from ....models.friction_terms import TERMS
 from ..joint_case import JointCase
 
-WEAK_BECAUSE = {
+WEAKNESS_REASONS = {
     "inertia": "it hardly accelerates",
     "gravity": "it hardly leaves its resting angle",
     "gravity_cosine": "its range of angles is too small",
@@ -72,7 +72,7 @@ def find(case: JointCase) -> Iterator[Verdict]:
             why = _rival(estimate, parameter.name)
             if why is None and missed > MAX_FIT_ERROR_PERCENT:
                 why = f"the model misses {missed:.2g} % of the effort, in which it drowns"
-            why = why or WEAK_BECAUSE.get(parameter.name, DEFAULT_REASON).format(speed=speed)
+            why = why or WEAKNESS_REASONS.get(parameter.name, DEFAULT_REASON).format(speed=speed)
             yield Verdict(
                 "warning",
                 f"{name} is not identifiable from these recordings: {why} (interval {low:.3g} to {high:.3g} "

@@ -32,12 +32,12 @@ def find(case: JointCase) -> Iterator[Verdict]:
     if np.ptp(position) < MIN_SUSPICIOUS_RANGE_RAD:
         return
     model = case.fits.get("symmetric", case.fit).model
-    said, read = _error(case, model, 1.0), _error(case, model, np.pi / 180.0)
-    if read < MAX_ERROR_RATIO * said:
+    error_in_radians, error_in_degrees = _error(case, model, 1.0), _error(case, model, np.pi / 180.0)
+    if error_in_degrees < MAX_ERROR_RATIO * error_in_radians:
         yield Verdict(
             "wrong",
-            f"The position looks like degrees declared as radians: read so, the model misses {read:.3g} % of the "
-            f"effort instead of {said:.3g} %.",
+            f"The position looks like degrees declared as radians: read so, the model misses {error_in_degrees:.3g} % "
+            f"of the effort instead of {error_in_radians:.3g} %.",
             'Write unit = "deg" in [channels] position.',
             weight=11.5,
         )

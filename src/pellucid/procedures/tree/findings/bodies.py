@@ -17,9 +17,9 @@ def find(case: TreeResult) -> Iterator[Verdict]:
     if best is None or bodies is None:
         return
     loss = bodies.mean - best.mean
-    said = "; ".join(case.models["consistent"].notes)
+    notes_text = "; ".join(case.models["consistent"].notes)
     text = f"Bodies that can exist change the mean error on {ROW_KIND_DESCRIPTIONS[case.judged]} by {loss:+.2g} points"
-    text += f" ({said})." if said else "."
+    text += f" ({notes_text})." if notes_text else "."
     if loss <= MAX_NEGLIGIBLE_LOSS:
         yield Verdict("good", text)
     else:

@@ -12,5 +12,5 @@ def find(case: TreeResult) -> Iterator[Verdict]:
         joint: p.value for joint in case.names if (p := case.best.parameters.get(f"{joint}.load")) and not p.refused
     }
     if shares:
-        said = ", ".join(f"{100.0 * share:.2g} % of the load at {joint}" for joint, share in shares.items())
-        yield Verdict("note", f"Friction grows with the load: {said}.", weight=max(shares.values()))
+        shares_text = ", ".join(f"{100.0 * share:.2g} % of the load at {joint}" for joint, share in shares.items())
+        yield Verdict("note", f"Friction grows with the load: {shares_text}.", weight=max(shares.values()))

@@ -1,0 +1,57 @@
+"""Tables that the files of several rigs have: a random-phase multisine, and an EMG amplifier."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from .constants import (
+    Angle,
+    ClockDrift,
+    EmgRate,
+    Frequency,
+    PositiveAngle,
+    Quantum,
+    RigTable,
+    Share,
+    Text,
+    Voltage,
+)
+
+
+class MultisineTable(RigTable):
+    """``[multisine]``: a random-phase multisine, which shows how far a linear model can hold."""
+
+    asked: bool  # whether multisines are recorded in place of the rig's own protocol
+    realisations: Annotated[int, Field(ge=1, le=70)]  # number of fitted realisations; one more is held out
+    periods: Annotated[int, Field(ge=2, le=30)]  # number of measured periods of each realisation
+    settle: Annotated[int, Field(ge=0, le=100)]  # number of periods before the measured ones
+    low: Frequency  # lower end of the excited band [Hz]
+    high: Annotated[Frequency, Field(le=1000.0)]  # upper end of the excited band [Hz]
+    resolution: Annotated[float, Field(ge=0.01, le=1.0)]  # frequency resolution, one over the period [Hz]
+    lines: Literal["full", "odd", "odd_random"]  # harmonics of the band that are excited
+    rms: PositiveAngle  # root mean square of the motion [rad]
+    peak: PositiveAngle  # largest angle that a realisation may reach [rad]
+    fall: Annotated[float, Field(ge=0.0, le=100.0)]  # amplitudes are proportional to frequency to minus this power
+    centre: Angle  # angle about which the joint moves [rad]
+    poles: Annotated[int, Field(ge=1, le=20)]  # number of poles of the fitted transfer function
+
+
+class EmgTable(RigTable):
+    """The part of ``[emg]`` that all rigs with EMG have: the amplifier and its disturbances."""
+
+    muscles: Annotated[tuple[Text, ...], Field(min_length=1, max_length=64)]  # names of the recorded channels
+    rate: EmgRate  # sampling rate [Hz]
+    band: tuple[Frequency, Frequency]  # lower and upper corner of the amplifier [Hz]
+    median_frequency: Annotated[float, Field(ge=1.0, le=1000.0)]  # median of the EMG's power spectrum [Hz]
+    baseline: Voltage  # noise of amplifier and skin, RMS [V]
+    hum: Voltage  # amplitude of the mains hum at its first harmonic [V]
+    hum_frequency: Frequency  # frequency of the mains [Hz]
+    harmonics: Annotated[tuple[Share, ...], Field(max_length=50)]  # amplitude of each harmonic over `hum` [1]
+    artefact: Annotated[float, Field(ge=0.0, le=1.0)]  # motion artefact per acceleration of the limb [V*s^2/rad]
+    artefact_band: Frequency  # upper corner of the motion artefact [Hz]
+    crosstalk: Share  # share of every other channel's EMG in a channel [1]
+    quantum: Quantum  # step of the converter [V]
+    full_range: Annotated[Voltage, Field(ge=1e-6)]  # largest voltage of either sign [V]
+    clock_drift: ClockDrift  # share by which the amplifier's clock is fast [1]
