@@ -40,7 +40,7 @@ from pellucid.lab.arm.human_motion import JOINTS
 from pellucid.lab.arm.protocol import ArmTrial, limits_of
 from pellucid.lab.arm.rig import ArmRig, able_arm, drawn_arms
 from pellucid.lab.arm.single_faults import KINDS, ONSET_S, WATCH_S, ArmFaultTrial, fault_trials
-from pellucid.lab.arm.wearer import CUFFS, HANDLE, HANDLE_AT, UPPER_CUFF, UPPER_CUFF_AT, Person
+from pellucid.lab.arm.wearer import CUFF_CONSTANTS, HANDLE_AT, HANDLE_CUFF, UPPER_CUFF, UPPER_CUFF_AT, Person
 from pellucid.lab.arm.worn_trial import motion_of
 from pellucid.papers.able.arm_identification import (
     LOAD_FRICTION_FAMILY,
@@ -246,8 +246,8 @@ def worn_about(estimate: TreeEstimate, person: Person, posture: Sequence[float])
     weight = np.abs(robot.gravity(q))
     load = 0.5 * (column["load_motoring"] + column["load_generating"]) * weight
     points = ((2, (0.0, 0.0, -UPPER_CUFF_AT * person.upper_arm), UPPER_CUFF),
-              (3, (0.0, 0.0, -HANDLE_AT * person.forearm), HANDLE))  # fmt: skip
-    cuffs = [(link, at, CUFFS[name]) for link, at, name in points]
+              (3, (0.0, 0.0, -HANDLE_AT * person.forearm), HANDLE_CUFF))  # fmt: skip
+    cuffs = [(link, at, CUFF_CONSTANTS[name]) for link, at, name in points]
     springs = [(link, at, (*cuff.stiffness, *(cuff.turning_stiffness,) * 3)) for link, at, cuff in cuffs]
     dampers = [(link, at, (*cuff.damping, *(cuff.turning_damping,) * 3)) for link, at, cuff in cuffs]
     return TreeCoupling(

@@ -77,11 +77,12 @@ def notes(name: str) -> tuple[str, ...]:
 def _reason(error: OSError) -> str:
     import requests
 
-    if isinstance(error, requests.ConnectionError) and error.request is not None:
+    url = error.request.url if isinstance(error, requests.ConnectionError) and error.request is not None else None
+    if isinstance(url, str):
         # The error's own text repeats the whole chain of calls below it.
         from urllib.parse import urlsplit
 
-        return f"no connection to {urlsplit(error.request.url).hostname}"
+        return f"no connection to {urlsplit(url).hostname}"
     return str(error)
 
 

@@ -60,7 +60,7 @@ def _files(config: StudyFile) -> list[str]:
     files = [file for entry in config.recordings for file in (entry.file, *entry.streams.values())]
     muscles, tree = config.find_table(EmgTorqueTable), config.find_table(TreeTable)
     named_files = (muscles and muscles.muscle_file, tree and tree.urdf)
-    return list(dict.fromkeys(files + [file for file in named_files if file]))
+    return list(dict.fromkeys(file for file in (*files, *named_files) if file))
 
 
 def _in_the_data_set(file: str) -> PurePosixPath:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -40,9 +41,9 @@ def recorded_motions(joints: Sequence[str]) -> tuple[RecordedMotion, ...]:
     A DatasetError says how to get the data set if it is not on this machine.
     """
     for name in motion_names():
-        if set(joints) <= set(info(name).motion["joints"]):
+        if set(joints) <= set(_motion_format(name)["joints"]):
             return _of(name, tuple(joints), path(name))
-    known = "; ".join(", ".join(info(name).motion["joints"]) for name in motion_names())
+    known = "; ".join(", ".join(_motion_format(name)["joints"]) for name in motion_names())
     raise DatasetError(f"motions of {', '.join(joints)}: found no data set, expected joints among {known}")
 
 
@@ -51,15 +52,23 @@ def _of(name: str, joints: tuple[str, ...], folder: Path) -> tuple[RecordedMotio
     return tuple(motion for file in info(name).files for motion in motions_of(name, folder / file, joints))
 
 
+def _motion_format(name: str) -> Mapping[str, Any]:
+    """Return the format of the files with people's motions of the data set `name`."""
+    found = info(name).motion
+    if found is None:
+        raise DatasetError(f"{name}: found no motions of people, expected one of {', '.join(motion_names())}")
+    return found
+
+
 def motions_of(name: str, file: Path, joints: Sequence[str]) -> list[RecordedMotion]:
     """Return the motions in one person's `file`, which has the format of the data set `name`."""
-    motion_info, made = info(name).motion, []
+    motion_info, made = _motion_format(name), []
     scale = np.array(motion_info["signs"], float) * (np.pi / 180.0 if motion_info["unit"] == "deg" else 1.0)
     order = [motion_info["joints"].index(joint) for joint in joints]
     cells: dict[tuple[int, ...], dict[int, np.ndarray]] = defaultdict(dict)
     for column, values in read_columns(file).values.items():
         variable, *places = column.split(".")
-        if variable == motion_info["variable"] and len(places) == 4:
+        if variable == motion_info["variable"] and len(places) == 4 and not isinstance(values, str):
             *cell, row = map(int, places)
             cells[tuple(cell)][row] = values
     if not cells:

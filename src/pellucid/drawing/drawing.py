@@ -43,6 +43,10 @@ class Drawing:
     @cached_property
     def svg(self) -> str:
         """The figure as an SVG file's text: the same for the same figure."""
+        return self.still_svg()
+
+    def still_svg(self) -> str:
+        """Return the figure as an SVG file's text, in which nothing moves."""
         buffer = io.StringIO()
         with matplotlib.rc_context(dict(MATPLOTLIB_SETTINGS)):
             self.figure.savefig(buffer, format="svg", metadata={"Date": None})

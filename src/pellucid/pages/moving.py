@@ -43,7 +43,7 @@ class MovingDrawing(Drawing):
     @cached_property
     def svg(self) -> str:
         """Return the figure as an SVG file's text, which moves in a browser."""
-        text = Drawing.svg.func(self)
+        text = self.still_svg()
         for name, way in self.ways.items():
             text = self._moved(text, name, way)
         return text.replace("</svg>", f"{MOTION_STYLE}</svg>")
