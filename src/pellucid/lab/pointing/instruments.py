@@ -13,7 +13,7 @@ from .people import Person
 from .session import PointingSession
 
 if TYPE_CHECKING:
-    from .rig import PointingRig
+    from .plant import PointingPlant
 
 COMMON_COLUMNS = (Column("time", "time", "s", text="%.3f"), Column("target", "target", "rad", text="%.6f"))
 """Columns of every recording, with and without a robot."""
@@ -29,7 +29,7 @@ FOREARM_MARKERS = ("elbow", "wrist")
 
 
 def record_blocks(
-    rig: PointingRig, session: PointingSession, rng: np.random.Generator
+    rig: PointingPlant, session: PointingSession, rng: np.random.Generator
 ) -> dict[str, dict[str, StoredTable]]:
     """Return the files of a session by recording and stream; pauses divide the session into recordings.
 
@@ -45,7 +45,7 @@ def record_blocks(
 
 
 def _block(
-    rig: PointingRig, session: PointingSession, begin: int, end: int, rng: np.random.Generator
+    rig: PointingPlant, session: PointingSession, begin: int, end: int, rng: np.random.Generator
 ) -> dict[str, StoredTable]:
     """Return the files of the samples from `begin` to `end` of a session, by stream."""
     fs = session.fs
@@ -76,7 +76,7 @@ def _block(
 
 
 def film_forearm(
-    rig: PointingRig, person: Person, time: np.ndarray, angle: np.ndarray, rng: np.random.Generator
+    rig: PointingPlant, person: Person, time: np.ndarray, angle: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Return the cameras' clock, shape (k,) [s], and the place of each marker by name, shape (k, 3) [mm].
 
@@ -97,7 +97,7 @@ def film_forearm(
 
 
 def record_emg(
-    rig: PointingRig, person: Person, signal: Mapping[str, np.ndarray], period: float, rng: np.random.Generator
+    rig: PointingPlant, person: Person, signal: Mapping[str, np.ndarray], period: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the EMG amplifier's clock, shape (j,) [s], and the counts of its converter, shape (j, muscles)."""
     table = rig["emg"]

@@ -12,7 +12,7 @@ from ... import _core
 from ...models.anthropometry import ELBOW_TO_WRIST, Segment, forearm
 
 if TYPE_CHECKING:
-    from .rig import PointingRig
+    from .plant import PointingPlant
 
 PERSONAL_TABLES = ("impedance", "muscles", "cocontraction", "vision")
 """Tables of a rig's file whose numbers may differ between people.
@@ -44,7 +44,7 @@ class Person:
         """Return the distance from elbow to wrist [m]."""
         return ELBOW_TO_WRIST * self.height
 
-    def vector(self, rig: PointingRig) -> np.ndarray:
+    def vector(self, rig: PointingPlant) -> np.ndarray:
         """Return the core's parameters of this person, shape (k,), SI, in the order of `parameter_names`."""
         arm, vision, segment = rig["arm"], rig["vision"], self.forearm
         tables = {key: value for table in personal_table_names(rig) for key, value in rig.tables.get(table, {}).items()}
@@ -65,23 +65,23 @@ class Person:
             values["tolerance"] = values["tolerance_share"] * rig["pointing"]["tolerance"]
         return np.array([values[name] for name in parameter_names(rig)])
 
-    def slider(self, rig: PointingRig) -> float:
+    def slider(self, rig: PointingPlant) -> float:
         """Return the place of the robot's carriage on this forearm, as a distance from the axis [m]."""
         rail = rig.robot["slider"]
         return float(np.clip(self.forearm_length - rig["robot"]["splint"], rail["low"], rail["high"]))
 
 
-def person_model(rig: PointingRig) -> str:
+def person_model(rig: PointingPlant) -> str:
     """Return the name of the core's model of a person that a rig's people follow."""
     return rig["people"].get("model", "reaching")
 
 
-def personal_table_names(rig: PointingRig) -> tuple[str, ...]:
+def personal_table_names(rig: PointingPlant) -> tuple[str, ...]:
     """Return the names of the tables of a rig's file whose numbers may differ between people."""
     return (*PERSONAL_TABLES, person_model(rig))
 
 
-def parameter_names(rig: PointingRig) -> tuple[str, ...]:
+def parameter_names(rig: PointingPlant) -> tuple[str, ...]:
     """Return the names of the core's parameters of a rig's people, in order."""
     return getattr(_core, f"{person_model(rig).upper()}_PARAMETER_NAMES")
 
@@ -93,7 +93,7 @@ def personal_parameter_names(model: str) -> tuple[str, ...]:
     return tuple(name for name in getattr(_core, f"{model.upper()}_PARAMETER_NAMES") if name not in elsewhere)
 
 
-def draw_people(rig: PointingRig, rng: np.random.Generator, *, count: int | None = None) -> tuple[Person, ...]:
+def draw_people(rig: PointingPlant, rng: np.random.Generator, *, count: int | None = None) -> tuple[Person, ...]:
     """Draw people whose ages, heights, masses and rewards have the means and spreads of the file.
 
     Each quantity takes its normal quantiles at evenly spaced levels, in random order. A sample of six therefore

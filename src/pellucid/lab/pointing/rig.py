@@ -13,10 +13,11 @@ from ..._errors import StudyError
 from ..elbow.rig import ElbowRig
 from ..known_rigs import shipped_rig
 from ..recorded_table import MAIN_STREAM, MARKER_STREAM, Column, emg_columns, marker_columns
-from ..rig import Rig, Taken, Trial
-from .constants import ParticipantsConstants, PeopleConstants, PointingConstants, RobotTable
+from ..rig import Taken, Trial
+from .constants import ParticipantsConstants, PeopleConstants, PointingConstants
 from .instruments import COMMON_COLUMNS, FOREARM_MARKERS, record_blocks
 from .people import PERSONAL_TABLES, Person, draw_people, personal_parameter_names
+from .plant import PointingPlant
 from .session import CONTROL_CONDITION, Conditions, PointingSession, RobotLaw, simulate_session
 
 PUBLISHED_CONDITIONS = (CONTROL_CONDITION, "FC", "PCFr", "CLPC")
@@ -41,11 +42,9 @@ class PointingTrial(Trial):
 
 
 @dataclass(frozen=True)
-class PointingRig(Rig):
+class PointingRig(PointingPlant):
     """People who point, of a file like ``lab/rigs/elbow-participants.toml``, and the robot that they wear."""
 
-    constants: PointingConstants
-    robot: ElbowRig
     conditions: Conditions | None = None  # law of each condition; known once the rig is `prepared`
 
     kind = "elbow-participants"
@@ -60,24 +59,6 @@ class PointingRig(Rig):
         if robot is None:
             robot = ElbowRig.parse(shipped_rig(constants.robot.rig), constants.robot.rig)
         return cls(name, constants, robot)
-
-    @property
-    def period(self) -> float:
-        """Return the control period [s]."""
-        return 1.0 / self.robot.constants.sampling.rate
-
-    @property
-    def strap(self) -> np.ndarray:
-        """Return the core's parameters of the strap, shape (11,), SI; effects that the file leaves out are 0."""
-        values = self.constants.robot.model_dump()
-        return np.array([values[name] for name in _core.STRAP_PARAMETER_NAMES], float)
-
-    def strapped(self, values: Mapping[str, float]) -> Self:
-        """Return the same people with some constants of the strap changed, as `without_strap_options` gives them."""
-        # Only people differ in the offset of their axis; the strap itself has none.
-        strap = {f"robot.strap_{name}": value for name, value in values.items()}
-        known = {path: value for path, value in strap.items() if path.partition(".")[2] in RobotTable.key_names()}
-        return self.changed(known)
 
     def under(self, conditions: Conditions) -> Self:
         """Return the same people under other conditions."""

@@ -19,7 +19,7 @@ from .movement_choice import preferred_duration
 from .people import Person, parameter_names, person_model
 
 if TYPE_CHECKING:
-    from .rig import PointingRig
+    from .plant import PointingPlant
 
 SIGNAL_NAMES = (
     "position",
@@ -117,14 +117,14 @@ def true_motion(session: PointingSession, rule: MovementRule) -> tuple[Kinematic
     return kinematics(seconds, session.signals["position"], rule), stretches
 
 
-def draw_session_lifts(rig: PointingRig, rng: np.random.Generator) -> np.ndarray:
+def draw_session_lifts(rig: PointingPlant, rng: np.random.Generator) -> np.ndarray:
     """Draw the order of one condition's upward movements; return their amplitudes, shape (n,) [rad]."""
     pointing = rig["pointing"]
     return np.deg2rad(rng.permutation(np.repeat(pointing["amplitudes"], pointing["repetitions"])))
 
 
 def simulate_session(
-    rig: PointingRig,
+    rig: PointingPlant,
     person: Person,
     condition: str,
     law: RobotLaw | None,
@@ -135,7 +135,7 @@ def simulate_session(
 
     Parameters
     ----------
-    rig : PointingRig
+    rig : PointingPlant
     person : Person
     condition : str
         Name of the condition.
@@ -203,7 +203,7 @@ def simulate_session(
     return PointingSession(person, condition, fs, np.concatenate(targets), signals, tuple(movements), arm.fault)
 
 
-def standstill_speed(rig: PointingRig, person: Person, law: RobotLaw, *, lift: float = 0.4) -> float:
+def standstill_speed(rig: PointingPlant, person: Person, law: RobotLaw, *, lift: float = 0.4) -> float:
     """Return the largest speed of the robot between two and three seconds after a movement over a `lift` [rad/s].
 
     The lift is in rad. The person moves without noise and corrections. The speed is exactly 0 where friction holds the
@@ -226,7 +226,7 @@ def standstill_speed(rig: PointingRig, person: Person, law: RobotLaw, *, lift: f
 
 
 def _strapped(
-    rig: PointingRig,
+    rig: PointingPlant,
     person: Person,
     vector: np.ndarray,
     law: RobotLaw | None,
@@ -253,7 +253,7 @@ def _strapped(
     )
 
 
-def _supervisor_parameters(rig: PointingRig, law: RobotLaw | None) -> np.ndarray | None:
+def _supervisor_parameters(rig: PointingPlant, law: RobotLaw | None) -> np.ndarray | None:
     """Return the parameters of a law's supervisor, shape (m,), or None if no law drives the robot.
 
     There is no start-up test, because the robot was tested before it was put on.
