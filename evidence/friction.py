@@ -37,7 +37,7 @@ from pellucid.fit.joint.friction_solver import solve_family
 from pellucid.fit.joint.presliding import Presliding, estimate_presliding
 from pellucid.fit.joint.replay import Machine, simulate_recording
 from pellucid.fit.regression import stack
-from pellucid.lab.bench.rig import STROKES, BenchRig
+from pellucid.lab.bench.rig import REVERSAL_STROKES, BenchRig
 from pellucid.lab.noise import draw_noise
 from pellucid.models.joint import JointModel, joint_model
 from pellucid.procedures.joint.aligned_motions import align_recordings
@@ -119,7 +119,8 @@ def references(rig: BenchRig, seed: int) -> np.ndarray:
     rng = np.random.default_rng([BENCH_SEED, seed])
     low, high = rig["motion_range"]["low"], rig["motion_range"]["high"]
     angles = low + (high - low) * rng.uniform(0.15, 0.85, (FILE_COUNT, 2))
-    return np.array([reversals(RECORDING_DURATION_S, SAMPLING_RATE_HZ, centres=each, **STROKES) for each in angles])
+    strokes = {"duration": RECORDING_DURATION_S, "fs": SAMPLING_RATE_HZ, **REVERSAL_STROKES}
+    return np.array([reversals(centres=each, **strokes) for each in angles])
 
 
 def own_joints(rigs: Sequence[BenchRig], travel: float) -> list[Played]:

@@ -19,7 +19,8 @@ from pellucid.lab.arm.rig import able_arm, drawn_arms
 from pellucid.lab.arm.single_faults import fault_trials
 from pellucid.lab.arm.wearer import DONNING_POSTURE_RAD, HANDLE_AT, Person, drawn_people, worn_arguments
 from pellucid.lab.arm.worn_trial import run
-from pellucid.lab.known_rigs import parse_rig, shipped_rig
+from pellucid.lab.known_rigs import parse_rig
+from pellucid.lab.shipped_rigs import shipped_rig
 from pellucid.lab.study import record_in_memory, study_config
 from pellucid.lab.study_text import study_text
 from pellucid.models.kinematic_tree import BODY_QUANTITIES

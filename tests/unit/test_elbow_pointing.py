@@ -9,12 +9,12 @@ import pytest
 
 from pellucid import _core
 from pellucid._errors import StudyError
-from pellucid.lab.known_rigs import shipped_rig
 from pellucid.lab.pointing.load_learning import load_regressor, update_expected_load
 from pellucid.lab.pointing.movement_choice import preferred_duration, utility
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import PointingRig, elbow_participants
 from pellucid.lab.pointing.session import Unpowered, simulate_session, standstill_speed
+from pellucid.lab.shipped_rigs import shipped_rig
 from pellucid.lab.simulate import simulate
 from pellucid.lab.study import record_in_memory, write_study
 from pellucid.models.anthropometry import forearm

@@ -124,7 +124,8 @@ def test_the_command_writes_what_a_controller_plays(tmp_path):
 
 
 def test_a_rig_without_end_is_refused():
-    from pellucid.lab.known_rigs import parse_rig, shipped_rig
+    from pellucid.lab.known_rigs import parse_rig
+    from pellucid.lab.shipped_rigs import shipped_rig
 
     text = shipped_rig("bench-joint").replace("realisations = 7", "realisations = 900")
     with pytest.raises(StudyError, match="realisations"):

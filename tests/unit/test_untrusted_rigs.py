@@ -7,7 +7,8 @@ import pytest
 from evidence._mutations import damaged_toml
 
 from pellucid._errors import PellucidError
-from pellucid.lab.known_rigs import parse_rig, shipped_rig
+from pellucid.lab.known_rigs import parse_rig
+from pellucid.lab.shipped_rigs import shipped_rig
 
 EACH = int(os.environ.get("FUZZ", "300"))
 KINDS = ("bench-joint", "able-arm", "able-elbow", "elbow-participants", "elbow-people", "knee-orthosis", "knee-seated")

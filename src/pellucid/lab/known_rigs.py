@@ -1,4 +1,4 @@
-"""Registry of rigs: kinds by the folders of this package, and the files of constants that come with it."""
+"""Registry of rigs: their kinds, and the rigs whose files come with a package."""
 
 from __future__ import annotations
 
@@ -7,14 +7,9 @@ from importlib.resources import files
 from pathlib import Path
 
 from .._errors import StudyError
-from .._given import read_given
+from .elbow.rig import ElbowRig, drawn_rigs
 from .rig import DEFAULT_KIND, KINDS, Rig, parse_tables
-
-RIGS = files(__package__) / "rigs"
-"""Folder of the rigs' files that come with the package."""
-
-MAX_RIG_FILE_BYTES = 3_000_000
-"""Largest size of a rig's file [B]."""
+from .shipped_rigs import rig_packages, shipped_rig, shipped_rig_names, text_of_rig
 
 DRAWN_RIG_COUNT = 5
 """Number of rigs that are drawn from the ranges of `DRAWN_RIG_MODEL`."""
@@ -24,12 +19,13 @@ DRAWN_RIG_MODEL = "able-elbow"
 
 
 def kind_of(kind: str) -> type[Rig] | None:
-    """Return the class of a `kind` of rig, defined so far or in ``lab/<folder>/rig.py``; None if there is none."""
-    for folder in sorted(files(__package__).iterdir(), key=lambda folder: folder.name):
-        if kind in KINDS:
-            break
-        if folder.joinpath("rig.py").is_file():
-            import_module(f".{folder.name}.rig", __package__)
+    """Return the class of a `kind` of rig, defined so far or in a folder's rig.py; None if there is none."""
+    for package in rig_packages():
+        for folder in sorted(files(package).iterdir(), key=lambda folder: folder.name):
+            if kind in KINDS:
+                return KINDS[kind]
+            if folder.joinpath("rig.py").is_file():
+                import_module(f"{package.__name__}.{folder.name}.rig")
     return KINDS.get(kind)
 
 
@@ -43,15 +39,9 @@ def parse_rig(text: str, name: str) -> Rig:
     return found.parse(text, name)
 
 
-def shipped_rig(name: str) -> str:
-    """Return the text of a file of ``lab/rigs``, by its `name` without the ending."""
-    return (RIGS / f"{name}.toml").read_text(encoding="utf-8")
-
-
 def rig_names() -> tuple[str, ...]:
-    """Return the names of the virtual rigs that come with the package."""
-    shipped = sorted(file.name.removesuffix(".toml") for file in RIGS.iterdir())
-    return (*shipped, *(f"{DRAWN_RIG_MODEL}-drawn-{i + 1}" for i in range(DRAWN_RIG_COUNT)))
+    """Return the names of the virtual rigs that come with packages, and of those that are drawn."""
+    return (*shipped_rig_names(), *(f"{DRAWN_RIG_MODEL}-drawn-{i + 1}" for i in range(DRAWN_RIG_COUNT)))
 
 
 def load_rig(name: str | Path) -> Rig:
@@ -69,18 +59,8 @@ def rig_text(name: str | Path) -> str:
     text = shipped_rig(base)
     if not drawn:
         return text
-    from .elbow.rig import ElbowRig, drawn_rigs
-
     original = ElbowRig.parse(text, base)
     return _with_values(text, original, drawn_rigs(original, DRAWN_RIG_COUNT)[int(drawn) - 1], drawn)
-
-
-def text_of_rig(path: Path) -> str:
-    """Return the text of a rig's file."""
-    try:
-        return read_given(path, MAX_RIG_FILE_BYTES).decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise StudyError(f"{path}: not readable: {error}") from None
 
 
 def _with_values(text: str, original: Rig, values: Rig, number: str) -> str:

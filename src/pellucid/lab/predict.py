@@ -12,10 +12,11 @@ from .._errors import PellucidError, StudyError
 from ..control.elbow_controllers import ELBOW_CONTROLLERS
 from ..procedures.result import FigureTable, Result
 from ..studies.results import ResultRow, write_rows
-from .known_rigs import parse_rig, text_of_rig
+from .known_rigs import parse_rig
 from .pointing.predicted_indices import PREDICTED_INDICES
 from .pointing.prediction import PUBLISHED_CONTROLLERS, STUDY_INTERVAL_SHARE, DrawnStudies, Prediction, predict_effects
 from .pointing.rig import PointingRig
+from .shipped_rigs import text_of_rig
 from .simulate import rig_file, study_name
 
 PREDICTION_FILE = Path("lab") / "prediction.json"

@@ -13,7 +13,8 @@ from .._errors import PellucidError, StudyError
 from .._given import require_folder
 from ..studies.study import STUDY_FILE, Study
 from .init import RIG_FILE
-from .known_rigs import parse_rig, text_of_rig
+from .known_rigs import parse_rig
+from .shipped_rigs import text_of_rig
 from .study import TRUTH_FILE, is_changed_by_hand, write_full_study
 
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ..known_rigs import shipped_rig
 from ..noise import draw_noise
 from ..recorded_table import MAIN_STREAM, Column, StoredTable
 from ..rig import Taken
+from ..shipped_rigs import shipped_rig
 from .bodies import friction_rows, transmission_rows
 from .constants import ArmConstants
 from .human_motion import JOINTS

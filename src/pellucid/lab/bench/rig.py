@@ -14,11 +14,11 @@ from ...models.simulate import substeps_for
 from ...protocols.excitation import multisine, point_to_point
 from ...protocols.random_phase_multisine import MULTISINE_NAME
 from ...protocols.reversals import reversals
-from ..known_rigs import shipped_rig
 from ..multisine import multisine_references, multisine_study
 from ..noise import draw_noise
 from ..recorded_table import MAIN_STREAM, Column, StoredTable
 from ..rig import DEFAULT_KIND, Rig, Taken, Trial
+from ..shipped_rigs import shipped_rig
 from .constants import BenchConstants
 
 COLUMNS = tuple(

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ...models.joint import GRAVITY
-from ..known_rigs import shipped_rig
 from ..recorded_table import MAIN_STREAM, MARKER_STREAM, Column, StoredTable, marker_columns
 from ..rig import Outcome, Taken, Tell
+from ..shipped_rigs import shipped_rig
 from .constants import ElbowConstants
 from .instruments import ElbowReadings, frame, read_all
 from .machine import NAMES as NAMES

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from ...protocols.random_phase_multisine import MULTISINE_NAME
-from ..known_rigs import shipped_rig
 from ..multisine import multisine_references, multisine_study
 from ..recorded_table import MAIN_STREAM, Column, StoredTable, emg_columns, store_emg
 from ..rig import Taken
+from ..shipped_rigs import shipped_rig
 from .constants import KneeConstants
 from .instruments import Mounting, draw_mounting
 from .machine import NAMES as NAMES

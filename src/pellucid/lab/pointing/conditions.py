@@ -33,7 +33,7 @@ from .people import Person, draw_people
 from .session import CONTROL_CONDITION, Conditions, PointingSession, simulate_sessions, true_motion
 
 if TYPE_CHECKING:
-    from .rig import PointingRig
+    from .plant import PointingPlant
 
 EXPONENT_CANDIDATES = (-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0)
 """Exponents k of equation 8 [1]_ from which one is chosen for each direction."""
@@ -128,7 +128,7 @@ def interaction_rms(session: PointingSession, direction: int = 0) -> float:
 
 
 def choose_exponents(
-    rig: PointingRig, cards: Cards, *, seed: int = TUNING_SEED, threads: int = 1
+    rig: PointingPlant, cards: Cards, *, seed: int = TUNING_SEED, threads: int = 1
 ) -> tuple[tuple[float, float], dict[float, tuple[float, float]]]:
     """Choose k of equation 8 upwards and downwards: the candidates with the smallest interaction torque.
 
@@ -154,7 +154,7 @@ def choose_exponents(
     return tuple(min(EXPONENT_CANDIDATES, key=lambda k: torques[k][i]) for i in (0, 1)), torques
 
 
-def build_study_conditions(rig: PointingRig, names: Sequence[str] | None = None, *, seed: int = 1) -> Conditions:
+def build_study_conditions(rig: PointingPlant, names: Sequence[str] | None = None, *, seed: int = 1) -> Conditions:
     """Identify the rig's robot and return the conditions: those of the controllers `names`, or the paper's four.
 
     Raises

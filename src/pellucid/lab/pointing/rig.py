@@ -11,9 +11,9 @@ import numpy as np
 from ... import _core
 from ..._errors import StudyError
 from ..elbow.rig import ElbowRig
-from ..known_rigs import shipped_rig
 from ..recorded_table import MAIN_STREAM, MARKER_STREAM, Column, emg_columns, marker_columns
 from ..rig import Taken, Trial
+from ..shipped_rigs import shipped_rig
 from .constants import ParticipantsConstants, PeopleConstants, PointingConstants
 from .instruments import COMMON_COLUMNS, FOREARM_MARKERS, record_blocks
 from .people import PERSONAL_TABLES, Person, draw_people, personal_parameter_names

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..known_rigs import shipped_rig
 from ..recorded_table import MAIN_STREAM, Column, StoredTable, emg_columns, store_emg
 from ..rig import Taken
+from ..shipped_rigs import shipped_rig
 from .constants import SeatedConstants
 from .machine import SeatedMachine
 from .protocol import SeatedTrial, seated_trials
