@@ -33,8 +33,7 @@ FRAGMENT = re.compile(
 
 KINDS = ("one-word constants", "fragments", "constants on one line")
 
-ALLOWED: dict[str, tuple[int, int, int]] = {
-}
+ALLOWED: dict[str, tuple[int, int, int]] = {}
 """Numbers of `KINDS` that a room still has; a room that is not here has none."""
 
 

@@ -71,16 +71,10 @@ def find_cocontraction(study: Study, table: CocontractionTable, tell: Progress =
             found.append(PairActivity(each.name, pair, index, each.time[shown], first[shown], second[shown]))
             rows += _rows(study.name, found[-1], each, table.confidence)
     return CocontractionResult(
-        study=study.name,
-        headline=_headline(found),
-        tables=(_table(found),),
-        verdicts=tuple(_verdicts(study, table, found)),
-        confidence=table.confidence,
-        rows=tuple(rows),
-        cards={},
+        study=study.name, headline=_headline(found), tables=(_table(found),), rows=tuple(rows), pairs=tuple(found),
+        verdicts=tuple(_verdicts(study, table, found)), confidence=table.confidence, cards={},
         checksums={each.name: each.checksum for each in recordings},
-        pairs=tuple(found),
-    )
+    )  # fmt: skip
 
 
 def require_pairs(study: Study, table: CocontractionTable, recordings: list[MuscleEnvelopes]) -> list[MuscleEnvelopes]:
