@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from copied_package import ROOT, copied_package, run_copied
+from test_new_rig import CONSTANTS, PENDULUM
 
 from pellucid._errors import PluginError
 from pellucid._plugins import PLUGIN_GROUPS, load_plugins
@@ -123,6 +124,9 @@ def add_commands(app):
     """Add the command."""
     app.command("greet")(greet)
 '''
+RIG = PENDULUM.replace("from ... import", "from pellucid import").replace("from ...", "from pellucid.").replace(
+    "from ..", "from pellucid.lab."
+)
 FILES = {
     "acme/__init__.py": "",
     "acme/log.py": READER,
@@ -134,6 +138,10 @@ FILES = {
     "acme/papers/tides/printed.toml": PRINTED,
     "acme/papers/tides/paper.py": PAPER,
     "acme/commands.py": COMMANDS,
+    "acme/lab/__init__.py": "",
+    "acme/lab/pendulum/__init__.py": "",
+    "acme/lab/pendulum/rig.py": RIG,
+    "acme/lab/rigs/pendulum.toml": CONSTANTS,
 }
 ENTRIES = {
     "pellucid.readers": "acme = acme.log\nacmez = acme.log_apart",
@@ -141,6 +149,7 @@ ENTRIES = {
     "pellucid.procedures": "acme = acme.peak",
     "pellucid.papers": "acme = acme.papers",
     "pellucid.commands": "acme = acme.commands:add_commands",
+    "pellucid.rigs": "acme = acme.lab",
 }
 STUDY = """
 name = "arm"
@@ -171,7 +180,8 @@ print(run(study, "peak").rows[0].value)
 X = np.linspace(0.0, 1.0, 50)[:, None]
 print(pl.TorqueRegressor("acme_mean").fit(X, X[:, 0]).predict(X)[0])
 print(pl.reproduce("tides", sys.argv[2]).lines[0])
-for command in (["greet"], ["peak", sys.argv[1]]):
+rig = sys.argv[2] + "-rig"
+for command in (["greet"], ["peak", sys.argv[1]], ["init", rig, "--rig", "pendulum"], ["simulate", rig]):
     result = CliRunner().invoke(app, command)
     assert result.exit_code == 0, result.output
     print(result.output.strip().splitlines()[0])
@@ -212,13 +222,15 @@ def test_a_package_adds_one_of_each_without_touching_pellucid(tmp_path):
     path = f"{package.parent}:{tmp_path / 'site'}"
     done = run_copied(path, SCRIPT, study, tmp_path / "out")
     assert done.returncode == 0, done.stderr
-    numbers, peak, mean, paper, greeting, table = done.stdout.splitlines()
+    numbers, peak, mean, paper, greeting, table, started, simulated = done.stdout.splitlines()
     assert numbers == "200 200"
     assert float(peak) == pytest.approx(19.9)
     assert float(mean) == pytest.approx(0.5)
     assert paper == "Period: 2.006 s, published 2.01"
     assert greeting == "from another package"
     assert table == "arm: Peaks."
+    assert "the rig pendulum" in started
+    assert "2 recordings" in simulated
 
 
 @pytest.mark.parametrize(
