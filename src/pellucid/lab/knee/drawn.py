@@ -19,7 +19,7 @@ BODY_RANGES: Mapping[str, tuple[float, float]] = {
     "mass_index": (18.5, 25.0),  # kg/m^2
     "shank_share": (0.255, 0.310),  # length from knee to heel over the height
     "ahead": (0.035, 0.060),  # rad
-    "viscous": (0.10, 0.26),  # N*m*s/rad
+    "friction": (0.10, 0.26),  # viscous friction of the knee [N*m*s/rad]
 }
 """Smallest and largest value of each number of a drawn body; values are uniform between them.
 
@@ -107,7 +107,7 @@ def drawn_rig(rig: KneeRig, seed: int) -> KneeRig:
             "centre": shares.centre * off["centre"],
             "gyration": float(np.sqrt(shares.inertia / shares.mass - shares.centre**2)) * off["gyration"],
             "ahead": body["ahead"],
-            "viscous": body["viscous"],
+            "viscous": body["friction"],
         },
         "strap": {
             "stiffness": fitted["stiffness"],

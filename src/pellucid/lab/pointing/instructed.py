@@ -94,7 +94,7 @@ class Population:
         outcomes = OutcomeEmulator.fit_to_simulation(rig, person, points=points, count=count, seed=seed)
         shortest, longest = PRIMARY_MOVEMENT_BOUNDS_S
         choice = {**rig["choice"], "shortest": shortest, "longest": longest}
-        dynamics = (person.forearm.inertia, rig["arm"]["viscous"], 0.0)
+        dynamics = (person.forearm.inertia, rig.constants.arm.viscous, 0.0)
         visual_delay, width = rig["vision"]["delay"], rig["planning"]["sign_width"]
         return cls(rig, person, outcomes, dynamics, choice, visual_delay, width)
 

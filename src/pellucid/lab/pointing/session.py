@@ -167,7 +167,7 @@ def simulate_session(
             amplitude = target - position
             dynamics = (
                 forearm_inertia + max(expected[0], 0.0),
-                rig["arm"]["viscous"] + max(expected[1], 0.0),
+                rig.constants.arm.viscous + max(expected[1], 0.0),
                 max(expected[2], 0.0),
             )
             duration = preferred_duration(amplitude, dynamics, person.reward, choice, width)

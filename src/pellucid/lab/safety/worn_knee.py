@@ -98,12 +98,12 @@ def draw_worn_knee(seed: int) -> WornKnee:
     error = {name: np.exp(sd * rng.standard_normal()) for name, sd in KNOWLEDGE_LOG_SD.items()}
     strap = {f"strap_{name}": error["strap"] * subject.strap[name] for name in ("stiffness", "damping")}
     known = Coupling(
-        orthosis_inertia=error["orthosis"] * rig["orthosis"]["inertia"],
-        orthosis_viscous=rig["orthosis"]["bearing_viscous"],
+        orthosis_inertia=error["orthosis"] * rig.constants.orthosis.inertia,
+        orthosis_viscous=rig.constants.orthosis.bearing_viscous,
         orthosis_gravity=error["orthosis"] * float(np.hypot(*rig.orthosis_gravity)),
-        coulomb=rig["orthosis"]["bearing_coulomb"],
+        coulomb=rig.constants.orthosis.bearing_coulomb,
         limb_inertia=error["limb"] * subject.inertia,
-        limb_viscous=subject.limb["viscous"],
+        limb_viscous=subject.limb.viscous,
         limb_gravity=error["limb"] * subject.gravity,
         delay=rig.period,
         **strap,
