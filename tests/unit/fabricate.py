@@ -15,6 +15,7 @@ from pellucid.fit.parameter import Parameter, Verdict, Whiteness
 from pellucid.models.joint import joint_model
 from pellucid.procedures.joint.joint_result import JointResult, Trace
 from pellucid.procedures.registry import open_study
+from pellucid.signals.motion import Filtering
 from pellucid.studies.study import Study
 
 TRUTH = {
@@ -184,6 +185,7 @@ def _estimate(model, truth, method: str, rng: np.random.Generator, samples: int)
     correlation = 0.3 + 0.7 * np.eye(len(errors))
     return JointEstimate(
         model=model, method=method, parameters=tuple(parameters), covariance=correlation * np.outer(errors, errors),
+        filtering=Filtering(10.0),
         condition_number=26.0, scaled_condition_number=3.4, residual_sd=1.9, samples=samples,
         iterations=1 if method == "ls" else 6,
         whiteness=Whiteness(0.61, 812.0, 0.0, 40, 0.24),

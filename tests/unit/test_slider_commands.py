@@ -29,8 +29,8 @@ run = CliRunner().invoke
 def few():
     """Three places of the carriage and one trial to judge by, each shorter than the protocol's."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(elbow_protocol, "SPEEDS", (3.5, 8.5))
-        patch.setattr(elbow_protocol, "HOLDS", 4)
+        patch.setattr(elbow_protocol, "CONSTANT_SPEEDS_TURNS", (3.5, 8.5))
+        patch.setattr(elbow_protocol, "HOLD_COUNT", 4)
         made = trials(able_elbow())
     kept = [t for t in made if re.fullmatch(r"(constant|sweep|static)_[136]", t.name)]
     return (*kept, next(t for t in made if t.name == "unseen_constant_2"))
