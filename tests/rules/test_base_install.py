@@ -1,4 +1,4 @@
-"""What `pip install pellucid` without extras must be able to do: everything imports without the extras' packages."""
+"""What an installation without extras must be able to do: everything imports without the extras' packages."""
 
 import subprocess
 import sys

@@ -45,7 +45,7 @@ def killer(monkeypatch):
     """A reader beside the package's own; whoever asks for it must start its process anew."""
     path = _apart.Path(_apart.__file__).with_name("_killer.py")
     path.write_text(KILLER)
-    yield "_killer"
+    yield f"{_apart.__package__}._killer"
     path.unlink()
 
 

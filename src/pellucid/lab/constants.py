@@ -114,7 +114,7 @@ LogarithmSpread = Annotated[float, Field(ge=0.0, le=5.0)]
 Noise = Annotated[float, Field(ge=0.0, le=1e3)]
 """Standard deviation of a disturbance or of a reading, in the unit of what is disturbed."""
 
-Quantum = Annotated[float, Field(ge=1e-12, le=1.0)]
+Quantum = Annotated[float, Field(ge=1e-20, le=1.0)]
 """Step of a converter, in the unit of what it reads."""
 
 Gain = Annotated[float, Field(ge=0.0, le=1e6)]
