@@ -1,0 +1,228 @@
+"""Mutants of the safety code that no test kills: what `make test` would not notice if it were broken.
+
+Mutants are made by rule (`_source_mutants.py`) from the headers of gate, watches and supervisors and from the Python
+that sets their thresholds. Each is a patch of a copy in a temporary folder, for which only the tests that can see its
+file are built and run (`JUDGES`). A static assertion, a failing test or a test that does not end kills a mutant. One
+that does not compile is no mutant: another is drawn in its place. `make evidence` draws 60 by a seed; a nightly test
+draws a dozen by the commit.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from benchmarks._size import sized
+
+from pellucid.studies.results import ResultRow
+
+from ._source_mutants import Mutant, mutants_of
+
+ROOT = Path(__file__).parents[1]
+
+COUNT = sized(60, smallest=2)
+"""Number of mutants that are tried."""
+
+SEED = 20261123
+"""Seed of the draw in `make evidence`."""
+
+WORKERS = min(os.cpu_count() or 1, 8)
+"""Number of mutants that are tried at once."""
+
+LONGEST_TEST_S = 60.0
+"""A test that takes longer than this does not end: a counter of the mutant has no bound."""
+
+JUDGES: dict[str, tuple[str, ...]] = {
+    "body_residual": ("body_residual",),
+    "damped_stop": ("damped_stop",),
+    "drive_watch": ("drive_thresholds", "drive_watch"),
+    "encoder_watch": ("encoder_watch",),
+    "energy_budget": ("energy_budget",),
+    "energy_observer": ("energy_observer",),
+    "integrity": ("integrity",),
+    "momentum_observer": ("momentum_observer", "tree_law"),
+    "resistance": ("resistance",),
+    "ringing_watch": ("ringing_watch",),
+    "safety": ("safety_thresholds", "safety"),
+    "sample": ("sample",),
+    "sensor_watch": ("sensor_watch",),
+    "start_up_test": ("start_up_wave",),
+    "supervisor": ("supervisor_states", "supervisor"),
+    "tree_gate": ("tree_gate", "tree_law"),
+    "tree_law": ("tree_gate", "tree_law"),
+    "tree_supervisor": ("tree_supervisor", "tree_law"),
+    "watchdog": ("watchdog",),
+}
+"""Tests of tests/core that judge each header of include/pellucid, the quickest first. rest.hpp is not among them: it
+solves for the friction of virtual joints at rest, and no supervisor uses it."""
+
+PYTHON_JUDGES: dict[str, tuple[frozenset[str] | None, tuple[str, ...]]] = {
+    "supervised": (None, ("test_supervisor_thresholds", "test_supervised")),
+    "worn": (frozenset({"watched_worn"}), ("test_supervisor_thresholds",)),
+    "joint_compensation": (
+        frozenset({"compensation", "carried_body", "known_speed", "suggested_limits", "carried"}),
+        ("test_supervisor_thresholds",),
+    ),
+    "limits": (None, ("test_supervisor_thresholds",)),
+    "tree_laws": (
+        frozenset({"carried", "reach_of", "suggested_limits", "with_measured_drives", "_watch"}),
+        ("test_supervisor_thresholds",),
+    ),
+}
+"""For each module of pellucid.control the functions and classes that are mutated beside its constants, None for all,
+and the tests of tests/unit that judge them."""
+
+EQUIVALENT: dict[tuple[str, str, str], str] = {}
+"""Why a mutant that no test can kill changes nothing, by file, line of source and what stands in place of what."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of a mutant."""
+
+    mutant: Mutant
+    killed_by: str  # the test that failed; empty if it survives, "invalid" if it does not compile
+    seconds: float
+
+
+def rows() -> Iterator[ResultRow]:
+    """Yield the mutation score, the survivors and the time."""
+    verdicts = judged(all_mutants(), COUNT, SEED)
+    yield from score_rows(verdicts)
+
+
+def score_rows(verdicts: Sequence[Verdict]) -> Iterator[ResultRow]:
+    """Yield the figures of mutants that were tried."""
+    survivors = [v.mutant for v in verdicts if not v.killed_by]
+    told = [m for m in survivors if not reason_of(m)]
+    explained = [f"{described(m)} ({reason_of(m)})" for m in survivors if reason_of(m)]
+    counted = len(verdicts) - len(explained)
+    yield _row("tried", len(verdicts), f"seed {SEED}, of {len(all_mutants())}")
+    yield _row("score", (counted - len(told)) / max(counted, 1), f"killed of {counted} that are not equivalent")
+    yield _row("survivors", len(told), "; ".join(map(described, told)))
+    yield _row("equivalent", len(explained), "; ".join(explained))
+    seconds = float(np.median([v.seconds for v in verdicts])) if verdicts else 0.0
+    yield ResultRow("mutants.seconds", seconds, "s", "evidence", "simulated", None, "median of a mutant, this machine")
+
+
+def _row(name: str, value: float, note: str) -> ResultRow:
+    return ResultRow(f"mutants.{name}", float(value), "1", "evidence", "simulated", None, note)
+
+
+@cache
+def source_of(file: str) -> str:
+    """Return the source of a file by its path from the root."""
+    return (ROOT / file).read_text(encoding="utf-8")
+
+
+def described(mutant: Mutant) -> str:
+    """Return file, line and change of a mutant."""
+    return mutant.described(source_of(mutant.file))
+
+
+def key_of(mutant: Mutant) -> tuple[str, str, str]:
+    """Return file, line of source and change of a mutant, by which it is known whatever its line's number."""
+    source = source_of(mutant.file)
+    was = " ".join(source[mutant.start : mutant.end].split())
+    return Path(mutant.file).stem, mutant.line(source), f"{was} -> {' '.join(mutant.text.split())}".strip()
+
+
+def reason_of(mutant: Mutant) -> str:
+    """Return why a mutant changes nothing; empty if nothing is known of it."""
+    return EQUIVALENT.get(key_of(mutant), "")
+
+
+@cache
+def all_mutants() -> tuple[Mutant, ...]:
+    """Return every mutant of the safety code."""
+    made: list[Mutant] = []
+    for header in JUDGES:
+        file = f"include/pellucid/{header}.hpp"
+        made += mutants_of(file, source_of(file))
+    for module, (functions, _) in PYTHON_JUDGES.items():
+        file = f"src/pellucid/control/{module}.py"
+        made += mutants_of(file, source_of(file), functions)
+    return tuple(made)
+
+
+def judged(mutants: Sequence[Mutant], count: int, seed: int) -> list[Verdict]:
+    """Return what became of `count` mutants in the order that a seed draws; those that do not compile are left out."""
+    order = [mutants[i] for i in np.random.default_rng(seed).permutation(len(mutants))]
+    verdicts: list[Verdict] = []
+    with tempfile.TemporaryDirectory(prefix="pellucid-mutants-") as folder, ThreadPoolExecutor(WORKERS) as pool:
+        while order and len(verdicts) < count:
+            batch, order = order[: count - len(verdicts)], order[count - len(verdicts) :]
+            tried = pool.map(lambda mutant: judge(mutant, Path(folder)), batch)
+            verdicts += [verdict for verdict in tried if verdict.killed_by != "invalid"]
+    return verdicts
+
+
+def judge(mutant: Mutant, folder: Path) -> Verdict:
+    """Return what the tests of its file say of one mutant; `folder` holds what is copied for it."""
+    begun = time.monotonic()
+    with tempfile.TemporaryDirectory(dir=folder) as copy:
+        killer = (_cpp_killer if mutant.file.endswith(".hpp") else _python_killer)(mutant, Path(copy))
+    return Verdict(mutant, killer, time.monotonic() - begun)
+
+
+def _cpp_killer(mutant: Mutant, copy: Path) -> str:
+    shutil.copytree(ROOT / "include", copy / "include")
+    (copy / mutant.file).write_text(mutant.applied(source_of(mutant.file)), encoding="utf-8")
+    for test in JUDGES[Path(mutant.file).stem]:
+        program = copy / test
+        built = subprocess.run(
+            [os.environ.get("CXX", "c++"), "-std=c++17", "-O0", "-w", "-ffp-contract=off", "-fno-exceptions",
+             "-fno-rtti",
+             f"-I{copy / 'include'}", str(ROOT / "tests" / "core" / f"{test}_test.cpp"), "-o", str(program)],
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        if built.returncode:
+            return f"{test}: static assertion" if "static assertion" in built.stderr else "invalid"
+        if _fails([str(program)]):
+            return test
+    return ""
+
+
+def _python_killer(mutant: Mutant, copy: Path) -> str:
+    import pellucid
+    from pellucid import _core
+
+    here = Path(pellucid.__file__).parent
+    package = Path(shutil.copytree(here, copy / "pellucid", ignore=shutil.ignore_patterns("__pycache__", "*.so")))
+    (package / Path(_core.__file__).name).symlink_to(_core.__file__)
+    place = package / "control" / Path(mutant.file).name
+    place.write_text(mutant.applied(source_of(mutant.file)), encoding="utf-8")
+    # An editable install finds the package before any path does.
+    code = (
+        "import sys; sys.meta_path[:] = [f for f in sys.meta_path if 'Redirecting' not in type(f).__name__]; "
+        f"sys.path[:0] = [{str(copy)!r}]; import pytest; sys.exit(pytest.main(sys.argv[1:]))"
+    )
+    for test in PYTHON_JUDGES[Path(mutant.file).stem][1]:
+        path = ROOT / "tests" / "unit" / f"{test}.py"
+        asked = ["-qx", "--noconftest", "-c", os.devnull, "-p", "no:cacheprovider", "-k", "not study", str(path)]
+        if _fails([sys.executable, "-c", code, *asked]):
+            return test
+    return ""
+
+
+def _fails(command: list[str]) -> bool:
+    """Whether a test fails or does not end."""
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+    try:
+        return bool(
+            subprocess.run(
+                command, capture_output=True, timeout=LONGEST_TEST_S, check=False, env=environment
+            ).returncode
+        )
+    except subprocess.TimeoutExpired:
+        return True
