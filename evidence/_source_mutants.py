@@ -156,7 +156,7 @@ def cpp_mutants(file: str, source: str) -> Iterator[Mutant]:
             yield from patch(left, right, constant, "comparison constant")
         begin, stop = _trimmed(text, match.end(), right)
         threshold = source[begin:stop]
-        if operator in CLOSED and not re.fullmatch(r"S\([0-9.e-]+\)|[0-9.]+|0[xX]\w+|Mode::\w+", threshold):
+        if operator in CLOSED and not re.fullmatch(r"S\([0-9.e-]+\)|[0-9.]+[fu]?|0[xX]\w+|Mode::\w+", threshold):
             for new in (f"(3 * ({threshold}) / 2)", f"(2 * ({threshold}))", f"(({threshold}) / 2)"):
                 yield from patch(begin, stop, new, "threshold")
     for match in re.finditer(r" ([+-]) ", text):

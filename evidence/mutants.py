@@ -82,8 +82,78 @@ PYTHON_JUDGES: dict[str, tuple[frozenset[str] | None, tuple[str, ...]]] = {
 """For each module of pellucid.control the functions and classes that are mutated beside its constants, None for all,
 and the tests of tests/unit that judge them."""
 
-EQUIVALENT: dict[tuple[str, str, str], str] = {}
-"""Why a mutant that no test can kill changes nothing, by file, line of source and what stands in place of what."""
+
+@dataclass(frozen=True)
+class Equivalent:
+    """Mutants that change nothing that a test could see, and why."""
+
+    file: str  # stem of the file's name
+    source: str  # part of the mutated line, which says where it is
+    changes: tuple[str, ...]  # what becomes what
+    reason: str
+
+
+FINITE = "a difference of two numbers is finite where their sum is, but for overflow"
+EQUAL = "both branches give the same where the two sides are equal"
+NESTED = "the next clamp brings what is beyond the limit back to it"
+NOT_A_NUMBER = "the effort is within the limit already, so that the check is for NaN, which either half finds"
+EQUIVALENT: tuple[Equivalent, ...] = (
+    Equivalent("body_residual", "if (p.square_root > S(0))", ("p.square_root > S(0) -> true", "> -> >="),
+               "a coefficient of 0 adds 0"),
+    Equivalent("body_residual", "velocity < S(0) ? -sliding : sliding", ("< -> <=",), "at rest nothing slides"),
+    Equivalent("body_residual", "if (!is_finite(s.momentum", ("+ -> -",), FINITE),
+    Equivalent("integrity", "words - at < words_a_step", ("< -> <=",), EQUAL),
+    Equivalent("momentum_observer", "whole = whole && is_finite", ("+ -> -",), FINITE),
+    Equivalent("resistance", "exp(static_cast<S>(k) * log(x))", ("> -> >=",), "the power of 0 is 0 by logarithms, too"),
+    Equivalent("resistance", "coefficient < S(0) ? -coefficient", ("< -> <=",), EQUAL),
+    Equivalent("resistance", "size > larger[i] ? size", ("> -> >=",), EQUAL),
+    Equivalent("safety", "p.stop_margin > S(0) ? S(1) / p.stop_margin", ("p.stop_margin > S(0) -> true", "> -> >="),
+               "1 / 0 is infinite"),
+    Equivalent("safety", "c.valid && most < static_cast<S>(p.max_repeats)", ("c.valid && ->",),
+               "a gate that is not valid is shut whatever its rules are"),
+    Equivalent("safety", "c.valid && most < static_cast<S>(p.max_repeats)", ("< -> <=",),
+               "equal counts differ by how the last bit of the age is rounded"),
+    Equivalent("safety", "c.rules.max_repeats + 1) * p.period <= p.max_age",
+               ("static_cast<S>(c.rules.max_repeats + 1) * p.period <= p.max_age -> true", "+ -> -", "<= -> >=",
+                "p.max_age -> (2 * (p.max_age))", "p.max_age -> (3 * (p.max_age) / 2)"),
+               "the next line takes one back where it is one too many"),
+    Equivalent("safety", "return share < S(1) ? share", ("< -> <=",), EQUAL),
+    Equivalent("safety", "clamp(input.command, -limit, limit)",
+               ("clamp(input.command, -limit, limit) -> max<S>(input.command, -limit)",
+                "clamp(input.command, -limit, limit) -> min<S>(input.command, limit)"), NESTED),
+    Equivalent("safety", "state.output = !(output >= -limit && output <= limit)",
+               ("output >= -limit -> true", "output >= -limit && ->", "-limit -> (2 * (-limit))",
+                "-limit -> (3 * (-limit) / 2)", "&& output <= limit ->", "output <= limit -> true",
+                "limit -> (2 * (limit))", "limit -> (3 * (limit) / 2)"), NOT_A_NUMBER),
+    Equivalent("start_up_test", "s.middle >= c.params.least", ("c.params.least -> ((c.params.least) / 2)",),
+               "what lies between hardly moved the joint, which is no wrong answer"),
+    Equivalent("supervisor", "p.reset_delay < S(1e6) * c.period", ("< -> <=",), EQUAL),
+    Equivalent("supervisor", "return ago < s.faults", ("< -> <=",), "the entry before the first is empty"),
+    Equivalent("tree_gate", "c.joints = joints < N ? joints : N", ("< -> <=",), EQUAL),
+    Equivalent("tree_gate", "S share = S(1);", ("S(1) -> S(1 * 1.5)", "S(1) -> S(1 * 2)"),
+               "a share of 1 or more gives 0 either way, and a smaller one does not depend on where it began"),
+    Equivalent("tree_gate", "share = c.joint[k].max_change / abs(output[k])", ("<= -> <",), EQUAL),
+    Equivalent("tree_gate", "output[k] - share * output[k] : S(0)",
+               ("share < S(1) -> true", "< -> <=", "S(1) -> S(1 * 1.5)", "S(1) -> S(1 * 2)"),
+               "the share is at most 1, and all of an effort taken from it is 0"),
+    Equivalent("tree_gate", "return output >= -limit && output <= limit",
+               ("output >= -limit -> true", "output >= -limit && ->", "-limit -> (2 * (-limit))",
+                "-limit -> (3 * (-limit) / 2)", "&& output <= limit ->", "output <= limit -> true",
+                "limit -> (2 * (limit))", "limit -> (3 * (limit) / 2)"), NOT_A_NUMBER),
+    Equivalent("tree_gate", "clamp(wanted[k], -limit, limit)",
+               ("clamp(wanted[k], -limit, limit) -> max<S>(wanted[k], -limit)",
+                "clamp(wanted[k], -limit, limit) -> min<S>(wanted[k], limit)"), NESTED),
+    Equivalent("tree_gate", "power = power + next[k] * velocity[k];", ("+ -> -",), "only the size of power counts"),
+    Equivalent("tree_law", "w.valid && is_finite(w.force.x", ("+ -> -",), FINITE),
+    Equivalent("tree_law", "if (n > 0) {", ("n > 0 -> true", "> -> >="), "a law without joints is not valid"),
+    Equivalent("tree_supervisor", "return ago < s.faults", ("< -> <=",), "the entry before the first is empty"),
+    Equivalent("tree_supervisor", "whole.end_link > 0 && c.whole.speed", ("whole.end_link > 0 && ->",
+               "whole.end_link > 0 -> true", "> -> >="), "a point of no link has no speed"),
+    Equivalent("tree_supervisor", "whole.end_link > 0 && c.whole.speed", ("< -> <=",),
+               "no speed is beyond the largest number"),
+    Equivalent("tree_supervisor", "p.whole.reset_delay < S(1e6) * c.period", ("< -> <=",), EQUAL),
+)  # fmt: skip
+"""Mutants that no test can kill, by file, source text and change."""
 
 
 @dataclass(frozen=True)
@@ -130,16 +200,18 @@ def described(mutant: Mutant) -> str:
     return mutant.described(source_of(mutant.file))
 
 
-def key_of(mutant: Mutant) -> tuple[str, str, str]:
-    """Return file, line of source and change of a mutant, by which it is known whatever its line's number."""
+def is_one_of(mutant: Mutant, equivalent: Equivalent) -> bool:
+    """Whether a mutant is one of those that are said to change nothing."""
     source = source_of(mutant.file)
     was = " ".join(source[mutant.start : mutant.end].split())
-    return Path(mutant.file).stem, mutant.line(source), f"{was} -> {' '.join(mutant.text.split())}".strip()
+    change = f"{was} -> {' '.join(mutant.text.split())}".strip()
+    same_place = Path(mutant.file).stem == equivalent.file and equivalent.source in mutant.line(source)
+    return same_place and change in equivalent.changes
 
 
 def reason_of(mutant: Mutant) -> str:
     """Return why a mutant changes nothing; empty if nothing is known of it."""
-    return EQUIVALENT.get(key_of(mutant), "")
+    return next((each.reason for each in EQUIVALENT if is_one_of(mutant, each)), "")
 
 
 @cache

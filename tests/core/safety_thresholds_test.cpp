@@ -65,6 +65,8 @@ template <class S> void repeats() {
       const std::uint32_t most = allowed(age, period, 1000);
       check(static_cast<S>(most) * period <= age, "never older than allowed, however it is rounded");
       check(static_cast<S>(most + 1) * period > age, "and no less than that");
+      const S less = std::nextafter(age, S(0));
+      check(static_cast<S>(allowed(less, period, 1000)) * period <= less, "nor by a bit");
     }
   }
 }
@@ -121,7 +123,7 @@ template <class S> void stops() {
   check(settled(S(8), S(0)) == S(8) && settled(S(-8), S(1)) == S(-8), "between them");
   const auto c = p::coefficients(limits<S>());
   check(p::stop_taper(c, S(0)) == S(0) && p::stop_taper(c, S(0.25)) == S(0.5) && p::stop_taper(c, S(0.5)) == S(1), "taper");
-  check(p::stop_taper(c, S(0.75)) == S(1) && p::stop_taper(c, S(-1)) == S(0), "from 0 to 1");
+  check(p::stop_taper(c, S(0.75)) == S(1) && p::stop_taper(c, S(0.625)) == S(1) && p::stop_taper(c, S(-1)) == S(0), "from 0 to 1");
   auto hard = limits<S>();
   hard.stop_margin = S(0);
   check(p::stop_taper(p::coefficients(hard), S(0)) == S(0), "without a margin, too");

@@ -28,6 +28,10 @@ void order() {
       check(p::examine(rules, back, at + 1001, from + 0x80000000u) == F::none, "half the numbers lost are a way on");
       back = s;
       check(p::examine(rules, back, at + 1001, from + 0x80000001u) == F::out_of_order, "more are a way back");
+      const p::SampleRules any{std::numeric_limits<std::int64_t>::max(), 2};
+      back = s;
+      back.time = -5;
+      check(p::examine(any, back, std::numeric_limits<std::int64_t>::max() - 5, from + 2) == F::none, "half of all times");
       s = {};
       check(p::examine(rules, s, at - 77777, from - 9) == F::none, "the first may be anything");
     }
@@ -63,6 +67,10 @@ template <class S> void whole() {
   check(one(5000, 5000, false) == F::not_finite, "not valid");
   check(one(5000, 5000, true, std::numeric_limits<S>::quiet_NaN()) == F::not_finite, "no number");
   check(one(-5000, -4500) == F::none, "a clock may begin below 0");
+  const p::SampleRules any{std::numeric_limits<std::int64_t>::max(), 2};
+  p::SampleState s;
+  const p::Sample<S> old{S(1), -5, 3, true};
+  check(p::examine(any, s, old, std::numeric_limits<std::int64_t>::max() - 5) == F::none, "however old, without a limit");
 }
 
 }  // namespace

@@ -242,6 +242,13 @@ void memory() {
     check(p::logged(rig.law.state, 0).fault == F::integrity && rig.state().faults == 1, "written down");
   }
   // Checksums of law and supervisor by turns, every second period: each is gone through in a known time.
+  Rig<> turns(held());
+  for (std::uint32_t k = 1; k <= 12; ++k) {
+    const std::uint32_t law = turns.state().law_sum.next, own = turns.state().own_sum.next;
+    turns.run(1);
+    check((turns.state().law_sum.next != law) == (k % 4 == 2), "the law's by turns");
+    check((turns.state().own_sum.next != own) == (k % 4 == 0), "and the supervisor's");
+  }
   const int law_words = sizeof(Rig<>{}.law.controller.law) / 4, own_words = sizeof(Rig<>{}.law.supervisor) / 4;
   for (const bool law : {true, false}) {
     Rig<> rig(held());

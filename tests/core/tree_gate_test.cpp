@@ -30,6 +30,8 @@ void parameters() {
   check(!gate(0).valid && !gate(1, 0).valid && !gate(-1).valid && !gate(1, -1).valid && !gate(nan).valid, "limits above 0");
   check(!gate(1, 1, 0).valid && gate(1, 1, 1).valid && gate(1, 1, 3).valid, "some joints");
   check(!gate(1, 1, 4).valid && gate(1, 1, 4).joints == 3, "and no more than there is room for");
+  const p::SafetyParams<S> many[] = {limits(0), limits(1), limits(2), limits(2), limits(2)};
+  check(p::tree_gate<S, 4>(many, 5, 1.0, 1.0).joints == 4, "wherever there is more room");
   for (std::size_t k = 0; k < joints; ++k) {
     p::SafetyParams<S> params[] = {limits(0), limits(1), limits(2)};
     params[k].period = 0x1p-7;
@@ -53,6 +55,12 @@ void fades() {
     S slow[] = {way * 4, 0, way * 16};
     p::fade(c, slow);
     check(slow[0] == way * 3 && slow[2] == way * 12, "the third may change by 4");
+    S first[] = {way * 4, way * 3, 0};
+    p::fade(c, first);
+    check(first[0] == way * 2 && first[1] == way * 1.5, "the first may change by 2, whatever the second may");
+    S once[] = {way * 2.5, 0, 0};
+    p::fade(c, once);
+    check_close(once[0], way * 0.5, 1e-15, "a change and a little more");
     S two[] = {way * 4, way * 8, way * 32};
     p::fade(c, two);
     check(two[0] == way * 3.5 && two[1] == way * 7 && two[2] == way * 28, "the slowest of several");
@@ -85,7 +93,7 @@ struct Rig {
 void efforts() {
   for (const S way : {-1.0, 1.0}) {
     Rig rig;
-    check(rig.step(way, way * -9, way * 9) == F::none, "no fault");
+    check(rig.step(way, way * -9, way * 9) == F::none && rig.s.fault.joint == 0, "no fault, of no joint");
     check(rig.s.output[0] == way && rig.s.output[1] == way * -2 && rig.s.output[2] == way * 4, "rates");
     for (int k = 0; k < 30; ++k) rig.step(way * 99, way * -99, way * 99);
     check(rig.s.output[0] == way * 8 && rig.s.output[1] == way * -16 && rig.s.output[2] == way * 24, "limits");
@@ -213,6 +221,7 @@ void fronts() {
     return heard;
   };
   check(all_heard(p::believed(c, at(1), 1000)) && all_heard(p::believed(c, at(2), 2000)), "all is heard");
+  check(c.fault.joint == 0, "no fault of no joint");
   check(c.position[1].sequence == 2 && c.interaction[2].sequence == 2 && c.muscle[0].sequence == 2 && c.wrench.sequence == 2, "seen");
   // A sensor that a law can do without is left out alone; an encoder stops all.
   for (std::size_t j = 0; j < joints; ++j) {
@@ -279,36 +288,45 @@ void fronts() {
 }
 
 /// Efforts that a wrench has at joints, and the speed of a point, on two hinges and a slide that are easily computed.
+/// A link that is welded on lies between the hinges.
 void statics() {
-  p::TreeParams<S, joints> params;
-  params.links = 3;
-  for (std::uint32_t i = 0; i < 3; ++i) {
+  constexpr std::size_t room = 7;
+  p::TreeParams<S, room> params;
+  params.links = 4;
+  for (std::uint32_t i = 0; i < 4; ++i) {
     params.link[i].parent = i;
-    params.link[i].joint = i == 2 ? 2 : 1;
-    params.link[i].axis_z = i == 2 ? 0 : 1;
-    params.link[i].axis_x = i == 2 ? 1 : 0;
-    params.link[i].x = i == 0 ? 0 : 1;
+    params.link[i].joint = i == 1 ? 0 : i == 3 ? 2 : 1;
+    params.link[i].axis_z = i == 3 ? 0 : 1;
+    params.link[i].axis_x = i == 3 ? 1 : 0;
+    params.link[i].x = i == 0 ? 0 : i == 3 ? 1 : 0.5;
     params.link[i].body.mass = 1;
   }
   const auto c = p::coefficients(params);
-  const S q[] = {0, 0, 0}, v[] = {1, 2, 3};
-  p::TreePose<S, joints> pose;
+  check(c.coordinates == joints, "three coordinates");
+  const S q[room] = {0, 0, 0}, v[room] = {1, 2, 3};
+  p::TreePose<S, room> pose;
   p::place(c, q, pose);
-  S effort[joints];
+  S effort[room];
   // The point is at (0, 0.5, 0) of the slide, which lies 2 m from the first hinge.
-  p::felt_at_joints(c, pose, 2, {0.0, 0.5, 0.0}, {4.0, 8.0, 0.0}, {0.0, 0.0, 1.0}, effort);
+  p::felt_at_joints(c, pose, 3, {0.0, 0.5, 0.0}, {4.0, 8.0, 0.0}, {0.0, 0.0, 1.0}, effort);
   check_close(effort[0], 2 * 8 - 0.5 * 4 + 1, 1e-12, "first hinge");
   check_close(effort[1], 1 * 8 - 0.5 * 4 + 1, 1e-12, "second hinge");
   check_close(effort[2], 4.0, 1e-12, "slide");
   p::felt_at_joints(c, pose, 0, {0.0, 0.5, 0.0}, {4.0, 8.0, 0.0}, {0.0, 0.0, 1.0}, effort);
   check_close(effort[0], -0.5 * 4 + 1, 1e-12, "on the first link");
   check(effort[1] == 0 && effort[2] == 0, "joints that do not carry it");
-  p::felt_at_joints(c, pose, 3, {0.0, 0.0, 0.0}, {4.0, 8.0, 0.0}, {0.0, 0.0, 1.0}, effort);
-  check(effort[0] == 0 && effort[1] == 0 && effort[2] == 0, "on no link");
+  for (std::size_t none = 4; none < room; ++none) {
+    auto bare = c;
+    bare.link[none].joint = p::JointKind::revolute;
+    bare.link[none].axis = {0, 0, 1};
+    bare.link[none].on_base = true;
+    p::felt_at_joints(bare, pose, none, {0.0, 0.5, 0.0}, {4.0, 8.0, 0.0}, {0.0, 0.0, 1.0}, effort);
+    check(effort[0] == 0 && effort[1] == 0 && effort[2] == 0, "on no link");
+    check(p::point_speed(bare, pose, none, {0.0, 0.5, 0.0}, v) == 0, "nor is it a point");
+  }
   // x: -0.5 (1 + 2) + 3; y: 2 + 2.
-  check_close(p::point_speed(c, pose, 2, {0.0, 0.5, 0.0}, v), std::sqrt(1.5 * 1.5 + 16.0), 1e-12, "speed");
-  check_close(p::point_speed(c, pose, 1, {0.0, 0.5, 0.0}, v), std::sqrt(1.5 * 1.5 + 1.0), 1e-12, "of another link");
-  check(p::point_speed(c, pose, 3, {0.0, 0.5, 0.0}, v) == 0, "of none");
+  check_close(p::point_speed(c, pose, 3, {0.0, 0.5, 0.0}, v), std::sqrt(1.5 * 1.5 + 16.0), 1e-12, "speed");
+  check_close(p::point_speed(c, pose, 2, {0.0, 0.5, 0.0}, v), std::sqrt(1.5 * 1.5 + 1.0), 1e-12, "of another link");
 }
 
 }  // namespace

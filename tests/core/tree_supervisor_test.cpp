@@ -181,6 +181,9 @@ void transitions() {
       p::doubt(one, {fault, joint}, joints);
       for (std::uint32_t k = 0; k < joints; ++k)
         check(one.joint[k].doubted == (k == joint && fault != F::none && !holdable(fault) ? 1u : 0u), "doubt");
+      State two;
+      p::doubt(two, {fault, joint}, 2);
+      check(two.joint[2].doubted == 0, "of joints that there are");
     }
 }
 
@@ -277,6 +280,13 @@ void memory() {
     rig.run(1);
     check(rig.out.fault.fault == F::integrity && rig.out.fault.joint == joints && !rig.out.enable[1], "lost");
     check(p::is_whole(rig.state().alive) && rig.state().faults == 1, "written down");
+  }
+  // By turns: the law's numbers in every fourth period, the supervisor's in another.
+  Rig turns;
+  for (std::uint32_t k = 1; k <= 12; ++k) {
+    const std::uint32_t law = turns.state().law_sum.next, own = turns.state().own_sum.next;
+    turns.run(1);
+    check((turns.state().law_sum.next != law) == (k % 4 == 2) && (turns.state().own_sum.next != own) == (k % 4 == 0), "turns");
   }
   for (const bool law : {true, false}) {
     Rig rig;

@@ -97,8 +97,8 @@ def test_every_file_has_mutants_and_tests_that_judge_it():
 @pytest.mark.nightly
 def test_a_dozen_mutants_that_the_commit_draws_are_killed():
     """At most one of twelve survives without a stated reason, and every reason is of a mutant that there is."""
-    changes_of = {mutants.key_of(mutant) for mutant in mutants.all_mutants()}
-    assert set(mutants.EQUIVALENT) <= changes_of
+    for each in mutants.EQUIVALENT:
+        assert any(mutants.is_one_of(mutant, each) for mutant in mutants.all_mutants()), each
     commit = subprocess.run(["git", "rev-parse", "HEAD"], cwd=mutants.ROOT, capture_output=True, text=True, check=False)
     seed = int(commit.stdout.strip() or "0", 16)
     verdicts = mutants.judged(mutants.all_mutants(), 12, seed)

@@ -210,11 +210,12 @@ def test_bodies_of_laws():
 
 
 def test_friction_with_other_powers_is_never_underestimated(monkeypatch):
-    found = {(0.0, 0.0): 0.5, (2.0, 0.0): 0.01, (0.5, 1.0): 0.02, (0.25, 0.0): 0.03, (0.0, 1.0): 3.0, (0.75, 0.0): 0.0}
+    found = {(0.0, 0.0): 0.5, (2.0, 0.0): 0.01, (0.5, 1.0): 0.02, (0.25, 0.0): 0.03, (0.0, 1.0): 3.0, (0.75, 0.0): 0.05}
     monkeypatch.setattr(rules, "friction_coefficients", lambda *_: found)
     made = rules.body_friction(joint(), 2.0)
     assert made == pytest.approx({
-        "coulomb": 0.5 + 0.03 * SPEED**0.25, "load": 1.0, "viscous": 0.01 * SPEED, "square_root": 0.02 * 2.0,
+        "coulomb": 0.5 + 0.03 * SPEED**0.25, "load": 1.0, "viscous": 0.01 * SPEED,
+        "square_root": 0.02 * 2.0 + 0.05 * SPEED**0.25,
     })  # fmt: skip
     unlimited = joint(velocity_limit=math.inf)
     with pytest.raises(PellucidError, match=r"speed\^2 and no velocity limit"):
@@ -458,6 +459,21 @@ def test_every_threshold_of_several_joints(robot):
     held = tree_laws.carried(robot, limits=strong)
     assert held.watches[0]["hold_limit"] == pytest.approx(1.5 * reach.weight[0] + reach.friction[0])
     assert [one["hold_limit"] < 100.0 for one in held.watches] == [True] * 4
+
+
+def test_a_transparent_law_of_several_joints_may_speed_up_each_of_them_alone(robot):
+    law = tree_laws.transparent(robot)
+    stores = 0.5 * tree_laws.reach_of(robot).inertia * 2.0**2
+    assert [share["energy_store"] for share in law.shares] == pytest.approx(list(stores))
+
+
+def test_as_many_links_as_the_core_has_room_for(robot, monkeypatch):
+    assert tree_laws.MOST_LINKS == 12
+    monkeypatch.setattr(tree_laws, "MOST_LINKS", 4)
+    assert len(tree_laws.carried(robot).watches) == 4
+    monkeypatch.setattr(tree_laws, "MOST_LINKS", 3)
+    with pytest.raises(PellucidError, match="found 4 links, expected at most 3"):
+        tree_laws.carried(robot)
 
 
 def test_laws_of_several_joints_that_are_refused(robot):
