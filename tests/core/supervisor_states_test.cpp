@@ -204,12 +204,19 @@ void configured() {
   check(other.out.effort == 0 && !other.out.enable && other.out.fault == F::configuration && other.out.mode == M::latched, "nothing");
   check(other.out.challenge == 0, "and no reset");
   check(p::configure(other.law, law_params(), held()) && other.mode() == M::running, "better");
+  Rig<> lost(held());
+  lost.run(20);
+  lost.law.supervisor.valid = 0;
+  lost.run(1);
+  check(lost.out.effort == 0 && lost.out.fault == F::configuration && lost.out.mode == M::latched && !lost.out.enable, "at once");
   // A broken mode is a fault; what was never configured has no past.
-  Rig<> broken(held());
-  broken.run(10);
-  broken.state().doing.word ^= 4u;
-  p::configure(broken.law, law_params(), held());
-  check(broken.mode() == M::latched && broken.fault() == F::integrity, "a broken mode");
+  for (const std::uint32_t bits : {4u, 3u}) {
+    Rig<> broken(held());
+    broken.run(10);
+    broken.state().doing.word ^= bits;
+    p::configure(broken.law, law_params(), held());
+    check(broken.mode() == M::latched && broken.fault() == F::integrity, "a broken mode");
+  }
   Rig<> past(held());
   p::stop(past.law);
   past.run(1);
@@ -408,6 +415,14 @@ void momentum() {
       check(seen.at(0, 1, mode) == (carries ? F::unexplained : F::none), "what nobody gives, while the law carries");
       check(seen.s.residual == F::unexplained, "and taken note of");
     }
+  Params tells = r;
+  tells.body.force_tolerance = 1;
+  Seen contradicted(tells);
+  contradicted.starts(0);
+  contradicted.s.body.started = true;
+  contradicted.s.body.contradiction = 9;
+  contradicted.in.interaction = {0, 0, 1, true};
+  check(contradicted.at(0, 1) == F::none && contradicted.s.residual == F::force_sensor, "a sensor's turn comes later");
   Seen fresh(r);
   fresh.at(1, 0);
   check(fresh.at(1, 1) == F::none && !fresh.s.body.started, "two readings are no motion");
@@ -417,6 +432,7 @@ void momentum() {
   moves.starts(1);
   moves.s.drive.asked = 3, moves.s.drive.asked_before = 1;
   moves.s.body = {};
+  moves.in.interaction = {2, 0, 1, false};
   moves.at(3, 1);
   check_close(moves.s.body.momentum, 2 + 2 * period * 2, 1e-12, "of mean velocity and mean effort");
   check(moves.s.body.felt == 0, "a sensor that is silent");
@@ -503,7 +519,7 @@ void sensors() {
         }
       }
   // The same value: a fault of the force sensor while the joint moves, never of EMG.
-  for (const S speed : {-1.0, -0.25, 0.0, 0.25, 1.0})
+  for (const S speed : {-1.0, -0.375, -0.25, 0.0, 0.25, 0.375, 1.0})
     for (const bool force : {true, false}) {
       Params r;
       r.moving = 0.25;
@@ -515,7 +531,7 @@ void sensors() {
       p::Samples<S> in;
       in.interaction = in.muscle = {1, 0, 1, true};
       for (int k = 0; k < 30; ++k) p::judge_sensors(c, s, in);
-      check((p::fault_of(s) == F::lost) == (force && std::fabs(speed) == 1), "frozen in motion");
+      check((p::fault_of(s) == F::lost) == (force && std::fabs(speed) > 0.25), "frozen in motion");
     }
   // What model and motion contradict.
   for (const std::uint32_t expected : {0u, 1u}) {
@@ -551,6 +567,8 @@ void last_effort() {
     check(p::least_of(s) == way * 2, "the smaller counts");
     s.output = way * 3, s.drive.asked = way * -2;
     check(p::least_of(s) == way * -2, "of either");
+    s.output = way * 2, s.drive.asked = way * -2;
+    check(p::least_of(s) == way * 2, "of equal ones the output");
     s.output = nan;
     check(p::least_of(s) == 0, "no number is none");
     s.output = way * never, s.drive.asked = nan;
@@ -742,8 +760,10 @@ void start_up() {
     Rig<> joint(one);
     S largest = 0;
     for (int i = 0; i < 400 && joint.mode() == M::start_up; ++i) {
-      joint.speed = answer * joint.out.effort;
+      const S last = joint.out.effort;
+      joint.speed = answer * last;
       joint.run(1);
+      check(std::fabs(joint.out.effort - last) <= 0.5, "within the rate");
       largest = std::fmax(largest, std::fabs(joint.out.effort));
     }
     check(largest <= 10, "within the law's limit");
@@ -764,17 +784,18 @@ void start_up() {
 void degraded() {
   Params r;
   r.degrades = 1;
-  r.force.expected = 1;
+  r.force = {1, 50, 2};
   using T = p::TransparentCompensation<S>;
   Rig<T> rig(r), other(r);
   for (int k = 0; k < 300; ++k)
     for (Rig<T>* one : {&rig, &other}) {
       one->read();
-      one->in.interaction = one->in.muscle = {k < 100 || one == &rig ? 1.0 + 0.001 * k : 1.0, one->now, one->count, k < 100 || k >= 200};
-      if (k >= 200) one->in.interaction.value = one->in.muscle.value = one == &rig ? 5 : -5;
+      const S said = k < 100 ? 0.001 * k : k < 102 ? 3 : one == &rig ? 1 : -1;
+      one->in.interaction = one->in.muscle = {said, one->now, one->count, true};
       one->step();
-      if (k < 100) check(one->mode() == M::running, "runs");
-      if (k >= 160) check(one->mode() == M::degraded && one->out.fault == F::lost && one->out.enable, "goes on with less");
+      if (k == 100 || k == 101) continue;  // sensors are judged in every second period
+      check(one->mode() == (k < 100 ? M::running : M::degraded) && one->out.enable, "goes on with less");
+      check(one->out.fault == (k < 100 ? F::none : F::force_sensor) && one->out.challenge == 0, "and says why");
     }
   check(rig.out.effort == other.out.effort && rig.out.effort != 0, "whatever is said again");
 }
@@ -795,7 +816,10 @@ void fronts() {
   fast.law.controller.law.gate.params.velocity_limit = 0.5;
   p::seal(fast.law);
   fast.speed = 4;
-  fast.run(60);
+  for (int k = 0; k < 60; ++k) {
+    fast.run(1);
+    check((fast.law.controller.state.gate.fault == F::none) == (fast.out.fault == F::none), "in the same period");
+  }
   check(fast.out.fault == F::velocity && fast.out.mode == M::damped_stop && fast.out.enable, "the gate's limit");
   check(fast.law.controller.steps > 0 && fast.state().steps == 60, "steps");
 }
