@@ -248,11 +248,20 @@ void configured() {
   other.run(1);
   check(other.out.fault.fault == F::configuration && !other.out.enable[0] && other.out.mode == M::latched, "nothing");
   check(p::configure(other.law, law_params(), rules()) && other.mode() == M::running, "better");
-  Rig broken;
-  broken.run(10);
-  broken.state().doing.word ^= 4u;
-  p::configure(broken.law, law_params(), rules());
-  check(broken.mode() == M::latched && broken.fault() == F::integrity, "a broken mode");
+  for (const std::uint32_t bits : {4u, 3u}) {
+    Rig broken;
+    broken.run(10);
+    broken.state().doing.word ^= bits;
+    p::configure(broken.law, law_params(), rules());
+    check(broken.mode() == M::latched && broken.fault() == F::integrity, "a broken mode");
+    check(p::fault_of(broken.law.state).joint == joints, "of the whole");
+  }
+  Rig lost;
+  lost.run(20);
+  lost.law.supervisor.valid = 0;
+  lost.run(1);
+  check(lost.out.command.effort[0] == 0 && lost.out.fault.fault == F::configuration && !lost.out.enable[0], "at once");
+  check(lost.out.mode == M::latched && lost.out.challenge == 0, "and latched");
   Rig past;
   p::stop(past.law);
   past.run(1);
@@ -714,7 +723,10 @@ void fronts() {
   for (auto& one : params.joint) one.gate.velocity_limit = 0.5;
   Rig fast(rules(), params);
   fast.speed[1] = 4;
-  fast.run(60);
+  for (int k = 0; k < 60; ++k) {
+    fast.run(1);
+    check((fast.law.controller.state.gate.fault.fault == F::none) == (fast.out.fault.fault == F::none), "at once");
+  }
   check(fast.out.fault.fault == F::velocity && fast.out.fault.joint == 1 && fast.out.enable[1], "the gate's limit");
   // Of a hold, no joint is left: all fade.
   Rules none = rules();
