@@ -236,6 +236,16 @@ void memory() {
   p::Supervised<Law> fresh;
   const auto out = p::step(fresh, p::Samples<S>{}, p::Feedback<S>{}, 0);
   check(out.fault == F::not_started && out.mode == M::latched && !out.enable && out.effort == 0 && out.beat == 1, "not started");
+  Rig<> another(held());
+  another.run(20);
+  p::put(another.state().alive, 5);
+  another.run(1);
+  check(another.out.fault == F::not_started && another.out.mode == M::latched, "another's memory");
+  Rig<> latched;
+  latched.run(20);
+  p::stop(latched.law);
+  latched.run(60);
+  check(latched.mode() == M::latched && latched.out.fault == F::stopped && latched.state().faults == 1, "latched");
   for (int what = 0; what < 5; ++what) {
     Rig<> rig(held());
     rig.run(20);

@@ -278,6 +278,11 @@ void memory() {
   Supervised fresh;
   const auto out = p::step(fresh, Samples{}, Feedback{}, 0);
   check(out.fault.fault == F::not_started && out.mode == M::latched && !out.enable[0] && out.beat == 1, "not started");
+  Rig another;
+  another.run(20);
+  p::put(another.state().alive, 5);
+  another.run(1);
+  check(another.out.fault.fault == F::not_started && another.out.mode == M::latched, "another's memory");
   for (int what = 0; what < 5; ++what) {
     Rig rig;
     rig.run(20);
@@ -515,12 +520,14 @@ void end_point() {
     const auto at = [&](S third, std::uint32_t steps) {
       for (S& one : rig.place) one = 0;
       rig.speed[0] = rig.speed[1] = rig.speed[2] = 0;
+      for (S& one : rig.place) one = -way * 0.5 * period;
+      rig.place[2] = -way * third * period;
       rig.seen(0);
       rig.speed[0] = way * 0.5, rig.speed[1] = way * 0.5, rig.speed[2] = way * third;
       return rig.seen(steps);
     };
-    // 1.5 + 1 + third, to second order in places of 1e-3 rad.
-    check(at(0.499, 1).fault == F::none, "within");
+    // 1.5 + 1 + third, where all places are 0.
+    check(at(0.499, 1).fault == F::none && at(0.5, 1).fault == F::none, "within");
     check(at(0.501, 1).fault == F::overspeed && at(0.501, 1).joint == joints, "beyond");
     check(at(0.501, 0).fault == F::none, "every second period");
     check(at(0.499, 1).fault == F::none && at(-9, 1).fault == F::overspeed, "either way");
@@ -699,6 +706,16 @@ void doubts_in_a_hold() {
   two.in.position[0].value = two.in.position[2].value = nan;
   two.step();
   check(!two.out.enable[0] && two.out.enable[1] && !two.out.enable[2], "two at once");
+  Rig repeated(r);
+  repeated.run(10);
+  p::stop(repeated.law);
+  repeated.run(5);
+  bool stale = false;
+  for (int k = 0; k < 4; ++k) {
+    repeated.step();
+    stale = stale || repeated.law.controller.fault.fault == F::stale;
+  }
+  check(stale, "the same sample again and again is no healthy one");
   Rig clock(r);
   clock.run(10);
   p::stop(clock.law);
@@ -734,8 +751,24 @@ void fronts() {
   Rig off(none);
   off.run(20);
   p::stop(off.law);
-  off.run(3);
+  off.run(9);
   check(off.mode() == M::latched && !off.out.enable[0] && off.out.command.effort[0] == 0, "nothing to hold with");
+  check(off.out.fault.fault == F::stopped && off.state().faults == 1, "latched by its own fault");
+  // An effort that ramps to 0 goes to the drives, of which one in doubt gets none of a hold.
+  Rig ramps;
+  ramps.run(4);
+  for (S& one : ramps.state().output) one = 5;
+  ramps.state().doing.twin ^= 1u;
+  ramps.run(1);
+  check(ramps.mode() == M::zero && ramps.out.command.effort[1] == 4.5 && ramps.out.command.drive[1] == 4.5, "ramps");
+  Rig doubted;
+  doubted.run(4);
+  for (S& one : doubted.state().output) one = 5;
+  doubted.read();
+  doubted.in.position[1].value = nan;
+  doubted.step();
+  check(doubted.mode() == M::damped_stop && doubted.out.command.effort[1] > 1, "a joint in doubt fades");
+  check(doubted.out.command.drive[1] == 0 && doubted.out.command.drive[0] > 1, "and its drive gets nothing");
 }
 
 }  // namespace
