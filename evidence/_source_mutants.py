@@ -222,6 +222,8 @@ def python_mutants(file: str, source: str, functions: frozenset[str] | None) -> 
             isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
         ):
             return
+        if isinstance(node, ast.keyword) and node.arg == "strict":
+            return
         yield node
         for name, value in ast.iter_fields(node):
             if name in ("annotation", "returns", "decorator_list"):
@@ -259,13 +261,15 @@ def python_mutants(file: str, source: str, functions: frozenset[str] | None) -> 
                 yield patch(node, said(argument), rule)
         elif isinstance(node, ast.Constant) and type(node.value) in (int, float) and node.value:
             for factor in FACTORS:
-                value = node.value * float(factor)
-                yield patch(node, repr(value if isinstance(node.value, float) else int(value)), "factor")
+                value = type(node.value)(node.value * float(factor))
+                if value != node.value:
+                    yield patch(node, repr(value), "factor")
         elif isinstance(node, ast.Constant) and isinstance(node.value, bool):
             yield patch(node, str(not node.value), "constant")
         elif isinstance(node, ast.Dict):
             for key, value in zip(node.keys, node.values, strict=True):
-                if key is not None and isinstance(value, ast.Name | ast.Attribute | ast.Subscript | ast.BinOp):
+                measures = isinstance(value, ast.Name | ast.Attribute | ast.Subscript | ast.BinOp)
+                if key is not None and measures and said(value) != "math.inf":
                     for factor in FACTORS:
                         yield patch(value, f"{factor} * ({said(value)})", "factor")
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from test_tree_laws import arm
+from test_tree_laws import arm, with_joint_numbers
 
 from pellucid._errors import PellucidError
 from pellucid.control import joint_compensation, tree_laws
@@ -459,6 +459,15 @@ def test_every_threshold_of_several_joints(robot):
     held = tree_laws.carried(robot, limits=strong)
     assert held.watches[0]["hold_limit"] == pytest.approx(1.5 * reach.weight[0] + reach.friction[0])
     assert [one["hold_limit"] < 100.0 for one in held.watches] == [True] * 4
+
+
+def test_offsets_count_by_their_size_and_an_end_that_does_not_move_has_no_limit(robot):
+    reach = tree_laws.reach_of(robot)
+    for offset in (-0.5, 0.5):
+        more = tree_laws.reach_of(with_joint_numbers(robot, offset=offset))
+        np.testing.assert_allclose(more.friction, reach.friction + 0.5)
+    still = tree_laws.carried(robot, end="yoke")
+    assert (still.whole["speed_limit"], still.whole["end_link"]) == (math.inf, 1.0)
 
 
 def test_a_transparent_law_of_several_joints_may_speed_up_each_of_them_alone(robot):
