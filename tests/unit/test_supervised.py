@@ -164,6 +164,36 @@ def test_the_page_has_every_fault_once_with_what_was_measured():
     assert set(worn) < set(faults)
     for kind in FAULT_KINDS:
         assert faults[kind.name][0].endswith("*") == bool(kind.hidden)
-        found, of = map(int, faults[kind.name][2].split(" of "))
-        assert 0 <= found <= of >= 20
     assert "This is no certification" in page
+
+
+UNCERTAIN = frozenset({"encoder_frozen", "force_triple", "emg_crossed", "drive_holds", "drive_late", "wearer_blocked",
+                       "strap_opens", "law_state"})  # fmt: skip
+"""Faults of the elbow that need not be found in every run, because a bounded energy is all that they give."""
+
+KNEE_EXCESS = {"emg_lost": 2.4, "drive_triple": 3.6}
+"""Bounds of a worn knee where they are not the usual one [J]: what docs/safety.md measured and a quarter more."""
+
+
+def test_the_page_bounds_the_energy_and_the_time_of_every_fault():
+    """Each fault without a star is found in every run of the elbow, or gives at most 1.5 J in ten seconds."""
+    page = (Path(__file__).parents[2] / "docs" / "safety.md").read_text(encoding="utf-8")
+    measured = page.split("<!-- measured -->")[1].split("<!-- end of measured -->")[0]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in measured.splitlines() if "| `" in line]
+    rows = [row for row in rows if len(row) == 8]
+    elbow, knee = rows[: len(FAULT_KINDS)], rows[len(FAULT_KINDS) :]
+    for row in elbow:
+        name, hidden = row[0].split("`")[1], row[0].endswith("*")
+        found, of = map(int, row[2].split(" of "))
+        assert of >= 20, name
+        assert 0 <= found <= of, name
+        if hidden:
+            continue
+        assert float(row[6].removesuffix(" J")) <= 1.5, name
+        if name not in UNCERTAIN:
+            assert found == of, name
+            assert float(row[5].removesuffix(" ms")) <= 3500.0, name
+    for row in knee:
+        name = row[0].split("`")[1]
+        if not row[0].endswith("*"):
+            assert float(row[6].removesuffix(" J")) <= KNEE_EXCESS.get(name, 1.5), name

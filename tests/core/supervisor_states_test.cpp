@@ -1,0 +1,859 @@
+// The supervisor of one joint, piece by piece: what it makes of its numbers, when each watch speaks, which state
+// follows which, what a hold and a reset need. Each bound just within and just beyond it, in both signs.
+#include "check.hpp"
+#include "law_numbers.hpp"
+
+#include <pellucid/joint_compensation.hpp>
+#include <pellucid/supervisor.hpp>
+#include <pellucid/transparent_compensation.hpp>
+
+#include <initializer_list>
+
+namespace p = pellucid;
+
+namespace {
+
+using F = p::SafetyFault;
+using M = p::Mode;
+using S = double;
+using Law = p::JointCompensation<S>;
+using Params = p::SupervisorParams<S>;
+using State = p::SupervisorState<S>;
+constexpr S period = 0x1p-10, more = 0x1p-8, never = std::numeric_limits<S>::infinity();
+constexpr M modes[] = {M::start_up, M::running, M::degraded, M::damped_stop, M::zero, M::latched};
+const S nan = std::numeric_limits<S>::quiet_NaN();
+
+/// A law with limits of 10 N m and 0.5 N m a period; periods are 1/1024 s, so that velocities are exact numbers.
+template <class L = Law> typename L::Params law_params() {
+  auto params = typical_params<typename L::Params>();
+  params.gate.period = period;
+  params.gate.rate_limit = 512;
+  params.gate.position_min = -never;
+  params.gate.position_max = never;
+  params.gate.velocity_limit = never;
+  return params;
+}
+
+p::SafetyCoefficients<S> gate() { return p::coefficients(law_params().gate); }
+
+// --- numbers ---------------------------------------------------------------------------------------------------------
+
+void parameters() {
+  const Params usual;
+  check(usual.moving == 0.2 && usual.rest_speed == 0.3 && usual.reset_delay == 1 && usual.healthy_samples == 500, "usual");
+  check(usual.joint_tolerance == never && usual.joint_expected == 0 && usual.degrades == 0, "nothing that is not asked for");
+  Params r;
+  r.body.inertia = 0.05;
+  const auto c = p::coefficients(r, gate());
+  check(c.valid == 1 && c.period == period && c.effort_limit == 10 && c.max_change == 0.5, "the gate's");
+  check(c.encoder.period == period && c.body.period == 2 * period, "momentum every second period");
+  check(c.ringing.smoothing == 100 * 4 * period && c.reset_periods == 1024, "ringing every fourth");
+  auto shut = gate();
+  shut.valid = false;
+  check(p::coefficients(r, shut).valid == 0 && p::coefficients(r, shut).reset_periods == 1000000, "no gate");
+  Params bad = r;
+  bad.reset_delay = 61;
+  check(p::coefficients(bad, gate()).valid == 0, "unsound");
+  bad = r;
+  bad.encoder.range_min = 1, bad.encoder.range_max = 0;
+  check(p::coefficients(bad, gate()).valid == 0, "an encoder without a range");
+  bad = r;
+  bad.body.bandwidth = 600;
+  check(p::coefficients(bad, gate()).valid == 0, "an observer that is too fast");
+  bad = r;
+  bad.ringing.fastest = 300;
+  check(p::coefficients(bad, gate()).valid == 0, "a band that is too fast");
+  bad = r;
+  bad.test.samples = 7;
+  check(p::coefficients(bad, gate()).valid == 0, "half a wave that is too short");
+  // A delay beyond a million periods is a million.
+  auto fast = law_params().gate;
+  fast.period = 0x1p-17;
+  const auto periods = [&](S delay) {
+    Params one;
+    one.reset_delay = delay;
+    return p::coefficients(one, p::coefficients(fast)).reset_periods;
+  };
+  check(periods(7.5) == 983040 && periods(3.75) == 491520 && periods(0) == 0, "delays in periods");
+  check(periods(7.75) == 1000000 && periods(8) == 1000000 && periods(60) == 1000000, "a million at most");
+}
+
+void answers() {
+  Params r;
+  r.hold = {2, 4};
+  const auto c = p::coefficients(r, gate());
+  r.hold = {};
+  const auto none = p::coefficients(r, gate());
+  for (std::size_t i = 0; i < p::safety_fault_count; ++i) {
+    const F fault = static_cast<F>(i);
+    bool held = false;
+    for (const F one : {F::velocity, F::stopped, F::overspeed, F::force_sensor, F::muscle, F::lost, F::push, F::power, F::energy})
+      held = held || one == fault;
+    check(p::response(c, fault) == (held ? M::damped_stop : M::zero), p::safety_fault_names[i]);
+    check(p::response(none, fault) == M::zero, "nothing to hold with");
+  }
+  for (const M mode : modes) check(p::is_stopped(mode) == (mode == M::damped_stop || mode == M::zero || mode == M::latched), "stopped");
+  check(p::first_mode(c) == M::running, "no test");
+  r.test.effort = 1;
+  check(p::first_mode(p::coefficients(r, gate())) == M::start_up, "a test first");
+}
+
+// --- states ----------------------------------------------------------------------------------------------------------
+
+/// Every mode with every wish: what is stopped is only ever stopped harder, and the first fault stays.
+void transitions() {
+  const auto c = p::coefficients(Params{}, gate());
+  for (const M now : modes)
+    for (const M wanted : {M::degraded, M::damped_stop, M::zero, M::latched}) {
+      State s;
+      p::go(s, now, now == M::running || now == M::start_up ? F::none : F::lost);
+      s.steps = 77;
+      s.stopped = s.healthy = 5;
+      s.hold.effort = s.hold.taken = 3;
+      s.drive = {4, 2, 1, 1, 1, 1, 1};
+      p::enter(c, s, F::jump, wanted);
+      const bool was = p::is_stopped(now), same = was && wanted <= now;
+      const M next = same ? now : wanted;
+      check(p::mode_of(s) == next, "the harder one");
+      check(s.faults == (same ? 0u : 1u), "written down where anything changed");
+      const bool first = !was && !(now == M::degraded && wanted == M::degraded);
+      check(p::fault_of(s) == (same || !first ? (now == M::running || now == M::start_up ? F::none : F::lost) : F::jump), "the first fault");
+      if (same || !p::is_stopped(next)) {
+        check(s.stopped == 5 && s.healthy == 5 && s.challenge.word == 0 && s.drive.due == 1, "nothing else");
+        continue;
+      }
+      check(p::logged(s, 0).fault == F::jump && p::logged(s, 0).mode == next && p::logged(s, 0).step == 77, "log");
+      check(s.stopped == 0 && s.healthy == 0 && s.hold.effort == 0 && s.hold.taken == 0, "begins anew");
+      check(s.drive.asked == 4 && s.drive.asked_before == 4 && s.drive.due == 0 && s.drive.outside == 0, "the drive's watch, too");
+      check(s.challenge.word % 2 == 1 && p::is_whole(s.challenge), "a challenge that is not 0");
+      const std::uint32_t challenge = s.challenge.word;
+      State other = s;
+      p::go(s, M::running, F::none);
+      ++s.steps;
+      p::enter(c, s, F::jump, M::zero);
+      p::go(other, M::running, F::none);
+      other.steps += 2;
+      p::enter(c, other, F::jump, M::zero);
+      check(s.challenge.word != challenge && other.challenge.word != challenge && s.challenge.word != other.challenge.word,
+            "another one for every fault");
+    }
+  State s;
+  for (std::uint32_t k = 1; k <= 20; ++k) {
+    p::go(s, M::running, F::none);
+    s.steps = k;
+    p::enter(c, s, F::jump, M::zero);
+    for (std::uint32_t ago = 0; ago < 12; ++ago)
+      check(p::logged(s, ago).step == (ago < k && ago < 8 ? k - ago : 0), "the last eight");
+  }
+}
+
+/// A law under a supervisor on a joint that goes at a constant velocity.
+template <class L = Law> struct Rig {
+  p::Supervised<L> law{};
+  p::SupervisorOutput<S> out{};
+  p::Samples<S> in{};
+  p::Feedback<S> back{};
+  S place = 1.2, speed = 0;
+  std::int64_t now = 1000000;
+  std::uint32_t count = 100;
+
+  explicit Rig(const Params& r = {}) { check(p::configure(law, law_params<L>(), r), "the example makes sense"); }
+  State& state() { return law.state; }
+  M mode() const { return p::mode_of(law.state); }
+  F fault() const { return p::fault_of(law.state); }
+  void read() {
+    now += 977;
+    ++count;
+    place += speed * period;
+    in.position = {place, now, count, true};
+    back.drive = {law.state.output, now, count, true};
+  }
+  p::SupervisorOutput<S> step() { return out = p::step(law, in, back, now); }
+  void run(int n) {
+    for (int k = 0; k < n; ++k) read(), step();
+  }
+};
+
+Params held() {
+  Params r;
+  r.hold = {2, 4};
+  r.reset_delay = 16 * period;
+  r.healthy_samples = 8;
+  return r;
+}
+
+void configured() {
+  Rig<> rig(held());
+  check(rig.mode() == M::running && rig.state().steps == 0, "runs at once");
+  rig.run(100);
+  check(p::configure(rig.law, law_params(), held()) && rig.mode() == M::running && rig.state().steps == 100, "again");
+  rig.run(5);
+  p::stop(rig.law);
+  rig.run(1);
+  const std::uint32_t challenge = rig.out.challenge;
+  check(rig.out.fault == F::stopped && rig.mode() == M::damped_stop && challenge != 0, "stopped");
+  check(p::configure(rig.law, law_params(), held()) && rig.mode() == M::latched && rig.fault() == F::stopped, "stays");
+  check(rig.state().challenge.word == challenge && rig.state().steps == 106 && rig.state().faults == 1, "kept");
+  check(p::logged(rig.law.state, 0).fault == F::stopped, "with its log");
+  // Numbers that make no sense are a fault that ends with better ones.
+  Rig<> other(held());
+  Params bad = held();
+  bad.reset_delay = -1;
+  check(!p::configure(other.law, law_params(), bad) && other.mode() == M::latched && other.fault() == F::configuration, "bad");
+  other.run(1);
+  check(other.out.effort == 0 && !other.out.enable && other.out.fault == F::configuration && other.out.mode == M::latched, "nothing");
+  check(other.out.challenge == 0, "and no reset");
+  check(p::configure(other.law, law_params(), held()) && other.mode() == M::running, "better");
+  Rig<> lost(held());
+  lost.run(20);
+  lost.law.supervisor.valid = 0;
+  lost.run(1);
+  check(lost.out.effort == 0 && lost.out.fault == F::configuration && lost.out.mode == M::latched && !lost.out.enable, "at once");
+  // A broken mode is a fault; what was never configured has no past.
+  for (const std::uint32_t bits : {4u, 3u}) {
+    Rig<> broken(held());
+    broken.run(10);
+    broken.state().doing.word ^= bits;
+    p::configure(broken.law, law_params(), held());
+    check(broken.mode() == M::latched && broken.fault() == F::integrity, "a broken mode");
+  }
+  Rig<> past(held());
+  p::stop(past.law);
+  past.run(1);
+  past.state().alive.twin ^= 1u;
+  p::configure(past.law, law_params(), held());
+  check(past.mode() == M::running && past.state().faults == 0 && past.state().steps == 0, "no past");
+  past.run(10);
+  past.state().alive = {};
+  p::put(past.state().alive, 5);
+  past.state().steps = 9;
+  p::configure(past.law, law_params(), held());
+  check(past.state().steps == 0, "nor where it is another's");
+}
+
+/// A word of memory that is lost is a fault, whichever it is; both twins of the first one are: nothing was configured.
+void memory() {
+  p::Supervised<Law> fresh;
+  const auto out = p::step(fresh, p::Samples<S>{}, p::Feedback<S>{}, 0);
+  check(out.fault == F::not_started && out.mode == M::latched && !out.enable && out.effort == 0 && out.beat == 1, "not started");
+  Rig<> another(held());
+  another.run(20);
+  p::put(another.state().alive, 5);
+  another.run(1);
+  check(another.out.fault == F::not_started && another.out.mode == M::latched, "another's memory");
+  Rig<> latched;
+  latched.run(20);
+  p::stop(latched.law);
+  latched.run(60);
+  check(latched.mode() == M::latched && latched.out.fault == F::stopped && latched.state().faults == 1, "latched");
+  for (int what = 0; what < 5; ++what) {
+    Rig<> rig(held());
+    rig.run(20);
+    if (what == 0) rig.state().alive.word ^= 1u;
+    if (what == 1) rig.state().alive.twin ^= 1u;
+    if (what == 2) rig.state().doing.word ^= 1u;
+    if (what == 3) rig.state().doing.twin ^= 256u;
+    if (what == 4) p::put(rig.state().doing, 6u);
+    rig.run(1);
+    check(rig.out.fault == F::integrity && !rig.out.enable && p::is_whole(rig.state().alive), "lost");
+    check(p::logged(rig.law.state, 0).fault == F::integrity && rig.state().faults == 1, "written down");
+  }
+  // Checksums of law and supervisor by turns, every second period: each is gone through in a known time.
+  Rig<> turns(held());
+  for (std::uint32_t k = 1; k <= 12; ++k) {
+    const std::uint32_t law = turns.state().law_sum.next, own = turns.state().own_sum.next;
+    turns.run(1);
+    check((turns.state().law_sum.next != law) == (k % 4 == 2), "the law's by turns");
+    check((turns.state().own_sum.next != own) == (k % 4 == 0), "and the supervisor's");
+  }
+  const int law_words = sizeof(Rig<>{}.law.controller.law) / 4, own_words = sizeof(Rig<>{}.law.supervisor) / 4;
+  for (const bool law : {true, false}) {
+    Rig<> rig(held());
+    rig.run(4);
+    if (law) rig.law.controller.law.friction_share = 0.81;
+    else rig.law.supervisor.params.encoder.speed_limit = 900;
+    int k = 0;
+    for (; k < 2000 && rig.out.fault == F::none; ++k) rig.run(1);
+    const int once = 4 * (((law ? law_words : own_words) + 7) / 8);
+    check(rig.out.fault == F::integrity && rig.mode() != M::damped_stop && k <= 2 * once, "found in time");
+  }
+  Rig<> adjusted(held());
+  adjusted.run(7);
+  auto params = law_params();
+  params.friction_share = 0.5;
+  p::adjust(adjusted.law, params);
+  adjusted.run(2000);
+  check(adjusted.out.fault == F::none && adjusted.law.controller.law.friction_share == 0.5, "other numbers by the way");
+}
+
+// --- watches ---------------------------------------------------------------------------------------------------------
+
+void new_samples() {
+  std::uint32_t seen = 5;
+  check(!p::is_new(seen, p::Sample<S>{1, 0, 5, true}) && p::is_new(seen, p::Sample<S>{1, 0, 6, true}), "seen once");
+  check(!p::is_new(seen, p::Sample<S>{1, 0, 7, false}) && seen == 7, "taken note of");
+  check(!p::is_new(seen, p::Sample<S>{nan, 0, 8, true}) && !p::is_new(seen, p::Sample<S>{1, 0, 8, true}), "no number");
+}
+
+void two_encoders() {
+  Params r;
+  r.joint_expected = 1;
+  r.joint_tolerance = 0.25;
+  r.drive.cycles = 3;
+  const auto c = p::coefficients(r, gate());
+  const auto at = [](S x, std::uint32_t k, bool valid = true) { return p::Sample<S>{x, 0, k, valid}; };
+  for (const S way : {-1.0, 1.0}) {
+    State s;
+    check(p::compare(c, s, at(1, 1), at(0.5, 1)) == F::none && s.joint_offset == 0.5, "offset of the start");
+    check(p::compare(c, s, at(1, 2), at(0.5 + way * 0.25, 2)) == F::none, "at the limit");
+    check(p::compare(c, s, at(1, 3), at(0.5 + way * (0.25 + more), 3)) == F::disagreement, "beyond");
+    check(p::compare(c, s, at(1 + way, 4), at(0.5 + way, 4)) == F::none && s.joint_offset == 0.5, "together");
+    check(p::compare(c, s, at(nan, 5), at(9, 5)) == F::none, "nothing to compare with");
+    for (int k = 1; k <= 5; ++k)
+      check(p::compare(c, s, at(1, 6), at(9, 6, false)) == (k <= 3 ? F::none : F::disagreement), "silent");
+    check(p::compare(c, s, at(1, 7), at(0.5, 7)) == F::none && s.joint_silent == 0, "until it speaks");
+  }
+  State s;
+  auto off = c;
+  off.params.joint_expected = 0;
+  for (std::uint32_t k = 0; k < 9; ++k) check(p::compare(off, s, at(1, k), at(k, k)) == F::none, "none is there");
+  check(!s.joint_started && p::first_of(F::none, F::jump) == F::jump && p::first_of(F::push, F::jump) == F::push, "first");
+}
+
+/// What is seen in a period whose number is `steps`, in a mode, of a motor that went at one velocity and then another.
+struct Seen {
+  p::SupervisorCoefficients<S> c;
+  State s{};
+  S place = 0;
+  std::uint32_t count = 0;
+  p::Samples<S> in{};
+  p::Feedback<S> back{};
+
+  explicit Seen(const Params& r) : c(p::coefficients(r, gate())) { check(c.valid == 1, "makes sense"); }
+  F at(S velocity, std::uint32_t steps, M mode = M::running) {
+    place += velocity * period;
+    in.position = {place, 0, ++count, true};
+    s.steps = steps;
+    p::go(s, mode, F::none);
+    return p::observe(c, s, in, back);
+  }
+  void starts(S velocity) {
+    for (int k = 0; k < 4; ++k) at(velocity, 0);
+  }
+};
+
+/// Power, push and ringing are of the mean effort and the mean velocity of two periods, in every second period.
+void slow_watches() {
+  Params r;
+  r.budget.power_limit = 4;
+  for (const S way : {-1.0, 1.0})
+    for (const M mode : modes) {
+      Seen seen(r);
+      seen.starts(1);
+      seen.s.drive.asked = way * 3, seen.s.drive.asked_before = way;
+      check(seen.at(3, 1, mode) == F::none, "at the limit");
+      seen.at(1, 2, mode);
+      seen.s.drive.asked = way * (3 + more);
+      check(seen.at(3, 2, mode) == F::none, "not looked at");
+      seen.at(1, 2, mode);
+      check(seen.at(3, 3, mode) == F::power, "beyond");
+      check(seen.s.other_velocity == 3, "velocity of the period before");
+    }
+  r = {};
+  r.budget.push_limit = 2;
+  r.body.inertia = 1;
+  r.body.gravity_cosine = 3;
+  for (const M mode : modes) {
+    const bool carries = mode == M::running || mode == M::degraded;
+    Seen seen(r);
+    seen.starts(0);
+    seen.s.drive.asked = seen.s.drive.asked_before = 5;
+    check(seen.at(0, 1, mode) == (carries ? F::none : F::push), "the weight that is carried");
+    seen.s.drive.asked = seen.s.drive.asked_before = 5 + more;
+    check(seen.at(0, 1, mode) == F::push, "beyond");
+    seen.s.drive.asked = seen.s.drive.asked_before = 2;
+    check(seen.at(0, 1, mode) == F::none, "within");
+  }
+  r = {};
+  r.body.inertia = 1;
+  r.body.coulomb = 0.5;
+  r.budget.push_limit = 2;
+  Seen drag(r);
+  drag.starts(0);
+  drag.s.drive.asked = drag.s.drive.asked_before = 2.5;
+  check(drag.at(0, 1) == F::none, "friction takes its part");
+  drag.s.drive.asked = drag.s.drive.asked_before = 2.5 + more;
+  check(drag.at(0, 1) == F::push, "and no more");
+  // The store: two periods' energy at a time.
+  r = {};
+  r.budget.store = 1;
+  Seen spends(r);
+  spends.starts(2);
+  spends.s.drive.asked = spends.s.drive.asked_before = 3;
+  check(spends.at(2, 1) == F::none && spends.s.budget.spent == 2 * period * 6, "energy of two periods");
+  r = {};
+  r.ringing.limit = 0.015625;
+  for (const M mode : modes)
+    for (std::uint32_t steps = 0; steps < 4; ++steps) {
+      Seen seen(r);
+      seen.starts(0);
+      seen.s.ringing.size = 9;
+      check((seen.at(0, steps, mode) == F::ringing) == (steps == 3 && mode != M::start_up), "every fourth period, but in the test");
+    }
+  r = {};
+  Seen rings(r);
+  rings.starts(0);
+  rings.s.drive.asked = 3, rings.s.drive.asked_before = 1;
+  rings.at(0, 3);
+  check(rings.s.ringing.smooth == 100 * 4 * period * 2, "of the mean effort");
+}
+
+/// Model and motion: of running laws, once there are velocities; a force sensor counts where it is expected and speaks.
+void momentum() {
+  Params r;
+  r.body.inertia = 1;
+  r.body.wearer_torque = 4;
+  r.force.expected = 1;
+  for (const S way : {-1.0, 1.0})
+    for (const M mode : modes) {
+      const bool carries = mode == M::running || mode == M::degraded;
+      Seen seen(r);
+      seen.starts(0);
+      seen.s.body.started = true;
+      seen.s.body.lasting = way * 9;
+      check(seen.at(0, 2, mode) == F::none && seen.s.body.lasting == way * 9, "every second period");
+      check(seen.at(0, 1, mode) == (carries ? F::unexplained : F::none), "what nobody gives, while the law carries");
+      check(seen.s.residual == F::unexplained, "and taken note of");
+    }
+  Params tells = r;
+  tells.body.force_tolerance = 1;
+  Seen contradicted(tells);
+  contradicted.starts(0);
+  contradicted.s.body.started = true;
+  contradicted.s.body.contradiction = 9;
+  contradicted.in.interaction = {0, 0, 1, true};
+  check(contradicted.at(0, 1) == F::none && contradicted.s.residual == F::force_sensor, "a sensor's turn comes later");
+  Seen fresh(r);
+  fresh.at(1, 0);
+  check(fresh.at(1, 1) == F::none && !fresh.s.body.started, "two readings are no motion");
+  fresh.at(1, 1);
+  check(!fresh.s.body.started || fresh.s.encoder.heard == 3, "three are");
+  Seen moves(r);
+  moves.starts(1);
+  moves.s.drive.asked = 3, moves.s.drive.asked_before = 1;
+  moves.s.body = {};
+  moves.in.interaction = {2, 0, 1, false};
+  moves.at(3, 1);
+  check_close(moves.s.body.momentum, 2 + 2 * period * 2, 1e-12, "of mean velocity and mean effort");
+  check(moves.s.body.felt == 0, "a sensor that is silent");
+  for (const bool expected : {true, false}) {
+    Params one = r;
+    one.force.expected = expected ? 1 : 0;
+    Seen felt(one);
+    felt.in.interaction = {2, 0, 1, true};
+    felt.starts(0);
+    felt.at(0, 1);
+    check((felt.s.body.felt != 0) == expected, "a sensor that is asked");
+  }
+  r.body.inertia = 0;
+  Seen without(r);
+  without.starts(0);
+  without.s.body.lasting = 99;
+  check(without.at(0, 1) == F::none && without.s.residual == F::none, "no model, nothing to say");
+}
+
+void drive_and_order() {
+  Params r;
+  r.drive.expected = 1;
+  r.drive.cycles = 2;
+  r.drive.tolerance = 1;
+  r.joint_expected = 1;
+  r.joint_tolerance = 0.25;
+  r.encoder.speed_limit = 8;
+  Seen seen(r);
+  seen.back.joint = {0, 0, 0, true};
+  const auto next = [&](S given, S joint, S velocity) {
+    seen.back.drive = {given, 0, seen.count, true};
+    seen.back.joint = {joint, 0, seen.count, true};
+    return seen.at(velocity, 0);
+  };
+  for (int k = 0; k < 4; ++k) check(next(0, seen.place, 0) == F::none, "all well");
+  next(3, seen.place, 0);
+  check(next(3, seen.place, 0) == F::drive_stuck, "the drive alone");
+  next(3, seen.place, 0);
+  check(next(3, seen.place + 1, 0) == F::disagreement, "the encoders before the drive");
+  next(3, seen.place, 0);
+  check(next(3, seen.place + 1, 16) == F::overspeed, "the encoder before all");
+  r.drive.surplus = 0.5;
+  r.drive.tolerance = never;
+  Seen adds(r);
+  adds.c.params.joint_expected = 0;
+  adds.starts(0);
+  adds.back.drive = {64, 0, 99, true};
+  check(adds.at(8, 0) == F::none && adds.s.drive.surplus == 0.5, "energy of the joint's own way in a period");
+  check(adds.at(8, 0) == F::none && adds.s.drive.silent == 1, "a measurement that was seen before is none");
+  r.drive.expected = 0;
+  Seen off(r);
+  off.c.params.joint_expected = 0;
+  off.starts(0);
+  for (int k = 0; k < 9; ++k) check(off.at(0, 0) == F::none, "no drive that measures");
+}
+
+/// Optional sensors: lost or beyond their range the law goes on where it can; a contradiction stops it.
+void sensors() {
+  for (const bool force : {true, false})
+    for (const std::uint32_t carried : {0u, 1u})
+      for (const M mode : modes) {
+        Params r = held();
+        (force ? r.force : r.muscle) = {1, 6, 2};
+        r.degrades = carried;
+        auto c = p::coefficients(r, gate());
+        State s;
+        p::go(s, mode, F::none);
+        p::Samples<S> in;
+        for (const S way : {-1.0, 1.0}) {
+          in.interaction = in.muscle = {way * 2, 0, 1, true};
+          p::judge_sensors(c, s, in);
+          check(p::mode_of(s) == mode && s.faults == 0, "within its range");
+        }
+        in.interaction = in.muscle = {2 + more, 0, 1, true};
+        p::judge_sensors(c, s, in);
+        const M wanted = !force || carried != 0 ? M::degraded : M::damped_stop;
+        check(p::mode_of(s) == (mode == M::running ? wanted : mode), "beyond its range");
+        check(p::fault_of(s) == (mode == M::running ? (force ? F::force_sensor : F::muscle) : F::none), "by its name");
+        State silent;
+        p::go(silent, mode, F::none);
+        for (int k = 1; k <= 4; ++k) {
+          p::judge_sensors(c, silent, {});
+          check((p::fault_of(silent) == F::lost) == (k >= 3 && mode == M::running), "silent for six periods");
+        }
+      }
+  // The same value: a fault of the force sensor while the joint moves, never of EMG.
+  for (const S speed : {-1.0, -0.375, -0.25, 0.0, 0.25, 0.375, 1.0})
+    for (const bool force : {true, false}) {
+      Params r;
+      r.moving = 0.25;
+      (force ? r.force : r.muscle).expected = 1;
+      auto c = p::coefficients(r, gate());
+      State s;
+      p::go(s, M::running, F::none);
+      s.encoder.velocity = speed;
+      p::Samples<S> in;
+      in.interaction = in.muscle = {1, 0, 1, true};
+      for (int k = 0; k < 30; ++k) p::judge_sensors(c, s, in);
+      check((p::fault_of(s) == F::lost) == (force && std::fabs(speed) > 0.25), "frozen in motion");
+    }
+  // What model and motion contradict.
+  for (const std::uint32_t expected : {0u, 1u}) {
+    Params r = held();
+    r.degrades = 1;
+    r.force.expected = expected;
+    auto c = p::coefficients(r, gate());
+    for (const M mode : modes) {
+      State s;
+      p::go(s, mode, F::none);
+      s.residual = F::force_sensor;
+      p::Samples<S> in;
+      in.interaction = {1, 0, 1, true};
+      p::judge_sensors(c, s, in);
+      const bool stops = mode == M::running && expected != 0;
+      check(p::mode_of(s) == (stops ? M::damped_stop : mode), "contradicted");
+      check(p::fault_of(s) == (stops ? F::force_sensor : F::none), "and named");
+      State other;
+      p::go(other, mode, F::none);
+      other.residual = F::unexplained;
+      p::judge_sensors(c, other, in);
+      check(p::mode_of(other) == mode, "only by that");
+    }
+  }
+}
+
+// --- stops and resets ------------------------------------------------------------------------------------------------
+
+void last_effort() {
+  State s;
+  for (const S way : {-1.0, 1.0}) {
+    s.output = way * 2, s.drive.asked = way * 3;
+    check(p::least_of(s) == way * 2, "the smaller counts");
+    s.output = way * 3, s.drive.asked = way * -2;
+    check(p::least_of(s) == way * -2, "of either");
+    s.output = way * 2, s.drive.asked = way * -2;
+    check(p::least_of(s) == way * 2, "of equal ones the output");
+    s.output = nan;
+    check(p::least_of(s) == 0, "no number is none");
+    s.output = way * never, s.drive.asked = nan;
+    check(p::least_of(s) == 0, "none at all");
+  }
+}
+
+/// A joint that was stopped in a mode, with an effort, at a velocity.
+struct Stopped {
+  Rig<> rig;
+  Stopped(const Params& r, M mode, S effort, S velocity) : rig(r) {
+    p::go(rig.state(), M::running, F::none);
+    p::enter(rig.law.supervisor, rig.state(), F::stopped, mode);
+    rig.state().output = rig.state().drive.asked = effort;
+    rig.state().encoder.velocity = velocity;
+  }
+  S stay(F found = F::none, bool heard = true, std::uint32_t token = 0) {
+    p::stay_stopped(rig.law, found, heard, token);
+    p::ask(rig.state().drive, rig.state().output);
+    return rig.state().output;
+  }
+};
+
+void efforts() {
+  for (const S way : {-1.0, 1.0}) {
+    Stopped zero(held(), M::zero, way * 0.75, way);
+    check(zero.stay() == way * 0.25 && zero.rig.mode() == M::zero, "down by the rate");
+    check(zero.stay() == 0 && zero.rig.mode() == M::latched && zero.rig.fault() == F::stopped, "then latched");
+    Stopped latched(held(), M::latched, way * 5, way);
+    check(latched.stay() == 0, "latched is nothing at once");
+    Stopped holds(held(), M::damped_stop, way * 2, way * 4);
+    check(holds.stay() == way * 1.5 && holds.rig.mode() == M::damped_stop, "towards the hold by the rate");
+    for (int k = 0; k < 30; ++k) holds.stay();
+    check(holds.rig.state().output == way * -4, "to its limit, against the motion");
+    for (int k = 0; k < 30; ++k) {
+      holds.rig.state().encoder.velocity = 0;
+      holds.stay();
+    }
+    check(std::fabs(holds.rig.state().output) < 1e-6 && holds.rig.mode() == M::damped_stop, "at rest nothing, and still held");
+    Params strong = held();
+    strong.hold = {8, 40};
+    Stopped limited(strong, M::damped_stop, 0, way * 4);
+    for (int k = 0; k < 60; ++k) limited.stay();
+    check(limited.rig.state().output == way * -10, "within the law's limit");
+    Stopped wide(held(), M::zero, way * 30, way);
+    check(wide.stay() == way * 10, "even where memory lost it");
+    Stopped lost(held(), M::damped_stop, nan, way);
+    check(std::fabs(lost.stay()) <= 0.5, "no number is nothing");
+  }
+}
+
+void resets() {
+  // With 8 healthy periods and 16 since the fault.
+  const auto period_of_reset = [](const Params& r, S velocity, int healthy_from, F found, bool heard, bool right) {
+    Stopped one(r, M::damped_stop, 0, velocity);
+    const std::uint32_t challenge = one.rig.state().challenge.word;
+    for (int k = 1; k <= 80; ++k) {
+      const bool well = k >= healthy_from;
+      one.stay(well ? F::none : found, well || heard, right ? challenge : challenge ^ 2u);
+      if (one.rig.mode() == M::running) return k;
+    }
+    return 0;
+  };
+  const Params r = held();
+  check(period_of_reset(r, 0, 1, F::none, true, true) == 16, "after the delay");
+  check(period_of_reset(r, 0, 21, F::jump, true, true) == 28, "after a healthy while");
+  check(period_of_reset(r, 0, 21, F::none, false, true) == 28, "in which the encoder speaks");
+  check(period_of_reset(r, 0, 1, F::none, true, false) == 0, "not with another token");
+  for (const S way : {-1.0, 1.0}) {
+    check(period_of_reset(r, way * 0.3, 1, F::none, true, true) == 16, "at rest");
+    check(period_of_reset(r, way * (0.3 + more), 1, F::none, true, true) == 0, "not in motion");
+  }
+  Params half = r;
+  half.healthy_samples = 16;
+  half.reset_delay = 0;
+  check(period_of_reset(half, 0, 1, F::none, true, true) == 16, "all the healthy periods");
+  // A token of 0 is none, and so is one beside a broken challenge.
+  Stopped none(r, M::latched, 0, 0);
+  p::put(none.rig.state().challenge, 0);
+  for (int k = 0; k < 50; ++k) none.stay();
+  check(none.rig.mode() == M::latched, "0 is no token");
+  Stopped broken(r, M::latched, 0, 0);
+  broken.rig.state().challenge.twin ^= 1u;
+  for (int k = 0; k < 50; ++k) broken.stay(F::none, true, broken.rig.state().challenge.word);
+  check(broken.rig.mode() == M::latched, "a broken challenge is none");
+  Stopped senseless(r, M::latched, 0, 0);
+  senseless.rig.law.supervisor.valid = 0;
+  for (int k = 0; k < 50; ++k) senseless.stay(F::none, true, senseless.rig.state().challenge.word);
+  check(senseless.rig.mode() == M::latched, "without sense no reset");
+  // What is begun again, and what is kept.
+  Stopped again(r, M::latched, 0, 0);
+  again.rig.state().steps = 7;
+  again.rig.law.controller.state.gate.output = 3;
+  again.rig.law.controller.state.gate.fault = again.rig.law.controller.fault = F::stale;
+  again.rig.state().body.lasting = again.rig.state().budget.spent = 9;
+  const std::uint32_t challenge = again.rig.state().challenge.word;
+  for (int k = 0; k < 16; ++k) again.stay(F::none, true, challenge);
+  const State& s = again.rig.state();
+  check(again.rig.mode() == M::running && again.rig.fault() == F::none && s.output == 0, "runs, from no effort");
+  check(s.steps == 7 && s.faults == 1 && s.challenge.word == challenge && p::is_whole(s.alive), "kept");
+  check(s.body.lasting == 0 && s.budget.spent == 0 && s.healthy == 0 && s.stopped == 0, "begun again");
+  check(again.rig.law.controller.state.gate.output == 0 && again.rig.law.controller.fault == F::none, "the law, too");
+  Params tested = r;
+  tested.test.effort = 1;
+  Stopped test(tested, M::latched, 0, 0);
+  for (int k = 0; k < 16; ++k) test.stay(F::none, true, test.rig.state().challenge.word);
+  check(test.rig.mode() == M::start_up, "with its test");
+}
+
+/// While a joint is held: whatever puts encoder or drive in doubt ends the hold, and so does a joint that gets faster.
+void doubts_in_a_hold() {
+  Params r = held();
+  r.encoder.speed_limit = 2;
+  for (const S way : {-1.0, 1.0}) {
+    const auto ends = [&](S velocity, int after) {
+      Rig<> rig(r);
+      rig.run(10);
+      p::stop(rig.law);
+      rig.run(1);
+      check(rig.mode() == M::damped_stop && rig.state().stopped == 1, "held");
+      rig.run(after - 1);
+      check(rig.mode() == M::damped_stop && rig.state().stopped == static_cast<std::uint32_t>(after), "and held");
+      rig.speed = way * velocity;
+      rig.run(1);
+      return rig.mode() != M::damped_stop;
+    };
+    check(!ends(1, 40), "slow enough");
+    check(!ends(3, 20) && ends(3, 21) && !ends(3, 10), "a joint that runs away, once the hold had its time");
+  }
+  const auto entered = [&](auto&& wrong, const Params& rules) {
+    Rig<> rig(rules);
+    rig.run(10);
+    p::stop(rig.law);
+    rig.run(5);
+    rig.read();
+    wrong(rig);
+    rig.step();
+    return rig.mode();
+  };
+  check(entered([](Rig<>& rig) { rig.in.position.value = nan; }, r) != M::damped_stop, "no encoder");
+  check(entered([](Rig<>&) {}, r) == M::damped_stop, "all well");
+  Params jumps = r;
+  jumps.encoder.speed_limit = never;
+  jumps.encoder.acceleration_limit = 100;
+  check(entered([](Rig<>& rig) { rig.in.position.value += 1; }, jumps) != M::damped_stop, "a jump");
+  Params pushes = r;
+  pushes.budget.push_limit = 1;
+  check(entered([](Rig<>& rig) { rig.state().drive.asked = rig.state().drive.asked_before = 3; }, pushes) == M::damped_stop,
+        "what a hold can bear");
+  // What was wrong at the stop is written down; clocks may begin anew.
+  Rig<> clock(r);
+  clock.run(10);
+  p::stop(clock.law);
+  clock.run(5);
+  clock.now -= 900000;
+  clock.count = 3;
+  clock.run(1);
+  check(clock.mode() != M::damped_stop && clock.law.controller.fault == F::out_of_order, "a clock that went back");
+  clock.run(1);
+  check(clock.law.controller.fault == F::none, "and goes on from there");
+}
+
+// --- the test at start-up and the law --------------------------------------------------------------------------------
+
+void start_up() {
+  Params r;
+  r.test = {2, 16, 5, 0.0, never};
+  r.rest_speed = 0.25;
+  Rig<> rig(r);
+  check(rig.mode() == M::start_up, "a test first");
+  rig.run(5);
+  check(rig.out.effort == 0 && rig.out.enable, "rest, with power");
+  S most = 0, least = 0, before = 0;
+  int k = 0;
+  for (; k < 99 && rig.mode() == M::start_up; ++k) {
+    rig.speed = 0.5 * rig.out.effort;
+    rig.run(1);
+    check(std::fabs(rig.out.effort - before) <= 0.5 && rig.state().test.pushed == rig.out.effort, "within the rate");
+    before = rig.out.effort;
+    most = std::fmax(most, rig.out.effort), least = std::fmin(least, rig.out.effort);
+  }
+  check(k == 33 && rig.mode() == M::running && rig.fault() == F::none, "then it runs");
+  check(most > 1.9 && least < -1.9, "up and down");
+  check(rig.state().body.lasting == 0 && rig.state().budget.spent == 0 && rig.state().ringing.size == 0, "from the beginning");
+  check(rig.law.controller.state.gate.output == rig.out.effort, "and from the wave's end");
+  const auto tested = [](S effort, S answer, S low, S high) {
+    Params one;
+    one.test = {effort, 64, 2, low, high};
+    Rig<> joint(one);
+    S largest = 0;
+    for (int i = 0; i < 400 && joint.mode() == M::start_up; ++i) {
+      const S last = joint.out.effort;
+      joint.speed = answer * last;
+      joint.run(1);
+      check(std::fabs(joint.out.effort - last) <= 0.5, "within the rate");
+      largest = std::fmax(largest, std::fabs(joint.out.effort));
+    }
+    check(largest <= 10, "within the law's limit");
+    return largest > 9.99 ? F::none : joint.fault();
+  };
+  check(tested(30, 0.001, 0, never) == F::none, "an effort beyond the limit is cut off");
+  check(tested(2, -0.1, 0.001, never) == F::polarity, "the other way");
+  check(tested(2, 0.1, 0.0001, 0.001) == F::gain, "too much");
+  // What a sensor contradicts is no matter of the test.
+  Params quiet = r;
+  quiet.force.expected = 1;
+  Rig<> silent(quiet);
+  silent.run(20);
+  check(silent.mode() == M::start_up && silent.state().force.quiet == 0, "sensors are judged once it runs");
+}
+
+/// A law that is degraded hears neither sensor.
+void degraded() {
+  Params r;
+  r.degrades = 1;
+  r.force = {1, 50, 2};
+  using T = p::TransparentCompensation<S>;
+  Rig<T> rig(r), other(r);
+  for (int k = 0; k < 300; ++k)
+    for (Rig<T>* one : {&rig, &other}) {
+      one->read();
+      const S said = k < 100 ? 0.001 * k : k < 102 ? 3 : one == &rig ? 1 : -1;
+      one->in.interaction = one->in.muscle = {said, one->now, one->count, true};
+      one->step();
+      if (k == 100 || k == 101) continue;  // sensors are judged in every second period
+      check(one->mode() == (k < 100 ? M::running : M::degraded) && one->out.enable, "goes on with less");
+      check(one->out.fault == (k < 100 ? F::none : F::force_sensor) && one->out.challenge == 0, "and says why");
+    }
+  check(rig.out.effort == other.out.effort && rig.out.effort != 0, "whatever is said again");
+}
+
+/// What the front of the law finds stops it in the same period, and what its gate finds, too.
+void fronts() {
+  Rig<> rig(held());
+  rig.run(20);
+  const S before = rig.out.effort;
+  check(before != 0 && rig.out.challenge == 0 && rig.out.beat == 20, "it runs");
+  rig.read();
+  rig.in.position.time -= 900000;
+  rig.step();
+  check(rig.out.fault == F::stale && !rig.out.enable && rig.out.challenge != 0, "a clock");
+  check(std::fabs(rig.out.effort) <= std::fabs(before) && std::fabs(rig.out.effort - before) <= 0.5, "ramps");
+  check(rig.state().drive.asked == rig.out.effort, "asked for");
+  Rig<> fast(held());
+  fast.law.controller.law.gate.params.velocity_limit = 0.5;
+  p::seal(fast.law);
+  fast.speed = 4;
+  for (int k = 0; k < 60; ++k) {
+    fast.run(1);
+    check((fast.law.controller.state.gate.fault == F::none) == (fast.out.fault == F::none), "in the same period");
+  }
+  check(fast.out.fault == F::velocity && fast.out.mode == M::damped_stop && fast.out.enable, "the gate's limit");
+  check(fast.law.controller.steps > 0 && fast.state().steps == 60, "steps");
+}
+
+}  // namespace
+
+int main() {
+  parameters();
+  answers();
+  transitions();
+  configured();
+  memory();
+  new_samples();
+  two_encoders();
+  slow_watches();
+  momentum();
+  drive_and_order();
+  sensors();
+  last_effort();
+  efforts();
+  resets();
+  doubts_in_a_hold();
+  start_up();
+  degraded();
+  fronts();
+  return failures();
+}

@@ -1,0 +1,792 @@
+// The supervisor of several joints, piece by piece: each watch of each joint and of the whole just within and just beyond
+// its limit, in both signs; which state follows which; which motors keep their power; what a hold and a reset need.
+#include "check.hpp"
+
+#include <pellucid/tree_supervisor.hpp>
+
+#include <initializer_list>
+
+namespace p = pellucid;
+
+namespace {
+
+using F = p::SafetyFault;
+using M = p::Mode;
+using S = double;
+constexpr std::size_t joints = 3;
+using Law = p::TreeCompensation<S, joints>;
+using Rules = p::TreeSupervisorParams<S, joints>;
+using Supervised = p::TreeSupervised<Law>;
+using Feedback = p::TreeFeedback<S, joints>;
+using Samples = p::TreeSamples<S, joints>;
+constexpr S period = 0x1p-10, more = 0x1p-8, never = std::numeric_limits<S>::infinity();
+constexpr M modes[] = {M::running, M::degraded, M::damped_stop, M::zero, M::latched};
+const S nan = std::numeric_limits<S>::quiet_NaN();
+
+/// Three hinges about the same axis, 1 m apart, without weight or friction; the end point is 1 m beyond the third.
+Law::Params law_params() {
+  Law::Params params;
+  params.tree.links = 3;
+  params.tree.gravity_x = params.tree.gravity_y = params.tree.gravity_z = 0;
+  for (std::uint32_t i = 0; i < joints; ++i) {
+    auto& link = params.tree.link[i];
+    link.parent = i;
+    link.joint = 1;
+    link.axis_z = 1;
+    link.x = i == 0 ? 0 : 1;
+    link.rotor_inertia = 0.01;
+    link.body.mass = 1;
+    link.body.inertia_xx = link.body.inertia_yy = link.body.inertia_zz = 0.1;
+    params.drives.joint[i].friction.velocity_width = 0.05;
+    auto& gate = params.joint[i].gate;
+    gate = {10, 512, never, -never, never, 0.5, 0.005, 2, period};
+  }
+  params.whole.end_link = 3;
+  params.whole.end_x = 1;
+  return params;
+}
+
+Rules rules() {
+  Rules r;
+  for (auto& one : r.joint) one.hold = {2, 4};
+  r.whole.reset_delay = 16 * period;
+  r.whole.healthy_samples = 8;
+  return r;
+}
+
+// --- numbers ---------------------------------------------------------------------------------------------------------
+
+void parameters() {
+  const Rules usual;
+  check(usual.whole.reset_delay == 1 && usual.whole.healthy_samples == 500 && usual.joint[0].rest_speed == 0.3, "usual");
+  check(usual.whole.power == never && usual.whole.speed == never && usual.joint[2].outside_limit == never, "no limits");
+  auto params = law_params();
+  params.drives.joint[1].friction.coulomb_positive = 0.25;
+  params.drives.joint[1].friction.coulomb_negative = 0.5;
+  params.drives.joint[1].friction.stribeck = 0.125;
+  params.drives.joint[1].friction.stribeck_velocity = 0.1;
+  params.drives.joint[1].friction.load_motoring = 0.0625;
+  params.drives.joint[1].friction.load_generating = 0.03125;
+  params.drives.joint[2].friction.coulomb_positive = 0.75;
+  params.drives.joint[2].friction.coulomb_negative = 0.5;
+  params.drives.joint[2].friction.load_generating = 0.25;
+  const auto law = p::coefficients(params);
+  const auto c = p::coefficients(rules(), law);
+  check(c.valid == 1 && c.period == period && c.reset_periods == 16, "sound");
+  check(c.joint[1].level == 0.625 && c.joint[1].load == 0.0625 && c.joint[0].level == 0, "friction of the worse direction");
+  check(c.joint[2].level == 0.75 && c.joint[2].load == 0.25, "whichever it is");
+  check(c.joint[1].encoder.period == period && c.joint[1].ringing.smoothing == 100 * 4 * period, "ringing every fourth");
+  for (std::size_t k = 0; k < joints; ++k) {
+    Rules bad = rules();
+    bad.joint[k].rest_speed = -1;
+    check(p::coefficients(bad, law).valid == 0 && p::coefficients(bad, law).reset_periods == 1000000, "unsound");
+    bad = rules();
+    bad.joint[k].encoder.range_min = 1, bad.joint[k].encoder.range_max = 0;
+    check(p::coefficients(bad, law).valid == 0, "an encoder without a range");
+    bad = rules();
+    bad.joint[k].ringing.fastest = 300;
+    check(p::coefficients(bad, law).valid == 0, "a band that is too fast");
+  }
+  Rules bad = rules();
+  bad.whole.reset_delay = -1;
+  check(p::coefficients(bad, law).valid == 0, "unsound as a whole");
+  auto shut = law;
+  shut.gate.valid = false;
+  check(p::coefficients(rules(), shut).valid == 0, "no gate");
+  auto fast = law;
+  for (auto& one : fast.gate.joint) one.params.period = 0x1p-17;
+  const auto periods = [&](S delay) {
+    Rules one = rules();
+    one.whole.reset_delay = delay;
+    return p::coefficients(one, fast).reset_periods;
+  };
+  check(periods(7.5) == 983040 && periods(3.75) == 491520 && periods(0) == 0, "delays in periods");
+  check(periods(7.75) == 1000000 && periods(8) == 1000000 && periods(60) == 1000000, "a million at most");
+}
+
+bool holdable(F fault) {
+  for (const F one : {F::velocity, F::stopped, F::overspeed, F::push, F::power, F::energy})
+    if (one == fault) return true;
+  return false;
+}
+
+/// Joints that can be held are held, unless what is in doubt is of the whole or of the only one that could be.
+void answers() {
+  const auto law = p::coefficients(law_params());
+  for (std::size_t i = 0; i < p::safety_fault_count; ++i) {
+    const F fault = static_cast<F>(i);
+    check(p::can_hold(fault) == holdable(fault), p::safety_fault_names[i]);
+    for (std::uint32_t joint = 0; joint <= joints + 1; ++joint)
+      for (int held = 0; held < 8; ++held) {
+        Rules r = rules();
+        bool any = false;
+        for (std::uint32_t k = 0; k < joints; ++k) {
+          const bool can = (held >> k & 1) != 0;
+          if (!can) r.joint[k].hold = {};
+          any = any || (can && (k != joint || holdable(fault)));
+        }
+        const bool whole = joint >= joints && !holdable(fault);
+        const M wanted = any && !whole ? M::damped_stop : M::zero;
+        check(p::response(p::coefficients(r, law), {fault, joint}, joints) == wanted, "response");
+      }
+  }
+}
+
+// --- states ----------------------------------------------------------------------------------------------------------
+
+using State = p::TreeSupervisorState<S, joints>;
+
+void transitions() {
+  for (const M now : modes)
+    for (const M wanted : {M::damped_stop, M::zero, M::latched}) {
+      State s;
+      const bool was = p::is_stopped(now);
+      p::go(s, now, was ? p::TreeFault{F::lost, 2} : p::TreeFault{});
+      s.steps = 77;
+      s.stopped = s.healthy = 5;
+      for (auto& one : s.joint) one.hold = {1, 1, 1}, one.drive = {4, 2, 1, 1, 1, 1, 1};
+      p::enter(s, {F::jump, 1}, wanted);
+      const bool same = was && wanted <= now;
+      check(p::mode_of(s) == (same ? now : wanted) && s.faults == (same ? 0u : 1u), "the harder one");
+      check(p::fault_of(s).fault == (was ? F::lost : F::jump) && p::fault_of(s).joint == (was ? 2u : 1u), "the first fault");
+      if (same) {
+        check(s.stopped == 5 && s.healthy == 5 && s.challenge.word == 0 && s.joint[1].drive.due == 1, "nothing else");
+        continue;
+      }
+      check(p::logged(s, 0).fault.fault == F::jump && p::logged(s, 0).fault.joint == 1 && p::logged(s, 0).step == 77, "log");
+      check(p::logged(s, 0).mode == wanted && s.stopped == 0 && s.healthy == 0, "begins anew");
+      for (const auto& one : s.joint) {
+        check(one.hold.effort == 0 && one.hold.taken == 0 && one.drive.due == 0 && one.drive.outside == 0, "watches, too");
+        check(one.drive.asked == 4 && one.drive.asked_before == 4, "but what was asked for");
+      }
+      check(s.challenge.word % 2 == 1 && p::is_whole(s.challenge), "a challenge that is not 0");
+      const std::uint32_t challenge = s.challenge.word;
+      State other = s;
+      p::go(s, M::running, {}), p::go(other, M::running, {});
+      ++s.steps, other.steps += 2;
+      p::enter(s, {F::jump, 1}, M::zero), p::enter(other, {F::jump, 1}, M::zero);
+      check(s.challenge.word != challenge && other.challenge.word != s.challenge.word, "another one for every fault");
+    }
+  State s;
+  for (std::uint32_t k = 1; k <= 20; ++k) {
+    p::go(s, M::running, {});
+    s.steps = k;
+    p::enter(s, {F::jump, 0}, M::zero);
+    for (std::uint32_t ago = 0; ago < 12; ++ago) check(p::logged(s, ago).step == (ago < k && ago < 8 ? k - ago : 0), "the last eight");
+  }
+  for (std::size_t i = 0; i < p::safety_fault_count; ++i)
+    for (std::uint32_t joint = 0; joint <= joints + 1; ++joint) {
+      State one;
+      const F fault = static_cast<F>(i);
+      p::doubt(one, {fault, joint}, joints);
+      for (std::uint32_t k = 0; k < joints; ++k)
+        check(one.joint[k].doubted == (k == joint && fault != F::none && !holdable(fault) ? 1u : 0u), "doubt");
+      State two;
+      p::doubt(two, {fault, joint}, 2);
+      check(two.joint[2].doubted == 0, "of joints that there are");
+    }
+}
+
+struct Rig {
+  Supervised law{};
+  p::TreeSupervisorOutput<S, joints> out{};
+  Samples in{};
+  Feedback back{};
+  S place[joints] = {0, 0, 0}, speed[joints] = {0, 0, 0};
+  std::int64_t now = 1000000;
+  std::uint32_t count = 100;
+
+  explicit Rig(const Rules& r = rules(), const Law::Params& params = law_params()) {
+    check(p::configure(law, params, r), "the example makes sense");
+  }
+  State& state() { return law.state; }
+  M mode() const { return p::mode_of(law.state); }
+  F fault() const { return p::fault_of(law.state).fault; }
+  void read() {
+    now += 977;
+    ++count;
+    for (std::size_t k = 0; k < joints; ++k) {
+      place[k] += speed[k] * period;
+      in.position[k] = {place[k], now, count, true};
+      back.drive[k] = {out.command.drive[k], now, count, true};
+    }
+  }
+  void step() { out = p::step(law, in, back, now); }
+  void run(int n) {
+    for (int k = 0; k < n; ++k) read(), step();
+  }
+  /// What is seen in a period of a number.
+  p::TreeFault seen(std::uint32_t steps) {
+    state().steps = steps;
+    read();
+    return p::observe(law, in, back);
+  }
+  void settles() {
+    for (int k = 0; k < 4; ++k) seen(0);
+  }
+};
+
+void configured() {
+  Rig rig;
+  check(rig.mode() == M::running, "runs at once");
+  rig.run(100);
+  p::configure(rig.law, law_params(), rules());
+  check(rig.mode() == M::running && rig.state().steps == 100, "again");
+  p::stop(rig.law);
+  rig.run(1);
+  const std::uint32_t challenge = rig.out.challenge;
+  check(rig.out.fault.fault == F::stopped && rig.out.fault.joint == joints && challenge != 0, "stopped");
+  p::configure(rig.law, law_params(), rules());
+  check(rig.mode() == M::latched && rig.fault() == F::stopped && p::fault_of(rig.law.state).joint == joints, "stays");
+  check(rig.state().challenge.word == challenge && rig.state().steps == 101 && rig.state().faults == 1, "kept");
+  check(p::logged(rig.law.state, 0).fault.fault == F::stopped, "with its log");
+  Rig other;
+  Rules bad = rules();
+  bad.whole.reset_delay = -1;
+  check(!p::configure(other.law, law_params(), bad) && other.mode() == M::latched && other.fault() == F::configuration, "bad");
+  check(p::fault_of(other.law.state).joint == joints, "of the whole");
+  other.run(1);
+  check(other.out.fault.fault == F::configuration && !other.out.enable[0] && other.out.mode == M::latched, "nothing");
+  check(p::configure(other.law, law_params(), rules()) && other.mode() == M::running, "better");
+  for (const std::uint32_t bits : {4u, 3u}) {
+    Rig broken;
+    broken.run(10);
+    broken.state().doing.word ^= bits;
+    p::configure(broken.law, law_params(), rules());
+    check(broken.mode() == M::latched && broken.fault() == F::integrity, "a broken mode");
+    check(p::fault_of(broken.law.state).joint == joints, "of the whole");
+  }
+  Rig lost;
+  lost.run(20);
+  lost.law.supervisor.valid = 0;
+  lost.run(1);
+  check(lost.out.command.effort[0] == 0 && lost.out.fault.fault == F::configuration && !lost.out.enable[0], "at once");
+  check(lost.out.mode == M::latched && lost.out.challenge == 0, "and latched");
+  Rig past;
+  p::stop(past.law);
+  past.run(1);
+  past.state().alive.twin ^= 1u;
+  p::configure(past.law, law_params(), rules());
+  check(past.mode() == M::running && past.state().faults == 0 && past.state().steps == 0, "no past");
+  past.run(5);
+  p::put(past.state().alive, 5);
+  p::configure(past.law, law_params(), rules());
+  check(past.state().steps == 0, "nor where it is another's");
+}
+
+void memory() {
+  Supervised fresh;
+  const auto out = p::step(fresh, Samples{}, Feedback{}, 0);
+  check(out.fault.fault == F::not_started && out.mode == M::latched && !out.enable[0] && out.beat == 1, "not started");
+  Rig another;
+  another.run(20);
+  p::put(another.state().alive, 5);
+  another.run(1);
+  check(another.out.fault.fault == F::not_started && another.out.mode == M::latched, "another's memory");
+  for (int what = 0; what < 5; ++what) {
+    Rig rig;
+    rig.run(20);
+    if (what == 0) rig.state().alive.word ^= 1u;
+    if (what == 1) rig.state().alive.twin ^= 1u;
+    if (what == 2) rig.state().doing.word ^= 1u;
+    if (what == 3) rig.state().doing.twin ^= 256u;
+    if (what == 4) p::put(rig.state().doing, 6u);
+    rig.run(1);
+    check(rig.out.fault.fault == F::integrity && rig.out.fault.joint == joints && !rig.out.enable[1], "lost");
+    check(p::is_whole(rig.state().alive) && rig.state().faults == 1, "written down");
+  }
+  // By turns: the law's numbers in every fourth period, the supervisor's in another.
+  Rig turns;
+  for (std::uint32_t k = 1; k <= 12; ++k) {
+    const std::uint32_t law = turns.state().law_sum.next, own = turns.state().own_sum.next;
+    turns.run(1);
+    check((turns.state().law_sum.next != law) == (k % 4 == 2) && (turns.state().own_sum.next != own) == (k % 4 == 0), "turns");
+  }
+  for (const bool law : {true, false}) {
+    Rig rig;
+    rig.run(4);
+    if (law) rig.law.controller.law.joint[2].params.friction_share = 0.81;
+    else rig.law.supervisor.joint[2].params.rest_speed = 900;
+    int k = 0;
+    for (; k < 9000 && rig.out.fault.fault == F::none; ++k) rig.run(1);
+    const int words = static_cast<int>((law ? sizeof rig.law.controller.law : sizeof rig.law.supervisor) / 4);
+    check(rig.out.fault.fault == F::integrity && !rig.out.enable[0] && k <= 8 * ((words + 7) / 8), "found in time");
+  }
+}
+
+// --- watches ---------------------------------------------------------------------------------------------------------
+
+/// Raw power is the sum of the last efforts times raw velocities, in every period.
+void power() {
+  Rules r = rules();
+  r.whole.power = 8;
+  for (const S way : {-1.0, 1.0})
+    for (const S turn : {-1.0, 1.0}) {
+      Rig rig(r);
+      rig.speed[0] = turn, rig.speed[1] = turn * 2, rig.speed[2] = turn * 3;
+      rig.settles();
+      for (const std::uint32_t steps : {0u, 1u, 2u, 3u}) {
+        rig.state().output[0] = way, rig.state().output[1] = way * 0.5, rig.state().output[2] = way * 2;
+        check(rig.seen(steps).fault == F::none, "at the limit, given or taken");
+        rig.state().output[2] = way * (2 + more);
+        const auto found = rig.seen(steps);
+        check(found.fault == F::power && found.joint == joints, "beyond");
+        rig.state().output[0] = way * 4, rig.state().output[1] = way * -2;
+        rig.state().output[2] = 0;
+        check(rig.seen(steps).fault == F::none, "what one gives another takes");
+      }
+      rig.state().output[0] = nan;
+      check(rig.seen(0).fault == F::power, "no number is beyond");
+    }
+}
+
+/// Encoders and drives, joint by joint, in every period; a joint in doubt is noted, and the first fault is named.
+void encoders_and_drives() {
+  for (std::size_t k = 0; k < joints; ++k)
+    for (const S way : {-1.0, 1.0}) {
+      Rules r = rules();
+      r.joint[k].encoder.speed_limit = 4;
+      Rig rig(r);
+      rig.settles();
+      rig.speed[k] = way * 4;
+      check(rig.seen(0).fault == F::none, "at the limit");
+      rig.speed[k] = way * (4 + more);
+      auto found = rig.seen(0);
+      check(found.fault == F::overspeed && found.joint == k && rig.state().joint[k].doubted == 0, "too fast");
+      rig.speed[k] = 0;
+      rig.in.position[k].value = 0;
+      r = rules();
+      r.joint[k].encoder.range_min = -0.5, r.joint[k].encoder.range_max = 0.5;
+      Rig out(r);
+      out.settles();
+      out.place[k] = way;
+      found = out.seen(0);
+      check(found.fault == F::range && found.joint == k && out.state().joint[k].doubted == 1, "out of range is in doubt");
+      check(out.state().joint[(k + 1) % joints].doubted == 0, "that joint alone");
+      // A drive that measures, and one that does not.
+      r = rules();
+      r.joint[k].drive.expected = 1;
+      r.joint[k].drive.tolerance = 0.5;
+      r.joint[k].drive.cycles = 2;
+      Rig drive(r);
+      drive.settles();
+      for (std::size_t j = 0; j < joints; ++j) {
+        Rig one = drive;
+        p::TreeFault said;
+        for (int i = 0; i < 3 && said.fault == F::none; ++i) {
+          one.state().steps = 0;
+          one.read();
+          one.back.drive[j].value = way * 3;
+          said = p::observe(one.law, one.in, one.back);
+        }
+        check(said.fault == (j == k ? F::drive_stuck : F::none) && (j != k || said.joint == k), "a drive");
+        check(one.state().joint[j].doubted == (j == k ? 1u : 0u), "in doubt");
+        one = drive;
+        for (int i = 0; i < 2; ++i) {
+          one.read();
+          one.back.drive[j].valid = false;
+          said = p::observe(one.law, one.in, one.back);
+        }
+        check(said.fault == (j == k ? F::drive_silent : F::none), "a silent one");
+      }
+    }
+  // Two at once: both are in doubt.
+  Rules r = rules();
+  for (auto& one : r.joint) one.encoder.range_min = -0.5, one.encoder.range_max = 0.5;
+  Rig both(r);
+  both.settles();
+  both.place[1] = both.place[2] = 1;
+  check(both.seen(0).joint == 1 && both.state().joint[1].doubted == 1 && both.state().joint[2].doubted == 1, "both");
+}
+
+/// A drive's surplus is of its motor's own way: motors that turn with several joints go by T v.
+void coupled_motors() {
+  auto params = law_params();
+  params.drives.coupled = true;
+  for (auto& motor : params.drives.motor) motor.friction.velocity_width = 0.05;
+  for (std::size_t i = 0; i < joints; ++i) params.drives.turns[i][i] = 1;
+  params.drives.turns[1][1] = 2;
+  params.drives.turns[2][1] = 1;
+  Rules r = rules();
+  for (auto& one : r.joint) one.drive.expected = 1, one.drive.surplus = 100;
+  Rig rig(r, params);
+  rig.speed[1] = 8;
+  rig.settles();
+  rig.read();
+  for (auto& one : rig.back.drive) one.value = 64;
+  for (auto& one : rig.state().joint) one.drive.surplus = 0;
+  p::observe(rig.law, rig.in, rig.back);
+  check_close(rig.state().joint[0].drive.surplus, 0.0, 1e-12, "a motor that does not turn");
+  check_close(rig.state().joint[1].drive.surplus, 64 * 2 * 8 * period, 1e-12, "geared");
+  check_close(rig.state().joint[2].drive.surplus, 64 * 8 * period, 1e-12, "turned by another joint");
+  // Power of a motor that turns with a joint in doubt is off, and of no other.
+  rig.run(4);
+  check(rig.out.enable[0] && rig.out.enable[1] && rig.out.enable[2], "all on");
+  for (std::size_t doubted = 0; doubted < joints; ++doubted) {
+    Rig one = rig;
+    one.read();
+    one.in.position[doubted].value = nan;
+    one.step();
+    check(one.mode() == M::damped_stop, "held");
+    for (std::size_t i = 0; i < joints; ++i) {
+      const bool turns = params.drives.turns[i][doubted] != 0;
+      check(one.out.enable[i] == !turns && (!turns || one.out.command.drive[i] == 0), "power");
+    }
+  }
+}
+
+/// Push, power, energy, ringing and what nobody gives, joint by joint, where and when they are looked at.
+void slow_watches() {
+  for (std::size_t k = 0; k < joints; ++k)
+    for (const S way : {-1.0, 1.0}) {
+      Rules r = rules();
+      r.joint[k].budget.push_limit = 2;
+      auto params = law_params();
+      params.drives.joint[k].offset = 0.25;
+      Rig push(r, params);
+      push.settles();
+      push.law.controller.state.weight[k] = 3;
+      push.state().output[k] = 3.25 + way * 2;
+      for (const std::uint32_t steps : {1u, 3u}) check(push.seen(steps).fault == F::none, "at the limit");
+      push.state().output[k] = 3.25 + way * (2 + more);
+      check(push.seen(0).fault == F::none && push.seen(2).fault == F::none, "not looked at");
+      const auto found = push.seen(1);
+      check(found.fault == F::push && found.joint == k && push.state().joint[k].doubted == 0, "beyond");
+      r = rules();
+      r.joint[k].budget.store = 1;
+      Rig energy(r);
+      energy.speed[k] = way * 2;
+      energy.settles();
+      energy.state().output[k] = way * 3;
+      check(energy.seen(1).fault == F::none && energy.state().joint[k].budget.spent == 2 * period * 6, "of two periods");
+      energy.state().joint[k].budget.spent = 1;
+      check(energy.seen(1).fault == F::energy, "beyond the store");
+      r = rules();
+      r.joint[k].ringing.limit = 0.015625;
+      for (std::uint32_t steps = 0; steps < 4; ++steps) {
+        Rig rings(r);
+        rings.settles();
+        rings.state().joint[k].ringing.size = 9;
+        check((rings.seen(steps).fault == F::ringing) == (steps == 3), "every fourth period");
+      }
+      r = rules();
+      r.joint[k].outside_limit = 2;
+      params = law_params();
+      params.drives.joint[k].friction.coulomb_positive = 0.5;
+      params.drives.joint[k].friction.coulomb_negative = 0.25;
+      params.drives.joint[k].friction.load_motoring = 0.25;
+      Rig outside(r, params);
+      outside.settles();
+      for (const S weight : {-1.0, 1.0}) {
+        outside.law.controller.state.weight[k] = outside.state().output[k] = weight;
+        outside.law.controller.state.observer.residual[k] = way * 2.75;
+        check(outside.seen(1).fault == F::none, "at the limit beyond friction");
+        outside.law.controller.state.observer.residual[k] = way * (2.75 + more);
+        check(outside.seen(0).fault == F::none && outside.seen(1).fault == F::unexplained, "beyond");
+        check(outside.state().joint[k].doubted == 1, "its drive is in doubt");
+      }
+      // The budget's friction: what is known at rest under the load, or what is there at this velocity.
+      r = rules();
+      r.joint[k].budget.push_limit = 2;
+      Rig drag(r, params);
+      drag.settles();
+      drag.state().output[k] = way * 2.5;
+      check(drag.seen(1).fault == F::none, "at rest");
+      drag.state().output[k] = way * (2.5 + more);
+      check(drag.seen(1).fault == F::push, "and beyond");
+      params.drives.joint[k].friction.viscous_positive = params.drives.joint[k].friction.viscous_negative = 0.5;
+      params.drives.joint[k].friction.coulomb_negative = 0.5;
+      Rig fast(r, params);
+      fast.speed[k] = way * 2;
+      fast.settles();
+      fast.state().output[k] = way * 3.5;
+      check(fast.seen(1).fault == F::none, "in motion");
+      fast.state().output[k] = way * (3.5 + more);
+      check(fast.seen(1).fault == F::push, "and beyond");
+    }
+}
+
+/// The end point's raw speed, every second period; without a limit or an end point it is not asked.
+void end_point() {
+  Rules r = rules();
+  for (const S way : {-1.0, 1.0}) {
+    r.whole.speed = 3;
+    Rig rig(r);
+    rig.speed[0] = way * 0.5, rig.speed[1] = way * 0.5, rig.speed[2] = way * 0.5;
+    for (int k = 0; k < 4; ++k) {
+      for (S& one : rig.place) one = 0;
+      rig.seen(0);
+    }
+    const auto at = [&](S third, std::uint32_t steps) {
+      for (S& one : rig.place) one = 0;
+      rig.speed[0] = rig.speed[1] = rig.speed[2] = 0;
+      for (S& one : rig.place) one = -way * 0.5 * period;
+      rig.place[2] = -way * third * period;
+      rig.seen(0);
+      rig.speed[0] = way * 0.5, rig.speed[1] = way * 0.5, rig.speed[2] = way * third;
+      return rig.seen(steps);
+    };
+    // 1.5 + 1 + third, where all places are 0.
+    check(at(0.499, 1).fault == F::none && at(0.5, 1).fault == F::none, "within");
+    check(at(0.501, 1).fault == F::overspeed && at(0.501, 1).joint == joints, "beyond");
+    check(at(0.501, 0).fault == F::none, "every second period");
+    check(at(0.499, 1).fault == F::none && at(-9, 1).fault == F::overspeed, "either way");
+    r.whole.speed = never;
+    Rig any(r);
+    any.speed[0] = way * 1e6;
+    any.settles();
+    check(any.seen(1).fault == F::none, "no limit");
+    auto params = law_params();
+    params.whole.end_link = 0;
+    r.whole.speed = 1;
+    Rig none(r, params);
+    none.speed[0] = way * 9;
+    none.settles();
+    check(none.seen(1).fault == F::none, "no end point");
+    params.whole.end_link = 1;
+    params.whole.end_x = 0.5;
+    Rig first(r, params);
+    first.speed[0] = way * 1.999, first.speed[1] = 99;
+    first.settles();
+    check(first.seen(1).fault == F::none, "of the first link");
+    first.speed[0] = way * 2.001;
+    check(first.seen(1).fault == F::overspeed, "and beyond");
+  }
+}
+
+// --- stops and resets ------------------------------------------------------------------------------------------------
+
+/// Joints that were stopped in a mode, with efforts and velocities.
+struct Stopped {
+  Rig rig;
+  Stopped(M mode, S effort, S velocity, const Rules& r = rules()) : rig(r) {
+    p::enter(rig.state(), {F::stopped, joints}, mode);
+    for (std::size_t k = 0; k < joints; ++k) {
+      rig.state().output[k] = effort * static_cast<S>(k + 1);
+      rig.state().joint[k].encoder.velocity = velocity;
+    }
+  }
+  void stay(bool good = true, std::uint32_t token = 0) { p::stay_stopped(rig.law, good, token); }
+};
+
+void efforts() {
+  for (const S way : {-1.0, 1.0}) {
+    Stopped zero(M::zero, way * 0.25, way);
+    zero.stay();
+    const S share = 0.5 / 0.75;
+    for (std::size_t k = 0; k < joints; ++k)
+      check_close(zero.rig.state().output[k], way * 0.25 * static_cast<S>(k + 1) * (1 - share), 1e-12, "together");
+    check(zero.rig.mode() == M::zero, "on their way");
+    zero.stay();
+    check(zero.rig.state().output[0] == 0 && zero.rig.mode() == M::latched && zero.rig.fault() == F::stopped, "latched");
+    Stopped latched(M::latched, way * 2, way);
+    latched.stay();
+    for (std::size_t k = 0; k < joints; ++k) check(latched.rig.state().output[k] == 0, "nothing at once");
+    // The last joint alone still has an effort: it is not yet latched.
+    Stopped last(M::zero, 0, 0);
+    last.rig.state().output[2] = way * 0.75;
+    last.stay();
+    check(last.rig.mode() == M::zero && last.rig.state().output[2] == way * 0.25, "until the last");
+    Stopped first(M::zero, 0, 0);
+    first.rig.state().output[0] = way * 0.75;
+    first.stay();
+    check(first.rig.mode() == M::zero, "or the first");
+    Stopped holds(M::damped_stop, way * 2, way * 4);
+    holds.rig.state().joint[1].doubted = 1;
+    holds.stay();
+    check(holds.rig.state().output[0] == way * 1.5 && holds.rig.state().output[2] == way * 5.5, "towards the hold");
+    check(std::fabs(holds.rig.state().output[1]) < 4, "a joint in doubt fades");
+    for (int k = 0; k < 40; ++k) holds.stay();
+    check(holds.rig.state().output[0] == way * -4 && holds.rig.state().output[2] == way * -4, "to the limit of the hold");
+    check(std::fabs(holds.rig.state().output[1]) < 0.05 && holds.rig.mode() == M::damped_stop, "and one in doubt fades");
+    Rules strong = rules();
+    for (auto& one : strong.joint) one.hold = {8, 40};
+    Stopped limited(M::damped_stop, 0, way * 4, strong);
+    for (int k = 0; k < 60; ++k) limited.stay();
+    for (std::size_t k = 0; k < joints; ++k) check(limited.rig.state().output[k] == way * -10, "within the law's limit");
+    Stopped wide(M::zero, way * 30, way);
+    wide.stay();
+    for (std::size_t k = 0; k < joints; ++k) check(std::fabs(wide.rig.state().output[k]) <= 10, "even where memory lost it");
+    Stopped lost(M::damped_stop, nan, way);
+    lost.stay();
+    for (std::size_t k = 0; k < joints; ++k) check(std::fabs(lost.rig.state().output[k]) <= 0.5, "no number is nothing");
+  }
+}
+
+void resets() {
+  const auto period_of_reset = [](S velocity, std::size_t joint, int good_from, bool right, Rules r = rules()) {
+    Stopped one(M::latched, 0, 0, r);
+    one.rig.state().joint[joint].encoder.velocity = velocity;
+    const std::uint32_t challenge = one.rig.state().challenge.word;
+    for (int k = 1; k <= 80; ++k) {
+      one.stay(k >= good_from, right ? challenge : challenge ^ 2u);
+      if (one.rig.mode() == M::running) return k;
+    }
+    return 0;
+  };
+  check(period_of_reset(0, 0, 1, true) == 16 && period_of_reset(0, 0, 21, true) == 28, "delay and healthy while");
+  check(period_of_reset(0, 0, 1, false) == 0, "not with another token");
+  for (std::size_t k = 0; k < joints; ++k)
+    for (const S way : {-1.0, 1.0}) {
+      check(period_of_reset(way * 0.3, k, 1, true) == 16, "at rest");
+      check(period_of_reset(way * (0.3 + more), k, 1, true) == 0, "not while any joint moves");
+    }
+  Rules half = rules();
+  half.whole.healthy_samples = 16;
+  half.whole.reset_delay = 0;
+  check(period_of_reset(0, 0, 1, true, half) == 16, "all the healthy periods");
+  Stopped none(M::latched, 0, 0);
+  p::put(none.rig.state().challenge, 0);
+  for (int k = 0; k < 50; ++k) none.stay();
+  check(none.rig.mode() == M::latched, "0 is no token");
+  Stopped broken(M::latched, 0, 0);
+  broken.rig.state().challenge.twin ^= 1u;
+  for (int k = 0; k < 50; ++k) broken.stay(true, broken.rig.state().challenge.word);
+  check(broken.rig.mode() == M::latched, "a broken challenge is none");
+  Stopped senseless(M::latched, 0, 0);
+  senseless.rig.law.supervisor.valid = 0;
+  for (int k = 0; k < 50; ++k) senseless.stay(true, senseless.rig.state().challenge.word);
+  check(senseless.rig.mode() == M::latched, "without sense no reset");
+  Stopped again(M::latched, 0, 0);
+  again.rig.state().steps = 7;
+  again.rig.law.controller.fault = {F::stale, 1};
+  for (auto& one : again.rig.law.controller.state.gate.output) one = 3;
+  for (auto& one : again.rig.state().joint) one.doubted = 1, one.budget.spent = 9;
+  const std::uint32_t challenge = again.rig.state().challenge.word;
+  for (int k = 0; k < 16; ++k) again.stay(true, challenge);
+  const State& s = again.rig.state();
+  check(s.stopped == 0 && s.healthy == 0 && s.steps == 7 && s.faults == 1, "begun again, and kept");
+  check(again.rig.law.controller.fault.fault == F::none && again.rig.fault() == F::none, "without a fault");
+  for (std::size_t k = 0; k < joints; ++k)
+    check(s.joint[k].doubted == 0 && s.joint[k].budget.spent == 0 && again.rig.law.controller.state.gate.output[k] == 0, "joints");
+}
+
+/// While joints are held: what is in doubt of the whole, or a joint that runs away, ends the hold of all.
+void doubts_in_a_hold() {
+  Rules r = rules();
+  for (auto& one : r.joint) one.encoder.speed_limit = 2;
+  for (std::size_t joint = 0; joint < joints; ++joint)
+    for (const S way : {-1.0, 1.0}) {
+      const auto ends = [&](S velocity, int after) {
+        Rig rig(r);
+        rig.run(10);
+        p::stop(rig.law);
+        rig.run(after);
+        check(rig.mode() == M::damped_stop && rig.state().stopped == static_cast<std::uint32_t>(after), "held");
+        check(rig.out.enable[0] && rig.out.enable[1] && rig.out.enable[2] && rig.out.challenge != 0, "with power");
+        rig.speed[joint] = way * velocity;
+        rig.run(1);
+        return rig.mode() != M::damped_stop;
+      };
+      check(!ends(1, 40), "slow enough");
+      check(!ends(3, 20) && ends(3, 21) && !ends(3, 10), "a joint that runs away, once the hold had its time");
+    }
+  Rig memory(r);
+  memory.run(10);
+  p::stop(memory.law);
+  memory.run(5);
+  memory.law.controller.law.joint[0].params.friction_share = 0.5;
+  memory.run(9000);
+  check(memory.mode() == M::latched && !memory.out.enable[0], "memory");
+  // A joint whose encoder is lost on the way is in doubt; the others are held on.
+  Rig lost(r);
+  lost.run(10);
+  p::stop(lost.law);
+  lost.run(5);
+  lost.read();
+  lost.in.position[1].value = nan;
+  lost.step();
+  check(lost.mode() == M::damped_stop && lost.out.enable[0] && !lost.out.enable[1] && lost.out.enable[2], "lost on the way");
+  check(lost.out.fault.fault == F::stopped && lost.state().healthy == 0, "the first fault stays, and it is not well");
+  lost.run(1);
+  check(lost.law.controller.fault.fault == F::none && lost.state().healthy == 1, "and goes on from there");
+  Rig two(r);
+  two.run(10);
+  two.read();
+  two.in.position[0].value = two.in.position[2].value = nan;
+  two.step();
+  check(!two.out.enable[0] && two.out.enable[1] && !two.out.enable[2], "two at once");
+  Rig repeated(r);
+  repeated.run(10);
+  p::stop(repeated.law);
+  repeated.run(5);
+  bool stale = false;
+  for (int k = 0; k < 4; ++k) {
+    repeated.step();
+    stale = stale || repeated.law.controller.fault.fault == F::stale;
+  }
+  check(stale, "the same sample again and again is no healthy one");
+  Rig clock(r);
+  clock.run(10);
+  p::stop(clock.law);
+  clock.run(5);
+  clock.now -= 900000;
+  clock.count = 3;
+  clock.run(2);
+  check(clock.law.controller.fault.fault == F::none, "clocks may begin anew");
+}
+
+/// What the front or the gate finds stops all in the same period.
+void fronts() {
+  Rig rig;
+  rig.run(20);
+  check(rig.out.challenge == 0 && rig.out.beat == 20 && rig.out.mode == M::running && rig.law.controller.steps == 20, "runs");
+  rig.read();
+  rig.in.position[2].time -= 900000;
+  rig.step();
+  check(rig.out.fault.fault == F::stale && rig.out.fault.joint == 2 && rig.out.mode == M::damped_stop, "a clock");
+  check(!rig.out.enable[2] && rig.out.enable[0] && rig.out.challenge != 0, "of that joint");
+  auto params = law_params();
+  for (auto& one : params.joint) one.gate.velocity_limit = 0.5;
+  Rig fast(rules(), params);
+  fast.speed[1] = 4;
+  for (int k = 0; k < 60; ++k) {
+    fast.run(1);
+    check((fast.law.controller.state.gate.fault.fault == F::none) == (fast.out.fault.fault == F::none), "at once");
+  }
+  check(fast.out.fault.fault == F::velocity && fast.out.fault.joint == 1 && fast.out.enable[1], "the gate's limit");
+  // Of a hold, no joint is left: all fade.
+  Rules none = rules();
+  for (auto& one : none.joint) one.hold = {};
+  Rig off(none);
+  off.run(20);
+  p::stop(off.law);
+  off.run(9);
+  check(off.mode() == M::latched && !off.out.enable[0] && off.out.command.effort[0] == 0, "nothing to hold with");
+  check(off.out.fault.fault == F::stopped && off.state().faults == 1, "latched by its own fault");
+  // An effort that ramps to 0 goes to the drives, of which one in doubt gets none of a hold.
+  Rig ramps;
+  ramps.run(4);
+  for (S& one : ramps.state().output) one = 5;
+  ramps.state().doing.twin ^= 1u;
+  ramps.run(1);
+  check(ramps.mode() == M::zero && ramps.out.command.effort[1] == 4.5 && ramps.out.command.drive[1] == 4.5, "ramps");
+  Rig doubted;
+  doubted.run(4);
+  for (S& one : doubted.state().output) one = 5;
+  doubted.read();
+  doubted.in.position[1].value = nan;
+  doubted.step();
+  check(doubted.mode() == M::damped_stop && doubted.out.command.effort[1] > 1, "a joint in doubt fades");
+  check(doubted.out.command.drive[1] == 0 && doubted.out.command.drive[0] > 1, "and its drive gets nothing");
+}
+
+}  // namespace
+
+int main() {
+  parameters();
+  answers();
+  transitions();
+  configured();
+  memory();
+  power();
+  encoders_and_drives();
+  coupled_motors();
+  slow_watches();
+  end_point();
+  efforts();
+  resets();
+  doubts_in_a_hold();
+  fronts();
+  return failures();
+}
