@@ -10,7 +10,10 @@ from .constants import (
     Angle,
     ClockDrift,
     EmgRate,
+    EncoderCounts,
     Frequency,
+    Memory,
+    Noise,
     PositiveAngle,
     Quantum,
     RigTable,
@@ -55,3 +58,18 @@ class EmgTable(RigTable):
     quantum: Quantum  # step of the converter [V]
     full_range: Annotated[Voltage, Field(ge=1e-6)]  # largest voltage of either sign [V]
     clock_drift: ClockDrift  # share by which the amplifier's clock is fast [1]
+
+
+class MotorEncoderTable(RigTable):
+    """``[encoder]``: the encoder on the shaft of a motor."""
+
+    counts_per_turn: EncoderCounts  # counts in one turn of the motor [1]
+    noise: Noise  # standard deviation of the reading at the joint before it is rounded to counts [rad]
+
+
+class CurrentSensorTable(RigTable):
+    """``[current_sensor]``: the sensor of a motor's current."""
+
+    noise: Noise  # standard deviation of the reading [A]
+    noise_memory: Memory  # correlation time of that noise [s]
+    quantum: Quantum  # step in which currents are stored [A]

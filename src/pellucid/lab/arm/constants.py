@@ -14,18 +14,15 @@ from ..constants import (
     Current,
     Delay,
     Duration,
-    EncoderCounts,
     Gain,
     GearRatio,
     Inertia,
     InertiaProduct,
     Length,
     Mass,
-    Memory,
     Motion,
     Noise,
     PositiveSpeed,
-    Quantum,
     Ranges,
     Rate,
     RigConstants,
@@ -42,6 +39,7 @@ from ..constants import (
     Viscosity,
     WaveNumber,
 )
+from ..shared_tables import CurrentSensorTable, MotorEncoderTable
 
 Rotation = tuple[Angle, Angle, Angle]
 """Small rotation about x, y and z [rad]."""
@@ -163,21 +161,6 @@ class DriveTable(RigTable):
     delay: SampleCount  # control periods from an encoder's reading to the amplifier's command
 
 
-class EncoderTable(RigTable):
-    """``[encoder]``: the encoder on each motor's shaft."""
-
-    counts_per_turn: EncoderCounts  # counts in one turn of the motor [1]
-    noise: Noise  # standard deviation of the reading at the joint before it is rounded to counts [rad]
-
-
-class CurrentSensorTable(RigTable):
-    """``[current_sensor]``: the sensor of each motor's current."""
-
-    noise: Noise  # standard deviation of the reading [A]
-    noise_memory: Memory  # correlation time of that noise [s]
-    quantum: Quantum  # step in which currents are stored [A]
-
-
 class ForceSensorTable(RigTable):
     """``[force_sensor]``: the six-axis sensor of the handle."""
 
@@ -229,7 +212,7 @@ class ArmConstants(RigConstants):
     maker: MakerTable
     joint: JointsTable
     drive: DriveTable
-    encoder: EncoderTable
+    encoder: MotorEncoderTable
     current_sensor: CurrentSensorTable
     force_sensor: ForceSensorTable
     loop: LoopsTable

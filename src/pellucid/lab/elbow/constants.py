@@ -15,13 +15,11 @@ from ..constants import (
     ClockOffset,
     Coordinate,
     Current,
-    EncoderCounts,
     Gain,
     GearRatio,
     Inertia,
     Length,
     Mass,
-    Memory,
     Motion,
     Noise,
     PositiveSpeed,
@@ -42,6 +40,7 @@ from ..constants import (
     Viscosity,
     WaveNumber,
 )
+from ..shared_tables import CurrentSensorTable, MotorEncoderTable
 
 
 class BodyTable(RigTable):
@@ -98,21 +97,6 @@ class BearingTable(RigTable):
 
     coulomb: Torque  # Coulomb friction [N*m]
     viscous: Viscosity  # viscous friction [N*m*s/rad]
-
-
-class EncoderTable(RigTable):
-    """``[encoder]``: the encoder on the motor's shaft."""
-
-    counts_per_turn: EncoderCounts  # counts in one turn of the motor [1]
-    noise: Noise  # standard deviation of the reading at the joint before it is rounded to counts [rad]
-
-
-class CurrentSensorTable(RigTable):
-    """``[current_sensor]``: the sensor of the motor's current."""
-
-    noise: Noise  # standard deviation of the reading [A]
-    noise_memory: Memory  # correlation time of that noise [s]
-    quantum: Quantum  # step in which currents are stored [A]
 
 
 class OpticalTable(RigTable):
@@ -182,7 +166,7 @@ class ElbowConstants(RigConstants):
     motor: MotorTable
     transmission: TransmissionTable
     bearing: BearingTable
-    encoder: EncoderTable
+    encoder: MotorEncoderTable
     current_sensor: CurrentSensorTable
     optical: OpticalTable
     range: RangeTable
