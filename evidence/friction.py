@@ -143,7 +143,7 @@ def lugre_joints(rigs: Sequence[BenchRig], travel: float) -> list[Played]:
     """The same benches with LuGre's friction: z' = v - |v| z k / level, f = k z + d exp(-(v / 0.02)^2) z' + F_v v. The
     bristle's stiffness k is the Coulomb level over its length, its damping d a third of critical."""
     asked = np.array([references(rig, i) for i, rig in enumerate(rigs)])  # (rigs, files, n)
-    joint, drive, loop = ({key: np.array([[rig[table][key]] for rig in rigs]) for key in rigs[0][table]
+    joint, drive, loop = ({key: np.array([[rig[table][key]] for rig in rigs]) for key, _ in rigs[0][table].items()
                            if table != "loop" or key != "kind"} for table in ("joint", "drive", "loop"))  # fmt: skip
     gain, inertia = np.array([[rig.gain] for rig in rigs]), joint["inertia"]
     stiffness = 0.5 * (joint["coulomb_positive"] + joint["coulomb_negative"]) * TRAVEL_OVER_BRISTLE_LENGTH / travel
