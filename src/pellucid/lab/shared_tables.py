@@ -1,4 +1,4 @@
-"""Tables that the files of several rigs have: a random-phase multisine, and an EMG amplifier."""
+"""Tables that the files of several rigs have: motors with their sensors, limits, multisines and EMG amplifiers."""
 
 from __future__ import annotations
 
@@ -7,19 +7,27 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from .constants import (
+    Acceleration,
     Angle,
     ClockDrift,
+    Current,
     EmgRate,
     EncoderCounts,
     Frequency,
+    GearRatio,
+    Inertia,
     Memory,
     Noise,
     PositiveAngle,
+    PositiveSpeed,
     Quantum,
     RigTable,
     Share,
     Text,
+    Torque,
+    TorqueConstant,
     Voltage,
+    WaveNumber,
 )
 
 
@@ -73,3 +81,23 @@ class CurrentSensorTable(RigTable):
     noise: Noise  # standard deviation of the reading [A]
     noise_memory: Memory  # correlation time of that noise [s]
     quantum: Quantum  # step in which currents are stored [A]
+
+
+class MotorTable(RigTable):
+    """``[motor]``: the motor and its amplifier."""
+
+    rotor_inertia: Inertia  # inertia of the rotor about its own axis [kg*m^2]
+    torque_constant: TorqueConstant  # torque of the motor per ampere [N*m/A]
+    gear_ratio: GearRatio  # angle of the motor over the angle of the joint [1]
+    current_limit: Current  # largest current of the amplifier [A]
+    ripple_amplitude: Torque  # torque ripple at the joint [N*m]
+    ripple_wave_number: WaveNumber  # phase of the ripple per angle of the joint [1/rad]
+
+
+class MotionLimitsTable(RigTable):
+    """Limits of the requested motions: ``[range]``, ``[motion_range]``."""
+
+    low: Angle  # smallest angle [rad]
+    high: Angle  # largest angle [rad]
+    velocity: PositiveSpeed  # largest speed [rad/s]
+    acceleration: Acceleration  # largest acceleration [rad/s^2]

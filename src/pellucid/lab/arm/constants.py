@@ -11,11 +11,9 @@ from ..constants import (
     Angle,
     AngleSize,
     Coordinate,
-    Current,
     Delay,
     Duration,
     Gain,
-    GearRatio,
     Inertia,
     InertiaProduct,
     Length,
@@ -35,11 +33,9 @@ from ..constants import (
     Stiffness,
     Substeps,
     Torque,
-    TorqueConstant,
     Viscosity,
-    WaveNumber,
 )
-from ..shared_tables import CurrentSensorTable, MotorEncoderTable
+from ..shared_tables import CurrentSensorTable, MotorEncoderTable, MotorTable
 
 Rotation = tuple[Angle, Angle, Angle]
 """Small rotation about x, y and z [rad]."""
@@ -105,15 +101,9 @@ class MakerTable(RigTable):
     inertia: Annotated[Share, Field(ge=0.01)]  # stated inertia over true inertia [1]
 
 
-class JointTable(RigTable):
+class JointTable(MotorTable):
     """``[joint.NAME]``: motor, transmission and bearing of one joint; names are those of the core."""
 
-    rotor_inertia: Inertia  # inertia of the rotor about its own axis [kg*m^2]
-    torque_constant: TorqueConstant  # torque of the motor per ampere [N*m/A]
-    gear_ratio: GearRatio  # angle of the motor over the angle of the joint [1]
-    current_limit: Current  # largest current of the amplifier [A]
-    ripple_amplitude: Torque  # torque ripple at the joint [N*m]
-    ripple_wave_number: WaveNumber  # phase of the ripple per angle of the joint [1/rad]
     stiffness: Stiffness  # stiffness of the cable at the joint [N*m/rad]
     damping: Viscosity  # damping of the cable at the joint [N*m*s/rad]
     backlash: AngleSize  # whole gap of the backlash [rad]

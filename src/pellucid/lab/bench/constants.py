@@ -7,8 +7,6 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from ..constants import (
-    Acceleration,
-    Angle,
     AngleSize,
     Current,
     Duration,
@@ -18,7 +16,6 @@ from ..constants import (
     Memory,
     Motion,
     Noise,
-    PositiveSpeed,
     Rate,
     RigConstants,
     RigTable,
@@ -33,7 +30,7 @@ from ..constants import (
     Viscosity,
     WaveNumber,
 )
-from ..shared_tables import MultisineTable
+from ..shared_tables import MotionLimitsTable, MultisineTable
 
 
 class JointTable(RigTable):
@@ -84,15 +81,6 @@ class LoopTable(RigTable):
     velocity_span: SampleSpan  # number of samples over which the measured velocity is a difference
 
 
-class MotionRangeTable(RigTable):
-    """``[motion_range]``: limits of the requested motions."""
-
-    low: Angle  # smallest angle [rad]
-    high: Angle  # largest angle [rad]
-    velocity: PositiveSpeed  # largest speed [rad/s]
-    acceleration: Acceleration  # largest acceleration [rad/s^2]
-
-
 class SamplingTable(RigTable):
     """``[sampling]``: rate and duration of the recordings."""
 
@@ -110,6 +98,6 @@ class BenchConstants(RigConstants):
     drive: DriveTable
     encoder: EncoderTable
     loop: LoopTable
-    motion_range: MotionRangeTable
+    motion_range: MotionLimitsTable
     sampling: SamplingTable
     multisine: MultisineTable | None = None

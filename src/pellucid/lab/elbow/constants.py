@@ -7,16 +7,12 @@ from typing import Annotated
 from pydantic import Field
 
 from ..constants import (
-    Acceleration,
-    Angle,
     AngleSize,
     CameraRate,
     ClockDrift,
     ClockOffset,
     Coordinate,
-    Current,
     Gain,
-    GearRatio,
     Inertia,
     Length,
     Mass,
@@ -36,11 +32,10 @@ from ..constants import (
     Text,
     TimeConstant,
     Torque,
-    TorqueConstant,
     Viscosity,
     WaveNumber,
 )
-from ..shared_tables import CurrentSensorTable, MotorEncoderTable
+from ..shared_tables import CurrentSensorTable, MotionLimitsTable, MotorEncoderTable, MotorTable
 
 
 class BodyTable(RigTable):
@@ -57,17 +52,6 @@ class SliderTable(RigTable):
     low: Length  # smallest distance of the carriage's marker from the axis [m]
     high: Length  # largest distance of the carriage's marker from the axis [m]
     marker_height: Coordinate  # position of the carriage's marker across the rail [m]
-
-
-class MotorTable(RigTable):
-    """``[motor]``: the motor and its amplifier."""
-
-    rotor_inertia: Inertia  # inertia of the rotor about its own axis [kg*m^2]
-    torque_constant: TorqueConstant  # torque of the motor per ampere [N*m/A]
-    gear_ratio: GearRatio  # angle of the motor over the angle of the joint [1]
-    current_limit: Current  # largest current of the amplifier [A]
-    ripple_amplitude: Torque  # torque ripple at the joint [N*m]
-    ripple_wave_number: WaveNumber  # phase of the ripple per angle of the joint [1/rad]
 
 
 class TransmissionTable(RigTable):
@@ -116,15 +100,6 @@ class OpticalTable(RigTable):
     rail_offset: Annotated[tuple[Coordinate, ...], Field(max_length=20)]  # position of each along the axis [m]
 
 
-class RangeTable(RigTable):
-    """``[range]``: limits of the protocol."""
-
-    low: Angle  # smallest angle [rad]
-    high: Angle  # largest angle [rad]
-    velocity: PositiveSpeed  # largest speed [rad/s]
-    acceleration: Acceleration  # largest acceleration [rad/s^2]
-
-
 class PositionLoopTable(RigTable):
     """``[loop.position]``: u = kv e + ki sum(e) with e = kp (r - q) - v."""
 
@@ -169,7 +144,7 @@ class ElbowConstants(RigConstants):
     encoder: MotorEncoderTable
     current_sensor: CurrentSensorTable
     optical: OpticalTable
-    range: RangeTable
+    range: MotionLimitsTable
     loop: LoopTable
     sampling: SamplingTable
     drawn: Ranges = Field(default_factory=dict)  # ranges of the constants of further rigs, by dotted path
