@@ -56,11 +56,11 @@ def require_folder(path: Path, expected: str, error: type[PellucidError] = Pellu
     return path
 
 
-def require_empty_folder(folder: Path) -> None:
-    """StudyError if `folder` is a file, or a folder with something in it."""
+def require_empty_folder(folder: Path, error: type[PellucidError] = StudyError) -> None:
+    """Raise an `error` if `folder` is a file, or a folder with something in it."""
     if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
         found = "a file" if folder.is_file() else f"a folder that holds {', '.join(sorted(os.listdir(folder))[:5])}"
-        raise StudyError(f"{folder}: found {found}, expected a new or empty folder")
+        raise error(f"{folder}: found {found}, expected a new or empty folder")
 
 
 def visible_text(text: str) -> str:

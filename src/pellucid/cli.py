@@ -18,6 +18,7 @@ from ._errors import PellucidError, UnfitRecordingError, missing_lab
 from ._plugins import load_plugins
 from .procedures.command import Command, procedure_commands
 from .terminal import (
+    Json,
     count_of,
     make_console,
     print_items,
@@ -62,7 +63,6 @@ datasets_app = typer.Typer(
 app.add_typer(datasets_app)
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the study.")]
-Json = Annotated[bool, typer.Option("--json", help="Print the figures as JSON instead of tables.")]
 Outside = Annotated[
     bool, typer.Option("--allow-outside", help="Files that it names or links to may lie outside its folder.")
 ]

@@ -10,9 +10,7 @@ from typing import Annotated
 
 import typer
 
-from .terminal import count_of, make_console, print_items, print_json, print_line, show_progress
-
-Json = Annotated[bool, typer.Option("--json", help="Print the figures as JSON instead of tables.")]
+from .terminal import Json, count_of, make_console, print_items, print_json, print_line, show_progress
 
 
 def simulate(

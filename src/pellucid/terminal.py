@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from .procedures.result import Result
+
+Json = Annotated[bool, typer.Option("--json", help="Print the figures as JSON instead of tables.")]
+"""Option of commands whose result can be printed as JSON."""
 
 CHARACTER_REPLACEMENTS = {
     "−": "-", "–": "-", "—": "-", "±": "+-", "·": "*", "×": "x", "²": "^2", "³": "^3", "µ": "u", "°": "deg", "…": "...",

@@ -9,6 +9,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from .._errors import DatasetError
+from .._given import require_empty_folder
 from .fetch import fetch, notes, path
 from .registry import template
 
@@ -27,9 +28,7 @@ def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Stu
 
     folder = Path(folder)
     source_file = template(dataset)
-    if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
-        found = "a file" if folder.is_file() else f"a folder that holds {', '.join(sorted(os.listdir(folder))[:5])}"
-        raise DatasetError(f"{folder}: found {found}, expected a new or empty folder")
+    require_empty_folder(folder, DatasetError)
     try:
         source = path(dataset)
     except DatasetError:

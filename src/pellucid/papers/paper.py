@@ -16,7 +16,7 @@ from typing import ClassVar
 from .._errors import PellucidError
 from ..pages.page import Page, Section, Tile
 from .figure import Figures, Reproduced
-from .printed import PrintedPaper, paper_packages, papers, printed
+from .printed import PrintedPaper, papers, printed
 from .row_sections import row_sections
 
 Progress = Callable[[str, float], None]
@@ -122,7 +122,7 @@ def paper(name: str) -> type[Paper]:
     """Return the class of the paper in a folder."""
     if name not in papers():
         raise PellucidError(f"unknown paper {name!r}; known: {', '.join(papers())}")
-    module = import_module(f"{paper_packages()[name].__name__}.{name}.paper")
+    module = import_module(f"{papers()[name].package.__name__}.{name}.paper")
     found = [c for c in vars(module).values() if isinstance(c, type) and c.__module__ == module.__name__]
     found = [c for c in found if issubclass(c, Paper)]
     if len(found) != 1:

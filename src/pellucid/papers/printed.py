@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from decimal import Decimal
 from pathlib import Path
 from types import ModuleType
+from typing import NamedTuple
 
 from .._errors import PellucidError
 from .._plugins import load_plugins, require_attributes
@@ -72,26 +73,25 @@ class PrintedPaper:
         return found.value
 
 
-def paper_packages() -> dict[str, ModuleType]:
-    """Return the package that holds the folder of each paper, by the paper's name.
+class PaperFolder(NamedTuple):
+    """The folder of a paper, and the package that holds it."""
+
+    package: ModuleType
+    path: Path
+
+
+def papers() -> dict[str, PaperFolder]:
+    """Return the folder of every paper, by name.
 
     Packages are entry points of ``pellucid.papers``; a folder is a paper's if it has a ``printed.toml``.
     """
-    found: dict[str, ModuleType] = {}
+    found: dict[str, PaperFolder] = {}
     for plugin in load_plugins("pellucid.papers"):
         require_attributes(plugin, "pellucid.papers", "__path__")
         for place in plugin.value.__path__:
             for toml in Path(place).glob("*/printed.toml"):
-                found.setdefault(toml.parent.name, plugin.value)
+                found.setdefault(toml.parent.name, PaperFolder(plugin.value, toml.parent))
     return dict(sorted(found.items()))
-
-
-def papers() -> dict[str, Path]:
-    """Return the folder of every paper, by name."""
-    return {
-        name: next(Path(place, name) for place in package.__path__ if Path(place, name, "printed.toml").is_file())
-        for name, package in paper_packages().items()
-    }
 
 
 def printed(paper: str) -> PrintedPaper:
@@ -99,7 +99,7 @@ def printed(paper: str) -> PrintedPaper:
     folder = papers().get(paper)
     if folder is None:
         raise PellucidError(f"unknown paper {paper!r}; known: {', '.join(papers())}")
-    raw = tomllib.loads((folder / "printed.toml").read_text(encoding="utf-8"), parse_float=Decimal)
+    raw = tomllib.loads((folder.path / "printed.toml").read_text(encoding="utf-8"), parse_float=Decimal)
     values = {name: _value(entry) for name, entry in raw.get("values", {}).items()}
     tables = {name: _table(entry) for name, entry in raw.get("tables", {}).items()}
     about = {key: raw[key] for key in ("name", "title", "authors", "journal", "year")}

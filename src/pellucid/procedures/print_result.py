@@ -101,11 +101,6 @@ def html_tables(result: PrintableResult) -> str:
     return "".join(made)
 
 
-def say(out: Console, text: str) -> None:
-    """Print a line unchanged: paths are neither wrapped nor read as markup."""
-    out.print(text, markup=False, soft_wrap=True)
-
-
 def plain_table(*heads: str) -> Table:
     """Return a table without frames.
 

@@ -49,9 +49,6 @@ EFFECT_WORDS = {
 }
 """Words for every predicted effect."""
 
-NO_CHANGE_PREDICTION = {"duration": 0.0, "vmax": 0.0, EMG_RANK_SUM: 12.0}
-"""The baseline prediction: no law changes anything, and every rank sum is the mean of its values [%, %, 1]."""
-
 _row = partial(figure, "able.predicted")
 
 
