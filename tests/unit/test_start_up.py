@@ -8,7 +8,7 @@ from simulated_joint import BODY, FRICTION, SimulatedJoint, changed, identified,
 
 import pellucid as pl
 from pellucid.control.elbow_controllers import ELBOW_CONTROLLERS
-from pellucid.control.supervised import Instruments
+from pellucid.control.instruments import Instruments
 from pellucid.models.anthropometry import forearm
 from pellucid.models.card import CardParameter
 from pellucid.models.joint import PARAMETER_FIELDS

@@ -9,7 +9,8 @@ import pellucid as pl
 from pellucid import _core
 from pellucid._errors import PellucidError
 from pellucid.control.control_law import LAWS, ControlLaw
-from pellucid.control.supervised import Instruments, supervised
+from pellucid.control.instruments import Instruments
+from pellucid.control.supervised import supervised
 from pellucid.lab.safety.fault_table import FAULT_KINDS
 from pellucid.models.fields import model_fields
 

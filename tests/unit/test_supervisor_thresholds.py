@@ -10,8 +10,9 @@ from pellucid._errors import PellucidError
 from pellucid.control import joint_compensation, tree_laws
 from pellucid.control import supervised as rules
 from pellucid.control.control_law import LAWS, ControlLaw
+from pellucid.control.instruments import Instruments
 from pellucid.control.limits import Limits
-from pellucid.control.supervised import Instruments, StartUpWave, body_of, start_up_wave, supervised
+from pellucid.control.supervised import StartUpWave, body_of, start_up_wave, supervised
 from pellucid.control.worn import watched_worn
 from pellucid.models.card import CardParameter, ModelCard
 from pellucid.models.slider_card import SliderCard

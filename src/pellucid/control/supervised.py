@@ -20,6 +20,7 @@ from .._errors import PellucidError
 from ..models.fields import friction_coefficients, model_fields
 from .control_law import LAWS, ControlLaw
 from .elbow_laws import LOOP_BANDWIDTH
+from .instruments import Instruments
 
 MIN_DRIVEN_INERTIA_SHARE = 0.1
 """Smallest share of the inertia that the drive may accelerate by itself, behind its transmission [1]."""
@@ -72,12 +73,6 @@ DRIVE_TOLERANCE_SHARE = 0.05
 
 DRIVE_SURPLUS_TRAVEL = 0.005
 """Energy that a drive may give beyond its command: the work of the effort limit over this distance [rad or m]."""
-
-DRIVE_GAIN_ERROR = 0.05
-"""Default of `Instruments.drive_gain_error`: the accuracy of uncalibrated current sensors and torque constants [1]."""
-
-DRIVE_OFFSET_SHARE = 0.01
-"""Default of `Instruments.drive_offset_share`, as a share of the law's limit of effort [1]."""
 
 DRIVE_FORGET_S = 10.0
 """Time constant with which the energy that a drive gave beyond its command is forgotten."""
@@ -140,21 +135,6 @@ HOLD_DAMPING_SHARE = 0.05
 
 SUPERVISOR_NAMES: tuple[str, ...] = tuple(field.name for field in model_fields("supervisor"))
 """The supervisor's numbers, in the core's order."""
-
-
-@dataclass(frozen=True)
-class Instruments:
-    """A robot's instruments and their accuracy."""
-
-    encoder_resolution: float = 4e-4  # error of one encoder reading [rad or m]
-    joint_encoder: bool = False  # whether there is a second encoder, behind the transmission
-    joint_tolerance: float = 0.05  # largest difference of both encoders without a fault: twist and backlash [rad or m]
-    drive: bool = False  # whether the drive measures its current or torque
-    drive_limit: float = math.inf  # largest effort of the drive [N m or N]
-    force_range: float = math.inf  # range of the force sensor [N m or N]
-    emg_range: float = 40.0  # largest torque in the EMG calibration [N m]
-    drive_gain_error: float = DRIVE_GAIN_ERROR  # relative error of the drive's measurement [1]
-    drive_offset_share: float = DRIVE_OFFSET_SHARE  # offset of that measurement, as a share of the effort limit [1]
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 from .. import _core
 from .control_law import ControlLaw
+from .instruments import Instruments
 from .residual_compensator import ResidualDesign
-from .supervised import Instruments, SupervisedLaw, body_of, supervised
+from .supervised import SupervisedLaw, body_of, supervised
 
 SPRING_TOLERANCE = 0.5
 """Largest difference between the spring's torque and its command, as a share of the law's effort limit [1]."""

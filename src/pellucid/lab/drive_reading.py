@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 
 from .. import _core
-from ..control.supervised import DRIVE_GAIN_ERROR, DRIVE_OFFSET_SHARE
+from ..control.instruments import DRIVE_GAIN_ERROR, DRIVE_OFFSET_SHARE
 
 NOISE_COUNT = 50_021
 """Number of control periods of noise that are drawn before the noise repeats.
@@ -59,7 +59,7 @@ EXACT_READING = DriveReading()
 def stated_readings(effort_limit: float) -> tuple[DriveReading, ...]:
     """Return the eight worst readings within the stated accuracy: gain, offset and lag at either end of their range.
 
-    Each also has noise and a quantum. The accuracy is the default of `control.supervised.Instruments`; it scales with
+    Each also has noise and a quantum. The accuracy is the default of `control.instruments.Instruments`; it scales with
     the `effort_limit` of the law [N m or N].
     """
     return tuple(

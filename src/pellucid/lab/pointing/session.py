@@ -10,7 +10,8 @@ import numpy as np
 
 from ... import _core
 from ...control.control_law import ControlLaw
-from ...control.supervised import Instruments, supervised
+from ...control.instruments import Instruments
+from ...control.supervised import supervised
 from ...control.supervisor_faults import NO_FAULT
 from ...models.simulate import substeps_for
 from ...signals.movements import Kinematics, MovementRule, Stretch, kinematics

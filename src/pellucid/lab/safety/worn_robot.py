@@ -11,8 +11,9 @@ from ... import _core
 from ...control.control_law import ControlLaw
 from ...control.elbow_controllers import ELBOW_CONTROLLERS
 from ...control.elbow_laws import ELBOW_LIMITS
+from ...control.instruments import Instruments
 from ...control.joint_compensation import compensation
-from ...control.supervised import Instruments, SupervisedLaw, body_of, supervised
+from ...control.supervised import SupervisedLaw, body_of, supervised
 from ...models.simulate import substeps_for
 from ...models.slider_card import SliderCard
 from ..drive_reading import EXACT_READING, DriveReading
