@@ -21,12 +21,11 @@ from ..models.anthropometry import Segment
 from ..models.fields import largest_friction, model_fields
 from ..models.tree_card import COLUMNS, TreeCard
 from .control_law import gate_values
+from .instruments import DRIVE_GAIN_ERROR, DRIVE_OFFSET_SHARE
 from .joint_compensation import DEFAULT_PERIOD_S, EFFORT_RISE_S, WIDTH_SHARE
 from .limits import Limits
 from .supervised import (
     DRIVE_FORGET_S,
-    DRIVE_GAIN_ERROR,
-    DRIVE_OFFSET_SHARE,
     DRIVE_SURPLUS_TRAVEL,
     DRIVE_TOLERANCE_SHARE,
     ENERGY_BUDGET_POWER_SHARE,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from ..control.control_law import LAWS, ControlLaw
+from ..control.instruments import Instruments
 from ..control.supervised import SupervisedLaw, supervised
 from ..control.worn import watched_worn
 
@@ -31,6 +32,7 @@ class ControllerValues:
     speed: float = 3.0  # largest speed in the recordings of the model, also that of the test vector [rad/s or m/s]
     notes: tuple[str, ...] = field(default=())  # remarks that an engineer must read before switching on
     uses: frozenset[str] = frozenset()  # names of the law's optional sensors that it uses
+    instruments: Instruments = field(default_factory=Instruments)  # what the robot measures, how well
 
     @property
     def all_notes(self) -> tuple[str, ...]:
@@ -45,4 +47,8 @@ class ControllerValues:
     def supervised(self) -> SupervisedLaw:
         """The law with its supervisor, which tests the drive at start-up if the law's effort is that of the joint."""
         law = ControlLaw(self.law, self.numbers, self.uses)
-        return watched_worn(law) if LAWS[self.law].drives_spring else supervised(law)
+        return (
+            watched_worn(law)
+            if LAWS[self.law].drives_spring
+            else supervised(law, instruments=self.instruments, answer=self.instruments.start_up_answer)
+        )
