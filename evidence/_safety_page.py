@@ -51,7 +51,7 @@ def table(measured: FaultTable, level: str = "###") -> str:
         text.append(f"{level} {group.capitalize()}\n")
         text.append(f"| {' | '.join(TABLE_HEAD)} |\n|{'---|' * 2}{'--:|' * 6}")
         for kind in FAULT_KINDS:
-            trials = measured.of(kind.name)
+            trials = measured.trials_of(kind.name)
             if kind.group == group and trials:
                 text.append(f"| {' | '.join(line(kind, trials))} |")
         text.append("")
