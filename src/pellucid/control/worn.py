@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from .. import _core
 from .control_law import ControlLaw
 from .instruments import Instruments
 from .residual_compensator import ResidualDesign
 from .supervised import SupervisedLaw, body_of, supervised
+
+WORN_ENCODER_RESOLUTION = 1e-3
+"""Error of one reading of the output's encoder if none is stated [rad]."""
 
 SPRING_TOLERANCE = 0.5
 """Largest difference between the spring's torque and its command, as a share of the law's effort limit [1]."""
@@ -34,20 +37,25 @@ six drives with three times the effort was not found within 10 s and gave 2.9 J.
 0.7 J at most. Healthy springs whose reading was off by 0.01 of the limit had no alarm in 3.2 h."""
 
 
-def watched_worn(law: ControlLaw, stiffness: float | None = None, spring_limit: float = math.inf) -> SupervisedLaw:
-    """A worn law under a supervisor. With the `stiffness` of its spring [N m/rad], and the most that this gives [N m],
-    the spring's torque is what the drive measures, and the motor's encoder stands beside the output's.
+def watched_worn(law: ControlLaw, instruments: Instruments | None = None) -> SupervisedLaw:
+    """Return a worn law under a supervisor whose thresholds follow from its limits and its `instruments`.
+
+    The law asks a series spring for its torque. If the drive is measured, the measurement is the spring's torque. A
+    second encoder is the motor's beside the output's: both differ by the twist of the spring, whose stiffness the
+    instruments state. None are an output encoder alone.
 
     Raw data, command and memory are watched. No model is held against the wearer: the strap's share of the motion is no
     robot's. EMG may come and go, and what of its noise is in the command is no ringing. The wave of a test at start-up
-    would meet the spring's own torque loop."""
+    would meet the spring's own torque loop.
+    """
     effort, period, more = law.values["effort_limit"], law.values["period"], {}
-    measured = Instruments(encoder_resolution=1e-3)
-    if stiffness is not None:
-        measured = Instruments(
-            1e-3, joint_encoder=True, joint_tolerance=2.0 * effort / stiffness, drive=True, drive_limit=spring_limit,
-            drive_offset_share=SPRING_OFFSET_SHARE,
-        )  # fmt: skip
+    measured = (instruments or Instruments()).completed(
+        effort, encoder_resolution=WORN_ENCODER_RESOLUTION, drive_offset_share=SPRING_OFFSET_SHARE
+    )
+    if measured.spring_stiffness is not None:
+        twist = 2.0 * effort / measured.spring_stiffness
+        measured = replace(measured, joint_tolerance=max(measured.joint_tolerance, twist))
+    if measured.drive:
         more = {
             "drive_tolerance": SPRING_TOLERANCE * effort,
             "drive_share": SPRING_SHARE,
@@ -77,11 +85,15 @@ class WornCompensator:
     """A residual compensator with its EMG chain, called once a period."""
 
     def __init__(
-        self, design: ResidualDesign, emg: _core.EmgTorque | None = None, learning: StrapLearning | None = None
+        self,
+        design: ResidualDesign,
+        emg: _core.EmgTorque | None = None,
+        learning: StrapLearning | None = None,
+        instruments: Instruments | None = None,
     ):
         self.design = design
         self._law = design.control_law()
-        self.core = watched_worn(self._law).start()
+        self.core = watched_worn(self._law, instruments).start()
         self._emg = emg
         self._strap = None
         if learning is not None:

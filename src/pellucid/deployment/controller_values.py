@@ -48,7 +48,7 @@ class ControllerValues:
         """The law with its supervisor, which tests the drive at start-up if the law's effort is that of the joint."""
         law = ControlLaw(self.law, self.numbers, self.uses)
         return (
-            watched_worn(law)
+            watched_worn(law, self.instruments)
             if LAWS[self.law].drives_spring
-            else supervised(law, instruments=self.instruments, answer=self.instruments.start_up_answer)
+            else supervised(law, instruments=self.instruments)
         )
