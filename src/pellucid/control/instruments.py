@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 from .._errors import PellucidError
 
@@ -126,7 +126,7 @@ class Instruments:
         *,
         encoder_resolution: float = ENCODER_RESOLUTION,
         drive_offset_share: float = DRIVE_OFFSET_SHARE,
-    ) -> Instruments:
+    ) -> CompleteInstruments:
         """Return the same instruments with a number for each accuracy that is not stated.
 
         Parameters
@@ -140,7 +140,7 @@ class Instruments:
 
         Returns
         -------
-        Instruments
+        CompleteInstruments
             Instruments whose resolution, offsets and noise are numbers.
         """
         usual = {
@@ -149,4 +149,15 @@ class Instruments:
             "drive_noise": DRIVE_NOISE_SHARE * effort_limit,
             "force_offset": FORCE_OFFSET_SHARE * effort_limit,
         }
-        return replace(self, **{name: value for name, value in usual.items() if getattr(self, name) is None})
+        taken = {name: value for name, value in usual.items() if getattr(self, name) is None}
+        return CompleteInstruments(**{**vars(self), **taken})
+
+
+@dataclass(frozen=True)
+class CompleteInstruments(Instruments):
+    """Instruments of a joint with a number for each accuracy, as `Instruments.completed` gives them."""
+
+    encoder_resolution: float = ENCODER_RESOLUTION
+    drive_offset: float = 0.0
+    drive_noise: float = 0.0
+    force_offset: float = 0.0

@@ -26,6 +26,7 @@ from .instruments import (
     DRIVE_NOISE_SHARE,
     DRIVE_OFFSET_SHARE,
     FORCE_OFFSET_SHARE,
+    CompleteInstruments,
     Instruments,
 )
 
@@ -468,8 +469,8 @@ def _half_wave(
     return work, travel
 
 
-def drive_tolerances(instruments: Instruments, effort: float, period: float) -> dict[str, float]:
-    """Return the numbers of the drive watch that follow from its measurement, whose accuracy is `completed`, SI.
+def drive_tolerances(instruments: CompleteInstruments, effort: float, period: float) -> dict[str, float]:
+    """Return the numbers of the drive watch that follow from its measurement, SI.
 
     `effort` is the law's limit and `period` that of the control. The usual accuracy gives the usual numbers; what
     exceeds it widens them.
@@ -492,8 +493,8 @@ def supervision_of(
     """Return the supervisor's numbers by name, SI, by the rules of this file."""
     v, known = law.values, {field.name: field.default for field in model_fields("supervisor")}
     period, effort, speed = v["period"], v["effort_limit"], v["velocity_limit"]
-    instruments = instruments.completed(effort)
-    force_offset = max(instruments.force_offset - FORCE_OFFSET_SHARE * effort, 0.0)
+    complete = instruments.completed(effort)
+    force_offset = max(complete.force_offset - FORCE_OFFSET_SHARE * effort, 0.0)
     inertia = body["inertia"]
     weight = weight_of(body)
     friction = body_resistance(body, 0.0, weight)
@@ -506,7 +507,7 @@ def supervision_of(
         "raw_speed_limit": speed,
         "range_min": v["position_min"] - POSITION_RANGE_MARGIN,
         "range_max": v["position_max"] + POSITION_RANGE_MARGIN,
-        "encoder_resolution": instruments.encoder_resolution,
+        "encoder_resolution": complete.encoder_resolution,
         "freeze_speed": MAX_GRIP_DECELERATION * period,
         "freeze_samples": max(2.0, round(ENCODER_FREEZE_S / period)),
         "joint_expected": float(instruments.joint_encoder),
@@ -521,11 +522,11 @@ def supervision_of(
         "muscle_range": instruments.emg_range,
         "muscle_quiet_samples": max(2.0, round(SENSOR_QUIET_S / period)),
         "drive_expected": float(instruments.drive),
-        **drive_tolerances(instruments, effort, period),
+        **drive_tolerances(complete, effort, period),
         "drive_limit": instruments.drive_limit,
         "drive_surplus": DRIVE_SURPLUS_TRAVEL * effort,
         "drive_gain": instruments.drive_gain_error,
-        "drive_offset": instruments.drive_offset,
+        "drive_offset": complete.drive_offset,
         "drive_forget": -math.expm1(-period / DRIVE_FORGET_S),
         "push_limit": effort + left,
         "ringing_limit": max(
@@ -546,7 +547,7 @@ def supervision_of(
         }
     if inertia > 0.0:
         wave = start_up_wave(
-            inertia, friction, instruments.encoder_resolution, limit=effort, rate=v["rate_limit"], period=period
+            inertia, friction, complete.encoder_resolution, limit=effort, rate=v["rate_limit"], period=period
         )
         speeds_up = inertia * speed if math.isfinite(speed) else 0.0
         torque = max(WEARER_TORQUE_SHARE * effort, speeds_up / WEARER_ACCELERATION_TIMES_S[0]) + left

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from .. import _core
 from .control_law import ControlLaw
-from .instruments import Instruments
+from .instruments import CompleteInstruments, Instruments
 from .residual_compensator import ResidualDesign
 from .supervised import SupervisedLaw, body_of, supervised
 
@@ -37,6 +37,16 @@ six drives with three times the effort was not found within 10 s and gave 2.9 J.
 0.7 J at most. Healthy springs whose reading was off by 0.01 of the limit had no alarm in 3.2 h."""
 
 
+def completed_by_spring(instruments: Instruments, effort_limit: float) -> CompleteInstruments:
+    """Return the instruments of a drive with a spring with a number for each accuracy that is not stated.
+
+    `effort_limit` is the law's [N m].
+    """
+    return instruments.completed(
+        effort_limit, encoder_resolution=WORN_ENCODER_RESOLUTION, drive_offset_share=SPRING_OFFSET_SHARE
+    )
+
+
 def watched_worn(law: ControlLaw, instruments: Instruments | None = None) -> SupervisedLaw:
     """Return a worn law under a supervisor whose thresholds follow from its limits and its `instruments`.
 
@@ -49,9 +59,7 @@ def watched_worn(law: ControlLaw, instruments: Instruments | None = None) -> Sup
     would meet the spring's own torque loop.
     """
     effort, period, more = law.values["effort_limit"], law.values["period"], {}
-    measured = (instruments or Instruments()).completed(
-        effort, encoder_resolution=WORN_ENCODER_RESOLUTION, drive_offset_share=SPRING_OFFSET_SHARE
-    )
+    measured = completed_by_spring(instruments or Instruments(), effort)
     if measured.spring_stiffness is not None:
         twist = 2.0 * effort / measured.spring_stiffness
         measured = replace(measured, joint_tolerance=max(measured.joint_tolerance, twist))

@@ -2,7 +2,33 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, TypeVar
+
 from .study_fields import StudyTable, quantity
+
+if TYPE_CHECKING:
+    ErrorShare = float
+    DriveEffort = float
+    PositiveDriveEffort = float
+    LagTime = float
+    Effort = float
+    PositiveEffort = float
+    PositiveAngle = float
+    PositiveStiffness = float
+    PositiveWork = float
+else:
+    ErrorShare = quantity("1", ge=0, le=1)
+    DriveEffort = quantity("<scaled_effort>", ge=0)
+    PositiveDriveEffort = quantity("<scaled_effort>", gt=0)
+    LagTime = quantity("s", ge=0, le=1)
+    Effort = quantity("<effort>", ge=0)
+    PositiveEffort = quantity("<effort>", gt=0)
+    PositiveAngle = quantity("<coordinate>", gt=0)
+    PositiveStiffness = quantity("<stiffness>", gt=0)
+    PositiveWork = quantity("J", gt=0)
+
+SomeTable = TypeVar("SomeTable", bound=StudyTable)
+"""The class of a table that is completed."""
 
 
 class DriveSensor(StudyTable):
@@ -27,11 +53,11 @@ class DriveSensor(StudyTable):
     """
 
     present: bool = True
-    gain_error: quantity("1", ge=0, le=1) | None = None
-    offset: quantity("<scaled_effort>", ge=0) | None = None
-    noise: quantity("<scaled_effort>", ge=0) | None = None
-    lag: quantity("s", ge=0, le=1) | None = None
-    largest_effort: quantity("<scaled_effort>", gt=0) | None = None
+    gain_error: ErrorShare | None = None
+    offset: DriveEffort | None = None
+    noise: DriveEffort | None = None
+    lag: LagTime | None = None
+    largest_effort: PositiveDriveEffort | None = None
 
 
 class ForceSensor(StudyTable):
@@ -47,9 +73,9 @@ class ForceSensor(StudyTable):
         Reading at no effort [effort].
     """
 
-    range: quantity("<effort>", gt=0) | None = None
-    gain_error: quantity("1", ge=0, le=1) | None = None
-    offset: quantity("<effort>", ge=0) | None = None
+    range: PositiveEffort | None = None
+    gain_error: ErrorShare | None = None
+    offset: Effort | None = None
 
 
 class InstrumentsTable(StudyTable):
@@ -81,14 +107,14 @@ class InstrumentsTable(StudyTable):
         Whether a small wave of effort may test encoder and drive while the law runs.
     """
 
-    encoder_resolution: quantity("<coordinate>", gt=0) | None = None
+    encoder_resolution: PositiveAngle | None = None
     second_encoder: bool = False
-    second_encoder_tolerance: quantity("<coordinate>", gt=0) | None = None
+    second_encoder_tolerance: PositiveAngle | None = None
     drive_sensor: DriveSensor | None = None
     force_sensor: ForceSensor | None = None
-    spring_stiffness: quantity("<stiffness>", gt=0) | None = None
-    emg_range: quantity("<effort>", gt=0) | None = None
-    start_up_answer: quantity("J", gt=0) | None = None
+    spring_stiffness: PositiveStiffness | None = None
+    emg_range: PositiveEffort | None = None
+    start_up_answer: PositiveWork | None = None
     probe: bool = False
 
     def completed_by(self, common: InstrumentsTable) -> InstrumentsTable:
@@ -101,7 +127,7 @@ class InstrumentsTable(StudyTable):
             raise ValueError("instruments: found second_encoder_tolerance, expected second_encoder = true beside it")
 
 
-def _completed(own: StudyTable, common: StudyTable) -> StudyTable:
+def _completed(own: SomeTable, common: StudyTable) -> SomeTable:
     """Return the table `own` with those keys of `common` that it does not say, tables in it likewise."""
     taken = {}
     for key in common.model_fields_set:
