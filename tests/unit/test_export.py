@@ -516,7 +516,7 @@ def test_without_a_measured_drive_the_first_line_says_what_is_not_found(study):
     assert "The start-up test is not commissioned" in readme
     printed = CliRunner().invoke(app, ["export", str(study.folder)])
     assert printed.exit_code == 0
-    assert printed.output.split()[:5] == warning.split()[:5]
+    assert printed.stdout.split()[:5] == warning.split()[:5]
     stated = '[rig.instruments]\nstart_up_answer = "14 mJ"\n[rig.instruments.drive_sensor]\noffset = "0.2 N*m"\n'
     path.write_text(path.read_text(encoding="utf-8").replace("[channels]", f"{stated}[channels]", 1), encoding="utf-8")
     folder = pellucid.export(pellucid.open(study.folder))
