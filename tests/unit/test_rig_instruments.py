@@ -6,7 +6,10 @@ import pytest
 
 import pellucid
 from pellucid._errors import StudyError
+from pellucid.control.coupling import Coupling
 from pellucid.control.instruments import Instruments
+from pellucid.control.residual_compensator import design
+from pellucid.control.worn import WornCompensator
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.rig_instruments import rig_instruments
 
@@ -129,3 +132,22 @@ def test_what_is_stated_later_leaves_a_card_valid(tmp_path):
 
     table = {"motion": "rotary", "instruments": {"probe": True}, "joints": [{"instruments": {}, "limits": {}}]}
     assert _without_keys(table, "instruments") == {"motion": "rotary", "joints": [{"limits": {}}]}
+
+
+def test_a_worn_compensator_watches_the_spring_that_its_instruments_have():
+    coupling = Coupling(0.05, 0.02, 1.6, 0.05, 0.3, 0.1, 8.0, 14.0, 0.5, actuator_frequency=60.0, delay=0.002)
+    made = design(coupling, 0.002)
+    spring = Instruments(drive=True, joint_encoder=True, spring_stiffness=170.0)
+    faults = {}
+    for name, torque, drift in (("well", 0.0, 0.0), ("apart", 0.0, 0.01), ("stuck", 9.0, 0.0)):
+        watched = WornCompensator(made, instruments=spring)
+        bare = WornCompensator(made)
+        for k in range(200):
+            watched.step(0.002 * k, 0.5, torque, motor_position=0.5 + drift * k)
+            bare.step(0.002 * k, 0.5, torque)
+        faults[name] = (watched.fault, bare.fault)
+    assert faults["well"] == ("none", "none")
+    assert faults["apart"][0] != "none"
+    assert faults["apart"][1] == "none"
+    assert faults["stuck"][0].startswith("drive")
+    assert not faults["stuck"][1].startswith("drive")

@@ -101,6 +101,7 @@ class WornCompensator:
     ):
         self.design = design
         self._law = design.control_law()
+        self._spring_is_watched = instruments is not None and instruments.drive
         self.core = watched_worn(self._law, instruments).start()
         self._emg = emg
         self._strap = None
@@ -127,22 +128,44 @@ class WornCompensator:
         """As of its supervisor."""
         return self.core.fault
 
-    def step(self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = ()) -> float:
-        """One control period. `time`, `position`, `torque` [s], [rad], [N m]; `emg` [V]; gives [N m]."""
+    def step(
+        self,
+        time: float,
+        position: float,
+        torque: float,
+        emg: Sequence[tuple[float, float]] = (),
+        *,
+        motor_position: float | None = None,
+    ) -> float:
+        """One control period. `time`, `position`, `torque` [s], [rad], [N m]; `emg` [V]; gives [N m].
+
+        `motor_position` is the second encoder's [rad], where the instruments have one.
+        """
         muscle, heard = 0.0, False
         if self._emg is not None:
             if len(emg):
                 self._emg.listen(emg)
             muscle, heard = self._emg.torque(position), self._emg.valid
-        return self.step_with_torque(time, position, torque, muscle, heard)
+        return self.step_with_torque(time, position, torque, muscle, heard, motor_position=motor_position)
 
-    def step_with_torque(self, time: float, position: float, torque: float, muscle: float, heard: bool = True) -> float:
+    def step_with_torque(
+        self,
+        time: float,
+        position: float,
+        torque: float,
+        muscle: float,
+        heard: bool = True,
+        *,
+        motor_position: float | None = None,
+    ) -> float:
         """One control period, with the muscles' torque already estimated. `time`, `position`, `torque` [s], [rad],
-        [N m]; `muscle` [N m]; gives [N m]."""
+        [N m]; `muscle` [N m]; `motor_position` [rad]; gives [N m]."""
         if self._strap is not None:
             stiffness, damping, learns = self._strap.step(position, torque, muscle, heard)
             if learns:
                 self.strap = (stiffness, damping)
                 self._law = self._law.changed(strap_stiffness=stiffness, strap_damping=damping)
                 self.core.adjust(self._law.parameters)
-        return self.core.step(time, position, torque, muscle if heard else None)
+        # A spring whose torque is watched is the drive's measurement.
+        drive = torque if self._spring_is_watched else None
+        return self.core.step(time, position, torque, muscle if heard else None, drive=drive, joint=motor_position)

@@ -120,9 +120,9 @@ def export(
         refused = {"slider": slider, "participant": participant, "exponents": exponents}
         _require_language(study, to, period, refused=refused, why="this robot has several joints")
         given = {} if period is None else {"period": period}
-        values = tree_values(study, card=card, controller=controller, allow_outside=allow_outside, **given)
-        with _own_folder(place, study, controller or "carried", values.cards, overwrite=overwrite):
-            return write_tree_folder(study.name, values, place)
+        tree = tree_values(study, card=card, controller=controller, allow_outside=allow_outside, **given)
+        with _own_folder(place, study, controller or "carried", tree.cards, overwrite=overwrite):
+            return write_tree_folder(study.name, tree, place)
     if _exports_estimator(study, card):
         refused = {"slider": slider, "exponents": exponents}
         _require_language(study, to, period, refused=refused, why="torque from EMG has none")

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from .._errors import StudyError
 from ..control.instruments import Instruments
 from ..studies.effort import drive_model
 from ..studies.instruments_table import DriveSensor
-from ..studies.study_file import JointTable
+from ..studies.study_file import JointTable, SeveralJoints
 
 INSTRUMENT_KEYS: Mapping[str, str] = {
     "encoder_resolution": "encoder_resolution",
@@ -39,12 +40,14 @@ FORCE_SENSOR_KEYS: Mapping[str, str] = {
 """Field of `Instruments` for each key of ``[rig.instruments.force_sensor]``."""
 
 
-def rig_instruments(joint: JointTable) -> Instruments:
+def rig_instruments(joint: JointTable | SeveralJoints) -> Instruments:
     """Return the instruments of a joint of ``[rig]``, SI; what its table does not say has the default.
 
     A spring of known stiffness measures the drive. Without ``largest_effort`` the drive's largest effort follows from
     ``limit`` in ``[rig.drive]``, if that is stated.
     """
+    if isinstance(joint, SeveralJoints):
+        raise StudyError(joint.refusal)
     table, drive = joint.instruments, joint.drive
     given: dict[str, Any] = {name: getattr(table, key) for key, name in INSTRUMENT_KEYS.items()}
     sensor = table.drive_sensor
