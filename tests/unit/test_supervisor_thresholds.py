@@ -195,7 +195,8 @@ def test_the_usual_accuracy_stated_is_the_usual_supervisor_bit_by_bit():
         ({"drive_gain_error": 0.99}, {"drive_gain": 0.99, "drive_share": 1.0}),
         ({"drive_offset": 0.03 * EFFORT}, {"drive_offset": 0.03 * EFFORT, "drive_tolerance": 0.07 * EFFORT}),
         ({"drive_noise": 0.02 * EFFORT}, {"drive_tolerance": 0.08 * EFFORT}),
-        ({"drive_lag": 7e-3}, {"drive_cycles": 4.0 + 12.0, "drive_late": math.exp(-1.0 / 5.0)}),
+        ({"drive_lag": 7e-3}, {"drive_cycles": 4.0 + 32.0, "drive_late": math.exp(-1.0 / 5.0)}),
+        ({"drive_lag": 22e-3}, {"drive_cycles": 4.0 + 47.0, "drive_late": math.exp(-1.0 / 20.0)}),
     ],
 )
 def test_a_worse_measurement_of_the_drive_widens_its_watch(worse, expected):
