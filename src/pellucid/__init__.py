@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .assessment.power import power_curve as power_curve
     from .control.controller import controller as controller
     from .control.controller import controllers as controllers
+    from .control.instruments import Instruments as Instruments
     from .control.limits import Limits as Limits
     from .control.supervised import supervised as supervised
     from .demonstration.demo import demo as demo
@@ -72,6 +73,7 @@ _PUBLIC_SOURCES = {
     "synergies": ("procedures.run", "synergies"),
     "controller": ("control.controller", "controller"),
     "controllers": ("control.controller", "controllers"),
+    "Instruments": ("control.instruments", "Instruments"),
     "Limits": ("control.limits", "Limits"),
     "supervised": ("control.supervised", "supervised"),
     "compare": ("procedures.compare", "compare"),
@@ -98,6 +100,7 @@ _PUBLIC_SOURCES = {
 _LAB_NAMES = frozenset({"demo", "predict", "reproduce", "simulate"})
 
 __all__ = [
+    "Instruments",
     "Limits",
     "Muscle",
     "PellucidError",

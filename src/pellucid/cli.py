@@ -319,6 +319,7 @@ def export(
 ) -> None:
     """Write the controller as C, or muscles for other programs."""
     from .deployment.export import export as run
+    from .deployment.export import warn_of_export
     from .deployment.microcontroller import measure, missing_tools, save_measured
     from .deployment.subject import describe_muscles
 
@@ -339,6 +340,9 @@ def export(
     if muscles:
         print_line(console, f"{made}: {describe_muscles(made, to)}")
         return
+    warning = warn_of_export(made)
+    if warning:
+        print_line(console, warning)
     if found is None:
         print_line(console, f"Not run on a Cortex-M4F: {', '.join(absent)} not installed.")
     else:

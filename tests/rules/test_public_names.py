@@ -9,6 +9,7 @@ import pytest
 import pellucid
 
 NAMES = [
+    "Instruments",
     "Limits",
     "Muscle",
     "PellucidError",

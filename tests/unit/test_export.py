@@ -21,8 +21,11 @@ from pellucid.control.control_law import LAWS, ControlLaw
 from pellucid.control.coupling import Coupling
 from pellucid.control.residual_compensator import design
 from pellucid.control.supervised import SUPERVISOR_NAMES
+from pellucid.control.unmeasured_drive import warn_of_unmeasured_drive
 from pellucid.deployment.c_folder import check_on_host, core_headers, needed_headers, write_c_folder
+from pellucid.deployment.constants_file import read_constants
 from pellucid.deployment.controller_values import ControllerValues
+from pellucid.deployment.export import warn_of_export
 from pellucid.deployment.joint_values import joint_values
 from pellucid.deployment.microcontroller import measure, missing_tools
 from pellucid.models.card import CardParameter, ModelCard, write_card
@@ -500,3 +503,30 @@ def test_a_study_without_a_joint_is_told_what_there_is_for_it(study):
     (study.folder / "study.toml").write_text(text, encoding="utf-8")
     with pytest.raises(PellucidError, match=r"found no \[rig.drive\].*pellucid assess"):
         pellucid.export(pellucid.open(study.folder))
+
+
+def test_without_a_measured_drive_the_first_line_says_what_is_not_found(study):
+    path = study.folder / "study.toml"
+    folder = pellucid.export(study)
+    readme = (folder / "README.md").read_text(encoding="utf-8")
+    warning = warn_of_unmeasured_drive()
+    assert readme.splitlines()[2] == f"> **{warning}**"
+    assert warn_of_export(folder) == warning
+    assert "| measurement of the drive's effort | no | usual, assumed |" in readme
+    assert "The start-up test is not commissioned" in readme
+    printed = CliRunner().invoke(app, ["export", str(study.folder)])
+    assert printed.exit_code == 0
+    assert printed.stdout.split()[:5] == warning.split()[:5]
+    stated = '[rig.instruments]\nstart_up_answer = "14 mJ"\n[rig.instruments.drive_sensor]\noffset = "0.2 N*m"\n'
+    path.write_text(path.read_text(encoding="utf-8").replace("[channels]", f"{stated}[channels]", 1), encoding="utf-8")
+    folder = pellucid.export(pellucid.open(study.folder))
+    readme = (folder / "README.md").read_text(encoding="utf-8")
+    assert warn_of_export(folder) == ""
+    assert warning not in readme
+    assert "| its offset | 0.2 N*m | from study.toml |" in readme
+    assert "not commissioned" not in readme
+    numbers = read_constants(folder)
+    assert (numbers["drive_expected"], numbers["drive_offset"]) == (1.0, pytest.approx(0.2))
+    assert (numbers["test_least"], numbers["test_most"]) == pytest.approx((0.2 * 0.014, 1.8 * 0.014))
+    constants = (folder / "pellucid_constants.h").read_text(encoding="utf-8")
+    assert " * its offset: 0.2 N*m, from study.toml" in constants

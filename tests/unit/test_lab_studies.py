@@ -54,8 +54,9 @@ def pretended(rig):
 def test_a_study_says_what_it_said_when_it_was_written_by_hand(name):
     rig = load_rig(name)
     before = open_study(KEPT / name).config
-    # Reversals came later.
+    # Reversals and instruments came later.
     said = rig.study([taken for taken in pretended(rig) if taken.trial.protocol != REVERSALS_NAME])
+    said["rig"].pop("instruments", None)
     text = study_text(said, rig.comments)
     assert study_config(tomllib.loads(text)) == before
     assert study_config(said) == before

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from pellucid.procedures.registry import ALL_PROCEDURES, open_study
-from pellucid.studies import study_file
+from pellucid.procedures.rig_instruments import rig_instruments
+from pellucid.studies import instruments_table, study_file
 
 PAGE = Path(__file__).parents[2] / "docs" / "study-file.md"
 EXAMPLES = re.findall(r"```toml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
@@ -20,6 +21,9 @@ TABLES = [
     study_file.Loop,
     study_file.JointLimits,
     study_file.Slider,
+    instruments_table.InstrumentsTable,
+    instruments_table.DriveSensor,
+    instruments_table.ForceSensor,
     study_file.Participant,
     study_file.Subtracted,
     study_file.ChannelSpec,
@@ -49,9 +53,18 @@ def test_the_example_of_several_joints_is_valid(tmp_path):
     assert study.channels["position.elbow"].si_unit == "rad"
 
 
+def test_the_example_of_instruments_is_valid(tmp_path):
+    """It stands apart from the whole example, whose drive it measures."""
+    head, channels = EXAMPLES[0].split("[channels]")
+    (tmp_path / "study.toml").write_text(f"{head}{EXAMPLES[2]}[channels]{channels}", encoding="utf-8")
+    found = rig_instruments(open_study(tmp_path).config.rig)
+    assert (found.drive, found.drive_offset, found.force_range, found.start_up_answer) == (True, 0.1, 25.0, 0.014)
+    assert found.drive_limit == pytest.approx(0.06 * 28.0 * 8.0)
+
+
 def test_the_slider_s_examples_are_valid(tmp_path):
     """They stand apart from the whole example, which has no slider: put into it."""
-    example, _, rail, _, _, optical, *_ = EXAMPLES
+    example, _, _, rail, _, _, optical, *_ = EXAMPLES
     head, channels = example.split("[channels]")
     (tmp_path / "study.toml").write_text(f"{head}{rail}[channels]{channels}{optical}", encoding="utf-8")
     study = open_study(tmp_path).config
@@ -61,7 +74,7 @@ def test_the_slider_s_examples_are_valid(tmp_path):
 
 def test_the_streams_example_is_valid(tmp_path):
     """It stands apart from the whole example, whose channels it goes with."""
-    example, streams = EXAMPLES[0], EXAMPLES[3]
+    example, streams = EXAMPLES[0], EXAMPLES[4]
     (tmp_path / "study.toml").write_text(f"{example}\n{streams}", encoding="utf-8")
     study = open_study(tmp_path).config
     assert study.streams["emg"].channels["emg.rectus_femoris"].si_unit == "V"
@@ -70,7 +83,7 @@ def test_the_streams_example_is_valid(tmp_path):
 
 def test_the_example_of_a_joined_stream_is_valid(tmp_path):
     """So does this one."""
-    (tmp_path / "study.toml").write_text(f"{EXAMPLES[0]}\n{EXAMPLES[4]}", encoding="utf-8")
+    (tmp_path / "study.toml").write_text(f"{EXAMPLES[0]}\n{EXAMPLES[5]}", encoding="utf-8")
     study = open_study(tmp_path).config
     assert list(study.joined_channels("drive")) == ["current"]
     assert study.recordings[-1].offsets == {"drive": 0.3512}

@@ -1,6 +1,7 @@
 """Every threshold of the supervisors as a number: which share of which limit it is, for laws that differ in one way."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -152,11 +153,12 @@ def test_counts_and_filters_by_the_period(period, freeze, quiet, rest, samples):
 
 
 def test_instruments():
-    given = Instruments(1e-3, True, 0.2, True, 7.0, 25.0, 30.0, 0.1, 0.02)
+    given = Instruments(encoder_resolution=1e-3, joint_encoder=True, joint_tolerance=0.2, drive=True, drive_limit=7.0,
+                        drive_gain_error=0.02, drive_offset=0.01, force_range=25.0, emg_range=30.0)  # fmt: skip
     found = changes(instruments=given, start_up=False)
     expected = {
         "encoder_resolution": 1e-3, "joint_expected": 1.0, "joint_tolerance": 0.2, "drive_expected": 1.0,
-        "drive_limit": 7.0, "force_range": 25.0, "muscle_range": 30.0, "drive_gain": 0.1, "drive_offset": 0.1,
+        "drive_limit": 7.0, "force_range": 25.0, "muscle_range": 30.0, "drive_gain": 0.02, "drive_offset": 0.01,
         "test_effort": 0.0,
     }  # fmt: skip
     assert {name: value for name, value in found.items() if name not in ("test_least", "test_most")} == pytest.approx(
@@ -164,7 +166,10 @@ def test_instruments():
     )
     usual = Instruments()
     assert (usual.joint_tolerance, usual.emg_range, usual.drive_limit) == (0.05, 40.0, math.inf)
-    assert (usual.drive_gain_error, usual.drive_offset_share, usual.encoder_resolution) == (0.05, 0.01, 4e-4)
+    assert (usual.drive_gain_error, usual.drive_lag, usual.force_gain_error) == (0.05, 2e-3, 0.0)
+    completed = usual.completed(8.0)
+    assert (completed.drive_offset, completed.drive_noise, completed.force_offset) == pytest.approx((0.08, 0.08, 0.16))
+    assert completed.encoder_resolution == 4e-4
     values = LAWS["transparent"].defaults | {n: x for n, x in NUMBERS.items() if n in LAWS["transparent"].defaults}
     law = ControlLaw("transparent", values)
     for uses in ((), ("interaction",), ("muscle",)):
@@ -173,8 +178,53 @@ def test_instruments():
         assert s["muscle_expected"] == float("muscle" in uses)
 
 
+ACCURATE = {"drive_gain_error": 0.05, "drive_offset": 0.01 * EFFORT, "drive_noise": 0.01 * EFFORT, "drive_lag": 2e-3,
+            "force_offset": 0.02 * EFFORT, "force_gain_error": 0.0, "encoder_resolution": 4e-4}  # fmt: skip
+
+
+def test_the_usual_accuracy_stated_is_the_usual_supervisor_bit_by_bit():
+    assert thresholds(instruments=Instruments(**ACCURATE)) == thresholds()
+    better = {name: 0.5 * value for name, value in ACCURATE.items() if name.endswith(("noise", "lag"))}
+    assert thresholds(instruments=Instruments(**ACCURATE | better | {"force_offset": 0.0})) == thresholds()
+
+
+@pytest.mark.parametrize(
+    ("worse", "expected"),
+    [
+        ({"drive_gain_error": 0.12}, {"drive_gain": 0.12, "drive_share": 0.15 + 0.07}),
+        ({"drive_gain_error": 0.99}, {"drive_gain": 0.99, "drive_share": 1.0}),
+        ({"drive_offset": 0.03 * EFFORT}, {"drive_offset": 0.03 * EFFORT, "drive_tolerance": 0.07 * EFFORT}),
+        ({"drive_noise": 0.02 * EFFORT}, {"drive_tolerance": 0.08 * EFFORT}),
+        ({"drive_lag": 7e-3}, {"drive_cycles": 4.0 + 32.0, "drive_late": math.exp(-1.0 / 5.0)}),
+        ({"drive_lag": 22e-3}, {"drive_cycles": 4.0 + 47.0, "drive_late": math.exp(-1.0 / 20.0)}),
+    ],
+)
+def test_a_worse_measurement_of_the_drive_widens_its_watch(worse, expected):
+    assert changes(instruments=Instruments(**ACCURATE | worse)) == pytest.approx(expected)
+
+
+def test_a_worse_force_sensor_widens_its_watch():
+    usual = thresholds()
+    found = changes(instruments=Instruments(force_offset=0.05 * EFFORT))
+    more = {name: usual[name] + 0.03 * EFFORT for name in ("force_tolerance", "force_burst", "force_excess")}
+    assert found == pytest.approx(more)
+    found = changes(instruments=Instruments(force_gain_error=0.1))
+    expected = {"force_tolerance": "wearer_torque", "force_burst": "wearer_push"}
+    assert found == pytest.approx({name: usual[name] + 0.1 * usual[most] for name, most in expected.items()})
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"drive_offset": -0.1}, {"drive_noise": math.nan}, {"encoder_resolution": 0.0}, {"force_range": 0.0},
+     {"spring_stiffness": 0.0}, {"start_up_answer": 0.0}, {"drive_lag": -1e-3}, {"drive_gain_error": -0.1}],
+)  # fmt: skip
+def test_an_impossible_instrument_is_refused(wrong):
+    with pytest.raises(PellucidError, match=f"instruments: {next(iter(wrong))}: found .*, expected"):
+        Instruments(**wrong)
+
+
 def test_a_commissioned_answer_has_closer_bounds():
-    found = changes(answer=0.5)
+    found = changes(instruments=Instruments(start_up_answer=0.5))
     assert found == pytest.approx({"test_least": 0.1, "test_most": 0.9})
 
 
@@ -284,7 +334,8 @@ def test_a_worn_law_is_watched_by_its_spring():
     assert (plain["joint_expected"], plain["drive_expected"], plain["encoder_resolution"]) == (0.0, 0.0, 1e-3)
     assert (plain["body_inertia"], plain["test_effort"], plain["muscle_expected"]) == (0.0, 0.0, 0.0)
     assert plain["ringing_limit"] == plain["drive_limit"] == plain["wearer_torque"] == math.inf
-    s = watched_worn(law, 200.0, 30.0).supervision
+    spring = Instruments(joint_encoder=True, drive=True, drive_limit=30.0, spring_stiffness=200.0)
+    s = watched_worn(law, spring).supervision
     expected = {
         "encoder_resolution": 1e-3, "joint_expected": 1.0, "joint_tolerance": 0.1, "drive_expected": 1.0,
         "drive_limit": 30.0, "drive_offset": 0.02, "drive_tolerance": 5.0, "drive_share": 0.25, "drive_cycles": 40.0,
@@ -292,7 +343,9 @@ def test_a_worn_law_is_watched_by_its_spring():
         "test_effort": 0.0, "body_inertia": 0.0, "push_limit": 10.0,
     }  # fmt: skip
     assert {name: s[name] for name in expected} == pytest.approx(expected)
-    assert watched_worn(law, 200.0).supervision["drive_limit"] == math.inf
+    assert watched_worn(law, replace(spring, drive_limit=math.inf)).supervision["drive_limit"] == math.inf
+    stiff = watched_worn(law, replace(spring, spring_stiffness=1e4, joint_tolerance=0.03)).supervision
+    assert stiff["joint_tolerance"] == 0.03
 
 
 # --- limits from cards -----------------------------------------------------------------------------------------------

@@ -3,27 +3,161 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+
+from .._errors import PellucidError
+
+ENCODER_RESOLUTION = 4e-4
+"""Error of one encoder reading if none is stated [rad or m]."""
 
 DRIVE_GAIN_ERROR = 0.05
 """Default of `Instruments.drive_gain_error`: the accuracy of uncalibrated current sensors and torque constants [1]."""
 
 DRIVE_OFFSET_SHARE = 0.01
-"""Default of `Instruments.drive_offset_share`, as a share of the law's limit of effort [1]."""
+"""Offset of the drive's measurement if none is stated, as a share of the law's limit of effort [1]."""
+
+DRIVE_NOISE_SHARE = 0.01
+"""Noise of the drive's measurement if none is stated, standard deviation as a share of the limit of effort [1]."""
+
+DRIVE_LAG_S = 2e-3
+"""Default of `Instruments.drive_lag`: the lag of a slow field bus [s]."""
+
+FORCE_OFFSET_SHARE = 0.02
+"""Offset of the force sensor if none is stated, as a share of the law's limit of effort [1].
+
+It is twice the standard deviation of the sensors on which the thresholds of the force watch were chosen."""
 
 
 @dataclass(frozen=True)
 class Instruments:
-    """A robot's instruments and their accuracy."""
+    """Instruments of a joint and their accuracy, from which the supervisor's thresholds follow.
 
-    encoder_resolution: float = 4e-4  # error of one encoder reading [rad or m]
-    joint_encoder: bool = False  # whether there is a second encoder, behind the transmission
-    joint_tolerance: float = 0.05  # largest difference of both encoders without a fault: twist and backlash [rad or m]
-    drive: bool = False  # whether the drive measures its current or torque
-    drive_limit: float = math.inf  # largest effort of the drive [N m or N]
-    force_range: float = math.inf  # range of the force sensor [N m or N]
-    emg_range: float = 40.0  # largest torque in the EMG calibration [N m]
-    drive_gain_error: float = DRIVE_GAIN_ERROR  # relative error of the drive's measurement [1]
-    drive_offset_share: float = DRIVE_OFFSET_SHARE  # offset of that measurement, as a share of the effort limit [1]
-    start_up_answer: float | None = None  # work of the start-up test's wave at commissioning; None if not known [J]
-    probe: bool = False  # whether a small wave of effort may test encoder and drive while the law runs
+    The defaults are a joint with one encoder, without a measurement of its drive's effort and without a force sensor of
+    known range. An accuracy that is not stated is the one with which the thresholds were chosen. A worse one widens
+    them. A better one tightens only the energy that a drive may add by its own measurement.
+
+    Parameters
+    ----------
+    encoder_resolution : float or None
+        Error of one encoder reading, quantum and noise together [rad or m]; None: `ENCODER_RESOLUTION`, and 1e-3 for an
+        orthosis behind a spring.
+    joint_encoder : bool
+        Whether there is a second encoder, behind the transmission.
+    joint_tolerance : float
+        Largest difference of both encoders without a fault: twist and backlash [rad or m].
+    drive : bool
+        Whether the drive measures its current or torque by a sensor that it does not regulate on.
+    drive_limit : float
+        Largest effort of the drive [N m or N].
+    drive_gain_error : float
+        Relative error of the drive's measurement [1].
+    drive_offset : float or None
+        Offset of that measurement [N m or N]; None: `DRIVE_OFFSET_SHARE` of the law's limit of effort, and 0.002 of it
+        for a spring, which is tared where it is slack.
+    drive_noise : float or None
+        Standard deviation of that measurement's noise [N m or N]; None: `DRIVE_NOISE_SHARE` of that limit.
+    drive_lag : float
+        Time constant of that measurement's lag [s].
+    spring_stiffness : float or None
+        Stiffness of the series spring whose deflection is the drive's measurement [N m/rad or N/m]; None for a drive
+        without a spring.
+    force_range : float
+        Range of the force sensor, of either sign [N m or N].
+    force_gain_error : float
+        Relative error of the force sensor [1].
+    force_offset : float or None
+        Offset of the force sensor [N m or N]; None: `FORCE_OFFSET_SHARE` of the law's limit of effort.
+    emg_range : float
+        Largest torque in the EMG calibration [N m].
+    start_up_answer : float or None
+        Work of the start-up test's wave at commissioning, with a drive known to be right [J]. None uses bounds for any
+        robot, which allow a gain that is wrong by a factor of up to three.
+    probe : bool
+        Whether a small wave of effort may test encoder and drive while the law runs.
+
+    Raises
+    ------
+    PellucidError
+        If a number is negative or not a number, or a resolution, range, limit or stiffness is 0.
+
+    Examples
+    --------
+    A joint whose drive measures its current to 5 % and 0.1 N m:
+
+    >>> import pellucid as pl
+    >>> measured = pl.Instruments(drive=True, drive_limit=13.0, drive_gain_error=0.05, drive_offset=0.1)
+    >>> measured.force_range
+    inf
+
+    `pellucid.supervised` takes them, and ``[rig.instruments]`` of study.toml states them for `pellucid.export`.
+    """
+
+    encoder_resolution: float | None = None
+    joint_encoder: bool = False
+    joint_tolerance: float = 0.05
+    drive: bool = False
+    drive_limit: float = math.inf
+    drive_gain_error: float = DRIVE_GAIN_ERROR
+    drive_offset: float | None = None
+    drive_noise: float | None = None
+    drive_lag: float = DRIVE_LAG_S
+    spring_stiffness: float | None = None
+    force_range: float = math.inf
+    force_gain_error: float = 0.0
+    force_offset: float | None = None
+    emg_range: float = 40.0
+    start_up_answer: float | None = None
+    probe: bool = False
+
+    def __post_init__(self):
+        positive = ("encoder_resolution", "joint_tolerance", "drive_limit", "spring_stiffness", "force_range",
+                    "emg_range", "start_up_answer")  # fmt: skip
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if value is None or isinstance(value, bool):
+                continue
+            least = "more than 0" if field.name in positive else "0 or more"
+            if not (value > 0.0 if field.name in positive else value >= 0.0):
+                raise PellucidError(f"instruments: {field.name}: found {value:g}, expected {least}")
+
+    def completed(
+        self,
+        effort_limit: float,
+        *,
+        encoder_resolution: float = ENCODER_RESOLUTION,
+        drive_offset_share: float = DRIVE_OFFSET_SHARE,
+    ) -> CompleteInstruments:
+        """Return the same instruments with a number for each accuracy that is not stated.
+
+        Parameters
+        ----------
+        effort_limit : float
+            The law's limit of effort, to which the defaults of offsets and noise are proportional [N m or N].
+        encoder_resolution : float
+            Error of one encoder reading if none is stated [rad or m].
+        drive_offset_share : float
+            Offset of the drive's measurement if none is stated, as a share of that limit [1].
+
+        Returns
+        -------
+        CompleteInstruments
+            Instruments whose resolution, offsets and noise are numbers.
+        """
+        usual = {
+            "encoder_resolution": encoder_resolution,
+            "drive_offset": drive_offset_share * effort_limit,
+            "drive_noise": DRIVE_NOISE_SHARE * effort_limit,
+            "force_offset": FORCE_OFFSET_SHARE * effort_limit,
+        }
+        taken = {name: value for name, value in usual.items() if getattr(self, name) is None}
+        return CompleteInstruments(**{**vars(self), **taken})
+
+
+@dataclass(frozen=True)
+class CompleteInstruments(Instruments):
+    """Instruments of a joint with a number for each accuracy, as `Instruments.completed` gives them."""
+
+    encoder_resolution: float = ENCODER_RESOLUTION
+    drive_offset: float = 0.0
+    drive_noise: float = 0.0
+    force_offset: float = 0.0

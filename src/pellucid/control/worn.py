@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from .. import _core
 from .control_law import ControlLaw
-from .instruments import Instruments
+from .instruments import CompleteInstruments, Instruments
 from .residual_compensator import ResidualDesign
 from .supervised import SupervisedLaw, body_of, supervised
+
+WORN_ENCODER_RESOLUTION = 1e-3
+"""Error of one reading of the output's encoder if none is stated [rad]."""
 
 SPRING_TOLERANCE = 0.5
 """Largest difference between the spring's torque and its command, as a share of the law's effort limit [1]."""
@@ -34,20 +37,33 @@ six drives with three times the effort was not found within 10 s and gave 2.9 J.
 0.7 J at most. Healthy springs whose reading was off by 0.01 of the limit had no alarm in 3.2 h."""
 
 
-def watched_worn(law: ControlLaw, stiffness: float | None = None, spring_limit: float = math.inf) -> SupervisedLaw:
-    """A worn law under a supervisor. With the `stiffness` of its spring [N m/rad], and the most that this gives [N m],
-    the spring's torque is what the drive measures, and the motor's encoder stands beside the output's.
+def completed_by_spring(instruments: Instruments, effort_limit: float) -> CompleteInstruments:
+    """Return the instruments of a drive with a spring with a number for each accuracy that is not stated.
+
+    `effort_limit` is the law's [N m].
+    """
+    return instruments.completed(
+        effort_limit, encoder_resolution=WORN_ENCODER_RESOLUTION, drive_offset_share=SPRING_OFFSET_SHARE
+    )
+
+
+def watched_worn(law: ControlLaw, instruments: Instruments | None = None) -> SupervisedLaw:
+    """Return a worn law under a supervisor whose thresholds follow from its limits and its `instruments`.
+
+    The law asks a series spring for its torque. If the drive is measured, the measurement is the spring's torque. A
+    second encoder is the motor's beside the output's: both differ by the twist of the spring, whose stiffness the
+    instruments state. None are an output encoder alone.
 
     Raw data, command and memory are watched. No model is held against the wearer: the strap's share of the motion is no
     robot's. EMG may come and go, and what of its noise is in the command is no ringing. The wave of a test at start-up
-    would meet the spring's own torque loop."""
+    would meet the spring's own torque loop.
+    """
     effort, period, more = law.values["effort_limit"], law.values["period"], {}
-    measured = Instruments(encoder_resolution=1e-3)
-    if stiffness is not None:
-        measured = Instruments(
-            1e-3, joint_encoder=True, joint_tolerance=2.0 * effort / stiffness, drive=True, drive_limit=spring_limit,
-            drive_offset_share=SPRING_OFFSET_SHARE,
-        )  # fmt: skip
+    measured = completed_by_spring(instruments or Instruments(), effort)
+    if measured.spring_stiffness is not None:
+        twist = 2.0 * effort / measured.spring_stiffness
+        measured = replace(measured, joint_tolerance=max(measured.joint_tolerance, twist))
+    if measured.drive:
         more = {
             "drive_tolerance": SPRING_TOLERANCE * effort,
             "drive_share": SPRING_SHARE,
@@ -77,11 +93,16 @@ class WornCompensator:
     """A residual compensator with its EMG chain, called once a period."""
 
     def __init__(
-        self, design: ResidualDesign, emg: _core.EmgTorque | None = None, learning: StrapLearning | None = None
+        self,
+        design: ResidualDesign,
+        emg: _core.EmgTorque | None = None,
+        learning: StrapLearning | None = None,
+        instruments: Instruments | None = None,
     ):
         self.design = design
         self._law = design.control_law()
-        self.core = watched_worn(self._law).start()
+        self._spring_is_watched = instruments is not None and instruments.drive
+        self.core = watched_worn(self._law, instruments).start()
         self._emg = emg
         self._strap = None
         if learning is not None:
@@ -107,22 +128,44 @@ class WornCompensator:
         """As of its supervisor."""
         return self.core.fault
 
-    def step(self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = ()) -> float:
-        """One control period. `time`, `position`, `torque` [s], [rad], [N m]; `emg` [V]; gives [N m]."""
+    def step(
+        self,
+        time: float,
+        position: float,
+        torque: float,
+        emg: Sequence[tuple[float, float]] = (),
+        *,
+        motor_position: float | None = None,
+    ) -> float:
+        """One control period. `time`, `position`, `torque` [s], [rad], [N m]; `emg` [V]; gives [N m].
+
+        `motor_position` is the second encoder's [rad], where the instruments have one.
+        """
         muscle, heard = 0.0, False
         if self._emg is not None:
             if len(emg):
                 self._emg.listen(emg)
             muscle, heard = self._emg.torque(position), self._emg.valid
-        return self.step_with_torque(time, position, torque, muscle, heard)
+        return self.step_with_torque(time, position, torque, muscle, heard, motor_position=motor_position)
 
-    def step_with_torque(self, time: float, position: float, torque: float, muscle: float, heard: bool = True) -> float:
+    def step_with_torque(
+        self,
+        time: float,
+        position: float,
+        torque: float,
+        muscle: float,
+        heard: bool = True,
+        *,
+        motor_position: float | None = None,
+    ) -> float:
         """One control period, with the muscles' torque already estimated. `time`, `position`, `torque` [s], [rad],
-        [N m]; `muscle` [N m]; gives [N m]."""
+        [N m]; `muscle` [N m]; `motor_position` [rad]; gives [N m]."""
         if self._strap is not None:
             stiffness, damping, learns = self._strap.step(position, torque, muscle, heard)
             if learns:
                 self.strap = (stiffness, damping)
                 self._law = self._law.changed(strap_stiffness=stiffness, strap_damping=damping)
                 self.core.adjust(self._law.parameters)
-        return self.core.step(time, position, torque, muscle if heard else None)
+        # A spring whose torque is watched is the drive's measurement.
+        drive = torque if self._spring_is_watched else None
+        return self.core.step(time, position, torque, muscle if heard else None, drive=drive, joint=motor_position)

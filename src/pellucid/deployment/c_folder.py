@@ -18,6 +18,7 @@ from .._atomic import remove_leftovers, write_text_atomically
 from .._errors import PellucidError
 from ..control.control_law import LAWS, LawSensor
 from ..control.supervisor_faults import SUPERVISOR_FAULTS
+from ..control.unmeasured_drive import warn_of_unmeasured_drive
 from ..models.fields import COORDINATE_UNITS, Field, model_fields
 from .controller_values import ControllerValues
 from .replay_vector import SUPERVISOR_VARIANTS, replay_vector
@@ -101,6 +102,8 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
         "cards": values.cards,
         "checksums": values.checksums,
         "notes": values.all_notes,
+        "instruments": values.listed_instruments,
+        "unmeasured": "" if values.instruments.drive else warn_of_unmeasured_drive(),
         "period": values.numbers["period"],
         "supervision": values.supervised.supervision,
         "supervisor": model_fields("supervisor"),

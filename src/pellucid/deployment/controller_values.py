@@ -10,12 +10,23 @@ from ..control.control_law import LAWS, ControlLaw
 from ..control.instruments import Instruments
 from ..control.supervised import SupervisedLaw, supervised
 from ..control.worn import watched_worn
+from ..models.fields import COORDINATE_UNITS
+from .instruments_listing import ListedInstrument, list_instruments
 
 NO_START_UP_TEST_NOTE = (
     "The limit of effort is too small for a test at start-up: a wave of that size might not move the joint. Polarity "
     "and gain of the drive are not tested: test them by hand, or set a larger effort in [rig.limits] and export again."
 )
 """Note in the exported README if the controller has no test at start-up."""
+
+NO_ANSWER_NOTE = (
+    "The start-up test is not commissioned: it accepts a gain that is wrong by a factor of up to three. To measure its "
+    "answer, check the drive by hand, let the robot start on a wearer who is at ease, and log position and effort of "
+    "each period. The work in J is the sum of effort times the next change of the position over the first half of the "
+    "wave, where the effort is positive; if the joint hardly moves there, over the second half. State the mean of ten "
+    "starts as start_up_answer in [rig.instruments], and export again."
+)
+"""Note in the exported README if the start-up test has no answer of a commissioning."""
 
 
 @dataclass(frozen=True)
@@ -33,22 +44,41 @@ class ControllerValues:
     notes: tuple[str, ...] = field(default=())  # remarks that an engineer must read before switching on
     uses: frozenset[str] = frozenset()  # names of the law's optional sensors that it uses
     instruments: Instruments = field(default_factory=Instruments)  # what the robot measures, how well
+    body: Mapping[str, float] | None = None  # supervisor's model of the robot, SI; None for that of the law's numbers
 
     @property
     def all_notes(self) -> tuple[str, ...]:
-        """The notes, with a further one if the supervisor has no test at start-up."""
+        """The notes, and a further one if the start-up test is absent or not commissioned."""
         supervision = self.supervised.supervision
-        tested = supervision["test_effort"] > 0.0 or not supervision["body_inertia"] > 0.0
-        if LAWS[self.law].drives_spring or tested:
+        tested = supervision["test_effort"] > 0.0
+        if LAWS[self.law].drives_spring or not supervision["body_inertia"] > 0.0:
             return self.notes
-        return (*self.notes, NO_START_UP_TEST_NOTE)
+        if not tested:
+            return (*self.notes, NO_START_UP_TEST_NOTE)
+        answered = self.instruments.start_up_answer is not None
+        return self.notes if answered else (*self.notes, NO_ANSWER_NOTE)
+
+    @property
+    def listed_instruments(self) -> tuple[ListedInstrument, ...]:
+        """The instruments that the supervisor was built for, in words."""
+        return list_instruments(
+            self.instruments,
+            self.numbers["effort_limit"],
+            coordinate=COORDINATE_UNITS[self.motion],
+            effort=self.effort_unit,
+            spring=LAWS[self.law].drives_spring,
+        )
+
+    @property
+    def control_law(self) -> ControlLaw:
+        """The law with its numbers."""
+        return ControlLaw(self.law, self.numbers, self.uses)
 
     @cached_property
     def supervised(self) -> SupervisedLaw:
         """The law with its supervisor, which tests the drive at start-up if the law's effort is that of the joint."""
-        law = ControlLaw(self.law, self.numbers, self.uses)
         return (
-            watched_worn(law)
+            watched_worn(self.control_law, self.instruments)
             if LAWS[self.law].drives_spring
-            else supervised(law, instruments=self.instruments, answer=self.instruments.start_up_answer)
+            else supervised(self.control_law, instruments=self.instruments, body=self.body)
         )

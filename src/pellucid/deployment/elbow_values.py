@@ -9,10 +9,18 @@ from .._errors import PellucidError
 from ..control.control_law import LAWS, ControlLaw
 from ..control.elbow_controllers import ELBOW_CONTROLLERS, ElbowController
 from ..control.elbow_laws import ELBOW_LIMITS, PUBLISHED_EXPONENTS
-from ..control.joint_compensation import DEFAULT_PERIOD_S, SLIDER_SPEED, identified_remarks, place_on_rail
+from ..control.joint_compensation import (
+    DEFAULT_PERIOD_S,
+    SLIDER_SPEED,
+    compensation,
+    identified_remarks,
+    place_on_rail,
+)
+from ..control.supervised import body_of
 from ..models.anthropometry import Segment, forearm
 from ..models.slider_card import SliderCard, read_slider_card
 from ..procedures.card_sources import require_fresh, source_notes
+from ..procedures.rig_instruments import rig_instruments
 from ..studies.study import Study
 from .controller_values import ControllerValues
 from .joint_values import drive_notes
@@ -20,6 +28,9 @@ from .study_limits import limits_of
 
 CARD_PREFIXES = ("inertia", "gravity", "stribeck_velocity", "offset", "stiffness", "energy_store")
 """Beginnings of the names of parameters that follow from the card, beside friction; all other parameters are chosen."""
+
+BODY_CARD = "slider.load.json"
+"""File name of the card whose body the supervisor holds against the motion, whichever law runs."""
 
 LIMIT_KEYS = {
     "effort_limit": "effort",
@@ -87,7 +98,22 @@ def elbow_values(
         checksums={named.card: sha256(path.read_bytes()).hexdigest()},
         speed=SLIDER_SPEED,
         notes=notes,
+        instruments=rig_instruments(study.rig),
+        body=_body(study, place),
     )
+
+
+def _body(study: Study, place: float) -> Mapping[str, float] | None:
+    """Return the supervisor's model of the robot: the identified body, whichever law runs; None without its card.
+
+    A law by direction has no single body, and a law of position has no friction. The virtual lab measures every law
+    with the identified body.
+    """
+    path = study.card(BODY_CARD)
+    if not path.is_file():
+        return None
+    card = require_fresh(study, path, read_slider_card(path))
+    return body_of(compensation(card, slider=place, limits=limits_of(study, ELBOW_LIMITS)[0]))
 
 
 def _limb(study: Study, controller: str, named: ElbowController, participant: str | None) -> dict[str, Segment]:

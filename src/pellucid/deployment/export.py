@@ -8,12 +8,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from .._errors import PellucidError
+from ..control.unmeasured_drive import warn_of_unmeasured_drive
 from ..procedures.coupling.coupling_table import CouplingTable
 from ..procedures.emg_torque.emg_torque_table import EmgTorqueTable
 from ..procedures.registry import asked
 from ..procedures.tree.tree_table import TreeTable
 from ..studies.study import Study
 from .c_folder import HEADER_FOLDER, TEMPLATE_FOLDERS, template_path, write_c_folder
+from .constants_file import read_constants
 from .controller_values import ControllerValues
 from .elbow_values import elbow_values
 from .estimator_folder import chosen_card, write_estimator_folder
@@ -118,9 +120,9 @@ def export(
         refused = {"slider": slider, "participant": participant, "exponents": exponents}
         _require_language(study, to, period, refused=refused, why="this robot has several joints")
         given = {} if period is None else {"period": period}
-        values = tree_values(study, card=card, controller=controller, allow_outside=allow_outside, **given)
-        with _own_folder(place, study, controller or "carried", values.cards, overwrite=overwrite):
-            return write_tree_folder(study.name, values, place)
+        tree = tree_values(study, card=card, controller=controller, allow_outside=allow_outside, **given)
+        with _own_folder(place, study, controller or "carried", tree.cards, overwrite=overwrite):
+            return write_tree_folder(study.name, tree, place)
     if _exports_estimator(study, card):
         refused = {"slider": slider, "exponents": exponents}
         _require_language(study, to, period, refused=refused, why="torque from EMG has none")
@@ -137,6 +139,18 @@ def export(
     named = controller or ("residual compensator" if worn else "compensation")
     with _own_folder(place, study, named, values.cards, participant=None if worn else participant, overwrite=overwrite):
         return write_c_folder(study.name, values, place)
+
+
+def warn_of_export(folder: Path) -> str:
+    """Return what the supervisor in an exported `folder` does not find without a measurement of the drive.
+
+    The text is empty if the drive is measured, and for a folder without the supervisor of one joint.
+    """
+    try:
+        numbers = read_constants(folder)
+    except PellucidError:
+        return ""
+    return "" if numbers["drive_expected"] == 1.0 else warn_of_unmeasured_drive()
 
 
 @contextmanager

@@ -19,6 +19,7 @@ from ..control.joint_compensation import (
 from ..models.card import Card, read_card, read_table
 from ..models.slider_card import SliderCard, read_slider_card
 from ..procedures.card_sources import require_fresh, source_notes
+from ..procedures.rig_instruments import rig_instruments
 from ..studies.study import Study
 from .controller_values import ControllerValues
 
@@ -96,6 +97,7 @@ def joint_values(
         effort_unit=found.effort_unit,
         speed=known_speed(found),
         notes=notes + drive_notes(found),
+        instruments=rig_instruments(study.rig),
     )
 
 

@@ -12,6 +12,7 @@ from ..control.residual_compensator import design, within
 from ..models.parameter_card import read_parameter_card
 from ..procedures.card_sources import require_fresh, source_notes
 from ..procedures.coupling.actuator_card import CARD_NAME, REQUIRED_CHANNELS, actuator_card
+from ..procedures.rig_instruments import rig_instruments
 from ..studies.study import Study
 from .controller_values import ControllerValues
 from .study_limits import limits_of
@@ -79,6 +80,7 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
         cards=tuple(names.values()),
         checksums={name: sha256(paths[kind].read_bytes()).hexdigest() for kind, name in names.items()},
         notes=(*notes, *stops, *source_remarks),
+        instruments=rig_instruments(study.rig),
     )
 
 

@@ -26,6 +26,7 @@ from .constants import (
     Text,
     Torque,
     TorqueConstant,
+    TorqueLimit,
     Voltage,
     WaveNumber,
 )
@@ -81,6 +82,12 @@ class CurrentSensorTable(RigTable):
     noise: Noise  # standard deviation of the reading [A]
     noise_memory: Memory  # correlation time of that noise [s]
     quantum: Quantum  # step in which currents are stored [A]
+
+
+class ForceSensorRangeTable(RigTable):
+    """``[force_sensor]`` of a robot: the sensor of the interaction torque between robot and wearer."""
+
+    range: TorqueLimit  # largest reading of either sign [N*m]
 
 
 class MotorTable(RigTable):

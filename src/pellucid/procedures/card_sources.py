@@ -42,15 +42,15 @@ def card_sources(study: Study, procedure: Procedure) -> dict[str, str]:
     """Return the checksums of all inputs of a card of `procedure`, by their names in messages.
 
     Inputs are the parsed tables of study.toml, recordings, and other cards. Tables of other commands' procedures are
-    left out. So are the limits of a joint if the procedure does not use them, because a controller's limits may be set
-    after its model was identified.
+    left out. So are the instruments of a joint, and its limits if the procedure does not use them, because a
+    controller's limits and instruments may be stated after its model was identified.
     """
     from .registry import ALL_PROCEDURES
 
     others = {each.name for each in ALL_PROCEDURES if each.table is not None and each.command != procedure.command}
     used = study.config.model_dump(exclude_defaults=True, exclude=UNUSED_TABLES | others, warnings=False)
-    if not procedure.uses_limits:
-        used["rig"] = _without_limits(used["rig"])
+    unused = ("instruments",) if procedure.uses_limits else ("instruments", "limits")
+    used["rig"] = _without_keys(used["rig"], *unused)
     found = {PROCEDURE_KEY: procedure.name}
     for name, table in sorted(used.items()):
         text = json.dumps(table, sort_keys=True, default=str)
@@ -120,10 +120,10 @@ def _read_anew(study: Study) -> Study:
     return replace(study, _digests={})
 
 
-def _without_limits(table: object) -> object:
+def _without_keys(table: object, *left_out: str) -> object:
     if isinstance(table, Mapping):
-        return {key: _without_limits(value) for key, value in table.items() if key != "limits"}
-    return [_without_limits(each) for each in table] if isinstance(table, (list, tuple)) else table
+        return {key: _without_keys(value, *left_out) for key, value in table.items() if key not in left_out}
+    return [_without_keys(each, *left_out) for each in table] if isinstance(table, (list, tuple)) else table
 
 
 def _called(study: Study, path: Path) -> str:

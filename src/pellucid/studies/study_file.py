@@ -26,6 +26,7 @@ from .._errors import IdentificationError, StudyError
 from .._given import read_given
 from ..models.joint import DEFAULT_FAMILIES, FAMILIES, SYMBOLS_BY_NAME
 from ..units import parse_quantity, si_text, to_si_factor
+from .instruments_table import InstrumentsTable
 from .study_fields import (
     DERIVED_PREFIX,
     NAME_PATTERN,
@@ -202,7 +203,7 @@ class JointTable(StudyTable):
         Effect of a positive motion, in words.
     moving_mass : float or None
         Upper limit of the mass that moves about a rotary axis [kg]; it bounds the inertia from below.
-    drive, loop, limits, slider
+    drive, loop, limits, slider, instruments
         Tables of the joint. `drive` is None without a motor, `loop` if the machine's controller is not known, and
         `slider` if the machine has none.
     """
@@ -214,6 +215,7 @@ class JointTable(StudyTable):
     loop: Loop | None = None
     limits: JointLimits = JointLimits()
     slider: Slider | None = None
+    instruments: InstrumentsTable = InstrumentsTable()
 
     @model_validator(mode="after")
     def _slider_turns(self) -> JointTable:
@@ -231,6 +233,11 @@ class OneJoint(JointTable):
     """The machine, if it has one joint: ``[rig]``. `joint` is its name, such as ``"elbow"``."""
 
     joint: Word = "joint"
+
+    @model_validator(mode="after")
+    def _encoder_is_there(self) -> OneJoint:
+        self.instruments.require_encoder()
+        return self
 
 
 class Body(StudyTable):
@@ -330,9 +337,12 @@ class SeveralJoints(StudyTable):
     Attributes
     ----------
     joints : tuple of RigJoint
+    instruments : InstrumentsTable
+        Keys that hold for all joints; the joints' own tables are already completed by them.
     """
 
     joints: tuple[RigJoint, ...] = Field(min_length=1)
+    instruments: InstrumentsTable = InstrumentsTable()
 
     @model_validator(mode="before")
     @classmethod
@@ -356,6 +366,25 @@ class SeveralJoints(StudyTable):
             if unknown:
                 raise ValueError(f'{joint.name}: turns: found "{unknown[0]}", expected joints: {", ".join(names)}')
         return self
+
+    @model_validator(mode="after")
+    def _share_instruments(self) -> SeveralJoints:
+        if self.instruments.model_fields_set and len({joint.motion for joint in self.joints}) > 1:
+            raise ValueError(
+                "[rig.instruments] found joints that turn and joints that slide, whose units differ; expected "
+                "[rig.joints.instruments] of each"
+            )
+        completed = [joint.instruments.completed_by(self.instruments) for joint in self.joints]
+        for joint, instruments in zip(self.joints, completed, strict=True):
+            try:
+                instruments.require_encoder()
+            except ValueError as error:
+                raise ValueError(f"[[rig.joints]] {joint.name}: {error}") from None
+        joints = [
+            joint.model_copy(update={"instruments": instruments})
+            for joint, instruments in zip(self.joints, completed, strict=True)
+        ]
+        return self.model_copy(update={"joints": tuple(joints)})
 
     @property
     def refusal(self) -> str:
@@ -1202,6 +1231,7 @@ def _joint_units(rig: Mapping[str, Any], channels: Collection[str]) -> dict[str,
         "<velocity>": coordinate and f"{coordinate}/s",
         "<acceleration>": coordinate and f"{coordinate}/s^2",
         "<effort>": effort,
+        "<stiffness>": {"rad": "N*m/rad", "m": "N/m"}.get(coordinate),
         "<scaled_effort>": effort if known else electrical,
         "<constant>": effort and per and f"{effort}/{per}",
         "<command>": "1" if duty else electrical,

@@ -19,6 +19,7 @@ from ..noise import draw_noise
 from ..recorded_table import MAIN_STREAM, Column, StoredTable
 from ..rig import DEFAULT_KIND, Rig, Taken, Trial
 from ..shipped_rigs import shipped_rig
+from ..stated_instruments import ENCODER_NOISE_FACTOR
 from .constants import BenchConstants
 
 COLUMNS = tuple(
@@ -35,6 +36,8 @@ The frequency is low because the joint's loop is soft.
 
 COMMENTS = {
     "": "A virtual joint, recorded like a real one. Nothing below tells the physics apart from a machine's.",
+    "rig.instruments": "what the supervisor of an exported controller may rely on",
+    "rig.instruments.encoder_resolution": "one count, and four standard deviations of noise",
     "processing.lowpass": "well above the motion (below 3 Hz); decimation then takes both sides to 20 Hz",
     "processing.dead_band": "around reversals the joint sticks: friction is then anything up to its level",
 }
@@ -155,25 +158,44 @@ class BenchRig(Rig):
         sensed = draw_noise((repetitions, n), drive.current_noise, drive.current_noise_memory, self.rate, rng)
         return {"time": np.arange(n) / self.rate, "position": measured, "current": current + sensed}
 
+    @property
+    def drive_table(self) -> dict[str, Any]:
+        """Return the table ``[rig.drive]`` of the joint's study.toml."""
+        drive = self.constants.drive
+        return {
+            "kind": "current",
+            "torque_constant": f"{drive.torque_constant} N*m/A",
+            "gear_ratio": drive.gear_ratio,
+            "limit": f"{drive.current_limit} A",
+        }
+
+    @property
+    def instruments_table(self) -> dict[str, Any]:
+        """Return the table ``[rig.instruments]`` of the joint's study.toml."""
+        drive, encoder = self.constants.drive, self.constants.encoder
+        quantum = 2.0 * np.pi / encoder.counts_per_turn
+        return {
+            "encoder_resolution": f"{quantum + ENCODER_NOISE_FACTOR * encoder.noise} rad",
+            "drive_sensor": {
+                "noise": f"{self.gain * drive.current_noise} N*m",
+                "lag": f"{drive.current_noise_memory} s",
+            },
+        }
+
     def study(self, made: Sequence[Taken]) -> dict[str, Any]:
         """Return the contents of study.toml for the recordings that were `made`."""
         look = multisine_study(self.constants.multisine, made, ("current", "position"))
         if look:
             rig = {"joint": "elbow", "motion": self.constants.motion, "lifts": self.constants.lifts}
             return {**super().study(made), "rig": rig, **look}
-        drive, loop = self.constants.drive, self.constants.loop
-        limit = f"{drive.current_limit} A"
+        loop = self.constants.loop
         rig: dict[str, Any] = {
             "joint": "elbow",
             "motion": self.constants.motion,
             "lifts": self.constants.lifts,
-            "drive": {
-                "kind": "current",
-                "torque_constant": f"{drive.torque_constant} N*m/A",
-                "gear_ratio": drive.gear_ratio,
-                "limit": limit,
-            },
-            "loop": {**loop.model_dump(), "limit": limit},
+            "drive": self.drive_table,
+            "loop": {**loop.model_dump(), "limit": self.drive_table["limit"]},
+            "instruments": self.instruments_table,
         }
         processing = {"lowpass": "60 Hz", "decimate": 20, "dead_band": "0.2 rad/s", "trim": 100}
         return {**super().study(made), "rig": rig, "processing": processing, "model": {"gravity": "sine"}}

@@ -35,7 +35,13 @@ from ..constants import (
     Viscosity,
     WaveNumber,
 )
-from ..shared_tables import CurrentSensorTable, MotionLimitsTable, MotorEncoderTable, MotorTable
+from ..shared_tables import (
+    CurrentSensorTable,
+    ForceSensorRangeTable,
+    MotionLimitsTable,
+    MotorEncoderTable,
+    MotorTable,
+)
 
 
 class BodyTable(RigTable):
@@ -143,6 +149,7 @@ class ElbowConstants(RigConstants):
     bearing: BearingTable
     encoder: MotorEncoderTable
     current_sensor: CurrentSensorTable
+    force_sensor: ForceSensorRangeTable | None = None  # None for a robot that measures no interaction torque
     optical: OpticalTable
     range: MotionLimitsTable
     loop: LoopTable

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from ... import _core
+from ...control.instruments import Instruments
 from ...models.joint import GRAVITY
 from ..rig import Rig
+from ..stated_instruments import ENCODER_NOISE_FACTOR, stated_instruments
 from .constants import ElbowConstants
 
 NAMES: tuple[str, ...] = tuple(_core.GEARED_PARAMETER_NAMES)
@@ -31,6 +35,33 @@ class ElbowMachine(Rig):
     def quantum(self) -> float:
         """Return the angle of the joint per count of the encoder [rad]."""
         return 2.0 * np.pi / (self.constants.encoder.counts_per_turn * self.constants.motor.gear_ratio)
+
+    @property
+    def drive_table(self) -> dict[str, Any]:
+        """Return the table ``[rig.drive]`` of the robot's study.toml."""
+        motor = self.constants.motor
+        return {
+            "kind": "current",
+            "torque_constant": f"{motor.torque_constant} N*m/A",
+            "gear_ratio": motor.gear_ratio,
+            "limit": f"{motor.current_limit} A",
+        }
+
+    @property
+    def instruments_table(self) -> dict[str, Any]:
+        """Return the table ``[rig.instruments]`` of the robot's study.toml."""
+        current, force = self.constants.current_sensor, self.constants.force_sensor
+        stated: dict[str, Any] = {
+            "encoder_resolution": f"{self.quantum + ENCODER_NOISE_FACTOR * self.constants.encoder.noise} rad",
+            "drive_sensor": {"noise": f"{self.gain * current.noise} N*m", "lag": f"{current.noise_memory} s"},
+        }
+        return stated if force is None else {**stated, "force_sensor": {"range": f"{force.range} N*m"}}
+
+    @cached_property
+    def instruments(self) -> Instruments:
+        """The robot's instruments, as its study.toml states them."""
+        tables = {"drive": self.drive_table, "instruments": self.instruments_table}
+        return stated_instruments({"motion": "rotary", **tables})
 
     @property
     def rotor(self) -> float:

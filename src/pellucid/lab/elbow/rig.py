@@ -34,6 +34,8 @@ COMMENTS = {
     "rig.moving_mass": "an upper limit: what the forearm with its carriage may weigh",
     "rig.slider": "a carriage on the forearm; clamped at one place during each recording",
     "rig.slider.mass": "taken off and weighed",
+    "rig.instruments": "what the supervisor of an exported controller may rely on",
+    "rig.instruments.encoder_resolution": "one count, and four standard deviations of noise",
     "optical": "motion capture, on its own clock",
     "processing.lowpass": "both passes together: -3 dB at 4.5 Hz, as the moving mean of 100 samples had",
     "processing.dead_band": "slower, friction may be anything up to its level",
@@ -94,7 +96,7 @@ class ElbowRig(ElbowMachine):
 
     def study(self, made: Sequence[Taken]) -> dict[str, Any]:
         """Return the contents of study.toml for the recordings that were `made`."""
-        motor, slider, span = self.constants.motor, self.constants.slider, self.constants.range
+        slider, span = self.constants.slider, self.constants.range
         mass = 1.5 * (self.constants.link.mass + self.constants.carriage.mass)
         weighed = round(self.constants.carriage.mass / WEIGHING_STEP_KG) * WEIGHING_STEP_KG
         rig = {
@@ -102,12 +104,7 @@ class ElbowRig(ElbowMachine):
             "motion": "rotary",
             "lifts": self.constants.lifts,
             "moving_mass": f"{mass:.1f} kg",
-            "drive": {
-                "kind": "current",
-                "torque_constant": f"{motor.torque_constant} N*m/A",
-                "gear_ratio": motor.gear_ratio,
-                "limit": f"{motor.current_limit} A",
-            },
+            "drive": self.drive_table,
             "slider": {
                 "low": f"{slider.low} m",
                 "high": f"{slider.high} m",
@@ -115,6 +112,7 @@ class ElbowRig(ElbowMachine):
                 "mass": f"{weighed:.3f} kg",
             },
             "limits": {"position_min": f"{span.low - 0.1} rad", "position_max": f"{span.high + 0.1} rad"},
+            "instruments": self.instruments_table,
         }
         processing = {"lowpass": "5 Hz", "dead_band": "0.1 rad/s", "trim": 500}
         return {**super().study(made), "rig": rig, "processing": processing, "model": {"gravity": "sine+cosine"}}

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Self
+from functools import cached_property
+from typing import Any, Self
 
 import numpy as np
 
 from ... import _core
+from ...control.instruments import Instruments
 from ...models.joint import GRAVITY
 from ..rig import Rig
+from ..stated_instruments import stated_instruments
 from .constants import KneeConstants, StrapTable
 from .subject import KneeSubject
 
@@ -31,6 +34,22 @@ class KneeMachine(Rig):
     def period(self) -> float:
         """Return the period of control and recording [s]."""
         return 1.0 / self.constants.encoders.rate
+
+    @property
+    def drive_table(self) -> dict[str, Any]:
+        """Return the table ``[rig.drive]`` of the orthosis's study.toml."""
+        return {"kind": "torque", "limit": f"{self.constants.actuator.torque_limit} N*m"}
+
+    @property
+    def instruments_table(self) -> dict[str, Any]:
+        """Return the table ``[rig.instruments]`` of the orthosis's study.toml: encoders on both sides of its spring."""
+        return {"second_encoder": True, "spring_stiffness": f"{self.constants.spring.stiffness} N*m/rad"}
+
+    @cached_property
+    def instruments(self) -> Instruments:
+        """The orthosis's instruments, as its study.toml states them."""
+        tables = {"drive": self.drive_table, "instruments": self.instruments_table}
+        return stated_instruments({"motion": "rotary", **tables})
 
     @property
     def subjects(self) -> dict[str, KneeSubject]:

@@ -31,6 +31,7 @@ COMMENTS = {
     "": "A virtual knee orthosis and its wearers, recorded like real ones. Nothing below tells their physics apart from"
     "\na machine's.",
     "rig.drive.kind": "of the spring, from its deflection",
+    "rig.instruments": "what the supervisor of an exported controller may rely on",
     "streams.emg.channels": "raw, started by the orthosis's trigger",
     "streams.imu.channels": "on its own clock",
 }
@@ -109,9 +110,14 @@ class KneeRig(KneeMachine):
 
     def study(self, made: Sequence[Taken]) -> dict[str, Any]:
         """The study.toml of what was `made`."""
-        drive = {"kind": "torque", "limit": f"{self.constants.actuator.torque_limit} N*m"}
         common = super().study(made) | {
-            "rig": {"joint": "knee", "motion": "rotary", "lifts": self.constants.lifts, "drive": drive}
+            "rig": {
+                "joint": "knee",
+                "motion": "rotary",
+                "lifts": self.constants.lifts,
+                "drive": self.drive_table,
+                "instruments": self.instruments_table,
+            }
         }
         look = multisine_study(self.constants.multisine, made, ("torque", "position"))
         if look:

@@ -10,7 +10,6 @@ import numpy as np
 
 from ... import _core
 from ...control.control_law import ControlLaw
-from ...control.instruments import Instruments
 from ...control.supervised import supervised
 from ...control.supervisor_faults import NO_FAULT
 from ...models.simulate import substeps_for
@@ -261,9 +260,7 @@ def _supervisor_parameters(rig: PointingPlant, law: RobotLaw | None) -> np.ndarr
     """
     if not isinstance(law, ControlLaw):
         return getattr(law, "supervisor", None)
-    robot = rig.robot
-    return supervised(law, instruments=Instruments(robot.quantum + 4.0 * robot["encoder"]["noise"], drive=True,
-                      drive_limit=robot.gain * robot["motor"]["current_limit"]), start_up=False).supervisor  # fmt: skip
+    return supervised(law, instruments=rig.robot.instruments, start_up=False).supervisor
 
 
 def simulate_sessions(jobs: Sequence[tuple], *, threads: int = 1) -> list[PointingSession]:

@@ -72,9 +72,7 @@ class WornKnee:
 
     def law(self) -> SupervisedLaw:
         """Return the controller under its supervisor."""
-        return watched_worn(
-            self.known.control_law(), self.rig["spring"]["stiffness"], self.rig["actuator"]["torque_limit"]
-        )
+        return watched_worn(self.known.control_law(), self.rig.instruments)
 
     def start(self, periods: int) -> tuple[_core.WornOrthosis, Acting]:
         """Return the orthosis and the wearer at rest, before `periods` control periods of swinging."""

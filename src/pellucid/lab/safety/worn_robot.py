@@ -102,15 +102,12 @@ class WornRobot:
         # The supervisor's model of the robot is the identified one, whichever law runs.
         place = self.person.slider(self.rig)
         body = body_of(compensation(self.cards["load"], slider=place, limits=ELBOW_LIMITS))
-        return supervised(law, instruments=self.instruments(), body=body, answer=self.answer, **supervision)
+        return supervised(law, instruments=self.instruments, body=body, **supervision)
 
+    @property
     def instruments(self) -> Instruments:
-        """Return the accuracy and the ranges of what the robot measures."""
-        robot = self.rig.robot
-        resolution = robot.quantum + 4.0 * robot["encoder"]["noise"]
-        return Instruments(
-            resolution, drive=True, drive_limit=robot.gain * robot["motor"]["current_limit"], force_range=25.0
-        )
+        """What the robot measures, with the start-up test's work at its commissioning."""
+        return replace(self.rig.robot.instruments, start_up_answer=self.answer)
 
     def live(
         self,

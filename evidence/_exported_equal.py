@@ -1,0 +1,146 @@
+"""Whether the supervisor that an export writes is the one that the virtual lab measures, number by number.
+
+Each law of a drawn robot, and each of a drawn knee, is exported from a study whose table ``[rig]`` is the one that the
+virtual rig writes, with the lab's limits, the robot's commissioned answer and the lab's identified cards. The numbers
+are read back from ``pellucid_constants.h``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from unittest.mock import patch
+
+from pellucid.control.coupling import ON_CARDS
+from pellucid.control.elbow_controllers import ELBOW_CONTROLLERS
+from pellucid.control.elbow_laws import ELBOW_LIMITS
+from pellucid.control.supervised import SUPERVISOR_NAMES
+from pellucid.deployment.constants_file import read_constants
+from pellucid.deployment.export import export
+from pellucid.lab.safety.fault_table import draw_worn_robot
+from pellucid.lab.safety.worn_knee import LAWS as KNEE_LAWS
+from pellucid.lab.safety.worn_knee import WornKnee, draw_worn_knee
+from pellucid.lab.safety.worn_robot import COMMON_EXPONENTS, LAWS, WornRobot
+from pellucid.lab.study_text import study_text
+from pellucid.models.card import CardParameter, write_card
+from pellucid.models.parameter_card import ParameterCard, write_parameter_card
+from pellucid.procedures.registry import open_study
+from pellucid.studies.study import Study
+
+FLOAT32_TOLERANCE = 1e-6
+"""Largest relative difference that rounding to float32 explains: half a unit in its last place is 6e-8 [1]."""
+
+TUNING_ROBOT_SEED = 20281101
+"""Seed of the robot whose laws are compared; it belongs to the tuning set."""
+
+TUNING_KNEE_SEED = 301
+"""Seed of the knee whose laws are compared; it belongs to the tuning set."""
+
+
+def compare_supervisors(
+    robot_seed: int = TUNING_ROBOT_SEED, knee_seed: int = TUNING_KNEE_SEED
+) -> tuple[int, list[tuple[str, str, float, float]]]:
+    """Compare the lab's supervisors with the exported ones.
+
+    Returns
+    -------
+    count : int
+        Number of laws that were compared.
+    differing : list of tuple
+        Law, name of the number, the lab's value and the exported one [SI], for each number that differs.
+    """
+    pairs = [*_elbow_pairs(draw_worn_robot(0, robot_seed)), *_knee_pairs(draw_worn_knee(knee_seed))]
+    differing = [
+        (law, name, lab[name], exported[name])
+        for law, lab, exported in pairs
+        for name in SUPERVISOR_NAMES
+        if not _is_same(lab[name], exported[name])
+    ]
+    return len(pairs), differing
+
+
+def _is_same(lab: float, exported: float) -> bool:
+    """Return whether two numbers are the same but for float32 rounding; infinities must be equal."""
+    if not (math.isfinite(lab) and math.isfinite(exported)):
+        return lab == exported
+    return math.isclose(lab, exported, rel_tol=FLOAT32_TOLERANCE, abs_tol=1e-30)
+
+
+def _exported(study: Study, out: Path, **asked: Any) -> Mapping[str, float]:
+    """Return the numbers of an export of `study`, whose test vector is not played: numbers alone are compared."""
+    with patch("pellucid.deployment.c_folder.record_outputs", return_value=[]):
+        return read_constants(export(study, out=out, **asked))
+
+
+def _elbow_pairs(worn: WornRobot) -> Iterator[tuple[str, Mapping[str, float], Mapping[str, float]]]:
+    """Yield the name, the lab's supervisor and the exported numbers of each law of a worn robot."""
+    with TemporaryDirectory() as folder:
+        study = elbow_study(worn, Path(folder))
+        for name in LAWS:
+            asked: dict[str, Any] = {"slider": worn.person.slider(worn.rig)}
+            if name in ELBOW_CONTROLLERS:
+                named = ELBOW_CONTROLLERS[name]
+                asked |= {"controller": name}
+                asked |= {"participant": worn.person.name} if named.wearer else {}
+                asked |= {"exponents": COMMON_EXPONENTS} if named.exponents else {}
+            yield name, worn.law(name).supervision, _exported(study, Path(folder) / name, **asked)
+
+
+def elbow_study(worn: WornRobot, folder: Path) -> Study:
+    """Write the identified study of a worn robot, without recordings, and open it."""
+    limits = ELBOW_LIMITS
+    tables = worn.rig.robot.study(())
+    tables["rig"]["limits"] = {
+        "position_min": f"{limits.position[0]} rad",
+        "position_max": f"{limits.position[1]} rad",
+        "velocity": f"{limits.velocity} rad/s",
+        "effort": f"{limits.effort} N*m",
+    }
+    if worn.answer is not None:
+        tables["rig"]["instruments"]["start_up_answer"] = f"{worn.answer} J"
+    person = worn.person
+    tables["participants"] = {person.name: {"mass": f"{person.mass} kg", "height": f"{person.height} m"}}
+    study = _write_study(folder, tables, "elbow")
+    for method, card in worn.cards.items():
+        write_card(study.models_dir / f"slider.{method}.json", card)
+    return study
+
+
+def _knee_pairs(worn: WornKnee) -> Iterator[tuple[str, Mapping[str, float], Mapping[str, float]]]:
+    """Yield the name, the lab's supervisor and the exported numbers of each law of a worn knee."""
+    with TemporaryDirectory() as folder:
+        study = knee_study(worn, Path(folder))
+        for name in KNEE_LAWS:
+            # The law without EMG has the same numbers: its wearer's EMG is absent.
+            yield name, worn.law().supervision, _exported(study, Path(folder) / name)
+
+
+def knee_study(worn: WornKnee, folder: Path) -> Study:
+    """Write the identified study of a worn knee, without recordings, and open it."""
+    (subject,) = worn.rig.subjects
+    study = _write_study(folder, worn.rig.study(()), "knee")
+    known = asdict(worn.known.coupling)
+    files = {"orthosis": "orthosis", "limb": f"{subject}.limb", "coupling": f"{subject}.coupling"}
+    for kind, name in files.items():
+        values = {parameter: known[field] for parameter, field in ON_CARDS[kind].items()}
+        _write_parameters(study, kind, name, values)
+    actuator = {name: value for name, value in known.items() if name.startswith("actuator_")}
+    _write_parameters(study, "actuator", "actuator", actuator, period=worn.rig.period)
+    return study
+
+
+def _write_parameters(study: Study, kind: str, name: str, values: Mapping[str, float], **settings: float) -> None:
+    made = tuple(CardParameter(parameter, "1", value, 0.0, (value, value)) for parameter, value in values.items())
+    card = ParameterCard(kind, study.name, name, made, settings=settings)
+    write_parameter_card(study.models_dir / f"{name}.json", card)
+
+
+def _write_study(folder: Path, tables: Mapping[str, Any], name: str) -> Study:
+    """Write study.toml and an empty folder of cards, and open the study; cards of other recordings are accepted."""
+    (folder / "models").mkdir()
+    (folder / "study.toml").write_text(study_text({**tables, "name": name}, {}), encoding="utf-8")
+    return open_study(folder, accept_stale=True)

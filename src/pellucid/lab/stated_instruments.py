@@ -1,0 +1,18 @@
+"""Instruments of a virtual robot, read from the same table ``[rig.instruments]`` that its study.toml contains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ..control.instruments import Instruments
+from ..procedures.rig_instruments import rig_instruments
+from ..studies.study_file import OneJoint, rig_units
+
+ENCODER_NOISE_FACTOR = 4.0
+"""Standard deviations of an encoder's noise that the error of one reading has beside the quantum [1]."""
+
+
+def stated_instruments(rig: Mapping[str, Any]) -> Instruments:
+    """Return the instruments that a table ``[rig]`` of study.toml with one joint states."""
+    return rig_instruments(OneJoint.model_validate(rig, context=rig_units({"rig": rig})))

@@ -1,0 +1,63 @@
+"""Read ``[rig.instruments]`` of study.toml as the instruments that the supervisor's thresholds follow from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from .._errors import StudyError
+from ..control.instruments import Instruments
+from ..studies.effort import drive_model
+from ..studies.instruments_table import DriveSensor
+from ..studies.study_file import JointTable, SeveralJoints
+
+INSTRUMENT_KEYS: Mapping[str, str] = {
+    "encoder_resolution": "encoder_resolution",
+    "second_encoder": "joint_encoder",
+    "second_encoder_tolerance": "joint_tolerance",
+    "spring_stiffness": "spring_stiffness",
+    "emg_range": "emg_range",
+    "start_up_answer": "start_up_answer",
+    "probe": "probe",
+}
+"""Field of `Instruments` for each key of ``[rig.instruments]``."""
+
+DRIVE_SENSOR_KEYS: Mapping[str, str] = {
+    "present": "drive",
+    "gain_error": "drive_gain_error",
+    "offset": "drive_offset",
+    "noise": "drive_noise",
+    "lag": "drive_lag",
+    "largest_effort": "drive_limit",
+}
+"""Field of `Instruments` for each key of ``[rig.instruments.drive_sensor]``."""
+
+FORCE_SENSOR_KEYS: Mapping[str, str] = {
+    "range": "force_range",
+    "gain_error": "force_gain_error",
+    "offset": "force_offset",
+}
+"""Field of `Instruments` for each key of ``[rig.instruments.force_sensor]``."""
+
+
+def rig_instruments(joint: JointTable | SeveralJoints) -> Instruments:
+    """Return the instruments of a joint of ``[rig]``, SI; what its table does not say has the default.
+
+    A spring of known stiffness measures the drive. Without ``largest_effort`` the drive's largest effort follows from
+    ``limit`` in ``[rig.drive]``, if that is stated.
+    """
+    if isinstance(joint, SeveralJoints):
+        raise StudyError(joint.refusal)
+    table, drive = joint.instruments, joint.drive
+    given: dict[str, Any] = {name: getattr(table, key) for key, name in INSTRUMENT_KEYS.items()}
+    sensor = table.drive_sensor
+    if sensor is None and table.spring_stiffness is not None:
+        sensor = DriveSensor()
+    if sensor is not None and sensor.present:
+        given |= {name: getattr(sensor, key) for key, name in DRIVE_SENSOR_KEYS.items()}
+        # A voltage limits the effort only together with the speed.
+        if given["drive_limit"] is None and drive is not None and drive.limit is not None and drive.kind != "voltage":
+            given["drive_limit"] = drive_model(joint).gain * drive.limit
+    if table.force_sensor is not None:
+        given |= {name: getattr(table.force_sensor, key) for key, name in FORCE_SENSOR_KEYS.items()}
+    return Instruments(**{name: value for name, value in given.items() if value is not None})
