@@ -33,7 +33,7 @@ from pellucid.studies.results import ResultRow
 
 from .exports import DATASET_EXPORTS, RIG_EXPORTS, Exports
 from .table import table_lines
-from .trials import KINDS, ForeignLife, ForeignTrial, live, play_all, try_faults, try_starts
+from .trials import KINDS, MIN_EFFECT_J, ForeignLife, ForeignTrial, live, play_all, try_faults, try_starts
 
 TUNING_SEED = 20261101
 """First seed of plants on which thresholds may be chosen."""
@@ -94,7 +94,7 @@ def healthy_lives(instruments: str, seed: int = JUDGED_SEED) -> tuple[ForeignLif
     """Return healthy lives of all laws with every mishap, `HEALTHY_HOURS` in all, each on a plant of its own."""
     made = [made_exports().law(name, instruments) for name in EXPORTED_LAWS]
     count = max(round(3600.0 * HEALTHY_HOURS / HEALTHY_LIFE_S), len(made))
-    jobs = [partial(live, made[i % len(made)], i // len(made), seed, HEALTHY_LIFE_S) for i in range(count)]
+    jobs = [partial(live, made[i % len(made)], i, seed, HEALTHY_LIFE_S) for i in range(count)]
     return tuple(play_all(jobs))
 
 
@@ -162,6 +162,9 @@ def fault_rows(instruments: str, trials: Sequence[ForeignTrial]) -> Iterator[Res
     effective = [trial for trial in seen if trial.did_something]
     words = f"of {len(effective)} of {len(seen)} runs, in which the fault did something"
     yield row(f"{name}.found", found_share(effective), "%", f"{words}; missed: {missed_words(effective)}")
+    harmless = sum(trial.is_found or trial.excess < MIN_EFFECT_J for trial in seen)
+    yield row(f"{name}.found_or_harmless", 100.0 * harmless / len(seen) if seen else None, "%",
+              f"of {len(seen)} runs; harmless: below {MIN_EFFECT_J} J in 10 s")  # fmt: skip
     yield row(f"{name}.found_of_all", found_share(seen), "%", f"{note}; missed: {missed_words(seen)}")
     yield worst_row(f"{name}.worst_excess_energy", seen, note)
     lost = sum(trial.early for trial in trials)
@@ -254,5 +257,3 @@ def exported_tables(seed: int = JUDGED_SEED) -> Iterator[str]:
     yield "|---|--:|--:|---|---|--:|--:|---|"
     yield from alarm_lines(healthy_lives("drive_measured", seed))
     yield ""
-
-

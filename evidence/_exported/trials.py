@@ -90,9 +90,7 @@ class ForeignTrial:
     @property
     def did_something(self) -> bool:
         """Whether the fault changed what the wearer felt or the drive gave, or was found."""
-        return (
-            self.is_found or self.excess >= MIN_EFFECT_J or self.deviation >= MIN_EFFECT_SHARE * self.effort_limit
-        )
+        return self.is_found or self.excess >= MIN_EFFECT_J or self.deviation >= MIN_EFFECT_SHARE * self.effort_limit
 
 
 @dataclass(frozen=True)
