@@ -59,7 +59,7 @@ UNLIMITED = 1e30
 """Numbers of an export from this size on stand for the absence of a limit."""
 
 RIG_EXPORTS: Mapping[str, tuple[str, ...]] = {
-    "able-elbow": (), "bench-joint": (),
+    "able-elbow": (), "bench-joint": (), "knee-orthosis": ("--participant", "S1"),
 }  # fmt: skip
 """Options of the default export of each virtual rig with one joint."""
 

@@ -151,7 +151,10 @@ UNBOUNDED_RANGE_RAD = 1.0
 """Half of the range of targets for a machine without position limits."""
 
 WORN_SPEED_SHARE = 0.55
-"""Largest planned speed of a reach over the velocity limit [1]: 4.4 rad/s at the elbow, as fast as people point."""
+"""Largest planned speed of a reach over the velocity limit [1]."""
+
+WORN_SPEED_RAD_S = 4.4
+"""Largest planned speed of a reach in any robot, as fast as people point."""
 
 GUIDED_SPEED_RAD_S = 2.5
 """Largest planned speed of a machine that a hand guides; at most 0.3 of its velocity limit."""
@@ -161,6 +164,15 @@ DURATIONS_S = (0.45, 1.4)
 
 GUIDED_DURATIONS_S = (0.9, 2.5)
 """The same for a machine that a hand guides."""
+
+SPRING_GAINS = (0.6, 1.0)
+"""Proportional gains of the torque loop about a spring [1]; the knee orthosis has 0.8."""
+
+SPRING_STIFFNESS = 170.0
+"""Stiffness of the knee orthosis's spring, as its actuator's card has it [N m/rad]."""
+
+SPRING_FIELDS = tuple(name for name in RUN_FIELDS if name.startswith("spring_"))
+"""Numbers of a run that describe a drive behind a spring."""
 
 PRISMATIC_SCALE_S = 1.0 / 6.0
 """Length that stands for a radian where a machine slides, over its velocity limit [s]."""
@@ -254,10 +266,10 @@ def draw_run(law: ExportedLaw, index: int, seed: int) -> dict[str, float]:
         "stop_damping": 1.2 * np.sqrt(stop_stiffness * inertia),
         "drive_lag": between(DRIVE_LAGS_S),
         "dead_cycles": float(rng.integers(0, 2)),
-        "drive_limit": ELBOW_DRIVE_LIMIT_NM if elbow else 1.5 * effort,
+        "drive_limit": ELBOW_DRIVE_LIMIT_NM if elbow else (4.0 if law.spring else 1.5) * effort,
         "ripple": RIPPLE_SHARE * torque_scale * between((0.0, 1.0)),
         "ripple_waves": 28.0 / length,
-        "spring_frequency": between((160.0, 240.0)) if law.spring else 0.0,
+        **(spring_drive(known, rng) if law.spring else dict.fromkeys(SPRING_FIELDS, 0.0)),
         "encoder_quantum": length * between(ENCODER_QUANTA_RAD),
         "encoder_noise": length * between((0.0, ENCODER_NOISE_RAD)),
         **sensor_errors("force", rng, effort, FORCE_NOISE_SHARE),
@@ -296,7 +308,9 @@ def draw_run(law: ExportedLaw, index: int, seed: int) -> dict[str, float]:
         "fastest_duration": (DURATIONS_S if law.worn else GUIDED_DURATIONS_S)[0],
         "slowest_duration": (DURATIONS_S if law.worn else GUIDED_DURATIONS_S)[1],
         "longest_pause": 1.2,
-        "speed_share": WORN_SPEED_SHARE if law.worn else min(0.3, GUIDED_SPEED_RAD_S * length / speed),
+        "speed_share": min(WORN_SPEED_SHARE, WORN_SPEED_RAD_S / speed)
+        if law.worn
+        else min(0.3, GUIDED_SPEED_RAD_S * length / speed),
         "brace_interval": 0.0,
         "impact_interval": 0.0,
         "load_interval": 0.0,
@@ -321,6 +335,23 @@ def draw_run(law: ExportedLaw, index: int, seed: int) -> dict[str, float]:
     if set(made) != set(RUN_FIELDS):
         raise AssertionError(f"a run: found {sorted(set(made) ^ set(RUN_FIELDS))} in one of both lists alone")
     return made
+
+
+def spring_drive(known: Mapping[str, float], rng: np.random.Generator) -> dict[str, float]:
+    """Draw a drive that acts through a spring, about the impedance that its torque loop is `known` to leave."""
+    gain = float(rng.uniform(*SPRING_GAINS))
+    stiffness = SPRING_STIFFNESS * float(rng.uniform(*PLANT_FACTORS))
+    inertia = known["actuator_inertia"] * float(rng.uniform(*PLANT_FACTORS)) * (1.0 + gain)
+    damping = float(rng.uniform(0.15, 0.3))
+    return {
+        "spring_stiffness": stiffness,
+        "spring_inertia": inertia,
+        "spring_friction": known["actuator_coulomb"] * float(rng.uniform(*PLANT_FACTORS)) * (1.0 + gain),
+        "spring_viscous": known["actuator_viscous"] * float(rng.uniform(*PLANT_FACTORS)) * (1.0 + gain),
+        "spring_gain": gain,
+        "spring_integral": known["actuator_leak"] * (1.0 + gain),
+        "spring_rate_gain": 2.0 * damping * float(np.sqrt((1.0 + gain) * inertia / stiffness)),
+    }
 
 
 def finite(value: float) -> float:

@@ -31,6 +31,7 @@ constexpr double recent_s = 0.5;                   // what an alarm is told with
 constexpr double settle_s = 0.8;                   // a wearer waits so long for the law before moving
 constexpr double reset_after_s = 1.5;              // an operator answers a challenge after this time
 constexpr double fastest_cycle_hz = 2.0;           // people go to and fro with the whole forearm hardly faster
+constexpr double gear_width = 0.03;                 // speed over which a gear's friction before a spring turns [rad/s]
 constexpr double gravity_m_s2 = 9.81;
 constexpr std::size_t max_alarms = 400;            // of a life that are told one by one
 constexpr std::size_t normal_count = 50021;        // numbers in the table of normal draws, a prime
@@ -148,7 +149,7 @@ class Simulation {
     kind = static_cast<Fault>(static_cast<int>(std::max(r.kind, 0.0)));
     life = r.kind < 0.0;
     is_reference = r.kind == 0.0;
-    link = motor = limb = r.start_position;
+    link = motor = limb = geared = r.start_position;
     wanted.q = wanted.from = hand.q = hand.from = r.start_position;
     fault_state = static_cast<std::uint64_t>(r.fault_seed);
     odd = static_cast<std::uint64_t>(r.fault_seed) % 2 != 0;
@@ -431,7 +432,11 @@ class Simulation {
     commands[ticks % 4] = asked_now;
     const double asked = commands[(ticks + 4 - static_cast<std::size_t>(r.dead_cycles)) % 4];
     target_effort = given(asked);
-    if (off >= off_periods) target_effort = drive_effort = spring_rate = 0.0;
+    if (off >= off_periods) {
+      target_effort = drive_effort = loop_integral = 0.0;
+      geared = link;
+      geared_velocity = link_velocity;
+    }
   }
 
   void sample(pellucid_sample& into, double value, std::int64_t clock) const {
@@ -572,10 +577,17 @@ class Simulation {
                  current_share = dt / (r.current_lag + dt);
     const int steps = static_cast<int>(r.substeps);
     for (int i = 0; i < steps; ++i) {
-      if (r.spring_frequency > 0.0) {
-        const double w = r.spring_frequency;
-        spring_rate += dt * (w * w * (target_effort - drive_effort) - 1.4 * w * spring_rate);
-        drive_effort += dt * spring_rate;
+      if (r.spring_stiffness > 0.0 && off < off_periods) {
+        // A torque loop about the spring, against the friction of motor and gear.
+        const double rate = r.spring_stiffness * (geared_velocity - link_velocity);
+        const double error = target_effort - drive_effort;
+        loop_integral += dt * r.spring_integral * error;
+        const double motor_torque = clamp(target_effort + r.spring_gain * error + loop_integral - r.spring_rate_gain * rate,
+                                          -r.drive_limit, r.drive_limit);
+        const double resisted = r.spring_friction * clamp(geared_velocity / gear_width, -1.0, 1.0) + r.spring_viscous * geared_velocity;
+        geared_velocity += dt * (motor_torque - drive_effort - resisted) / r.spring_inertia;
+        geared += dt * geared_velocity;
+        drive_effort = r.spring_stiffness * (geared - link);
       } else if (off < off_periods) {
         drive_effort += drive_share * (target_effort - drive_effort);
       }
@@ -698,7 +710,7 @@ class Simulation {
   bool life = false, is_reference = false, on = false, begins_now = false, odd = false, alarmed = false, aligning = false;
   double now = 0, since = 0, dt = 0, bristle = 1, bristle_drag = 0;
   double motor = 0, motor_velocity = 0, link = 0, link_velocity = 0, limb = 0, limb_velocity = 0, bristles = 0;
-  double drive_effort = 0, target_effort = 0, spring_rate = 0, pull = 0, pushed = 0, muscle = 0, muscle_now = 0, learnt = 0,
+  double drive_effort = 0, target_effort = 0, geared = 0, geared_velocity = 0, loop_integral = 0, pull = 0, pushed = 0, muscle = 0, muscle_now = 0, learnt = 0,
          extra = 0, carried = 0, strapped = 1, held = 0, askew = 0;
   double encoder = 0, encoder_before = 0, force_filter = 0, current_filter = 0, emg = 0, holds = 0, table_at = 0, table_way = 1,
          spasm_torque = 0;

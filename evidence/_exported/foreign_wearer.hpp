@@ -43,7 +43,13 @@ namespace foreign {
   X(drive_limit, "N*m", "largest effort of the drive")                                                                 \
   X(ripple, "N*m", "amplitude of the torque ripple")                                                                   \
   X(ripple_waves, "1/rad", "wave number of the torque ripple")                                                         \
-  X(spring_frequency, "rad/s", "natural frequency of a torque loop about a spring; 0: there is none")                  \
+  X(spring_stiffness, "N*m/rad", "stiffness of a spring that the drive acts through; 0: there is none")                \
+  X(spring_inertia, "kg*m^2", "inertia of motor and gear before the spring")                                           \
+  X(spring_friction, "N*m", "dry friction of motor and gear")                                                          \
+  X(spring_viscous, "N*m*s/rad", "viscous friction of motor and gear")                                                 \
+  X(spring_gain, "1", "proportional gain of the torque loop")                                                          \
+  X(spring_integral, "1/s", "integral gain of the torque loop")                                                        \
+  X(spring_rate_gain, "s", "gain of the torque loop on the torque's rate")                                             \
   X(encoder_quantum, "rad", "quantum of the encoder")                                                                  \
   X(encoder_noise, "rad", "standard deviation of the encoder's noise")                                                 \
   X(force_gain, "1", "reading of the force sensor per torque")                                                         \
