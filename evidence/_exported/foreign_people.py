@@ -243,6 +243,7 @@ def draw_run(law: ExportedLaw, index: int, seed: int) -> dict[str, float]:
         "range_low": finite(numbers["range_min"]),
         "range_high": finite(numbers["range_max"]),
         "wearer_push": finite(numbers["wearer_push"]),
+        "wearer_torque": finite(numbers["wearer_torque"]),
         "inertia": inertia,
         "rotor_share": rotor,
         "transmission_stiffness": reduced * resonance**2,

@@ -28,6 +28,7 @@ constexpr double fault_spasm_torque = 15.0, fault_spasm_s = 0.3, sine_frequency_
 constexpr double table_s = 0.4, spasm_least_s = 0.1, spasm_most_s = 0.3;              // durations of mishaps
 constexpr double felt_s = 0.1;                     // until a wearer reacts to what the arm has hit
 constexpr double recent_s = 0.5;                   // what an alarm is told with
+constexpr double lasting_rate = 5.0;               // of what lasts [1/s]
 constexpr double settle_s = 0.8;                   // a wearer waits so long for the law before moving
 constexpr double reset_after_s = 1.5;              // an operator answers a challenge after this time
 constexpr double fastest_cycle_hz = 2.0;           // people go to and fro with the whole forearm hardly faster
@@ -672,7 +673,7 @@ class Simulation {
 
   /// What happened in the last half second, in two halves that take turns.
   struct Recent {
-    double speed = 0, lowest = 1e9, highest = -1e9, push = 0;
+    double speed = 0, lowest = 1e9, highest = -1e9, push = 0, lasting = 0;
   };
   void remember() {
     if (!life) return;
@@ -681,6 +682,8 @@ class Simulation {
     newer.lowest = std::min(newer.lowest, motor);
     newer.highest = std::max(newer.highest, motor);
     newer.push = std::max(newer.push, std::fabs(pushed));
+    lasts += lasting_rate * r.period * (pushed - lasts);
+    newer.lasting = std::max(newer.lasting, std::fabs(lasts));
     encoder_before = motor;
   }
 
@@ -693,7 +696,8 @@ class Simulation {
       if (alarms.size() < max_alarms)
         alarms.push_back({now, static_cast<double>(out.fault), static_cast<double>(mode_before), static_cast<double>(doing),
                           std::max(older.speed, newer.speed), std::min(older.lowest, newer.lowest),
-                          std::max(older.highest, newer.highest), std::max(older.push, newer.push)});
+                          std::max(older.highest, newer.highest), std::max(older.push, newer.push),
+                          std::max(older.lasting, newer.lasting)});
       // The wearer stays where the arm is until the law is in force again.
       Reference& mover = r.worn != 0.0 && strapped > 0.0 ? wanted : hand;
       mover.start(clamp(mover.q, r.target_low, r.target_high), now, 1.0, 0);
@@ -715,7 +719,7 @@ class Simulation {
   double encoder = 0, encoder_before = 0, force_filter = 0, current_filter = 0, emg = 0, holds = 0, table_at = 0, table_way = 1,
          spasm_torque = 0;
   double next_task = 0, next_brace = 0, next_impact = 0, next_load = 0, next_spasm = 0, next_doff = 0, doff_until = 0,
-         law_since = -1, alarm_at = 0, event_end = 0, last_event_end = -10, felt_at = 0, turned = 0;
+         law_since = -1, alarm_at = 0, event_end = 0, last_event_end = -10, felt_at = 0, lasts = 0, turned = 0;
   Event event = reach, last_event = reach;
   std::size_t tasks = 0;
   std::uint64_t fault_state = 0;

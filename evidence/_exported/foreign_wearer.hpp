@@ -17,6 +17,7 @@ namespace foreign {
   X(range_low, "rad", "lowest position that the exported controller accepts")                                          \
   X(range_high, "rad", "highest position that the exported controller accepts")                                        \
   X(wearer_push, "N*m", "largest momentary torque of a wearer that the exported controller expects")                   \
+  X(wearer_torque, "N*m", "largest lasting torque of a wearer that the exported controller expects")                   \
   X(inertia, "kg*m^2", "inertia of the robot")                                                                         \
   X(rotor_share, "1", "share of the inertia in front of the flexible transmission; 0: a rigid one")                    \
   X(transmission_stiffness, "N*m/rad", "stiffness of the transmission")                                                \
@@ -159,7 +160,8 @@ namespace foreign {
   X(speed, "rad/s", "largest true speed of the encoder's side in the last half second")                                \
   X(lowest, "rad", "lowest true position in the last half second")                                                     \
   X(highest, "rad", "highest true position in the last half second")                                                   \
-  X(push, "N*m", "largest true torque of the wearer on the robot in the last half second")
+  X(push, "N*m", "largest true torque of the wearer on the robot in the last half second")                             \
+  X(lasting, "N*m", "largest true torque that lasts, smoothed with 5/s, in the last half second")
 
 struct Run {
 #define X(name, unit, meaning) double name;

@@ -107,6 +107,7 @@ class LifeAlarm:
     lowest: float  # lowest true position [rad]
     highest: float  # highest true position [rad]
     push: float  # largest true torque of the wearer on the robot [N m]
+    lasting: float  # largest true torque of the wearer that lasts, smoothed with 5/s [N m]
     wanted: str  # reason for which a person would want it; "" for a false alarm
 
 
@@ -134,13 +135,13 @@ EVENT_NAMES = ("reach", "sudden stop", "impact", "load", "spasm", "taken off or 
 
 
 def wanted_reason(
-    run: Mapping[str, float], *, event: str, speed: float, lowest: float, highest: float, push: float
+    run: Mapping[str, float], *, event: str, speed: float, lowest: float, highest: float, push: float, lasting: float
 ) -> str:
     """Return why a person would want an alarm, or "".
 
     The rule, written down before any alarm was counted: in the half second before the alarm the joint was truly faster
     than the stated velocity limit, or truly outside the range of positions that the export accepts, or the wearer truly
-    pushed the robot harder, in a spasm or an impact, than the export says that a wearer does at once.
+    pushed the robot harder, in a spasm or an impact, than the export says that a wearer does at once or lastingly.
     """
     if speed > run["velocity_limit"]:
         return "faster than the velocity limit"
@@ -148,11 +149,13 @@ def wanted_reason(
         return "outside the range of positions"
     if event in ("spasm", "impact") and push > run["wearer_push"]:
         return f"{event} that pushes harder than a wearer's largest momentary torque"
+    if event in ("spasm", "impact") and lasting > run["wearer_torque"]:
+        return f"{event} that pushes harder than a wearer's largest lasting torque"
     return ""
 
 
 def play(program: ExportedLaw, runs: Sequence[Mapping[str, float]]) -> list[tuple[dict[str, float], np.ndarray]]:
-    """Return every run's result by name, and its alarms, shape (k, 8)."""
+    """Return every run's result by name, and its alarms, shape (k, 9)."""
     given = np.array([[run[name] for name in RUN_FIELDS] for run in runs], dtype=np.float64)
     done = subprocess.run([str(program.program)], input=given.tobytes(), capture_output=True, check=True)
     numbers, at, results = np.frombuffer(done.stdout, dtype=np.float64), 0, []
@@ -247,7 +250,7 @@ def life_of(
     alarms = []
     for row in rows:
         said = dict(zip(ALARM_FIELDS, map(float, row), strict=True))
-        seen = {name: said[name] for name in ("speed", "lowest", "highest", "push")}
+        seen = {name: said[name] for name in ("speed", "lowest", "highest", "push", "lasting")}
         event = EVENT_NAMES[int(said["event"])]
         alarms.append(
             LifeAlarm(

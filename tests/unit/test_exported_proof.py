@@ -136,14 +136,16 @@ def test_a_memory_fault_hits_the_block_that_it_names(transparent):
 
 
 def test_an_alarm_is_wanted_only_for_what_truly_happened():
-    run = {"velocity_limit": 8.0, "range_low": 0.0, "range_high": 2.3, "wearer_push": 8.0}
-    usual = {"event": "reach", "speed": 3.0, "lowest": 0.5, "highest": 1.5, "push": 4.0}
+    run = {"velocity_limit": 8.0, "range_low": 0.0, "range_high": 2.3, "wearer_push": 8.0, "wearer_torque": 2.0}
+    usual = {"event": "reach", "speed": 3.0, "lowest": 0.5, "highest": 1.5, "push": 4.0, "lasting": 1.0}
     assert trials.wanted_reason(run, **usual) == ""
     assert "velocity" in trials.wanted_reason(run, **usual | {"speed": 8.1})
     assert "range" in trials.wanted_reason(run, **usual | {"lowest": -0.01})
     assert "range" in trials.wanted_reason(run, **usual | {"highest": 2.31})
     assert trials.wanted_reason(run, **usual | {"push": 9.0}) == ""
-    assert "spasm" in trials.wanted_reason(run, **usual | {"push": 9.0, "event": "spasm"})
+    assert "momentary" in trials.wanted_reason(run, **usual | {"push": 9.0, "event": "spasm"})
+    assert "lasting" in trials.wanted_reason(run, **usual | {"lasting": 2.5, "event": "impact"})
+    assert trials.wanted_reason(run, **usual | {"lasting": 2.5}) == ""
 
 
 def test_rows_and_tables_say_what_they_assume(measured, transparent):
