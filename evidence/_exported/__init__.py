@@ -22,16 +22,17 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from functools import cache, partial
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory
 
 from benchmarks._size import sized
 
+from pellucid._errors import PellucidError
 from pellucid.control.supervised import SUPERVISOR_NAMES
 from pellucid.lab.safety.fault_table import FAULT_KINDS
 from pellucid.lab.safety.worn_robot import LAWS
 from pellucid.studies.results import ResultRow
 
-from .exports import DATASET_EXPORTS, RIG_EXPORTS, Exports
+from .exports import DATASET_EXPORTS, RIG_EXPORTS, ExportedLaw, Exports
 from .table import table_lines
 from .trials import KINDS, MIN_EFFECT_J, ForeignLife, ForeignTrial, live, play_all, try_faults, try_starts
 
@@ -76,23 +77,46 @@ def row(name: str, value: float | None, unit: str, note: str = "") -> ResultRow:
 
 @cache
 def made_exports() -> Exports:
-    """Return all exports of this process, made in a temporary folder."""
-    return Exports(Path(mkdtemp(prefix="exported-")))
+    """Return all exports of this process, made in a folder that the process removes at its end."""
+    return Exports(Path(temporary_folder().name))
+
+
+@cache
+def temporary_folder() -> TemporaryDirectory:
+    """Return the folder of all exports of this process."""
+    return TemporaryDirectory(prefix="exported-")
+
+
+@cache
+def made_laws(instruments: str) -> tuple[ExportedLaw, ...]:
+    """Return every law that `export` writes with a set of instruments by name.
+
+    Only a probe may be refused: where the waves that inertia and encoder need are too large for the effort limit.
+    """
+    made = []
+    for name in EXPORTED_LAWS:
+        try:
+            made.append(made_exports().law(name, instruments))
+        except PellucidError:
+            if instruments != "probe":
+                raise
+    return tuple(made)
 
 
 @cache
 def fault_trials(instruments: str, seed: int = JUDGED_SEED) -> tuple[ForeignTrial, ...]:
     """Return every fault under every law on every plant, with a set of instruments by name."""
     kinds = PROBED_KINDS if instruments == "probe" else tuple(KINDS)
-    made = [made_exports().law(name, instruments) for name in EXPORTED_LAWS]
-    jobs = [partial(try_faults, law, index, seed, kinds) for law in made for index in range(PLANT_COUNT)]
+    jobs = [
+        partial(try_faults, law, index, seed, kinds) for law in made_laws(instruments) for index in range(PLANT_COUNT)
+    ]
     return tuple(trial for trials in play_all(jobs) for trial in trials)
 
 
 @cache
 def healthy_lives(instruments: str, seed: int = JUDGED_SEED) -> tuple[ForeignLife, ...]:
     """Return healthy lives of all laws with every mishap, `HEALTHY_HOURS` in all, each on a plant of its own."""
-    made = [made_exports().law(name, instruments) for name in EXPORTED_LAWS]
+    made = made_laws(instruments)
     count = max(round(3600.0 * HEALTHY_HOURS / HEALTHY_LIFE_S), len(made))
     jobs = [partial(live, made[i % len(made)], i, seed, HEALTHY_LIFE_S) for i in range(count)]
     return tuple(play_all(jobs))
@@ -181,7 +205,7 @@ def fault_rows(instruments: str, trials: Sequence[ForeignTrial]) -> Iterator[Res
 def probe_rows(trials: Sequence[ForeignTrial]) -> Iterator[ResultRow]:
     """Yield the figures of faults that a probe is there to find."""
     valid = [trial for trial in trials if trial.kind in PROBED_KINDS and not trial.early]
-    note = f"{len(valid)} runs; missed: {missed_words(valid)}"
+    note = f"{len(valid)} runs, {len({trial.law for trial in valid})} laws; missed: {missed_words(valid)}"
     yield row("safety.exported.probe.found", found_share(valid), "%", note)
     yield worst_row("safety.exported.probe.worst_excess_energy", valid)
     for kind in PROBED_KINDS:
@@ -234,13 +258,15 @@ def is_refused(life: ForeignLife) -> bool:
 
 
 def alarm_lines(lives: Sequence[ForeignLife]) -> Iterator[str]:
-    """Yield a line for every alarm of healthy lives, those that a person would want with their reason."""
-    for life in lives:
-        for alarm in life.alarms:
-            yield (
-                f"| {alarm.law} | {alarm.plant} | {alarm.time:.1f} s | {alarm.fault} | {alarm.event} | "
-                f"{alarm.speed:.1f} rad/s | {alarm.push:.1f} N m | {alarm.wanted or 'false'} |"
-            )
+    """Yield a line for every alarm that a person would want, with its reason, and one for false alarms of a kind."""
+    false = Counter((alarm.law, alarm.fault) for life in lives for alarm in life.alarms if not alarm.wanted)
+    for (law, fault), count in false.most_common():
+        yield f"| {law} | | | {fault} | | | | false, {count} times |"
+    for alarm in (alarm for life in lives for alarm in life.alarms if alarm.wanted):
+        yield (
+            f"| {alarm.law} | {alarm.plant} | {alarm.time:.1f} s | {alarm.fault} | {alarm.event} | "
+            f"{alarm.speed:.1f} rad/s | {alarm.push:.1f} N m | {alarm.wanted} |"
+        )
 
 
 def exported_tables(seed: int = JUDGED_SEED) -> Iterator[str]:
