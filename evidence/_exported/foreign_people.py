@@ -46,7 +46,7 @@ ROTOR_SHARES = (0.1, 0.3)
 """Share of the inertia in front of a flexible transmission: the elbow's rotor has a sixth [1]."""
 
 RESONANCES_HZ = (25.0, 70.0)
-"""Lowest and highest resonance of a flexible transmission: cables of 300 to 1200 N m/rad on this elbow."""
+"""Lowest and highest resonance of a flexible transmission: on this elbow cables of 75 to 2800 N m/rad."""
 
 BACKLASH_RAD = 0.002
 """Largest backlash of a flexible transmission."""
