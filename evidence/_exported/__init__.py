@@ -1,0 +1,285 @@
+"""The controllers that `pellucid export` writes, compiled and worn by virtual people on plants that are not the core's.
+
+What the plant shares with the core: nothing but the exported interface. `foreign_wearer.cpp` includes
+pellucid_controller.h and none of the core's headers; one generated file, which holds no plant, tells it where a flipped
+bit may hit. The plant has other equations than every model of the core: friction on elasto-plastic bristles with
+a rise towards rest and a part that grows with the joint's own load, a transmission with flexibility and backlash, a
+drive with lag, dead time, ripple and saturation, two cuffs that harden and have slack, a limb with a muscle servo. Its
+numbers are the card's, times a factor of 0.7 to 1.4 each. Instruments err as real ones do: gains by 5 %, offsets by 1 %
+of the effort limit, lags of 0.3 to 2 ms, noise and quanta. The drive's test at start-up is commissioned on another
+wearer wherever the drive is measured.
+
+What a virtual wearer cannot prove: that people move, tremble, cramp and hold against a robot in no other way than these
+do; that a machine has no resonance, play or fault that nobody thought of here; that two faults never come together; and
+that a fault whose motion a wearer could make is told from that wearer. A figure of this proof bounds what was tried.
+
+Plants and wearers for choosing thresholds have seeds from `TUNING_SEED` on, those of the proof `JUDGED_SEED`.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from functools import cache, partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from benchmarks._size import sized
+
+from pellucid._errors import PellucidError
+from pellucid.control.supervised import SUPERVISOR_NAMES
+from pellucid.lab.safety.fault_table import FAULT_KINDS
+from pellucid.lab.safety.worn_robot import LAWS
+from pellucid.studies.results import ResultRow
+
+from .exports import DATASET_EXPORTS, RIG_EXPORTS, ExportedLaw, Exports
+from .table import table_lines
+from .trials import KINDS, MIN_EFFECT_J, ForeignLife, ForeignTrial, live, play_all, try_faults, try_starts
+
+TUNING_SEED = 20261101
+"""First seed of plants on which thresholds may be chosen."""
+
+JUDGED_SEED = 20290201
+"""Seed of the plants of the proof, on which nothing was chosen."""
+
+PLANT_COUNT = sized(20, smallest=1)
+"""Number of foreign plants, each with a wearer, on which every fault is tried under every law."""
+
+EXPORTED_LAWS: tuple[str, ...] = sized(LAWS, smallest=("transparent", "compensation"))
+"""Controllers of the elbow that are exported."""
+
+HEALTHY_HOURS = sized(25.0, smallest=0.02)
+"""Healthy use of all laws and plants together [h]."""
+
+HEALTHY_LIFE_S = sized(900.0, smallest=30.0)
+"""Duration of one healthy life."""
+
+START_WEARER_COUNT = sized(20, smallest=1)
+"""Number of wearers, or of drawn plants of a machine that nobody wears, with whom each default export starts."""
+
+START_POSTURE_COUNT = sized(7, smallest=2)
+"""Number of postures, evenly over the range, in which each default export starts."""
+
+DEFAULT_EXPORTS: tuple[str, ...] = sized((*RIG_EXPORTS, *DATASET_EXPORTS), smallest=("able-elbow",))
+"""Rigs and data sets whose default export is started."""
+
+PROBED_KINDS = ("drive_reversed", "drive_double", "drive_triple", "drive_stuck", "drive_dead", "encoder_flipped")
+"""Faults that a probe is there to find: polarity, gain of two and three, stuck, dead, and the encoder's sign."""
+
+WORST_KINDS = ("drive_reversed", "drive_triple", "drive_stuck", "drive_dead")
+"""Faults of which the first line of an export without a drive measurement warns."""
+
+
+def row(name: str, value: float | None, unit: str, note: str = "") -> ResultRow:
+    """Return a figure of this proof."""
+    return ResultRow(name, value, unit, "evidence", "simulated", None, note)
+
+
+@cache
+def made_exports() -> Exports:
+    """Return all exports of this process, made in a folder that the process removes at its end."""
+    return Exports(Path(temporary_folder().name))
+
+
+@cache
+def temporary_folder() -> TemporaryDirectory:
+    """Return the folder of all exports of this process."""
+    return TemporaryDirectory(prefix="exported-")
+
+
+@cache
+def made_laws(instruments: str) -> tuple[ExportedLaw, ...]:
+    """Return every law that `export` writes with a set of instruments by name.
+
+    Only a probe may be refused: where the waves that inertia and encoder need are too large for the effort limit.
+    """
+    made = []
+    for name in EXPORTED_LAWS:
+        try:
+            made.append(made_exports().law(name, instruments))
+        except PellucidError:
+            if instruments != "probe":
+                raise
+    return tuple(made)
+
+
+@cache
+def fault_trials(instruments: str, seed: int = JUDGED_SEED) -> tuple[ForeignTrial, ...]:
+    """Return every fault under every law on every plant, with a set of instruments by name."""
+    kinds = PROBED_KINDS if instruments == "probe" else tuple(KINDS)
+    jobs = [
+        partial(try_faults, law, index, seed, kinds) for law in made_laws(instruments) for index in range(PLANT_COUNT)
+    ]
+    return tuple(trial for trials in play_all(jobs) for trial in trials)
+
+
+@cache
+def healthy_lives(instruments: str, seed: int = JUDGED_SEED) -> tuple[ForeignLife, ...]:
+    """Return healthy lives of all laws with every mishap, `HEALTHY_HOURS` in all, each on a plant of its own."""
+    made = made_laws(instruments)
+    count = max(round(3600.0 * HEALTHY_HOURS / HEALTHY_LIFE_S), len(made))
+    jobs = [partial(live, made[i % len(made)], i, seed, HEALTHY_LIFE_S) for i in range(count)]
+    return tuple(play_all(jobs))
+
+
+@cache
+def starts(seed: int = JUDGED_SEED) -> dict[str, list[ForeignLife]]:
+    """Return all starts of every default export by the study's name."""
+    made = {name: made_exports().default(name) for name in DEFAULT_EXPORTS}
+    jobs = [partial(try_starts, law, START_WEARER_COUNT, START_POSTURE_COUNT, seed) for law in made.values()]
+    return dict(zip(made, play_all(jobs), strict=True))
+
+
+def has_probe() -> bool:
+    """Return whether the supervisor of this version has a probe."""
+    return any(name.startswith("probe_") for name in SUPERVISOR_NAMES)
+
+
+def rows(seed: int = JUDGED_SEED) -> Iterator[ResultRow]:
+    """Yield every figure."""
+    for instruments in ("drive_measured", "unmeasured"):
+        yield from fault_rows(instruments, fault_trials(instruments, seed))
+    if has_probe():
+        yield from probe_rows(fault_trials("probe", seed))
+    else:
+        yield row("safety.exported.probe.found", None, "%", "the supervisor has no probe")
+        yield row("safety.exported.probe.worst_excess_energy", None, "J", "the supervisor has no probe")
+    yield from sine_rows(fault_trials("unmeasured", seed))
+    yield from life_rows(healthy_lives("drive_measured", seed))
+    yield from start_rows(starts(seed))
+
+
+def shown(trials: Sequence[ForeignTrial]) -> list[ForeignTrial]:
+    """Return the trials of robots' faults that docs/safety.md counts as visible: neither hidden, nor a wearer's.
+
+    A spasm, a table or an open strap is no fault of the robot, and what the wearer makes of it differs; each has its
+    rows.
+    """
+    kinds = {kind.name for kind in FAULT_KINDS if not kind.hidden and kind.group != "wearer"}
+    return [trial for trial in trials if trial.kind in kinds and not trial.early]
+
+
+def found_share(trials: Sequence[ForeignTrial]) -> float | None:
+    """Return the share of trials in which the fault was found [%]."""
+    return 100.0 * sum(trial.is_found for trial in trials) / len(trials) if trials else None
+
+
+def missed_words(trials: Sequence[ForeignTrial]) -> str:
+    """Return which faults were not found how often."""
+    missed = Counter(trial.kind for trial in trials if not trial.is_found)
+    return ", ".join(f"{kind} {count}" for kind, count in missed.most_common()) or "none"
+
+
+def worst_row(name: str, trials: Sequence[ForeignTrial], note: str = "") -> ResultRow:
+    """Return the largest excess of trials [J]."""
+    if not trials:
+        return row(name, None, "J", "no run")
+    worst = max(trials, key=lambda trial: trial.excess)
+    what = f"{worst.kind}, {worst.law}, plant {worst.plant}, {'found' if worst.is_found else 'not found'}"
+    return row(name, worst.excess, "J", f"{note}; {what}" if note else what)
+
+
+def fault_rows(instruments: str, trials: Sequence[ForeignTrial]) -> Iterator[ResultRow]:
+    """Yield the figures of all faults with a set of instruments."""
+    name, seen = f"safety.exported.{instruments}", shown(trials)
+    note = f"{len(seen)} runs, {len({t.law for t in seen})} laws, {len({t.plant for t in seen})} foreign plants"
+    effective = [trial for trial in seen if trial.did_something]
+    words = f"of {len(effective)} of {len(seen)} runs, in which the fault did something"
+    yield row(f"{name}.found", found_share(effective), "%", f"{words}; missed: {missed_words(effective)}")
+    harmless = sum(trial.is_found or trial.excess < MIN_EFFECT_J for trial in seen)
+    yield row(f"{name}.found_or_harmless", 100.0 * harmless / len(seen) if seen else None, "%",
+              f"of {len(seen)} runs; harmless: below {MIN_EFFECT_J} J in 10 s")  # fmt: skip
+    yield row(f"{name}.found_of_all", found_share(seen), "%", f"{note}; missed: {missed_words(seen)}")
+    yield worst_row(f"{name}.worst_excess_energy", seen, note)
+    lost = sum(trial.early for trial in trials)
+    yield row(f"{name}.stopped_before", lost, "1", f"of {len(trials)} runs; the supervisor acted before the onset")
+    for kind in KINDS:
+        own = [trial for trial in trials if trial.kind == kind and not trial.early]
+        if own:
+            did = sum(trial.did_something for trial in own)
+            found = sum(trial.is_found for trial in own)
+            yield row(f"{name}.{kind}.found", found_share(own), "%", f"{found} of {len(own)}; {did} did something")
+            yield worst_row(f"{name}.{kind}.worst_excess_energy", own)
+
+
+def probe_rows(trials: Sequence[ForeignTrial]) -> Iterator[ResultRow]:
+    """Yield the figures of faults that a probe is there to find."""
+    valid = [trial for trial in trials if trial.kind in PROBED_KINDS and not trial.early]
+    note = f"{len(valid)} runs, {len({trial.law for trial in valid})} laws; missed: {missed_words(valid)}"
+    yield row("safety.exported.probe.found", found_share(valid), "%", note)
+    yield worst_row("safety.exported.probe.worst_excess_energy", valid)
+    for kind in PROBED_KINDS:
+        own = [trial for trial in valid if trial.kind == kind]
+        yield row(f"safety.exported.probe.{kind}.found", found_share(own), "%", f"{len(own)} runs")
+        yield worst_row(f"safety.exported.probe.{kind}.worst_excess_energy", own)
+
+
+def sine_rows(trials: Sequence[ForeignTrial]) -> Iterator[ResultRow]:
+    """Yield the figures of a sine of 2.5 Hz that a drive adds which measures nothing."""
+    own = [trial for trial in trials if trial.kind == "drive_sine" and not trial.early]
+    yield worst_row("safety.exported.added_sine.worst_excess_energy", own, "drive not measured")
+    for amplitude in sorted({trial.amplitude for trial in own}):
+        some = [trial for trial in own if trial.amplitude == amplitude]
+        found = sum(trial.is_found for trial in some)
+        yield worst_row(f"safety.exported.added_sine.of_{amplitude:g}_newton_metres.worst_excess_energy", some,
+                        f"found in {found} of {len(some)}")  # fmt: skip
+
+
+def life_rows(lives: Sequence[ForeignLife]) -> Iterator[ResultRow]:
+    """Yield the figures of healthy lives; every alarm that a person would want has its line."""
+    false = [alarm for life in lives for alarm in life.alarms if not alarm.wanted]
+    wanted = [alarm for life in lives for alarm in life.alarms if alarm.wanted]
+    most = Counter((alarm.fault, alarm.law) for alarm in false).most_common(6)
+    words = "; ".join(f"{fault} {law} {count}" for (fault, law), count in most) or "none"
+    hours = sum(life.running for life in lives)
+    yield row("safety.false_alarms", len(false), "1", words)
+    what = "sudden stops, impacts, loads, spasms, donning and doffing"
+    yield row("safety.healthy_hours", hours, "h", f"with the law in force, {len(lives)} lives; {what}")
+    reasons = Counter(alarm.wanted for alarm in wanted).most_common()
+    yield row("safety.wanted_alarms", len(wanted), "1", "; ".join(f"{why} {count}" for why, count in reasons))
+
+
+def start_rows(started: dict[str, list[ForeignLife]]) -> Iterator[ResultRow]:
+    """Yield the figures of the starts of default exports."""
+    yield row("safety.default_exports.tried", len(started), "1", ", ".join(started))
+    refused = {name: [life for life in lives if is_refused(life)] for name, lives in started.items()}
+    yield row("safety.default_exports.starts_refused", sum(map(len, refused.values())), "1",
+              f"of {sum(map(len, started.values()))}: "
+              + (", ".join(f"{name} {len(lives)}" for name, lives in refused.items() if lives) or "none"))  # fmt: skip
+    for name, lives in refused.items():
+        causes = Counter(f"{a.fault} in {a.before}" for life in lives for a in life.alarms[:1])
+        words = ", ".join(f"{why} {count}" for why, count in causes.most_common()) or "none"
+        yield row(f"safety.default_exports.{name}.starts_refused", len(lives), "1", f"of {len(started[name])}: {words}")
+
+
+def is_refused(life: ForeignLife) -> bool:
+    """Return whether a law did not come into force, or stopped within its first seconds without a reason."""
+    return life.started != life.started or life.false_alarms > 0
+
+
+def alarm_lines(lives: Sequence[ForeignLife]) -> Iterator[str]:
+    """Yield a line for every alarm that a person would want, with its reason, and one for false alarms of a kind."""
+    false = Counter((alarm.law, alarm.fault) for life in lives for alarm in life.alarms if not alarm.wanted)
+    for (law, fault), count in false.most_common():
+        yield f"| {law} | | | {fault} | | | | false, {count} times |"
+    for alarm in (alarm for life in lives for alarm in life.alarms if alarm.wanted):
+        yield (
+            f"| {alarm.law} | {alarm.plant} | {alarm.time:.1f} s | {alarm.fault} | {alarm.event} | "
+            f"{alarm.speed:.1f} rad/s | {alarm.push:.1f} N m | {alarm.wanted} |"
+        )
+
+
+def exported_tables(seed: int = JUDGED_SEED) -> Iterator[str]:
+    """Yield the Markdown lines of docs/safety.md on exported controllers, each row with the instruments it assumes."""
+    measured: dict[str, Sequence[ForeignTrial]] = {
+        name: fault_trials(name, seed) for name in ("drive_measured", "unmeasured")
+    }
+    if has_probe():
+        measured["probe"] = fault_trials("probe", seed)
+    yield from table_lines(measured)
+    yield "#### Alarms of healthy lives"
+    yield ""
+    yield "| law | plant | time | fault | the wearer | largest speed | largest push | why a person wants it |"
+    yield "|---|--:|--:|---|---|--:|--:|---|"
+    yield from alarm_lines(healthy_lives("drive_measured", seed))
+    yield ""

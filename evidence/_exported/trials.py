@@ -1,0 +1,275 @@
+"""Lives, starts and single faults of exported controllers on foreign plants, and what they came to."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from pellucid import _core
+from pellucid.control.supervised import COMMISSIONED_WORK_BOUNDS
+from pellucid.lab.safety.fault_table import FAULT_KINDS, FaultKind
+
+from .exports import ExportedLaw
+from .foreign_people import ALARM_FIELDS, FAULT_NAMES, RESULT_FIELDS, RUN_FIELDS, draw_run, with_mishaps
+
+WATCH_S = 10.0
+"""Time after its onset for which a fault is watched that nothing finds."""
+
+ONSETS_S = (2.5, 5.0)
+"""Earliest and latest onset of a fault that is not there from the start; wearers move from 1.6 s on at the earliest."""
+
+REFERENCE_S = ONSETS_S[1] + WATCH_S + 0.1
+"""Duration of the run without a fault with which faults are compared."""
+
+MIN_EFFECT_J = 0.05
+"""A fault did something if its excess is at least this energy, or the supervisor acted, or `MIN_EFFECT_SHARE`."""
+
+MIN_EFFECT_SHARE = 0.05
+"""A fault did something if the drive's effort was on average this share of the effort limit beside the healthy run's,
+until its output was safe or the watch ended."""
+
+COMMISSIONING_S = 3.0
+"""Duration of the run in which a robot is commissioned."""
+
+COMMISSIONING_INDEX = 10_000
+"""Distance of the index of the wearer on whom a robot is commissioned from that of the wearer who then wears it."""
+
+WEARER_PREFIXES = ("upper_cuff", "lower_cuff", "cuff_", "limb_", "servo_", "reflex_", "activation", "anticipation",
+                   "learning")  # fmt: skip
+"""Beginnings of the names of a run's numbers that belong to the wearer and to the strap."""
+
+START_S = 20.0
+"""Time for which a law must run without an alarm to count as started."""
+
+MODE_NAMES = tuple(_core.MODES)
+"""Names of the supervisor's modes, in the order of their numbers."""
+
+SINE_AMPLITUDES_NM = (1.5, 3.0, 5.0)
+"""Amplitudes of the sine of 2.5 Hz that a drive adds."""
+
+EXTRA_KINDS: Mapping[str, FaultKind] = {
+    kind.name: kind
+    for kind in (
+        FaultKind("drive_double", "drive", "the drive gives twice the effort, and says so", "", False, False, ""),
+        FaultKind("drive_sine", "drive", "the drive adds a sine of 2.5 Hz, and says so", "", False, False, ""),
+    )
+}
+"""Faults that docs/safety.md's first table does not have."""
+
+KINDS: Mapping[str, FaultKind] = {kind.name: kind for kind in FAULT_KINDS} | EXTRA_KINDS
+"""Every fault by name."""
+
+
+@dataclass(frozen=True)
+class ForeignTrial:
+    """One fault under one exported law on one foreign plant."""
+
+    kind: str
+    law: str
+    plant: int  # index of the draw
+    amplitude: float  # of an added sine [N m]; 0 for every other fault
+    early: bool  # whether the supervisor acted before the onset
+    found: float  # time from the onset until the supervisor or the watchdog acted [s]; NaN for never
+    safe: float  # time from the onset until the output was safe [s]; NaN for never
+    fault: str  # fault that the supervisor named
+    mode: str  # its mode at the end
+    excess: float  # [J]
+    peak: float  # largest torque of the strap until safe [N m]
+    deviation: float  # mean difference of the drive's effort from the healthy run's [N m]
+    effort_limit: float  # of the law [N m]
+
+    @property
+    def is_found(self) -> bool:
+        """Whether the supervisor or the watchdog acted within ten seconds."""
+        return self.found == self.found
+
+    @property
+    def did_something(self) -> bool:
+        """Whether the fault changed what the wearer felt or the drive gave, or was found."""
+        return self.is_found or self.excess >= MIN_EFFECT_J or self.deviation >= MIN_EFFECT_SHARE * self.effort_limit
+
+
+@dataclass(frozen=True)
+class LifeAlarm:
+    """One time at which the supervisor acted in a healthy life."""
+
+    law: str
+    plant: int
+    time: float  # [s]
+    fault: str
+    before: str  # mode before it
+    event: str  # what the wearer did in the half second before
+    speed: float  # largest true speed in the half second before [rad/s]
+    lowest: float  # lowest true position [rad]
+    highest: float  # highest true position [rad]
+    push: float  # largest true torque of the wearer on the robot [N m]
+    lasting: float  # largest true torque of the wearer that lasts, smoothed with 5/s [N m]
+    wanted: str  # reason for which a person would want it; "" for a false alarm
+
+
+@dataclass(frozen=True)
+class ForeignLife:
+    """A healthy life of one exported law on one foreign plant."""
+
+    law: str
+    plant: int
+    hours: float  # duration [h]
+    running: float  # part of it with the law in force [h]
+    started: float  # time until the law was first in force [s]; NaN for never
+    alarms: tuple[LifeAlarm, ...]
+    reached: float  # mean distance from targets at the end of pauses [rad]
+    ringing: float  # mean change of the effort in a period [N m]
+
+    @property
+    def false_alarms(self) -> int:
+        """Number of alarms that nobody would want."""
+        return sum(not alarm.wanted for alarm in self.alarms)
+
+
+EVENT_NAMES = ("reach", "sudden stop", "impact", "load", "spasm", "taken off or put on")
+"""What a wearer does, in the order of the program's numbers."""
+
+
+def wanted_reason(
+    run: Mapping[str, float], *, event: str, speed: float, lowest: float, highest: float, push: float, lasting: float
+) -> str:
+    """Return why a person would want an alarm, or "".
+
+    The rule, written down before any alarm was counted: in the half second before the alarm the joint was truly faster
+    than the stated velocity limit, or truly outside the range of positions that the export accepts, or the wearer truly
+    pushed the robot harder, in a spasm or an impact, than the export says that a wearer does at once or lastingly.
+    """
+    if speed > run["velocity_limit"]:
+        return "faster than the velocity limit"
+    if lowest < run["range_low"] or highest > run["range_high"]:
+        return "outside the range of positions"
+    if event in ("spasm", "impact") and push > run["wearer_push"]:
+        return f"{event} that pushes harder than a wearer's largest momentary torque"
+    if event in ("spasm", "impact") and lasting > run["wearer_torque"]:
+        return f"{event} that pushes harder than a wearer's largest lasting torque"
+    return ""
+
+
+def play(program: ExportedLaw, runs: Sequence[Mapping[str, float]]) -> list[tuple[dict[str, float], np.ndarray]]:
+    """Return every run's result by name, and its alarms, shape (k, 9)."""
+    given = np.array([[run[name] for name in RUN_FIELDS] for run in runs], dtype=np.float64)
+    done = subprocess.run([str(program.program)], input=given.tobytes(), capture_output=True, check=True)
+    numbers, at, results = np.frombuffer(done.stdout, dtype=np.float64), 0, []
+    size, width = len(RESULT_FIELDS), len(ALARM_FIELDS)
+    for _ in runs:
+        result = dict(zip(RESULT_FIELDS, map(float, numbers[at : at + size]), strict=True))
+        count = int(numbers[at + size])
+        at += size + 1
+        results.append((result, numbers[at : at + count * width].reshape(count, width)))
+        at += count * width
+    return results
+
+
+def play_all(jobs: Sequence, workers: int = 2) -> Iterator:
+    """Yield what functions without arguments return, of which `workers` run at once: each is a process of its own."""
+    with ThreadPoolExecutor(workers) as pool:
+        yield from pool.map(lambda job: job(), jobs)
+
+
+def seconds_or_nan(value: float) -> float:
+    """Return a time, or NaN where the program says that it never was."""
+    return value if value >= 0.0 else float("nan")
+
+
+def can_have(law: ExportedLaw, kind: FaultKind) -> bool:
+    """Return whether a law can have a fault: it uses the sensor, and the fault does not need a second encoder."""
+    if kind.joint_encoder or (kind.needs and kind.needs not in law.uses):
+        return False
+    measured = law.numbers["drive_expected"] > 0.0
+    return measured or not kind.name.startswith("current_")
+
+
+def try_faults(law: ExportedLaw, index: int, seed: int, kinds: Sequence[str]) -> list[ForeignTrial]:
+    """Try faults by name under one law on the plant of an index: a reference without a fault, and a run for each."""
+    base = draw_run(law, index, seed)
+    base["brace_interval"] = with_mishaps(base, seed, index)["brace_interval"]
+    if law.numbers["drive_expected"] > 0.0:
+        base |= commissioned_bounds(law, base, seed, index)
+    runs, said = [{**base, "kind": 0.0, "seconds": REFERENCE_S}], []
+    for name in kinds:
+        kind = KINDS[name]
+        if not can_have(law, kind):
+            continue
+        number = FAULT_NAMES.index(name)
+        for amplitude in SINE_AMPLITUDES_NM if name == "drive_sine" else (0.0,):
+            rng = np.random.default_rng([seed, index, number, sum(map(ord, law.name))])
+            onset = 0.0 if kind.at_start else round(float(rng.uniform(*ONSETS_S)) / base["period"]) * base["period"]
+            drawn = float(rng.integers(1, 2**48))
+            runs.append({**base, "kind": float(number), "onset": onset, "seconds": WATCH_S, "fault_seed": drawn,
+                         "amplitude": amplitude})  # fmt: skip
+            said.append((name, amplitude))
+    played = play(law, runs)
+    return [
+        ForeignTrial(
+            name, law.name, index, amplitude, result["early"] >= 0.0, seconds_or_nan(result["found"]),
+            seconds_or_nan(result["safe"]), fault_name(result["fault"]), MODE_NAMES[int(result["mode"])],
+            result["excess"], result["peak"], result["deviation"], base["effort_limit"],
+        )
+        for (name, amplitude), (result, _) in zip(said, played[1:], strict=True)
+    ]  # fmt: skip
+
+
+def commissioned_bounds(law: ExportedLaw, run: Mapping[str, float], seed: int, index: int) -> dict[str, float]:
+    """Return the bounds of the test at start-up of a robot that was commissioned on another wearer, without tremor."""
+    other = draw_run(law, index + COMMISSIONING_INDEX, seed)
+    person = {name: value for name, value in other.items() if name.startswith(WEARER_PREFIXES)}
+    result, _ = play(law, [{**run, **person, "tremor_amplitude": 0.0, "kind": -1.0, "seconds": COMMISSIONING_S}])[0]
+    least, most = COMMISSIONED_WORK_BOUNDS
+    answer = result["answer"]
+    return {"test_least": least * answer, "test_most": most * answer} if answer > 0.0 else {}
+
+
+def fault_name(number: float) -> str:
+    """Return the name of the supervisor's fault of a number; -1 stands for the drive's watchdog."""
+    return "watchdog" if number < 0.0 else _core.FAULTS[int(number)]
+
+
+def live(law: ExportedLaw, index: int, seed: int, seconds: float, *, mishaps: bool = True,
+         **changed: float) -> ForeignLife:  # fmt: skip
+    """Return a healthy life of a law on the plant of an index, with a wearer's mishaps or without."""
+    run = draw_run(law, index, seed)
+    if mishaps:
+        run = with_mishaps(run, seed, index)
+    run |= {"kind": -1.0, "seconds": seconds, **changed}
+    return life_of(law, index, run, *play(law, [run])[0])
+
+
+def life_of(
+    law: ExportedLaw, index: int, run: Mapping[str, float], result: Mapping[str, float], rows: np.ndarray
+) -> ForeignLife:
+    """Return a healthy life from what the program said of it."""
+    alarms = []
+    for row in rows:
+        said = dict(zip(ALARM_FIELDS, map(float, row), strict=True))
+        seen = {name: said[name] for name in ("speed", "lowest", "highest", "push", "lasting")}
+        event = EVENT_NAMES[int(said["event"])]
+        alarms.append(
+            LifeAlarm(
+                law.name, index, said["time"], fault_name(said["fault"]), MODE_NAMES[int(said["before"])], event,
+                **seen, wanted=wanted_reason(run, event=event, **seen),
+            )
+        )  # fmt: skip
+    return ForeignLife(
+        law.name, index, result["lived"] / 3600.0, result["running"] / 3600.0, seconds_or_nan(result["started"]),
+        tuple(alarms), result["reached"], result["ringing"],
+    )  # fmt: skip
+
+
+def try_starts(law: ExportedLaw, wearers: int, postures: int, seed: int) -> list[ForeignLife]:
+    """Start a law with every wearer in postures that cover the range of targets evenly; each runs for `START_S`."""
+    runs = []
+    for index in range(wearers):
+        run = draw_run(law, index, seed)
+        for posture in np.linspace(run["target_low"], run["target_high"], postures):
+            runs.append((index, {**run, "kind": -1.0, "seconds": START_S, "start_position": float(posture)}))
+    played = play(law, [run for _, run in runs])
+    return [life_of(law, index, run, *one) for (index, run), one in zip(runs, played, strict=True)]
