@@ -21,6 +21,7 @@ from ..models.fields import friction_coefficients, model_fields
 from .control_law import LAWS, ControlLaw
 from .elbow_laws import LOOP_BANDWIDTH
 from .instruments import Instruments
+from .probe import probe_numbers
 
 MIN_DRIVEN_INERTIA_SHARE = 0.1
 """Smallest share of the inertia that the drive may accelerate by itself, behind its transmission [1]."""
@@ -532,4 +533,6 @@ def supervision_of(
             "test_least": wave.least,
             "test_most": wave.most,
         }
+    if instruments.probe:
+        made |= probe_numbers(inertia, instruments.encoder_resolution, limit=effort, period=period)
     return known | {name: float(value) for name, value in made.items()}
