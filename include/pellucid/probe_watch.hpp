@@ -48,8 +48,8 @@ constexpr double probe_noise_share = 0.5;
 constexpr double probe_judged_share = 0.5, probe_learnt_share = 0.95;
 /// What a joint that stands in a window may answer less, relative to what it answers while it moves.
 constexpr double probe_standing_loss = 1.2;
-/// Largest share of the evidence that one window may give, since one event alone is no fault; share of the evidence from
-/// which on nothing is learnt.
+/// Largest share of the evidence that one window may give, since one event alone is no fault; and the share of the
+/// evidence beyond which the watch learns nothing.
 constexpr double probe_window_share = 0.4, probe_doubt_share = 0.04;
 /// Delays that are looked for: multiples of this one [s], from the second on.
 constexpr double probe_delay_step = 0.004;
@@ -76,8 +76,8 @@ template <class S> struct ProbeWatchParams {
 /// What follows from ProbeWatchParams and the period once.
 template <class S> struct ProbeWatchCoefficients {
   ProbeWatchParams<S> params{};                ///< as they are
-  SinCos<S> turn[probe_bin_count + 1]{};       ///< by which the phases go on in a period
-  SinCos<S> delay[probe_wave_count]{};         ///< by which one step of delay turns the answer of a wave
+  SinCos<S> turn[probe_bin_count + 1]{};       ///< change of the phases in a period
+  SinCos<S> delay[probe_wave_count]{};         ///< turn of each wave's answer by one step of delay
   S floor[probe_bin_count]{};                  ///< mean square of a lock-in due to the encoder's noise [(N m)^2]
   S inertia_rate{};                            ///< inertia over period [N m s/rad]
   S smoothing{};                               ///< share of a new velocity in the smooth one [1]
@@ -247,8 +247,8 @@ SafetyFault end_window(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s
   return judge(c, s, ended);
 }
 
-/// One period: the velocity that the encoder shows [rad/s], and the mean effort between its last two readings [N m],
-/// of which a period leaves the share `late` to the drive's torque loop. What is wrong, if anything.
+/// One period: the velocity that the encoder shows [rad/s], and the mean effort between its last two readings [N m]. The
+/// drive's torque loop leaves the share `late` of a change to the next period. What is wrong, if anything.
 template <class S>
 SafetyFault step(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, const S& velocity, const S& asked,
                  const S& late) noexcept {

@@ -17,6 +17,12 @@ NO_START_UP_TEST_NOTE = (
 )
 """Note in the exported README if the controller has no test at start-up."""
 
+PROBE_NOTE = (
+    "The controller asks drive and encoder with small waves of effort of 42, 75 and 108 Hz, which can be heard and "
+    "felt. It begins to judge their answers when the joint has moved for about two seconds since the start."
+)
+"""Note in the exported README if the supervisor probes."""
+
 
 @dataclass(frozen=True)
 class ControllerValues:
@@ -36,12 +42,13 @@ class ControllerValues:
 
     @property
     def all_notes(self) -> tuple[str, ...]:
-        """The notes, with a further one if the supervisor has no test at start-up."""
+        """The notes, with further ones if the supervisor probes, and if it has no test at start-up."""
         supervision = self.supervised.supervision
+        notes = (*self.notes, PROBE_NOTE) if supervision["probe_effort"] > 0.0 else self.notes
         tested = supervision["test_effort"] > 0.0 or not supervision["body_inertia"] > 0.0
         if LAWS[self.law].drives_spring or tested:
-            return self.notes
-        return (*self.notes, NO_START_UP_TEST_NOTE)
+            return notes
+        return (*notes, NO_START_UP_TEST_NOTE)
 
     @cached_property
     def supervised(self) -> SupervisedLaw:

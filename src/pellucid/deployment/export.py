@@ -42,6 +42,7 @@ def export(
     controller: str | None = None,
     exponents: tuple[float, float] | None = None,
     period: float | None = None,
+    probe: bool = False,
     allow_outside: bool = False,
     accept_stale: bool = False,
     overwrite: bool = False,
@@ -80,6 +81,9 @@ def export(
     period : float or None
         Period of the controller [s]; None for 1 ms, or for that of the recordings of an orthosis, of EMG, or of a
         CEINMS subject.
+    probe : bool
+        Whether a small wave of effort asks drive and encoder while a law of one joint runs, so that a drive that does
+        not measure its effort is watched too. The study's instruments may say so as well.
     allow_outside : bool
         Whether `card` may lie outside the study's folder.
     accept_stale : bool
@@ -109,21 +113,23 @@ def export(
     """
     if accept_stale:
         study = replace(study, accept_stale=True)
+    asks = probe or None
     if to in ENDINGS:
         given = {"slider": slider, "participant": participant, "controller": controller, "exponents": exponents}
-        _require_none(f"export to {to} of {study.name}", given, "muscles have none")
+        _require_none(f"export to {to} of {study.name}", {**given, "probe": asks}, "muscles have none")
         return export_subject(study, to, out, card=card, period=period, overwrite=overwrite)
     place = study.place("controller") if out is None else Path(out)
     if study.find_table(TreeTable) is not None:
         refused = {"slider": slider, "participant": participant, "exponents": exponents}
-        _require_language(study, to, period, refused=refused, why="this robot has several joints")
+        why = "this robot has several joints"
+        _require_language(study, to, period, refused={**refused, "probe": asks}, why=why)
         given = {} if period is None else {"period": period}
         values = tree_values(study, card=card, controller=controller, allow_outside=allow_outside, **given)
         with _own_folder(place, study, controller or "carried", values.cards, overwrite=overwrite):
             return write_tree_folder(study.name, values, place)
     if _exports_estimator(study, card):
         refused = {"slider": slider, "exponents": exponents}
-        _require_language(study, to, period, refused=refused, why="torque from EMG has none")
+        _require_language(study, to, period, refused={**refused, "probe": asks}, why="torque from EMG has none")
         found = chosen_card(
             study, card=card, controller=controller, participant=participant, allow_outside=allow_outside
         )
@@ -133,6 +139,10 @@ def export(
         study, to, card=card, slider=slider, participant=participant, controller=controller, exponents=exponents,
         period=period, allow_outside=allow_outside,
     )  # fmt: skip
+    if probe:
+        values = replace(values, instruments=replace(values.instruments, probe=True))
+        if not values.supervised.supervision["probe_effort"] > 0.0:
+            _require_none(f"export of {study.name}", {"probe": asks}, "a law that drives a spring has none")
     worn = study.find_table(CouplingTable) is not None  # its wearer is named by the cards
     named = controller or ("residual compensator" if worn else "compensation")
     with _own_folder(place, study, named, values.cards, participant=None if worn else participant, overwrite=overwrite):
