@@ -135,18 +135,20 @@ def export(
         )
         with _own_folder(place, study, "torque from EMG", (f"{found.name}.json",), overwrite=overwrite):
             return write_estimator_folder(study.name, found, place, period=period)
-    values = values_for(
+    law_values = values_for(
         study, to, card=card, slider=slider, participant=participant, controller=controller, exponents=exponents,
         period=period, allow_outside=allow_outside,
     )  # fmt: skip
     if probe:
-        values = replace(values, instruments=replace(values.instruments, probe=True))
-        if not values.supervised.supervision["probe_effort"] > 0.0:
+        law_values = replace(law_values, instruments=replace(law_values.instruments, probe=True))
+        if not law_values.supervised.supervision["probe_effort"] > 0.0:
             _require_none(f"export of {study.name}", {"probe": asks}, "a law that drives a spring has none")
     worn = study.find_table(CouplingTable) is not None  # its wearer is named by the cards
     named = controller or ("residual compensator" if worn else "compensation")
-    with _own_folder(place, study, named, values.cards, participant=None if worn else participant, overwrite=overwrite):
-        return write_c_folder(study.name, values, place)
+    with _own_folder(
+        place, study, named, law_values.cards, participant=None if worn else participant, overwrite=overwrite
+    ):
+        return write_c_folder(study.name, law_values, place)
 
 
 @contextmanager
