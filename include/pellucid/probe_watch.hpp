@@ -37,20 +37,22 @@ constexpr double probe_wrong_gain = 2;
 /// Least mean square of the error of a healthy answer, relative to it: ripple, friction, backlash.
 constexpr double probe_least_error = 0.03;
 /// Windows of a moving joint after which its answer is known, if the waves' inverse mean square errors then sum up to the
-/// second number; share of a new window in what is known, at least.
-constexpr std::uint32_t probe_learning_windows = 16;
-constexpr double probe_known_precision = 20, probe_learning_share = 0.02;
-/// Largest noise of a window that is learnt from, relative to the mean square of what is known.
-constexpr double probe_learnt_noise = 0.3;
+/// second number; with larger errors it takes more windows in proportion. Share of a new window in what is known, at least.
+constexpr std::uint32_t probe_learning_windows = 6;
+constexpr double probe_known_precision = 8, probe_learning_share = 0.02;
+/// Windows in which what is known has an error as large as that of one window again.
+constexpr double probe_novelty = 6;
+/// Largest noise of a window that is learnt from, beyond the encoder's, relative to the mean square of what is known.
+constexpr double probe_learnt_noise = 1;
 /// Share of a new window in the mean noise.
 constexpr double probe_noise_share = 0.5;
 /// Share of a window in which the joint must move: to be judged, and to be learnt from.
-constexpr double probe_judged_share = 0.5, probe_learnt_share = 0.95;
+constexpr double probe_judged_share = 0.5, probe_learnt_share = 0.9;
 /// What a joint that stands in a window may answer less, relative to what it answers while it moves.
 constexpr double probe_standing_loss = 1.2;
 /// Largest share of the evidence that one window may give, since one event alone is no fault; and the share of the
 /// evidence beyond which the watch learns nothing.
-constexpr double probe_window_share = 0.4, probe_doubt_share = 0.04;
+constexpr double probe_window_share = 0.5, probe_doubt_share = 0.04;
 /// Delays that are looked for: multiples of this one [s], from the second on.
 constexpr double probe_delay_step = 0.004;
 constexpr std::uint32_t probe_delay_count = 5;
@@ -170,7 +172,8 @@ template <class S> void learn(ProbeWatchState<S>& s, const ProbeWindowState<S>& 
 template <class S> bool is_known(const ProbeWatchState<S>& s) noexcept {
   S precision = S(0);
   for (const S& error : s.error) precision = precision + S(1) / max(error, S(probe_least_error));
-  return s.learnt >= probe_learning_windows && precision >= S(probe_known_precision);
+  const S windows = static_cast<S>(s.learnt) / S(probe_learning_windows);
+  return s.learnt >= probe_learning_windows && windows * precision >= S(probe_known_precision);
 }
 
 /// What is wrong after a whole window, if anything. Also learns from it what the robot answers.
@@ -199,12 +202,14 @@ SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, con
     return SafetyFault::none;
   }
 
-  S power = S(0), match = S(0), sizes = S(0), late[probe_delay_count] = {};
+  // What was learnt from a few windows is less certain.
+  const S novelty = S(1) + S(probe_novelty) / static_cast<S>(s.learnt);
+  S power = S(0), match = S(0), quiet = S(0), late[probe_delay_count] = {};
   for (std::uint32_t i = 0; i < probe_wave_count; ++i) {
     const ProbePhasor<S> due = times(s.known[i], w.asked[i]), back{c.delay[i].cos, c.delay[i].sin};
     const S size = square(due);
-    const S variance = c.floor[i] + noise[i] + max(S(probe_least_error), s.error[i]) * size;
-    sizes = sizes + size;
+    const S variance = c.floor[i] + noise[i] + novelty * max(S(probe_least_error), s.error[i]) * size;
+    quiet = quiet + S(probe_learnt_noise) * size + c.floor[i] - noise[i];
     if (!(variance > S(0))) continue;
     ProbePhasor<S> turned = against(w.answer[i], due);
     power = power + size / variance;
@@ -233,7 +238,7 @@ SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, con
     is_doubtful = is_doubtful || s.sum[k] > S(probe_doubt_share) * c.params.evidence;
     if (likelihood[k] > likelihood[best]) best = k;
   }
-  if (!is_doubtful && teaches && noise[0] + noise[1] + noise[2] <= S(probe_learnt_noise) * sizes) learn(s, w);
+  if (!is_doubtful && teaches && quiet >= S(0)) learn(s, w);
   if (!is_found) return SafetyFault::none;
   constexpr SafetyFault verdicts[] = {SafetyFault::polarity, SafetyFault::gain, SafetyFault::unanswered};
   return best < 3 ? verdicts[best] : SafetyFault::late_answer;

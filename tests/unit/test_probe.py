@@ -43,7 +43,8 @@ def test_rules_of_amplitude_window_and_noise():
     assert s["probe_samples"] == 120.0
     assert s["probe_inertia"] == INERTIA
     assert s["probe_noise"] == pytest.approx(2.5e-6)
-    assert s["probe_moving"] == pytest.approx(0.1)
+    speed = PROBE_CREST * PROBE_ACCELERATION / (2.0 * math.pi * 5 / 0.12)
+    assert s["probe_moving"] == pytest.approx(max(0.1, 2.0 * speed))
     assert s["probe_evidence"] == 25.0
 
 
@@ -83,10 +84,15 @@ def test_not_below_500_hz():
 
 def test_not_above_a_tenth_of_the_limit():
     limit = PROBE_CREST * PROBE_ACCELERATION * INERTIA / MAX_PROBE_SHARE
-    assert probed(law(effort_limit=1.001 * limit), encoder_resolution=1e-5).supervision["probe_effort"] > 0.0
+    for share in (1.0, 0.8, 0.501):
+        given = probed(law(effort_limit=share * limit), encoder_resolution=1e-5).supervision["probe_effort"]
+        assert given == pytest.approx(share * PROBE_ACCELERATION * INERTIA)
+    assert probed(law(effort_limit=2.0 * limit)).supervision["probe_effort"] == pytest.approx(
+        PROBE_ACCELERATION * INERTIA
+    )
     with pytest.raises(PellucidError, match=r"probe: found a wave of .* expected at most a tenth of the effort limit"):
-        probed(law(effort_limit=0.999 * limit), encoder_resolution=1e-5)
-    with pytest.raises(PellucidError, match=r"encoder's resolution of 0\.01 needs"):
+        probed(law(effort_limit=0.499 * limit), encoder_resolution=1e-5)
+    with pytest.raises(PellucidError, match=r"that inertia and encoder need"):
         probed(law(), encoder_resolution=1e-2)
 
 

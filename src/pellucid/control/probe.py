@@ -26,8 +26,13 @@ PROBE_CREST = math.sqrt(5.0)
 PROBE_CYCLES = (5, 9, 13)
 """Number of cycles of each wave in a window, as in the core."""
 
-PROBE_ACCELERATION = 4.0
-"""Amplitude of the acceleration that each wave causes [rad/s^2 or m/s^2]."""
+PROBE_ACCELERATION = 6.0
+"""Amplitude of the acceleration that each wave would cause on the robot as one rigid body [rad/s^2 or m/s^2]. It is
+less where the wave would be above `MAX_PROBE_SHARE`."""
+
+MIN_PROBE_ACCELERATION = 3.0
+"""Smallest such acceleration, chosen by judgement: friction and motion hide less. With 4 rad/s^2 faults were found on
+tuning robots; less was not tried [rad/s^2 or m/s^2]."""
 
 PROBE_READING_ERRORS = 4.0
 """Number of standard deviations of the encoder in `Instruments.encoder_resolution` [1]."""
@@ -86,14 +91,15 @@ def probe_numbers(inertia: float, resolution: float, *, limit: float, period: fl
         )
     if not inertia > 0.0:
         raise PellucidError(f"probe: found a body with an inertia of {inertia:g}, expected a known inertia above 0")
-    amplitude = PROBE_ACCELERATION * inertia
-    signal = probe_signal_to_noise(amplitude, inertia, resolution, period)
-    amplitude *= max(1.0, math.sqrt(MIN_PROBE_SIGNAL_TO_NOISE / signal))
-    if PROBE_CREST * amplitude > MAX_PROBE_SHARE * limit:
+    wanted, largest = PROBE_ACCELERATION * inertia, MAX_PROBE_SHARE * limit / PROBE_CREST
+    signal = probe_signal_to_noise(wanted, inertia, resolution, period)
+    needed = wanted * max(math.sqrt(MIN_PROBE_SIGNAL_TO_NOISE / signal), MIN_PROBE_ACCELERATION / PROBE_ACCELERATION)
+    if needed > largest:
         raise PellucidError(
-            f"probe: found a wave of {PROBE_CREST * amplitude:.3g} (SI), which the encoder's resolution of "
-            f"{resolution:g} needs, expected at most a tenth of the effort limit, {MAX_PROBE_SHARE * limit:.3g}"
+            f"probe: found a wave of {PROBE_CREST * needed:.3g} (SI) that inertia and encoder need, expected at most a "
+            f"tenth of the effort limit, {MAX_PROBE_SHARE * limit:.3g}"
         )
+    amplitude = max(needed, min(wanted, largest))
     samples = probe_samples(period)
     slowest = 2.0 * math.pi * PROBE_CYCLES[0] / (samples * period)
     speed = PROBE_CREST * amplitude / (inertia * slowest)

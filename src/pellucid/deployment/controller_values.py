@@ -19,7 +19,7 @@ NO_START_UP_TEST_NOTE = (
 
 PROBE_NOTE = (
     "The controller asks drive and encoder with small waves of effort of 42, 75 and 108 Hz, which can be heard and "
-    "felt. It begins to judge their answers when the joint has moved for about two seconds since the start."
+    "felt. It begins to judge their answers when the joint has moved once since the start."
 )
 """Note in the exported README if the supervisor probes."""
 
