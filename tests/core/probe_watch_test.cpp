@@ -154,6 +154,103 @@ template <class S> void verdicts() {
     }
 }
 
+/// The evidence of one window, by the formula, and what is learnt from it.
+void evidence() {
+  auto r = usual<double>();
+  r.noise = 0;
+  const auto c = p::coefficients(r, 1e-3);
+  for (const double moves : {1.0, 0.91, 0.89, 0.75, 0.5, 0.49})
+    for (const double g : {-2.0, -1.0, -0.1, 0.0, 0.3, 0.5, 0.62, 1.0, 1.3, 1.4, 1.7, 2.0, 3.0}) {
+      p::ProbeWatchState<double> s;
+      p::ProbeWindowState<double> w;
+      const double errors[] = {0.05, 0.01, 0.1};
+      s.learnt = 12;
+      for (int i = 0; i < 3; ++i) s.known[i] = {1.0, 0.0}, s.error[i] = errors[i], w.asked[i] = {10.0, 0.0}, w.answer[i] = {10.0 * g, 0.0};
+      w.answer[3] = {2.0, 0.0}, w.answer[4] = {0.0, 4.0}, w.moving = 60 * moves;
+      const double variances[] = {4 + 7.5, 10 + 4.5, 16 + 15.0};
+      double power = 0, late[5] = {};
+      for (int i = 0; i < 3; ++i) {
+        power += 100 / variances[i];
+        for (int k = 0; k < 5; ++k)
+          late[k] += 100 * g * std::cos(6.283185307179586 * p::probe_cycles[i] / 0.12 * 0.004 * (k + 2)) / variances[i];
+      }
+      const double match = g * power, least = 0.6 - 1.2 * (1 - moves);
+      const double near = g < least ? least : g > 1.35 ? 1.35 : g;
+      const double healthy = 2 * near * match - near * near * power;
+      const double wanted[] = {-2 * match - power, 4 * match - 4 * power, 0.0,
+                               2 * late[0] - power, 2 * late[1] - power, 2 * late[2] - power, 2 * late[3] - power,
+                               2 * late[4] - power};
+      check(p::judge(c, s, w) == F::none, "no window decides alone");
+      double most = 0;
+      for (int k = 0; k < 8; ++k) {
+        const double more = wanted[k] - healthy, due = moves < 0.5 ? 0 : more > 12.5 ? 12.5 : more > 0 ? more : 0;
+        check_close(s.sum[k], due, 1e-9, "the evidence of a window");
+        most = due > most ? due : most;
+      }
+      check_close(s.noise[0], 2.0, 1e-12, "half of the noise below");
+      check_close(s.noise[1], 8.0, 1e-12, "and of the noise above");
+      const bool teaches = moves >= 0.9 && most <= 1.0;
+      check(s.learnt == (teaches ? 13u : 12u), "a healthy window of a moving joint is learnt from");
+      if (teaches) check_close(s.known[0].real, 1 + (g - 1) / 13, 1e-12, "by its share");
+      // Page's sum: the evidence of two windows, and a verdict at the bound.
+      const double first = s.sum[1];
+      s.learnt = 12, s.known[0] = s.known[1] = s.known[2] = {1.0, 0.0};
+      for (int i = 0; i < 3; ++i) s.error[i] = errors[i];
+      auto strict = c;
+      strict.params.evidence = first > 0 ? 2 * first * (1 - 1e-9) : 25;
+      const F second = p::judge(strict, s, w);
+      if (first > 0 && first < 12.5) check(second == F::gain || strict.params.evidence < 2 * first * 0.9, "found at the bound");
+      if (first == 12.5) check(second == F::gain, "found by two windows");
+    }
+  // Noise as large as the waves teaches nothing more.
+  for (const double noise : {9.9, 10.1}) {
+    p::ProbeWatchState<double> s;
+    p::ProbeWindowState<double> w;
+    s.learnt = 12, w.moving = 60;
+    for (int i = 0; i < 3; ++i) s.known[i] = {1.0, 0.0}, w.asked[i] = w.answer[i] = {10.0, 0.0};
+    w.answer[3] = w.answer[4] = {noise, 0.0};
+    p::judge(c, s, w);
+    check(s.learnt == (noise < 10 ? 13u : 12u), "noise as large as the waves");
+  }
+}
+
+/// What is known is a mean, of all windows and then of the latest fifty, with the mean square of their errors.
+void learning() {
+  p::ProbeWatchState<double> s;
+  p::ProbeWindowState<double> w;
+  for (int i = 0; i < 3; ++i) w.asked[i] = {0.0, 2.0}, w.answer[i] = {-8.0, 2.0};  // 1 + 4j
+  p::learn(s, w);
+  check_close(s.known[1].real, 1.0, 1e-12, "the first window");
+  check_close(s.known[1].imaginary, 4.0, 1e-12, "is all that is known");
+  check(s.error[1] == 0 && s.learnt == 1, "and has no error");
+  for (int i = 0; i < 3; ++i) w.answer[i] = {-8.0, 6.0};  // 3 + 4j
+  p::learn(s, w);
+  check_close(s.known[2].real, 2.0, 1e-12, "the mean of two");
+  check_close(s.error[2], 0.5 * 4.0 / 20.0, 1e-12, "half of the second's error");
+  s.learnt = 1000;
+  p::learn(s, w);
+  check_close(s.known[0].real, 2.02, 1e-12, "a fiftieth of a new one");
+  check_close(s.error[0], 0.1 + 0.02 * (1.0 / (2.02 * 2.02 + 16.0) - 0.1), 1e-12, "and of its error");
+  for (int i = 0; i < 3; ++i) w.answer[i] = {-800.0, 600.0};
+  const double before = s.error[0];
+  s.known[0] = {1e-3, 0.0};
+  s.learnt = 1000000;
+  p::learn(s, w);
+  check(s.error[0] <= before + 0.02 * 4.0, "no error counts for more than 4");
+  for (int i = 0; i < 3; ++i) w.asked[i] = {};
+  const auto known = s.known[1];
+  p::learn(s, w);
+  check(s.known[1].real == known.real && s.learnt == 1000000, "nothing was asked, nothing is learnt");
+  const auto knows = [](std::uint32_t learnt, double error) {
+    p::ProbeWatchState<double> one;
+    one.learnt = learnt;
+    for (double& each : one.error) each = error;
+    return p::is_known(one);
+  };
+  check(!knows(5, 0) && knows(6, 0) && knows(6, 0.374) && !knows(6, 0.376), "six windows, or more where they differ");
+  check(!knows(11, 0.75) && knows(12, 0.749), "in proportion");
+}
+
 /// NaN and infinities are forgotten, and say nothing.
 template <class S> void no_numbers() {
   for (const S bad : {std::numeric_limits<S>::quiet_NaN(), std::numeric_limits<S>::infinity(), -std::numeric_limits<S>::max()}) {
@@ -200,6 +297,8 @@ int main() {
   healthy<float>();
   verdicts<double>();
   verdicts<float>();
+  evidence();
+  learning();
   no_numbers<double>();
   no_numbers<float>();
   false_alarms<double>();
