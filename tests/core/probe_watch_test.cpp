@@ -87,6 +87,18 @@ template <class S> void parameters() {
   check(!valid([](auto& r) { r.effort = S(-0.1); }) && !valid([](auto& r) { r.evidence = S(0); }), "backwards");
   check(!valid([](auto& r) { r.noise = std::numeric_limits<S>::quiet_NaN(); }), "no number");
   check(valid([](auto& r) { r.effort = S(0), r.inertia = S(0), r.samples = 1; }), "without a wave nothing else matters");
+  check(p::coefficients(usual<S>(), S(0)).valid == 0, "a period of nothing");
+  check(p::probe_sum_count == 8, "reversed, gain, unanswered and five delays");
+  const auto c = p::coefficients(usual<S>(), S(1e-3));
+  check_close(static_cast<double>(c.smoothing), 0.0625, 1e-6, "16 ms of velocities");
+  check_close(static_cast<double>(p::coefficients(usual<S>(), S(0.02)).smoothing), 1.0, 0.0, "and no more than all");
+  // The encoder's noise is no noise between the waves.
+  p::ProbeWatchState<S> s;
+  p::ProbeWindowState<S> w;
+  for (int k = 0; k < 2; ++k) w.answer[3 + k].real = p::sqrt(c.floor[3 + k] + S(2));
+  p::judge(c, s, w);
+  check_close(static_cast<double>(s.noise[0]), 1.0, 1e-3, "half of what is beyond it, below");
+  check_close(static_cast<double>(s.noise[1]), 1.0, 1e-3, "and above");
 }
 
 /// The wave has whole cycles in a window, no mean, its own size, and is 0 where there is none.
