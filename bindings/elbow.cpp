@@ -110,8 +110,8 @@ dict
     the limb from onset to safe [N m]; impulse: of the drive from the onset to safe [N m s]; speed:
     largest of the limb from onset to safe [rad/s]; onset_speed: least of the motor in the 5 periods
     before the onset [rad/s]; periods; how near it came to a fault before there was one: lasting, push,
-    contradiction, burst, excess [N m], spent [J], ringing [N m], surplus of the drive [J]; and the work of the
-    test [J].)";
+    contradiction, burst, excess [N m], spent [J], ringing [N m], surplus of the drive [J], probe (its
+    evidence) [1]; and the work of the test [J].)";
 
 constexpr const char* drive_reading_doc = R"(What a drive's own measurement makes of the effort that it gives.
 

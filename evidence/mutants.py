@@ -51,6 +51,7 @@ JUDGES: dict[str, tuple[str, ...]] = {
     "energy_observer": ("energy_observer",),
     "integrity": ("integrity",),
     "momentum_observer": ("momentum_observer", "tree_law"),
+    "probe_watch": ("probe_watch",),
     "resistance": ("resistance",),
     "ringing_watch": ("ringing_watch",),
     "safety": ("safety_thresholds", "safety"),

@@ -21,7 +21,7 @@ constexpr bool is_whole(const TwinWord& t) noexcept { return t.word == ~t.twin; 
 constexpr std::uint32_t checksum_start = 2166136261u;
 constexpr std::uint32_t checksum_of(std::uint32_t sum, std::uint32_t word) noexcept { return (sum ^ word) * 16777619u; }
 
-constexpr std::uint32_t words_a_step = 8;
+constexpr std::uint32_t words_a_step = 12;
 
 /// How far a checksum has come.
 struct ChecksumState {

@@ -43,18 +43,20 @@ enum class SafetyFault : std::uint8_t {
   unexplained,    ///< model and command do not explain the motion, nor can a wearer
   power,          ///< the command's power is beyond its limit
   energy,         ///< the command gives more energy than weight and friction take
-  polarity,       ///< the start-up test moved the joint the wrong way, or not
-  gain,           ///< the start-up test moved it too far
+  polarity,       ///< the start-up test moved the joint the wrong way, or not; or the probe did
+  gain,           ///< the start-up test moved it too far, or the probe
   integrity,      ///< numbers in memory are not those that were configured
   push,           ///< beyond weight and friction the command is larger than the limit of effort
   ringing,        ///< the command goes to and fro, faster than a person moves
+  unanswered,     ///< drive and encoder do not answer the probe
+  late_answer,    ///< they answer it too late
 };
 constexpr const char* safety_fault_names[] = {
     "none",         "configuration", "not_finite",   "stale",        "out_of_order", "velocity",    "stopped",
     "not_started",  "overspeed",     "jump",         "range",        "frozen",       "disagreement", "force_sensor",
     "muscle",       "lost",          "drive_silent", "drive_effort", "drive_sign",   "drive_stuck", "unexplained",
     "power",        "energy",        "polarity",     "gain",         "integrity",   "push",
-    "ringing"};
+    "ringing",      "unanswered",    "late_answer"};
 constexpr std::size_t safety_fault_count = sizeof safety_fault_names / sizeof *safety_fault_names;
 
 /// What makes a sample too old.

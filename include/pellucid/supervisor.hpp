@@ -19,6 +19,7 @@
 #include "energy_budget.hpp"
 #include "integrity.hpp"
 #include "law.hpp"
+#include "probe_watch.hpp"
 #include "ringing_watch.hpp"
 #include "sensor_watch.hpp"
 #include "start_up_test.hpp"
@@ -41,6 +42,7 @@ template <class S> struct SupervisorParams {
   std::uint32_t degrades = 0;
   S moving = S(0.2), rest_speed = S(0.3), reset_delay = S(1);
   std::uint32_t healthy_samples = 500;
+  ProbeWatchParams<S> probe{};  ///< small wave of effort that asks drive and encoder
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     pellucid::walk(p.encoder, visit);
@@ -61,6 +63,7 @@ template <class S> struct SupervisorParams {
     visit(p.rest_speed, {"rest_speed", unit::velocity, above(0).or_infinite(), "slower, a reset may be granted, or the test at start-up begin"});
     visit(p.reset_delay, {"reset_delay", unit::time, between(0, 60), "from a fault to the earliest reset"});
     visit(p.healthy_samples, {"healthy_samples", unit::one, at_least(1), "in a row before a reset is granted"});
+    pellucid::walk(p.probe, visit);
   }
 };
 
@@ -83,6 +86,7 @@ template <class S> struct SupervisorCoefficients {
   BodyResidualCoefficients<S> body{};     ///< the momentum observer's
   RingingWatchCoefficients<S> ringing{};  ///< watch of the command for ringing
   StartUpTestCoefficients<S> test{};      ///< test of polarity and gain at start-up
+  ProbeWatchCoefficients<S> probe{};      ///< watch that probes
   S period{};                       ///< [s]
   S effort_limit{};                 ///< the gate's [N m]
   S max_change{};                   ///< largest change of the effort in a period [N m]
@@ -98,10 +102,12 @@ SupervisorCoefficients<S> coefficients(const SupervisorParams<S>& p, const Safet
   c.body = coefficients(p.body, S(2) * gate.params.period);
   c.ringing = coefficients(p.ringing, S(4) * gate.params.period);
   c.test = coefficients(p.test);
+  c.probe = coefficients(p.probe, gate.params.period);
   c.period = gate.params.period;
   c.effort_limit = gate.params.effort_limit;
   c.max_change = gate.max_change;
-  const bool valid = gate.valid && is_sound(p) && c.encoder.valid && c.body.valid && c.ringing.valid != 0 && c.test.valid != 0;
+  const bool valid = gate.valid && is_sound(p) && c.encoder.valid && c.body.valid && c.ringing.valid != 0 && c.test.valid != 0 &&
+                     c.probe.valid != 0;
   c.valid = valid ? 1 : 0;
   c.reset_periods = valid && p.reset_delay < S(1e6) * c.period ? static_cast<std::uint32_t>(p.reset_delay / c.period)
                                                                : 1000000u;
@@ -148,6 +154,7 @@ template <class S> struct SupervisorState {
   RingingWatchState<S> ringing{};         ///< watch of the whole command for ringing
   DampedStopState<S> hold{};              ///< viscous hold
   StartUpTestState<S> test{};             ///< wave of effort at start-up
+  ProbeWatchState<S> probe{};             ///< watch that probes
   std::uint32_t drive_seen = ~std::uint32_t(0), joint_seen = ~std::uint32_t(0);  ///< sequence numbers
   SafetyFault residual = SafetyFault::none;  ///< what model and motion show, now
   S other_velocity{};           ///< velocity of the period before [rad/s]
@@ -297,6 +304,13 @@ SafetyFault observe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, c
     const bool heard = is_new(s.drive_seen, back.drive);
     found = first_of(found, step(p.drive, s.drive, back.drive.value, c.period * s.encoder.velocity, heard));
   }
+  const Mode now = mode_of(s);
+  const bool carries = now == Mode::running || now == Mode::degraded;
+  if (carries) {
+    const S asked = S(0.5) * (clamp(s.drive.asked, -p.drive.limit, p.drive.limit) +
+                              clamp(s.drive.asked_before, -p.drive.limit, p.drive.limit));
+    found = first_of(found, step(c.probe, s.probe, s.encoder.velocity, asked, p.drive.late));
+  }
   // Momentum and energy every second period, of both together; ringing every fourth: they are slow.
   const S other = s.other_velocity;
   s.other_velocity = s.encoder.velocity;
@@ -304,8 +318,6 @@ SafetyFault observe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, c
   const S velocity = S(0.5) * (s.encoder.velocity + other);
   const S effort = S(0.5) * (s.drive.asked + s.drive.asked_before);
   // Before and after a law carries the robot the wearer does, or whatever holds it.
-  const Mode now = mode_of(s);
-  const bool carries = now == Mode::running || now == Mode::degraded;
   if (c.body.checks && s.encoder.heard > 2) {
     step(c.body, s.body, s.encoder.position, velocity, effort, samples.interaction.value,
          p.force.expected != 0 && is_heard(samples.interaction));
@@ -353,6 +365,20 @@ template <class L> void start_again(Supervised<L>& s) noexcept {
 template <class S> S least_of(const SupervisorState<S>& s) noexcept {
   const S least = abs(s.drive.asked) < abs(s.output) ? s.drive.asked : s.output;
   return is_finite(least) ? least : S(0);
+}
+
+/// A law's effort with the probe's wave on it, within the limits of effort, rate and stops [N m]: the law's own, to the
+/// bit, where there is no wave.
+template <class S>
+S with_probe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, const SafetyCoefficients<S>& gate, S effort,
+             S position) noexcept {
+  const S added = wave(c.probe, s.probe);
+  if (added == S(0)) return effort;
+  const S highest = max(c.effort_limit * stop_taper(gate, gate.params.position_max - position), effort);
+  const S lowest = min(-c.effort_limit * stop_taper(gate, position - gate.params.position_min), effort);
+  const S last = least_of(s);
+  const S total = clamp(clamp(effort + added, lowest, highest), last - c.max_change, last + c.max_change);
+  return abs(total) <= c.effort_limit ? total : effort;
 }
 
 /// The effort while stopped [N m], and whether an operator's token may end it.
@@ -451,7 +477,8 @@ template <class L, class S> SupervisorOutput<S> step(Supervised<L>& s, const Sam
     const S effort = step(s.controller.law, s.controller.state, samples);
     latch(s.controller, s.controller.state.gate.fault);
     ++s.controller.steps;
-    if (s.controller.fault == SafetyFault::none) state.output = effort;
+    if (s.controller.fault == SafetyFault::none)
+      state.output = with_probe(c, state, s.controller.law.gate, effort, state.encoder.position);
     else enter(c, state, s.controller.fault, response(c, s.controller.fault));
   }
   mode = mode_of(state);

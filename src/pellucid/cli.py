@@ -311,6 +311,7 @@ def export(
         tuple[float, float] | None, typer.Option(metavar="UP DOWN", help="Exponents of fc and pcfr.")
     ] = None,
     period: Annotated[float | None, typer.Option(metavar="S", help="Period of the controller [s].")] = None,
+    probe: Annotated[bool, typer.Option("--probe", help="Ask drive and encoder with a small wave of effort.")] = False,
     allow_outside: Outside = False,
     accept_stale: Stale = False,
     overwrite: Annotated[
@@ -328,7 +329,7 @@ def export(
         tell("building the controller", 0.1)
         asked: dict[str, Any] = {"participant": participant, "card": card, "slider": slider, "controller": controller}
         made = run(
-            study, to, out, **asked, exponents=exponents, period=period, allow_outside=allow_outside,
+            study, to, out, **asked, exponents=exponents, period=period, probe=probe, allow_outside=allow_outside,
             accept_stale=accept_stale, overwrite=overwrite,
         )  # fmt: skip
         muscles = made.is_file()

@@ -157,6 +157,87 @@ template <class S> void ringing() {
   }
 }
 
+/// A probe whose answer is right changes nothing but the effort, within every limit; one that is wrong takes the power.
+template <class S> void probes() {
+  for (const double gain : {1.0, -1.0, 3.0, 0.0}) {
+    p::SupervisorParams<S> r = rules<S>();
+    r.body = {};
+    r.drive = {};
+    r.encoder.resolution = S(4e-4);
+    r.probe.effort = S(0.4);
+    r.probe.inertia = S(0.05);
+    r.probe.noise = S(1e-6);
+    Rig<S> rig(r);
+    Rig<S> plain([&] {
+      p::SupervisorParams<S> off = r;
+      off.probe = {};
+      return off;
+    }());
+    double place = 0, speed = 0, time = 0, added = 0, most = 0, change = 0, last = 0;
+    int found = 0;
+    for (int k = 0; k < 16000 && rig.out.fault == F::none; ++k) {
+      speed = 0.999 * (speed + 1e-3 * (k > 12000 ? gain : 1.0) * added / 0.05);
+      place += 1e-3 * speed;
+      time += 1e-3;
+      const double way = 1.3 + 0.5 * std::sin(2.0 * time);
+      rig.place = plain.place = S(0), rig.speed = plain.speed = S(0);
+      rig.read(), plain.read();
+      rig.in.position.value = static_cast<S>(way + place);
+      plain.in.position.value = static_cast<S>(way + place);
+      rig.step(), plain.step();
+      const S own = rig.law.controller.state.gate.output;
+      if (rig.out.fault == F::none) {
+        check(own == plain.out.effort, "the law hears nothing of it");
+        added = static_cast<double>(rig.out.effort - own);
+        most = std::fmax(most, std::fabs(added));
+        change = std::fmax(change, std::fabs(static_cast<double>(rig.out.effort) - last));
+        last = static_cast<double>(rig.out.effort);
+        if (k > 12000) ++found;
+      }
+      check(std::fabs(rig.out.effort) <= S(10), "within the limit");
+    }
+    check(most > 0.5 && most <= 0.4 * p::probe_crest + 1e-5, "the whole wave");
+    check(change <= 0.501, "within the rate");
+    const F wanted = gain > 1 ? F::gain : gain == 0 ? F::unanswered : gain < 0 ? F::polarity : F::none;
+    check(rig.out.fault == wanted, p::safety_fault_names[static_cast<std::size_t>(wanted)]);
+    if (gain == 1) continue;
+    check(found <= 600, "in time");
+    check(rig.out.mode == M::zero && !rig.out.enable, "without power");
+    rig.run(300);
+    check(rig.out.effort == S(0), "and then without effort");
+  }
+  // At a stop, and at the limit, the law's own effort stays.
+  p::SupervisorParams<S> r = rules<S>();
+  r.probe.effort = S(4);
+  r.probe.inertia = S(1);
+  Rig<S> rig(r);
+  const auto& c = rig.law.supervisor;
+  const auto& gate = rig.law.controller.law.gate;
+  p::SupervisorState<S> s;
+  for (int k = 0; k < 240; ++k) {
+    p::step(c.probe, s.probe, S(0), S(0), S(0));
+    const S added = p::wave(c.probe, s.probe);
+    for (const S effort : {S(-10), S(-9.9), S(0), S(9.9), S(10)}) {
+      s.output = s.drive.asked = effort;
+      const S middle = p::with_probe(c, s, gate, effort, S(0.5) * (gate.params.position_min + gate.params.position_max));
+      check(p::abs(middle) <= S(10) && p::abs(middle - effort) <= c.max_change, "within limit and rate");
+      check(p::abs(effort) > S(9) || added == S(0) || p::same_sign(middle - effort, added), "the way of the wave");
+      const S high = p::with_probe(c, s, gate, effort, gate.params.position_max);
+      check(high <= p::max(effort, S(0)), "not into the upper stop");
+      const S low = p::with_probe(c, s, gate, effort, gate.params.position_min);
+      check(low >= p::min(effort, S(0)), "nor into the lower");
+      const S phase = s.probe.phase[0].real;
+      s.probe.phase[0].real = std::numeric_limits<S>::quiet_NaN();
+      check(p::with_probe(c, s, gate, effort, S(1)) == effort, "no number is no wave");
+      s.probe.phase[0].real = phase;
+    }
+  }
+  p::SupervisorParams<S> wrong = rules<S>();
+  wrong.probe.effort = S(0.2);
+  p::Supervised<p::JointCompensation<S>> law{};
+  check(!p::configure(law, typical_params<p::JointCompensationParams<S>>(), wrong), "a probe needs an inertia");
+}
+
 /// Without a force sensor the law goes on if the robot is still carried, and without EMG always; nothing of them is heard.
 template <class S> void degrades() {
   for (const std::uint32_t carried : {0u, 1u}) {
@@ -356,6 +437,7 @@ template <class S> void all() {
   overspeed<S, p::DirectionalCompensation>();
   overspeed<S, p::PositionPrediction>();
   ringing<S>();
+  probes<S>();
   degrades<S>();
   resets<S>();
   rests_on_the_wearer<S>();

@@ -108,6 +108,22 @@ def test_a_folder_that_compiles_without_a_warning_and_answers_as_recorded(study)
 
 
 @compiled
+def test_a_probe_is_exported_and_answers_as_recorded(study):
+    folder = pellucid.export(study, probe=True)
+    run = subprocess.run(["make", "-s", "check"], cwd=folder, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.splitlines()[-1] == "wrong 0"
+    words = (folder / "README.md").read_text(encoding="utf-8").split()
+    assert "waves of effort of 42, 75 and 108 Hz" in " ".join(words)
+
+
+def test_a_probe_is_refused_where_the_controller_is_too_slow(study):
+    with pytest.raises(PellucidError, match=r"probe: found a control rate of 250 Hz, expected at least 500 Hz"):
+        pellucid.export(study, probe=True, period=0.004)
+    assert not (study.folder / "controller").exists()
+
+
+@compiled
 def test_a_wrong_answer_is_found(study):
     folder = pellucid.export(study)
     outputs = folder / "test" / "vector_outputs.h"

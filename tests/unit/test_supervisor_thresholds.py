@@ -75,7 +75,8 @@ def test_every_threshold_of_a_joint():
         "ringing_memory": 3.0, "hold_damping": 2.5, "hold_limit": 1.5 * WEIGHT + REST, "test_effort": wave,
         "test_samples": 32.0, "test_rest": 100.0, "test_least": 0.1 * work,
         "test_most": 2.2 * 2.0 * (wave * 0.032 / math.pi) ** 2 / INERTIA, "degrades": 1.0, "moving_speed": 0.2,
-        "rest_speed": 0.3, "reset_delay": 1.0, "healthy_samples": 500.0,
+        "rest_speed": 0.3, "reset_delay": 1.0, "healthy_samples": 500.0, "probe_effort": 0.0, "probe_samples": 120.0,
+        "probe_inertia": 0.0, "probe_noise": 0.0, "probe_moving": 0.1, "probe_evidence": 25.0,
     }  # fmt: skip
     assert thresholds() == pytest.approx(expected, rel=1e-9)
 

@@ -29,6 +29,7 @@ from .instruments import (
     CompleteInstruments,
     Instruments,
 )
+from .probe import probe_numbers
 
 MIN_DRIVEN_INERTIA_SHARE = 0.1
 """Smallest share of the inertia that the drive may accelerate by itself, behind its transmission [1]."""
@@ -581,4 +582,6 @@ def supervision_of(
     if instruments.start_up_answer is not None:
         least, most = COMMISSIONED_WORK_BOUNDS
         made |= {"test_least": least * instruments.start_up_answer, "test_most": most * instruments.start_up_answer}
+    if instruments.probe:
+        made |= probe_numbers(inertia, instruments.encoder_resolution, limit=effort, period=period)
     return known | {name: float(value) for name, value in made.items()}

@@ -86,9 +86,15 @@ SUPERVISOR_FAULTS: tuple[SupervisorFault, ...] = (
     ),
     SupervisorFault(
         ("polarity", "gain"),
-        "the wave of effort at start-up moved the joint the wrong way, or too far",
+        "the wave of effort at start-up, or the probe's, moved the joint the wrong way, or too far",
         _POWER_OFF,
         _CHECK_DRIVE,
+    ),
+    SupervisorFault(
+        ("unanswered", "late_answer"),
+        "the moving joint does not answer the probe's small wave of effort, or answers it too late",
+        _POWER_OFF,
+        "Check that drive and encoder are alive, and that no task is late, without a wearer before it is worn again.",
     ),
     SupervisorFault(
         ("integrity",),

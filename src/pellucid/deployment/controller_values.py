@@ -28,6 +28,12 @@ NO_ANSWER_NOTE = (
 )
 """Note in the exported README if the start-up test has no answer of a commissioning."""
 
+PROBE_NOTE = (
+    "The controller asks drive and encoder with small waves of effort of 42, 75 and 108 Hz, which can be heard and "
+    "felt. It begins to judge their answers when the joint has moved once since the start."
+)
+"""Note in the exported README if the supervisor probes."""
+
 
 @dataclass(frozen=True)
 class ControllerValues:
@@ -48,15 +54,16 @@ class ControllerValues:
 
     @property
     def all_notes(self) -> tuple[str, ...]:
-        """The notes, and a further one if the start-up test is absent or not commissioned."""
+        """The notes, and what there is to say of the probe and of the start-up test."""
         supervision = self.supervised.supervision
+        notes = (*self.notes, PROBE_NOTE) if supervision["probe_effort"] > 0.0 else self.notes
         tested = supervision["test_effort"] > 0.0
         if LAWS[self.law].drives_spring or not supervision["body_inertia"] > 0.0:
-            return self.notes
+            return notes
         if not tested:
-            return (*self.notes, NO_START_UP_TEST_NOTE)
+            return (*notes, NO_START_UP_TEST_NOTE)
         answered = self.instruments.start_up_answer is not None
-        return self.notes if answered else (*self.notes, NO_ANSWER_NOTE)
+        return notes if answered else (*notes, NO_ANSWER_NOTE)
 
     @property
     def listed_instruments(self) -> tuple[ListedInstrument, ...]:

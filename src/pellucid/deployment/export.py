@@ -44,6 +44,7 @@ def export(
     controller: str | None = None,
     exponents: tuple[float, float] | None = None,
     period: float | None = None,
+    probe: bool = False,
     allow_outside: bool = False,
     accept_stale: bool = False,
     overwrite: bool = False,
@@ -82,6 +83,9 @@ def export(
     period : float or None
         Period of the controller [s]; None for 1 ms, or for that of the recordings of an orthosis, of EMG, or of a
         CEINMS subject.
+    probe : bool
+        Whether a small wave of effort asks drive and encoder while a law of one joint runs, so that a drive that does
+        not measure its effort is watched too. The study's instruments may say so as well.
     allow_outside : bool
         Whether `card` may lie outside the study's folder.
     accept_stale : bool
@@ -111,34 +115,42 @@ def export(
     """
     if accept_stale:
         study = replace(study, accept_stale=True)
+    asks = probe or None
     if to in ENDINGS:
         given = {"slider": slider, "participant": participant, "controller": controller, "exponents": exponents}
-        _require_none(f"export to {to} of {study.name}", given, "muscles have none")
+        _require_none(f"export to {to} of {study.name}", {**given, "probe": asks}, "muscles have none")
         return export_subject(study, to, out, card=card, period=period, overwrite=overwrite)
     place = study.place("controller") if out is None else Path(out)
     if study.find_table(TreeTable) is not None:
         refused = {"slider": slider, "participant": participant, "exponents": exponents}
-        _require_language(study, to, period, refused=refused, why="this robot has several joints")
+        why = "this robot has several joints"
+        _require_language(study, to, period, refused={**refused, "probe": asks}, why=why)
         given = {} if period is None else {"period": period}
         tree = tree_values(study, card=card, controller=controller, allow_outside=allow_outside, **given)
         with _own_folder(place, study, controller or "carried", tree.cards, overwrite=overwrite):
             return write_tree_folder(study.name, tree, place)
     if _exports_estimator(study, card):
         refused = {"slider": slider, "exponents": exponents}
-        _require_language(study, to, period, refused=refused, why="torque from EMG has none")
+        _require_language(study, to, period, refused={**refused, "probe": asks}, why="torque from EMG has none")
         found = chosen_card(
             study, card=card, controller=controller, participant=participant, allow_outside=allow_outside
         )
         with _own_folder(place, study, "torque from EMG", (f"{found.name}.json",), overwrite=overwrite):
             return write_estimator_folder(study.name, found, place, period=period)
-    values = values_for(
+    law_values = values_for(
         study, to, card=card, slider=slider, participant=participant, controller=controller, exponents=exponents,
         period=period, allow_outside=allow_outside,
     )  # fmt: skip
+    if probe:
+        law_values = replace(law_values, instruments=replace(law_values.instruments, probe=True))
+        if not law_values.supervised.supervision["probe_effort"] > 0.0:
+            _require_none(f"export of {study.name}", {"probe": asks}, "a law that drives a spring has none")
     worn = study.find_table(CouplingTable) is not None  # its wearer is named by the cards
     named = controller or ("residual compensator" if worn else "compensation")
-    with _own_folder(place, study, named, values.cards, participant=None if worn else participant, overwrite=overwrite):
-        return write_c_folder(study.name, values, place)
+    with _own_folder(
+        place, study, named, law_values.cards, participant=None if worn else participant, overwrite=overwrite
+    ):
+        return write_c_folder(study.name, law_values, place)
 
 
 def warn_of_export(folder: Path) -> str:

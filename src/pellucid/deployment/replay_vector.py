@@ -309,7 +309,7 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
     yield _Block("muscle", length=24)
     yield placed("test", lambda i: 0.5, 32)
     yield placed("test", lambda i: 0.5 + 0.2 * h * max(i - 6, 0), 32)
-    # The supervisor checks eight words of memory in every fourth period: this is enough to check all of them twice.
+    # The supervisor checks twelve words of memory in every fourth period: this is enough to check all of them twice.
     through = 4 * -(-_core.supervised_storage(values.law) // (4 * 8))
     yield _Block("law", lambda i, row: replace(row, before=MEMORY_EVENT) if i == 4 else row, 4 + through)
     # The controller is stopped. Initialising it again does not end the stop, but a token does.

@@ -241,7 +241,7 @@ def _blocks(
     yield "drive", lambda i, row: replace(row, drive=np.nan) if i > 12 else row, 3 * FAULT_STEPS
     for variant in ("power", "speed", "outside", "ringing"):
         yield variant, lambda i, row: row, 60
-    # The supervisor checks eight words of memory in every fourth period: this is enough to check all of them twice.
+    # The supervisor checks twelve words of memory in every fourth period: this is enough to check all of them twice.
     through = min(4 * -(-_core.tree_law_storage(len(values.law.card.links)) // (4 * 8)), MOTION_STEPS - 5)
     yield "law", lambda i, row: replace(row, before=MEMORY_EVENT) if i == 4 else row, 4 + through
     late = max(40, round(0.02 / (1e-6 * period)) + 14)

@@ -1,0 +1,298 @@
+// Whether drive and encoder answer as they must, asked with a small known wave of effort while a law runs.
+//
+// Without a measurement of the drive, a wearer who holds against a wrong drive moves as one who holds nothing. A wave
+// p = a (cos w1 t + sin w2 t + cos w3 t), faster than people and straps, is added to the law's effort. In a window of N
+// periods each wave makes whole cycles. With Hann weights h, effort u that was asked for and second difference q'' of
+// the encoder, the lock-in of wave i is
+//
+//   A_i = sum h J q'' e^(-j w_i t),   V_i = sum h u e^(-j w_i t),   A_i = g r_i V_i + noise,
+//
+// with r_i what this robot has answered since its test at start-up, whatever its transmission and its drive's lag make of
+// the wave, and g = 1 for a drive and an encoder that are right, -1 where one is reversed, 2 or more for a gain, 0 for
+// one that is dead or stuck, e^(-j w_i T) for one that is late by T. The noise is measured between the waves in the same
+// window. Every fault has a sum of log-likelihood ratios against the nearest g that a healthy robot may have, never below
+// 0 (Page's test): false alarms are rarer than one in e^evidence windows where the noise is Gaussian. E. S. Page,
+// "Continuous inspection schemes", Biometrika 41, 1954.
+//
+// Friction swallows the wave while the joint stands, so that only windows in which it mostly moves count.
+#pragma once
+
+#include "fields.hpp"
+#include "sample.hpp"
+
+namespace pellucid {
+inline namespace PELLUCID_ABI {
+
+constexpr std::uint32_t probe_wave_count = 3;
+/// Cycles in a window: of the three waves, of the two places between them at which noise is measured, and of the Hann
+/// weights.
+constexpr std::uint32_t probe_cycles[] = {5, 9, 13, 7, 11, 1};
+constexpr std::uint32_t probe_bin_count = 5;
+/// Largest value of the three waves together, relative to the amplitude of one: their envelope is sqrt(5).
+constexpr double probe_crest = 2.2360679774997896;
+/// Bounds of a healthy g: loads and backlash change what a robot answers.
+constexpr double probe_least_gain = 0.6, probe_most_gain = 1.35;
+/// The gain that is looked for.
+constexpr double probe_wrong_gain = 2;
+/// Least mean square of the error of a healthy answer, relative to it: ripple, friction, backlash.
+constexpr double probe_least_error = 0.03;
+/// Windows of a moving joint after which its answer is known, if the waves' inverse mean square errors then sum up to the
+/// second number; with larger errors it takes more windows in proportion. Share of a new window in what is known, at least.
+constexpr std::uint32_t probe_learning_windows = 6;
+constexpr double probe_known_precision = 8, probe_learning_share = 0.02;
+/// Windows in which what is known has an error as large as that of one window again.
+constexpr double probe_novelty = 6;
+/// Largest noise of a window that is learnt from, beyond the encoder's, relative to the mean square of what is known.
+constexpr double probe_learnt_noise = 1;
+/// Share of a new window in the mean noise.
+constexpr double probe_noise_share = 0.5;
+/// Share of a window in which the joint must move: to be judged, and to be learnt from.
+constexpr double probe_judged_share = 0.5, probe_learnt_share = 0.9;
+/// What a joint that stands in a window may answer less, relative to what it answers while it moves.
+constexpr double probe_standing_loss = 1.2;
+/// Largest share of the evidence that one window may give, since one event alone is no fault; and the share of the
+/// evidence beyond which the watch learns nothing.
+constexpr double probe_window_share = 0.5, probe_doubt_share = 0.04;
+/// Delays that are looked for: multiples of this one [s], from the second on.
+constexpr double probe_delay_step = 0.004;
+constexpr std::uint32_t probe_delay_count = 5;
+/// Sums of evidence: reversed, gain, unanswered, and one for each delay.
+constexpr std::uint32_t probe_sum_count = 3 + probe_delay_count;
+
+template <class S> struct ProbeWatchParams {
+  S effort{};
+  std::uint32_t samples = 120;
+  S inertia{}, noise{}, moving = S(0.1), evidence = S(25);
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.effort, {"probe_effort", unit::effort, at_least(0), "amplitude of each of the probe's three waves; 0: no probe"});
+    visit(p.samples, {"probe_samples", unit::one, between(40, 4000), "periods of a window, an even number"});
+    visit(p.inertia, {"probe_inertia", unit::inertia, at_least(0), "of the robot that answers the probe"});
+    visit(p.noise, {"probe_noise", unit::coordinate, at_least(0), "standard deviation of one encoder reading"});
+    visit(p.moving, {"probe_moving", unit::velocity, above(0), "slower, friction may swallow the probe's answer"});
+    visit(p.evidence, {"probe_evidence", unit::one, above(0),
+                       "log-likelihood ratio of a fault: false alarms are rarer than one in e^this windows"});
+  }
+};
+
+/// What follows from ProbeWatchParams and the period once.
+template <class S> struct ProbeWatchCoefficients {
+  ProbeWatchParams<S> params{};                ///< as they are
+  SinCos<S> turn[probe_bin_count + 1]{};       ///< change of the phases in a period
+  SinCos<S> delay[probe_wave_count]{};         ///< turn of each wave's answer by one step of delay
+  S floor[probe_bin_count]{};                  ///< mean square of a lock-in due to the encoder's noise [(N m)^2]
+  S inertia_rate{};                            ///< inertia over period [N m s/rad]
+  S smoothing{};                               ///< share of a new velocity in the smooth one [1]
+  std::uint32_t valid = 0;                     ///< 1: the parameters make sense
+};
+
+template <class S> ProbeWatchCoefficients<S> coefficients(const ProbeWatchParams<S>& p, const S& period) noexcept {
+  ProbeWatchCoefficients<S> c;
+  c.params = p;
+  const bool off = p.effort == S(0);
+  const bool windows = p.samples >= 40 && p.samples <= 4000 && p.samples % 2 == 0;
+  c.valid = is_sound(p) && (off || (p.inertia > S(0) && windows && period > S(0))) ? 1 : 0;
+  if (c.valid == 0 || off) return c;
+  const S cycle = S(6.283185307179586) / static_cast<S>(p.samples);
+  for (std::uint32_t i = 0; i <= probe_bin_count; ++i) c.turn[i] = sincos(cycle * static_cast<S>(probe_cycles[i]));
+  c.inertia_rate = p.inertia / period;
+  c.smoothing = period < S(0.016) ? period / S(0.016) : S(1);
+  for (std::uint32_t i = 0; i < probe_bin_count; ++i) {
+    // The second difference of a wave is 2 (1 - cos) of it; the squares of Hann weights sum up to 3/8 of their number.
+    const S noise = p.noise * S(2) * (S(1) - c.turn[i].cos) * c.inertia_rate / period;
+    c.floor[i] = S(0.375) * static_cast<S>(p.samples) * noise * noise;
+  }
+  for (std::uint32_t i = 0; i < probe_wave_count; ++i)
+    c.delay[i] = sincos(S(-probe_delay_step) / period * cycle * static_cast<S>(probe_cycles[i]));
+  return c;
+}
+
+template <class S> struct ProbePhasor {
+  S real{};       ///< real part
+  S imaginary{};  ///< imaginary part
+};
+template <class S> ProbePhasor<S> times(const ProbePhasor<S>& a, const ProbePhasor<S>& b) noexcept {
+  return {a.real * b.real - a.imaginary * b.imaginary, a.imaginary * b.real + a.real * b.imaginary};
+}
+/// a times the conjugate of b.
+template <class S> ProbePhasor<S> against(const ProbePhasor<S>& a, const ProbePhasor<S>& b) noexcept {
+  return {a.real * b.real + a.imaginary * b.imaginary, a.imaginary * b.real - a.real * b.imaginary};
+}
+template <class S> S square(const ProbePhasor<S>& a) noexcept { return a.real * a.real + a.imaginary * a.imaginary; }
+
+/// The sums of one window. Two of them overlap by half.
+template <class S> struct ProbeWindowState {
+  ProbePhasor<S> answer[probe_bin_count]{};  ///< inertia times acceleration, at the waves and between [N m]
+  ProbePhasor<S> asked[probe_wave_count]{};  ///< effort asked for, at the waves [N m]
+  S moving{};                                ///< Hann weights of the periods in which the joint moves [1]
+};
+
+template <class S> struct ProbeWatchState {
+  /// Phases of the waves, the places between and the weights, now.
+  ProbePhasor<S> phase[probe_bin_count + 1] = {{S(1)}, {S(1)}, {S(1)}, {S(1)}, {S(1)}, {S(1)}};
+  std::uint32_t count = 0;                      ///< periods in this window
+  std::uint32_t begun = 0;                      ///< 1: the second window has begun too
+  S velocity{};                                 ///< the last [rad/s]
+  S slow{};                                     ///< smooth velocity [rad/s]
+  S due{};                                      ///< effort asked for, as late as the drive's torque loop [N m]
+  ProbeWindowState<S> window[2]{};              ///< the two windows that overlap
+  ProbePhasor<S> known[probe_wave_count]{};     ///< r of each wave: what the robot has answered so far [1]
+  S error[probe_wave_count]{};                  ///< mean square of the answers' errors, relative to what is known [1]
+  std::uint32_t learnt = 0;                     ///< windows in what is known
+  S noise[2]{};                                 ///< mean squares of what lies between the waves [(N m)^2]
+  S sum[probe_sum_count]{};                     ///< evidence: reversed, gain, unanswered, delays [1]
+};
+
+/// The effort to add in this period [N m].
+template <class S> S wave(const ProbeWatchCoefficients<S>& c, const ProbeWatchState<S>& s) noexcept {
+  if (!(c.params.effort > S(0))) return S(0);
+  const S made = c.params.effort * (s.phase[0].real + s.phase[1].imaginary + s.phase[2].real);
+  return abs(made) <= S(probe_crest * 1.001) * c.params.effort ? made : S(0);
+}
+
+/// Takes a window of a healthy robot into what is known of its answers.
+template <class S> void learn(ProbeWatchState<S>& s, const ProbeWindowState<S>& w) noexcept {
+  if (s.learnt < 1000000) ++s.learnt;
+  const S share = max(S(1) / static_cast<S>(s.learnt), S(probe_learning_share));
+  for (std::uint32_t i = 0; i < probe_wave_count; ++i) {
+    const S size = square(w.asked[i]);
+    if (!(size > S(0))) continue;
+    const ProbePhasor<S> got = against(w.answer[i], w.asked[i]);
+    ProbePhasor<S>& r = s.known[i];
+    const ProbePhasor<S> other{got.real / size - r.real, got.imaginary / size - r.imaginary};
+    r.real = r.real + share * other.real;
+    r.imaginary = r.imaginary + share * other.imaginary;
+    const S whole = square(r);
+    // The first window differs from nothing; later ones from what was known before.
+    if (s.learnt > 1 && whole > S(0)) s.error[i] = s.error[i] + share * (min(square(other) / whole, S(4)) - s.error[i]);
+  }
+}
+
+/// Whether what the robot answers is known well enough to tell what is wrong.
+template <class S> bool is_known(const ProbeWatchState<S>& s) noexcept {
+  S precision = S(0);
+  for (const S& error : s.error) precision = precision + S(1) / max(error, S(probe_least_error));
+  const S windows = static_cast<S>(s.learnt) / S(probe_learning_windows);
+  return s.learnt >= probe_learning_windows && windows * precision >= S(probe_known_precision);
+}
+
+/// What is wrong after a whole window, if anything. Also learns from it what the robot answers.
+template <class S>
+SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, const ProbeWindowState<S>& w) noexcept {
+  S all = S(0);
+  for (const ProbePhasor<S>& answer : w.answer) all = all + square(answer);
+  for (const ProbePhasor<S>& asked : w.asked) all = all + square(asked);
+  if (!is_finite(all)) {
+    s = {};
+    return SafetyFault::none;
+  }
+  // What lies between the waves, beyond the encoder's noise, is what a wave is disturbed by: the middle one by both.
+  S beside[2];
+  for (std::uint32_t k = 0; k < 2; ++k) {
+    const S now = max(square(w.answer[probe_wave_count + k]) - c.floor[probe_wave_count + k], S(0));
+    s.noise[k] = s.noise[k] + S(probe_noise_share) * (now - s.noise[k]);
+    beside[k] = max(s.noise[k], now);
+  }
+  const S noise[probe_wave_count] = {beside[0], S(0.5) * (beside[0] + beside[1]), beside[1]};
+  const S moves = w.moving / (S(0.5) * static_cast<S>(c.params.samples));
+  if (!(moves >= S(probe_judged_share))) return SafetyFault::none;
+  const bool teaches = moves >= S(probe_learnt_share);
+  if (!is_known(s)) {
+    if (teaches) learn(s, w);
+    return SafetyFault::none;
+  }
+
+  // What was learnt from a few windows is less certain.
+  const S novelty = S(1) + S(probe_novelty) / static_cast<S>(s.learnt);
+  S power = S(0), match = S(0), quiet = S(0), late[probe_delay_count] = {};
+  for (std::uint32_t i = 0; i < probe_wave_count; ++i) {
+    const ProbePhasor<S> due = times(s.known[i], w.asked[i]), back{c.delay[i].cos, c.delay[i].sin};
+    const S size = square(due);
+    const S variance = c.floor[i] + noise[i] + novelty * max(S(probe_least_error), s.error[i]) * size;
+    quiet = quiet + S(probe_learnt_noise) * size + c.floor[i] - noise[i];
+    if (!(variance > S(0))) continue;
+    ProbePhasor<S> turned = against(w.answer[i], due);
+    power = power + size / variance;
+    match = match + turned.real / variance;
+    turned = against(turned, back);
+    for (std::uint32_t k = 0; k < probe_delay_count; ++k) {
+      turned = against(turned, back);
+      late[k] = late[k] + turned.real / variance;
+    }
+  }
+  if (!(power > S(0))) return SafetyFault::none;
+  // Where friction holds the joint for a part of the window, it may answer with less, and in the other direction.
+  const S least = S(probe_least_gain) - S(probe_standing_loss) * (S(1) - moves);
+  const S nearest = clamp(match / power, least, S(probe_most_gain));
+  const S healthy = nearest * (S(2) * match - nearest * power);
+  const S wrong = S(probe_wrong_gain);
+  S likelihood[probe_sum_count] = {-S(2) * match - power, wrong * (S(2) * match - wrong * power), S(0)};
+  for (std::uint32_t k = 0; k < probe_delay_count; ++k) likelihood[3 + k] = S(2) * late[k] - power;
+  // What is found is what explains this window best.
+  std::uint32_t best = 0;
+  bool is_found = false, is_doubtful = false;
+  for (std::uint32_t k = 0; k < probe_sum_count; ++k) {
+    const S more_evidence = min(likelihood[k] - healthy, S(probe_window_share) * c.params.evidence);
+    s.sum[k] = max(s.sum[k] + more_evidence, S(0));
+    is_found = is_found || s.sum[k] >= c.params.evidence;
+    is_doubtful = is_doubtful || s.sum[k] > S(probe_doubt_share) * c.params.evidence;
+    if (likelihood[k] > likelihood[best]) best = k;
+  }
+  if (!is_doubtful && teaches && quiet >= S(0)) learn(s, w);
+  if (!is_found) return SafetyFault::none;
+  constexpr SafetyFault verdicts[] = {SafetyFault::polarity, SafetyFault::gain, SafetyFault::unanswered};
+  return best < 3 ? verdicts[best] : SafetyFault::late_answer;
+}
+
+/// Ends a window: judges it, and begins the next.
+template <class S>
+SafetyFault end_window(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, std::uint32_t which) noexcept {
+  const ProbeWindowState<S> ended = s.window[which];
+  s.window[which] = {};
+  return judge(c, s, ended);
+}
+
+/// One period: the velocity that the encoder shows [rad/s], and the mean effort between its last two readings [N m]. The
+/// drive's torque loop leaves the share `late` of a change to the next period. What is wrong, if anything.
+template <class S>
+SafetyFault step(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, const S& velocity, const S& asked,
+                 const S& late) noexcept {
+  if (!(c.params.effort > S(0))) return SafetyFault::none;
+  const S torque = c.inertia_rate * (velocity - s.velocity);
+  s.velocity = velocity;
+  s.slow = s.slow + c.smoothing * (velocity - s.slow);
+  if (!is_finite(s.slow)) s.slow = S(0);
+  s.due = asked + late * (s.due - asked);
+  const S moves = abs(s.slow) > c.params.moving ? S(1) : S(0);
+  const S weights[2] = {S(0.5) * (S(1) - s.phase[probe_bin_count].real), S(0.5) * (S(1) + s.phase[probe_bin_count].real)};
+  for (std::uint32_t k = 0; k < 2; ++k) {
+    ProbeWindowState<S>& w = s.window[k];
+    const S answer = weights[k] * torque, given = weights[k] * s.due;
+    for (std::uint32_t i = 0; i < probe_bin_count; ++i) {
+      const ProbePhasor<S>& now = s.phase[i];
+      w.answer[i].real = w.answer[i].real + answer * now.real;
+      w.answer[i].imaginary = w.answer[i].imaginary - answer * now.imaginary;
+      if (i >= probe_wave_count) continue;
+      w.asked[i].real = w.asked[i].real + given * now.real;
+      w.asked[i].imaginary = w.asked[i].imaginary - given * now.imaginary;
+    }
+    w.moving = w.moving + weights[k] * moves;
+  }
+  for (std::uint32_t i = 0; i <= probe_bin_count; ++i)
+    s.phase[i] = times(s.phase[i], ProbePhasor<S>{c.turn[i].cos, c.turn[i].sin});
+  ++s.count;
+  if (s.count == c.params.samples / 2) {
+    const bool whole = s.begun != 0;
+    s.begun = 1;
+    if (whole) return end_window(c, s, 1);
+    s.window[1] = {};
+  } else if (s.count >= c.params.samples) {
+    s.count = 0;
+    for (ProbePhasor<S>& one : s.phase) one = {S(1), S(0)};
+    return end_window(c, s, 0);
+  }
+  return SafetyFault::none;
+}
+
+}  // namespace PELLUCID_ABI
+}  // namespace pellucid

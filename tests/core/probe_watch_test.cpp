@@ -1,0 +1,318 @@
+// The watch that probes: every verdict on a simulated joint, none on one that is right, and numbers by which it is so.
+#include "check.hpp"
+
+#include <pellucid/probe_watch.hpp>
+
+#include <initializer_list>
+
+namespace p = pellucid;
+
+namespace {
+
+using F = p::SafetyFault;
+
+template <class S> p::ProbeWatchParams<S> usual() {
+  p::ProbeWatchParams<S> r;
+  r.effort = S(0.2);
+  r.inertia = S(0.05);
+  r.noise = S(2.5e-5);
+  return r;
+}
+
+/// A joint that somebody moves to and fro, and that answers the effort asked for by a gain, late, or not at all.
+template <class S> struct Joint {
+  p::ProbeWatchCoefficients<S> c;
+  p::ProbeWatchState<S> s{};
+  double gain = 1, sign = 1, inertia = 0.05, quantum = 9e-5, noise = 0, fastest = 2, effort_limit = 10, friction = 0;
+  double shaken = 0, shaken_hz = 8;
+  int late = 0;
+  double place = 0, speed = 0, read = 0, asked[64] = {}, time = 0;
+  int count = 0;
+  Random random{7};
+
+  explicit Joint(const p::ProbeWatchParams<S>& r = usual<S>()) : c(p::coefficients(r, S(1e-3))) {
+    check(c.valid != 0, "the example makes sense");
+  }
+  double normal() {
+    double sum = -6;
+    for (int k = 0; k < 12; ++k) sum += random.uniform();
+    return sum;
+  }
+  F period() {
+    const double due = gain * asked[(count + 63 - late) % 64];
+    const double slow = fastest * 0.3 * std::cos(3.0 * time);
+    const double moves = slow + speed;
+    double torque = due + inertia * shaken * std::sin(6.283185307179586 * shaken_hz * time);
+    torque -= friction * ((moves > 0 ? 1 : moves < 0 ? -1 : 0) - (slow > 0 ? 1 : -1));  // the law carries its mean
+    const double before = speed;
+    speed += 1e-3 * torque / inertia;
+    speed *= 0.999;
+    place += 1e-3 * (0.5 * (before + speed));
+    time += 1e-3;
+    const double at = place + fastest * 0.1 * std::sin(3.0 * time);
+    const double shown = quantum * std::floor(at / quantum + 0.5) + noise * normal();
+    const double last = read;
+    read = shown;
+    const double mean = 0.5 * (asked[(count + 63) % 64] + asked[(count + 62) % 64]);
+    const F found = p::step(c, s, static_cast<S>(sign * (read - last) / 1e-3), static_cast<S>(mean), S(0));
+    double effort = 0.4 * std::sin(3.0 * time) + static_cast<double>(p::wave(c, s));
+    if (effort > effort_limit) effort = effort_limit;
+    if (effort < -effort_limit) effort = -effort_limit;
+    asked[count % 64] = effort;
+    count = (count + 1) % 64;
+    return found;
+  }
+  /// What is found within so many periods; `after` says in which.
+  F found(int periods) {
+    for (after = 1; after <= periods; ++after) {
+      const F one = period();
+      if (one != F::none) return one;
+    }
+    return F::none;
+  }
+  int after = 0;
+};
+
+template <class S> void parameters() {
+  const auto valid = [](auto change) {
+    p::ProbeWatchParams<S> r = usual<S>();
+    change(r);
+    return p::coefficients(r, S(1e-3)).valid != 0;
+  };
+  check(valid([](auto&) {}), "as it is");
+  check(valid([](auto& r) { r.samples = 40; }) && valid([](auto& r) { r.samples = 4000; }), "windows");
+  check(!valid([](auto& r) { r.samples = 38; }) && !valid([](auto& r) { r.samples = 4002; }), "too short or long");
+  check(!valid([](auto& r) { r.samples = 201; }), "odd");
+  check(!valid([](auto& r) { r.inertia = S(0); }) && !valid([](auto& r) { r.moving = S(0); }), "of nothing");
+  check(!valid([](auto& r) { r.effort = S(-0.1); }) && !valid([](auto& r) { r.evidence = S(0); }), "backwards");
+  check(!valid([](auto& r) { r.noise = std::numeric_limits<S>::quiet_NaN(); }), "no number");
+  check(valid([](auto& r) { r.effort = S(0), r.inertia = S(0), r.samples = 1; }), "without a wave nothing else matters");
+  check(p::coefficients(usual<S>(), S(0)).valid == 0, "a period of nothing");
+  check(p::probe_sum_count == 8, "reversed, gain, unanswered and five delays");
+  const auto c = p::coefficients(usual<S>(), S(1e-3));
+  check_close(static_cast<double>(c.smoothing), 0.0625, 1e-6, "16 ms of velocities");
+  check_close(static_cast<double>(p::coefficients(usual<S>(), S(0.02)).smoothing), 1.0, 0.0, "and no more than all");
+  // The encoder's noise is no noise between the waves.
+  p::ProbeWatchState<S> s;
+  p::ProbeWindowState<S> w;
+  for (int k = 0; k < 2; ++k) w.answer[3 + k].real = p::sqrt(c.floor[3 + k] + S(2));
+  p::judge(c, s, w);
+  check_close(static_cast<double>(s.noise[0]), 1.0, 1e-3, "half of what is beyond it, below");
+  check_close(static_cast<double>(s.noise[1]), 1.0, 1e-3, "and above");
+}
+
+/// The wave has whole cycles in a window, no mean, its own size, and is 0 where there is none.
+template <class S> void waves() {
+  p::ProbeWatchState<S> s;
+  const auto c = p::coefficients(usual<S>(), S(1e-3));
+  double sum = 0, squares = 0, most = 0, first[120];
+  for (int k = 0; k < 480; ++k) {
+    const double now = static_cast<double>(p::wave(c, s));
+    if (k < 120) first[k] = now, sum += now, squares += now * now, most = std::fabs(now) > most ? std::fabs(now) : most;
+    else check_close(now, first[k % 120], 1e-4, "the same in each window");
+    check(p::step(c, s, S(0), S(0), S(0)) == F::none, "nothing is found at rest");
+  }
+  check_close(sum, 0.0, 1e-4, "no mean");
+  check_close(squares / 120, 1.5 * 0.04, 1e-5, "three waves");
+  check(most <= 0.2 * p::probe_crest && most > 0.4, "their crest");
+  auto off = usual<S>();
+  off.effort = S(0);
+  const auto none = p::coefficients(off, S(1e-3));
+  p::ProbeWatchState<S> idle;
+  for (int k = 0; k < 1000; ++k) {
+    check(p::wave(none, idle) == S(0) && p::step(none, idle, S(k), S(-k), S(0)) == F::none, "off is off");
+    check(idle.count == 0 && idle.velocity == S(0), "and does nothing");
+  }
+}
+
+/// A right drive and encoder are left alone, whatever robot within bounds, wearer, quantum and clamp.
+template <class S> void healthy() {
+  for (const double inertia : {0.036, 0.05, 0.07})
+    for (const double quantum : {1e-5, 9e-5, 4e-4})
+      for (const int late : {0, 1, 2}) {
+        Joint<S> j;
+        j.inertia = inertia, j.quantum = quantum, j.late = late, j.shaken = 40, j.friction = 0.2;
+        check(j.found(30000) == F::none, "right");
+        check(j.s.learnt >= 6, "and it was learnt");
+        check_close(static_cast<double>(j.s.known[0].real), 0.05 / inertia * std::cos(0.001 * 283 * late), 0.12, "as it is");
+      }
+  Joint<S> still;
+  still.fastest = 0, still.gain = 0;
+  check(still.found(30000) == F::none && still.s.sum[2] == S(0), "what stands says nothing");
+  Joint<S> clamped;
+  clamped.effort_limit = 0.1;
+  check(clamped.found(20000) == F::none, "what was not asked is not missed");
+}
+
+/// Faults after a while, and from the start on.
+template <class S> void verdicts() {
+  struct Wrong {
+    F fault;
+    double gain, sign;
+    int late, within;
+  };
+  const Wrong wrongs[] = {{F::polarity, -1, 1, 0, 700},   {F::polarity, 1, -1, 0, 700},
+                          {F::gain, 3, 1, 0, 700},        {F::gain, 2, 1, 0, 1200},
+                          {F::unanswered, 0, 1, 0, 1000}, {F::late_answer, 1, 1, 15, 1000},
+                          {F::late_answer, 1, 1, 10, 1000}, {F::late_answer, 1, 1, 20, 1000}};
+  for (const Wrong& w : wrongs)
+    for (const double inertia : {0.036, 0.05, 0.07}) {
+      Joint<S> j;
+      j.inertia = inertia, j.friction = 0.2;
+      check(j.found(10300) == F::none, "right so far");
+      j.gain = w.gain, j.sign = w.sign, j.late = w.late;
+      check(j.found(3000) == w.fault, p::safety_fault_names[static_cast<std::size_t>(w.fault)]);
+      check(j.after <= w.within && j.after >= 100, "in time, but not at the first event");
+    }
+}
+
+/// The evidence of one window, by the formula, and what is learnt from it.
+void evidence() {
+  auto r = usual<double>();
+  r.noise = 0;
+  const auto c = p::coefficients(r, 1e-3);
+  for (const double moves : {1.0, 0.91, 0.89, 0.75, 0.5, 0.49})
+    for (const double g : {-2.0, -1.0, -0.1, 0.0, 0.3, 0.5, 0.62, 1.0, 1.3, 1.4, 1.7, 2.0, 3.0}) {
+      p::ProbeWatchState<double> s;
+      p::ProbeWindowState<double> w;
+      const double errors[] = {0.05, 0.01, 0.1};
+      s.learnt = 12;
+      for (int i = 0; i < 3; ++i) s.known[i] = {1.0, 0.0}, s.error[i] = errors[i], w.asked[i] = {10.0, 0.0}, w.answer[i] = {10.0 * g, 0.0};
+      w.answer[3] = {2.0, 0.0}, w.answer[4] = {0.0, 4.0}, w.moving = 60 * moves;
+      const double variances[] = {4 + 7.5, 10 + 4.5, 16 + 15.0};
+      double power = 0, late[5] = {};
+      for (int i = 0; i < 3; ++i) {
+        power += 100 / variances[i];
+        for (int k = 0; k < 5; ++k)
+          late[k] += 100 * g * std::cos(6.283185307179586 * p::probe_cycles[i] / 0.12 * 0.004 * (k + 2)) / variances[i];
+      }
+      const double match = g * power, least = 0.6 - 1.2 * (1 - moves);
+      const double near = g < least ? least : g > 1.35 ? 1.35 : g;
+      const double healthy = 2 * near * match - near * near * power;
+      const double wanted[] = {-2 * match - power, 4 * match - 4 * power, 0.0,
+                               2 * late[0] - power, 2 * late[1] - power, 2 * late[2] - power, 2 * late[3] - power,
+                               2 * late[4] - power};
+      check(p::judge(c, s, w) == F::none, "no window decides alone");
+      double most = 0;
+      for (int k = 0; k < 8; ++k) {
+        const double more = wanted[k] - healthy, due = moves < 0.5 ? 0 : more > 12.5 ? 12.5 : more > 0 ? more : 0;
+        check_close(s.sum[k], due, 1e-9, "the evidence of a window");
+        most = due > most ? due : most;
+      }
+      check_close(s.noise[0], 2.0, 1e-12, "half of the noise below");
+      check_close(s.noise[1], 8.0, 1e-12, "and of the noise above");
+      const bool teaches = moves >= 0.9 && most <= 1.0;
+      check(s.learnt == (teaches ? 13u : 12u), "a healthy window of a moving joint is learnt from");
+      if (teaches) check_close(s.known[0].real, 1 + (g - 1) / 13, 1e-12, "by its share");
+      // Page's sum: the evidence of two windows, and a verdict at the bound.
+      const double first = s.sum[1];
+      s.learnt = 12, s.known[0] = s.known[1] = s.known[2] = {1.0, 0.0};
+      for (int i = 0; i < 3; ++i) s.error[i] = errors[i];
+      auto strict = c;
+      strict.params.evidence = first > 0 ? 2 * first * (1 - 1e-9) : 25;
+      const F second = p::judge(strict, s, w);
+      if (first > 0 && first < 12.5) check(second == F::gain || strict.params.evidence < 2 * first * 0.9, "found at the bound");
+      if (first == 12.5) check(second == F::gain, "found by two windows");
+    }
+  // Noise as large as the waves teaches nothing more.
+  for (const double noise : {9.9, 10.1}) {
+    p::ProbeWatchState<double> s;
+    p::ProbeWindowState<double> w;
+    s.learnt = 12, w.moving = 60;
+    for (int i = 0; i < 3; ++i) s.known[i] = {1.0, 0.0}, w.asked[i] = w.answer[i] = {10.0, 0.0};
+    w.answer[3] = w.answer[4] = {noise, 0.0};
+    p::judge(c, s, w);
+    check(s.learnt == (noise < 10 ? 13u : 12u), "noise as large as the waves");
+  }
+}
+
+/// What is known is a mean, of all windows and then of the latest fifty, with the mean square of their errors.
+void learning() {
+  p::ProbeWatchState<double> s;
+  p::ProbeWindowState<double> w;
+  for (int i = 0; i < 3; ++i) w.asked[i] = {0.0, 2.0}, w.answer[i] = {-8.0, 2.0};  // 1 + 4j
+  p::learn(s, w);
+  check_close(s.known[1].real, 1.0, 1e-12, "the first window");
+  check_close(s.known[1].imaginary, 4.0, 1e-12, "is all that is known");
+  check(s.error[1] == 0 && s.learnt == 1, "and has no error");
+  for (int i = 0; i < 3; ++i) w.answer[i] = {-8.0, 6.0};  // 3 + 4j
+  p::learn(s, w);
+  check_close(s.known[2].real, 2.0, 1e-12, "the mean of two");
+  check_close(s.error[2], 0.5 * 4.0 / 20.0, 1e-12, "half of the second's error");
+  s.learnt = 1000;
+  p::learn(s, w);
+  check_close(s.known[0].real, 2.02, 1e-12, "a fiftieth of a new one");
+  check_close(s.error[0], 0.1 + 0.02 * (1.0 / (2.02 * 2.02 + 16.0) - 0.1), 1e-12, "and of its error");
+  for (int i = 0; i < 3; ++i) w.answer[i] = {-800.0, 600.0};
+  const double before = s.error[0];
+  s.known[0] = {1e-3, 0.0};
+  s.learnt = 1000000;
+  p::learn(s, w);
+  check(s.error[0] <= before + 0.02 * 4.0, "no error counts for more than 4");
+  for (int i = 0; i < 3; ++i) w.asked[i] = {};
+  const auto known = s.known[1];
+  p::learn(s, w);
+  check(s.known[1].real == known.real && s.learnt == 1000000, "nothing was asked, nothing is learnt");
+  const auto knows = [](std::uint32_t learnt, double error) {
+    p::ProbeWatchState<double> one;
+    one.learnt = learnt;
+    for (double& each : one.error) each = error;
+    return p::is_known(one);
+  };
+  check(!knows(5, 0) && knows(6, 0) && knows(6, 0.374) && !knows(6, 0.376), "six windows, or more where they differ");
+  check(!knows(11, 0.75) && knows(12, 0.749), "in proportion");
+}
+
+/// NaN and infinities are forgotten, and say nothing.
+template <class S> void no_numbers() {
+  for (const S bad : {std::numeric_limits<S>::quiet_NaN(), std::numeric_limits<S>::infinity(), -std::numeric_limits<S>::max()}) {
+    Joint<S> j;
+    check(j.found(5000) == F::none, "right");
+    check(p::step(j.c, j.s, bad, S(0), S(0)) == F::none && p::step(j.c, j.s, S(0), bad, S(0)) == F::none, "no verdict");
+    check(j.found(3000) == F::none, "nor later");
+    check(p::is_finite(p::wave(j.c, j.s)), "and a wave that is a number");
+    j.s.phase[0].real = bad;
+    check(p::wave(j.c, j.s) == S(0), "or none");
+    check(j.found(3000) == F::none, "it begins again");
+    j.gain = -1;
+    check(j.found(3000) == F::polarity, "and still finds");
+  }
+}
+
+/// With evidence of 3 instead of 25 false alarms are rarer than one in e^3 windows for each of the eight sums.
+template <class S> void false_alarms() {
+  long alarms = 0, windows = 0;
+  for (int k = 0; k < 40; ++k) {
+    auto r = usual<S>();
+    r.evidence = S(3);
+    Joint<S> j(r);
+    j.random = Random(static_cast<std::uint64_t>(k));
+    j.noise = 1e-3;  // as large as what the wave moves
+    for (int n = 0; n < 20000; ++n)
+      if (j.period() != F::none) {
+        ++alarms;
+        for (S& sum : j.s.sum) sum = S(0);
+      }
+    windows += 200;
+  }
+  check(static_cast<double>(alarms) <= 8 * 0.0498 * static_cast<double>(windows), "as rare as was said");
+}
+
+}  // namespace
+
+int main() {
+  parameters<double>();
+  parameters<float>();
+  waves<double>();
+  waves<float>();
+  healthy<double>();
+  healthy<float>();
+  verdicts<double>();
+  verdicts<float>();
+  evidence();
+  learning();
+  no_numbers<double>();
+  no_numbers<float>();
+  false_alarms<double>();
+  return failures();
+}

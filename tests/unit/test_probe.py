@@ -1,0 +1,134 @@
+"""The probe's rules: amplitude, window and noise from body, encoder, period and limit, and what is refused."""
+
+import math
+
+import numpy as np
+import pytest
+
+import pellucid as pl
+from pellucid._errors import PellucidError
+from pellucid.control.control_law import LAWS, ControlLaw
+from pellucid.control.instruments import Instruments
+from pellucid.control.probe import (
+    MAX_PROBE_SHARE,
+    PROBE_ACCELERATION,
+    PROBE_CREST,
+    probe_numbers,
+    probe_samples,
+    probe_signal_to_noise,
+)
+
+INERTIA = 0.05
+
+
+def law(**changes):
+    numbers = {
+        "inertia": INERTIA, "gravity_sine": 1.5, "velocity_width": 0.1, "effort_limit": 10.0, "rate_limit": 1000.0,
+        "velocity_limit": 10.0, "position_min": -2.0, "position_max": 2.0, "max_age": 0.005, "period": 0.001,
+    }  # fmt: skip
+    return ControlLaw("joint", LAWS["joint"].defaults | numbers | changes)
+
+
+def probed(given, **instruments):
+    return pl.supervised(given, instruments=Instruments(probe=True, **instruments), start_up=False)
+
+
+def test_off_by_default():
+    assert pl.supervised(law()).supervision["probe_effort"] == 0.0
+
+
+def test_rules_of_amplitude_window_and_noise():
+    s = probed(law(), encoder_resolution=1e-5).supervision
+    assert s["probe_effort"] == pytest.approx(PROBE_ACCELERATION * INERTIA)
+    assert s["probe_samples"] == 120.0
+    assert s["probe_inertia"] == INERTIA
+    assert s["probe_noise"] == pytest.approx(2.5e-6)
+    speed = PROBE_CREST * PROBE_ACCELERATION / (2.0 * math.pi * 5 / 0.12)
+    assert s["probe_moving"] == pytest.approx(max(0.1, 2.0 * speed))
+    assert s["probe_evidence"] == 25.0
+
+
+def test_a_coarse_encoder_needs_a_larger_wave():
+    numbers = probe_numbers(INERTIA, 1e-3, limit=30.0, period=0.001)
+    assert numbers["probe_effort"] > PROBE_ACCELERATION * INERTIA
+    signal = probe_signal_to_noise(numbers["probe_effort"], INERTIA, 1e-3, 0.001)
+    assert signal == pytest.approx(4.0)
+    speed = PROBE_CREST * numbers["probe_effort"] / (INERTIA * 2.0 * math.pi * 5 / 0.12)
+    assert numbers["probe_moving"] == pytest.approx(max(0.1, 2.0 * speed))
+
+
+def test_signal_to_noise_is_that_of_a_simulated_encoder():
+    """The power of a lock-in over the variance that noise of the stated size gives it."""
+    rng, period, samples, noise = np.random.default_rng(1), 1e-3, 120, 1e-4
+    weights = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(samples) / samples)
+    total = 0.0
+    for cycles in (5, 9, 13):
+        wave = weights * np.exp(-2j * np.pi * cycles * np.arange(samples) / samples)
+        readings = noise * rng.standard_normal((4000, samples + 2))
+        lock_in = INERTIA * np.diff(readings, 2, axis=1) / period**2 @ wave
+        asked = 0.2 * np.cos(2.0 * np.pi * cycles * np.arange(samples) / samples) @ wave
+        total += abs(asked) ** 2 / np.mean(np.abs(lock_in) ** 2)
+    assert probe_signal_to_noise(0.2, INERTIA, 4.0 * noise, period) == pytest.approx(total, rel=0.1)
+
+
+@pytest.mark.parametrize(("period", "samples"), [(0.002, 60), (0.001, 120), (0.0005, 240), (0.0007, 172)])
+def test_windows_are_even(period, samples):
+    assert probe_samples(period) == samples
+
+
+def test_not_below_500_hz():
+    assert probed(law(period=0.002), encoder_resolution=1e-4).supervision["probe_samples"] == 60.0
+    with pytest.raises(PellucidError, match=r"probe: found a control rate of 400 Hz, expected at least 500 Hz"):
+        probed(law(period=0.0025))
+
+
+def test_not_above_a_tenth_of_the_limit():
+    limit = PROBE_CREST * PROBE_ACCELERATION * INERTIA / MAX_PROBE_SHARE
+    for share in (1.0, 0.8, 0.501):
+        given = probed(law(effort_limit=share * limit), encoder_resolution=1e-5).supervision["probe_effort"]
+        assert given == pytest.approx(share * PROBE_ACCELERATION * INERTIA)
+    assert probed(law(effort_limit=2.0 * limit)).supervision["probe_effort"] == pytest.approx(
+        PROBE_ACCELERATION * INERTIA
+    )
+    with pytest.raises(PellucidError, match=r"probe: found a wave of .* expected at most a tenth of the effort limit"):
+        probed(law(effort_limit=0.499 * limit), encoder_resolution=1e-5)
+    with pytest.raises(PellucidError, match=r"that inertia and encoder need"):
+        probed(law(), encoder_resolution=1e-2)
+
+
+def test_not_without_an_inertia():
+    with pytest.raises(PellucidError, match="expected a known inertia above 0"):
+        probe_numbers(0.0, 1e-4, limit=10.0, period=0.001)
+    with pytest.raises(PellucidError, match="expected a known inertia above 0"):
+        probe_numbers(math.nan, 1e-4, limit=10.0, period=0.001)
+
+
+def moving_joint(gain, onset, seconds=20.0, friction=0.1):
+    """A joint that is moved to and fro under a probed law; a drive gives `gain` of its effort from the onset on."""
+    given = law(gravity_sine=0.0, gravity_cosine=0.0)
+    watched, rng = probed(given, encoder_resolution=1e-4).start(), np.random.default_rng(3)
+    period, speed, place, effort, efforts = 1e-3, 0.0, 0.0, 0.0, []
+    for k in range(round(seconds / period)):
+        time = period * k
+        slow, slow_speed = 0.5 * math.sin(3.0 * time), 1.5 * math.cos(3.0 * time)
+        due = effort * (gain if time >= onset else 1.0)
+        rubs = friction * (math.tanh((slow_speed + speed) / 0.01) - math.tanh(slow_speed / 0.01))
+        speed = 0.999 * (speed + period * (due - rubs) / INERTIA)
+        place += period * speed
+        reading = 5e-5 * round((slow + place + 1e-5 * rng.standard_normal()) / 5e-5)
+        effort = watched.step(time, reading)
+        efforts.append(effort)
+        if watched.fault != "none":
+            return watched.fault, time - onset, np.array(efforts)
+    return "none", math.nan, np.array(efforts)
+
+
+@pytest.mark.parametrize(
+    ("gain", "fault"), [(-1.0, "polarity"), (3.0, "gain"), (2.0, "gain"), (0.0, "unanswered"), (1.0, "none")]
+)
+def test_verdicts_of_a_supervised_law(gain, fault):
+    found, after, efforts = moving_joint(gain, 10.0)
+    assert found == fault
+    assert np.all(np.abs(efforts) <= 10.0)
+    if fault != "none":
+        assert 0.1 < after < 1.0
