@@ -75,6 +75,7 @@ def test_every_threshold_of_a_joint():
         "test_samples": 32.0, "test_rest": 100.0, "test_least": 0.1 * work,
         "test_most": 2.2 * 2.0 * (wave * 0.032 / math.pi) ** 2 / INERTIA, "degrades": 1.0, "moving_speed": 0.2,
         "rest_speed": 0.3, "reset_delay": 1.0, "healthy_samples": 500.0,
+        "shaking_limit": 0.01 * SPEED, "shaking_recent": 10.0, "shaking_memory": 0.5,
     }  # fmt: skip
     assert thresholds() == pytest.approx(expected, rel=1e-9)
 
@@ -144,6 +145,8 @@ def test_counts_and_filters_by_the_period(period, freeze, quiet, rest, samples):
     assert s["test_samples"] == samples
     assert s["residual_bandwidth"] == pytest.approx(min(40.0, 0.2 / period))
     assert s["residual_slow"] == pytest.approx(min(5.0, 0.05 / period))
+    for name, usual in (("recent", 10.0), ("memory", 0.5)):
+        assert s[f"shaking_{name}"] == pytest.approx(min(usual, 0.2 / period))
     for name, usual in (("slowest", 20.0), ("fastest", 100.0), ("memory", 3.0)):
         assert s[f"ringing_{name}"] == pytest.approx(min(usual, 0.2 / period))
     assert s["freeze_speed"] == pytest.approx(500.0 * period)
