@@ -57,6 +57,7 @@ JUDGES: dict[str, tuple[str, ...]] = {
     "safety": ("safety_thresholds", "safety"),
     "sample": ("sample",),
     "sensor_watch": ("sensor_watch",),
+    "shaking_watch": ("shaking_watch",),
     "start_up_test": ("start_up_wave",),
     "supervisor": ("supervisor_states", "supervisor"),
     "tree_gate": ("tree_gate", "tree_law"),

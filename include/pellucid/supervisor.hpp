@@ -22,6 +22,7 @@
 #include "probe_watch.hpp"
 #include "ringing_watch.hpp"
 #include "sensor_watch.hpp"
+#include "shaking_watch.hpp"
 #include "start_up_test.hpp"
 
 namespace pellucid {
@@ -43,6 +44,7 @@ template <class S> struct SupervisorParams {
   S moving = S(0.2), rest_speed = S(0.3), reset_delay = S(1);
   std::uint32_t healthy_samples = 500;
   ProbeWatchParams<S> probe{};  ///< small wave of effort that asks drive and encoder
+  ShakingWatchParams<S> shaking{};
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     pellucid::walk(p.encoder, visit);
@@ -64,6 +66,7 @@ template <class S> struct SupervisorParams {
     visit(p.reset_delay, {"reset_delay", unit::time, between(0, 60), "from a fault to the earliest reset"});
     visit(p.healthy_samples, {"healthy_samples", unit::one, at_least(1), "in a row before a reset is granted"});
     pellucid::walk(p.probe, visit);
+    pellucid::walk(p.shaking, visit);
   }
 };
 
@@ -85,6 +88,7 @@ template <class S> struct SupervisorCoefficients {
   EncoderWatchCoefficients<S> encoder{};  ///< watch of the raw encoder
   BodyResidualCoefficients<S> body{};     ///< the momentum observer's
   RingingWatchCoefficients<S> ringing{};  ///< watch of the command for ringing
+  ShakingWatchCoefficients<S> shaking{};  ///< watch of the motion for shaking
   StartUpTestCoefficients<S> test{};      ///< test of polarity and gain at start-up
   ProbeWatchCoefficients<S> probe{};      ///< watch that probes
   S period{};                       ///< [s]
@@ -101,13 +105,14 @@ SupervisorCoefficients<S> coefficients(const SupervisorParams<S>& p, const Safet
   c.encoder = coefficients(p.encoder, gate.params.period);
   c.body = coefficients(p.body, S(2) * gate.params.period);
   c.ringing = coefficients(p.ringing, S(4) * gate.params.period);
+  c.shaking = coefficients(p.shaking, S(2) * gate.params.period);
   c.test = coefficients(p.test);
   c.probe = coefficients(p.probe, gate.params.period);
   c.period = gate.params.period;
   c.effort_limit = gate.params.effort_limit;
   c.max_change = gate.max_change;
-  const bool valid = gate.valid && is_sound(p) && c.encoder.valid && c.body.valid && c.ringing.valid != 0 && c.test.valid != 0 &&
-                     c.probe.valid != 0;
+  const bool valid = gate.valid && is_sound(p) && c.encoder.valid && c.body.valid && c.ringing.valid != 0 &&
+                     c.test.valid != 0 && c.probe.valid != 0 && c.shaking.valid != 0;
   c.valid = valid ? 1 : 0;
   c.reset_periods = valid && p.reset_delay < S(1e6) * c.period ? static_cast<std::uint32_t>(p.reset_delay / c.period)
                                                                : 1000000u;
@@ -152,6 +157,7 @@ template <class S> struct SupervisorState {
   DriveWatchState<S> drive{};             ///< watch of the drive: command beside measurement
   EnergyBudgetState<S> budget{};          ///< budget for the energy of the whole command
   RingingWatchState<S> ringing{};         ///< watch of the whole command for ringing
+  ShakingWatchState<S> shaking{};         ///< watch of the motion for shaking
   DampedStopState<S> hold{};              ///< viscous hold
   StartUpTestState<S> test{};             ///< wave of effort at start-up
   ProbeWatchState<S> probe{};             ///< watch that probes
@@ -327,6 +333,7 @@ SafetyFault observe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, c
   }
   const S weight = carries ? s.body.weight : S(0);
   found = first_of(found, step(p.budget, s.budget, S(2) * c.period, effort, velocity, weight, s.body.drag));
+  if (carries) found = first_of(found, step(c.shaking, s.shaking, velocity));
   // The wave at start-up is no loop that rings, however slow a heavy machine makes it.
   if ((s.steps & 2u) == 0 || now == Mode::start_up) return found;
   return first_of(found, step(c.ringing, s.ringing, effort));

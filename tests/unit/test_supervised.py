@@ -83,7 +83,7 @@ def test_a_slow_torque_loop_is_held_to_what_it_was_asked_for_a_while_ago(late, g
     law = ControlLaw("joint", LAWS["joint"].defaults | NUMBERS | {"gravity_sine": -3.0})
     safe = supervised(law, instruments=Instruments(drive=True), start_up=False, drive_tolerance=np.inf,
                       wearer_torque=np.inf, wearer_push=np.inf, push_limit=np.inf, power_limit=np.inf,
-                      budget_store=np.inf, ringing_limit=np.inf,
+                      budget_store=np.inf, ringing_limit=np.inf, shaking_limit=np.inf,
                       drive_late=np.exp(-1e-3 / late) if late else 0.0)  # fmt: skip
     given, left = 0.0, np.exp(-1e-3 / 0.024)
     for i in range(2000):
@@ -144,6 +144,18 @@ def test_from_a_study_to_a_supervised_law(make_study):
     assert (safe.mode, safe.enable) == ("running", True)
     with pytest.raises(PellucidError, match="found Study, expected what `identify` found of a joint"):
         pl.controller(study)
+
+
+@pytest.mark.parametrize(("frequency", "fault"), [(0.35, "none"), (2.5, "shaking")])
+def test_a_joint_that_goes_to_and_fro_for_seconds_loses_its_power(frequency, fault):
+    """At the same peak speed of 1 rad/s, as fast as a hand reaches to and fro, and as fast as a wearer shakes."""
+    law = ControlLaw("joint", LAWS["joint"].defaults | NUMBERS)
+    free = dict.fromkeys(("wearer_torque", "wearer_push", "push_limit", "power_limit", "budget_store"), np.inf)
+    safe = supervised(law, start_up=False, ringing_limit=np.inf, **free)
+    rate = 2.0 * np.pi * frequency
+    for i in range(5000):
+        safe.step(1e-3 * i, 0.5 + (1.0 - np.cos(rate * 1e-3 * i)) / rate)
+    assert (safe.fault, safe.enable) == (fault, fault == "none")
 
 
 def test_faults_are_listed_once_and_said_in_words():

@@ -77,6 +77,7 @@ def test_every_threshold_of_a_joint():
         "test_most": 2.2 * 2.0 * (wave * 0.032 / math.pi) ** 2 / INERTIA, "degrades": 1.0, "moving_speed": 0.2,
         "rest_speed": 0.3, "reset_delay": 1.0, "healthy_samples": 500.0, "probe_effort": 0.0, "probe_samples": 120.0,
         "probe_inertia": 0.0, "probe_noise": 0.0, "probe_moving": 0.1, "probe_evidence": 25.0,
+        "shaking_limit": 0.01 * SPEED, "shaking_recent": 10.0, "shaking_memory": 0.5,
     }  # fmt: skip
     assert thresholds() == pytest.approx(expected, rel=1e-9)
 
@@ -146,6 +147,8 @@ def test_counts_and_filters_by_the_period(period, freeze, quiet, rest, samples):
     assert s["test_samples"] == samples
     assert s["residual_bandwidth"] == pytest.approx(min(40.0, 0.2 / period))
     assert s["residual_slow"] == pytest.approx(min(5.0, 0.05 / period))
+    for name, usual in (("recent", 10.0), ("memory", 0.5)):
+        assert s[f"shaking_{name}"] == pytest.approx(min(usual, 0.2 / period))
     for name, usual in (("slowest", 20.0), ("fastest", 100.0), ("memory", 3.0)):
         assert s[f"ringing_{name}"] == pytest.approx(min(usual, 0.2 / period))
     assert s["freeze_speed"] == pytest.approx(500.0 * period)

@@ -142,6 +142,12 @@ REVERSAL_RINGING_SHARE = 0.22
 The joint reverses four times a second: 4/s (1/20 - 1/100) s, and a third more for the variation around the mean.
 """
 
+SHAKING_SPEED_SHARE = 0.01
+"""Largest mean speed to and fro, as a share of the velocity limit [1].
+
+Six tuning robots (seed 20261101, 7 h over all laws) came to 0.0077 at the most; the value was then kept for four others
+(seed 20261105, 6.2 h), which came to 0.0085."""
+
 ENERGY_STORE_SPEED_SHARE = 0.575
 """Size of the energy budget: the kinetic energy of robot and limb at this share of the velocity limit [1]."""
 
@@ -538,6 +544,7 @@ def supervision_of(
             RINGING_LIMIT_SHARE * effort, REVERSAL_RINGING_SHARE * 2.0 * min(carried_share * reversing, effort)
         ),
         **{f"ringing_{name}": min(known[f"ringing_{name}"], 0.2 / period) for name in ("slowest", "fastest", "memory")},
+        **{f"shaking_{name}": min(known[f"shaking_{name}"], 0.2 / period) for name in ("recent", "memory")},
         "power_limit": effort * speed,
         "budget_power": 0.0,
         "test_rest": max(2.0, round(TEST_REST_S / period)),
@@ -572,6 +579,7 @@ def supervision_of(
             else math.inf,
             "force_burst": FORCE_BURST_SHARE * effort + FORCE_WEIGHT_SHARE * left + force_offset + burst_error,
             "force_excess": FORCE_EXCESS_SHARE * effort + force_offset,
+            "shaking_limit": SHAKING_SPEED_SHARE * speed,
             "hold_damping": HOLD_DAMPING_SHARE * inertia / period,
             "hold_limit": min(effort, 1.5 * weight + friction),
             "test_effort": wave.effort if start_up else 0.0,

@@ -115,6 +115,12 @@ SUPERVISOR_FAULTS: tuple[SupervisorFault, ...] = (
         "Lower the gains of the law, or measure the delay of the loop; then reset.",
     ),
     SupervisorFault(
+        ("shaking",),
+        "the joint goes to and fro for seconds, faster than a person reaches",
+        _POWER_OFF,
+        "Ask the wearer whether they shook the robot; if not, check the drive before it is worn again.",
+    ),
+    SupervisorFault(
         ("stopped",), "you called `pellucid_stop`", _DAMPED_STOP, "Reset when the reason for which you stopped is gone."
     ),
     SupervisorFault(

@@ -46,6 +46,7 @@ ONSET_STEP_S = 0.05
 APPROACHED_THRESHOLDS = {
     "lasting": "wearer_torque", "push": "wearer_push", "contradiction": "force_tolerance", "burst": "force_burst",
     "excess": "force_excess", "spent": "budget_store", "ringing": "ringing_limit",
+    "shaking": "shaking_limit",
     "surplus": "drive_surplus",
 }  # fmt: skip
 """Name of the supervisor's threshold for each watched quantity whose largest healthy value the core reports."""

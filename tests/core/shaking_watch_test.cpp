@@ -1,0 +1,57 @@
+// The watch for shaking: speeds of either direction, their smaller one, its mean and its limit, in both signs.
+#include "check.hpp"
+
+#include <pellucid/shaking_watch.hpp>
+
+#include <initializer_list>
+
+namespace p = pellucid;
+
+namespace {
+
+using F = p::SafetyFault;
+
+template <class S> void all() {
+  const p::ShakingWatchParams<S> usual;
+  check(usual.recent == S(10) && usual.memory == S(0.5), "a tenth of a second, and two seconds");
+  const auto valid = [](S recent, S memory) {
+    return p::coefficients(p::ShakingWatchParams<S>{S(1), recent, memory}, S(0.5)).valid != 0;
+  };
+  check(valid(S(1.75), S(1.75)), "filters that are slower than the period");
+  check(!valid(S(2), S(1)) && !valid(S(1), S(2)) && !valid(S(2.5), S(1)) && !valid(S(1), S(2.5)), "and not as fast");
+  check(!valid(S(-1), S(1)) && !valid(S(1), S(-1)), "nor backwards");
+  const auto c = p::coefficients(p::ShakingWatchParams<S>{S(0.375), S(1), S(0.5)}, S(0.5));
+  check(c.following == S(0.5) && c.forgetting == S(0.25) && c.limit == S(0.375), "as given");
+  for (const S way : {S(-1), S(1)}) {
+    p::ShakingWatchState<S> s;
+    check(p::step(c, s, way * S(8)) == F::none && s.mean == S(0), "one way is no shaking, however fast");
+    check((way > S(0) ? s.forward : s.backward) == S(4) && (way > S(0) ? s.backward : s.forward) == S(0), "its direction");
+    // 4 decays to 2 while the other way rises to 1.5: a quarter of the smaller one is the limit.
+    check(p::step(c, s, way * S(-3)) == F::none && s.mean == S(0.375), "at the limit");
+    p::ShakingWatchState<S> faster;
+    p::step(c, faster, way * S(8));
+    check(p::step(c, faster, way * S(-3.25)) == F::shaking && faster.mean == S(0.40625), "just beyond it");
+    check(p::step(c, s, S(0)) == F::shaking && s.mean == S(0.46875), "the mean goes on while both are late");
+    for (int k = 0; k < 200; ++k) p::step(c, s, S(0));
+    check(p::step(c, s, S(0)) == F::none && s.mean < S(1e-6), "and is forgotten");
+  }
+  const S nan = std::numeric_limits<S>::quiet_NaN(), huge = std::numeric_limits<S>::infinity();
+  for (const S wrong : {nan, huge, -huge}) {
+    p::ShakingWatchState<S> s;
+    p::step(c, s, S(8));
+    p::step(c, s, wrong);
+    check(p::is_finite(s.forward) && p::is_finite(s.backward) && p::is_finite(s.mean), "no number is not remembered");
+    check(p::step(c, s, S(8)) == F::none, "and what follows is judged anew");
+  }
+  const auto off = p::coefficients(p::ShakingWatchParams<S>{}, S(0.002));
+  p::ShakingWatchState<S> s;
+  for (int k = 0; k < 1000; ++k) check(p::step(off, s, k % 2 == 0 ? S(99) : S(-99)) == F::none, "without a limit: off");
+}
+
+}  // namespace
+
+int main() {
+  all<double>();
+  all<float>();
+  return failures();
+}
