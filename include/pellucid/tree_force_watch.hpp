@@ -45,6 +45,7 @@ template <class S> struct TreeForceWatchCoefficients {
 };
 
 constexpr double loudness_slow = 0.2;   ///< how slowly loudness is judged, of what lasts [1]
+constexpr double settled_share = 0.9;   ///< of a lasting part that has come in before anything is judged [1]
 constexpr double quiet_start = -0.25;  ///< loudness of each joint before anything was felt, so that a start is no fault [1]
 
 template <class S> TreeForceWatchCoefficients<S> coefficients(const TreeForceWatchParams<S>& p, const S& bandwidth,
@@ -66,6 +67,7 @@ template <class S> struct TreeForceWatchState {
   S open{};           ///< slow part of the friction that is not known [N m]
   S lasting{};        ///< slow part of r [N m]
   S felt_slow{};      ///< slow part of what the sensors say [N m]
+  S settled{};        ///< share of a lasting part that has come in since the law began [1]
   S loudness = S(quiet_start);  ///< by how much they are too loud, in units of the scale [1]
 };
 
@@ -77,16 +79,19 @@ template <class S> void step(const TreeForceWatchCoefficients<S>& c, TreeForceWa
   s.contradiction = s.contradiction + c.smoothing * (s.burst - s.contradiction);
   s.open = s.open + c.smoothing * (level - S(known_friction) * min(known, level) - s.open);
   s.lasting = s.lasting + c.smoothing * (residual - s.lasting);
+  s.settled = s.settled + c.smoothing * (S(1) - s.settled);
   s.felt_slow = s.felt_slow + c.smoothing * (s.felt - s.felt_slow);
   const S loud = sensed ? abs(s.felt - s.felt_slow) - S(louder) * abs(residual - s.lasting) : S(0);
   s.loudness = s.loudness + c.averaging * (loud * c.inverse_scale - s.loudness);
   if (!is_finite(s.felt + s.contradiction + s.open + s.lasting + s.loudness)) s = {};
 }
 
-/// What one joint shows, if anything: `force_sensor` where the sensors alone contradict the motion.
+/// What one joint shows, if anything: `force_sensor` where the sensors alone contradict the motion. While the law takes
+/// up the robot's weight nothing is judged.
 template <class S>
 SafetyFault shown(const TreeForceWatchCoefficients<S>& c, const TreeForceWatchState<S>& s, const S& level) noexcept {
   const TreeForceWatchParams<S>& p = c.params;
+  if (s.settled < S(settled_share)) return SafetyFault::none;
   if (!(abs(s.lasting) <= p.wearer_torque + s.open)) return SafetyFault::unexplained;
   const bool agrees = abs(s.contradiction) <= p.tolerance + s.open && abs(s.burst) <= p.burst + level;
   return agrees ? SafetyFault::none : SafetyFault::force_sensor;

@@ -42,26 +42,27 @@ void one_period() {
   const auto c = p::coefficients(params(), S(32), S(0x1p-9));
   State s;
   check(s.loudness == -0.25 && s.felt == 0 && s.open == 0, "a start is quiet");
-  s = {1, 0, 0.5, 0.25, 0.75, 0.5, 0.125};
+  s = {1, 0, 0.5, 0.25, 0.75, 0.5, 0.5, 0.125};
   p::step(c, s, S(2), S(3), true, S(1), S(0.5));
   check(s.felt == 1.125 && s.burst == 0.875, "as late as the residual");
   check(s.contradiction == 0.5 + (0.875 - 0.5) * 0x1p-7, "what lasts of it");
   check_close(s.open, 0.25 + (1 - 0.7 * 0.5 - 0.25) * 0x1p-7, 1e-15, "friction is known but for a share");
   check(s.lasting == 0.75 + 1.25 * 0x1p-7 && s.felt_slow == 0.5 + 0.625 * 0x1p-7, "slow parts");
   const S loud = (1.125 - s.felt_slow) - 1.5 * (2 - s.lasting);
+  check(s.settled == 0.5 + 0.5 * 0x1p-7, "comes in");
   check_close(s.loudness, 0.125 + (4 * loud - 0.125) * 0.2 * 0x1p-7, 1e-15, "too loud by");
-  State other{-1, 0, -0.5, 0.25, -0.75, -0.5, 0.125};
+  State other{-1, 0, -0.5, 0.25, -0.75, -0.5, 0, 0.125};
   p::step(c, other, S(-2), S(-3), true, S(1), S(0.5));
   check(other.felt == -s.felt && other.contradiction == -s.contradiction && other.loudness == s.loudness, "either way");
   State fast;
   p::step(c, fast, S(0), S(0), false, S(1), S(9));
   check_close(fast.open, 0.3 * 0x1p-7, 1e-15, "no more of friction is known than there is at rest");
-  State deaf{1, 9, 0.5, 0, 0, 0.5, 1};
+  State deaf{1, 9, 0.5, 0, 0, 0.5, 1, 1};
   p::step(c, deaf, S(2), S(3), false, S(1), S(1));
   check(deaf.felt == 0.9375 && deaf.burst == 0, "a sensor that was not heard contradicts nothing");
   check_close(deaf.loudness, 1 - 0.2 * 0x1p-7, 1e-15, "and is not loud");
   for (const S none : {std::numeric_limits<S>::quiet_NaN(), never}) {
-    State lost{1, 1, 1, 1, 1, 1, 1};
+    State lost{1, 1, 1, 1, 1, 1, 1, 1};
     p::step(c, lost, none, S(0), true, S(0), S(0));
     check(lost.felt == 0 && lost.lasting == 0 && lost.loudness == -0.25, "no number begins anew");
     lost.felt = 1;
@@ -75,6 +76,11 @@ void bounds() {
   constexpr S more = 0x1p-20;
   for (const S way : {-1.0, 1.0}) {
     State s;
+    s.lasting = s.contradiction = s.burst = way * 9;
+    s.settled = 0.9 - more;
+    check(p::shown(c, s, S(1)) == F::none, "not while the law begins");
+    s = {};
+    s.settled = 0.9;
     s.open = 0.25;
     s.lasting = way * 2.25;
     check(p::shown(c, s, S(1)) == F::none, "what a wearer gives");
@@ -83,12 +89,14 @@ void bounds() {
     s.contradiction = s.burst = way * 9;
     check(p::shown(c, s, S(1)) == F::unexplained, "comes first");
     s = {};
+    s.settled = 1;
     s.open = 0.25;
     s.contradiction = way * 0.75;
     check(p::shown(c, s, S(1)) == F::none, "within the tolerance");
     s.contradiction = way * (0.75 + more);
     check(p::shown(c, s, S(1)) == F::force_sensor, "and beyond");
     s = {};
+    s.settled = 1;
     s.burst = way * 4;
     check(p::shown(c, s, S(1)) == F::none, "at once");
     s.burst = way * (4 + more);

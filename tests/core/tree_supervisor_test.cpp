@@ -569,6 +569,7 @@ struct Judged {
   Judged(const Rules& r, const Law::Params& params = law_params()) : rig(r, params) {
     rig.settles();
     rig.state().steps = 2;
+    for (auto& one : rig.state().joint) one.motion.settled = 1;
   }
   M mode() { return p::mode_of(rig.state()); }
   p::TreeFault fault() { return p::fault_of(rig.state()); }

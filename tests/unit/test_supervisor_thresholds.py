@@ -442,7 +442,7 @@ def test_every_threshold_of_several_joints(robot):
             "force_tolerance": math.inf, "force_burst": math.inf, "force_scale": math.inf, "force_expected": 0.0,
             "force_range": math.inf, "force_quiet_samples": 50.0, "muscle_expected": 0.0, "muscle_range": math.inf,
             "muscle_quiet_samples": 50.0, "test_effort": 0.0, "test_samples": 30.0, "test_rest": 100.0,
-            "test_least": 0.0, "test_most": math.inf, "drive_delay": math.inf, "drive_delay_rate": 0.1 * effort,
+            "test_least": 0.0, "test_most": math.inf, "drive_delay": math.inf, "drive_delay_rate": 0.08 * effort,
             "drive_delay_smoothing": 60.0, "drive_delay_forget": 0.2,
         }  # fmt: skip
         assert dict(watch) == pytest.approx(expected, rel=1e-9)
@@ -488,7 +488,7 @@ def test_instruments_of_each_joint(robot):
         assert (watch["encoder_resolution"], watch["joint_tolerance"]) == (own.encoder_resolution, own.joint_tolerance)
         assert (watch["drive_limit"], watch["drive_gain"]) == (own.drive_limit, own.drive_gain_error)
         assert watch["drive_offset"] == pytest.approx(own.drive_offset_share * effort)
-        assert watch["drive_delay"] == pytest.approx(0.011 if own is rich else math.inf)
+        assert watch["drive_delay"] == pytest.approx(0.013 if own is rich else math.inf)
     assert law.whole_watch["trusts_motion"] == 0.0
     for only in ({"drive": True}, {"joint_encoder": True}, {"drive": True, "joint_encoder": True}):
         found = tree_laws.carried(robot, instruments=Instruments(**only))
@@ -499,7 +499,7 @@ def test_instruments_of_each_joint(robot):
     watch = slow.watches[1]
     assert (watch["freeze_samples"], watch["test_rest"], watch["residual_slow"]) == (2.0, 5.0, 2.5)
     assert (watch["drive_delay"], watch["drive_delay_smoothing"], watch["drive_delay_forget"]) == pytest.approx(
-        (0.03, 10.0, 0.2)
+        (0.032, 10.0, 0.2)
     )
     assert slow.whole_watch["wrench_quiet_samples"] == 2.0
     assert tree_laws.carried(robot, period=4e-3).whole_watch["wrench_quiet_samples"] == 12.0
@@ -514,7 +514,7 @@ def test_thresholds_of_force_sensors(robot):
     for k, watch in enumerate(felt.watches):
         effort = law.shares[k]["effort_limit"]
         assert (watch["force_expected"], watch["force_range"], watch["force_quiet_samples"]) == (1.0, 25.0, 50.0)
-        assert watch["force_tolerance"] == pytest.approx(0.6 * reach.resting[k] + 0.005 * effort)
+        assert watch["force_tolerance"] == pytest.approx(0.5 * reach.resting[k] + 0.02 * effort)
         assert watch["force_burst"] == pytest.approx(0.15 * effort)
         assert watch["force_scale"] == pytest.approx(reach.resting[k])
     assert (felt.whole_watch["wrench_expected"], felt.whole_watch["force_excess"]) == (0.0, tree_laws.FORCE_LOUDNESS)

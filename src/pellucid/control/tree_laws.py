@@ -21,6 +21,7 @@ from ..models.anthropometry import Segment
 from ..models.fields import largest_friction, model_fields
 from ..models.tree_card import COLUMNS, TreeCard
 from .control_law import gate_values
+from .inertia_share import require_inertia_margin, supported_inertia_share
 from .instruments import Instruments
 from .joint_compensation import DEFAULT_PERIOD_S, EFFORT_RISE_S, WIDTH_SHARE
 from .limits import Limits
@@ -56,14 +57,17 @@ POSTURE_COUNT = 400
 POSTURE_SEED = 20261122
 """Seed of these postures."""
 
+MOST_INERTIA_SHARE = 0.4
+"""Largest share of inertia that `transparent` takes by itself [1]."""
+
 STORE_SPEED_OF_OWN = 2.0
 """Speed up to which the energy observer allows a joint's own inertia to be accelerated at once [rad/s or m/s]."""
 
-FORCE_FRICTION_SHARE = 0.6
+FORCE_FRICTION_SHARE = 0.5
 """Largest lasting difference between force sensors and the momentum observer, as a share of the joint's friction at
 rest under its largest weight [1]. It is beside what friction leaves open at each moment."""
 
-FORCE_EFFORT_SHARE = 0.005
+FORCE_EFFORT_SHARE = 0.02
 """Added to it: a share of the joint's limit of effort, for a sensor's offset [1]."""
 
 FORCE_BURST_SHARE = 0.15
@@ -73,14 +77,14 @@ FORCE_LOUDNESS = 0.0
 """Largest sum over joints of what force sensors say too loudly, in units of each joint's friction at rest [1]."""
 
 
-DRIVE_DELAY_S = 0.01
-"""Largest delay of a drive's answer to its command, beside a period [s]: half of a fault of 20 ms, and five times the lag
-of a slow measurement."""
+DRIVE_DELAY_S = 0.012
+"""Largest delay of a drive's answer to its command, beside a period [s]: half of a fault of 20 ms and more, and six
+times the lag of a slow measurement."""
 
-DRIVE_DELAY_RATE_SHARE = 0.1
+DRIVE_DELAY_RATE_SHARE = 0.08
 """Standard deviation of the command's rate from which on that delay is judged, as a share of the limit of effort [1/s].
 
-Noise of a hundredth of the limit, read every 2 ms, then leaves a standard error of 1.4 ms."""
+Noise of a hundredth of the limit, read every 2 ms, then leaves a standard error of 1.8 ms."""
 
 DRIVE_DELAY_FORGET = 0.2
 """Rate at which what was seen of a drive's delay is forgotten [1/s]."""
@@ -257,18 +261,32 @@ def instruments_of(card: TreeCard, instruments: Instruments | Sequence[Instrumen
 
 
 def transparent(
-    card: TreeCard, *, friction_share: float = 0.95, inertia_share: float = 0.4, acceleration: float = 25.0, **settings
+    card: TreeCard,
+    *,
+    friction_share: float = 0.95,
+    inertia_share: float | None = None,
+    acceleration: float = 25.0,
+    check_margin: bool = True,
+    **settings,
 ) -> TreeLaw:
     """Weight, friction and a share of inertia, what drives held to each joint's own energy; no force sensor needed.
 
-    `acceleration` [rad/s^2 or m/s^2]; `settings` as of `carried`.
+    `inertia_share` of None is the largest up to `MOST_INERTIA_SHARE` whose margin over drawn bodies, postures and cuffs
+    is enough; a share with too small a margin is refused, unless `check_margin` is False. `acceleration` [rad/s^2 or
+    m/s^2]; `settings` as of `carried`.
     """
     law = carried(card, friction_share=friction_share, **settings)
-    own = reach_of(card).inertia
+    reach, share = reach_of(card), law.shares[0]
+    asked = {"friction_share": friction_share, "bandwidth": share["bandwidth"], "period": share["period"]}
+    width = WIDTH_SHARE * reach.speed
+    if inertia_share is None:
+        inertia_share = supported_inertia_share(card, width, most=MOST_INERTIA_SHARE, **asked)
+    elif check_margin and inertia_share > 0.0:
+        require_inertia_margin(card, width, share=inertia_share, **asked)
     shares = tuple(
         {**share, "inertia_share": inertia_share, "acceleration_limit": acceleration,
          "energy_store": 0.5 * float(inertia) * STORE_SPEED_OF_OWN**2}
-        for share, inertia in zip(law.shares, own, strict=True)
+        for share, inertia in zip(law.shares, reach.inertia, strict=True)
     )  # fmt: skip
     return replace(law, kind="transparent", shares=shares)
 

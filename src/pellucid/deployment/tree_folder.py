@@ -81,7 +81,7 @@ SUPERVISOR_VARIANTS = {
     "speed": {**_UNCHECKED_LAW, "raw_end_speed_limit": 1e-6},
     "ringing": {**_UNCHECKED_LAW, "ringing_limit": 1e-5},
     "outside": {**_UNCHECKED_LAW, "outside_limit": 1e-6},
-    "force": {**_UNCHECKED_LAW, "force_tolerance": 1e-6, "degrades": 1.0, "trusts_motion": 1.0},
+    "force": {**_UNCHECKED_LAW, "force_expected": 1.0, "force_range": 1e-6, "degrades": 1.0},
     "start_up": {**_UNCHECKED_LAW, "test_effort": 0.5, "test_samples": 8.0, "test_rest": 2.0, "test_most": 1e-9},
     # All checks run here and none trips, to count a step's instructions.
     "counted": {

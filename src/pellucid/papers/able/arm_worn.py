@@ -25,7 +25,9 @@ from ...lab.arm.worn_trial import motion_of, run
 LAWS: Mapping[str, Callable[..., TreeLaw]] = {
     "fc": full_compensation,
     "carried": carried,
-    "transparent": lambda card, **settings: transparent(card, inertia_share=0.4, **settings).changed(bandwidth=50.0),
+    "transparent": lambda card, **settings: transparent(
+        card, inertia_share=0.4, check_margin=False, **settings
+    ).changed(bandwidth=50.0),
     "force_sensors": lambda card, **settings: with_force_sensor(carried(card, **settings)),
 }
 """Laws of four joints by name: each makes its law from the robot's identified card, and settings of `carried`."""
