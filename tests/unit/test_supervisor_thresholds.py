@@ -18,7 +18,7 @@ from pellucid.control.worn import watched_worn
 from pellucid.models.anthropometry import Segment
 from pellucid.models.card import CardParameter, ModelCard
 from pellucid.models.slider_card import SliderCard
-from pellucid.models.tree_card import JointRange
+from pellucid.models.tree_card import COLUMNS, JointRange
 
 EFFORT, SPEED, INERTIA, PERIOD = 5.0, 10.0, 0.05, 1e-3
 WEIGHT = 1.5 + 0.25
@@ -404,6 +404,24 @@ def test_what_joints_ask_within_their_ranges(robot):
     assert tree_laws.reach_of(robot, 2, (0.0, 0.0, -0.1)).end_speed == pytest.approx(REACH["upper_speed"], rel=1e-9)
 
 
+def test_a_slide_of_which_no_range_is_known_is_where_it_is():
+    """A hinge is drawn all around, a slide has no natural range."""
+    rows = np.array(arm().links)
+    rows[3, COLUMNS["links"].index("joint")] = 2.0
+    slide = {"links": tuple(map(tuple, rows.tolist()))}
+    known = (JointRange(-1.0, 1.0, seen_velocity=2.5),) * 3
+    free, held = (
+        tree_laws.reach_of(arm(**slide, ranges=(*known, last)))
+        for last in (JointRange(seen_velocity=2.5), JointRange(0.0, 0.0, seen_velocity=2.5))
+    )
+    np.testing.assert_array_equal(free.inertia, held.inertia)
+    assert free.end_speed == held.end_speed
+    hinge = tree_laws.reach_of(arm(ranges=(*known, JointRange(seen_velocity=2.5))))
+    assert not np.allclose(
+        hinge.inertia, tree_laws.reach_of(arm(ranges=(*known, JointRange(0.0, 0.0, seen_velocity=2.5)))).inertia
+    )
+
+
 def test_limits_of_each_joint(robot):
     reach = tree_laws.reach_of(robot)
     limits = tree_laws.suggested_limits(robot, reach)
@@ -442,7 +460,7 @@ def test_every_threshold_of_several_joints(robot):
             "force_tolerance": math.inf, "force_burst": math.inf, "force_scale": math.inf, "force_expected": 0.0,
             "force_range": math.inf, "force_quiet_samples": 50.0, "muscle_expected": 0.0, "muscle_range": math.inf,
             "muscle_quiet_samples": 50.0, "test_effort": 0.0, "test_samples": 30.0, "test_rest": 100.0,
-            "test_least": 0.0, "test_most": math.inf, "drive_delay": math.inf, "drive_delay_rate": 0.08 * effort,
+            "test_least": 0.0, "test_most": math.inf, "drive_delay": math.inf, "drive_delay_rate": 0.06 * effort,
             "drive_delay_smoothing": 60.0, "drive_delay_forget": 0.2,
         }  # fmt: skip
         assert dict(watch) == pytest.approx(expected, rel=1e-9)
@@ -488,7 +506,7 @@ def test_instruments_of_each_joint(robot):
         assert (watch["encoder_resolution"], watch["joint_tolerance"]) == (own.encoder_resolution, own.joint_tolerance)
         assert (watch["drive_limit"], watch["drive_gain"]) == (own.drive_limit, own.drive_gain_error)
         assert watch["drive_offset"] == pytest.approx(own.drive_offset_share * effort)
-        assert watch["drive_delay"] == pytest.approx(0.013 if own is rich else math.inf)
+        assert watch["drive_delay"] == pytest.approx(0.015 if own is rich else math.inf)
     assert law.whole_watch["trusts_motion"] == 0.0
     for only in ({"drive": True}, {"joint_encoder": True}, {"drive": True, "joint_encoder": True}):
         found = tree_laws.carried(robot, instruments=Instruments(**only))
@@ -499,7 +517,7 @@ def test_instruments_of_each_joint(robot):
     watch = slow.watches[1]
     assert (watch["freeze_samples"], watch["test_rest"], watch["residual_slow"]) == (2.0, 5.0, 2.5)
     assert (watch["drive_delay"], watch["drive_delay_smoothing"], watch["drive_delay_forget"]) == pytest.approx(
-        (0.032, 10.0, 0.2)
+        (0.034, 10.0, 0.2)
     )
     assert slow.whole_watch["wrench_quiet_samples"] == 2.0
     assert tree_laws.carried(robot, period=4e-3).whole_watch["wrench_quiet_samples"] == 12.0

@@ -77,14 +77,14 @@ FORCE_LOUDNESS = 0.0
 """Largest sum over joints of what force sensors say too loudly, in units of each joint's friction at rest [1]."""
 
 
-DRIVE_DELAY_S = 0.012
+DRIVE_DELAY_S = 0.014
 """Largest delay of a drive's answer to its command, beside a period [s]: half of a fault of 20 ms and more, and six
 times the lag of a slow measurement."""
 
-DRIVE_DELAY_RATE_SHARE = 0.08
+DRIVE_DELAY_RATE_SHARE = 0.06
 """Standard deviation of the command's rate from which on that delay is judged, as a share of the limit of effort [1/s].
 
-Noise of a hundredth of the limit, read every 2 ms, then leaves a standard error of 1.8 ms."""
+Noise of a hundredth of the limit, read every 2 ms, then leaves a standard error of 2.4 ms."""
 
 DRIVE_DELAY_FORGET = 0.2
 """Rate at which what was seen of a drive's delay is forgotten [1/s]."""
