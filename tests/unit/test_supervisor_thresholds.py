@@ -422,6 +422,16 @@ def test_a_slide_of_which_no_range_is_known_is_where_it_is():
     )
 
 
+def test_a_joint_without_any_body_has_the_least_inertia():
+    rows = np.zeros_like(np.array(arm().links))
+    bare = np.array(arm().links)
+    kept = [COLUMNS["links"].index(name) for name in ("parent", "joint", "axis_x", "axis_y", "axis_z", "z")]
+    rows[:, kept] = bare[:, kept]
+    reach = tree_laws.reach_of(arm(links=tuple(map(tuple, rows.tolist()))))
+    np.testing.assert_allclose(reach.inertia, 1e-6, rtol=1e-12)
+    np.testing.assert_allclose(reach.heaviest, 1e-6, rtol=1e-12)
+
+
 def test_limits_of_each_joint(robot):
     reach = tree_laws.reach_of(robot)
     limits = tree_laws.suggested_limits(robot, reach)
@@ -460,8 +470,8 @@ def test_every_threshold_of_several_joints(robot):
             "force_tolerance": math.inf, "force_burst": math.inf, "force_scale": math.inf, "force_expected": 0.0,
             "force_range": math.inf, "force_quiet_samples": 50.0, "muscle_expected": 0.0, "muscle_range": math.inf,
             "muscle_quiet_samples": 50.0, "test_effort": 0.0, "test_samples": 30.0, "test_rest": 100.0,
-            "test_least": 0.0, "test_most": math.inf, "drive_delay": math.inf, "drive_delay_rate": 0.06 * effort,
-            "drive_delay_smoothing": 60.0, "drive_delay_forget": 0.2,
+            "test_least": 0.0, "test_most": math.inf, "drive_delay": math.inf, "drive_delay_rate": 0.08 * effort,
+            "drive_delay_smoothing": 20.0, "drive_delay_forget": 0.4,
         }  # fmt: skip
         assert dict(watch) == pytest.approx(expected, rel=1e-9)
     whole = sum(one.effort * one.velocity for one in limits) / 2.0
@@ -506,7 +516,7 @@ def test_instruments_of_each_joint(robot):
         assert (watch["encoder_resolution"], watch["joint_tolerance"]) == (own.encoder_resolution, own.joint_tolerance)
         assert (watch["drive_limit"], watch["drive_gain"]) == (own.drive_limit, own.drive_gain_error)
         assert watch["drive_offset"] == pytest.approx(own.drive_offset_share * effort)
-        assert watch["drive_delay"] == pytest.approx(0.015 if own is rich else math.inf)
+        assert watch["drive_delay"] == pytest.approx(0.013 if own is rich else math.inf)
     assert law.whole_watch["trusts_motion"] == 0.0
     for only in ({"drive": True}, {"joint_encoder": True}, {"drive": True, "joint_encoder": True}):
         found = tree_laws.carried(robot, instruments=Instruments(**only))
@@ -517,7 +527,7 @@ def test_instruments_of_each_joint(robot):
     watch = slow.watches[1]
     assert (watch["freeze_samples"], watch["test_rest"], watch["residual_slow"]) == (2.0, 5.0, 2.5)
     assert (watch["drive_delay"], watch["drive_delay_smoothing"], watch["drive_delay_forget"]) == pytest.approx(
-        (0.034, 10.0, 0.2)
+        (0.032, 10.0, 0.4)
     )
     assert slow.whole_watch["wrench_quiet_samples"] == 2.0
     assert tree_laws.carried(robot, period=4e-3).whole_watch["wrench_quiet_samples"] == 12.0

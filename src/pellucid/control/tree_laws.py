@@ -57,6 +57,9 @@ POSTURE_COUNT = 400
 POSTURE_SEED = 20261122
 """Seed of these postures."""
 
+MIN_INERTIA = 1e-6
+"""Smallest inertia of a joint that thresholds are made of, where the card has none [kg m^2 or kg]."""
+
 MOST_INERTIA_SHARE = 0.4
 """Largest share of inertia that `transparent` takes by itself [1]."""
 
@@ -77,16 +80,20 @@ FORCE_LOUDNESS = 0.0
 """Largest sum over joints of what force sensors say too loudly, in units of each joint's friction at rest [1]."""
 
 
-DRIVE_DELAY_S = 0.014
+DRIVE_DELAY_S = 0.012
 """Largest delay of a drive's answer to its command, beside a period [s]: half of a fault of 20 ms and more, and six
 times the lag of a slow measurement."""
 
-DRIVE_DELAY_RATE_SHARE = 0.06
+DRIVE_DELAY_RATE_SHARE = 0.08
 """Standard deviation of the command's rate from which on that delay is judged, as a share of the limit of effort [1/s].
 
-Noise of a hundredth of the limit, read every 2 ms, then leaves a standard error of 2.4 ms."""
+Noise of a hundredth of the limit, read every 2 ms, then leaves a standard error of 2.5 ms."""
 
-DRIVE_DELAY_FORGET = 0.2
+DRIVE_DELAY_SMOOTHING = 20.0
+"""Bandwidth of the command that a delay is judged by [rad/s]: a delay of 20 ms is four tenths of a radian there. At 60
+rad/s it seems shorter, and was found in one of 16 runs."""
+
+DRIVE_DELAY_FORGET = 0.4
 """Rate at which what was seen of a drive's delay is forgotten [1/s]."""
 
 
@@ -398,14 +405,16 @@ def reach_of(card: TreeCard, link: int | None = None, point: Sequence[float] = (
     weight = np.abs(tree.gravity(postures)).max(axis=0)
     matrices = tree.mass_matrix(postures)
     own = np.einsum("nkk->nk", matrices)
-    inertia = np.maximum(own.min(axis=0), 1e-6)
+    inertia = np.maximum(own.min(axis=0), MIN_INERTIA)
     column = {name: np.array([row[i] for row in card.joints]) for i, name in enumerate(COLUMNS["joints"])}
     friction = largest_friction(model_fields("tree_joint"), column, speed, weight) + np.abs(column["offset"])
     jacobian = tree.jacobian(postures, len(card.links) - 1 if link is None else link, point)[:, :3]
     end_speed = float(np.linalg.norm(np.abs(jacobian) @ speed, axis=1).max())
     resting = largest_friction(model_fields("tree_joint"), column, 0.0, weight)
     coupled = np.abs(matrices).sum(axis=2).max(axis=0)
-    return Reach(weight, friction, inertia, speed, end_speed, resting, np.maximum(own.max(axis=0), 1e-6), coupled)
+    return Reach(
+        weight, friction, inertia, speed, end_speed, resting, np.maximum(own.max(axis=0), MIN_INERTIA), coupled
+    )
 
 
 def suggested_limits(card: TreeCard, reach: Reach) -> tuple[Limits, ...]:
@@ -449,7 +458,7 @@ def _watch(
         "drive_forget": -math.expm1(-period / DRIVE_FORGET_S),
         "drive_delay": DRIVE_DELAY_S + period if instruments.drive else math.inf,
         "drive_delay_rate": DRIVE_DELAY_RATE_SHARE * effort,
-        "drive_delay_smoothing": min(known["drive_delay_smoothing"], 0.2 / period),
+        "drive_delay_smoothing": min(DRIVE_DELAY_SMOOTHING, 0.2 / period),
         "drive_delay_forget": min(DRIVE_DELAY_FORGET, 0.2 / period),
         "push_limit": effort,
         "power_limit": effort * speed,
