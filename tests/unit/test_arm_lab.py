@@ -259,5 +259,11 @@ def test_single_faults_stop_a_worn_arm(rig):
     assert (dead.joint, mirrored.said) == (1, "none")
     assert 0.0 < dead.found < 0.01
     assert dead.peak > dead.healthy_peak
+    both = carried(card, instruments=Instruments(drive=True, joint_encoder=True))
+    longer = generated_motion(4, rig["sampling"]["rate"], 5.0)
+    watched = {"onset": 0.8, "watched": 4.0, "first": 3}
+    (mirrored,) = fault_trials(rig, person, both, longer, faults=("encoder_flipped",), **watched)
+    assert mirrored.said == "disagreement"
+    assert mirrored.safe_excess <= mirrored.excess
     (blind,) = fault_trials(rig, person, law, motion, faults=("drive_dead",), first=1, **short)
     assert not blind.found < 0.1

@@ -386,6 +386,9 @@ REACH = {
 }
 """What 400 drawn postures have of this arm."""
 
+COUPLED = [0.9364421114069041, 0.7795017604313191, 0.5308363211341978, 0.1925074451930921]
+"""Largest inertia with all joints accelerated alike, whichever way."""
+
 
 @pytest.fixture(scope="module")
 def robot():
@@ -538,6 +541,7 @@ def test_thresholds_of_force_sensors(robot):
     law = tree_laws.carried(robot, instruments=Instruments(force_range=25.0))
     reach = tree_laws.reach_of(robot)
     np.testing.assert_allclose(reach.resting, 0.3 + 0.05 * reach.weight)
+    np.testing.assert_allclose(reach.coupled, COUPLED, rtol=1e-9)
     felt = tree_laws.with_force_sensor(law)
     for k, watch in enumerate(felt.watches):
         effort = law.shares[k]["effort_limit"]

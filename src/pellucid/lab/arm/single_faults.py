@@ -310,13 +310,14 @@ def fault_trials(
     """
     last = round((onset + watched) * motion.rate)
     motion = replace(motion, position=motion.position[:last])
-    healthy = run(rig, person, FaultyLaw(law, points, onset=onset, readings=readings), motion)
+    sound = FaultyLaw(law, points, onset=onset, readings=readings)
+    healthy = run(rig, person, sound, motion, joints=sound.hear)
     for number, fault in enumerate(faults):
         if KINDS[fault]["needs"] == "interaction" and points is None:
             continue
         joint = (first + number) % len(law.card.names)
         faulty = FaultyLaw(law, points, fault, joint, onset, readings)
-        yield compare_with_healthy(run(rig, person, faulty, motion), healthy, faulty)
+        yield compare_with_healthy(run(rig, person, faulty, motion, joints=faulty.hear), healthy, faulty)
 
 
 def compare_with_healthy(trial: WornTrial, healthy: WornTrial, law: FaultyLaw) -> ArmFaultTrial:
