@@ -38,7 +38,7 @@ from pellucid.studies.results import ResultRow
 SEED = 20290201
 """Seed of the arms, wearers and instruments of the proof: nothing was chosen on them."""
 
-TUNING_SEEDS = (20261101, 20261102, 20261103, 20281101)
+TUNING_SEEDS = (20261101, 20261102, 20261103, 20281101, 20281103, 20281105)
 """Seeds of the arms on which thresholds were chosen."""
 
 ARMS = sized(5, smallest=1)
@@ -234,6 +234,7 @@ def arm_table_lines(made: Sequence[ArmOutcome]) -> Iterator[str]:
         name, _, without = fault.partition(", ")
         found = [1e3 * t.found for t in of if t.found >= 0.0]
         median, latest = (f"{np.median(found):.0f} ms", f"{max(found):.0f} ms") if found else ("", "")
-        sentence = KINDS[name]["sentence"] + (" (no second encoder)" if without else "")
+        beside = ", beside a second one" if name in ENCODER_FAULTS and not without else ""
+        sentence = KINDS[name]["sentence"].replace(", the only one,", "" if beside else ", the only one,") + beside
         excess = max(t.safe_excess for t in of)
         yield f"| `{name}` | {sentence} | {len(found)} of {len(of)} | {median} | {latest} | {excess:.2f} J |"
