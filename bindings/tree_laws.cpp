@@ -91,7 +91,8 @@ constexpr const char* supervised_init_sig =
     "single: bool = False) -> None";
 constexpr const char* supervised_step_sig =
     "def step(self, time: float, position: ArrayLike, interaction: ArrayLike | None = None, muscle: ArrayLike | None = "
-    "None, wrench: ArrayLike | None = None, *, drive: ArrayLike | None = None, token: int = 0) -> NDArray[float64]";
+    "None, wrench: ArrayLike | None = None, *, drive: ArrayLike | None = None, joint: ArrayLike | None = None, token: int "
+    "= 0) -> NDArray[float64]";
 constexpr const char* supervised_step_doc = R"(One control period: the effort of each motor, (m,) [N m; N].
 
 Parameters
@@ -100,6 +101,8 @@ time, position, interaction, muscle, wrench
     As TreeLaw.step takes them.
 drive : (m,)
     What each motor's drive measures of its effort; NaN or left out: nothing.
+joint : (m,)
+    What a second encoder of each joint says [rad; m]; NaN or left out: nothing.
 token : int
     The challenge of a fault, from an operator who asks for a reset.)";
 constexpr const char* time_doc = R"(Nanoseconds of single control steps on a smooth motion, each timed by itself, (cycles,).)";
@@ -158,15 +161,15 @@ struct Read {
   std::size_t m;
   Array position;
   std::vector<Array> others;
-  const Array *interaction = nullptr, *muscle = nullptr, *wrench = nullptr, *drive = nullptr;
+  const Array *interaction = nullptr, *muscle = nullptr, *wrench = nullptr, *drive = nullptr, *joint = nullptr;
 
   Read(std::size_t joints, nb::handle at, std::initializer_list<std::pair<const char*, nb::handle>> named,
        const std::size_t* n)
       : m(joints), position(read_array("position", at)) {
     const auto shape = [n](std::size_t each) { return n == nullptr ? Shape{each} : Shape{*n, each}; };
     position.expect(text(shape(m)), shape(m));
-    others.reserve(4);
-    const Array** place[] = {&interaction, &muscle, &wrench, &drive};
+    others.reserve(5);
+    const Array** place[] = {&interaction, &muscle, &wrench, &drive, &joint};
     std::size_t i = 0;
     for (const auto& [name, value] : named) {
       const Array** to = place[i++];
@@ -341,6 +344,8 @@ template <class S> class SupervisedTreeIn : public AnySupervisedTree {
     for (std::size_t k = 0; k < joints(); ++k) {
       const S given = at<S>(read.drive, k);
       back.drive[k] = {given, now, law_.state.steps, !std::isnan(given)};
+      const S second = at<S>(read.joint, k);
+      back.joint[k] = {second, now, law_.state.steps, !std::isnan(second)};
     }
     out_ = p::step(law_, p::stamped(law_, read.samples<S>(0, sound), now), back, now);
     for (std::size_t k = 0; k < joints(); ++k) drives[k] = static_cast<double>(out_.command.drive[k]);
@@ -385,9 +390,10 @@ struct SupervisedTreeLaw {
     else law = std::make_unique<SupervisedTreeIn<double>>(numbers, watches, whole_watch);
   }
   nb::object step(double time, nb::handle position, nb::handle interaction, nb::handle muscle, nb::handle wrench,
-                  nb::handle drive, std::uint32_t token) {
+                  nb::handle drive, nb::handle joint, std::uint32_t token) {
     const Read read(law->joints(), position,
-                    {{"interaction", interaction}, {"muscle", muscle}, {"wrench", wrench}, {"drive", drive}}, nullptr);
+                    {{"interaction", interaction}, {"muscle", muscle}, {"wrench", wrench}, {"drive", drive}, {"joint", joint}},
+                    nullptr);
     const Result drives({law->joints()});
     law->step(time, read, token, drives.data);
     return drives.array();
@@ -446,7 +452,8 @@ void add_tree_laws(nb::module_& m) {
            nb::sig(supervised_init_sig))
       .def("step", &SupervisedTreeLaw::step, nb::arg("time"), nb::arg("position").none(),
            nb::arg("interaction") = nb::none(), nb::arg("muscle") = nb::none(), nb::arg("wrench") = nb::none(),
-           nb::kw_only(), nb::arg("drive") = nb::none(), nb::arg("token") = 0, nb::sig(supervised_step_sig),
+           nb::kw_only(), nb::arg("drive") = nb::none(), nb::arg("joint") = nb::none(), nb::arg("token") = 0,
+           nb::sig(supervised_step_sig),
            supervised_step_doc)
       .def("stop", [](SupervisedTreeLaw& l) { l.law->stop(); }, "From the next step on it stops.")
       .def_prop_ro("fault", [](const SupervisedTreeLaw& l) { return fault_name(l.law->fault().fault); },

@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks._size import sized
 
 from pellucid._processes import ordered_results
-from pellucid.control.tree_laws import with_measured_drives
+from pellucid.control.instruments import Instruments
 from pellucid.control.tree_stability import (
     DRAWN_LIMBS,
     LinearShares,
@@ -332,7 +332,7 @@ def _median(name: str, values: Sequence[float], unit: str, note: str) -> ResultR
 def faulted(rig: ArmRig, person: Person, first: int) -> dict[str, list[ArmFaultTrial]]:
     """Single faults on one robot and person under the published law and the best, joints in turn from the `first`."""
     card, motion, points = card_of(rig, identified(rig)), motion_of(person, rig, repetition=3), sensor_points(person)
-    laws = {name: with_measured_drives(LAWS[name](card)) for name in (PUBLISHED_LAW, BEST_LAW)}
+    laws = {name: LAWS[name](card, instruments=Instruments(drive=True)) for name in (PUBLISHED_LAW, BEST_LAW)}
     felt = {PUBLISHED_LAW: None, BEST_LAW: points}
     return {name: list(fault_trials(rig, person, law, motion, felt[name], first=first)) for name, law in laws.items()}
 

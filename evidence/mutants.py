@@ -45,6 +45,7 @@ LONGEST_TEST_S = 60.0
 JUDGES: dict[str, tuple[str, ...]] = {
     "body_residual": ("body_residual",),
     "damped_stop": ("damped_stop",),
+    "drive_delay_watch": ("drive_delay_watch",),
     "drive_watch": ("drive_thresholds", "drive_watch"),
     "encoder_watch": ("encoder_watch",),
     "energy_budget": ("energy_budget",),
@@ -60,6 +61,7 @@ JUDGES: dict[str, tuple[str, ...]] = {
     "shaking_watch": ("shaking_watch",),
     "start_up_test": ("start_up_wave",),
     "supervisor": ("supervisor_states", "supervisor"),
+    "tree_force_watch": ("tree_force_watch",),
     "tree_gate": ("tree_gate", "tree_law"),
     "tree_law": ("tree_gate", "tree_law"),
     "tree_supervisor": ("tree_supervisor", "tree_law"),
@@ -77,7 +79,9 @@ PYTHON_JUDGES: dict[str, tuple[frozenset[str] | None, tuple[str, ...]]] = {
     ),
     "limits": (None, ("test_supervisor_thresholds",)),
     "tree_laws": (
-        frozenset({"carried", "reach_of", "suggested_limits", "with_measured_drives", "_watch"}),
+        frozenset(
+            {"carried", "instruments_of", "reach_of", "suggested_limits", "with_force_sensor", "_test", "_watch"}
+        ),
         ("test_supervisor_thresholds",),
     ),
 }
@@ -206,14 +210,9 @@ EQUIVALENT: tuple[Equivalent, ...] = (
                "the watch itself says nothing of a drive that is not expected"),
     Equivalent("tree_supervisor", "mode_of(state) == Mode::latched || !is_finite(next)", ("|| !is_finite(next) ->",),
                "the last effort is a number, and so is what is clamped to it"),
-    Equivalent("tree_supervisor", "law.gate.joints <= N ? law.gate.joints",
-               ("law.gate.joints <= N -> true", "N -> (2 * (N))", "N -> (3 * (N) / 2)"),
-               "a gate has no more joints than there is room for"),
-    Equivalent("tree_supervisor", "const bool whole = found.fault == SafetyFault::integrity;",
-               ("found.fault == SafetyFault::integrity -> false",), "lost memory has entered a harder mode before"),
-    Equivalent("tree_supervisor", "(whole || runs_away)) enter(state, found, Mode::zero)",
-               ("mode_of(state) == Mode::damped_stop -> true", "mode_of(state) == Mode::damped_stop && ->",
-                "whole || ->"), "a mode that is stopped harder is not entered again"),
+    Equivalent("tree_supervisor", "&& runs_away) enter(state, found, Mode::zero)",
+               ("mode_of(state) == Mode::damped_stop -> true", "mode_of(state) == Mode::damped_stop && ->"),
+               "a mode that is stopped harder is not entered again"),
     Equivalent("tree_supervisor", "p.whole.reset_delay < S(1e6) * c.period", ("< -> <=",), EQUAL),
 )  # fmt: skip
 """Mutants that no test can kill, by file, source text and change."""

@@ -67,6 +67,7 @@
 #include "transparent_compensation.hpp"
 #include "tree_compensation.hpp"
 #include "tree_drives.hpp"
+#include "tree_force_watch.hpp"
 #include "tree_gate.hpp"
 #include "tree_law.hpp"
 #include "tree_plant.hpp"

@@ -282,9 +282,8 @@ template <class S> bool is_new(std::uint32_t& seen, const Sample<S>& sample) noe
 }
 
 /// What the encoder of the joint says beside the motor's, if anything.
-template <class S>
-SafetyFault compare(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, const Sample<S>& position,
-                    const Sample<S>& joint) noexcept {
+template <class C, class State, class S>
+SafetyFault compare(const C& c, State& s, const Sample<S>& position, const Sample<S>& joint) noexcept {
   if (c.params.joint_expected == 0) return SafetyFault::none;
   if (!is_new(s.joint_seen, joint)) return ++s.joint_silent > c.params.drive.cycles ? SafetyFault::disagreement : SafetyFault::none;
   s.joint_silent = 0;

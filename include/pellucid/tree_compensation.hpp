@@ -126,6 +126,18 @@ TreeCompensationCoefficients<S, N> coefficients(const TreeCompensationParams<S, 
   return c;
 }
 
+/// Whether every count and index of a law lies within its arrays, and each link's parent before it, whatever a memory lost.
+template <class S, std::size_t N> bool is_within_bounds(const TreeCompensationCoefficients<S, N>& c) noexcept {
+  if (c.tree.links > N || c.tree.coordinates > c.tree.links || c.gate.joints != c.tree.coordinates) return false;
+  if (c.whole.end_link > c.tree.links || c.whole.sensor_link > c.tree.links) return false;
+  for (std::size_t i = 0; i < c.tree.links; ++i) {
+    const LinkCoefficients<S>& link = c.tree.link[i];
+    if (!link.on_base && link.parent >= i) return false;
+    if (link.joint != JointKind::fixed && link.coordinate >= c.tree.coordinates) return false;
+  }
+  return true;
+}
+
 template <class S> struct JointShareState {
   MotionEstimatorState<S> motion{};   ///< motion, estimated from the encoders
   TorqueFeedbackState<S> feedback{};  ///< on a force sensor
@@ -140,6 +152,8 @@ template <class S, std::size_t N> struct TreeCompensationState {
   S weight[N]{};                            ///< g, now [N m; N]
   S lost[N]{};                              ///< friction at the velocity of now, under the weight [N m; N]
   S end_speed{};                            ///< speed of the end point [m/s]
+  S felt[N]{};                              ///< what force sensors say of the wearer's effort on each joint [N m; N]
+  bool sensed[N]{};                         ///< whether any force sensor was heard for it
   TreeGateState<S, N> gate{};               ///< the last step
 };
 
@@ -204,8 +218,9 @@ void compensate(const TreeCompensationCoefficients<S, N>& c, TreeCompensationSta
     const S lost = p.friction_lead > S(0) ? friction(body.friction, v[k] + p.friction_lead * a[k], load)
                                           : friction(body.friction, now, load);
     const bool at_joint = is_heard(samples.interaction[k]);
-    const S given = (on_link ? felt[k] : S(0)) + (at_joint ? samples.interaction[k].value : S(0));
-    const S fed_back = step(c.joint[k].feedback, s.joint[k].feedback, given, on_link || at_joint);
+    s.felt[k] = (on_link ? felt[k] : S(0)) + (at_joint ? samples.interaction[k].value : S(0));
+    s.sensed[k] = on_link || at_joint;
+    const S fed_back = step(c.joint[k].feedback, s.joint[k].feedback, s.felt[k], s.sensed[k]);
     drive[k] = p.friction_share * lost + p.inertia_share * moved[k] + fed_back;
     wanted[k] = p.gravity_share * s.weight[k] + body.offset;
   }

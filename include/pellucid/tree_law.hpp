@@ -103,6 +103,11 @@ template <class L> bool configure(TreeController<L>& c, const typename L::Params
   return c.law.gate.valid;
 }
 
+/// How many joints a gate has, and no more than there is room for, whatever a memory lost of that number.
+template <class G> constexpr std::size_t joints_of(const G& gate, std::size_t room) noexcept {
+  return gate.joints <= room ? gate.joints : room;
+}
+
 namespace detail {
 /// A sample as the law sees it: no number where it may not be believed.
 template <class S> SafetyFault believe(const SampleRules& rules, SampleState& seen, Sample<S>& sample,
@@ -119,7 +124,7 @@ template <class S> SafetyFault believe(const SampleRules& rules, SampleState& se
 template <class L, class S, std::size_t N>
 TreeSamples<S, N> believed(TreeController<L>& c, const TreeSamples<S, N>& read, std::int64_t now) noexcept {
   TreeSamples<S, N> samples = read;
-  const std::size_t n = c.law.gate.joints;
+  const std::size_t n = joints_of(c.law.gate, N);
   for (std::size_t k = 0; k < n; ++k) {
     const SampleRules& rules = c.law.gate.joint[k].rules;
     const SafetyFault found = detail::believe(rules, c.position[k], samples.position[k], now);

@@ -4,10 +4,16 @@
 // drive are above suspicion are held back viscously, so that the arm sinks instead of falling; the joint in doubt loses
 // its effort and its power, and so does every motor that turns with it. What is in doubt of the whole, memory above all,
 // takes the power from all.
+//
+// A force sensor that lies, or EMG, is left out where the law can do without it and encoders and drives are above
+// suspicion by instruments of their own; else what contradicts the motion stops it. Before the law runs, a small wave of
+// effort at one joint after the other may test polarity and gain.
 #pragma once
 
+#include "drive_delay_watch.hpp"
 #include "supervisor.hpp"
 #include "tree_compensation.hpp"
+#include "tree_force_watch.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
@@ -20,6 +26,13 @@ template <class S> struct JointWatchParams {
   RingingWatchParams<S> ringing{};
   DampedStopParams<S> hold{};
   S outside_limit = S(std::numeric_limits<S>::infinity()), rest_speed = S(0.3);
+  std::uint32_t joint_expected = 0;
+  S joint_tolerance = S(std::numeric_limits<S>::infinity());
+  TreeForceWatchParams<S> motion{};  ///< watch of the residual, and of force sensors beside it
+  SensorWatchParams<S> force{};      ///< watch of a force sensor at the joint
+  SensorWatchParams<S> muscle{};     ///< watch of EMG
+  StartUpTestParams<S> test{};
+  DriveDelayWatchParams<S> delay{};  ///< watch of how late the joint's motor answers
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     pellucid::walk(p.encoder, visit);
@@ -29,14 +42,24 @@ template <class S> struct JointWatchParams {
     pellucid::walk(p.hold, visit);
     visit(p.outside_limit, {"outside_limit", unit::effort, above(0).or_infinite(),
                             "the most that a wearer gives there beyond friction; infinite: not checked"});
-    visit(p.rest_speed, {"rest_speed", unit::velocity, above(0).or_infinite(), "slower, a reset may be granted"});
+    visit(p.rest_speed, {"rest_speed", unit::velocity, above(0).or_infinite(), "slower, a reset may be granted, or the test at start-up begin"});
+    visit(p.joint_expected, {"joint_expected", unit::one, between(0, 1), "1: there is a second encoder, at the joint"});
+    visit(p.joint_tolerance, {"joint_tolerance", unit::coordinate, above(0).or_infinite(),
+                              "by which the two encoders may differ more than at the start"});
+    pellucid::walk(p.motion, visit);
+    auto of_force = prefixed(visit, "force_"), of_muscle = prefixed(visit, "muscle_");
+    pellucid::walk(p.force, of_force);
+    pellucid::walk(p.muscle, of_muscle);
+    pellucid::walk(p.test, visit);
+    pellucid::walk(p.delay, visit);
   }
 };
 
 /// What is watched of all.
 template <class S> struct WholeWatchParams {
   S power = S(std::numeric_limits<S>::infinity()), speed = power, reset_delay = S(1);
-  std::uint32_t healthy_samples = 500;
+  std::uint32_t healthy_samples = 500, degrades = 0, trusts_motion = 0, wrench_expected = 0, wrench_quiet = 50;
+  S force_excess = power, moving = S(0.2), wrench_force = power, wrench_moment = power;
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.power, {"raw_power_limit", Unit{0, 0, 0, "W"}, above(0).or_infinite(),
@@ -45,6 +68,22 @@ template <class S> struct WholeWatchParams {
                     "of the law's end point, by raw velocities; infinite: none"});
     visit(p.reset_delay, {"reset_delay", unit::time, between(0, 60), "from a fault to the earliest reset"});
     visit(p.healthy_samples, {"healthy_samples", unit::one, at_least(1), "in a row before a reset is granted"});
+    visit(p.degrades, {"degrades", unit::one, between(0, 1),
+                       "1: without force sensors and EMG the law still carries the robot"});
+    visit(p.trusts_motion, {"trusts_motion", unit::one, between(0, 1),
+                            "1: encoders and drives are checked by instruments of their own, so that a contradiction "
+                            "is the force sensor's"});
+    visit(p.force_excess, {"force_excess", unit::one, any_number().or_infinite(),
+                           "of the sum of joints' loudness; infinite: not checked"});
+    visit(p.moving, {"moving_speed", unit::velocity, at_least(0), "faster, a force sensor's word must change"});
+    visit(p.wrench_expected, {"wrench_expected", unit::one, between(0, 1),
+                              "1: the law makes use of the sensor on a link, and it must speak"});
+    visit(p.wrench_quiet, {"wrench_quiet_samples", unit::one, at_least(1),
+                           "periods in a row without a word of it, or without a change while a joint moves, that are a "
+                           "fault"});
+    visit(p.wrench_force, {"wrench_force_range", unit::force, above(0).or_infinite(), "of each force that it can say"});
+    visit(p.wrench_moment, {"wrench_moment_range", Unit{0, 0, 0, "N*m"}, above(0).or_infinite(),
+                            "of each moment that it can say"});
   }
 };
 
@@ -58,6 +97,9 @@ template <class S> struct JointWatchCoefficients {
   JointWatchParams<S> params{};           ///< as they are
   EncoderWatchCoefficients<S> encoder{};  ///< watch of the raw angle
   RingingWatchCoefficients<S> ringing{};  ///< watch of the command for ringing
+  TreeForceWatchCoefficients<S> motion{};  ///< watch of the residual, and of force sensors beside it
+  StartUpTestCoefficients<S> test{};      ///< test of polarity and gain at start-up
+  DriveDelayWatchCoefficients<S> delay{};  ///< watch of how late the joint's motor answers
   S level{};                              ///< friction at rest without a load [N m; N]
   S load{};                               ///< more of it, per load [1]
 };
@@ -77,15 +119,19 @@ TreeSupervisorCoefficients<S, N> coefficients(const TreeSupervisorParams<S, N>& 
   c.whole = p.whole;
   c.period = law.gate.joint[0].params.period;
   bool valid = law.gate.valid && is_sound(p.whole);
-  for (std::size_t k = 0; k < law.gate.joints; ++k) {
+  for (std::size_t k = 0; k < joints_of(law.gate, N); ++k) {
     JointWatchCoefficients<S>& one = c.joint[k];
     const FrictionCoefficients<S>& f = law.drives.joint[k].friction;
     one.params = p.joint[k];
     one.encoder = coefficients(p.joint[k].encoder, c.period);
     one.ringing = coefficients(p.joint[k].ringing, S(4) * c.period);
+    one.motion = coefficients(p.joint[k].motion, law.whole.observer_bandwidth, S(2) * c.period);
+    one.test = coefficients(p.joint[k].test);
+    one.delay = coefficients(p.joint[k].delay, S(2) * c.period);
     one.level = max(f.coulomb_positive, f.coulomb_negative) + f.stribeck;
     one.load = max(f.load_motoring, f.load_generating);
-    valid = valid && is_sound(p.joint[k]) && one.encoder.valid && one.ringing.valid != 0;
+    valid = valid && is_sound(p.joint[k]) && one.encoder.valid && one.ringing.valid != 0 &&
+            one.motion.valid && one.test.valid != 0 && one.delay.valid;
   }
   c.valid = valid ? 1 : 0;
   c.reset_periods = valid && p.whole.reset_delay < S(1e6) * c.period
@@ -97,6 +143,7 @@ TreeSupervisorCoefficients<S, N> coefficients(const TreeSupervisorParams<S, N>& 
 /// What comes back from drives and operator, beside what the law reads.
 template <class S, std::size_t N> struct TreeFeedback {
   Sample<S> drive[N]{};     ///< the effort that each motor's drive measures [N m; N]
+  Sample<S> joint[N]{};     ///< a second encoder of each joint [rad; m]
   std::uint32_t token = 0;  ///< the challenge of a fault, sent back by an operator who asks for a reset
 };
 
@@ -123,7 +170,14 @@ template <class S> struct JointWatchState {
   EnergyBudgetState<S> budget{};   ///< budget for the energy of the command
   RingingWatchState<S> ringing{};  ///< watch of the command for ringing
   DampedStopState<S> hold{};       ///< viscous hold
-  std::uint32_t drive_seen = ~std::uint32_t(0);  ///< its sequence number
+  TreeForceWatchState<S> motion{};  ///< watch of the residual, and of force sensors beside it
+  SensorWatchState<S> force{}, muscle{};  ///< watches of the sensors that the law hears
+  StartUpTestState<S> test{};      ///< wave of effort at start-up
+  DriveDelayWatchState<S> delay{};  ///< watch of how late the joint's motor answers
+  std::uint32_t drive_seen = ~std::uint32_t(0), joint_seen = ~std::uint32_t(0);  ///< sequence numbers
+  S joint_offset{};                ///< offset of the second encoder [rad]
+  bool joint_started = false;      ///< false until it was read
+  std::uint32_t joint_silent = 0;  ///< periods without it
   std::uint32_t doubted = 0;                     ///< 1: what a hold needs of it is in doubt
 };
 
@@ -133,6 +187,9 @@ template <class S, std::size_t N> struct TreeSupervisorState {
   TwinWord challenge{};              ///< challenge of the last fault, which an operator answers
   S output[N]{};                     ///< the last efforts [N m; N]
   JointWatchState<S> joint[N]{};     ///< watches of each joint
+  WrenchSample<S> wrench{};          ///< last word of the sensor on a link
+  std::uint32_t wrench_quiet = 0;    ///< periods in a row without another
+  std::uint32_t tested = 0;          ///< joint whose turn it is in the test at start-up
   ChecksumState law_sum{}, own_sum{};  ///< checksums of the law's numbers and of the supervisor's
   std::uint32_t steps = 0;           ///< since it was configured
   std::uint32_t stopped = 0;         ///< periods since the last fault
@@ -173,6 +230,20 @@ template <class L> void seal(TreeSupervised<L>& s) noexcept {
   s.state.own_sum = {checksum(s.supervisor), checksum_start, 0};
 }
 
+/// The first joint from `from` on that has a test at start-up, or the number of joints.
+template <class S, std::size_t N>
+std::uint32_t next_tested(const TreeSupervisorCoefficients<S, N>& c, std::size_t joints, std::size_t from) noexcept {
+  while (from < joints && !(c.joint[from].params.test.effort > S(0))) ++from;
+  return static_cast<std::uint32_t>(from);
+}
+
+/// Where a supervised law begins: with its test, if any joint has one.
+template <class L> void begin(TreeSupervised<L>& s) noexcept {
+  const std::size_t n = joints_of(s.controller.law.gate, L::most);
+  s.state.tested = next_tested(s.supervisor, n, 0);
+  go(s.state, s.state.tested < n ? Mode::start_up : Mode::running, {});
+}
+
 /// Starts with efforts of 0; a fault that is latched stays so. False where the parameters make no sense.
 template <class L> bool configure(TreeSupervised<L>& s, const typename L::Params& params,
                                   const TreeSupervisorParams<typename L::Scalar, L::most>& supervisor) noexcept {
@@ -196,10 +267,10 @@ template <class L> bool configure(TreeSupervised<L>& s, const typename L::Params
     s.state.faults = faults;
     for (std::uint32_t i = 0; i < log_length; ++i) s.state.log[i] = log[i];
   }
-  const std::uint32_t all = static_cast<std::uint32_t>(s.controller.law.gate.joints);
+  const std::uint32_t all = static_cast<std::uint32_t>(joints_of(s.controller.law.gate, L::most));
   if (shut) go(s.state, Mode::latched, whole ? before : TreeFault{SafetyFault::integrity, all});
   else if (s.supervisor.valid == 0) go(s.state, Mode::latched, {SafetyFault::configuration, all});
-  else go(s.state, Mode::running, {});
+  else begin(s);
   seal(s);
   return s.supervisor.valid != 0;
 }
@@ -207,7 +278,8 @@ template <class L> bool configure(TreeSupervised<L>& s, const typename L::Params
 /// Whether a fault leaves encoder and drive of its joint above suspicion, so that the joint can be held.
 constexpr bool can_hold(SafetyFault fault) noexcept {
   return fault == SafetyFault::velocity || fault == SafetyFault::stopped || fault == SafetyFault::overspeed ||
-         fault == SafetyFault::push || fault == SafetyFault::power || fault == SafetyFault::energy;
+         fault == SafetyFault::push || fault == SafetyFault::power || fault == SafetyFault::energy ||
+         fault == SafetyFault::force_sensor || fault == SafetyFault::muscle || fault == SafetyFault::lost;
 }
 
 /// What a fault asks for: joints that can be held are, unless what is in doubt is of the whole.
@@ -230,6 +302,7 @@ void enter(TreeSupervisorState<S, N>& s, TreeFault fault, Mode wanted) noexcept 
   s.log[s.faults % log_length] = {s.steps, fault, next};
   ++s.faults;
   go(s, next, again ? fault_of(s) : fault);
+  if (!is_stopped(next)) return;
   put(s.challenge, checksum_of(checksum_of(s.challenge.word ^ s.steps, s.faults), 0x9e3779b9u) | 1u);
   s.stopped = 0;
   s.healthy = 0;
@@ -237,6 +310,7 @@ void enter(TreeSupervisorState<S, N>& s, TreeFault fault, Mode wanted) noexcept 
     one.hold = {};
     const S asked = one.drive.asked;
     one.drive = {};
+    one.delay = {};
     one.drive.asked = one.drive.asked_before = asked;
   }
 }
@@ -252,7 +326,7 @@ TreeFault observe(TreeSupervised<L>& s, const TreeSamples<S, N>& samples, const 
   const TreeSupervisorCoefficients<S, N>& c = s.supervisor;
   const auto& law = s.controller.law;
   TreeSupervisorState<S, N>& state = s.state;
-  const std::size_t n = law.gate.joints;
+  const std::size_t n = joints_of(law.gate, N);
   TreeFault first;
   const auto say = [&](SafetyFault fault, std::size_t joint) {
     if (fault == SafetyFault::none) return;
@@ -263,6 +337,7 @@ TreeFault observe(TreeSupervised<L>& s, const TreeSamples<S, N>& samples, const 
   S velocity[N]{}, turned[N]{}, power = S(0);
   for (std::size_t k = 0; k < n; ++k) {
     say(step(c.joint[k].encoder, state.joint[k].encoder, samples.position[k]), k);
+    say(compare(c.joint[k], state.joint[k], samples.position[k], back.joint[k]), k);
     velocity[k] = state.joint[k].encoder.velocity;
     power = power + state.output[k] * velocity[k];
   }
@@ -271,6 +346,8 @@ TreeFault observe(TreeSupervised<L>& s, const TreeSamples<S, N>& samples, const 
     const DriveWatchParams<S>& drive = c.joint[k].params.drive;
     if (drive.expected == 0) continue;
     const bool heard = is_new(state.joint[k].drive_seen, back.drive[k]);
+    if (heard && (state.steps & 1u) != 0)
+      say(step(c.joint[k].delay, state.joint[k].delay, state.joint[k].drive.asked, back.drive[k].value), k);
     say(step(drive, state.joint[k].drive, back.drive[k].value, c.period * turned[k], heard), k);
   }
   if (!(abs(power) <= c.whole.power)) say(SafetyFault::power, n);
@@ -284,7 +361,8 @@ TreeFault observe(TreeSupervised<L>& s, const TreeSamples<S, N>& samples, const 
         k);
     if (!(abs(s.controller.state.observer.residual[k]) <= c.joint[k].params.outside_limit + level))
       say(SafetyFault::unexplained, k);
-    if ((state.steps & 2u) != 0) say(step(c.joint[k].ringing, state.joint[k].ringing, state.output[k]), k);
+    // The wave at start-up is no loop that rings, however slow a heavy machine makes it.
+    if ((state.steps & 2u) != 0 && mode_of(state) != Mode::start_up) say(step(c.joint[k].ringing, state.joint[k].ringing, state.output[k]), k);
   }
   const auto& whole = law.whole;
   if (whole.end_link > 0 && c.whole.speed < S(std::numeric_limits<S>::max())) {
@@ -299,6 +377,75 @@ TreeFault observe(TreeSupervised<L>& s, const TreeSamples<S, N>& samples, const 
   return first;
 }
 
+/// What is wrong with the sensor on a link by itself, every second period: it speaks, within its range, and changes while
+/// any joint moves.
+template <class S, std::size_t N>
+SafetyFault judge_wrench(const WholeWatchParams<S>& p, TreeSupervisorState<S, N>& s, const WrenchSample<S>& read,
+                         bool moves) noexcept {
+  if (p.wrench_expected == 0) return SafetyFault::none;
+  const bool heard = is_heard(read);
+  const Vector3<S>& f = read.force;
+  const Vector3<S>& m = read.moment;
+  if (heard && !(max(max(abs(f.x), abs(f.y)), abs(f.z)) <= p.wrench_force &&
+                 max(max(abs(m.x), abs(m.y)), abs(m.z)) <= p.wrench_moment))
+    return SafetyFault::force_sensor;
+  const WrenchSample<S>& last = s.wrench;
+  const bool same = f.x == last.force.x && f.y == last.force.y && f.z == last.force.z && m.x == last.moment.x &&
+                    m.y == last.moment.y && m.z == last.moment.z;
+  const bool quiet = !heard || (moves && same);
+  if (heard) s.wrench = read;
+  s.wrench_quiet = quiet ? (s.wrench_quiet < 0xffff0000u ? s.wrench_quiet + 2 : s.wrench_quiet) : 0;
+  return s.wrench_quiet >= p.wrench_quiet ? SafetyFault::lost : SafetyFault::none;
+}
+
+/// Residuals, force sensors and EMG, every second period. Without a sensor that is silent or beyond its range the law
+/// goes on if it can. A force sensor that contradicts model, command and motion may be right and the drive or the encoder
+/// wrong: then it goes on only if instruments of their own vouch for these.
+template <class L, class S, std::size_t N>
+void judge_sensors(TreeSupervised<L>& s, const TreeSamples<S, N>& samples) noexcept {
+  const TreeSupervisorCoefficients<S, N>& c = s.supervisor;
+  TreeSupervisorState<S, N>& state = s.state;
+  const auto& law = s.controller.law;
+  const auto& known = s.controller.state;
+  const std::size_t n = joints_of(law.gate, N);
+  TreeFault silent, contradicted, unexplained;
+  const auto note = [](TreeFault& first, SafetyFault fault, std::size_t joint) {
+    if (fault != SafetyFault::none && first.fault == SafetyFault::none)
+      first = {fault, static_cast<std::uint32_t>(joint)};
+  };
+  bool any_moves = false;
+  S loudness = S(0);
+  for (std::size_t k = 0; k < n; ++k) {
+    const JointWatchCoefficients<S>& p = c.joint[k];
+    JointWatchState<S>& one = state.joint[k];
+    const S velocity = one.encoder.velocity;
+    const bool moves = abs(velocity) > c.whole.moving;
+    any_moves = any_moves || moves;
+    note(silent, step(p.params.force, one.force, samples.interaction[k], moves, SafetyFault::force_sensor, 2), k);
+    note(silent, step(p.params.muscle, one.muscle, samples.muscle[k], false, SafetyFault::muscle, 2), k);
+    const S level = p.level + p.load * abs(known.weight[k]);
+    const S slides = abs(friction(law.drives.joint[k].friction, velocity, known.weight[k]));
+    step(p.motion, one.motion, known.observer.residual[k], known.felt[k], known.sensed[k], level, slides);
+    const SafetyFault said = shown(p.motion, one.motion, level);
+    note(said == SafetyFault::unexplained ? unexplained : contradicted, said, k);
+    loudness = loudness + one.motion.loudness;
+  }
+  if (!(loudness <= c.whole.force_excess)) note(contradicted, SafetyFault::force_sensor, n);
+  note(silent, judge_wrench(c.whole, state, samples.wrench, any_moves), n);
+  const Mode now = mode_of(state);
+  if (now != Mode::running && now != Mode::degraded) return;
+  if (unexplained.fault != SafetyFault::none) {
+    doubt(state, unexplained, n);
+    return enter(state, unexplained, response(c, unexplained, n));
+  }
+  if (now == Mode::degraded) return;
+  const bool lies = contradicted.fault != SafetyFault::none;
+  const TreeFault found = silent.fault != SafetyFault::none ? silent : contradicted;
+  if (found.fault == SafetyFault::none) return;
+  const bool goes_on = c.whole.degrades != 0 && (!lies || c.whole.trusts_motion != 0);
+  enter(state, found, goes_on ? Mode::degraded : response(c, found, n));
+}
+
 /// Back to where it began, after a fault; the log stays.
 template <class L> void start_again(TreeSupervised<L>& s) noexcept {
   using S = typename L::Scalar;
@@ -309,8 +456,9 @@ template <class L> void start_again(TreeSupervised<L>& s) noexcept {
     state.joint[k] = {};
     state.output[k] = S(0);
   }
-  state.stopped = state.healthy = 0;
-  go(state, Mode::running, {});
+  state.wrench = {};
+  state.stopped = state.healthy = state.wrench_quiet = 0;
+  begin(s);
   seal(s);
 }
 
@@ -321,7 +469,7 @@ void stay_stopped(TreeSupervised<L>& s, bool good, std::uint32_t token) noexcept
   const auto& c = s.supervisor;
   auto& state = s.state;
   const auto& gate = s.controller.law.gate;
-  const std::size_t n = gate.joints;
+  const std::size_t n = joints_of(gate, L::most);
   S faded[L::most];
   for (std::size_t k = 0; k < n; ++k) {
     if (!is_finite(state.output[k])) state.output[k] = S(0);
@@ -360,6 +508,53 @@ TreeSamples<S, N> stamped(TreeSupervised<L>& s, const TreeSamples<S, N>& read, s
 /// From the next step on it stops.
 template <class L> void stop(TreeSupervised<L>& s) noexcept { stop(s.controller); }
 
+/// What a law reads without its force sensors and EMG.
+template <class S, std::size_t N> void leave_out_sensors(TreeSamples<S, N>& samples, std::size_t joints) noexcept {
+  for (std::size_t k = 0; k < joints; ++k) {
+    samples.interaction[k].valid = samples.muscle[k].valid = false;
+    samples.interaction[k].value = samples.muscle[k].value = std::numeric_limits<S>::quiet_NaN();
+  }
+  samples.wrench.valid = false;
+}
+
+/// One period of the test at start-up: the wave of the joint whose turn it is, and no effort of the others.
+template <class L> void test_joints(TreeSupervised<L>& s) noexcept {
+  using S = typename L::Scalar;
+  const auto& c = s.supervisor;
+  auto& state = s.state;
+  const auto& gate = s.controller.law.gate;
+  const std::size_t n = joints_of(gate, L::most);
+  const std::size_t turn = state.tested < n ? state.tested : 0;
+  bool done = false;
+  for (std::size_t k = 0; k < n; ++k) {
+    JointWatchState<S>& one = state.joint[k];
+    const S limit = gate.joint[k].params.effort_limit, change = gate.joint[k].max_change;
+    const S last = is_finite(state.output[k]) ? state.output[k] : S(0);
+    S wanted = S(0);
+    if (k == turn) {
+      wanted = step(c.joint[k].test, one.test, c.period, one.encoder.velocity, c.joint[k].params.rest_speed, done);
+      wanted = clamp(wanted, -limit, limit);
+    }
+    const S next = clamp(wanted, last - change, last + change);
+    state.output[k] = is_finite(next) ? next : S(0);
+    if (k == turn) one.test.pushed = state.output[k];
+  }
+  if (!done) return;
+  const TreeFault said{shown(c.joint[turn].params.test, state.joint[turn].test), static_cast<std::uint32_t>(turn)};
+  if (said.fault != SafetyFault::none) {
+    doubt(state, said, n);
+    return enter(state, said, Mode::zero);
+  }
+  state.tested = next_tested(c, n, turn + 1);
+  if (state.tested < n) return;
+  for (std::size_t k = 0; k < n; ++k) {
+    state.joint[k].budget = {};
+    state.joint[k].ringing = {};
+    s.controller.state.gate.output[k] = state.output[k];
+  }
+  go(state, Mode::running, {});
+}
+
 /// One control period of a law of several joints under its supervisor, whatever comes in.
 template <class L, class S, std::size_t N>
 TreeSupervisorOutput<S, N> step(TreeSupervised<L>& s, const TreeSamples<S, N>& read, const TreeFeedback<S, N>& back,
@@ -367,7 +562,7 @@ TreeSupervisorOutput<S, N> step(TreeSupervised<L>& s, const TreeSamples<S, N>& r
   const TreeSupervisorCoefficients<S, N>& c = s.supervisor;
   TreeSupervisorState<S, N>& state = s.state;
   const auto& law = s.controller.law;
-  const std::size_t n = law.gate.joints <= N ? law.gate.joints : 0;
+  const std::size_t n = joints_of(law.gate, N);
   const std::uint32_t all = static_cast<std::uint32_t>(n);
   TreeSupervisorOutput<S, N> out;
   out.beat = ++state.steps;
@@ -381,13 +576,21 @@ TreeSupervisorOutput<S, N> step(TreeSupervised<L>& s, const TreeSamples<S, N>& r
     go(state, Mode::running, {});  // so that the fault is written down
     enter(state, {SafetyFault::integrity, all}, Mode::zero);
   }
+  // A checksum finds a lost bit later; what counts and indexes must be right before it is used.
+  if (!is_within_bounds(law)) {
+    enter(state, {SafetyFault::integrity, all}, Mode::latched);
+    for (S& output : state.output) output = S(0);
+    out.fault = fault_of(state);
+    out.challenge = state.challenge.word;
+    return out;
+  }
   const bool kept = (state.steps & 1u) != 0 || ((state.steps & 2u) != 0 ? step(state.law_sum, s.controller.law)
                                                                        : step(state.own_sum, c));
   if (!kept) enter(state, {SafetyFault::integrity, all}, Mode::zero);
 
   const bool was_stopped = is_stopped(mode_of(state));
   if (was_stopped) s.controller.fault = {};  // what was wrong is written down; what is wrong now?
-  const TreeSamples<S, N> samples = believed(s.controller, read, now);
+  TreeSamples<S, N> samples = believed(s.controller, read, now);
   const TreeFault front = s.controller.fault;
   const TreeFault seen = observe(s, was_stopped ? read : samples, back);
   const TreeFault found = front.fault != SafetyFault::none ? front : seen;
@@ -396,13 +599,16 @@ TreeSupervisorOutput<S, N> step(TreeSupervised<L>& s, const TreeSamples<S, N>& r
     if (!is_heard(read.position[k])) doubt(state, {SafetyFault::not_finite, static_cast<std::uint32_t>(k)}, n);
   if (!was_stopped) {
     if (found.fault != SafetyFault::none) enter(state, found, response(c, found, n));
+    if ((state.steps & 1u) == 0) judge_sensors(s, samples);
   } else {
-    const bool whole = found.fault == SafetyFault::integrity;
     const bool runs_away = state.stopped > 20 && found.fault == SafetyFault::overspeed;
-    if (mode_of(state) == Mode::damped_stop && (whole || runs_away)) enter(state, found, Mode::zero);
+    if (mode_of(state) == Mode::damped_stop && runs_away) enter(state, found, Mode::zero);
     if (front.fault != SafetyFault::none) forget_samples(s.controller);
   }
-  if (!is_stopped(mode_of(state))) {
+  if (mode_of(state) == Mode::start_up) {
+    test_joints(s);
+  } else if (!is_stopped(mode_of(state))) {
+    if (mode_of(state) == Mode::degraded) leave_out_sensors(samples, n);
     const TreeCommand<S, N> command = step(law, s.controller.state, samples);
     latch(s.controller, s.controller.state.gate.fault);
     ++s.controller.steps;

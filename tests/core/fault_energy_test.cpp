@@ -226,7 +226,17 @@ Tree::Params tree_law() {
 Outcome two_joints(const Fault& fault, int phase, std::size_t joint) {
   p::TreeSupervised<Tree> robot;
   p::TreeSupervisorParams<S, joints> r;
-  for (auto& one : r.joint) limits_of(one), one.outside_limit = 0.8 * limit;
+  for (auto& one : r.joint) {
+    limits_of(one);
+    one.outside_limit = 0.8 * limit;
+    // As tree_laws.with_force_sensor has it, of friction at rest and the limit of effort.
+    one.motion = {5, std::fmax(0.15 * limit, inertia * speed_limit / 0.5), 0.5 * 0.25 + 0.02 * limit, 0.15 * limit, 0.25};
+    one.force = {1, 50, 25};
+    one.muscle = {1, 50, 40};
+    one.delay = {0.011, 0.1 * limit, 60, 0.2};
+  }
+  r.whole.force_excess = 0;
+  r.whole.degrades = 1;
   r.whole.power = limit * speed_limit;
   r.whole.speed = 1.5 * speed_limit;
   check(p::configure(robot, tree_law(), r), "the example makes sense");
@@ -331,8 +341,8 @@ template <class Run> void judge(const Bound* bounds, const char* robot, Run&& ru
 
 constexpr Bound of_one[] = {{"encoder", 0.01, 270, 0}, {"drive", 0.17, 330, 0},  {"force", 0.26, 410, 0},
                             {"emg", 0.1, 0, 18},       {"clock", 0.001, 3, 0},   {"memory", 1.21, 195, 0}};
-constexpr Bound of_two[] = {{"encoder", 0.1, 630, 4},  {"drive", 0.14, 605, 0},  {"force", 0.59, 0, 30},
-                            {"emg", 0.52, 0, 24},      {"clock", 0.001, 3, 0},   {"memory", 0.001, 3, 0}};
+constexpr Bound of_two[] = {{"encoder", 0.007, 135, 0}, {"drive", 0.14, 605, 0}, {"force", 0.4, 875, 0},
+                            {"emg", 0.44, 1000, 18},    {"clock", 0.001, 3, 0},  {"memory", 0.001, 3, 0}};
 
 }  // namespace
 

@@ -105,7 +105,7 @@ void parameters() {
 }
 
 bool holdable(F fault) {
-  for (const F one : {F::velocity, F::stopped, F::overspeed, F::push, F::power, F::energy})
+  for (const F one : {F::velocity, F::stopped, F::overspeed, F::push, F::power, F::energy, F::force_sensor, F::muscle, F::lost})
     if (one == fault) return true;
   return false;
 }
@@ -506,6 +506,360 @@ void slow_watches() {
     }
 }
 
+/// A second encoder beside the motor's: by how much they may differ, and that it must speak.
+void second_encoders() {
+  for (std::size_t k = 0; k < joints; ++k)
+    for (const S way : {-1.0, 1.0}) {
+      Rules r = rules();
+      r.joint[k].joint_expected = 1;
+      r.joint[k].joint_tolerance = 0.5;
+      Rig rig(r);
+      const auto reads = [&](S apart, bool valid = true) {
+        rig.read();
+        rig.state().steps = 0;
+        rig.back.joint[k] = {rig.place[k] + apart, rig.now, rig.count, valid};
+        return p::observe(rig.law, rig.in, rig.back);
+      };
+      check(reads(0.25).fault == F::none, "wherever it begins");
+      check(reads(0.25 + way * 0.5).fault == F::none, "at the tolerance");
+      const auto found = reads(0.25 + way * (0.5 + more));
+      check(found.fault == F::disagreement && found.joint == k && rig.state().joint[k].doubted == 1, "beyond");
+      check(reads(0.25).fault == F::none && rig.state().joint[k].joint_silent == 0, "together again");
+      for (std::uint32_t i = 0; i < 4; ++i) check(reads(0, false).fault == F::none, "silent for a while");
+      check(reads(0, false).fault == F::disagreement, "and for longer");
+      p::TreeFault other;
+      Rig none;
+      for (int i = 0; i < 9; ++i) other = none.seen(0);
+      check(other.fault == F::none, "one that there is not is not asked for");
+    }
+}
+
+/// A drive that answers late is found by its delay, in odd periods alone.
+void late_drives() {
+  for (std::size_t k = 0; k < joints; ++k) {
+    Rules r = rules();
+    for (auto& one : r.joint) one.drive.expected = 1;
+    r.joint[k].delay = {0.008, 1, 60, 0.5};
+    for (const std::uint32_t parity : {0u, 1u}) {
+      Rig rig(r);
+      bool late = false;
+      S asked[32]{};
+      for (std::uint32_t i = 0; i < 4000; ++i) {
+        rig.state().steps = 2 * i + parity;
+        rig.read();
+        const S t = 2 * period * i;
+        asked[i % 32] = 3 * p::sin(3 * t) + p::sin(7 * t);
+        for (std::size_t j = 0; j < joints; ++j) {
+          rig.state().joint[j].drive.asked = asked[i % 32];
+          rig.state().joint[j].drive.asked_before = asked[i % 32];
+          rig.back.drive[j].value = asked[(i + 24) % 32];
+        }
+        const auto found = p::observe(rig.law, rig.in, rig.back);
+        late = late || found.fault == F::drive_effort;
+        check(found.fault == F::none || found.joint == k, "of that joint");
+      }
+      check(late == (parity == 1), "16 ms late");
+    }
+  }
+}
+
+/// A law with feedback of force sensors whose residual and feeling are set by hand, judged once.
+struct Judged {
+  Rig rig;
+  Judged(const Rules& r, const Law::Params& params = law_params()) : rig(r, params) {
+    rig.settles();
+    rig.state().steps = 2;
+    for (auto& one : rig.state().joint) one.motion.settled = 1;
+  }
+  M mode() { return p::mode_of(rig.state()); }
+  p::TreeFault fault() { return p::fault_of(rig.state()); }
+  void judge(int n = 1) {
+    for (int i = 0; i < n; ++i) p::judge_sensors(rig.law, rig.in);
+  }
+};
+
+void contradictions() {
+  for (std::size_t k = 0; k < joints; ++k)
+    for (const S way : {-1.0, 1.0})
+      for (int who = 0; who < 4; ++who) {
+        Rules r = rules();
+        r.whole.degrades = who & 1, r.whole.trusts_motion = static_cast<std::uint32_t>(who >> 1);
+        r.joint[k].motion.tolerance = 1;
+        Judged one(r);
+        auto& law = one.rig.law.controller.state;
+        law.sensed[k] = true;
+        law.felt[k] = way * 1.0078125;
+        one.judge(200);
+        check(one.mode() == M::running, "not yet");
+        one.judge(4000);
+        check(one.mode() == (who == 3 ? M::degraded : M::damped_stop), "left out only where the motion is trusted");
+        check(one.fault().fault == F::force_sensor && one.fault().joint == k, "by its name");
+        check(one.rig.state().joint[k].doubted == 0, "its drive is not in doubt");
+        law.felt[k] = way * 0.99;
+        Judged within(r);
+        within.rig.law.controller.state.sensed[k] = true;
+        within.rig.law.controller.state.felt[k] = way * 0.99;
+        within.judge(9000);
+        check(within.mode() == M::running, "within");
+        // What nobody gives is no sensor's fault, and stops a degraded law as well.
+        r.joint[k].motion.wearer_torque = 2;
+        Judged lasts(r);
+        lasts.rig.law.controller.state.observer.residual[k] = way * 2.03125;
+        if (who == 3) p::go(lasts.rig.state(), M::degraded, {F::lost, 0});
+        lasts.judge(6000);
+        check(lasts.fault().fault == F::unexplained && lasts.fault().joint == k, "what lasts");
+        check(lasts.rig.state().joint[k].doubted == 1 && lasts.mode() == M::damped_stop, "in doubt");
+      }
+  // Loudness is summed over joints.
+  Rules r = rules();
+  r.whole.force_excess = 0.5;
+  r.whole.degrades = r.whole.trusts_motion = 1;
+  Judged loud(r);
+  for (auto& one : loud.rig.state().joint) one.motion.loudness = 0.1666;
+  loud.judge();
+  check(loud.mode() == M::running, "together within");
+  for (auto& one : loud.rig.state().joint) one.motion.loudness = 0.18;
+  loud.judge();
+  check(loud.mode() == M::degraded && loud.fault().fault == F::force_sensor && loud.fault().joint == joints, "and beyond");
+  // Friction leaves open what it may be: at rest all of it.
+  auto params = law_params();
+  for (auto& one : params.drives.joint) one.friction.coulomb_positive = one.friction.coulomb_negative = 1;
+  r = rules();
+  r.joint[1].motion.tolerance = r.joint[1].motion.burst = 1;
+  for (const S speed : {0.0, 4.0}) {
+    Judged open(r, params);
+    open.rig.state().joint[1].encoder.velocity = speed;
+    open.rig.law.controller.state.sensed[1] = true;
+    open.rig.law.controller.state.felt[1] = 1.75;
+    open.judge(9000);
+    check((open.mode() == M::running) == (speed == 0), "less in motion");
+  }
+}
+
+/// Sensors by themselves: range, silence, and a word that does not change in motion.
+void sensors_alone() {
+  for (std::size_t k = 0; k < joints; ++k)
+    for (const S way : {-1.0, 1.0})
+      for (const std::uint32_t degrades : {0u, 1u})
+        for (const bool muscle : {false, true}) {
+          Rules r = rules();
+          r.whole.degrades = degrades;
+          (muscle ? r.joint[k].muscle : r.joint[k].force) = {1, 6, 4};
+          const auto read = [&](Judged& one, S value, bool valid) {
+            (muscle ? one.rig.in.muscle : one.rig.in.interaction)[k] = {value, one.rig.now, 1, valid};
+          };
+          const M stopped = degrades != 0 ? M::degraded : M::damped_stop;
+          Judged one(r);
+          read(one, way * 4, true);
+          one.judge(9);
+          check(one.mode() == M::running, "within its range, at rest");
+          read(one, way * (4 + more), true);
+          one.judge();
+          check(one.mode() == stopped && one.fault().fault == (muscle ? F::muscle : F::force_sensor), "beyond");
+          check(one.fault().joint == k, "of that joint");
+          Judged silent(r);
+          read(silent, 0, false);
+          silent.judge(2);
+          check(silent.mode() == M::running, "not yet");
+          silent.judge();
+          check(silent.mode() == stopped && silent.fault().fault == F::lost && silent.fault().joint == k, "silent");
+          Judged same(r);
+          same.rig.state().joint[k].encoder.velocity = way * 0.25;
+          read(same, 1, true);
+          same.judge(4);
+          check((same.mode() == M::running) == muscle, "the same in motion: a force sensor's");
+          Judged rests(r);
+          rests.rig.state().joint[k].encoder.velocity = way * 0.1875;
+          rests.rig.state().joint[(k + 1) % joints].encoder.velocity = 9;
+          read(rests, 1, true);
+          rests.judge(9);
+          check(rests.mode() == M::running, "the same at rest, another joint moves");
+        }
+  // The sensor on a link.
+  for (int axis = 0; axis < 6; ++axis)
+    for (const S way : {-1.0, 1.0}) {
+      Rules r = rules();
+      r.whole.degrades = r.whole.wrench_expected = 1;
+      r.whole.wrench_quiet = 6;
+      r.whole.wrench_force = 8;
+      r.whole.wrench_moment = 2;
+      const auto at = [axis](p::WrenchSample<S>& w, S value) {
+        S* const each[] = {&w.force.x, &w.force.y, &w.force.z, &w.moment.x, &w.moment.y, &w.moment.z};
+        *each[axis] = value;
+      };
+      const S range = axis < 3 ? 8 : 2;
+      Judged one(r);
+      one.rig.in.wrench.valid = true;
+      at(one.rig.in.wrench, way * range);
+      one.judge();
+      check(one.mode() == M::running, "within its range");
+      at(one.rig.in.wrench, way * (range + more));
+      one.judge();
+      check(one.mode() == M::degraded && one.fault().fault == F::force_sensor && one.fault().joint == joints, "beyond");
+      Judged still(r);
+      still.rig.in.wrench.valid = true;
+      still.judge(9);
+      check(still.mode() == M::running, "the same at rest");
+      still.rig.state().joint[2].encoder.velocity = way;
+      still.judge(2);
+      at(still.rig.in.wrench, way);
+      still.judge(1);
+      check(still.mode() == M::running && still.rig.state().wrench_quiet == 0, "any of six that changes is a word");
+      still.judge(3);
+      check(still.mode() == M::degraded && still.fault().fault == F::lost, "the same in motion");
+      Judged silent(r);
+      silent.judge(2);
+      check(silent.mode() == M::running, "not yet");
+      silent.judge();
+      check(silent.mode() == M::degraded && silent.fault().fault == F::lost && silent.fault().joint == joints, "silent");
+      r.whole.wrench_expected = 0;
+      Judged none(r);
+      none.judge(99);
+      check(none.mode() == M::running, "not asked for");
+    }
+}
+
+/// Without its sensors the law goes on, with its efforts as they are without any.
+void degraded() {
+  auto params = law_params();
+  for (auto& one : params.joint) one.feedback.proportional = 2, one.feedback.limit = 5;
+  Rules r = rules();
+  r.whole.degrades = 1;
+  for (auto& one : r.joint) one.force = {1, 6, 4};
+  Rig rig(r, params);
+  const auto runs = [&](int n, S felt) {
+    for (int i = 0; i < n; ++i) {
+      rig.read();
+      for (std::size_t k = 0; k < joints; ++k) rig.in.interaction[k] = {felt, rig.now, rig.count, true};
+      rig.step();
+    }
+  };
+  runs(40, 1);
+  check(rig.out.mode == M::running && rig.out.command.effort[1] > 0.5, "it feels");
+  runs(2, 5);
+  check(rig.out.mode == M::degraded && rig.out.fault.fault == F::force_sensor && rig.out.challenge == 0, "no more");
+  check(rig.out.enable[0] && rig.out.enable[1] && rig.out.enable[2], "with power");
+  runs(60, 1);
+  check(rig.out.mode == M::degraded && std::fabs(rig.out.command.effort[1]) < 0.05, "and goes on without");
+  check(!rig.law.controller.state.sensed[1] && rig.state().faults == 1, "nothing more is found of it");
+}
+
+/// The wave of one joint after the other: polarity and gain, by work.
+void start_up() {
+  const auto tests = [](Rules& r, std::initializer_list<std::size_t> which) {
+    for (const std::size_t k : which) r.joint[k].test = {0.5, 16, 32, 0.0001, 0.001};
+  };
+  // What each joint does: a body of its own that answers the drive's effort, times a factor.
+  const auto lives = [&](std::initializer_list<std::size_t> which, std::size_t odd, S factor, Rig& rig, int n) {
+    S speed[joints]{};
+    std::uint32_t waves = 0;
+    (void)which;
+    for (int i = 0; i < n; ++i) {
+      for (std::size_t k = 0; k < joints; ++k) {
+        const S given = rig.out.command.drive[k] * (k == odd ? factor : 1);
+        speed[k] = rig.out.enable[k] ? 0.98 * speed[k] + period * given / 0.03 : 0.98 * speed[k];
+        rig.speed[k] = speed[k];
+      }
+      rig.run(1);
+      if (rig.out.mode == M::start_up) {
+        std::uint32_t moved = 0;
+        for (std::size_t k = 0; k < joints; ++k) moved += rig.out.command.effort[k] != 0;
+        check(moved <= 1, "one joint at a time");
+        waves += moved;
+      }
+    }
+    return waves;
+  };
+  for (std::size_t odd = 0; odd < joints; ++odd) {
+    Rules r = rules();
+    tests(r, {0, 2});
+    Rig right(r);
+    check(right.mode() == M::start_up && right.fault() == F::none, "begins with its test");
+    const std::uint32_t waves = lives({0, 2}, odd, 1, right, 400);
+    check(right.mode() == M::running && right.fault() == F::none, "and runs");
+    check(waves >= 2 * 28 && waves <= 2 * 40, "two waves");
+    for (const S factor : {-1.0, 3.0}) {
+      Rig wrong(r);
+      lives({0, 2}, odd, factor, wrong, 400);
+      if (odd == 1) {
+        check(wrong.mode() == M::running, "a joint without a test is not tested");
+        continue;
+      }
+      check(wrong.fault() == (factor < 0 ? F::polarity : F::gain), "what is wrong");
+      check(p::fault_of(wrong.law.state).joint == odd && wrong.mode() == M::latched && !wrong.out.enable[1], "and off");
+    }
+  }
+  Rules r = rules();
+  tests(r, {1});
+  Rig moving(r);
+  moving.speed[1] = 0.5;
+  moving.run(300);
+  check(moving.mode() == M::start_up && moving.out.command.effort[1] == 0, "waits for rest");
+  moving.speed[1] = 0;
+  p::stop(moving.law);
+  moving.run(3);
+  check(p::is_stopped(moving.mode()), "a stop is a stop");
+  const std::uint32_t challenge = moving.out.challenge;
+  for (int i = 0; i < 90 && moving.mode() != M::start_up; ++i) {
+    moving.back.token = challenge;
+    moving.run(1);
+  }
+  check(moving.mode() == M::start_up && moving.state().tested == 1, "and a reset is followed by the test");
+  Rules unsound = rules();
+  unsound.joint[2].test.samples = 4;
+  check(p::coefficients(unsound, p::coefficients(law_params())).valid == 0, "a wave that is none");
+  unsound = rules();
+  unsound.joint[2].motion.slow = -1;
+  check(p::coefficients(unsound, p::coefficients(law_params())).valid == 0, "a watch that is none");
+  unsound = rules();
+  unsound.joint[2].delay.forget = -1;
+  check(p::coefficients(unsound, p::coefficients(law_params())).valid == 0, "nor this one");
+}
+
+/// A lost bit in what counts or indexes takes the power off before it is used; sanitizers watch.
+void counts() {
+  const auto lost = [](auto&& change, const char* what) {
+    Rig rig;
+    rig.run(20);
+    for (S& one : rig.state().output) one = 2;
+    change(rig.law.controller.law);
+    rig.run(1);
+    check(rig.out.fault.fault == F::integrity && rig.out.mode == M::latched, what);
+    for (std::size_t k = 0; k < joints; ++k)
+      check(rig.out.command.drive[k] == 0 && rig.out.command.effort[k] == 0 && !rig.out.enable[k], what);
+    check(rig.state().faults == 1 && rig.out.challenge != 0, "written down");
+    rig.run(50);
+    check(rig.out.mode == M::latched && rig.state().faults == 1, "and stays");
+  };
+  for (std::size_t bit = 0; bit < 64; ++bit) {
+    lost([bit](auto& law) { law.gate.joints ^= std::size_t(1) << bit; }, "joints");
+    lost([bit](auto& law) { law.tree.links ^= std::size_t(1) << bit; }, "links");
+    lost([bit](auto& law) { law.tree.coordinates ^= std::size_t(1) << bit; }, "coordinates");
+  }
+  for (std::uint32_t bit = 2; bit < 32; ++bit) {
+    lost([bit](auto& law) { law.whole.end_link = 1u << bit; }, "end");
+    lost([bit](auto& law) { law.whole.sensor_link = 1u << bit; }, "sensor");
+  }
+  for (std::uint8_t bit = 2; bit < 8; ++bit) {
+    lost([bit](auto& law) { law.tree.link[2].parent = static_cast<std::uint8_t>(1u << bit); }, "parent");
+    lost([bit](auto& law) { law.tree.link[1].coordinate = static_cast<std::uint8_t>(1u << bit); }, "coordinate");
+  }
+  lost([](auto& law) { law.tree.link[0].on_base = false; }, "a link that is its own parent");
+  // What is asked before a step, too.
+  for (const std::size_t many : {std::size_t(joints + 1), ~std::size_t(0)}) {
+    Rig rig;
+    rig.run(20);
+    rig.law.controller.law.gate.joints = many;
+    rig.read();
+    const Samples samples = p::believed(rig.law.controller, rig.in, rig.now);
+    check(samples.position[joints - 1].valid, "no more than there is room for");
+    check(p::observe(rig.law, rig.in, rig.back).fault == F::none, "nor here");
+    p::stamped(rig.law, rig.in, rig.now);
+    p::configure(rig.law, law_params(), rules());
+    check(rig.mode() == M::running, "and configured anew");
+  }
+}
+
 /// The end point's raw speed, every second period; without a limit or an end point it is not asked.
 void end_point() {
   Rules r = rules();
@@ -783,6 +1137,13 @@ int main() {
   encoders_and_drives();
   coupled_motors();
   slow_watches();
+  second_encoders();
+  late_drives();
+  contradictions();
+  sensors_alone();
+  degraded();
+  start_up();
+  counts();
   end_point();
   efforts();
   resets();

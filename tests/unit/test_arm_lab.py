@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from pellucid._errors import StudyError
-from pellucid.control.tree_laws import carried, with_force_sensor, with_measured_drives
+from pellucid.control.instruments import Instruments
+from pellucid.control.tree_laws import carried, with_force_sensor
 from pellucid.lab.arm.bodies import JOINT_NUMBERS, built_tree
 from pellucid.lab.arm.card_law import CardLaw, card_of, sensor_points
 from pellucid.lab.arm.free_shoulder import LAWS, ElbowAndShoulder, elbow_constants, figures_of, pointing
@@ -247,15 +248,22 @@ def test_what_lacks_is_named():
 
 def test_single_faults_stop_a_worn_arm(rig):
     """A drive that is dead is found by its measurement at once, without only by where the arm goes."""
-    law, person = carried(built_card(rig)), Person("one")
+    card, person = built_card(rig), Person("one")
+    law, measured = carried(card), carried(card, instruments=Instruments(drive=True))
     motion, short = generated_motion(4, rig["sampling"]["rate"], 2.0), {"onset": 0.8, "watched": 0.5}
     faults = ("encoder_nan", "drive_dead", "encoder_flipped", "force_lost")
-    tried = list(fault_trials(rig, person, with_measured_drives(law), motion, faults=faults, **short))
+    tried = list(fault_trials(rig, person, measured, motion, faults=faults, **short))
     assert [trial.fault for trial in tried] == ["encoder_nan", "drive_dead", "encoder_flipped"]
     nan, dead, mirrored = tried
     assert (nan.joint, nan.said, nan.found) == (0, "not_finite", 0.0)
     assert (dead.joint, mirrored.said) == (1, "none")
     assert 0.0 < dead.found < 0.01
     assert dead.peak > dead.healthy_peak
+    both = carried(card, instruments=Instruments(drive=True, joint_encoder=True))
+    longer = generated_motion(4, rig["sampling"]["rate"], 5.0)
+    watched = {"onset": 0.8, "watched": 4.0, "first": 3}
+    (mirrored,) = fault_trials(rig, person, both, longer, faults=("encoder_flipped",), **watched)
+    assert mirrored.said == "disagreement"
+    assert mirrored.safe_excess <= mirrored.excess
     (blind,) = fault_trials(rig, person, law, motion, faults=("drive_dead",), first=1, **short)
     assert not blind.found < 0.1

@@ -9,6 +9,7 @@ from test_tree_laws import PERIOD, M, arm
 from pellucid import _core
 from pellucid._errors import PellucidError
 from pellucid.control import tree_laws
+from pellucid.control.instruments import Instruments
 from pellucid.deployment import tree_values
 from pellucid.deployment.c_folder import check_on_host
 from pellucid.deployment.microcontroller import measure, missing_tools
@@ -40,7 +41,7 @@ def test_it_compiles_and_answers_as_recorded(folder, values):
     said = [int(line.split("{")[1].split("u")[0]) for line in lines if line.startswith("    { ")]
     faults = {_core.FAULTS[word & 0xFF] for word in said}
     assert {"none", "not_finite", "out_of_order", "stopped", "jump", "drive_silent", "power", "overspeed",
-            "unexplained", "ringing", "integrity"} <= faults  # fmt: skip
+            "unexplained", "ringing", "integrity", "force_sensor", "gain"} <= faults  # fmt: skip
     assert {0, M - 1, M} <= {(word >> 8) & 0xFF for word in said if word & 0xFF}
 
 
@@ -84,7 +85,29 @@ def test_numbers_are_the_cards(folder, values):
     for name in values.law.card.names:
         assert f"/* {name} */" in constants
     assert constants.count("/* coulomb_positive ") == 2 * M
-    assert len(SUPERVISOR_VARIANTS) == 8
+    assert len(SUPERVISOR_VARIANTS) == 10
+
+
+def test_instruments_are_in_the_interface_and_the_readme(folder, tmp_path):
+    """What the study does not state is said to be missing; what it states is asked for."""
+    readme = (folder / "README.md").read_text()
+    assert readme.count("the study states no measurement of its drive") == M
+    assert readme.count("the study states no second encoder") == M
+    assert readme.count("has no test at start-up") == M
+    assert "input.joint[k]" not in readme
+    header = (folder / "pellucid_controller.h").read_text()
+    assert "pellucid_sample drive[PELLUCID_JOINTS];" in header
+    assert "pellucid_sample joint[PELLUCID_JOINTS];" in header
+    law = tree_laws.carried(arm(), instruments=Instruments(drive=True, joint_encoder=True), start_up=True)
+    made = write_tree_folder("arm", TreeValues(law, ("x.json",), {}, ()), tmp_path / "c")
+    readme = (made / "README.md").read_text()
+    assert "the study states no" not in readme
+    assert "tests polarity and gain of one joint after the other" in readme
+    assert "input.joint[k]" in readme
+    assert "input.drive[k]" in readme
+    constants = (made / "pellucid_constants.h").read_text()
+    for name in ("drive_expected", "joint_expected"):
+        assert constants.count(f"1.0e+00f, /* {name} ") == M
 
 
 def test_a_study_without_a_card_or_with_another_law_is_told(values, tmp_path):
@@ -104,6 +127,9 @@ def test_a_study_without_a_card_or_with_another_law_is_told(values, tmp_path):
     assert found.cards == ("tree.consistent.json",)
     assert found.law.shares[0]["period"] == 2e-3
     assert found.law.kind == "full"
+    assert all(watch["test_effort"] > 0.0 for watch in found.law.watches)
+    measured = tree_values.tree_values(Study(), instruments=Instruments(drive=True))
+    assert [watch["drive_expected"] for watch in measured.law.watches] == [1.0] * M
 
 
 def test_a_makefile_that_make_would_obey_is_refused(values, tmp_path):

@@ -15,9 +15,10 @@ from pellucid.control.instruments import Instruments
 from pellucid.control.limits import Limits
 from pellucid.control.supervised import StartUpWave, body_of, start_up_wave, supervised
 from pellucid.control.worn import watched_worn
+from pellucid.models.anthropometry import Segment
 from pellucid.models.card import CardParameter, ModelCard
 from pellucid.models.slider_card import SliderCard
-from pellucid.models.tree_card import JointRange
+from pellucid.models.tree_card import COLUMNS, JointRange
 
 EFFORT, SPEED, INERTIA, PERIOD = 5.0, 10.0, 0.05, 1e-3
 WEIGHT = 1.5 + 0.25
@@ -441,6 +442,9 @@ REACH = {
 }
 """What 400 drawn postures have of this arm."""
 
+COUPLED = [0.9364421114069041, 0.7795017604313191, 0.5308363211341978, 0.1925074451930921]
+"""Largest inertia with all joints accelerated alike, whichever way."""
+
 
 @pytest.fixture(scope="module")
 def robot():
@@ -459,6 +463,34 @@ def test_what_joints_ask_within_their_ranges(robot):
     assert tree_laws.reach_of(robot, 2, (0.0, 0.0, -0.1)).end_speed == pytest.approx(REACH["upper_speed"], rel=1e-9)
 
 
+def test_a_slide_of_which_no_range_is_known_is_where_it_is():
+    """A hinge is drawn all around, a slide has no natural range."""
+    rows = np.array(arm().links)
+    rows[3, COLUMNS["links"].index("joint")] = 2.0
+    slide = {"links": tuple(map(tuple, rows.tolist()))}
+    known = (JointRange(-1.0, 1.0, seen_velocity=2.5),) * 3
+    free, held = (
+        tree_laws.reach_of(arm(**slide, ranges=(*known, last)))
+        for last in (JointRange(seen_velocity=2.5), JointRange(0.0, 0.0, seen_velocity=2.5))
+    )
+    np.testing.assert_array_equal(free.inertia, held.inertia)
+    assert free.end_speed == held.end_speed
+    hinge = tree_laws.reach_of(arm(ranges=(*known, JointRange(seen_velocity=2.5))))
+    assert not np.allclose(
+        hinge.inertia, tree_laws.reach_of(arm(ranges=(*known, JointRange(0.0, 0.0, seen_velocity=2.5)))).inertia
+    )
+
+
+def test_a_joint_without_any_body_has_the_least_inertia():
+    rows = np.zeros_like(np.array(arm().links))
+    bare = np.array(arm().links)
+    kept = [COLUMNS["links"].index(name) for name in ("parent", "joint", "axis_x", "axis_y", "axis_z", "z")]
+    rows[:, kept] = bare[:, kept]
+    reach = tree_laws.reach_of(arm(links=tuple(map(tuple, rows.tolist()))))
+    np.testing.assert_allclose(reach.inertia, 1e-6, rtol=1e-12)
+    np.testing.assert_allclose(reach.heaviest, 1e-6, rtol=1e-12)
+
+
 def test_limits_of_each_joint(robot):
     reach = tree_laws.reach_of(robot)
     limits = tree_laws.suggested_limits(robot, reach)
@@ -472,7 +504,7 @@ def test_limits_of_each_joint(robot):
     with pytest.raises(PellucidError, match="found no speed"):
         tree_laws.reach_of(silent)
     floating = tree_laws.reach_of(robot)
-    weightless = type(floating)(0.0 * floating.weight, 0.0 * floating.friction, floating.inertia, floating.speed, 1.0)
+    weightless = replace(floating, weight=0.0 * floating.weight, friction=0.0 * floating.friction)
     with pytest.raises(PellucidError, match="found neither weight nor friction"):
         tree_laws.suggested_limits(robot, weightless)
 
@@ -484,7 +516,7 @@ def test_every_threshold_of_several_joints(robot):
         effort, speed, inertia = one.effort, one.velocity, reach.inertia[k]
         expected = {
             "raw_speed_limit": speed, "raw_acceleration_limit": 10.0 * effort / inertia,
-            "range_min": one.position[0] - 0.15, "range_max": one.position[1] + 0.15, "encoder_resolution": 0.0,
+            "range_min": one.position[0] - 0.15, "range_max": one.position[1] + 0.15, "encoder_resolution": 4e-4,
             "freeze_speed": 0.5, "freeze_samples": 20.0, "drive_expected": 0.0, "drive_cycles": 4.0,
             "drive_tolerance": 0.05 * effort, "drive_share": 0.15, "drive_limit": math.inf,
             "drive_surplus": 0.005 * effort, "drive_late": 0.0, "drive_gain": 0.05, "drive_offset": 0.01 * effort,
@@ -492,13 +524,21 @@ def test_every_threshold_of_several_joints(robot):
             "budget_store": inertia * (0.575 * speed) ** 2 + reach.weight[k], "budget_power": 0.01 * effort * speed,
             "ringing_limit": 0.115 * effort, "ringing_slowest": 20.0, "ringing_fastest": 100.0, "ringing_memory": 3.0,
             "hold_damping": 50.0 * inertia, "hold_limit": min(effort, 1.5 * reach.weight[k] + reach.friction[k]),
-            "outside_limit": 3.0 + k, "rest_speed": 0.3,
+            "outside_limit": 3.0 + k, "rest_speed": 0.3, "joint_expected": 0.0, "joint_tolerance": 0.05,
+            "residual_slow": 5.0, "wearer_torque": max(0.15 * effort, reach.coupled[k] * speed / 0.5),
+            "force_tolerance": math.inf, "force_burst": math.inf, "force_scale": math.inf, "force_expected": 0.0,
+            "force_range": math.inf, "force_quiet_samples": 50.0, "muscle_expected": 0.0, "muscle_range": math.inf,
+            "muscle_quiet_samples": 50.0, "test_effort": 0.0, "test_samples": 30.0, "test_rest": 100.0,
+            "test_least": 0.0, "test_most": math.inf, "drive_delay": math.inf, "drive_delay_rate": 0.08 * effort,
+            "drive_delay_smoothing": 20.0, "drive_delay_forget": 0.4,
         }  # fmt: skip
         assert dict(watch) == pytest.approx(expected, rel=1e-9)
     whole = sum(one.effort * one.velocity for one in limits) / 2.0
     assert dict(law.whole_watch) == pytest.approx({
         "raw_power_limit": whole, "raw_end_speed_limit": 1.5 * reach.end_speed, "reset_delay": 1.0,
-        "healthy_samples": 500.0,
+        "healthy_samples": 500.0, "degrades": 1.0, "trusts_motion": 0.0, "force_excess": math.inf, "moving_speed": 0.2,
+        "wrench_expected": 0.0, "wrench_quiet_samples": 50.0, "wrench_force_range": math.inf,
+        "wrench_moment_range": math.inf,
     })  # fmt: skip
     assert (law.whole["power_limit"], law.whole["speed_limit"]) == pytest.approx((whole, 1.5 * reach.end_speed))
     assert (law.whole["observer_bandwidth"], law.whole["end_link"]) == (30.0, 4.0)
@@ -506,17 +546,102 @@ def test_every_threshold_of_several_joints(robot):
         assert (share["gravity_share"], share["friction_share"], share["bandwidth"]) == (1.0, 0.8, 100.0)
         assert (share["innovation_gate"], share["period"], share["effort_limit"]) == (math.inf, 1e-3, one.effort)
         assert law.joints[k]["velocity_width"] == pytest.approx(0.02 * reach.speed[k])
-    assert all(watch["outside_limit"] == math.inf for watch in tree_laws.carried(robot).watches)
+    for watch, one, inertia in zip(tree_laws.carried(robot).watches, limits, reach.coupled, strict=True):
+        assert watch["outside_limit"] == pytest.approx(max(0.8 * one.effort, inertia * one.velocity / 0.1))
     slow = tree_laws.carried(robot, period=0.02, friction_share=0.5, end="upper", end_point=(0.1, 0.2, 0.3))
     assert slow.whole["observer_bandwidth"] == pytest.approx(10.0)
     assert (slow.shares[0]["bandwidth"], slow.shares[0]["friction_share"]) == pytest.approx((25.0, 0.5))
     assert [slow.whole[name] for name in ("end_link", "end_x", "end_y", "end_z")] == [3.0, 0.1, 0.2, 0.3]
-    measured = tree_laws.with_measured_drives(law)
-    assert [watch["drive_expected"] for watch in measured.watches] == [1.0] * 4
+    weak = tree_laws.carried(robot, limits=(Limits(2.0, 100.0, 4.0, (-1.0, 1.0)),) * 4)
+    left = np.maximum(reach.weight - 2.0, 0.0)
+    assert left[1] > 5.0
+    for k, watch in enumerate(weak.watches):
+        assert watch["wearer_torque"] == pytest.approx(max(0.3, reach.coupled[k] * 8.0) + left[k])
+        assert watch["outside_limit"] == pytest.approx(max(1.6, reach.coupled[k] * 40.0) + left[k])
     strong = (Limits(100.0, 5000.0, 4.0, (-1.0, 1.0)),) * 4
     held = tree_laws.carried(robot, limits=strong)
     assert held.watches[0]["hold_limit"] == pytest.approx(1.5 * reach.weight[0] + reach.friction[0])
     assert [one["hold_limit"] < 100.0 for one in held.watches] == [True] * 4
+
+
+def test_instruments_of_each_joint(robot):
+    """Drives and second encoders are watched where they are; a sensor is left out where both vouch for the motion."""
+    poor, rich = Instruments(), Instruments(1e-3, True, 0.1, True, 20.0, 9.0, 30.0, 0.02, 0.03)
+    law = tree_laws.carried(robot, instruments=[poor, rich, rich, poor])
+    assert law.instruments == (poor, rich, rich, poor)
+    for k, watch in enumerate(law.watches):
+        own, effort = (poor, rich, rich, poor)[k], law.shares[k]["effort_limit"]
+        assert watch["drive_expected"] == watch["joint_expected"] == float(own is rich)
+        assert (watch["encoder_resolution"], watch["joint_tolerance"]) == (own.encoder_resolution, own.joint_tolerance)
+        assert (watch["drive_limit"], watch["drive_gain"]) == (own.drive_limit, own.drive_gain_error)
+        assert watch["drive_offset"] == pytest.approx(own.drive_offset_share * effort)
+        assert watch["drive_delay"] == pytest.approx(0.013 if own is rich else math.inf)
+    assert law.whole_watch["trusts_motion"] == 0.0
+    for only in ({"drive": True}, {"joint_encoder": True}, {"drive": True, "joint_encoder": True}):
+        found = tree_laws.carried(robot, instruments=Instruments(**only))
+        assert found.whole_watch["trusts_motion"] == float(len(only) == 2)
+    with pytest.raises(PellucidError, match="instruments: found 2, expected 4"):
+        tree_laws.carried(robot, instruments=[poor, rich])
+    slow = tree_laws.carried(robot, instruments=rich, period=0.02)
+    watch = slow.watches[1]
+    assert (watch["freeze_samples"], watch["test_rest"], watch["residual_slow"]) == (2.0, 5.0, 2.5)
+    assert (watch["drive_delay"], watch["drive_delay_smoothing"], watch["drive_delay_forget"]) == pytest.approx(
+        (0.032, 10.0, 0.4)
+    )
+    assert slow.whole_watch["wrench_quiet_samples"] == 2.0
+    assert tree_laws.carried(robot, period=4e-3).whole_watch["wrench_quiet_samples"] == 12.0
+
+
+def test_thresholds_of_force_sensors(robot):
+    """By friction at rest and limits of effort, at joints or on a link."""
+    law = tree_laws.carried(robot, instruments=Instruments(force_range=25.0))
+    reach = tree_laws.reach_of(robot)
+    np.testing.assert_allclose(reach.resting, 0.3 + 0.05 * reach.weight)
+    np.testing.assert_allclose(reach.coupled, COUPLED, rtol=1e-9)
+    felt = tree_laws.with_force_sensor(law)
+    for k, watch in enumerate(felt.watches):
+        effort = law.shares[k]["effort_limit"]
+        assert (watch["force_expected"], watch["force_range"], watch["force_quiet_samples"]) == (1.0, 25.0, 50.0)
+        assert watch["force_tolerance"] == pytest.approx(0.5 * reach.resting[k] + 0.02 * effort)
+        assert watch["force_burst"] == pytest.approx(0.15 * effort)
+        assert watch["force_scale"] == pytest.approx(reach.resting[k])
+    assert (felt.whole_watch["wrench_expected"], felt.whole_watch["force_excess"]) == (0.0, tree_laws.FORCE_LOUDNESS)
+    hand = tree_laws.with_force_sensor(law, body="forearm")
+    assert [watch["force_expected"] for watch in hand.watches] == [0.0] * 4
+    assert hand.whole_watch["wrench_expected"] == 1.0
+    both = tree_laws.with_force_sensor(law, body="forearm", at_joints=("flexion",))
+    assert [watch["force_expected"] for watch in both.watches] == [0.0, 1.0, 0.0, 0.0]
+    with pytest.raises(PellucidError, match="found the joint 'hand'"):
+        tree_laws.with_force_sensor(law, at_joints=("hand",))
+    smooth = with_joint_numbers(robot, **dict.fromkeys(
+        ("coulomb_positive", "coulomb_negative", "load_motoring", "load_generating"), 0.0))  # fmt: skip
+    assert tree_laws.with_force_sensor(tree_laws.carried(smooth)).watches[0]["force_scale"] == math.inf
+    led = tree_laws.with_emg(law, "elbow", Segment(1.5, 0.15, 0.06))
+    assert [watch["muscle_expected"] for watch in led.watches] == [0.0, 0.0, 0.0, 1.0]
+    assert (led.watches[3]["muscle_range"], led.watches[3]["muscle_quiet_samples"]) == (40.0, 50.0)
+
+
+def test_the_wave_of_each_joint_at_start_up(robot):
+    """It moves the heaviest posture, and may do the work of the lightest; what was commissioned counts alone."""
+    law, reach = tree_laws.carried(robot, start_up=True), tree_laws.reach_of(robot)
+    assert np.all(reach.heaviest >= reach.inertia)
+    assert np.all(reach.coupled >= reach.heaviest)
+    for k, (watch, share) in enumerate(zip(law.watches, law.shares, strict=True)):
+        wave = start_up_wave(
+            reach.heaviest[k],
+            reach.resting[k],
+            4e-4,
+            limit=share["effort_limit"],
+            rate=share["rate_limit"],
+            period=1e-3,
+        )
+        assert (watch["test_effort"], watch["test_samples"], watch["test_least"]) == pytest.approx(
+            (wave.effort, wave.samples, wave.least)
+        )
+        most = 2.2 * 2.0 * (wave.effort * wave.samples * 1e-3 / math.pi) ** 2 / reach.inertia[k]
+        assert watch["test_most"] == pytest.approx(most)
+    known = tree_laws.carried(robot, start_up=True, instruments=Instruments(start_up_answer=0.01))
+    assert (known.watches[2]["test_least"], known.watches[2]["test_most"]) == pytest.approx((0.002, 0.018))
 
 
 def test_offsets_count_by_their_size_and_an_end_that_does_not_move_has_no_limit(robot):

@@ -8,6 +8,7 @@ import pytest
 from pellucid import _core
 from pellucid._errors import PellucidError
 from pellucid.control import tree_laws
+from pellucid.control.instruments import Instruments
 from pellucid.control.limits import Limits
 from pellucid.control.tree_stability import LinearShares, TreeCoupling, gravity_slope, linear_law
 from pellucid.models.anthropometry import Segment
@@ -245,7 +246,7 @@ def test_a_healthy_arm_is_not_stopped_and_one_joint_stops_all():
 
 def swung_with(gain, lag=0.0, noise=0.0, seconds=12.0, **changes):
     """Why an arm's supervised law stops while all joints swing and every drive's measurement has the same errors."""
-    law = tree_laws.with_measured_drives(tree_laws.carried(arm()))
+    law = tree_laws.carried(arm(), instruments=Instruments(drive=True))
     law = replace(law, watches=tuple({**watch, **changes} for watch in law.watches))
     running, rng = law.supervised(), np.random.default_rng(3)
     offset = 0.01 * law.shares[0]["effort_limit"] * np.array([1.0, -1.0, 1.0, -1.0])

@@ -2,8 +2,8 @@
 
 `full_compensation` carries weight and friction as they were identified; `carried` less of friction, so that nothing is
 driven; `transparent` also a share of inertia, by each joint's energy; `with_force_sensor`, `with_emg` and `with_dither`
-add to it, `with_measured_drives` to what its supervisor sees. What a card does not say is refused by name: a joint
-whose efforts are in its drive's unit, a joint of which no speed is known.
+add to it. `instruments` of each joint say what the supervisor sees: measured drives, second encoders. What a card does
+not say is refused by name: a joint whose efforts are in its drive's unit, a joint of which no speed is known.
 """
 
 from __future__ import annotations
@@ -21,20 +21,30 @@ from ..models.anthropometry import Segment
 from ..models.fields import largest_friction, model_fields
 from ..models.tree_card import COLUMNS, TreeCard
 from .control_law import gate_values
-from .instruments import DRIVE_GAIN_ERROR, DRIVE_OFFSET_SHARE
+from .inertia_share import require_inertia_margin, supported_inertia_share
+from .instruments import Instruments
 from .joint_compensation import DEFAULT_PERIOD_S, EFFORT_RISE_S, WIDTH_SHARE
 from .limits import Limits
 from .supervised import (
+    COMMISSIONED_WORK_BOUNDS,
     DRIVE_FORGET_S,
     DRIVE_SURPLUS_TRAVEL,
     DRIVE_TOLERANCE_SHARE,
+    ENCODER_FREEZE_S,
     ENERGY_BUDGET_POWER_SHARE,
     ENERGY_STORE_SPEED_SHARE,
     HOLD_DAMPING_SHARE,
     MAX_GRIP_DECELERATION,
+    MAX_TEST_WORK_RATIO,
     MIN_DRIVEN_INERTIA_SHARE,
     POSITION_RANGE_MARGIN,
     RINGING_LIMIT_SHARE,
+    SENSOR_QUIET_S,
+    TEST_REST_S,
+    WEARER_ACCELERATION_TIMES_S,
+    WEARER_PUSH_SHARE,
+    WEARER_TORQUE_SHARE,
+    start_up_wave,
 )
 from .transparent_laws import DITHER_TRAVEL
 
@@ -47,8 +57,44 @@ POSTURE_COUNT = 400
 POSTURE_SEED = 20261122
 """Seed of these postures."""
 
+MIN_INERTIA = 1e-6
+"""Smallest inertia of a joint that thresholds are made of, where the card has none [kg m^2 or kg]."""
+
+MOST_INERTIA_SHARE = 0.4
+"""Largest share of inertia that `transparent` takes by itself [1]."""
+
 STORE_SPEED_OF_OWN = 2.0
 """Speed up to which the energy observer allows a joint's own inertia to be accelerated at once [rad/s or m/s]."""
+
+FORCE_FRICTION_SHARE = 0.5
+"""Largest lasting difference between force sensors and the momentum observer, as a share of the joint's friction at
+rest under its largest weight [1]. It is beside what friction leaves open at each moment."""
+
+FORCE_EFFORT_SHARE = 0.02
+"""Added to it: a share of the joint's limit of effort, for a sensor's offset [1]."""
+
+FORCE_BURST_SHARE = 0.15
+"""Largest difference at once, as a share of the joint's limit of effort, beside friction [1]."""
+
+FORCE_LOUDNESS = 0.0
+"""Largest sum over joints of what force sensors say too loudly, in units of each joint's friction at rest [1]."""
+
+
+DRIVE_DELAY_S = 0.012
+"""Largest delay of a drive's answer to its command, beside a period [s]: half of a fault of 20 ms and more, and six
+times the lag of a slow measurement."""
+
+DRIVE_DELAY_RATE_SHARE = 0.08
+"""Standard deviation of the command's rate from which on that delay is judged, as a share of the limit of effort [1/s].
+
+Noise of a hundredth of the limit, read every 2 ms, then leaves a standard error of 2.5 ms."""
+
+DRIVE_DELAY_SMOOTHING = 20.0
+"""Bandwidth of the command that a delay is judged by [rad/s]: a delay of 20 ms is four tenths of a radian there. At 60
+rad/s it seems shorter, and was found in one of 16 runs."""
+
+DRIVE_DELAY_FORGET = 0.4
+"""Rate at which what was seen of a drive's delay is forgotten [1/s]."""
 
 
 def _defaults(model: str) -> dict[str, float]:
@@ -64,6 +110,9 @@ class Reach:
     inertia: np.ndarray  # Smallest of the joint alone, others held [kg m^2; kg]
     speed: np.ndarray  # Largest while fitting, else what is allowed [rad/s; m/s]
     end_speed: float  # Largest speed of the end point with every joint at that speed [m/s]
+    resting: np.ndarray  # Friction at rest under that weight [N m; N]
+    heaviest: np.ndarray  # Largest inertia of the joint alone, others held [kg m^2; kg]
+    coupled: np.ndarray  # Largest with all joints accelerated alike, whichever way [kg m^2; kg]
 
 
 @dataclass(frozen=True)
@@ -86,6 +135,8 @@ class TreeLaw:
         What the supervisor watches there.
     whole_watch : mapping of str to float
         And of all.
+    instruments : Instruments, one for each joint
+        What the robot measures there.
     """
 
     card: TreeCard
@@ -95,6 +146,7 @@ class TreeLaw:
     whole: Mapping[str, float]
     watches: tuple[Mapping[str, float], ...]
     whole_watch: Mapping[str, float]
+    instruments: tuple[Instruments, ...]
 
     @cached_property
     def numbers(self) -> dict[str, np.ndarray]:
@@ -158,12 +210,15 @@ def carried(
     end: str | None = None,
     end_point: tuple[float, float, float] = (0.0, 0.0, 0.0),
     wearer: Sequence[float] | None = None,
+    instruments: Instruments | Sequence[Instruments] | None = None,
+    start_up: bool = False,
 ) -> TreeLaw:
     """Weight of every joint, and a share of its friction, so that nothing is driven.
 
     `limits` of each joint replace those that the card suggests; `period` in [s]; `end` names the body that bears the
-    end point, or it is the last; `end_point` lies in it [m]; `wearer` is the most that people give each joint beyond
-    friction [N m; N], which no card knows: without it only the observer sees it, and no supervisor.
+    end point, or it is the last; `end_point` lies in it [m]; `wearer` is the most that people give each joint at once
+    beyond friction [N m; N], or it follows from limits and inertia. `instruments` are those of every joint, or one for
+    each; `start_up` asks for a wave of effort that tests polarity and gain of one joint after the other.
     """
     _require_efforts(card)
     if len(card.links) > MOST_LINKS:
@@ -176,6 +231,7 @@ def carried(
     limits = suggested_limits(card, reach) if limits is None else tuple(limits)
     if len(limits) != len(card.names):
         raise PellucidError(f"limits: found {len(limits)}, expected {len(card.names)}, one for each joint")
+    measured = instruments_of(card, instruments)
     joints = tuple(
         dict(zip(COLUMNS["joints"], map(float, row), strict=True)) | {"velocity_width": WIDTH_SHARE * speed}
         for row, speed in zip(card.joints, reach.speed, strict=True)
@@ -192,27 +248,52 @@ def carried(
         "end_link": link + 1.0, **dict(zip(("end_x", "end_y", "end_z"), map(float, end_point), strict=True)),
     }  # fmt: skip
     whole_watch = _defaults("tree_watch_whole") | {
-        "raw_power_limit": whole["power_limit"], "raw_end_speed_limit": whole["speed_limit"],
+        "raw_power_limit": whole["power_limit"], "raw_end_speed_limit": whole["speed_limit"], "degrades": 1.0,
+        "trusts_motion": float(all(one.drive and one.joint_encoder for one in measured)),
+        "wrench_quiet_samples": max(2.0, round(SENSOR_QUIET_S / period)),
     }  # fmt: skip
-    watches = tuple(_watch(one, reach, k, period) for k, one in enumerate(limits))
+    watches = tuple(_watch(one, reach, k, period, measured[k], start_up) for k, one in enumerate(limits))
     if wearer is not None:
         watches = tuple({**w, "outside_limit": float(x)} for w, x in zip(watches, wearer, strict=True))
-    return TreeLaw(card, "carried", joints, shares, whole, watches, whole_watch)
+    return TreeLaw(card, "carried", joints, shares, whole, watches, whole_watch, measured)
+
+
+def instruments_of(card: TreeCard, instruments: Instruments | Sequence[Instruments] | None) -> tuple[Instruments, ...]:
+    """Return the instruments of each joint of a card: one for all, one for each, or none beyond the encoders."""
+    if instruments is None or isinstance(instruments, Instruments):
+        return (instruments or Instruments(),) * len(card.names)
+    if len(instruments) != len(card.names):
+        raise PellucidError(f"instruments: found {len(instruments)}, expected {len(card.names)}, one for each joint")
+    return tuple(instruments)
 
 
 def transparent(
-    card: TreeCard, *, friction_share: float = 0.95, inertia_share: float = 0.4, acceleration: float = 25.0, **settings
+    card: TreeCard,
+    *,
+    friction_share: float = 0.95,
+    inertia_share: float | None = None,
+    acceleration: float = 25.0,
+    check_margin: bool = True,
+    **settings,
 ) -> TreeLaw:
     """Weight, friction and a share of inertia, what drives held to each joint's own energy; no force sensor needed.
 
-    `acceleration` [rad/s^2 or m/s^2]; `settings` as of `carried`.
+    `inertia_share` of None is the largest up to `MOST_INERTIA_SHARE` whose margin over drawn bodies, postures and cuffs
+    is enough; a share with too small a margin is refused, unless `check_margin` is False. `acceleration` [rad/s^2 or
+    m/s^2]; `settings` as of `carried`.
     """
     law = carried(card, friction_share=friction_share, **settings)
-    own = reach_of(card).inertia
+    reach, share = reach_of(card), law.shares[0]
+    asked = {"friction_share": friction_share, "bandwidth": share["bandwidth"], "period": share["period"]}
+    width = WIDTH_SHARE * reach.speed
+    if inertia_share is None:
+        inertia_share = supported_inertia_share(card, width, most=MOST_INERTIA_SHARE, **asked)
+    elif check_margin and inertia_share > 0.0:
+        require_inertia_margin(card, width, share=inertia_share, **asked)
     shares = tuple(
         {**share, "inertia_share": inertia_share, "acceleration_limit": acceleration,
          "energy_store": 0.5 * float(inertia) * STORE_SPEED_OF_OWN**2}
-        for share, inertia in zip(law.shares, own, strict=True)
+        for share, inertia in zip(law.shares, reach.inertia, strict=True)
     )  # fmt: skip
     return replace(law, kind="transparent", shares=shares)
 
@@ -226,10 +307,12 @@ def with_force_sensor(
     lowpass: float = 15.0,
     drift: float = 0.1,
     limit_share: float = 0.2,
+    at_joints: Sequence[str] | None = None,
 ) -> TreeLaw:
     """A law that also drives what the wearer gives to zero, by sensors at joints or by one on a `body`, at a `point` in
     it [m], whose force and moment are taken to joints by the Jacobian. `lowpass`, `drift` [rad/s]; `limit_share` of
-    each joint's limit of effort may be fed back."""
+    each joint's limit of effort may be fed back. `at_joints` names the joints that have a sensor; None: all of them, or
+    none beside a body. The supervisor compares what the sensors say with the momentum observer."""
     if body is not None and body not in law.card.bodies:
         raise PellucidError(f"found the body {body!r}, expected one of {', '.join(law.card.bodies)}")
     shares = tuple(
@@ -240,13 +323,26 @@ def with_force_sensor(
     )  # fmt: skip
     place = {} if body is None else {"sensor_link": law.card.bodies.index(body) + 1.0}
     place |= dict(zip(("sensor_x", "sensor_y", "sensor_z"), map(float, point), strict=True))
-    return replace(law, kind=f"{law.kind} with a force sensor", shares=shares, whole={**law.whole, **place})
-
-
-def with_measured_drives(law: TreeLaw) -> TreeLaw:
-    """A law whose supervisor is told what each motor's drive measures of its effort, and compares it with what was
-    asked for: without, a drive that is dead or stuck shows only by where it takes the arm."""
-    return replace(law, watches=tuple({**watch, "drive_expected": 1.0} for watch in law.watches))
+    sensing = (law.card.names if body is None else ()) if at_joints is None else tuple(at_joints)
+    unknown = [name for name in sensing if name not in law.card.names]
+    if unknown:
+        raise PellucidError(f"found the joint {unknown[0]!r}, expected one of {', '.join(law.card.names)}")
+    friction, quiet = reach_of(law.card).resting, law.whole_watch["wrench_quiet_samples"]
+    watches = tuple(
+        {**watch, "force_expected": float(name in sensing), "force_range": own.force_range,
+         "force_quiet_samples": quiet,
+         "force_tolerance": FORCE_FRICTION_SHARE * float(rests) + FORCE_EFFORT_SHARE * share["effort_limit"],
+         "force_burst": FORCE_BURST_SHARE * share["effort_limit"],
+         "force_scale": float(rests) if rests > 0.0 else math.inf}
+        for name, watch, share, own, rests in zip(
+            law.card.names, law.watches, law.shares, law.instruments, friction, strict=True
+        )
+    )  # fmt: skip
+    whole_watch = {**law.whole_watch, "wrench_expected": float(body is not None), "force_excess": FORCE_LOUDNESS}
+    return replace(
+        law, kind=f"{law.kind} with a force sensor", shares=shares, whole={**law.whole, **place}, watches=watches,
+        whole_watch=whole_watch,
+    )  # fmt: skip
 
 
 def with_emg(law: TreeLaw, joint: str, limb: Segment, *, share: float = 0.5, viscous: float = 0.1) -> TreeLaw:
@@ -258,7 +354,12 @@ def with_emg(law: TreeLaw, joint: str, limb: Segment, *, share: float = 0.5, vis
     if law.card.motion[k] != "r":
         raise PellucidError(f"{joint}: found a slide, expected a joint that turns for a limb that hangs from it")
     left = (1.0 - law.shares[k]["inertia_share"]) * float(reach_of(law.card).inertia[k])
-    return law.changed(
+    heard = {
+        "muscle_expected": 1.0, "muscle_range": law.instruments[k].emg_range,
+        "muscle_quiet_samples": max(2.0, round(SENSOR_QUIET_S / law.shares[k]["period"])),
+    }  # fmt: skip
+    watches = tuple({**watch, **heard} if i == k else watch for i, watch in enumerate(law.watches))
+    return replace(law, watches=watches).changed(
         joint, limb_inertia=limb.inertia + left, limb_gravity=limb.gravity(), limb_viscous=viscous,
         emg_limit=law.shares[k]["acceleration_limit"], emg_share=share,
     )  # fmt: skip
@@ -303,12 +404,17 @@ def reach_of(card: TreeCard, link: int | None = None, point: Sequence[float] = (
     postures = np.random.default_rng(POSTURE_SEED).uniform(low, high, (POSTURE_COUNT, m))
     weight = np.abs(tree.gravity(postures)).max(axis=0)
     matrices = tree.mass_matrix(postures)
-    inertia = np.maximum(np.einsum("nkk->nk", matrices).min(axis=0), 1e-6)
+    own = np.einsum("nkk->nk", matrices)
+    inertia = np.maximum(own.min(axis=0), MIN_INERTIA)
     column = {name: np.array([row[i] for row in card.joints]) for i, name in enumerate(COLUMNS["joints"])}
     friction = largest_friction(model_fields("tree_joint"), column, speed, weight) + np.abs(column["offset"])
     jacobian = tree.jacobian(postures, len(card.links) - 1 if link is None else link, point)[:, :3]
     end_speed = float(np.linalg.norm(np.abs(jacobian) @ speed, axis=1).max())
-    return Reach(weight, friction, inertia, speed, end_speed)
+    resting = largest_friction(model_fields("tree_joint"), column, 0.0, weight)
+    coupled = np.abs(matrices).sum(axis=2).max(axis=0)
+    return Reach(
+        weight, friction, inertia, speed, end_speed, resting, np.maximum(own.max(axis=0), MIN_INERTIA), coupled
+    )
 
 
 def suggested_limits(card: TreeCard, reach: Reach) -> tuple[Limits, ...]:
@@ -327,21 +433,33 @@ def suggested_limits(card: TreeCard, reach: Reach) -> tuple[Limits, ...]:
     return tuple(made)
 
 
-def _watch(limits: Limits, reach: Reach, k: int, period: float) -> dict[str, float]:
+def _watch(
+    limits: Limits, reach: Reach, k: int, period: float, instruments: Instruments, start_up: bool
+) -> dict[str, float]:
     """The supervisor's numbers of one joint, by the rules of one joint's."""
     known = _defaults("tree_watch_joint")
     effort, speed, inertia = limits.effort, limits.velocity, float(reach.inertia[k])
-    return known | {
+    speeds_up = float(reach.coupled[k]) * speed
+    left = max(float(reach.weight[k]) - effort, 0.0)  # weight that the law leaves to the wearer
+    made = known | {
         "raw_speed_limit": speed,
         "raw_acceleration_limit": effort / (MIN_DRIVEN_INERTIA_SHARE * inertia),
         "range_min": limits.position[0] - POSITION_RANGE_MARGIN,
         "range_max": limits.position[1] + POSITION_RANGE_MARGIN,
+        "encoder_resolution": instruments.encoder_resolution,
         "freeze_speed": MAX_GRIP_DECELERATION * period,
+        "freeze_samples": max(2.0, round(ENCODER_FREEZE_S / period)),
+        "drive_expected": float(instruments.drive),
         "drive_tolerance": DRIVE_TOLERANCE_SHARE * effort,
+        "drive_limit": instruments.drive_limit,
         "drive_surplus": DRIVE_SURPLUS_TRAVEL * effort,
-        "drive_gain": DRIVE_GAIN_ERROR,
-        "drive_offset": DRIVE_OFFSET_SHARE * effort,
+        "drive_gain": instruments.drive_gain_error,
+        "drive_offset": instruments.drive_offset_share * effort,
         "drive_forget": -math.expm1(-period / DRIVE_FORGET_S),
+        "drive_delay": DRIVE_DELAY_S + period if instruments.drive else math.inf,
+        "drive_delay_rate": DRIVE_DELAY_RATE_SHARE * effort,
+        "drive_delay_smoothing": min(DRIVE_DELAY_SMOOTHING, 0.2 / period),
+        "drive_delay_forget": min(DRIVE_DELAY_FORGET, 0.2 / period),
         "push_limit": effort,
         "power_limit": effort * speed,
         "budget_store": inertia * (ENERGY_STORE_SPEED_SHARE * speed) ** 2 + float(reach.weight[k]),
@@ -349,6 +467,31 @@ def _watch(limits: Limits, reach: Reach, k: int, period: float) -> dict[str, flo
         "ringing_limit": RINGING_LIMIT_SHARE * effort,
         "hold_damping": HOLD_DAMPING_SHARE * inertia / period,
         "hold_limit": min(effort, 1.5 * float(reach.weight[k]) + float(reach.friction[k])),
+        "outside_limit": max(WEARER_PUSH_SHARE * effort, speeds_up / WEARER_ACCELERATION_TIMES_S[1]) + left,
+        "joint_expected": float(instruments.joint_encoder),
+        "joint_tolerance": instruments.joint_tolerance,
+        "residual_slow": min(known["residual_slow"], 0.05 / period),
+        "wearer_torque": max(WEARER_TORQUE_SHARE * effort, speeds_up / WEARER_ACCELERATION_TIMES_S[0]) + left,
+        "test_rest": max(2.0, round(TEST_REST_S / period)),
+    }
+    return made | (_test(limits, reach, k, period, instruments) if start_up else {})
+
+
+def _test(limits: Limits, reach: Reach, k: int, period: float, instruments: Instruments) -> dict[str, float]:
+    """The wave of one joint at start-up: it moves the heaviest posture, and may do the work of the lightest."""
+    heavy, light = float(reach.heaviest[k]), float(reach.inertia[k])
+    wave = start_up_wave(
+        heavy, float(reach.resting[k]), instruments.encoder_resolution,
+        limit=limits.effort, rate=limits.rate, period=period,
+    )  # fmt: skip
+    least, most = wave.least, MAX_TEST_WORK_RATIO * 2.0 * (wave.effort * wave.samples * period / math.pi) ** 2 / light
+    if instruments.start_up_answer is not None:
+        least, most = (bound * instruments.start_up_answer for bound in COMMISSIONED_WORK_BOUNDS)
+    return {
+        "test_effort": wave.effort,
+        "test_samples": float(wave.samples),
+        "test_least": least,
+        "test_most": max(most, 1e-12),
     }
 
 

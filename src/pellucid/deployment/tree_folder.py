@@ -57,6 +57,16 @@ _UNCHECKED_LAW = {
     "ringing_limit": _NO_LIMIT,
     "drive_surplus": _NO_LIMIT,
     "outside_limit": _NO_LIMIT,
+    "joint_expected": 0.0,
+    "wearer_torque": _NO_LIMIT,
+    "force_tolerance": _NO_LIMIT,
+    "force_burst": _NO_LIMIT,
+    "force_excess": _NO_LIMIT,
+    "force_expected": 0.0,
+    "muscle_expected": 0.0,
+    "wrench_expected": 0.0,
+    "test_effort": 0.0,
+    "drive_delay": _NO_LIMIT,
     "raw_power_limit": _NO_LIMIT,
     "raw_end_speed_limit": _NO_LIMIT,
     "rest_speed": _NO_LIMIT,
@@ -71,6 +81,8 @@ SUPERVISOR_VARIANTS = {
     "speed": {**_UNCHECKED_LAW, "raw_end_speed_limit": 1e-6},
     "ringing": {**_UNCHECKED_LAW, "ringing_limit": 1e-5},
     "outside": {**_UNCHECKED_LAW, "outside_limit": 1e-6},
+    "force": {**_UNCHECKED_LAW, "force_expected": 1.0, "force_range": 1e-6, "degrades": 1.0},
+    "start_up": {**_UNCHECKED_LAW, "test_effort": 0.5, "test_samples": 8.0, "test_rest": 2.0, "test_most": 1e-9},
     # All checks run here and none trips, to count a step's instructions.
     "counted": {
         **_UNCHECKED_LAW,
@@ -239,7 +251,7 @@ def _blocks(
     yield "jump", lambda i, row: changed(i, row, value=row.read[-1].value + np.float32(0.1)), 3 * FAULT_STEPS
     yield "drive", lambda i, row: replace(row, drive=15.0 + i) if i > 12 else row, 3 * FAULT_STEPS
     yield "drive", lambda i, row: replace(row, drive=np.nan) if i > 12 else row, 3 * FAULT_STEPS
-    for variant in ("power", "speed", "outside", "ringing"):
+    for variant in ("power", "speed", "outside", "force", "start_up", "ringing"):
         yield variant, lambda i, row: row, 60
     # The supervisor checks twelve words of memory in every fourth period: this is enough to check all of them twice.
     through = min(4 * -(-_core.tree_law_storage(len(values.law.card.links)) // (4 * 8)), MOTION_STEPS - 5)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 
 from .._errors import PellucidError
+from ..control.instruments import Instruments
 from ..control.joint_compensation import DEFAULT_PERIOD_S
 from ..control.tree_laws import TreeLaw, carried, full_compensation, transparent
 from ..models.tree_card import TreeCard, read_tree_card
@@ -41,11 +42,14 @@ def tree_values(
     controller: str | None = None,
     period: float = DEFAULT_PERIOD_S,
     allow_outside: bool = False,
+    instruments: Instruments | Sequence[Instruments] | None = None,
+    start_up: bool = True,
 ) -> TreeValues:
     """Return the law of a robot's joints from a card that `identify` wrote.
 
     `card` is its file name in the models folder; None for the first of `CARD_NAMES` that exists. `controller` is a key
-    of `LAWS`, and `period` that of the controller [s].
+    of `LAWS`, and `period` that of the controller [s]. `instruments` are those of every joint, or one for each; None:
+    encoders alone. `start_up` asks for the test of polarity and gain of one joint after the other.
     """
     if controller not in (None, *LAWS):
         raise PellucidError(f"export of {study.name}: found {controller!r}, expected one of {', '.join(LAWS)}")
@@ -54,7 +58,7 @@ def tree_values(
     name = card or next((n for n in CARD_NAMES if study.card(n).is_file()), CARD_NAMES[0])
     path = study.card(name)
     found = require_fresh(study, path, read_tree_card(path))
-    law = LAWS[controller or "carried"](found, period=period)
+    law = LAWS[controller or "carried"](found, period=period, instruments=instruments, start_up=start_up)
     notes = (*notes_of(found), *source_notes(name, found))
     return TreeValues(law, (name,), {name: sha256(path.read_bytes()).hexdigest()}, notes)
 

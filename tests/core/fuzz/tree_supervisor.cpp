@@ -11,6 +11,13 @@ template <class S> p::TreeSupervisorParams<S, fuzzed_joints> rules(Bytes& bytes)
     usual.drive.tolerance = S(0.5);
     usual.budget = {S(40), S(200), S(0.8), S(0)};
     usual.hold = {S(2.5), S(4)};
+    usual.joint_tolerance = S(0.5);
+    usual.motion = {S(5), S(9), S(2), S(6), S(1)};
+    usual.force = {1, 50, S(20)};
+    usual.muscle = {1, 50, S(40)};
+    usual.delay = {S(0.01), S(1), S(60), S(0.5)};
+    if (bytes.byte() % 4 == 0) usual.test = {S(1), 8, 4, S(-1), S(9)};
+    usual.joint_expected = bytes.byte() % 4 == 0;
     S sensible[p::field_count<P>], numbers[p::field_count<P>];
     p::to_numbers(usual, sensible);
     change(bytes, sensible, numbers);
@@ -19,6 +26,11 @@ template <class S> p::TreeSupervisorParams<S, fuzzed_joints> rules(Bytes& bytes)
   made.whole.speed = S(4);
   made.whole.reset_delay = S(0.01);
   made.whole.healthy_samples = 5;
+  made.whole.degrades = bytes.byte() % 2;
+  made.whole.trusts_motion = bytes.byte() % 2;
+  made.whole.force_excess = S(1);
+  made.whole.wrench_expected = bytes.byte() % 4 == 0;
+  made.whole.wrench_force = made.whole.wrench_moment = S(100);
   return made;
 }
 
@@ -37,6 +49,7 @@ template <class S> void run(Bytes& bytes) {
     for (std::size_t k = 0; k < fuzzed_joints; ++k) {
       back.drive[k] = in.position[k];
       back.drive[k].value = out.command.drive[k];
+      back.joint[k] = in.position[k];
     }
     if (what == 1) back.drive[1].value = nonsense<S>(bytes);
     if (what == 2) back.drive[0].valid = false;
@@ -45,6 +58,9 @@ template <class S> void run(Bytes& bytes) {
     if (what == 5) law.state.output[bytes.byte() % fuzzed_joints] = nonsense<S>(bytes);
     if (what == 6) p::configure(law, params, rules<S>(bytes));
     if (what == 7) p::stop(law);
+    if (what == 9) back.joint[2].value = nonsense<S>(bytes);
+    if (what == 10) law.controller.law.gate.joints ^= std::size_t(1) << (bytes.byte() % 64);
+    if (what == 11) law.state.joint[0].motion.loudness = law.state.joint[1].delay.rr = nonsense<S>(bytes);
     if (what == 8) law.state.joint[1].hold.taken = law.controller.state.observer.residual[0] = nonsense<S>(bytes);
     if (what > 200) back.token = law.state.challenge.word;
     const bool was_stopped = p::is_stopped(p::mode_of(law.state));
@@ -56,9 +72,10 @@ template <class S> void run(Bytes& bytes) {
     for (std::size_t k = 0; k < fuzzed_joints; ++k) {
       require(std::isfinite(out.command.drive[k]), "what motors get is a number");
       if (out.mode > p::Mode::damped_stop) require(!out.enable[k], "no power where there is to be none");
-      if (k < gate.joints && !out.enable[k]) require(out.mode != p::Mode::running, "and power where all is well");
+      if (k < gate.joints && !out.enable[k]) require(out.mode != p::Mode::running && out.mode != p::Mode::start_up, "and power where all is well");
       if (out.mode == p::Mode::latched) require(out.command.effort[k] == S(0), "latched is nothing");
     }
-    require((out.fault.fault != p::SafetyFault::none) == (out.mode != p::Mode::running), "what is not healthy has a reason");
+    const bool healthy = out.mode == p::Mode::running || out.mode == p::Mode::start_up;
+    require((out.fault.fault != p::SafetyFault::none) == !healthy, "what is not healthy has a reason");
   }
 }

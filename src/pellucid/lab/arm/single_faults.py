@@ -7,6 +7,7 @@ both cuffs.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -22,6 +23,24 @@ from .human_motion import HumanMotion
 from .rig import ArmRig
 from .wearer import Person
 from .worn_trial import WornTrial, run
+
+POWER_OFF_S = 3e-3
+"""Time in which a power stage takes its power off [s]."""
+
+LATE_S = 0.02
+"""Delay of a drive that answers late [s]."""
+
+CURRENT_OFFSET_NM = 3.0
+"""Error of a drive's measurement with an offset [N m]."""
+
+SECOND_ENCODER_NOISE_RAD = 1e-4
+"""Standard deviation of the noise of a second encoder [rad]. Chosen by judgement; no measurement is recorded."""
+
+SECOND_ENCODER_QUANTUM_RAD = 2.0 * np.pi / 2.0**14
+"""Quantum of a second encoder: one of 14 bits a turn [rad]."""
+
+FORCE_QUANTUM_N = 0.02
+"""Quantum of a force sensor [N], and a twentieth of it of its moments [N m]."""
 
 ONSET_S = 3.0
 """Time at which a fault begins [s]."""
@@ -73,8 +92,11 @@ def _clock_fault(ahead: float) -> Callable[[LawInput, LawInput, int], LawInput]:
     return lambda now, then, k: now._replace(time=now.time + ahead)
 
 
-_HANDLE_MOMENT = np.array([[0.0] * 6, [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]])
+_HANDLE_MOMENTS = np.array([[0.0] * 6, [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]])
 """The three moments of the handle's force sensor: 1 in their places, 0 elsewhere, shape (2, 6)."""
+
+_MOMENTS = np.array([[0.0, 0.0, 0.0, 1.0, 1.0, 1.0]] * 2)
+"""The three moments of each force sensor: 1 in their places, 0 elsewhere, shape (2, 6)."""
 
 SENSOR_FAULTS: Mapping[str, Callable[[LawInput, LawInput, int], LawInput]] = {
     "encoder_frozen": _encoder_fault(lambda now, then: then),
@@ -82,12 +104,13 @@ SENSOR_FAULTS: Mapping[str, Callable[[LawInput, LawInput, int], LawInput]] = {
     "encoder_jump": _encoder_fault(lambda now, then: now + 1.0),
     "encoder_slip": _encoder_fault(lambda now, then: now + 0.1),
     "encoder_flipped": _encoder_fault(lambda now, then: 2.0 * then - now),
+    "encoder_half": _encoder_fault(lambda now, then: 0.5 * (then + now)),
     "force_flipped": _force_fault(lambda now, then: -now),
-    "force_offset": _force_fault(lambda now, then: now + FORCE_OFFSET_NM * _HANDLE_MOMENT),
+    "force_offset": _force_fault(lambda now, then: now + FORCE_OFFSET_NM * _MOMENTS),
     "force_triple": _force_fault(lambda now, then: 3.0 * now),
     "force_frozen": _force_fault(lambda now, then: then),
     "force_lost": _force_fault(lambda now, then: np.full_like(now, np.nan)),
-    "force_rail": _force_fault(lambda now, then: np.where(_HANDLE_MOMENT > 0.0, FORCE_RAIL_NM, now)),
+    "force_rail": _force_fault(lambda now, then: np.where(_MOMENTS > 0.0, FORCE_RAIL_NM, now)),
     "clock_ahead": _clock_fault(1.0),
     "clock_back": _clock_fault(-1.0),
 }
@@ -100,14 +123,32 @@ DRIVE_FAULTS: Mapping[str, Callable[[float, float], tuple[float, float]]] = {
     "drive_stuck": lambda asked, then: (STUCK_EFFORT_NM, STUCK_EFFORT_NM),
     "drive_holds": lambda asked, then: (then, then),
     "drive_dead": lambda asked, then: (0.0, 0.0),
+    "drive_late": lambda asked, then: (asked, asked),
     "current_zero": lambda asked, then: (asked, 0.0),
+    "current_offset": lambda asked, then: (asked, asked + CURRENT_OFFSET_NM),
 }
-"""Effort that a faulty drive gives and effort that it reports, from the effort asked for now and at the onset."""
+"""Effort that a faulty drive gives and effort that it reports, from the effort asked for now and at the onset. One that
+is late is asked for what was asked of it `LATE_S` ago."""
 
 KINDS: Mapping[str, Mapping[str, str]] = {
     kind["name"]: kind for kind in _core.single_faults() if kind["name"] in {**SENSOR_FAULTS, **DRIVE_FAULTS}
 }
 """Entry of the core's list of single faults, by name and in the core's order."""
+
+
+@dataclass(frozen=True)
+class ForceReading:
+    """Errors of the force sensors of cuff and handle; the default has none."""
+
+    gain: tuple[float, float] = (1.0, 1.0)  # reading per force [1]
+    offset: tuple[float, ...] = (0.0, 0.0, 0.0)  # of what the cuff's says at each joint that carries it [N m]
+    moment_offset: float = 0.0  # of each moment that the handle's says [N m]
+    lag: float = 0.0  # time constant of the first-order lag [s]
+    quantum: float = 0.0  # rounding step of forces [N]; a twentieth of it for moments [N m]; 0 for no rounding
+
+
+EXACT_FORCE = ForceReading()
+"""The reading of force sensors without error."""
 
 
 class FaultyLaw(CardLaw):
@@ -126,6 +167,11 @@ class FaultyLaw(CardLaw):
         Time at which the fault begins [s].
     readings : sequence of DriveReading
         Errors with which each motor's drive measures its own effort; none by default.
+    force : ForceReading
+        Errors of the force sensors; none by default. Where the law has a sensor on a link, that of the handle is given
+        to it as it reads, and that of the cuff at joints.
+    lying : tuple of int
+        Which of both force sensors have a fault of force sensors: 0 the cuff's, 1 the handle's.
     """
 
     def __init__(
@@ -136,8 +182,11 @@ class FaultyLaw(CardLaw):
         joint: int = 0,
         onset: float = ONSET_S,
         readings: Sequence[DriveReading] = (),
+        force: ForceReading = EXACT_FORCE,
+        lying: tuple[int, ...] = (0, 1),
     ):
         self.fault, self.joint, self.onset = fault, joint, onset
+        self.force, self.lying = force, lying
         self.readings = tuple(readings) or (EXACT_READING,) * len(law.card.names)
         super().__init__(law, points)
 
@@ -150,6 +199,28 @@ class FaultyLaw(CardLaw):
         self.meters = [_core.DriveReading(one.numbers, period) for one in self.readings]
         self.noise = np.array([one.draw_noise(k) for k, one in enumerate(self.readings)])  # (m, n)
         self.steps = 0
+        self.second, self.lagged = None, None
+        self.waiting: deque[np.ndarray] = deque(maxlen=round(LATE_S / period) + 1)
+        self.encoder = np.random.default_rng([self.joint, 11])
+
+    def hear(self, joints: np.ndarray) -> None:
+        """Read the second encoders, where the law's instruments name them; the angles are of the joints [rad]."""
+        if not any(one.joint_encoder for one in self.law.instruments):
+            return
+        noisy = joints + SECOND_ENCODER_NOISE_RAD * self.encoder.standard_normal(len(joints))
+        self.second = np.round(noisy / SECOND_ENCODER_QUANTUM_RAD) * SECOND_ENCODER_QUANTUM_RAD
+
+    def measured_wrench(self, wrench: np.ndarray) -> np.ndarray:
+        """Return what both force sensors read, shape (2, 6) [N, N m]."""
+        said = np.array(self.force.gain)[:, None] * wrench + self.force.moment_offset * _HANDLE_MOMENTS
+        if self.force.lag > 0.0 and self.lagged is not None:
+            period = self.law.shares[0]["period"]
+            said = self.lagged + period / (period + self.force.lag) * (said - self.lagged)
+        self.lagged = said
+        if self.force.quantum > 0.0:
+            quanta = self.force.quantum * np.repeat([1.0, 0.05], 3)
+            said = np.round(said / quanta) * quanta
+        return said
 
     def step(self, time: float, position: np.ndarray, wrench: np.ndarray) -> np.ndarray:
         """Return the torque that each drive gives, shape (4,) [N m]."""
@@ -157,23 +228,43 @@ class FaultyLaw(CardLaw):
             # In the first reading the motor is off by the stretch of its cable; the law begins with the second.
             self.started = True
             return self.measured
-        read, begun = LawInput(time, position, wrench), time >= self.onset
+        read, begun = LawInput(time, position, self.measured_wrench(wrench)), time >= self.onset
         if begun and self.then is None:
             self.then = read
         if begun and self.fault in SENSOR_FAULTS:
-            read = SENSOR_FAULTS[self.fault](read, self.then, self.joint)
-        felt = None if self.points is None else self.felt(read.position, read.wrench)
-        asked = self.running.step(read.time, read.position, interaction=felt, drive=self.measured)
+            told = SENSOR_FAULTS[self.fault](read, self.then, self.joint)
+            lies = np.isin([0, 1], self.lying)[:, None]
+            read = told._replace(wrench=np.where(lies, told.wrench, read.wrench))
+        felt, handle = self.forces(read)
+        asked = self.running.step(
+            read.time, read.position, interaction=felt, wrench=handle, drive=self.measured, joint=self.second
+        )
         if self.said == NO_FAULT and self.running.fault != NO_FAULT:
             self.found, self.said = time, self.running.fault
         given, said = asked.copy(), asked.copy()
         if begun and self.asked is None:
             self.asked = asked
+        self.waiting.append(asked)
         # A drive without power gives no effort, whatever its fault.
         if begun and self.fault in DRIVE_FAULTS and self.running.enable[self.joint]:
-            given[self.joint], said[self.joint] = DRIVE_FAULTS[self.fault](asked[self.joint], self.asked[self.joint])
+            wanted = self.waiting[0] if self.fault == "drive_late" else asked
+            given[self.joint], said[self.joint] = DRIVE_FAULTS[self.fault](wanted[self.joint], self.asked[self.joint])
         self.measured = self.read(said)
         return given
+
+    def forces(self, read: LawInput) -> tuple[np.ndarray | None, np.ndarray | None]:
+        """Return what the law is given of force sensors: at joints, shape (4,) [N m], and on the link of the handle."""
+        if self.points is None:
+            return None, None
+        if not self.law.whole["sensor_link"] > 0.0:
+            felt = self.felt(read.position, read.wrench)
+            felt[: len(self.force.offset)] += self.force.offset
+            return felt, None
+        # The cuff round the upper arm says nothing about joints beyond it.
+        felt = np.full(len(read.position), np.nan)
+        own = len(self.force.offset)
+        felt[:own] = self.felt(read.position, read.wrench * [[1.0], [0.0]])[:own] + self.force.offset
+        return felt, read.wrench[1]
 
     def read(self, effort: np.ndarray) -> np.ndarray:
         """Return the drives' measurements of the efforts that they report, shape (m,) both [N m or N]."""
@@ -194,6 +285,8 @@ class ArmFaultTrial:
     peak: float  # largest torque at one of the wearer's joints from the onset on [N m]
     healthy_peak: float  # the same torque without the fault [N m]
     lost: bool  # whether the trial was cut short because the arm had left its motion
+    safe_excess: float = 0.0  # the same surplus until the output was safe, or to the end where nothing was found [J]
+    lying: tuple[int, ...] = (0, 1)  # force sensors that had a fault of force sensors
 
 
 def fault_trials(
@@ -217,18 +310,22 @@ def fault_trials(
     """
     last = round((onset + watched) * motion.rate)
     motion = replace(motion, position=motion.position[:last])
-    healthy = run(rig, person, FaultyLaw(law, points, onset=onset, readings=readings), motion)
+    sound = FaultyLaw(law, points, onset=onset, readings=readings)
+    healthy = run(rig, person, sound, motion, joints=sound.hear)
     for number, fault in enumerate(faults):
         if KINDS[fault]["needs"] == "interaction" and points is None:
             continue
         joint = (first + number) % len(law.card.names)
         faulty = FaultyLaw(law, points, fault, joint, onset, readings)
-        yield _compare_with_healthy(run(rig, person, faulty, motion), healthy, faulty)
+        yield compare_with_healthy(run(rig, person, faulty, motion, joints=faulty.hear), healthy, faulty)
 
 
-def _compare_with_healthy(trial: WornTrial, healthy: WornTrial, law: FaultyLaw) -> ArmFaultTrial:
+def compare_with_healthy(trial: WornTrial, healthy: WornTrial, law: FaultyLaw) -> ArmFaultTrial:
     """Return the outcome of a trial with a fault, compared with the same trial without it."""
     begin, n = round(law.onset * trial.rate), min(len(trial.limb), len(healthy.limb))
+    ends = n - begin
+    if np.isfinite(law.found):
+        ends = min(ends, max(round((law.found - law.onset + POWER_OFF_S) * trial.rate) + 1, 1))
     work, healthy_work = (
         np.cumsum(np.maximum(np.sum(one.on_limb * one.limb_velocity, axis=1)[begin:n], 0.0)) / one.rate
         for one in (trial, healthy)
@@ -238,8 +335,10 @@ def _compare_with_healthy(trial: WornTrial, healthy: WornTrial, law: FaultyLaw) 
         law.joint,
         law.found - law.onset,
         law.said,
-        max(float(np.max(work - healthy_work)), 0.0),
-        float(np.abs(trial.on_limb[begin:n]).max()),
-        float(np.abs(healthy.on_limb[begin:n]).max()),
+        float(np.max(work - healthy_work, initial=0.0)),
+        float(np.abs(trial.on_limb[begin:n]).max(initial=0.0)),
+        float(np.abs(healthy.on_limb[begin:n]).max(initial=0.0)),
         trial.stopped,
+        float(np.max((work - healthy_work)[:ends], initial=0.0)),
+        law.lying,
     )

@@ -99,8 +99,13 @@ def run(
     *,
     seed: int = 1,
     watched: Callable[[float], None] | None = None,
+    joints: Callable[[np.ndarray], None] | None = None,
+    until: Callable[[float], bool] | None = None,
 ) -> WornTrial:
-    """A `person` does a `motion` in a robot under a `law`; `seed` draws sensors' noise, `watched` is told the time."""
+    """A `person` does a `motion` in a robot under a `law`; `seed` draws sensors' noise, `watched` is told the time.
+
+    `joints` is told before each step where the robot's joints are, behind their cables, shape (4,) [rad]: a second
+    encoder reads that. `until` of a time [s] says whether the trial may end."""
     rate, n = rig.constants.sampling.rate, len(motion.position)
     rng = np.random.default_rng([seed, 41])
     tree = built_tree(rig.constants, rotors=False)
@@ -119,8 +124,10 @@ def run(
     made = {"robot": np.empty((n, 5)), "limb": np.empty((n, 4)), "limb_velocity": np.empty((n, 4))}
     made |= {"effort": np.empty((n, 4)), "on_limb": np.empty((n, 4)), "on_robot": np.empty((n, 5))}
     made |= {"pull": np.empty((n, 2, 6)), "wrench": np.empty((n, 2, 6))}
-    motor, felt, stopped = wanted[0], np.zeros((2, 6)), False
+    motor, felt, stopped, at = wanted[0], np.zeros((2, 6)), False, wanted[0]
     for i in range(n):
+        if joints is not None:
+            joints(at[:4])
         asked = law.step(i / rate, np.round(motor / quanta) * quanta + steps[i], felt)
         waiting.append(np.minimum(np.maximum(asked, -most), most))
         command[:4] = waiting.popleft() / gains
@@ -136,5 +143,8 @@ def run(
             break
         if watched is not None and i % 1000 == 0:
             watched(i / rate)
+        if until is not None and until(i / rate):
+            made = {name: array[: i + 1] for name, array in made.items()}
+            break
     robot, on_robot = made.pop("robot"), made.pop("on_robot")
     return WornTrial(rate, motion, robot[:, :4], slider=robot[:, 4], on_robot=on_robot[:, :4], stopped=stopped, **made)

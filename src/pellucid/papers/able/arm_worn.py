@@ -21,15 +21,16 @@ from ...lab.arm.human_motion import people
 from ...lab.arm.rig import ArmRig
 from ...lab.arm.wearer import Person, drawn_people
 from ...lab.arm.worn_trial import motion_of, run
-from ...models.tree_card import TreeCard
 
-LAWS: Mapping[str, Callable[[TreeCard], TreeLaw]] = {
+LAWS: Mapping[str, Callable[..., TreeLaw]] = {
     "fc": full_compensation,
     "carried": carried,
-    "transparent": lambda card: transparent(card, inertia_share=0.4).changed(bandwidth=50.0),
-    "force_sensors": lambda card: with_force_sensor(carried(card)),
+    "transparent": lambda card, **settings: transparent(
+        card, inertia_share=0.4, check_margin=False, **settings
+    ).changed(bandwidth=50.0),
+    "force_sensors": lambda card, **settings: with_force_sensor(carried(card, **settings)),
 }
-"""Laws of four joints by name: each makes its law from the robot's identified card."""
+"""Laws of four joints by name: each makes its law from the robot's identified card, and settings of `carried`."""
 
 PUBLISHED_LAW = "fc"
 """Name of the paper's full compensation, extended to four joints."""

@@ -1,0 +1,99 @@
+// Whether a drive answers late, by its own measurement, where lateness alone stays within every tolerance.
+//
+// With the effort a that it was asked for and what it gave instead, both smoothed,
+//
+//   a - given = T a' + g a + c + noise
+//
+// T is how late it is, g and c are errors of its measurement. Least squares with forgetting over a' and a, means taken off,
+// give T; it is judged only while a' varies enough, beside what a itself explains of it.
+#pragma once
+
+#include "fields.hpp"
+#include "sample.hpp"
+
+namespace pellucid {
+inline namespace PELLUCID_ABI {
+
+template <class S> struct DriveDelayWatchParams {
+  S limit = S(std::numeric_limits<S>::infinity()), rate = limit, smoothing = S(60), forget = S(0.5);
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.limit, {"drive_delay", unit::time, above(0).or_infinite(), "by which its answer may be late; infinite: any"});
+    visit(p.rate, {"drive_delay_rate", unit::effort_rate, above(0).or_infinite(),
+                   "standard deviation of the command's rate from which on that is judged"});
+    visit(p.smoothing, {"drive_delay_smoothing", unit::rate, above(0), "of command and answer; times the period below a half"});
+    visit(p.forget, {"drive_delay_forget", unit::rate, above(0), "of what was seen before; times the period below a half"});
+  }
+};
+
+constexpr double delay_memory = 0.4;  ///< share of the memory's time constant before which nothing is judged [1]
+
+/// What follows from DriveDelayWatchParams and the period of the watch once.
+template <class S> struct DriveDelayWatchCoefficients {
+  DriveDelayWatchParams<S> params{};  ///< as they are
+  S smoothing{};                      ///< share of a new effort in the smoothed one [1]
+  S forget{};                         ///< share of what was seen before that a period forgets [1]
+  S inverse_period{};                 ///< [1/s]
+  S needed{};                         ///< variance of the command's rate that is needed
+  bool valid = false;                 ///< whether the parameters make sense
+};
+
+template <class S>
+DriveDelayWatchCoefficients<S> coefficients(const DriveDelayWatchParams<S>& p, const S& period) noexcept {
+  DriveDelayWatchCoefficients<S> c;
+  c.params = p;
+  c.smoothing = p.smoothing * period;
+  c.forget = p.forget * period;
+  c.inverse_period = S(1) / period;
+  c.needed = p.rate * p.rate;
+  c.valid = is_sound(p) && c.smoothing < S(1) && c.forget < S(1) && period > S(0);
+  return c;
+}
+
+template <class S> struct DriveDelayWatchState {
+  S asked{};      ///< smoothed command [N m]
+  S given{};      ///< smoothed answer [N m]
+  S mean{};       ///< of the smoothed command [N m]
+  S mean_rate{};  ///< of its rate [N m/s]
+  S mean_error{};  ///< of command less answer [N m]
+  S aa{}, ar{}, rr{}, ea{}, er{};  ///< covariances of command a, its rate r and command less answer e
+  S count{};                       ///< answers so far, up to the memory's
+};
+
+/// One period in which the answer to a command was heard: `drive_effort` where it is late.
+template <class S> SafetyFault step(const DriveDelayWatchCoefficients<S>& c, DriveDelayWatchState<S>& s, const S& asked,
+                                    const S& given) noexcept {
+  if (!(c.params.limit < S(std::numeric_limits<S>::max()))) return SafetyFault::none;
+  if (!(s.count > S(0))) {
+    s.asked = s.mean = asked;
+    s.given = given;
+    s.mean_error = asked - given;
+  }
+  // Until the memory is full each answer weighs the same.
+  if (s.count * c.forget < S(1)) s.count = s.count + S(1);
+  const S share = max(c.forget, S(1) / s.count);
+  const S before = s.asked;
+  s.asked = s.asked + c.smoothing * (asked - s.asked);
+  s.given = s.given + c.smoothing * (given - s.given);
+  const S a = s.asked - s.mean, r = (s.asked - before) * c.inverse_period - s.mean_rate,
+          e = s.asked - s.given - s.mean_error, keep = S(1) - share;
+  s.mean = s.mean + share * a;
+  s.mean_rate = s.mean_rate + share * r;
+  s.mean_error = s.mean_error + share * e;
+  s.aa = keep * (s.aa + share * a * a);
+  s.ar = keep * (s.ar + share * a * r);
+  s.rr = keep * (s.rr + share * r * r);
+  s.ea = keep * (s.ea + share * e * a);
+  s.er = keep * (s.er + share * e * r);
+  if (!is_finite(s.asked + s.given + s.aa + s.ar + s.rr + s.ea + s.er)) {
+    s = {};
+    return SafetyFault::none;
+  }
+  if (!(s.count * c.forget >= S(delay_memory))) return SafetyFault::none;
+  const S whole = s.rr * s.aa - s.ar * s.ar;  // variance of the rate that the command does not explain, times aa
+  if (!(whole > c.needed * s.aa)) return SafetyFault::none;
+  return s.er * s.aa - s.ea * s.ar <= c.params.limit * whole ? SafetyFault::none : SafetyFault::drive_effort;
+}
+
+}  // namespace PELLUCID_ABI
+}  // namespace pellucid

@@ -1,0 +1,90 @@
+// The watch of a drive that answers late: delays just within and beyond, errors of its measurement that are no delay,
+// commands that say too little.
+#include "check.hpp"
+
+#include <pellucid/drive_delay_watch.hpp>
+
+#include <initializer_list>
+
+namespace p = pellucid;
+
+namespace {
+
+using F = p::SafetyFault;
+using S = double;
+using Params = p::DriveDelayWatchParams<S>;
+constexpr S period = 0.002;
+
+Params params() { return {0.01, 1, 60, 0.5}; }
+
+struct Answer {
+  int late = 0;  // [periods]
+  S gain = 1, offset = 0, noise = 0, size = 4;
+};
+
+/// A command of slow sines, and how late its answer is found to be wrong; negative: never.
+int found(const Answer& answer, const Params& rules = params()) {
+  const auto c = p::coefficients(rules, period);
+  p::DriveDelayWatchState<S> s;
+  std::uint32_t random = 1;
+  const auto asked = [&](int k) {
+    const S t = period * (k < 0 ? 0 : k);
+    return answer.size * (1 + 0.8 * p::sin(2 * t) + 0.3 * p::sin(5.1 * t + 1));
+  };
+  for (int k = 0; k < 5000; ++k) {
+    random = random * 1664525u + 1013904223u;
+    const S noise = answer.noise * (static_cast<S>(random >> 8) * 0x1p-23 - 1);
+    const S given = answer.gain * asked(k - answer.late) + answer.offset + noise;
+    if (p::step(c, s, asked(k), given) != F::none) return k;
+  }
+  return -1;
+}
+
+void delays() {
+  check(found({}) < 0, "at once");
+  for (const int late : {1, 2, 4}) check(found({late}) < 0, "within the limit");
+  for (const int late : {6, 8, 10}) {
+    const int when = found({late});
+    check(when > 0 && when < 1500, "beyond");
+  }
+  for (const S gain : {0.95, 1.05})
+    for (const S offset : {-0.3, 0.3}) {
+      check(found({1, gain, offset, 0.1}) < 0, "errors of a measurement are no delay");
+      check(found({10, gain, offset, 0.1}) > 0, "nor do they hide one");
+    }
+  check(found({10, 1, 0, 0, 0.3}) < 0, "a command that hardly changes says nothing");
+  Params none = params();
+  none.limit = std::numeric_limits<S>::infinity();
+  check(found({100}, none) < 0, "any delay");
+}
+
+void numbers() {
+  const auto c = p::coefficients(params(), period);
+  check(c.valid && c.smoothing == 0.12 && c.forget == 0.001 && c.needed == 1, "shares of a period");
+  check_close(c.inverse_period, 500.0, 1e-9, "and its inverse");
+  const Params usual;
+  check(usual.limit == std::numeric_limits<S>::infinity() && usual.smoothing == 60 && usual.forget == 0.5, "not checked");
+  check(!p::coefficients(params(), S(0)).valid && !p::coefficients(params(), S(0.02)).valid, "a period that is none");
+  for (int k = 0; k < 4; ++k) {
+    S all[4];
+    p::to_numbers(params(), all);
+    all[k] = 0;
+    check(!p::coefficients(p::from_numbers<Params>(all), period).valid, "nothing is no limit");
+  }
+  Params fast = params();
+  fast.forget = 600;
+  check(!p::coefficients(fast, period).valid, "a memory of less than a period");
+  p::DriveDelayWatchState<S> s;
+  s.asked = 3, s.rr = s.aa = 9;
+  check(p::step(c, s, std::numeric_limits<S>::quiet_NaN(), S(1)) == F::none && s.rr == 0 && s.asked == 0, "no number");
+  s.rr = 9;
+  check(p::step(c, s, S(1), std::numeric_limits<S>::infinity()) == F::none && s.rr == 0, "begins anew");
+}
+
+}  // namespace
+
+int main() {
+  numbers();
+  delays();
+  return failures();
+}
