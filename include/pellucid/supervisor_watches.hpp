@@ -23,7 +23,7 @@ constexpr const char* watch_bound_names[] = {"size", "above", "below"};
 /// One watch.
 struct Watch {
   const char* name;      ///< in the file of an incident
-  Unit unit;             ///< of value and threshold, SI
+  Unit unit;             ///< unit of value and threshold, SI
   WatchBound bound;      ///< how they are compared
   SafetyFault fault;     ///< what it finds
   const char* sentence;  ///< what its value is
@@ -46,7 +46,7 @@ template <class S> struct WatchedPeriod {
   const SupervisorCoefficients<S>& c;    ///< the supervisor's numbers
   const SafetyCoefficients<S>& gate;     ///< those of the law's gate
   const SupervisorState<S>& s;           ///< what the step left
-  const WatchedState<S>& before;         ///< of the period before
+  const WatchedState<S>& before;         ///< what is remembered of the period before
   const Samples<S>& read;                ///< what was read
   const Feedback<S>& back;               ///< what came back from drive and joint
   std::int64_t now = 0;                  ///< time of the step [us]
