@@ -4,6 +4,8 @@
 #include "laws.hpp"
 #include "random_bits.hpp"
 
+#include <pellucid/incident_recorder.hpp>
+
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
 
@@ -11,6 +13,7 @@
 #include <cmath>
 #include <cstring>
 #include <memory>
+#include <vector>
 
 namespace bindings {
 namespace {
@@ -46,6 +49,26 @@ Returns
 -------
 float
     [N m].)";
+constexpr const char* record_doc = R"(From the next period on, keeps the last periods; where the supervisor stops, what went before and after stays.
+
+Parameters
+----------
+records : int
+    How many are kept; 0: none.
+decimation : int
+    Periods of one record.
+after : int
+    Records after the one in which the supervisor stops.)";
+constexpr const char* incident_doc = R"(What was recorded, as the bytes of a file that `pellucid.incident` reads; it then begins anew.
+
+Parameters
+----------
+slides : bool
+    The joint is prismatic.
+
+Returns
+-------
+bytes)";
 constexpr const char* make_doc = R"(A law of the list under its supervisor.
 
 Parameters
@@ -92,6 +115,9 @@ class Supervised {
   virtual void adjust(nb::handle parameters) = 0;
   virtual void stop() = 0;
   virtual nb::list log() const = 0;
+  virtual void record(std::uint32_t records, std::uint32_t decimation, std::uint32_t after) = 0;
+  virtual bool is_recorded() const = 0;
+  virtual nb::bytes incident(bool slides) = 0;
   virtual nb::dict estimates() const = 0;
   p::SupervisorOutput<double> out{};
 };
@@ -121,7 +147,7 @@ template <class L, class S> class SupervisedIn : public Supervised {
     back.drive = {static_cast<S>(drive), now, sequence, sound && !std::isnan(drive)};
     back.joint = {static_cast<S>(joint), now, sequence, sound && !std::isnan(joint)};
     back.token = token;
-    return take(p::step(law_, p::stamped(law_, samples, now), back, now));
+    return run(p::stamped(law_, samples, now), back, now);
   }
   double step_samples(std::int64_t now, const p::Sample<double>* from, std::size_t count, std::uint32_t token) override {
     const auto sample = [&](std::size_t i) {
@@ -131,7 +157,7 @@ template <class L, class S> class SupervisedIn : public Supervised {
     constexpr std::size_t n = p::sensor_count<L>;
     p::Samples<S> samples;
     for (std::size_t i = 0; i < n; ++i) samples[L::sensors[i].quantity] = sample(i);
-    return take(p::step(law_, samples, p::Feedback<S>{sample(n), sample(n + 1), token}, now));
+    return run(samples, p::Feedback<S>{sample(n), sample(n + 1), token}, now);
   }
   void stop() override { p::stop(law_); }
   nb::dict estimates() const override { return estimates_of<L>(law_.controller.state); }
@@ -144,12 +170,32 @@ template <class L, class S> class SupervisedIn : public Supervised {
     return list;
   }
 
+  void record(std::uint32_t records, std::uint32_t decimation, std::uint32_t after) override {
+    words_.assign(std::size_t(records) * p::record_words<L>, 0);
+    p::start(recorder_, decimation, after);
+  }
+  bool is_recorded() const override { return p::is_frozen(recorder_); }
+  nb::bytes incident(bool slides) override {
+    std::vector<unsigned char> file;
+    p::write(recorder_, memory(), law_, slides, [&](std::uint32_t word) {
+      for (int i = 0; i < 4; ++i) file.push_back(static_cast<unsigned char>(word >> (8 * i)));
+      return true;
+    });
+    p::release(recorder_);
+    return nb::bytes(reinterpret_cast<const char*>(file.data()), file.size());
+  }
+
  private:
-  double take(const p::SupervisorOutput<S>& o) {
+  p::IncidentMemory memory() { return {words_.empty() ? nullptr : words_.data(), words_.size()}; }
+  double run(const p::Samples<S>& samples, const p::Feedback<S>& back, std::int64_t now) {
+    const p::SupervisorOutput<S> o = p::step(law_, samples, back, now);
+    p::note(recorder_, memory(), law_, samples, back, now, o);
     out = {static_cast<double>(o.effort), o.beat, o.challenge, o.fault, o.mode, o.enable};
     return out.effort;
   }
   p::Supervised<L> law_;
+  p::IncidentState<S> recorder_;
+  std::vector<std::uint32_t> words_;
 };
 
 /// f(LawOf) of the law with that name.
@@ -353,6 +399,9 @@ void add_supervision(nb::module_& m) {
       .def("adjust", &Supervised::adjust, nb::arg("parameters").none(),
            nb::sig("def adjust(self, parameters: ArrayLike) -> None"),
            "Other numbers of the law, from the next period on; what it remembers stays.")
+      .def("record", &Supervised::record, nb::arg("records"), nb::arg("decimation") = 1, nb::arg("after") = 0, record_doc)
+      .def("incident", &Supervised::incident, nb::arg("slides") = false, incident_doc)
+      .def_prop_ro("is_recorded", &Supervised::is_recorded, "Whether it has stopped and what followed is recorded too.")
       .def("stop", &Supervised::stop, "From the next step on it stops, and stays stopped until reset.")
       .def_prop_ro("effort", [](const Supervised& s) { return s.out.effort; }, "The last [N m].")
       .def_prop_ro("fault", [](const Supervised& s) { return fault_name(s.out.fault); }, "The first, latched; 'none'.")

@@ -59,6 +59,15 @@ template <class S> void ask(DriveWatchState<S>& s, const S& effort) noexcept {
   s.asked = effort;
 }
 
+/// What was given to the account of what was asked for, while the joint `moved` [rad].
+template <class S>
+void account(const DriveWatchParams<S>& p, DriveWatchState<S>& s, const S& given, const S& moved) noexcept {
+  const S asked = clamp(s.asked, -p.limit, p.limit);
+  s.due = asked + p.late * (s.due - asked);
+  const S accuracy = p.gain * abs(s.due) + p.offset;
+  s.surplus = max((S(1) - p.forget) * s.surplus + (given - s.due) * moved - accuracy * abs(moved), S(0));
+}
+
 /// What is wrong with what the drive gives, if anything, after it was asked for `s.asked` while the joint `moved` [rad].
 template <class S> SafetyFault step(const DriveWatchParams<S>& p, DriveWatchState<S>& s, const S& given, const S& moved,
                                     bool heard) noexcept {
@@ -66,9 +75,7 @@ template <class S> SafetyFault step(const DriveWatchParams<S>& p, DriveWatchStat
   if (!heard) return ++s.silent >= p.cycles ? SafetyFault::drive_silent : SafetyFault::none;
   s.silent = 0;
   const S asked = clamp(s.asked, -p.limit, p.limit);
-  s.due = asked + p.late * (s.due - asked);
-  const S accuracy = p.gain * abs(s.due) + p.offset;
-  s.surplus = max((S(1) - p.forget) * s.surplus + (given - s.due) * moved - accuracy * abs(moved), S(0));
+  account(p, s, given, moved);
   if (!(s.surplus <= p.surplus)) {
     s.surplus = S(0);
     return SafetyFault::drive_effort;

@@ -23,6 +23,7 @@
 #include "gear_friction.hpp"
 #include "geared_plant.hpp"
 #include "hill_torque.hpp"
+#include "incident_recorder.hpp"
 #include "joint.hpp"
 #include "joint_compensation.hpp"
 #include "kinematic_tree.hpp"

@@ -792,6 +792,38 @@ class Supervised:
         Other numbers of the law, from the next period on; what it remembers stays.
         """
 
+    def record(self, records: int, decimation: int = 1, after: int = 0) -> None:
+        """
+        From the next period on, keeps the last periods; where the supervisor stops, what went before and after stays.
+
+        Parameters
+        ----------
+        records : int
+            How many are kept; 0: none.
+        decimation : int
+            Periods of one record.
+        after : int
+            Records after the one in which the supervisor stops.
+        """
+
+    def incident(self, slides: bool = False) -> bytes:
+        """
+        What was recorded, as the bytes of a file that `pellucid.incident` reads; it then begins anew.
+
+        Parameters
+        ----------
+        slides : bool
+            The joint is prismatic.
+
+        Returns
+        -------
+        bytes
+        """
+
+    @property
+    def is_recorded(self) -> bool:
+        """Whether it has stopped and what followed is recorded too."""
+
     def stop(self) -> None:
         """From the next step on it stops, and stays stopped until reset."""
 
