@@ -1,8 +1,8 @@
 // Whether a drive gives what it was asked for, by its own measurement of current or torque.
 //
 // The measurement of this period answers the command of the last. A drive follows within a share of the command, a
-// tolerance, and the last change of the command, which it may still be making; longer than a few periods outside is a
-// fault, named by what it looks like.
+// tolerance, and what it may still be making of the command: its last change, or how far it is from what was asked for
+// as late as its loop. Longer than a few periods outside is a fault, named by what it looks like.
 //
 // A drive may lose energy, to friction that its own loop does not make up for, but not add to what it was asked for.
 // With due effort d, given effort g and velocity v, the energy that it adds beyond the accuracy of its measurement is
@@ -68,6 +68,12 @@ void account(const DriveWatchParams<S>& p, DriveWatchState<S>& s, const S& given
   s.surplus = max((S(1) - p.forget) * s.surplus + (given - s.due) * moved - accuracy * abs(moved), S(0));
 }
 
+/// By how much the drive may stray from what was asked for [N m]; after `account`.
+template <class S> S may_stray(const DriveWatchParams<S>& p, const DriveWatchState<S>& s) noexcept {
+  const S asked = clamp(s.asked, -p.limit, p.limit);
+  return p.tolerance + p.relative * abs(asked) + max(abs(s.asked - s.asked_before), abs(asked - s.due));
+}
+
 /// What is wrong with what the drive gives, if anything, after it was asked for `s.asked` while the joint `moved` [rad].
 template <class S> SafetyFault step(const DriveWatchParams<S>& p, DriveWatchState<S>& s, const S& given, const S& moved,
                                     bool heard) noexcept {
@@ -80,8 +86,7 @@ template <class S> SafetyFault step(const DriveWatchParams<S>& p, DriveWatchStat
     s.surplus = S(0);
     return SafetyFault::drive_effort;
   }
-  const S allowed = p.tolerance + p.relative * abs(asked) + abs(s.asked - s.asked_before);
-  if (abs(given - asked) <= allowed) {
+  if (abs(given - asked) <= may_stray(p, s)) {
     s.outside = 0;
     return SafetyFault::none;
   }

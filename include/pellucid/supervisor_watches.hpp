@@ -118,9 +118,8 @@ auto walk_watches(const WatchedPeriod<S>& w, const WatchedState<S>& shown, V&& v
   if (drive_watches && drive_speaks) account(p.drive, drive, w.back.drive.value, w.c.period * s.encoder.velocity);
   const S asked = clamp(w.before.drive.asked, -p.drive.limit, p.drive.limit);
   const S strays = drive_speaks ? w.back.drive.value - asked : S(0);
-  const S may_stray = p.drive.tolerance + p.drive.relative * size(asked) +
-                      size(w.before.drive.asked - w.before.drive.asked_before);
-  const bool is_outside = drive_watches && drive_speaks && !(size(strays) <= may_stray);
+  const S allowed = may_stray(p.drive, drive);
+  const bool is_outside = drive_watches && drive_speaks && !(size(strays) <= allowed);
 
   const bool tested = before == Mode::start_up && mode_of(s) != Mode::start_up && s.test.count > p.test.samples;
   const S wave = hardly_moved(p.test, s.test) ? s.test.work - s.test.middle : s.test.middle;
@@ -160,7 +159,7 @@ auto walk_watches(const WatchedPeriod<S>& w, const WatchedState<S>& shown, V&& v
            {"muscle_range", unit::effort, W::size, F::muscle, "what EMG says of the muscles"}},
       Show{count(s.muscle.quiet), where(p.muscle.expected != 0 && hears_sensors, count(p.muscle.quiet_samples)),
            {"muscle_silence", unit::one, W::above, F::lost, "periods without a word of EMG"}},
-      Show{strays, where(drive_watches && drive_speaks, may_stray),
+      Show{strays, where(drive_watches && drive_speaks, allowed),
            {"drive_difference", unit::effort, W::size, F::drive_effort, "what the drive gives less what it was asked for"}},
       Show{count(is_outside ? drive.outside + 1 : 0), where(drive_watches, count(p.drive.cycles)),
            {"drive_outside", unit::one, W::above, F::drive_effort, "periods in a row in which the drive gave something else"}},
@@ -176,6 +175,8 @@ auto walk_watches(const WatchedPeriod<S>& w, const WatchedState<S>& shown, V&& v
            {"budget_spent", unit::energy, W::above, F::energy, "energy taken from the budget"}},
       Show{s.ringing.size, w.c.ringing.limit,
            {"ringing", unit::effort, W::above, F::ringing, "mean size of the command between people's motions and dither"}},
+      Show{s.shaking.mean, where(carries, w.c.shaking.limit),
+           {"shaking", unit::velocity, W::above, F::shaking, "mean speed to and fro"}},
       Show{wave, tested ? p.test.most : never,
            {"test_work", unit::energy, W::above, F::gain, "work of the wave at start-up"}},
       Show{wave, tested ? p.test.least : never,

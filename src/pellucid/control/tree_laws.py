@@ -29,7 +29,6 @@ from .supervised import (
     COMMISSIONED_WORK_BOUNDS,
     DRIVE_FORGET_S,
     DRIVE_SURPLUS_TRAVEL,
-    DRIVE_TOLERANCE_SHARE,
     ENCODER_FREEZE_S,
     ENERGY_BUDGET_POWER_SHARE,
     ENERGY_STORE_SPEED_SHARE,
@@ -44,6 +43,7 @@ from .supervised import (
     WEARER_ACCELERATION_TIMES_S,
     WEARER_PUSH_SHARE,
     WEARER_TORQUE_SHARE,
+    drive_tolerances,
     start_up_wave,
 )
 from .transparent_laws import DITHER_TRAVEL
@@ -440,21 +440,23 @@ def _watch(
     known = _defaults("tree_watch_joint")
     effort, speed, inertia = limits.effort, limits.velocity, float(reach.inertia[k])
     speeds_up = float(reach.coupled[k]) * speed
+    complete = instruments.completed(effort)
+    tolerances = {name: x for name, x in drive_tolerances(complete, effort, period).items() if name != "drive_late"}
     left = max(float(reach.weight[k]) - effort, 0.0)  # weight that the law leaves to the wearer
     made = known | {
         "raw_speed_limit": speed,
         "raw_acceleration_limit": effort / (MIN_DRIVEN_INERTIA_SHARE * inertia),
         "range_min": limits.position[0] - POSITION_RANGE_MARGIN,
         "range_max": limits.position[1] + POSITION_RANGE_MARGIN,
-        "encoder_resolution": instruments.encoder_resolution,
+        "encoder_resolution": complete.encoder_resolution,
         "freeze_speed": MAX_GRIP_DECELERATION * period,
         "freeze_samples": max(2.0, round(ENCODER_FREEZE_S / period)),
         "drive_expected": float(instruments.drive),
-        "drive_tolerance": DRIVE_TOLERANCE_SHARE * effort,
+        **tolerances,
         "drive_limit": instruments.drive_limit,
         "drive_surplus": DRIVE_SURPLUS_TRAVEL * effort,
         "drive_gain": instruments.drive_gain_error,
-        "drive_offset": instruments.drive_offset_share * effort,
+        "drive_offset": complete.drive_offset,
         "drive_forget": -math.expm1(-period / DRIVE_FORGET_S),
         "drive_delay": DRIVE_DELAY_S + period if instruments.drive else math.inf,
         "drive_delay_rate": DRIVE_DELAY_RATE_SHARE * effort,
@@ -481,7 +483,7 @@ def _test(limits: Limits, reach: Reach, k: int, period: float, instruments: Inst
     """The wave of one joint at start-up: it moves the heaviest posture, and may do the work of the lightest."""
     heavy, light = float(reach.heaviest[k]), float(reach.inertia[k])
     wave = start_up_wave(
-        heavy, float(reach.resting[k]), instruments.encoder_resolution,
+        heavy, float(reach.resting[k]), instruments.completed(limits.effort).encoder_resolution,
         limit=limits.effort, rate=limits.rate, period=period,
     )  # fmt: skip
     least, most = wave.least, MAX_TEST_WORK_RATIO * 2.0 * (wave.effort * wave.samples * period / math.pi) ** 2 / light

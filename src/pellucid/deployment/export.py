@@ -12,6 +12,7 @@ from ..control.unmeasured_drive import warn_of_unmeasured_drive
 from ..procedures.coupling.coupling_table import CouplingTable
 from ..procedures.emg_torque.emg_torque_table import EmgTorqueTable
 from ..procedures.registry import asked
+from ..procedures.rig_instruments import rig_instruments
 from ..procedures.tree.tree_table import TreeTable
 from ..studies.study import Study
 from .c_folder import HEADER_FOLDER, TEMPLATE_FOLDERS, template_path, write_c_folder
@@ -126,7 +127,10 @@ def export(
         why = "this robot has several joints"
         _require_language(study, to, period, refused={**refused, "probe": asks}, why=why)
         given = {} if period is None else {"period": period}
-        tree = tree_values(study, card=card, controller=controller, allow_outside=allow_outside, **given)
+        instruments = [rig_instruments(joint) for joint in study.rig.joints]
+        tree = tree_values(
+            study, card=card, controller=controller, allow_outside=allow_outside, instruments=instruments, **given
+        )
         with _own_folder(place, study, controller or "carried", tree.cards, overwrite=overwrite):
             return write_tree_folder(study.name, tree, place)
     if _exports_estimator(study, card):
