@@ -53,9 +53,9 @@ DriveDelayWatchCoefficients<S> coefficients(const DriveDelayWatchParams<S>& p, c
 template <class S> struct DriveDelayWatchState {
   S asked{};      ///< smoothed command [N m]
   S given{};      ///< smoothed answer [N m]
-  S mean{};       ///< of the smoothed command [N m]
-  S mean_rate{};  ///< of its rate [N m/s]
-  S mean_error{};  ///< of command less answer [N m]
+  S mean{};       ///< mean of the smoothed command [N m]
+  S mean_rate{};  ///< mean of its rate [N m/s]
+  S mean_error{};  ///< mean of command less answer [N m]
   S aa{}, ar{}, rr{}, ea{}, er{};  ///< covariances of command a, its rate r and command less answer e
   S count{};                       ///< answers so far, up to the memory's
 };

@@ -45,7 +45,7 @@ template <class S> struct TreeForceWatchCoefficients {
 };
 
 constexpr double loudness_slow = 0.2;   ///< how slowly loudness is judged, of what lasts [1]
-constexpr double settled_share = 0.9;   ///< of a lasting part that has come in before anything is judged [1]
+constexpr double settled_share = 0.9;   ///< share of a lasting part that must have come in before anything is judged [1]
 constexpr double quiet_start = -0.25;  ///< loudness of each joint before anything was felt, so that a start is no fault [1]
 
 template <class S> TreeForceWatchCoefficients<S> coefficients(const TreeForceWatchParams<S>& p, const S& bandwidth,

@@ -65,11 +65,13 @@ def test_every_threshold_of_a_joint():
         "joint_expected": 0.0, "joint_tolerance": 0.05, "body_inertia": INERTIA, "body_gravity_sine": 1.2,
         "body_gravity_cosine": 0.9, "body_offset": -0.25, "body_coulomb": LEVEL, "body_load": LOAD,
         "body_viscous": VISCOUS, "body_square_root": ROOT, "body_width": 0.1, "residual_bandwidth": 40.0,
-        "residual_slow": 5.0, "wearer_torque": INERTIA * SPEED / 0.5, "wearer_push": INERTIA * SPEED / 0.1,
-        "force_tolerance": 0.33, "force_burst": 3.3, "force_excess": 0.11, "force_expected": 0.0,
+        "residual_slow": 5.0, "wearer_torque": 20.0 * INERTIA + 0.4 * WEIGHT, "wearer_push": INERTIA * SPEED / 0.1,
+        "force_tolerance": 0.33 + 0.4 * WEIGHT, "force_burst": 3.3 + 0.4 * WEIGHT,
+        "force_excess": 0.11 + 0.4 * WEIGHT, "force_expected": 0.0,
         "force_range": math.inf, "force_quiet_samples": 50.0, "muscle_expected": 0.0, "muscle_range": 40.0,
         "muscle_quiet_samples": 50.0, "drive_expected": 0.0, "drive_cycles": 4.0, "drive_tolerance": 0.25,
-        "drive_share": 0.15, "drive_limit": math.inf, "drive_surplus": 0.025, "drive_late": 0.0, "drive_gain": 0.05,
+        "drive_share": 0.15, "drive_limit": math.inf, "drive_surplus": 0.025, "drive_late": math.exp(-1.0 / 4.5),
+        "drive_gain": 0.05,
         "drive_offset": 0.05, "drive_forget": 1.0 - math.exp(-1e-4), "push_limit": EFFORT,
         "power_limit": resisted(SPEED) * SPEED + WEIGHT * SPEED, "budget_store": INERTIA * 5.75**2,
         "budget_power": 0.5, "ringing_limit": 0.575, "ringing_slowest": 20.0, "ringing_fastest": 100.0,
@@ -78,7 +80,7 @@ def test_every_threshold_of_a_joint():
         "test_most": 2.2 * 2.0 * (wave * 0.032 / math.pi) ** 2 / INERTIA, "degrades": 1.0, "moving_speed": 0.2,
         "rest_speed": 0.3, "reset_delay": 1.0, "healthy_samples": 500.0, "probe_effort": 0.0, "probe_samples": 120.0,
         "probe_inertia": 0.0, "probe_noise": 0.0, "probe_moving": 0.1, "probe_evidence": 25.0,
-        "shaking_limit": 0.01 * SPEED, "shaking_recent": 10.0, "shaking_memory": 0.5,
+        "shaking_limit": math.inf, "shaking_recent": 10.0, "shaking_memory": 0.5,
     }  # fmt: skip
     assert thresholds() == pytest.approx(expected, rel=1e-9)
 
@@ -91,9 +93,10 @@ def changes(**settings):
 
 def test_heavier_limits_of_the_wearer_and_lighter_ones():
     """Shares of the limit of effort count where the joint's own acceleration needs less."""
-    s = thresholds(joint(inertia=0.02))
+    light = {"gravity_sine": 0.1, "gravity_cosine": 0.0, "offset": 0.0}
+    s = thresholds(joint(inertia=0.02, **light))
     assert (s["wearer_torque"], s["wearer_push"]) == pytest.approx((0.75, 4.0))
-    s = thresholds(joint(inertia=0.02, velocity_limit=math.inf))
+    s = thresholds(joint(inertia=0.02, velocity_limit=math.inf, **light))
     assert (s["wearer_torque"], s["wearer_push"]) == pytest.approx((0.75, 4.0))
     assert (s["power_limit"], s["budget_store"], s["budget_power"]) == (math.inf, math.inf, 0.0)
     assert s["ringing_limit"] == pytest.approx(0.575)
@@ -103,10 +106,10 @@ def test_weight_that_the_law_leaves_to_the_wearer():
     s = thresholds(joint(effort_limit=1.2))
     left = WEIGHT - 1.2
     assert s["push_limit"] == pytest.approx(1.2 + left)
-    assert s["wearer_torque"] == pytest.approx(1.0 + left)
+    assert s["wearer_torque"] == pytest.approx(max(1.0 + left, 20.0 * INERTIA + 0.4 * WEIGHT))
     assert s["wearer_push"] == pytest.approx(5.0 + left)
-    assert s["force_tolerance"] == pytest.approx(0.066 * 1.2 + 0.2 * left)
-    assert s["force_burst"] == pytest.approx(0.66 * 1.2 + 0.2 * left)
+    assert s["force_tolerance"] == pytest.approx(0.066 * 1.2 + 0.2 * left + 0.4 * WEIGHT)
+    assert s["force_burst"] == pytest.approx(0.66 * 1.2 + 0.2 * left + 0.4 * WEIGHT)
     assert s["budget_store"] == pytest.approx(INERTIA * 5.75**2 + 0.66 * left)
     assert (s["hold_limit"], s["power_limit"]) == pytest.approx((1.2, 12.0))
     assert s["degrades"] == 1.0
@@ -200,8 +203,8 @@ def test_the_usual_accuracy_stated_is_the_usual_supervisor_bit_by_bit():
         ({"drive_gain_error": 0.99}, {"drive_gain": 0.99, "drive_share": 1.0}),
         ({"drive_offset": 0.03 * EFFORT}, {"drive_offset": 0.03 * EFFORT, "drive_tolerance": 0.07 * EFFORT}),
         ({"drive_noise": 0.02 * EFFORT}, {"drive_tolerance": 0.08 * EFFORT}),
-        ({"drive_lag": 7e-3}, {"drive_cycles": 4.0 + 32.0, "drive_late": math.exp(-1.0 / 5.0)}),
-        ({"drive_lag": 22e-3}, {"drive_cycles": 4.0 + 47.0, "drive_late": math.exp(-1.0 / 20.0)}),
+        ({"drive_lag": 7e-3}, {"drive_cycles": 4.0 + 32.0, "drive_late": math.exp(-1.0 / 9.5)}),
+        ({"drive_lag": 22e-3}, {"drive_cycles": 4.0 + 47.0, "drive_late": math.exp(-1.0 / 24.5)}),
     ],
 )
 def test_a_worse_measurement_of_the_drive_widens_its_watch(worse, expected):
@@ -566,15 +569,18 @@ def test_every_threshold_of_several_joints(robot):
 
 def test_instruments_of_each_joint(robot):
     """Drives and second encoders are watched where they are; a sensor is left out where both vouch for the motion."""
-    poor, rich = Instruments(), Instruments(1e-3, True, 0.1, True, 20.0, 9.0, 30.0, 0.02, 0.03)
+    poor = Instruments()
+    rich = Instruments(encoder_resolution=1e-3, joint_encoder=True, joint_tolerance=0.1, drive=True, drive_limit=20.0,
+                       force_range=9.0, emg_range=30.0, drive_gain_error=0.02, drive_offset=0.03)  # fmt: skip
     law = tree_laws.carried(robot, instruments=[poor, rich, rich, poor])
     assert law.instruments == (poor, rich, rich, poor)
     for k, watch in enumerate(law.watches):
         own, effort = (poor, rich, rich, poor)[k], law.shares[k]["effort_limit"]
         assert watch["drive_expected"] == watch["joint_expected"] == float(own is rich)
-        assert (watch["encoder_resolution"], watch["joint_tolerance"]) == (own.encoder_resolution, own.joint_tolerance)
+        assert watch["encoder_resolution"] == (1e-3 if own is rich else 4e-4)
+        assert watch["joint_tolerance"] == own.joint_tolerance
         assert (watch["drive_limit"], watch["drive_gain"]) == (own.drive_limit, own.drive_gain_error)
-        assert watch["drive_offset"] == pytest.approx(own.drive_offset_share * effort)
+        assert watch["drive_offset"] == pytest.approx(0.03 if own is rich else 0.01 * effort)
         assert watch["drive_delay"] == pytest.approx(0.013 if own is rich else math.inf)
     assert law.whole_watch["trusts_motion"] == 0.0
     for only in ({"drive": True}, {"joint_encoder": True}, {"drive": True, "joint_encoder": True}):

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._errors import PellucidError
+from ..models.fields import largest_friction, model_fields
 from ..models.tree_card import COLUMNS, TreeCard
 from .stability import LinearSystem, radius
 from .tree_stability import (
@@ -60,8 +61,8 @@ DRIVE_FREQUENCY = 1250.0
 class InertiaMargin:
     """How much the share of inertia of each joint could grow."""
 
-    joint: str  # that is the nearest to instability
-    factor: float  # by which all shares together may grow [1]
+    joint: str  # joint that is nearest to instability
+    factor: float  # factor by which all shares together may grow [1]
 
 
 def inertia_margin(
@@ -121,17 +122,20 @@ def _worn_loops(card: TreeCard, period: float) -> list[_Loop]:
     """The robot about drawn postures on drawn limbs and cuffs."""
     m, tree = len(card.names), card.tree
     rng, made = np.random.default_rng(MARGIN_SEED), []
+    fields = model_fields("tree_joint")
     column = {name: np.array([row[i] for row in card.joints]) for i, name in enumerate(COLUMNS["joints"])}
     for _ in range(MARGIN_POSTURE_COUNT):
         q = np.array([_drawn(known, turns == "r", rng) for known, turns in zip(card.ranges, card.motion, strict=True)])
         mass = tree.mass_matrix(q[None])[0]
-        load = 0.5 * (column["load_motoring"] + column["load_generating"]) * np.abs(tree.gravity(q[None])[0])
+        weight = np.abs(tree.gravity(q[None])[0])
+        resting = np.asarray(largest_friction(fields, column, 0.0, weight))
+        moving = np.asarray(largest_friction(fields, column, MARGIN_SPEED, weight))
         for frequency in CUFF_FREQUENCIES:
             coupling = TreeCoupling(
                 mass=mass,
-                viscous=0.5 * (column["viscous_positive"] + column["viscous_negative"]),
+                viscous=(moving - resting) / MARGIN_SPEED,
                 slope=gravity_slope(tree, q),
-                coulomb=0.5 * (column["coulomb_positive"] + column["coulomb_negative"]) + load,
+                coulomb=resting,
                 limb_mass=mass,
                 limb_viscous=np.full(m, 0.1),
                 limb_slope=gravity_slope(tree, q),

@@ -342,6 +342,7 @@ def supervised(
     instruments: Instruments | None = None,
     body: Mapping[str, float] | None = None,
     start_up: bool = True,
+    shaking: bool = False,
     **supervision: float,
 ) -> SupervisedLaw:
     """Put a law under a supervisor whose thresholds follow from the law's body, limits and instruments.
@@ -363,6 +364,9 @@ def supervised(
     start_up : bool
         Whether a small wave of effort tests polarity and gain at start-up. There is no test where the law's effort
         limit is too small to move the joint; the supervisor's number ``test_effort`` is then 0.
+    shaking : bool
+        Whether the power goes off after some two seconds in which the joint goes to and fro. It bounds what a drive
+        adds unseen, and stops wearers who stir, polish or walk, too.
     **supervision : float
         Numbers of the supervisor that replace those of the rules, by name, SI.
 
@@ -388,6 +392,8 @@ def supervised(
     10.0
     """
     made = supervision_of(law, instruments or Instruments(), dict(body_of(law) if body is None else body), start_up)
+    if shaking:
+        made["shaking_limit"] = SHAKING_SPEED_SHARE * law.values["velocity_limit"]
     return SupervisedLaw(law, made).changed(**supervision)
 
 
@@ -507,7 +513,6 @@ def drive_tolerances(instruments: CompleteInstruments, effort: float, period: fl
         "drive_tolerance": DRIVE_TOLERANCE_SHARE * effort + offset + DRIVE_NOISE_FACTOR * noise,
         "drive_share": min(known["drive_share"] + max(instruments.drive_gain_error - DRIVE_GAIN_ERROR, 0.0), 1.0),
         "drive_cycles": known["drive_cycles"] + math.ceil(slow / period),
-        "drive_late": math.exp(-period / (DRIVE_RESPONSE_S + lag)),
     }
 
 
@@ -547,6 +552,7 @@ def supervision_of(
         "muscle_quiet_samples": max(2.0, round(SENSOR_QUIET_S / period)),
         "drive_expected": float(instruments.drive),
         **drive_tolerances(complete, effort, period),
+        "drive_late": math.exp(-period / (DRIVE_RESPONSE_S + max(complete.drive_lag - DRIVE_LAG_S, 0.0))),
         "drive_limit": instruments.drive_limit,
         "drive_surplus": DRIVE_SURPLUS_TRAVEL * effort,
         "drive_gain": instruments.drive_gain_error,
@@ -598,7 +604,6 @@ def supervision_of(
             else math.inf,
             "force_burst": FORCE_BURST_SHARE * effort + FORCE_WEIGHT_SHARE * left + force_offset + burst_error + wrong,
             "force_excess": FORCE_EXCESS_SHARE * effort + force_offset + wrong,
-            "shaking_limit": SHAKING_SPEED_SHARE * speed,
             "hold_damping": HOLD_DAMPING_SHARE * inertia / period,
             "hold_limit": min(effort, 1.5 * weight + friction),
             "test_effort": wave.effort if start_up else 0.0,
@@ -610,5 +615,5 @@ def supervision_of(
         least, most = COMMISSIONED_WORK_BOUNDS
         made |= {"test_least": least * instruments.start_up_answer, "test_most": most * instruments.start_up_answer}
     if instruments.probe:
-        made |= probe_numbers(inertia, instruments.encoder_resolution, limit=effort, period=period)
+        made |= probe_numbers(inertia, complete.encoder_resolution, limit=effort, period=period)
     return known | {name: float(value) for name, value in made.items()}

@@ -410,7 +410,7 @@ def reach_of(card: TreeCard, link: int | None = None, point: Sequence[float] = (
     friction = largest_friction(model_fields("tree_joint"), column, speed, weight) + np.abs(column["offset"])
     jacobian = tree.jacobian(postures, len(card.links) - 1 if link is None else link, point)[:, :3]
     end_speed = float(np.linalg.norm(np.abs(jacobian) @ speed, axis=1).max())
-    resting = largest_friction(model_fields("tree_joint"), column, 0.0, weight)
+    resting = np.asarray(largest_friction(model_fields("tree_joint"), column, 0.0, weight))
     coupled = np.abs(matrices).sum(axis=2).max(axis=0)
     return Reach(
         weight, friction, inertia, speed, end_speed, resting, np.maximum(own.max(axis=0), MIN_INERTIA), coupled
@@ -441,7 +441,6 @@ def _watch(
     effort, speed, inertia = limits.effort, limits.velocity, float(reach.inertia[k])
     speeds_up = float(reach.coupled[k]) * speed
     complete = instruments.completed(effort)
-    tolerances = {name: x for name, x in drive_tolerances(complete, effort, period).items() if name != "drive_late"}
     left = max(float(reach.weight[k]) - effort, 0.0)  # weight that the law leaves to the wearer
     made = known | {
         "raw_speed_limit": speed,
@@ -452,7 +451,7 @@ def _watch(
         "freeze_speed": MAX_GRIP_DECELERATION * period,
         "freeze_samples": max(2.0, round(ENCODER_FREEZE_S / period)),
         "drive_expected": float(instruments.drive),
-        **tolerances,
+        **drive_tolerances(complete, effort, period),
         "drive_limit": instruments.drive_limit,
         "drive_surplus": DRIVE_SURPLUS_TRAVEL * effort,
         "drive_gain": instruments.drive_gain_error,

@@ -72,7 +72,7 @@ def watched_worn(law: ControlLaw, instruments: Instruments | None = None) -> Sup
         }
     nothing = dict.fromkeys(body_of(law), 0.0)
     more |= {"muscle_expected": 0.0, "ringing_limit": math.inf}
-    return supervised(law, instruments=measured, body=nothing, start_up=False, **more)
+    return supervised(law, instruments=measured, body=nothing, start_up=False).changed(**more)
 
 
 @dataclass(frozen=True)

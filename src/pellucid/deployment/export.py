@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from .._errors import PellucidError
+from ..control.joint_compensation import DEFAULT_PERIOD_S
 from ..control.unmeasured_drive import warn_of_unmeasured_drive
 from ..procedures.coupling.coupling_table import CouplingTable
 from ..procedures.emg_torque.emg_torque_table import EmgTorqueTable
@@ -126,11 +127,10 @@ def export(
         refused = {"slider": slider, "participant": participant, "exponents": exponents}
         why = "this robot has several joints"
         _require_language(study, to, period, refused={**refused, "probe": asks}, why=why)
-        given = {} if period is None else {"period": period}
-        instruments = [rig_instruments(joint) for joint in study.rig.joints]
         tree = tree_values(
-            study, card=card, controller=controller, allow_outside=allow_outside, instruments=instruments, **given
-        )
+            study, card=card, controller=controller, period=DEFAULT_PERIOD_S if period is None else period,
+            allow_outside=allow_outside, instruments=[rig_instruments(joint) for joint in study.rig.joints],
+        )  # fmt: skip
         with _own_folder(place, study, controller or "carried", tree.cards, overwrite=overwrite):
             return write_tree_folder(study.name, tree, place)
     if _exports_estimator(study, card):

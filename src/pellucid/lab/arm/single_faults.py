@@ -95,7 +95,7 @@ def _clock_fault(ahead: float) -> Callable[[LawInput, LawInput, int], LawInput]:
 _HANDLE_MOMENTS = np.array([[0.0] * 6, [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]])
 """The three moments of the handle's force sensor: 1 in their places, 0 elsewhere, shape (2, 6)."""
 
-_MOMENTS = np.array([[0.0, 0.0, 0.0, 1.0, 1.0, 1.0]] * 2)
+_MOMENT_PLACES = np.array([[0.0, 0.0, 0.0, 1.0, 1.0, 1.0]] * 2)
 """The three moments of each force sensor: 1 in their places, 0 elsewhere, shape (2, 6)."""
 
 SENSOR_FAULTS: Mapping[str, Callable[[LawInput, LawInput, int], LawInput]] = {
@@ -106,11 +106,11 @@ SENSOR_FAULTS: Mapping[str, Callable[[LawInput, LawInput, int], LawInput]] = {
     "encoder_flipped": _encoder_fault(lambda now, then: 2.0 * then - now),
     "encoder_half": _encoder_fault(lambda now, then: 0.5 * (then + now)),
     "force_flipped": _force_fault(lambda now, then: -now),
-    "force_offset": _force_fault(lambda now, then: now + FORCE_OFFSET_NM * _MOMENTS),
+    "force_offset": _force_fault(lambda now, then: now + FORCE_OFFSET_NM * _MOMENT_PLACES),
     "force_triple": _force_fault(lambda now, then: 3.0 * now),
     "force_frozen": _force_fault(lambda now, then: then),
     "force_lost": _force_fault(lambda now, then: np.full_like(now, np.nan)),
-    "force_rail": _force_fault(lambda now, then: np.where(_MOMENTS > 0.0, FORCE_RAIL_NM, now)),
+    "force_rail": _force_fault(lambda now, then: np.where(_MOMENT_PLACES > 0.0, FORCE_RAIL_NM, now)),
     "clock_ahead": _clock_fault(1.0),
     "clock_back": _clock_fault(-1.0),
 }
@@ -136,13 +136,17 @@ KINDS: Mapping[str, Mapping[str, str]] = {
 """Entry of the core's list of single faults, by name and in the core's order."""
 
 
+LATE_FAULTS = frozenset({"drive_late"})
+"""Faults of a drive that gives what was asked of it `LATE_S` ago."""
+
+
 @dataclass(frozen=True)
 class ForceReading:
     """Errors of the force sensors of cuff and handle; the default has none."""
 
     gain: tuple[float, float] = (1.0, 1.0)  # reading per force [1]
-    offset: tuple[float, ...] = (0.0, 0.0, 0.0)  # of what the cuff's says at each joint that carries it [N m]
-    moment_offset: float = 0.0  # of each moment that the handle's says [N m]
+    offset: tuple[float, ...] = (0.0, 0.0, 0.0)  # offset of the cuff's reading at each joint that carries it [N m]
+    moment_offset: float = 0.0  # offset of each moment that the handle reads [N m]
     lag: float = 0.0  # time constant of the first-order lag [s]
     quantum: float = 0.0  # rounding step of forces [N]; a twentieth of it for moments [N m]; 0 for no rounding
 
@@ -247,7 +251,7 @@ class FaultyLaw(CardLaw):
         self.waiting.append(asked)
         # A drive without power gives no effort, whatever its fault.
         if begun and self.fault in DRIVE_FAULTS and self.running.enable[self.joint]:
-            wanted = self.waiting[0] if self.fault == "drive_late" else asked
+            wanted = self.waiting[0] if self.fault in LATE_FAULTS else asked
             given[self.joint], said[self.joint] = DRIVE_FAULTS[self.fault](wanted[self.joint], self.asked[self.joint])
         self.measured = self.read(said)
         return given

@@ -102,7 +102,7 @@ class WornRobot:
         # The supervisor's model of the robot is the identified one, whichever law runs.
         place = self.person.slider(self.rig)
         body = body_of(compensation(self.cards["load"], slider=place, limits=ELBOW_LIMITS))
-        return supervised(law, instruments=self.instruments, body=body, **supervision)
+        return supervised(law, instruments=self.instruments, body=body).changed(**supervision)
 
     @property
     def instruments(self) -> Instruments:
@@ -117,7 +117,7 @@ class WornRobot:
         onset: float = 0.0,
         seconds: float = 10.0,
         longest: float = 3600.0,
-        stops: Sequence[float] = (),
+        stops: Sequence[float] | np.ndarray = (),
         seed: int = 0,
     ) -> dict:
         """Simulate this wearer under a law, and return what `_core.WornElbow.live` reports.
