@@ -71,14 +71,52 @@ recording's.
 """Text of the section on a worn knee, before its table."""
 
 
-def write_page(measured: FaultTable, worn: FaultTable, rows: Sequence[ResultRow]) -> None:
-    """Put what was measured between the page's two marks."""
+EXPORTED_SECTION_TEXT = """### Exported controllers
+
+What `pellucid export` writes, compiled and worn on foreign plants: other equations of friction, transmission, drive
+and straps than the core's, inertia, friction and gravity 0.7 to 1.4 times the card's, wearers' stiffness from 6 to
+120 N m/rad, and instruments with a gain wrong by 5 %, an offset of 1 % of the limit, a lag of 0.3 to 2 ms, noise and a
+quantum (`evidence/_exported`). A fault did something where it was found, gave 0.05 J or more, or changed the drive's
+mean effort by 5 % of its limit.
+"""
+"""Text of the section on exported controllers, before its tables."""
+
+LAB_SECTION_TEXT = """### The same laws in the virtual lab
+
+Plant and model share their kinds of equations here, not their numbers. The drive is measured exactly.
+"""
+"""Text of the section on the lab's robots, before their tables."""
+
+MAX_SHOWN_PARTS = 4
+"""Figures of exported controllers whose names have more parts are those of single faults, which have a table."""
+
+
+def write_page(
+    measured: FaultTable,
+    worn: FaultTable,
+    rows: Sequence[ResultRow],
+    exported: Sequence[str] = (),
+    arms: Sequence[str] = (),
+) -> None:
+    """Put what was measured between the page's two marks: tables of exported controllers, arms, robots and knees."""
+    listed = [r for r in rows if not (r.id.startswith("safety.exported.") and r.id.count(".") >= MAX_SHOWN_PARTS)]
     said = "\n".join(
         f"| `{r.id}` | {'none' if r.value is None else f'{r.value:.4g}'} {r.unit.removeprefix('1')} | {r.note} |"
-        for r in rows
+        for r in listed
     )
     text = PAGE_FILE.read_text(encoding="utf-8")
     before, after = text.split(BEGIN_MARK)[0], text.split(END_MARK)[1]
     figures = f"### Figures\n\n| figure | value | |\n|---|--:|---|\n{said}\n"
-    tables = f"{table(measured)}\n{KNEE_SECTION_TEXT}\n{table(worn, '####')}"
-    write_text_atomically(PAGE_FILE, f"{before}{BEGIN_MARK}\n\n{tables}\n{figures}\n{END_MARK}{after}")
+    parts = [
+        EXPORTED_SECTION_TEXT,
+        "\n".join(exported),
+        "### Arms of several joints\n",
+        "\n".join(arms),
+        "",
+        LAB_SECTION_TEXT,
+        table(measured),
+        KNEE_SECTION_TEXT,
+        table(worn, "####"),
+    ]
+    body = "\n".join(parts)
+    write_text_atomically(PAGE_FILE, f"{before}{BEGIN_MARK}\n\n{body}\n{figures}\n{END_MARK}{after}")

@@ -26,6 +26,10 @@ from pellucid.lab.safety.worn_knee import knee_table
 from pellucid.lab.safety.worn_robot import LAWS, WornRobot
 from pellucid.studies.results import ResultRow
 
+from . import _exported
+from ._arm_faults import ArmOutcome, arm_rows, outcomes
+from ._exported_equal import compare_supervisors
+
 ROBOT_COUNT = sized(20, smallest=1)
 """Number of drawn robots, and of drawn knees."""
 
@@ -74,8 +78,17 @@ def worn_knees() -> FaultTable:
     return knee_table(ROBOT_COUNT, KNEE_HEALTHY_HOURS)
 
 
+@cache
+def worn_arms() -> tuple[ArmOutcome, ...]:
+    """Faults of arms of several joints, once a run."""
+    return tuple(outcomes())
+
+
 def rows() -> Iterator[ResultRow]:
-    """Every figure."""
+    """Every figure: of exported controllers first, then of arms, and of the same laws in the virtual lab."""
+    yield equal_row()
+    yield from _exported.rows()
+    yield from arm_rows(worn_arms())
     yield from fault_rows(measured())
     yield from knee_rows(worn_knees())
     yield from reading_rows("elbow", fault_table(READING_ROBOT_COUNT, READING_HEALTHY_HOURS, inexact=True))
@@ -85,6 +98,13 @@ def rows() -> Iterator[ResultRow]:
     yield from fuzz_rows(robot)
     yield from heap_rows()
     yield from cost_rows(robot)
+
+
+def equal_row() -> ResultRow:
+    """Whether the supervisor that is exported is the one that the lab measures."""
+    count, differing = compare_supervisors()
+    said = ", ".join(f"{law} {name}" for law, name, *_ in differing[:4]) or "every number equal"
+    return row("safety.exported.equal_to_measured", float(not differing), "1", f"{count} laws; {said}")
 
 
 def fault_rows(table: FaultTable) -> Iterator[ResultRow]:
@@ -145,8 +165,9 @@ def fault_rows(table: FaultTable) -> Iterator[ResultRow]:
     )
     alarms = sum(life.alarm != "none" for life in table.healthy) + sum(t.early for t in table.trials)
     hours = sum(life.hours for life in table.healthy)
-    yield row("safety.false_alarms", alarms, "1", "wearers with tremor and sudden stops; starts of all runs included")
-    yield row("safety.healthy_hours", hours, "h", f"{len(table.healthy)} stretches, all laws on all robots")
+    note = "wearers with tremor and sudden stops; starts of all runs included"
+    yield row("safety.lab.false_alarms", alarms, "1", note)
+    yield row("safety.lab.healthy_hours", hours, "h", f"{len(table.healthy)} stretches, all laws on all robots")
 
 
 def knee_rows(table: FaultTable) -> Iterator[ResultRow]:
@@ -314,6 +335,8 @@ def without_supervisor(folder: Path) -> Path:
 
 
 if __name__ == "__main__":
+    from ._arm_faults import arm_table_lines
     from ._safety_page import write_page
 
-    write_page(measured(), worn_knees(), list(rows()))
+    figures = list(rows())
+    write_page(measured(), worn_knees(), figures, list(_exported.exported_tables()), list(arm_table_lines(worn_arms())))
