@@ -359,6 +359,32 @@ def export(
 
 
 @app.command()
+def incident(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="File that the recorder of a controller wrote.")],
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the page.")] = None,
+    json: Json = False,
+) -> None:
+    """Say why a controller stopped, from its record."""
+    from .procedures.incident import NEAREST_WATCH_COUNT, account_table, write_incident_page
+    from .procedures.incident import incident as run
+    from .procedures.print_result import fitting_tables
+
+    found = run(file)
+    page = write_incident_page(found, file.with_name(f"{file.stem}-page") if out is None else out)
+    if json:
+        from json import dumps
+
+        typer.echo(dumps(account_table(found), indent=1, ensure_ascii=False))
+        return
+    console = make_console()
+    print_items(console, found.sentences)
+    heads, rows = found.watch_table(NEAREST_WATCH_COUNT)
+    for table in fitting_tables(heads, rows, console.width):
+        console.print(table)
+    print_line(console, f"Page: {page}")
+
+
+@app.command()
 def protocol(
     name: Annotated[
         str,
