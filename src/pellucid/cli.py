@@ -29,7 +29,6 @@ from .terminal import (
 )
 
 if TYPE_CHECKING:
-
     from .procedures.result import Result
     from .studies.study import Study
 
@@ -365,8 +364,9 @@ def incident(
     json: Json = False,
 ) -> None:
     """Say why a controller stopped, from its record."""
-    from .procedures.incident import NEAREST_WATCH_COUNT, account_table, write_incident_page
+    from .procedures.incident import NEAREST_WATCH_COUNT, account_table
     from .procedures.incident import incident as run
+    from .procedures.incident_page import write_incident_page
     from .procedures.print_result import fitting_tables
 
     found = run(file)

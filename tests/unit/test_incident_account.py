@@ -9,8 +9,9 @@ import pellucid as pl
 from pellucid.cli import app
 from pellucid.control.control_law import LAWS, ControlLaw
 from pellucid.control.instruments import Instruments
-from pellucid.procedures.incident import IncidentAccount, write_incident_page
-from pellucid.recordings.incident import parse_incident
+from pellucid.procedures.incident import IncidentAccount
+from pellucid.procedures.incident_page import write_incident_page
+from pellucid.recordings.incident import CHECKSUM_FACTOR, CHECKSUM_START, parse_incident
 
 PERIOD = 1e-3
 FAULT_AT = 400
@@ -153,10 +154,6 @@ def test_a_page_is_written_whatever_the_record_holds(tmp_path):
     """Records without samples, without a stop, and with values that are not finite."""
     rng = np.random.default_rng(20261113)
     words = np.frombuffer(played("jump"), "<u4")
-    from pellucid._errors import PellucidError
-    from pellucid.recordings.incident import CHECKSUM_FACTOR, CHECKSUM_START
-
-    pages = 0
     for k in range(12):
         changed = words.copy()
         places = rng.integers(len(words) // 10, len(words) - 1, 200)
@@ -165,14 +162,9 @@ def test_a_page_is_written_whatever_the_record_holds(tmp_path):
         for word in changed[:-1].tolist():
             checksum = ((checksum ^ word) * CHECKSUM_FACTOR) & 0xFFFFFFFF
         data = np.append(changed[:-1], np.uint32(checksum)).astype("<u4").tobytes()
-        try:
-            found = IncidentAccount(parse_incident(data))
-        except PellucidError:
-            continue
+        found = IncidentAccount(parse_incident(data))
         assert str(found)
         write_incident_page(found, tmp_path / str(k))
-        pages += 1
-    assert pages == 12
     empty = pl.supervised(joint(), start_up=False)
     empty.record(10)
     found = IncidentAccount(parse_incident(empty.incident()))

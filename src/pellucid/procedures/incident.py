@@ -159,7 +159,7 @@ class IncidentAccount:
             *said,
             ("warning", f"{self._fault_text}{self._position_text}"),
             *self._watch_sentences,
-            ("note", self._response_text),
+            ("note", self._response_text(record.mode[record.stop])),
             *([("note", self._otherwise_text)] if math.isfinite(self.effort_before) else []),
             *([("note", known.advice)] if (known := SUPERVISOR_FAULTS_BY_NAME.get(self.fault)) else []),
         )
@@ -195,9 +195,7 @@ class IncidentAccount:
             others = [one for one in others if one.name != acting.name]
         return [("note", f"{said} {_nearest_text(others[0], other=True)}" if others else said)]
 
-    @property
-    def _response_text(self) -> str:
-        then = self.record.mode[self.record.stop]
+    def _response_text(self, then: str) -> str:
         seconds, power_off = self.seconds_until_powerless, "the drive had no power"
         if then in POWERLESS_MODES or seconds == 0.0:
             return f"Then {power_off}: it was taken off in the period in which the fault was found."
@@ -231,7 +229,7 @@ class IncidentAccount:
         tuple
             Heads, and rows of text, the watch nearest to its threshold first.
         """
-        rows = [
+        rows: list[tuple[str, ...]] = [
             (
                 one.name,
                 share_text(one.share).removesuffix(" of"),
@@ -312,13 +310,6 @@ def account_table(account: IncidentAccount) -> dict[str, object]:
         "watches": [distance(one) for one in account.watches],
         "sentences": [text for _, text in account.sentences],
     }
-
-
-def write_incident_page(account: IncidentAccount, folder: Path) -> Path:
-    """Write the page of an incident into a folder, and return its path."""
-    from .incident_page import write_page_of
-
-    return write_page_of(account, folder)
 
 
 def quantity(value: float, unit: str) -> str:

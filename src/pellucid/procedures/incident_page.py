@@ -12,7 +12,7 @@ from ..drawing.style import colour
 from ..pages.over_time import Traces, over_time
 from ..pages.page import Page, Section, Tile, write_page
 from ..pages.quantities import MINUS_SIGN, MOTION_READINGS
-from ..pages.tables import Row, number_table
+from ..pages.tables import Row, Table, number_table
 from .incident import STOPPED_MODES, IncidentAccount, quantity, share_text
 
 PANEL_HEIGHT = 1.9
@@ -22,8 +22,8 @@ SHOWN_SHARES = 4.0
 """Shares of a threshold above this one are drawn at it, so that a watch's approach stays visible [1]."""
 
 
-def write_page_of(account: IncidentAccount, folder: Path) -> Path:
-    """Write index.html and its figure into a folder."""
+def write_incident_page(account: IncidentAccount, folder: Path) -> Path:
+    """Write index.html and its figure into a folder, and return the page's path."""
     (_, first), *others = account.sentences
     shown = (draw(incident_figure, account),) if len(account.time) else ()
     page = Page(
@@ -87,7 +87,7 @@ def incident_figure(account: IncidentAccount) -> Drawing:
     return drawing
 
 
-def _course_table(account: IncidentAccount):
+def _course_table(account: IncidentAccount) -> Table:
     record, rows = account.record, []
     states = list(zip(record.mode, record.fault, record.enable.tolist(), strict=True))
     for i, (mode, fault, enable) in enumerate(states):
