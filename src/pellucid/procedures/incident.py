@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..control.supervisor_faults import NO_FAULT, SUPERVISOR_FAULTS_BY_NAME
-from ..pages.quantities import MOTION_READINGS, number, unit_text
+from ..pages.quantities import MINUS_SIGN, MOTION_READINGS, number, unit_text
 from ..recordings.incident import Incident, read_incident
 
 if TYPE_CHECKING:
@@ -235,7 +235,7 @@ class IncidentAccount:
                 share_text(one.share).removesuffix(" of"),
                 quantity(one.value, one.unit),
                 quantity(one.threshold, one.unit),
-                f"{1e3 * one.time:+.4g}".replace("-", "−").replace("+0", "0") + " ms",
+                f"{1e3 * one.time:.4g} ms".replace("-", MINUS_SIGN),
             )
             for one in self.watches[:most]
         ]

@@ -42,6 +42,9 @@ SAMPLE_WORDS = 3
 NO_STOP = 0xFFFFFFFF
 """Index of the stop in a file without a stop."""
 
+NO_THRESHOLD = float(np.finfo(np.float32).max)
+"""A threshold of at least this size stands for none: exported constants have no infinity."""
+
 CHECKSUM_START = 2166136261
 """Checksum of nothing (FNV-1a over words)."""
 
@@ -61,7 +64,7 @@ class WatchRecord:
     unit: str  # SI unit of value and threshold as plain text, "1" for none
     sentence: str  # what the value is
     value: np.ndarray  # shape (n,), SI
-    threshold: np.ndarray  # shape (n,), SI; infinite where the watch did not watch
+    threshold: np.ndarray  # shape (n,), SI; infinite or `NO_THRESHOLD` where the watch did not watch
 
     @property
     def share(self) -> np.ndarray:
@@ -71,7 +74,7 @@ class WatchRecord:
             share = self.threshold / size if self.bound == "below" else size / self.threshold
             if self.bound == "below":  # a value of the wrong sign is as far beyond the threshold as can be
                 share = np.where((size <= 0.0) & (self.threshold > 0.0), np.inf, share)
-        return np.where(np.isfinite(self.threshold), share, np.nan)
+        return np.where(np.abs(self.threshold) < NO_THRESHOLD, share, np.nan)
 
 
 @dataclass(frozen=True)
