@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from .models.muscle import Muscle as Muscle
     from .papers.reproduce import reproduce as reproduce
     from .procedures.compare import compare as compare
+    from .procedures.incident import incident as incident
     from .procedures.registry import open_study as open  # noqa: F401 - an attribute that __all__ leaves to the builtin
     from .procedures.run import activations as activations
     from .procedures.run import assess as assess
@@ -77,6 +78,7 @@ _PUBLIC_SOURCES = {
     "Limits": ("control.limits", "Limits"),
     "supervised": ("control.supervised", "supervised"),
     "compare": ("procedures.compare", "compare"),
+    "incident": ("procedures.incident", "incident"),
     "report": ("procedures.run", "report"),
     "fit_joint": ("fit.joint.fit_joint", "fit_joint"),
     "fit_transfer_function": ("fit.transfer.fit_transfer_function", "fit_transfer_function"),
@@ -127,6 +129,7 @@ __all__ = [
     "fit_strap",
     "fit_transfer_function",
     "identify",
+    "incident",
     "init",
     "movement_indices",
     "onset",

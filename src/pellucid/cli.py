@@ -29,7 +29,6 @@ from .terminal import (
 )
 
 if TYPE_CHECKING:
-
     from .procedures.result import Result
     from .studies.study import Study
 
@@ -356,6 +355,33 @@ def export(
         print_line(console, f"{made}: read README.md there. Not compiled: that needs make, a C and a C++ compiler.")
         return
     print_line(console, f"{made}: read README.md there. Next: make -C {made} check")
+
+
+@app.command()
+def incident(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="File that the recorder of a controller wrote.")],
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the page.")] = None,
+    json: Json = False,
+) -> None:
+    """Say why a controller stopped, from its record."""
+    from .procedures.incident import NEAREST_WATCH_COUNT, account_table
+    from .procedures.incident import incident as run
+    from .procedures.incident_page import write_incident_page
+    from .procedures.print_result import fitting_tables
+
+    found = run(file)
+    page = write_incident_page(found, file.with_name(f"{file.stem}-page") if out is None else out)
+    if json:
+        from json import dumps
+
+        typer.echo(dumps(account_table(found), indent=1, ensure_ascii=False))
+        return
+    console = make_console()
+    print_items(console, found.sentences)
+    heads, rows = found.watch_table(NEAREST_WATCH_COUNT)
+    for table in fitting_tables(heads, rows, console.width):
+        console.print(table)
+    print_line(console, f"Page: {page}")
 
 
 @app.command()

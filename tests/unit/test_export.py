@@ -475,7 +475,7 @@ def test_a_folder_is_whole_without_a_compiler(study, monkeypatch):
     assert not (folder / "test" / "vector_outputs.h").exists()
     assert "make record" in (folder / "README.md").read_text(encoding="utf-8")
     assert sorted(p.name for p in (folder / "include" / "pellucid").iterdir()) == sorted(
-        {*needed_headers("joint_compensation.hpp"), *needed_headers("supervisor.hpp"), "watchdog.hpp"}
+        {*needed_headers("joint_compensation.hpp"), *needed_headers("incident_recorder.hpp"), "watchdog.hpp"}
     )
 
 

@@ -310,6 +310,35 @@ class SupervisedLaw:
         """From the next step on it stops, and stays stopped until a reset."""
         self._running.stop()
 
+    def record(self, records: int, decimation: int = 1, after: int = 0) -> None:
+        """Keep what was read, asked for and watched in the last periods; a stop of the supervisor freezes it.
+
+        Parameters
+        ----------
+        records : int
+            How many records are kept; 0: none.
+        decimation : int
+            Periods of one record. Of each watch a record keeps the period nearest to the threshold.
+        after : int
+            Records after the one in which the supervisor stops.
+        """
+        self._running.record(records, decimation, after)
+
+    def incident(self, *, slides: bool = False) -> bytes:
+        """Return what was recorded, as the bytes of a file that `pellucid.incident` reads; the record begins anew.
+
+        Parameters
+        ----------
+        slides : bool
+            Whether the joint is prismatic: positions are then in m and efforts in N.
+
+        Returns
+        -------
+        bytes
+            Content of the file, to be written as it is.
+        """
+        return self._running.incident(slides)
+
     @property
     def fault(self) -> str:
         """Why it stopped or goes on with less; "none" while all is well."""

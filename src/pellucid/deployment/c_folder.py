@@ -41,6 +41,9 @@ They are those of a single joint. Every other kind of controller has a folder be
 and replace the blocks that differ. A template that such a folder lacks is the same for all kinds.
 """
 
+INCIDENT_TEMPLATE_FOLDERS = {"pellucid_incident.h": "", "pellucid_incident.cpp": "", "play_incident.c": "test"}
+"""Templates of the recorder beside the controller of a single joint, each with the folder of its file."""
+
 HEADER_FOLDER = "include/pellucid"
 """Folder of the core's headers in the exported folder."""
 
@@ -86,7 +89,7 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
     """Write the folder; files of an earlier export are replaced, all others stay."""
     refuse_other_makefile(out)
     law = LAWS[values.law]
-    headers = sorted({*needed_headers(law.header), *needed_headers("supervisor.hpp"), "watchdog.hpp"})
+    headers = sorted({*needed_headers(law.header), *needed_headers("incident_recorder.hpp"), "watchdog.hpp"})
     files = {
         f"{HEADER_FOLDER}/{name}": (core_headers() / "pellucid" / name).read_text(encoding="utf-8") for name in headers
     }
@@ -120,8 +123,10 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
         "coordinate": COORDINATE_UNITS[values.motion],
         "effort_unit": values.effort_unit,
         "literal": float_literal,
+        "has_incident": True,
     }
     files |= render_all("", **content)
+    files |= {template_path(name): render(name, **content) for name in INCIDENT_TEMPLATE_FOLDERS}
     files |= _output_files(files, out, vector.motion)
     return write_files(files, out)
 
@@ -176,7 +181,7 @@ def record_outputs(files: Mapping[str, str], out: Path) -> list[str]:
 @contextmanager
 def copied_controller(folder: Path) -> Iterator[Path]:
     """Copy a controller's own files into a temporary folder, so that no other file is compiled or run."""
-    names = [OUTPUT_FILE, *map(template_path, TEMPLATE_FOLDERS)]
+    names = [OUTPUT_FILE, *map(template_path, (*TEMPLATE_FOLDERS, *INCIDENT_TEMPLATE_FOLDERS))]
     names += [f"{HEADER_FOLDER}/{path.name}" for path in (core_headers() / "pellucid").glob("*.hpp")]
     with TemporaryDirectory() as scratch:
         for name in names:
@@ -203,7 +208,7 @@ def check_on_host(folder: Path) -> tuple[int, int] | None:
 
 def template_path(template: str) -> str:
     """Return the path of a rendered template in the exported folder."""
-    return f"{TEMPLATE_FOLDERS[template]}/{template}".lstrip("/")
+    return f"{(TEMPLATE_FOLDERS | INCIDENT_TEMPLATE_FOLDERS)[template]}/{template}".lstrip("/")
 
 
 def render_all(kind: str, /, **content: object) -> dict[str, str]:

@@ -16,7 +16,7 @@ from ..procedures.registry import asked
 from ..procedures.rig_instruments import rig_instruments
 from ..procedures.tree.tree_table import TreeTable
 from ..studies.study import Study
-from .c_folder import HEADER_FOLDER, TEMPLATE_FOLDERS, template_path, write_c_folder
+from .c_folder import HEADER_FOLDER, INCIDENT_TEMPLATE_FOLDERS, TEMPLATE_FOLDERS, template_path, write_c_folder
 from .constants_file import read_constants
 from .controller_values import ControllerValues
 from .elbow_values import elbow_values
@@ -180,7 +180,8 @@ def _own_folder(
         "study": study.name,
         "cards": ", ".join(cards),
     }
-    names = {Path(template_path(name)).parts[0] for name in TEMPLATE_FOLDERS} | {Path(HEADER_FOLDER).parts[0]}
+    templates = (*TEMPLATE_FOLDERS, *INCIDENT_TEMPLATE_FOLDERS)
+    names = {Path(template_path(name)).parts[0] for name in templates} | {Path(HEADER_FOLDER).parts[0]}
     require_own_folder(place, owner, names, overwrite=overwrite)
     yield
     mark_own_folder(place, owner)

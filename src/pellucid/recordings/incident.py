@@ -6,14 +6,20 @@ text with the names of everything, the supervisor's numbers, the records, and a 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .._errors import PellucidError
 from .._given import read_given, visible_text
+from .._tabular import data_frame
+from ..models.fields import unit_of
+
+if TYPE_CHECKING:
+    import pandas
 
 MAGIC_BYTES = b"PELLINCI"
 """First eight bytes of the file."""
@@ -36,6 +42,9 @@ SAMPLE_WORDS = 3
 NO_STOP = 0xFFFFFFFF
 """Index of the stop in a file without a stop."""
 
+NO_THRESHOLD = float(np.finfo(np.float32).max)
+"""A threshold of at least this size stands for none: exported constants have no infinity."""
+
 CHECKSUM_START = 2166136261
 """Checksum of nothing (FNV-1a over words)."""
 
@@ -52,9 +61,10 @@ class WatchRecord:
 
     bound: str  # "size", "above" or "below": how the value is compared with the threshold
     fault: str  # fault that the watch finds
+    unit: str  # SI unit of value and threshold as plain text, "1" for none
     sentence: str  # what the value is
     value: np.ndarray  # shape (n,), SI
-    threshold: np.ndarray  # shape (n,), SI; infinite where the watch did not watch
+    threshold: np.ndarray  # shape (n,), SI; infinite or `NO_THRESHOLD` where the watch did not watch
 
     @property
     def share(self) -> np.ndarray:
@@ -62,7 +72,9 @@ class WatchRecord:
         with np.errstate(divide="ignore", invalid="ignore"):
             size = np.abs(self.value) if self.bound == "size" else self.value
             share = self.threshold / size if self.bound == "below" else size / self.threshold
-        return np.where(np.isfinite(self.threshold), share, np.nan)
+            if self.bound == "below":  # a value of the wrong sign is as far beyond the threshold as can be
+                share = np.where((size <= 0.0) & (self.threshold > 0.0), np.inf, share)
+        return np.where(np.abs(self.threshold) < NO_THRESHOLD, share, np.nan)
 
 
 @dataclass(frozen=True)
@@ -91,6 +103,28 @@ class Incident:
     def __repr__(self) -> str:
         found = "no stop" if self.stop is None else f'stopped by "{self.fault[self.stop]}"'
         return f"Incident({self.law}, {len(self.time)} records of {self.decimation * self.period:g} s, {found})"
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the records as a data frame with one row each, in SI units.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Columns ``time``, ``step``, ``effort``, ``mode``, ``fault`` and ``enable``; of each sensor its name and
+            ``<name>_age``; of each watch ``<name>_value``, ``<name>_threshold`` and ``<name>_share``.
+
+        Raises
+        ------
+        PellucidError
+            If pandas is not installed.
+        """
+        columns = {name: getattr(self, name) for name in ("time", "step", "effort", "mode", "fault", "enable")}
+        for name, values in self.samples.items():
+            columns |= {name: values, f"{name}_age": self.ages[name]}
+        for name, watch in self.watches.items():
+            shown = {"value": watch.value, "threshold": watch.threshold, "share": watch.share}
+            columns |= {f"{name}_{what}": values for what, values in shown.items()}
+        return data_frame(columns)
 
 
 def read_incident(path: str | Path) -> Incident:
@@ -157,7 +191,8 @@ def parse_incident(data: bytes, name: str = "incident") -> Incident:
     if width != RECORD_HEAD_WORDS + SAMPLE_WORDS * len(sensors) + 2 * len(watches) or len(said["number"]) != numbers:
         raise refuse(f"records of {width} words and {numbers} numbers", "as many as its text names")
     start = HEAD_WORDS + text_words
-    values = words[start : start + numbers].view("<f4").astype(float)
+    with np.errstate(invalid="ignore"):  # words that are no float may be a signalling NaN
+        values = words[start : start + numbers].view("<f4").astype(float)
     records = words[start + numbers : -1].reshape(count, width)
     state = records[:, 3].astype(int)
 
@@ -165,7 +200,8 @@ def parse_incident(data: bytes, name: str = "incident") -> Incident:
         return tuple(known[code] if code < len(known) else f"number {code}" for code in codes.tolist())
 
     end = RECORD_HEAD_WORDS + SAMPLE_WORDS * len(sensors)
-    floats = np.ascontiguousarray(records).view("<f4").astype(float)
+    with np.errstate(invalid="ignore"):
+        floats = np.ascontiguousarray(records).view("<f4").astype(float)
     valid = records[:, 5][:, None] >> np.arange(len(sensors), dtype=np.uint32) & 1
     now = np.ascontiguousarray(records[:, :2]).view("<i8")[:, 0] if count else np.zeros(0, np.int64)
     ages = np.ascontiguousarray(records).view("<i4")
@@ -197,9 +233,27 @@ def parse_incident(data: bytes, name: str = "incident") -> Incident:
         },
         ages={s: 1e-6 * ages[:, RECORD_HEAD_WORDS + 1 + SAMPLE_WORDS * i] for i, s in enumerate(sensors)},
         watches={
-            row[0]: WatchRecord(row[1], row[2], " ".join(row[6:]), floats[:, end + 2 * i], floats[:, end + 2 * i + 1])
+            row[0]: WatchRecord(
+                bound=row[1],
+                fault=row[2],
+                unit=unit_of_powers(row[3:6], "prismatic" if slides else "rotary"),
+                sentence=" ".join(row[6:]),
+                value=floats[:, end + 2 * i],
+                threshold=floats[:, end + 2 * i + 1],
+            )
             for i, row in enumerate(watches)
         },
         thresholds=dict(zip((row[0] for row in said["number"]), values.tolist(), strict=True)),
         log=tuple(logged),
     )
+
+
+def unit_of_powers(doubled: Sequence[str], motion: str) -> str:
+    """Return the SI unit, as plain text, that a file states as twice its powers of effort, coordinate and time."""
+    try:
+        effort, coordinate, time = (0.5 * int(power) for power in doubled)
+    except ValueError:
+        return "?"
+    if (effort, coordinate, time) == (1.0, 1.0, -1.0):
+        return "W"
+    return unit_of((effort, coordinate, time), motion, "N" if motion == "prismatic" else "N*m")
