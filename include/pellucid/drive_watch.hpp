@@ -10,8 +10,9 @@
 //   S' = (g - d) v - (gain |d| + offset) |v| - S/T,   S >= 0,
 //
 // so that an error of the measurement within `gain` and `offset` never accumulates, whatever the motion. What its noise
-// and its lag add is forgotten with the time constant T. A slow torque loop is held to what it was asked for a while ago:
-// where the command turns with the motion, as at the end of a strap's slack, being late alone adds energy.
+// and its lag add is forgotten with the time constant T. A slow torque loop may give what it was asked for a while ago:
+// where the command turns with the motion, as at the end of a strap's slack, being late alone adds energy. So d is what
+// was asked for now or as late as the loop, whichever gives more energy: a drive may be quicker than its loop is thought.
 #pragma once
 
 #include "fields.hpp"
@@ -64,8 +65,9 @@ template <class S>
 void account(const DriveWatchParams<S>& p, DriveWatchState<S>& s, const S& given, const S& moved) noexcept {
   const S asked = clamp(s.asked, -p.limit, p.limit);
   s.due = asked + p.late * (s.due - asked);
-  const S accuracy = p.gain * abs(s.due) + p.offset;
-  s.surplus = max((S(1) - p.forget) * s.surplus + (given - s.due) * moved - accuracy * abs(moved), S(0));
+  const S meant = (asked - s.due) * moved > S(0) ? asked : s.due;
+  const S accuracy = p.gain * abs(meant) + p.offset;
+  s.surplus = max((S(1) - p.forget) * s.surplus + (given - meant) * moved - accuracy * abs(moved), S(0));
 }
 
 /// By how much the drive may stray from what was asked for [N m]; after `account`.

@@ -1,6 +1,7 @@
 """The staged identification, on studies the virtual lab recorded: what it finds, says, writes and refuses."""
 
 import json
+import re
 import shutil
 
 import numpy as np
@@ -118,6 +119,9 @@ def edited(study, folder, *changes, suffix=""):
     for old, new in changes:
         assert old in text, old
         text = text.replace(old, new)
+    if "torque_constant" not in text:
+        # The noise of the drive's sensor is in N*m, which a study without that constant has no use for.
+        text = re.sub(r"\[rig\.instruments\.drive_sensor\]\n(?:.+\n)*", "", text)
     folder.mkdir()
     shutil.copytree(study.folder / "recordings", folder / "recordings")
     (folder / "study.toml").write_text(text + suffix, encoding="utf-8")

@@ -85,7 +85,7 @@ class WornRobot:
         run = commissioning.live(commissioning.law("compensation"), longest=3.0)
         return replace(self, answer=run["answer"])
 
-    def law(self, name: str, **supervision: float) -> SupervisedLaw:
+    def law(self, name: str, *, start_up: bool = True, **supervision: float) -> SupervisedLaw:
         """Return a law of `LAWS` for this robot and wearer, under a supervisor that knows the encoder and the drive."""
         place = self.person.slider(self.rig)
         if name == "compensation":
@@ -95,14 +95,14 @@ class WornRobot:
             limb = {"limb": self.person.forearm} if named.wearer else {}
             exponents = {"exponents": COMMON_EXPONENTS} if named.exponents else {}
             law = named.build(self.cards[named.method], place, **limb, **exponents)
-        return self.watched(law, **supervision)
+        return self.watched(law, start_up=start_up, **supervision)
 
-    def watched(self, law: ControlLaw, **supervision: float) -> SupervisedLaw:
+    def watched(self, law: ControlLaw, *, start_up: bool = True, **supervision: float) -> SupervisedLaw:
         """Return a law made for this robot and wearer, under a supervisor that knows the encoder and the drive."""
         # The supervisor's model of the robot is the identified one, whichever law runs.
         place = self.person.slider(self.rig)
         body = body_of(compensation(self.cards["load"], slider=place, limits=ELBOW_LIMITS))
-        return supervised(law, instruments=self.instruments, body=body).changed(**supervision)
+        return supervised(law, instruments=self.instruments, body=body, start_up=start_up).changed(**supervision)
 
     @property
     def instruments(self) -> Instruments:
