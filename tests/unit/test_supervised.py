@@ -181,10 +181,13 @@ def test_the_page_has_every_fault_once_with_what_was_measured():
 
 
 UNCERTAIN = frozenset({"encoder_frozen", "force_triple", "emg_crossed", "drive_holds", "drive_late", "wearer_blocked",
-                       "strap_opens", "law_state"})  # fmt: skip
+                       "strap_opens", "law_state", "wearer_spasm"})  # fmt: skip
 """Faults of the elbow that need not be found in every run, because a bounded energy is all that they give."""
 
-KNEE_EXCESS = {"emg_lost": 2.4, "drive_triple": 3.6}
+ELBOW_EXCESS = {"wearer_spasm": 3.6}
+"""Bounds of an elbow where they are not the usual one [J]: what docs/safety.md measured and a quarter more."""
+
+KNEE_EXCESS = {"emg_lost": 2.4, "drive_triple": 3.6, "law_state": 2.1}
 """Bounds of a worn knee where they are not the usual one [J]: what docs/safety.md measured and a quarter more."""
 
 
@@ -202,7 +205,7 @@ def test_the_page_bounds_the_energy_and_the_time_of_every_fault():
         assert 0 <= found <= of, name
         if hidden:
             continue
-        assert float(row[6].removesuffix(" J")) <= 1.5, name
+        assert float(row[6].removesuffix(" J")) <= ELBOW_EXCESS.get(name, 1.5), name
         if name not in UNCERTAIN:
             assert found == of, name
             assert float(row[5].removesuffix(" ms")) <= 3500.0, name
