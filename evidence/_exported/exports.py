@@ -12,13 +12,12 @@ from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
 
-import numpy as np
-
 import pellucid
 from pellucid.control.control_law import LAWS as LAW_KINDS
 from pellucid.control.elbow_controllers import ELBOW_CONTROLLERS
 from pellucid.control.instruments import Instruments
 from pellucid.deployment.c_folder import write_c_folder
+from pellucid.deployment.constants_file import numbers_in
 from pellucid.deployment.controller_values import ControllerValues
 from pellucid.deployment.export import values_for
 from pellucid.lab.safety.worn_robot import LAWS
@@ -54,9 +53,6 @@ INSTRUMENT_SETS: Mapping[str, Instruments] = {
     "unmeasured": UNMEASURED, "drive_measured": DRIVE_MEASURED, "probe": PROBED,
 }  # fmt: skip
 """Instruments by the name that the rows have."""
-
-UNLIMITED = 1e30
-"""Numbers of an export from this size on stand for the absence of a limit."""
 
 RIG_EXPORTS: Mapping[str, tuple[str, ...]] = {
     "able-elbow": (), "bench-joint": (), "knee-orthosis": ("--participant", "S1"),
@@ -196,14 +192,9 @@ class Exports:
 
 def read_constants(text: str) -> tuple[dict[str, float], dict[str, float]]:
     """Return every number of a pellucid_constants.h by name, and the same with what a remark says was identified."""
-    numbers, identified = {}, {}
-    for value, name, remark in re.findall(r"^ +(\S+)f, /\* (\w+) \[[^\]]*\](.*)\*/$", text, re.M):
-        numbers[name] = float(value)
-        if abs(numbers[name]) >= UNLIMITED:
-            numbers[name] = float(np.copysign(np.inf, numbers[name]))
-        found = re.search(r"identified as (\S+),", remark)
-        identified[name] = float(found.group(1)) if found else numbers[name]
-    return numbers, identified
+    numbers = numbers_in(text, "pellucid_constants.h")
+    remarks = re.findall(r"/\* (\w+) \[[^\]]*\].*?identified as (\S+),.*\*/$", text, re.M)
+    return numbers, numbers | {name: float(value) for name, value in remarks}
 
 
 def compile_wearer(folder: Path, objects: Path, header: str, law: str, sensors: tuple[str, ...]) -> Path:

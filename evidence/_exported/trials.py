@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pellucid import _core
-from pellucid.control.supervised import COMMISSIONED_WORK_BOUNDS
+from pellucid.control.supervised import commissioned_bounds as bounds_of_answer
 from pellucid.lab.safety.fault_table import FAULT_KINDS, FaultKind
 
 from .exports import ExportedLaw
@@ -223,9 +223,9 @@ def commissioned_bounds(law: ExportedLaw, run: Mapping[str, float], seed: int, i
     other = draw_run(law, index + COMMISSIONING_INDEX, seed)
     person = {name: value for name, value in other.items() if name.startswith(WEARER_PREFIXES)}
     result, _ = play(law, [{**run, **person, "tremor_amplitude": 0.0, "kind": -1.0, "seconds": COMMISSIONING_S}])[0]
-    least, most = COMMISSIONED_WORK_BOUNDS
-    answer = result["answer"]
-    return {"test_least": least * answer, "test_most": most * answer} if answer > 0.0 else {}
+    if not result["answer"] > 0.0:
+        return {}
+    return dict(zip(("test_least", "test_most"), bounds_of_answer(result["answer"]), strict=True))
 
 
 def fault_name(number: float) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 
 from .._errors import PellucidError
 from ..models.fields import largest_friction, model_fields
-from ..models.tree_card import COLUMNS, TreeCard
+from ..models.tree_card import TreeCard
 from .stability import LinearSystem, radius
 from .tree_stability import (
     DRAWN_LIMBS,
@@ -31,8 +31,8 @@ from .tree_stability import (
 MIN_INERTIA_MARGIN = 1.5
 """Factor by which the share of inertia could grow before a loop that is stable without it is not [1].
 
-On arms of seeds 20261101, 20261122 and 777 a share of 0.4 was beyond that, and went unstable on one in five; one of 0.2
-was within it, and never did."""
+By the linear analysis of this file, on arms of seeds 20261101, 20261122 and 777, a share of 0.4 is beyond that and one
+of 0.2 within it. One worn arm of five had gone unstable with 0.4; with 0.2 none was worn."""
 
 INERTIA_SHARE_STEP = 0.05
 """Step in which shares of inertia are tried [1]."""
@@ -123,9 +123,9 @@ def _worn_loops(card: TreeCard, period: float) -> list[_Loop]:
     m, tree = len(card.names), card.tree
     rng, made = np.random.default_rng(MARGIN_SEED), []
     fields = model_fields("tree_joint")
-    column = {name: np.array([row[i] for row in card.joints]) for i, name in enumerate(COLUMNS["joints"])}
+    column = card.joint_columns
     for _ in range(MARGIN_POSTURE_COUNT):
-        q = np.array([_drawn(known, turns == "r", rng) for known, turns in zip(card.ranges, card.motion, strict=True)])
+        q = np.array([rng.uniform(*known.span(motion)) for known, motion in zip(card.ranges, card.motion, strict=True)])
         mass = tree.mass_matrix(q[None])[0]
         weight = np.abs(tree.gravity(q[None])[0])
         resting = np.asarray(largest_friction(fields, column, 0.0, weight))
@@ -151,15 +151,6 @@ def _worn_loops(card: TreeCard, period: float) -> list[_Loop]:
                 seen = LinearSystem(plant.a, plant.b[:, :m], plant.c[:m], plant.d[:m, :m])
                 made.append(_Loop(worn, sampled_each(seen, period, np.full(m, period))))
     return made
-
-
-def _drawn(known, turns: bool, rng: np.random.Generator) -> float:
-    """A position within a joint's range."""
-    ends = [x for x in (known.low, known.high) if x is not None]
-    seen = [x for x in (known.seen_low, known.seen_high) if x is not None]
-    reach = math.pi if turns else 0.0
-    low, high = ends if len(ends) == 2 else seen if len(seen) == 2 else (-reach, reach)
-    return float(rng.uniform(low, high))
 
 
 def _radius(

@@ -527,6 +527,12 @@ def _half_wave(
     return work, travel
 
 
+def commissioned_bounds(answer: float) -> tuple[float, float]:
+    """Return the smallest and largest work of the test's wave after a commissioning that gave `answer` [J]."""
+    least, most = COMMISSIONED_WORK_BOUNDS
+    return least * answer, most * answer
+
+
 def drive_tolerances(instruments: CompleteInstruments, effort: float, period: float) -> dict[str, float]:
     """Return the numbers of the drive watch that follow from its measurement, SI.
 
@@ -612,7 +618,7 @@ def supervision_of(
         speeds_up = inertia * speed if math.isfinite(speed) else 0.0
         wrong = MODEL_WEIGHT_ERROR_SHARE * weight
         torque, push = (
-            max(max(share * effort, speeds_up / duration) + left, acceleration * inertia + wrong)
+            max(share * effort + left, speeds_up / duration + left, acceleration * inertia + wrong)
             for share, duration, acceleration in zip(
                 (WEARER_TORQUE_SHARE, WEARER_PUSH_SHARE), WEARER_ACCELERATION_TIMES_S, WEARER_ACCELERATIONS, strict=True
             )
@@ -641,8 +647,7 @@ def supervision_of(
             "test_most": wave.most,
         }
     if instruments.start_up_answer is not None:
-        least, most = COMMISSIONED_WORK_BOUNDS
-        made |= {"test_least": least * instruments.start_up_answer, "test_most": most * instruments.start_up_answer}
+        made["test_least"], made["test_most"] = commissioned_bounds(instruments.start_up_answer)
     if instruments.probe:
         made |= probe_numbers(inertia, complete.encoder_resolution, limit=effort, period=period)
     return known | {name: float(value) for name, value in made.items()}

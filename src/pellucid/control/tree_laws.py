@@ -26,7 +26,6 @@ from .instruments import Instruments
 from .joint_compensation import DEFAULT_PERIOD_S, EFFORT_RISE_S, WIDTH_SHARE
 from .limits import Limits
 from .supervised import (
-    COMMISSIONED_WORK_BOUNDS,
     DRIVE_FORGET_S,
     DRIVE_SURPLUS_TRAVEL,
     ENCODER_FREEZE_S,
@@ -43,6 +42,7 @@ from .supervised import (
     WEARER_ACCELERATION_TIMES_S,
     WEARER_PUSH_SHARE,
     WEARER_TORQUE_SHARE,
+    commissioned_bounds,
     drive_tolerances,
     start_up_wave,
 )
@@ -393,10 +393,7 @@ def reach_of(card: TreeCard, link: int | None = None, point: Sequence[float] = (
     tree, m = card.tree, len(card.names)
     low, high, speed = np.zeros(m), np.zeros(m), np.zeros(m)
     for k, (name, known) in enumerate(zip(card.names, card.ranges, strict=True)):
-        ends = [x for x in (known.low, known.high) if x is not None]
-        seen = [x for x in (known.seen_low, known.seen_high) if x is not None]
-        turn = math.pi if card.motion[k] == "r" else 0.0
-        low[k], high[k] = ends if len(ends) == 2 else seen if len(seen) == 2 else (-turn, turn)
+        low[k], high[k] = known.span(card.motion[k])
         found = known.seen_velocity or known.velocity
         if not found:
             raise PellucidError(f"card {card.family}: found no speed of {name}, expected seen_velocity or velocity")
@@ -406,7 +403,7 @@ def reach_of(card: TreeCard, link: int | None = None, point: Sequence[float] = (
     matrices = tree.mass_matrix(postures)
     own = np.einsum("nkk->nk", matrices)
     inertia = np.maximum(own.min(axis=0), MIN_INERTIA)
-    column = {name: np.array([row[i] for row in card.joints]) for i, name in enumerate(COLUMNS["joints"])}
+    column = card.joint_columns
     friction = largest_friction(model_fields("tree_joint"), column, speed, weight) + np.abs(column["offset"])
     jacobian = tree.jacobian(postures, len(card.links) - 1 if link is None else link, point)[:, :3]
     end_speed = float(np.linalg.norm(np.abs(jacobian) @ speed, axis=1).max())
@@ -487,7 +484,7 @@ def _test(limits: Limits, reach: Reach, k: int, period: float, instruments: Inst
     )  # fmt: skip
     least, most = wave.least, MAX_TEST_WORK_RATIO * 2.0 * (wave.effort * wave.samples * period / math.pi) ** 2 / light
     if instruments.start_up_answer is not None:
-        least, most = (bound * instruments.start_up_answer for bound in COMMISSIONED_WORK_BOUNDS)
+        least, most = commissioned_bounds(instruments.start_up_answer)
     return {
         "test_effort": wave.effort,
         "test_samples": float(wave.samples),

@@ -46,13 +46,19 @@ def read_constants(folder: Path) -> dict[str, float]:
         text = read_given(path, MAX_CONSTANTS_BYTES).decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise PellucidError(f"{path}: not readable: {error}") from None
-    found: dict[str, float] = {}
-    for number, name in _NUMBER_PATTERN.findall(text):
-        if name in found:
-            raise PellucidError(f"{path}: {name}: found it twice, expected it once")
-        value = float(number)
-        found[name] = math.copysign(math.inf, value) if abs(value) >= MAX_FLOAT else value
+    found = numbers_in(text, str(path))
     lacking = [name for name in SUPERVISOR_NAMES if name not in found]
     if lacking:
         raise PellucidError(f"{path}: found no {', '.join(lacking[:5])}, expected every number of the supervisor")
+    return found
+
+
+def numbers_in(text: str, where: str) -> dict[str, float]:
+    """Return the numbers in the text of such a file by name, SI; errors say `where` it is from."""
+    found: dict[str, float] = {}
+    for number, name in _NUMBER_PATTERN.findall(text):
+        if name in found:
+            raise PellucidError(f"{where}: {name}: found it twice, expected it once")
+        value = float(number)
+        found[name] = math.copysign(math.inf, value) if abs(value) >= MAX_FLOAT else value
     return found

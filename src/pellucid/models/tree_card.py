@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
@@ -44,6 +45,17 @@ class JointRange:
     seen_low: float | None = None  # lowest position while fitting; outside the model extrapolates [rad; m]
     seen_high: float | None = None
     seen_velocity: float | None = None  # Largest while fitting [rad/s; m/s]
+
+    def span(self, motion: str) -> tuple[float, float]:
+        """Return the lowest and highest position from which postures are drawn [rad; m].
+
+        Both limits count, else what was seen, else half a turn either way of a joint that turns (`motion` "r").
+        """
+        turn = math.pi if motion == "r" else 0.0
+        for low, high in ((self.low, self.high), (self.seen_low, self.seen_high)):
+            if low is not None and high is not None:
+                return low, high
+        return -turn, turn
 
 
 @dataclass(frozen=True)
@@ -117,6 +129,11 @@ class TreeCard:
     def velocity_width(self) -> np.ndarray:
         """Velocity over which friction changes its sign, (m,) [rad/s; m/s]."""
         return np.array(self.joints)[:, COLUMNS["joints"].index("velocity_width")]
+
+    @cached_property
+    def joint_columns(self) -> dict[str, np.ndarray]:
+        """Numbers of the core's joints by name, each (m,), SI."""
+        return dict(zip(COLUMNS["joints"], np.array(self.joints).T, strict=True))
 
     @cached_property
     def tree(self) -> _core.KinematicTree:
