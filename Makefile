@@ -12,7 +12,7 @@ PYTEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n au
 NUMERIC = tests/property tests/real $(shell grep -lE 'pellucid\.(fit|estimators|signals|assessment)' tests/unit/test_*.py)
 CORE   := $(wildcard include/pellucid/*.hpp bindings/*.cpp bindings/*.hpp) CMakeLists.txt pyproject.toml lab/pyproject.toml
 
-.PHONY: demo test nightly core-test numeric-test fuzz bench evidence clean
+.PHONY: demo test nightly core-test numeric-test fuzz bench evidence wheels clean
 
 demo: $(VENV)/.installed
 	$(BIN)/pellucid demo --out $(DEMO)
@@ -45,6 +45,10 @@ bench: $(VENV)/.tested
 # Proofs of what is claimed besides speed: make evidence PROOFS="coverage scale" for some of them.
 evidence: $(VENV)/.tested
 	$(BIN)/python -m evidence $(PROOFS) --out $(or $(EVIDENCE),evidence.json)
+
+# Both distributions' wheels in dist/; packaging/README.md says more.
+wheels: $(VENV)/.installed
+	packaging/wheels.sh
 
 # What builds the core comes into an environment of its own and is gone afterwards.
 $(VENV)/.installed: $(CORE)

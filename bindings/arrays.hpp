@@ -57,18 +57,18 @@ using Array = BasicArray<double>;
 /// Memory for a result, not zeroed: whoever asks writes all of it. Large results take large pages where the system has
 /// them; a fresh page for every 4 KiB costs as much time as simulating what is written there.
 inline void* allocate(std::size_t bytes) {
-  constexpr std::size_t large_page = std::size_t(1) << 21;
-  if (bytes < large_page) {
-    void* memory = std::malloc(bytes > 0 ? bytes : 1);
-    if (memory == nullptr) throw std::bad_alloc();
-    return memory;
-  }
-  const std::size_t whole = (bytes + large_page - 1) / large_page * large_page;
-  void* memory = std::aligned_alloc(large_page, whole);
-  if (memory == nullptr) throw std::bad_alloc();
 #if defined(__linux__)
-  madvise(memory, bytes / large_page * large_page, MADV_HUGEPAGE);  // not the last, which is used only in part
+  constexpr std::size_t large_page = std::size_t(1) << 21;
+  if (bytes >= large_page) {
+    const std::size_t whole = (bytes + large_page - 1) / large_page * large_page;
+    void* pages = std::aligned_alloc(large_page, whole);
+    if (pages == nullptr) throw std::bad_alloc();
+    madvise(pages, bytes / large_page * large_page, MADV_HUGEPAGE);  // not the last, which is used only in part
+    return pages;
+  }
 #endif
+  void* memory = std::malloc(bytes > 0 ? bytes : 1);
+  if (memory == nullptr) throw std::bad_alloc();
   return memory;
 }
 

@@ -8,7 +8,7 @@
 
 #include <utility>
 
-#if defined(__GNUC__)
+#if defined(__GNUC__) || defined(__clang__)
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
@@ -191,4 +191,4 @@ template <class T, std::size_t W> Lanes<T, W> sqrt(const Lanes<T, W>& x) noexcep
 }  // namespace PELLUCID_ABI
 }  // namespace pellucid
 
-#endif  // __GNUC__
+#endif  // __GNUC__ or __clang__

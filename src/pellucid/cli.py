@@ -52,7 +52,6 @@ app = typer.Typer(
     cls=CommandGroup,
     help="From a robot's recordings to its model, controllers, what they do to people, and C for the robot.",
     rich_markup_mode=None,
-    add_completion=False,
     pretty_exceptions_enable=False,
     no_args_is_help=True,
 )

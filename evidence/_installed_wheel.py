@@ -1,0 +1,50 @@
+"""Wheels installed in a root that has Python and nothing else: no compiler, no shell, no network."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from pellucid.studies.results import ResultRow
+
+ROOT = Path(__file__).parents[1]
+
+UNITS = {"wheel_bytes": ("MB", 1e-6), "pellucid_bytes": ("MB", 1e-6), "installed_bytes": ("MB", 1e-6), "install_s": ("s", 1.0),
+         "help_first_s": ("s", 1.0), "help_s": ("s", 1.0), "demo_s": ("s", 1.0)}  # fmt: skip
+"""Of each figure that the check prints: the unit in which a row gives it, and what it is multiplied by."""
+
+NOTES = {
+    "wheel_bytes": "both wheels",
+    "pellucid_bytes": "of them, installed",
+    "installed_bytes": "with every library that they ask for",
+    "install_s": "pip, from wheels at hand, modules not compiled",
+    "help_first_s": "`pellucid --help` for the first time, which compiles modules",
+    "help_s": "`pellucid --help` once more",
+    "demo_s": "`pellucid demo`, on a machine that did other things too",
+}
+"""Of each figure, what it is of."""
+
+
+def rows() -> Iterator[ResultRow]:
+    """Of wheels that are built, repaired by auditwheel, and installed in such a root."""
+    with tempfile.TemporaryDirectory() as made:
+        # A copy, so that neither the checkout's dist/ nor its build folder is touched.
+        folder = Path(made, "dist")
+        subprocess.run([ROOT / "packaging" / "wheels.sh"], check=True, stdout=subprocess.DEVNULL,
+                       env={**os.environ, "WHEELS": str(folder)})  # fmt: skip
+        found = subprocess.run([sys.executable, ROOT / "packaging" / "bare_root.py", folder], text=True, check=False,
+                               stdout=subprocess.PIPE)  # fmt: skip
+        shutil.rmtree(folder)
+    ran = found.returncode == 0
+    yield ResultRow("formats.wheel.runs_without_compiler", float(ran), "1", "evidence", "heldout", None,
+                    "installed without network, compiler and shell; the demo's page was written")  # fmt: skip
+    for name, value in (json.loads(found.stdout) if ran else {}).items():
+        if name in UNITS:
+            unit, factor = UNITS[name]
+            yield ResultRow(f"formats.wheel.{name.rsplit('_', 1)[0]}", factor * value, unit, "evidence", "heldout", None, NOTES[name])  # fmt: skip
