@@ -12,7 +12,7 @@ PYTEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n au
 NUMERIC = tests/property tests/real $(shell grep -lE 'pellucid\.(fit|estimators|signals|assessment)' tests/unit/test_*.py)
 CORE   := $(wildcard include/pellucid/*.hpp bindings/*.cpp bindings/*.hpp) CMakeLists.txt pyproject.toml lab/pyproject.toml
 
-.PHONY: demo test nightly core-test numeric-test fuzz bench evidence wheels clean
+.PHONY: demo test nightly core-test numeric-test fuzz bench evidence wheels site clean
 
 demo: $(VENV)/.installed
 	$(BIN)/pellucid demo --out $(DEMO)
@@ -49,6 +49,14 @@ evidence: $(VENV)/.tested
 # Both distributions' wheels in dist/; packaging/README.md says more.
 wheels: $(VENV)/.installed
 	packaging/wheels.sh
+
+# The site in build/site, with reports that the demo writes for its gallery; pictures of them need chromium.
+site: $(VENV)/.installed
+	$(BIN)/uv pip install -q --python $(BIN)/python -r pyproject.toml --extra site
+	rm -rf build/gallery && $(BIN)/pellucid demo --out build/gallery >/dev/null
+	-command -v chromium >/dev/null && for page in $$(find build/gallery -name index.html); do chromium --headless --no-sandbox --disable-gpu \
+	  --hide-scrollbars --window-size=1100,1400 --screenshot=$${page%index.html}page.png file://$(CURDIR)/$$page 2>/dev/null; done
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build -q -f website/mkdocs.yml
 
 # What builds the core comes into an environment of its own and is gone afterwards.
 $(VENV)/.installed: $(CORE)

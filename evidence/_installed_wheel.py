@@ -15,8 +15,15 @@ from pellucid.studies.results import ResultRow
 
 ROOT = Path(__file__).parents[1]
 
-UNITS = {"wheel_bytes": ("MB", 1e-6), "pellucid_bytes": ("MB", 1e-6), "installed_bytes": ("MB", 1e-6), "install_s": ("s", 1.0),
-         "help_first_s": ("s", 1.0), "help_s": ("s", 1.0), "demo_s": ("s", 1.0)}  # fmt: skip
+UNITS = {
+    "wheel_bytes": ("MB", 1e-6),
+    "pellucid_bytes": ("MB", 1e-6),
+    "installed_bytes": ("MB", 1e-6),
+    "install_s": ("s", 1.0),
+    "help_first_s": ("s", 1.0),
+    "help_s": ("s", 1.0),
+    "demo_s": ("s", 1.0),
+}
 """Of each figure that the check prints: the unit in which a row gives it, and what it is multiplied by."""
 
 NOTES = {
@@ -47,4 +54,5 @@ def rows() -> Iterator[ResultRow]:
     for name, value in (json.loads(found.stdout) if ran else {}).items():
         if name in UNITS:
             unit, factor = UNITS[name]
-            yield ResultRow(f"formats.wheel.{name.rsplit('_', 1)[0]}", factor * value, unit, "evidence", "heldout", None, NOTES[name])  # fmt: skip
+            row = f"formats.wheel.{name.rsplit('_', 1)[0]}"
+            yield ResultRow(row, factor * value, unit, "evidence", "heldout", None, NOTES[name])

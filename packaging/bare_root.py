@@ -16,7 +16,14 @@ import tempfile
 import time
 from pathlib import Path
 
-LIBRARIES_OF_EVERY_LINUX = ("libstdc++.so.6", "libgcc_s.so.1", "libm.so.6", "libpthread.so.0", "libdl.so.2", "librt.so.1")
+LIBRARIES_OF_EVERY_LINUX = (
+    "libstdc++.so.6",
+    "libgcc_s.so.1",
+    "libm.so.6",
+    "libpthread.so.0",
+    "libdl.so.2",
+    "librt.so.1",
+)
 """Shared libraries that a wheel may expect beside the C library: those of manylinux that our dependencies ask for."""
 
 LEFT_OUT = ("site-packages", "test", "idlelib", "tkinter", "__pycache__", "config-*")
@@ -82,7 +89,9 @@ def copy_python(root: Path) -> str:
     inner = root / "python"
     (inner / "bin").mkdir(parents=True)
     shutil.copy2(prefix / "bin" / name, inner / "bin" / name)
-    shutil.copytree(prefix / "lib" / name, inner / "lib" / name, ignore=shutil.ignore_patterns(*LEFT_OUT), symlinks=False)
+    shutil.copytree(
+        prefix / "lib" / name, inner / "lib" / name, ignore=shutil.ignore_patterns(*LEFT_OUT), symlinks=False
+    )
     (inner / "lib" / name / "site-packages").mkdir()
     asking = [inner / "bin" / name, *(inner / "lib" / name / "lib-dynload").glob("*.so")]
     needed = {path for file in asking for path in libraries_of(file)}

@@ -1,0 +1,101 @@
+"""What the site has beside docs/: the README as home page, other pages of the root, notebooks, the API, and a gallery.
+
+mkdocs calls the functions whose names begin with ``on_``. Nothing is written into docs/.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from latex2mathml.converter import convert
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files, InclusionLevel
+from mkdocs.structure.pages import Page
+
+ROOT = Path(__file__).parents[1]
+
+GALLERY = ROOT / "build" / "gallery"
+"""Where `make site` lets the demo write its pages, whole reports that the gallery shows."""
+
+ROOT_PAGES = {"README.md": "index.md", "CONTRIBUTING.md": "CONTRIBUTING.md", "CHANGELOG.md": "CHANGELOG.md",
+              "packaging/README.md": "packaging.md"}  # fmt: skip
+"""Pages of the root, and their names on the site."""
+
+TEX = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
+"""An equation as the Markdown extension leaves it: TeX between brackets, `\\(` within a line and `\\[` on its own."""
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pages that are made, or that lie outside docs/."""
+    for source, name in ROOT_PAGES.items():
+        files.append(File.generated(config, name, content=moved_links((ROOT / source).read_text("utf-8"))))
+    for notebook in sorted((ROOT / "examples").glob("*.ipynb")):
+        files.append(File.generated(config, f"examples/{notebook.name}", abs_src_path=str(notebook)))
+    files.append(File.generated(config, "api.md", content="\n".join(api_page())))
+    files.append(File.generated(config, "gallery.md", content="\n".join(gallery_page())))
+    files.append(File.generated(config, "site.css", abs_src_path=str(Path(__file__).with_name("site.css"))))
+    for path in sorted(GALLERY.rglob("*")):
+        if path.is_file() and path.suffix in (".html", ".svg", ".png", ".pdf"):
+            name = f"gallery/{path.relative_to(GALLERY).as_posix()}"
+            files.append(File.generated(config, name, abs_src_path=str(path), inclusion=InclusionLevel.INCLUDED))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Let links of docs/ to pages of the root find them on the site."""
+    return markdown.replace("](../README.md", "](index.md").replace("](../CONTRIBUTING.md", "](CONTRIBUTING.md")
+
+
+def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Write equations as MathML, which browsers draw without a script."""
+
+    def as_mathml(match: re.Match) -> str:
+        tex = match[3].replace("&amp;", "&").replace("&lt;", "<").replace("&gt;", ">").strip()
+        return convert(tex, display="block" if match[2] == "[" else "inline")
+
+    return TEX.sub(as_mathml, html)
+
+
+def moved_links(text: str) -> str:
+    """Return a page of the root with its links as they are on the site."""
+    text = re.sub(r"\]\(docs/", "](", text).replace("](packaging/README.md)", "](packaging.md)")
+    return re.sub(r"\[([^]]+)\]\((LICENSE|CITATION.cff)\)", r"\1", text)
+
+
+def api_page() -> Iterator[str]:
+    """Every public name, with what its docstring says."""
+    yield "# Public functions and classes\n"
+    yield "`import pellucid as pl`; each name below is an attribute of it. Units are SI, angles in rad.\n"
+    tree = ast.parse((ROOT / "src" / "pellucid" / "__init__.py").read_text("utf-8"))
+    named = {
+        t.id: n.value for n in tree.body if isinstance(n, ast.Assign) for t in n.targets if isinstance(t, ast.Name)
+    }
+    sources = ast.literal_eval(named["_PUBLIC_SOURCES"])
+    for name in sorted(sources, key=str.lower):
+        module, attribute = sources[name]
+        yield f"::: pellucid.{module}{f'.{attribute}' if attribute else ''}\n"
+        yield f"    options:\n      heading: pl.{name}\n      toc_label: {name}\n"
+
+
+def gallery_page() -> Iterator[str]:
+    """The reports that the demo wrote, each with its title and first sentence."""
+    yield "# Gallery of reports\n"
+    yield "Whole pages as Pellucid writes them, made by `make demo` of a real servo's recordings and of a virtual robot.\n"
+    pages = sorted(GALLERY.rglob("index.html"), key=lambda p: (len(p.parts), p))
+    if not pages:
+        yield "This copy of the site was built without them: `make site` lets the demo write them first."
+    yield '<div class="gallery" markdown>\n'
+    for path in pages:
+        html = path.read_text("utf-8")
+        title = re.sub(r"<[^>]+>", "", re.search(r"<h1[^>]*>(.*?)</h1>", html, re.DOTALL)[1]).strip()
+        where = f"gallery/{path.relative_to(GALLERY).as_posix()}"
+        picture = path.with_name("page.png")
+        yield "<div markdown>\n"
+        if picture.exists():
+            yield f"[![{title}]({Path(where).with_name('page.png').as_posix()})]({where})\n"
+        yield f"**[{title}]({where})**\n"
+        yield "</div>\n"
+    yield "</div>"
