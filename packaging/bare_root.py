@@ -83,7 +83,7 @@ def main(folder: Path) -> dict[str, float]:
 
 
 def copy_python(root: Path) -> str:
-    """Copy this Python, its standard library and the shared libraries that they ask for; return its path in the root."""
+    """Copy this Python and the shared libraries that it asks for; return its path in the root."""
     prefix = Path(sys.base_prefix)
     name = f"python{sys.version_info.major}.{sys.version_info.minor}"
     inner = root / "python"
@@ -117,14 +117,14 @@ def libraries_of(file: Path) -> list[Path]:
 
 def inside(root: Path, command: list[str]) -> str:
     """Run a command in the root, without a network; return what it printed."""
-    enter = 'mount -t proc proc "$0/proc" && touch "$0/dev/null" "$0/dev/urandom" && mount --bind /dev/null "$0/dev/null" && ' \
-        'mount --bind /dev/urandom "$0/dev/urandom" && exec chroot "$0" "$@"'  # fmt: skip
-    environment = {"PATH": "", "HOME": "/tmp", "LANG": "C.UTF-8"}
+    bound = " && ".join(f'touch "$0{node}" && mount --bind {node} "$0{node}"' for node in ("/dev/null", "/dev/urandom"))
+    enter = f'mount -t proc proc "$0/proc" && {bound} && exec chroot "$0" "$@"'
+    environment = {"HOME": "/tmp", "LANG": "C.UTF-8", "PATH": os.environ["PATH"]}
     namespaces = ["unshare", "--user", "--map-root-user", "--net", "--mount", "--pid", "--fork"]
+    alone = ["env", "-i", *[f"{name}={value}" for name, value in environment.items()]]
     found = subprocess.run(
-        [*namespaces, "env", "-i", *[f"{k}={v}" for k, v in environment.items() if k != "PATH"], f"PATH={os.environ['PATH']}",
-         "sh", "-c", enter, str(root), *command], capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        [*namespaces, *alone, "sh", "-c", enter, str(root), *command], capture_output=True, text=True, check=False
+    )
     if found.returncode:
         sys.stderr.write(found.stdout[-2000:] + found.stderr[-4000:])
         raise subprocess.CalledProcessError(found.returncode, command)

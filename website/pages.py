@@ -83,7 +83,7 @@ def api_page() -> Iterator[str]:
 def gallery_page() -> Iterator[str]:
     """The reports that the demo wrote, each with its title and first sentence."""
     yield "# Gallery of reports\n"
-    yield "Whole pages as Pellucid writes them, made by `make demo` of a real servo's recordings and of a virtual robot.\n"
+    yield "Whole pages as `make demo` writes them, of a real servo's recordings and of a virtual robot.\n"
     pages = sorted(GALLERY.rglob("index.html"), key=lambda p: (len(p.parts), p))
     if not pages:
         yield "This copy of the site was built without them: `make site` lets the demo write them first."
