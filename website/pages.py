@@ -21,7 +21,7 @@ GALLERY = ROOT / "build" / "gallery"
 """Where `make site` lets the demo write its pages, whole reports that the gallery shows."""
 
 ROOT_PAGES = {"README.md": "index.md", "CONTRIBUTING.md": "CONTRIBUTING.md", "CHANGELOG.md": "CHANGELOG.md",
-              "packaging/README.md": "packaging.md"}  # fmt: skip
+              "packaging/README.md": "packaging.md", "examples/board/README.md": "board.md"}  # fmt: skip
 """Pages of the root, and their names on the site."""
 
 TEX = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
@@ -46,7 +46,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Let links of docs/ to pages of the root find them on the site."""
-    return markdown.replace("](../README.md", "](index.md").replace("](../CONTRIBUTING.md", "](CONTRIBUTING.md")
+    for source, name in ROOT_PAGES.items():
+        markdown = markdown.replace(f"](../{source}", f"]({name}")
+    return markdown
 
 
 def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:

@@ -9,7 +9,7 @@ LISTED = re.findall(r": ([\w./-]+\.(?:md|ipynb))$", SETTINGS, flags=re.MULTILINE
 
 
 def test_every_page_is_in_the_menu_once():
-    made = {"index.md", "api.md", "gallery.md", "CONTRIBUTING.md", "CHANGELOG.md", "packaging.md"}
+    made = {"index.md", "api.md", "gallery.md", "CONTRIBUTING.md", "CHANGELOG.md", "packaging.md", "board.md"}
     pages = {path.name for path in (ROOT / "docs").glob("*.md")}
     notebooks = {f"examples/{path.name}" for path in (ROOT / "examples").glob("*.ipynb")}
     assert len(LISTED) == len(set(LISTED))
