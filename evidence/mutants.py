@@ -67,6 +67,7 @@ JUDGES: dict[str, tuple[str, ...]] = {
     "tree_gate": ("tree_gate", "tree_law"),
     "tree_law": ("tree_gate", "tree_law"),
     "tree_supervisor": ("tree_supervisor", "tree_law"),
+    "unexplained_energy_watch": ("unexplained_energy_watch",),
     "watchdog": ("watchdog",),
 }
 """Tests of tests/core that judge each header of include/pellucid, the quickest first. rest.hpp is not among them: it
