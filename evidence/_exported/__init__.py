@@ -34,6 +34,7 @@ from pellucid.lab.safety.worn_robot import LAWS
 from pellucid.studies.results import ResultRow
 
 from .exports import DATASET_EXPORTS, RIG_EXPORTS, ExportedLaw, Exports
+from .motion_bounds import bound_lines, measure_bounds
 from .table import table_lines
 from .trials import KINDS, MIN_EFFECT_J, ForeignLife, ForeignTrial, live, play_all, try_faults, try_starts
 
@@ -134,20 +135,25 @@ def sine_trials(instruments: str, seed: int = JUDGED_SEED, shaking: bool = False
     return tuple(trial for trials in play_all(jobs) for trial in trials if not trial.early)
 
 
+def unsensed_laws() -> tuple[ExportedLaw, ...]:
+    """Return the laws without a force sensor, as `export` writes them by default."""
+    return tuple(law for law in made_laws("unmeasured") if "interaction" not in law.uses)
+
+
 @cache
 def sines_by_instruments(seed: int = JUDGED_SEED) -> dict[str, tuple[ForeignTrial, ...]]:
     """Return the trials of an added sine by the names of `SINE_SETS`."""
-    sensed = {law.name for law in made_laws("unmeasured") if "interaction" in law.uses}
+    unsensed = {law.name for law in unsensed_laws()}
 
     def sines(instruments: str) -> list[ForeignTrial]:
         return [t for t in fault_trials(instruments, seed) if t.kind == "drive_sine" and not t.early]
 
     return {
         "drive_measured": tuple(sines("drive_measured")),
-        "force_sensor": tuple(trial for trial in sines("unmeasured") if trial.law in sensed),
-        "encoder_alone": tuple(trial for trial in sines("unmeasured") if trial.law not in sensed),
-        "probe": tuple(trial for trial in sine_trials("probe", seed) if trial.law not in sensed),
-        "shaking": tuple(trial for trial in sine_trials("unmeasured", seed, True) if trial.law not in sensed),
+        "force_sensor": tuple(trial for trial in sines("unmeasured") if trial.law not in unsensed),
+        "encoder_alone": tuple(trial for trial in sines("unmeasured") if trial.law in unsensed),
+        "probe": tuple(trial for trial in sine_trials("probe", seed) if trial.law in unsensed),
+        "shaking": tuple(trial for trial in sine_trials("unmeasured", seed, True) if trial.law in unsensed),
     }
 
 
@@ -344,6 +350,10 @@ def exported_tables(seed: int = JUDGED_SEED) -> Iterator[str]:
     yield "#### A sine of 2.5 Hz that a drive adds"
     yield ""
     yield from sine_lines(sines_by_instruments(seed))
+    yield ""
+    yield "#### Bounds that need no force sensor"
+    yield ""
+    yield from bound_lines(measure_bounds(unsensed_laws(), TUNING_SEED))
     yield ""
     yield "#### Alarms of healthy lives"
     yield ""

@@ -135,7 +135,7 @@ def measured_sines(law: ExportedLaw, index: int, seed: int) -> list[tuple[SeenMo
     return made
 
 
-def motion_bounds(laws: Sequence[ExportedLaw], seed: int) -> list[MotionBound]:
+def measure_bounds(laws: Sequence[ExportedLaw], seed: int) -> list[MotionBound]:
     """Return what every bounded number needs and leaves, each with the memory that leaves the least."""
     places = [(law, index) for law in laws for index in range(PLANT_COUNT)]
     needs = np.array(list(play_all([partial(measured_life, *place, seed) for place in places])))
