@@ -217,6 +217,7 @@ EQUIVALENT: tuple[Equivalent, ...] = (
                ("mode_of(state) == Mode::damped_stop -> true", "mode_of(state) == Mode::damped_stop && ->"),
                "a mode that is stopped harder is not entered again"),
     Equivalent("tree_supervisor", "p.whole.reset_delay < S(1e6) * c.period", ("< -> <=",), EQUAL),
+    Equivalent("unexplained_energy_watch", "is_finite(energy + kinetic)", ("+ -> -",), FINITE),
 )  # fmt: skip
 """Mutants that no test can kill, by file, source text and change."""
 
