@@ -247,7 +247,7 @@ struct Life {
 
 /// How near a healthy life came to each threshold that follows from a model: largest so far.
 struct Nearest {
-  double lasting = 0, push = 0, contradiction = 0, burst = 0, excess = -1e9, spent = 0, ringing = 0, shaking = 0, answer = 0, surplus = 0, probe = 0;
+  double lasting = 0, push = 0, contradiction = 0, burst = 0, excess = -1e9, spent = 0, ringing = 0, shaking = 0, answer = 0, surplus = 0, probe = 0, unexplained = 0;
   template <class S> void take(const pellucid::SupervisorState<S>& s) {
     if (pellucid::mode_of(s) == pellucid::Mode::start_up) return;
     const auto& body = s.body;
@@ -260,6 +260,7 @@ struct Nearest {
     ringing = std::max(ringing, static_cast<double>(s.ringing.size));
     shaking = std::max(shaking, static_cast<double>(s.shaking.mean));
     surplus = std::max(surplus, static_cast<double>(s.drive.surplus));
+    unexplained = std::max(unexplained, static_cast<double>(s.unexplained.energy));
     for (const auto& sum : s.probe.sum) probe = std::max(probe, static_cast<double>(sum));
     if (answer == 0) answer = s.test.middle;
   }
@@ -295,6 +296,7 @@ struct Lived {
     d["shaking"] = nearest.shaking;
     d["surplus"] = nearest.surplus;
     d["probe"] = nearest.probe;
+    d["unexplained"] = nearest.unexplained;
     d["answer"] = nearest.answer;
     Result result({energy.size()});
     std::copy(energy.begin(), energy.end(), result.data);

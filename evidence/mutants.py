@@ -67,6 +67,7 @@ JUDGES: dict[str, tuple[str, ...]] = {
     "tree_gate": ("tree_gate", "tree_law"),
     "tree_law": ("tree_gate", "tree_law"),
     "tree_supervisor": ("tree_supervisor", "tree_law"),
+    "unexplained_energy_watch": ("unexplained_energy_watch",),
     "watchdog": ("watchdog",),
 }
 """Tests of tests/core that judge each header of include/pellucid, the quickest first. rest.hpp is not among them: it
@@ -216,6 +217,7 @@ EQUIVALENT: tuple[Equivalent, ...] = (
                ("mode_of(state) == Mode::damped_stop -> true", "mode_of(state) == Mode::damped_stop && ->"),
                "a mode that is stopped harder is not entered again"),
     Equivalent("tree_supervisor", "p.whole.reset_delay < S(1e6) * c.period", ("< -> <=",), EQUAL),
+    Equivalent("unexplained_energy_watch", "is_finite(energy + kinetic)", ("+ -> -",), FINITE),
 )  # fmt: skip
 """Mutants that no test can kill, by file, source text and change."""
 

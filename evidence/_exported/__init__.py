@@ -19,11 +19,12 @@ Plants and wearers for choosing thresholds have seeds from `TUNING_SEED` on, tho
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
 from benchmarks._size import sized
 
 from pellucid._errors import PellucidError
@@ -33,6 +34,7 @@ from pellucid.lab.safety.worn_robot import LAWS
 from pellucid.studies.results import ResultRow
 
 from .exports import DATASET_EXPORTS, RIG_EXPORTS, ExportedLaw, Exports
+from .motion_bounds import bound_lines, measure_bounds
 from .table import table_lines
 from .trials import KINDS, MIN_EFFECT_J, ForeignLife, ForeignTrial, live, play_all, try_faults, try_starts
 
@@ -65,6 +67,15 @@ DEFAULT_EXPORTS: tuple[str, ...] = sized((*RIG_EXPORTS, *DATASET_EXPORTS), small
 
 PROBED_KINDS = ("drive_reversed", "drive_double", "drive_triple", "drive_stuck", "drive_dead", "encoder_flipped")
 """Faults that a probe is there to find: polarity, gain of two and three, stuck, dead, and the encoder's sign."""
+
+SINE_SETS: Mapping[str, str] = {
+    "drive_measured": "the drive's current",
+    "force_sensor": "a force sensor, which the law hears",
+    "encoder_alone": "encoder alone",
+    "probe": "encoder and probe",
+    "shaking": "encoder alone, and the watch for shaking",
+}
+"""What there is to find an added sine with, in words, by the name that the rows have."""
 
 WORST_KINDS = ("drive_reversed", "drive_triple", "drive_stuck", "drive_dead")
 """Faults of which the first line of an export without a drive measurement warns."""
@@ -114,6 +125,39 @@ def fault_trials(instruments: str, seed: int = JUDGED_SEED) -> tuple[ForeignTria
 
 
 @cache
+def sine_trials(instruments: str, seed: int = JUDGED_SEED, shaking: bool = False) -> tuple[ForeignTrial, ...]:
+    """Return trials of an added sine alone under every law on every plant, with a set of instruments by name."""
+    jobs = [
+        partial(try_faults, law, index, seed, ("drive_sine",), shaking=shaking)
+        for law in made_laws(instruments)
+        for index in range(PLANT_COUNT)
+    ]
+    return tuple(trial for trials in play_all(jobs) for trial in trials if not trial.early)
+
+
+def unsensed_laws() -> tuple[ExportedLaw, ...]:
+    """Return the laws without a force sensor, as `export` writes them by default."""
+    return tuple(law for law in made_laws("unmeasured") if "interaction" not in law.uses)
+
+
+@cache
+def sines_by_instruments(seed: int = JUDGED_SEED) -> dict[str, tuple[ForeignTrial, ...]]:
+    """Return the trials of an added sine by the names of `SINE_SETS`."""
+    unsensed = {law.name for law in unsensed_laws()}
+
+    def sines(instruments: str) -> list[ForeignTrial]:
+        return [t for t in fault_trials(instruments, seed) if t.kind == "drive_sine" and not t.early]
+
+    return {
+        "drive_measured": tuple(sines("drive_measured")),
+        "force_sensor": tuple(trial for trial in sines("unmeasured") if trial.law not in unsensed),
+        "encoder_alone": tuple(trial for trial in sines("unmeasured") if trial.law in unsensed),
+        "probe": tuple(trial for trial in sine_trials("probe", seed) if trial.law in unsensed),
+        "shaking": tuple(trial for trial in sine_trials("unmeasured", seed, True) if trial.law in unsensed),
+    }
+
+
+@cache
 def healthy_lives(instruments: str, seed: int = JUDGED_SEED) -> tuple[ForeignLife, ...]:
     """Return healthy lives of all laws with every mishap, `HEALTHY_HOURS` in all, each on a plant of its own."""
     made = made_laws(instruments)
@@ -145,6 +189,7 @@ def rows(seed: int = JUDGED_SEED) -> Iterator[ResultRow]:
         yield row("safety.exported.probe.found", None, "%", "the supervisor has no probe")
         yield row("safety.exported.probe.worst_excess_energy", None, "J", "the supervisor has no probe")
     yield from sine_rows(fault_trials("unmeasured", seed))
+    yield from sine_set_rows(sines_by_instruments(seed))
     yield from life_rows(healthy_lives("drive_measured", seed))
     yield from start_rows(starts(seed))
 
@@ -225,6 +270,31 @@ def sine_rows(trials: Sequence[ForeignTrial]) -> Iterator[ResultRow]:
                         f"found in {found} of {len(some)}")  # fmt: skip
 
 
+def sine_set_rows(by_set: Mapping[str, Sequence[ForeignTrial]]) -> Iterator[ResultRow]:
+    """Yield the figures of an added sine by what there is to find it with."""
+    for name, trials in by_set.items():
+        laws = len({trial.law for trial in trials})
+        note = f"{len(trials)} runs, {laws} laws; {SINE_SETS[name]}"
+        yield row(f"safety.exported.added_sine.{name}.found", found_share(trials), "%", note)
+        yield worst_row(f"safety.exported.added_sine.{name}.worst_excess_energy", trials, SINE_SETS[name])
+
+
+def sine_lines(by_set: Mapping[str, Sequence[ForeignTrial]]) -> Iterator[str]:
+    """Yield the Markdown lines of a table of added sines: amplitudes by what there is to find them with."""
+    yield "| what there is to find it with | amplitude | found | median | latest | median excess | largest excess |"
+    yield "|---|--:|--:|--:|--:|--:|--:|"
+    for name, trials in by_set.items():
+        for amplitude in sorted({trial.amplitude for trial in trials}):
+            own = [trial for trial in trials if trial.amplitude == amplitude]
+            found = [1e3 * trial.found for trial in own if trial.is_found]
+            times = f"{np.median(found):.0f} ms | {max(found):.0f} ms" if found else " | "
+            excess = [trial.excess for trial in own]
+            yield (
+                f"| {SINE_SETS[name]} | {amplitude:g} N m | {len(found)} of {len(own)} | {times} | "
+                f"{np.median(excess):.2f} J | {max(excess):.2f} J |"
+            )
+
+
 def life_rows(lives: Sequence[ForeignLife]) -> Iterator[ResultRow]:
     """Yield the figures of healthy lives; every alarm that a person would want has its line."""
     false = [alarm for life in lives for alarm in life.alarms if not alarm.wanted]
@@ -277,6 +347,14 @@ def exported_tables(seed: int = JUDGED_SEED) -> Iterator[str]:
     if has_probe():
         measured["probe"] = fault_trials("probe", seed)
     yield from table_lines(measured)
+    yield "#### A sine of 2.5 Hz that a drive adds"
+    yield ""
+    yield from sine_lines(sines_by_instruments(seed))
+    yield ""
+    yield "#### Bounds that need no force sensor"
+    yield ""
+    yield from bound_lines(measure_bounds(unsensed_laws(), TUNING_SEED))
+    yield ""
     yield "#### Alarms of healthy lives"
     yield ""
     yield "| law | plant | time | fault | the wearer | largest speed | largest push | why a person wants it |"

@@ -33,6 +33,9 @@ ALARM_FIELDS: tuple[str, ...] = _names("FOREIGN_ALARMS")
 FAULT_NAMES: tuple[str, ...] = _names("FOREIGN_FAULTS")
 """Names of the faults, in the program's order; the first is none."""
 
+TRACE_FIELDS: tuple[str, ...] = _names("FOREIGN_TRACE")
+"""Names of a traced period's numbers, in the program's order."""
+
 PLANT_FACTORS = (0.7, 1.4)
 """Smallest and largest ratio of a foreign plant's inertia, friction and gravity to the identified card's [1]."""
 
@@ -331,6 +334,8 @@ def draw_run(law: ExportedLaw, index: int, seed: int) -> dict[str, float]:
         "amplitude": 0.0,
         "test_least": 0.0,
         "test_most": 0.0,
+        "shaking_limit": 0.0,
+        "traced": 0.0,
         "passive": 0.0,
     }
     if set(made) != set(RUN_FIELDS):

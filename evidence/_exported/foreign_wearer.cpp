@@ -199,6 +199,11 @@ class Simulation {
         result.ringing += std::fabs(out.effort - before_command);
         if (result.started < 0.0) result.started = now;
       }
+      if (r.traced != 0.0 && k % 2 == 0)
+        trace.push_back({encoder, 0.5 * (asked_last + asked_earlier), in_force ? 1.0 : 0.0,
+                         on ? since : -1.0, on ? surplus_at(k, work - work_begin, begins) : 0.0});
+      asked_earlier = asked_last;
+      asked_last = out.effort;
       before_command = out.effort;
       remember();
       if (life) {
@@ -214,7 +219,7 @@ class Simulation {
       if (!on) continue;
       result.peak = std::max(result.peak, std::fabs(pull));
       if (k < reference_effort.size()) {
-        const double surplus = work - work_begin - (static_cast<double>(reference_work[k]) - reference_at(begins));
+        const double surplus = surplus_at(k, work - work_begin, begins);
         if (result.safe < 0.0) result.excess = std::max(result.excess, surplus);
         result.deviation += std::fabs(drive_effort - static_cast<double>(reference_effort[k]));
         ++compared;
@@ -245,19 +250,26 @@ class Simulation {
   }
 
   std::vector<Alarm> alarms;
+  std::vector<Traced> trace;
 
  private:
   /// Whether a machine that nobody wears stays where it is: nobody holds it while its drive is tested.
   bool rests_alone() const { return r.gravity_sine == 0.0 && r.gravity_cosine == 0.0; }
 
-  /// Starts the controller, with the bounds of its test where the robot was commissioned.
+  /// Starts the controller: with the bounds of its test where the robot was commissioned, and with a watch for shaking.
   void switch_on() const {
     pellucid_config config = exported_config();
     if (r.test_most > 0.0) config.test_least = static_cast<float>(r.test_least), config.test_most = static_cast<float>(r.test_most);
+    if (r.shaking_limit > 0.0) config.shaking_limit = static_cast<float>(r.shaking_limit);
     pellucid_init(&memory.context, &config);
   }
 
   double reference_at(std::size_t k) const { return k > 0 && k <= reference_work.size() ? static_cast<double>(reference_work[k - 1]) : 0.0; }
+
+  /// By how much positive work since the onset is more than that of the reference [J].
+  double surplus_at(std::size_t k, double work, std::size_t begins) const {
+    return k < reference_work.size() ? work - (static_cast<double>(reference_work[k]) - reference_at(begins)) : 0.0;
+  }
 
   /// What the wearer, the operator and mishaps do in this period.
   void act(double& distance, std::size_t& pauses) {
@@ -724,6 +736,7 @@ class Simulation {
   std::size_t tasks = 0;
   std::uint64_t fault_state = 0;
   std::uint32_t ticks = 0, off = 0, token = 0, mode_before = 0;
+  double asked_last = 0, asked_earlier = 0;
   double commands[4] = {}, asked_before[20] = {}, errors[2][128] = {};
   pellucid_sample past[20] = {}, last_position{}, last_force{}, held_position{}, held_force{};
   float mirror = 0;
@@ -745,6 +758,9 @@ int main() {
     std::fwrite(&result, sizeof result, 1, stdout);
     std::fwrite(&count, sizeof count, 1, stdout);
     std::fwrite(simulation.alarms.data(), sizeof(foreign::Alarm), simulation.alarms.size(), stdout);
+    const double rows = static_cast<double>(simulation.trace.size());
+    std::fwrite(&rows, sizeof rows, 1, stdout);
+    std::fwrite(simulation.trace.data(), sizeof(foreign::Traced), simulation.trace.size(), stdout);
   }
   return 0;
 }

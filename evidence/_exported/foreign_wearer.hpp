@@ -117,6 +117,8 @@ namespace foreign {
   X(amplitude, "N*m", "amplitude of an added sine")                                                                    \
   X(test_least, "J", "least work of the test at start-up, of a robot that was commissioned")                            \
   X(test_most, "J", "largest work of that test; 0: both as exported")                                                  \
+  X(shaking_limit, "rad/s", "limit of the mean speed to and fro; 0: as exported")                                      \
+  X(traced, "1", "1: tell what the controller sees in every second period")                                            \
   X(passive, "1", "1: no power and limp muscles, to check the plant's energy")
 
 /// The faults, in the order of their numbers; those of docs/safety.md and, below the line, further ones.
@@ -163,6 +165,14 @@ namespace foreign {
   X(push, "N*m", "largest true torque of the wearer on the robot in the last half second")                             \
   X(lasting, "N*m", "largest true torque that lasts, smoothed with 5/s, in the last half second")
 
+/// What a traced run tells of every second period: X(name, unit, meaning).
+#define FOREIGN_TRACE(X)                                                                                               \
+  X(position, "rad", "reading of the encoder")                                                                         \
+  X(effort, "N*m", "mean command of the last two periods")                                                             \
+  X(in_force, "1", "1: the law is in force")                                                                           \
+  X(since, "s", "time since the onset of the fault; negative: before it")                                              \
+  X(surplus, "J", "surplus of positive work on the limb over that of the reference since the onset")
+
 struct Run {
 #define X(name, unit, meaning) double name;
   FOREIGN_FIELDS(X)
@@ -178,6 +188,12 @@ struct Result {
 struct Alarm {
 #define X(name, unit, meaning) double name;
   FOREIGN_ALARMS(X)
+#undef X
+};
+
+struct Traced {
+#define X(name, unit, meaning) double name;
+  FOREIGN_TRACE(X)
 #undef X
 };
 

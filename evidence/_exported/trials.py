@@ -10,11 +10,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from pellucid import _core
+from pellucid.control.supervised import SHAKING_SPEED_SHARE
 from pellucid.control.supervised import commissioned_bounds as bounds_of_answer
 from pellucid.lab.safety.fault_table import FAULT_KINDS, FaultKind
 
 from .exports import ExportedLaw
-from .foreign_people import ALARM_FIELDS, FAULT_NAMES, RESULT_FIELDS, RUN_FIELDS, draw_run, with_mishaps
+from .foreign_people import (
+    ALARM_FIELDS,
+    FAULT_NAMES,
+    RESULT_FIELDS,
+    RUN_FIELDS,
+    TRACE_FIELDS,
+    draw_run,
+    with_mishaps,
+)  # fmt: skip
 
 WATCH_S = 10.0
 """Time after its onset for which a fault is watched that nothing finds."""
@@ -154,18 +163,30 @@ def wanted_reason(
     return ""
 
 
-def play(program: ExportedLaw, runs: Sequence[Mapping[str, float]]) -> list[tuple[dict[str, float], np.ndarray]]:
-    """Return every run's result by name, and its alarms, shape (k, 9)."""
+@dataclass(frozen=True)
+class PlayedRun:
+    """What the program told of one run."""
+
+    result: dict[str, float]  # numbers by name
+    alarms: np.ndarray  # a row for each alarm, shape (k, 9)
+    trace: np.ndarray  # a row for every second period of a traced run, shape (t, 5)
+
+
+def play(program: ExportedLaw, runs: Sequence[Mapping[str, float]]) -> list[PlayedRun]:
+    """Return what the program told of every run."""
     given = np.array([[run[name] for name in RUN_FIELDS] for run in runs], dtype=np.float64)
     done = subprocess.run([str(program.program)], input=given.tobytes(), capture_output=True, check=True)
     numbers, at, results = np.frombuffer(done.stdout, dtype=np.float64), 0, []
     size, width = len(RESULT_FIELDS), len(ALARM_FIELDS)
     for _ in runs:
         result = dict(zip(RESULT_FIELDS, map(float, numbers[at : at + size]), strict=True))
-        count = int(numbers[at + size])
-        at += size + 1
-        results.append((result, numbers[at : at + count * width].reshape(count, width)))
-        at += count * width
+        at += size
+        tables = []
+        for columns in (width, len(TRACE_FIELDS)):
+            count = int(numbers[at])
+            tables.append(numbers[at + 1 : at + 1 + count * columns].reshape(count, columns))
+            at += 1 + count * columns
+        results.append(PlayedRun(result, *tables))
     return results
 
 
@@ -188,9 +209,17 @@ def can_have(law: ExportedLaw, kind: FaultKind) -> bool:
     return measured or not kind.name.startswith("current_")
 
 
-def try_faults(law: ExportedLaw, index: int, seed: int, kinds: Sequence[str]) -> list[ForeignTrial]:
-    """Try faults by name under one law on the plant of an index: a reference without a fault, and a run for each."""
+def fault_runs(
+    law: ExportedLaw, index: int, seed: int, kinds: Sequence[str], *, shaking: bool = False
+) -> tuple[list[dict[str, float]], list[tuple[str, float]]]:
+    """Return runs of faults by name under one law on the plant of an index, with each fault's name and amplitude.
+
+    The first run is the reference without a fault. With `shaking` the supervisor also has the watch for shaking, as
+    `pellucid.supervised` sets it.
+    """
     base = draw_run(law, index, seed)
+    if shaking:
+        base["shaking_limit"] = SHAKING_SPEED_SHARE * base["velocity_limit"]
     base["brace_interval"] = with_mishaps(base, seed, index)["brace_interval"]
     if law.numbers["drive_expected"] > 0.0:
         base |= commissioned_bounds(law, base, seed, index)
@@ -207,14 +236,22 @@ def try_faults(law: ExportedLaw, index: int, seed: int, kinds: Sequence[str]) ->
             runs.append({**base, "kind": float(number), "onset": onset, "seconds": WATCH_S, "fault_seed": drawn,
                          "amplitude": amplitude})  # fmt: skip
             said.append((name, amplitude))
+    return runs, said
+
+
+def try_faults(
+    law: ExportedLaw, index: int, seed: int, kinds: Sequence[str], *, shaking: bool = False
+) -> list[ForeignTrial]:
+    """Try faults by name under one law on the plant of an index, as `fault_runs` has them."""
+    runs, said = fault_runs(law, index, seed, kinds, shaking=shaking)
     played = play(law, runs)
     return [
         ForeignTrial(
             name, law.name, index, amplitude, result["early"] >= 0.0, seconds_or_nan(result["found"]),
             seconds_or_nan(result["safe"]), fault_name(result["fault"]), MODE_NAMES[int(result["mode"])],
-            result["excess"], result["peak"], result["deviation"], base["effort_limit"],
+            result["excess"], result["peak"], result["deviation"], runs[0]["effort_limit"],
         )
-        for (name, amplitude), (result, _) in zip(said, played[1:], strict=True)
+        for (name, amplitude), result in zip(said, (run.result for run in played[1:]), strict=True)
     ]  # fmt: skip
 
 
@@ -222,7 +259,8 @@ def commissioned_bounds(law: ExportedLaw, run: Mapping[str, float], seed: int, i
     """Return the bounds of the test at start-up of a robot that was commissioned on another wearer, without tremor."""
     other = draw_run(law, index + COMMISSIONING_INDEX, seed)
     person = {name: value for name, value in other.items() if name.startswith(WEARER_PREFIXES)}
-    result, _ = play(law, [{**run, **person, "tremor_amplitude": 0.0, "kind": -1.0, "seconds": COMMISSIONING_S}])[0]
+    commissioned = {**run, **person, "tremor_amplitude": 0.0, "kind": -1.0, "seconds": COMMISSIONING_S}
+    result = play(law, [commissioned])[0].result
     if not result["answer"] > 0.0:
         return {}
     return dict(zip(("test_least", "test_most"), bounds_of_answer(result["answer"]), strict=True))
@@ -240,15 +278,13 @@ def live(law: ExportedLaw, index: int, seed: int, seconds: float, *, mishaps: bo
     if mishaps:
         run = with_mishaps(run, seed, index)
     run |= {"kind": -1.0, "seconds": seconds, **changed}
-    return life_of(law, index, run, *play(law, [run])[0])
+    return life_of(law, index, run, play(law, [run])[0])
 
 
-def life_of(
-    law: ExportedLaw, index: int, run: Mapping[str, float], result: Mapping[str, float], rows: np.ndarray
-) -> ForeignLife:
+def life_of(law: ExportedLaw, index: int, run: Mapping[str, float], played: PlayedRun) -> ForeignLife:
     """Return a healthy life from what the program said of it."""
-    alarms = []
-    for row in rows:
+    alarms, result = [], played.result
+    for row in played.alarms:
         said = dict(zip(ALARM_FIELDS, map(float, row), strict=True))
         seen = {name: said[name] for name in ("speed", "lowest", "highest", "push", "lasting")}
         event = EVENT_NAMES[int(said["event"])]
@@ -272,4 +308,4 @@ def try_starts(law: ExportedLaw, wearers: int, postures: int, seed: int) -> list
         for posture in np.linspace(run["target_low"], run["target_high"], postures):
             runs.append((index, {**run, "kind": -1.0, "seconds": START_S, "start_position": float(posture)}))
     played = play(law, [run for _, run in runs])
-    return [life_of(law, index, run, *one) for (index, run), one in zip(runs, played, strict=True)]
+    return [life_of(law, index, run, one) for (index, run), one in zip(runs, played, strict=True)]

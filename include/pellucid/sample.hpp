@@ -51,13 +51,15 @@ enum class SafetyFault : std::uint8_t {
   unanswered,     ///< drive and encoder do not answer the probe
   late_answer,    ///< they answer it too late
   shaking,        ///< the joint goes to and fro for seconds, faster than a person reaches
+  unexplained_energy,  ///< the joint gains energy that neither command nor force sensor explains
 };
 constexpr const char* safety_fault_names[] = {
     "none",         "configuration", "not_finite",   "stale",        "out_of_order", "velocity",    "stopped",
     "not_started",  "overspeed",     "jump",         "range",        "frozen",       "disagreement", "force_sensor",
     "muscle",       "lost",          "drive_silent", "drive_effort", "drive_sign",   "drive_stuck", "unexplained",
     "power",        "energy",        "polarity",     "gain",         "integrity",   "push",
-    "ringing",      "unanswered",    "late_answer",  "shaking"};
+    "ringing",      "unanswered",    "late_answer",  "shaking",
+    "unexplained_energy"};
 constexpr std::size_t safety_fault_count = sizeof safety_fault_names / sizeof *safety_fault_names;
 
 /// What makes a sample too old.

@@ -24,6 +24,7 @@
 #include "sensor_watch.hpp"
 #include "shaking_watch.hpp"
 #include "start_up_test.hpp"
+#include "unexplained_energy_watch.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
@@ -45,6 +46,7 @@ template <class S> struct SupervisorParams {
   std::uint32_t healthy_samples = 500;
   ProbeWatchParams<S> probe{};  ///< small wave of effort that asks drive and encoder
   ShakingWatchParams<S> shaking{};
+  UnexplainedEnergyParams<S> unexplained{};  ///< watch of what neither command nor force sensor explains
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     pellucid::walk(p.encoder, visit);
@@ -67,6 +69,7 @@ template <class S> struct SupervisorParams {
     visit(p.healthy_samples, {"healthy_samples", unit::one, at_least(1), "in a row before a reset is granted"});
     pellucid::walk(p.probe, visit);
     pellucid::walk(p.shaking, visit);
+    pellucid::walk(p.unexplained, visit);
   }
 };
 
@@ -91,6 +94,7 @@ template <class S> struct SupervisorCoefficients {
   ShakingWatchCoefficients<S> shaking{};  ///< watch of the motion for shaking
   StartUpTestCoefficients<S> test{};      ///< test of polarity and gain at start-up
   ProbeWatchCoefficients<S> probe{};      ///< watch that probes
+  UnexplainedEnergyCoefficients<S> unexplained{};  ///< watch of energy that nobody accounts for
   S period{};                       ///< [s]
   S effort_limit{};                 ///< the gate's [N m]
   S max_change{};                   ///< largest change of the effort in a period [N m]
@@ -108,11 +112,12 @@ SupervisorCoefficients<S> coefficients(const SupervisorParams<S>& p, const Safet
   c.shaking = coefficients(p.shaking, S(2) * gate.params.period);
   c.test = coefficients(p.test);
   c.probe = coefficients(p.probe, gate.params.period);
+  c.unexplained = coefficients(p.unexplained, S(2) * gate.params.period);
   c.period = gate.params.period;
   c.effort_limit = gate.params.effort_limit;
   c.max_change = gate.max_change;
   const bool valid = gate.valid && is_sound(p) && c.encoder.valid && c.body.valid && c.ringing.valid != 0 &&
-                     c.test.valid != 0 && c.probe.valid != 0 && c.shaking.valid != 0;
+                     c.test.valid != 0 && c.probe.valid != 0 && c.shaking.valid != 0 && c.unexplained.valid != 0;
   c.valid = valid ? 1 : 0;
   c.reset_periods = valid && p.reset_delay < S(1e6) * c.period ? static_cast<std::uint32_t>(p.reset_delay / c.period)
                                                                : 1000000u;
@@ -161,6 +166,7 @@ template <class S> struct SupervisorState {
   DampedStopState<S> hold{};              ///< viscous hold
   StartUpTestState<S> test{};             ///< wave of effort at start-up
   ProbeWatchState<S> probe{};             ///< watch that probes
+  UnexplainedEnergyState<S> unexplained{};  ///< energy that nobody accounts for
   std::uint32_t drive_seen = ~std::uint32_t(0), joint_seen = ~std::uint32_t(0);  ///< sequence numbers
   SafetyFault residual = SafetyFault::none;  ///< what model and motion show, now
   S other_velocity{};           ///< velocity of the period before [rad/s]
@@ -324,11 +330,15 @@ SafetyFault observe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, c
   const S effort = S(0.5) * (s.drive.asked + s.drive.asked_before);
   // Before and after a law carries the robot the wearer does, or whatever holds it.
   if (c.body.checks && s.encoder.heard > 2) {
-    step(c.body, s.body, s.encoder.position, velocity, effort, samples.interaction.value,
-         p.force.expected != 0 && is_heard(samples.interaction));
+    const bool sensed = p.force.expected != 0 && is_heard(samples.interaction);
+    step(c.body, s.body, s.encoder.position, velocity, effort, samples.interaction.value, sensed);
     // What the force sensor contradicts has its turn later.
     s.residual = shown(c.body, s.body);
     if (s.residual == SafetyFault::unexplained && carries) found = first_of(found, s.residual);
+    if (sensed && now == Mode::running)
+      found = first_of(found, step(c.unexplained, s.unexplained, c.body, s.body, velocity, effort, samples.interaction.value));
+    else
+      s.unexplained = {};
   }
   const S weight = carries ? s.body.weight : S(0);
   found = first_of(found, step(p.budget, s.budget, S(2) * c.period, effort, velocity, weight, s.body.drag));

@@ -180,7 +180,9 @@ auto walk_watches(const WatchedPeriod<S>& w, const WatchedState<S>& shown, V&& v
       Show{wave, tested ? p.test.most : never,
            {"test_work", unit::energy, W::above, F::gain, "work of the wave at start-up"}},
       Show{wave, tested ? p.test.least : never,
-           {"test_return", unit::energy, W::below, F::polarity, "work of the wave at start-up"}});
+           {"test_return", unit::energy, W::below, F::polarity, "work of the wave at start-up"}},
+      Show{s.unexplained.energy, where(w.c.body.checks && force && before == Mode::running, p.unexplained.limit),
+           {"unexplained_energy", unit::energy, W::above, F::unexplained_energy, "energy that nobody accounts for"}});
 }
 
 namespace detail {

@@ -2413,6 +2413,7 @@ class SupervisedTreeLaw:
         wrench: ArrayLike | None = None,
         *,
         drive: ArrayLike | None = None,
+        joint: ArrayLike | None = None,
         token: int = 0,
     ) -> NDArray[float64]:
         """
@@ -2424,6 +2425,8 @@ class SupervisedTreeLaw:
             As TreeLaw.step takes them.
         drive : (m,)
             What each motor's drive measures of its effort; NaN or left out: nothing.
+        joint : (m,)
+            What a second encoder of each joint says [rad; m]; NaN or left out: nothing.
         token : int
             The challenge of a fault, from an operator who asks for a reset.
         """

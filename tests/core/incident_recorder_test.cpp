@@ -242,6 +242,7 @@ template <template <class> class L, class S> int watches_say_what_was_found(std:
     w.joint_expected = life_number % 3 == 0 ? 1 : 0;
     w.joint_tolerance = S(0.02);
     if (life_number % 4 == 3) w.body.wearer_torque = S(2), w.body.wearer_push = S(4);
+    if (life_number % 4 == 2) w.unexplained.limit = S(2);
     if (life_number % 5 == 2) w.budget = {S(0.5), S(1), S(0.05), S(0)};
     if (life_number % 5 == 4) w.budget.steady = S(0), w.budget.store = S(1e-3);
     Life<L, S> life(30, 1, 0, w);

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import pytest
 from evidence import _exported
-from evidence._exported import exports, foreign_people, table, trials
+from evidence._exported import exports, foreign_people, motion_bounds, table, trials
 from test_export_elbow import CARDS, STUDY
 
 import pellucid
@@ -85,7 +85,7 @@ def test_the_plant_keeps_its_energy_without_friction_and_power(transparent, inde
     run = foreign_people.draw_run(transparent, index, SEED) | {
         "kind": -1.0, "passive": 1.0, "seconds": 4.0, "stop_low": -1e6, "stop_high": 1e6, "start_position": 1.2,
     }  # fmt: skip
-    result, _ = trials.play(transparent, [run])[0]
+    result = trials.play(transparent, [run])[0].result
     swung = run["limb_gravity"] + np.hypot(run["gravity_sine"], run["gravity_cosine"])
     assert abs(result["energy_end"] - result["energy_start"]) < 0.02 * swung
 
@@ -130,9 +130,13 @@ def test_without_the_drives_measurement_the_same_faults_give_more(transparent, m
 
 
 def test_a_memory_fault_hits_the_block_that_it_names(transparent):
-    found = {t.kind: t for t in trials.try_faults(transparent, 0, SEED, ("law_memory", "supervisor_memory"))}
-    assert {t.fault for t in found.values()} <= {"integrity", "not_started"}
-    assert all(t.is_found for t in found.values())
+    kinds = ("law_memory", "supervisor_memory")
+    found = [t for index in range(4) for t in trials.try_faults(transparent, index, SEED, kinds)]
+    assert all(t.is_found for t in found)
+    by_law, by_supervisor = ({t.fault for t in found if t.kind == kind} for kind in kinds)
+    assert by_law == {"integrity"}
+    # A bound of the encoder's range that lost a bit speaks before the checksum does.
+    assert "integrity" in by_supervisor <= {"integrity", "not_started", "range"}
 
 
 def test_an_alarm_is_wanted_only_for_what_truly_happened():
@@ -171,3 +175,83 @@ def test_starts_are_refused_only_without_a_reason(transparent):
     rows = {row.id: row.value for row in _exported.start_rows({"transparent": lives})}
     assert rows["safety.default_exports.tried"] == 1
     assert rows["safety.default_exports.starts_refused"] == 0
+
+
+# --- an added sine ---------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def sensing(store):
+    """A law that hears a force sensor, as `export` writes it by default."""
+    return store.law("disturbance_observer", "unmeasured")
+
+
+def test_a_force_sensor_bounds_what_a_drive_adds(sensing, transparent):
+    found = [t for index in range(3) for t in trials.try_faults(sensing, index, SEED, ("drive_sine",))]
+    blind = [t for index in range(3) for t in trials.try_faults(transparent, index, SEED, ("drive_sine",))]
+    assert "unexplained_energy" in {trial.fault for trial in found}
+    assert not any(trial.early for trial in (*found, *blind))
+    assert max(t.excess for t in found) < 5.0 < max(t.excess for t in blind)
+    rows = {row.id: row for row in _exported.sine_set_rows({"force_sensor": found, "encoder_alone": blind})}
+    name = "safety.exported.added_sine"
+    assert rows[f"{name}.force_sensor.worst_excess_energy"].value == max(t.excess for t in found)
+    assert rows[f"{name}.encoder_alone.worst_excess_energy"].value == max(t.excess for t in blind)
+    assert rows[f"{name}.force_sensor.found"].value > rows[f"{name}.encoder_alone.found"].value
+    lines = list(_exported.sine_lines({"force_sensor": found, "encoder_alone": blind}))
+    assert len(lines) == 2 + 2 * len(trials.SINE_AMPLITUDES_NM)
+    assert "a force sensor" in lines[2]
+    assert "of 3" in lines[2]
+
+
+def test_healthy_wearers_do_not_use_the_energy_that_a_drive_may_add(sensing):
+    lives = [trials.live(sensing, index, SEED, 60.0) for index in range(2)]
+    assert all(life.running > 0.8 * 60.0 / 3600.0 for life in lives)
+    assert "unexplained_energy" not in {alarm.fault for life in lives for alarm in life.alarms}
+
+
+def test_the_watch_for_shaking_may_be_set_for_a_run(transparent):
+    sines = [trials.try_faults(transparent, 0, SEED, ("drive_sine",), shaking=on) for on in (False, True)]
+    assert "shaking" not in {trial.fault for trial in sines[0]}
+    assert "shaking" in {trial.fault for trial in sines[1]}
+
+
+def test_a_trace_shows_the_torque_that_nobody_explains(transparent):
+    """What model and command do not explain, of a motion that is made up, behind the observer's lag."""
+    numbers = transparent.numbers | {"body_offset": 0.25, "body_square_root": 0.1}
+    law, step = replace(transparent, numbers=numbers), 0.002
+    time = step * np.arange(4000)
+    position, given = 1.0 + 0.3 * np.sin(3.0 * time), 2.0 * (time > 4.0)
+    velocity, acceleration = np.diff(position, prepend=1.0) / step, -2.7 * np.sin(3.0 * time)
+    weight = numbers["body_gravity_sine"] * np.sin(position) + numbers["body_gravity_cosine"] * np.cos(position) + 0.25
+    level = numbers["body_coulomb"] + numbers["body_load"] * np.abs(weight)
+    friction = level * np.clip(velocity / 0.1, -1.0, 1.0) + numbers["body_viscous"] * velocity
+    friction += 0.1 * np.sign(velocity) * np.sqrt(np.abs(velocity))
+    effort = numbers["body_inertia"] * acceleration + weight + friction - given
+    trace = np.column_stack((position, effort, time > 1.0, np.where(time > 4.0, time - 4.0, -1.0), 0.0 * time))
+    seen = motion_bounds.seen_motion(law, trace, 0.001)
+    assert len(seen.torque) == np.sum(time > 1.0)
+    np.testing.assert_allclose(seen.torque[500:1400], 0.0, atol=0.02)
+    np.testing.assert_allclose(seen.torque[1700:], 2.0, atol=0.02)
+    assert seen.fault.sum() == np.sum(time > 4.0)
+
+
+def test_what_a_bound_leaves():
+    fault = np.array([False, False, True, True, True])
+    seen = motion_bounds.SeenMotion(0.1, np.zeros(5), np.zeros(5), fault, np.array([0.0, 0.0, 1.0, 2.0, 3.0]))
+    assert motion_bounds.energy_left(np.array([9.0, 0.0, 0.5, 2.0, 0.0]), seen, 1.0) == 2.0
+    assert motion_bounds.energy_left(np.array([9.0, 0.0, 0.5, 1.0, 1.0]), seen, 1.0) == 3.0
+    np.testing.assert_allclose(motion_bounds.forget(np.ones(3), 1.0, 0.5), [0.5, 0.75, 0.875])
+    np.testing.assert_allclose(motion_bounds.follow(np.ones(3), 1.0, 0.5), [0.5, 0.75, 0.875])
+    ways = motion_bounds.to_and_fro(np.array([1.0, 1.0, -1.0]), 0.05)
+    np.testing.assert_allclose(ways, [0.0, 0.0, 0.375])
+
+
+def test_bounds_without_a_force_sensor_leave_more_than_the_bar(transparent, monkeypatch):
+    monkeypatch.setattr(motion_bounds, "PLANT_COUNT", 2)
+    monkeypatch.setattr(motion_bounds, "LIFE_S", 60.0)
+    made = motion_bounds.measure_bounds((transparent,), SEED)
+    assert [bound.name for bound in made] == list(motion_bounds.BOUNDED)
+    assert all(bound.needed > 0.0 and bound.left.shape == (6,) for bound in made)
+    assert min(bound.left.max() for bound in made) > motion_bounds.BAR_J
+    assert all(0.0 <= bound.stopped <= 1.0 and bound.bar < bound.needed for bound in made)
+    assert len(list(motion_bounds.bound_lines(made))) == 2 + len(made)

@@ -81,6 +81,8 @@ def test_every_threshold_of_a_joint():
         "rest_speed": 0.3, "reset_delay": 1.0, "healthy_samples": 500.0, "probe_effort": 0.0, "probe_samples": 120.0,
         "probe_inertia": 0.0, "probe_noise": 0.0, "probe_moving": 0.1, "probe_evidence": 25.0,
         "shaking_limit": math.inf, "shaking_recent": 10.0, "shaking_memory": 0.5,
+        "unexplained_limit": math.inf, "unexplained_gain": 0.0, "unexplained_offset": 0.02 * EFFORT + 0.1,
+        "unexplained_memory": 0.1,
     }  # fmt: skip
     assert thresholds() == pytest.approx(expected, rel=1e-9)
 
@@ -214,11 +216,38 @@ def test_a_worse_measurement_of_the_drive_widens_its_watch(worse, expected):
 def test_a_worse_force_sensor_widens_its_watch():
     usual = thresholds()
     found = changes(instruments=Instruments(force_offset=0.05 * EFFORT))
-    more = {name: usual[name] + 0.03 * EFFORT for name in ("force_tolerance", "force_burst", "force_excess")}
+    offset = ("force_tolerance", "force_burst", "force_excess", "unexplained_offset")
+    more = {name: usual[name] + 0.03 * EFFORT for name in offset}
     assert found == pytest.approx(more)
     found = changes(instruments=Instruments(force_gain_error=0.1))
     expected = {"force_tolerance": "wearer_torque", "force_burst": "wearer_push"}
-    assert found == pytest.approx({name: usual[name] + 0.1 * usual[most] for name, most in expected.items()})
+    more = {name: usual[name] + 0.1 * usual[most] for name, most in expected.items()}
+    assert found == pytest.approx({**more, "unexplained_gain": 0.1})
+    assert thresholds(instruments=Instruments(force_gain_error=1.5))["unexplained_gain"] == 1.0
+
+
+def test_energy_that_nobody_accounts_for():
+    """Errors of a model lend energy: of its weight over the range, of its inertia, and of the encoder in two periods."""
+    swing, usual = 0.4 * 1.5, 5.75
+
+    def limit(*, sensed=True, settings=None, **changed):
+        values = LAWS["transparent"].defaults | {n: x for n, x in NUMBERS.items() if n in LAWS["transparent"].defaults}
+        law = ControlLaw("transparent", values | changed).using(*(("interaction",) if sensed else ()))
+        return supervised(law, **(settings or {})).supervision["unexplained_limit"]
+
+    moving = INERTIA * usual * (0.2 * usual + 4e-4 / PERIOD)
+    assert limit() == pytest.approx(swing * 2.0 + moving)
+    assert limit(sensed=False) == math.inf
+    assert limit(position_max=-0.5) == pytest.approx(swing * 1.5 + moving)
+    assert limit(position_max=0.0) == limit(position_max=math.inf, position_min=-math.inf) == limit()
+    assert limit(offset=3.0) == limit()
+    assert limit(velocity_limit=math.inf) == math.inf
+    assert limit(velocity_limit=2.0 * SPEED) == pytest.approx(
+        swing * 2.0 + 2.0 * INERTIA * usual * (0.4 * usual + 4e-4 / PERIOD)
+    )
+    coarse = {"instruments": Instruments(encoder_resolution=1e-3)}
+    assert limit(settings=coarse) == pytest.approx(swing * 2.0 + INERTIA * usual * (0.2 * usual + 1e-3 / PERIOD))
+    assert limit(settings={"body": dict.fromkeys(body_of(joint()), 0.0)}) == math.inf
 
 
 @pytest.mark.parametrize(

@@ -83,6 +83,9 @@ Chosen with `MODEL_WEIGHT_ERROR_SHARE` and `DRIVE_RESPONSE_S` on exported contro
 MODEL_WEIGHT_ERROR_SHARE = 0.4
 """Largest error of the weight that the model states, as a share of it [1]."""
 
+MODEL_INERTIA_ERROR_SHARE = 0.4
+"""Largest error of the inertia that the model states, as a share of it [1]."""
+
 FORCE_WEIGHT_SHARE = 0.2
 """Share of the weight that the wearer carries which is added to both tolerances of the force sensor [1]."""
 
@@ -173,6 +176,12 @@ POWER_LIMIT_SHARE = 0.5
 
 ENERGY_BUDGET_POWER_SHARE = 0.01
 """Rate at which the energy budget refills, as a share of effort limit times velocity limit [1]."""
+
+GRAVITY_SWING = 2.0
+"""Largest difference of a joint's potential energy, over the largest effort of its gravity [rad].
+
+It is that from straight down to straight up. Within a shorter range the difference is at most that range times the
+effort."""
 
 HOLD_DAMPING_SHARE = 0.05
 """Damping of a stop, as a share of the damping that would halve the velocity in two periods [1]."""
@@ -551,6 +560,22 @@ def drive_tolerances(instruments: CompleteInstruments, effort: float, period: fl
     }
 
 
+def unexplained_energy(
+    body: Mapping[str, float], instruments: CompleteInstruments, *, span: float, speed: float, period: float
+) -> float:
+    """Return the largest energy that errors of a `body`'s model lend and take back [J], for the watch of the drive.
+
+    `span` is the range of positions [rad or m] and `speed` the velocity limit [rad/s or m/s]; both may be infinite.
+    The model may be wrong in weight and inertia. A velocity may be wrong by two errors of the encoder in two periods.
+    """
+    if not math.isfinite(speed):
+        return math.inf
+    swung = math.hypot(body["gravity_sine"], body["gravity_cosine"]) * min(span, GRAVITY_SWING)
+    usual, blur = ENERGY_STORE_SPEED_SHARE * speed, instruments.encoder_resolution / period
+    moving = body["inertia"] * usual * (0.5 * MODEL_INERTIA_ERROR_SHARE * usual + blur)
+    return MODEL_WEIGHT_ERROR_SHARE * swung + moving
+
+
 def supervision_of(
     law: ControlLaw, instruments: Instruments, body: Mapping[str, float], start_up: bool
 ) -> dict[str, float]:
@@ -617,6 +642,8 @@ def supervision_of(
         )
         speeds_up = inertia * speed if math.isfinite(speed) else 0.0
         wrong = MODEL_WEIGHT_ERROR_SHARE * weight
+        span = v["position_max"] - v["position_min"]
+        unexplained = unexplained_energy(body, complete, span=span, speed=speed, period=period)
         torque, push = (
             max(share * effort + left, speeds_up / duration + left, acceleration * inertia + wrong)
             for share, duration, acceleration in zip(
@@ -639,6 +666,11 @@ def supervision_of(
             else math.inf,
             "force_burst": FORCE_BURST_SHARE * effort + FORCE_WEIGHT_SHARE * left + force_offset + burst_error + wrong,
             "force_excess": FORCE_EXCESS_SHARE * effort + force_offset + wrong,
+            "unexplained_limit": unexplained if law.sensed else math.inf,
+            "unexplained_gain": min(instruments.force_gain_error, 1.0),
+            "unexplained_offset": FORCE_OFFSET_SHARE * effort
+            + force_offset
+            + MODEL_WEIGHT_ERROR_SHARE * abs(body["offset"]),
             "hold_damping": HOLD_DAMPING_SHARE * inertia / period,
             "hold_limit": min(effort, 1.5 * weight + friction),
             "test_effort": wave.effort if start_up else 0.0,

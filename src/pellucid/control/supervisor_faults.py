@@ -121,6 +121,12 @@ SUPERVISOR_FAULTS: tuple[SupervisorFault, ...] = (
         "Ask the wearer whether they shook the robot; if not, check the drive before it is worn again.",
     ),
     SupervisorFault(
+        ("unexplained_energy",),
+        "the joint gains energy that neither the command nor the force sensor explains",
+        _POWER_OFF,
+        "Ask whether somebody pushed the robot beside its force sensor; if not, check drive and force sensor.",
+    ),
+    SupervisorFault(
         ("stopped",), "you called `pellucid_stop`", _DAMPED_STOP, "Reset when the reason for which you stopped is gone."
     ),
     SupervisorFault(

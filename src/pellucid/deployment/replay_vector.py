@@ -51,6 +51,7 @@ _UNCHECKED_LAW: Mapping[str, float] = {
     "force_tolerance": _NO_LIMIT,
     "force_burst": _NO_LIMIT,
     "force_excess": _NO_LIMIT,
+    "unexplained_limit": _NO_LIMIT,
     "force_expected": 0.0,
     "muscle_expected": 0.0,
     "drive_expected": 0.0,
@@ -98,6 +99,16 @@ SUPERVISOR_VARIANTS: Mapping[str, Mapping[str, float]] = {
         "hold_damping": 1.0,
         "hold_limit": 1.0,
     },
+    "unexplained_energy": {
+        **_UNCHECKED_LAW,
+        **_BODY_NUMBERS,
+        "force_expected": 1.0,
+        "force_quiet_samples": 1000.0,
+        "force_range": _NO_LIMIT,
+        "unexplained_limit": 1e-6,
+        "unexplained_gain": 0.0,
+        "unexplained_offset": 0.0,
+    },
     "energy": {
         **_UNCHECKED_LAW,
         **_BODY_NUMBERS,
@@ -133,6 +144,7 @@ SUPERVISOR_VARIANTS: Mapping[str, Mapping[str, float]] = {
         "force_expected": 1.0,
         "force_range": _NO_LIMIT,
         "force_quiet_samples": 1e6,
+        "unexplained_limit": 1e6,
         "drive_expected": 1.0,
         "drive_tolerance": _NO_LIMIT,
     },
@@ -295,6 +307,7 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
     yield _Block("surplus", lambda i, row: replace(row, drive=4.0), 60)
     yield _Block("unexplained", length=60)
     yield _Block("force", length=60)
+    yield _Block("unexplained_energy", length=60)
     yield _Block("energy", length=60)
     yield _Block("push", length=24)
     yield _Block("ringing", length=60)

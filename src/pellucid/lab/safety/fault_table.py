@@ -48,6 +48,7 @@ APPROACHED_THRESHOLDS = {
     "excess": "force_excess", "spent": "budget_store", "ringing": "ringing_limit",
     "shaking": "shaking_limit",
     "surplus": "drive_surplus",
+    "unexplained": "unexplained_limit",
 }  # fmt: skip
 """Name of the supervisor's threshold for each watched quantity whose largest healthy value the core reports."""
 
