@@ -133,3 +133,14 @@ def test_a_dat_file_is_read_as_what_it_is(tmp_path):
     for name in ("storage.dat", "plain.dat"):
         columns = read_columns(tmp_path / name)
         assert np.array_equal(columns.values["force_N"], [1.5, 2.5])
+
+
+@pytest.mark.parametrize(("said", "accepted"), [(4, True), (2, True), (5, False)])
+def test_a_real_time_writer_may_count_one_row_too_many_or_too_few(tmp_path, said, accepted):
+    text = "rtosim output \n" + STORAGE.format(degrees="yes").replace("nRows=3", f"nRows={said}")
+    (tmp_path / "a.sto").write_text(text, encoding="utf-8")
+    if accepted:
+        assert len(read_columns(tmp_path / "a.sto")["time"]) == 3
+    else:
+        with pytest.raises(RecordingError, match="header says nRows=5, found 3"):
+            read_columns(tmp_path / "a.sto")

@@ -89,6 +89,10 @@ class ProcedureTable(StudyTable):
         """Return whether spikes in a channel would spoil the result; `stream` is "" for the recording's own file."""
         return False
 
+    def max_interpolated_gap(self, stream: str) -> float:
+        """Return the longest gap of a stream over which the procedure interpolates without loss [s]."""
+        return 0.0
+
     def require_in(self, config: Any) -> None:
         """Raise a ValueError if the table refers to something that is missing in the rest of study.toml."""
 

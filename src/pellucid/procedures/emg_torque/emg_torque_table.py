@@ -11,6 +11,11 @@ from ...studies.study_fields import ProcedureTable, RelativePath, ShownText, Wor
 BODY_CARD_NAMES = ("orthosis", "limb", "coupling", "strap")
 """Last parts of the names of cards by `identify` from which the wearer's torque is computed."""
 
+MAX_INTERPOLATED_GAP_S = 0.01
+"""Gaps of recorded envelopes and of moments up to this long are interpolated over [s].
+
+It is one sample of the rate to which trials are thinned (`KEPT_RATE_HZ`), at which nothing of the gap is left.
+"""
 
 
 class EmgTorqueTable(ProcedureTable):
@@ -76,3 +81,8 @@ class EmgTorqueTable(ProcedureTable):
         if stream:
             return (kind == "emg" and stream == self.emg) or (kind == "moment" and stream == self.moments)
         return channel in ("position", "torque") or kind in ("angle", "moment", "emg")
+
+    def max_interpolated_gap(self, stream: str) -> float:
+        """Return the longest gap [s] that is interpolated over; raw EMG must be whole, since its filters need it."""
+        slow = stream == self.moments or (stream == self.emg and self.chain == "none")
+        return MAX_INTERPOLATED_GAP_S if slow else 0.0

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from ..._errors import IdentificationError, RecordingError
 from ...estimators.features import MOTION_LOWPASS_HZ
@@ -37,6 +38,12 @@ STEP_PROTOCOL = "torque_steps"
 KEPT_RATE_HZ = 100.0
 """Rate to which faster recordings are thinned [Hz]. Envelopes and movements have nothing above half of it."""
 
+MIN_TRIAL_RATE_HZ = 50.0
+"""Recordings below this rate are interpolated to `KEPT_RATE_HZ` [Hz].
+
+Angles are filtered at up to 12 Hz and envelopes looked at 50 ms apart, which a slower clock cannot hold.
+"""
+
 SAME_ANGLE_TOLERANCE_RAD = 0.1
 """Two recordings are at the same held angle if their median angles differ by less than this [rad].
 
@@ -64,7 +71,7 @@ def moment_trials(study: Study, joint: str, *, causal: bool = False) -> list[Tor
         for person in dict.fromkeys(r.participant for r in found)
     }
     trials = []
-    for recording in found:
+    for recording in map(_at_trial_rate, found):
         channel = f"moment.{joint}"
         moments = find_stream(recording, spec.moments)
         inside = find_window(moments, recording, channel)
@@ -98,6 +105,22 @@ def moment_trials(study: Study, joint: str, *, causal: bool = False) -> list[Tor
             )
         )
     return [_thin_trial(trial) for trial in trials]
+
+
+def _at_trial_rate(recording: Recording) -> Recording:
+    """Return a recording whose own clock is at least `MIN_TRIAL_RATE_HZ`, interpolated if it is slower.
+
+    Interpolation keeps the shape of an angle between its samples: it never overshoots.
+    """
+    if recording.fs >= MIN_TRIAL_RATE_HZ:
+        return recording
+    old = recording.time
+    time = old[0] + np.arange(int((old[-1] - old[0]) * KEPT_RATE_HZ) + 1) / KEPT_RATE_HZ
+    channels = {
+        name: replace(each, samples=time if name == "time" else PchipInterpolator(old, each.samples)(time))
+        for name, each in recording.channels.items()
+    }
+    return replace(recording, channels=channels)
 
 
 def _thin_trial(trial: TorqueTrial) -> TorqueTrial:

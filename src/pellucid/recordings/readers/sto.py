@@ -13,6 +13,9 @@ from ._columns import Columns
 
 ENDINGS = (".sto", ".mot", ".dat")
 
+WRITERS_THAT_MISCOUNT_ROWS = ("rtosim output",)
+"""First lines of real-time writers whose ``nRows`` counts one row too many, or one too few, of a file that is whole."""
+
 
 def recognises(path: Path) -> bool:
     """Whether a file, whatever its ending, is one of OpenSim's: it has a line ``endheader``."""
@@ -39,8 +42,10 @@ def read(path: Path) -> Columns:
         table = np.array(rows, dtype=np.float64).reshape(len(rows), len(labels))
     except ValueError as error:
         raise RecordingError(f"{path.name}: found text where numbers are expected: {error}") from None
+    miscounts = header["title"].startswith(WRITERS_THAT_MISCOUNT_ROWS)
     for key, found in (("nrows", len(rows)), ("ncolumns", len(labels))):
-        if key in header and header[key] != str(found):
+        accepted = (found - 1, found, found + 1) if key == "nrows" and miscounts else (found,)
+        if key in header and header[key] not in map(str, accepted):
             raise RecordingError(
                 f"{path.name}: the header says {key[0]}{key[1].upper()}{key[2:]}={header[key]}, found {found}; "
                 "the file is truncated or was edited"
@@ -50,12 +55,15 @@ def read(path: Path) -> Columns:
 
 
 def _split_header(path: Path) -> tuple[dict[str, str], list[str], int]:
-    """Return the header as keys in lower case, the lines after it, and the number of the line with the labels."""
+    """Return the header as keys in lower case, the lines after it, and the number of the line with the labels.
+
+    The header's first line has the key ``title``.
+    """
     lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
     end = next((i for i, line in enumerate(lines) if line.strip().lower() == "endheader"), None)
     if end is None:
         raise RecordingError(f"{path.name}: found no line endheader, expected an OpenSim storage file")
     pairs = (re.fullmatch(r"\s*(\w+)\s*=\s*(.*?)\s*", line) for line in lines[:end])
-    header = {pair[1].lower(): pair[2].lower() for pair in pairs if pair}
+    header = {"title": lines[0].strip().lower(), **{pair[1].lower(): pair[2].lower() for pair in pairs if pair}}
     body = [(i, line) for i, line in enumerate(lines[end + 1 :], end + 2) if line.strip()]
     return header, [line for _, line in body], body[0][0] if body else end + 1
