@@ -162,14 +162,16 @@ def test_moments_are_judged_on_what_was_held_out(tmp_path, quick):
     assert rows["leg.knee.ridge.rmse"].unit == "N*m"
     assert 0.0 <= min(said) <= max(said) <= 1.0
     assert [trace.recording for trace in found.traces] == ["judged", "rest"]
-    assert found.headline.startswith("knee: off by ")
+    assert found.headline.startswith("EMG is worth it over angles alone for knee on judged")
+    assert " knee: off by " in found.headline
     assert " by ridge regression" in found.headline
     # Every recording that judges is told of, not the first alone.
     assert "on the 2 recordings that were not fitted" in found.headline
     ridge = [rows[f"leg.knee.ridge.r2{tail}"].value for tail in ("", ".rest")]
     assert all(f"(R² {r2:.3f})" in found.headline for r2 in ridge)
     assert "judged on" not in " ".join(v.text for v in found.verdicts)
-    (tile,) = page(study, found).tiles
+    worth_tile, tile = page(study, found).tiles
+    assert worth_tile.what == "R² that EMG adds to angles"
     assert (tile.what, "rest " in tile.more) == ("Torque error, knee, judged", True)
 
 

@@ -27,26 +27,12 @@ from .hill import HillMap
 from .muscle_trials import count_warm_up_samples, make_muscle_samples
 from .reconstructions import UncoupledMap, uncouple_trial
 from .smoothing import smooth
+from .stride_period import MIN_STRIDE_COUNT, find_period
 from .torque_map import MAX_CHOICE_SAMPLES, TorqueMap
 from .torque_trial import TorqueTrial
 
 MAX_TEST_COUNT = 5
 """Largest number of tests if several recordings are fitted. Recordings of similar speed are then left out together.
-
-Chosen by judgement; no measurement is recorded.
-"""
-
-MIN_STRIDE_S = 0.4
-"""Shortest period of a movement that is looked for [s]. Chosen by judgement; no measurement is recorded."""
-
-MIN_STRIDE_COUNT = 4
-"""Smallest number of strides that a recording must hold before they are divided into slow and fast ones.
-
-Chosen by judgement; no measurement is recorded.
-"""
-
-MIN_PERIODIC_AUTOCORRELATION = 0.5
-"""A movement counts as periodic if the autocorrelation of the joint's speed reaches at least this value.
 
 Chosen by judgement; no measurement is recorded.
 """
@@ -180,11 +166,7 @@ def _is_slow_stride(v: np.ndarray, fs: float) -> np.ndarray:
     A movement that does not repeat is divided into parts of equal length instead.
     """
     n = len(v)
-    r = np.fft.irfft(np.abs(np.fft.rfft(v - v.mean(), 2 * n)) ** 2)[:n] / np.arange(n, 0, -1)
-    first, last = round(MIN_STRIDE_S * fs), n // MIN_STRIDE_COUNT
-    period = first + int(np.argmax(r[first:last])) if last > first else 0
-    if period == 0 or r[period] < MIN_PERIODIC_AUTOCORRELATION * r[0]:
-        period = max(1, n // (2 * MIN_STRIDE_COUNT))
+    period = find_period(v, fs) or max(1, n // (2 * MIN_STRIDE_COUNT))
     stride = np.minimum(np.arange(n) // period, n // period - 1)
     level = np.bincount(stride, v**2) / np.bincount(stride)
     return (level <= np.median(level))[stride]

@@ -70,6 +70,7 @@ from .together_findings import (
 )
 from .torque_card import torque_card
 from .trial_sources import STEP_PROTOCOL, moment_trials, moved_body, step_trials
+from .worth_findings import RecordingWorth, find_worth, worth_sentence, worth_tables
 
 INVALID_BANDS_FINDING = "bands"
 """Identifier of the finding that error bands are not known to hold."""
@@ -94,6 +95,7 @@ class CalibrationResult(Result):
     chosen: tuple[RecommendedEstimator, ...] = field(
         default=(), repr=False
     )  # Recommended estimator, by joint or participant
+    worth: tuple[RecordingWorth, ...] = field(default=(), repr=False)  # Gain over angles alone, by joint and recording
     traces: tuple[TorqueTrace, ...] = field(default=(), repr=False)  # Stretches of held-out torque
     muscles: tuple[MuscleSummary, ...] = field(default=(), repr=False)  # Calibrated muscles, by joint or participant
     stiffness: tuple[JointStiffness, ...] = field(default=(), repr=False)  # Stiffness of each joint by its muscles
@@ -119,13 +121,19 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
     for what in dict.fromkeys(each.what for each in evaluated if each.what not in found.chosen):
         found.chosen[what] = recommend_estimator(evaluated, what)
     chosen, bands = tuple(found.chosen.values()), _invalid_band_sentences(found)
+    valid = [t for t in found.traces if t.recording not in found.sessions or found.sessions[t.recording].is_valid]
+    worth = find_worth(chosen, valid, table.worthwhile_gain)
     stepped = estimator_cards(study, found, together)
     stiffness = find_stiffness(found, stepped)
     found.verdicts.extend(Verdict("warning", each, finding=INVALID_BANDS_FINDING) for each in bands)
     return CalibrationResult(
         study=study.name,
-        headline=_invalid_recordings_sentence(found) + "".join(f"{each} " for each in bands) + _headline(chosen),
+        headline=_invalid_recordings_sentence(found)
+        + worth_sentence(worth)
+        + "".join(f"{each} " for each in bands)
+        + _headline(chosen),
         tables=(
+            *worth_tables(worth),
             *_chosen_tables(chosen),
             *_error_tables(evaluated),
             *_condition_test_tables(evaluated),
@@ -142,7 +150,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
             *stiffness_verdicts(stiffness),
         ),
         rows=(
-            *calibration_rows(study.name, evaluated, trials, found.sessions, chosen),
+            *calibration_rows(study.name, evaluated, trials, found.sessions, chosen, worth),
             *together_rows(study.name, together, found, trials),
             *stiffness_rows(study.name, stiffness, {trial.name: trial.checksum for trial in trials}),
         ),
@@ -156,6 +164,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
         checksums={trial.name: trial.checksum for trial in trials},
         evaluated=tuple(evaluated),
         chosen=chosen,
+        worth=worth,
         traces=tuple(found.traces),
         muscles=muscle_summaries(found),
         together=together_figure_data(together),

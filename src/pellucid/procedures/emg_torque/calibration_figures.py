@@ -11,6 +11,7 @@ from ...drawing.drawing import Drawing, key, line, tidy
 from ...drawing.style import FIGURE_WIDTH, colour
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...pages.quantities import number
+from .worth_findings import RecordingWorth
 
 CHOSEN_TONE = "heldout"
 """Colour of the recommended estimator's torque."""
@@ -107,4 +108,34 @@ def error_by_estimator(
         axis.set_xlabel(f"RMSE ({unit})")
     axes[0].set_yticks(range(len(rows)), [words for _, words in rows])
     axes[0].set_ylim(len(rows) - 0.4, -0.6)
+    return Drawing(name, figure, caption)
+
+
+def gain_over_angles(worth: Sequence[RecordingWorth], name: str) -> Drawing:
+    """Draw what EMG adds to angles alone, an interval a row, beside 0 and the margin that makes it worth it."""
+    margin = worth[0].worth.margin
+    tones = {"worth it": "good", "not worth it": "wrong", "cannot say": "muted"}
+    figure = Figure(figsize=(FIGURE_WIDTH, 1.0 + 0.36 * len(worth)), layout="constrained")
+    axis = figure.subplots()
+    for row, each in enumerate(worth):
+        made, tone = each.worth, colour(tones[each.worth.answer])
+        ends = (made.low, made.high) if np.isfinite(made.low) else (made.gain, made.gain)
+        axis.plot(ends, (row, row), color=tone, linewidth=2.4, alpha=0.55, zorder=2)
+        axis.plot([made.gain], [row], color=tone, marker="o", markersize=7.0, markeredgewidth=0.0, zorder=3)
+        axis.annotate(
+            f"{made.gain:+.2f}, {made.answer}".replace("-", "\u2212"), (ends[1], row), xytext=(8, -0.5),
+            textcoords="offset points", va="center", color=tone, fontsize=8.5,
+        )  # fmt: skip
+    axis.axvline(0.0, color=colour("ink"), linewidth=0.9, zorder=1)
+    axis.axvline(margin, color=colour("faint"), linewidth=1.0, linestyle="--", zorder=1)
+    tidy(axis, first=True)
+    axis.set_yticks(range(len(worth)), [each.words for each in worth])
+    axis.set_ylim(len(worth) - 0.4, -0.6)
+    low, high = axis.get_xlim()
+    axis.set_xlim(low, high + 0.3 * (high - low))
+    axis.set_xlabel("R² with EMG minus R² of angles alone")
+    caption = (
+        "What EMG adds to joint angles on movements that were not fitted, with 95 % intervals over strides or trials. "
+        f"Right of 0 it adds something; the dashed line at {margin:g} is the gain from which it counts as worth it."
+    )
     return Drawing(name, figure, caption)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -58,8 +59,8 @@ def _invalidates_results(verdict: Verdict) -> bool:
 
 
 def _tiles(findings: CalibrationResult) -> tuple[Tile, ...]:
-    """Return a tile with the recommended estimator's worst error for each joint or person."""
-    tiles = []
+    """Return tiles: what EMG is worth, then the recommended estimator's worst error for each joint or person."""
+    tiles = [_worth_tile(findings)] if findings.worth else []
     for each in findings.chosen:
         judged = sorted(each.by_condition(), key=lambda one: -one.score.rmse)
         worst, others = judged[0], judged[1:4]
@@ -78,10 +79,23 @@ def _tiles(findings: CalibrationResult) -> tuple[Tile, ...]:
     return tuple(tiles)
 
 
+def _worth_tile(findings: CalibrationResult) -> Tile:
+    """Return the tile that says for how many joints and recordings EMG is worth it, and the largest gain."""
+    counts = Counter(each.worth.answer for each in findings.worth)
+    best = max(findings.worth, key=lambda each: each.worth.gain)
+    answers = "; ".join(f"{answer}: {count}" for answer, count in counts.most_common())
+    interval = ""
+    if np.isfinite(best.worth.low):
+        interval = f", {best.worth.low:+.2f} to {best.worth.high:+.2f}"
+    note = typeset_sentence(f"{best.words}{interval}; {answers}")
+    unit = "at most" if len(findings.worth) > 1 else ""
+    return Tile("R² that EMG adds to angles", typeset_sentence(f"{best.worth.gain:+.2f}"), unit, note)
+
+
 def _errors_section(findings: CalibrationResult) -> Section:
     """Return the section with the errors of all estimators."""
     tables = figure_tables(findings)
-    first = tuple(t for t in tables if t.caption.startswith("Named first"))
+    first = tuple(t for t in tables if t.caption.startswith(("What EMG is worth", "Named first")))
     rest = tuple(
         t for t in tables if t not in first and not t.caption.startswith(("What chose", "Stiffness", "Posterior"))
     )
@@ -105,7 +119,8 @@ def _errors_section(findings: CalibrationResult) -> Section:
         caption=f"RMS error of the torque{on}. The dashed line is what angles alone tell, without EMG; the figure in "
         "bold is what is named first, which tests within what was fitted chose.",
     )
-    return Section("emg_found", "What was found", (), (*first, *rest), (drawing,))
+    gains = (draw(figures.gain_over_angles, findings.worth, "worth"),) if findings.worth else ()
+    return Section("emg_found", "What was found", (), (*first, *rest), (*gains, drawing))
 
 
 def _worst_recording(findings: CalibrationResult, chosen: RecommendedEstimator) -> str:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from ...estimators.emg_session import ChannelComparison
 from ...estimators.torque_trial import TorqueTrial
 from ...studies.results import ResultRow
 from .chosen import RecommendedEstimator
 from .evaluated import EstimatorEvaluation
+from .worth_findings import RecordingWorth
 
 
 def calibration_rows(
@@ -17,6 +20,7 @@ def calibration_rows(
     trials: Sequence[TorqueTrial],
     sessions: Mapping[str, ChannelComparison] | None = None,
     chosen: Sequence[RecommendedEstimator] = (),
+    worth: Sequence[RecordingWorth] = (),
 ) -> tuple[ResultRow, ...]:
     """Return all result rows. Ids name the recording, except for the first held-out one."""
     sums = {trial.name: trial.checksum for trial in trials}
@@ -79,6 +83,13 @@ def calibration_rows(
             if one.held is not None:
                 words = "share of samples within the 90 % band"
                 add(f"{named.what}.chosen.coverage90{tail}", one.held, "1", words, recording=one.name)
+    for gained in worth:
+        tail, made = "" if gained.recording in (first, "") else f".{gained.recording}", gained.worth
+        note = f"R² beyond that of angles alone: {made.answer}, by a margin of {made.margin:g}"
+        for end, value in (("", made.gain), (".low", made.low), (".high", made.high)):
+            if np.isfinite(value):
+                name = f"{gained.what}.gain_over_angles{end}{tail}"
+                add(name, value, "1", note if not end else "end of its 95 % interval", recording=gained.recording)
     for recording, compared in (sessions or {}).items():
         at = {"recording": recording}
         add(f"session.{recording}.channels_changed", len(compared.changed), "1", ", ".join(compared.changed), **at)

@@ -6,6 +6,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
+from ...estimators.emg_worth import DEFAULT_WORTHWHILE_GAIN
 from ...studies.study_fields import ProcedureTable, RelativePath, ShownText, Word, quantity
 
 BODY_CARD_NAMES = ("orthosis", "limb", "coupling", "strap")
@@ -54,6 +55,8 @@ class EmgTorqueTable(ProcedureTable):
     coordinates : dict of str to str
         Name of each joint's angle in an OpenSim model, such as ``"-knee_angle_r"`` if it has the opposite sign. By
         default the columns of ``angle.<joint>`` must be named as the model's coordinates are.
+    worthwhile_gain : float
+        Gain in R² over angles alone from which EMG counts as worth it.
     posterior : bool
         Whether a posterior of all joints' muscles together is computed beside their intervals.
     """
@@ -71,6 +74,7 @@ class EmgTorqueTable(ProcedureTable):
     muscle_file: RelativePath | None = None
     muscle_names: dict[Word, ShownText] = Field(default_factory=dict)
     coordinates: dict[Word, ShownText] = Field(default_factory=dict)
+    worthwhile_gain: float = Field(default=DEFAULT_WORTHWHILE_GAIN, ge=0.0, lt=1.0)
     posterior: bool = False
 
     bridges: ClassVar[bool] = False
