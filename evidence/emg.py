@@ -46,6 +46,8 @@ from pellucid.recordings.readers.osim_paths import read_paths
 from pellucid.studies import Study
 from pellucid.studies.results import ResultRow
 
+from ._emg_onset import onset_rows
+
 SEED = 20261123
 FITTED = (19.0, 24.0)  # s, of the walking study
 STUCK_ANEW, FLOOR, GAIN = "soleus", 0.062, 2.6
@@ -78,6 +80,7 @@ def rows() -> Iterator[ResultRow]:
         yield from raw_rows(Path(folder) / "raw")
         yield from elsewhere_rows(study, Path(folder) / "elsewhere")
         yield from activity_rows(study, Path(folder) / "activity")
+    yield from onset_rows()
     yield from choice_rows()
     yield from export_rows()
     yield from geometry_rows()

@@ -8,14 +8,16 @@ is smoothed, and is held against two thresholds [3]_: its level (mean of rest an
 long it stays above (`shortest`). Where the smoothed energy passes, a muscle is active.
 
 **Change point.** Around each beginning the band-passed samples are taken for Gaussian, with the standard deviation
-:math:`\sigma_0` before :math:`t_0`, at least that of rest, and one that rises to the burst's within r after it.
+:math:`\sigma_0` before :math:`t_0`, at least that of rest, and one that rises to the burst's within r after it. EMG
+adds to noise in power, so that variances add: an amplitude that rises evenly is the exponent p = 2, one that begins
+slowly 3.
 Samples of EMG are alike for :math:`\kappa = \sum_k \rho_k^2` of them, so that many count as one:
 
 .. math::
-   \log p(t_0, r, \sigma_1 \mid x) = -\frac{1}{\kappa} \sum_n \Big(\log\sigma_n + \frac{x_n^2}{2\sigma_n^2}\Big),
-   \qquad \sigma_n = \sigma_0 + (\sigma_1 - \sigma_0)\,\mathrm{clip}\Big(\frac{t_n - t_0}{r}, 0, 1\Big).
+   \log p(t_0, r, p, \sigma_1 \mid x) = -\frac{1}{\kappa} \sum_n \Big(\log\sigma_n + \frac{x_n^2}{2\sigma_n^2}\Big),
+   \qquad \sigma_n^2 = \sigma_0^2 + (\sigma_1^2 - \sigma_0^2)\,\mathrm{clip}\Big(\frac{t_n - t_0}{r}, 0, 1\Big)^p.
 
-Summed over r and both deviations this is what is known of :math:`t_0`: its median is the onset, its quantiles the
+Summed over r, p and both deviations this is what is known of :math:`t_0`: its median is the onset, its quantiles the
 interval. The end of a burst is the onset of the same samples backwards.
 
 .. [1] S. Solnik, P. Rider, K. Steinweg, P. DeVita, T. Hortobagyi, "Teager-Kaiser energy operator signal conditioning
@@ -28,7 +30,7 @@ interval. The end of a burst is the onset of the same samples backwards.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 from scipy import signal
@@ -62,11 +64,17 @@ REST_LENGTH_S = 0.5
 MIN_ACTIVITY_CONTRAST = 2.0
 """Smallest ratio of the RMS of activity to that of rest; below it a recording has no rest, or no activity."""
 
-ONSET_SEARCH_REACH_S = 0.2
+ONSET_SEARCH_REACH_S = 0.3
 """The change point is searched within this distance of the threshold crossing."""
 
 RISE_TIMES_S = (0.0, 0.02, 0.04, 0.07, 0.1, 0.13, 0.16, 0.2, 0.25, 0.32)
 """Rise times over which the change point's posterior is summed."""
+
+RISE_EXPONENTS = (2.0, 3.0)
+"""Powers of time with which the variance rises, over which the posterior is summed.
+
+At 2 the amplitude rises evenly. At 3 it begins slowly, as where the first motor units are small.
+"""
 
 PLATEAU_FACTORS = np.geomspace(0.7, 1.4, 4)
 """Levels after the rise over which the posterior is summed, relative to the burst's RMS."""
@@ -283,9 +291,9 @@ def _change(x: np.ndarray, before: int, first: int, last: int, fs: float, level:
     logs = []
     for rise in RISE_TIMES_S:
         ramp = np.clip(np.arange(1, n + 1) / max(rise * fs, 1.0), 0.0, 1.0)
-        for floor in floors:
+        for floor, shape in product(floors, RISE_EXPONENTS):
             plateaus = np.maximum(PLATEAU_FACTORS * burst, floor)[:, None]
-            sigma = floor + (plateaus - floor) * ramp
+            sigma = np.sqrt(floor**2 + (plateaus**2 - floor**2) * ramp**shape)
             # Less what the floor would have said of the same samples: of all places at once.
             gain, cost = 0.5 * (1.0 / floor**2 - 1.0 / sigma**2), np.log(sigma / floor)
             told = irfft(spectrum * np.conj(rfft(gain, size, axis=1)), size, axis=1)[:, places]
