@@ -93,7 +93,7 @@ class Columns:
     def column(self, key: str | int, channel: str) -> np.ndarray:
         """Return a column by its name or 0-based number; a message about it names `channel`.
 
-        A unit in the header does not belong to the name: ``"t"`` finds the column ``"t [s]"``.
+        A unit in the header does not belong to the name: ``"t"`` finds the column ``"t [s]"`` or ``"t,s"``.
 
         Returns
         -------
@@ -141,4 +141,4 @@ class Columns:
 
 
 def _without_unit(name: str) -> str:
-    return re.sub(r"\s*[\[(][^\])]*[\])]\s*$", "", name).strip()
+    return re.sub(r"\s*(?:[\[(][^\])]*[\])]|,\s*[\w%°µ/^*]{1,8})\s*$", "", name).strip()

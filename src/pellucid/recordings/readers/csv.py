@@ -33,12 +33,12 @@ _COMMA_NUMBER = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 def read(path: Path) -> Columns:
     """Return the columns of a text table, each shape (n,) float64; a column with text is a str that says which text.
 
-    The header names the columns; without a header they are ``"0"``, ``"1"``, .... Lines that begin with ``#``, ``%``,
-    ``//`` or ``!`` are comments. An empty field, ``NaN``, ``NA`` or ``null`` is a missing sample (NaN); ``true`` and
-    ``false`` are 1 and 0. Stamps of a wall clock, such as ``2026-05-03 14:22:31.5`` or ``14:22:31.5``, become seconds
-    since 1970 or since midnight. A row of units below the header is skipped, and so is an incomplete last row. Columns may
-    also be named on one line each, ``Channel 1: 'RF'``, as Biometrics' DataLOG does. Titles without a delimiter name
-    no columns.
+    The header names the columns; without a header they are ``"0"``, ``"1"``, .... Lines that begin with ``#``,
+    ``%``, ``//`` or ``!`` are comments. An empty field, ``NaN``, ``NA`` or ``null`` is a missing sample (NaN);
+    ``true`` and ``false`` are 1 and 0. Stamps of a wall clock, such as ``2026-05-03 14:22:31.5`` or ``14:22:31.5``,
+    become seconds since 1970 or since midnight. A row of units below the header is skipped, and so is an incomplete
+    last row. Columns may also be named on one line each, ``Channel 1: 'RF'``, as Biometrics' DataLOG does. Titles
+    without a delimiter name no columns.
     """
     if path.stat().st_size >= MIN_LONG_FILE_BYTES and (columns := _read_long(path)) is not None:
         return columns

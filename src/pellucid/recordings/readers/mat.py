@@ -19,7 +19,7 @@ from ._flatten import flatten
 from ._hdf5 import is_matlab_object, read_datasets
 
 ENDINGS = (".mat",)
-APART = ("scipy.io", "h5py", "matio")
+APART = ("scipy.io", "h5py")
 
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 """An HDF5 file has these bytes at its beginning, or after MATLAB's own header."""
@@ -31,11 +31,22 @@ OBJECTS_COLUMN = "MATLAB objects"
 """Name of the column that says that a file holds tables or other objects, which only mat-io reads."""
 
 
+def extra_libraries(path: Path) -> tuple[str, ...]:
+    """Return the libraries that this file needs beside those in `APART`: mat-io brings pandas, which loads slowly."""
+    if _is_hdf5(path):
+        return ("matio",) if _has_objects_in_hdf5(path) else ()
+    from scipy.io import whosmat
+
+    try:
+        whosmat(path)
+    except TypeError:  # the library's answer to an object, which has no shape
+        return ("matio",)
+    return ()
+
+
 def read(path: Path) -> Columns:
     """Return numeric variables and struct fields by dotted path, each shape (n,) float64; cells are numbered."""
-    with path.open("rb") as file:
-        head = file.read(HDF5_OFFSET + len(HDF5_SIGNATURE))
-    if b"MATLAB 7.3" in head[:128] or head.startswith(HDF5_SIGNATURE) or head.endswith(HDF5_SIGNATURE):
+    if _is_hdf5(path):
         if _has_objects_in_hdf5(path) and (columns := _read_objects(path)) is not None:
             return columns
         # MATLAB stores columns first, HDF5 rows first.
@@ -62,6 +73,13 @@ def read(path: Path) -> Columns:
         if isinstance(name, str) and not name.startswith("__"):
             _flatten_cells(_with_plain_structs(value), name, into, path)
     return _with_remark(Columns(path, into), has_objects)
+
+
+def _is_hdf5(path: Path) -> bool:
+    """Whether a file is of version 7.3."""
+    with path.open("rb") as file:
+        head = file.read(HDF5_OFFSET + len(HDF5_SIGNATURE))
+    return b"MATLAB 7.3" in head[:128] or head.startswith(HDF5_SIGNATURE) or head.endswith(HDF5_SIGNATURE)
 
 
 def _with_remark(columns: Columns, has_objects: bool) -> Columns:

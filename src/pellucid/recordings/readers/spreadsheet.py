@@ -7,6 +7,7 @@ stamps of a wall clock become seconds.
 
 from __future__ import annotations
 
+from collections import Counter
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -52,10 +53,17 @@ def read(path: Path) -> Columns:
 
 def _table(path: Path, cells: list[list[Any]]) -> Columns | None:
     """Return the columns of a sheet's cells; None if no row has a number."""
-    lines = [(number, "\t".join(map(_cell_text, row))) for number, row in enumerate(cells, 1)]
-    lines = [(number, line) for number, line in lines if line.strip()]
     if not any(isinstance(cell, (int, float)) and not isinstance(cell, bool) for row in cells for cell in row):
         return None
+    texts = [[_cell_text(cell) for cell in row] for row in cells]
+    widths = [max((i for i, text in enumerate(row, 1) if text), default=0) for row in texts]
+    table_width = Counter(width for width in widths if width).most_common(1)[0][0]
+    begun, lines = False, []
+    for number, (row, width) in enumerate(zip(texts, widths, strict=True), 1):
+        begun = begun or width >= table_width
+        # A row of the table may end in empty cells; settings above it have as many cells as they fill.
+        if width:
+            lines.append((number, "\t".join(row[: max(width, table_width) if begun else width])))
     return read_lines(path, lines, "\t")
 
 
