@@ -65,15 +65,15 @@ def test_a_workbook_of_several_sheets(tmp_path):
     first.title = "robot"
     first.append(["Torque constant", 0.06])
     first.append([])
-    first.append(["when", "q [rad]", None])
+    first.append(["when", "q [rad]", "i [A]"])
     start = datetime.datetime(2026, 5, 3, 14, 22, 31)
     for k in range(40):
-        first.append([start + datetime.timedelta(milliseconds=10 * k), float(Q[k])])
+        first.append([start + datetime.timedelta(milliseconds=10 * k), float(Q[k]), 0.5])
         second.append([float(T[k]), 2.0 * float(Q[k])])
     notes.append(["nothing to see"])
     book.save(tmp_path / "a.xlsx")
     columns = read_columns(tmp_path / "a.xlsx")
-    assert list(columns) == ["robot.when", "robot.q [rad]", "EMG.0", "EMG.1"]
+    assert list(columns) == ["robot.when", "robot.q [rad]", "robot.i [A]", "EMG.0", "EMG.1"]
     assert columns["robot.q"] == pytest.approx(Q[:40], abs=1e-15)
     assert columns["EMG.1"] == pytest.approx(2.0 * Q[:40], abs=1e-15)
     assert np.diff(columns["robot.when"]) == pytest.approx(0.01, abs=1e-6)
