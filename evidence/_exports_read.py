@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -15,14 +16,16 @@ import numpy as np
 from pellucid import _core
 from pellucid.deployment.simulator_folder import write_simulator_folder
 from pellucid.deployment.simulator_model import (
-    SimulatorModel,
     joint_simulator_model,
-    plain_friction,
     tree_simulator_model,
 )
 from pellucid.models.card import CardParameter, ModelCard
-from pellucid.models.joint import NAMES, SYMBOLS_BY_NAME
+from pellucid.models.hill import HillMuscle
+from pellucid.models.joint import SYMBOLS_BY_NAME
+from pellucid.models.muscle_card import CalibratedMuscles
 from pellucid.models.tree_card import JointRange, TreeCard
+from pellucid.recordings.muscle_remark import MuscleRemark, osim_numbers
+from pellucid.recordings.osim_writer import write_osim
 from pellucid.studies.results import ResultRow
 from pellucid.studies.study_file import JointLimits
 
@@ -204,11 +207,42 @@ def comparisons(scratch: Path) -> Iterator[tuple[str, float]]:
             yield f"Pinocchio, {joints} joints", difference(ours, pinocchio_efforts(folder, q, v, a))
 
 
+def muscle_comparisons() -> Iterator[tuple[str, float]]:
+    """Constants of muscles that OpenSim reads in a model that Pellucid exported; nothing where it is not installed."""
+    source = Path(os.environ.get("PELLUCID_DATA", "")) / "gait2392_muscles" / "gait2392_thelen2003muscle.osim"
+    if importlib.util.find_spec("opensim") is None or not source.is_file():
+        return
+    import opensim
+
+    opensim.Logger.setLevelString("error")
+    known = {"vas_lat_r": (0.0871, 0.2, 1234.5, 0.151), "soleus_r": (0.0523, 0.25, 3549.0, 0.241)}
+    muscles = tuple(
+        HillMuscle(name, fibre, pennation, force, slack, -1.7, 0.02, 0.03, 0.04, 1.0, damping=0.05)
+        for name, (fibre, pennation, force, slack) in known.items()
+    )
+    driven = {name: (name,) for name in known}
+    kept = CalibratedMuscles(muscles, driven, {"knee": (0.0, 0.0, 0.0)}, 1.0)
+    with tempfile.TemporaryDirectory() as scratch:
+        path = write_osim(Path(scratch, "made.osim"), source, MuscleRemark(kept, {name: name for name in known}))
+        model = opensim.Model(str(path))
+        model.initSystem()
+        for muscle in muscles:
+            found = opensim.Muscle.safeDownCast(model.getMuscles().get(muscle.name))
+            wanted = osim_numbers(muscle)
+            read = {
+                "max_isometric_force": found.getMaxIsometricForce(),
+                "optimal_fiber_length": found.getOptimalFiberLength(),
+                "tendon_slack_length": found.getTendonSlackLength(),
+                "pennation_angle_at_optimal": found.getPennationAngleAtOptimalFiberLength(),
+            }
+            yield f"OpenSim, {muscle.name}", max(abs(read[key] / wanted[key] - 1.0) for key in read)
+
+
 def rows() -> Iterator[ResultRow]:
     """Of exports that another program reads: how many there are, and of how many its efforts are not ours."""
     with tempfile.TemporaryDirectory() as scratch:
         found = dict(comparisons(Path(scratch)))
-    found |= muscle_comparisons()
+    found |= dict(muscle_comparisons())
     unequal = [name for name, error in found.items() if not error <= LARGEST_DIFFERENCE]
 
     def row(name: str, value: float, note: str) -> ResultRow:
