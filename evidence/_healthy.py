@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import struct
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -145,13 +146,114 @@ def _xdf(path: Path, swing: Swing) -> None:
     path.write_bytes(made + chunk(6, head + foot.encode()))
 
 
+def _workbook(path: Path, swing: Swing) -> None:
+    if path.suffix in (".xlsx", ".xlsm"):
+        from openpyxl import Workbook
+
+        book = Workbook(write_only=True)
+        sheet = book.create_sheet("swing")
+        for row in (list(swing), *zip(*(x.tolist() for x in swing.values()), strict=True)):
+            sheet.append(row)
+        book.save(path)
+        return
+    from odf.opendocument import OpenDocumentSpreadsheet
+    from odf.table import Table, TableCell, TableRow
+    from odf.text import P
+
+    book, sheet = OpenDocumentSpreadsheet(), Table(name="swing")
+    book.spreadsheet.addElement(sheet)
+    for row in (list(swing), *zip(*(x.tolist() for x in swing.values()), strict=True)):
+        line = TableRow()
+        for cell in row:
+            made = TableCell(valuetype="string") if isinstance(cell, str) else TableCell(valuetype="float", value=cell)
+            if isinstance(cell, str):
+                made.addElement(P(text=cell))
+            line.addElement(made)
+        sheet.addElement(line)
+    book.save(str(path))
+
+
+def _hdf5(path: Path, swing: Swing) -> None:
+    import h5py
+
+    with h5py.File(path, "w") as file:
+        for name, x in swing.items():
+            file.create_dataset(name, data=x, chunks=(200,), compression="gzip")
+
+
+def _arrays(path: Path, swing: Swing) -> None:
+    if path.suffix == ".npz":
+        np.savez_compressed(path, **swing)
+    else:
+        rows = np.array(list(zip(*swing.values(), strict=True)), dtype=[(name, "f8") for name in swing])
+        np.save(path, rows)
+
+
+def _arrow(path: Path, swing: Swing) -> None:
+    import pyarrow
+    from pyarrow import ipc, parquet
+
+    table = pyarrow.table({name: x.tolist() for name, x in swing.items()})
+    if path.suffix == ".parquet":
+        parquet.write_table(table, str(path))
+    else:
+        with ipc.new_file(str(path), table.schema) as file:
+            file.write_table(table)
+
+
+def _trc(path: Path, swing: Swing) -> None:
+    head = "PathFileType\t4\t(X/Y/Z)\tswing.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\t"
+    head += f"OrigDataStartFrame\tOrigNumFrames\n200\t200\t{len(swing['t'])}\t1\tm\t200\t1\t{len(swing['t'])}\n"
+    head += "Frame#\tTime\tm\t\t\t\n\t\tX1\tY1\tZ1\t\n\n"
+    rows = [f"{k}\t{t:.6g}\t{q:.6g}\t{i:.6g}\t0" for k, (t, q, i) in enumerate(zip(*swing.values(), strict=True), 1)]
+    path.write_text(head + "\n".join(rows) + "\n", encoding="utf-8")
+
+
+def _delsys(path: Path, swing: Swing) -> None:
+    rows = [f"{t:.6g},{q:.6g},{t:.6g},{i:.6g}" for t, q, i in zip(*swing.values(), strict=True)]
+    path.write_text("\n".join(("X[s],q,X[s],i", *rows)) + "\n", encoding="utf-8")
+
+
+def _mcap(path: Path, swing: Swing) -> None:
+    from mcap.writer import Writer
+
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema("joint", "jsonschema", b"{}")
+        channel = writer.register_channel("/joint", "json", schema)
+        for t, q, i in zip(*swing.values(), strict=True):
+            writer.add_message(channel, round(1e9 * t), json.dumps({"q": q, "i": i}).encode(), round(1e9 * t))
+        writer.finish()
+
+
+def _bag(path: Path, swing: Swing) -> None:
+    from rosbags.rosbag1 import Writer as OldWriter
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    old = path.suffix == ".bag"
+    store = get_typestore(Stores.ROS1_NOETIC if old else Stores.ROS2_HUMBLE)
+    vector = store.types["geometry_msgs/msg/Vector3"]
+    folder = path.parent / "bag"
+    writer = OldWriter(path) if old else Writer(folder, version=9, storage_plugin=StoragePlugin.SQLITE3)
+    with writer:
+        joint = writer.add_connection("/joint", vector.__msgtype__, typestore=store)
+        serialize = store.serialize_ros1 if old else store.serialize_cdr
+        for t, q, i in zip(*swing.values(), strict=True):
+            writer.write(joint, round(1e9 * t), serialize(vector(x=q, y=i, z=0.0), vector.__msgtype__))
+    if not old:
+        next(folder.glob("*.db3")).rename(path)
+        shutil.rmtree(folder)
+
+
 PLAIN_COLUMNS = ("t", "q", "i")
 """Names of the columns of time, position and current in formats without units."""
 
 WRITERS: Mapping[str, tuple[tuple[Callable[[Path, Swing], None], tuple[str, str, str]], ...]] = {
-    ".csv": ((_table(","), PLAIN_COLUMNS),),
+    ".csv": ((_table(","), PLAIN_COLUMNS), (_delsys, ("q.time", "q", "i"))),
     ".tsv": ((_table("\t"), PLAIN_COLUMNS),),
-    ".txt": ((_table(" "), PLAIN_COLUMNS),),
+    ".txt": ((_table(" "), PLAIN_COLUMNS), (_delsys, ("q.time", "q", "i"))),
     ".dat": ((_table(";"), PLAIN_COLUMNS), (_storage, PLAIN_COLUMNS)),
     ".json": ((_json, PLAIN_COLUMNS),),
     ".mat": ((_mat, PLAIN_COLUMNS), (_mat_hdf5, PLAIN_COLUMNS)),
@@ -161,6 +263,20 @@ WRITERS: Mapping[str, tuple[tuple[Callable[[Path, Swing], None], tuple[str, str,
     ".edf": ((_edf, ("time", "q", "i")),),
     ".bdf": ((_edf, ("time", "q", "i")),),
     ".xdf": ((_xdf, ("rig.time", "rig.q", "rig.i")),),
+    ".xlsx": ((_workbook, PLAIN_COLUMNS),),
+    ".xlsm": ((_workbook, PLAIN_COLUMNS),),
+    ".ods": ((_workbook, PLAIN_COLUMNS),),
+    ".h5": ((_hdf5, PLAIN_COLUMNS),),
+    ".hdf5": ((_hdf5, PLAIN_COLUMNS),),
+    ".hdf": ((_hdf5, PLAIN_COLUMNS),),
+    ".npz": ((_arrays, PLAIN_COLUMNS),),
+    ".npy": ((_arrays, ("sweep.t", "sweep.q", "sweep.i")),),
+    ".parquet": ((_arrow, PLAIN_COLUMNS),),
+    ".feather": ((_arrow, PLAIN_COLUMNS),),
+    ".trc": ((_trc, ("point.time", "m_x", "m_y")),),
+    ".mcap": ((_mcap, ("joint.time", "joint.q", "joint.i")),),
+    ".bag": ((_bag, ("joint.time", "joint.x", "joint.y")),),
+    ".db3": ((_bag, ("joint.time", "joint.x", "joint.y")),),
 }
 """By ending: what writes a recording, and the names that its columns of time, position and current then have."""
 

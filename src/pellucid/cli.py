@@ -297,7 +297,7 @@ def compare(
 @app.command()
 def export(
     folder: Folder,
-    to: Annotated[str, typer.Option("--to", metavar="LANGUAGE", help="c; for muscles osim or ceinms.")] = "c",
+    to: Annotated[str, typer.Option("--to", metavar="LANGUAGE", help="c; mjcf or urdf for simulators; for muscles osim or ceinms.")] = "c",
     out: Annotated[Path | None, typer.Option("--out", metavar="FOLDER", help="Folder to create.")] = None,
     participant: Annotated[str | None, typer.Option(metavar="NAME", help="Wearer of the robot.")] = None,
     card: Annotated[str | None, typer.Option(metavar="FILE", help="Card in models/, of a joint or muscles.")] = None,
@@ -316,10 +316,11 @@ def export(
         bool, typer.Option("--overwrite", help="Replace files that this export did not write.")
     ] = False,
 ) -> None:
-    """Write the controller as C, or muscles for other programs."""
+    """Write the controller as C, a model for simulators, or muscles for other programs."""
     from .deployment.export import export as run
     from .deployment.export import warn_of_export
     from .deployment.microcontroller import measure, missing_tools, save_measured
+    from .deployment.simulator_folder import SIMULATOR_FILES, describe_simulator_model
     from .deployment.subject import describe_muscles
 
     study = _opened(folder, None, allow_outside)
@@ -331,11 +332,15 @@ def export(
             accept_stale=accept_stale, overwrite=overwrite,
         )  # fmt: skip
         muscles = made.is_file()
+        simulates = to in SIMULATOR_FILES
         absent = missing_tools()
-        if not muscles:
+        if not (muscles or simulates):
             tell("running it on a Cortex-M4F in QEMU", 0.7)
-        found = None if absent or muscles else measure(made)
+        found = None if absent or muscles or simulates else measure(made)
     console = make_console()
+    if simulates:
+        print_line(console, describe_simulator_model(made))
+        return
     if muscles:
         print_line(console, f"{made}: {describe_muscles(made, to)}")
         return

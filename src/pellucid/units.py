@@ -146,6 +146,16 @@ def to_si_factor(unit: str, expected: str | tuple[str, ...] | None, where: str =
     return _factor(unit, expected, where)
 
 
+def contradicts_unit(text: str, unit: str) -> bool:
+    """Whether `text` is a known unit that means another one than `unit`; ``"Nm"`` does not contradict ``"N*m"``."""
+    if text == unit:
+        return False
+    try:
+        return si_text(text) != si_text(unit) or to_si_factor(text, None) != to_si_factor(unit, None)
+    except StudyError:
+        return False  # an abbreviation that only its writer knows
+
+
 def si_text(unit: str) -> str:
     """Return the SI unit for values in `unit`, as plain text: ``si_text("mN*m")`` is ``"N*m"``."""
     return _si_text(unit)

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-BLOCKED = ("pandas", "statsmodels", "dask", "distributed", "emcee", "SALib", "mujoco", "pinocchio", "numba", "opensim")
+BLOCKED = ("pandas", "statsmodels", "dask", "distributed", "emcee", "SALib", "mujoco", "pinocchio", "numba", "opensim",
+           "mcap", "rosbags", "matio")  # fmt: skip
 """Packages of extras, which the base installation lacks."""
 
 BEFORE = f"""

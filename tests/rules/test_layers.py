@@ -193,7 +193,7 @@ OWN_FILES = {
 }
 OPENERS = re.compile(
     r"\b(?:open|np\.load|np\.loadtxt|np\.genfromtxt|numpy\.load|loadmat|json\.load|csv\.reader|read_csv)\s*\("
-    r"|\.(?:read_text|read_bytes|open)\(|\b(?:scipy\.io|h5py|ezc3d|pyxdf|edfio)\b"
+    r"|\.(?:read_text|read_bytes|open)\(|\b(?:scipy\.io|h5py|ezc3d|pyxdf|edfio|python_calamine|matio|mcap|rosbags)\b"
 )
 
 

@@ -10,7 +10,7 @@ import scipy.io
 from pellucid._errors import RecordingError
 from pellucid.procedures.registry import open_study
 from pellucid.recordings import Channel, channels_toml, write_csv, write_text_atomically
-from pellucid.recordings.readers import mat, read_columns
+from pellucid.recordings.readers import read_columns
 
 
 def text(tmp_path, content, name="a.csv", encoding="utf-8"):
@@ -172,20 +172,12 @@ def test_a_truncated_mat_file(tmp_path):
         read_columns(path)
 
 
-def test_a_newer_mat_file_says_what_to_do(tmp_path, monkeypatch):
-    path = tmp_path / "a.mat"
-    path.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512, b" "))
-    monkeypatch.setitem(__import__("sys").modules, "h5py", None)
-    with pytest.raises(RecordingError, match=r"version 7.3, which needs h5py"):
-        mat.read(path)
-
-
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
         ("a.json", '{"t": [0, 1', "a.json: not readable as JSON, truncated or damaged"),
         ("a.json", '{"who": "me"}', "found no numeric column"),
-        ("a.xyz", "1", 'found the ending ".xyz", expected one of .bdf, .c3d, .csv'),
+        ("a.xyz", "1", 'found the ending ".xyz", expected one of .bag, .bdf, .c3d, .csv'),
         ("a.csv", "\0\0\1", "found binary content, expected text"),
     ],
 )

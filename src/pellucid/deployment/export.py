@@ -1,4 +1,4 @@
-"""Export an identified study's controller as source code for a microcontroller, or muscles to other programs."""
+"""Export an identified study's controller as source code for a microcontroller, its model for simulators, or muscles."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from .elbow_values import elbow_values
 from .estimator_folder import chosen_card, write_estimator_folder
 from .joint_values import joint_values
 from .owned_folder import mark_own_folder, require_own_folder
+from .simulator_folder import SIMULATOR_FILES, export_simulator_model
 from .subject import ENDINGS, export_subject
 from .tree_folder import write_tree_folder
 from .tree_values import tree_values
@@ -63,11 +64,11 @@ def export(
     study : Study
         Identified study.
     to : str
-        ``"c"``; ``"osim"`` for a copy of the study's OpenSim model with the calibrated constants; ``"ceinms"`` for a
+        ``"c"``; ``"mjcf"`` or ``"urdf"`` for a model of the joint or robot in simulators; ``"osim"`` for a copy of the study's OpenSim model with the calibrated constants; ``"ceinms"`` for a
         CEINMS subject.
     out : Path or None
-        Folder to create, or for muscles also a file; None for the folder ``controller``, or ``subject`` for muscles, in
-        the study's folder.
+        Folder to create, or for muscles also a file; None for the folder ``controller``, ``mjcf``, ``urdf``, or
+        ``subject`` for muscles, in the study's folder.
     card : str or None
         File name of a joint's or of muscles' card in the study's models folder; None for the best one, or for the one
         with most joints.
@@ -122,6 +123,11 @@ def export(
         given = {"slider": slider, "participant": participant, "controller": controller, "exponents": exponents}
         _require_none(f"export to {to} of {study.name}", {**given, "probe": asks}, "muscles have none")
         return export_subject(study, to, out, card=card, period=period, overwrite=overwrite)
+    if to in SIMULATOR_FILES:
+        given = {"slider": slider, "participant": participant, "controller": controller, "exponents": exponents,
+                 "period": period, "probe": asks}  # fmt: skip
+        _require_none(f"export to {to} of {study.name}", given, "a model for simulators has none")
+        return export_simulator_model(study, to, out, card=card, allow_outside=allow_outside, overwrite=overwrite)
     place = study.place("controller") if out is None else Path(out)
     if study.find_table(TreeTable) is not None:
         refused = {"slider": slider, "participant": participant, "exponents": exponents}
@@ -199,7 +205,7 @@ def _require_language(
 ) -> None:
     """Raise a PellucidError for an unknown language, an impossible period, or settings that the study cannot use."""
     if to not in EXPORT_LANGUAGES:
-        known = " or ".join(f'"{each}"' for each in (*EXPORT_LANGUAGES, *ENDINGS))
+        known = " or ".join(f'"{each}"' for each in (*EXPORT_LANGUAGES, *ENDINGS, *SIMULATOR_FILES))
         raise PellucidError(f'export: found to = "{to}", expected {known}')
     if period is not None and not 0.0 < period <= MAX_PERIOD_S:
         raise PellucidError(f"export: found a period of {period:g} s, expected one above 0 and up to 0.1 s")

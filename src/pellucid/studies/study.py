@@ -20,6 +20,7 @@ from ..recordings.delay import shift_channels, undo_lags
 from ..recordings.joined_stream import initial_offset, join_stream
 from ..recordings.optical import OpticalRecording
 from ..recordings.recording import Channel, Payload, Recording
+from ..units import contradicts_unit
 from .drive_channel import command_channel
 from .find_defects import find_cuts
 from .optical_columns import read_optical
@@ -564,7 +565,8 @@ def _truncated_row_cut(path: Path, time: np.ndarray, window: tuple[float, float]
 def _require_file_units(columns: Columns, specs: dict[str, ChannelSpec]) -> None:
     for name, spec in specs.items():
         used = (spec.column,) if spec.minus is None else (spec.column, spec.minus.column)
-        file_unit = next((columns.units[c] for c in used if columns.units.get(c) not in (None, spec.unit)), None)
+        stated = [columns.units[c] for c in used if c in columns.units]
+        file_unit = next((unit for unit in stated if contradicts_unit(unit, spec.unit)), None)
         if file_unit is not None:
             raise RecordingError(
                 f'{columns.path.name}: channel {name}: study.toml says {spec.unit}, the file itself "{file_unit}"'

@@ -8,6 +8,7 @@ followed by the numbers themselves.
 from __future__ import annotations
 
 import atexit
+import contextlib
 import json
 import os
 import subprocess
@@ -151,6 +152,8 @@ def serve() -> None:
         request = json.loads(line)
         module = import_module(request["reader"])
         _import_libraries(module.APART)
+        with contextlib.suppress(Exception):  # the reader itself says what is wrong with the file
+            _import_libraries(module.extra_libraries(Path(request["path"])))
         _send(out, "begun")
         answer, arrays = _answer_request(module, request)
         _send(out, answer, arrays)

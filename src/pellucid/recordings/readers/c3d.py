@@ -1,12 +1,15 @@
-"""Read C3D files of motion captures: markers and analog channels, each with its own times.
+"""Read C3D files of motion captures: markers, analog channels and force plates, with their times.
 
 A marker C becomes the columns C_x, C_y and C_z, at the times of the column ``point.time``. An analog channel keeps its
-name, at the times of ``analog.time``. Both start at the file's first frame, which is time 0. One file may therefore
-hold both the motion capture and the EMG of a recording.
+name, at the times of ``analog.time``. A force plate, numbered from 1, becomes ``plate1.force_x``, ``plate1.moment_x``,
+``plate1.centre_x``, ... in the laboratory's axes, at the times of ``analog.time``: the force of the person on the
+plate, the moment about the plate's own origin, and the centre of pressure. All start at the file's first frame, which
+is time 0. One file may therefore hold both the motion capture and the EMG of a recording.
 """
 
 from __future__ import annotations
 
+import contextlib
 import struct
 from pathlib import Path
 from typing import Any
@@ -27,6 +30,13 @@ ANALOG_TIME = "analog.time"
 
 AXES = ("x", "y", "z")
 """Endings of a marker's columns, after an underscore."""
+
+PLATE_QUANTITIES = {
+    "force": ("force", "unit_force"),
+    "moment": ("moment", "unit_moment"),
+    "centre": ("center_of_pressure", "unit_position"),
+}
+"""Names of a plate's columns, and where the library has their numbers and their unit."""
 
 BLOCK_BYTES = 512
 """The format counts positions in the file in blocks of this size."""
@@ -73,7 +83,15 @@ def read(path: Path) -> Columns:
         add(ANALOG_TIME, np.arange(analogs.shape[1]) / _rate(path, content, "ANALOG"))
         for label, samples in zip(labels, analogs, strict=True):
             add(label, samples)
-    return Columns(path, into, units=_units(content))
+    units = _units(content)
+    for number, plate in enumerate(content["data"].get("platform", ()), 1):
+        for quantity, (key, unit) in PLATE_QUANTITIES.items():
+            for axis, samples in zip(AXES, plate[key], strict=True):
+                if len(samples) == analogs.shape[1]:
+                    add(f"plate{number}.{quantity}_{axis}", samples)
+                    if plate[unit].strip():
+                        units[f"plate{number}.{quantity}_{axis}"] = _study_unit(plate[unit])
+    return Columns(path, into, units=units)
 
 
 def _units(content: Any) -> dict[str | int, str]:
@@ -85,14 +103,22 @@ def _units(content: Any) -> dict[str | int, str]:
     analogs = _labels(content, "ANALOG", content["data"]["analogs"].shape[1])
     for label, unit in zip(analogs, _texts(content, "ANALOG", "UNITS"), strict=False):
         if unit.strip():
-            found[label] = unit.strip().replace("Nmm", "N*mm").replace("Nm", "N*m")
+            found[label] = _study_unit(unit)
     return found
+
+
+def _study_unit(unit: str) -> str:
+    """Return a unit of the file as study.toml says it."""
+    return unit.strip().replace("Nmm", "N*mm").replace("Nm", "N*m")
 
 
 def _load(path: Path) -> Any:
     import ezc3d
 
     _require_whole(path)
+    # Plates of a kind that the library cannot compute do not spoil the rest of the file.
+    with contextlib.suppress(Exception):
+        return ezc3d.c3d(str(path), extract_forceplat_data=True)
     try:
         return ezc3d.c3d(str(path))
     except Exception as error:  # the library's C++ code may raise anything

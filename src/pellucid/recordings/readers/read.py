@@ -3,7 +3,8 @@
 Such a module has ``ENDINGS``, a tuple of file endings with their dot, and ``read(path)``, which returns `Columns`.
 If several modules read one ending, those with ``recognises(path)`` are asked first; they look at the file's content.
 A module may use a library that a damaged file can crash, or that unpacks data. It names such libraries in ``APART``,
-and then runs in a process of its own. Another package brings such a module as an entry point of ``pellucid.readers``.
+and then runs in a process of its own; a function ``extra_libraries(path)`` may name more that one file needs. Another
+package brings such a module as an entry point of ``pellucid.readers``.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from ..._errors import PellucidError, PluginError, RecordingError
 from ..._plugins import load_plugins, require_attributes
 from ._caps import require_few_columns, require_file_size
 from ._columns import Columns
+from ._unread_formats import UNREAD_FORMATS
 
 
 @cache
@@ -60,18 +62,22 @@ def read_columns(path: str | os.PathLike) -> Columns:
     Parameters
     ----------
     path : path-like
-        File whose ending states its format: ``.csv``, ``.tsv``, ``.txt``, ``.dat``, ``.mat``, ``.json``, ``.sto``,
-        ``.mot``, ``.c3d``, ``.xdf``, ``.edf`` or ``.bdf``.
+        File whose ending states its format: text (``.csv``, ``.tsv``, ``.txt``, ``.dat``), workbooks (``.xlsx``,
+        ``.xlsm``, ``.ods``), ``.mat``, ``.json``, HDF5 (``.h5``, ``.hdf5``, ``.hdf``), NumPy (``.npz``, ``.npy``),
+        ``.parquet``, ``.feather``, OpenSim (``.sto``, ``.mot``), motion capture (``.c3d``, ``.trc``), amplifiers
+        (``.edf``, ``.bdf``), ``.xdf``, robots' logs (``.mcap``, ``.bag``, ``.db3``).
 
     Returns
     -------
     Columns
-        ``columns["name"]`` is an array of shape (n,); streams of one file may differ in n.
+        A mapping: ``columns["name"]`` is an array of shape (n,), and ``in``, ``len``, iteration and ``to_frame()`` work
+        as one expects. Streams of one file may differ in n.
 
     Raises
     ------
     RecordingError
-        If the file is missing, empty, truncated, of an unknown format, or holds no numbers.
+        If the file is missing, empty, truncated, of a format that is not read, or holds no numbers. The message says
+        what to export instead, or which extra to install.
 
     Examples
     --------
@@ -88,12 +94,20 @@ def read_columns(path: str | os.PathLike) -> Columns:
     array([0.1 , 0.12])
     >>> columns["t"]
     array([0. , 0.1])
+    >>> "q" in columns, len(columns), list(columns)
+    (True, 2, ['t [s]', 'q'])
     """
     path = Path(path)
     if not path.is_file():
         raise RecordingError(f"{path}: no such file")
     require_file_size(path)
     readers = readers_by_ending().get(path.suffix.lower())
+    if readers is None and path.suffix.lower() in UNREAD_FORMATS:
+        kind, instead = UNREAD_FORMATS[path.suffix.lower()]
+        raise RecordingError(
+            f'{path.name}: found the ending "{path.suffix}", {kind}, which Pellucid does not read; export instead '
+            f"{instead}"
+        )
     if readers is None:
         raise RecordingError(
             f'{path.name}: found the ending "{path.suffix}", expected one of {", ".join(sorted(readers_by_ending()))}'

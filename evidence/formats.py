@@ -1,0 +1,21 @@
+"""What comes in from other programs, what goes out to them, and what an installation needs.
+
+Formats are read back as their own libraries wrote them; exports are read by the programs that they are for; an exported
+servo is replayed in MuJoCo; wheels are installed where there is Python and nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib import import_module
+
+from pellucid.studies.results import ResultRow
+
+PARTS = ("_read_back", "_exports_read", "_mujoco_replay", "_installed_wheel")
+"""Files of this folder that measure a part each, the quick ones first."""
+
+
+def rows() -> Iterator[ResultRow]:
+    """The rows of every part."""
+    for part in PARTS:
+        yield from import_module(f"evidence.{part}").rows()

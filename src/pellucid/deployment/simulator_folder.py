@@ -1,0 +1,122 @@
+"""Write an identified joint or robot as a folder that a simulator reads: MJCF or URDF, ranges and friction."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from .._atomic import write_text_atomically
+from .._errors import PellucidError
+from ..models.card import read_card, read_table
+from ..models.tree_card import read_tree_card
+from ..procedures.card_sources import require_fresh
+from ..procedures.tree.tree_table import TreeTable
+from ..studies.study import Study
+from .owned_folder import mark_own_folder, require_own_folder
+from .simulator_model import (
+    SimulatorModel,
+    joint_simulator_model,
+    mjcf_text,
+    ranges_table,
+    tree_simulator_model,
+    urdf_text,
+)
+
+SIMULATOR_FILES = {"mjcf": "model.xml", "urdf": "model.urdf"}
+"""Name of the model's file for each language of simulators."""
+
+FILES_BESIDE = ("ranges.json", "README.md", "friction.py")
+"""Names of the files beside the model's."""
+
+TREE_CARD_NAMES = ("tree.consistent.json", "tree.best.json")
+"""File names of the cards of a robot that can be exported; the first one that exists is used."""
+
+FRICTION_SOURCE = Path(__file__).parent / "templates" / "simulator" / "friction.py.j2"
+"""Program that is put beside an MJCF model."""
+
+README_TEXT = {
+    "mjcf": """# {name} in MuJoCo
+
+`model.xml` has armature, damping and frictionloss; `friction.py` sets, before each step, what friction has beyond these:
+direction, load, the rise towards rest, the root of speed. Its first lines say how. `ranges.json` has the value and the
+{confidence:.0%} interval of every number and their covariance, for domain randomisation: `sample` draws from them, `apply`
+gives a model what was drawn.
+""",
+    "urdf": """# {name} as URDF
+
+`model.urdf` has damping and friction of each joint, level and slope as they are on average of both directions. URDF has no
+place for a rotor's inertia, for load-dependent friction or for intervals: `ranges.json` has armature and friction of each
+joint, and the value and {confidence:.0%} interval of every number with their covariance. In Pinocchio, set
+`model.armature` from it.
+""",
+}
+"""Text of the README.md beside each model."""
+
+
+def export_simulator_model(
+    study: Study, to: str, out: Path | None = None, *, card: str | None = None, allow_outside: bool = False,
+    overwrite: bool = False,
+) -> Path:  # fmt: skip
+    """Write the study's joint or robot for simulators, ``"mjcf"`` or ``"urdf"``, and return the folder.
+
+    `card` is a file name in the models folder; None for that of the joint, or for a robot's with consistent inertias.
+    """
+    if allow_outside:
+        study = replace(study, allow_outside=True)
+    name, model = simulator_model(study, card)
+    folder = study.place(to) if out is None else Path(out)
+    owner = {"controller": f"model for simulators, {to}", "participant": "", "study": study.name, "cards": name}
+    require_own_folder(folder, owner, [*SIMULATOR_FILES.values(), *FILES_BESIDE], overwrite=overwrite)
+    write_simulator_folder(model, to, folder)
+    mark_own_folder(folder, owner)
+    return folder
+
+
+def write_simulator_folder(model: SimulatorModel, to: str, folder: Path) -> Path:
+    """Write a model for simulators, ``"mjcf"`` or ``"urdf"``, into a folder, and return the folder."""
+    texts = {
+        SIMULATOR_FILES[to]: mjcf_text(model) if to == "mjcf" else urdf_text(model),
+        "ranges.json": json.dumps(ranges_table(model), indent=1) + "\n",
+        "README.md": README_TEXT[to].format(name=model.name, confidence=model.confidence),
+    }
+    if to == "mjcf":
+        texts["friction.py"] = FRICTION_SOURCE.read_text(encoding="utf-8")
+    folder.mkdir(parents=True, exist_ok=True)
+    for file, text in texts.items():
+        write_text_atomically(folder / file, text)
+    return folder
+
+
+def simulator_model(study: Study, card: str | None = None) -> tuple[str, SimulatorModel]:
+    """Return the file name of the card that is exported, and its model."""
+    if study.find_table(TreeTable) is not None:
+        name = card or next((n for n in TREE_CARD_NAMES if study.card(n).is_file()), TREE_CARD_NAMES[0])
+        path = study.card(name)
+        tree = require_fresh(study, path, read_tree_card(path))
+        try:
+            return name, tree_simulator_model(tree)
+        except PellucidError as error:
+            raise PellucidError(f"{name}: {error}") from None
+    name = card or "joint.json"
+    path = study.card(name)
+    if read_table(path).get("kind") is not None:
+        raise PellucidError(f"{name}: found the card of a {read_table(path)['kind']}, expected that of a joint or robot")
+    joint = require_fresh(study, path, read_card(path))
+    try:
+        return name, joint_simulator_model(joint, study.rig.limits)
+    except PellucidError as error:
+        raise PellucidError(f"{name}: {error}") from None
+
+
+def describe_simulator_model(folder: Path) -> str:
+    """Return a sentence about an exported model, and one about what it was not chosen for."""
+    table = json.loads((folder / "ranges.json").read_text(encoding="utf-8"))
+    joints = len(table["joints"])
+    said = f"{folder}: {joints} joint{'s' if joints > 1 else ''}, {len(table['parameters'])} numbers with intervals."
+    if table["purpose"] == "torque":
+        said += (
+            " Its numbers were chosen for the torque. Those that simulate the motion best come with [model] purpose = "
+            '"simulation" in study.toml and pellucid identify.'
+        )
+    return said
