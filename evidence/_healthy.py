@@ -145,6 +145,57 @@ def _xdf(path: Path, swing: Swing) -> None:
     path.write_bytes(made + chunk(6, head + foot.encode()))
 
 
+def _workbook(path: Path, swing: Swing) -> None:
+    if path.suffix in (".xlsx", ".xlsm"):
+        from openpyxl import Workbook
+
+        book = Workbook(write_only=True)
+        sheet = book.create_sheet("swing")
+        for row in (list(swing), *zip(*(x.tolist() for x in swing.values()), strict=True)):
+            sheet.append(row)
+        book.save(path)
+        return
+    from odf.opendocument import OpenDocumentSpreadsheet
+    from odf.table import Table, TableCell, TableRow
+    from odf.text import P
+
+    book, sheet = OpenDocumentSpreadsheet(), Table(name="swing")
+    book.spreadsheet.addElement(sheet)
+    for row in (list(swing), *zip(*(x.tolist() for x in swing.values()), strict=True)):
+        line = TableRow()
+        for cell in row:
+            made = TableCell(valuetype="string") if isinstance(cell, str) else TableCell(valuetype="float", value=cell)
+            if isinstance(cell, str):
+                made.addElement(P(text=cell))
+            line.addElement(made)
+        sheet.addElement(line)
+    book.save(str(path))
+
+
+def _hdf5(path: Path, swing: Swing) -> None:
+    import h5py
+
+    with h5py.File(path, "w") as file:
+        for name, x in swing.items():
+            file.create_dataset(name, data=x, chunks=(200,), compression="gzip")
+
+
+def _arrays(path: Path, swing: Swing) -> None:
+    if path.suffix == ".npz":
+        np.savez_compressed(path, **swing)
+    else:
+        rows = np.array(list(zip(*swing.values(), strict=True)), dtype=[(name, "f8") for name in swing])
+        np.save(path, rows)
+
+
+def _arrow(path: Path, swing: Swing) -> None:
+    import pyarrow
+    from pyarrow import feather, parquet
+
+    write = parquet.write_table if path.suffix == ".parquet" else feather.write_feather
+    write(pyarrow.table(dict(swing)), str(path))
+
+
 PLAIN_COLUMNS = ("t", "q", "i")
 """Names of the columns of time, position and current in formats without units."""
 
@@ -161,6 +212,16 @@ WRITERS: Mapping[str, tuple[tuple[Callable[[Path, Swing], None], tuple[str, str,
     ".edf": ((_edf, ("time", "q", "i")),),
     ".bdf": ((_edf, ("time", "q", "i")),),
     ".xdf": ((_xdf, ("rig.time", "rig.q", "rig.i")),),
+    ".xlsx": ((_workbook, PLAIN_COLUMNS),),
+    ".xlsm": ((_workbook, PLAIN_COLUMNS),),
+    ".ods": ((_workbook, PLAIN_COLUMNS),),
+    ".h5": ((_hdf5, PLAIN_COLUMNS),),
+    ".hdf5": ((_hdf5, PLAIN_COLUMNS),),
+    ".hdf": ((_hdf5, PLAIN_COLUMNS),),
+    ".npz": ((_arrays, PLAIN_COLUMNS),),
+    ".npy": ((_arrays, ("sweep.t", "sweep.q", "sweep.i")),),
+    ".parquet": ((_arrow, PLAIN_COLUMNS),),
+    ".feather": ((_arrow, PLAIN_COLUMNS),),
 }
 """By ending: what writes a recording, and the names that its columns of time, position and current then have."""
 

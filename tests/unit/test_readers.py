@@ -10,7 +10,7 @@ import scipy.io
 from pellucid._errors import RecordingError
 from pellucid.procedures.registry import open_study
 from pellucid.recordings import Channel, channels_toml, write_csv, write_text_atomically
-from pellucid.recordings.readers import mat, read_columns
+from pellucid.recordings.readers import read_columns
 
 
 def text(tmp_path, content, name="a.csv", encoding="utf-8"):
@@ -170,14 +170,6 @@ def test_a_truncated_mat_file(tmp_path):
     path.write_bytes(path.read_bytes()[:9000])
     with pytest.raises(RecordingError, match=r"a.mat: not readable as a MAT file, truncated or damaged"):
         read_columns(path)
-
-
-def test_a_newer_mat_file_says_what_to_do(tmp_path, monkeypatch):
-    path = tmp_path / "a.mat"
-    path.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512, b" "))
-    monkeypatch.setitem(__import__("sys").modules, "h5py", None)
-    with pytest.raises(RecordingError, match=r"version 7.3, which needs h5py"):
-        mat.read(path)
 
 
 @pytest.mark.parametrize(

@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, KeysView, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..._errors import RecordingError
+from ..._tabular import data_frame
+
+if TYPE_CHECKING:
+    import pandas
 
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """The numeric content of one file, in the file's own units.
+    """The numeric content of one file, in the file's own units, as a mapping of columns by name.
+
+    ``columns["name"]`` or ``columns[0]`` is a column. ``in``, ``len``, iteration and ``dict(columns)`` work as with a
+    dictionary; `values` is an attribute here, not a method.
 
     Attributes
     ----------
@@ -41,6 +49,38 @@ class Columns:
 
     def __getitem__(self, name: str | int) -> np.ndarray:
         return self.column(name, str(name))
+
+    def __contains__(self, name: object) -> bool:
+        """Whether ``columns[name]`` finds a column, which may hold text."""
+        if isinstance(name, int):
+            return 0 <= name < len(self.values)
+        return isinstance(name, str) and self._found_name(name) is not None
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.values)
+
+    def keys(self) -> KeysView[str]:
+        """Return the names of the columns, as in the file."""
+        return self.values.keys()
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the numeric columns as a data frame.
+
+        Shorter columns end in NaN, so that streams of different lengths fit into one table. Columns that hold text are
+        left out.
+
+        Raises
+        ------
+        PellucidError
+            If pandas is not installed.
+        """
+        numeric = {name: x for name, x in self.values.items() if not isinstance(x, str)}
+        longest = max(map(len, numeric.values()), default=0)
+        padded = {name: np.pad(x, (0, longest - len(x)), constant_values=np.nan) for name, x in numeric.items()}
+        return data_frame(padded)
 
     def __str__(self) -> str:
         contents = [
@@ -71,12 +111,17 @@ class Columns:
                     f"{self.path.name}: channel {channel} asks for column number {key}, expected 0 to {len(names) - 1}"
                 )
             return self._numbers(names[key], channel)
-        if key in names:
-            return self._numbers(key, channel)
-        same = [name for name in names if _without_unit(name) == _without_unit(key)]
-        if len(same) == 1:
-            return self._numbers(same[0], channel)
-        raise RecordingError(self._absence_message(key, channel, names))
+        found = self._found_name(key)
+        if found is None:
+            raise RecordingError(self._absence_message(key, channel, names))
+        return self._numbers(found, channel)
+
+    def _found_name(self, key: str) -> str | None:
+        """Return the name of the column that `key` stands for, with or without a unit; None if it is not one."""
+        if key in self.values:
+            return key
+        same = [name for name in self.values if _without_unit(name) == _without_unit(key)]
+        return same[0] if len(same) == 1 else None
 
     def _numbers(self, name: str, channel: str) -> np.ndarray:
         found = self.values[name]

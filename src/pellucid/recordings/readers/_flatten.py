@@ -46,6 +46,11 @@ def flatten(value: Any, prefix: str, into: dict[str, np.ndarray], path: Path) ->
                 into[".".join((prefix, *map(str, place)))] = np.ascontiguousarray(samples[:, *place])
 
 
+def with_samples_down(array: np.ndarray) -> np.ndarray:
+    """Return a matrix whose samples run along its longer side with the samples down its columns."""
+    return array.T if array.ndim == 2 and array.shape[1] > array.shape[0] else array
+
+
 def _numbers(value: Any) -> np.ndarray | None:
     if isinstance(value, np.ndarray):
         return value.astype(np.float64) if value.dtype.kind in "fiub" else None

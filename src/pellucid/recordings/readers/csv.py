@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from ._caps import require_few_columns, require_narrow_lines
 from ._columns import Columns
 from ._last_row import cut_row
 from ._number_table import MIN_LONG_FILE_BYTES, number_table
+from ._wall_clock import stamp_seconds
 
 ENDINGS = (".csv", ".tsv", ".txt", ".dat")
 
@@ -33,19 +35,25 @@ def read(path: Path) -> Columns:
 
     The header names the columns; without a header they are ``"0"``, ``"1"``, .... Lines that begin with ``#``, ``%``,
     ``//`` or ``!`` are comments. An empty field, ``NaN``, ``NA`` or ``null`` is a missing sample (NaN); ``true`` and
-    ``false`` are 1 and 0. A row of units below the header is skipped, and so is an incomplete last row. Columns may
+    ``false`` are 1 and 0. Stamps of a wall clock, such as ``2026-05-03 14:22:31.5`` or ``14:22:31.5``, become seconds
+    since 1970 or since midnight. A row of units below the header is skipped, and so is an incomplete last row. Columns may
     also be named on one line each, ``Channel 1: 'RF'``, as Biometrics' DataLOG does. Titles without a delimiter name
     no columns.
     """
     if path.stat().st_size >= MIN_LONG_FILE_BYTES and (columns := _read_long(path)) is not None:
         return columns
     lines = [(number, line) for number, line in enumerate(_decode(path).splitlines(), 1) if line.strip()]
+    return read_lines(path, lines)
+
+
+def read_lines(path: Path, lines: list[tuple[int, str]], delimiter: str | None = None) -> Columns:
+    """Return the columns of a table's numbered lines that are not empty; without a `delimiter`, it is found."""
     comments = [line for _, line in lines if line.lstrip().startswith(_COMMENT_MARKS)]
     lines = [(number, line) for number, line in lines if not line.lstrip().startswith(_COMMENT_MARKS)]
     if not lines:
         raise RecordingError(f"{path.name}: found no row of data")
     require_narrow_lines(path, (line for _, line in lines[:20]))
-    delimiter = _delimiter([line for _, line in lines[:20]])
+    delimiter = delimiter or _delimiter([line for _, line in lines[:20]])
     first = _first_row([_split(line, delimiter) for _, line in lines[:MAX_HEADER_LINES]])
     if first is None:
         raise RecordingError(f'{path.name}: found no row of numbers; the first line is "{lines[0][1][:60]}"')
@@ -60,14 +68,20 @@ def read(path: Path) -> Columns:
         table, texts = _read_with_empty_cells(rows, delimiter, named) or _read_fields(path, rows, delimiter, named)
     names = _names(path, header, table.shape[1])
     values: dict[str, np.ndarray | str] = {}
+    units: dict[str | int, str] = {}
     for i, name in enumerate(names):
-        if texts is not None and texts[i]:
+        times = stamp_seconds([text for _, text in texts[i]]) if texts is not None and texts[i] else None
+        if texts is not None and times is not None:
+            # An empty cell among the stamps stays a missing sample.
+            table[np.isin([number for number, _ in rows], [number for number, _ in texts[i]]), i] = times
+            values[name], units[name] = np.ascontiguousarray(table[:, i]), "s"
+        elif texts is not None and texts[i]:
             number, text = texts[i][0]
             # Labels beside numbers are common; they matter only if a channel uses the column.
             values[name] = f'line {number} holds the text "{text}" where a number is expected'
         else:
             values[name] = np.ascontiguousarray(table[:, i])
-    return Columns(path, values)
+    return Columns(path, values, units=units)
 
 
 def _read_long(path: Path) -> Columns | None:
@@ -126,8 +140,10 @@ def _delimiter(lines: list[str]) -> str | None:
 def _split(line: str, delimiter: str | None) -> list[str]:
     if delimiter is None:
         return line.split()
-    fields = [field.strip().strip('"') for field in line.strip("\r\n ").split(delimiter)]
-    return fields
+    if '"' in line:
+        # A quoted name may contain the delimiter.
+        return [field.strip() for field in next(csv.reader([line.strip("\r\n ")], delimiter=delimiter))]
+    return [field.strip() for field in line.strip("\r\n ").split(delimiter)]
 
 
 def _number(text: str) -> float | None:

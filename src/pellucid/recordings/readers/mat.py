@@ -1,29 +1,47 @@
-"""Read MATLAB files: version 5 and older with SciPy, version 7.3 with h5py if it is installed."""
+"""Read MATLAB files: version 5 and older with SciPy, version 7.3 with h5py, and those with tables with mat-io.
+
+A table's variables are named by their dotted path, as a struct's fields are: ``log.q`` for the variable q of the table
+log. The times of a timetable are ``log.Time``, in seconds.
+"""
 
 from __future__ import annotations
 
-import math
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from ..._errors import RecordingError
+from ..._errors import RecordingError, install_command
 from ._caps import require_unpacked_size
 from ._columns import Columns
 from ._flatten import flatten
+from ._hdf5 import is_matlab_object, read_datasets
 
 ENDINGS = (".mat",)
-APART = ("scipy.io", "h5py")
+APART = ("scipy.io", "h5py", "matio")
+
+HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+"""An HDF5 file has these bytes at its beginning, or after MATLAB's own header."""
+
+HDF5_OFFSET = 512
+"""Bytes of MATLAB's own header in a file of version 7.3."""
+
+OBJECTS_COLUMN = "MATLAB objects"
+"""Name of the column that says that a file holds tables or other objects, which only mat-io reads."""
 
 
 def read(path: Path) -> Columns:
     """Return numeric variables and struct fields by dotted path, each shape (n,) float64; cells are numbered."""
     with path.open("rb") as file:
-        head = file.read(128)
-    if b"MATLAB 7.3" in head or head[:8] == b"\x89HDF\r\n\x1a\n":
-        return _read_hdf5(path)
+        head = file.read(HDF5_OFFSET + len(HDF5_SIGNATURE))
+    if b"MATLAB 7.3" in head[:128] or head.startswith(HDF5_SIGNATURE) or head.endswith(HDF5_SIGNATURE):
+        if _has_objects_in_hdf5(path) and (columns := _read_objects(path)) is not None:
+            return columns
+        # MATLAB stores columns first, HDF5 rows first.
+        return _with_remark(read_datasets(path, kind="a MAT file", columns_first=True), _has_objects_in_hdf5(path))
     from scipy.io import loadmat
+    from scipy.io.matlab import MatlabOpaque
 
     try:
         with warnings.catch_warnings():
@@ -34,11 +52,90 @@ def read(path: Path) -> Columns:
         raise
     except Exception as error:  # SciPy raises a dozen types for damaged files
         raise RecordingError(f"{path.name}: not readable as a MAT file, truncated or damaged: {error}") from error
+    has_objects = any(isinstance(value, MatlabOpaque) for value in content.values())
+    if has_objects and (columns := _read_objects(path)) is not None:
+        return columns
+    into: dict[str, np.ndarray] = {}
+    for name, value in content.items():
+        if isinstance(value, MatlabOpaque):
+            continue
+        if isinstance(name, str) and not name.startswith("__"):
+            _flatten_cells(_with_plain_structs(value), name, into, path)
+    return _with_remark(Columns(path, into), has_objects)
+
+
+def _with_remark(columns: Columns, has_objects: bool) -> Columns:
+    """Return the columns, with one that says what a file's tables need if mat-io is not installed.
+
+    A RecordingError says so if the file holds nothing else.
+    """
+    if not has_objects:
+        return columns
+    said = f"a table or another object of MATLAB needs mat-io: in the clone of Pellucid, {install_command('matlab')}"
+    if not columns.values:
+        raise RecordingError(
+            f"{columns.path.name}: {said}; or save it in MATLAB as a struct of vectors: table2struct(T, ToScalar=true)"
+        )
+    return Columns(columns.path, {**columns.values, OBJECTS_COLUMN: said}, units=columns.units)
+
+
+def _has_objects_in_hdf5(path: Path) -> bool:
+    """Whether a file of version 7.3 holds tables or other objects."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            found = file.visititems(lambda _, item: True if is_matlab_object(item) else None)
+    except Exception:  # the reader itself says what is wrong with the file
+        return False
+    return bool(found)
+
+
+def _read_objects(path: Path) -> Columns | None:
+    """Return the columns of a file with tables; None if mat-io is not installed."""
+    try:
+        from matio import load_from_mat
+    except ImportError:
+        return None
+    try:
+        with warnings.catch_warnings():
+            # Objects of classes that the library does not know are left out.
+            warnings.simplefilter("ignore")
+            content = load_from_mat(str(path))
+    except MemoryError:
+        raise
+    except Exception as error:  # parsing unexpected bytes may raise anything
+        raise RecordingError(f"{path.name}: not readable as a MAT file, truncated or damaged: {error}") from error
     into: dict[str, np.ndarray] = {}
     for name, value in content.items():
         if isinstance(name, str) and not name.startswith("__"):
-            _flatten_cells(_with_plain_structs(value), name, into, path)
+            _flatten_cells(_without_objects(value), name, into, path)
+    require_unpacked_size(path, sum(map(len, into.values())))
     return Columns(path, into)
+
+
+def _without_objects(value: Any) -> Any:
+    """Return a value of mat-io's as mappings, lists and arrays: tables by their variables, times in seconds."""
+    if hasattr(value, "columns") and hasattr(value, "index"):
+        table = {str(name): value[name].to_numpy() for name in value.columns}
+        if value.index.dtype.kind in "mM":
+            table = {str(value.index.name or "Time"): value.index.to_numpy(), **table}
+        return {name: _without_objects(column) for name, column in table.items()}
+    if isinstance(value, dict):
+        return {key: _without_objects(item) for key, item in value.items()}
+    if not isinstance(value, np.ndarray):
+        return value
+    if value.dtype.kind in "mM":
+        missing = np.isnat(value)
+        since = value - np.datetime64(0, "s") if value.dtype.kind == "M" else value
+        return np.where(missing, np.nan, since / np.timedelta64(1, "s"))
+    if value.dtype.names:
+        structs = [{name: _without_objects(item[name]) for name in value.dtype.names} for item in value.ravel()]
+        return structs[0] if len(structs) == 1 else structs
+    if value.dtype == object:
+        items = [_without_objects(item) for item in value.ravel()]
+        return items[0] if len(items) == 1 else items
+    return value
 
 
 def _with_plain_structs(value):
@@ -66,40 +163,3 @@ def _flatten_cells(value, name: str, into: dict[str, np.ndarray], path: Path) ->
             _flatten_cells(item.T if wide else item, f"{name}.{i}", into, path)
     else:
         flatten(value, name, into, path)
-
-
-def _read_hdf5(path: Path) -> Columns:
-    try:
-        import h5py
-    except ImportError:
-        raise RecordingError(
-            f"{path.name}: a MAT file of version 7.3, which needs h5py: pip install h5py, "
-            "or save it in MATLAB with save(..., '-v7')"
-        ) from None
-    into: dict[str, np.ndarray] = {}
-    number_count = 0.0
-
-    def visit(name, item):
-        nonlocal number_count
-        if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub" and not name.startswith("#"):
-            _require_inside(path, name, item)
-            number_count += item.size
-            # A dataset in chunks is unpacked chunk by chunk, and a chunk may be larger than the dataset.
-            require_unpacked_size(path, max(number_count, math.prod(item.chunks or ()) * item.dtype.itemsize / 8.0))
-            # MATLAB stores columns first, HDF5 rows first.
-            flatten(np.asarray(item[()]).T, name.replace("/", "."), into, path)
-
-    try:
-        with h5py.File(path, "r") as file:
-            file.visititems(visit)
-    except (RecordingError, MemoryError):
-        raise
-    except Exception as error:  # the library raises a dozen types for damaged files
-        raise RecordingError(f"{path.name}: not readable as a MAT file, truncated or damaged: {error}") from error
-    return Columns(path, into)
-
-
-def _require_inside(path: Path, name: str, item) -> None:
-    """Refuse data that is stored in another file, because that may be any file of this computer."""
-    if item.external or item.is_virtual:
-        raise RecordingError(f"{path.name}: found that {name} is stored in another file, expected it in this one")

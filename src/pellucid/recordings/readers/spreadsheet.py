@@ -1,0 +1,68 @@
+"""Read workbooks: the tables of all their sheets.
+
+A column of a workbook with one table keeps its name. With several tables it is named by its sheet, ``EMG.biceps``.
+A sheet is understood as a text table is: titles may stand above the header, columns without a header are numbered, and
+stamps of a wall clock become seconds.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..._errors import RecordingError
+from ._caps import require_few_columns, require_unpacked_size
+from ._columns import Columns
+from .csv import read_lines
+
+ENDINGS = (".xlsx", ".xlsm", ".ods")
+APART = ("python_calamine",)
+
+
+def read(path: Path) -> Columns:
+    """Return columns by name, in the file's own units, each shape (n,) with the n of its sheet."""
+    from python_calamine import CalamineWorkbook
+
+    try:
+        workbook = CalamineWorkbook.from_path(str(path))
+        sheets = {name: workbook.get_sheet_by_name(name) for name in workbook.sheet_names}
+        require_unpacked_size(path, sum(sheet.total_height * sheet.total_width for sheet in sheets.values()))
+        tables = {name: _table(path, sheet.to_python(skip_empty_area=False)) for name, sheet in sheets.items()}
+    except (RecordingError, MemoryError):
+        raise
+    except Exception as error:  # the library has errors of its own for damaged files
+        raise RecordingError(f"{path.name}: not readable as a workbook, truncated or damaged: {error}") from error
+    filled = {name: table for name, table in tables.items() if table is not None}
+    values: dict[str, np.ndarray | str] = {}
+    units: dict[str | int, str] = {}
+    for sheet, table in filled.items():
+        for name, column in table.values.items():
+            own = name if len(filled) == 1 else f"{sheet}.{name}"
+            values[own] = column
+            if name in table.units:
+                units[own] = table.units[name]
+        require_few_columns(path, len(values))
+    if not values:
+        raise RecordingError(f"{path.name}: found no sheet with a row of numbers, expected one")
+    return Columns(path, values, units=units)
+
+
+def _table(path: Path, cells: list[list[Any]]) -> Columns | None:
+    """Return the columns of a sheet's cells; None if no row has a number."""
+    lines = [(number, "\t".join(map(_cell_text, row))) for number, row in enumerate(cells, 1)]
+    lines = [(number, line) for number, line in lines if line.strip()]
+    if not any(isinstance(cell, (int, float)) and not isinstance(cell, bool) for row in cells for cell in row):
+        return None
+    return read_lines(path, lines, "\t")
+
+
+def _cell_text(cell: Any) -> str:
+    """Return a cell's text, which reads back to the same number."""
+    if isinstance(cell, datetime):
+        return cell.isoformat(" ")
+    if isinstance(cell, timedelta):
+        return repr(cell.total_seconds())
+    return repr(cell) if isinstance(cell, float) else " ".join(str(cell).split())
