@@ -22,6 +22,14 @@ from ._caps import require_few_columns, require_file_size
 from ._columns import Columns
 
 
+MAX_SNIFFED_BYTES = 4096
+"""A file with an unknown ending is judged by so many bytes at its beginning."""
+
+
+MIN_SNIFFED_NUMBERS = 8
+"""A file with an unknown ending is a table of text if its beginning holds at least so many numbers."""
+
+
 @cache
 def readers_by_ending() -> dict[str, tuple[ModuleType, ...]]:
     """Return the readers for each file ending; those that look at the content come first."""
@@ -54,6 +62,18 @@ def _require_choice(ending: str, module: ModuleType, others: Sequence[ModuleType
         )
 
 
+def _is_text(path: Path) -> bool:
+    """Whether a file's beginning is text with numbers in it, as a table's is, and no source, page or model."""
+    with path.open("rb") as file:
+        head = file.read(MAX_SNIFFED_BYTES)
+    if not head.strip() or b"\0" in head or head.lstrip()[:1] in (b"<", b"{", b"["):
+        return False
+    text = head.decode("utf-8", errors="replace")
+    words = text.split()
+    numbers = sum(any(c.isdigit() for c in word) for word in words)
+    return numbers >= MIN_SNIFFED_NUMBERS and 2 * numbers >= len(words) and text.count("\ufffd") < 0.02 * len(text)
+
+
 def read_columns(path: str | os.PathLike) -> Columns:
     """Read every numeric column of a recording, in the file's own units.
 
@@ -61,7 +81,7 @@ def read_columns(path: str | os.PathLike) -> Columns:
     ----------
     path : path-like
         File whose ending states its format: ``.csv``, ``.tsv``, ``.txt``, ``.dat``, ``.mat``, ``.json``, ``.sto``,
-        ``.mot``, ``.c3d``, ``.xdf``, ``.edf`` or ``.bdf``.
+        ``.mot``, ``.c3d``, ``.xdf``, ``.edf`` or ``.bdf``. A text table may have any other ending, or none.
 
     Returns
     -------
@@ -94,6 +114,9 @@ def read_columns(path: str | os.PathLike) -> Columns:
         raise RecordingError(f"{path}: no such file")
     require_file_size(path)
     readers = readers_by_ending().get(path.suffix.lower())
+    if readers is None and _is_text(path):
+        # A log may have any ending, or none.
+        readers = tuple(readers_by_ending()[".dat"])
     if readers is None:
         raise RecordingError(
             f'{path.name}: found the ending "{path.suffix}", expected one of {", ".join(sorted(readers_by_ending()))}'

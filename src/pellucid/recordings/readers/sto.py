@@ -39,7 +39,11 @@ def read(path: Path) -> Columns:
         table = np.array(rows, dtype=np.float64).reshape(len(rows), len(labels))
     except ValueError as error:
         raise RecordingError(f"{path.name}: found text where numbers are expected: {error}") from None
+    # RTOSIM's logger states one row more than it writes.
+    surplus = 1 if header.get("writer") == "rtosim" else 0
     for key, found in (("nrows", len(rows)), ("ncolumns", len(labels))):
+        if key == "nrows" and header.get(key) == str(found + surplus):
+            continue
         if key in header and header[key] != str(found):
             raise RecordingError(
                 f"{path.name}: the header says {key[0]}{key[1].upper()}{key[2:]}={header[key]}, found {found}; "
@@ -57,5 +61,7 @@ def _split_header(path: Path) -> tuple[dict[str, str], list[str], int]:
         raise RecordingError(f"{path.name}: found no line endheader, expected an OpenSim storage file")
     pairs = (re.fullmatch(r"\s*(\w+)\s*=\s*(.*?)\s*", line) for line in lines[:end])
     header = {pair[1].lower(): pair[2].lower() for pair in pairs if pair}
+    if lines[0].strip().lower().startswith("rtosim"):
+        header["writer"] = "rtosim"
     body = [(i, line) for i, line in enumerate(lines[end + 1 :], end + 2) if line.strip()]
     return header, [line for _, line in body], body[0][0] if body else end + 1
