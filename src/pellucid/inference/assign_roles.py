@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..units import to_si_factor
-from .angle_units import AngleUnit, find_angle_unit, find_rolling_bits, find_unsigned_bits
+from .angle_units import MAX_RADIAN_RANGE, AngleUnit, find_angle_unit, find_rolling_bits, find_unsigned_bits
 from .clocks import FoundClock, find_clock
 from .commands import FollowedCommand, find_command, is_set_by_program, is_stepped, roughness
 from .derivatives import DerivativePair, find_derivatives
@@ -150,6 +150,10 @@ class _Assignment:
         if not self.hints.is_person:
             self._find_derivatives()
         self._take_names()
+        if any(role.quantity == "motor_position" for role in self.roles.values()):
+            for name, role in list(self.roles.items()):
+                if role.quantity == "position":
+                    self.roles[name] = replace(role, quantity="motor_position")
         self._find_anonymous_motion()
         if not self.hints.is_person:
             self._find_anonymous_efforts()
@@ -262,14 +266,12 @@ class _Assignment:
         if len(free) < 3:
             return
         sensors = find_inertial(self.values, free, rate)
-        for k, sensor in enumerate(_numbered(sensors)):
-            label, found = sensor
+        for label, found in _numbered(sensors):
             axes = "xyz" if len(found.names) == 3 else "wxyz"
             for axis, name in zip(axes, found.names, strict=True):
                 self.roles[name] = ColumnRole(
                     name, f"{label}.{found.kind}", found.unit, found.why, found.why, True, found.is_certain, axis
                 )
-            del k
 
     def _find_derivatives(self) -> None:
         free = [n for n in self._free() if not _is_stepped_name(self.names[n], self.values[n])]
@@ -301,6 +303,8 @@ class _Assignment:
             quantity = evidence.quantity or self._quantity_of_file(evidence)
             if quantity is None or quantity == "time":
                 continue
+            if quantity == "position" and self._is_motor_side(name):
+                quantity = "motor_position"
             said = "its name" if evidence.quantity else "the file's name"
             sure = _is_long_name(evidence) or evidence.unit is not None or quantity == self.hints.quantity
             if quantity in ("torque", "force") and self._is_register(name):
@@ -323,6 +327,12 @@ class _Assignment:
                 )  # fmt: skip
                 continue
             self._set(name, quantity, f"{said} says {quantity}", evidence, sure)
+
+    def _is_motor_side(self, name: str) -> bool:
+        """Whether a position turns too often for a joint, in radians that its encoder's quanta show."""
+        found = find_angle_unit(self.values[name])
+        known = self.values[name][np.isfinite(self.values[name])]
+        return found.is_certain and found.unit == "rad" and float(np.ptp(known)) > MAX_RADIAN_RANGE
 
     def _is_register(self, name: str) -> bool:
         """Whether a column holds whole numbers without a unit, as a servo's register of load does."""
@@ -348,7 +358,7 @@ class _Assignment:
 
     def _find_anonymous_motion(self) -> None:
         """Where no column is a position yet, the smoothest column that others follow or answer is taken."""
-        positions = [n for n, r in self.roles.items() if r.quantity in ("position", "angle")]
+        positions = [n for n, r in self.roles.items() if r.quantity in ("position", "angle", "motor_position")]
         free = [n for n in self._free() if not is_stepped(self.values[n])]
         if positions or not free or any(r.quantity == "emg" for r in self.roles.values()) and len(free) > 6:
             return
@@ -456,7 +466,7 @@ class _Assignment:
         votes = [
             self._position_unit(name)
             for name, role in self.roles.items()
-            if role.quantity in ("position", "reference", "angle") and self._stated(name) is None
+            if role.quantity in ("position", "reference", "angle", "motor_position") and self._stated(name) is None
         ]
         certain = {unit for unit, _, sure, _ in votes if sure and unit != "counts"}
         spans = [unit for unit, *_ in votes]
@@ -468,9 +478,24 @@ class _Assignment:
             if role.quantity is None or role.quantity.startswith("imu"):
                 continue
             self.roles[name] = self._with_unit(name, role, common)
+        self._share_emg_unit()
         for name, role in list(self.roles.items()):
             if role.quantity in ("velocity", "acceleration", "desired_velocity", "reference") and not role.unit_is_certain:
                 self.roles[name] = self._with_partner_unit(name, role)
+
+    def _share_emg_unit(self) -> None:
+        """Give all EMG without a stated unit the unit of most: one amplifier has one unit."""
+        names = [n for n, r in self.roles.items() if r.quantity == "emg" and self._stated(n) is None]
+        units = [self.roles[name].unit for name in names]
+        if not units:
+            return
+        common = max(sorted(set(units)), key=units.count)
+        known = next(self.roles[name] for name in names if self.roles[name].unit == common)
+        for name in names:
+            if self.roles[name].unit != common:
+                self.roles[name] = replace(
+                    self.roles[name], unit=common, unit_why="as the other EMG channels", unit_is_certain=known.unit_is_certain
+                )
 
     def _stated(self, name: str) -> str | None:
         return self.names[name].unit or self.hints.units.get(name)
@@ -582,7 +607,7 @@ class _Assignment:
         if person:
             self._name_persons_joints(by_quantity)
             return
-        motion = self._family(by_quantity.get("position", []))
+        motion = self._family(by_quantity.get("position", []) or by_quantity.get("motor_position", []))
         efforts = max((self._family(by_quantity.get(q, [])) for q in EFFORTS), key=len)
         family = motion if len(motion) > 1 else efforts if len(efforts) > 1 and not by_quantity.get("position") else []
         if len(family) < 2:
@@ -803,12 +828,14 @@ def _unit_by_size(quantity: str, values: np.ndarray) -> tuple[str, str, bool]:
 def _numbered(sensors: list[InertialColumns]) -> list[tuple[str, InertialColumns]]:
     """Return inertial sensors with labels: the k-th sensor of each kind belongs to the k-th unit."""
     counts: dict[str, int] = {}
-    total = max((sum(s.kind == kind for s in sensors) for kind in INERTIAL), default=0)
+    counts_by_kind = {kind: sum(s.kind == kind for s in sensors) for kind in INERTIAL}
+    # A gyroscope belongs to each unit; a further triple of gravity's length is something computed.
+    total = counts_by_kind["angular_velocity"] or max(counts_by_kind.values(), default=0)
     labelled = []
     for sensor in sensors:
         k = counts.get(sensor.kind, 0)
         counts[sensor.kind] = k + 1
-        label = ("proximal", "distal")[k] if total == 2 else "imu" if total == 1 else f"imu{k + 1}"
+        label = ("proximal", "distal")[k] if total == 2 and k < 2 else "imu" if total == 1 and k == 0 else f"imu{k + 1}"
         labelled.append((label, sensor))
     return labelled
 

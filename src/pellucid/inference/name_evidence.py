@@ -40,7 +40,7 @@ COMMAND_WORDS = frozenset({
 })  # fmt: skip
 """Words of names that tell a command from a measurement."""
 
-INTERACTION_WORDS = frozenset({"interaction", "human", "user", "contact", "cuff", "strap", "wearer", "ext", "external"})
+INTERACTION_WORDS = frozenset({"interaction", "human", "user", "contact", "cuff", "strap", "wearer"})
 """Words of names that tell an effort between robot and person."""
 
 MUSCLE_NAMES = {

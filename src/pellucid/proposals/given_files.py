@@ -12,7 +12,7 @@ import numpy as np
 
 from .._errors import PellucidError, StudyError
 from ..inference.flat_arrays import FlatShape, common_rows, find_flat_shape
-from ..inference.name_evidence import OTHER_QUANTITY_WORDS, QUANTITY_WORDS, words_of
+from ..inference.name_evidence import words_of
 from ..recordings.personal_fields import PersonalField
 from ..recordings.readers import read_columns
 
@@ -29,9 +29,15 @@ MIN_TABLE_ROWS = 8
 """A table has at least so many rows; shorter columns are constants and settings."""
 
 QUANTITY_BY_FILE_WORD = {
-    "ik": "angle", "id": "torque", "angles": "angle", "moments": "torque", "torques": "torque", "positions": "position",
-    "velocities": "velocity", "currents": "current", "forces": "force", "emgs": "emg", "ikdata": "angle", "iddata": "torque",
-    "emgdata": "emg", "pos": "position", "vel": "velocity", "acc": "acceleration",
+    "ik": "angle", "angle": "angle", "angles": "angle", "ikdata": "angle", "kinematics": "angle",
+    "id": "torque", "moment": "torque", "moments": "torque", "iddata": "torque", "torque": "torque", "torques": "torque",
+    "tau": "torque", "trq": "torque", "effort": "torque", "efforts": "torque",
+    "position": "position", "positions": "position", "pos": "position", "q": "position", "qpos": "position", "joint": "position",
+    "velocity": "velocity", "velocities": "velocity", "vel": "velocity", "dq": "velocity", "qd": "velocity", "qvel": "velocity",
+    "acceleration": "acceleration", "accelerations": "acceleration", "acc": "acceleration", "ddq": "acceleration",
+    "qdd": "acceleration", "current": "current", "currents": "current", "curr": "current", "cur": "current",
+    "voltage": "voltage", "voltages": "voltage", "force": "force", "forces": "force", "grf": "force",
+    "emg": "emg", "emgs": "emg", "semg": "emg", "emgdata": "emg", "length": "length", "lengths": "length",
 }  # fmt: skip
 """Quantities by words of files' and folders' names, beside those of columns."""
 
@@ -177,23 +183,19 @@ def quantity_of_file(path: Path) -> str | None:
     """Return the quantity that a file's name, or its folder's, says of all its columns; None if it says none or several."""
     for text in (path.stem, path.parent.name):
         words = words_of(text)
-        found = [QUANTITY_BY_FILE_WORD[word] for word in words if word in QUANTITY_BY_FILE_WORD]
-        for word in words:
-            for quantity, known in {**OTHER_QUANTITY_WORDS, **QUANTITY_WORDS}.items():
-                if word in known and (len(word) >= 3 or word == text.casefold()) and quantity not in _NO_FILE_QUANTITIES:
-                    found.append(quantity)
         joined = "".join(words)
         if "momentarm" in joined:
             return "moment_arm"
         if "emg" in joined:
             return "emg"
+        found = [
+            QUANTITY_BY_FILE_WORD[word]
+            for word in words
+            if word in QUANTITY_BY_FILE_WORD and (len(word) >= 2 or word == text.casefold())
+        ]
         if len(set(found)) == 1:
             return found[0]
     return None
-
-
-_NO_FILE_QUANTITIES = frozenset({"counter", "state", "error", "stiffness", "damping", "time_", "enabled"})
-"""Quantities whose words are common in files' names, where they say something else."""
 
 
 def _split_flat_files(tables: Sequence[GivenTable]) -> list[GivenTable]:
@@ -228,8 +230,7 @@ def _trial_of_flat(path: Path) -> str:
 
 
 def _is_quantity_word(word: str) -> bool:
-    known_words = (*QUANTITY_WORDS.values(), *OTHER_QUANTITY_WORDS.values())
-    return word in QUANTITY_BY_FILE_WORD or any(word in known for known in known_words)
+    return word in QUANTITY_BY_FILE_WORD or word in ("moment", "arm")
 
 
 def trial_key(path: Path) -> str:

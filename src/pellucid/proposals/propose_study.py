@@ -70,6 +70,7 @@ class ProposedRecording:
     condition: str | None = None
     protocol: str | None = None
     columns: Mapping[str, str] = field(default_factory=dict)  # columns of channels that differ from the first recording's
+    extras: tuple[ColumnRole, ...] = ()  # channels that this recording alone has
     why: str = ""  # reason for its use or window
 
 
@@ -156,11 +157,29 @@ def _grouped(tables: Sequence[GivenTable]) -> list[list[GivenTable]]:
     groups: dict[tuple[object, ...], list[GivenTable]] = {}
     for table in tables:
         groups.setdefault(table.signature, []).append(table)
-    return list(groups.values())
+    return _with_supersets(list(groups.values()))
+
+
+def _with_supersets(groups: list[list[GivenTable]]) -> list[list[GivenTable]]:
+    """Return groups in which tables with further columns stand behind those that have the shared ones alone."""
+    ordered = sorted(groups, key=lambda group: len(group[0].columns))
+    made: list[list[GivenTable]] = []
+    for group in ordered:
+        names, about = set(group[0].columns), group[0].signature[1:3]
+        for other in made:
+            shared = set(other[0].columns)
+            alike = len(shared) >= 3 and shared <= names and other[0].signature[1:3] == about
+            if alike and not all(name.isdigit() for name in shared) and len(names) <= 2 * len(shared):
+                other += group
+                break
+        else:
+            made.append(list(group))
+    return made
 
 
 def _layout(group: Sequence[GivenTable]) -> Layout:
-    ranked = sorted(group, key=lambda table: -table.rows)[:MAX_REPRESENTATIVES]
+    fewest = min(len(table.columns) for table in group)
+    ranked = sorted((t for t in group if len(t.columns) == fewest), key=lambda t: -t.rows)[:MAX_REPRESENTATIVES]
     first = ranked[0]
     rate_fact = find_rate(first.facts)
     hints = TableHints(
@@ -175,11 +194,14 @@ def _layout(group: Sequence[GivenTable]) -> Layout:
     for other in ranked[1:]:
         if len(other.columns) == len(first.columns):
             roles = _completed(roles, assign_roles(_own_names(other, first), hints))
-    return Layout(tuple(group), roles, rate_fact=rate_fact)
+    # The first table of a layout is the one whose columns the channels name.
+    return Layout((first, *(table for table in group if table is not first)), roles, rate_fact=rate_fact)
 
 
 def _own_names(table: GivenTable, named: GivenTable) -> dict[str, np.ndarray]:
     """Return a table's columns under the names of another table of its layout: cells of one file differ in their keys."""
+    if set(named.columns) <= set(table.columns):
+        return {name: table.columns[name] for name in named.columns}
     return dict(zip(named.columns, table.columns.values(), strict=True))
 
 
@@ -249,7 +271,7 @@ def _match(
             _remark_left(layout, "another layout, which belongs to none of the recordings", remarks)
             continue
         stream = _stream_name(layout, {s.stream for s in streams}, person)
-        streams.append(replace(layout, stream=stream))
+        streams.append(_named_plainly(replace(layout, stream=stream), main))
         for table in main.tables:
             other = matched[id(table)]
             if other is not None:
@@ -263,10 +285,24 @@ def _match(
             condition=_condition(table.path, main.tables),
             protocol=_protocol(table.path),
             columns=_other_columns(table, main),
+            extras=_extras(table, main),
         )
         for table in main.tables
     ]
     return streams, recordings
+
+
+def _named_plainly(layout: Layout, main: Layout) -> Layout:
+    """Return a stream whose position is no joint's under its own name: the recording itself has no motion."""
+    if any(r.quantity in ("position", "angle", "motor_position") for r in main.channels):
+        return layout
+    roles = tuple(
+        replace(r, quantity=re.sub(r"[^a-z0-9]+", "_", read_name(r.column).bare.casefold()).strip("_"))
+        if r.quantity == "position" and not r.label and read_name(r.column).bare[:1].isalpha()
+        else r
+        for r in layout.roles.roles
+    )
+    return replace(layout, roles=replace(layout.roles, roles=roles))
 
 
 def _remark_left(layout: Layout, why: str, remarks: list[str]) -> None:
@@ -275,9 +311,24 @@ def _remark_left(layout: Layout, why: str, remarks: list[str]) -> None:
     remarks.append(f"{names}{more}: left out: {why}")
 
 
+def _extras(table: GivenTable, main: Layout) -> tuple[ColumnRole, ...]:
+    """Return channels of a table's further columns, under their own names."""
+    more = set(table.columns) - set(main.tables[0].columns)
+    if not more or not set(main.tables[0].columns) <= set(table.columns):
+        return ()
+    found = assign_roles(dict(table.columns), TableHints(units=table.units, angle_unit=table.angle_unit)).roles
+    return tuple(
+        replace(role, quantity=re.sub(r"[^a-z0-9]+", "_", read_name(role.column).bare.casefold()).strip("_") or "extra", label="")
+        for role in found
+        if role.column in more and role.quantity is not None
+    )
+
+
 def _other_columns(table: GivenTable, main: Layout) -> dict[str, str]:
     """Return the columns of a table that the first table of its layout names otherwise, as cells and sheets do."""
     first = main.tables[0]
+    if set(first.columns) <= set(table.columns):
+        return {}
     pairs = zip(first.columns, table.columns, strict=False)
     return {own: other for own, other in pairs if own != other}
 
@@ -519,15 +570,16 @@ def _repeated(recordings: Sequence[ProposedRecording], main: Layout, drive: str 
     whole = [r for r in recordings if r.window is None][:12]
     for i, a in enumerate(whole):
         for b in whole[i + 1 :]:
-            first, second = (
-                (r.name, _own_names(r.table, main.tables[0])[position.column], _decoded(r.table, largest))
-                for r in (a, b)
-                if position.column in r.table.columns and largest.column in r.table.columns
-            )
+            first, second = (_motion_and_effort(r, main, position, largest) for r in (a, b))
             found = find_repeated_motion(first, second)
             if found is not None:
                 return found
     return None
+
+
+def _motion_and_effort(recording, main: Layout, position: ColumnRole, effort: ColumnRole):
+    own = _own_names(recording.table, main.tables[0])
+    return recording.name, own[position.column], own[effort.column]
 
 
 def _questions(main, streams, recordings, drive, facts, motion_sure, person, repeated, gravity):
@@ -568,6 +620,13 @@ def _questions(main, streams, recordings, drive, facts, motion_sure, person, rep
             unsure[0].unit,
             "inertia, gravity and friction, and whether efforts are torques or forces",
             ("deg", "rad", "m", "mm"),
+        )
+    if any(r.quantity == "motor_position" for r in main.channels):
+        yield Question(
+            "gear_turns",
+            "The positions turn too often for joints: they are motors'. How often does each motor turn for a turn of its joint?",
+            "1",
+            "every angle, inertia and torque of the joints",
         )
     if any(r.quantity == "duty" and "scale" in r.keys for r in main.channels):
         yield Question(

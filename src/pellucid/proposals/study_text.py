@@ -148,9 +148,19 @@ def _rig(proposal: Proposal) -> list[str]:
             "[[rig.joints]]",
             f"name = {_text(names.get(joint, joint))}",
             _line(f'motion = "{proposal.motion}"', _motion_comment(proposal)),
+            *_turns(proposal, names.get(joint, joint)),
             *_drive(proposal, "[rig.joints.drive]"),
         ]
     return lines
+
+
+def _turns(proposal: Proposal, joint: str) -> list[str]:
+    """Return how often a joint's motor turns with it, where positions are the motors'."""
+    if not any(r.quantity == "motor_position" for r in proposal.main.channels):
+        return []
+    turns = float(proposal.answers.get("gear_turns", "1"))
+    mark = "" if "gear_turns" in proposal.answers else f"{MARK_ASKED}: a motor's turns for a turn of the joint"
+    return [_line(f"turns = {{ {joint} = {turns:g} }}", mark)]
 
 
 def _motion_comment(proposal: Proposal) -> str:
@@ -388,6 +398,10 @@ def _recording(recording: ProposedRecording, proposal: Proposal, files: Mapping[
         other = recording.columns.get(role.column)
         if other is not None:
             lines.append(f"channels.{_key(channel_name(role))} = {{ column = {_text(other)} }}")
+    for role in recording.extras:
+        mark = channel_mark(role, proposal) or (MARK_GUESS if role.is_guess else "")
+        comment = f"{mark}: {role.why}" if mark else role.why
+        lines.append(_line(f"channels.{_key(channel_name(role))} = {_entry(role, recording.table)}", comment))
     return lines
 
 
