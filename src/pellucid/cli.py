@@ -83,10 +83,25 @@ def init(
     dataset: Annotated[str | None, typer.Option(metavar="NAME", help="Public data set to fill it from.")] = None,
     rig: Annotated[str | None, typer.Option(metavar="NAME", help="Virtual rig to fill it from.")] = None,
     urdf: Annotated[Path | None, typer.Option(metavar="FILE", help="Robot with several joints to study.")] = None,
+    files: Annotated[
+        list[Path] | None, typer.Argument(metavar="[FILES...]", help="Further files after --from.", show_default=False)
+    ] = None,
+    from_: Annotated[
+        list[Path] | None, typer.Option("--from", metavar="FILES...", help="Recordings of your own, or folders of them.")
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Take every question's default, and mark it in study.toml.")] = False,
+    answer: Annotated[
+        list[str] | None, typer.Option("--answer", metavar="KEY=VALUE", help="Answer to a question of --from by its key.")
+    ] = None,
 ) -> None:
     """Start a study: recordings, and a study.toml about them."""
     from .start_study import init as run
 
+    if from_:
+        _init_from(folder, [*from_, *(files or [])], yes=yes, answer=answer or [])
+        return
+    if files or yes or answer:
+        raise PellucidError("init: found files or answers without --from, expected init DIR --from FILES")
     made = run(folder, dataset=dataset, rig=rig, urdf=urdf, progress=sys.stderr.isatty())
     out = make_console()
     if urdf is not None:
@@ -100,6 +115,44 @@ def init(
     print_line(out, f"{folder}: study {made.name!r}, {count_of(len(made.recordings()), 'recording')}.")
     print_items(out, [("note", note) for note in made.notes])
     print_line(out, f"study.toml says what they mean. Next: pellucid check {folder}")
+
+
+def _init_from(folder: Path, files: list[Path], *, yes: bool, answer: list[str]) -> None:
+    """Propose a study for files, ask what they cannot tell unless `yes`, and check it."""
+    from .proposals.init_from_files import init_from_files
+    from .proposals.print_proposal import proposal_lines
+    from .proposals.questions import Question
+
+    out = make_console()
+
+    def ask(question: Question) -> str:
+        print_line(out, f"{question.text} It decides {question.consequence}.")
+        if question.choices:
+            print_line(out, f"such as: {', '.join(question.choices)}")
+        return typer.prompt(question.key, default=question.default)
+
+    answers = {}
+    for text in answer:
+        key, equals, value = text.partition("=")
+        if not equals:
+            raise PellucidError(f'init: found --answer "{text}", expected KEY=VALUE, such as "rate=1 kHz"')
+        answers[key.strip()] = value.strip()
+    with show_progress() as tell:
+        tell("reading files", 0.1)
+        made = init_from_files(folder, files, answers=answers, ask=None if yes or not sys.stdin.isatty() else ask)
+    for line in proposal_lines(made):
+        print_line(out, line)
+    _check_proposed(folder)
+
+
+def _check_proposed(folder: Path) -> None:
+    """Check a study that was proposed; its faults are told, and do not end the command."""
+    try:
+        check(folder)
+    except typer.Exit:
+        print_line(make_console(), f"Correct {folder / 'study.toml'}, or leave files out, and run pellucid check {folder}.")
+    except PellucidError as error:
+        print_line(make_console(), f"check: {error}")
 
 
 @app.command()

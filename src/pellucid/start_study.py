@@ -1,9 +1,10 @@
-"""A new study: filled from a public data set, to be filled by a virtual rig, or written for a robot's file."""
+"""A new study: of one's own files, of a public data set, to be filled by a virtual rig, or written for a robot's file."""
 
 from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,8 @@ from ._given import require_empty_folder
 from ._plugins import Plugin, load_plugins, require_attributes
 
 if TYPE_CHECKING:
+    from .proposals.init_from_files import ProposedStudy
+    from .proposals.questions import Question
     from .studies.study import Study
 
 
@@ -22,9 +25,13 @@ def init(
     dataset: str | None = None,
     rig: str | None = None,
     progress: bool = False,
+    *,
     urdf: str | os.PathLike | None = None,
-) -> Study | Path:
-    """Make a study's folder: of a public data set, of a virtual rig, or for a robot of one's own.
+    files: Iterable[str | os.PathLike] | None = None,
+    answers: Mapping[str, str] | None = None,
+    ask: Callable[[Question], str] | None = None,
+) -> Study | Path | ProposedStudy:
+    """Make a study's folder: of one's own files, of a public data set, of a virtual rig, or for a robot of one's own.
 
     Parameters
     ----------
@@ -39,11 +46,20 @@ def init(
     urdf : path-like, optional
         File of a robot; it is copied, and a study.toml written that has its joints and their limits, and says what to
         fill in.
+    files : iterable of path-like, optional
+        Recordings of one's own, and folders of them. They are copied; what their columns are is inferred from names,
+        units and numbers, and study.toml marks what these do not decide. A robot's file among them gives its joints.
+    answers : mapping of str to str, optional
+        With `files`: answers to questions that files cannot answer, by the questions' keys; a question without one takes
+        its default, which study.toml marks.
+    ask : callable, optional
+        With `files`: called with each question without an answer; it returns the answer.
 
     Returns
     -------
-    Study or Path
-        The study of a data set; of a rig, the file that describes it; of a robot, its study.toml.
+    Study, Path or ProposedStudy
+        The study of a data set; of a rig, the file that describes it; of a robot, its study.toml; of files, their
+        proposal.
 
     Raises
     ------
@@ -56,13 +72,27 @@ def init(
     >>> import pellucid as pl
     >>> pl.init("virtual-joint", rig="bench-joint").name
     'rig.toml'
+
+    Of own files, with everything that they cannot tell taken by default:
+
+    >>> import math
+    >>> from pathlib import Path
+    >>> rows = [f"{0.01 * k:.2f},{30 * math.sin(k / 20):.3f},{math.cos(k / 20):.3f}" for k in range(400)]
+    >>> _ = Path("swing.csv").write_text("\\n".join(["t [s],angle [deg],torque [Nm]", *rows]))
+    >>> made = pl.init("own-joint", files=["swing.csv"])
+    >>> [question.key for question in made.questions]
+    ['worn', 'angle_zero']
     """
-    if sum(given is not None for given in (dataset, rig, urdf)) != 1:
+    if sum(given is not None for given in (dataset, rig, urdf, files)) != 1:
         rigs = _rig_source()
         raise StudyError(
-            "init needs --dataset NAME or --rig NAME or --urdf FILE, one of them; known: "
+            "init needs --from FILES or --dataset NAME or --rig NAME or --urdf FILE, one of them; known: "
             f"{', '.join(datasets.names())}; rigs: {', '.join(rigs.value.study_names()) if rigs else 'none installed'}"
         )
+    if files is not None:
+        from .proposals.init_from_files import init_from_files
+
+        return init_from_files(folder, files, answers=answers, ask=ask)
     if rig is not None:
         source = _rig_source()
         if source is None:

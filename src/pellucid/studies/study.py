@@ -476,6 +476,7 @@ def _make_channels(columns: Columns, specs: dict[str, ChannelSpec], window) -> d
     values = {n: _read_samples(columns, n, spec) for n, spec in specs.items() if spec.rate is None}
     rate = specs["time"].rate
     if rate is not None:
+        values = _without_empty_ends(values)
         values["time"] = np.arange(max((len(samples) for samples in values.values()), default=0)) / rate
     time = values["time"]
     n = len(time)
@@ -512,7 +513,7 @@ def _without_repeats(channels: dict[str, Channel]) -> tuple[dict[str, Channel], 
 
 def _read_samples(columns: Columns, name: str, spec: ChannelSpec) -> np.ndarray:
     less = columns.column(spec.minus.column, name) if spec.minus is not None else None
-    stored = columns.column(spec.column, name) if spec.value is None else np.array([spec.value])
+    stored = _listed(columns, name, spec) if spec.value is None else np.array([spec.value])
     if less is not None and len(less) != len(stored) and min(len(less), len(stored)) != 1:
         raise RecordingError(
             f"{columns.path.name}: channel {name}: column {spec.column!r} has {len(stored)} samples, column "
@@ -527,6 +528,37 @@ def _read_samples(columns: Columns, name: str, spec: ChannelSpec) -> np.ndarray:
                 f"{high:.6g}, expected all within {2.0**spec.wrap_bits:.6g}, as wrap_bits = {spec.wrap_bits} says"
             )
     return _to_si(stored, spec, less)
+
+
+def _listed(columns: Columns, name: str, spec: ChannelSpec) -> np.ndarray:
+    """Return the stored numbers of a channel; of a flat list with several columns, those of its own."""
+    stored = columns.column(spec.column, name)
+    place = spec.interleaved or spec.stacked
+    if place is None:
+        return stored
+    number, count = place
+    if len(stored) % count:
+        raise RecordingError(
+            f"{columns.path.name}: channel {name} (column {spec.column!r}) has {len(stored)} numbers, expected a multiple "
+            f"of {count}, as study.toml says of the list"
+        )
+    if spec.interleaved is not None:
+        return np.ascontiguousarray(stored[number::count])
+    rows = len(stored) // count
+    return np.ascontiguousarray(stored[number * rows : (number + 1) * rows])
+
+
+def _without_empty_ends(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return channels without the empty cells at the ends of those that are longer than the shortest one.
+
+    Columns of different lengths share a sheet; the shorter ones end in empty cells.
+    """
+    lengths = {name: len(x) for name, x in values.items() if len(x) > 1}
+    shortest = min(lengths.values(), default=0)
+    return {
+        name: x[:shortest] if name in lengths and not np.isfinite(x[shortest:]).any() else x
+        for name, x in values.items()
+    }
 
 
 def _excluded_cuts(entry: RecordingEntry, path: Path, time: np.ndarray) -> tuple[Cut, ...]:
@@ -565,7 +597,8 @@ def _truncated_row_cut(path: Path, time: np.ndarray, window: tuple[float, float]
 def _require_file_units(columns: Columns, specs: dict[str, ChannelSpec]) -> None:
     for name, spec in specs.items():
         used = (spec.column,) if spec.minus is None else (spec.column, spec.minus.column)
-        stated = [columns.units[c] for c in used if c in columns.units]
+        # A scale says that the stored numbers are counts, or in another unit than the one that follows from them.
+        stated = [] if spec.scale != 1.0 else [columns.units[c] for c in used if c in columns.units]
         file_unit = next((unit for unit in stated if contradicts_unit(unit, spec.unit)), None)
         if file_unit is not None:
             raise RecordingError(

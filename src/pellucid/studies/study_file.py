@@ -506,6 +506,9 @@ class ChannelSpec(StudyTable):
         Constant value of the channel [unit], in place of a column, such as the position of a joint that was held.
     minus : Subtracted or None
         Another column that is subtracted, such as that of an opposing cable or of a spring's other end.
+    interleaved, stacked : tuple of int or None
+        Place of the channel in a flat list of several columns, from 0, and how many columns it holds: in turn, or one
+        after another.
     wrap_bits : int or None
         Number of bits after which the stored count rolls over.
     wrap : float or None
@@ -536,6 +539,8 @@ class ChannelSpec(StudyTable):
     scale: Annotated[float, AfterValidator(_not_zero)] = 1.0
     value: Annotated[float | None, Field(json_schema_extra={"type": "string"})] = None
     minus: Subtracted | None = None
+    interleaved: tuple[int, int] | None = None
+    stacked: tuple[int, int] | None = None
     wrap_bits: int | None = Field(None, ge=6, le=64)
     wrap: Annotated[float | None, Field(gt=0, json_schema_extra={"type": "string"})] = None
     signed_bits: int | None = Field(None, ge=2, le=64)
@@ -558,6 +563,15 @@ class ChannelSpec(StudyTable):
     @classmethod
     def _a_time_or_auto(cls, delay: Any) -> Any:
         return delay if delay in ("auto", None) else parse_quantity(delay, "s", "")
+
+    @model_validator(mode="after")
+    def _place_in_flat_list(self) -> ChannelSpec:
+        if self.interleaved is not None and self.stacked is not None:
+            raise ValueError("found interleaved and stacked, expected one of them: a list holds its columns in one way")
+        place = self.interleaved or self.stacked
+        if place is not None and not 0 <= place[0] < place[1]:
+            raise ValueError(f"found the place {list(place)}, expected a number from 0 and how many columns there are")
+        return self
 
     @model_validator(mode="after")
     def _delay_fits_channel(self) -> ChannelSpec:

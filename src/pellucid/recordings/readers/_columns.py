@@ -12,6 +12,7 @@ import numpy as np
 
 from ..._errors import RecordingError
 from ..._tabular import data_frame
+from ..personal_fields import PersonalField
 
 if TYPE_CHECKING:
     import pandas
@@ -35,12 +36,18 @@ class Columns:
         ``"deg"`` or ``"rad"``, if the file states the unit of its angles.
     units : Mapping[str, str]
         Unit of each column for which the file states one.
+    facts : Mapping[str, str]
+        Values of labelled lines above a text table, such as a sampling rate, without personal ones.
+    personal : tuple of PersonalField
+        Fields that tell who was recorded; their values are left out.
     """
 
     path: Path
     values: Mapping[str, np.ndarray | str]
     angle_unit: str | None = None
     units: Mapping[str | int, str] = field(default_factory=dict)
+    facts: Mapping[str, str] = field(default_factory=dict)
+    personal: tuple[PersonalField, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from ..._errors import RecordingError
+from ..personal_fields import find_personal_columns, find_personal_lines
+from ..stated_units import is_unit_row, unit_from_text
 from ._caps import require_few_columns, require_narrow_lines
 from ._columns import Columns
 from ._last_row import cut_row
@@ -26,23 +28,26 @@ MAX_HEADER_BYTES = 1 << 16
 _COMMENT_MARKS = ("#", "%", "//", "!")
 _MISSING_WORDS = {"", "nan", "na", "n/a", "null", "none", "-", "--", "missing"}
 _NUMBER_WORDS = {"true": 1.0, "false": 0.0, "inf": np.inf, "-inf": -np.inf}
-_CHANNEL_LINE = re.compile(r"Channel \d+: '([^']+)'")
+_CHANNEL_LINE = re.compile(r"Channel \d+: '([^']+)'(?:.*engineering units: ([^,]+),)?")
+_FACT = re.compile(r"[\s#%!/\"]*([^:=;,\t\"]{1,60}?)\"?\s*(?::|=|;|,|\t)\s*\"?(.*?)[\s\";,]*")
 _COMMA_NUMBER = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 
 
 def read(path: Path) -> Columns:
     """Return the columns of a text table, each shape (n,) float64; a column with text is a str that says which text.
 
-    The header names the columns; without a header they are ``"0"``, ``"1"``, .... Lines that begin with ``#``,
-    ``%``, ``//`` or ``!`` are comments. An empty field, ``NaN``, ``NA`` or ``null`` is a missing sample (NaN);
-    ``true`` and ``false`` are 1 and 0. Stamps of a wall clock, such as ``2026-05-03 14:22:31.5`` or ``14:22:31.5``,
-    become seconds since 1970 or since midnight. A row of units below the header is skipped, and so is an incomplete
-    last row. Columns may also be named on one line each, ``Channel 1: 'RF'``, as Biometrics' DataLOG does. Titles
-    without a delimiter name no columns.
+    The header names the columns; without a header they are ``"0"``, ``"1"``, .... Lines that begin with ``#``, ``%``,
+    ``//`` or ``!`` are comments. An empty field, ``NaN``, ``NA`` or ``null`` is a missing sample (NaN); ``true`` and
+    ``false`` are 1 and 0. Stamps of a wall clock, such as ``2026-05-03 14:22:31.5`` or ``14:22:31.5``, become seconds
+    since 1970 or since midnight. A row of units below the header gives the columns' `units`. Lines above it that have a
+    label and a value are the file's `facts`; those that tell who was recorded are left out, and `personal` says which.
+    An incomplete last row is left out, too. Columns may also be named on one line each, ``Channel 1: 'RF'``, as
+    Biometrics' DataLOG does. Titles without a delimiter name no columns.
     """
     if path.stat().st_size >= MIN_LONG_FILE_BYTES and (columns := _read_long(path)) is not None:
         return columns
-    lines = [(number, line) for number, line in enumerate(_decode(path).splitlines(), 1) if line.strip()]
+    # A byte order mark may also stand within the text of a file that was put together.
+    lines = [(number, line) for number, line in enumerate(_decode(path).splitlines(), 1) if line.strip("\ufeff \t\r")]
     return read_lines(path, lines)
 
 
@@ -57,7 +62,8 @@ def read_lines(path: Path, lines: list[tuple[int, str]], delimiter: str | None =
     first = _first_row([_split(line, delimiter) for _, line in lines[:MAX_HEADER_LINES]])
     if first is None:
         raise RecordingError(f'{path.name}: found no row of numbers; the first line is "{lines[0][1][:60]}"')
-    header = _header(lines[:first], comments, delimiter, len(_split(lines[first][1], delimiter)))
+    width = len(_split(lines[first][1], delimiter))
+    header, unit_texts = _header(lines[:first], comments, delimiter, width)
     rows = lines[first:]
     try:
         table = np.loadtxt([line for _, line in rows], delimiter=delimiter, comments=None, ndmin=2, dtype=np.float64)
@@ -68,20 +74,46 @@ def read_lines(path: Path, lines: list[tuple[int, str]], delimiter: str | None =
         table, texts = _read_with_empty_cells(rows, delimiter, named) or _read_fields(path, rows, delimiter, named)
     names = _names(path, header, table.shape[1])
     values: dict[str, np.ndarray | str] = {}
-    units: dict[str | int, str] = {}
+    units = _units(names, unit_texts)
+    above = [*comments, *(line for _, line in lines[:first])]
+    personal = find_personal_lines(above)
     for i, name in enumerate(names):
         times = stamp_seconds([text for _, text in texts[i]]) if texts is not None and texts[i] else None
         if texts is not None and times is not None:
             # An empty cell among the stamps stays a missing sample.
             table[np.isin([number for number, _ in rows], [number for number, _ in texts[i]]), i] = times
             values[name], units[name] = np.ascontiguousarray(table[:, i]), "s"
+        elif texts is not None and texts[i] and (found := find_personal_columns([(name, texts[i][0][1])])):
+            personal += found
+            values[name] = f"a column of text that tells who was recorded ({found[0].kind}), which is not shown"
         elif texts is not None and texts[i]:
             number, text = texts[i][0]
             # Labels beside numbers are common; they matter only if a channel uses the column.
             values[name] = f'line {number} holds the text "{text}" where a number is expected'
         else:
             values[name] = np.ascontiguousarray(table[:, i])
-    return Columns(path, values, units=units)
+    return Columns(path, values, units=units, facts=_facts(above, names), personal=tuple(personal))
+
+
+def _units(names: list[str], texts: list[str] | None) -> dict[str | int, str]:
+    """Return the units that a row below the header states, by column."""
+    if texts is None:
+        return {}
+    stated = {name: unit_from_text(text) for name, text in zip(names, texts, strict=False) if text}
+    return {name: unit for name, unit in stated.items() if unit is not None}
+
+
+def _facts(lines: list[str], names: list[str]) -> dict[str, str]:
+    """Return the values of the lines above a table by their labels, without what tells who was recorded."""
+    facts = {}
+    for line in lines:
+        match = _FACT.fullmatch(line)
+        if match is None or not match[2] or find_personal_lines([line]):
+            continue
+        label = match[1].strip()
+        if label and label not in names and len(match[2]) <= 200:
+            facts.setdefault(label, match[2])
+    return facts
 
 
 def _read_long(path: Path) -> Columns | None:
@@ -103,13 +135,23 @@ def _read_long(path: Path) -> Columns | None:
         return None
     at, row = lines[first]
     fields = _split(row, delimiter)
-    names = _names(path, _header(lines[:first], comments, delimiter, len(fields)), len(fields))
+    header, unit_texts = _header(lines[:first], comments, delimiter, len(fields))
+    names = _names(path, header, len(fields))
     decimal = "," if delimiter != "," and any(_COMMA_NUMBER.fullmatch(field) for field in fields) else "."
     cut = cut_row(path)
     end = cut.start if cut is not None else None
     start = sum(map(len, head[:at]))
     columns = number_table(path, start, len(fields), delimiter=delimiter, decimal=decimal, end=end)
-    return None if columns is None else Columns(path, dict(zip(names, columns, strict=True)))
+    if columns is None:
+        return None
+    above = [*comments, *(line for _, line in lines[:first])]
+    return Columns(
+        path,
+        dict(zip(names, columns, strict=True)),
+        units=_units(names, unit_texts),
+        facts=_facts(above, names),
+        personal=tuple(find_personal_lines(above)),
+    )
 
 
 def _decode(path: Path) -> str:
@@ -181,24 +223,38 @@ def _first_row(lines: list[list[str]]) -> int | None:
     return first
 
 
-def _header(above: list[tuple[int, str]], comments: list[str], delimiter: str | None, width: int) -> list[str] | None:
-    # Titles may stand above the header. The header is the first line with a name for every column.
-    for _, line in above:
-        fields = _split(line, delimiter)
-        if len(fields) == width or (len(fields) == width + 1 and not fields[-1]):
-            return fields
-    listed = [match[1] for _, line in above if (match := _CHANNEL_LINE.match(line))]
+def _header(
+    above: list[tuple[int, str]], comments: list[str], delimiter: str | None, width: int
+) -> tuple[list[str] | None, list[str] | None]:
+    """Return the names of the columns and the texts of their units; None for what no line gives.
+
+    Titles and settings may stand above the header. The header is the first line with a name for every column, or the
+    line above a row of units.
+    """
+    split = [_split(line, delimiter) for _, line in above]
+    whole = [fields for fields in split if len(fields) == width or (len(fields) == width + 1 and not fields[-1])]
+    for names, units in zip(whole, whole[1:], strict=False):
+        if width > 1 and is_unit_row(units) and not is_unit_row(names):
+            return names, units
+    for fields in whole:
+        return fields, None
+    listed = [match for _, line in above if (match := _CHANNEL_LINE.match(line))]
     if len(listed) == width:
-        return listed
+        return [match[1] for match in listed], [match[2] or "" for match in listed]
     if delimiter is not None and above and all(delimiter not in line for _, line in above):
-        return None
-    if above:
-        return _split(above[0][1], delimiter)
+        return None, None
+    if above and not _is_prose(above, split, width):
+        return split[0], None
     for line in reversed(comments):
         fields = _split(line.lstrip().lstrip("#%!/ "), delimiter)
         if width > 1 and len(fields) == width and not any(" " in f.strip() and "[" not in f for f in fields):
-            return fields
-    return None
+            return fields, None
+    return None, None
+
+
+def _is_prose(above: list[tuple[int, str]], split: list[list[str]], width: int) -> bool:
+    """Whether the lines above a table of one or two columns are sentences or settings, which name no columns."""
+    return len(split[0]) != width and any(re.search(r"[A-Za-z]{2,}\s*[:=]|[.!?]\s*$", line) for _, line in above[:1])
 
 
 def _names(path: Path, header: list[str] | None, width: int) -> list[str]:

@@ -24,6 +24,14 @@ from ._columns import Columns
 from ._unread_formats import UNREAD_FORMATS
 
 
+MAX_SNIFFED_BYTES = 4096
+"""A file with an unknown ending is judged by so many bytes at its beginning."""
+
+
+MIN_SNIFFED_NUMBERS = 8
+"""A file with an unknown ending is a table of text if its beginning holds at least so many numbers."""
+
+
 @cache
 def readers_by_ending() -> dict[str, tuple[ModuleType, ...]]:
     """Return the readers for each file ending; those that look at the content come first."""
@@ -56,6 +64,18 @@ def _require_choice(ending: str, module: ModuleType, others: Sequence[ModuleType
         )
 
 
+def _is_text(path: Path) -> bool:
+    """Whether a file's beginning is text with numbers in it, as a table's is, and no source, page or model."""
+    with path.open("rb") as file:
+        head = file.read(MAX_SNIFFED_BYTES)
+    if not head.strip() or b"\0" in head or head.lstrip()[:1] in (b"<", b"{", b"["):
+        return False
+    text = head.decode("utf-8", errors="replace")
+    words = text.split()
+    numbers = sum(any(c.isdigit() for c in word) for word in words)
+    return numbers >= MIN_SNIFFED_NUMBERS and 2 * numbers >= len(words) and text.count("\ufffd") < 0.02 * len(text)
+
+
 def read_columns(path: str | os.PathLike) -> Columns:
     """Read every numeric column of a recording, in the file's own units.
 
@@ -65,7 +85,8 @@ def read_columns(path: str | os.PathLike) -> Columns:
         File whose ending states its format: text (``.csv``, ``.tsv``, ``.txt``, ``.dat``), workbooks (``.xlsx``,
         ``.xlsm``, ``.ods``), ``.mat``, ``.json``, HDF5 (``.h5``, ``.hdf5``, ``.hdf``), NumPy (``.npz``, ``.npy``),
         ``.parquet``, ``.feather``, OpenSim (``.sto``, ``.mot``), motion capture (``.c3d``, ``.trc``), amplifiers
-        (``.edf``, ``.bdf``), ``.xdf``, robots' logs (``.mcap``, ``.bag``, ``.db3``).
+        (``.edf``, ``.bdf``), ``.xdf``, robots' logs (``.mcap``, ``.bag``, ``.db3``). A text table may
+        have any other ending, or none.
 
     Returns
     -------
@@ -108,6 +129,9 @@ def read_columns(path: str | os.PathLike) -> Columns:
             f'{path.name}: found the ending "{path.suffix}", {kind}, which Pellucid does not read; export instead '
             f"{instead}"
         )
+    if readers is None and _is_text(path):
+        # A log may have any ending, or none.
+        readers = tuple(readers_by_ending()[".dat"])
     if readers is None:
         raise RecordingError(
             f'{path.name}: found the ending "{path.suffix}", expected one of {", ".join(sorted(readers_by_ending()))}'

@@ -1,0 +1,849 @@
+"""Assign to each column of a table what it is: evidence of names, units and numbers together, with the reasons."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..units import to_si_factor
+from .angle_units import MAX_RADIAN_RANGE, AngleUnit, find_angle_unit, find_rolling_bits, find_unsigned_bits
+from .clocks import FoundClock, find_clock
+from .commands import FollowedCommand, find_command, is_set_by_program, is_stepped, roughness
+from .derivatives import DerivativePair, find_derivatives
+from .emg_spectrum import is_envelope, is_raw_emg
+from .inertial_columns import InertialColumns, find_inertial
+from .motion_efforts import MIN_EFFORT_SHARE, MotionSamples, effort_share, motion_samples, unit_by_weight
+from .name_evidence import NameEvidence, quantity_of_unit, read_name, words_of
+
+EFFORTS = ("torque", "force", "current", "voltage", "duty")
+"""Quantities of a drive."""
+
+INERTIAL = {"acceleration": "linear_acceleration", "angular_velocity": "angular_velocity", "orientation": "orientation"}
+"""Quantities of inertial sensors, by the kind that numbers show."""
+
+DEFAULT_UNITS = {
+    "torque": "N*m", "force": "N", "current": "A", "voltage": "V", "duty": "1", "supply": "V", "temperature": "degC",
+    "enabled": "1", "orientation": "1", "magnetic_field": "uT", "linear_acceleration": "m/s^2", "angular_velocity": "rad/s",
+    "stiffness": "N*m/rad", "damping": "N*m*s/rad", "length": "m", "moment_arm": "m", "lengthening": "m/s",
+}  # fmt: skip
+"""Units that are taken, and marked, where nothing tells them."""
+
+_EFFORTS_BY_LETTER = {"v": "voltage", "u": "voltage", "i": "current", "t": "torque", "f": "force"}
+"""Quantities of drives by the first letter of a short name that is no word."""
+
+MAX_ANALYSED_ROWS = 200_000
+"""Evidence is taken from at most this many rows of a long table."""
+
+MAX_EFFORT_CANDIDATES = 40
+"""Fits of efforts to motions are made for at most this many columns."""
+
+
+@dataclass(frozen=True)
+class ColumnRole:
+    """What a column is, and why."""
+
+    column: str  # name of the column
+    quantity: str | None  # first part of the channel's name, None if the column is left out
+    unit: str  # unit of the numbers, as study.toml writes it
+    why: str  # reasons for the role
+    unit_why: str = ""  # reasons for the unit
+    is_certain: bool = True  # whether the role is beyond doubt
+    unit_is_certain: bool = True  # whether the unit is beyond doubt
+    label: str = ""  # rest of the channel's name: a joint, a muscle, an IMU's axis
+    is_command: bool = False  # whether it was asked for and not measured
+    keys: Mapping[str, object] = field(default_factory=dict)  # further keys of the channel: signed_bits, scale, wrap
+
+    @property
+    def is_guess(self) -> bool:
+        """Whether the role or its unit is a guess that study.toml has to mark."""
+        return self.quantity is not None and not (self.is_certain and self.unit_is_certain)
+
+
+@dataclass(frozen=True)
+class TableRoles:
+    """The roles of a table's columns and its clock."""
+
+    clock: FoundClock
+    rate: float | None  # sampling rate [Hz]; None if nothing tells it
+    roles: tuple[ColumnRole, ...]  # roles of all columns but the clock's, in the file's order
+    joints: tuple[str, ...]  # names of the joints, empty for a single one without a name
+    pairs: tuple[DerivativePair, ...] = ()
+    commands: tuple[FollowedCommand, ...] = ()
+
+    def of(self, quantity: str) -> list[ColumnRole]:
+        """Return the measured roles of a quantity, in the file's order."""
+        return [role for role in self.roles if role.quantity == quantity]
+
+
+@dataclass(frozen=True)
+class TableHints:
+    """What is known of a table besides its columns."""
+
+    units: Mapping[str, str] = field(default_factory=dict)  # units that the file states, by column
+    angle_unit: str | None = None  # unit of all angles that the file's header states
+    rate: float | None = None  # sampling rate that the file states [Hz]
+    quantity: str | None = None  # quantity that the file's name or folder says of all its columns
+    has_emg_elsewhere: bool = False  # whether another file of the recording holds EMG
+    is_person: bool = False  # whether the recording is of a person's joints, without a drive
+    joint: str | None = None  # joint that the file's name says of all its columns
+
+
+def assign_roles(columns: Mapping[str, np.ndarray], hints: TableHints | None = None) -> TableRoles:
+    """Return what each of a table's columns, shape (n,) each, is.
+
+    Constants belong to nobody. A clock advances evenly. EMG is told by its spectrum, inertial sensors by what their axes
+    fulfil together, velocities as derivatives of positions, efforts by the motion that explains them, commands by their
+    lack of noise. A name adds to this evidence. Where name and numbers disagree, or neither decides, the role is marked.
+    """
+    hints = hints or TableHints()
+    n = max(map(len, columns.values()), default=0)
+    names = {name: read_name(name) for name in columns}
+    clock = find_clock(columns, [_with_stated_unit(e, hints) for e in names.values()])
+    rate = clock.rate or hints.rate
+    time = _times(columns, clock, rate, n)
+    return _Assignment(columns, names, hints, clock, rate, time).run()
+
+
+def _with_stated_unit(evidence: NameEvidence, hints: TableHints) -> NameEvidence:
+    unit = hints.units.get(evidence.name)
+    if unit is None or evidence.unit is not None:
+        return evidence
+    by_unit = quantity_of_unit(unit)
+    quantity = evidence.quantity
+    if quantity is None or (quantity == "position" and by_unit not in (None, "position")):
+        quantity = by_unit or quantity
+    return replace(evidence, unit=unit, quantity=quantity)
+
+
+def _times(columns: Mapping[str, np.ndarray], clock: FoundClock, rate: float | None, n: int) -> np.ndarray:
+    if clock.column is not None and np.isfinite(columns[clock.column]).all():
+        from .clocks import UNIT_SECONDS
+
+        times = columns[clock.column] * UNIT_SECONDS[clock.unit]
+        return np.maximum.accumulate(times) - times[0]
+    return np.arange(n) / (rate or 1.0)
+
+
+class _Assignment:
+    """Roles of one table while they are found."""
+
+    def __init__(self, columns, names, hints: TableHints, clock: FoundClock, rate, time):
+        self.columns, self.hints, self.clock, self.rate = columns, hints, clock, rate
+        self.names = {name: _with_stated_unit(evidence, hints) for name, evidence in names.items()}
+        self.first = clock.first_sound
+        rows = slice(self.first, self.first + MAX_ANALYSED_ROWS)
+        self.time = time[rows]
+        self.values = {name: x[rows] for name, x in columns.items()}
+        self.roles: dict[str, ColumnRole] = {}
+        self.pairs: list[DerivativePair] = []
+        self.commands: list[FollowedCommand] = []
+        self.joints: tuple[str, ...] = ()
+
+    def run(self) -> TableRoles:
+        self._leave_out_clocks_and_constants()
+        self._decode_counts()
+        self._take_file_quantity()
+        self._find_muscles()
+        self._find_inertial_sensors()
+        if not self.hints.is_person:
+            self._find_derivatives()
+        self._take_names()
+        if any(role.quantity == "motor_position" for role in self.roles.values()):
+            for name, role in list(self.roles.items()):
+                if role.quantity == "position":
+                    self.roles[name] = replace(role, quantity="motor_position")
+        self._find_anonymous_motion()
+        if not self.hints.is_person:
+            self._find_anonymous_efforts()
+        self._find_commands()
+        self._settle_units()
+        self._group_joints()
+        order = [name for name in self.columns if name in self.roles]
+        return TableRoles(
+            self.clock,
+            self.rate,
+            tuple(self.roles[name] for name in order),
+            self.joints,
+            tuple(self.pairs),
+            tuple(self.commands),
+        )
+
+    def _free(self) -> list[str]:
+        return [name for name in self.columns if name not in self.roles and name != self.clock.column]
+
+    def _leave_out(self, name: str, why: str) -> None:
+        self.roles[name] = ColumnRole(name, None, "1", why)
+
+    def _leave_out_clocks_and_constants(self) -> None:
+        coarse = self.clock.coarse_column
+        if coarse is not None:
+            self._leave_out(coarse, f"a clock too coarse for the samples: {self.clock.why}")
+        for name in self.clock.others:
+            if name != coarse:
+                self._leave_out(name, f'another clock, or a counter; time is "{self.clock.column or coarse}"')
+        for name in self._free():
+            x = self.values[name]
+            known = x[np.isfinite(x)]
+            if len(known) == 0:
+                self._leave_out(name, "no number at all")
+            elif np.ptp(known) == 0.0:
+                self._leave_out(name, f"constant at {known[0]:.6g}: nobody's measurement")
+            elif self.names[name].quantity in ("counter", "state"):
+                self._leave_out(name, "its name says a counter or a state")
+            elif np.all(np.diff(known) == 1.0):
+                self._leave_out(name, "it counts rows")
+
+    def _decode_counts(self) -> None:
+        self.keys: dict[str, dict[str, object]] = {}
+        for name in self._free():
+            x = self.values[name]
+            bits = find_unsigned_bits(x)
+            if bits is not None:
+                self.values[name] = np.where(x >= 2.0 ** (bits - 1), x - 2.0**bits, x)
+                self.keys[name] = {"signed_bits": bits}
+                continue
+            rolling = find_rolling_bits(x)
+            if rolling is not None:
+                self.values[name] = np.unwrap(x, period=2.0**rolling)
+                self.keys[name] = {"wrap_bits": rolling}
+
+    def _take_file_quantity(self) -> None:
+        """Take the quantity that the file's name says, for columns whose own names say a joint or a muscle alone."""
+        said = self.hints.quantity
+        if said in (None, "emg", "time"):
+            return
+        for name in self._free():
+            evidence = self.names[name]
+            place = name.casefold()[-3:] in ("_tx", "_ty", "_tz")
+            if place and said in ("angle", "position"):
+                self._leave_out(name, "a place of the model, and no angle")
+                continue
+            if place and said == "torque" and evidence.quantity is None:
+                self._leave_out(name, "a force on the model, and no moment")
+                continue
+            own = evidence.quantity in (None, "position") or (evidence.quantity == "emg" and evidence.muscle)
+            if evidence.unit is not None or not own:
+                continue
+            quantity = "position" if said == "angle" else said
+            if quantity == "velocity" and evidence.muscle:
+                quantity = "lengthening"
+            if quantity in ("length", "lengthening", "moment_arm") and not evidence.muscle:
+                continue
+            self._set(name, quantity, f"the file's name says {said}", evidence, True)
+
+    def _find_muscles(self) -> None:
+        if self.hints.quantity not in (None, "emg"):
+            return
+        rate = self.rate or 0.0
+        free = self._free()
+        envelopes = [n for n in free if self.names[n].quantity == "emg" and is_envelope(self.values[n], rate)]
+        file_says = self.hints.quantity == "emg"
+        for name in free:
+            evidence, x = self.names[name], self.values[name]
+            said = evidence.quantity == "emg" or file_says
+            raw = is_raw_emg(x, rate) or (self.rate is None and _swings_fast(x))
+            # A name of another quantity stands against the spectrum: a current has ripple, too.
+            if raw and (said or (evidence.quantity in (None, "voltage", "position") and not _is_long_name(evidence))):
+                why = "its spectrum is that of EMG: broad, between 20 and 450 Hz"
+                if self.rate is None:
+                    why = "it swings about zero from sample to sample, as EMG does"
+                self._set(name, "emg", why if not said else f"{why}, and its name says so", evidence, said or rate > 0)
+            elif said and (name in envelopes or file_says or evidence.muscle):
+                kind = "an envelope: it is never negative and slow" if is_envelope(x, rate) else "by its name"
+                self._set(name, "emg", f"EMG, {kind}", evidence, True)
+
+    def _find_inertial_sensors(self) -> None:
+        if self.rate is None and self.clock.column is None:
+            rate = 1.0
+        else:
+            rate = self.rate or 1.0
+        free = [
+            name for name in self._free()
+            if self.names[name].quantity in (None, "linear_acceleration", "angular_velocity", "orientation", "magnetic_field")
+        ]  # fmt: skip
+        if len(free) < 3:
+            return
+        sensors = find_inertial(self.values, free, rate)
+        for label, found in _numbered(sensors):
+            axes = "xyz" if len(found.names) == 3 else "wxyz"
+            for axis, name in zip(axes, found.names, strict=True):
+                self.roles[name] = ColumnRole(
+                    name, f"{label}.{found.kind}", found.unit, found.why, found.why, True, found.is_certain, axis
+                )
+
+    def _find_derivatives(self) -> None:
+        free = [n for n in self._free() if not _is_stepped_name(self.names[n], self.values[n])]
+        if len(self.time) < 50 or self.rate is None:
+            return
+        found = find_derivatives({name: self.values[name] for name in free}, self.time)
+        taken_by: set[str] = set()
+        for pair in found:
+            by, of = self.names[pair.by], self.names[pair.of]
+            if pair.by in taken_by or by.quantity in ("current", "voltage", "torque", "force", "duty", "position"):
+                continue
+            if of.quantity in ("current", "voltage", "torque", "force", "duty", "velocity"):
+                continue
+            self.pairs.append(pair)
+            taken_by.add(pair.by)
+        speeds = {pair.by for pair in self.pairs}
+        for pair in self.pairs:
+            quantity = "acceleration" if pair.of in speeds else "velocity"
+            why = f'it is the derivative of "{pair.of}" (correlation {pair.correlation:.3f}, ratio {pair.ratio:.4g})'
+            self._set(pair.by, quantity, why, self.names[pair.by], True)
+        for pair in self.pairs:
+            if pair.of not in self.roles:
+                why = f'"{pair.by}" is its derivative'
+                self._set(pair.of, "position", why, self.names[pair.of], True)
+
+    def _take_names(self) -> None:
+        for name in self._free():
+            evidence = self.names[name]
+            quantity = evidence.quantity or self._quantity_of_file(evidence)
+            if quantity is None or quantity == "time":
+                continue
+            if quantity == "position" and self._is_motor_side(name):
+                quantity = "motor_position"
+            said = "its name" if evidence.quantity else "the file's name"
+            sure = _is_long_name(evidence) or evidence.unit is not None or quantity == self.hints.quantity
+            if quantity in ("torque", "force") and self._is_register(name):
+                why = f"{said} says {quantity}, but it holds whole numbers without a unit beside a supply voltage: a duty"
+                self._set(name, "duty", why, evidence, False)
+                self.keys.setdefault(name, {})["scale"] = 0.001
+                continue
+            if quantity in EFFORTS and not evidence.is_command and is_stepped(self.values[name]):
+                why = f"{said} says {quantity}, but it rests on levels: a program set it"
+                self._set(name, quantity, why, evidence, False)
+                continue
+            if quantity == "linear_acceleration" and evidence.axis is None:
+                quantity = "acceleration"
+            if quantity in ("linear_acceleration", "angular_velocity", "magnetic_field", "orientation"):
+                sensor = "acceleration" if quantity == "linear_acceleration" else quantity
+                label = evidence.axis or "x"
+                self.roles[name] = ColumnRole(
+                    name, f"imu.{sensor}", evidence.unit or DEFAULT_UNITS[quantity], f"{said} says so", "", sure,
+                    evidence.unit is not None, label,
+                )  # fmt: skip
+                continue
+            self._set(name, quantity, f"{said} says {quantity}", evidence, sure)
+
+    def _is_motor_side(self, name: str) -> bool:
+        """Whether a position turns too often for a joint, in radians that its encoder's quanta show."""
+        found = find_angle_unit(self.values[name])
+        known = self.values[name][np.isfinite(self.values[name])]
+        return found.is_certain and found.unit == "rad" and float(np.ptp(known)) > MAX_RADIAN_RANGE
+
+    def _is_register(self, name: str) -> bool:
+        """Whether a column holds whole numbers without a unit, as a servo's register of load does."""
+        known = self.values[name][np.isfinite(self.values[name])]
+        has_supply = any(evidence.quantity == "supply" for evidence in self.names.values())
+        return has_supply and self._stated(name) is None and bool(np.all(known == np.round(known)))
+
+    def _quantity_of_file(self, evidence: NameEvidence) -> str | None:
+        if self.hints.quantity is not None:
+            return self.hints.quantity
+        return "position" if self.hints.angle_unit is not None and evidence.joint is not None else None
+
+    def _motions(self) -> dict[str, MotionSamples]:
+        if self.rate is None and self.clock.column is None:
+            time = np.arange(len(self.time)) / 100.0
+        else:
+            time = self.time
+        found = {}
+        for name, role in self.roles.items():
+            if role.quantity in ("position", "angle") and not role.is_command and len(time) > 100:
+                found[name] = motion_samples(self.values[name], time)
+        return found
+
+    def _find_anonymous_motion(self) -> None:
+        """Where no column is a position yet, the smoothest column that others follow or answer is taken."""
+        positions = [n for n, r in self.roles.items() if r.quantity in ("position", "angle", "motor_position")]
+        free = [n for n in self._free() if not is_stepped(self.values[n])]
+        if positions or not free or any(r.quantity == "emg" for r in self.roles.values()) and len(free) > 6:
+            return
+        lengths = {n: roughness(self.values[n]) for n in free}
+        # A pair in which one column follows the other is a controlled position.
+        for i, a in enumerate(free):
+            for b in free[i + 1 :]:
+                followed = find_command((a, self.values[a]), (b, self.values[b]))
+                if followed is not None and max(lengths[a], lengths[b]) < 0.05 and abs(followed.slope - 1.0) < 0.1:
+                    why = f"{followed.why}: a controlled position"
+                    self._set(followed.measured, "position", why, self.names[followed.measured], False)
+                    return
+        drives = [n for n in self._free() if is_stepped(self.values[n])]
+        efforts = [n for n, r in self.roles.items() if r.quantity in EFFORTS]
+        ranked = sorted(free, key=lambda n: (len(n.split(".")) > 1 and n.split(".")[-1].isdigit(), lengths[n]))
+        has_encoder = [n for n in ranked if find_angle_unit(self.values[n]).is_certain]
+        if has_encoder:
+            best = has_encoder[0]
+            self._set(best, "position", f"{find_angle_unit(self.values[best]).why}", self.names[best], True)
+        elif ranked and (drives or efforts or len(ranked) > 1 or any(r.quantity == "emg" for r in self.roles.values())):
+            self._set(ranked[0], "position", "it is the smoothest column", self.names[ranked[0]], False)
+
+    def _find_anonymous_efforts(self) -> None:
+        motions = self._motions()
+        free = self._free()[:MAX_EFFORT_CANDIDATES]
+        if not motions or not free:
+            return
+        has_drive = any(r.quantity in EFFORTS and r.is_certain for r in self.roles.values())
+        shares: dict[str, tuple[str, float]] = {}
+        for name in free:
+            # What follows a position is its command, and no effort.
+            if any(self._follows(name, other) for other in motions):
+                continue
+            best = max(
+                ((other, effort_share(self.values[name], motion, self._radians(other))) for other, motion in motions.items()),
+                key=lambda item: item[1],
+            )
+            shares[name] = best
+        stepped = [n for n in shares if is_stepped(self.values[n])]
+        plausible = stepped or [n for n, (_, share) in shares.items() if share >= MIN_EFFORT_SHARE]
+        vectors = [n for n in plausible if not n.rpartition(".")[2].isdigit() or n.isdigit()]
+        single = len(motions) == 1
+        for name in (vectors or plausible)[: 1 if single and not has_drive else len(plausible)]:
+            if single and has_drive:
+                break
+            other, share = shares[name]
+            quantity, why = self._kind_of_effort(name)
+            self._set(
+                name, quantity, f'{why}; the motion "{other}" explains {100 * share:.0f} % of it', self.names[name], False
+            )
+
+    def _follows(self, name: str, other: str) -> bool:
+        followed = find_command((name, self.values[name]), (other, self.values[other]))
+        return followed is not None and abs(followed.slope - 1.0) < 0.3
+
+    def _radians(self, name: str) -> float | None:
+        unit = self._position_unit(name)[0]
+        return {"deg": np.pi / 180.0, "rad": 1.0}.get(unit)
+
+    def _kind_of_effort(self, name: str) -> tuple[str, str]:
+        x = self.values[name]
+        largest = float(np.nanmax(np.abs(x)))
+        if largest <= 1.0 + 1e-9 and np.sum(np.abs(x) > 0.999 * largest) > 5 and largest > 0.9:
+            return "duty", "it rests at 1, as a duty does"
+        if is_stepped(x) or is_set_by_program(x):
+            return "voltage", "a program sets it: it rests on levels without noise, as a voltage that is asked for"
+        if quantity := self.hints.quantity:
+            return quantity, "the file's name says so"
+        letter = self.names[name].bare[:1].casefold()
+        if len(self.names[name].bare) <= 4 and letter in _EFFORTS_BY_LETTER:
+            quantity = _EFFORTS_BY_LETTER[letter]
+            return quantity, f'an effort, and the letter {letter} stands for {quantity}'
+        return "torque", "an effort"
+
+    def _find_commands(self) -> None:
+        """Tell references of positions and commands of efforts from measurements."""
+        for name in self._free():
+            evidence = self.names[name]
+            for other, role in list(self.roles.items()):
+                if role.quantity in ("position", "velocity") and not role.is_command:
+                    followed = find_command((name, self.values[name]), (other, self.values[other]))
+                    if followed is not None and abs(followed.slope - 1.0) < 0.3:
+                        quantity = "reference" if role.quantity == "position" else "desired_velocity"
+                        unit = role.unit
+                        self.roles[name] = ColumnRole(
+                            name, quantity, unit, f'"{other}" follows it: {followed.why}', "", True, True, role.label, True
+                        )
+                        self.commands.append(followed)
+                        break
+            if name not in self.roles and evidence.is_command:
+                self._set(name, "reference", "its name says a command", evidence, False)
+        for name, role in list(self.roles.items()):
+            if role.quantity == "position" and self.names[name].is_command:
+                self.roles[name] = replace(role, quantity="reference", is_command=True, why="its name says a command")
+            elif role.quantity in EFFORTS and self.names[name].is_command:
+                measured = [n for n, r in self.roles.items() if r.quantity == role.quantity and n != name and not r.is_command]
+                if measured:
+                    self.roles[name] = replace(role, quantity=f"desired_{role.quantity}", is_command=True)
+            elif role.quantity == "velocity" and self.names[name].is_command:
+                self.roles[name] = replace(role, quantity="desired_velocity", is_command=True)
+        for name in self._free():
+            self._leave_out(name, "neither its name nor its numbers tell what it is")
+
+    def _settle_units(self) -> None:
+        votes = [
+            self._position_unit(name)
+            for name, role in self.roles.items()
+            if role.quantity in ("position", "reference", "angle", "motor_position") and self._stated(name) is None
+        ]
+        certain = {unit for unit, _, sure, _ in votes if sure and unit != "counts"}
+        spans = [unit for unit, *_ in votes]
+        # The joints of one table share their unit: what one of them shows for certain holds for all.
+        common = certain.pop() if len(certain) == 1 else None
+        if common is None and len(spans) > 1 and "deg" in spans and "rad" in spans and "counts" not in spans:
+            common = "deg"
+        for name, role in list(self.roles.items()):
+            if role.quantity is None or role.quantity.startswith("imu"):
+                continue
+            self.roles[name] = self._with_unit(name, role, common)
+        self._share_emg_unit()
+        for name, role in list(self.roles.items()):
+            if role.quantity in ("velocity", "acceleration", "desired_velocity", "reference") and not role.unit_is_certain:
+                self.roles[name] = self._with_partner_unit(name, role)
+
+    def _share_emg_unit(self) -> None:
+        """Give all EMG without a stated unit the unit of most: one amplifier has one unit."""
+        names = [n for n, r in self.roles.items() if r.quantity == "emg" and self._stated(n) is None]
+        units = [self.roles[name].unit for name in names]
+        if not units:
+            return
+        common = max(sorted(set(units)), key=units.count)
+        known = next(self.roles[name] for name in names if self.roles[name].unit == common)
+        for name in names:
+            if self.roles[name].unit != common:
+                self.roles[name] = replace(
+                    self.roles[name], unit=common, unit_why="as the other EMG channels", unit_is_certain=known.unit_is_certain
+                )
+
+    def _stated(self, name: str) -> str | None:
+        return self.names[name].unit or self.hints.units.get(name)
+
+    def _position_unit(self, name: str) -> tuple[str, str, bool, AngleUnit | None]:
+        stated = self._stated(name)
+        if stated is not None:
+            return stated, "the file states it", True, None
+        if self.hints.angle_unit is not None:
+            return self.hints.angle_unit, "the file's header states it", True, None
+        found = find_angle_unit(self.values[name])
+        for pair in self.pairs:
+            unit = self._stated(pair.by) if pair.of == name else None
+            fitting = [a for a, b in pair.units if b == unit]
+            if fitting:
+                return fitting[0], f'its derivative "{pair.by}" is in {unit}, at a ratio of {pair.ratio:.4g}', True, None
+        if name in self.keys and "wrap_bits" in self.keys[name]:
+            return "counts", f"a count that rolls over after {self.keys[name]['wrap_bits']} bits", True, found
+        return found.unit, found.why, found.is_certain, found
+
+    def _with_unit(self, name: str, role: ColumnRole, common: str | None) -> ColumnRole:
+        stated = self._stated(name)
+        quantity = role.quantity or ""
+        keys = dict(role.keys) | self.keys.get(name, {})
+        if quantity in ("position", "reference", "angle", "target", "error", "motor_position"):
+            unit, why, sure, found = self._position_unit(name)
+            if stated is None and common is not None and not sure:
+                unit, why, sure = common, "as the other angles of the table", True
+            if found is not None and found.wrap is not None:
+                keys["wrap"] = found.wrap
+            if not sure and unit != "counts":
+                decided = self._weighed(name)
+                if decided is not None:
+                    unit, why, sure = decided[0], decided[1], True
+            return replace(role, unit=unit, unit_why=why, unit_is_certain=sure, keys=keys)
+        if stated is not None:
+            return replace(role, unit=stated, unit_why="the file states it", keys=keys)
+        if quantity == "emg":
+            unit, why, sure = _emg_unit(self.values[name], self.rate)
+            return replace(role, unit=unit, unit_why=why, unit_is_certain=sure, keys=keys)
+        if quantity in ("velocity", "acceleration", "desired_velocity"):
+            return replace(role, unit="rad/s" if quantity != "acceleration" else "rad/s^2", unit_is_certain=False, keys=keys)
+        unit, why, sure = _unit_by_size(quantity.removeprefix("desired_"), self.values[name])
+        return replace(role, unit=unit, unit_why=why, unit_is_certain=sure, keys=keys)
+
+    def _weighed(self, name: str) -> tuple[str, str] | None:
+        """Return a position's unit by the weight of what it moves, with the reason; None if weight does not tell."""
+        if self.rate is None or len(self.time) < 200:
+            return None
+        motion = motion_samples(self.values[name], self.time)
+        for other, role in self.roles.items():
+            if role.quantity in ("torque", "current", "voltage", "duty"):
+                decided = unit_by_weight(self.values[other], motion)
+                if decided is not None:
+                    unit, degrees, radians = decided
+                    return unit, (
+                        f'"{other}" weighs it so: the sine explains {100 * degrees:.0f} % in degrees and '
+                        f"{100 * radians:.0f} % in radians"
+                    )
+        return None
+
+    def _with_partner_unit(self, name: str, role: ColumnRole) -> ColumnRole:
+        """Return a derivative's role with the unit that follows from its position's, by their ratio."""
+        if role.quantity == "reference":
+            for command in self.commands:
+                partner = self.roles.get(command.measured)
+                if command.command == name and partner is not None:
+                    return replace(
+                        role, unit=partner.unit, unit_why=f'as "{command.measured}"', unit_is_certain=partner.unit_is_certain
+                    )
+            measured = [r for r in self.roles.values() if r.quantity == "position"]
+            if len(measured) == 1:
+                return replace(
+                    role, unit=measured[0].unit, unit_why=f'as "{measured[0].column}"',
+                    unit_is_certain=measured[0].unit_is_certain,
+                )  # fmt: skip
+            return role
+        for pair in self.pairs:
+            if pair.by != name:
+                continue
+            of = self.roles.get(pair.of)
+            if of is None:
+                continue
+            for a, b in pair.units:
+                if a == of.unit or (role.quantity == "acceleration" and f"{a}/s" == of.unit):
+                    unit = f"{of.unit}^2" if role.quantity == "acceleration" else b
+                    return replace(
+                        role, unit=unit, unit_why=f'it is {pair.ratio:.4g} times the derivative of "{pair.of}"',
+                        unit_is_certain=of.unit_is_certain,
+                    )  # fmt: skip
+            return replace(role, unit_why=f"{pair.ratio:.4g} times the derivative fits no usual unit")
+        positions = [r for r in self.roles.values() if r.quantity == "position"]
+        suffix = "/s^2" if role.quantity == "acceleration" else "/s"
+        if positions and positions[0].unit in ("rad", "deg", "m", "mm"):
+            return replace(role, unit=positions[0].unit + suffix, unit_why="as the position, per second")
+        return role
+
+    def _group_joints(self) -> None:
+        """Give each channel of several joints the name of its joint, and choose the main channel of a single one."""
+        person = self.hints.is_person or (
+            not any(r.quantity in EFFORTS and r.quantity != "torque" for r in self.roles.values())
+            and any(r.quantity == "emg" for r in self.roles.values())
+        )
+        by_quantity: dict[str, list[str]] = {}
+        for name in self.columns:
+            role = self.roles.get(name)
+            if role is not None and role.quantity is not None and not _has_own_label(role):
+                by_quantity.setdefault(role.quantity, []).append(name)
+        if person:
+            self._name_persons_joints(by_quantity)
+            return
+        motion = self._family(by_quantity.get("position", []) or by_quantity.get("motor_position", []))
+        efforts = max((self._family(by_quantity.get(q, [])) for q in EFFORTS), key=len)
+        family = motion if len(motion) > 1 else efforts if len(efforts) > 1 and not by_quantity.get("position") else []
+        if len(family) < 2:
+            for quantity, names in by_quantity.items():
+                self._choose_main(quantity, names)
+            return
+        joints = self._joint_names(family)
+        self.joints = tuple(joints)
+        for quantity, names in by_quantity.items():
+            if len(names) > len(joints) and len(names) % len(joints) == 0 and quantity in EFFORTS:
+                self._split_blocks(quantity, names, joints)
+                continue
+            own = self._joint_names(names)
+            for i, name in enumerate(names):
+                if len(names) == len(joints) or own[i] in joints:
+                    joint = joints[i] if own[i] not in joints or len(names) == len(joints) else own[i]
+                    self.roles[name] = replace(self.roles[name], label=joint)
+                else:
+                    self._make_extra(name)
+
+    def _family(self, names: Sequence[str]) -> list[str]:
+        """Return the columns whose names differ by numbers or joints alone, or that have numbers for names."""
+        families: dict[str, list[str]] = {}
+        for name in names:
+            role = self.roles[name]
+            weak = not role.is_certain and not name.isdigit() and not _named_joint(self.names[name].bare)
+            stem = "".join(c for c in self.names[name].bare.casefold() if not c.isdigit())
+            joint = self.names[name].joint
+            key = f"weak {name}" if weak else stem.replace(joint, "") if joint else stem
+            families.setdefault(key, []).append(name)
+        return max(families.values(), key=len, default=[])
+
+    def _choose_main(self, quantity: str, names: list[str]) -> None:
+        """Keep one column for a channel of a single joint, and give the others names of their own."""
+        if len(names) < 2:
+            return
+
+        def merit(name: str) -> tuple[bool, bool, bool, bool, int]:
+            role, words = self.roles[name], set(words_of(self.names[name].bare))
+            paired = any(name in (pair.of, pair.by) for pair in self.pairs)
+            physical = role.unit != "counts"
+            measured = bool(words & {"applied", "measured", "actual", "meas", "real", "total", "motor"})
+            return role.is_certain, paired, measured, physical, -self.roughly_still(name)
+
+        best = max(names, key=merit)
+        for name in names:
+            if name != best:
+                self._make_extra(name)
+
+    def roughly_still(self, name: str) -> int:
+        """Return the share of rows in which a column does not change [%]."""
+        known = self.values[name][np.isfinite(self.values[name])]
+        return round(100.0 * float(np.mean(np.diff(known) == 0.0))) if len(known) > 1 else 100
+
+    def _make_extra(self, name: str) -> None:
+        role = self.roles[name]
+        if not role.unit_is_certain or not role.is_certain:
+            self._leave_out(name, f"a further {role.quantity}, whose meaning is not certain: {role.why}")
+            return
+        self.roles[name] = replace(role, quantity=_plain_label(self.names[name].bare).casefold(), label="")
+
+    def _name_persons_joints(self, by_quantity: dict[str, list[str]]) -> None:
+        """Name angles and moments of a person's joints."""
+        for quantity, kind in (("position", "angle"), ("torque", "moment")):
+            for name in by_quantity.get(quantity, []):
+                label = _named_joint(self.names[name].bare) or _plain_label(self.names[name].bare).casefold()
+                self.roles[name] = replace(self.roles[name], quantity=kind, label=label)
+
+    def _joint_names(self, names: Sequence[str]) -> list[str]:
+        """Return the joints' names: those of people, numbers of columns, or their order."""
+        named = [_named_joint(self.names[name].bare) for name in names]
+        if all(named) and len(set(named)) == len(named):
+            return [name for name in named if name]
+        numbers = [self.names[name].number for name in names]
+        plain = all(name.isdigit() for name in names)
+        if not plain and None not in numbers and len(set(numbers)) == len(numbers):
+            return [f"joint_{number}" for number in numbers]
+        return [f"joint_{i + 1}" for i in range(len(names))]
+
+    def _split_blocks(self, quantity: str, names: list[str], joints: list[str]) -> None:
+        """Give blocks of efforts, one for each joint, their meaning: measured, and asked for in one or two units."""
+        count = len(joints)
+        blocks = [names[i : i + count] for i in range(0, len(names), count)]
+        noise = [float(np.median([roughness(self.values[name]) for name in block])) for block in blocks]
+        measured = int(np.argmax(noise))
+        sizes = [np.array([np.std(self.values[name]) for name in block]) for block in blocks]
+        for k, block in enumerate(blocks):
+            gains = sizes[k] / np.maximum(sizes[measured], 1e-12)
+            usual = float(np.median(gains))
+            alike = 0.5 < usual < 2.0
+            for joint, name in zip(joints, block, strict=True):
+                role = replace(self.roles[name], label=joint)
+                if k == measured and len(blocks) > 1:
+                    kind = "current" if any(_is_larger(sizes[j], sizes[k]) for j in range(len(blocks)) if j != k) else quantity
+                    role = replace(role, quantity=kind, unit=DEFAULT_UNITS[kind], is_certain=False, unit_is_certain=False,
+                                   why="an effort with noise: it is measured")  # fmt: skip
+                elif alike:
+                    kind = "current" if len(blocks) > 2 else quantity
+                    role = replace(role, quantity=f"desired_{kind}", unit=DEFAULT_UNITS[kind], is_command=True,
+                                   is_certain=False, unit_is_certain=False,
+                                   why="an effort without noise, as large as the measured one: it was asked for")  # fmt: skip
+                else:
+                    role = replace(role, quantity="desired_torque", unit="N*m", is_command=True, is_certain=False,
+                                   unit_is_certain=False,
+                                   why=f"an effort without noise, {usual:.3g} times as large as the measured one")  # fmt: skip
+                self.roles[name] = role
+
+    def _set(self, name: str, quantity: str, why: str, evidence: NameEvidence, certain: bool) -> None:
+        label = ""
+        if quantity == "emg":
+            label = evidence.muscle or _plain_label(evidence.bare)
+        elif quantity in ("length", "lengthening"):
+            label = evidence.muscle or _plain_label(evidence.bare)
+        elif quantity == "moment_arm":
+            label = f"{evidence.joint or self.hints.joint or 'joint'}.{evidence.muscle or _plain_label(evidence.bare)}"
+        if evidence.is_interaction and quantity in ("torque", "force"):
+            quantity = "interaction"
+        unit = evidence.unit or DEFAULT_UNITS.get(quantity, "1")
+        self.roles[name] = ColumnRole(name, quantity, unit, why, "", certain, True, label)
+
+
+def _is_larger(other: np.ndarray, own: np.ndarray) -> bool:
+    return float(np.median(other / np.maximum(own, 1e-12))) > 3.0
+
+
+def _has_own_label(role: ColumnRole) -> bool:
+    return role.quantity is not None and (
+        "." in role.quantity or role.quantity in ("emg", "length", "lengthening", "moment_arm", "supply", "temperature", "enabled")
+    )
+
+
+def _named_joint(bare: str) -> str | None:
+    """Return the name of a person's joint with its direction and side, as a word of study.toml."""
+    from .name_evidence import JOINT_WORDS
+
+    folded = bare.casefold()
+    if not any(joint in folded for joint in JOINT_WORDS):
+        return None
+    for word in ("_moment", "_force", "moment", "_angle", "angle", "torque", "position"):
+        folded = folded.replace(word, "")
+    return _plain_label(folded)
+
+
+def _plain_label(text: str) -> str:
+    import re
+
+    label = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") or "channel"
+    return label if label[0].isalpha() else f"c{label}"
+
+
+def _is_long_name(evidence: NameEvidence) -> bool:
+    """Whether a name says its quantity by a word, and not by a letter that may stand for anything."""
+    from .name_evidence import QUANTITY_WORDS, words_of
+
+    known = QUANTITY_WORDS.get(evidence.quantity or "", set())
+    words = words_of(evidence.bare)
+    joined = "".join(words)
+    return any(len(word) >= 3 and word in known for word in words) or any(len(w) >= 4 and w in joined for w in known)
+
+
+def _is_stepped_name(evidence: NameEvidence, values: np.ndarray) -> bool:
+    return evidence.quantity in ("temperature", "enabled", "state", "counter", "emg", "time") or is_stepped(values)
+
+
+def _swings_fast(values: np.ndarray) -> bool:
+    """Whether a column swings about its mean within some samples and in bursts, whatever the rate is."""
+    known = values[np.isfinite(values)]
+    if len(known) < 500:
+        return False
+    centred = known - np.median(known)
+    crossings = float(np.mean(np.diff(np.signbit(centred)) != 0))
+    first = float(np.corrcoef(centred[:-1], centred[1:])[0, 1]) if np.ptp(centred) > 0.0 else 1.0
+    return crossings > 0.05 and -0.3 < first < 0.98 and abs(float(np.mean(centred))) < 0.5 * float(np.std(centred))
+
+
+def _emg_unit(values: np.ndarray, rate: float | None) -> tuple[str, str, bool]:
+    known = values[np.isfinite(values)]
+    size = float(np.quantile(np.abs(known - np.median(known)), 0.999))
+    if is_envelope(values, rate or 1000.0) and not (rate and is_raw_emg(values, rate)):
+        if size <= 1.5:
+            return "1", f"an envelope up to {np.max(known):.3g}: relative to a maximum", True
+        if size <= 150.0:
+            return "%", f"an envelope up to {np.max(known):.3g}: perhaps percent of a maximum", False
+    for unit, low, high in (("V", 0.0, 0.012), ("mV", 0.012, 12.0), ("uV", 12.0, 12000.0)):
+        if low < size <= high:
+            return unit, f"surface EMG has up to some millivolts, and this {size:.3g}", False
+    return "uV", f"numbers up to {size:.3g} are counts of a converter or microvolts", False
+
+
+def _unit_by_size(quantity: str, values: np.ndarray) -> tuple[str, str, bool]:
+    """Return a unit that nothing states, by the size of the numbers; it is never certain but where there is only one."""
+    known = values[np.isfinite(values)]
+    largest = float(np.max(np.abs(known))) if len(known) else 0.0
+    whole = bool(np.all(known == np.round(known)))
+    if quantity == "current":
+        if largest > 100.0 or (whole and largest > 20.0):
+            return "mA", f"numbers up to {largest:.4g} are much for amperes", False
+        return "A", f"numbers up to {largest:.4g}", False
+    if quantity == "torque":
+        return ("mN*m" if whole and largest > 300.0 else "N*m"), f"numbers up to {largest:.4g}", False
+    if quantity in ("voltage", "supply"):
+        return ("mV" if largest > 500.0 else "V"), f"numbers up to {largest:.4g}", quantity == "supply" and 3 < largest < 60
+    if quantity == "duty" and largest > 100.0:
+        return "1", f"whole numbers up to {largest:.4g} in the file; which of them is 100 % is not said", False
+    if quantity == "duty":
+        return ("%" if 1.5 < largest <= 100.0 else "1"), f"numbers up to {largest:.4g}", largest <= 1.0
+    if quantity in ("enabled", "orientation"):
+        return "1", "", True
+    if quantity == "temperature":
+        return "degC", "", 5.0 < largest < 150.0
+    if quantity in ("length", "moment_arm"):
+        return "m", f"numbers up to {largest:.3g}, as of muscles in metres", largest < 1.5
+    if quantity in DEFAULT_UNITS:
+        return DEFAULT_UNITS[quantity], f"numbers up to {largest:.4g}", False
+    return "1", "", False
+
+
+def _numbered(sensors: list[InertialColumns]) -> list[tuple[str, InertialColumns]]:
+    """Return inertial sensors with labels: the k-th sensor of each kind belongs to the k-th unit."""
+    counts: dict[str, int] = {}
+    counts_by_kind = {kind: sum(s.kind == kind for s in sensors) for kind in INERTIAL}
+    # A gyroscope belongs to each unit; a further triple of gravity's length is something computed.
+    total = counts_by_kind["angular_velocity"] or max(counts_by_kind.values(), default=0)
+    labelled = []
+    for sensor in sensors:
+        k = counts.get(sensor.kind, 0)
+        counts[sensor.kind] = k + 1
+        label = ("proximal", "distal")[k] if total == 2 and k < 2 else "imu" if total == 1 and k == 0 else f"imu{k + 1}"
+        labelled.append((label, sensor))
+    return labelled
+
+
+def is_known_unit(unit: str, expected: str) -> bool:
+    """Whether a unit has the dimension of another one."""
+    try:
+        to_si_factor(unit, expected)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,117 @@
+"""Find which column is the derivative of which, and by what factor: that tells velocities from positions, and their units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+MAX_COMPARED_ROWS = 40_000
+"""Only this many rows of a table are compared, those with the most motion."""
+
+MIN_CORRELATION = 0.9
+"""A column is another one's derivative if it correlates with that one's difference quotient at least so."""
+
+MIN_CORRELATION_WITHOUT_UNITS = 0.998
+"""A pair with a ratio that no two units have, such as counts and rad/s, needs at least this correlation."""
+
+RATIOS = (
+    ("rad", "rad/s", 1.0), ("deg", "deg/s", 1.0), ("deg", "rad/s", math.pi / 180.0), ("rad", "deg/s", 180.0 / math.pi),
+    ("rad", "rpm", 30.0 / math.pi), ("deg", "rpm", 1.0 / 6.0), ("m", "mm/s", 1000.0), ("mm", "m/s", 0.001), ("m", "m/s", 1.0),
+)  # fmt: skip
+"""Units of a column and of its derivative, with the ratio of the recorded to the computed derivative."""
+
+RATIO_TOLERANCE = 0.08
+"""A ratio is one of `RATIOS` if it is within this share of it: filters and delays lower the ratio by some percent."""
+
+
+@dataclass(frozen=True)
+class DerivativePair:
+    """A column that is the derivative of another."""
+
+    of: str  # column that is differentiated
+    by: str  # column that is its derivative
+    ratio: float  # recorded derivative over the computed one, per second of the table's clock
+    correlation: float  # correlation of both
+
+    @property
+    def units(self) -> tuple[tuple[str, str], ...]:
+        """Pairs of units that fit the ratio, such as ``("deg", "rad/s")``."""
+        return tuple((a, b) for a, b, ratio in RATIOS if abs(abs(self.ratio) / ratio - 1.0) < RATIO_TOLERANCE)
+
+
+def find_derivatives(columns: Mapping[str, np.ndarray], time: np.ndarray) -> list[DerivativePair]:
+    """Return the pairs of columns of which one is the other's derivative, best first; each column is one's derivative once.
+
+    Both are smoothed alike before they are compared, so that noise of difference quotients does not hide a pair. The
+    correlation of a difference quotient with the column must exceed that of the column itself, which a decaying
+    exponential would also fulfil.
+
+    Parameters
+    ----------
+    columns : mapping of ndarray
+        Columns, each shape (n,), without counters and clocks.
+    time : ndarray, shape (n,)
+        Times [s]; they must not fall.
+    """
+    names = [name for name, x in columns.items() if np.isfinite(x).mean() > 0.98 and np.ptp(x[np.isfinite(x)]) > 0.0]
+    if len(names) < 2 or len(time) < 50:
+        return []
+    rows = _busiest_rows([columns[name] for name in names], len(time))
+    times = time[rows]
+    keep = np.concatenate(([True], np.diff(times) > 0.0)) & np.isfinite(times)
+    times = times[keep]
+    if len(times) < 50:
+        return []
+    matrix = np.column_stack([np.nan_to_num(columns[name][rows][keep]) for name in names])
+    slopes = np.gradient(matrix, times, axis=0)
+    width = max(3, len(times) // 2000)
+    level, slope = _smoothed(matrix, width), _smoothed(slopes, width)
+    correlation = _correlations(slope, level)
+    own = np.abs(_correlations(level, level))
+    found = []
+    for j, by in enumerate(names):
+        strengths = np.abs(correlation[:, j]).copy()
+        strengths[j] = 0.0
+        i = int(np.argmax(strengths))
+        if strengths[i] < MIN_CORRELATION or own[i, j] > 0.6:
+            continue
+        centred = slope[:, i] - slope[:, i].mean()
+        ratio = float(centred @ (level[:, j] - level[:, j].mean()) / (centred @ centred))
+        pair = DerivativePair(names[i], by, ratio, float(correlation[i, j]))
+        # Friction makes an effort resemble a velocity; then the ratio is none of units, and the fit is worse.
+        if pair.units or abs(pair.correlation) > MIN_CORRELATION_WITHOUT_UNITS:
+            found.append(pair)
+    return sorted(found, key=lambda pair: -abs(pair.correlation))
+
+
+def _busiest_rows(columns: list[np.ndarray], n: int) -> slice:
+    """Return the rows, at most `MAX_COMPARED_ROWS`, in which the columns vary most."""
+    if n <= MAX_COMPARED_ROWS:
+        return slice(0, n)
+    best, start = -1.0, 0
+    for first in range(0, n - MAX_COMPARED_ROWS + 1, MAX_COMPARED_ROWS // 2):
+        part = [column[first : first + MAX_COMPARED_ROWS : 20] for column in columns]
+        total = sum(
+            float(np.nanstd(x) / (np.nanstd(column[::20]) or 1.0)) for x, column in zip(part, columns, strict=True)
+        )
+        if total > best:
+            best, start = total, first
+    return slice(start, start + MAX_COMPARED_ROWS)
+
+
+def _smoothed(matrix: np.ndarray, width: int) -> np.ndarray:
+    """Return running means of `width` rows, twice, so that quanta and noise lose most of their power."""
+    for _ in range(2):
+        sums = np.cumsum(np.vstack([np.zeros((1, matrix.shape[1])), matrix]), axis=0)
+        matrix = (sums[width:] - sums[:-width]) / width
+    return matrix
+
+
+def _correlations(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+    norms = np.linalg.norm(a, axis=0)[:, None] * np.linalg.norm(b, axis=0)[None, :]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.nan_to_num((a.T @ b) / norms)

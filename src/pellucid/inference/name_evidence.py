@@ -1,0 +1,238 @@
+"""Read from a column's name what it may be: a quantity, a unit, and a joint or a muscle. Numbers then confirm or refute it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from ..recordings.stated_units import split_unit
+from ..units import to_si_factor
+
+QUANTITY_WORDS = {
+    "time": {"time", "t", "timestamp", "stamp", "clock", "zeit", "tiempo", "temps", "elapsed", "tijd", "datetime", "epoch", "uptime", "sec", "secs", "millis", "micros"},
+    "counter": {"counter", "count", "sample", "samples", "number", "index", "idx", "seq", "frame", "row", "packet", "no", "nr"},
+    "position": {"position", "pos", "angle", "q", "theta", "th", "enc", "encoder", "deg", "winkel", "angulo", "phi", "rotation", "goniometer", "gonio", "flexion", "qj", "ang", "x", "displacement", "disp", "stroke", "travel", "jointangle", "qpos"},
+    "velocity": {"velocity", "vel", "speed", "omega", "dq", "qd", "qdot", "dtheta", "v", "rate", "geschwindigkeit", "drehzahl", "qvel", "spd", "thetadot", "w", "velo", "dqj"},
+    "acceleration": {"ddq", "qdd", "qddot", "alpha", "angacc", "qacc"},
+    "torque": {"torque", "tau", "trq", "tq", "moment", "drehmoment", "mom", "effort", "eff", "couple", "par", "tauj", "torsion"},
+    "force": {"force", "load", "loadcell", "kraft", "fz", "fy", "thrust", "f", "dynamometer", "grf", "fuerza", "cable", "tension"},
+    "current": {"current", "i", "cur", "curr", "strom", "amps", "iq", "amp", "imotor", "corriente", "ampere", "courant"},
+    "voltage": {"voltage", "volt", "volts", "u", "vin", "spannung", "um", "umotor"},
+    "duty": {"duty", "pwm"},
+    "supply": {"supply", "battery", "vbus", "bus", "busvoltage", "vbat", "inputvolts"},
+    "temperature": {"temperature", "temp", "temperatur", "tmp"},
+    "enabled": {"enabled", "enable", "on"},
+    "emg": {"emg", "semg", "muscle", "electromyogram", "emgs"},
+    "linear_acceleration": {"acc", "accel", "accelerometer", "acceleration", "ax", "ay", "az", "linacc"},
+    "angular_velocity": {"gyr", "gyro", "gyroscope", "gx", "gy", "gz", "angvel", "rotrate"},
+    "magnetic_field": {"mag", "magnetometer", "mx", "my", "mz"},
+    "orientation": {"quat", "quaternion", "qw", "qx", "qy", "qz", "orientation"},
+    "error": {"error", "err"},
+    "stiffness": {"stiffness", "k", "kp"},
+    "damping": {"damping", "b", "kd"},
+    "state": {"state", "status", "flag", "mode", "phase", "trigger", "sync", "digital", "digitals", "event", "label"},
+}  # fmt: skip
+"""Words of names, folded, by the quantity that they stand for."""
+
+COMMAND_WORDS = frozenset({
+    "ref", "reference", "des", "desired", "cmd", "command", "commanded", "goal", "target", "setpoint", "sp", "set", "soll",
+    "demand", "planned", "qr", "qref", "qdes", "nominal", "consigne", "desire", "taucmd", "icmd",
+})  # fmt: skip
+"""Words of names that tell a command from a measurement."""
+
+INTERACTION_WORDS = frozenset({"interaction", "human", "user", "contact", "cuff", "strap", "wearer"})
+"""Words of names that tell an effort between robot and person."""
+
+MUSCLE_NAMES = {
+    "rectus_femoris": ("rectusfemoris", "rectfem", "recfem", "rf", "recto femoral", "rectofemoral", "rectus"),
+    "vastus_lateralis": ("vastuslateralis", "vaslat", "vastlat", "vl", "vastolateral"),
+    "vastus_medialis": ("vastusmedialis", "vasmed", "vastmed", "vm", "vastomedial", "vmo"),
+    "vastus_intermedius": ("vastusintermedius", "vasint"),
+    "biceps_femoris": ("bicepsfemoris", "bf", "biceps femoris"),
+    "biceps_femoris_long": ("bifemlh", "bicfemlong", "bflh", "bicfem"),
+    "biceps_femoris_short": ("bifemsh", "bfsh"),
+    "semitendinosus": ("semitendinosus", "semiten", "st", "semitend", "semitendinoso"),
+    "semimembranosus": ("semimembranosus", "semimem", "semimemb", "sm"),
+    "tibialis_anterior": ("tibialisanterior", "tibant", "ta"),
+    "soleus": ("soleus", "sol", "so"),
+    "gastrocnemius_medialis": ("gastrocnemiusmedialis", "medgas", "gasmed", "gm", "mg", "gastmed", "medgast"),
+    "gastrocnemius_lateralis": ("gastrocnemiuslateralis", "latgas", "gaslat", "gl", "lg", "gastlat", "latgast"),
+    "gastrocnemius": ("gastrocnemius", "gastroc", "gas"),
+    "gluteus_maximus": ("gluteusmaximus", "glutmax", "gmax"),
+    "gluteus_medius": ("gluteusmedius", "glutmed", "gmed"),
+    "adductor_longus": ("adductorlongus", "addlong"),
+    "gracilis": ("gracilis", "grac"),
+    "tensor_fasciae_latae": ("tfl", "tensorfasciaelatae"),
+    "biceps": ("biceps", "bicepsbrachii", "bic", "bb"),
+    "triceps": ("triceps", "tricepsbrachii", "tri", "tb"),
+    "brachialis": ("brachialis", "brach"),
+    "brachioradialis": ("brachioradialis", "brachrad", "brd"),
+    "deltoid_anterior": ("anteriordeltoid", "deltant", "antdelt"),
+    "deltoid_medial": ("mediallydeltoid", "deltmed", "meddelt", "lateraldeltoid"),
+    "deltoid_posterior": ("posteriordeltoid", "deltpost", "postdelt"),
+    "deltoid": ("deltoid", "delt"),
+    "trapezius": ("trapezius", "trap"),
+    "pectoralis_major": ("pectoralismajor", "pecmaj", "pec"),
+    "rectus_abdominis": ("rectabd", "rectusabdominis"),
+    "iliocostalis": ("iliocost", "iliocostalis"),
+    "longissimus_lumborum": ("longlumb",),
+    "longissimus_thoracis": ("longthor",),
+    "erector_spinae": ("erectorspinae", "es"),
+}  # fmt: skip
+"""Ways of writing muscles' names without blanks, in lower case. Two or three letters alone need EMG's spectrum beside them."""
+
+JOINT_WORDS = (
+    "hip", "knee", "ankle", "shoulder", "elbow", "wrist", "finger", "thumb", "lumbar", "pelvis", "subtalar", "mtp", "neck",
+    "trunk", "l5_s1", "l4_l5", "l3_l4", "l2_l3", "l1_l2", "l1_t12",
+)  # fmt: skip
+"""Joints of people, as names of columns contain them."""
+
+HUMAN_JOINT_SUFFIXES = ("flexion", "extension", "abduction", "adduction", "rotation", "bending", "tilt", "flex_ext")
+"""Words that name a direction of a person's joint, not one of a robot's."""
+
+OTHER_QUANTITY_WORDS = {
+    "length": {"length", "lmt", "mtlength"},
+    "moment_arm": {"momentarm", "ma", "arm"},
+    "lengthening": {"lengthening"},
+}
+"""Words of quantities that only muscles have."""
+
+
+@dataclass(frozen=True)
+class NameEvidence:
+    """What a column's name says about it."""
+
+    name: str  # name as the file writes it
+    bare: str  # name without its unit
+    quantity: str | None  # quantity that the words say, None for none
+    unit: str | None  # unit that the name states
+    is_command: bool  # whether a word says that it was asked for, not measured
+    is_interaction: bool  # whether a word says that it acts between robot and person
+    muscle: str | None  # muscle, in the words of study.toml
+    joint: str | None  # joint of a person that is named
+    axis: str | None  # "x", "y", "z" or "w"
+    number: int | None  # last number in the name
+
+
+def words_of(name: str) -> list[str]:
+    """Return the words of a name in lower case: split at marks, at capitals within a word, and before digits."""
+    spaced = re.sub(r"(?<=[a-zà-ÿ0-9])(?=[A-Z][a-z])|(?<=[a-zà-ÿ])(?=[A-Z])", " ", name)
+    spaced = re.sub(r"(?<=[A-Za-zà-ÿ])(?=\d)|(?<=\d)(?=[A-Za-zà-ÿ])", " ", spaced)
+    return [word for word in re.split(r"[\W_]+", spaced.casefold()) if word]
+
+
+def read_name(name: str) -> NameEvidence:
+    """Return what a column's name says.
+
+    Examples
+    --------
+    >>> found = read_name("motor_current [mA]")
+    >>> found.quantity, found.unit, found.is_command
+    ('current', 'mA', False)
+    """
+    bare, unit = split_unit(name)
+    # Of a dotted path, the last part names the quantity: "entries.position".
+    _, _, last = bare.rpartition(".")
+    own = last if words_of(last) and not words_of(last)[-1].isdigit() and len(last) > 1 else bare
+    words = words_of(own)
+    joined = re.sub(r"[\W_]+", "", own.casefold())
+    is_command = bool(COMMAND_WORDS & {*words, joined})
+    muscle = _muscle(bare)
+    quantity = _quantity_of_words(words, joined)
+    if muscle is not None and quantity in (None, "position", "force") and not ({"force", "angle"} & set(words)):
+        quantity = "emg"
+    if unit is not None and (by_unit := quantity_of_unit(unit)) is not None:
+        quantity = quantity if quantity is not None and _agrees(quantity, by_unit) else by_unit
+    numbers = [int(word) for word in words if word.isdigit()]
+    return NameEvidence(
+        name,
+        bare,
+        quantity,
+        unit,
+        is_command,
+        bool(INTERACTION_WORDS & set(words)),
+        muscle,
+        _joint(bare),
+        _axis(words, joined),
+        numbers[-1] if numbers else None,
+    )
+
+
+def quantity_of_unit(unit: str) -> str | None:
+    """Return the quantity that a unit tells of a robot's channel: ``"mA"`` tells a current. None if it tells none."""
+    for quantity, si in (
+        ("time", "s"), ("position", "rad"), ("position", "m"), ("velocity", "rad/s"), ("velocity", "m/s"),
+        ("acceleration", "rad/s^2"), ("linear_acceleration", "m/s^2"), ("torque", "N*m"), ("force", "N"),
+        ("current", "A"), ("voltage", "V"), ("temperature", "K"), ("magnetic_field", "T"), ("stiffness", "N*m/rad"),
+        ("damping", "N*m*s/rad"),
+    ):  # fmt: skip
+        try:
+            to_si_factor(unit, si)
+        except ValueError:
+            continue
+        return quantity
+    return None
+
+
+def _agrees(quantity: str, by_unit: str) -> bool:
+    """Whether a unit can be one of the quantity that words say."""
+    alike = {
+        "emg": {"voltage"}, "supply": {"voltage"}, "angular_velocity": {"velocity"}, "error": {"position"},
+        "position": {"position"}, "length": {"position"}, "moment_arm": {"position"}, "duty": set(),
+        "acceleration": {"linear_acceleration", "acceleration"},
+    }  # fmt: skip
+    return by_unit == quantity or by_unit in alike.get(quantity, set())
+
+
+def _quantity_of_words(words: list[str], joined: str) -> str | None:
+    for quantity, known in OTHER_QUANTITY_WORDS.items():
+        if words and words[0] in known and len(words) > 1:
+            return quantity
+    if "moment" in words and "arm" in words:
+        return "moment_arm"
+    for quantity, known in QUANTITY_WORDS.items():
+        if joined in known or joined.rstrip("0123456789") in known:
+            return quantity
+    order = (
+        "enabled", "emg", "error", "stiffness", "damping", "torque", "current", "velocity", "temperature", "supply", "voltage", "force",
+        "linear_acceleration", "angular_velocity", "magnetic_field", "orientation", "acceleration", "duty",
+        "position", "time", "counter", "state",
+    )  # fmt: skip
+    # Words of three letters or more are told from the start of a name to its end; letters alone only if nothing else is.
+    for long_words in (True, False):
+        for quantity in order:
+            if any((len(word) >= 3) == long_words and word in QUANTITY_WORDS[quantity] for word in words):
+                return quantity
+    # A word may stand within another, as in "eposposition".
+    for quantity in order:
+        if any(len(word) >= 4 and word in joined for word in QUANTITY_WORDS[quantity]):
+            return quantity
+    return None
+
+
+def _muscle(bare: str) -> str | None:
+    words = [word for word in words_of(bare) if word not in ("l", "r", "left", "right", "emg", "semg") and not word.isdigit()]
+    joined = "".join(words)
+    for muscle, ways in MUSCLE_NAMES.items():
+        if joined in (way.replace(" ", "") for way in ways) or joined.lstrip("lr") in (way for way in ways if len(way) > 5):
+            return _with_side(muscle, bare)
+    for muscle, ways in MUSCLE_NAMES.items():
+        if any(len(way) > 5 and way.replace(" ", "") in joined for way in ways):
+            return _with_side(muscle, bare)
+    return None
+
+
+def _with_side(muscle: str, bare: str) -> str:
+    side = re.search(r"(?:^|[_\s.])(l|r|left|right)(?:$|[_\s.])", bare.casefold())
+    return f"{muscle}_{side[1]}" if side and side[1] in ("left", "right") else muscle
+
+
+def _joint(bare: str) -> str | None:
+    folded = bare.casefold()
+    return next((joint for joint in JOINT_WORDS if joint in folded), None)
+
+
+def _axis(words: list[str], joined: str) -> str | None:
+    if words and words[-1] in ("x", "y", "z", "w"):
+        return words[-1]
+    return joined[-1] if re.fullmatch(r"(a|g|m|acc|gyr|gyro|mag|q|quat|accel)[xyzw]", joined) else None

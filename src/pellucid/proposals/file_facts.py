@@ -1,0 +1,143 @@
+"""Read settings that a file states above its table or beside it: sampling rate, torque constant, gear ratio, supply."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from ..inference.name_evidence import words_of
+from ..recordings.stated_units import split_unit, unit_from_text
+from ..units import to_si_factor
+
+_NUMBER = r"[-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
+
+_RATE_TEXT = re.compile(rf"({_NUMBER})\s*(?:samples per second|samples/s(?:ec)?|samples/second|sps\b|S/s|Hz)", re.IGNORECASE)
+
+_VALUE = re.compile(rf"\s*({_NUMBER})\s*([^\d].*)?")
+
+MAX_RATE_HZ = 1e6
+"""A number that is said to be a sampling rate is at most this [Hz]."""
+
+
+@dataclass(frozen=True)
+class FileFact:
+    """A setting of a file."""
+
+    value: float  # value in `unit`
+    unit: str  # unit, as study.toml writes it
+    label: str  # label in the file
+
+    @property
+    def text(self) -> str:
+        """The value with its unit, as study.toml writes it."""
+        return f"{self.value:.12g} {self.unit}"
+
+
+def find_rate(facts: Mapping[str, str]) -> FileFact | None:
+    """Return the sampling rate that a file states [Hz], by its rate, its frequency or its period; None if it states none."""
+    for label, text in facts.items():
+        words = set(words_of(label))
+        joined = "".join(words_of(label))
+        value = _value(text)
+        if value is None:
+            continue
+        number, unit = value
+        unit = unit or split_unit(label)[1]
+        about = bool(words & {"sampling", "sample", "sampled", "acquisition", "recording", "data", "logging", "log", "scan"})
+        if (words & {"rate", "frequency", "freq", "hz"} and (about or joined in _RATE_NAMES)) or joined in _RATE_NAMES:
+            factor = 1e3 if unit == "kHz" else 1.0
+            if unit in (None, "Hz", "kHz", "1") and 0.1 < number * factor <= MAX_RATE_HZ:
+                return FileFact(number * factor, "Hz", label)
+        if (words & {"period", "interval", "time", "step", "dt"} and about) or joined in _PERIOD_NAMES:
+            seconds = number * {"ms": 1e-3, "us": 1e-6, "s": 1.0, None: 1.0}.get(unit, float("nan"))
+            if unit is None and number >= 0.5:
+                continue
+            if 1.0 / MAX_RATE_HZ <= seconds <= 10.0:
+                return FileFact(float(f"{1.0 / seconds:.9g}"), "Hz", label)
+    return _rate_in_texts(facts)
+
+
+_RATE_NAMES = frozenset({"rate", "fs", "samplerate", "samplingrate", "samplingfrequency", "sampfreq", "samplefrequency", "srate", "freq", "frequency", "fps"})
+_PERIOD_NAMES = frozenset({"dt", "ts", "tsample", "sampletime", "samplingtime", "samplingperiod", "sampleperiod", "stepsize"})
+
+
+def _rate_in_texts(facts: Mapping[str, str]) -> FileFact | None:
+    """Return the largest rate that a sentence states: what was held or extrapolated stands at the file's own rate."""
+    found = [
+        (float(match[1].replace(",", ".")), label)
+        for label, text in facts.items()
+        for match in _RATE_TEXT.finditer(text)
+        if not set(words_of(label)) & {"filter", "lowpass", "highpass", "bandwidth", "notch", "cutoff", "pwm"}
+        and not re.search(r"filter|pass|notch", text[max(0, match.start() - 15) : match.start()], re.IGNORECASE)
+    ]
+    best = max(found, default=None)
+    return FileFact(best[0], "Hz", best[1]) if best and best[0] >= 1.0 else None
+
+
+def find_drive_facts(facts: Mapping[str, str]) -> dict[str, FileFact]:
+    """Return what a file states of its drive: ``torque_constant``, ``force_constant``, ``gear_ratio``, ``resistance``,
+    ``supply``."""
+    found: dict[str, FileFact] = {}
+    for label, text in facts.items():
+        value = _value(text)
+        if value is None or value[0] <= 0.0:
+            continue
+        number, unit = value
+        unit = unit or split_unit(label)[1]
+        words = words_of(split_unit(label)[0])
+        joined = "".join(words)
+        if joined in ("kt", "torqueconstant", "motortorqueconstant", "drehmomentkonstante", "motorconstant") or (
+            "torque" in words and "constant" in words
+        ):
+            _add(found, "torque_constant", number, unit, label, ("N*m/A", "N*m/V"))
+        elif "force" in words and "constant" in words:
+            _add(found, "force_constant", number, unit, label, ("N/A", "N/V"))
+        elif ("gear" in words or "reduction" in words or "ratio" in words) and joined in (
+            "gear", "gearratio", "reduction", "gearreduction", "ratio", "transmissionratio", "reductionratio", "gearboxratio",
+        ):  # fmt: skip
+            found["gear_ratio"] = FileFact(_ratio(text, number), "1", label)
+        elif joined in ("resistance", "windingresistance", "terminalresistance", "motorresistance"):
+            _add(found, "resistance", number, unit, label, ("ohm",))
+        elif joined in ("supply", "supplyvoltage", "busvoltage", "batteryvoltage", "vin", "vbus"):
+            _add(found, "supply", number, unit or "V", label, ("V",))
+    return found
+
+
+def _add(found: dict[str, FileFact], key: str, number: float, unit: str | None, label: str, expected: Iterable[str]) -> None:
+    """Add a fact if its unit is one of those expected: without a unit it would be one in silence."""
+    for si in expected:
+        try:
+            factor, _ = to_si_factor(unit or "", si)
+        except ValueError:
+            continue
+        found.setdefault(key, FileFact(number * factor, si, label))
+        return
+
+
+def _ratio(text: str, number: float) -> float:
+    """Return a gear ratio that may be written as 100:1 or 1:100."""
+    parts = re.match(rf"\s*({_NUMBER})\s*[:/]\s*({_NUMBER})", text)
+    if parts is None:
+        return number
+    a, b = (float(part.replace(",", ".")) for part in parts.groups())
+    return max(a, b) / min(a, b) if min(a, b) > 0.0 else number
+
+
+def _value(text: str) -> tuple[float, str | None] | None:
+    match = _VALUE.fullmatch(text)
+    if match is None:
+        return None
+    rest = (match[2] or "").strip()
+    unit = unit_from_text(rest) if rest else None
+    if rest and unit is None:
+        compact = rest.replace(" ", "")
+        unit = unit_from_text(compact) or _compound_unit(compact)
+    return float(match[1].replace(",", ".")), unit
+
+
+def _compound_unit(text: str) -> str | None:
+    """Return a unit such as mNm/A with its parts as study.toml writes them; None if a part is unknown."""
+    top, slash, bottom = text.strip("[]()").partition("/")
+    parts = [unit_from_text(part) for part in (top, bottom)]
+    return f"{parts[0]}/{parts[1]}" if slash and all(parts) else None

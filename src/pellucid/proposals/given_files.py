@@ -1,0 +1,243 @@
+"""Read the files that a lab has, and tell tables, robots' files and files that are not read apart."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from .._errors import PellucidError, StudyError
+from ..inference.flat_arrays import FlatShape, common_rows, find_flat_shape
+from ..inference.name_evidence import words_of
+from ..recordings.personal_fields import PersonalField
+from ..recordings.readers import read_columns
+
+MODEL_ENDINGS = (".urdf", ".osim", ".xml", ".osimx")
+"""Endings of files of models. They are named, and a robot's file gives its joints."""
+
+IGNORED_ENDINGS = (".pdf", ".md", ".yaml", ".yml", ".toml", ".py", ".m", ".html", ".png", ".jpg", ".svg", ".zip", ".docx")
+"""Endings of files that are no recordings."""
+
+IGNORED_NAMES = ("license", "licence", "readme", "original_readme", "notice", "citation", "changelog")
+"""Beginnings of names of files that are no recordings."""
+
+MIN_TABLE_ROWS = 8
+"""A table has at least so many rows; shorter columns are constants and settings."""
+
+QUANTITY_BY_FILE_WORD = {
+    "ik": "angle", "angle": "angle", "angles": "angle", "ikdata": "angle", "kinematics": "angle",
+    "id": "torque", "moment": "torque", "moments": "torque", "iddata": "torque", "torque": "torque", "torques": "torque",
+    "tau": "torque", "trq": "torque", "effort": "torque", "efforts": "torque",
+    "position": "position", "positions": "position", "pos": "position", "q": "position", "qpos": "position", "joint": "position",
+    "velocity": "velocity", "velocities": "velocity", "vel": "velocity", "dq": "velocity", "qd": "velocity", "qvel": "velocity",
+    "acceleration": "acceleration", "accelerations": "acceleration", "acc": "acceleration", "ddq": "acceleration",
+    "qdd": "acceleration", "current": "current", "currents": "current", "curr": "current", "cur": "current",
+    "voltage": "voltage", "voltages": "voltage", "force": "force", "forces": "force", "grf": "force",
+    "emg": "emg", "emgs": "emg", "semg": "emg", "emgdata": "emg", "length": "length", "lengths": "length",
+}  # fmt: skip
+"""Quantities by words of files' and folders' names, beside those of columns."""
+
+
+@dataclass(frozen=True, eq=False)
+class GivenTable:
+    """Columns of one length in a file."""
+
+    path: Path
+    columns: Mapping[str, np.ndarray]  # columns by name, each shape (n,)
+    key: str = ""  # part of the names that the table's columns share, such as a sheet
+    units: Mapping[str, str] = field(default_factory=dict)
+    angle_unit: str | None = None
+    facts: Mapping[str, str] = field(default_factory=dict)  # labelled settings, and constants of the file
+    personal: tuple[PersonalField, ...] = ()
+    quantity: str | None = None  # quantity that the file's or its folder's name says
+    flat: Mapping[str, tuple[str, int, int]] = field(default_factory=dict)  # order, number and count of a flat column
+    texts: tuple[str, ...] = ()  # columns of text, which are left out
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return max((len(x) for x in self.columns.values()), default=0)
+
+    @property
+    def signature(self) -> tuple[object, ...]:
+        """What tables of one layout share: names of the columns, the quantity, and how flat lists are divided."""
+        ownless = tuple(name.removeprefix(f"{self.key}.") if self.key else name for name in self.columns)
+        about = self.path.stem.casefold().rpartition("momentarm")[2] if self.quantity == "moment_arm" else ""
+        return ownless, self.quantity, about, tuple(self.flat.values()), self.path.suffix.lower()
+
+
+@dataclass(frozen=True)
+class GivenFiles:
+    """What the files hold."""
+
+    tables: tuple[GivenTable, ...]
+    robots: tuple[Path, ...]  # robots' files
+    models: tuple[Path, ...]  # other models, such as OpenSim's
+    unread: tuple[tuple[Path, str], ...]  # files that are not read, with the reason
+
+
+def read_given(files: Iterable[str | os.PathLike]) -> GivenFiles:
+    """Read files, and all files in folders; raise a StudyError if none of them is a table of numbers."""
+    paths = _expand(files)
+    tables: list[GivenTable] = []
+    robots, models, unread = [], [], list[tuple[Path, str]]()
+    for path in paths:
+        if path.suffix.lower() == ".urdf":
+            robots.append(path)
+            continue
+        if path.suffix.lower() in MODEL_ENDINGS:
+            models.append(path)
+            continue
+        if path.suffix.lower() in IGNORED_ENDINGS or path.name.casefold().startswith(IGNORED_NAMES):
+            unread.append((path, "no recording by its name"))
+            continue
+        try:
+            found = _tables_of(path)
+        except PellucidError as error:
+            unread.append((path, str(error)))
+            continue
+        if found:
+            tables += found
+        else:
+            unread.append((path, f"it has no column of at least {MIN_TABLE_ROWS} numbers"))
+    tables = _split_flat_files(tables)
+    if not tables:
+        reasons = "; ".join(f"{path.name}: {why}" for path, why in unread[:5])
+        raise StudyError(f"init --from: found no table of numbers in {len(paths)} files: {reasons or 'none given'}")
+    return GivenFiles(tuple(tables), tuple(robots), tuple(models), tuple(unread))
+
+
+def _expand(files: Iterable[str | os.PathLike]) -> list[Path]:
+    paths: list[Path] = []
+    for given in files:
+        path = Path(given)
+        if path.is_dir():
+            paths += sorted(p for p in path.rglob("*") if p.is_file() and not p.name.startswith("."))
+        elif path.is_file():
+            paths.append(path)
+        else:
+            raise StudyError(f"{path}: no such file, expected recordings after --from")
+    return list(dict.fromkeys(paths))
+
+
+def _tables_of(path: Path) -> list[GivenTable]:
+    columns = read_columns(path)
+    numeric = {name: np.asarray(x, float) for name, x in columns.values.items() if not isinstance(x, str)}
+    texts = tuple(name for name, x in columns.values.items() if isinstance(x, str))
+    scalars = {name: f"{x[0]:.12g}" for name, x in numeric.items() if len(x) == 1}
+    long = {name: x for name, x in numeric.items() if len(x) >= MIN_TABLE_ROWS}
+    common = {
+        "units": {str(name): unit for name, unit in columns.units.items()},
+        "angle_unit": columns.angle_unit if not _is_moment_file(path) else None,
+        "facts": {**scalars, **columns.facts},
+        "personal": columns.personal,
+        "quantity": quantity_of_file(path),
+        "texts": texts,
+    }
+    parts = _parts(long)
+    return [GivenTable(path, part, key, **common) for key, part in parts]
+
+
+def _is_moment_file(path: Path) -> bool:
+    return quantity_of_file(path) in ("torque", "force", "emg")
+
+
+def _parts(columns: Mapping[str, np.ndarray]) -> list[tuple[str, dict[str, np.ndarray]]]:
+    """Return the tables of a file: columns of one length, by sheets or cells if several are alike."""
+    if not columns:
+        return []
+    groups: dict[str, dict[str, np.ndarray]] = {}
+    for name, x in columns.items():
+        groups.setdefault(name.rpartition(".")[0], {})[name] = x
+    children = {key: tuple(name.rpartition(".")[2] for name in part) for key, part in groups.items()}
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for key, names in children.items():
+        if key:
+            alike.setdefault(names, []).append(key)
+    repeated = max(alike.values(), key=len, default=[])
+    lengths = {key: {len(x) for x in groups[key].values()} for key in repeated}
+    if len(repeated) >= 2 and len({tuple(found) for found in lengths.values()}) > 1:
+        return [(key, groups[key]) for key in groups if key in repeated or len(groups) <= 12]
+    by_length: dict[int, dict[str, np.ndarray]] = {}
+    for name, x in columns.items():
+        by_length.setdefault(len(x), {})[name] = x
+    # The table is the one with the most numbers; short arrays beside it are results and settings.
+    best = max(by_length.items(), key=lambda item: item[0] * min(len(item[1]), 6))
+    others = [
+        part for n, part in by_length.items()
+        if n != best[0] and n > 0.05 * best[0] and len(part) >= 2 and any(_is_rising(x) for x in part.values())
+    ]  # fmt: skip
+    return [("", best[1]), *(("", part) for part in others)]
+
+
+def _is_rising(values: np.ndarray) -> bool:
+    known = values[np.isfinite(values)]
+    return len(known) > 2 and bool(np.all(np.diff(known) > 0.0))
+
+
+def quantity_of_file(path: Path) -> str | None:
+    """Return the quantity that a file's name, or its folder's, says of all its columns; None if it says none or several."""
+    for text in (path.stem, path.parent.name):
+        words = words_of(text)
+        joined = "".join(words)
+        if "momentarm" in joined:
+            return "moment_arm"
+        if "emg" in joined:
+            return "emg"
+        found = [
+            QUANTITY_BY_FILE_WORD[word]
+            for word in words
+            if word in QUANTITY_BY_FILE_WORD and (len(word) >= 2 or word == text.casefold())
+        ]
+        if len(set(found)) == 1:
+            return found[0]
+    return None
+
+
+def _split_flat_files(tables: Sequence[GivenTable]) -> list[GivenTable]:
+    """Return the tables, with files of one column each that belong together as tables of their columns."""
+    flat = [t for t in tables if len(t.columns) == 1 and not t.key]
+    by_folder: dict[tuple[Path, str], list[GivenTable]] = {}
+    for table in flat:
+        by_folder.setdefault((table.path.parent, _trial_of_flat(table.path)), []).append(table)
+    made = [t for t in tables if t not in flat]
+    for group in by_folder.values():
+        rows = common_rows({t.path.name: t.rows for t in group}) if len(group) > 1 else None
+        for table in group:
+            ((name, values),) = table.columns.items()
+            counts = (table.rows // rows,) if rows and table.rows > rows else ()
+            shape = FlatShape(1, "single")
+            if counts or rows is None or all(t.rows == rows for t in group):
+                shape = find_flat_shape(values, counts)
+            if shape.count == 1:
+                made.append(table)
+                continue
+            columns = {f"{name}#{i}": part for i, part in enumerate(shape.split(values))}
+            places = {f"{name}#{i}": (shape.order, i, shape.count) for i in range(shape.count)}
+            made.append(GivenTable(
+                table.path, columns, "", {}, table.angle_unit, table.facts, table.personal, table.quantity, places,
+            ))  # fmt: skip
+    return made
+
+
+def _trial_of_flat(path: Path) -> str:
+    """Return the part of a flat file's name that does not say its quantity."""
+    return "_".join(word for word in words_of(path.stem) if not _is_quantity_word(word))
+
+
+def _is_quantity_word(word: str) -> bool:
+    return word in QUANTITY_BY_FILE_WORD or word in ("moment", "arm")
+
+
+def trial_key(path: Path) -> str:
+    """Return the words of a file's name that do not say a quantity, which files of one trial share."""
+    stem = re.sub(r"[_ -]?MomentArm.*$", "", path.stem)
+    return "_".join(w for w in words_of(stem) if not _is_quantity_word(w) and w not in _FILE_WORDS)
+
+
+_FILE_WORDS = frozenset({"data", "read", "filt", "filtered", "raw", "log", "recording", "file", "out", "output", "imu"})
+"""Words of files' names that tell no trial."""

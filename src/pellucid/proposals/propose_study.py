@@ -1,0 +1,889 @@
+"""Propose a study for given files: which are recordings of one layout, what their columns are, what must be asked."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from .._errors import StudyError
+from ..inference.assign_roles import EFFORTS, ColumnRole, TableHints, TableRoles, assign_roles
+from ..inference.motion_efforts import effort_share, motion_samples
+from ..inference.name_evidence import read_name, words_of
+from ..inference.processing_choice import ProcessingChoice, choose_processing
+from ..inference.repeated_motions import RepeatedMotion, find_repeated_motion
+from ..inference.static_postures import find_postures
+from .file_facts import FileFact, find_drive_facts, find_rate
+from .given_files import GivenFiles, GivenTable, trial_key
+from .questions import Question, select_questions
+
+DEFAULT_RATE_HZ = 100.0
+"""Rate that --yes takes, and marks, where no file states one and no spectrum tells it [Hz]."""
+
+MAX_REPRESENTATIVES = 3
+"""Roles are found in at most so many recordings of a layout: what is constant in one may move in another."""
+
+MAX_RECORDINGS = 400
+"""A proposal names at most so many recordings."""
+
+HELD_OUT_SHARE = 0.25
+"""About this share of the recordings is held out; of a single one, the last part."""
+
+SINGLE_FIT_SHARE = 0.6
+"""Of a single recording, this first share is fitted."""
+
+MIN_GRAVITY_SHARE = 0.02
+"""A joint is weighed by gravity if the sine of its angle explains this share of the effort beside inertia and friction."""
+
+MIN_TIMES_COMPARED = 2
+"""Recordings of one motion with another effort are looked for among at least so many."""
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Tables with the same columns, and the roles of these."""
+
+    tables: tuple[GivenTable, ...]
+    roles: TableRoles
+    stream: str = ""  # name of the stream, empty for the main layout
+    rate_fact: FileFact | None = None
+
+    @property
+    def channels(self) -> tuple[ColumnRole, ...]:
+        """Roles of the columns that become channels."""
+        return tuple(role for role in self.roles.roles if role.quantity is not None)
+
+
+@dataclass(frozen=True, eq=False)
+class ProposedRecording:
+    """One recording of the proposed study."""
+
+    name: str
+    table: GivenTable
+    streams: Mapping[str, GivenTable] = field(default_factory=dict)
+    use: str = "fit"
+    window: tuple[float, float] | None = None  # on the file's own clock [s]
+    participant: str | None = None
+    condition: str | None = None
+    protocol: str | None = None
+    columns: Mapping[str, str] = field(default_factory=dict)  # columns of channels that differ from the first recording's
+    extras: tuple[ColumnRole, ...] = ()  # channels that this recording alone has
+    why: str = ""  # reason for its use or window
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """A study that is proposed, with everything that study.toml and the page say of it."""
+
+    name: str
+    main: Layout
+    streams: tuple[Layout, ...]
+    recordings: tuple[ProposedRecording, ...]
+    motion: str  # "rotary" or "prismatic"
+    motion_is_certain: bool
+    drive: str | None  # kind of the drive, None without one
+    drive_facts: Mapping[str, FileFact]
+    gravity: str | None
+    is_person: bool
+    is_worn: bool
+    asked: tuple[Question, ...]
+    marked: tuple[Question, ...]
+    answers: Mapping[str, str]
+    processing: ProcessingChoice | None
+    given: GivenFiles
+    remarks: tuple[str, ...]  # what was left out and noticed
+    repeated: RepeatedMotion | None = None
+
+    @property
+    def rate(self) -> float | None:
+        """Sampling rate of the main files [Hz]."""
+        return self.main.roles.rate
+
+
+def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | None = None) -> Proposal:
+    """Return a proposal for files that were read; `answers` replace the defaults of questions by their keys."""
+    answers = dict(answers or {})
+    remarks: list[str] = []
+    tables, paired = _pair_columns_with_sheets(given.tables)
+    layouts = [_layout(group) for group in _grouped(tables)]
+    main = max(layouts, key=_merit)
+    person = _is_person(main, layouts)
+    others = [layout for layout in layouts if layout is not main]
+    streams, recordings = _match(main, others, person, remarks)
+    if paired:
+        recordings = _with_paired_columns(recordings, main, paired)
+        main = _with_paired_roles(main, paired)
+    drive = _drive_kind(main, streams) if not person else None
+    motion, motion_sure, gravity = _motion(main, streams, drive)
+    main = _in_metres(main) if motion == "prismatic" and not motion_sure else main
+    facts = {k: v for t in main.tables for k, v in find_drive_facts(t.facts).items()}
+    recordings = _held_out(recordings, main)
+    repeated = _repeated(recordings, main, drive)
+    questions = list(_questions(main, streams, recordings, drive, facts, motion_sure, person, repeated, gravity))
+    unknown = set(answers) - {question.key for question in questions}
+    if unknown:
+        known = ", ".join(question.key for question in questions) or "none"
+        raise StudyError(f"init --from: found an answer to {', '.join(sorted(unknown))}, expected one of {known}")
+    main, streams, drive, motion, gravity, facts = _apply(answers, main, streams, drive, motion, gravity, dict(facts))
+    asked, marked = select_questions(questions)
+    worn = answers.get("worn", next((q.default for q in questions if q.key == "worn"), "no")) == "yes"
+    remarks += _remarks(given, main, streams)
+    return Proposal(
+        name=name,
+        main=main,
+        streams=tuple(streams),
+        recordings=tuple(recordings[:MAX_RECORDINGS]),
+        motion=motion,
+        motion_is_certain=motion_sure,
+        drive=drive,
+        drive_facts=facts,
+        gravity=gravity,
+        is_person=person,
+        is_worn=worn,
+        asked=asked,
+        marked=marked,
+        answers=answers,
+        processing=_processing(main, drive),
+        given=given,
+        remarks=tuple(dict.fromkeys(remarks)),
+        repeated=repeated,
+    )
+
+
+def _grouped(tables: Sequence[GivenTable]) -> list[list[GivenTable]]:
+    groups: dict[tuple[object, ...], list[GivenTable]] = {}
+    for table in tables:
+        groups.setdefault(table.signature, []).append(table)
+    return _with_supersets(list(groups.values()))
+
+
+def _with_supersets(groups: list[list[GivenTable]]) -> list[list[GivenTable]]:
+    """Return groups in which tables with further columns stand behind those that have the shared ones alone."""
+    ordered = sorted(groups, key=lambda group: len(group[0].columns))
+    made: list[list[GivenTable]] = []
+    for group in ordered:
+        names, about = set(group[0].columns), group[0].signature[1:3]
+        for other in made:
+            shared = set(other[0].columns)
+            alike = len(shared) >= 3 and shared <= names and other[0].signature[1:3] == about
+            if alike and not all(name.isdigit() for name in shared) and len(names) <= 2 * len(shared):
+                other += group
+                break
+        else:
+            made.append(list(group))
+    return made
+
+
+def _layout(group: Sequence[GivenTable]) -> Layout:
+    fewest = min(len(table.columns) for table in group)
+    ranked = sorted((t for t in group if len(t.columns) == fewest), key=lambda t: -t.rows)[:MAX_REPRESENTATIVES]
+    first = ranked[0]
+    rate_fact = find_rate(first.facts)
+    hints = TableHints(
+        units=first.units,
+        angle_unit=first.angle_unit,
+        rate=rate_fact.value if rate_fact else None,
+        quantity=first.quantity,
+        is_person=_names_people(first),
+        joint=read_name(first.path.stem).joint,
+    )
+    roles = assign_roles(_own_names(first, first), hints)
+    for other in ranked[1:]:
+        if len(other.columns) == len(first.columns):
+            roles = _completed(roles, assign_roles(_own_names(other, first), hints))
+    # The first table of a layout is the one whose columns the channels name.
+    return Layout((first, *(table for table in group if table is not first)), roles, rate_fact=rate_fact)
+
+
+def _own_names(table: GivenTable, named: GivenTable) -> dict[str, np.ndarray]:
+    """Return a table's columns under the names of another table of its layout: cells of one file differ in their keys."""
+    if set(named.columns) <= set(table.columns):
+        return {name: table.columns[name] for name in named.columns}
+    return dict(zip(named.columns, table.columns.values(), strict=True))
+
+
+def _names_people(table: GivenTable) -> bool:
+    """Whether most columns are named after joints or muscles of people, as motion capture names them."""
+    found = [read_name(name) for name in table.columns]
+    named = [e for e in found if e.joint is not None or e.muscle is not None]
+    return len(named) >= 0.4 * len(found) and not any(e.quantity in ("current", "voltage", "duty") for e in found)
+
+
+def _completed(roles: TableRoles, other: TableRoles) -> TableRoles:
+    """Return roles in which columns that were constant have the role that another recording shows."""
+    shown = {role.column: role for role in other.roles}
+    taken = {(role.quantity, role.label) for role in roles.roles}
+    made = []
+    for role in roles.roles:
+        found = shown.get(role.column)
+        constant = role.quantity is None and role.why.startswith("constant")
+        if constant and found is not None and found.quantity and (found.quantity, found.label) not in taken:
+            made.append(replace(found, why=f"{found.why}; it is constant in another recording"))
+            taken.add((found.quantity, found.label))
+        else:
+            made.append(role)
+    return replace(roles, roles=tuple(made))
+
+
+def _merit(layout: Layout) -> float:
+    quantities = {role.quantity for role in layout.channels}
+    motion = 3.0 * bool(quantities & {"position", "angle", "motor_position"})
+    inertial = 2.0 * any(q and q.endswith(".acceleration") for q in quantities)
+    efforts = 2.0 * bool(quantities & {*EFFORTS, "moment"})
+    emg = 1.0 * ("emg" in quantities)
+    clock = 0.5 * (layout.roles.clock.column is not None)
+    size = min(len(layout.tables), 4) * 0.5 + 0.1 * np.log10(max(layout.tables[0].rows, 1))
+    geometry = -3.0 * bool(quantities & {"length", "moment_arm", "lengthening"})
+    return motion + inertial + efforts + emg + clock + size + geometry if quantities else -1.0
+
+
+def _is_person(main: Layout, layouts: Sequence[Layout]) -> bool:
+    """Whether a person's joints were recorded, without a drive."""
+    quantities = {role.quantity for layout in layouts for role in layout.channels}
+    if quantities & {"current", "voltage", "duty", "reference", "interaction"}:
+        return False
+    own = {role.quantity for role in main.channels}
+    return bool(own & {"angle", "moment"}) or ("emg" in own and not own & {"torque"}) or _is_inertial(main)
+
+
+def _is_inertial(layout: Layout) -> bool:
+    return any((role.quantity or "").endswith(".acceleration") for role in layout.channels) and not any(
+        role.quantity in EFFORTS for role in layout.channels
+    )
+
+
+def _match(
+    main: Layout, others: Sequence[Layout], person: bool, remarks: list[str]
+) -> tuple[list[Layout], list[ProposedRecording]]:
+    """Return the layouts that become streams, and the recordings with their streams' tables."""
+    names = _recording_names(main.tables)
+    found: dict[str, dict[str, GivenTable]] = {n: {} for n in names.values()}
+    streams: list[Layout] = []
+    for layout in sorted(others, key=lambda other: -_merit(other)):
+        if not layout.channels:
+            _remark_left(layout, "none of its columns is a channel", remarks)
+            continue
+        matched = {id(table): _table_of(table, layout, main) for table in main.tables}
+        if not any(matched.values()):
+            _remark_left(layout, "another layout, which belongs to none of the recordings", remarks)
+            continue
+        stream = _stream_name(layout, {s.stream for s in streams}, person)
+        streams.append(_named_plainly(replace(layout, stream=stream), main))
+        for table in main.tables:
+            other = matched[id(table)]
+            if other is not None:
+                found[names[id(table)]][stream] = other
+    recordings = [
+        ProposedRecording(
+            names[id(table)],
+            table,
+            found[names[id(table)]],
+            participant=_participant(table.path),
+            condition=_condition(table.path, main.tables),
+            protocol=_protocol(table.path),
+            columns=_other_columns(table, main),
+            extras=_extras(table, main),
+        )
+        for table in main.tables
+    ]
+    return streams, recordings
+
+
+def _named_plainly(layout: Layout, main: Layout) -> Layout:
+    """Return a stream whose position is no joint's under its own name: the recording itself has no motion."""
+    if any(r.quantity in ("position", "angle", "motor_position") for r in main.channels):
+        return layout
+    roles = tuple(
+        replace(r, quantity=re.sub(r"[^a-z0-9]+", "_", read_name(r.column).bare.casefold()).strip("_"))
+        if r.quantity == "position" and not r.label and read_name(r.column).bare[:1].isalpha()
+        else r
+        for r in layout.roles.roles
+    )
+    return replace(layout, roles=replace(layout.roles, roles=roles))
+
+
+def _remark_left(layout: Layout, why: str, remarks: list[str]) -> None:
+    names = ", ".join(sorted({table.path.name for table in layout.tables})[:4])
+    more = f" and {len(layout.tables) - 4} more" if len(layout.tables) > 4 else ""
+    remarks.append(f"{names}{more}: left out: {why}")
+
+
+def _extras(table: GivenTable, main: Layout) -> tuple[ColumnRole, ...]:
+    """Return channels of a table's further columns, under their own names."""
+    more = set(table.columns) - set(main.tables[0].columns)
+    if not more or not set(main.tables[0].columns) <= set(table.columns):
+        return ()
+    found = assign_roles(dict(table.columns), TableHints(units=table.units, angle_unit=table.angle_unit)).roles
+    return tuple(
+        replace(role, quantity=re.sub(r"[^a-z0-9]+", "_", read_name(role.column).bare.casefold()).strip("_") or "extra", label="")
+        for role in found
+        if role.column in more and role.quantity is not None
+    )
+
+
+def _other_columns(table: GivenTable, main: Layout) -> dict[str, str]:
+    """Return the columns of a table that the first table of its layout names otherwise, as cells and sheets do."""
+    first = main.tables[0]
+    if set(first.columns) <= set(table.columns):
+        return {}
+    pairs = zip(first.columns, table.columns, strict=False)
+    return {own: other for own, other in pairs if own != other}
+
+
+def _table_of(table: GivenTable, layout: Layout, main: Layout) -> GivenTable | None:
+    """Return the table of another layout that belongs to a recording's main table, None if none does."""
+    candidates = layout.tables
+    same = [other for other in candidates if other.path == table.path]
+    if len(same) == 1:
+        return same[0]
+    key = trial_key(table.path)
+    alike = [other for other in candidates if trial_key(other.path) == key]
+    for found in (
+        [o for o in alike if o.path.parent == table.path.parent],
+        alike,
+        [o for o in candidates if o.path.parent == table.path.parent] if _one_each(layout, main) else [],
+    ):
+        if len(found) == 1:
+            return found[0]
+    if len(candidates) == 1 and len(main.tables) > 1 and candidates[0].path.parent == table.path.parent:
+        return candidates[0] if abs(_duration(layout) / (_duration(main) or 1.0) - 1.0) < 0.5 else None
+    if len(candidates) == 1 and len(main.tables) == 1:
+        return candidates[0] if _share_rows_or_time(layout, main) else None
+    return None
+
+
+def _one_each(layout: Layout, main: Layout) -> bool:
+    """Whether each folder holds one table of both layouts."""
+    own = [table.path.parent for table in main.tables]
+    others = [table.path.parent for table in layout.tables]
+    return len(set(own)) == len(own) and len(set(others)) == len(others)
+
+
+def _duration(layout: Layout) -> float:
+    rate = layout.roles.rate
+    return layout.tables[0].rows / rate if rate else 0.0
+
+
+def _share_rows_or_time(layout: Layout, main: Layout) -> bool:
+    if layout.tables[0].rows == main.tables[0].rows:
+        return True
+    own, other = _duration(main), _duration(layout)
+    return own > 0.0 and other > 0.0 and 0.5 < own / other < 2.0
+
+
+def _stream_name(layout: Layout, taken: set[str], person: bool) -> str:
+    quantities = [role.quantity for role in layout.channels if role.quantity]
+    most = max(set(quantities), key=quantities.count)
+    plain = {"emg": "emg", "moment": "moments", "torque": "torques", "length": "lengths", "moment_arm": "moment_arms"}
+    name = plain.get(most, most.partition(".")[0])
+    if most == "torque" and person:
+        name = "moments"
+    base, k = name, 2
+    while name in taken:
+        name, k = f"{base}_{k}", k + 1
+    return name
+
+
+def _recording_names(tables: Sequence[GivenTable]) -> dict[int, str]:
+    """Return a name for each table, by what its path has that others lack."""
+    stems = [re.sub(r"[^A-Za-z0-9_.-]+", "_", table.path.stem).strip("_.") or "recording" for table in tables]
+    if len(set(stems)) < len(stems):
+        stems = [
+            f"{re.sub(r'[^A-Za-z0-9_.-]+', '_', _distinct_parents(table, tables))}_{stem}".strip("_")
+            for table, stem in zip(tables, stems, strict=True)
+        ]
+    names = [f"{s}_{_safe(t.key)}" if t.key else s for t, s in zip(tables, stems, strict=True)]
+    made: dict[int, str] = {}
+    for i, (table, name) in enumerate(zip(tables, names, strict=True)):
+        own = name if names.count(name) == 1 else f"{name}_{i + 1}"
+        made[id(table)] = own if own[0].isalnum() else f"r{own}"
+    return made
+
+
+def _safe(text: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", text).strip("_")
+
+
+def _distinct_parents(table: GivenTable, tables: Sequence[GivenTable]) -> str:
+    """Return the folders of a path that not all paths share."""
+    parts = [t.path.parent.parts for t in tables]
+    shared = 0
+    while all(len(p) > shared for p in parts) and len({p[shared] for p in parts}) == 1:
+        shared += 1
+    return "_".join(table.path.parent.parts[shared:])
+
+
+_PARTICIPANT = re.compile(
+    r"(?:^|[_\s./-])(?:(?:sub|subj|subject|participant|patient|pilot|person|id)[_\s-]?(\d{1,3})|([PS]\d{1,3}))(?=$|[_\s./-])", re.IGNORECASE
+)
+
+
+def _participant(path: Path) -> str | None:
+    """Return the code of a participant that a file's name or its folders contain, such as P1; None if they contain none."""
+    for text in (path.stem, *(parent.name for parent in list(path.parents)[:3])):
+        match = _PARTICIPANT.search(text)
+        if match is not None:
+            return f"P{match[1]}" if match[1] else match[2].upper()
+    return None
+
+
+def _condition(path: Path, tables: Sequence[GivenTable]) -> str | None:
+    """Return the folder that tells a recording's condition: several participants' recordings lie in each."""
+    own = [p.name for p in list(path.parents)[:3] if _PARTICIPANT.search(p.name) is None]
+    if _participant(path) is None or not own:
+        return None
+    every = {tuple(p.name for p in list(t.path.parents)[:3] if _PARTICIPANT.search(p.name) is None)[:1] for t in tables}
+    return own[0] if 1 < len(every) <= 6 else None
+
+
+def _protocol(path: Path) -> str | None:
+    words = [w for w in words_of(path.stem) if not w.isdigit() and _PARTICIPANT.search(w) is None]
+    text = "_".join(words[:6])
+    return text if re.fullmatch(r"[a-z][a-z0-9_]{1,60}", text) else None
+
+
+def _held_out(recordings: Sequence[ProposedRecording], main: Layout) -> list[ProposedRecording]:
+    """Return the recordings with what is held out: whole recordings if there are several, else the last part."""
+    if len(recordings) == 1:
+        return _split_single(recordings[0], main)
+    count = max(1, round(HELD_OUT_SHARE * len(recordings)))
+    step = len(recordings) / count
+    chosen = {len(recordings) - 1 - round(i * step) for i in range(count)}
+    return [
+        replace(r, use="validate", why="held out: it is never fitted, and judges what is found") if i in chosen else r
+        for i, r in enumerate(recordings)
+    ]
+
+
+def _split_single(recording: ProposedRecording, main: Layout) -> list[ProposedRecording]:
+    clock, rate = main.roles.clock, main.roles.rate
+    n = recording.table.rows
+    if n < 200 or rate is None:
+        return [recording]
+    if clock.column is not None:
+        from ..inference.clocks import UNIT_SECONDS
+
+        times = list(_own_names(recording.table, main.tables[0]).items())
+        values = dict(times)[clock.column] * UNIT_SECONDS[clock.unit]
+        known = values[np.isfinite(values)]
+        begin, end = float(known[min(clock.first_sound, len(known) - 1)]), float(known[-1])
+    else:
+        begin, end = 0.0, n / rate
+    if not end > begin:
+        return [recording]
+    middle = begin + SINGLE_FIT_SHARE * (end - begin)
+    step = 1.0 / rate
+    why = "one recording, named twice: the last part is held out and judges what is found"
+    return [
+        replace(recording, name=f"{recording.name}_first", window=(begin, middle), why=why),
+        replace(recording, name=f"{recording.name}_last", window=(middle, end + step), use="validate", why=why),
+    ]
+
+
+def _drive_kind(main: Layout, streams: Sequence[Layout]) -> str | None:
+    roles = [r for layout in (main, *streams) for r in layout.channels if r.quantity in EFFORTS and not r.is_command]
+    if not roles:
+        return None
+    order = ("torque", "force", "current", "duty", "voltage")
+    # A measured effort that is certain comes before one that a name only suggests.
+    best = min(roles, key=lambda r: (not r.is_certain, not r.unit_is_certain, order.index(r.quantity or "torque")))
+    return {"force": "torque", "duty": "voltage"}.get(best.quantity or "", best.quantity)
+
+
+def _main_effort(layouts: Sequence[Layout], drive: str | None) -> tuple[Layout, ColumnRole] | None:
+    names = {"torque": ("torque", "force"), "current": ("current",), "voltage": ("voltage", "duty")}.get(drive or "", ())
+    found = [(layout, r) for layout in layouts for r in layout.channels if r.quantity in names and not r.is_command]
+    return found[0] if found else None
+
+
+def _motion(main: Layout, streams: Sequence[Layout], drive: str | None) -> tuple[str, bool, str | None]:
+    """Return whether the joint turns or slides, whether that is certain, and how gravity acts on it."""
+    positions = [r for r in main.channels if r.quantity in ("position", "angle", "reference")]
+    lengths = [r for r in positions if r.unit in ("m", "mm", "cm", "um")]
+    if lengths:
+        return "prismatic", all(r.unit_is_certain for r in lengths), None
+    if not positions or any(r.unit_is_certain for r in positions) or drive is None:
+        forces = [r for r in main.channels if r.quantity == "force"]
+        if not positions and forces:
+            return "prismatic", False, None
+        return "rotary", True, _gravity(main, drive)
+    if any(r.unit == "counts" for r in positions):
+        return "rotary", False, _gravity(main, drive)
+    measured = [r for r in positions if r.quantity == "position"]
+    gravity = _gravity(main, drive)
+    span = max((float(np.ptp(main.tables[0].columns[r.column])) for r in measured), default=1.0)
+    # Little travel without weight is a slide more often than a joint in a horizontal plane; it is asked.
+    if gravity == "none" and len(measured) == 1 and 0.005 < span < 1.0:
+        return "prismatic", False, None
+    return "rotary", False, gravity
+
+
+def _gravity(main: Layout, drive: str | None) -> str | None:
+    """Return the gravity term: ``"none"`` if the sine of the angle explains nothing of the effort, else with a free zero."""
+    found = _main_effort([main], drive)
+    positions = [r for r in main.channels if r.quantity == "position"]
+    if found is None or not positions or main.roles.rate is None:
+        return "sine+cosine" if drive is not None else None
+    role, table = positions[0], main.tables[0]
+    n = table.rows
+    motion = motion_samples(table.columns[role.column][: min(n, 200_000)], np.arange(min(n, 200_000)) / main.roles.rate)
+    effort = _decoded(table, found[1])[: min(n, 200_000)]
+    radians = {"deg": np.pi / 180.0, "rad": 1.0}.get(role.unit)
+    if radians is None:
+        return "sine+cosine"
+    gain = effort_share(effort, motion, radians) - effort_share(effort, motion, None)
+    return "sine+cosine" if gain > MIN_GRAVITY_SHARE else "none"
+
+
+def _decoded(table: GivenTable, role: ColumnRole) -> np.ndarray:
+    values = np.asarray(table.columns[role.column], float)
+    bits = role.keys.get("signed_bits")
+    return np.where(values >= 2.0 ** (bits - 1), values - 2.0**bits, values) if isinstance(bits, int) else values
+
+
+def _in_metres(main: Layout) -> Layout:
+    """Return a layout in which positions whose unit is a guess are in metres, since the joint seems to slide."""
+    units = {"rad": "m", "rad/s": "m/s", "rad/s^2": "m/s^2", "deg": "m"}
+    roles = tuple(
+        replace(r, unit=units[r.unit], unit_why="little travel, and no weight: it seems to slide")
+        if r.quantity in ("position", "reference", "velocity", "acceleration", "desired_velocity")
+        and not r.unit_is_certain and r.unit in units
+        else r
+        for r in main.roles.roles
+    )  # fmt: skip
+    return replace(main, roles=replace(main.roles, roles=roles))
+
+
+def _repeated(recordings: Sequence[ProposedRecording], main: Layout, drive: str | None) -> RepeatedMotion | None:
+    """Return the first pair of recordings that repeats a motion with another effort."""
+    effort = _main_effort([main], drive)
+    positions = [r for r in main.channels if r.quantity == "position"]
+    if effort is None or not positions or len(recordings) < MIN_TIMES_COMPARED:
+        return None
+    # Of several joints, one that gravity weighs tells a payload; the joint with the largest effort is one.
+    efforts = [r for r in main.channels if r.quantity == effort[1].quantity]
+    largest = max(efforts, key=lambda r: float(np.std(_decoded(main.tables[0], r))))
+    position = next((r for r in positions if r.label == largest.label), positions[0])
+    whole = [r for r in recordings if r.window is None][:12]
+    for i, a in enumerate(whole):
+        for b in whole[i + 1 :]:
+            first, second = (_motion_and_effort(r, main, position, largest) for r in (a, b))
+            found = find_repeated_motion(first, second)
+            if found is not None:
+                return found
+    return None
+
+
+def _motion_and_effort(recording, main: Layout, position: ColumnRole, effort: ColumnRole):
+    own = _own_names(recording.table, main.tables[0])
+    return recording.name, own[position.column], own[effort.column]
+
+
+def _questions(main, streams, recordings, drive, facts, motion_sure, person, repeated, gravity):
+    """Yield what only the lab can answer, with defaults."""
+    layouts = [main, *streams]
+    if any(layout.roles.rate is None for layout in layouts):
+        guess, why = _rate_guess(main)
+        yield Question(
+            "rate",
+            "No column is a time, and no file states the sampling rate. What is it?",
+            f"{guess:g} Hz",
+            f"all speeds, filters and inertias; {why}",
+        )
+    if drive is not None:
+        found = _main_effort(layouts, drive)
+        if found is not None and not (found[1].is_certain and found[1].unit_is_certain):
+            role = found[1]
+            yield Question(
+                "effort",
+                f'What does "{role.column}" hold, in which unit?',
+                f"{role.quantity} in {role.unit}",
+                f"whether results are torques at all ({role.why})",
+                ("torque in N*m", "current in A", "voltage in V", "duty in 1", "force in N"),
+            )
+    positions = [r for layout in layouts for r in layout.channels if r.quantity in ("position", "angle") and not r.is_command]
+    unsure = [r for r in positions if not r.unit_is_certain]
+    if any(r.unit == "counts" for r in positions):
+        yield Question(
+            "counts_per_turn",
+            "How many counts does the position have for one turn of the joint, gears included?",
+            "4096",
+            "every angle, speed and inertia: all of them scale with it",
+        )
+    elif unsure:
+        yield Question(
+            "position_unit",
+            f'In which unit is the position "{unsure[0].column}": does it turn, or slide?',
+            unsure[0].unit,
+            "inertia, gravity and friction, and whether efforts are torques or forces",
+            ("deg", "rad", "m", "mm"),
+        )
+    if any(r.quantity == "motor_position" for r in main.channels):
+        yield Question(
+            "gear_turns",
+            "The positions turn too often for joints: they are motors'. How often does each motor turn for a turn of its joint?",
+            "1",
+            "every angle, inertia and torque of the joints",
+        )
+    if any(r.quantity == "duty" and "scale" in r.keys for r in main.channels):
+        yield Question(
+            "full_duty",
+            "Which number of the duty's column is 100 %?",
+            "1000",
+            "the effort's scale: torques are too large or too small by as much",
+        )
+    emg = [r for layout in layouts for r in layout.channels if r.quantity == "emg"]
+    if any(not r.unit_is_certain for r in emg):
+        yield Question(
+            "emg_unit",
+            "In which unit is EMG?",
+            next(r.unit for r in emg if not r.unit_is_certain),
+            "only amplitudes that are reported; envelopes are relative to a maximum",
+            ("V", "mV", "uV", "1", "%"),
+        )
+    hints = _worn_evidence(layouts, recordings)
+    if not person and drive is not None:
+        yield Question(
+            "worn",
+            "Is somebody wearing the machine in these recordings?",
+            "yes" if hints else "no",
+            "inertia and friction are then those of machine and limb together" + (f" ({hints})" if hints else ""),
+            ("yes", "no"),
+        )
+    if drive in ("current", "voltage") and not {"torque_constant", "force_constant"} & set(facts):
+        yield Question(
+            "drive_constant",
+            f"What is the drive's constant at the {'motor' if 'gear_ratio' in facts else 'joint'}, such as 0.06 N*m/A?",
+            "unknown",
+            "whether results are in N*m or stay per ampere or per volt, which they then say",
+        )
+    if repeated is not None:
+        yield Question(
+            "payload",
+            f"{repeated.heavier} repeats the motion of {repeated.lighter} with {repeated.ratio:.2f} times the effort. "
+            "What was carried, such as 2 kg at 0.3 m?",
+            "unknown",
+            "a known mass gives the drive's constant; an unknown one must not be fitted together with the rest",
+        )
+    if gravity == "sine+cosine" and drive is not None:
+        yield Question(
+            "angle_zero",
+            "Does the joint hang at the angle 0?",
+            "not certain",
+            "whether the zero is found from the weight (two numbers) or taken as it is (one)",
+            ("yes", "not certain"),
+        )
+
+
+def _rate_guess(main: Layout) -> tuple[float, str]:
+    """Return a guess of the rate where nothing states it, with its reason: EMG is filtered to 500 Hz as a rule."""
+    emg = [r for r in main.channels if r.quantity == "emg"]
+    if not emg:
+        return DEFAULT_RATE_HZ, "nothing in the files tells it: the default is a mere placeholder"
+    from scipy.signal import welch  # it loads all of scipy.stats
+
+    edges = []
+    for role in emg[:4]:
+        x = main.tables[0].columns[role.column]
+        x = x[np.isfinite(x)]
+        frequency, power = welch(x - x.mean(), 1.0, nperseg=min(1024, len(x)))
+        edges.append(float(frequency[np.searchsorted(np.cumsum(power), 0.95 * power.sum())]))
+    edge = float(np.median(edges))
+    best = min((1000.0, 1024.0, 1500.0, 2000.0, 2048.0, 4000.0), key=lambda rate: abs(np.log(edge * rate / 250.0)))
+    return best, f"95 % of EMG's power usually lies below some 250 Hz, here below {edge:.3g} of the rate"
+
+
+def _worn_evidence(layouts: Sequence[Layout], recordings: Sequence[ProposedRecording]) -> str:
+    quantities = {role.quantity for layout in layouts for role in layout.channels}
+    if "emg" in quantities:
+        return "EMG was recorded with the drive"
+    if "interaction" in quantities:
+        return "an effort between machine and person was recorded"
+    people = {r.participant for r in recordings if r.participant}
+    if len(people) >= 2:
+        return f"the files' names tell {len(people)} participants"
+    if any(table.personal for layout in layouts for table in layout.tables):
+        return "a file tells a person's name"
+    return ""
+
+
+def _apply(answers, main, streams, drive, motion, gravity, facts):
+    """Return the proposal's parts with the answers in them."""
+    if "rate" in answers:
+        rate = _quantity(answers["rate"], "Hz", "rate")
+        main = replace(main, roles=replace(main.roles, rate=main.roles.rate or rate))
+        streams = [replace(s, roles=replace(s.roles, rate=s.roles.rate or rate)) for s in streams]
+    if "effort" in answers:
+        quantity, _, unit = answers["effort"].partition(" in ")
+        if quantity not in EFFORTS or not unit:
+            raise StudyError(f'effort: found "{answers["effort"]}", expected such as "current in mA"')
+        found = _main_effort([main, *streams], drive)
+        if found is not None:
+            old = found[1].quantity
+            main = _with_roles(main, lambda r: r.quantity == old, quantity=quantity, unit=unit, said="said by the lab")
+            streams = [
+                _with_roles(s, lambda r: r.quantity == old, quantity=quantity, unit=unit, said="said by the lab")
+                for s in streams
+            ]
+            drive = {"force": "torque", "duty": "voltage"}.get(quantity, quantity)
+    if "position_unit" in answers:
+        unit = answers["position_unit"]
+        motion = "prismatic" if unit in ("m", "mm", "cm") else "rotary"
+        gravity = None if motion == "prismatic" else gravity or "sine+cosine"
+        main = _with_roles(main, lambda r: r.quantity in ("position", "reference", "angle"), unit=unit, said="said by the lab")
+        main = _with_roles(
+            main, lambda r: r.quantity in ("velocity", "desired_velocity") and not r.unit_is_certain, unit=f"{unit}/s",
+            said="as the position, per second",
+        )  # fmt: skip
+    if "emg_unit" in answers:
+        main = _with_roles(main, lambda r: r.quantity == "emg", unit=answers["emg_unit"], said="said by the lab")
+        streams = [
+            _with_roles(s, lambda r: r.quantity == "emg", unit=answers["emg_unit"], said="said by the lab") for s in streams
+        ]
+    if answers.get("drive_constant", "unknown") != "unknown":
+        expected = {"rotary": ("N*m/A", "N*m/V"), "prismatic": ("N/A", "N/V")}[motion]
+        key = "torque_constant" if motion == "rotary" else "force_constant"
+        si = expected[0] if drive == "current" else expected[1]
+        facts[key] = FileFact(_quantity(answers["drive_constant"], si, "drive_constant"), si, "said by the lab")
+    if answers.get("angle_zero") == "yes" and gravity == "sine+cosine":
+        gravity = "sine"
+    return main, streams, drive, motion, gravity, facts
+
+
+def _with_roles(layout: Layout, chosen, *, quantity: str | None = None, unit: str | None = None, said: str) -> Layout:
+    roles = tuple(
+        replace(
+            r, quantity=quantity or r.quantity, unit=unit or r.unit, unit_why=said, unit_is_certain=True,
+            is_certain=r.is_certain or quantity is not None,
+        )
+        if chosen(r)
+        else r
+        for r in layout.roles.roles
+    )  # fmt: skip
+    return replace(layout, roles=replace(layout.roles, roles=roles))
+
+
+def _quantity(text: str, si: str, where: str) -> float:
+    from ..units import parse_quantity
+
+    return parse_quantity(text, si, where)
+
+
+def _processing(main: Layout, drive: str | None) -> ProcessingChoice | None:
+    """Return the processing of the main position; several joints share the highest low-pass."""
+    positions = [r for r in main.channels if r.quantity in ("position", "motor_position")]
+    rate = main.roles.rate
+    if drive is None or not positions or rate is None or main.tables[0].rows < 200:
+        return None
+    first = main.roles.clock.first_sound
+    choices = [choose_processing(_decoded(main.tables[0], role)[first:], rate) for role in positions]
+    return max(choices, key=lambda choice: choice.lowpass)
+
+
+def _remarks(given: GivenFiles, main: Layout, streams: Sequence[Layout]) -> list[str]:
+    said = []
+    for path, why in given.unread:
+        if path.suffix.lower() not in (".md", ".pdf", ".py") and not path.name.casefold().startswith(("license", "readme")):
+            said.append(f"{path.name}: not read: {why}")
+    for table in given.tables:
+        for person in table.personal:
+            said.append(
+                f"{table.path.name}: {person.place} tells who was recorded ({person.kind}): it is left out; the copy of the "
+                "file still holds it, so take it out before you pass the study on"
+            )
+    for table in main.tables:
+        role = next((r for r in main.channels if r.quantity == "position" and r.column in table.columns), None)
+        if role is not None and main.roles.rate:
+            held = find_postures(_decoded(table, role), main.roles.rate)
+            if held.is_static:
+                said.append(
+                    f"{table.path.name}: it holds {len(held.positions)} postures ({100 * held.still_share:.0f} % of the time "
+                    "still): holds weigh the joint without inertia, and identify uses them for gravity"
+                )
+    if main.roles.clock.first_sound:
+        said.append(
+            f"the first {main.roles.clock.first_sound} rows of {main.tables[0].path.name} are stale: time falls back after "
+            "them, so that they are no samples"
+        )
+    return said
+
+
+def _pair_columns_with_sheets(
+    tables: Sequence[GivenTable],
+) -> tuple[list[GivenTable], dict[Path, tuple[GivenTable, dict[str, str]]]]:
+    """Return the tables, and sheets whose columns belong to one other sheet each, by their file.
+
+    Of a workbook with a sheet of EMG for each task, the sheet that has one column for each task holds what was measured
+    beside EMG.
+    """
+    by_file: dict[Path, list[GivenTable]] = {}
+    for table in tables:
+        if table.key:
+            by_file.setdefault(table.path, []).append(table)
+    paired: dict[Path, tuple[GivenTable, dict[str, str]]] = {}
+    left: list[GivenTable] = []
+    for path, group in by_file.items():
+        for sheet in group:
+            rest = [other for other in group if other is not sheet]
+            if len(rest) < 2 or len(sheet.columns) != len(rest):
+                continue
+            ends = [_last_number(x) for x in sheet.columns.values()]
+            fits = all(abs(end - other.rows) <= 1 for end, other in zip(ends, rest, strict=True))
+            if fits and len({len(other.columns) for other in rest}) == 1 and _is_slower(sheet, rest):
+                paired[path] = (sheet, {other.key: name for other, name in zip(rest, sheet.columns, strict=True)})
+                left.append(sheet)
+                break
+    return [table for table in tables if table not in left], paired
+
+
+def _last_number(values: np.ndarray) -> int:
+    known = np.flatnonzero(np.isfinite(values))
+    return int(known[-1]) + 1 if known.size else 0
+
+
+def _is_slower(sheet: GivenTable, others: Sequence[GivenTable]) -> bool:
+    from ..inference.commands import roughness
+
+    own = np.median([roughness(x[np.isfinite(x)]) for x in sheet.columns.values()])
+    rest = np.median([roughness(x[np.isfinite(x)]) for other in others for x in other.columns.values()])
+    return bool(own < 0.3 * rest)
+
+
+def _with_paired_columns(recordings, main, paired) -> list[ProposedRecording]:
+    made = []
+    for recording in recordings:
+        found = paired.get(recording.table.path)
+        column = found[1].get(recording.table.key) if found else None
+        first = paired.get(main.tables[0].path)
+        own = first[1].get(main.tables[0].key) if first else None
+        if column is not None and own is not None and column != own:
+            recording = replace(recording, columns={**recording.columns, own: column})
+        made.append(recording)
+    return made
+
+
+def _with_paired_roles(main: Layout, paired) -> Layout:
+    sheet, columns = paired[main.tables[0].path] if main.tables[0].path in paired else (None, {})
+    column = columns.get(main.tables[0].key)
+    if sheet is None or column is None:
+        return main
+    role = ColumnRole(
+        column, "force", "N", f'the sheet "{sheet.key}" has one column for each sheet of EMG, as long as that', "nothing tells it",
+        is_certain=False, unit_is_certain=False,
+    )  # fmt: skip
+    labels = _labels_by_sheet(main)
+    roles = tuple(replace(r, label=labels.get(r.column, r.label)) for r in main.roles.roles)
+    return replace(main, roles=replace(main.roles, roles=(*roles, role)))
+
+
+def _labels_by_sheet(main: Layout) -> dict[str, str]:
+    """Return muscles for numbered columns where the sheets are named after as many muscles, in their order."""
+    first = main.tables[0]
+    sheets = [t for t in main.tables if t.path == first.path]
+    muscles = [read_name(re.split(r"[_\s.]", t.key)[-1]).muscle for t in sheets]
+    if len(sheets) != len(first.columns) or None in muscles:
+        return {}
+    return {name: muscle for name, muscle in zip(first.columns, muscles, strict=True) if muscle}

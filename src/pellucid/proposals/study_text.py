@@ -1,0 +1,442 @@
+"""Write the study.toml of a proposal, with a comment for each guess."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+
+from ..inference.assign_roles import ColumnRole
+from .given_files import GivenTable
+from .propose_study import Layout, Proposal, ProposedRecording
+
+MARK_GUESS = "GUESS"
+"""Word that begins the comment of a line that evidence does not decide."""
+
+MARK_ASKED = "ASKED"
+"""Word that begins the comment of a line that depends on a question whose default was taken."""
+
+MAX_JOINTS_IN_TABLE = 40
+"""A study names at most so many joints of a person in its table for EMG and torque."""
+
+_KNOWN_NAMES = frozenset({"position", "velocity", "acceleration", "torque", "force", "current", "voltage", "duty", "reference"})
+"""Channels of a joint, which end in its name where there are several."""
+
+
+def study_text(proposal: Proposal, files: Mapping[int, str]) -> str:
+    """Return the text of study.toml; `files` are the tables' paths in the study's folder, by the tables' ids."""
+    parts = [
+        f"# Proposed by pellucid init --from. Lines marked {MARK_GUESS} are not decided by the files; lines marked",
+        f"# {MARK_ASKED} hang on a question whose default was taken. proposal/index.html shows every channel and why.",
+        "# docs/study-file.md explains each key.",
+        "",
+        f"name = {_text(proposal.name)}",
+        *_notes(proposal),
+        "",
+        *_questions(proposal),
+        *_tree(proposal, files),
+        *_rig(proposal),
+        *_participants(proposal),
+        *_channels(proposal.main, proposal, "[channels]"),
+    ]
+    for stream in proposal.streams:
+        parts += ["", *_stream(stream, proposal)]
+    parts += [*_processing(proposal), *_model(proposal), *_procedures(proposal)]
+    for recording in proposal.recordings:
+        parts += ["", *_recording(recording, proposal, files)]
+    return "\n".join(parts) + "\n"
+
+
+def channel_name(role: ColumnRole) -> str:
+    """Return the name of a role's channel, such as ``position.elbow``."""
+    return f"{role.quantity}.{role.label}" if role.label else str(role.quantity)
+
+
+def unsaid_defaults(proposal: Proposal) -> set[str]:
+    """Return the keys of questions whose defaults were taken."""
+    return {question.key for question in (*proposal.asked, *proposal.marked)} - set(proposal.answers)
+
+
+def channel_mark(role: ColumnRole, proposal: Proposal) -> str:
+    """Return ``"GUESS"``, ``"ASKED"`` or nothing: how certain a channel's line is."""
+    open_keys = unsaid_defaults(proposal)
+    hangs = {
+        "counts_per_turn": role.unit == "counts",
+        "full_duty": role.quantity == "duty",
+        "effort": role.quantity in ("torque", "force", "current", "voltage", "duty") and role.is_guess and not role.is_command,
+        "position_unit": role.quantity in ("position", "angle", "reference") and role.is_guess,
+        "emg_unit": role.quantity == "emg" and not role.unit_is_certain,
+    }
+    if any(key in open_keys and hangs[key] for key in hangs):
+        return MARK_ASKED
+    return MARK_GUESS if role.is_guess else ""
+
+
+def _notes(proposal: Proposal) -> list[str]:
+    guesses = [channel_name(r) for r in proposal.main.channels if channel_mark(r, proposal)]
+    guesses += [f"{channel_name(r)} ({s.stream})" for s in proposal.streams for r in s.channels if channel_mark(r, proposal)]
+    notes = []
+    if guesses:
+        shown = ", ".join(guesses[:12]) + (f" and {len(guesses) - 12} more" if len(guesses) > 12 else "")
+        notes.append(f"Proposed by init --from and not confirmed: {shown}.")
+    if "rate" in unsaid_defaults(proposal):
+        notes.append(f"No file states the sampling rate: {_rate(proposal, proposal.main):g} Hz is a placeholder.")
+    if proposal.is_worn:
+        notes.append("Somebody wears the machine: what is found is of machine and limb together.")
+    return [f"notes = [{', '.join(map(_text, notes))}]"] if notes else []
+
+
+def _questions(proposal: Proposal) -> list[str]:
+    lines = []
+    for question in proposal.asked:
+        answer = proposal.answers.get(question.key)
+        said = f"answered: {answer}" if answer is not None else f"{MARK_ASKED}, the default is taken: {question.default}"
+        lines += _wrapped(f"{question.key}: {question.text} {said}. It decides {question.consequence}.")
+    for question in proposal.marked:
+        lines += _wrapped(f"{question.key}: {MARK_GUESS}, not asked: {question.text} Taken: {question.default}.")
+    return [*lines, ""] if lines else []
+
+
+def _wrapped(text: str) -> list[str]:
+    import textwrap
+
+    return textwrap.wrap(text, 116, initial_indent="# ", subsequent_indent="#   ")
+
+
+def _tree(proposal: Proposal, files: Mapping[int, str]) -> list[str]:
+    robot = _robot_joints(proposal)
+    if robot is None:
+        return []
+    return ["[tree]", f'urdf = "recordings/{proposal.given.robots[0].name}"  # where joints are', ""]
+
+
+def _robot_joints(proposal: Proposal) -> list[str] | None:
+    """Return the joints of a robot's file, if it has as many as the recordings have."""
+    if not proposal.given.robots or len(proposal.main.roles.joints) < 2:
+        return None
+    from .._errors import PellucidError
+    from ..recordings.readers.urdf import read_urdf
+
+    try:
+        robot = read_urdf(proposal.given.robots[0])
+    except PellucidError:
+        return None
+    names = [joint.name for joint in robot.joints if joint.kind != "fixed" and joint.name not in robot.mimics]
+    return names if len(names) == len(proposal.main.roles.joints) else None
+
+
+def _renamed(proposal: Proposal) -> dict[str, str]:
+    """Return the names of joints in the robot's file by those in the recordings."""
+    robot = _robot_joints(proposal)
+    return dict(zip(proposal.main.roles.joints, robot, strict=True)) if robot else {}
+
+
+def _rig(proposal: Proposal) -> list[str]:
+    joints = proposal.main.roles.joints
+    names = _renamed(proposal)
+    if len(joints) < 2 or proposal.is_person:
+        return [
+            "[rig]",
+            f"joint = {_text(_joint_name(proposal))}",
+            _line(f'motion = "{proposal.motion}"', _motion_comment(proposal)),
+            *_drive(proposal, "[rig.drive]"),
+        ]
+    lines = ["[rig]"]
+    for joint in joints:
+        lines += [
+            "",
+            "[[rig.joints]]",
+            f"name = {_text(names.get(joint, joint))}",
+            _line(f'motion = "{proposal.motion}"', _motion_comment(proposal)),
+            *_turns(proposal, names.get(joint, joint)),
+            *_drive(proposal, "[rig.joints.drive]"),
+        ]
+    return lines
+
+
+def _turns(proposal: Proposal, joint: str) -> list[str]:
+    """Return how often a joint's motor turns with it, where positions are the motors'."""
+    if not any(r.quantity == "motor_position" for r in proposal.main.channels):
+        return []
+    turns = float(proposal.answers.get("gear_turns", "1"))
+    mark = "" if "gear_turns" in proposal.answers else f"{MARK_ASKED}: a motor's turns for a turn of the joint"
+    return [_line(f"turns = {{ {joint} = {turns:g} }}", mark)]
+
+
+def _motion_comment(proposal: Proposal) -> str:
+    if proposal.motion_is_certain or "position_unit" in proposal.answers:
+        return ""
+    return f"{MARK_ASKED}: whether it turns or slides" if "position_unit" in unsaid_defaults(proposal) else MARK_GUESS
+
+
+def _joint_name(proposal: Proposal) -> str:
+    if proposal.is_person:
+        angles = [r.label for r in proposal.main.channels if r.quantity in ("angle", "moment") and r.label]
+        return angles[0] if len(angles) == 1 else "leg" if any("knee" in a for a in angles) else "joint"
+    named = [r for r in proposal.main.channels if r.quantity == "position"]
+    from ..inference.name_evidence import read_name
+
+    joint = next((read_name(r.column).joint for r in named if read_name(r.column).joint), None)
+    return joint or "joint"
+
+
+def _drive(proposal: Proposal, head: str) -> list[str]:
+    if proposal.drive is None:
+        return []
+    lines = [head, f'kind = "{proposal.drive}"']
+    facts = proposal.drive_facts
+    key = "torque_constant" if proposal.motion == "rotary" else "force_constant"
+    if proposal.drive in ("current", "voltage"):
+        if key in facts:
+            fact = facts[key]
+            unit = fact.unit.replace("/A", "/V") if proposal.drive == "voltage" and "resistance" not in facts else fact.unit
+            if unit == fact.unit:
+                lines.append(_line(f'{key} = "{fact.text}"', f"{fact.label}, in the files"))
+        else:
+            example = {"current": "0.06 N*m/A", "voltage": "0.06 N*m/V"}[proposal.drive]
+            lines.append(f'# {key} = "{example}"  # {MARK_ASKED}: unknown, so that results stay per {_per(proposal)}')
+        if "gear_ratio" in facts and key in facts:
+            lines.append(_line(f"gear_ratio = {facts['gear_ratio'].value:g}", f"{facts['gear_ratio'].label}, in the files"))
+    has_duty = any(r.quantity == "duty" for r in proposal.main.channels)
+    if proposal.drive == "voltage" and has_duty and "supply" in facts:
+        lines.append(_line(f'supply = "{facts["supply"].text}"', f"{facts['supply'].label}, in the files"))
+    return lines
+
+
+def _per(proposal: Proposal) -> str:
+    return {"current": "ampere", "voltage": "volt"}[proposal.drive or "current"]
+
+
+def _participants(proposal: Proposal) -> list[str]:
+    people = sorted({r.participant for r in proposal.recordings if r.participant})
+    lines = [""]
+    for person in people:
+        lines += [f"[participants.{person}]", '# mass = "70 kg", height = "1.75 m", age = 30', ""]
+    return lines
+
+
+def _rate(proposal: Proposal, layout: Layout) -> float:
+    if layout.roles.rate is not None:
+        return layout.roles.rate
+    question = next((q for q in (*proposal.asked, *proposal.marked) if q.key == "rate"), None)
+    return float((question.default if question else "100 Hz").split()[0])
+
+
+def _time(layout: Layout, proposal: Proposal) -> str:
+    clock = layout.roles.clock
+    if clock.column is not None:
+        mark = "" if clock.is_certain else f"{MARK_GUESS}: "
+        column = _column(clock.column, layout.tables[0])
+        return _line(f'time = {{ column = {column}, unit = "{clock.unit}" }}', f"{mark}{clock.why}")
+    rate = _rate(proposal, layout)
+    if layout.roles.rate is None:
+        said = f"{MARK_ASKED}: no column is a time, and no file states the rate"
+    elif "rate" in proposal.answers:
+        said = "said by the lab"
+    elif layout.rate_fact is not None:
+        said = f'"{layout.rate_fact.label}" in the file states it'
+    else:
+        said = f"{MARK_GUESS}: {clock.why}"
+    return _line(f'time = {{ rate = "{rate:.10g} Hz" }}', said)
+
+
+def _channels(layout: Layout, proposal: Proposal, head: str) -> list[str]:
+    lines = [head, _time(layout, proposal)]
+    names = _renamed(proposal)
+    taken: set[str] = set()
+    for role in layout.channels:
+        renamed = names.get(role.label, role.label)
+        name = f"{role.quantity}.{renamed}" if renamed else str(role.quantity)
+        k, base = 2, name
+        while name in taken or any(name.startswith(f"{t}.") or t.startswith(f"{name}.") for t in taken):
+            name, k = f"{base}_{k}", k + 1
+        taken.add(name)
+        mark = channel_mark(role, proposal)
+        why = "; ".join(dict.fromkeys(text for text in (role.why, role.unit_why) if text))
+        comment = f"{mark}: {why}" if mark else why
+        lines.append(_line(f"{_key(name)} = {_entry(role, layout.tables[0])}", comment))
+    left = [r for r in layout.roles.roles if r.quantity is None]
+    if left:
+        lines.append("# Left out:")
+        lines += [f"#   {_one_line(role.column)}: {_one_line(role.why)}" for role in left[:60]]
+    return lines
+
+
+def _key(name: str) -> str:
+    parts = name.split(".")
+    return ".".join(p if re.fullmatch(r"[A-Za-z0-9_-]+", p) else _text(p) for p in parts)
+
+
+def _entry(role: ColumnRole, table: GivenTable) -> str:
+    unit, keys = role.unit, dict(role.keys)
+    if unit == "counts" and role.quantity in ("position", "reference", "angle", "velocity"):
+        per = int(keys.pop("counts_per_turn", 4096))
+        unit = "rad"
+        keys["scale"] = 2.0 * 3.141592653589793 / per
+    parts = [f"column = {_column(role.column, table)}", f'unit = "{unit}"']
+    if role.column in table.flat:
+        order, i, count = table.flat[role.column]
+        keys[order] = [i, count]
+    parts += [f"{key} = {_value(value)}" for key, value in keys.items()]
+    if role.quantity in ("voltage", "current", "torque", "duty") and "a program sets it" in role.why:
+        parts.append('clip = "accept"')
+    return f"{{ {', '.join(parts)} }}"
+
+
+def _column(name: str, table: GivenTable) -> str:
+    plain = name.partition("#")[0] if name in table.flat else name
+    names = [column.partition("#")[0] if column in table.flat else column for column in table.columns]
+    if plain.isdigit() and all(column.isdigit() for column in names):
+        return plain
+    return _text(plain)
+
+
+def _value(value: object) -> str:
+    if isinstance(value, str):
+        return _text(value)
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(str, value))}]"
+    return f"{value:.17g}" if isinstance(value, float) else str(value)
+
+
+def _stream(layout: Layout, proposal: Proposal) -> list[str]:
+    lines = []
+    clockless = layout.roles.clock.column is None
+    same_rows = layout.tables[0].rows == proposal.main.tables[0].rows
+    own_file = layout.tables[0].path == proposal.main.tables[0].path
+    if not proposal.is_person and proposal.drive is not None and (clockless or own_file) and (same_rows or own_file):
+        lines += [f"[streams.{layout.stream}]", "join = true", 'offset = "0 s"  # the same rows as the recordings', "drift = 0"]
+    elif not proposal.is_person and proposal.drive is not None and any(
+        r.quantity in ("torque", "current", "voltage", "force", "duty") for r in layout.channels
+    ):
+        lines += [f"[streams.{layout.stream}]", "join = true"]
+    return [*lines, *_channels(layout, proposal, f"[streams.{layout.stream}.channels]")]
+
+
+def _processing(proposal: Proposal) -> list[str]:
+    choice = proposal.processing
+    if choice is None:
+        return []
+    unit = "m/s" if proposal.motion == "prismatic" else "rad/s"
+    role = next(r for r in proposal.main.channels if r.quantity in ("position", "motor_position"))
+    from ..units import to_si_factor
+
+    factor = 3.141592653589793 * 2.0 / 4096 if role.unit == "counts" else to_si_factor(role.unit, None)[0]
+    lines = [
+        "",
+        "[processing]",
+        *_wrapped(f"{MARK_GUESS}: {choice.why} (the page shows the spectrum)."),
+        f'lowpass = "{choice.lowpass:g} Hz"',
+        "order = 4",
+        f"decimate = {choice.decimate}",
+        _line(f'dead_band = "{choice.dead_band * abs(factor):.3g} {unit}"', "slower, friction has no certain sign"),
+        _line(f"trim = {choice.trim}", "samples at each border, where the filter has not settled"),
+    ]
+    return lines
+
+
+def _model(proposal: Proposal) -> list[str]:
+    if proposal.drive is None or proposal.gravity is None or proposal.motion == "prismatic" or _robot_joints(proposal):
+        return []
+    why = {
+        "none": f"{MARK_GUESS}: the sine of the angle explains nothing of the effort",
+        "sine": "the joint hangs at 0",
+        "sine+cosine": "where the joint hangs is found from its weight",
+    }[proposal.gravity]
+    return ["", "[model]", _line(f'gravity = "{proposal.gravity}"', why)]
+
+
+def _procedures(proposal: Proposal) -> list[str]:
+    roles = [r for layout in (proposal.main, *proposal.streams) for r in layout.channels]
+    sides = {r.quantity.partition(".")[0] for r in roles if r.quantity and r.quantity.endswith(".angular_velocity")}
+    if {"proximal", "distal"} <= sides and proposal.drive is None:
+        return [
+            "",
+            "[hinge]",
+            'proximal = "proximal"',
+            'distal = "distal"',
+            _line('calibration = "10 s"', f"{MARK_GUESS}: axes and zero come from these seconds"),
+            'score_from = "10 s"',
+            _line('jump = "20 deg"', f"{MARK_GUESS}: a reference that jumps by more from a sample to the next is broken"),
+        ]
+    emg = [r for r in roles if r.quantity == "emg"]
+    if not (proposal.is_person and emg):
+        return []
+    angles = [r.label for r in roles if r.quantity == "angle"]
+    moments = {r.label for r in roles if r.quantity == "moment"}
+    joints = [label for label in angles if label in moments] or angles[:1]
+    if not joints:
+        return []
+    tried = [j for j in joints if any(word in j for word in ("knee", "ankle", "elbow", "l5_s1"))] or joints
+    chain = "none" if all(r.unit in ("1", "%") for r in emg) else "hill"
+    why = "envelopes were recorded" if chain == "none" else "raw EMG was recorded"
+    lines = ["", "[emg_torque]", f"joints = [{', '.join(map(_text, tried[:MAX_JOINTS_IN_TABLE]))}]"]
+    stream = next((s.stream for s in proposal.streams if any(r.quantity == "emg" for r in s.channels)), None)
+    moment = next((s.stream for s in proposal.streams if any(r.quantity == "moment" for r in s.channels)), None)
+    lines += [f'emg = "{stream}"'] if stream not in (None, "emg") else []
+    lines += [f'moments = "{moment}"'] if moment not in (None, "moments") else []
+    return [*lines, _line(f'chain = "{chain}"', why)]
+
+
+def _recording(recording: ProposedRecording, proposal: Proposal, files: Mapping[int, str]) -> list[str]:
+    lines = []
+    if recording.why:
+        lines += _wrapped(f"{recording.why[0].upper()}{recording.why[1:]}.")
+    lines += ["[[recordings]]", f"name = {_text(recording.name)}", f"file = {_text(files[id(recording.table)])}"]
+    if recording.streams:
+        inner = ", ".join(f"{name} = {_text(files[id(table)])}" for name, table in recording.streams.items())
+        lines.append(f"streams = {{ {inner} }}")
+    for key in ("participant", "condition", "protocol"):
+        value = getattr(recording, key)
+        if value:
+            lines.append(f"{key} = {_text(value)}")
+    lines.append(f'use = "{recording.use}"')
+    window = recording.window or _sound_window(recording, proposal)
+    if window is not None:
+        lines.append(f'window = ["{window[0]:.12g} s", "{window[1]:.12g} s"]')
+    for role in proposal.main.channels:
+        other = recording.columns.get(role.column)
+        if other is not None:
+            lines.append(f"channels.{_key(channel_name(role))} = {{ column = {_text(other)} }}")
+    for role in recording.extras:
+        mark = channel_mark(role, proposal) or (MARK_GUESS if role.is_guess else "")
+        comment = f"{mark}: {role.why}" if mark else role.why
+        lines.append(_line(f"channels.{_key(channel_name(role))} = {_entry(role, recording.table)}", comment))
+    return lines
+
+
+def _sound_window(recording: ProposedRecording, proposal: Proposal) -> tuple[float, float] | None:
+    """Return the window [s] that leaves out stale rows before time first advances, None if there are none."""
+    import numpy as np
+
+    from ..inference.clocks import UNIT_SECONDS, find_clock
+    from ..inference.name_evidence import read_name
+
+    clock = proposal.main.roles.clock
+    if clock.column is None or clock.column not in recording.table.columns:
+        return None
+    values = recording.table.columns[clock.column]
+    first = find_clock({clock.column: values}, [read_name(clock.column)]).first_sound
+    if not first:
+        return None
+    seconds = UNIT_SECONDS[clock.unit]
+    tail = values[first:]
+    # Stale rows may have times inside the window; only those outside are left out by it.
+    begin, end = float(np.nanmin(tail)) * seconds, float(np.nanmax(tail)) * seconds
+    return begin, end + 1.0 / _rate(proposal, proposal.main)
+
+
+def _line(text: str, comment: str) -> str:
+    return f"{text}  # {_one_line(comment)}" if comment else text
+
+
+def _one_line(text: str) -> str:
+    from .._given import visible_text
+
+    return visible_text(" ".join(text.split()))[:300]
+
+
+def _text(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
+
+
