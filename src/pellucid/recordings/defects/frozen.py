@@ -55,18 +55,37 @@ def _find_in_joint(watched: WatchedRecording, position: str, drive: str) -> Iter
             found = f"a frozen encoder, the one value {measured[0]:.6g} in every sample"
             yield make_cut(watched.recording, KIND, position, first=0, last=len(q) - 1, found=found)
         return
-    first, length = find_runs(repeats_next(q))
+    min_samples = max(MIN_REST_SAMPLES, round(MIN_REST_S * watched.recording.fs))
+    for a, b, why in frozen_rests(q, effort, reference, min_samples):
+        found = f"a frozen encoder, the one value {q[a]:.6g} for {b - a + 1} samples while {why}"
+        yield make_cut(watched.recording, KIND, position, first=a, last=b, found=found)
+
+
+def frozen_rests(
+    position: np.ndarray, effort: np.ndarray, reference: np.ndarray | None, min_samples: int = MIN_REST_SAMPLES
+) -> Iterator[tuple[int, int, str]]:
+    """Yield first and last sample of each rest that is the encoder's, not the joint's, and what shows that.
+
+    Parameters
+    ----------
+    position, effort : ndarray, shape (n,) each
+        Position of a joint, and what drives it, in any unit.
+    reference : ndarray, shape (n,), or None
+        What the position is to follow, in its unit.
+    min_samples : int
+        Shorter rests are not examined.
+    """
+    first, length = find_runs(repeats_next(position))
     length = length + 1
-    long = np.flatnonzero(length >= max(MIN_REST_SAMPLES, MIN_REST_S * watched.recording.fs))
+    long = np.flatnonzero(length >= min_samples)
     if long.size == 0:
         return
-    statistics = _MotionStatistics(q, effort, reference)
+    statistics = _MotionStatistics(position, effort, reference)
     for i in long.tolist():
         a, b = int(first[i]), int(first[i] + length[i] - 1)
         why = statistics.why_frozen(a, b)
         if why:
-            found = f"a frozen encoder, the one value {q[a]:.6g} for {length[i]} samples while {why}"
-            yield make_cut(watched.recording, KIND, position, first=a, last=b, found=found)
+            yield a, b, why
 
 
 def _reference(watched: WatchedRecording, position: str) -> np.ndarray | None:

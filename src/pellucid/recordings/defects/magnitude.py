@@ -21,7 +21,7 @@ _MAX_PLAUSIBLE = {
     ("velocity", "m/s"): (50.0, "mm/s"),
     ("current", "A"): (200.0, "mA"),
     ("voltage", "V"): (1000.0, "mV"),
-    ("torque", "N*m"): (2000.0, "N*mm"),
+    ("torque", "N*m"): (1000.0, "N*mm"),
     ("duty", "1"): (1.5, "%"),
 }
 # The same for surface EMG, which stays below some millivolts at the skin.
@@ -29,6 +29,9 @@ _MAX_PLAUSIBLE_EMG = (0.05, "mV")
 
 TYPICAL_QUANTILE = 0.9
 """A channel's typical magnitude is this quantile of its absolute values, so that a few wild samples do not count."""
+
+MAX_GUESSED_MAGNITUDE = 1e4
+"""A unit is guessed only for magnitudes up to this one in SI. Larger numbers are no measurement in another unit."""
 
 MAX_MAGNITUDE = 1e9
 """Largest plausible magnitude in SI units of a channel that has no bound of its own. Chosen by judgement."""
@@ -54,6 +57,8 @@ def find_implausible(channel: Channel, known_limit: float = 0.0) -> ImplausibleM
     largest = float(np.max(np.abs(channel.samples), where=finite, initial=0.0))
     if largest <= limit:
         return None
+    if largest > MAX_GUESSED_MAGNITUDE and channel.name != "time":
+        probable_unit = ""
     magnitudes = np.abs(channel.samples[finite][:: max(1, len(channel) // 200_000)])
     is_typical = bool(np.quantile(magnitudes, TYPICAL_QUANTILE) > 0.1 * limit)
     return ImplausibleMagnitude(largest, limit, probable_unit, is_typical)
