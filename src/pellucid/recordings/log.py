@@ -6,8 +6,10 @@ more than that is not made.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -16,14 +18,16 @@ from .cut import MAX_EVEN_JITTER, MIN_GAP_STEP_RATIO
 from .defects import constant, echoed, frozen, garbage, held, limited, magnitude, missing, spikes
 from .defects.clipped import flat_tops
 from .defects.watched import INERTIAL_CHANNELS, find_runs
+from .personal_fields import PersonalField, find_personal_columns, find_personal_lines
 from .quantity import EFFORT_QUANTITIES, Quantity, joint_words, quantity_of
 from .readers._columns import Columns
+from .readers.csv import ENDINGS, MAX_HEADER_BYTES, MAX_HEADER_LINES
 from .recording import Channel
 
-ALARM = "alarm"
+ALARM_LEVEL = "alarm"
 """Level of a finding without whose cause the channel must not be used as it is."""
 
-NOTE = "note"
+NOTE_LEVEL = "note"
 """Level of a finding that a user should know and that needs no repair."""
 
 MIN_LOG_SAMPLES = 20
@@ -65,6 +69,9 @@ MIN_CLOCK_DRIFT_SHARE = 1e-3
 MIN_REPEATED_SHARE = 0.02
 """Rows that repeat the row before are told if they are more than this share."""
 
+MAX_REPEATED_ROWS = 5
+"""More rows than this that repeat one row are a rest of everything that is logged."""
+
 MAX_MISSING_SHARE = 0.001
 """More missing samples than this share are an alarm; fewer are a note."""
 
@@ -101,6 +108,12 @@ VERDICT_WORDS = {
 """Words for each kind of finding, the one that decides a channel's verdict first."""
 
 
+_QUOTED_TEXT = re.compile(r'"([^"]*)"')
+
+_NUMBERS_LINE = re.compile(r"[\s\d.,;:+\-eE\"]*\d[\s\d.,;:+\-eE\"]*")
+"""A line of numbers alone, with which the head of a text file ends."""
+
+
 @dataclass(frozen=True)
 class LogFinding:
     """One thing that is wrong with, or remarkable about, a channel of a log.
@@ -124,7 +137,7 @@ class LogFinding:
     kind: str
     channel: str
     found: str
-    level: str = ALARM
+    level: str = ALARM_LEVEL
     first: int = -1
     last: int = -1
     size: float = float("nan")
@@ -160,7 +173,8 @@ class Log:
 
     file: str
     channels: tuple[LogChannel, ...]
-    texts: Mapping[str, str]  # what a column of text holds, by its name
+    texts: tuple[str, ...] = ()  # names of columns of text
+    personal: tuple[PersonalField, ...] = ()  # fields that tell who was recorded
     time: str = ""  # name of the time column; "" without one
     rate: float | None = None  # rate that the user states [Hz]
 
@@ -170,13 +184,26 @@ def log_of(columns: Columns, rate: float | None = None) -> Log:
     channels, texts = [], {}
     for name, values in columns.values.items():
         if isinstance(values, str):
-            texts[name] = values
+            quoted = _QUOTED_TEXT.search(values)
+            texts[name] = quoted[1] if quoted else ""
             continue
         quantity = quantity_of(name, columns.units.get(name, ""))
         samples = np.asarray(values, float)
         channels.append(LogChannel(name, samples * quantity.factor if quantity.factor != 1.0 else samples, quantity))
     time = _time_column(channels)
-    return Log(columns.path.name, tuple(channels), texts, time, rate)
+    personal = find_personal_columns([*texts.items(), *((c.name, "") for c in channels)])
+    personal += find_personal_lines(head_of_text(columns.path))
+    return Log(columns.path.name, tuple(channels), tuple(texts), tuple(personal), time, rate)
+
+
+def head_of_text(path: Path) -> list[str]:
+    """Return the lines above the numbers of a text file; none of a file of another kind."""
+    if path.suffix.lower() not in ENDINGS:
+        return []
+    with path.open("rb") as file:
+        lines = file.read(MAX_HEADER_BYTES).decode("utf-8-sig", errors="replace").splitlines()
+    first = next((i for i, line in enumerate(lines) if _NUMBERS_LINE.fullmatch(line)), len(lines))
+    return lines[: min(first, MAX_HEADER_LINES)]
 
 
 def _time_column(channels: Sequence[LogChannel]) -> str:
@@ -222,32 +249,48 @@ def inspect_log(log: Log) -> tuple[LogFinding, ...]:
     if rows is not None:
         where = [f"the first {rows.head}"] * bool(rows.head) + [f"the last {rows.tail}"] * bool(rows.tail)
         text = f"{' and '.join(where)} of {longest} rows are garbage: {rows.cause}"
-        found.append(LogFinding(garbage.KIND, log.time or "time", text, ALARM, 0, rows.head - 1))
+        found.append(LogFinding(garbage.KIND, log.time or "time", text, ALARM_LEVEL, 0, rows.head - 1))
         kept = slice(rows.head, longest - rows.tail)
-        channels |= {n: replace(c, samples=c.samples[kept]) for n, c in table.items()}
+        table = {n: replace(c, samples=c.samples[kept]) for n, c in table.items()}
+        channels |= table
+        longest -= rows.head + rows.tail
     found += _time_findings(log, channels)
     moving = {n: c for n, c in channels.items() if c.quantity.kind != "time" and n != log.time}
-    fresh = _fresh_rows([c.samples for c in moving.values() if len(c.samples) == longest])
-    if fresh is not None:
-        text = f"{int((~fresh).sum())} of {len(fresh)} rows repeat the row before: the log is written faster than it fills"
-        found.append(LogFinding("uneven", log.time or "time", text, NOTE))
-        moving = {n: replace(c, samples=c.samples[fresh]) if n in table else c for n, c in moving.items()}
+    repeats = _repeated_rows([c.samples for c in moving.values() if len(c.samples) == longest])
+    short = _in_short_runs(repeats)
+    if short.sum() > MIN_REPEATED_SHARE * len(short) and not any(
+        f.kind == "uneven" and "twice" in f.found for f in found
+    ):
+        text = f"{int(short.sum())} of {len(short)} rows repeat the row before: the log is written faster than it fills"
+        found.append(LogFinding("uneven", log.time or "time", text, NOTE_LEVEL))
+    if repeats.any():
+        # While everything rests, no channel tells anything.
+        moving = {n: replace(c, samples=c.samples[~repeats]) if n in table else c for n, c in moving.items()}
     for channel in moving.values():
         found += _channel_findings(channel, moving)
     dead = {f.channel for f in found if f.kind == constant.KIND}
     found += [f for f in _frozen_findings(moving) if f.channel not in dead]
     found += _relation_findings(moving, {f.channel for f in found if f.kind == constant.KIND})
-    found += [LogFinding("text", name, text, NOTE) for name, text in log.texts.items()]
+    told = {each.label for each in log.personal}
+    found += [LogFinding("text", name, "text, which is not read", NOTE_LEVEL) for name in log.texts if name not in told]
+    found += [LogFinding("personal", p.label, f"a {p.kind} at {p.place}: remove it", ALARM_LEVEL) for p in log.personal]
     return tuple(found)
 
 
-def _fresh_rows(columns: Sequence[np.ndarray]) -> np.ndarray | None:
-    """Return a mask of the rows that differ from the row before in any of `columns`, (n,) each; None if nearly all do."""
-    if len(columns) < 2:
-        return None
-    fresh = np.ones(len(columns[0]), bool)
-    fresh[1:] = np.any([x[1:] != x[:-1] for x in columns], axis=0)
-    return fresh if np.mean(fresh) < 1.0 - MIN_REPEATED_SHARE else None
+def _repeated_rows(columns: Sequence[np.ndarray]) -> np.ndarray:
+    """Return a mask of the rows that repeat the row before in all of `columns`, (n,) each, of which there are two."""
+    repeats = np.zeros(len(columns[0]) if columns else 0, bool)
+    if len(columns) > 1:
+        repeats[1:] = np.all([x[1:] == x[:-1] for x in columns], axis=0)
+    return repeats
+
+
+def _in_short_runs(repeats: np.ndarray) -> np.ndarray:
+    """Return the mask `repeats`, (n,), without its long runs: there everything rests."""
+    short = repeats.copy()
+    for first, length in zip(*find_runs(repeats), strict=True):
+        short[first : first + length] = length <= MAX_REPEATED_ROWS
+    return short
 
 
 def _time_findings(log: Log, channels: Mapping[str, LogChannel]) -> Iterator[LogFinding]:
@@ -272,7 +315,7 @@ def _time_findings(log: Log, channels: Mapping[str, LogChannel]) -> Iterator[Log
     repeats = int(np.sum(~first_deliveries(time, same)))
     if repeats:
         text = f"{repeats} of {len(time)} rows repeat the row before: packets that came twice"
-        yield LogFinding("uneven", log.time, text, ALARM, size=repeats / len(time))
+        yield LogFinding("uneven", log.time, text, ALARM_LEVEL, size=repeats / len(time))
     back = np.flatnonzero(steps < 0.0)
     if back.size:
         text = f"time runs back {back.size} times, first after {time[known][back[0]]:.6g}{unit}"
@@ -290,7 +333,7 @@ def _time_findings(log: Log, channels: Mapping[str, LogChannel]) -> Iterator[Log
     if jitter > MAX_EVEN_JITTER and not repeats:
         text = f"steps differ from {usual:.4g}{unit} by {100 * jitter:.3g} % in 1 of 100 rows: stamped on arrival"
         often = float(np.mean(np.abs(positive / usual - 1.0) > MAX_STEADY_JITTER)) > MAX_JITTERING_SHARE
-        yield LogFinding("uneven", log.time, text, ALARM if often else NOTE, size=jitter)
+        yield LogFinding("uneven", log.time, text, ALARM_LEVEL if often else NOTE_LEVEL, size=jitter)
     for other in channels.values():
         if other.name != log.time and other.quantity.kind == "time" and len(other.samples) == len(time):
             yield from _second_clock(channel, other)
@@ -305,7 +348,8 @@ def _second_clock(one: LogChannel, other: LogChannel) -> Iterator[LogFinding]:
     # Clocks in different units differ by a power of ten.
     ratio /= 10.0 ** round(float(np.log10(ratio)))
     if MIN_CLOCK_DRIFT_SHARE < abs(ratio - 1.0) < MAX_CLOCK_DRIFT_SHARE:
-        text = f"it runs {abs(ratio - 1.0) * 1e6:.3g} millionths {'faster' if ratio > 1.0 else 'slower'} than {one.name}"
+        way = "faster" if ratio > 1.0 else "slower"
+        text = f"it runs {abs(ratio - 1.0) * 1e6:.3g} millionths {way} than {one.name}"
         yield LogFinding(held.KIND, other.name, text, size=ratio - 1.0)
 
 
@@ -321,7 +365,7 @@ def _channel_findings(channel: LogChannel, others: Mapping[str, LogChannel]) -> 
         first = int(np.flatnonzero(~known)[0])
         runs = find_runs(~known)[0].size
         many = f"{gone} of {len(x)} samples are missing, in {runs} stretch{'es' if runs > 1 else ''}"
-        level = ALARM if gone > MAX_MISSING_SHARE * len(x) else NOTE
+        level = ALARM_LEVEL if gone > MAX_MISSING_SHARE * len(x) else NOTE_LEVEL
         yield LogFinding(missing.KIND, name, many, level, first)
     levels = constant.few_levels([x])
     measures = quantity.kind not in SETTING_QUANTITIES and quantity.role in ("", "measured")
@@ -331,7 +375,7 @@ def _channel_findings(channel: LogChannel, others: Mapping[str, LogChannel]) -> 
             yield LogFinding(constant.KIND, name, f"the one value {value:.6g}{unit} in every row", size=value)
         else:
             text = f"the one value {value:.6g}{unit} in every row: a setting, or not connected"
-            yield LogFinding("constant", name, text, NOTE, size=value)
+            yield LogFinding("constant", name, text, NOTE_LEVEL, size=value)
         return
     if levels is not None and measures and quantity.kind in (*EFFORT_QUANTITIES, "emg", "acceleration"):
         values = ", ".join(f"{level:.6g}" for level in levels)
@@ -345,7 +389,7 @@ def _channel_findings(channel: LogChannel, others: Mapping[str, LogChannel]) -> 
             first, last = stretch
             where = "to the end" if last >= len(x) - 2 else f"to row {last}"
             text = f"the one value {x[first]:.6g}{unit} from row {first} {where}, while other channels move"
-            yield LogFinding(constant.KIND, name, text, ALARM, first, last, float(x[first]))
+            yield LogFinding(constant.KIND, name, text, ALARM_LEVEL, first, last, float(x[first]))
             x = np.array(x)
             x[first : last + 1] = np.nan
     slower = held.find_held(x)
@@ -361,7 +405,7 @@ def _channel_findings(channel: LogChannel, others: Mapping[str, LogChannel]) -> 
             largest = max(glitches, key=lambda g: g[2])
             many = "a spike" if len(glitches) == 1 else f"{len(glitches)} spikes, the largest"
             text = f"{many} of {largest[2]:.4g}{unit} at row {largest[0]}"
-            yield LogFinding("spike", name, text, ALARM, largest[0], largest[1], largest[2])
+            yield LogFinding("spike", name, text, ALARM_LEVEL, largest[0], largest[1], largest[2])
 
 
 def _spread(x: np.ndarray) -> float:
@@ -388,7 +432,9 @@ def _rests_with_others(channel: LogChannel, others: Mapping[str, LogChannel], fi
     for other in others.values():
         if other is channel or len(other.samples) != len(channel.samples) or other.quantity.role == "command":
             continue
-        if (contradicting and other.quantity.kind not in contradicting) or constant.few_levels([other.samples]) is not None:
+        if contradicting and other.quantity.kind not in contradicting:
+            continue
+        if constant.few_levels([other.samples]) is not None:
             continue
         whole, inside = _spread(other.samples), _spread(other.samples[first : last + 1])
         if inside > 0.1 * whole and (not contradicting or _moves_with(channel, other, first, last)):
@@ -425,7 +471,7 @@ def _frozen_findings(channels: Mapping[str, LogChannel]) -> Iterator[LogFinding]
         if rests:
             first, last, why = max(rests, key=lambda rest: rest[1] - rest[0])
             text = f"the one value {position.samples[first]:.6g}{position.unit} in rows {first} to {last} while {why}"
-            yield LogFinding(constant.KIND, position.name, text, ALARM, first, last)
+            yield LogFinding(constant.KIND, position.name, text, ALARM_LEVEL, first, last)
 
 
 def _joint_of(channel: LogChannel) -> str:
@@ -439,7 +485,9 @@ def _impossible(channel: LogChannel) -> Iterator[LogFinding]:
     finite = np.isfinite(x)
     if quantity.kind in ("stiffness", "damping") and np.any(x[finite] < 0.0):
         count, least = int(np.sum(x[finite] < 0.0)), float(x[finite].min())
-        text = f"a negative {quantity.kind} in {count} of {len(x)} rows, down to {least:.4g}{unit}: it drives, not brakes"
+        text = (
+            f"a negative {quantity.kind} in {count} of {len(x)} rows, down to {least:.4g}{unit}, which drives the joint"
+        )
         yield LogFinding("impossible", name, text, size=least)
         return
     wrong = magnitude.find_implausible(Channel(quantity.kind or name, x, quantity.unit or "1", name))
@@ -448,7 +496,7 @@ def _impossible(channel: LogChannel) -> Iterator[LogFinding]:
     # A motor's position, and one that turns on and on, has no bound.
     if wrong is not None and (quantity.kind != "position" or wrong.largest > magnitude.MAX_GUESSED_MAGNITUDE):
         count = int(np.sum(np.abs(x[finite]) > wrong.limit))
-        text = f"up to {wrong.largest:.4g}{unit} in {count} of {len(x)} rows; at most {wrong.limit:.4g}{unit} is plausible"
+        text = f"up to {wrong.largest:.4g}{unit} in {count} of {len(x)} rows, plausible are {wrong.limit:.4g}{unit}"
         if wrong.probable_unit and wrong.is_typical:
             text += f", or the numbers are {wrong.probable_unit}"
         yield LogFinding("impossible", name, text, size=wrong.largest)
@@ -508,8 +556,8 @@ def _relation_findings(channels: Mapping[str, LogChannel], dead: set[str]) -> It
             names = [alike[i].name for i in computed.sources]
             told[channel.name] = names[0]
             text = f"it equals {' plus '.join(names)} in every row that is not at a limit: computed, not measured"
-            level = ALARM if channel.quantity.role == "measured" else NOTE
-            yield LogFinding(echoed.KIND if level == ALARM else "computed", channel.name, text, level)
+            level = ALARM_LEVEL if channel.quantity.role == "measured" else NOTE_LEVEL
+            yield LogFinding(echoed.KIND if level == ALARM_LEVEL else "computed", channel.name, text, level)
             continue
         if channel.quantity.role in ("command", "computed"):
             continue
@@ -526,7 +574,7 @@ def _relation_findings(channels: Mapping[str, LogChannel], dead: set[str]) -> It
         if asked and len(asked) == len(of_kind):
             names = ", ".join(c.name for c in asked)
             text = f"no {kind} is measured: {names} {'is' if len(asked) == 1 else 'are'} asked for or computed"
-            yield LogFinding("not_measured", asked[0].name, text, NOTE)
+            yield LogFinding("not_measured", asked[0].name, text, NOTE_LEVEL)
 
 
 def _is_alike(one: LogChannel, other: LogChannel) -> bool:

@@ -1,4 +1,4 @@
-"""Find channels on another clock: each value is held over the same number of rows, because it is sampled more slowly."""
+"""Find channels on another clock: each value is held over the same number of rows, for it is sampled more slowly."""
 
 from __future__ import annotations
 

@@ -39,6 +39,7 @@ STEPS_BEFORE = 5
 MIN_ARRIVAL_SHARE = 0.25
 """Into a limit, and out of it, the steps are at least this share of the usual one. What comes to rest slows down."""
 
+
 @dataclass(frozen=True)
 class Limit:
     """A value at which a channel is cut."""
@@ -90,7 +91,7 @@ def _is_held_elsewhere(x: np.ndarray, longest: int) -> bool:
     A switching command does.
     """
     inside = (x[1:] != 0.0) & (x[1:] < np.nanmax(x)) & (x[1:] > np.nanmin(x))
-    first, length = find_runs((x[1:] == x[:-1]) & inside)
+    _, length = find_runs((x[1:] == x[:-1]) & inside)
     return bool(length.size) and int(length.max()) + 1 >= max(MIN_RUN_SAMPLES, MAX_ELSEWHERE_SHARE * longest)
 
 
