@@ -247,8 +247,7 @@ def inspect_log(log: Log) -> tuple[LogFinding, ...]:
     others = {n: c.samples for n, c in table.items() if n != log.time and c.quantity.kind != "time"}
     rows = garbage.find_garbage(table[log.time].samples if log.time in table else None, others)
     if rows is not None:
-        where = [f"the first {rows.head}"] * bool(rows.head) + [f"the last {rows.tail}"] * bool(rows.tail)
-        text = f"{' and '.join(where)} of {longest} rows are garbage: {rows.cause}"
+        text = f"{rows.where} of {longest} rows are garbage: {rows.cause}"
         found.append(LogFinding(garbage.KIND, log.time or "time", text, ALARM_LEVEL, 0, rows.head - 1))
         kept = slice(rows.head, longest - rows.tail)
         table = {n: replace(c, samples=c.samples[kept]) for n, c in table.items()}

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..cut import Cut
 from ..recording import make_cut
+from .rest import is_at_rest, is_only_noise
 from .scale import Scale
 from .watched import WatchedRecording, find_runs, joint_ending, repeats_next
 
@@ -35,6 +36,10 @@ MIN_SWING_COUNT = 3
 """A rest with this many swings of the effort is the encoder's. Fewer may be a test for the breakaway effort."""
 
 
+LEAP_AFTER_REST = "it then is far away after one sample"
+"""The strongest sign of a frozen encoder: a body cannot have left its rest so fast."""
+
+
 def find(watched: WatchedRecording) -> Iterator[Cut]:
     """Yield a cut for each rest of a joint's position in which the joint itself cannot have rested."""
     for position, drive in watched.drives.items():
@@ -51,12 +56,17 @@ def _find_in_joint(watched: WatchedRecording, position: str, drive: str) -> Iter
     measured = q[finite]
     if measured.min() == measured.max():
         moves = [s for s in (effort, reference) if s is not None and np.nanmax(s, initial=-np.inf) > np.nanmin(s)]
-        if moves:
+        # A posture that is held has an effort with its sensor's noise, and nothing else.
+        width = max(MIN_REST_SAMPLES, round(MIN_REST_S * watched.recording.fs))
+        held = all(is_only_noise(s, width) for s in moves) or is_at_rest(watched, position, 0, len(q) - 1)
+        if moves and not held:
             found = f"a frozen encoder, the one value {measured[0]:.6g} in every sample"
             yield make_cut(watched.recording, KIND, position, first=0, last=len(q) - 1, found=found)
         return
     min_samples = max(MIN_REST_SAMPLES, round(MIN_REST_S * watched.recording.fs))
     for a, b, why in frozen_rests(q, effort, reference, min_samples):
+        if why != LEAP_AFTER_REST and is_at_rest(watched, position, a, b):
+            continue
         found = f"a frozen encoder, the one value {q[a]:.6g} for {b - a + 1} samples while {why}"
         yield make_cut(watched.recording, KIND, position, first=a, last=b, found=found)
 
@@ -121,7 +131,7 @@ class _MotionStatistics:
         elsewhere = [float(self.moved[i]) for i in self.fastest if not first - 1 <= i <= last]
         largest = max(elsewhere, default=0.0)
         if last < len(self.moved) and self.moved[last] > max(3 * largest, 3 * self.scale.resolution) and largest > 0:
-            return f"it then is {self.moved[last]:.4g} away after one sample"
+            return LEAP_AFTER_REST
         return None
 
     def _speed_before_rest(self, first: int, last: int) -> str | None:

@@ -33,6 +33,12 @@ class GarbageRows:
     tail: int  # number of rows after the last sane one
     cause: str  # what shows that they are garbage
 
+    @property
+    def where(self) -> str:
+        """Text that says which rows they are."""
+        ends = [f"the first {self.head}"] * bool(self.head) + [f"the last {self.tail}"] * bool(self.tail)
+        return " and ".join(ends)
+
 
 def find_garbage(time: np.ndarray | None, channels: Mapping[str, np.ndarray]) -> GarbageRows | None:
     """Return the rows of garbage at either end of a table; None without any.
@@ -49,8 +55,6 @@ def find_garbage(time: np.ndarray | None, channels: Mapping[str, np.ndarray]) ->
     for name, x in channels.items():
         with np.errstate(invalid="ignore"):
             wild = np.abs(x) > MAX_SANE_MAGNITUDE
-            # A denormal number is a pattern of bits that nobody wrote.
-            wild |= (x != 0.0) & (np.abs(x) < np.finfo(np.float64).tiny)
         if wild.any():
             causes.append(name)
             bad |= wild
@@ -64,7 +68,7 @@ def find_garbage(time: np.ndarray | None, channels: Mapping[str, np.ndarray]) ->
     told = [name for name in causes if np.any(np.abs(channels[name][rows]) > MAX_SANE_MAGNITUDE)]
     parts = [f"numbers up to {max(_largest(channels[name][rows]) for name in told):.3g}"] if told else []
     parts += ["time that does not advance"] if backwards[rows].any() else []
-    return GarbageRows(head, tail, " and ".join(parts) or "numbers too small to be one")
+    return GarbageRows(head, tail, " and ".join(parts))
 
 
 def _largest(x: np.ndarray) -> float:
