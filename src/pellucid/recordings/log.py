@@ -75,6 +75,9 @@ MAX_REPEATED_ROWS = 5
 MAX_MISSING_SHARE = 0.001
 """More missing samples than this share are an alarm; fewer are a note."""
 
+MIN_PEAK_RATIO = 30.0
+"""In a channel that may jump, a spike is this many times as high as the range of nearly all samples."""
+
 MAX_SPIKE_COUNT = 50
 """A channel with more spikes than this is spiky by itself."""
 
@@ -325,6 +328,11 @@ def _time_findings(log: Log, channels: Mapping[str, LogChannel]) -> Iterator[Log
         yield LogFinding("uneven", log.time, text, size=share)
     near = positive[positive < MIN_GAP_STEP_RATIO * usual]
     jitter = float(np.quantile(np.abs(near / usual - 1.0), 0.99)) if near.size else 0.0
+    mean = float(np.mean(positive[positive <= float(np.quantile(positive, 0.999))]))
+    share = float(np.mean(np.abs(positive / mean - 1.0) > MAX_STEADY_JITTER))
+    if mean > MIN_GAP_STEP_RATIO * usual and share > MAX_JITTERING_SHARE and not back.size:
+        text = f"rows come in packets: most steps are {usual:.3g}{unit}, the mean step is {mean:.4g}{unit}"
+        yield LogFinding("uneven", log.time, text, size=share)
     long = positive[positive > max(MIN_GAP_STEPS, 1.3 * float(np.quantile(positive, 0.98)) / usual) * usual]
     if long.size:
         many = "a gap" if long.size == 1 else f"{long.size} gaps"
@@ -398,8 +406,9 @@ def _channel_findings(channel: LogChannel, others: Mapping[str, LogChannel]) -> 
     yield from _cut_off(channel, x)
     if measures and slower is None and not impossible:
         glitches = spikes.find_spikes(x, spikes.MAX_SPIKE_SAMPLES)
-        if quantity.kind == "emg" or not quantity.kind:
-            glitches = [g for g in glitches if g[2] > 30.0 * _spread(x)]
+        if quantity.kind not in INERTIAL_CHANNELS:
+            # A drive, a knock or a muscle makes peaks of its own.
+            glitches = [g for g in glitches if g[2] > MIN_PEAK_RATIO * _spread(x)]
         if 0 < len(glitches) <= MAX_SPIKE_COUNT:
             largest = max(glitches, key=lambda g: g[2])
             many = "a spike" if len(glitches) == 1 else f"{len(glitches)} spikes, the largest"

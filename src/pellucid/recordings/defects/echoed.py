@@ -13,9 +13,15 @@ import numpy as np
 
 KIND = "echoed"
 
-MIN_ECHO_CORRELATION = 0.998
-"""A channel echoes its command if both correlate at least this much at one delay. Chosen by judgement: a torque loop
-with a sensor on a moving joint stays below."""
+MIN_LATE_ECHO_CORRELATION = 0.999
+"""A channel that is late echoes its command if both correlate at least this much at one delay. Chosen by judgement: a
+torque loop with a sensor on a moving joint stays below."""
+
+MIN_PROMPT_ECHO_CORRELATION = 0.99999
+"""The same without a delay. A fast current loop follows its command this closely, but not to the last digits."""
+
+MIN_LATE_SAMPLES = 3
+"""A channel is late from this many samples on. Loops are faster."""
 
 MAX_ECHO_DELAY_SAMPLES = 400
 """The longest delay that is tried [samples]."""
@@ -66,7 +72,8 @@ def find_echo(measured: np.ndarray, command: np.ndarray) -> Echo | None:
     delay = int(np.argmax(np.abs(alike)))
     late, early = y[delay:], u[: n - delay]
     correlation = float(np.corrcoef(late, early)[0, 1])
-    if abs(correlation) < MIN_ECHO_CORRELATION:
+    late_enough = delay >= MIN_LATE_SAMPLES
+    if abs(correlation) < (MIN_LATE_ECHO_CORRELATION if late_enough else MIN_PROMPT_ECHO_CORRELATION):
         return None
     return Echo(delay, correlation, float(np.polyfit(early, late, 1)[0]))
 

@@ -60,6 +60,8 @@ def find_garbage(time: np.ndarray | None, channels: Mapping[str, np.ndarray]) ->
             bad |= wild
     backwards = np.zeros(n, bool) if time is None else _rows_out_of_time(time)
     edge = max(1, int(MAX_GARBAGE_SHARE * n))
+    if time is not None:
+        backwards |= _rows_beyond_a_reset(time, edge)
     head, tail = _block(bad | backwards, edge), _block((bad | backwards)[::-1], edge)
     if not head and not tail:
         return None
@@ -83,8 +85,26 @@ def _block(bad: np.ndarray, edge: int) -> int:
         if place > end + MAX_SANE_BRIDGE_ROWS:
             break
         end = place + 1
-    # A block that reaches the bound goes on inside: that is no edge.
-    return 0 if end >= edge > 1 else end
+    # A block that goes on inside is no edge.
+    return 0 if end >= edge > 1 and len(bad) > edge and bad[edge] else end
+
+
+def _rows_beyond_a_reset(time: np.ndarray, edge: int) -> np.ndarray:
+    """Return a mask of the rows at either end that a step back in time separates from the recording, shape (n,) bool.
+
+    An old buffer may advance by itself. Nothing is marked if time runs back further inside, too.
+    """
+    beyond = np.zeros(len(time), bool)
+    with np.errstate(invalid="ignore"):
+        back = np.flatnonzero(np.diff(time) < 0.0)
+    if np.any((back >= edge) & (back < len(time) - 1 - edge)):
+        return beyond
+    head, tail = back[back < edge], back[back >= len(time) - 1 - edge]
+    if head.size:
+        beyond[: head[-1] + 1] = True
+    if tail.size:
+        beyond[tail[0] + 1 :] = True
+    return beyond
 
 
 def _rows_out_of_time(time: np.ndarray) -> np.ndarray:
