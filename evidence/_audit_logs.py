@@ -67,8 +67,8 @@ def _path(rng: np.random.Generator, t: np.ndarray) -> np.ndarray:
     kind = rng.integers(3)
     size = rng.uniform(0.3, 0.9)
     if kind == 0:
-        rates = rng.uniform(0.2, 1.4, 3)
-        return size * sum(a * np.sin(2 * np.pi * f * t + rng.uniform(0, 6)) for a, f in zip((0.6, 0.3, 0.1), rates))
+        parts = zip((0.6, 0.3, 0.1), rng.uniform(0.2, 1.4, 3), strict=True)
+        return size * sum(a * np.sin(2 * np.pi * f * t + rng.uniform(0, 6)) for a, f in parts)
     if kind == 1:
         period, ramp = rng.uniform(2.0, 4.0), rng.uniform(0.4, 0.9)
         places = size * rng.uniform(-1.0, 1.0, int(t[-1] / period) + 2)
@@ -122,9 +122,12 @@ def _joint_log(rng: np.random.Generator) -> DrawnLog:
     effort, unit = ("current", "A") if current else ("torque", "N*m")
     dialect = rng.integers(3)
     names = {
-        0: ("time [s]", f"position [{angle}]", f"position_ref [{angle}]", f"velocity [{angle}/s]", f"{effort}_cmd [{unit}]", f"{effort} [{unit}]"),
-        1: ("t_s", f"q_{angle}", f"q_des_{angle}", f"qd_{angle}/s", f"{effort}_desired_{unit.replace('*', '')}", f"{effort}_measured_{unit.replace('*', '')}"),
-        2: ("Time (s)", f"Joint Angle ({angle})", f"Target Angle ({angle})", f"Joint Velocity ({angle}/s)", f"Commanded {effort.title()} ({unit})", f"Measured {effort.title()} ({unit})"),
+        0: ("time [s]", f"position [{angle}]", f"position_ref [{angle}]", f"velocity [{angle}/s]",
+            f"{effort}_cmd [{unit}]", f"{effort} [{unit}]"),
+        1: ("t_s", f"q_{angle}", f"q_des_{angle}", f"qd_{angle}/s",
+            f"{effort}_desired_{unit.replace('*', '')}", f"{effort}_measured_{unit.replace('*', '')}"),
+        2: ("Time (s)", f"Joint Angle ({angle})", f"Target Angle ({angle})", f"Joint Velocity ({angle}/s)",
+            f"Commanded {effort.title()} ({unit})", f"Measured {effort.title()} ({unit})"),
     }[int(dialect)]  # fmt: skip
     values = (t, factor * q, factor * path, factor * v, asked, torque)
     tags = ("time", "position", "command", "velocity", "command effort", "effort")
@@ -151,7 +154,9 @@ def _emg_log(rng: np.random.Generator) -> DrawnLog:
     band = butter(2, (20.0, 0.4 * rate if rate < 1200 else 450.0), "bandpass", fs=rate, output="sos")
     for muscle in muscles:
         noise = sosfilt(band, rng.standard_normal(len(t)))
-        x = rng.uniform(0.1, 0.5) * (0.06 + effort * rng.uniform(0.5, 1.0)) * noise + 0.003 * rng.standard_normal(len(t))
+        x = rng.uniform(0.1, 0.5) * (0.06 + effort * rng.uniform(0.5, 1.0)) * noise + 0.003 * rng.standard_normal(
+            len(t)
+        )
         scale, unit = (1.0, "mV") if millivolts else (1e-3, "V")
         grid = scale * 10.0 / 2.0**16
         channels.append(DrawnChannel(f"EMG {muscle} [{unit}]", _quantised(scale * x, grid), "emg"))
@@ -265,7 +270,9 @@ def _packets(rng: np.random.Generator, log: DrawnLog) -> tuple[str, set[str]]:
     time = log.of("time")[0]
     size = int(rng.integers(4, 17))
     k = np.arange(len(time.samples))
-    arrival = (k // size + 1) * size / log.rate + np.repeat(rng.uniform(0, 0.3 * size / log.rate, len(k) // size + 1), size)[: len(k)]
+    arrival = (k // size + 1) * size / log.rate + np.repeat(
+        rng.uniform(0, 0.3 * size / log.rate, len(k) // size + 1), size
+    )[: len(k)]
     time.samples = arrival + 1e-5 * (k % size)
     return time.name, {"uneven"}
 
@@ -314,7 +321,9 @@ def _garbage(head: bool) -> Callable[[np.random.Generator, DrawnLog], tuple[str,
         for channel in log.channels:
             if channel.tag == "time":
                 later = float(channel.samples[-1]) * rng.uniform(2.0, 900.0)
-                channel.samples[rows] = later - np.arange(count)[::-1] / log.rate if head else np.arange(count) / log.rate
+                channel.samples[rows] = (
+                    later - np.arange(count)[::-1] / log.rate if head else np.arange(count) / log.rate
+                )
             elif not old_buffer:
                 wild = rng.choice([-1.0, 1.0], count) * 10.0 ** rng.uniform(-300.0, 300.0, count)
                 wild[0] = 10.0 ** rng.uniform(12.0, 300.0)

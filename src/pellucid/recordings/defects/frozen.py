@@ -36,6 +36,9 @@ MIN_SWING_COUNT = 3
 """A rest with this many swings of the effort is the encoder's. Fewer may be a test for the breakaway effort."""
 
 
+MAX_FLICKER_LEVELS = 3
+"""A position with at most this many values in a whole recording is held, and its last digit flickers."""
+
 LEAP_AFTER_REST = "it then is far away after one sample"
 """The strongest sign of a frozen encoder: a body cannot have left its rest so fast."""
 
@@ -63,6 +66,8 @@ def _find_in_joint(watched: WatchedRecording, position: str, drive: str) -> Iter
             found = f"a frozen encoder, the one value {measured[0]:.6g} in every sample"
             yield make_cut(watched.recording, KIND, position, first=0, last=len(q) - 1, found=found)
         return
+    if len(np.unique(measured)) <= MAX_FLICKER_LEVELS:
+        return  # the last digit of a joint that is held
     min_samples = max(MIN_REST_SAMPLES, round(MIN_REST_S * watched.recording.fs))
     for a, b, why in frozen_rests(q, effort, reference, min_samples):
         if why != LEAP_AFTER_REST and is_at_rest(watched, position, a, b):

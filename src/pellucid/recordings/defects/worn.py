@@ -106,7 +106,9 @@ def find_worn(
     # At the longest shift tried, the best one lies beyond: that is no time of people.
     inside = not near[best] and 0 < best < len(shifts) - 1
     remaining = test.max_remaining_share * (1.0 - explained)
-    late = float(lates[best]) if inside and 1.0 - possible[best] < remaining else 0.0
+    # A machine whose channel is late is explained in full once it is shifted.
+    human = inside and possible[best] < test.max_explained_share
+    late = float(lates[best]) if human and 1.0 - possible[best] < remaining else 0.0
     solution = np.linalg.lstsq(design[inner], tau[inner], rcond=1e-10)[0]
     off = tau[inner] - design[inner] @ solution
     impossible = 1.0 - float(np.mean(off**2)) / float(np.var(tau[inner]))

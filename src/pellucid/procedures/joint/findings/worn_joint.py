@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from ....fit.parameter import Verdict
 from ....recordings.defects import worn
+from ....recordings.fault import Fault
 from ..joint_case import JointCase
 from ..wearer import WORN_ADVICE, wearer_faults
 
@@ -14,14 +15,22 @@ WORN_WEIGHT = 1e6
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
-    """Report that a recording was worn, which makes every parameter one of robot and wearer together."""
-    for fault in wearer_faults(case.study):
-        if fault.kind == worn.KIND:
-            text = (
-                f"Somebody seems to wear the joint in {fault.file}: {fault.found}. No delay was moved on its account."
-            )
-            yield Verdict("warning", text, f"{WORN_ADVICE}.", weight=WORN_WEIGHT)
-        else:
-            text = f"{fault.channel} of {fault.file} is no measurement: {fault.found}."
-            do = "Log what the drive's current or a torque sensor measured."
-            yield Verdict("warning", text, do, weight=WORN_WEIGHT)
+    """Report that recordings were worn, which makes every parameter one of robot and wearer together."""
+    faults = wearer_faults(case.study)
+    worn_faults = [fault for fault in faults if fault.kind == worn.KIND]
+    echoes = [fault for fault in faults if fault.kind != worn.KIND]
+    if worn_faults:
+        files, found = _files_of(worn_faults), worn_faults[0].found
+        text = f"Somebody seems to wear the joint in {files}: {found}. No channel was moved for it."
+        yield Verdict("warning", text, f"{WORN_ADVICE}.", weight=WORN_WEIGHT)
+    if echoes:
+        text = (
+            f"{echoes[0].channel} of {_files_of(echoes)} is no measurement: {echoes[0].found}. It is its own command."
+        )
+        do = "Log what the drive's current or a torque sensor measured."
+        yield Verdict("warning", text, do, weight=WORN_WEIGHT)
+
+
+def _files_of(faults: Sequence[Fault]) -> str:
+    files = list(dict.fromkeys(fault.file for fault in faults))
+    return files[0] if len(files) == 1 else f"{files[0]} and {len(files) - 1} more"
