@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from .lab.simulate import simulate as simulate
     from .models.muscle import Muscle as Muscle
     from .papers.reproduce import reproduce as reproduce
+    from .procedures.audit import audit as audit
     from .procedures.compare import compare as compare
     from .procedures.incident import incident as incident
     from .procedures.registry import open_study as open  # noqa: F401 - an attribute that __all__ leaves to the builtin
@@ -65,6 +66,7 @@ _PUBLIC_SOURCES = {
     "fit_strap": ("fit.strap.fit_strap", "fit_strap"),
     "open": ("procedures.registry", "open_study"),
     "assess": ("procedures.run", "assess"),
+    "audit": ("procedures.audit", "audit"),
     "check": ("procedures.run", "check"),
     "calibrate": ("procedures.run", "calibrate"),
     "identify": ("procedures.run", "identify"),
@@ -110,6 +112,7 @@ __all__ = [
     "__version__",
     "activations",
     "assess",
+    "audit",
     "calibrate",
     "calibrate_muscles",
     "certify",

@@ -442,6 +442,44 @@ def incident(
 
 
 @app.command()
+def audit(
+    files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="Logs of any format, or folders of them.")],
+    rate: Annotated[
+        float | None, typer.Option(metavar="HZ", min=0, help="Sampling rate of files without a column of time.")
+    ] = None,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder for the page.", show_default=True)
+    ] = Path("audit-page"),
+    json: Json = False,
+) -> None:
+    """Say of any log what is wrong with each channel; status 1 if any is unsound."""
+    from .pages.quantities import typeset_units
+    from .procedures.audit import audit as run
+    from .procedures.audit_page import write_audit_page
+    from .procedures.print_result import fitting_tables
+
+    found = run(files, rate=rate)
+    page = write_audit_page(found, out)
+    if json:
+        from json import dumps
+
+        typer.echo(dumps(found.table(), indent=1, ensure_ascii=False))
+    else:
+        console = make_console()
+        print_line(console, found.headline)
+        heads, rows = ("channel", "holds", "verdict"), [(v.channel, v.holds, v.verdict) for v in found.verdicts]
+        for table in fitting_tables(heads, rows, console.width):
+            console.print(table)
+        marks = {"alarm": "warning", "note": "note"}
+        said = [(marks[level], f"{v.channel}: {typeset_units(text)}") for v in found.verdicts for level, text in v.said]
+        print_items(console, said)
+        print_items(console, [("wrong", file.unread) for file in found.unread])
+        print_line(console, f"Page: {page}")
+    if not found.is_sound:
+        raise typer.Exit(1)
+
+
+@app.command()
 def protocol(
     name: Annotated[
         str,

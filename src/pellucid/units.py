@@ -90,6 +90,10 @@ MAX_MAGNITUDE = 1e15
 """Largest accepted magnitude of a quantity, in SI."""
 
 
+ROUNDED_UNITS = ("m", "rad")
+"""Lengths and angles below `MIN_MAGNITUDE` are 0: a program that computed 1.9e-17 m has rounded."""
+
+
 def parse_quantity(text: str | float, expected: str | tuple[str, ...] | None, where: str) -> float:
     """Read a quantity such as ``"0.060 N*m/A"`` into SI.
 
@@ -133,6 +137,8 @@ def parse_quantity(text: str | float, expected: str | tuple[str, ...] | None, wh
         raise StudyError(f'{_at(where)}found "{text}" without a unit, expected e.g. {_example(expected, match[1])}')
     factor, offset = _factor(unit or "1", expected, where)
     value = number * factor + offset
+    if 0.0 < abs(value) < MIN_MAGNITUDE and si_text(unit or "1") in ROUNDED_UNITS:
+        return 0.0
     if value and not MIN_MAGNITUDE <= abs(value) <= MAX_MAGNITUDE:
         raise StudyError(
             f'{_at(where)}found "{text}", expected 0 or from {MIN_MAGNITUDE:g} to {MAX_MAGNITUDE:g} in SI, as no '

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from .._errors import UnfitRecordingError
+from ..recordings.defects.constant import few_levels
 from ..recordings.fault import Fault
 from ..recordings.recording import Recording
 from ..signals.filters import central_difference
@@ -15,17 +16,8 @@ from ..studies.find_defects import watched_part
 from ..studies.study import Study
 from .joint.recorded_motions import filtering_of, stretches_of
 
-SAME_VALUE_TOLERANCE = 1e-9
-"""Values count as equal if they differ by less than this share of the largest one, which unit conversion may cause."""
-
-MAX_DEAD_LEVELS = 3
-"""Largest number of neighbouring values of a dead channel, because the last digit of its converter may fluctuate."""
-
 MIN_EXPLAINED_SHARE = 0.5
 """A channel with so few values is a switching drive if the motion explains at least this share of its variance."""
-
-LEVEL_SAMPLE_COUNT = 5000
-"""Number of samples, spread over a recording, that are checked first. They suffice for most live channels."""
 
 UNCOPYABLE_QUANTITIES = {"time", "position", "motor_position", "velocity"}
 """Quantities that an effort channel must not be a copy of."""
@@ -68,7 +60,7 @@ def _faults_of_use(study: Study, recordings: Sequence[Recording], use: str) -> I
             yield from _copied(recording, drive)
         files = ", ".join(dict.fromkeys(recording.path.name for recording, _, _ in seen))
         unit = "" if drive.startswith("duty") else f" {seen[0][0].channels[drive].unit}"
-        levels = _levels([samples for _, _, samples in seen])
+        levels = few_levels([samples for _, _, samples in seen])
         wanted = "an effort that changes as the joint moves: check the sensor, its cable and the column in [channels]"
         where = f"every sample of all {use} recordings"
         if levels is None:
@@ -93,8 +85,8 @@ def _dead_in_one(
 ) -> Iterator[Fault]:
     """Yield a note on recordings in which the joint moves with a constant effort that is alive elsewhere."""
     for recording, position, samples in seen:
-        levels = _levels([samples])
-        if levels is not None and levels.size == 1 and _levels([recording[position]]) is None:
+        levels = few_levels([samples])
+        if levels is not None and levels.size == 1 and few_levels([recording[position]]) is None:
             found = f"the one value {levels[0]:.6g}{unit} in every sample (recording {recording.name})"
             wanted = "an effort that changes, unless the drive was off or held its command"
             yield _fault("note", recording.path.name, drive, found, wanted)
@@ -104,7 +96,7 @@ def _copied(recording: Recording, drive: str) -> Iterator[Fault]:
     """Yield a fault for channels of time or motion that are copies of the effort, or read from the same column."""
     effort = recording.channels[drive]
     for name, channel in recording.channels.items():
-        if name.partition(".")[0] not in UNCOPYABLE_QUANTITIES or _levels([channel.samples]) is not None:
+        if name.partition(".")[0] not in UNCOPYABLE_QUANTITIES or few_levels([channel.samples]) is not None:
             continue
         same = np.array_equal(channel.samples, effort.samples, equal_nan=True)
         if same or (channel.column == effort.column and _is_proportional(channel.samples, effort.samples)):
@@ -124,25 +116,6 @@ def _is_proportional(one: np.ndarray, other: np.ndarray) -> bool:
 def _fault(severity: str, file: str, channel: str, found: str, wanted: str, kind: str = "dead_effort") -> Fault:
     message = f"{file}, channel {channel}: found {found}, expected {wanted}"
     return Fault(severity, kind, file, channel, found, wanted, message)
-
-
-def _levels(parts: Sequence[np.ndarray]) -> np.ndarray | None:
-    """Return the few neighbouring values that all samples of `parts`, each (n,), take.
-
-    Returns None if there are more values, or if one is more than a single step from the next.
-    """
-    parts = [part[np.isfinite(part)] for part in parts]
-    for thin in (True, False):
-        values = np.concatenate([p[:: max(1, len(p) // LEVEL_SAMPLE_COUNT) if thin else 1] for p in parts])
-        if not values.size:
-            return np.zeros(0)
-        tolerance = SAME_VALUE_TOLERANCE * float(np.abs(values).max())
-        levels = np.unique(values)
-        levels = levels[np.append(True, np.diff(levels) > tolerance)]
-        if levels.size > MAX_DEAD_LEVELS:
-            return None
-    steps = np.diff(levels)
-    return levels if steps.size < 2 or steps.max() < 1.5 * steps.min() else None
 
 
 def _explained(study: Study, drive: str, recordings: Sequence[Recording]) -> float:

@@ -56,6 +56,8 @@ class Cut:
     @property
     def where(self) -> str:
         """Text that names its samples."""
+        if self.samples == 0 and self.last < 0:
+            return "before sample 0"
         if self.samples == 0:
             return f"after sample {self.last}"
         return f"sample {self.first}" if self.samples == 1 else f"samples {self.first} to {self.last}"

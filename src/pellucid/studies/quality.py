@@ -11,8 +11,8 @@ import numpy as np
 
 from .._errors import UnfitRecordingError
 from ..recordings.cut import MAX_EVEN_JITTER, sound_samples
-from ..recordings.defects import clipped
-from ..recordings.defects.magnitude import find_implausible
+from ..recordings.defects import clipped, garbage
+from ..recordings.defects.magnitude import find_implausible, is_tumbling
 from ..recordings.defects.watched import WatchedRecording
 from ..recordings.delay import SHIFTED_KIND
 from ..recordings.fault import Fault
@@ -144,7 +144,8 @@ def share_faults(recording: Recording, study: Study) -> list[Fault]:
 
 def left_out_fault(recording: Recording, study: Study, whole: bool) -> Fault | None:
     """Return why a recording is left out of a study: too much of it is cut, or anything if it must be `whole`."""
-    cuts = [cut for part in (recording, *recording.streams.values()) for cut in part.cuts if cut.kind != SHIFTED_KIND]
+    edges = (SHIFTED_KIND, garbage.KIND)
+    cuts = [cut for part in (recording, *recording.streams.values()) for cut in part.cuts if cut.kind not in edges]
     too_much = share_faults(recording, study)
     if too_much:
         return replace(too_much[0], severity="cut", message=f"{too_much[0].message}: the recording is left out")
@@ -283,6 +284,11 @@ def _check_clipped(watched: WatchedRecording, add: AddFault) -> None:
         x = watched.samples(name)
         for sign, end in ((1.0, "largest"), (-1.0, "smallest")):
             first, length = clipped.flat_tops(sign * x)
+            ends = first + length - 1
+            kept = [
+                not clipped.is_dwell(watched, name, a, b) for a, b in zip(first.tolist(), ends.tolist(), strict=True)
+            ]
+            first, length = first[kept], length[kept]
             if first.size == 0:
                 continue
             count, value = int(length.sum()), float(x[first[0]])
@@ -362,7 +368,7 @@ def _check_magnitude(watched: WatchedRecording, study: Study, add: AddFault) -> 
     for name, channel in recording.channels.items():
         sound = channel if recording.sound.all() else replace(channel, samples=channel.samples[recording.sound])
         wrong = find_implausible(sound, known.get(name, 0.0))
-        if wrong is None:
+        if wrong is None or (wrong.probable_unit == "deg" and _turns_on(recording, name, watched)):
             continue
         found = f"a magnitude of {wrong.largest:.4g} {channel.unit}"
         found += (
@@ -380,6 +386,15 @@ def _check_magnitude(watched: WatchedRecording, study: Study, add: AddFault) -> 
     if recording.advances and recording.fs < 5.0:
         found = f"a step of {1 / recording.fs:.4g} s, which looks like ms taken for s"
         add("note", "magnitude", "time", found=found, expected='at most 0.2 s: the unit; write unit = "ms"')
+
+
+def _turns_on(recording: Recording, name: str, watched: WatchedRecording) -> bool:
+    """Whether gravity says that an angle is in radians, because the joint tumbles through whole turns."""
+    drive = watched.drives.get(name)
+    if drive is None or not recording.advances:
+        return False
+    kept = recording.sound & recording.enabled
+    return is_tumbling(recording.time[kept], recording[name][kept], recording[drive][kept])
 
 
 def _override(name: str, is_drive: bool) -> str:

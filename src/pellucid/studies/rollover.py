@@ -27,6 +27,9 @@ JUMP_TOLERANCE = 0.05
 MIN_END_SAMPLES = 8
 """At least this many samples lie in the outer fifth of the range at either end; a spike has fewer there."""
 
+MIN_LEVEL_COUNT = 16
+"""A value that rolls over has at least this many levels. The last digit of a value at rest flickers between two."""
+
 ENCODER_PERIODS_DEG = (360.0, 180.0, 90.0, 720.0)
 """Periods of common encoders of angles [deg]."""
 
@@ -56,7 +59,7 @@ def find_rollover(samples: np.ndarray) -> Rollover | None:
         return None
     known = np.flatnonzero(np.isfinite(samples))
     x = samples[known]
-    if len(x) < 20:
+    if len(x) < 20 or len(np.unique(x)) < MIN_LEVEL_COUNT:
         return None
     steps, low, high = np.diff(x), float(x.min()), float(x.max())
     leaps = np.abs(steps) > MIN_JUMP_SHARE * (high - low)

@@ -16,13 +16,15 @@ from .._errors import IdentificationError, RecordingError, StudyError
 from .._given import require_folder, require_inside
 from ..recordings.clock import first_deliveries
 from ..recordings.cut import Cut
+from ..recordings.defects.garbage import KIND as GARBAGE_KIND
+from ..recordings.defects.garbage import find_garbage
 from ..recordings.delay import shift_channels, undo_lags
 from ..recordings.joined_stream import initial_offset, join_stream
 from ..recordings.optical import OpticalRecording
 from ..recordings.recording import Channel, Payload, Recording
 from ..units import contradicts_unit
 from .drive_channel import command_channel
-from .find_defects import find_cuts
+from .find_defects import find_cuts, regressed_joints
 from .optical_columns import read_optical
 from .results import ResultRow, read_rows
 
@@ -282,7 +284,9 @@ class Study:
         if name in self._loaded:
             return self._loaded[name]
         columns, digest = self._read_once(path, files)
-        channels, repeats = _without_repeats(_make_channels(columns, self.config.channels_of(entry), entry.window))
+        channels, garbage_cut = _without_garbage(_make_channels(columns, self.config.channels_of(entry), entry.window))
+        channels, repeats = _without_repeats(channels)
+        channels |= _integrated_positions(channels) if regressed_joints(self.config) else {}
         payload = Payload(entry.payload.mass, entry.payload.distance) if entry.payload else None
         recording = Recording(
             name=name,
@@ -304,6 +308,7 @@ class Study:
             cuts=(
                 *_excluded_cuts(entry, path, channels["time"].samples),
                 *_truncated_row_cut(path, channels["time"].samples, entry.window),
+                *garbage_cut,
             ),
             repeats=repeats,
             uncut=self._uncut_emg(entry, name, path, columns=columns, digest=digest),
@@ -509,6 +514,42 @@ def _without_repeats(channels: dict[str, Channel]) -> tuple[dict[str, Channel], 
     if not repeats:
         return channels, 0
     return {name: replace(channel, samples=channel.samples[first]) for name, channel in channels.items()}, repeats
+
+
+def _integrated_positions(channels: Mapping[str, Channel]) -> dict[str, Channel]:
+    """Return the integral of each velocity whose joint has no position, from 0 on.
+
+    Its zero is arbitrary; a joint's weight has a sine and a cosine, so that the fit finds it.
+    """
+    time, made = channels["time"].samples, {}
+    for name, velocity in channels.items():
+        head, _, joint = name.partition(".")
+        ending = f".{joint}" if joint else ""
+        if head != "velocity" or velocity.unit not in ("rad/s", "m/s"):
+            continue
+        if any(f"{place}{ending}" in channels for place in ("position", "motor_position")):
+            continue
+        steps = np.diff(time, prepend=time[0]) * 0.5 * (velocity.samples + np.roll(velocity.samples, 1))
+        place = np.cumsum(np.where(np.isfinite(steps), steps, 0.0))
+        place[~np.isfinite(velocity.samples)] = np.nan
+        made[f"position{ending}"] = Channel(
+            f"position{ending}", place, velocity.unit.removesuffix("/s"), velocity.column
+        )
+    return made
+
+
+def _without_garbage(channels: dict[str, Channel]) -> tuple[dict[str, Channel], tuple[Cut, ...]]:
+    """Return the channels without rows of garbage at either end, and one cut that says so; none without any."""
+    time = channels["time"].samples
+    found = find_garbage(time, {name: channel.samples for name, channel in channels.items() if name != "time"})
+    if found is None or len(time) - found.head - found.tail < 2:
+        return channels, ()
+    kept = slice(found.head, len(time) - found.tail)
+    sane = {name: replace(channel, samples=channel.samples[kept]) for name, channel in channels.items()}
+    text = f"{found.where} of {len(time)} rows of garbage: {found.cause}"
+    start = float(sane["time"].samples[0 if found.head else -1])
+    first = 0 if found.head else len(time) - found.head - found.tail
+    return sane, (Cut(GARBAGE_KIND, "time", start, start, first, first - 1, text),)
 
 
 def _read_samples(columns: Columns, name: str, spec: ChannelSpec) -> np.ndarray:

@@ -18,6 +18,7 @@ from ...studies.study import Study, drive_channel
 from .first_look import MAX_SAMPLES, simple_model, thin_recordings
 from .joined_clocks import clocks_to_find, rejoin_streams
 from .recorded_motions import motions_of
+from .wearer import is_worn
 
 MIN_DELAY_DIFFERENCE_SHARE = 0.25
 """Two recordings have different delays only if these certainly differ by more than this share. Friction errors shift
@@ -112,7 +113,8 @@ def _has_open_delay(recording: Recording, study: Study) -> bool:
 def _estimate_alignments(study: Study) -> Iterator[Alignment]:
     every = [r for r in study.recordings() if "position" in r and _has_open_delay(r, study)]
     fitted = [r for r in every if r.use == "fit"]
-    if not fitted:
+    # A wearer's torque leads or follows the motion; nothing of that is a drive's delay.
+    if not fitted or is_worn(study):
         return
     channel = drive_channel(fitted[0], study)
     asked = any(study.specs_of(r)[channel].delay == "auto" for r in fitted if channel in r)

@@ -22,6 +22,7 @@ from .findings.weak_parameter import advice
 from .joined_clocks import find_clocks
 from .recorded_motions import short_stretch_faults
 from .velocity_faults import velocity_faults
+from .wearer import wearer_faults
 
 MIN_UNEXPLAINED_SHARE = 0.15
 """A parameter is hidden by others if less than this share of its effort cannot be explained by them."""
@@ -32,7 +33,8 @@ def joint_faults(study: Study) -> list[Fault]:
     faults = [fault for recording in study.recordings() for fault in inspect(recording, study)]
     if any(fault.severity == "refuse" for fault in faults):
         return faults
-    faults += dead_effort_faults(study)
+    # Said first, for it changes what everything else means.
+    faults = [*wearer_faults(study), *faults, *dead_effort_faults(study)]
     if any(fault.severity == "refuse" for fault in faults):
         return faults
     faults += short_stretch_faults(study) + velocity_faults(study)

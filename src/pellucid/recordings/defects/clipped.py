@@ -12,8 +12,9 @@ import numpy as np
 
 from ..cut import Cut
 from ..recording import make_cut
+from .rest import is_at_rest, is_own_speed
 from .scale import Scale
-from .watched import WatchedRecording, find_runs
+from .watched import INERTIAL_CHANNELS, WatchedRecording, find_runs, joint_ending
 
 KIND = "clipped"
 
@@ -48,6 +49,8 @@ def find(watched: WatchedRecording) -> Iterator[Cut]:
             if firsts.size == 0 or is_at_limit(watched, name, x[firsts[0]]):
                 continue
             for first, length in zip(firsts.tolist(), lengths.tolist(), strict=True):
+                if is_dwell(watched, name, first, first + length - 1):
+                    continue
                 found = f"{length} samples clipped at {x[first]:.6g} {watched.recording.channels[name].unit}"
                 yield make_cut(watched.recording, KIND, name, first=first, last=first + length - 1, found=found)
 
@@ -55,6 +58,18 @@ def find(watched: WatchedRecording) -> Iterator[Cut]:
 def is_at_limit(watched: WatchedRecording, name: str, value: float) -> bool:
     """Whether `value` of channel `name` is at a known limit."""
     return any(abs(value) >= LIMIT_SHARE * limit for limit in watched.limits.get(name, ()))
+
+
+def is_dwell(watched: WatchedRecording, name: str, first: int, last: int) -> bool:
+    """Whether a flat run is what the joint did: it rested at its largest position, or moved at a constant speed."""
+    head, channels = name.partition(".")[0], watched.recording.channels
+    if head in INERTIAL_CHANNELS:
+        return is_at_rest(watched, name, first, last)
+    position = f"position{joint_ending(name)}"
+    if head == "velocity" and position in channels:
+        arrays = channels[position].samples, channels[name].samples, watched.recording.time
+        return is_own_speed(*arrays, first, last)
+    return False
 
 
 def flat_tops(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

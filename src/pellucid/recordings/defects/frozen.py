@@ -13,6 +13,7 @@ import numpy as np
 
 from ..cut import Cut
 from ..recording import make_cut
+from .rest import is_at_rest, is_only_noise
 from .scale import Scale
 from .watched import WatchedRecording, find_runs, joint_ending, repeats_next
 
@@ -35,6 +36,13 @@ MIN_SWING_COUNT = 3
 """A rest with this many swings of the effort is the encoder's. Fewer may be a test for the breakaway effort."""
 
 
+MAX_FLICKER_LEVELS = 3
+"""A position with at most this many values in a whole recording is held, and its last digit flickers."""
+
+LEAP_AFTER_REST = "it then is far away after one sample"
+"""The strongest sign of a frozen encoder: a body cannot have left its rest so fast."""
+
+
 def find(watched: WatchedRecording) -> Iterator[Cut]:
     """Yield a cut for each rest of a joint's position in which the joint itself cannot have rested."""
     for position, drive in watched.drives.items():
@@ -51,22 +59,48 @@ def _find_in_joint(watched: WatchedRecording, position: str, drive: str) -> Iter
     measured = q[finite]
     if measured.min() == measured.max():
         moves = [s for s in (effort, reference) if s is not None and np.nanmax(s, initial=-np.inf) > np.nanmin(s)]
-        if moves:
+        # A posture that is held has an effort with its sensor's noise, and nothing else.
+        width = max(MIN_REST_SAMPLES, round(MIN_REST_S * watched.recording.fs))
+        held = all(is_only_noise(s, width) for s in moves) or is_at_rest(watched, position, 0, len(q) - 1)
+        if moves and not held:
             found = f"a frozen encoder, the one value {measured[0]:.6g} in every sample"
             yield make_cut(watched.recording, KIND, position, first=0, last=len(q) - 1, found=found)
         return
-    first, length = find_runs(repeats_next(q))
+    if len(np.unique(measured)) <= MAX_FLICKER_LEVELS:
+        return  # the last digit of a joint that is held
+    min_samples = max(MIN_REST_SAMPLES, round(MIN_REST_S * watched.recording.fs))
+    for a, b, why in frozen_rests(q, effort, reference, min_samples):
+        if why != LEAP_AFTER_REST and is_at_rest(watched, position, a, b):
+            continue
+        found = f"a frozen encoder, the one value {q[a]:.6g} for {b - a + 1} samples while {why}"
+        yield make_cut(watched.recording, KIND, position, first=a, last=b, found=found)
+
+
+def frozen_rests(
+    position: np.ndarray, effort: np.ndarray, reference: np.ndarray | None, min_samples: int = MIN_REST_SAMPLES
+) -> Iterator[tuple[int, int, str]]:
+    """Yield first and last sample of each rest that is the encoder's, not the joint's, and what shows that.
+
+    Parameters
+    ----------
+    position, effort : ndarray, shape (n,) each
+        Position of a joint, and what drives it, in any unit.
+    reference : ndarray, shape (n,), or None
+        What the position is to follow, in its unit.
+    min_samples : int
+        Shorter rests are not examined.
+    """
+    first, length = find_runs(repeats_next(position))
     length = length + 1
-    long = np.flatnonzero(length >= max(MIN_REST_SAMPLES, MIN_REST_S * watched.recording.fs))
+    long = np.flatnonzero(length >= min_samples)
     if long.size == 0:
         return
-    statistics = _MotionStatistics(q, effort, reference)
+    statistics = _MotionStatistics(position, effort, reference)
     for i in long.tolist():
         a, b = int(first[i]), int(first[i] + length[i] - 1)
         why = statistics.why_frozen(a, b)
         if why:
-            found = f"a frozen encoder, the one value {q[a]:.6g} for {length[i]} samples while {why}"
-            yield make_cut(watched.recording, KIND, position, first=a, last=b, found=found)
+            yield a, b, why
 
 
 def _reference(watched: WatchedRecording, position: str) -> np.ndarray | None:
@@ -102,7 +136,7 @@ class _MotionStatistics:
         elsewhere = [float(self.moved[i]) for i in self.fastest if not first - 1 <= i <= last]
         largest = max(elsewhere, default=0.0)
         if last < len(self.moved) and self.moved[last] > max(3 * largest, 3 * self.scale.resolution) and largest > 0:
-            return f"it then is {self.moved[last]:.4g} away after one sample"
+            return LEAP_AFTER_REST
         return None
 
     def _speed_before_rest(self, first: int, last: int) -> str | None:

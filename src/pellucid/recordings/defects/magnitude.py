@@ -21,7 +21,7 @@ _MAX_PLAUSIBLE = {
     ("velocity", "m/s"): (50.0, "mm/s"),
     ("current", "A"): (200.0, "mA"),
     ("voltage", "V"): (1000.0, "mV"),
-    ("torque", "N*m"): (2000.0, "N*mm"),
+    ("torque", "N*m"): (1000.0, "N*mm"),
     ("duty", "1"): (1.5, "%"),
 }
 # The same for surface EMG, which stays below some millivolts at the skin.
@@ -29,6 +29,18 @@ _MAX_PLAUSIBLE_EMG = (0.05, "mV")
 
 TYPICAL_QUANTILE = 0.9
 """A channel's typical magnitude is this quantile of its absolute values, so that a few wild samples do not count."""
+
+MIN_TUMBLING_SAMPLES = 100
+"""Shorter recordings do not show whether a joint tumbles."""
+
+TUMBLING_SMOOTHING_S = 0.01
+"""Half the width of the smoothing before an angle is differentiated [s]. Chosen by judgement."""
+
+MAX_TUMBLING_RESIDUAL_SHARE = 0.5
+"""The angle is in radians if gravity then leaves at most this share of the variance that it leaves otherwise."""
+
+MAX_GUESSED_MAGNITUDE = 1e4
+"""A unit is guessed only for magnitudes up to this one in SI. Larger numbers are no measurement in another unit."""
 
 MAX_MAGNITUDE = 1e9
 """Largest plausible magnitude in SI units of a channel that has no bound of its own. Chosen by judgement."""
@@ -54,6 +66,39 @@ def find_implausible(channel: Channel, known_limit: float = 0.0) -> ImplausibleM
     largest = float(np.max(np.abs(channel.samples), where=finite, initial=0.0))
     if largest <= limit:
         return None
+    if largest > MAX_GUESSED_MAGNITUDE and channel.name != "time":
+        probable_unit = ""
     magnitudes = np.abs(channel.samples[finite][:: max(1, len(channel) // 200_000)])
     is_typical = bool(np.quantile(magnitudes, TYPICAL_QUANTILE) > 0.1 * limit)
     return ImplausibleMagnitude(largest, limit, probable_unit, is_typical)
+
+
+def is_tumbling(time: np.ndarray, angle: np.ndarray, effort: np.ndarray) -> bool:
+    """Whether gravity says that `angle` is in radians, because a joint turns on and on, and not in degrees.
+
+    Gravity repeats with every turn. Inertia, effort, friction and the sine of the angle explain the acceleration if
+    the angle is in the right unit.
+
+    Parameters
+    ----------
+    time, angle, effort : ndarray, shape (n,) each
+        Time [s], the angle as it was read, and what drives the joint, in any unit.
+    """
+    known = np.isfinite(time) & np.isfinite(angle) & np.isfinite(effort)
+    time, angle, effort = time[known], angle[known], effort[known]
+    if len(time) < MIN_TUMBLING_SAMPLES or np.any(np.diff(time) <= 0.0):
+        return False
+    width = max(1, round(TUMBLING_SMOOTHING_S / float(np.median(np.diff(time)))))
+    kernel = np.ones(2 * width + 1) / (2 * width + 1)
+    for _ in range(2):
+        angle, effort = (np.convolve(np.pad(x, width, mode="edge"), kernel, mode="valid") for x in (angle, effort))
+    speed = np.gradient(angle, time)
+    acceleration = np.gradient(speed, time)
+    inner = slice(4 * width, len(time) - 4 * width)
+    left = {}
+    for unit, factor in (("rad", 1.0), ("deg", math.pi / 180.0), ("none", 0.0)):
+        columns = (effort, speed, np.sign(speed), np.sin(factor * angle), np.cos(factor * angle))
+        design = np.column_stack([*columns, np.ones(len(time))])[inner]
+        solution = np.linalg.lstsq(design, acceleration[inner], rcond=1e-10)[0]
+        left[unit] = float(np.mean((acceleration[inner] - design @ solution) ** 2))
+    return left["rad"] < MAX_TUMBLING_RESIDUAL_SHARE * min(left["deg"], left["none"])

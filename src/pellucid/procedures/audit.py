@@ -1,0 +1,297 @@
+"""Say of any log what is dead, constant, impossible, saturated, echoed, clipped, on another clock, not measured or
+personal: one verdict for each channel, over all files."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from .._errors import PellucidError, RecordingError
+from .._given import visible_text
+from ..pages.quantities import unit_text
+from ..recordings.log import ALARM_LEVEL, NOTE_LEVEL, VERDICT_WORDS, Log, LogFinding, inspect_log, log_of
+from ..recordings.readers.read import read_columns, readers_by_ending
+
+SOUND_VERDICT = "sound"
+"""Verdict on a channel of which nothing was found."""
+
+MAX_LISTED_FILES = 3
+"""A sentence lists at most this many files by name."""
+
+TEXT_FILE_STEMS = ("README", "LICENSE", "LICENCE", "NOTICE", "CHANGELOG", "ATTRIBUTION")
+"""Stems of files that a folder of logs holds beside them."""
+
+_VERDICT_ORDER = {kind: i for i, kind in enumerate(VERDICT_WORDS)}
+
+
+@dataclass(frozen=True)
+class AuditedFile:
+    """One file of an audit.
+
+    Attributes
+    ----------
+    name : str
+        Path of the file, as short as it is unique among the audited ones.
+    log : Log or None
+        The file's channels; None if it could not be read.
+    findings : tuple of LogFinding
+        What was found of its channels.
+    unread : str
+        Why the file could not be read; "" if it was.
+    """
+
+    name: str
+    log: Log | None
+    findings: tuple[LogFinding, ...] = ()
+    unread: str = ""
+
+    @property
+    def folder(self) -> str:
+        """First folder of the file's name; "" without one."""
+        return self.name.partition("/")[0] if "/" in self.name else ""
+
+
+@dataclass(frozen=True)
+class ChannelVerdict:
+    """The verdict on one channel, over all files that have it.
+
+    Attributes
+    ----------
+    channel : str
+        Name of the column; ``"time"`` stands for the clock that a file lacks.
+    holds : str
+        What the channel probably holds, with its unit; "" if neither name nor unit tells.
+    verdict : str
+        The gravest thing that was found, such as ``"dead"``; ``"sound"`` if nothing was.
+    level : str
+        ``"alarm"``, ``"note"`` or ``"sound"``.
+    said : tuple of (str, str)
+        Level and sentence of each thing that was found, with its files, the gravest first.
+    findings : tuple of (str, LogFinding)
+        Every finding with the name of its file.
+    """
+
+    channel: str
+    holds: str
+    verdict: str
+    level: str
+    said: tuple[tuple[str, str], ...]
+    findings: tuple[tuple[str, LogFinding], ...]
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What was found and in which files, the gravest first."""
+        return tuple(sentence for _, sentence in self.said)
+
+
+@dataclass(frozen=True)
+class Audit:
+    """What an audit found; `str` of it is one line for each channel.
+
+    Attributes
+    ----------
+    files : tuple of AuditedFile
+        Every file, in the order in which they were given.
+    verdicts : tuple of ChannelVerdict
+        One for each channel, in the order of the files' columns; the clock's is the first.
+    """
+
+    files: tuple[AuditedFile, ...]
+    verdicts: tuple[ChannelVerdict, ...]
+
+    @property
+    def alarms(self) -> tuple[ChannelVerdict, ...]:
+        """Verdicts on the channels that must not be used as they are."""
+        return tuple(verdict for verdict in self.verdicts if verdict.level == ALARM_LEVEL)
+
+    @property
+    def unread(self) -> tuple[AuditedFile, ...]:
+        """Files that could not be read."""
+        return tuple(file for file in self.files if file.unread)
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether every file was read and no channel has an alarm."""
+        return not self.alarms and not self.unread
+
+    @property
+    def headline(self) -> str:
+        """First sentence: how many channels are unsound, and which."""
+        count = len(self.verdicts)
+        files = "1 file" if len(self.files) == 1 else f"{len(self.files)} files"
+        text = f"No alarm in {count} channels of {files}."
+        if self.alarms:
+            are = "channel is" if len(self.alarms) == 1 else "channels are"
+            names = ", ".join(f"{v.channel} ({v.verdict})" for v in self.alarms)
+            text = f"{len(self.alarms)} of {count} {are} unsound in {files}: {names}."
+        if self.unread:
+            text += f" {len(self.unread)} could not be read."
+        return text
+
+    def table(self) -> dict[str, object]:
+        """Return everything as a table for JSON."""
+        return {
+            "files": [{"file": f.name, "read": not f.unread, "why": f.unread} for f in self.files],
+            "verdicts": [
+                {
+                    "channel": v.channel, "holds": v.holds, "verdict": v.verdict, "level": v.level,
+                    "said": list(v.sentences),
+                    "findings": [
+                        {"file": name, "kind": f.kind, "level": f.level, "found": visible_text(f.found)}
+                        for name, f in v.findings
+                    ],
+                }
+                for v in self.verdicts
+            ],
+            "sound": self.is_sound,
+        }  # fmt: skip
+
+    def __str__(self) -> str:
+        width = max((len(v.channel) for v in self.verdicts), default=0)
+        lines = [self.headline]
+        for verdict in (v for v in self.verdicts if v.said):
+            lines.append(f"  {verdict.channel.ljust(width)}  {verdict.verdict}: {'; '.join(verdict.sentences)}")
+        return "\n".join(lines)
+
+
+def audit(files: str | os.PathLike | Iterable[str | os.PathLike], *, rate: float | None = None) -> Audit:
+    """Say of any log what is wrong with each channel, without a study.
+
+    Parameters
+    ----------
+    files : path-like, or iterable of path-like
+        Files of any format that `pellucid.read` reads, or folders of them. Channels of one name are one channel.
+    rate : float, optional
+        Sampling rate of files without a column of time [Hz].
+
+    Returns
+    -------
+    Audit
+        `verdicts` has one verdict for each channel: "dead", "impossible values", "saturated", "clipped", "echoed",
+        "another clock", "no time base", "not measured", "personal", "sound", and some more.
+
+    Raises
+    ------
+    PellucidError
+        If no file is given, or none can be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import pellucid as pl
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder, "swing.csv")
+    ...     rows = "".join(f"{0.01 * i:.2f},{(0.1 * i) % 1.3:.3f},0.0\\n" for i in range(200))
+    ...     _ = path.write_text("t [s],angle [rad],torque [N*m]\\n" + rows)
+    ...     {verdict.channel: verdict.verdict for verdict in pl.audit(path).verdicts}
+    {'t [s]': 'sound', 'angle [rad]': 'sound', 'torque [N*m]': 'dead'}
+    """
+    paths = _paths_of(files)
+    names = _short_names(paths)
+    audited = []
+    for path, name in zip(paths, names, strict=True):
+        try:
+            log = log_of(read_columns(path), rate)
+        except RecordingError as error:
+            audited.append(AuditedFile(name, None, unread=visible_text(str(error))))
+            continue
+        audited.append(AuditedFile(name, log, inspect_log(log)))
+    if all(file.unread for file in audited):
+        raise RecordingError("\n".join(file.unread for file in audited))
+    return Audit(tuple(audited), tuple(_verdicts(audited)))
+
+
+def _paths_of(files: str | os.PathLike | Iterable[str | os.PathLike]) -> list[Path]:
+    """Return the files that are named, and those in the folders that are named."""
+    given = [files] if isinstance(files, (str, os.PathLike)) else list(files)
+    endings, paths = readers_by_ending(), []
+    for path in map(Path, given):
+        if path.is_dir():
+            inside = (p for p in sorted(path.rglob("*")) if p.is_file() and p.suffix.lower() in endings)
+            paths += [p for p in inside if p.stem.upper() not in TEXT_FILE_STEMS]
+        else:
+            paths.append(path)
+    if not paths:
+        raise PellucidError("audit: found no file that can be read, expected one or more, or a folder of them")
+    return list(dict.fromkeys(paths))
+
+
+def _short_names(paths: Sequence[Path]) -> list[str]:
+    """Return the paths below the folder that all of them share."""
+    whole = [path.absolute() for path in paths]
+    common = Path(os.path.commonpath([path.parent for path in whole]))
+    return [visible_text(path.relative_to(common).as_posix()) for path in whole]
+
+
+def _verdicts(files: Sequence[AuditedFile]) -> list[ChannelVerdict]:
+    """Return the verdict on each channel of the files, the clock's first."""
+    holders: dict[str, list[AuditedFile]] = {}
+    holds: dict[str, str] = {}
+    for file in files:
+        if file.log is None:
+            continue
+        clock = file.log.time or "time"
+        named = [clock, *(c.name for c in file.log.channels), *file.log.texts, *(p.label for p in file.log.personal)]
+        for name in dict.fromkeys(named):
+            holders.setdefault(name, []).append(file)
+        for channel in file.log.channels:
+            quantity = channel.quantity
+            role = f", {quantity.role}" if quantity.role else ""
+            unit = f" [{unit_text(quantity.unit)}]" if quantity.unit else ""
+            kind = "time" if channel.name == clock else quantity.kind
+            holds.setdefault(channel.name, f"{kind}{role}{unit}" if kind else "")
+    order = sorted(holders, key=lambda name: name not in {f.log.time or "time" for f in files if f.log})
+    return [_verdict_on(name, holders[name], holds.get(name, "")) for name in order]
+
+
+def _verdict_on(channel: str, files: Sequence[AuditedFile], holds: str) -> ChannelVerdict:
+    found = [(file, finding) for file in files for finding in file.findings if finding.channel == channel]
+    kinds = sorted(
+        {f.kind for _, f in found}, key=lambda kind: (_level(found, kind) != ALARM_LEVEL, _VERDICT_ORDER[kind])
+    )
+    said = []
+    for kind in kinds:
+        text = _sentence([(file, finding) for file, finding in found if finding.kind == kind], files)
+        said.append((_level(found, kind), text))
+    verdict, level = (VERDICT_WORDS[kinds[0]], said[0][0]) if kinds else (SOUND_VERDICT, SOUND_VERDICT)
+    shown = tuple((file.name, finding) for file, finding in found)
+    return ChannelVerdict(visible_text(channel), holds, verdict, level, tuple(said), shown)
+
+
+def _level(found: Sequence[tuple[AuditedFile, LogFinding]], kind: str) -> str:
+    return ALARM_LEVEL if any(f.level == ALARM_LEVEL for _, f in found if f.kind == kind) else NOTE_LEVEL
+
+
+def _sentence(found: Sequence[tuple[AuditedFile, LogFinding]], files: Sequence[AuditedFile]) -> str:
+    """Return what was found of one kind, in the words for the file in which it is largest, and in which files it is."""
+    worst, finding = max(found, key=lambda each: (each[1].level == ALARM_LEVEL, finding_size(each[1])))
+    if len(files) == 1:
+        return visible_text(finding.found)
+    having = list(dict.fromkeys(file.name for file, _ in found))
+    alike = len({each.found for _, each in found}) == 1
+    example = f" (in {worst.name})" if len(having) > 1 and not alike else ""
+    return visible_text(f"{_where(having, files)}: {finding.found}{example}")
+
+
+def finding_size(finding: LogFinding) -> float:
+    """Return the magnitude behind a finding; 0 without one."""
+    return abs(finding.size) if math.isfinite(finding.size) else 0.0
+
+
+def _where(having: Sequence[str], files: Sequence[AuditedFile]) -> str:
+    """Return in which of the files something is: by folder where folders decide it, else by count and names."""
+    if len(having) == len(files):
+        return f"in all {len(files)} files"
+    folders = dict.fromkeys(file.folder for file in files)
+    inside = {folder: [f.name for f in files if f.folder == folder] for folder in folders}
+    whole = [folder for folder, names in inside.items() if set(names) <= set(having)]
+    none = [folder for folder, names in inside.items() if not set(names) & set(having)]
+    if whole and none and len(whole) + len(none) == len(folders):
+        return f"in every file of {', '.join(whole)}, in none of {', '.join(none)}"
+    if len(having) <= MAX_LISTED_FILES:
+        return f"in {', '.join(having)}"
+    return f"in {len(having)} of {len(files)} files"

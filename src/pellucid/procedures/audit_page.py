@@ -1,0 +1,61 @@
+"""Write the page of an audit: one verdict for each channel, the unsound ones drawn, the files."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from pathlib import Path
+
+from ..drawing.drawing import draw
+from ..pages.page import Page, Section, Tile, write_page
+from ..pages.quantities import typeset_units
+from ..pages.tables import Row, Table
+from ..recordings.log import ALARM_LEVEL
+from .audit import SOUND_VERDICT, Audit
+from .audit_figures import audit_figure, audited_channels
+
+
+def write_audit_page(found: Audit, folder: Path) -> Path:
+    """Write index.html and its figure into a folder, and return the page's path."""
+    shown = (draw(audit_figure, found),) if audited_channels(found) else ()
+    sections = [Section("verdicts", "One verdict for each channel", tables=(_verdict_table(found),))]
+    if shown:
+        sections.append(Section("channels", "The unsound channels", drawings=shown))
+    sections.append(_file_section(found))
+    page = Page(
+        title="Audit of a log",
+        kicker="pellucid audit",
+        headline=found.headline,
+        tiles=_tiles(found),
+        sections=tuple(sections),
+        footer=f"Written by pellucid {version('pellucid')}. What a channel holds is guessed from its name and unit.",
+    )
+    return write_page(folder, page)
+
+
+def _tiles(found: Audit) -> tuple[Tile, ...]:
+    sound = sum(v.level == SOUND_VERDICT for v in found.verdicts)
+    return (
+        Tile("unsound", f"{len(found.alarms)}", "", f"of {len(found.verdicts)} channels"),
+        Tile("with a note", f"{len(found.verdicts) - len(found.alarms) - sound}", "", "usable, with care"),
+        Tile("sound", f"{sound}", "", "nothing was found"),
+        Tile("files", f"{len(found.files)}", "", f"{len(found.unread)} not read"),
+    )
+
+
+def _verdict_table(found: Audit) -> Table:
+    heads = ("level", "channel", "what it probably holds", "verdict", "what was found")
+    rows = (
+        Row((v.level, v.channel, v.holds, v.verdict, typeset_units("; ".join(v.sentences)))) for v in found.verdicts
+    )
+    caption = "A channel with an alarm must not be used as it is."
+    return Table(heads, tuple(rows), caption=caption, wide=True)
+
+
+def _file_section(found: Audit) -> Section:
+    rows = []
+    for file in found.files:
+        alarms = len({f.channel for f in file.findings if f.level == ALARM_LEVEL})
+        count = len(file.log.channels) if file.log is not None else 0
+        rows.append(Row((file.name, f"{count}" if file.log is not None else "", file.unread or f"{alarms} unsound")))
+    table = Table(("file", "columns", "what was found"), tuple(rows), numeric=frozenset({1}), wide=True)
+    return Section("files", "Files", tables=(table,))

@@ -1,0 +1,595 @@
+"""Inspect a log of which no study tells anything: what each of its columns holds, and what is wrong with it.
+
+Arrays in, findings out. What a column holds is guessed from its name and its unit (`quantity.py`); a finding that needs
+more than that is not made.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from .clock import first_deliveries
+from .cut import MAX_EVEN_JITTER, MIN_GAP_STEP_RATIO
+from .defects import constant, echoed, frozen, garbage, held, limited, magnitude, missing, spikes
+from .defects.clipped import flat_tops
+from .defects.watched import INERTIAL_CHANNELS, find_runs
+from .personal_fields import PersonalField, find_personal_columns, find_personal_lines
+from .quantity import EFFORT_QUANTITIES, Quantity, joint_words, quantity_of
+from .readers._columns import Columns
+from .readers.csv import ENDINGS, MAX_HEADER_BYTES, MAX_HEADER_LINES
+from .recording import Channel
+
+ALARM_LEVEL = "alarm"
+"""Level of a finding without whose cause the channel must not be used as it is."""
+
+NOTE_LEVEL = "note"
+"""Level of a finding that a user should know and that needs no repair."""
+
+MIN_LOG_SAMPLES = 20
+"""Shorter columns are settings, not channels."""
+
+MIN_GAP_STEPS = 3.0
+"""A time step of this many usual steps is a gap of the log, if it is also longer than its jitter."""
+
+MIN_TIME_COLUMN_RISE_SHARE = 0.98
+"""A column without a name that tells is the time if at least this share of its steps are upwards and alike."""
+
+MAX_TIME_STEP_SPREAD = 0.2
+"""Steps of a column that counts as time differ from the usual one by at most this share, in nine of ten samples."""
+
+MAX_STEADY_JITTER = 0.5
+"""A time step that differs from the usual one by more than this share is out of step."""
+
+MAX_JITTERING_SHARE = 0.2
+"""Steps out of step in more than this share of the rows are an alarm; smaller jitter is a note."""
+
+MAX_SWITCH_LEVELS = 3
+"""A column with at most this many values switches, and is at no limit."""
+
+MAX_DWELL_SHARE = 0.2
+"""A position that stays at one end for more than this share of the log rests there."""
+
+MAX_LIMITED_SHARE = 0.6
+"""A channel that is at its extremes for more than this share of the log switches between them."""
+
+MAX_FLAT_TOP_SHARE = 0.1
+"""Flat tops in more than this share of the samples are part of the motion."""
+
+MAX_CLOCK_DRIFT_SHARE = 0.05
+"""A column that runs further apart than this share is no clock of the same log."""
+
+MIN_CLOCK_DRIFT_SHARE = 1e-3
+"""Two time columns are on different clocks if they drift apart by this share."""
+
+MIN_REPEATED_SHARE = 0.02
+"""Rows that repeat the row before are told if they are more than this share."""
+
+MAX_REPEATED_ROWS = 5
+"""More rows than this that repeat one row are a rest of everything that is logged."""
+
+MAX_MISSING_SHARE = 0.001
+"""More missing samples than this share are an alarm; fewer are a note."""
+
+MIN_PEAK_RATIO = 30.0
+"""In a channel that may jump, a spike is this many times as high as the range of nearly all samples."""
+
+MAX_SPIKE_COUNT = 50
+"""A channel with more spikes than this is spiky by itself."""
+
+MIN_VELOCITY_CORRELATION = 0.9
+"""A channel is the velocity of a position if it correlates at least this much with the position's derivative."""
+
+WILD_RATIO = 1e4
+"""A value this many times as large as nearly all others of its channel is impossible in any unit."""
+
+SETTING_QUANTITIES = ("", "switch", "stiffness", "damping")
+"""Quantities that nobody measures, and columns of which nothing is known."""
+
+VERDICT_WORDS = {
+    garbage.KIND: "garbage rows",
+    "impossible": "impossible values",
+    constant.KIND: "dead",
+    echoed.KIND: "echoed",
+    limited.KIND: "saturated",
+    "clipped": "clipped",
+    "spike": "glitches",
+    missing.KIND: "missing samples",
+    held.KIND: "another clock",
+    "uneven": "uneven clock",
+    "no_time": "no time base",
+    "not_measured": "not measured",
+    "personal": "personal",
+    "computed": "computed",
+    "constant": "constant",
+    "text": "text",
+}
+"""Words for each kind of finding, the one that decides a channel's verdict first."""
+
+
+_QUOTED_TEXT = re.compile(r'"([^"]*)"')
+
+_NUMBERS_LINE = re.compile(r"[\s\d.,;:+\-eE\"]*\d[\s\d.,;:+\-eE\"]*")
+"""A line of numbers alone, with which the head of a text file ends."""
+
+
+@dataclass(frozen=True)
+class LogFinding:
+    """One thing that is wrong with, or remarkable about, a channel of a log.
+
+    Attributes
+    ----------
+    kind : str
+        A key of `VERDICT_WORDS`.
+    channel : str
+        Column of the file; ``"time"`` if the file has no time column.
+    found : str
+        Description of what was found, without channel and file.
+    level : str
+        ``"alarm"`` or ``"note"``.
+    first, last : int
+        First and last sample concerned; -1 where the whole channel is concerned.
+    size : float
+        Largest value, limit or share behind the finding, in SI where the unit is known; NaN without one.
+    """
+
+    kind: str
+    channel: str
+    found: str
+    level: str = ALARM_LEVEL
+    first: int = -1
+    last: int = -1
+    size: float = float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class LogChannel:
+    """A column of a log with its probable quantity.
+
+    Attributes
+    ----------
+    name : str
+        Name of the column.
+    samples : ndarray, shape (n,)
+        Values; in SI if the unit is known, else in the file's own numbers.
+    quantity : Quantity
+        What the column probably holds.
+    """
+
+    name: str
+    samples: np.ndarray
+    quantity: Quantity
+
+    @property
+    def unit(self) -> str:
+        """Unit of the samples for a sentence, with a blank before it; "" without one."""
+        return f" {self.quantity.unit}" if self.quantity.unit not in ("", "1") else ""
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """One file of a log: its channels, of which some share their length."""
+
+    file: str
+    channels: tuple[LogChannel, ...]
+    texts: tuple[str, ...] = ()  # names of columns of text
+    personal: tuple[PersonalField, ...] = ()  # fields that tell who was recorded
+    time: str = ""  # name of the time column; "" without one
+    rate: float | None = None  # rate that the user states [Hz]
+
+
+def log_of(columns: Columns, rate: float | None = None) -> Log:
+    """Return a file's columns as a log; `rate` [Hz] is the sampling rate if the user states it."""
+    channels, texts = [], {}
+    for name, values in columns.values.items():
+        if isinstance(values, str):
+            quoted = _QUOTED_TEXT.search(values)
+            texts[name] = quoted[1] if quoted else ""
+            continue
+        quantity = quantity_of(name, columns.units.get(name, ""))
+        samples = np.asarray(values, float)
+        channels.append(LogChannel(name, samples * quantity.factor if quantity.factor != 1.0 else samples, quantity))
+    time = _time_column(channels)
+    personal = find_personal_columns([*texts.items(), *((c.name, "") for c in channels)])
+    personal += find_personal_lines(head_of_text(columns.path))
+    return Log(columns.path.name, tuple(channels), tuple(texts), tuple(personal), time, rate)
+
+
+def head_of_text(path: Path) -> list[str]:
+    """Return the lines above the numbers of a text file; none of a file of another kind."""
+    if path.suffix.lower() not in ENDINGS:
+        return []
+    with path.open("rb") as file:
+        lines = file.read(MAX_HEADER_BYTES).decode("utf-8-sig", errors="replace").splitlines()
+    first = next((i for i, line in enumerate(lines) if _NUMBERS_LINE.fullmatch(line)), len(lines))
+    return lines[: min(first, MAX_HEADER_LINES)]
+
+
+def _time_column(channels: Sequence[LogChannel]) -> str:
+    """Return the name of the column that holds time: one whose name says so, else one that rises evenly."""
+    longest = max((len(c.samples) for c in channels), default=0)
+    named = [c for c in channels if c.quantity.kind == "time" and len(c.samples) == longest]
+    rising = [c for c in named if _rises(c.samples, 0.5)]
+    if rising or named:
+        return (rising or named)[0].name
+    for channel in channels:
+        if not channel.quantity.kind and len(channel.samples) == longest and _is_even_clock(channel.samples):
+            return channel.name
+    return ""
+
+
+def _rises(x: np.ndarray, share: float) -> bool:
+    return len(x) > 1 and float(np.mean(np.diff(x) > 0.0)) >= share
+
+
+def _is_even_clock(x: np.ndarray) -> bool:
+    """Whether a column rises by nearly the same step throughout, as time in seconds does and a row number does not."""
+    if len(x) < MIN_LOG_SAMPLES or not np.isfinite(x).all() or not _rises(x, MIN_TIME_COLUMN_RISE_SHARE):
+        return False
+    steps = np.diff(x)
+    usual = float(np.median(steps))
+    even = float(np.mean(np.abs(steps - usual) <= MAX_TIME_STEP_SPREAD * usual))
+    return usual > 0.0 and usual != 1.0 and even >= 0.9
+
+
+def inspect_log(log: Log) -> tuple[LogFinding, ...]:
+    """Return what is wrong with the channels of a log, and what is remarkable about them, in the file's order.
+
+    One cause gives one finding: rows of garbage are left out before anything else is examined, and a channel that is
+    dead is not also called constant.
+    """
+    found: list[LogFinding] = []
+    channels = {c.name: c for c in log.channels if len(c.samples) >= MIN_LOG_SAMPLES}
+    longest = max((len(c.samples) for c in channels.values()), default=0)
+    table = {n: c for n, c in channels.items() if len(c.samples) == longest}
+    # Garbage is a matter of rows, so that only columns of one length are examined together.
+    others = {n: c.samples for n, c in table.items() if n != log.time and c.quantity.kind != "time"}
+    rows = garbage.find_garbage(table[log.time].samples if log.time in table else None, others)
+    if rows is not None:
+        text = f"{rows.where} of {longest} rows are garbage: {rows.cause}"
+        found.append(LogFinding(garbage.KIND, log.time or "time", text, ALARM_LEVEL, 0, rows.head - 1))
+        kept = slice(rows.head, longest - rows.tail)
+        table = {n: replace(c, samples=c.samples[kept]) for n, c in table.items()}
+        channels |= table
+        longest -= rows.head + rows.tail
+    found += _time_findings(log, channels)
+    moving = {n: c for n, c in channels.items() if c.quantity.kind != "time" and n != log.time}
+    repeats = _repeated_rows([c.samples for c in moving.values() if len(c.samples) == longest])
+    short = _in_short_runs(repeats)
+    if short.sum() > MIN_REPEATED_SHARE * len(short) and not any(
+        f.kind == "uneven" and "twice" in f.found for f in found
+    ):
+        text = f"{int(short.sum())} of {len(short)} rows repeat the row before: the log is written faster than it fills"
+        found.append(LogFinding("uneven", log.time or "time", text, NOTE_LEVEL))
+    if repeats.any():
+        # While everything rests, no channel tells anything.
+        moving = {n: replace(c, samples=c.samples[~repeats]) if n in table else c for n, c in moving.items()}
+    for channel in moving.values():
+        found += _channel_findings(channel, moving)
+    dead = {f.channel for f in found if f.kind == constant.KIND}
+    found += [f for f in _frozen_findings(moving) if f.channel not in dead]
+    found += _relation_findings(moving, {f.channel for f in found if f.kind == constant.KIND})
+    told = {each.label for each in log.personal}
+    found += [LogFinding("text", name, "text, which is not read", NOTE_LEVEL) for name in log.texts if name not in told]
+    found += [LogFinding("personal", p.label, f"a {p.kind} at {p.place}: remove it", ALARM_LEVEL) for p in log.personal]
+    return tuple(found)
+
+
+def _repeated_rows(columns: Sequence[np.ndarray]) -> np.ndarray:
+    """Return a mask of the rows that repeat the row before in all of `columns`, (n,) each, of which there are two."""
+    repeats = np.zeros(len(columns[0]) if columns else 0, bool)
+    if len(columns) > 1:
+        repeats[1:] = np.all([x[1:] == x[:-1] for x in columns], axis=0)
+    return repeats
+
+
+def _in_short_runs(repeats: np.ndarray) -> np.ndarray:
+    """Return the mask `repeats`, (n,), without its long runs: there everything rests."""
+    short = repeats.copy()
+    for first, length in zip(*find_runs(repeats), strict=True):
+        short[first : first + length] = length <= MAX_REPEATED_ROWS
+    return short
+
+
+def _time_findings(log: Log, channels: Mapping[str, LogChannel]) -> Iterator[LogFinding]:
+    """Yield what is wrong with the clock, and columns of time that run apart."""
+    if not log.time:
+        if log.rate is None:
+            text = "no column of time, and no rate is stated: nothing that needs velocities can be computed"
+            yield LogFinding("no_time", "time", text)
+        return
+    channel = channels[log.time]
+    time = channel.samples
+    known = np.isfinite(time)
+    steps = np.diff(time[known])
+    if not np.all(known):
+        yield LogFinding(missing.KIND, log.time, f"{int((~known).sum())} missing times")
+    positive = steps[steps > 0.0]
+    if not positive.size:
+        yield LogFinding("uneven", log.time, "time does not advance")
+        return
+    usual, unit = float(np.median(positive)), channel.unit
+    same = {n: c.samples for n, c in channels.items() if n != log.time and len(c.samples) == len(time)}
+    repeats = int(np.sum(~first_deliveries(time, same)))
+    if repeats:
+        text = f"{repeats} of {len(time)} rows repeat the row before: packets that came twice"
+        yield LogFinding("uneven", log.time, text, ALARM_LEVEL, size=repeats / len(time))
+    back = np.flatnonzero(steps < 0.0)
+    if back.size:
+        text = f"time runs back {back.size} times, first after {time[known][back[0]]:.6g}{unit}"
+        yield LogFinding("uneven", log.time, text, first=int(back[0]))
+    elif not repeats and np.any(steps == 0.0) and np.mean(steps == 0.0) < 0.9:
+        share = float(np.mean(steps == 0.0))
+        text = f"{100 * share:.3g} % of the rows have the time of the row before: the clock is coarser than the rows"
+        yield LogFinding("uneven", log.time, text, size=share)
+    near = positive[positive < MIN_GAP_STEP_RATIO * usual]
+    jitter = float(np.quantile(np.abs(near / usual - 1.0), 0.99)) if near.size else 0.0
+    mean = float(np.mean(positive[positive <= float(np.quantile(positive, 0.999))]))
+    share = float(np.mean(np.abs(positive / mean - 1.0) > MAX_STEADY_JITTER))
+    if mean > MIN_GAP_STEP_RATIO * usual and share > MAX_JITTERING_SHARE and not back.size:
+        text = f"rows come in packets: most steps are {usual:.3g}{unit}, the mean step is {mean:.4g}{unit}"
+        yield LogFinding("uneven", log.time, text, size=share)
+    long = positive[positive > max(MIN_GAP_STEPS, 1.3 * float(np.quantile(positive, 0.98)) / usual) * usual]
+    if long.size:
+        many = "a gap" if long.size == 1 else f"{long.size} gaps"
+        yield LogFinding("uneven", log.time, f"{many} of up to {long.max():.4g}{unit}, {usual:.4g}{unit} is usual")
+    if jitter > MAX_EVEN_JITTER and not repeats:
+        text = f"steps differ from {usual:.4g}{unit} by {100 * jitter:.3g} % in 1 of 100 rows: stamped on arrival"
+        often = float(np.mean(np.abs(positive / usual - 1.0) > MAX_STEADY_JITTER)) > MAX_JITTERING_SHARE
+        yield LogFinding("uneven", log.time, text, ALARM_LEVEL if often else NOTE_LEVEL, size=jitter)
+    for other in channels.values():
+        if other.name != log.time and other.quantity.kind == "time" and len(other.samples) == len(time):
+            yield from _second_clock(channel, other)
+
+
+def _second_clock(one: LogChannel, other: LogChannel) -> Iterator[LogFinding]:
+    known = np.isfinite(one.samples) & np.isfinite(other.samples)
+    span, again = (float(c.samples[known][-1] - c.samples[known][0]) for c in (one, other))
+    if span <= 0.0 or again <= 0.0:
+        return
+    ratio = again / span
+    # Clocks in different units differ by a power of ten.
+    ratio /= 10.0 ** round(float(np.log10(ratio)))
+    if MIN_CLOCK_DRIFT_SHARE < abs(ratio - 1.0) < MAX_CLOCK_DRIFT_SHARE:
+        way = "faster" if ratio > 1.0 else "slower"
+        text = f"it runs {abs(ratio - 1.0) * 1e6:.3g} millionths {way} than {one.name}"
+        yield LogFinding(held.KIND, other.name, text, size=ratio - 1.0)
+
+
+def _channel_findings(channel: LogChannel, others: Mapping[str, LogChannel]) -> Iterator[LogFinding]:
+    """Yield what is wrong with one channel."""
+    x, quantity, name, unit = channel.samples, channel.quantity, channel.name, channel.unit
+    known = np.isfinite(x)
+    gone = int((~known).sum())
+    if gone == len(x):
+        yield LogFinding(constant.KIND, name, "no number in any row")
+        return
+    if gone:
+        first = int(np.flatnonzero(~known)[0])
+        runs = find_runs(~known)[0].size
+        many = f"{gone} of {len(x)} samples are missing, in {runs} stretch{'es' if runs > 1 else ''}"
+        level = ALARM_LEVEL if gone > MAX_MISSING_SHARE * len(x) else NOTE_LEVEL
+        yield LogFinding(missing.KIND, name, many, level, first)
+    levels = constant.few_levels([x])
+    measures = quantity.kind not in SETTING_QUANTITIES and quantity.role in ("", "measured")
+    if levels is not None and levels.size <= 1:
+        value = float(levels[0]) if levels.size else 0.0
+        if measures and quantity.kind != "temperature" and _something_moves(channel, others):
+            yield LogFinding(constant.KIND, name, f"the one value {value:.6g}{unit} in every row", size=value)
+        else:
+            text = f"the one value {value:.6g}{unit} in every row: a setting, or not connected"
+            yield LogFinding("constant", name, text, NOTE_LEVEL, size=value)
+        return
+    if levels is not None and measures and quantity.kind in (*EFFORT_QUANTITIES, "emg", "acceleration"):
+        values = ", ".join(f"{level:.6g}" for level in levels)
+        yield LogFinding(constant.KIND, name, f"only the values {values}{unit}: the last digit flickers, nothing moves")
+        return
+    impossible = list(_impossible(channel))
+    yield from impossible
+    if measures:
+        stretch = constant.silent_stretch(x)
+        if stretch is not None and not _rests_with_others(channel, others, *stretch):
+            first, last = stretch
+            where = "to the end" if last >= len(x) - 2 else f"to row {last}"
+            text = f"the one value {x[first]:.6g}{unit} from row {first} {where}, while other channels move"
+            yield LogFinding(constant.KIND, name, text, ALARM_LEVEL, first, last, float(x[first]))
+            x = np.array(x)
+            x[first : last + 1] = np.nan
+    slower = held.find_held(x)
+    if slower is not None and quantity.role != "command":
+        text = f"each value stays for {slower.rows:.3g} rows ({100 * slower.regular:.3g} % regular): a slower clock"
+        yield LogFinding(held.KIND, name, text, size=slower.rows)
+    yield from _cut_off(channel, x)
+    if measures and slower is None and not impossible:
+        glitches = spikes.find_spikes(x, spikes.MAX_SPIKE_SAMPLES)
+        if quantity.kind not in INERTIAL_CHANNELS:
+            # A drive, a knock or a muscle makes peaks of its own.
+            glitches = [g for g in glitches if g[2] > MIN_PEAK_RATIO * _spread(x)]
+        if 0 < len(glitches) <= MAX_SPIKE_COUNT:
+            largest = max(glitches, key=lambda g: g[2])
+            many = "a spike" if len(glitches) == 1 else f"{len(glitches)} spikes, the largest"
+            text = f"{many} of {largest[2]:.4g}{unit} at row {largest[0]}"
+            yield LogFinding("spike", name, text, ALARM_LEVEL, largest[0], largest[1], largest[2])
+
+
+def _spread(x: np.ndarray) -> float:
+    """Return the width that holds 98 % of the values."""
+    known = x[np.isfinite(x)]
+    return float(np.subtract(*np.quantile(known, (0.99, 0.01)))) if known.size else 0.0
+
+
+def _something_moves(channel: LogChannel, others: Mapping[str, LogChannel]) -> bool:
+    return any(
+        c.quantity.kind not in ("", "time") and c is not channel and constant.few_levels([c.samples]) is None
+        for c in others.values()
+    )
+
+
+def _rests_with_others(channel: LogChannel, others: Mapping[str, LogChannel], first: int, last: int) -> bool:
+    """Whether a stretch in which a channel is silent may be rest, because nothing that tells of it moves there.
+
+    A joint may rest under a changing effort and away from its command, for friction holds it. Only a recorded velocity
+    contradicts the rest of a position, and a recorded position that of a velocity. Everything else is measured with
+    noise, and never rests as long as anything moves.
+    """
+    contradicting = {"position": ("velocity",), "velocity": ("position",)}.get(channel.quantity.kind)
+    for other in others.values():
+        if other is channel or len(other.samples) != len(channel.samples) or other.quantity.role == "command":
+            continue
+        if contradicting and other.quantity.kind not in contradicting:
+            continue
+        if constant.few_levels([other.samples]) is not None:
+            continue
+        whole, inside = _spread(other.samples), _spread(other.samples[first : last + 1])
+        if inside > 0.1 * whole and (not contradicting or _moves_with(channel, other, first, last)):
+            return False
+    return True
+
+
+def _moves_with(channel: LogChannel, other: LogChannel, first: int, last: int) -> bool:
+    """Whether a velocity elsewhere is that of a position: what two joints do is no matter of each other."""
+    position, velocity = (channel, other) if channel.quantity.kind == "position" else (other, channel)
+    x = np.delete(np.gradient(position.samples), slice(max(first - 2, 0), last + 3))
+    y = np.delete(velocity.samples, slice(max(first - 2, 0), last + 3))
+    known = np.isfinite(x) & np.isfinite(y)
+    if known.sum() < MIN_LOG_SAMPLES or x[known].std() == 0.0 or y[known].std() == 0.0:
+        return False
+    return abs(float(np.corrcoef(x[known], y[known])[0, 1])) > MIN_VELOCITY_CORRELATION
+
+
+def _frozen_findings(channels: Mapping[str, LogChannel]) -> Iterator[LogFinding]:
+    """Yield positions that repeat one value while their joint must have moved, by the effort of the same joint."""
+    positions = [c for c in channels.values() if c.quantity.kind == "position" and c.quantity.role in ("", "measured")]
+    efforts = [c for c in channels.values() if c.quantity.kind in EFFORT_QUANTITIES]
+    for position in positions:
+        own = [e for e in efforts if _joint_of(e) == _joint_of(position) and len(e.samples) == len(position.samples)]
+        if not own or constant.few_levels([position.samples]) is not None:
+            continue
+        asked = [
+            c.samples
+            for c in channels.values()
+            if c.quantity.kind == "position" and c.quantity.role == "command" and _joint_of(c) == _joint_of(position)
+        ]
+        reference = asked[0] if asked and len(asked[0]) == len(position.samples) else None
+        rests = list(frozen.frozen_rests(position.samples, own[0].samples, reference, constant.MIN_SILENT_SAMPLES))
+        if rests:
+            first, last, why = max(rests, key=lambda rest: rest[1] - rest[0])
+            text = f"the one value {position.samples[first]:.6g}{position.unit} in rows {first} to {last} while {why}"
+            yield LogFinding(constant.KIND, position.name, text, ALARM_LEVEL, first, last)
+
+
+def _joint_of(channel: LogChannel) -> str:
+    """Return what a name holds beside words for quantities, roles and units: its joint."""
+    return joint_words(channel.name)
+
+
+def _impossible(channel: LogChannel) -> Iterator[LogFinding]:
+    """Yield values that no wearable machine has."""
+    x, quantity, name, unit = channel.samples, channel.quantity, channel.name, channel.unit
+    finite = np.isfinite(x)
+    if quantity.kind in ("stiffness", "damping") and np.any(x[finite] < 0.0):
+        count, least = int(np.sum(x[finite] < 0.0)), float(x[finite].min())
+        text = (
+            f"a negative {quantity.kind} in {count} of {len(x)} rows, down to {least:.4g}{unit}, which drives the joint"
+        )
+        yield LogFinding("impossible", name, text, size=least)
+        return
+    wrong = magnitude.find_implausible(Channel(quantity.kind or name, x, quantity.unit or "1", name))
+    if quantity.kind == "emg" and quantity.unit == "V":
+        wrong = magnitude.find_implausible(Channel(f"emg.{name}", x, "V", name))
+    # A motor's position, and one that turns on and on, has no bound.
+    if wrong is not None and (quantity.kind != "position" or wrong.largest > magnitude.MAX_GUESSED_MAGNITUDE):
+        count = int(np.sum(np.abs(x[finite]) > wrong.limit))
+        text = f"up to {wrong.largest:.4g}{unit} in {count} of {len(x)} rows, plausible are {wrong.limit:.4g}{unit}"
+        if wrong.probable_unit and wrong.is_typical:
+            text += f", or the numbers are {wrong.probable_unit}"
+        yield LogFinding("impossible", name, text, size=wrong.largest)
+        return
+    sizes = np.abs(x[finite] - np.median(x[finite]))
+    usual = float(np.quantile(sizes, 0.99))
+    if usual > 0.0 and sizes.max() > WILD_RATIO * usual:
+        count = int(np.sum(sizes > WILD_RATIO * usual))
+        text = f"up to {sizes.max():.4g}{unit} in {count} of {len(x)} rows, elsewhere at most {usual:.4g}{unit}"
+        yield LogFinding("impossible", name, text, size=float(sizes.max()))
+
+
+def _cut_off(channel: LogChannel, x: np.ndarray) -> Iterator[LogFinding]:
+    """Yield the limits at which a channel is cut: saturated where it drives, clipped where it is measured."""
+    quantity = channel.quantity
+    if quantity.kind in ("temperature", "switch", "stiffness", "damping") or len(np.unique(x)) <= MAX_SWITCH_LEVELS:
+        return
+    if quantity.kind in INERTIAL_CHANNELS and quantity.role == "command":
+        return
+    limits = limited.find_limits(x)
+    if sum(limit.samples for limit in limits) > MAX_LIMITED_SHARE * len(x):
+        limits = ()
+    if quantity.kind in INERTIAL_CHANNELS:
+        # A joint that rests at one end does so once. A sensor that ends there does so whenever it is reached.
+        limits = tuple(limit for limit in limits if limit.stretches > 1 and limit.longest < MAX_DWELL_SHARE * len(x))
+    if limits:
+        drives = quantity.kind in EFFORT_QUANTITIES
+        values = " and ".join(f"{limit.value:.4g}" for limit in limits)
+        count = sum(limit.samples for limit in limits)
+        longest = max(limit.longest for limit in limits)
+        text = (
+            f"cut at {values}{channel.unit} in {count} of {len(x)} rows ({100 * count / len(x):.3g} %), for up to "
+            f"{longest} rows on end"
+        )
+        yield LogFinding(
+            limited.KIND if drives else "clipped", channel.name, text, size=max(abs(limit.value) for limit in limits)
+        )
+        return
+    for sign in (1.0, -1.0):
+        first, length = flat_tops(sign * x)
+        if first.size and length.sum() <= MAX_FLAT_TOP_SHARE * len(x):
+            value, count = float(x[first[0]]), int(length.sum())
+            text = f"clipped at {value:.4g}{channel.unit} in {count} of {len(x)} rows"
+            yield LogFinding("clipped", channel.name, text, size=abs(value))
+
+
+def _relation_findings(channels: Mapping[str, LogChannel], dead: set[str]) -> Iterator[LogFinding]:
+    """Yield channels that repeat or are computed from others, and efforts that nobody measured."""
+    live = [c for c in channels.values() if c.name not in dead and constant.few_levels([c.samples]) is None]
+    told: dict[str, str] = {}
+    for channel in live:
+        alike = [c for c in live if c is not channel and _is_alike(c, channel)]
+        if not alike or channel.name in told.values():
+            continue
+        computed = echoed.find_computed(channel.samples, [c.samples for c in alike])
+        if computed is not None:
+            names = [alike[i].name for i in computed.sources]
+            told[channel.name] = names[0]
+            text = f"it equals {' plus '.join(names)} in every row that is not at a limit: computed, not measured"
+            level = ALARM_LEVEL if channel.quantity.role == "measured" else NOTE_LEVEL
+            yield LogFinding(echoed.KIND if level == ALARM_LEVEL else "computed", channel.name, text, level)
+            continue
+        if channel.quantity.role in ("command", "computed"):
+            continue
+        for command in (c for c in alike if c.quantity.role == "command"):
+            echo = echoed.find_echo(channel.samples, command.samples)
+            if echo is not None and (channel.quantity.kind in EFFORT_QUANTITIES or echo.correlation > 0.999999):
+                told[channel.name] = command.name
+                text = f"it is {command.name}, {echo.delay} rows late (r = {echo.correlation:.5f}): no measurement"
+                yield LogFinding(echoed.KIND, channel.name, text, size=echo.correlation)
+                break
+    for kind in EFFORT_QUANTITIES:
+        of_kind = [c for c in channels.values() if c.quantity.kind == kind]
+        asked = [c for c in of_kind if c.quantity.role in ("command", "computed")]
+        if asked and len(asked) == len(of_kind):
+            names = ", ".join(c.name for c in asked)
+            text = f"no {kind} is measured: {names} {'is' if len(asked) == 1 else 'are'} asked for or computed"
+            yield LogFinding("not_measured", asked[0].name, text, NOTE_LEVEL)
+
+
+def _is_alike(one: LogChannel, other: LogChannel) -> bool:
+    """Whether two channels hold the same quantity, so that one may repeat the other."""
+    return (
+        bool(one.quantity.kind)
+        and one.quantity.kind == other.quantity.kind
+        and one.quantity.unit == other.quantity.unit
+        and len(one.samples) == len(other.samples)
+    )

@@ -1,0 +1,197 @@
+"""`pellucid audit`: one verdict for each channel of a log of which no study tells anything."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import pellucid as pl
+from pellucid.cli import app
+from pellucid.procedures.audit_page import write_audit_page
+from pellucid.recordings.quantity import joint_words, quantity_of
+
+RATE = 500.0
+COUNT = 6000
+
+
+def clean_log(seed: int = 3) -> dict[str, np.ndarray]:
+    """A joint that follows a path under a torque loop: every sensor has noise of its own."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(COUNT) / RATE
+    path = 0.6 * np.sin(2.1 * t) + 0.25 * np.sin(5.3 * t + 1.0)
+    q = path + 0.01 * np.sin(3.0 * t) + 2e-4 * rng.standard_normal(COUNT)
+    v = np.gradient(path, t) + 0.02 * rng.standard_normal(COUNT)
+    asked = 3.0 * np.sin(path) + 0.4 * np.tanh(20.0 * v) + 0.1 * np.gradient(v, t) * 0.02
+    measured = asked + 0.15 * np.sin(9.0 * t + 0.4) + 0.08 * rng.standard_normal(COUNT)
+    emg = np.abs(np.sin(1.7 * t)) * rng.standard_normal(COUNT) * 2e-4
+    names = ("time [s]", "angle [rad]", "velocity [rad/s]", "torque_cmd [N*m]", "torque_meas [N*m]", "EMG biceps [V]")
+    return dict(zip(names, (t, q, v, asked, measured, emg), strict=True))
+
+
+def written(folder: Path, columns: dict[str, np.ndarray], name: str = "log.csv", head: str = "") -> Path:
+    rows = np.column_stack(list(columns.values()))
+    lines = [",".join(columns), *(",".join(f"{x:.9g}" for x in row) for row in rows)]
+    path = folder / name
+    path.write_text(head + "\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def kinds(path: Path, channel: str) -> set[str]:
+    found = pl.audit(path)
+    return {f.kind for v in found.verdicts if v.channel == channel for _, f in v.findings if f.level == "alarm"}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_clean_log_has_no_alarm(tmp_path, seed):
+    found = pl.audit(written(tmp_path, clean_log(seed)))
+    assert found.is_sound, str(found)
+    assert [v.verdict for v in found.verdicts] == ["sound"] * 6
+
+
+def dies(x: np.ndarray) -> np.ndarray:
+    return np.where(np.arange(COUNT) > 4000, x[4000], x)
+
+
+FAULTS = {
+    "dead from the start": ("torque_meas [N*m]", "dead", lambda x: 0.0 * x),
+    "dies": ("torque_meas [N*m]", "dead", dies),
+    "EMG dies": ("EMG biceps [V]", "dead", dies),
+    "last digit": ("torque_meas [N*m]", "dead", lambda x: 0.01 * (np.sin(np.arange(COUNT) ** 2.0) > 0.0)),
+    "impossible": ("torque_meas [N*m]", "impossible", lambda x: np.where(np.arange(COUNT) == 77, 7.7e5, x)),
+    "saturated": ("torque_cmd [N*m]", "saturated", lambda x: np.clip(x, -1.2, 1.2)),
+    "clipped": ("EMG biceps [V]", "clipped", lambda x: np.clip(x, -2.5e-4, 2.5e-4)),
+    "glitch": ("angle [rad]", "spike", lambda x: np.where(np.arange(COUNT) == 3000, x + 1.0, x)),
+    "lost": ("angle [rad]", "missing_samples", lambda x: np.where(np.arange(COUNT) % 1000 < 20, np.nan, x)),
+    "slow clock": ("velocity [rad/s]", "another_clock", lambda x: np.repeat(x[::5], 5)),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_named_at_its_channel_and_nowhere_else(tmp_path, fault):
+    channel, kind, spoil = FAULTS[fault]
+    columns = clean_log()
+    columns[channel] = spoil(columns[channel])
+    found = pl.audit(written(tmp_path, columns))
+    assert kind in {f.kind for v in found.alarms if v.channel == channel for _, f in v.findings}, str(found)
+    assert {v.channel for v in found.alarms} == {channel}, str(found)
+
+
+def test_a_measurement_that_is_its_own_command_is_an_echo(tmp_path):
+    columns = clean_log()
+    late = np.roll(columns["torque_cmd [N*m]"], 36)
+    late[:36] = late[36]
+    columns["torque_meas [N*m]"] = late
+    found = pl.audit(written(tmp_path, columns))
+    (verdict,) = found.alarms
+    assert (verdict.channel, verdict.verdict) == ("torque_meas [N*m]", "echoed")
+    assert "36 rows late" in verdict.sentences[0]
+
+
+def test_rows_of_garbage_at_an_edge_are_one_finding(tmp_path):
+    columns = clean_log()
+    for name, x in columns.items():
+        x[:7] = 1.125e282 if name != "time [s]" else [5e4, 4e4, 3e3, 1e3, 900.0, 80.0, 60.0]
+        x[-2:] = -3e17 if name != "time [s]" else 0.0
+    found = pl.audit(written(tmp_path, columns))
+    (verdict,) = found.alarms
+    assert verdict.verdict == "garbage rows"
+    assert "first 7 and the last 2 of 6000 rows" in verdict.sentences[0], verdict.sentences
+
+
+def test_packets_and_gaps_are_the_clock_s(tmp_path):
+    columns = clean_log()
+    kept = np.delete(np.arange(COUNT), slice(2000, 2300))
+    columns = {name: x[kept] for name, x in columns.items()}
+    assert kinds(written(tmp_path, columns), "time [s]") == {"uneven"}
+    bursts = clean_log()
+    bursts["time [s]"] = np.ceil(bursts["time [s]"] * RATE / 8.0) * 8.0 / RATE + 1e-5 * np.tile(
+        np.arange(8), COUNT // 8
+    )
+    assert kinds(written(tmp_path, bursts), "time [s]") == {"uneven"}
+
+
+def test_a_log_without_time_asks_for_its_rate(tmp_path):
+    columns = clean_log()
+    del columns["time [s]"]
+    path = written(tmp_path, columns)
+    assert [v.verdict for v in pl.audit(path).alarms] == ["no time base"]
+    assert pl.audit(path, rate=RATE).is_sound
+
+
+def test_personal_fields_are_named_and_not_repeated(tmp_path):
+    path = written(tmp_path, clean_log(), head="Patient Name,Jane Q. Doe\n")
+    found = pl.audit(path)
+    assert [v.verdict for v in found.alarms] == ["personal"]
+    assert "Doe" not in json.dumps(found.table())
+    assert "Doe" not in write_audit_page(found, tmp_path / "page").read_text(encoding="utf-8")
+
+
+def test_the_command_says_it_and_ends_with_status_1(tmp_path, monkeypatch):
+    columns = clean_log()
+    path = written(tmp_path, columns)
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, ["audit", str(path)])
+    assert done.exit_code == 0, done.output
+    assert "No alarm in 6 channels of 1 file." in done.output
+    assert (tmp_path / "audit-page" / "index.html").is_file()
+    columns["torque_meas [N*m]"] *= 0.0
+    path = written(tmp_path, columns)
+    done = CliRunner().invoke(app, ["audit", str(path), "--json", "--out", str(tmp_path / "page")])
+    assert done.exit_code == 1
+    table = json.loads(done.stdout)
+    assert not table["sound"]
+    assert {v["channel"]: v["verdict"] for v in table["verdicts"]}["torque_meas [N*m]"] == "dead"
+
+
+def test_without_a_file_that_can_be_read_it_is_refused(tmp_path):
+    with pytest.raises(pl.PellucidError, match="no file that can be read"):
+        pl.audit(tmp_path)
+    (tmp_path / "a.csv").write_text("words\n", encoding="utf-8")
+    with pytest.raises(pl.PellucidError, match="no row of numbers"):
+        pl.audit(tmp_path / "a.csv")
+
+
+def test_an_exosuit_s_log_comes_out_as_its_readme_says(data_folder):
+    folder = data_folder / "elbow_exosuit"
+    if not folder.is_dir():
+        pytest.skip("elbow_exosuit is not here")
+    found = pl.audit(folder)
+    verdicts = {v.channel: v for v in found.verdicts}
+    assert len(found.files) == 24
+    assert not found.unread
+    assert verdicts["time"].verdict == "no time base"
+    feedback = verdicts["Feedback_Torque_Nm"]
+    assert feedback.verdict == "impossible values"
+    assert "every file of emg_threshold, in none of preplanned_threshold: up to 7.373e+05" in feedback.sentences[0]
+    applied = verdicts["Applied_Torque_Nm"]
+    assert applied.verdict == "saturated"
+    assert applied.sentences[0].startswith("in all 24 files: cut at 4.1 and -4.1 N*m")
+    assert any("no torque is measured" in sentence for sentence in applied.sentences)
+    assert "down to -100 N*m/rad" in verdicts["K_value_Nm_per_rad"].sentences[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "role", "unit"),
+    [
+        ("Applied_Torque_Nm", "torque", "command", "N*m"),
+        ("B_value_Nm_per_rad_per_s", "damping", "", "N*m*s/rad"),
+        ("Position_Error_rad", "position", "computed", "rad"),
+        ("Motor Current (mA)", "current", "", "A"),
+        ("GoalPosition", "position", "command", ""),
+        ("EMG_VL_mV", "emg", "", "V"),
+        ("t [ms]", "time", "", "s"),
+        ("torque_enable", "switch", "", ""),
+        ("L1_T12_Lat_Bending", "", "", ""),
+        ("0", "", "", ""),
+    ],
+)
+def test_a_column_s_name_tells_its_quantity(name, kind, role, unit):
+    found = quantity_of(name)
+    assert (found.kind, found.role, found.unit) == (kind, role, unit)
+
+
+def test_channels_of_one_joint_share_their_words():
+    assert joint_words("knee_torque_cmd") == joint_words("knee angle [deg]") == "knee"
+    assert joint_words("q1") == joint_words("tau_1")

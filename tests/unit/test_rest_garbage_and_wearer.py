@@ -1,0 +1,176 @@
+"""What used to be answered wrongly: rows of garbage, joints at rest, tumbling pendulums, worn robots."""
+
+import numpy as np
+import pytest
+
+import pellucid as pl
+from pellucid.recordings.defects.magnitude import find_implausible
+from pellucid.recordings.defects.worn import find_worn
+from pellucid.recordings.recording import Channel
+from pellucid.studies import inspect
+from pellucid.units import parse_quantity
+
+WITH_VELOCITY = ("[processing]", 'velocity = { column = "v", unit = "rad/s" }\n\n[processing]')
+
+
+def said(study, *kinds):
+    found = inspect(study.recording("sweep"), study)
+    return [fault for fault in found if not kinds or fault.kind in kinds]
+
+
+def test_nine_rows_of_garbage_are_one_line(make_study):
+    columns = make_study.swing()
+    clean = columns["q"].copy()
+    for name, scale in (("t", 1e282), ("q", 1.125e282), ("i", -3e97)):
+        columns[name] = np.concatenate([scale * np.linspace(1.0, -1.0, 9), columns[name]])
+    study = make_study(columns)
+    (fault,) = said(study)
+    assert (fault.severity, fault.kind) == ("cut", "garbage")
+    assert "the first 9 of 2009 rows of garbage: numbers up to 1.13e+282" in fault.found
+    assert np.array_equal(study.recording("sweep")["position"], clean)
+
+
+def test_time_that_runs_back_at_the_tail_is_one_line(make_study):
+    columns = make_study.swing()
+    columns = {name: np.append(x, x[:3]) for name, x in columns.items()}
+    (fault,) = said(make_study(columns))
+    assert (fault.severity, fault.kind) == ("cut", "garbage")
+    assert "the last 3 of 2003 rows of garbage: time that does not advance" in fault.found
+
+
+@pytest.mark.parametrize(("largest", "guessed"), [(90.0, "deg"), (2e4, ""), (1.125e282, "")])
+def test_a_unit_is_not_guessed_beyond_ten_thousand(largest, guessed):
+    found = find_implausible(Channel("position", np.linspace(0.0, largest, 50), "rad", "q"))
+    assert found.probable_unit == guessed
+
+
+def resting(columns: dict[str, np.ndarray], first: int = 700, last: int = 1100) -> dict[str, np.ndarray]:
+    """The swing with a rest, during which the effort swings at a brake."""
+    t = columns["t"]
+    speed = np.gradient(columns["q"], t)
+    inside = (np.arange(len(t)) >= first) & (np.arange(len(t)) < last)
+    speed = np.where(inside, 0.0, speed)
+    q = columns["q"].copy()
+    q[inside] = q[first]
+    q[last:] += q[first] - q[last - 1 + 1]
+    effort = np.where(inside, 0.95 * np.abs(columns["i"]).max() * np.sin(9.0 * t), columns["i"])
+    return columns | {"q": q, "i": effort, "v": speed}
+
+
+def test_a_joint_that_rests_is_no_frozen_encoder(make_study):
+    columns = resting(make_study.swing())
+    assert said(make_study(columns), "frozen_encoder"), "without a velocity, nothing tells it from a frozen encoder"
+    assert not said(make_study(columns, WITH_VELOCITY), "frozen_encoder")
+
+
+def test_a_dwell_at_the_largest_angle_is_not_clipped(make_study):
+    columns = make_study.swing()
+    top = 0.7 * columns["q"].max()
+    dwells = columns["q"] > top
+    speed = np.where(dwells, 0.0, np.gradient(columns["q"], columns["t"]))
+    columns |= {"q": np.minimum(columns["q"], top), "v": speed}
+    assert said(make_study(columns), "clipped")
+    assert not said(make_study(columns, WITH_VELOCITY), "clipped")
+
+
+def test_the_last_digit_of_a_joint_at_rest_does_not_roll_over(make_study, rng):
+    columns = make_study.swing()
+    columns["q"] = 0.3 + 1e-4 * (rng.random(2000) < 0.01)
+    columns["i"] = 0.3 + 0.01 * rng.standard_normal(2000)
+    assert not said(make_study(columns), "wrap")
+
+
+def test_a_static_posture_is_no_frozen_encoder(make_study, rng):
+    columns = make_study.swing()
+    columns |= {"q": np.full(2000, 0.4), "i": 0.29 + 0.004 * rng.standard_normal(2000)}
+    assert not said(make_study(columns), "frozen_encoder")
+
+
+def tumbling(fs: float = 500.0, seconds: float = 12.0, speed: float = 17.0) -> dict[str, np.ndarray]:
+    """A pendulum that was thrown and turns over several times before it swings."""
+    n, substeps = int(fs * seconds), 10
+    q, v, made = 0.0, speed, []
+    for k in range(n):
+        drive = 0.05 * np.sin(3.0 * k / fs)
+        made.append((k / fs, q, drive / 2.0))
+        for _ in range(substeps):
+            v += (drive - 0.9 * np.sin(q) - 0.006 * v - 0.01 * np.tanh(v / 0.02)) / 0.03 / (fs * substeps)
+            q += v / (fs * substeps)
+    return dict(zip(("t", "q", "i"), np.array(made).T, strict=True))
+
+
+def test_a_tumbling_pendulum_is_not_in_degrees(make_study):
+    columns = tumbling()
+    assert columns["q"].max() > 25.0
+    assert not said(make_study(columns), "magnitude")
+    degrees = make_study.swing()
+    degrees["q"] = np.degrees(degrees["q"])
+    (fault,) = said(make_study(degrees), "magnitude")
+    assert (fault.severity, "deg" in fault.found) == ("refuse", True)
+
+
+def test_a_constant_speed_is_not_clipped(make_study):
+    t = np.arange(4000) / 200.0
+    speed = np.clip(1.6 * np.sin(0.9 * t), -0.8, 0.8)
+    columns = {"t": t, "q": np.cumsum(speed) / 200.0, "i": 0.2 * np.tanh(speed / 0.05) + 0.1 * speed, "v": speed}
+    change = ("[processing]", '[processing]\nvelocity = "recorded"')
+    study = make_study(columns, WITH_VELOCITY, change)
+    assert not [fault for fault in said(study, "clipped") if fault.channel == "velocity"]
+    columns["q"] = np.cumsum(1.6 * np.sin(0.9 * t)) / 200.0
+    assert [f for f in said(make_study(columns, WITH_VELOCITY, change), "clipped") if f.channel == "velocity"]
+
+
+def test_a_velocity_without_a_position_is_integrated(make_study):
+    columns = make_study.swing()
+    speed = np.gradient(columns["q"], columns["t"])
+    study = make_study(
+        {"t": columns["t"], "i": columns["i"], "q": speed},
+        ('position = { column = "q", unit = "rad" }', 'velocity = { column = "q", unit = "rad/s" }'),
+    )
+    recording = study.recording("sweep")
+    assert not said(study, "missing_channel")
+    moved = columns["q"] - columns["q"][0]
+    assert np.abs(recording["position"] - moved).max() < 2e-3
+
+
+def test_a_length_that_a_program_rounded_is_zero():
+    assert parse_quantity("1.9e-17 m", "m", "d") == 0.0
+    with pytest.raises(pl.PellucidError, match="expected 0 or from"):
+        parse_quantity("5e-324 N*m/A", "N*m/A", "torque_constant")
+
+
+def worn(seed: int, seconds: float = 24.0, fs: float = 200.0) -> dict[str, np.ndarray]:
+    """A hip that walks, and an assistance that the gait's phase decides: no equation of a machine made this."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(int(seconds * fs)) / fs
+    cadence = 0.9 + 0.1 * np.interp(t, np.linspace(0.0, seconds, 12), rng.standard_normal(12))
+    phase = 2.0 * np.pi * np.cumsum(cadence) / fs
+    q = 0.35 * np.sin(phase) + 0.08 * np.sin(2.0 * phase + 0.7) + 0.02 * np.sin(3.0 * phase)
+    asked = 3.0 * np.exp(2.5 * (np.cos(phase - 2.6) - 1.0)) - 4.0 * np.exp(3.0 * (np.cos(phase + 0.9) - 1.0))
+    late = np.interp(t - 0.072, t, asked)
+    return {"t": t, "q": q, "i": late / 2.0 + 0.01 * rng.standard_normal(len(t)), "d": asked / 2.0}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_worn_hip_is_found_and_a_machine_is_not(make_study, seed):
+    columns = worn(seed)
+    found = find_worn(columns["t"], columns["q"], columns["i"])
+    assert found is not None
+    assert any("no bearing has" in reason or "as people do" in reason for reason in found.reasons)
+    swing = make_study.swing(4800)
+    assert find_worn(swing["t"], swing["q"], swing["i"]) is None
+    assert find_worn(swing["t"], swing["q"], -swing["i"]) is None, "a wrong sign is no wearer"
+
+
+def test_a_worn_robot_is_said_first_and_nothing_is_moved(make_study):
+    from pellucid.procedures.joint.aligned_motions import find_alignments
+
+    columns = worn(0)
+    study = make_study(columns, ("[processing]", 'desired_current = { column = "d", unit = "A" }\n\n[processing]'))
+    faults = pl.check(study)
+    warned = [fault for fault in faults if fault.severity == "warn"]
+    assert warned[0].kind == "worn"
+    assert "somebody seems to wear it" in warned[0].message
+    (echo,) = [fault for fault in faults if fault.kind == "echoed"]
+    assert "the samples of desired_current, 70 ms late" in echo.found or "75 ms late" in echo.found
+    assert find_alignments(study) == ()
