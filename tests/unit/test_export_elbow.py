@@ -205,6 +205,8 @@ def test_a_force_sensors_gain_is_lowered_unless_the_transmission_is_stiff(study)
     heard, unheard = elbow_values(study, "disturbance_observer"), elbow_values(study, "transparent")
     assert heard.numbers["proportional"] == unheard.numbers["proportional"] == 0.0
     assert not any("lowest_resonance" in note for note in (*heard.notes, *unheard.notes))
+    assert heard.numbers["disturbance_share"] == pytest.approx(1 / 3)
+    assert sum("disturbance observer" in note and "load" in note for note in heard.notes) == 1
     assert elbow_values(with_resonance(study, "44 Hz"), "force_sensor").numbers == plain
     stiff = elbow_values(with_resonance(study, "45 Hz"), "force_sensor")
     assert stiff.numbers["proportional"] == 1.5

@@ -117,6 +117,12 @@ def _gain_notes(whole: ControlLaw, law: ControlLaw) -> Iterator[str]:
             f"and joint resonate at {MIN_STIFF_RESONANCE_HZ:g} Hz or higher, say so with lowest_resonance in [rig.drive] "
             "and export again."
         )
+    if law.values.get("disturbance_share") != whole.values.get("disturbance_share"):
+        yield (
+            f"The share of the disturbance observer is {law.values['disturbance_share']:.2g}, not "
+            f"{whole.values['disturbance_share']:.2g} as in the virtual lab: with more, some rang whose wearer carried "
+            "a load."
+        )
 
 
 def _body(study: Study, place: float) -> tuple[Mapping[str, float] | None, float | None]:
