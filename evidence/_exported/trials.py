@@ -277,6 +277,8 @@ def live(law: ExportedLaw, index: int, seed: int, seconds: float, *, mishaps: bo
     run = draw_run(law, index, seed)
     if mishaps:
         run = with_mishaps(run, seed, index)
+    if law.numbers["drive_expected"] > 0.0:
+        run |= commissioned_bounds(law, run, seed, index)
     run |= {"kind": -1.0, "seconds": seconds, **changed}
     return life_of(law, index, run, play(law, [run])[0])
 

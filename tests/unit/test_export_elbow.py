@@ -186,8 +186,37 @@ def test_the_exponents_are_told_to_be_another_robots_until_they_are_given(study)
     assert not any("another robot" in note for note in own.notes)
 
 
+def with_resonance(study, said):
+    """Return a study whose drive has a lowest resonance."""
+    path = study.folder / "study.toml"
+    text = path.read_text(encoding="utf-8")
+    text = "".join(line for line in text.splitlines(keepends=True) if "lowest_resonance" not in line)
+    path.write_text(text.replace('kind = "torque"', f'kind = "torque"\nlowest_resonance = "{said}"'), encoding="utf-8")
+    return pellucid.open(study.folder)
+
+
+def test_a_force_sensors_gain_is_lowered_unless_the_transmission_is_stiff(study):
+    """With more a rotor that swings against its joint rang on six of 300 foreign plants."""
+    for controller in ("force_sensor", "residual", "zero_impedance"):
+        values = elbow_values(study, controller, **worn_by(controller))
+        assert values.numbers["proportional"] == 0.5
+        assert sum("lowest_resonance" in note for note in values.notes) == 1
+    plain = elbow_values(study, "force_sensor").numbers
+    heard, unheard = elbow_values(study, "disturbance_observer"), elbow_values(study, "transparent")
+    assert heard.numbers["proportional"] == unheard.numbers["proportional"] == 0.0
+    assert not any("lowest_resonance" in note for note in (*heard.notes, *unheard.notes))
+    assert heard.numbers["disturbance_share"] == pytest.approx(1 / 3)
+    assert sum("disturbance observer" in note and "load" in note for note in heard.notes) == 1
+    assert elbow_values(with_resonance(study, "44 Hz"), "force_sensor").numbers == plain
+    stiff = elbow_values(with_resonance(study, "45 Hz"), "force_sensor")
+    assert stiff.numbers["proportional"] == 1.5
+    assert stiff.numbers["energy_store"] == pytest.approx(1.4 * plain["energy_store"])
+    assert not any("lowest_resonance" in note for note in stiff.notes)
+
+
 def test_what_is_exported_is_what_virtual_people_wear(study):
-    """The same numbers under the same name, but for the limits that the study sets."""
+    """The same numbers under the same name, but for the limits that the study sets, where no transmission is soft."""
+    study = with_resonance(study, "60 Hz")
     person = draw_people(elbow_participants(), np.random.default_rng(1), count=1)[0]
     cards = {c.method: read_slider_card(study.models_dir / c.card) for c in ELBOW_CONTROLLERS.values()}
     for controller in (BEST_CONTROLLER, BEST_SENSED_CONTROLLER):

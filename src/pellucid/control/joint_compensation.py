@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -50,7 +50,21 @@ def compensation(
 
 def carried_body(card: Card, slider: float | None = None) -> dict[str, float]:
     """The core's parameters of the joint, SI, that are carried; a carriage is at `slider` [m], or amid its rail."""
-    speed = known_speed(card)
+    return _body_of(card, slider, carried) | {"velocity_width": WIDTH_SHARE * known_speed(card)}
+
+
+def rest_friction(card: Card, slider: float | None = None) -> float:
+    """Return the friction of a joint at rest under its whole weight as it was identified, in the unit of the effort.
+
+    A law carries less of it, so that a wrong estimate drives nothing; what starts the joint needs all of it. A carriage
+    is at `slider` [m], or amid its rail.
+    """
+    body = _body_of(card, slider, lambda parameter: parameter.value)
+    weight = float(np.hypot(body["gravity_sine"], body["gravity_cosine"])) + abs(body["offset"])
+    return float(largest_friction(JOINT_LAW.fields, body, 0.0, weight))
+
+
+def _body_of(card: Card, slider: float | None, taken: Callable[[CardParameter], float]) -> dict[str, float]:
     if isinstance(card, SliderCard):
         model = card.model()
         if not isinstance(model, SliderJointModel):
@@ -58,16 +72,16 @@ def carried_body(card: Card, slider: float | None = None) -> dict[str, float]:
                 f"card {card.family}: found one set of parameters for each direction, which is no body; "
                 "expected slider.consistent.json or slider.load.json"
             )
-        vector = model.vector(np.array([carried(p) for p in card.parameters]), place_on_rail(card, slider), 1.0)
+        vector = model.vector(np.array([taken(p) for p in card.parameters]), place_on_rail(card, slider), 1.0)
         body = dict(zip(NAMES, map(float, vector), strict=True))
     else:
         if slider is not None:
             raise PellucidError("found a place of a carriage, expected none: this joint has no carriage")
         body = dict.fromkeys(NAMES, 0.0)
-        for name, value in (*card.known.items(), *((p.name, carried(p)) for p in card.parameters)):
+        for name, value in (*card.known.items(), *((p.name, taken(p)) for p in card.parameters)):
             for target in SYMBOLS_BY_NAME[name].targets:
                 body[target] = value
-    return body | {"velocity_width": WIDTH_SHARE * speed}
+    return body
 
 
 def known_speed(card: Card) -> float:

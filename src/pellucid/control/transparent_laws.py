@@ -95,6 +95,55 @@ def with_force_sensor(
     return changed.using("interaction")
 
 
+MAX_FORCE_GAIN_ON_ANY_TRANSMISSION = 0.5
+"""Largest gain on the measured interaction torque where the transmission is not known [1].
+
+On 300 foreign plants (`evidence._exported`, seed 20261101) whose rotor and link resonate at 25 to 70 Hz, or are rigid,
+none rang with it under any law with a force sensor; with 0.75 one did, with 1.0 four, with 1.5 six."""
+
+MIN_STIFF_RESONANCE_HZ = 45.0
+"""Lowest resonance of a transmission that bears a gain of 1.5.
+
+With half as much again, 2.25, plants of the same 300 rang whose resonance was up to 42.1 Hz."""
+
+
+MAX_EXPORTED_OBSERVER_SHARE = 1.0 / 3.0
+"""Largest share of the disturbance observer in an export [1]; with it the loop has a gain of 0.5.
+
+With a share of 0.5, a gain of 1, two of 60 foreign plants of 20261101 rang while their wearers carried 1.7 and 1.9 kg,
+one of them with a rigid transmission; with 0.4 none did."""
+
+
+def with_borne_force_gain(law: ControlLaw, resonance: float | None) -> ControlLaw:
+    """Return a law whose gain on the interaction torque is not above what its robot's transmission bears.
+
+    Parameters
+    ----------
+    law : ControlLaw
+        A law of this file; one without such a gain stays as it is.
+    resonance : float or None
+        Lowest resonance of rotor and joint behind the transmission [Hz]; None where it is not known.
+
+    Returns
+    -------
+    ControlLaw
+        The law. Its gain is at most `MAX_FORCE_GAIN_ON_ANY_TRANSMISSION` unless the resonance is at least
+        `MIN_STIFF_RESONANCE_HZ`: a rotor that swings against its joint answers late, and so does the force. The share
+        of a disturbance observer is at most `MAX_EXPORTED_OBSERVER_SHARE` on every transmission.
+    """
+    share = law.values.get("disturbance_share", 0.0)
+    if law.sensed and share > MAX_EXPORTED_OBSERVER_SHARE:
+        store = law.values["energy_store"] * (1.0 + 1.0 / (1.0 - MAX_EXPORTED_OBSERVER_SHARE))
+        law = law.changed(
+            disturbance_share=MAX_EXPORTED_OBSERVER_SHARE, energy_store=store / (1.0 + 1.0 / (1.0 - share))
+        )
+    gain = law.values.get("proportional", 0.0) if law.sensed else 0.0
+    if gain <= MAX_FORCE_GAIN_ON_ANY_TRANSMISSION or (resonance or 0.0) >= MIN_STIFF_RESONANCE_HZ:
+        return law
+    borne = MAX_FORCE_GAIN_ON_ANY_TRANSMISSION
+    return law.changed(proportional=borne, energy_store=law.values["energy_store"] * (2.0 + borne) / (2.0 + gain))
+
+
 def with_emg(
     law: ControlLaw, limb: Segment, *, share: float = 0.5, viscous: float = 0.1, slow: float = 0.5
 ) -> ControlLaw:

@@ -51,6 +51,7 @@ class ControllerValues:
     uses: frozenset[str] = frozenset()  # names of the law's optional sensors that it uses
     instruments: Instruments = field(default_factory=Instruments)  # what the robot measures, how well
     body: Mapping[str, float] | None = None  # supervisor's model of the robot, SI; None for that of the law's numbers
+    rest_friction: float | None = None  # friction at rest as identified, SI; None for that of the body
 
     @property
     def all_notes(self) -> tuple[str, ...]:
@@ -87,5 +88,7 @@ class ControllerValues:
         return (
             watched_worn(self.control_law, self.instruments)
             if LAWS[self.law].drives_spring
-            else supervised(self.control_law, instruments=self.instruments, body=self.body)
+            else supervised(
+                self.control_law, instruments=self.instruments, body=self.body, rest_friction=self.rest_friction
+            )
         )

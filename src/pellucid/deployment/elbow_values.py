@@ -15,8 +15,10 @@ from ..control.joint_compensation import (
     compensation,
     identified_remarks,
     place_on_rail,
+    rest_friction,
 )
 from ..control.supervised import body_of
+from ..control.transparent_laws import MIN_STIFF_RESONANCE_HZ, with_borne_force_gain
 from ..models.anthropometry import Segment, forearm
 from ..models.slider_card import SliderCard, read_slider_card
 from ..procedures.card_sources import require_fresh, source_notes
@@ -78,7 +80,8 @@ def elbow_values(
         settings |= _limb(study, controller, named, participant)
     if exponents is not None:
         settings["exponents"] = exponents
-    law = named.build(card, place, **settings)
+    whole = named.build(card, place, **settings)
+    law = with_borne_force_gain(whole, study.rig.drive.lowest_resonance if study.rig.drive else None)
     remarks = _remarks(study, law, named.card)
     if LAWS[law.kind].carries_body:
         remarks |= {name: remark for name, remark in identified_remarks(card).items() if name in law.values}
@@ -88,6 +91,8 @@ def elbow_values(
         remark = "chosen" if exponents else "chosen by five people on another robot"
         remarks |= dict.fromkeys(("exponent_up", "exponent_down"), remark)
     notes += tuple(_notes(law, named, card, controller=controller, exponents=exponents, place=place))
+    notes += tuple(_gain_notes(whole, law))
+    body, friction = _body(study, place)
     notes += source_notes(named.card, card)
     return ControllerValues(
         law=law.kind,
@@ -99,21 +104,41 @@ def elbow_values(
         speed=SLIDER_SPEED,
         notes=notes,
         instruments=rig_instruments(study.rig),
-        body=_body(study, place),
+        body=body,
+        rest_friction=friction,
     )
 
 
-def _body(study: Study, place: float) -> Mapping[str, float] | None:
-    """Return the supervisor's model of the robot: the identified body, whichever law runs; None without its card.
+def _gain_notes(whole: ControlLaw, law: ControlLaw) -> Iterator[str]:
+    if law.values.get("proportional") != whole.values.get("proportional"):
+        yield (
+            f"The gain on the interaction torque is {law.values['proportional']:g}, not {whole.values['proportional']:g} "
+            "as in the virtual lab: behind a soft transmission the force answers late, and more would ring. If rotor "
+            f"and joint resonate at {MIN_STIFF_RESONANCE_HZ:g} Hz or higher, say so with lowest_resonance in [rig.drive] "
+            "and export again."
+        )
+    if law.values.get("disturbance_share") != whole.values.get("disturbance_share"):
+        yield (
+            f"The share of the disturbance observer is {law.values['disturbance_share']:.2g}, not "
+            f"{whole.values['disturbance_share']:.2g} as in the virtual lab: with more, some rang whose wearer carried "
+            "a load."
+        )
+
+
+def _body(study: Study, place: float) -> tuple[Mapping[str, float] | None, float | None]:
+    """Return the supervisor's model of the robot and its friction at rest: both None without the card of the body.
+
+    The model is the identified body, whichever law runs.
 
     A law by direction has no single body, and a law of position has no friction. The virtual lab measures every law
     with the identified body.
     """
     path = study.card(BODY_CARD)
     if not path.is_file():
-        return None
+        return None, None
     card = require_fresh(study, path, read_slider_card(path))
-    return body_of(compensation(card, slider=place, limits=limits_of(study, ELBOW_LIMITS)[0]))
+    body = body_of(compensation(card, slider=place, limits=limits_of(study, ELBOW_LIMITS)[0]))
+    return body, rest_friction(card, place)
 
 
 def _limb(study: Study, controller: str, named: ElbowController, participant: str | None) -> dict[str, Segment]:

@@ -14,6 +14,7 @@ from ..control.joint_compensation import (
     identified_remarks,
     known_speed,
     place_on_rail,
+    rest_friction,
     suggested_limits,
 )
 from ..models.card import Card, read_card, read_table
@@ -98,6 +99,7 @@ def joint_values(
         speed=known_speed(found),
         notes=notes + drive_notes(found),
         instruments=rig_instruments(study.rig),
+        rest_friction=rest_friction(found, slider),
     )
 
 

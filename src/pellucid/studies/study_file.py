@@ -75,6 +75,8 @@ class Drive(StudyTable):
         Voltage at full duty [V], if the drive's command is recorded as a duty.
     limit : float or None
         Largest magnitude of the command, in the channel's SI unit.
+    lowest_resonance : float or None
+        Lowest resonance of the rotor and the joint behind the transmission, with nobody in it [Hz].
     """
 
     kind: Literal["torque", "current", "voltage"]
@@ -84,6 +86,7 @@ class Drive(StudyTable):
     resistance: quantity("ohm", gt=0, le=1e5) | None = None
     supply: quantity("V", gt=0, le=1e4) | None = None
     limit: quantity("<command>", gt=0) | None = None
+    lowest_resonance: quantity("Hz", gt=0, le=1e5) | None = None
 
     @property
     def constant(self) -> float | None:

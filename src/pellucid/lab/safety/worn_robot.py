@@ -12,7 +12,7 @@ from ...control.control_law import ControlLaw
 from ...control.elbow_controllers import ELBOW_CONTROLLERS
 from ...control.elbow_laws import ELBOW_LIMITS
 from ...control.instruments import Instruments
-from ...control.joint_compensation import compensation
+from ...control.joint_compensation import compensation, rest_friction
 from ...control.supervised import SupervisedLaw, body_of, supervised
 from ...models.simulate import substeps_for
 from ...models.slider_card import SliderCard
@@ -101,8 +101,12 @@ class WornRobot:
         """Return a law made for this robot and wearer, under a supervisor that knows the encoder and the drive."""
         # The supervisor's model of the robot is the identified one, whichever law runs.
         place = self.person.slider(self.rig)
-        body = body_of(compensation(self.cards["load"], slider=place, limits=ELBOW_LIMITS))
-        return supervised(law, instruments=self.instruments, body=body, start_up=start_up).changed(**supervision)
+        card = self.cards["load"]
+        body = body_of(compensation(card, slider=place, limits=ELBOW_LIMITS))
+        made = supervised(
+            law, instruments=self.instruments, body=body, start_up=start_up, rest_friction=rest_friction(card, place)
+        )
+        return made.changed(**supervision)
 
     @property
     def instruments(self) -> Instruments:
