@@ -138,7 +138,7 @@ def fitted_numbers(result: Any) -> dict[str, float | None]:
     """Return every number of a result's cards and of its rows of fitted data, by its place."""
     found: dict[str, float | None] = {}
     for row in result.rows:
-        if row.split == "fitted":
+        if row.split == "fitted" and not row.id.endswith(".seconds"):
             found[f"row {row.id}"] = row.value
     with tempfile.TemporaryDirectory() as folder:
         for name, card in result.cards.items():

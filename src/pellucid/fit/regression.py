@@ -19,7 +19,7 @@ from typing import Generic, Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from .._errors import IdentificationError
-from ..recordings.judged import require_fitted
+from ..signals.judged import require_fitted
 from .parameter import Parameter
 
 MAX_FULL_JACOBIAN_SAMPLES = 50_000

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from .._errors import RecordingError
-from ..recordings.judged import JudgedData
+from .judged import JudgedData
 from .filters import central_difference, decimate, zero_phase_lowpass
 
 SLOW_SHARE = 0.02

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._errors import RecordingError
-from ..recordings.judged import JudgedData
+from .judged import JudgedData
 from ..recordings.recording import Recording
 from .filters import runs, zero_phase_lowpass
 

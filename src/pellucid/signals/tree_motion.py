@@ -9,7 +9,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from .._errors import RecordingError
-from ..recordings.judged import JudgedData
+from .judged import JudgedData
 from .filters import central_difference, decimate, runs
 from .motion import Filtering, lowpassed
 

@@ -4,9 +4,10 @@ Both estimates are linearised at the joint fit. A difference counts if it exceed
 errors of both, which allow for coloured residuals, and a share `MIN_RELATIVE_DIFFERENCE` of the value. Inertia and
 weight belong to the body and should not change. Friction depends on the motion, so an incomplete model finds different
 friction in different motions; stricter thresholds apply to it. The fitted recording that differs most is removed before
-the others are compared again, because a wrong recording also distorts the reference for the right ones. A held-out
-recording is compared with the fitted ones that are left, and is no part of the reference for any other. The zero of the
-angle is free, so a recording with a different encoder zero is recognised.
+the others are compared again, because a wrong recording also distorts the reference for the right ones. Of two fitted
+recordings neither can be told to be the wrong one. A held-out recording is compared with the fitted ones that are left,
+or with each of two that contradict each other, and is no part of the reference for any other. The zero of the angle is
+free, so a recording with a different encoder zero is recognised.
 """
 
 from __future__ import annotations
@@ -94,6 +95,7 @@ def find_disagreements(model: JointModel, values: np.ndarray, motions: Sequence[
     names = [n for n, a in zip(model.names, active, strict=True) if a]
     parts = _split_by_recording(fitted, data.lengths, w[:, active], data.target - effort, data.target)
     found: list[Disagreement] = []
+    every = parts
     while len(parts) > 1:
         compared = [_compare(part, [p for p in parts if p is not part], names, values[active]) for part in parts]
         worst = max((c for c in compared if c is not None), key=lambda c: c[0], default=None)
@@ -105,8 +107,11 @@ def find_disagreements(model: JointModel, values: np.ndarray, motions: Sequence[
         beside = reduce_motions(judged)
         w, effort = regression_rows(model, values, beside)
         own = _split_by_recording(judged, beside.lengths, w[:, active], beside.target - effort, beside.target)
-        compared = [_compare(part, parts, names, values[active]) for part in own]
-        found += [each for _, each in sorted((c for c in compared if c is not None), key=lambda c: -c[0])]
+        references = [[part] for part in every] if len(every) == 2 and found else [parts]
+        compared = [[_compare(part, others, names, values[active]) for others in references] for part in own]
+        apart = [[c for c in each if c is not None] for each in compared]
+        nearest = [min(each, key=lambda c: c[0]) for each in apart if len(each) == len(references)]
+        found += [each for _, each in sorted(nearest, key=lambda c: -c[0])]
     return tuple(found)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...models.robot import Robot
-from ...recordings.judged import require_fitted
+from ...signals.judged import require_fitted
 from ...signals.tree_motion import TreeMotion
 from .base_parameters import BaseParameters
 from .fit_tree import make_tree_estimate
