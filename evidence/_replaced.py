@@ -169,17 +169,19 @@ class Replacement:
     refused: str = ""  # why `check` or the procedure refused the study; empty if neither did
 
 
-def compare_replacements(study: Study, names: tuple[str, ...] = tuple(REPLACEMENTS), **options: Any) -> list[Replacement]:
+def compare_replacements(
+    study: Study, names: tuple[str, ...] = tuple(REPLACEMENTS), procedure: str | None = None, **options: Any
+) -> list[Replacement]:
     """Run a study's procedures with each replacement of its held-out files, and compare the fitted numbers.
 
-    `options` are those of the procedures by name.
+    All procedures are run, or one by its name. `options` are those of the procedures by name.
     """
-    expected, made = fitted_numbers(run(opened_again(study), **options)), []
+    expected, made = fitted_numbers(run(opened_again(study), procedure, **options)), []
     for name in names:
         other = with_replaced_files(study, REPLACEMENTS[name])
         try:
             refused = [f.message for f in check(other) if f.severity == "refuse"]
-            found = fitted_numbers(run(with_replaced_files(study, REPLACEMENTS[name]), **options))
+            found = fitted_numbers(run(with_replaced_files(study, REPLACEMENTS[name]), procedure, **options))
         except Exception as error:  # whatever stops it counts as a refusal, and is told
             made.append(Replacement(name, (), f"{type(error).__name__}: {error}"))
             continue
