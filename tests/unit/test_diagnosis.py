@@ -95,15 +95,18 @@ def test_a_recording_with_another_drive_contradicts_the_others(spoilt):
     spoilt.column("multisine", "current", lambda x: 2.0 * x)
     first, *_ = spoilt.verdicts()
     assert first.finding == "contradicting_recordings"
-    assert "'multisine' contradicts the others" in first.text
-    assert float(re.search(r"effort is ([\d.]+) times", first.text).group(1)) == pytest.approx(2.0, rel=0.05)
+    # Of two fitted recordings neither is known to be the wrong one; held-out recordings must not decide it.
+    assert "'multisine'" in first.text
+    assert "contradicts" in first.text
+    ratio = float(re.search(r"effort is ([\d.]+) times", first.text).group(1))
+    assert max(ratio, 1.0 / ratio) == pytest.approx(2.0, rel=0.05)
 
 
 def test_a_recording_with_another_zero_contradicts_the_others(spoilt):
     spoilt.column("multisine", "position", lambda x: x + 0.2618)
     first, *_ = spoilt.verdicts()
     assert first.finding == "contradicting_recordings"
-    assert float(re.search(r"reads ([-+\d.]+) deg", first.text).group(1)) == pytest.approx(15.0, abs=2.0)
+    assert abs(float(re.search(r"reads ([-+\d.]+) deg", first.text).group(1))) == pytest.approx(15.0, abs=2.0)
 
 
 def test_a_payload_that_is_not_stated_contradicts_in_inertia_and_gravity(spoilt, tmp_path):

@@ -1,4 +1,4 @@
-r"""Compare the held-out errors of models by a paired sign-flip test over blocks.
+r"""Compare the errors of models on samples that they were not fitted to, by a paired sign-flip test over blocks.
 
 All models predict the same samples, so their losses are compared sample by sample, :math:`d_t = e_{a,t}^2 - e_{b,t}^2`
 [1]_. Autocorrelated samples are not independent. Recordings are therefore cut into blocks of
@@ -21,7 +21,11 @@ import numpy as np
 from ..signals.correlation_length import correlation_length
 
 SIGNIFICANCE_LEVEL = 0.05
-"""Significance level of the one-sided test."""
+"""Significance level of the one-sided tests of all candidates together."""
+
+MIN_IMPROVEMENT = 0.05
+"""Smallest share of its error by which a candidate must be improved on before it counts as worse. With many samples a
+test finds differences that change no controller."""
 
 BLOCK_CORRELATION_LENGTHS = 2.0
 """Length of a block in correlation lengths of the loss difference."""
@@ -43,18 +47,33 @@ class HeldOutComparison:
     p_values: Mapping[str, float]  # p value of the hypothesis that a candidate is no worse than the winner
     blocks: int  # smallest number of blocks in any of the tests
     samples: float  # number of independent samples
+    min_improvement: float = MIN_IMPROVEMENT  # smallest share of its error by which a worse candidate exceeds the winner
+
+    def improvement(self, name: str) -> float:
+        """Return the share of a candidate's error that the winner saves."""
+        return 1.0 - self.errors[self.winner] / self.errors[name] if self.errors[name] else 0.0
 
     def worse(self, name: str) -> bool:
-        """Return whether a candidate is significantly worse than the winner."""
-        return self.p_values[name] < SIGNIFICANCE_LEVEL
+        """Return whether a candidate is worse than the winner: significantly, and by at least `min_improvement`.
+
+        The significance level is divided by the number of candidates that are compared with the winner (Bonferroni).
+        """
+        level = SIGNIFICANCE_LEVEL / max(len(self.errors) - 1, 1)
+        return self.p_values[name] < level and self.improvement(name) >= self.min_improvement
 
     def first(self, ordered: Sequence[str]) -> str:
-        """Return the first candidate, in this order, that is not significantly worse than the winner."""
+        """Return the first candidate, in this order, that is not worse than the winner."""
         return next(name for name in ordered if not self.worse(name))
 
 
-def compare_held_out(residuals: Mapping[str, Sequence[np.ndarray]]) -> HeldOutComparison:
-    """Test each candidate's residuals, shape (n_i,) per held-out recording, against those of the best candidate."""
+def compare_held_out(
+    residuals: Mapping[str, Sequence[np.ndarray]], min_improvement: float = MIN_IMPROVEMENT
+) -> HeldOutComparison:
+    """Test each candidate's residuals, shape (n_i,) per recording, against those of the best candidate.
+
+    Every residual belongs to a sample that its candidate was not fitted to. A candidate is worse than the best only if
+    the best saves at least the share `min_improvement` of its error.
+    """
     losses = {name: [np.square(r) for r in each] for name, each in residuals.items()}
     power = {name: float(np.mean(np.concatenate(each))) for name, each in losses.items()}
     winner = min(power, key=power.__getitem__)
@@ -66,7 +85,7 @@ def compare_held_out(residuals: Mapping[str, Sequence[np.ndarray]]) -> HeldOutCo
             blocks.append(count)
     errors = {name: float(np.sqrt(x)) for name, x in power.items()}
     samples = count_independent_samples(residuals[winner])
-    return HeldOutComparison(errors, winner, p_values, min(blocks, default=0), samples)
+    return HeldOutComparison(errors, winner, p_values, min(blocks, default=0), samples, min_improvement)
 
 
 def p_value_of_larger_loss(loss: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> tuple[float, int]:

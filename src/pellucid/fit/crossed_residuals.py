@@ -1,4 +1,4 @@
-"""Residuals of a regression by cross-validation over blocks: each block is predicted from all the others."""
+"""Cross-validation of a regression over blocks of the fitted recordings: each block is predicted from all the others."""
 
 from __future__ import annotations
 
@@ -12,23 +12,59 @@ BLOCK_COUNT = 10
 """Number of blocks into which all data are cut; a block never spans two recordings."""
 
 
+def block_labels(lengths: Sequence[int]) -> list[np.ndarray]:
+    """Return the block of each sample, (n_i,) per stretch of `lengths`; blocks are numbered over all stretches."""
+    total, first, made = sum(lengths), 0, []
+    for length in lengths:
+        parts = max(1, round(BLOCK_COUNT * length / total))
+        made.append(first + np.arange(length) * parts // max(length, 1))
+        first += parts
+    return made
+
+
+def values_without_blocks(
+    found: Solution, labels: np.ndarray, instruments: np.ndarray | None = None
+) -> dict[int, np.ndarray]:
+    """Return the parameters, (p,), that a solution has without each block, by the block's number.
+
+    `labels`, (m,), are the blocks of the solution's rows. The model is linearised at the solution, whose own weights
+    and `instruments`, (m, p), are used. Parameters on a bound stay there.
+    """
+    free = ~found.at_bound
+    scale = np.maximum(np.linalg.norm(found.jacobian[:, free], axis=0), np.finfo(float).tiny)
+    w = found.jacobian[:, free] / scale * found.weights[:, None]
+    z = w if instruments is None else instruments[:, free] / scale * found.weights[:, None]
+    residual = found.residual * found.weights
+    gram, moment = z.T @ w, z.T @ residual
+    made = {}
+    for block in np.unique(labels):
+        own = labels == block
+        rest = gram - z[own].T @ w[own], moment - z[own].T @ residual[own]
+        made[int(block)] = found.values.copy()
+        made[int(block)][free] += np.linalg.lstsq(*rest, rcond=1e-10)[0] / scale
+    return made
+
+
+def residuals_without_blocks(
+    residual: np.ndarray, jacobian: np.ndarray, values: np.ndarray, without: dict[int, np.ndarray], labels: np.ndarray
+) -> np.ndarray:
+    """Return residuals, (m,), in which each block is predicted by the parameters that were found without it.
+
+    `residual`, (m,), and the model's `jacobian`, (m, p), are those at `values`, (p,).
+    """
+    steps = np.zeros((int(labels.max()) + 1, len(values)))
+    for block, other in without.items():
+        if block < len(steps):
+            steps[block] = other - values
+    return residual - np.einsum("ij,ij->i", jacobian, steps[labels])
+
+
 def cross_validated_residuals(found: Solution, lengths: Sequence[int]) -> tuple[np.ndarray, ...]:
     """Return residuals of shape (n_i,) per stretch of `lengths`, each block predicted by a fit to the other blocks.
 
     The model is linearised at the solution. Parameters on a bound stay there.
     """
-    free = ~found.at_bound
-    scale = np.maximum(np.linalg.norm(found.jacobian[:, free], axis=0), np.finfo(float).tiny)
-    w = found.jacobian[:, free] / scale
-    gram, moment = w.T @ w, w.T @ found.residual
-    ends, made = np.cumsum(lengths), []
-    for end, length in zip(ends, lengths, strict=True):
-        rows = np.arange(end - length, end)
-        parts = max(1, round(BLOCK_COUNT * length / len(w)))
-        blocks = []
-        for block in np.array_split(rows, parts):
-            own = w[block]
-            rest = np.linalg.lstsq(gram - own.T @ own, moment - own.T @ found.residual[block], rcond=1e-10)[0]
-            blocks.append(found.residual[block] - own @ rest)
-        made.append(np.concatenate(blocks))
-    return tuple(made)
+    labels = np.concatenate(block_labels(lengths))
+    without = values_without_blocks(found, labels)
+    crossed = residuals_without_blocks(found.residual, found.jacobian, found.values, without, labels)
+    return tuple(np.split(crossed, np.cumsum(lengths)[:-1]))

@@ -19,6 +19,7 @@ from typing import Generic, Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from .._errors import IdentificationError
+from ..signals.judged import require_fitted
 from .parameter import Parameter
 
 MAX_FULL_JACOBIAN_SAMPLES = 50_000
@@ -107,7 +108,8 @@ class Stack(Generic[MotionT_co]):
 
 
 def stack(motions: Sequence[MotionT]) -> Stack[MotionT]:
-    """Stack motions for a regression; refuse them if no sample is left."""
+    """Stack motions for a regression; refuse them if one is held out, or if no sample is left."""
+    require_fitted(motions, "stack")
     if not motions:
         raise IdentificationError('no recording is marked use = "fit"; at least one must be')
     targets = tuple(m.rows(m.effort) for m in motions)
@@ -118,6 +120,11 @@ def stack(motions: Sequence[MotionT]) -> Stack[MotionT]:
             "lower the dead band or record a faster motion"
         )
     return Stack(tuple(motions), targets)
+
+
+def reduce_motions(motions: Sequence[MotionT]) -> Stack[MotionT]:
+    """Reduce motions, fitted or held out, to rows that are compared with a fit and never fitted."""
+    return Stack(tuple(motions), tuple(m.rows(m.effort) for m in motions))
 
 
 def linearise(

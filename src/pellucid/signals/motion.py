@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from .._errors import RecordingError
+from .judged import JudgedData
 from .filters import central_difference, decimate, zero_phase_lowpass
 
 SLOW_SHARE = 0.02
@@ -114,6 +115,10 @@ class Motion:
         return np.abs(self.reduce(self.smooth(slow))) < SLOW_SHARE
 
 
+class JudgedMotion(Motion, JudgedData):
+    """A held-out motion: errors and the verdict on the prediction may depend on it, and nothing else."""
+
+
 def differentiate(position: np.ndarray, fs: float, filtering: Filtering) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Low-passed position, velocity and acceleration, each (n,), of `position` [rad or m] sampled at `fs` [Hz], by a
     `filtering`; simulated positions take this way too."""
@@ -168,7 +173,7 @@ def motion_of(
         effort = gain * lowpassed(command, rate, filtering) - back_emf * velocity
     except ValueError as error:
         raise RecordingError(str(error)) from None
-    return Motion(
+    return (JudgedMotion if more.get("split") == "heldout" else Motion)(
         fs=rate,
         time=time,
         position=smooth,

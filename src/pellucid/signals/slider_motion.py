@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._errors import RecordingError
+from .judged import JudgedData
 from ..recordings.recording import Recording
 from .filters import runs, zero_phase_lowpass
 
@@ -68,6 +69,10 @@ class SliderMotion:
         return found
 
 
+class JudgedSliderMotion(SliderMotion, JudgedData):
+    """A held-out recording: errors and the verdict on the prediction may depend on it, and nothing else."""
+
+
 def slider_motion(
     recording: Recording,
     effort: np.ndarray,
@@ -110,7 +115,7 @@ def slider_motion(
         # What a model makes of velocity's sign is filtered over the joint: as long as a filter remembers is not scored.
         memory = max(border, round(rate / cutoff))
         scored[max(joint - memory, 0) : joint + memory] = False
-    return SliderMotion(
+    return (SliderMotion if recording.use == "fit" else JudgedSliderMotion)(
         recording=recording.name,
         protocol=recording.protocol or "",
         split="fitted" if recording.use == "fit" else "heldout",

@@ -9,6 +9,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from .._errors import RecordingError
+from .judged import JudgedData
 from .filters import central_difference, decimate, runs
 from .motion import Filtering, lowpassed
 
@@ -69,6 +70,10 @@ class TreeMotion:
         return len(self.time)
 
 
+class JudgedTreeMotion(TreeMotion, JudgedData):
+    """A held-out stretch: errors and the verdict on the prediction may depend on it, and nothing else."""
+
+
 def tree_motion_of(
     time: np.ndarray,
     position: np.ndarray,
@@ -120,7 +125,7 @@ def tree_motion_of(
     if back_emf is not None and np.any(back_emf):
         u = u - back_emf / gain * (v @ turns.T)
     moving = moving_rows(v, slow, turns)
-    return TreeMotion(
+    return (TreeMotion if use == "fit" else JudgedTreeMotion)(
         recording=recording,
         use=use,
         time=kept,

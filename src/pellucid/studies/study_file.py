@@ -794,6 +794,9 @@ class Model(StudyTable):
         Confidence level of the intervals, in (0, 1).
     posterior : bool
         Whether a posterior is computed beside the intervals.
+    min_improvement : float
+        Share of its error that a richer friction family must save a simpler one, on blocks of the fitted recordings that
+        are predicted from the others, in [0, 1).
     """
 
     families: tuple[Literal[tuple(FAMILIES)], ...] = DEFAULT_FAMILIES
@@ -802,6 +805,7 @@ class Model(StudyTable):
     purpose: Literal["torque", "simulation"] = "torque"
     confidence: float = Field(0.95, gt=0, lt=1)
     posterior: bool = False
+    min_improvement: float = Field(0.05, ge=0, lt=1)
 
     @model_validator(mode="before")
     @classmethod

@@ -10,7 +10,6 @@ so that a fit with both terms free gives :math:`\varphi` with its interval.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,14 +18,14 @@ from ...models.joint import SYMBOLS_BY_NAME, JointModel
 from ...signals.motion import Motion
 from ..block_test import compare_held_out
 from ..crossed_residuals import cross_validated_residuals
-from ..regression import Stack, predict_efforts
+from ..regression import Stack
 from ..uncertainty import sandwich_covariance
 from .friction_solver import solve_family
 
 
 @dataclass(frozen=True)
 class AngleZero:
-    """Zero error of an encoder, with a test on held-out effort."""
+    """Zero error of an encoder, with a test on left-out blocks."""
 
     angle: float  # angle to add to the encoder's reading [rad]
     standard_error: float  # standard error of `angle` [rad]
@@ -48,10 +47,10 @@ def with_free_zero(model: JointModel) -> JointModel:
     return replace(model, symbols=(rest[0], *free, *rest[1:]))
 
 
-def estimate_angle_zero(model: JointModel, data: Stack[Motion], held: Sequence[Motion]) -> AngleZero:
+def estimate_angle_zero(model: JointModel, data: Stack[Motion]) -> AngleZero:
     """Estimate the encoder's zero error by fitting `model` to `data` with both terms of gravity free.
 
-    The correction is tested on `held` motions or, without any, on blocks of `data` predicted from the others.
+    The correction is tested on blocks of `data` that are predicted from the others.
     """
     free = with_free_zero(model)
     tied = replace(free, symbols=tuple(s for s in free.symbols if s.name != "gravity_cosine"))
@@ -62,17 +61,7 @@ def estimate_angle_zero(model: JointModel, data: Stack[Motion], held: Sequence[M
     covariance = sandwich_covariance(found.jacobian, found.residual, data.lengths)[np.ix_(at, at)]
     size = float(np.hypot(sine, cosine))
     slope = np.array([-cosine, sine]) / size**2
-    residuals: dict[str, Sequence[np.ndarray]]
-    if held:
-        residuals = {
-            name: [
-                m.rows(m.effort - e) for m, e in zip(held, predict_efforts(each, fits[name].values, held), strict=True)
-            ]
-            for name, each in (("free", free), ("tied", tied))
-        }
-    else:
-        residuals = {name: cross_validated_residuals(fit, data.lengths) for name, fit in fits.items()}
-    judged = compare_held_out(residuals)
+    judged = compare_held_out({name: cross_validated_residuals(fit, data.lengths) for name, fit in fits.items()})
     return AngleZero(
         angle=float(np.arctan2(cosine, sine)),
         standard_error=float(np.sqrt(max(slope @ covariance @ slope, 0.0))),

@@ -1,8 +1,12 @@
-"""Choose the estimator whose values are reported first, by its errors on held-out recordings.
+"""Choose the estimator whose values are reported first, by cross-validation over blocks of the fitted recordings.
 
 The purpose is either to predict torque (the effort of a recorded motion) or to simulate (the motion of a recorded
-command). Among the estimators that are not significantly worse than the best at the stated purpose, the plainest is
-chosen: least squares, if it is among them. Another of these is chosen only if it does far better at the other purpose.
+command). Among the estimators that are not worse than the best at the stated purpose, the plainest is chosen: least
+squares, if it is among them. Another of these is chosen only if it does far better at the other purpose.
+
+Held-out recordings take no part. Each block of the fitted ones is predicted by what its estimator makes of the others.
+Least squares with fixed weights are fitted anew; other estimators are linearised, with their own instruments, and so is
+the simulated position.
 """
 
 from __future__ import annotations
@@ -13,11 +17,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._errors import IdentificationError
+from ...models.joint import JointModel
 from ...signals.motion import Motion
 from ..block_test import HeldOutComparison, compare_held_out
+from ..crossed_residuals import block_labels, residuals_without_blocks, values_without_blocks
+from ..regression import Solution, Stack, regression_rows
 from .evaluation import Prediction
-from .joint_estimate import JointEstimate
-from .replay import Machine, Simulation, simulate_recording
+from .friction_solver import MAX_REFITTED_ROWS, solve_without_blocks
+from .replay import Machine, is_bounded, replay
 
 ESTIMATION_METHODS = ("ls", "wls", "irls", "iv", "didim", "output_error")
 """Estimation methods, the plainest first."""
@@ -33,18 +40,27 @@ class EstimatorChoice:
 
     method: str = "ls"
     purpose: str = "torque"  # "torque" or "simulation"
-    torque: HeldOutComparison | None = (
-        None  # comparison of effort errors [the effort's unit]; None if nothing is held out
-    )
-    simulation: HeldOutComparison | None = None  # comparison of simulated positions [rad or m]; None if there are none
+    torque: HeldOutComparison | None = None  # effort errors on left-out blocks [the effort's unit]; None if not compared
+    simulation: HeldOutComparison | None = None  # simulated position's errors there [rad or m]; None if there are none
     predictions: tuple[Prediction, ...] = ()  # predictions of every recording by the chosen method
 
 
-Residuals = Mapping[str, Sequence[np.ndarray]]  # residuals of each method on each held-out recording, (n_i,)
+@dataclass(frozen=True)
+class SolvedMethod:
+    """What a method found on the fitted recordings, in the form in which blocks can be left out of it."""
+
+    model: JointModel
+    found: Solution
+    weighs_rows: bool = False  # whether it is least squares with fixed weights, so that blocks can get no weight
+    every_row: bool = False  # whether the solution's rows include samples at rest
+    instruments: np.ndarray | None = None  # instruments of an instrumental-variable estimate, (m, p)
+
+
+Residuals = Mapping[str, Sequence[np.ndarray]]  # residuals of each method on each stretch, (n_i,)
 
 
 def choose_method(first: Residuals, second: Residuals) -> str:
-    """Return the plainest method that is not significantly worse than the best by `first`.
+    """Return the plainest method that is not worse than the best by `first`.
 
     Another of these methods is returned if it does far better by `second`.
     """
@@ -59,50 +75,83 @@ def choose_method(first: Residuals, second: Residuals) -> str:
 
 
 def choose_estimator(
-    purpose: str,
-    predictions: Mapping[str, Sequence[Prediction]],
-    estimates: Mapping[str, JointEstimate],
-    simulations: Mapping[str, Sequence[Simulation]],
-    motions: Sequence[Motion],
-    machine: Machine,
+    purpose: str, solved: Mapping[str, SolvedMethod], data: Stack[Motion], machine: Machine
 ) -> EstimatorChoice:
-    """Choose for a `purpose` among `estimates` of one family, which include "ls".
+    """Choose for a `purpose` among methods that were `solved` on `data`, of one family; they include "ls".
 
-    They are judged by their `predictions` of all `motions`, and by simulations of the held-out ones on a `machine`.
-    Those that exist already are taken from `simulations`.
+    Positions are simulated from the commands that a `machine` recorded.
     """
-    torque = {name: [p.residual for p in made if p.split == "heldout"] for name, made in predictions.items()}
-    torque = {name: residuals for name, residuals in torque.items() if residuals}
-    if not torque:
-        return EstimatorChoice(purpose=purpose, predictions=tuple(predictions["ls"]))
-    held = [m for m in motions if m.split == "heldout"]
-    tried = {n: _position_errors(e, simulations.get(n, ()), held, machine) for n, e in estimates.items()}
+    if len(solved) == 1:
+        return EstimatorChoice(purpose=purpose)
+    labels = _blocks_of_rows(data)
+    without = {name: _values_without(each, data, labels) for name, each in solved.items()}
+    torque = {name: _effort_errors(each, without[name], data, labels) for name, each in solved.items()}
+    tried = {name: _position_errors(each, without[name], data, labels, machine) for name, each in solved.items()}
     simulated = {name: errors for name, errors in tried.items() if errors is not None}
     orders = {"torque": (torque, simulated), "simulation": (simulated or torque, torque)}
-    method = choose_method(*orders[purpose])
     return EstimatorChoice(
-        method=method,
+        method=choose_method(*orders[purpose]),
         purpose=purpose,
         torque=compare_held_out(torque),
         simulation=compare_held_out(simulated) if simulated else None,
-        predictions=tuple(predictions[method]),
     )
 
 
+def _blocks_of_rows(data: Stack[Motion]) -> list[np.ndarray]:
+    """Return the block of each reduced sample, those at rest included, (n_i,) per stretch."""
+    return block_labels([len(m.moving) for m in data.motions])
+
+
+def _values_without(
+    solved: SolvedMethod, data: Stack[Motion], labels: Sequence[np.ndarray]
+) -> dict[int, np.ndarray]:
+    """Return a method's parameters, (p,), without each block."""
+    rows = [x if solved.every_row else x[m.moving] for x, m in zip(labels, data.motions, strict=True)]
+    if solved.weighs_rows:
+        return solve_without_blocks(solved.model, data, solved.found, np.concatenate(rows))
+    return values_without_blocks(solved.found, np.concatenate(rows), solved.instruments)
+
+
+def _effort_errors(
+    solved: SolvedMethod, without: dict[int, np.ndarray], data: Stack[Motion], labels: Sequence[np.ndarray]
+) -> list[np.ndarray]:
+    """Return the effort's errors on left-out blocks, (n_i,) per stretch."""
+    values = solved.found.values
+    jacobian, effort = regression_rows(solved.model, values, data)
+    rows = np.concatenate([x[m.moving] for x, m in zip(labels, data.motions, strict=True)])
+    errors = residuals_without_blocks(data.target - effort, jacobian, values, without, rows)
+    for block in without if not solved.model.linear and len(rows) <= MAX_REFITTED_ROWS else ():
+        own = rows == block
+        errors[own] = (data.target - regression_rows(solved.model, without[block], data)[1])[own]
+    return np.split(errors, np.cumsum(data.lengths)[:-1])
+
+
 def _position_errors(
-    estimate: JointEstimate, made: Sequence[Simulation], held: Sequence[Motion], machine: Machine
+    solved: SolvedMethod,
+    without: dict[int, np.ndarray],
+    data: Stack[Motion],
+    labels: Sequence[np.ndarray],
+    machine: Machine,
 ) -> list[np.ndarray] | None:
-    """Return measured minus simulated position, (n_i,), of every held-out recording, simulated from its command.
+    """Return measured minus simulated position on left-out blocks, (n_i,) per stretch, simulated from its command.
 
     Returns None if a simulation diverges, or if the errors are at least as large as the motion itself.
     """
-    ready = [s for s in made if s.split == "heldout" and s.mode == "openloop"]
-    try:
-        runs = ready or [simulate_recording(estimate.model, estimate.array, m, machine, closed=False) for m in held]
-    except IdentificationError:
-        return None
-    if len(runs) < len(held):
-        return None
-    off = [s.measured["position"] - s.simulated["position"] for s in runs]
-    spread = np.concatenate([s.measured["position"] - s.measured["position"].mean() for s in runs])
-    return off if float(np.linalg.norm(np.concatenate(off))) < float(np.linalg.norm(spread)) else None
+    values, errors, spread = solved.found.values, [], []
+    for motion, label in zip(data.motions, labels, strict=True):
+        try:
+            still = replay(solved.model, values, motion, machine, closed=False).position
+            smooth = replay(solved.model, values, motion, machine, closed=False, differentiate="position")
+        except IdentificationError:
+            return None
+        slopes = None if smooth.jacobians is None else smooth.jacobians["position"]
+        if not is_bounded(still):
+            return None
+        difference = motion.reduce(motion.position - motion.smooth(still))
+        if slopes is not None and is_bounded(slopes):
+            difference = residuals_without_blocks(difference, motion.reduce(slopes), values, without, label)
+        errors.append(difference)
+        measured = motion.reduce(motion.position)
+        spread.append(measured - measured.mean())
+    small = float(np.linalg.norm(np.concatenate(errors))) < float(np.linalg.norm(np.concatenate(spread)))
+    return errors if small else None

@@ -1,20 +1,49 @@
-"""Choose the simplest friction family that does not predict held-out effort significantly worse than the best."""
+"""Choose the simplest friction family that predicts blocks of the fitted recordings no worse than the best.
+
+Only fitted recordings take part: each block is predicted from the others. A richer family must save a stated share of
+the simpler one's error, and have a term of its own that these recordings tell from zero at a confidence level that is
+corrected for the number of families (Bonferroni). A paired test over blocks is reported beside the choice. It does not
+decide, because few blocks with most of the error have little power where the term itself is plain.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
-from ..block_test import HeldOutComparison, compare_held_out
+import numpy as np
+from scipy.special import ndtri
+
+from ..block_test import MIN_IMPROVEMENT, HeldOutComparison, compare_held_out
 from .friction_family import FamilyFit
+from .joint_estimate import JointEstimate
+
+SPLIT_SUFFIXES = (("_positive", "_negative", ""), ("_motoring", "_generating", "_friction"))
+"""Suffixes of two terms that a simpler family combines into one, and the suffix of that one."""
 
 
-def compare_families(fits: Mapping[str, FamilyFit]) -> HeldOutComparison:
-    """Compare the least-squares residuals of all families on the same held-out samples.
+@dataclass(frozen=True)
+class UnprovenFamily:
+    """A family that predicts better than a simpler one, but none of whose own terms is identified."""
 
-    Without held-out recordings the residuals are those of cross-validation over blocks.
-    """
-    held = {n: [p.residual for p in f.predictions if p.split == "heldout"] for n, f in fits.items()}
-    return compare_held_out(held if all(held.values()) else {n: f.crossed for n, f in fits.items()})
+    name: str
+    simpler: str  # the family that it was compared with
+    improvement: float  # share of that family's error that it saves
+    terms: tuple[str, ...]  # what it adds, in words
+
+
+@dataclass(frozen=True)
+class FamilyContest:
+    """The chosen family, with the comparison behind the choice."""
+
+    best: str
+    comparison: HeldOutComparison  # errors of all families on blocks of the fitted recordings
+    unproven: tuple[UnprovenFamily, ...] = ()
+
+
+def compare_families(fits: Mapping[str, FamilyFit], min_improvement: float = MIN_IMPROVEMENT) -> HeldOutComparison:
+    """Compare the least-squares residuals of all families on blocks of the fitted recordings."""
+    return compare_held_out({name: fit.crossed for name, fit in fits.items()}, min_improvement)
 
 
 def order_by_simplicity(fits: Mapping[str, FamilyFit], found: HeldOutComparison) -> Sequence[str]:
@@ -22,6 +51,57 @@ def order_by_simplicity(fits: Mapping[str, FamilyFit], found: HeldOutComparison)
     return sorted(fits, key=lambda n: (len(fits[n].model.symbols), found.errors[n]))
 
 
-def choose_family(fits: Mapping[str, FamilyFit], found: HeldOutComparison) -> str:
-    """Return the simplest family that is not significantly worse than the one with the smallest error."""
-    return found.first(order_by_simplicity(fits, found))
+def choose_family(
+    fits: Mapping[str, FamilyFit], level: float, min_improvement: float = MIN_IMPROVEMENT
+) -> FamilyContest:
+    """Return the simplest family that is not worse than the best, and the families that were passed over.
+
+    A family is worse if another saves at least the share `min_improvement` of its error. A family is passed over if none
+    of its own terms is told from zero: by intervals at `level` for all families together.
+    """
+    comparison = compare_families(fits, min_improvement)
+    each = 1.0 - (1.0 - level) / max(len(fits) - 1, 1)
+    left, unproven = list(order_by_simplicity(fits, comparison)), []
+    while True:
+        smallest = min(comparison.errors[n] for n in left)
+        best = next(n for n in left if smallest >= (1.0 - min_improvement) * comparison.errors[n])
+        simpler = [n for n in left if len(fits[n].model.symbols) < len(fits[best].model.symbols)]
+        if not simpler:
+            return FamilyContest(best, comparison, tuple(unproven))
+        nearest = min(simpler, key=comparison.errors.__getitem__)
+        added = added_terms(fits[best].estimate, fits[nearest].model.names, each)
+        if not added or any(added.values()):
+            return FamilyContest(best, comparison, tuple(unproven))
+        improvement = 1.0 - comparison.errors[best] / comparison.errors[nearest]
+        unproven.append(UnprovenFamily(best, nearest, improvement, tuple(added)))
+        left.remove(best)
+
+
+def added_terms(estimate: JointEstimate, simpler: Sequence[str], level: float) -> dict[str, bool]:
+    """Return the terms of an estimate that a simpler family lacks, and whether each is identified.
+
+    `simpler` are the parameters of the simpler family. A term is identified if its interval at `level` excludes 0. If
+    the simpler family has one term for both directions, the difference between the directions counts.
+    """
+    names, added = [p.name for p in estimate.parameters], {}
+    times = float(ndtri(0.5 + 0.5 * level))
+    for i, parameter in enumerate(estimate.parameters):
+        name = parameter.name
+        if name in simpler:
+            continue
+        for one, other, both in SPLIT_SUFFIXES:
+            stem = name.removesuffix(one).removesuffix(other)
+            if stem == name or f"{stem}{both}" not in simpler or f"{stem}{other}" not in names:
+                continue
+            if name.endswith(one):
+                k = names.index(f"{stem}{other}")
+                variance = estimate.covariance[i, i] + estimate.covariance[k, k] - 2.0 * estimate.covariance[i, k]
+                apart = abs(parameter.value - estimate.parameters[k].value)
+                label = f"the difference of {stem.replace('_', ' ')} between {one[1:]} and {other[1:]}"
+                added[label] = bool(apart > times * np.sqrt(max(variance, 0.0)))
+            break
+        else:
+            low, high = parameter.interval(level)
+            is_found = parameter.identifiable and not parameter.at_bound and not low <= 0.0 <= high
+            added[name.replace("_", " ")] = bool(is_found)
+    return added

@@ -12,15 +12,14 @@ from ..._errors import IdentificationError
 from ...models.friction_terms import shaped_by
 from ...models.joint import JointModel
 from ...signals.motion import Motion
-from ..crossed_residuals import cross_validated_residuals
 from ..parameter import Parameter
 from ..regression import Solution, Stack, stack
 from .closed_loop import solve_didim, solve_instrumental, solve_output_error
 from .consistency import enforce_pseudo_inertia
 from .determinacy import PERTURBATION_SEEDS, find_undetermined, mark_undetermined
-from .estimator_choice import EstimatorChoice, choose_estimator
+from .estimator_choice import EstimatorChoice, SolvedMethod, choose_estimator
 from .evaluation import Prediction, pool_errors, predict
-from .friction_solver import solve_family, solve_from_part, with_known_stribeck_velocity
+from .friction_solver import cross_validate_family, solve_family, solve_from_part, with_known_stribeck_velocity
 from .joint_estimate import JointEstimate, make_estimate
 from .predictive_band import PredictiveBand, apply_band, make_predictive_band
 from .replay import Machine, Simulation, simulate_recording
@@ -48,7 +47,7 @@ class FamilyFit:
     heldout_r2: float = float("nan")
     choice: EstimatorChoice = field(default_factory=EstimatorChoice)
     crossed: tuple[np.ndarray, ...] = ()
-    """Residuals of the fitted recordings by cross-validation over blocks, if nothing is held out."""
+    """Residuals of the fitted recordings by cross-validation over blocks. Families are chosen by them."""
     excerpt: str = ""  # excerpt to which the other estimates and simulations were fitted, in words; empty for all data
     band: PredictiveBand | None = None  # predictive band around the chosen estimator's predictions
 
@@ -97,14 +96,15 @@ def fit_family(
     """Fit a `model` to `data`, and predict and simulate `everything` that a `machine` recorded.
 
     Intervals are at `level`. The body has at most `moving_mass` [kg]. A `thorough` fit adds weighted, robust and
-    closed-loop methods, and one of all methods is chosen for a `purpose`. For hours of data an `excerpt`, described by
+    closed-loop methods, and one of all methods is chosen for a `purpose`, by blocks of `data` alone. Held-out motions
+    are predicted and simulated, and reach nothing else. For hours of data an `excerpt`, described by
     `said`, is used by all methods but least squares, which only starts from it.
     """
-    taken, part = everything, data
+    taken, part = everything if excerpt is None else excerpt, data
     if said:
         if excerpt is None:
             raise ValueError(f"found no `excerpt` that is {said}, expected its motions")
-        taken, part = excerpt, stack([m for m in excerpt if m.split == "fitted"])
+        part = stack([m for m in excerpt if m.split == "fitted"])
     free = start = solve_family(model, part)
     note: tuple[str, ...] = ()
     first = solve_from_part(model, data, start) if said else start
@@ -125,24 +125,21 @@ def fit_family(
         known = {id(m): x for m, x in zip(data.motions, np.split(data.target - first.residual, ends), strict=True)}
     predictions = predict(model, first.values, everything, half_width, known)
     fitted, heldout = pool_errors(predictions, "fitted"), pool_errors(predictions, "heldout")
+    solved = {"ls": SolvedMethod(model, start if said else first, weighs_rows=True)}
     others, simulations, failures = (
-        _apply_other_methods(model, part, start, estimate, taken, machine, level) if thorough else ({}, {}, {})
+        _apply_other_methods(model, part, start, estimate, taken, machine, level, solved) if thorough else ({}, {}, {})
     )
     # The other methods use the Stribeck velocity of least squares, so its Stribeck level is no better determined.
     taken_over = loose | shaped_by(loose)
     others = {name: replace(e, parameters=mark_undetermined(e.parameters, taken_over)) for name, e in others.items()}
     estimates = {"ls": estimate, **others}
-    by_method = {"ls": predict(model, first.values, taken, half_width) if said else predictions}
-    for name, other in others.items():
-        if other.converged:
-            by_method[name] = predict(other.model, other.array, taken, half_width)
-    choice = choose_estimator(purpose, by_method, {n: estimates[n] for n in by_method}, simulations, taken, machine)
+    choice = choose_estimator(purpose, {n: x for n, x in solved.items() if estimates[n].converged}, part, machine)
+    chosen = estimates[choice.method]
+    whole = predictions if chosen is estimate else predict(chosen.model, chosen.array, everything, half_width)
+    choice = replace(choice, predictions=tuple(whole))
     if said:
-        chosen = estimates[choice.method]
-        whole = predictions if chosen is estimate else predict(chosen.model, chosen.array, everything, half_width)
-        choice = replace(choice, predictions=tuple(whole))
         others = {name: replace(e, notes=(*e.notes, f"from {said}")) for name, e in others.items()}
-    crossed = () if np.isfinite(heldout[0]) else cross_validated_residuals(first, data.lengths)
+    crossed = cross_validate_family(model, data, first)
     band = make_predictive_band(predictions, crossed, level)
     if band is not None:
         predictions = apply_band(predictions, band)
@@ -162,8 +159,12 @@ def _apply_other_methods(
     everything: Sequence[Motion],
     machine: Machine,
     level: float,
+    solved: dict[str, SolvedMethod],
 ) -> tuple[dict[str, JointEstimate], dict[str, tuple[Simulation, ...]], dict[str, str]]:
-    """Return the estimates by the other methods, the simulations, and the reasons for failures."""
+    """Return the estimates by the other methods, the simulations, and the reasons for failures.
+
+    What each method found is added to `solved`.
+    """
     if model.shape_index is not None:
         # Only least squares searches the Stribeck velocity; the other methods use its value.
         at = model.shape_index
@@ -180,6 +181,7 @@ def _apply_other_methods(
         "wls": make(weighted, "wls"),
         "irls": make(robust, "irls"),
     }
+    solved |= {n: SolvedMethod(model, x, weighs_rows=True) for n, x in (("wls", weighted), ("irls", robust))}
     failures: dict[str, str] = {}
 
     def attempt(name: str, run: Callable[[], JointEstimate]) -> None:
@@ -190,14 +192,18 @@ def _apply_other_methods(
 
     def instrumental() -> JointEstimate:
         solution, z = solve_instrumental(model, data, machine, first)
+        solved["iv"] = SolvedMethod(model, solution, instruments=z)
         return make(solution, "iv", instruments=z)
 
     def didim() -> JointEstimate:
-        return make(solve_didim(model, data, machine, first), "didim")
+        solution = solve_didim(model, data, machine, first)
+        solved["didim"] = SolvedMethod(model, solution)
+        return make(solution, "didim")
 
     def output_error() -> JointEstimate:
         solution = solve_output_error(model, data, machine, first)
         stretches = [len(m.moving) for m in data.motions]
+        solved["output_error"] = SolvedMethod(model, solution, every_row=True)
         return make(solution, "output_error", lengths=stretches)
 
     if all(machine.can_close(m) for m in data.motions):
@@ -205,8 +211,8 @@ def _apply_other_methods(
         attempt("didim", didim)
     attempt("output_error", output_error)
     simulations: dict[str, tuple[Simulation, ...]] = {}
-    solved = {"ls": first.values} | ({"output_error": others["output_error"].array} if "output_error" in others else {})
-    for method, values in solved.items():
+    drawn = {"ls": first.values} | ({"output_error": others["output_error"].array} if "output_error" in others else {})
+    for method, values in drawn.items():
         made = []
         for motion in everything:
             for closed in (True, False) if machine.can_close(motion) else (False,):

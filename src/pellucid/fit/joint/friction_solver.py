@@ -14,6 +14,7 @@ from ..._errors import IdentificationError
 from ...models.friction_terms import STRIBECK_VELOCITY
 from ...models.joint import MAX_STRIBECK_SHARE, JointModel
 from ...signals.motion import Motion
+from ..crossed_residuals import block_labels, residuals_without_blocks, values_without_blocks
 from ..regression import (
     Solution,
     Stack,
@@ -26,6 +27,10 @@ from ..regression import (
 
 INITIAL_LOAD_COEFFICIENT = 0.05
 """Starting value of load coefficients, and of any other parameter outside the linear part."""
+
+MAX_REFITTED_ROWS = 50_000
+"""Up to this many rows a family is fitted anew without each block. With more, a block hardly moves the solution, and one
+linear step gives the same."""
 
 MOTION_SUBSAMPLING = 8
 """First steps over much data use one motion in this many."""
@@ -65,6 +70,44 @@ def solve_family(
         lower, upper = np.where(free, -np.inf, lower), np.where(free, np.inf, upper)
     start = None if model.linear or after is not None else _from_linear_part(model, data, weights)
     return solve(model, data, weights=weights, bounds=(lower, upper), start=start, after=after)
+
+
+def solve_without_blocks(
+    model: JointModel, data: Stack[Motion], found: Solution, labels: np.ndarray
+) -> dict[int, np.ndarray]:
+    """Return the parameters, (p,), that a solution by `solve_family` has without each block, by the block's number.
+
+    `labels`, (m,), are the blocks of the rows. Each block's rows get no weight, and the search starts at the solution.
+    Above `MAX_REFITTED_ROWS` rows, and where a block alone shows a parameter, the model is linearised instead.
+    """
+    linearised = values_without_blocks(found, labels)
+    if len(labels) > MAX_REFITTED_ROWS:
+        return linearised
+    made = {}
+    for block in linearised:
+        weights = np.where(labels == block, 0.0, found.weights)
+        try:
+            made[block] = solve_family(model, data, weights=weights, after=found).values
+        except IdentificationError:
+            made[block] = linearised[block]
+    return made
+
+
+def cross_validate_family(model: JointModel, data: Stack[Motion], found: Solution) -> tuple[np.ndarray, ...]:
+    """Return effort residuals, (n_i,) per stretch, each block predicted by a fit to the other blocks.
+
+    `found` is the family's solution on all of `data`.
+    """
+    labels = np.concatenate(block_labels(data.lengths))
+    without = solve_without_blocks(model, data, found, labels)
+    if len(labels) > MAX_REFITTED_ROWS or model.linear:
+        crossed = residuals_without_blocks(found.residual, found.jacobian, found.values, without, labels)
+    else:
+        crossed = np.empty(len(labels))
+        for block, values in without.items():
+            own = labels == block
+            crossed[own] = (data.target - regression_rows(model, values, data)[1])[own]
+    return tuple(np.split(crossed, np.cumsum(data.lengths)[:-1]))
 
 
 def solve_from_part(model: JointModel, data: Stack[Motion], found: Solution) -> Solution:

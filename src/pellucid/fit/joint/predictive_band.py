@@ -1,11 +1,12 @@
-r"""Conformal prediction band around a model's effort, from recordings or blocks that the model was not fitted to.
+r"""Conformal prediction band around a model's effort, from blocks that the model was not fitted to.
 
-The half width is a quantile of the absolute errors on held-out recordings [1]_. Without any, it is a quantile of the
-errors on blocks of the fitted recordings, each predicted from all the others [2]_. Autocorrelated samples count once in
-two correlation times. With m independent samples, the quantile at :math:`(1 + 1/m)` times the level covers the next
-sample with at least that level, whatever the errors' distribution, as long as it does not change.
+The half width is a quantile [1]_ of the absolute errors on blocks of the fitted recordings, each predicted from all the
+others [2]_. Autocorrelated samples count once in two correlation times. With m independent samples, the quantile at
+:math:`(1 + 1/m)` times the level covers the next sample with at least that level, whatever the errors' distribution, as
+long as it does not change.
 
-Coverage is measured by cross-validation: each block is compared with a band made from the other blocks.
+Held-out recordings have no part in the band; what it covers of them tests it. Its coverage of the fitted recordings is
+measured by cross-validation: each block is compared with a band made from the other blocks.
 
 .. [1] H. Papadopoulos, K. Proedrou, V. Vovk, A. Gammerman, "Inductive confidence machines for regression", ECML 2002.
 .. [2] V. Vovk, "Cross-conformal predictors", Ann. Math. Artif. Intell. 74, 2015.
@@ -43,7 +44,6 @@ class PredictiveBand:
     """A prediction band of constant width, with its cross-validated coverage."""
 
     half_width: float  # half the width of the band, in the effort's unit
-    heldout: bool  # whether it was made from held-out recordings
     by_recording: dict[str, float]  # coverage of each recording from which the band was made
     conditions: tuple[ConditionCoverage, ...] = ()  # coverage by condition
 
@@ -64,13 +64,12 @@ def _quantile_level(level: float, independent: float) -> float:
 def make_predictive_band(
     predictions: Sequence[Prediction], crossed: Sequence[np.ndarray], level: float
 ) -> PredictiveBand | None:
-    """Make a band from `predictions` of held-out recordings, or else from `crossed` residuals of the fitted ones.
+    """Make a band from `crossed` residuals of the fitted recordings, whose `predictions` say when they moved how.
 
-    `crossed` has one array for each stretch, in their order. Returns None if there is neither.
+    `crossed` has one array for each stretch, in their order. Returns None if there is none.
     """
-    heldout = [p for p in predictions if p.split == "heldout"]
-    own = heldout or [p for p in predictions if p.split == "fitted"]
-    errors = [p.residual for p in heldout] if heldout else _residuals_by_recording(own, crossed)
+    own = [p for p in predictions if p.split == "fitted"]
+    errors = _residuals_by_recording(own, crossed)
     if not errors or not sum(map(len, errors)):
         return None
     lengths = [len(e) for e in errors]
@@ -93,7 +92,6 @@ def make_predictive_band(
     by_recording = {p.recording: float(inside[owner == i].mean()) for i, p in enumerate(own)}
     return PredictiveBand(
         conformal_half_width(size, level, worth),
-        bool(heldout),
         by_recording,
         tuple(_coverage_by_condition(own, inside)),
     )
@@ -109,7 +107,7 @@ def apply_band(predictions: Sequence[Prediction], band: PredictiveBand) -> tuple
             p,
             half_width=band.half_width,
             coverage=band.by_recording.get(
-                p.recording if (p.split == "heldout") == band.heldout else "",
+                "" if p.split == "heldout" else p.recording,
                 float(np.mean(np.abs(p.residual) <= band.half_width)),
             ),
         )

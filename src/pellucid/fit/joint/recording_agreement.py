@@ -3,9 +3,11 @@ r"""Find recordings of one joint that disagree: compare each recording's own est
 Both estimates are linearised at the joint fit. A difference counts if it exceeds `MIN_BODY_STANDARD_ERRORS` standard
 errors of both, which allow for coloured residuals, and a share `MIN_RELATIVE_DIFFERENCE` of the value. Inertia and
 weight belong to the body and should not change. Friction depends on the motion, so an incomplete model finds different
-friction in different motions; stricter thresholds apply to it. The recording that differs most is removed before the
-others are compared again, because a wrong recording also distorts the reference for the right ones. The zero of the
-angle is free, so a recording with a different encoder zero is recognised.
+friction in different motions; stricter thresholds apply to it. The fitted recording that differs most is removed before
+the others are compared again, because a wrong recording also distorts the reference for the right ones. Of two fitted
+recordings neither can be told to be the wrong one. A held-out recording is compared with the fitted ones that are left,
+or with each of two that contradict each other, and is no part of the reference for any other. The zero of the angle is
+free, so a recording with a different encoder zero is recognised.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ import numpy as np
 from ...models.joint import JointModel
 from ...signals.correlation_length import correlation_length
 from ...signals.motion import Motion
-from ..regression import regression_rows, stack
+from ..regression import reduce_motions, regression_rows, stack
 from ..uncertainty import sandwich_covariance
 from .angle_zero import has_free_gravity, with_free_zero
 
@@ -79,16 +81,21 @@ class _RecordingRows:
 
 
 def find_disagreements(model: JointModel, values: np.ndarray, motions: Sequence[Motion]) -> tuple[Disagreement, ...]:
-    """Find recordings among `motions` that contradict the others, by a `model` with `values`, (p,); worst first."""
-    data = stack(motions)
+    """Find recordings among `motions` that contradict the others, by a `model` with `values`, (p,).
+
+    The fitted ones come first, the worst of them before the others; held-out ones are compared with fitted ones only.
+    """
+    fitted, judged = ([m for m in motions if m.split == split] for split in ("fitted", "heldout"))
+    data = stack(fitted)
     start = dict(zip(model.names, values, strict=True))
     model = with_free_zero(model) if has_free_gravity(model) else model
     values = np.array([start.get(name, 0.0) for name in model.names])
     w, effort = regression_rows(model, values, data)
     active = np.linalg.norm(w, axis=0) > 0.0  # a Stribeck velocity without a level has no effect
     names = [n for n, a in zip(model.names, active, strict=True) if a]
-    parts = _split_by_recording(motions, data.lengths, w[:, active], data.target - effort, data.target)
+    parts = _split_by_recording(fitted, data.lengths, w[:, active], data.target - effort, data.target)
     found: list[Disagreement] = []
+    every = parts
     while len(parts) > 1:
         compared = [_compare(part, [p for p in parts if p is not part], names, values[active]) for part in parts]
         worst = max((c for c in compared if c is not None), key=lambda c: c[0], default=None)
@@ -96,6 +103,15 @@ def find_disagreements(model: JointModel, values: np.ndarray, motions: Sequence[
             break
         found.append(worst[1])
         parts = [p for p in parts if p.recording != worst[1].recording]
+    if judged:
+        beside = reduce_motions(judged)
+        w, effort = regression_rows(model, values, beside)
+        own = _split_by_recording(judged, beside.lengths, w[:, active], beside.target - effort, beside.target)
+        references = [[part] for part in every] if len(every) == 2 and found else [parts]
+        compared = [[_compare(part, others, names, values[active]) for others in references] for part in own]
+        apart = [[c for c in each if c is not None] for each in compared]
+        nearest = [min(each, key=lambda c: c[0]) for each in apart if len(each) == len(references)]
+        found += [each for _, each in sorted(nearest, key=lambda c: -c[0])]
     return tuple(found)
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...models.robot import Robot
+from ...signals.judged import require_fitted
 from ...signals.tree_motion import TreeMotion
 from .base_parameters import BaseParameters
 from .fit_tree import make_tree_estimate
@@ -71,6 +72,7 @@ def identify_tree(
     `width` is that of the smooth sign of friction [rad/s; m/s]. `leave_out` adds cross-validation over segments.
     `terms` are the friction terms that joints may get. `ripple` adds a search for drive ripple.
     """
+    require_fitted(motions, "identify_tree")
     rows = collect_rows(robot, motions, width=width)
     rate = motions[0].rate
     plain = plain_model(rows)

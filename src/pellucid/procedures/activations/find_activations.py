@@ -334,10 +334,10 @@ def _rows(
             base = each.named(joint)
             row(f"{base}.emg_driven.r2", each.emg_driven[joint].r2, "heldout", each.recording)
             row(
-                f"{base}.assisted.r2", each.assisted[joint].r2, "fitted", each.recording, "told the torque: no evidence"
+                f"{base}.assisted.r2", each.assisted[joint].r2, "heldout", each.recording, "told the torque: no evidence"
             )
         base = each.named(make_joint_id(each.what))
-        row(f"{base}.assisted.moved", each.moved, "fitted", each.recording, "RMS by which activations left EMG")
+        row(f"{base}.assisted.moved", each.moved, "heldout", each.recording, "RMS by which activations left EMG")
     for joint in _joints_left_out(left_out):
         for way in find_scored_methods(left_out, joint):
             r2, together, torque = median_scores(left_out, joint, way)

@@ -98,7 +98,8 @@ def _rows(study: str, each: PairActivity, of: MuscleEnvelopes, level: float) -> 
     for name, index in (("falconer_winter", each.found.common), ("rudolph", each.found.weighed)):
         interval = _interval_text(index)
         note = f"{100 * level:g} % interval {interval} %" if interval else "too short for an interval"
-        yield ResultRow(f"{base}.{name}", index.value, "%", "cocontraction", "fitted", of.checksum, note)
+        split = "heldout" if of.heldout else "fitted"
+        yield ResultRow(f"{base}.{name}", index.value, "%", "cocontraction", split, of.checksum, note)
 
 
 def _headline(found: list[PairActivity]) -> str:

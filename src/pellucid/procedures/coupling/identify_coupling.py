@@ -226,8 +226,10 @@ def _wearer(
     swings, dropped, turning = [], {}, None
     for recording in trials.of("free_swing", who):
         try:
-            swing, turning = _swing(trials, recording, asked, muscles, chosen)
+            swing, axis = _swing(trials, recording, asked, muscles, chosen)
             swings.append(swing)
+            # Held-out swings must not reach the angles of held torques, which are fitted.
+            turning = axis if recording.use == "fit" else turning
         except PellucidError as error:
             dropped[recording.name] = str(error)
     if not swings:

@@ -221,7 +221,8 @@ def _offset_verdict(found: TogetherFindings) -> Verdict:
     late = f"{abs(1e3 * offset.value):.0f} ms {way} the moments ({span})"
     if not found.offset_carries_over:
         text = (
-            f"EMG that runs {late} would fit better, but predicts held-out recordings worse: {r2}. It is therefore not "
+            f"EMG that runs {late} would fit better, but predicts parts of the fitted trials that are left out in turn "
+            f"no better; on what was not fitted {r2}. It is therefore not "
         )
         return Verdict("note", f"{found.what} together: {text}attributed to the recording.")
     return Verdict(
@@ -299,8 +300,8 @@ def together_rows(
     offset = found.fits[OFFSET_FIT].offset
     for name, value in (("", offset.value), (".low", offset.low), (".high", offset.high)):
         add(f"{OFFSET_FIT}.emg{name}", value, "s", "the recording's EMG runs ahead of its moments by so much")
-    words = "1: R² is larger with it on what was not fitted, in the mean over joints"
-    add(f"{OFFSET_FIT}.carries_over", float(found.offset_carries_over), "1", words, "heldout")
+    words = "1: R² is larger with it on parts of the fitted trials left out in turn, in the mean over joints"
+    add(f"{OFFSET_FIT}.carries_over", float(found.offset_carries_over), "1", words)
     if found.never is not None:
         words = "1: parts of what was fitted, left out in turn, are told better with muscles that had no electrode"
         add("never_recorded.helps", float(found.never.helps), "1", words)

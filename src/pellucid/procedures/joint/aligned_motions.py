@@ -88,7 +88,7 @@ def find_alignments(study: Study) -> tuple[Alignment, ...]:
     """Estimate the drive's delay against the encoder; return nothing if study.toml states it.
 
     There is one delay for all fitted recordings. If they contradict each other, each late recording has its own. A
-    held-out recording with a different delay is reported too.
+    held-out recording with a different delay is reported too, and decides nothing.
     """
     if "alignments" not in study.found:
         study.found["alignments"] = tuple(_estimate_alignments(study))
@@ -112,16 +112,17 @@ def _has_open_delay(recording: Recording, study: Study) -> bool:
 
 def _estimate_alignments(study: Study) -> Iterator[Alignment]:
     every = [r for r in study.recordings() if "position" in r and _has_open_delay(r, study)]
-    fitted = [r for r in every if r.use == "fit"]
+    fitted, judged = ([r for r in every if r.use == use] for use in ("fit", "validate"))
     # A wearer's torque leads or follows the motion; nothing of that is a drive's delay.
     if not fitted or is_worn(study):
         return
     channel = drive_channel(fitted[0], study)
     asked = any(study.specs_of(r)[channel].delay == "auto" for r in fitted if channel in r)
-    step = max(1.0 / r.fs for r in every)
+    step = max(1.0 / r.fs for r in fitted)
     pooled = _estimate_delay(fitted, study, step)
-    alone = every if len(fitted) > 1 else [r for r in every if r.use != "fit"]
-    each = {r.name: _estimate_delay([r], study, step, MAX_SAMPLES // len(every)) for r in alone}
+    alone = fitted if len(fitted) > 1 else []
+    each = {r.name: _estimate_delay([r], study, step, MAX_SAMPLES // len(fitted)) for r in alone}
+    each |= {r.name: _estimate_delay([r], study, 1.0 / r.fs, MAX_SAMPLES // len(every)) for r in judged}
     own = {r.name: d for r in fitted if (d := each.get(r.name)) is not None}
     late = {name: d for name, d in own.items() if d.clear(step)}
 
@@ -135,9 +136,9 @@ def _estimate_alignments(study: Study) -> Iterator[Alignment]:
         certain = pooled is not None and (pooled.clear(step) or (asked and pooled.beyond(0.0) != 0.0))
         by = pooled.value if certain else 0.0
         yield Alignment(channel, pooled, by, asked)
-    for r in every:
+    for r in judged:
         d = each.get(r.name)
-        if r.use != "fit" and d is not None and d.clear(step) and apart(d, by):
+        if d is not None and d.clear(1.0 / r.fs) and apart(d, by):
             yield Alignment(channel, d, 0.0, asked, r.name)
 
 

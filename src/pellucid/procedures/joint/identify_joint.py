@@ -9,7 +9,7 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...fit.joint.drive_constant import estimate_drive_constant
-from ...fit.joint.family_choice import choose_family, compare_families
+from ...fit.joint.family_choice import choose_family
 from ...fit.joint.friction_family import FamilyFit, fit_family
 from ...fit.joint.load_shares import LoadShares, decide_load_shares, widen_for_unknown_shares
 from ...fit.joint.presliding import estimate_presliding
@@ -65,7 +65,7 @@ def identify_joint(
     data = stack([m for m in everything if m.split == "fitted"])
     drive = drive_model(study.rig)
 
-    payloads = {m.payload for m in everything if m.payload[0]}
+    payloads = {m.payload for m in data.motions if m.payload[0]}
     known_drive = drive.effort_unit in ("N*m", "N")
 
     def model_of(family: str, constant: Parameter | None = None, *, separate_load: bool = False) -> JointModel:
@@ -114,8 +114,8 @@ def identify_joint(
             if name in ("symmetric", names[0]):
                 raise
             failures[name] = str(error)
-    contest = compare_families(fits)
-    best = choose_family(fits, contest)
+    contest = choose_family(fits, study.model.confidence, study.model.min_improvement)
+    best = contest.best
     posterior, no_posterior = None, ""
     if study.model.posterior:
         tell("drawing a posterior", 0.85)

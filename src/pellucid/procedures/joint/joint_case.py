@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from ...fit.block_test import HeldOutComparison
+from ...fit.joint.family_choice import FamilyContest
 from ...fit.joint.friction_family import FamilyFit
 from ...fit.joint.load_shares import LoadShares
 from ...fit.joint.presliding import Presliding
@@ -27,7 +27,7 @@ class JointCase:
     excerpt: tuple[Motion, ...]  # all motions, or parts of each if there are hours, for methods that search
     fits: Mapping[str, FamilyFit]  # fit of each family
     best: str  # name of the best family
-    contest: HeldOutComparison | None = None  # comparison of the families; None if there was none
+    contest: FamilyContest | None = None  # choice among the families; None if there was none
     machine: Machine = field(default_factory=Machine)
     failures: Mapping[str, str] = field(default_factory=dict)  # reasons, by family, why it could not be fitted
     constant: Parameter | None = None  # drive constant from payloads, divided by the stated one if that is known

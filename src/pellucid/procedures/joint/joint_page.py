@@ -218,14 +218,12 @@ def _tiles(fit: JointResult, level: float) -> list[Tile]:
 def _by_whom(best: FamilyFit) -> str:
     """Return in words which estimator's values are shown, and why."""
     chosen = METHODS[best.estimate.method]
-    if not best.others:
-        return f"Values are by {chosen} on filtered data."
     if best.choice.torque is None:
-        return f"Values are by {chosen} on filtered data: nothing is held out that could choose among estimators."
+        return f"Values are by {chosen} on filtered data."
     aim = {"torque": "the torque", "simulation": "the simulated motion"}[best.choice.purpose]
     return (
         f"Values are by {chosen}: of {len(best.choice.torque.errors)} estimators the plainest that is not "
-        f"significantly worse than the best for {aim} on held-out recordings."
+        f"worse than the best for {aim} on blocks of the fitted recordings, each left out in turn."
     )
 
 
@@ -312,7 +310,7 @@ def _by_condition(fit: JointResult) -> tuple[tuple[str, Table], ...]:
     if band is None:
         return ()
     rows = [Row((c.kind, c.condition, f"{100.0 * c.coverage:.1f}", f"{c.samples}")) for c in band.conditions]
-    whose = "held-out recordings" if band.heldout else "blocks of the fitted recordings, each predicted from the others"
+    whose = "blocks of the fitted recordings, each predicted from the others"
     caption = (
         f"What the prediction interval of ± {number(band.half_width, digits=3)} {unit_text(fit.effort_unit)} holds "
     )

@@ -255,11 +255,11 @@ def _headline_rows(fit: JointResult, together: str) -> Iterator[ResultRow]:
         yield replace(held, id=f"{head}.heldout.effort_error", value=one.heldout_effort_error, unit="%")
     unit, scale = ("deg", 180.0 / np.pi) if fit.motion == "rotary" else ("mm", 1e3)
     for method, error in (one.choice.simulation.errors if one.choice.simulation else {}).items():
-        note = f"position simulated from the command, over what is held out, by {method}"
-        yield replace(held, id=f"{head}.heldout.{method}.rmse_{unit}", value=scale * error, unit=unit, note=note)
+        note = f"position simulated from the command, over blocks of the fitted recordings left out in turn, by {method}"
+        yield replace(plain, id=f"{head}.blocks_out.{method}.rmse_{unit}", value=scale * error, unit=unit, note=note)
     for method, error in (one.choice.torque.errors if one.choice.torque else {}).items():
-        note = f"effort predicted, over what is held out, by {method}"
-        yield replace(held, id=f"{head}.heldout.{method}.effort_rmse", value=error, unit=fit.effort_unit, note=note)
+        note = f"effort predicted, over blocks of the fitted recordings left out in turn, by {method}"
+        yield replace(plain, id=f"{head}.blocks_out.{method}.effort_rmse", value=error, unit=fit.effort_unit, note=note)
 
 
 def _estimate_rows(head: str, estimate: JointEstimate, plain: ResultRow) -> Iterator[ResultRow]:

@@ -51,13 +51,20 @@ class Excerpt:
 
 
 def take_excerpt(recordings: Iterable[Recording], study: Study, everything: tuple[Motion, ...]) -> Excerpt:
-    """Return an excerpt of `recordings`, or `everything`, the motions of all of them, if that is little."""
-    long = [m for m in everything if m.command is None]
+    """Return an excerpt of `recordings`, or `everything`, the motions of all of them, if that is little.
+
+    Fitted recordings alone decide whether fits use an excerpt of them, and held-out ones are shortened on their own
+    account.
+    """
     samples = {s: sum(len(m.position) for m in everything if m.split == s) for s in ("fitted", "heldout")}
-    if not long and max(samples.values()) < MIN_LONG_SAMPLES:
+    long = {s: samples[s] >= MIN_LONG_SAMPLES or any(m.command is None for m in everything if m.split == s) for s in samples}
+    if not any(long.values()):
         return Excerpt(everything, "")
     model, made, told = drive_model(study.rig), [], []
     for recording in recordings:
+        if not long["fitted" if recording.use == "fit" else "heldout"]:
+            made += [m for m in everything if m.recording == recording.name]
+            continue
         needed = shortest(filtering_of(study.processing_of(recording)))
         least = EXCERPT_PART_COUNT * (needed + everything[0].filtering.decimate * MIN_ROWS_PER_PART)
         split = "fitted" if recording.use == "fit" else "heldout"
@@ -66,6 +73,8 @@ def take_excerpt(recordings: Iterable[Recording], study: Study, everything: tupl
             _motions_of(recording, study, model, within=max(int(EXCERPT_SAMPLE_COUNT * min(share, 1.0)), least))
         )
         made += parts
+        if split == "heldout":
+            continue
         lasts = sum(m.time[-1] - m.time[0] for m in parts)
         told.append(f"{lasts:.0f} s of {recording.name} from {', '.join(f'{m.time[0]:.0f}' for m in parts)} s")
     return Excerpt(tuple(made), "; ".join(told[:4]) + (f" and of {len(told) - 4} more" if len(told) > 4 else ""))

@@ -99,7 +99,7 @@ def find_onsets(study: Study, table: OnsetTable, tell: Progress = quiet) -> Onse
     found, verdicts, rows, missed = [], [], [], []
     for i, recording in enumerate(recordings):
         tell(f"onsets in {recording.name}", i / len(recordings))
-        stream = emg_stream(recording, table)
+        stream, split = emg_stream(recording, table), "fitted" if recording.use == "fit" else "heldout"
         for muscle in find_used_muscles(stream, table):
             raw_channel(stream, muscle)
             base = f"{study.name}.{recording.name}.{muscle}"
@@ -107,7 +107,7 @@ def find_onsets(study: Study, table: OnsetTable, tell: Progress = quiet) -> Onse
                 active = _find_activity(stream, muscle, table)
             except RecordingError as error:
                 missed.append(str(error))
-                rows.append(ResultRow(f"{base}.bursts", None, "1", "onset", "fitted", stream.checksum, str(error)))
+                rows.append(ResultRow(f"{base}.bursts", None, "1", "onset", split, stream.checksum, str(error)))
                 continue
             span = float(stream.time[-1] - stream.time[0])
             time, samples = outline(stream.time, 1.0 * raw_channel(stream, muscle))
@@ -115,7 +115,7 @@ def find_onsets(study: Study, table: OnsetTable, tell: Progress = quiet) -> Onse
                 recording.name, muscle, active.bursts, active.rest, active.rest_rms, active.active / span, time, samples
             )
             found.append(each)
-            rows += _rows(base, each, table.confidence, stream.checksum)
+            rows += _rows(base, each, table.confidence, stream.checksum, split)
     if not found:
         raise RecordingError("\n".join(missed))
     verdicts += [Verdict("warning", f"{text}; no onset is told there.") for text in missed]
@@ -169,11 +169,11 @@ def _find_activity(stream, muscle: str, table):
         raise RecordingError(text) from None
 
 
-def _rows(base: str, each: MuscleBursts, level: float, checksum: str) -> list[ResultRow]:
-    """Return the result rows of one muscle in one recording."""
+def _rows(base: str, each: MuscleBursts, level: float, checksum: str, split: str) -> list[ResultRow]:
+    """Return the result rows of one muscle in one recording of a `split`."""
 
     def row(what: str, value: float | None, unit: str, note: str = "") -> ResultRow:
-        return ResultRow(f"{base}.{what}", value, unit, "onset", "fitted", checksum, note)
+        return ResultRow(f"{base}.{what}", value, unit, "onset", split, checksum, note)
 
     made = [row("bursts", len(each.bursts), "1"), row("active", each.active, "1", "share of the recording")]
     seen = [b.onset for b in each.bursts if b.seen]

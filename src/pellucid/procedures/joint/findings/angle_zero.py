@@ -62,12 +62,11 @@ def find(case: JointCase) -> Iterator[Verdict]:
 
 def _best(case: JointCase) -> AngleZero | None:
     """Return the zero error by the family that predicts best with a free zero."""
-    held = [m for m in case.excerpt if m.split == "heldout"]
     data = stack([m for m in case.excerpt if m.split == "fitted"])
     made = []
     for fit in [case.fits[n] for n in TRIED_FAMILIES if n in case.fits] or [case.fit]:
         try:
-            made.append(estimate_angle_zero(fit.model, data, held))
+            made.append(estimate_angle_zero(fit.model, data))
         except IdentificationError:
             continue  # the range of angles is too small
     return min(made, key=lambda each: each.after, default=None)

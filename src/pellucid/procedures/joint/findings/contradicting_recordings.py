@@ -24,10 +24,10 @@ def find(case: JointCase) -> Iterator[Verdict]:
     names = {m.recording for m in case.excerpt}
     if len(names) < 2:
         return
-    found = _find_disagreements(case)
-    pair = len(names) - len(found) == 1 and len(found) == 1
+    found, fitted = _find_disagreements(case), {m.recording for m in case.excerpt if m.split == "fitted"}
     for i, each in enumerate(found):
-        rest = next(iter(names - {each.recording})) if pair else ""
+        others = fitted - {each.recording}
+        rest = next(iter(others)) if len(others) == 1 and (each.split == "fitted" or len(fitted) == 1) else ""
         yield _verdict(case, each, rest, 12.0 - 0.01 * i)
 
 

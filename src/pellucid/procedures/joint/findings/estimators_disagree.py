@@ -17,11 +17,11 @@ MIN_EFFORT_SHARE = 0.02
 """A difference between two values is reported only if it changes the effort by more than this share (RMS)."""
 
 MAX_ERROR_RATIO = 1.2
-"""An estimator is the wrong choice if its held-out error exceeds this multiple of the best one's."""
+"""An estimator is the wrong choice if its error on left-out blocks exceeds this multiple of the best one's."""
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
-    """Report the disagreeing estimators, their parameters and held-out errors, and which one is used."""
+    """Report the disagreeing estimators, their parameters and errors on left-out blocks, and which one is used."""
     fit, choice = case.fit, case.fit.choice
     estimates = {fit.estimate.method: fit.estimate, **{n: e for n, e in fit.others.items() if e.converged}}
     apart = {p.name: _disagreeing_methods(p, estimates, case.level) for p in fit.estimate.parameters}
@@ -45,7 +45,7 @@ def find(case: JointCase) -> Iterator[Verdict]:
         text = f"The headline's values are the better ones for {choice.purpose}, but not for {' and '.join(worse)}."
         yield Verdict("warning", f"{text} {_used(case, involved)}", _advice(case), weight=5.0)
     elif choice.method != "ls":
-        text = f"Ordinary least squares does significantly worse than {METHODS[choice.method]} on what is held out."
+        text = f"Ordinary least squares does worse than {METHODS[choice.method]} on left-out blocks."
         yield Verdict("note", f"{text} {_used(case, involved)}", weight=5.0)
 
 
@@ -92,13 +92,16 @@ def _used(case: JointCase, involved: list[str]) -> str:
     """Return in words the errors of the methods, and which one's values are used."""
     choice = case.fit.choice
     if choice.torque is None:
-        return f"Nothing is held out that could choose: the headline is by {METHODS[choice.method]}."
+        return f"Nothing was compared: the headline is by {METHODS[choice.method]}."
     clauses = []
     if choice.simulation is not None:
         scale, unit = (float(np.degrees(1.0)), "deg") if case.rotary else (1e3, "mm")
         clauses.append(f"the motion is simulated to {_errors(choice.simulation, involved, unit, scale)}")
     clauses.append(f"effort is predicted to {_errors(choice.torque, involved, case.fit.model.effort_unit)}")
-    return f"On what is held out, {' and '.join(clauses)}. The headline is by {METHODS[choice.method]}."
+    return (
+        f"On blocks of the fitted recordings, each left out in turn, {' and '.join(clauses)}. "
+        f"The headline is by {METHODS[choice.method]}."
+    )
 
 
 def _errors(found: HeldOutComparison, involved: list[str], unit: str, scale: float = 1.0) -> str:
@@ -107,7 +110,5 @@ def _errors(found: HeldOutComparison, involved: list[str], unit: str, scale: flo
 
 
 def _advice(case: JointCase) -> str:
-    if case.fit.choice.torque is None:
-        return 'Hold a recording out (use = "validate").'
     other = "simulation" if case.fit.choice.purpose == "torque" else "torque"
     return f'It is chosen for {case.fit.choice.purpose}; write [model] purpose = "{other}" to have it for {other}.'
