@@ -80,10 +80,11 @@ def _certificate(findings: AssessmentResult) -> Section:
         tuple(drawings),
         (
             "Two one-sided tests of each end point; all must lie within for the claim, so nothing is divided by their "
-            "number. Beyond is corrected after Holm. Signed ranks are counted, of participants' changes; the mixed "
-            "model is of movements, with a level and a change for each participant, t with one degree of freedom fewer "
-            "than participants. Where an end point would not say the same without what else may have changed it, "
-            "nothing is said of it.",
+            "number. Beyond is corrected after Holm. The mean is tested by Student's statistic, judged by its least "
+            "favourable skewed distribution; the pseudo-median by counted signed ranks. The share of people within is "
+            "a lower confidence bound that supposes no distribution. The mixed model is of movements, with a level and "
+            "a change for each participant. Where an end point would not say the same without what else may have "
+            "changed it, nothing is said of it.",
             *map(typeset_sentence, certificate_remarks(findings)),
         ),
     )
