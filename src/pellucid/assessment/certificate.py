@@ -107,7 +107,8 @@ class Certificate:
         """
         said = self.tested(name)
         own = self.doubts.get(name, ()) if said != UNDECIDED else ()
-        return tuple(doubt for doubt in own if doubt.weighs(self.alpha / len(self.end_points)) and doubt.without.verdict != said)
+        level = self.alpha / len(self.end_points)
+        return tuple(doubt for doubt in own if doubt.weighs(level) and doubt.without.verdict != said)
 
     def far_people(self, name: str) -> tuple[int, ...]:
         """Return the rows of people who lie so far beyond an end point's margin that nothing is claimed within."""

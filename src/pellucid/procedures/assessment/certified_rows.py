@@ -30,6 +30,7 @@ from .certificate_doubts import (
     too_many_lost,
 )
 from .movement_curves import QUANTITY_NAMES
+from .primary_change import change_figure
 
 if TYPE_CHECKING:
     from .assessment_result import AssessmentResult
@@ -161,7 +162,7 @@ def _share(found: AssessmentResult) -> float:
 
 
 def _signed(point: EndPoint, value: float) -> str:
-    return f"{point.shown(value):+.3g}"
+    return change_figure(point.shown(value), point.unit)
 
 
 def _scaled(point: EndPoint, spread: float) -> float:
