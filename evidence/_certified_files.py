@@ -21,7 +21,7 @@ from pellucid.assessment.transparent_studies import SimulatedStudies, are_transp
 SEED = 20261127
 """Seed of every random draw."""
 
-STUDY_COUNT = sized(4, smallest=1)
+STUDY_COUNT = sized(2, smallest=1)
 """Number of studies of each case."""
 
 PEOPLE_COUNT = 16

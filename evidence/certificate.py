@@ -39,7 +39,7 @@ from . import _certified_files, _doubted
 STUDY_COUNT = sized(20_000, smallest=40)
 """Number of simulated studies of each cell."""
 
-DOUBTED_STUDY_COUNT = sized(1000, smallest=8)
+DOUBTED_STUDY_COUNT = sized(400, smallest=8)
 """Number of simulated studies, one by one, of each case of `_doubted`."""
 
 RIVAL_STUDY_COUNT = sized(2000, smallest=20)

@@ -1,4 +1,4 @@
-"""Foreign laws and indices of transparency: are strangers' laws ranked, stopped where they must be, and by what measure?
+"""Foreign laws and indices: are strangers' laws ranked, stopped where they must be, and measured by what?
 
 - A C file and a Python class with the same law wear the virtual knee beside the lab's plain modes; their commands are
   compared bit by bit. Four hostile laws must be stopped: one never answers, one crashes, one asks for 4 GB, one answers
@@ -87,7 +87,8 @@ def hostile_rows() -> Iterator[ResultRow]:
         for name, does in HOSTILE_LAWS.items():
             path = Path(place) / f"{name}.py"
             body = f"self.n += 1\n        if self.n > 100:\n            {does}\n        return 1.0"
-            path.write_text(f"class Law:\n    def reset(self): self.n = 0\n    def step(self, *sample):\n        {body}\n")
+            head = "class Law:\n    def reset(self): self.n = 0\n    def step(self, *sample):\n        "
+            path.write_text(f"{head}{body}\n")
             commands, fault = _commands(ForeignLaw.from_file(path))
             survived += fault == "none" or not np.isfinite(commands).all() or abs(commands[-1]) > 1e-9
             said.append(f"{name}: {STOPPED_WORDS.get(fault, fault)}")

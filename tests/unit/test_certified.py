@@ -7,7 +7,17 @@ import numpy as np
 import pytest
 
 from pellucid._errors import StudyError
-from pellucid.procedures.assessment.certified_rows import certificate_remarks, certificate_rows, certificate_sentences
+from pellucid.procedures.assessment.assessment_page import page
+from pellucid.procedures.assessment.assessment_tables import description_table, range_table
+from pellucid.procedures.assessment.certified_rows import (
+    certificate_remarks,
+    certificate_rows,
+    certificate_sentences,
+    certificate_table,
+)
+from pellucid.procedures.assessment.primary_change import primary_change
+from pellucid.procedures.assessment.reviewer_page import write_certificate
+from pellucid.procedures.assessment.statements import change_text
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import assess
 
@@ -211,3 +221,60 @@ def test_a_test_that_does_not_hold_its_level_cannot_be_what_a_certificate_rests_
 
     with pytest.raises(StudyError, match="sensitivity analysis"):
         with_margins(pointing, WIDE, change=change)
+
+
+@pytest.fixture(scope="module")
+def of_twelve(tmp_path_factory):
+    more = '[assessment.justification]\nvmax = "Less than people differ between days."\n'
+    more += '[assessment.margins]\nvmax = "60 %"'
+    return made_pointing.study(
+        tmp_path_factory.mktemp("twelve"), participants=12, conditions=("Ctrl", "FC"), repetitions=1,
+        more=more + '\nduration_median = "60 %"',
+    )  # fmt: skip
+
+
+def test_one_change_is_one_number_everywhere(of_twelve):
+    """Headline, tile, text, table, row and certificate tell the same change; others are called sensitivity analyses."""
+    found = assess(of_twelve)
+    rows = {row.id: row for row in found.rows}
+    shown = page(of_twelve, found)
+    for name, tile in (("duration_median", "Median duration, FC"), ("vmax", "Peak velocity, FC")):
+        change = primary_change(found, name, "FC")
+        told = change_text(change)
+        certified = next(row for row in certificate_table(found).rows if row[1] == found.indices[name].short)
+        assert certified[2] == told
+        assert next(t.value for t in shown.tiles if t.label == tile) == told.removesuffix(" %")
+        assert f"({told}, 95 % CI" in found.paragraph
+        assert rows[f"pointing.transparency.{name}.fc"].value == pytest.approx(change.value, rel=1e-12)
+        assert rows[f"pointing.certificate.fc.{name}.change"].value == pytest.approx(change.value, rel=1e-12)
+        table = description_table(found, found.assessed[name])
+        assert table.rows[1][table.heads.index("Δ %")].replace("\N{MINUS SIGN}", "-") == told.removesuffix(" %")
+        if name == "vmax":
+            short = found.indices[name].short
+            chosen = next(row for row in range_table(found).rows if row[0] == short)
+            assert float(chosen[2].replace("\N{MINUS SIGN}", "-")) == pytest.approx(change.value, abs=0.06)
+        others = [row for row in found.rows if row.id.endswith(f"{name}.fc.change_of_mean")]
+        assert all(row.note.startswith("sensitivity analysis") for row in others)
+    assert told in found.headline or change_text(primary_change(found, "duration_median", "FC")) in found.headline
+
+
+def test_a_reviewer_gets_all_that_was_stated_and_left_out(of_twelve):
+    path = write_certificate(of_twelve)
+    text = path.read_text(encoding="utf-8")
+    for part in ("Less than people differ between days.", "none stated", "Nobody and nothing was left out",
+                 "mean of people", "at least 78 %", "pellucid certificate", "SHA-256", "Sensitivity analyses"):  # fmt: skip
+        assert part in text
+    assert write_certificate(of_twelve).read_bytes() == path.read_bytes()
+
+
+def test_people_who_are_lost_leave_only_bounds(tmp_path):
+    """Two of fourteen lack the robot: of a mean nothing is known then, the pseudo-median of the others has bounds."""
+    study = made_pointing.study(
+        tmp_path, participants=14, conditions=("Ctrl", "FC"), repetitions=1, missing=(("P3", "FC"), ("P7", "FC")),
+    )  # fmt: skip
+    (mean,) = assess(with_margins(study, 'estimand = "mean"\nvmax = "60 %"')).certified
+    assert mean.lost_people == ("P3", "P7")
+    assert mean.certificate.verdict == "cannot say"
+    (said,) = certificate_sentences(found := assess(with_margins(study, 'vmax = "60 %"')))
+    assert found.certified[0].certificate.verdict == "transparent"
+    assert "pseudo-median" in said

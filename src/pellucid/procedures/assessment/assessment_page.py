@@ -190,4 +190,5 @@ def _table(table: FigureTable) -> Table:
     rows = tuple(Row(tuple(cell_text(cell) for cell in row)) for row in table.rows)
     words = 2 if len(table.heads) > 1 and table.heads[1] in ("", "Rule", "Change") and table.heads[0] != "" else 1
     words = 2 if table.heads[:2] == ("", "") or table.heads[0] == "Condition" else words
+    words = 3 if table.heads[2:3] == ("Analysis",) else words
     return Table(table.heads, rows, numeric=frozenset(range(words, len(table.heads))), caption=table.title, wide=True)

@@ -44,6 +44,9 @@ TEST_NAMES = {
 }
 """Names of the analyses: what each estimates, and by which test."""
 
+ANALYSIS_NAMES = {"skew_robust": "mean", "signed_rank": "pseudo-median", "mixed_model": "mixed model"}
+"""Short names of the analyses, for tables."""
+
 ASSUMPTIONS = {
     "skew_robust": "people's changes are no more skewed than a lognormal distribution of sigma 1",
     "signed_rank": "people's changes are spread symmetrically about their pseudo-median",
@@ -97,7 +100,7 @@ def beside_table(found: AssessmentResult) -> FigureTable:
                 cells = (None, None) if failed else (_change(point, own), _interval(point, own))
                 said = "no answer" if failed else own.verdict
                 movements = model.movements if fitted else None
-                rows.append((each.condition, point.index.short, TEST_NAMES[test], *cells, spread, movements, said))
+                rows.append((each.condition, point.index.short, ANALYSIS_NAMES[test], *cells, spread, movements, said))
     heads = ("Condition", "Index", "Analysis", "Change", f"{_share(found):g} % interval", "SD of people's",
              "Movements", "Said")  # fmt: skip
     return FigureTable("Sensitivity analyses, on which no verdict rests", heads, tuple(rows))

@@ -22,6 +22,7 @@ from ...assessment.indices import indices_along
 from ...assessment.mean_test import MIN_PEOPLE
 from ...studies.study import Study
 from ...units import COORDINATES_BY_UNIT, parse_quantity
+from ..result import Result
 from .assessment_table import AssessmentTable
 from .certified import end_points
 from .certified_condition import EndPoint
@@ -105,6 +106,20 @@ def plan(
         f"correlated by {END_POINT_CORRELATIONS[1]:g} over end points. {_ACTIVE_WORDS} {studies} studies simulated for "
         "each number of people.",
     )
+
+
+def pilot_changes(pilot: Study) -> dict[str, np.ndarray]:
+    """Return people's changes by end point of an assessed pilot, (n,), in its condition in which they differ most."""
+    from .procedure import AssessmentProcedure
+
+    spec, procedure = pilot.find_table(AssessmentTable), AssessmentProcedure()
+    if spec is None or not spec.index_margins:
+        raise StudyError(f"{pilot.folder}, study.toml: found no [assessment.margins], expected those of the plan")
+    found = Result.kept(pilot, procedure) or procedure.run(pilot, spec)
+    widest = max(found.certified, key=lambda each: sum(
+        float(np.var(test.differences)) / test.margin.high**2 for test in each.certificate.end_points.values()
+    ))  # fmt: skip
+    return {name: test.differences for name, test in widest.certificate.end_points.items()}
 
 
 _ACTIVE_WORDS = (
