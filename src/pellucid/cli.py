@@ -276,6 +276,12 @@ def assess(
 @app.command()
 def plan(
     folder: Folder,
+    participants: Annotated[
+        int | None, typer.Option(metavar="N", min=2, help="Number decided on: refused if it can certify nothing.")
+    ] = None,
+    pilot: Annotated[
+        Path | None, typer.Option(metavar="STUDY", help="Assessed pilot study from whose people studies are drawn.")
+    ] = None,
     power: Annotated[
         float, typer.Option(metavar="P", min=0.5, max=0.999, help="Share of studies that should show it (power).")
     ] = 0.9,
@@ -287,17 +293,32 @@ def plan(
 ) -> None:
     """Plan the number of people for a certificate."""
     from .assessment.cluster import cluster
+    from .procedures.assessment.plan import pilot_changes
     from .procedures.assessment.plan import plan as run
     from .procedures.print_result import fitting_tables
 
     study, console = _opened(folder, None, allow_outside), make_console()
     with cluster(scheduler) as executor:
-        found = run(study, power=power, studies=studies, executor=executor)
+        people = None if pilot is None else pilot_changes(_opened(pilot, None, allow_outside))
+        found = run(
+            study, power=power, participants=participants, pilot=people, studies=studies, executor=executor
+        )
     print_line(console, found.title)
     rows = [["" if cell is None else str(cell) for cell in row] for row in found.rows]
     for table in fitting_tables(found.heads, rows, console.width):
         console.print(table)
     print_line(console, found.note)
+
+
+@app.command()
+def certificate(folder: Folder, out: Out = None, allow_outside: Outside = False) -> None:
+    """Write a certificate's page for a reviewer: protocol, margins, assumptions, exclusions, checksums."""
+    from .procedures.assessment.reviewer_page import write_certificate as run
+
+    study = _opened(folder, out, allow_outside)
+    with show_progress() as tell:
+        page = run(study, on_progress=tell)
+    print_line(make_console(), f"Certificate: {page}")
 
 
 @app.command()

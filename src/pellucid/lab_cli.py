@@ -118,32 +118,48 @@ def reproduce(
 def rank(
     pairs: Annotated[
         int, typer.Option(metavar="N", min=1, help="Pairs of a drawn person and a robot, for each joint.")
-    ] = 2,
+    ] = 7,
     seed: Annotated[int, typer.Option(metavar="N", min=1, help="Seed of people, robots and noise.")] = 1,
+    law: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="Law of your own for the knee: .c, .so or .py; may be repeated."),
+    ] = None,
+    sealed: Annotated[
+        bool, typer.Option("--sealed", help="Draw the seed after the laws were read, so that none was tuned on it.")
+    ] = False,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the page.")] = Path("ranking"),
 ) -> None:
-    """Rank every controller, elbow and knee, on one page."""
+    """Rank every controller, elbow and knee, on one page, and laws of your own beside them."""
     from .procedures.print_result import fitting_tables
+    from .ranking.foreign_law import STOPPED_WORDS
     from .ranking.rank import rank as run
-    from .ranking.strategies import strategies_of_task
+    from .ranking.strategies import controller_words
 
     with show_progress() as tell:
-        made = run(out, pairs=pairs, seed=seed, on_progress=tell)
+        made = run(out, pairs=pairs, seed=None if sealed else seed, laws=law or (), on_progress=tell)
     console = make_console()
     for task in made.tasks:
         low, middle, high = task.spread(task.torque)
         rows = [
             [
-                strategies_of_task(task.task)[name].name,
+                controller_words(task.task, name),
                 f"{task.ranks[i]:.1f}",
                 f"{middle[i]:.3g}",
-                f"{low[i]:.3g} to {high[i]:.3g}",
+                f"{low[i]:.3g} to {high[i]:.3g}" if task.has_interval else "",
             ]
             for i, name in enumerate(task.controllers)
         ]
         print_line(console, "")
         for table in fitting_tables((task.task, "mean rank", "torque (N·m)", "80 % of pairs"), rows, console.width):
             console.print(table)
+    for task in made.tasks:
+        for name in (each.name for each in made.laws if each.name in task.tried):
+            why = dict.fromkeys(STOPPED_WORDS.get(one.fault, one.fault) for one in task.tried[name])
+            why.pop("none", None)
+            if why:
+                print_line(console, f"{controller_words(task.task, name)}, {task.task}: stopped; it {', '.join(why)}")
+    if sealed:
+        print_line(console, f"The seed was {made.seed}.")
     print_line(console, f"Page: {made.page}")
 
 

@@ -75,7 +75,7 @@ def test_a_path_is_opened_as_a_study(tmp_path):
 def test_a_table_of_movements_is_assessed_and_certified():
     rng = np.random.default_rng(1)
     rows = {"participant": [], "condition": [], "duration": [], "note": []}
-    for person in range(10):
+    for person in range(14):
         usual = rng.normal(1.0, 0.1)
         for condition, factor in (("free", 1.0), ("light", 1.01), ("heavy", 1.5)):
             for _ in range(3):
@@ -83,13 +83,13 @@ def test_a_table_of_movements_is_assessed_and_certified():
                 rows["condition"].append(condition)
                 rows["duration"].append(usual * factor * np.exp(rng.normal(0.0, 0.02)))
                 rows["note"].append("ok")
-    rows["participant"].append("P11")  # does one condition only
+    rows["participant"].append("P15")  # does one condition only
     rows["condition"].append("free")
     rows["duration"].append(1.0)
     rows["note"].append("")
     found = pl.assess(rows, control="free", margins={"duration": 0.1})
     assert list(found) == ["duration"]
-    assert found.left_out == ("P11",)
+    assert found.left_out == ("P15",)
     assert found["duration"].pairwise["heavy"].change == pytest.approx(0.5, abs=0.1)
     assert found.certificates["light"].verdict == "transparent"
     assert found.certificates["heavy"].verdict == "not transparent"

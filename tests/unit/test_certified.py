@@ -7,7 +7,17 @@ import numpy as np
 import pytest
 
 from pellucid._errors import StudyError
-from pellucid.procedures.assessment.certified_rows import certificate_remarks, certificate_rows, certificate_sentences
+from pellucid.procedures.assessment.assessment_page import page
+from pellucid.procedures.assessment.assessment_tables import description_table, range_table
+from pellucid.procedures.assessment.certified_rows import (
+    certificate_remarks,
+    certificate_rows,
+    certificate_sentences,
+    certificate_table,
+)
+from pellucid.procedures.assessment.primary_change import primary_change
+from pellucid.procedures.assessment.reviewer_page import write_certificate
+from pellucid.procedures.assessment.statements import change_text
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import assess
 
@@ -15,7 +25,9 @@ from pellucid.procedures.run import assess
 def with_margins(study, margins, curves="", change=lambda told: told):
     path = study.folder / "study.toml"
     told = re.sub(r"\n\[assessment\.(margins|curves)\][^[]*", "\n", path.read_text(encoding="utf-8"))
-    told = change(told) + "\n[assessment.margins]\n" + margins + "\n"
+    # These studies have six people: of fewer than twelve no mean is claimed.
+    estimand = "" if "estimand" in margins else 'estimand = "pseudo-median"\n'
+    told = change(told) + "\n[assessment.margins]\n" + estimand + margins + "\n"
     path.write_text(told + (f"\n[assessment.curves]\n{curves}\n" if curves else ""), encoding="utf-8")
     return open_study(study.folder)
 
@@ -104,7 +116,7 @@ def test_the_page_has_the_model_the_order_and_the_curves(ordered):
         "PCFr": "transparent", "CLPC": "transparent",
     }  # fmt: skip
     # Five people's movements and 8 of the sixth's; what was asked of the model is what people's values say.
-    ranks, model = fc.certificate.end_points["duration_median"], fc.beside["duration_median"]
+    ranks, model = fc.certificate.end_points["duration_median"], fc.beside["mixed_model"]["duration_median"]
     assert model.method == "mixed_model"
     assert model.estimate == pytest.approx(ranks.estimate, abs=0.02)
     assert fc.certificate.curves["velocity curve"].verdict == "within"
@@ -180,9 +192,89 @@ def test_the_sentence_says_what_was_assumed_of_people(pointing):
     assert "at most 5 % of studies if people's changes are spread symmetrically" in by_ranks
     assert "pseudo-median" in by_ranks
     assert "the mean of skewed changes may lie beyond" in by_ranks
-    by_model = certificate_sentences(
-        assess(with_margins(pointing, WIDE, change=lambda told: told.replace(
-            'control = "Ctrl"', 'control = "Ctrl"\nequivalence = "mixed_model"', 1)))
-    )[0]  # fmt: skip
-    assert "mean change" in by_model
-    assert "normally distributed" in by_model
+    assert "6 of 6 people lie within: whatever their distribution, at least 61 % of people do" in by_ranks
+
+
+def test_six_people_are_too_few_for_a_mean(pointing):
+    (said, *_) = certificate_sentences(found := assess(with_margins(pointing, 'estimand = "mean"\n' + WIDE)))
+    assert "cannot say" in said
+    assert "26 % of studies would see none of them. Record 12 people or more" in said
+    assert found.certified[0].beside["signed_rank"]["vmax"].verdict == "within"
+
+
+@pytest.mark.parametrize(
+    ("margins", "said"),
+    [
+        ('estimand = "median"', "expected one of mean, pseudo-median, mean and people"),
+        ('estimand = "mean and people"', "expected a share"),
+        ('people = "80 %"', "none otherwise"),
+    ],
+)
+def test_an_estimand_that_is_not_stated_whole_is_refused(pointing, margins, said):
+    with pytest.raises(StudyError, match=said):
+        with_margins(pointing, f"{margins}\n{WIDE}")
+
+
+def test_a_test_that_does_not_hold_its_level_cannot_be_what_a_certificate_rests_on(pointing):
+    def change(told):
+        return told.replace('control = "Ctrl"', 'control = "Ctrl"\nequivalence = "mixed_model"', 1)
+
+    with pytest.raises(StudyError, match="sensitivity analysis"):
+        with_margins(pointing, WIDE, change=change)
+
+
+@pytest.fixture(scope="module")
+def of_twelve(tmp_path_factory):
+    more = '[assessment.justification]\nvmax = "Less than people differ between days."\n'
+    more += '[assessment.margins]\nvmax = "60 %"'
+    return made_pointing.study(
+        tmp_path_factory.mktemp("twelve"), participants=12, conditions=("Ctrl", "FC"), repetitions=1,
+        more=more + '\nduration_median = "60 %"',
+    )  # fmt: skip
+
+
+def test_one_change_is_one_number_everywhere(of_twelve):
+    """Headline, tile, text, table, row and certificate tell the same change; others are called sensitivity analyses."""
+    found = assess(of_twelve)
+    rows = {row.id: row for row in found.rows}
+    shown = page(of_twelve, found)
+    for name, tile in (("duration_median", "Median duration, FC"), ("vmax", "Peak velocity, FC")):
+        change = primary_change(found, name, "FC")
+        told = change_text(change)
+        certified = next(row for row in certificate_table(found).rows if row[1] == found.indices[name].short)
+        assert certified[2] == told
+        assert next(t.value for t in shown.tiles if t.label == tile) == told.removesuffix(" %")
+        assert f"({told}, 95 % CI" in found.paragraph
+        assert rows[f"pointing.transparency.{name}.fc"].value == pytest.approx(change.value, rel=1e-12)
+        assert rows[f"pointing.certificate.fc.{name}.change"].value == pytest.approx(change.value, rel=1e-12)
+        table = description_table(found, found.assessed[name])
+        assert table.rows[1][table.heads.index("Δ %")].replace("\N{MINUS SIGN}", "-") == told.removesuffix(" %")
+        if name == "vmax":
+            short = found.indices[name].short
+            chosen = next(row for row in range_table(found).rows if row[0] == short)
+            assert float(chosen[2].replace("\N{MINUS SIGN}", "-")) == pytest.approx(change.value, abs=0.06)
+        others = [row for row in found.rows if row.id.endswith(f"{name}.fc.change_of_mean")]
+        assert all(row.note.startswith("sensitivity analysis") for row in others)
+    assert told in found.headline or change_text(primary_change(found, "duration_median", "FC")) in found.headline
+
+
+def test_a_reviewer_gets_all_that_was_stated_and_left_out(of_twelve):
+    path = write_certificate(of_twelve)
+    text = path.read_text(encoding="utf-8")
+    for part in ("Less than people differ between days.", "none stated", "Nobody and nothing was left out",
+                 "mean of people", "at least 78 %", "pellucid certificate", "SHA-256", "Sensitivity analyses"):  # fmt: skip
+        assert part in text
+    assert write_certificate(of_twelve).read_bytes() == path.read_bytes()
+
+
+def test_people_who_are_lost_leave_only_bounds(tmp_path):
+    """Two of fourteen lack the robot: of a mean nothing is known then, the pseudo-median of the others has bounds."""
+    study = made_pointing.study(
+        tmp_path, participants=14, conditions=("Ctrl", "FC"), repetitions=1, missing=(("P3", "FC"), ("P7", "FC")),
+    )  # fmt: skip
+    (mean,) = assess(with_margins(study, 'estimand = "mean"\nvmax = "60 %"')).certified
+    assert mean.lost_people == ("P3", "P7")
+    assert mean.certificate.verdict == "cannot say"
+    (said,) = certificate_sentences(found := assess(with_margins(study, 'vmax = "60 %"')))
+    assert found.certified[0].certificate.verdict == "transparent"
+    assert "pseudo-median" in said

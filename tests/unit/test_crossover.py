@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from pellucid.assessment.certificate import PASS, Doubt, certificate, certificate_from_tests
-from pellucid.assessment.crossover import carry_over, period_effect
+from pellucid.assessment.crossover import carry_over, is_balanced, period_effect
 from pellucid.assessment.equivalence import Margin
 from pellucid.assessment.learning import thirds
 
@@ -18,13 +18,42 @@ def test_the_period_is_told_from_the_change(rng):
     d = 0.1 + 0.2 * later + rng.normal(0.0, 0.02, 12)
     found = period_effect(d, later, WIDE)
     assert found.effect == pytest.approx(0.2, abs=0.02)
-    assert found.p_value < 1e-6
+    assert found.p_value < 0.01
     assert found.without.estimate == pytest.approx(0.1, abs=0.02)
     # Of both orders alike it is the mean of the two sequences' means, with their pooled error: Hills and Armitage.
     pooled = np.sqrt((d[::2].var(ddof=1) + d[1::2].var(ddof=1)) / 2.0 / 12.0)
-    reach = stats.t.isf(0.05, 10) * pooled
-    assert found.without.interval == pytest.approx((d.mean() - reach, d.mean() + reach), rel=1e-9)
+    without = found.without.differences
+    assert without.mean() == pytest.approx(d.mean(), rel=1e-12)
+    assert without.std(ddof=1) / np.sqrt(12) == pytest.approx(pooled, rel=1e-9)
     assert period_effect(d, np.ones(12), WIDE) is None
+
+
+def test_its_p_value_is_counted_and_its_error_that_of_least_squares(rng):
+    later = np.array([1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
+    d = 0.1 + 0.03 * later + rng.normal(0.0, 0.05, 7)
+    found = period_effect(d, later, WIDE)
+    counted = stats.permutation_test(
+        (d[:4], d[4:]), lambda a, b, axis: np.abs(a.mean(axis=axis) - b.mean(axis=axis)), vectorized=True,
+        n_resamples=np.inf, alternative="greater",
+    )  # fmt: skip
+    assert found.p_value == pytest.approx(counted.pvalue, abs=1e-12)
+    line = stats.linregress(later, d)
+    assert found.effect == pytest.approx(line.slope)
+    assert found.without.estimate == pytest.approx(line.intercept)
+    without = found.without.differences
+    assert without.std(ddof=1) / np.sqrt(7) == pytest.approx(line.intercept_stderr, rel=1e-9)
+
+
+def test_stating_periods_in_balanced_orders_changes_no_decision(rng):
+    later = np.array([1.0, -1.0] * 8)
+    margin = Margin.either_way(0.06)
+    for _ in range(200):
+        d = rng.normal(0.0, 0.05, 16)
+        plain = certificate({"duration": d}, {"duration": margin})
+        effect = period_effect(d, later, margin)
+        doubt = Doubt("period", effect.p_value, effect.without, never=is_balanced(later))
+        told = certificate_from_tests(plain.end_points, 0.05, {"duration": (doubt,)})
+        assert told.verdict == plain.verdict
 
 
 def made(rng, people, lingers):
@@ -76,8 +105,10 @@ def test_two_conditions_are_told_by_peoples_sums(rng):
     lingering = values + 0.5 * ((period == 2) & np.array([True, False])[None, :])
     found = carry_over(lingering, period, 0, 1, WIDE)
     first = period[:, 1] == 1
-    assert found.p_value == pytest.approx(stats.ttest_ind(*(lingering[s].sum(axis=1) for s in (first, ~first))).pvalue)
-    assert found.p_value < 1e-3
+    assert found.p_value == pytest.approx(
+        stats.mannwhitneyu(*(lingering[s].sum(axis=1) for s in (first, ~first)), method="exact").pvalue
+    )
+    assert found.p_value < 0.01
     assert found.without.estimate == pytest.approx(lingering[first, 1].mean() - lingering[~first, 0].mean())
 
 
@@ -91,8 +122,8 @@ def test_thirds_show_a_drift_and_not_the_kinds_of_movements(rng):
 
 def test_a_doubt_takes_a_claim_away_and_never_makes_one(rng):
     margin = {"duration": Margin.of_ratio(0.1)}
-    plain = certificate({"duration": rng.normal(0.0, 0.02, 10)}, margin)
-    far = certificate({"duration": rng.normal(0.3, 0.02, 10)}, margin)
+    plain = certificate({"duration": rng.normal(0.0, 0.02, 14)}, margin)
+    far = certificate({"duration": rng.normal(0.3, 0.02, 14)}, margin)
     own, other = plain.end_points["duration"], far.end_points["duration"]
     assert plain.verdict == PASS
     for p, without, said in ((0.01, other, "undecided"), (0.01, own, "within"), (0.2, other, "within")):

@@ -11,6 +11,10 @@ the change without it is held against the margin too. Where it weighs and the ch
 the end point is undecided. A doubt can thus only take a claim away, never make one. Some weigh always: to reckon only
 with what is seen would let through what few people do not show.
 
+What is claimed is an *estimand*, stated before the data: the mean of people's changes, their pseudo-median, or the mean
+and with it that at least a declared share of people lies within the margin. No estimand is claimed to lie within where
+one person lies far beyond the margin: a mean that is small although somebody is slowed by half misleads its reader.
+
 .. [1] R. L. Berger, J. C. Hsu, "Bioequivalence trials, intersection-union tests and equivalence confidence sets", Stat.
    Sci. 11, 1996.
 """
@@ -19,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -26,6 +31,15 @@ from .._errors import PellucidError
 from .comparison import holm
 from .curves import CurveComparison
 from .equivalence import BEYOND_MARGIN, UNDECIDED, WITHIN_MARGIN, Equivalence, Margin, Method, equivalence
+
+Estimand = Literal["mean", "pseudo-median", "mean and people"]
+
+ESTIMAND_METHODS: dict[Estimand, Method] = {
+    "mean": "skew_robust",
+    "pseudo-median": "signed_rank",
+    "mean and people": "skew_robust",
+}
+"""Test of each estimand."""
 
 PASS = "transparent"
 """Verdict if every end point lies within its margin."""
@@ -45,10 +59,11 @@ class Doubt:
     p_value: float  # p value of the test that the cause has no effect
     without: Equivalence  # test of the end point with the effect of the cause removed
     always: bool = False  # True: both tests must agree even if the cause is not significant
+    never: bool = False  # True: the cause cannot have moved the estimate, and is told for information
 
     def weighs(self, alpha: float) -> bool:
-        """Return whether the doubt counts: its p value is at most `alpha`, uncorrected, or it counts always."""
-        return self.always or self.p_value <= alpha
+        """Return whether the doubt counts: its p value is at most `alpha`, or it counts always."""
+        return not self.never and (self.always or self.p_value <= alpha)
 
 
 @dataclass(frozen=True)
@@ -60,6 +75,7 @@ class Certificate:
     alpha: float
     doubts: Mapping[str, tuple[Doubt, ...]] = field(default_factory=dict)  # doubts by end point
     curves: Mapping[str, CurveComparison] = field(default_factory=dict)  # curves with margins, judged as end points
+    people: float | None = None  # share of people who must be shown to lie within, if declared
 
     @property
     def p_value(self) -> float:
@@ -85,14 +101,34 @@ class Certificate:
         return BEYOND_MARGIN if self.beyond[name] <= self.alpha else UNDECIDED
 
     def contradicted(self, name: str) -> tuple[Doubt, ...]:
-        """Return the doubts that count and that contradict the test of an end point."""
+        """Return the doubts that count and that contradict the test of an end point.
+
+        Their level is shared among the end points: each kind of doubt arises by chance in at most alpha of studies.
+        """
         said = self.tested(name)
         own = self.doubts.get(name, ()) if said != UNDECIDED else ()
-        return tuple(doubt for doubt in own if doubt.weighs(self.alpha) and doubt.without.verdict != said)
+        level = self.alpha / len(self.end_points)
+        return tuple(doubt for doubt in own if doubt.weighs(level) and doubt.without.verdict != said)
+
+    def far_people(self, name: str) -> tuple[int, ...]:
+        """Return the rows of people who lie so far beyond an end point's margin that nothing is claimed within."""
+        tested = self.tested(name) == WITHIN_MARGIN and name in self.end_points
+        return self.end_points[name].far_people if tested else ()
+
+    def lacks_people(self, name: str) -> bool:
+        """Return whether an end point tested within fails to show the declared share of people to lie within."""
+        if self.people is None or name not in self.end_points or self.tested(name) != WITHIN_MARGIN:
+            return False
+        return self.end_points[name].share_within < self.people
 
     def said_of(self, name: str) -> str:
-        """Return the result of one end point's test; a doubt that contradicts it makes it ``"undecided"``."""
-        return UNDECIDED if self.contradicted(name) else self.tested(name)
+        """Return the result of one end point's test.
+
+        A doubt that contradicts it, a person far beyond the margin, and a declared share of people that is not shown
+        each make it ``"undecided"``.
+        """
+        taken = self.contradicted(name) or self.far_people(name) or self.lacks_people(name)
+        return UNDECIDED if taken else self.tested(name)
 
 
 def certificate(
@@ -100,7 +136,9 @@ def certificate(
     margins: Mapping[str, Margin],
     *,
     alpha: float = 0.05,
-    method: Method = "signed_rank",
+    estimand: Estimand = "mean",
+    people: float | None = None,
+    method: Method | None = None,
 ) -> Certificate:
     """Test end points together.
 
@@ -111,10 +149,15 @@ def certificate(
     margins : mapping of str to Margin
         One for each end point.
     alpha : float
-        Chance of a false "transparent". By signed ranks it holds for the pseudo-median of differences that are spread
-        symmetrically, by the other methods for the mean; a skewed distribution makes the chance for the mean larger.
-    method : str
-        ``"signed_rank"``, ``"t"`` or ``"bootstrap"``.
+        Chance of a false "transparent" about the estimand.
+    estimand : str
+        ``"mean"`` of the differences, whatever their skewness; ``"pseudo-median"``, which supposes that they are spread
+        symmetrically; or ``"mean and people"``, the mean and a share of `people` within the margin.
+    people : float, optional
+        Share of people in (0, 1) who must be shown to lie within, for ``"mean and people"``.
+    method : str, optional
+        Another test in place of the estimand's: ``"t"`` or ``"bootstrap"``, whose level does not hold for skewed
+        differences.
 
     Returns
     -------
@@ -123,13 +166,13 @@ def certificate(
     Raises
     ------
     PellucidError
-        If there is no end point, one has no margin or no differences.
+        If there is no end point, one has no margin or no differences, or `people` and `estimand` do not fit.
 
     Examples
     --------
     >>> import numpy as np
     >>> rng = np.random.default_rng(3)
-    >>> changes = {"duration": rng.normal(0.0, 0.04, 12), "vmax": rng.normal(0.02, 0.04, 12)}
+    >>> changes = {"duration": rng.normal(0.0, 0.04, 16), "vmax": rng.normal(0.02, 0.04, 16)}
     >>> certificate(changes, dict.fromkeys(changes, Margin.of_ratio(0.10))).verdict
     'transparent'
     """
@@ -141,10 +184,23 @@ def certificate(
             f"certificate: found values of {', '.join(differences) or 'nothing'}, expected those of "
             f"{', '.join(lacking)} too"
         )
-    made = {
-        name: equivalence(differences[name], margin, alpha=alpha, method=method) for name, margin in margins.items()
-    }
-    return certificate_from_tests(made, alpha)
+    require_people("certificate", estimand, people)
+    used: Method = ESTIMAND_METHODS[estimand] if method is None else method
+    made = {name: equivalence(differences[name], margin, alpha=alpha, method=used) for name, margin in margins.items()}
+    return certificate_from_tests(made, alpha, people=people)
+
+
+def require_people(where: str, estimand: str, people: float | None) -> None:
+    """Refuse an unknown estimand, and a share of people that does not belong to it."""
+    if estimand not in ESTIMAND_METHODS:
+        raise PellucidError(f"{where}: found the estimand {estimand!r}, expected one of {', '.join(ESTIMAND_METHODS)}")
+    if (people is not None) != (estimand == "mean and people"):
+        raise PellucidError(
+            f'{where}: found people = {people} and the estimand "{estimand}", expected a share with "mean and people" '
+            "and none otherwise"
+        )
+    if people is not None and not 0.0 < people < 1.0:
+        raise PellucidError(f"{where}: found people = {people:g}, expected a share above 0 and below 1")
 
 
 def certificate_from_tests(
@@ -152,11 +208,12 @@ def certificate_from_tests(
     alpha: float,
     doubts: Mapping[str, tuple[Doubt, ...]] | None = None,
     curves: Mapping[str, CurveComparison] | None = None,
+    people: float | None = None,
 ) -> Certificate:
     """Return the certificate of end points and curves that were tested already, each at level `alpha`.
 
-    `doubts` holds the other possible causes of each end point's change.
+    `doubts` holds the other possible causes of each end point's change; `people` is the declared share of people.
     """
     every: dict[str, Equivalence | CurveComparison] = {**end_points, **(curves or {})}
     beyond = dict(zip(every, holm([each.p_beyond for each in every.values()]), strict=True))
-    return Certificate(end_points, beyond, alpha, doubts or {}, curves or {})
+    return Certificate(end_points, beyond, alpha, doubts or {}, curves or {}, people)

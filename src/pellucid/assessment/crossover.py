@@ -6,13 +6,17 @@ further apart. With :math:`d_i` a participant's change and :math:`p_i` by how ma
 .. math::  d_i = \delta + \pi \, p_i + \varepsilon_i
 
 gives the effect of a period, and the change without it: of two conditions in both orders this is Hills and Armitage's
-analysis [1]_. Where everybody had the same order it cannot be told from the condition's effect.
+analysis [1]_. Its p value is that of the slope's rank among all assignments of the :math:`p_i` to people, or among
+`PERMUTATION_COUNT` drawn ones: it supposes no distribution. In orders that balance (the mean of :math:`p_i` is 0) a
+period does not move the mean change, and stating the periods changes no decision. Otherwise the mean change has
+:math:`\pi \bar p` in it, and the change without it, its error widened by what the slope is unsure of, must lie within
+the margin, too. Where everybody had the same order it cannot be told from the condition's effect.
 
 What came before may linger. With three conditions or more in orders that differ, an effect of the previous condition is
-added to effects of people, periods and conditions, and tested by F; with two it is told from people's sums, which
-differ between both orders if the first condition's effect lasts into the second, and the change without it is that of
-first periods alone, between people [2]_. Both see little with few people: what keeps carry-over out is a pause, not a
-test.
+added to effects of people, periods and conditions, and tested by F. With two it is told from people's sums, whose
+ranks differ between both orders if the first condition's effect lasts into the second; the change without it is that
+of first periods alone, between people [2]_. Both see little with few people: what keeps carry-over out is a pause, not
+a test.
 
 .. [1] M. Hills, P. Armitage, "The two-period cross-over clinical trial", Br. J. Clin. Pharmacol. 8, 1979.
 .. [2] B. Jones, M. G. Kenward, "Design and Analysis of Cross-Over Trials", 3rd ed., 2014.
@@ -21,11 +25,19 @@ test.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import permutations
+from math import factorial
 
 import numpy as np
 from scipy import stats
 
-from .equivalence import Equivalence, Margin, equivalence_of_estimate
+from .equivalence import Equivalence, Margin, Method, equivalence, equivalence_of_estimate
+
+PERMUTATION_COUNT = 20_000
+"""Number of drawn assignments behind the p value of a period's effect; all are counted if there are no more."""
+
+BALANCE_TOLERANCE = 1e-9
+"""Orders balance if a condition comes, on average, within this many periods of control."""
 
 
 @dataclass(frozen=True)
@@ -37,21 +49,53 @@ class OrderEffect:
     without: Equivalence
 
 
+def is_balanced(later: np.ndarray) -> bool:
+    """Return whether orders balance: a condition comes as long before control as after it, (n,) periods, on average."""
+    return bool(abs(np.mean(later)) <= BALANCE_TOLERANCE)
+
+
 def period_effect(
-    differences: np.ndarray, later: np.ndarray, margin: Margin, *, alpha: float = 0.05
+    differences: np.ndarray, later: np.ndarray, margin: Margin, *, alpha: float = 0.05, method: Method = "skew_robust"
 ) -> OrderEffect | None:
     """Return the effect of the period on participants' changes; None if it cannot be told from the change itself.
 
-    `differences` and `later` are (n,): changes, and the number of periods by which each came after control.
+    `differences` and `later` are (n,): changes, and the number of periods by which each came after control. The change
+    without the period's effect is tested by `method`.
     """
     d, later = np.asarray(differences, float), np.asarray(later, float)
-    n = len(d)
-    if n < 4 or np.ptp(later) == 0.0:
+    if len(d) < 4 or np.ptp(later) == 0.0 or not np.isfinite(d).all():
         return None
-    design = np.column_stack([np.ones(n), later])
-    value, error, p = _least_squares(design, d, np.array([[1.0, 0.0], [0.0, 1.0]]))
-    without = equivalence_of_estimate(value[0], error[0], n - 2, margin, alpha=alpha, method="period", pairs=n)
-    return OrderEffect(float(value[1]), float(p[1]), without)
+    slope, corrected = without_period(d, later)
+    without = equivalence(corrected, margin, alpha=alpha, method=method)
+    return OrderEffect(float(slope), _permutation_p(d, later), without)
+
+
+def without_period(differences: np.ndarray, later: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the effect of a period on `differences` (..., n), and the differences without it, (..., n).
+
+    `later`, (n,), is by how many periods each came after control. The corrected differences are widened about their
+    mean, so that their standard error is that of least squares, which also has the error of the period's effect.
+    """
+    n, mean = differences.shape[-1], float(np.mean(later))
+    centred = later - mean
+    spread = float(centred @ centred)
+    slope = np.asarray(differences @ centred / spread)
+    middle = differences.mean(axis=-1, keepdims=True)
+    rest = differences - middle - slope[..., None] * centred
+    wider = np.sqrt((1.0 + n * mean**2 / spread) * (n - 1.0) / (n - 2.0))
+    return slope, middle - slope[..., None] * mean + wider * rest
+
+
+def _permutation_p(differences: np.ndarray, later: np.ndarray) -> float:
+    """Return the two-sided p value of the slope of `differences` over `later`, (n,) each, over assignments."""
+    d, p = differences - differences.mean(), later - later.mean()
+    n, seen = len(d), abs(float(d @ p))
+    if factorial(n) <= PERMUTATION_COUNT:
+        drawn = np.array(list(permutations(p)))
+    else:
+        drawn = np.random.default_rng([n, 1]).permuted(np.tile(p, (PERMUTATION_COUNT, 1)), axis=1)
+    far = int(np.sum(np.abs(drawn @ d) >= seen * (1.0 - 1e-12)))
+    return far / len(drawn) if factorial(n) <= PERMUTATION_COUNT else (far + 1.0) / (len(drawn) + 1.0)
 
 
 def carry_over(
@@ -96,19 +140,31 @@ def carry_over(
 
 def _carry_over_of_two_conditions(values, rank, control, compared, margin, alpha) -> OrderEffect | None:
     first = rank[:, compared] == 0
-    one, other = int(first.sum()), int((~first).sum())
-    if min(one, other) < 2:
+    if min(int(first.sum()), int((~first).sum())) < 2:
         return None
     sums = values.sum(axis=1)
-    test = stats.ttest_ind(sums[first], sums[~first])
-    own, others = values[first, compared], values[~first, control]
-    pooled = (np.sum((own - own.mean()) ** 2) + np.sum((others - others.mean()) ** 2)) / (one + other - 2)
-    error = float(np.sqrt(pooled * (1.0 / one + 1.0 / other)))
+    p, estimate, error = carry_over_of_studies(values[None, :, control], values[None, :, compared], first)
     without = equivalence_of_estimate(
-        float(own.mean() - others.mean()), error, one + other - 2, margin, alpha=alpha, method="carry-over",
-        pairs=one + other,
+        float(estimate[0]), float(error[0]), len(values) - 2, margin, alpha=alpha, method="carry-over",
+        pairs=len(values),
     )  # fmt: skip
-    return OrderEffect(float(sums[first].mean() - sums[~first].mean()), float(test.pvalue), without)
+    return OrderEffect(float(sums[first].mean() - sums[~first].mean()), float(p[0]), without)
+
+
+def carry_over_of_studies(
+    control: np.ndarray, compared: np.ndarray, first: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the p value of carry-over between two conditions, and the change of first periods with its error.
+
+    `control` and `compared` are (k, n) values of people in k studies; `first`, (n,), tells who had the compared
+    condition first. The p value is that of the exact rank-sum test of people's sums.
+    """
+    sums, n = control + compared, len(first)
+    p = stats.mannwhitneyu(sums[:, first], sums[:, ~first], axis=1, method="exact").pvalue
+    own, others = compared[:, first], control[:, ~first]
+    squares = own.shape[1] * own.var(axis=1) + others.shape[1] * others.var(axis=1)
+    error = np.sqrt(squares / (n - 2) * (1.0 / own.shape[1] + 1.0 / others.shape[1]))
+    return p, own.mean(axis=1) - others.mean(axis=1), error
 
 
 def _indicator_columns(labels: np.ndarray, k: int, left_out: int) -> np.ndarray:

@@ -1,19 +1,22 @@
 """With how many participants would "transparent" be said, if it is true? Power of a certificate by simulation.
 
-Changes of all end points are drawn together from a normal distribution with their covariance over participants, about
-the changes that are supposed to be true (none, unless said); each draw is one study, tested as `certificate` would.
+Changes of all end points are drawn together about the changes that are supposed to be true (none, unless said): from a
+normal distribution with their covariance over participants, or from a pilot's own people with replacement. Each draw is
+one study, decided by `are_transparent` with everything that the study will have: its estimand, a declared share of
+people, a person far beyond, and, where they are `Active`, orders of conditions and movements in their order.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 from .._errors import PellucidError
-from .equivalence import Margin, Method, critical_rank_sum
+from .certificate import Estimand, require_people
+from .equivalence import Margin, Method
 from .power import (
     SEARCH_DRAWS_PER_STUDY,
     InlineExecutor,
@@ -23,7 +26,25 @@ from .power import (
     run_parts,
     simulated_power,
 )
-from .signed_rank import rank_sums
+from .transparent_studies import SimulatedStudies, are_transparent
+
+LEVEL_SPREAD_RATIO = 5.0
+"""People's levels in the control condition are drawn with this multiple of the standard deviation of their changes."""
+
+LATE_SPREAD_RATIO = 1.0
+"""Standard deviation of "the last third less all movements", as a multiple of that of people's changes.
+
+Sixty movements of each condition that scatter by 12 % leave about that beside changes of 3 %."""
+
+
+@dataclass(frozen=True)
+class Active:
+    """Parts of a certificate beside its test that a planned study will have."""
+
+    estimand: Estimand = "mean"
+    people: float | None = None  # declared share of people
+    order: bool = False  # orders of two conditions are stated, each begun by half of the people
+    learning: bool = False  # movements are recorded in their order, at least nine of each condition
 
 CANDIDATE_SIZES = (5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 96, 128)
 """Numbers of participants that the search tries first. It does not look for more than the last."""
@@ -36,7 +57,9 @@ def equivalence_power(
     *,
     change: Sequence[float] | None = None,
     alpha: float = 0.05,
-    method: Method = "signed_rank",
+    active: Active = Active(),
+    method: Method | None = None,
+    pilot: np.ndarray | None = None,
     studies: int = 2000,
     seed: int = 1,
     executor: Any = None,
@@ -55,8 +78,12 @@ def equivalence_power(
         True changes that are assumed; by default 0.
     alpha : float
         Level of each one-sided test.
-    method : str
-        ``"signed_rank"`` or ``"t"``.
+    active : Active
+        What the study will have beside its test.
+    method : str, optional
+        Another test than the estimand's: ``"skew_robust"``, ``"signed_rank"`` or ``"t"``.
+    pilot : ndarray, shape (k, m), optional
+        Changes of a pilot's people, k >= 3: people are drawn from them, moved to `change`, in place of normal ones.
     studies : int
         Number of simulated studies for each size.
     seed : int
@@ -71,15 +98,15 @@ def equivalence_power(
     Raises
     ------
     PellucidError
-        If shapes do not fit, or the method is neither of both.
+        If shapes do not fit, or the method is none of these.
 
     Examples
     --------
     >>> import numpy as np
     >>> margins = [Margin.of_ratio(0.1), Margin.of_ratio(0.1)]
-    >>> curve = equivalence_power(0.06**2 * np.eye(2), margins, (6, 16), studies=500)
-    >>> curve.power[0] < 0.8 < curve.power[1]
-    True
+    >>> curve = equivalence_power(0.05**2 * np.eye(2), margins, (8, 12, 20), studies=500)
+    >>> [round(p, 1) for p in curve.power]
+    [0.0, 0.0, 1.0]
     """
     covariance, m = np.atleast_2d(np.asarray(covariance, float)), len(margins)
     moved = np.zeros(m) if change is None else np.asarray(change, float)
@@ -88,12 +115,17 @@ def equivalence_power(
             f"equivalence power: found a covariance of shape {covariance.shape} and {moved.shape} changes, expected "
             f"those of {m} end points"
         )
-    if method not in ("signed_rank", "t"):
-        raise PellucidError(f"equivalence power: found the method {method!r}, expected signed_rank or t")
+    if method not in (None, "skew_robust", "signed_rank", "t"):
+        raise PellucidError(f"equivalence power: found the method {method!r}, expected skew_robust, signed_rank or t")
+    require_people("equivalence power", active.estimand, active.people)
+    if pilot is not None and (pilot.ndim != 2 or pilot.shape[1] != m or len(pilot) < 3):
+        raise PellucidError(
+            f"equivalence power: found a pilot of shape {pilot.shape}, expected at least 3 people x {m} end points"
+        )
     if min(participants) < 2:
         raise PellucidError(f"equivalence power: found {min(participants)} participants, expected at least 2")
-    ends = np.array([(margin.low, margin.high) for margin in margins])
-    settings = moved, covariance_root(covariance), ends, alpha, method
+    people = None if pilot is None else (pilot - pilot.mean(axis=0)) * np.sqrt(len(pilot) / (len(pilot) - 1.0))
+    settings = moved, covariance_root(covariance), tuple(margins), alpha, active, method, people
     return simulated_power(
         "equivalence", _count_transparent_studies, settings, participants, studies, seed, executor, m
     )
@@ -118,6 +150,7 @@ def participants_for_changes(
     *,
     power: float = 0.9,
     alpha: float = 0.05,
+    active: Active = Active(),
     studies: int = 2000,
     seed: int = 1,
     executor: Any = None,
@@ -140,7 +173,7 @@ def participants_for_changes(
             jobs.append((np.outer(spread, spread) * shape, list(margins), share * ends))
         for i, margin in enumerate(margins):
             jobs.append((spread[i : i + 1, None] ** 2, [margin], share * ends[i : i + 1]))
-    arguments = [(*job, power, alpha, studies, seed) for job in jobs]
+    arguments = [(*job, power, alpha, active, studies, seed) for job in jobs]
     found = run_parts(
         _search_participants, arguments, executor, SEARCH_DRAWS_PER_STUDY * studies * len(jobs) * len(margins)
     )
@@ -150,38 +183,43 @@ def participants_for_changes(
     return [row[: len(correlations)] for row in rows], [row[len(correlations) :] for row in rows]
 
 
-def _search_participants(covariance, margins, change, power, alpha, studies, seed) -> int | None:
+def _search_participants(covariance, margins, change, power, alpha, active, studies, seed) -> int | None:
     return find_equivalence_participants(
         covariance,
         margins,
         power=power,
         change=change,
         alpha=alpha,
+        active=active,
         studies=studies,
         seed=seed,
         executor=InlineExecutor(),
     )
 
 
-def _count_transparent_studies(n, studies, seed, change, factor, ends, alpha, method) -> int:
+def _count_transparent_studies(n, studies, seed, change, factor, margins, alpha, active, method, people) -> int:
     """Return how many simulated studies end with the verdict "transparent"."""
     rng = np.random.default_rng(seed)
-    drawn = change + rng.standard_normal((studies, n, len(change))) @ factor.T
-    within = np.ones(studies, bool)
-    for j, (low, high) in enumerate(ends):
-        for inner in (drawn[:, :, j] - low, high - drawn[:, :, j]):
-            if np.isfinite(inner).all():
-                within &= _is_above_zero(inner, alpha, method)
-    return int(within.sum())
+    if people is None:
+        own = rng.standard_normal((studies, n, len(change))) @ factor.T
+        spread = np.sqrt(np.sum(factor**2, axis=1))
+    else:
+        own = people[rng.integers(len(people), size=(studies, n))]
+        spread = np.std(people, axis=0)
+    drawn = draw_active(change + own, spread, active, rng)
+    said = are_transparent(
+        drawn, margins, alpha=alpha, estimand=active.estimand, people=active.people, method=method
+    )
+    return int(said.sum())
 
 
-def _is_above_zero(differences: np.ndarray, alpha: float, method: str) -> np.ndarray:
-    """Return whether each row of differences, (studies, n), is significantly above 0; shape (studies,)."""
-    n = differences.shape[1]
-    if method == "t":
-        spread = np.std(differences, axis=1, ddof=1) / np.sqrt(n)
-        return differences.mean(axis=1) >= stats.t.isf(alpha, n - 1) * spread
-    needed = critical_rank_sum(n, alpha)
-    if needed is None:
-        return np.zeros(len(differences), bool)
-    return rank_sums(differences) >= needed
+def draw_active(changes: np.ndarray, spread: np.ndarray, active: Active, rng: np.random.Generator) -> SimulatedStudies:
+    """Return simulated studies of `changes` (k, n, m) with what is `active`; `spread`, (m,), is that of changes."""
+    later = levels = drifts = late = None
+    if active.order:
+        later = np.where(np.arange(changes.shape[1]) % 2 == 0, 1.0, -1.0)
+        levels = LEVEL_SPREAD_RATIO * spread * rng.standard_normal(changes.shape)
+    if active.learning:
+        thirds = np.sqrt(1.5) * LATE_SPREAD_RATIO * spread * rng.standard_normal((3, *changes.shape))
+        drifts, late = thirds[2] - thirds[0], thirds[2] - thirds.mean(axis=0)
+    return SimulatedStudies(changes, later, levels, drifts, late)

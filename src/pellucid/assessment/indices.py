@@ -74,7 +74,6 @@ class Index:
     needs_unsettled: bool = False  # True: without a value where every movement of the study settled
     needs_robot: bool = False  # True: without a robot there is none, so that no change is a share of control's
     leads: bool = False  # True: the headline of an assessment tells its change
-    tells_median: bool = False  # True: its first-told change is the median of each participant's own, not of the mean
     sentence_words: str = ""  # beginning of its sentence in the paragraph where ``words`` would not say it
     paragraph_place: int = 0  # place among those the paragraph describes; of the others it says whether they differ
     panel_place: int = 0  # place among the panels that draw every participant
@@ -195,7 +194,7 @@ MEDIAN_DURATION = Index(
     name="duration_median", words="Median duration", short="Median dur.", unit="s",
     worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL,
     of=MOVEMENT_DURATION.of, of_curve=lambda curve: curve.bounded_median, cut_off=CutOff.AT_LEAST_SEEN,
-    leads=True, tells_median=True,
+    leads=True,
     paragraph_place=1, panel_place=1, tile=Tile("Median duration"), has_table=True, is_planned=True,
 )  # fmt: skip
 UNSETTLED_SHARE = Index(

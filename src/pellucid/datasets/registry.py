@@ -24,8 +24,8 @@ class Dataset:
     licence: str  # terms of its publication
     origin: str  # URL at a fixed commit, to which the files' names are appended
     folders: tuple[str, ...]  # possible names of its folder below ``PELLUCID_DATA``
-    # SHA-256 of each file, hexadecimal, by its path below the origin. A study has the file at the same path below its
-    # folder of recordings
+    # SHA-256 of each file, hexadecimal, by its path below the origin; empty if none is stated. A study has the file at
+    # the same path below its folder of recordings
     files: Mapping[str, str]
     # Path below the origin of each file that lies elsewhere there
     paths: Mapping[str, str] = field(default_factory=dict)

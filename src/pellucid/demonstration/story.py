@@ -18,6 +18,7 @@ from ..pages.quantities import number, parameter_interval, percent, typeset_sent
 from ..pages.tables import Row, Table
 from ..procedures.assessment import assessment_figures
 from ..procedures.assessment.assessment_result import AssessmentResult
+from ..procedures.assessment.primary_change import primary_change
 from ..procedures.joint import joint_figures as figures
 from ..procedures.slider import direction_figures
 from ..procedures.slider.slider_page import COLOUR_ROLES, COMPARED_METHODS, PROTOCOL_WORDS, SHORT_METHOD_NAMES
@@ -98,10 +99,10 @@ def _means(findings: AssessmentResult, index: Index) -> dict[str, float]:
 
 
 def _changes(findings: AssessmentResult) -> Mapping[str, float]:
-    """Return the change of the median duration against control under each condition, median over people [%]."""
-    found, control = findings.assessed[MEDIAN_DURATION.name], findings.control
-    changes = {c: found.change_of_median(control, c) for c in found.table.conditions if c != control}
-    return {condition: 100.0 * (change or 0.0) for condition, change in changes.items()}
+    """Return the primary change of the median duration against control under each condition [%]."""
+    name = MEDIAN_DURATION.name
+    changes = {c: primary_change(findings, name, c) for c in findings.assessed[name].table.conditions}
+    return {condition: change.value for condition, change in changes.items() if change is not None}
 
 
 def _signed(share: float) -> str:

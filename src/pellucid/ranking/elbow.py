@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -56,11 +56,11 @@ def try_elbow(rig: PointingRig, person: Person, index: int, seed: int) -> list[C
     """Try every controller of `RANKED_STRATEGIES` on one robot and one person."""
     robot = rig.robot
     laws, cards = elbow_laws(robot, rig, person)
-    free = session_indices(_pointing(rig, person, None, [seed, index]))
+    free = session_indices(point(rig, person, None, [seed, index]))
     worn = make_worn_robot(rig, person, cards, seed + index).commissioned(person)
     made = []
     for name, law in laws.items():
-        session = _pointing(rig, person, law, [seed, index])
+        session = point(rig, person, law, [seed, index])
         moved = session_indices(session)
         power = -session.signals["interaction"] * session.signals["link"]
         made.append(
@@ -79,8 +79,10 @@ def try_elbow(rig: PointingRig, person: Person, index: int, seed: int) -> list[C
     return made
 
 
-def elbow_laws(robot: ElbowRig, rig: PointingRig, person: Person) -> tuple[dict[str, RobotLaw], Cards]:
-    """Return every controller for one person on an identified robot, by name, and the robot's cards."""
+def elbow_laws(
+    robot: ElbowRig, rig: PointingRig, person: Person, only: Sequence[str] = tuple(strategies_of_task(POINTING_TASK))
+) -> tuple[dict[str, RobotLaw], Cards]:
+    """Return the controllers for one person on an identified robot, by name, and the robot's cards."""
     fit, cards = identify_robot(robot)
     exponents = choose_exponents(rig, cards)[0]
     place = person.slider(rig)
@@ -96,10 +98,11 @@ def elbow_laws(robot: ElbowRig, rig: PointingRig, person: Person) -> tuple[dict[
         chosen = offered_controller(cards, name) if name == BEST_CONTROLLER else name
         return controller_builder(cards, chosen, exponents=exponents)(person, place)
 
-    return {name: make(name) for name in strategies_of_task(POINTING_TASK)}, cards
+    return {name: make(name) for name in only}, cards
 
 
-def _pointing(rig: PointingRig, person: Person, law: RobotLaw | None, seed: list[int]) -> PointingSession:
+def point(rig: PointingRig, person: Person, law: RobotLaw | None, seed: list[int]) -> PointingSession:
+    """Simulate one person who points with a `law`, or without a robot."""
     rng = np.random.default_rng(seed)
     lifts = np.deg2rad(rng.permutation(rig["pointing"]["amplitudes"]))
     return simulate_session(rig, person, CONTROL_CONDITION if law is None else "worn", law, rng, lifts)

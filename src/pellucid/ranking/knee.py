@@ -6,13 +6,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..control.supervisor_faults import NO_FAULT
 from ..lab.knee.gait import walking
+from ..lab.knee.instruments import Mounting
 from ..lab.knee.protocol import swing_trial, walking_trial
-from ..lab.knee.rig import knee_orthosis
+from ..lab.knee.rig import KneeRig, knee_orthosis
+from ..lab.knee.subject import KneeSubject
 from ..lab.knee.trial import Controller, KneeReadings, run_trial
 from ..papers.knee.controllers import BuiltController, chosen, controllers
 from ..papers.knee.residual import identify_by_name, session_of
 from ..papers.knee.swings import SETTLING_TIME_S, holds_margins, rms_mismatch_and_torque, without_control, without_power
+from .foreign_law import ForeignController, ForeignLaw
 from .strategies import SWING_TASK, WALKING_TASK, strategies_of_task
 from .tried import ControllerTrial, given_and_taken_power
 
@@ -27,9 +31,15 @@ WEARERS_PER_SEED = 1000
 
 
 def knee_pair(
-    index: int, seed: int, sway: bool = False, only: Sequence[str] = tuple(strategies_of_task(SWING_TASK))
+    index: int,
+    seed: int,
+    sway: bool = False,
+    only: Sequence[str] = tuple(strategies_of_task(SWING_TASK)),
+    laws: Sequence[ForeignLaw] = (),
 ) -> list[ControllerTrial]:
     """Identify wearer `index` in an orthosis of their own, and try every controller in swings and in walking.
+
+    Foreign `laws` are tried on the same wearer with the same noise, each trial in a new process.
 
     With `sway`, controllers without linear margins are also tested for their margins in simulation, which takes most of
     the time.
@@ -65,7 +75,31 @@ def knee_pair(
             made.append(
                 ControllerTrial(task, kind, index, rms_mismatch_and_torque(readings)[1], *given, **safety, fault=fault)
             )
+    for law in laws:
+        for task in (SWING_TASK, WALKING_TASK):
+            made.append(_try_foreign(law, task, index, seed, rig, rig.subjects[name], path, session))
     return made
+
+
+def _try_foreign(
+    law: ForeignLaw, task: str, index: int, seed: int, rig: KneeRig, subject: KneeSubject, path: np.ndarray,
+    session: Mounting,
+) -> ControllerTrial:  # fmt: skip
+    """Try one foreign law; with one that was stopped the torque is NaN, so that it comes last."""
+    trial = (
+        swing_trial(rig, "swing", subject, duration=TRIAL_DURATION_S)
+        if task == SWING_TASK
+        else walking_trial(rig, "walking", subject, path)
+    )
+    controller = ForeignController(law, period=rig.period, torque_limit=rig.constants.actuator.torque_limit)
+    try:
+        rng = np.random.default_rng([seed, index, 7])
+        readings = run_trial(rig, trial, rng=rng, controller=controller, mounting=session)
+    finally:
+        controller.close()
+    given = given_and_taken_power(_power(readings), 1.0 / rig.period)
+    torque = rms_mismatch_and_torque(readings)[1] if controller.fault == NO_FAULT else float("nan")
+    return ControllerTrial(task, law.name, index, torque, *given, fault=controller.fault)
 
 
 def _power(readings: KneeReadings) -> np.ndarray:

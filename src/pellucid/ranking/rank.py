@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,14 +15,22 @@ from .._given import require_folder
 from .._processes import ordered_results
 from ..assessment.friedman import friedman, nemenyi
 from ..studies.results import ResultRow, require_own_page, write_rows
+from .board import add_to_board
 from .elbow import elbow_pair
+from .foreign_law import ForeignLaw
 from .knee import knee_pair
-from .strategies import CONTROLLER_FIELDS, SIMPLE_RIVALS, strategies_of_task
+from .strategies import CONTROLLER_FIELDS, SIMPLE_RIVALS, SWING_TASK, strategies_of_task
 from .task_ranking import SIGNIFICANCE_LEVEL, TaskRanking
 from .tried import ControllerTrial
 
 COMMAND_NAME = "rank"
 """Name of the command in the rows of results.json."""
+
+DEFAULT_PAIR_COUNT = 7
+"""Number of pairs of a person and a robot, unless the caller asks for another number."""
+
+MAX_SEALED_SEED = 10**6
+"""Largest seed that is drawn for a ranking whose seed nobody knew before."""
 
 SWAY_TESTED_COUNT = 2
 """Number of wearers with whom margins are tested in simulation, if there are more wearers than these. The test takes as
@@ -35,13 +44,15 @@ class ControllerRanking:
     pairs: int
     seed: int
     page: Path
+    laws: tuple[ForeignLaw, ...] = ()  # foreign laws among the controllers
 
 
 def rank(
     out: str | Path,
     *,
-    pairs: int = 2,
-    seed: int = 1,
+    pairs: int = DEFAULT_PAIR_COUNT,
+    seed: int | None = 1,
+    laws: Sequence[str | Path] = (),
     workers: int | None = None,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> ControllerRanking:
@@ -53,8 +64,13 @@ def rank(
         Folder, which is created if it does not exist.
     pairs : int
         Number of pairs of a drawn person and a drawn robot, for each joint.
-    seed : int
-        Seed of people, robots and noise, from 1.
+    seed : int, optional
+        Seed of people, robots and noise, from 1. None draws one after the laws were read, so that nobody can have tuned
+        a law on these people; it is told on the page.
+    laws : sequence of path-like
+        Files with laws of your own for the knee orthosis: a Python class ``Law`` with ``step(time, position, torque)``
+        and ``reset()``, or a C file or shared library with ``law_step`` and ``law_reset``. Each runs in a process of
+        its own with limited time and memory; it is a stranger's code nevertheless, and no sandbox holds it.
     workers : int, optional
         Number of processes; by default one per processor.
     on_progress : callable, optional
@@ -68,7 +84,7 @@ def rank(
     Raises
     ------
     PellucidError
-        If there are no pairs, or the seed is below 1.
+        If there are no pairs, the seed is below 1, or a file holds no law.
 
     Examples
     --------
@@ -77,14 +93,19 @@ def rank(
     """
     from .ranking_page import write_ranking
 
-    if pairs < 1 or seed < 1:
+    if pairs < 1 or (seed is not None and seed < 1):
         raise PellucidError(f"rank: found {pairs} pairs and seed {seed}, expected 1 or more of either")
+    read = tuple(ForeignLaw.from_file(path) for path in laws)
+    if len({law.name for law in read}) < len(read):
+        raise PellucidError("rank: found laws of the same file name, expected a name of its own for each")
+    seed = secrets.randbelow(MAX_SEALED_SEED) + 1 if seed is None else seed
     out = require_folder(Path(out), "a folder for the page")
     require_own_page(out, COMMAND_NAME)
     tell = on_progress or (lambda text, share: None)
     tell("identifying robots and wearers, and wearing every controller", 0.0)
     # The longest jobs come first. The test for sway takes as long as everything else, so it runs for few wearers.
-    jobs = [(knee_pair, i, seed, i < SWAY_TESTED_COUNT and pairs > SWAY_TESTED_COUNT) for i in range(pairs)]
+    knee = tuple(strategies_of_task(SWING_TASK))
+    jobs = [(knee_pair, i, seed, i < SWAY_TESTED_COUNT and pairs > SWAY_TESTED_COUNT, knee, read) for i in range(pairs)]
     jobs += [(elbow_pair, i, pairs, seed) for i in range(pairs)]
     found = ordered_results(
         jobs, workers, lambda done, of: tell(f"{done} of {of} pairs of a person and a robot", 0.95 * done / of)
@@ -93,12 +114,14 @@ def rank(
     tasks = tuple(rank_task(task, [one for one in tried if one.task == task]) for task in CONTROLLER_FIELDS)
     out.mkdir(parents=True, exist_ok=True)
     write_rows(out / "results.json", COMMAND_NAME, [row for task in tasks for row in rows_of(task)])
-    return ControllerRanking(tasks, pairs, seed, write_ranking(out, tasks, pairs, seed))
+    board = add_to_board(out, tasks, pairs, seed, read)
+    return ControllerRanking(tasks, pairs, seed, write_ranking(out, tasks, pairs, seed, board), read)
 
 
 def rank_task(task: str, tried: Sequence[ControllerTrial]) -> TaskRanking:
     """Rank the controllers of a task. A controller with which the person never arrives is the last on that pair."""
-    names = tuple(strategies_of_task(task))
+    known = strategies_of_task(task)
+    names = (*known, *dict.fromkeys(one.controller for one in tried if one.controller not in known))
     pairs = sorted({one.pair for one in tried})
     by = {(one.controller, one.pair): one for one in tried}
     torque = np.array([[by[name, pair].torque for name in names] for pair in pairs])
@@ -123,7 +146,11 @@ def rows_of(ranking: TaskRanking) -> list[ResultRow]:
     head, made = ranking.task.replace(" ", "_"), []
     low, middle, high = ranking.spread(ranking.torque)
     for i, name in enumerate(ranking.controllers):
-        note = f"median of {len(ranking.torque)} pairs; 80 % within {low[i]:.4g} to {high[i]:.4g}"
+        note = f"median of {len(ranking.torque)} pairs"
+        if ranking.has_interval:
+            note += f"; 80 % within {low[i]:.4g} to {high[i]:.4g}"
+        if not np.isfinite(middle[i]):
+            continue
         figures = {"torque": (middle[i], "N*m", note), "mean_rank": (ranking.ranks[i], "1", "")}
         for rival in SIMPLE_RIVALS[ranking.task]:
             figures[f"over_{rival}"] = (np.median(ranking.over(rival)[:, i]), "1", "median of pairs")

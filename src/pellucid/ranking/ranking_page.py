@@ -12,8 +12,10 @@ from ..control.supervisor_faults import NO_FAULT
 from ..drawing.drawing import draw
 from ..pages.page import Page, Section, write_page
 from ..pages.tables import Row, Table, number_table
+from .board import BoardEntry
+from .foreign_law import STOPPED_WORDS
 from .ranking_figures import Line, ranked_torque
-from .strategies import CONTROLLER_FIELDS, RANKED_STRATEGIES, SIMPLE_RIVALS, sensors_read, strategies_of_task
+from .strategies import CONTROLLER_FIELDS, RANKED_STRATEGIES, SIMPLE_RIVALS, controller_words, sensors_read
 from .task_ranking import SIGNIFICANCE_LEVEL, TaskRanking
 from .tried import ControllerTrial
 
@@ -21,15 +23,20 @@ EMPTY_CELL = "–"
 """Text of a table's cell without a value."""
 
 
-def write_ranking(out: Path, tasks: Sequence[TaskRanking], pairs: int, seed: int) -> Path:
+def write_ranking(
+    out: Path, tasks: Sequence[TaskRanking], pairs: int, seed: int, board: Sequence[BoardEntry] = ()
+) -> Path:
     """Write index.html and its figures."""
-    best = [f"{task.task}: {strategies_of_task(task.task)[task.controllers[0]].name}" for task in tasks]
+    best = [f"{task.task}: {controller_words(task.task, task.controllers[0])}" for task in tasks]
     page = Page(
         title="Which controller?",
         kicker="pellucid rank",
         headline=f"Every strategy that reviews name, worn by {pairs} drawn people in {pairs} drawn robots at either "
         f"joint, none of which any constant was chosen on. Least torque between robot and person: {'; '.join(best)}.",
-        sections=(_strategy_section(tasks), *(_task_section(task) for task in tasks), _method_section()),
+        sections=(
+            _strategy_section(tasks), *(_task_section(task) for task in tasks), *_foreign_sections(tasks, board),
+            _method_section(),
+        ),
         footer=f"Written by pellucid {version('pellucid')}; seed {seed}. Every figure is simulated.",
     )
     return write_page(out, page)
@@ -61,10 +68,10 @@ def _shares(task: TaskRanking) -> np.ndarray:
 
 
 def _task_section(task: TaskRanking) -> Section:
-    known, rivals = strategies_of_task(task.task), SIMPLE_RIVALS[task.task]
+    rivals = SIMPLE_RIVALS[task.task]
     shares = _shares(task)
     lines = [
-        Line(known[name].name, shares[:, i][np.isfinite(shares[:, i])], name in rivals)
+        Line(controller_words(task.task, name), shares[:, i][np.isfinite(shares[:, i])], name in rivals)
         for i, name in enumerate(task.controllers)
     ]
     anchor = task.task.replace(" ", "_")
@@ -84,7 +91,7 @@ def _task_section(task: TaskRanking) -> Section:
 
 
 def _table(task: TaskRanking) -> Table:
-    known, elbow = strategies_of_task(task.task), CONTROLLER_FIELDS[task.task] == "elbow"
+    elbow = CONTROLLER_FIELDS[task.task] == "elbow"
     low, middle, high = task.spread(task.torque)
     rivals = SIMPLE_RIVALS[task.task]
     over = [np.median(task.over(rival), axis=0) for rival in rivals]
@@ -95,19 +102,58 @@ def _table(task: TaskRanking) -> Table:
         rows.append(
             Row(
                 (
-                    f"{i + 1}. {known[name].name}{'' if task.like_first[i] else ' *'}", sensors_read(task.task, name),
-                    f"{task.ranks[i]:.1f}", f"{middle[i]:.3g} ({low[i]:.3g} to {high[i]:.3g})",
+                    f"{i + 1}. {controller_words(task.task, name)}{'' if task.like_first[i] else ' *'}",
+                    sensors_read(task.task, name),
+                    f"{task.ranks[i]:.1f}", _torque_text(task, middle[i], low[i], high[i]),
                     *(f"{one[i]:.2f}" for one in over), *(cell(tried) for _, cell in own),
                 ),
                 name in rivals,
             )
         )  # fmt: skip
-    heads = ("controller", "senses", "mean rank", "torque (N·m)", *(f"over {known[r].name}" for r in rivals),
+    over_words = (f"over {controller_words(task.task, r)}" for r in rivals)
+    heads = ("controller", "senses", "mean rank", "torque (N·m)", *over_words,
              *(head for head, _ in own))  # fmt: skip
     caption = "Medians over pairs; of the torque also what 80 % of pairs are within. "
     caption += "* told from the first. Energy a second, given to the person and taken. "
     caption += ELBOW_CAPTION if elbow else KNEE_CAPTION
     return number_table(heads, rows, caption, words=2)
+
+
+def _torque_text(task: TaskRanking, middle: float, low: float, high: float) -> str:
+    """Return a torque with the range of 80 % of pairs, if there are enough; of a law that was stopped, a dash."""
+    if not np.isfinite(middle):
+        return EMPTY_CELL
+    return f"{middle:.3g} ({low:.3g} to {high:.3g})" if task.has_interval else f"{middle:.3g}"
+
+
+def _foreign_sections(tasks: Sequence[TaskRanking], board: Sequence[BoardEntry]) -> tuple[Section, ...]:
+    """Return the section on foreign laws: those that were stopped, and the board of all runs of this folder."""
+    if not board:
+        return ()
+    stopped = [
+        Row((name.removeprefix("law:"), task.task, f"{one.pair + 1}", STOPPED_WORDS.get(one.fault, one.fault)))
+        for task in tasks
+        for name, tried in task.tried.items()
+        if name.startswith("law:")
+        for one in tried
+        if one.fault != NO_FAULT
+    ]
+    rows = [
+        Row((e.law, e.checksum[:12], e.task, f"{e.place} of {e.of}",
+             EMPTY_CELL if e.share is None else f"{e.share:.3f}", str(e.pairs), str(e.seed), e.version))
+        for e in sorted(board, key=lambda e: (e.task, e.law, e.version, e.seed))
+    ]  # fmt: skip
+    heads = ("law", "file", "task", "place", "torque over no power", "pairs", "seed", "pellucid")
+    tables = [number_table(heads, rows, "Every run of this folder; a changed file has another checksum.", words=3)]
+    if stopped:
+        heads = ("law", "task", "pair", "why")
+        tables.insert(0, Table(heads, tuple(stopped), caption="Stopped by the gate or by the limits of its process."))
+    text = (
+        "A foreign law is a stranger's code. It runs in a process of its own with limited time and memory, and what it "
+        "asks for passes the safety gate of the core; the supervisor's model of the body does not watch it. It wears "
+        "the knee orthosis with the same people and the same noise as every other controller."
+    )
+    return (Section("foreign", "Foreign laws", (text,), tuple(tables)),)
 
 
 def _median(name: str, text: str, scale: float = 1.0) -> Callable[[Sequence[ControllerTrial]], str]:

@@ -87,6 +87,14 @@ def strategies_of_task(task: str) -> dict[str, Strategy]:
     return {name: one for one in RANKED_STRATEGIES if (name := getattr(one, CONTROLLER_FIELDS[task]))}
 
 
+def controller_words(task: str, controller: str) -> str:
+    """Return a controller's name in a ranking: its strategy's, or the file of a foreign law."""
+    known = strategies_of_task(task)
+    return known[controller].name if controller in known else f"{controller.removeprefix('law:')} (foreign law)"
+
+
 def sensors_read(task: str, controller: str) -> str:
     """Return the sensors that a controller reads in a task."""
+    if controller not in strategies_of_task(task):
+        return WITH_SPRING
     return strategies_of_task(task)[controller].senses[0 if CONTROLLER_FIELDS[task] == "elbow" else 1]

@@ -15,6 +15,10 @@ SIGNIFICANCE_LEVEL = 0.05
 """Significance level of Nemenyi's test. A controller that does not differ from the first shares its place [1]."""
 
 
+MIN_INTERVAL_PAIRS = 5
+"""Fewest pairs for which a range of 80 % of them is told; of fewer it would be the least and the largest."""
+
+
 @dataclass(frozen=True, eq=False)
 class TaskRanking:
     """The controllers of one task, from the first to the last."""
@@ -26,6 +30,11 @@ class TaskRanking:
     test: FriedmanTest | None  # test whether the controllers differ at all; None with one pair
     like_first: np.ndarray  # whether each does not differ from the first by Nemenyi's test, shape (controllers,)
     tried: Mapping[str, tuple[ControllerTrial, ...]]  # results of each controller, one per pair
+
+    @property
+    def has_interval(self) -> bool:
+        """Whether there are pairs enough to say within which range most of them lie."""
+        return len(self.torque) >= MIN_INTERVAL_PAIRS
 
     def over(self, rival: str) -> np.ndarray:
         """Return the torque of every controller divided by a rival's, shape (pairs, controllers) [1]."""

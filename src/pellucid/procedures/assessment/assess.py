@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..._errors import RecordingError
+from ...assessment.certificate import Estimand
 from ...assessment.comparison import compare_conditions
 from ...assessment.index_table import index_table
 from ...assessment.indices import INDICES, SHOWN_INDICES, index_names, indices_along
@@ -35,6 +36,7 @@ from .movement_curves import Curves, participants_curves
 from .paper_tables import write_tables
 from .pointing import PointingRecord, labelled_amplitudes, recordings_with_condition, with_rule
 from .pointing_faults import pointing_faults, usable_records
+from .primary_change import change_of_table
 from .session_order import session_order
 from .statements import headline, paragraph, verdicts
 
@@ -134,6 +136,7 @@ def assess_recordings(
         cards={},
         checksums={recording.name: recording.checksum for recording in used},
         confidence=spec.confidence,
+        estimand=spec.estimand,
         control=spec.control,
         conditions=conditions,
         participants=participants,
@@ -290,7 +293,7 @@ def _sensitivity(
     names: Sequence[str],
 ) -> tuple[Sensitivity, ...]:
     return tuple(
-        _sensitive(words, each, condition, spec.control)
+        _sensitive(words, each, condition, spec.control, spec.estimand)
         for words, whole in measured.items()
         for each in _assessed(whole, participants, conditions, spec, along, names).values()
         for condition in each.table.conditions
@@ -298,11 +301,11 @@ def _sensitivity(
     )
 
 
-def _sensitive(words: str, each: Assessed, condition: str, control: str) -> Sensitivity:
-    own = float(each.table.column(condition).mean())
+def _sensitive(words: str, each: Assessed, condition: str, control: str, estimand: Estimand) -> Sensitivity:
     base = float(each.table.column(control).mean()) if control in each.table.conditions else float("nan")
     p = float("nan") if each.comparison.p_value is None else each.comparison.p_value
-    change = own if each.table.index.over_control else own / base - 1.0
+    found = change_of_table(each.table, condition, control, estimand)
+    change = float("nan") if found is None else found.value / (100.0 if found.unit == "%" else 1.0)
     return Sensitivity(words, each.name, condition, base, change, p)
 
 

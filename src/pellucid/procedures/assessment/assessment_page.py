@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from importlib.metadata import version
 
+import numpy as np
+
 from ...assessment.indices import SHOWN_INDICES, index_names
 from ...drawing.drawing import draw
 from ...pages.page import Page, Section, Tile
@@ -16,6 +18,8 @@ from . import assessment_tables as tables
 from .assessment_result import AssessmentResult
 from .assessment_table import AssessmentTable
 from .certified_rows import certificate_remarks, certificate_sentences
+from .primary_change import ESTIMAND_WORDS, primary_change
+from .statements import change_text
 
 
 def page(study: Study, findings: AssessmentResult) -> Page:
@@ -51,20 +55,22 @@ def _tiles(findings: AssessmentResult) -> tuple[Tile, ...]:
         if each is None or index.tile is None:
             continue
         others = [c for c in each.table.conditions if c != findings.control]
-        against = {a.condition: a for a in each.comparison.against_control}
-        if each.table.index.over_control:
-            shown, unit = {c: 100.0 * float(each.table.column(c).mean()) for c in others}, "% over control"
-        elif against:
-            changes = {c: each.first_change(findings.control, c) for c in others}
-            shown, unit = {c: 100.0 * (x or 0.0) for c, x in changes.items()}, f"% against {findings.control}"
-        elif others:
-            shown, unit = (
-                {c: float(each.table.column(c).mean()) for c in others},
-                f"{unit_text(each.table.index.unit)}{index.tile.after_unit}",
-            )
-        least = min(shown, key=lambda c: abs(shown[c]))
-        rest = ", ".join(f"{c} {number(v, digits=3)}" for c, v in shown.items() if c != least)
-        made.append(Tile(f"{index.tile.label}, {least}", number(shown[least], digits=3), unit, rest))
+        if not others:
+            continue
+        changes = {c: primary_change(findings, index.name, c) for c in others}
+        known = {c: change for c, change in changes.items() if change is not None}
+        if known:
+            shown, texts = {c: x.value for c, x in known.items()}, {c: change_text(x) for c, x in known.items()}
+            against = "over control" if each.table.index.over_control else f"against {findings.control}"
+            texts = {c: text.removesuffix(" " + known[c].unit) for c, text in texts.items()}
+            unit = f"{next(iter(known.values())).unit} {against}".strip()
+        else:
+            shown = {c: float(each.table.column(c).mean()) for c in others}
+            texts = {c: number(x, digits=3) for c, x in shown.items()}
+            unit = f"{unit_text(each.table.index.unit)}{index.tile.after_unit}"
+        least = min(shown, key=lambda c: abs(shown[c]) if np.isfinite(shown[c]) else np.inf)
+        rest = ", ".join(f"{c} {text}" for c, text in texts.items() if c != least)
+        made.append(Tile(f"{index.tile.label}, {least}", texts[least], unit, rest))
     return tuple(made)
 
 
@@ -80,10 +86,11 @@ def _certificate(findings: AssessmentResult) -> Section:
         tuple(drawings),
         (
             "Two one-sided tests of each end point; all must lie within for the claim, so nothing is divided by their "
-            "number. Beyond is corrected after Holm. Signed ranks are counted, of participants' changes; the mixed "
-            "model is of movements, with a level and a change for each participant, t with one degree of freedom fewer "
-            "than participants. Where an end point would not say the same without what else may have changed it, "
-            "nothing is said of it.",
+            "number. Beyond is corrected after Holm. The mean is tested by Student's statistic, judged by its least "
+            "favourable skewed distribution; the pseudo-median by counted signed ranks. The share of people within is "
+            "a lower confidence bound that supposes no distribution. The mixed model is of movements, with a level and "
+            "a change for each participant. Where an end point would not say the same without what else may have "
+            "changed it, nothing is said of it.",
             *map(typeset_sentence, certificate_remarks(findings)),
         ),
     )
@@ -171,8 +178,10 @@ def _method(study: Study, findings: AssessmentResult) -> Section:
         )
     paragraphs.append(
         "Friedman's test with its p counted over all orders; Nemenyi's by the studentised range; signed ranks against "
-        f"{findings.control} with counted p, corrected after Holm; intervals by bootstrap over participants, widened "
-        "for few of them."
+        f"{findings.control} with counted p, corrected after Holm. Changes from {findings.control} are the "
+        f"{ESTIMAND_WORDS[findings.estimand]}, of ratios where a percentage is told, with the interval of the "
+        "certificate's test. Differences of means, with intervals by bootstrap over participants, widened for few of "
+        "them, and the mixed model are sensitivity analyses."
     )
     return Section("assess_method", "How", (" ".join(paragraphs),), notes=study.notes)
 
@@ -181,4 +190,5 @@ def _table(table: FigureTable) -> Table:
     rows = tuple(Row(tuple(cell_text(cell) for cell in row)) for row in table.rows)
     words = 2 if len(table.heads) > 1 and table.heads[1] in ("", "Rule", "Change") and table.heads[0] != "" else 1
     words = 2 if table.heads[:2] == ("", "") or table.heads[0] == "Condition" else words
+    words = 3 if table.heads[2:3] == ("Analysis",) else words
     return Table(table.heads, rows, numeric=frozenset(range(words, len(table.heads))), caption=table.title, wide=True)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...assessment.certificate import Estimand
 from ...assessment.comparison import ConditionComparison
 from ...assessment.index_table import IndexTable
 from ...assessment.indices import Index, indices_along
@@ -32,19 +33,6 @@ class Assessed:
         """Name of the index."""
         return self.table.index.name
 
-    def change_of_median(self, control: str, condition: str) -> float | None:
-        """Return the median over participants of the change from control, as a share; None without a control."""
-        if control not in self.table.conditions or condition not in self.table.conditions:
-            return None
-        base = self.table.column(control)
-        return float(np.median(self.table.column(condition) / base - 1.0)) if (base > 0.0).all() else None
-
-    def first_change(self, control: str, condition: str) -> float | None:
-        """Return the change that headline and tile tell, as a share of control: of the mean, or the median change."""
-        if self.table.index.tells_median:
-            return self.change_of_median(control, condition)
-        return next((a.relative for a in self.comparison.against_control if a.condition == condition), None)
-
     def share_of_control(self, control: str) -> float | None:
         """Return the divisor that makes a change a share of control's mean; None if shares are not meaningful."""
         if self.table.index.over_control:
@@ -62,7 +50,7 @@ class Sensitivity:
     index: str
     condition: str
     control: float  # mean in the control condition, in the index's unit; NaN for an index relative to control
-    change: float  # change from control, as a share
+    change: float  # primary change from control, as a share, or in the index's unit if it has no zero
     p_value: float  # p value of Friedman's test, exact if possible
 
 
@@ -112,6 +100,7 @@ class AssessmentResult(Result):
     isochrony: tuple[Isochrony, ...] = field(default=(), repr=False)
     sensitivity: tuple[Sensitivity, ...] = field(default=(), repr=False)
     needed: tuple[Needed, ...] = ()
+    estimand: Estimand = "mean"  # quantity that stands for people's changes
     certified: tuple[Certified, ...] = ()  # certificates by condition, if margins are stated
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
     settling: tuple[Settling, ...] = field(default=(), repr=False)

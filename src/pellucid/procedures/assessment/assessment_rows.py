@@ -9,6 +9,7 @@ import numpy as np
 
 from ...studies.results import ResultRow, combined_checksum
 from .certified_rows import certificate_rows
+from .primary_change import ESTIMAND_WORDS, primary_change
 
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult
@@ -20,9 +21,9 @@ COMMAND_NAME = "assess"
 def result_rows(found: AssessmentResult) -> tuple[ResultRow, ...]:
     """Return the result rows of an assessment.
 
-    ``<study>.transparency.<index>.<condition>`` is the change of the mean from control in % (SPARC, LDLJ and the signed
+    ``<study>.transparency.<index>.<condition>`` is the primary change from control in % (SPARC, LDLJ and the signed
     end-point error: in their own unit; interaction: the mean itself); ``<study>.assess.<index>.<condition>.<what>`` the
-    rest.
+    rest, with other estimates of the change as sensitivity analyses.
     """
     # All recordings share one checksum, because every value comes from all of them.
     digest = combined_checksum(found.checksums.values())
@@ -77,25 +78,17 @@ def _index_rows(found: AssessmentResult, each: Assessed, add) -> None:
             add(f"assess.{index.name}.{low}.{name}", value, index.unit)
         headline = f"transparency.{index.name}.{low}"
         own = against.get(condition)
-        median = each.change_of_median(found.control, condition) if index.tells_median else None
-        if median is not None and condition != found.control:
-            add(
-                headline,
-                100.0 * median,
-                "%",
-                "median over participants of each one's own change",
-            )
-        elif index.over_control:
-            add(headline, 100.0 * float(column.mean()), "%", "over control, mean of participants")
-        elif own is not None and own.relative is not None and index.scaled:
-            add(headline, 100.0 * own.relative, "%", "change of the mean from control")
-        elif own is not None:
-            add(headline, own.change, index.unit, "change of the mean from control")
+        change = primary_change(found, index.name, condition)
+        if change is not None:
+            value = change.value if np.isfinite(change.value) else None
+            add(headline, value, change.unit or "1", ESTIMAND_WORDS[found.estimand])
         elif condition != found.control:
             add(headline, float(column.mean()), index.unit, "mean of participants; control has none")
         if own is not None:
             head = f"assess.{index.name}.{low}"
-            add(f"{head}.change", own.change, index.unit)
+            add(f"{head}.change", own.change, index.unit, "sensitivity analysis: difference of means")
+            if own.relative is not None and index.scaled:
+                add(f"{head}.change_of_mean", 100.0 * own.relative, "%", "sensitivity analysis: difference of means")
             add(f"{head}.change.low", own.interval[0], index.unit, "bootstrap over participants")
             add(f"{head}.change.high", own.interval[1], index.unit, "bootstrap over participants")
             add(f"{head}.p", own.p_value, "1", "signed ranks, counted")

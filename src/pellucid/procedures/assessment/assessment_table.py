@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, cast
 
 from pydantic import Field, model_validator
 
+from ...assessment.certificate import Estimand, require_people
+from ...assessment.group_sequential import looks
 from ...studies.study_fields import ProcedureTable, ShownText, Word, quantity
 from ...studies.study_file import StudyFile
+from ...units import parse_quantity
+
+MARGIN_SETTINGS = ("estimand", "people")
+"""Keys of [assessment.margins] that are no indices."""
 
 DEFAULT_STUDIES = 1000
 """Studies that are simulated for each number of participants, unless the caller asks for another number."""
@@ -47,19 +53,24 @@ class AssessmentTable(ProcedureTable):
         Of the intervals, in (0, 1).
     margins : dict of str to str
         By index how far a transparent robot may change it, ``"10 %"`` of control or with a unit; stated before the
-        data are seen.
+        data are seen. Beside them ``estimand``: ``"mean"`` of people's changes (the default), ``"pseudo-median"``, or
+        ``"mean and people"``, with ``people``, the share of them who must be shown to lie within, such as ``"75 %"``.
+    justification : dict of str to str
+        By index why a change of its margin does not matter: what a reviewer asks for first.
     spreads : dict of str to str
         By index how much people's changes are expected to differ (standard deviation), as in `margins`: a plan needs
         it.
     false_transparent : float
-        How often "transparent" may be said where it is not, in (0, 0.5). By signed ranks it holds for the
-        pseudo-median of people's changes where these are spread symmetrically; it does not hold for the mean of skewed
-        changes.
-    equivalence : str
-        The test that the certificate rests on, stated before the data are seen: ``"signed_rank"`` of participants'
-        values, or ``"mixed_model"`` of movements; the other one stands beside it.
+        How often "transparent" may be said of the estimand where it is not so, in (0, 0.5). For the mean it holds
+        whatever the skewness of people's changes; for the pseudo-median where they are spread symmetrically.
+    looks : tuple of float
+        Rising shares of the planned participants at which a sequential study is analysed; empty if only at its end.
+        `false_transparent` is then spent over them after O'Brien and Fleming.
+    look : int
+        Which of the `looks` this is, from 1.
     max_left_out : float
-        The largest share of a condition's movements that may be left out where "transparent" is said, in [0, 1).
+        The largest share of a condition's movements, or of its participants, that may be lost where "transparent" is
+        said of the others alone, in [0, 1). Above it only bounds that hold whatever was lost can certify.
     curves : dict of str to str
         How far a transparent robot may change whole curves, by their time: ``velocity`` and ``emg`` in shares of the
         control's largest, ``interaction`` with a unit.
@@ -81,17 +92,68 @@ class AssessmentTable(ProcedureTable):
     advance: quantity("s", ge=0) = 0.1
     confidence: float = Field(0.95, gt=0, lt=1)
     margins: dict[Word, ShownText] = Field(default_factory=dict)
+    justification: dict[Word, ShownText] = Field(default_factory=dict)
     spreads: dict[Word, ShownText] = Field(default_factory=dict)
     false_transparent: float = Field(0.05, gt=0, lt=0.5)
-    equivalence: Literal["signed_rank", "mixed_model"] = "signed_rank"
+    looks: tuple[Annotated[float, Field(gt=0, le=1)], ...] = ()
+    look: int | None = Field(None, ge=1)
     max_left_out: float = Field(0.10, ge=0, lt=1)
     curves: dict[Literal["velocity", "interaction", "emg"], ShownText] = Field(default_factory=dict)
+
+    @property
+    def index_margins(self) -> dict[str, str]:
+        """Stated margins by index, without what is said about all of them."""
+        return {name: stated for name, stated in self.margins.items() if name not in MARGIN_SETTINGS}
+
+    @property
+    def estimand(self) -> Estimand:
+        """Quantity that must lie within the margins."""
+        return cast(Estimand, self.margins.get("estimand", "mean"))
+
+    @property
+    def people(self) -> float | None:
+        """Share of people who must be shown to lie within the margins, if one is declared."""
+        stated = self.margins.get("people")
+        return None if stated is None else parse_quantity(stated, "1", "[assessment.margins] people")
+
+    @property
+    def alpha(self) -> float:
+        """Level of each one-sided test: `false_transparent`, or what a sequential study spends at this look."""
+        if self.look is None:
+            return self.false_transparent
+        return looks(self.looks, self.false_transparent).level[self.look - 1]
 
     def reads(self, channel: str, stream: str) -> bool:
         """The angle, the robot's torque, and EMG."""
         if stream:
             return stream == self.emg and channel.startswith("emg.")
         return channel in (self.angle, self.interaction) or channel.startswith("emg.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_other_test(cls, given: object) -> object:
+        if isinstance(given, dict) and "equivalence" in given:
+            raise ValueError(
+                f'equivalence: found "{given["equivalence"]}", expected [assessment.margins] estimand = "mean" or '
+                '"pseudo-median"; the mixed model stands beside the certificate as a sensitivity analysis'
+            )
+        return given
+
+    @model_validator(mode="after")
+    def _estimand_and_people(self) -> AssessmentTable:
+        require_people("[assessment.margins]", self.estimand, self.people)
+        strangers = [name for name in self.justification if name not in self.index_margins]
+        if strangers:
+            raise ValueError(f"[assessment.justification]: found {', '.join(strangers)}, expected indices with margins")
+        return self
+
+    @model_validator(mode="after")
+    def _looks(self) -> AssessmentTable:
+        if (self.look is None) != (not self.looks) or (self.look or 1) > max(len(self.looks), 1):
+            raise ValueError(f"[assessment]: found look = {self.look}, expected one of looks = {list(self.looks)}")
+        if self.looks:
+            looks(self.looks, self.false_transparent)
+        return self
 
     @model_validator(mode="after")
     def _two_markers(self) -> AssessmentTable:

@@ -9,6 +9,7 @@ import numpy as np
 from ...assessment.power import CANDIDATE_SIZES
 from ..result import FigureTable
 from .certified_rows import beside_table, certificate_table, curve_table, doubt_table
+from .primary_change import change_figure, primary_change
 
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult, Needed
@@ -141,7 +142,8 @@ def description_table(found: AssessmentResult, each: Assessed) -> FigureTable:
     """One index: what describes it in each condition, and how it changes from control."""
     index = each.table.index
     against = {a.condition: a for a in each.comparison.against_control}
-    share, factor = each.share_of_control(found.control), index.shown[0]
+    changes = {c: primary_change(found, index.name, c) for c in against}
+    factor = index.shown[0]
     decimals = _decimals(factor * each.table.values)
     rows = []
     for condition in each.table.conditions:
@@ -151,14 +153,20 @@ def description_table(found: AssessmentResult, each: Assessed) -> FigureTable:
         row = [None if x is None else _fixed(float(x), decimals) for x in row]
         own = against.get(condition)
         if own is not None:
-            scale = factor if share is None else 100.0 / share
-            row += [_short(scale * own.change), _range(scale, own.interval), p_text(own.holm)]
+            change = changes[condition]
+            known = change is not None and np.isfinite(change.value)
+            figures = [change_figure(x, change.unit).replace("-", MINUS_SIGN)
+                       for x in (change.value, change.low, change.high)] if known else None  # fmt: skip
+            bounded = figures is not None and np.isfinite(change.low) and np.isfinite(change.high)
+            row += [figures[0] if figures else None, f"{figures[1]} to {figures[2]}" if bounded else None]
+            row.append(p_text(own.holm))
         elif against:
             row += [None, None, None]
         rows.append((condition, *row))
     heads = ("", "Mean", "SD", "Min", "Median", "Max")
     if against:
-        heads += ("Δ" if share is None else "Δ %", f"{100 * found.confidence:g} % CI", "p")
+        percent = any(change is not None and change.unit == "%" for change in changes.values())
+        heads += ("Δ %" if percent else "Δ", f"{100 * found.confidence:g} % CI", "p")
     return FigureTable(words(each), heads, tuple(rows))
 
 
@@ -179,7 +187,7 @@ def effect_table(found: AssessmentResult) -> FigureTable:
             rows.append((words(each, short=True), a.condition, *effect_cells))
     level = f"{100 * found.confidence:g} % CI"
     heads = ("Index", "", "Change", level, "d of pairs", "Rank-biserial", "Cliff's δ", "p", "p (Holm)")
-    return FigureTable(f"Changes from {found.control}", heads, tuple(rows))
+    return FigureTable(f"Sensitivity: differences of means from {found.control}", heads, tuple(rows))
 
 
 def settling_table(found: AssessmentResult) -> FigureTable:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...assessment.certificate import Doubt
-from ...assessment.crossover import carry_over, period_effect
+from ...assessment.crossover import carry_over, is_balanced, period_effect
 from ...assessment.curves import CurveComparison
-from ...assessment.equivalence import Equivalence, Margin, equivalence
+from ...assessment.equivalence import Equivalence, Margin, Method, equivalence
 from ...assessment.indices import CutOff
 from ...assessment.lasting_bounds import lasting_bounds
 from ...assessment.learning import MIN_MOVEMENTS
@@ -37,6 +37,9 @@ LEFT_OUT_DOUBT = "left out"
 
 LOST_MOVEMENTS_DOUBT = "lost movements"
 """Doubt: more movements than `max_left_out` allows gave the end point no value."""
+
+LOST_PEOPLE_DOUBT = "lost people"
+"""Doubt: more participants than `max_left_out` allows take no part."""
 
 LostCounts = Mapping[str, tuple[int, int]]
 """Number of movements without a value, and of all movements, by condition."""
@@ -77,25 +80,65 @@ def too_many_lost(lost: LostCounts, max_share: float) -> dict[str, tuple[int, in
     return {condition: (gone, of) for condition, (gone, of) in lost.items() if gone > max_share * of}
 
 
+def people_with_losses(
+    whole: MeasuredStudy, wanted: Mapping[str, EndPoint], pair: tuple[str, str], people: list[str]
+) -> dict[str, np.ndarray]:
+    """Return, by end point, which of the `people` lost a movement in one of both conditions, (n,)."""
+    by_person = {person: lost_movements(whole, wanted, (), pair, [person]) for person in people}
+    return {
+        name: np.array([any(gone for gone, _ in by_person[person][name].values()) for person in people])
+        for name in wanted
+    }
+
+
 def doubts_of_loss(
-    tests: Mapping[str, Equivalence | CurveComparison], lost: Mapping[str, LostCounts], alpha: float, max_share: float
-) -> dict[str, Doubt]:
+    tests: Mapping[str, Equivalence | CurveComparison], lost: Mapping[str, LostCounts], alpha: float, max_share: float,
+    losers: Mapping[str, np.ndarray], method: Method,
+) -> dict[str, Doubt]:  # fmt: skip
     """Return a doubt for each end point within its margin of which too many movements were lost.
 
-    The values of lost movements are unbounded, so no claim of transparency is possible. A claim that an end point lies
-    beyond its margin is not affected.
+    Nothing is known of the changes of people who lost movements (`losers`). Signed ranks of the others may still show
+    the pseudo-median to lie within; a mean has no bound then. A claim of "beyond" is not affected.
     """
-    unknown = equivalence(np.full(2, -np.inf), Margin.either_way(1.0), upper=np.full(2, np.inf), alpha=alpha)
-    return {
-        name: Doubt(LOST_MOVEMENTS_DOUBT, float("nan"), unknown, always=True)
-        for name, test in tests.items()
-        if test.p_within <= alpha and too_many_lost(lost[name], max_share)
-    }
+    made = {}
+    for name, test in tests.items():
+        if test.p_within <= alpha and too_many_lost(lost[name], max_share):
+            bounded = _without_knowing(test, losers.get(name), alpha, method)
+            made[name] = Doubt(LOST_MOVEMENTS_DOUBT, float("nan"), bounded, always=True)
+    return made
+
+
+def doubts_of_lost_people(
+    tests: Mapping[str, Equivalence | CurveComparison], count: int, alpha: float, max_share: float, method: Method
+) -> dict[str, Doubt]:
+    """Return a doubt for each end point within its margin if a `count` of participants, too many, take no part."""
+    made = {}
+    for name, test in tests.items():
+        n = len(test.differences) if isinstance(test, Equivalence) else 0
+        if test.p_within <= alpha and count > max_share * (n + count):
+            hidden = np.concatenate([np.zeros(n, bool), np.ones(count, bool)]) if n else None
+            bounded = _without_knowing(test, hidden, alpha, method)
+            made[name] = Doubt(LOST_PEOPLE_DOUBT, float("nan"), bounded, always=True)
+    return made
+
+
+def _without_knowing(
+    test: Equivalence | CurveComparison, hidden: np.ndarray | None, alpha: float, method: Method
+) -> Equivalence:
+    """Return the test with the differences of `hidden` people unknown; of a curve nothing is known then."""
+    if hidden is None or not isinstance(test, Equivalence):
+        low, high, margin = np.full(2, -np.inf), np.full(2, np.inf), Margin.either_way(1.0)
+    else:
+        more, margin = np.zeros(len(hidden) - len(test.differences)), test.margin
+        low = np.where(hidden, -np.inf, np.concatenate([test.differences, more]))
+        upper = test.differences if test.upper is None else test.upper
+        high = np.where(hidden, np.inf, np.concatenate([upper, more]))
+    return equivalence(low, margin, upper=high, alpha=alpha, method=method)
 
 
 def find_doubts(
     found: AssessmentResult, whole: MeasuredStudy, wanted: Mapping[str, EndPoint], condition: str, people: list[str],
-    seen: Mapping[str, np.ndarray], order: SessionOrder, alpha: float,
+    seen: Mapping[str, np.ndarray], order: SessionOrder, alpha: float, method: Method,
 ) -> tuple[dict[str, tuple[Doubt, ...]], dict[str, tuple[float, float]], tuple[str, ...]]:  # fmt: skip
     """Return the doubts and the trend of each end point, and sentences on what cannot be tested.
 
@@ -105,21 +148,23 @@ def find_doubts(
     if not order.period:
         unknown.append(f"{order.unknown}: what order and carry-over did cannot be told from what conditions did.")
     for name, point in wanted.items():
-        own = _of_order(found, point, condition, people, seen[name], order, alpha, unknown) if order.period else []
-        own += _learning(found, whole, point, condition, people, seen[name], order, alpha, trends, unknown)
+        own = []
+        if order.period:
+            own += _of_order(found, point, condition, people, seen[name], order, alpha, method, unknown)
+        own += _learning(found, whole, point, condition, people, seen[name], order, alpha, method, trends, unknown)
         failed = {each.condition for each in whole.failed if each.participant in people} & {found.control, condition}
         if point.index.cut_off is CutOff.AT_LEAST_SEEN and failed:
-            own += _left_out(found, whole, point, condition, people, alpha)
+            own += _left_out(found, whole, point, condition, people, alpha, method)
         doubts[name] = tuple(own)
     return doubts, trends, tuple(dict.fromkeys(unknown))
 
 
-def _of_order(found, point, condition, people, seen, order, alpha, unknown) -> list[Doubt]:
+def _of_order(found, point, condition, people, seen, order, alpha, method, unknown) -> list[Doubt]:
     made = []
     table = found.assessed[point.index.name].table
     control = found.control if found.control in table.conditions or table.index.over_control else None
     later = order.later(people, condition, control)
-    effect = period_effect(seen, later, point.margin, alpha=alpha)
+    effect = period_effect(seen, later, point.margin, alpha=alpha, method=method)
     if effect is None:
         few = len(people) < 4
         unknown.append(
@@ -129,7 +174,8 @@ def _of_order(found, point, condition, people, seen, order, alpha, unknown) -> l
             "be told from its own."
         )
     else:
-        made.append(Doubt(PERIOD_DOUBT, effect.p_value, effect.without, always=True))
+        balanced = is_balanced(later)
+        made.append(Doubt(PERIOD_DOUBT, effect.p_value, effect.without, always=not balanced, never=balanced))
     if found.control in table.conditions:
         rows = [table.participants.index(person) for person in people]
         values = np.log(table.values[rows]) if point.ratio else table.values[rows]
@@ -145,7 +191,7 @@ def _of_order(found, point, condition, people, seen, order, alpha, unknown) -> l
     return made
 
 
-def _learning(found, whole, point, condition, people, seen, order, alpha, trends, unknown) -> list[Doubt]:
+def _learning(found, whole, point, condition, people, seen, order, alpha, method, trends, unknown) -> list[Doubt]:
     table = found.assessed[point.index.name].table
     base = found.control if found.control in table.conditions or table.index.over_control else None
     conditions = [condition] if base is None else [base, condition]
@@ -166,14 +212,15 @@ def _learning(found, whole, point, condition, people, seen, order, alpha, trends
     p = signed_rank(drift).p_value
     trends[point.index.name] = float(np.median(drift)), p
     at_end = (1.0 + seen) * np.exp(late) - 1.0 if point.index.over_control else seen + late
-    return [Doubt(LEARNING_DOUBT, p, equivalence(at_end, point.margin, alpha=alpha))]
+    return [Doubt(LEARNING_DOUBT, p, equivalence(at_end, point.margin, alpha=alpha, method=method))]
 
 
-def _left_out(found, whole, point, condition, people, alpha) -> list[Doubt]:
+def _left_out(found, whole, point, condition, people, alpha, method) -> list[Doubt]:
     """Return a doubt if failed movements, counted as longer than any other, change the verdict."""
     every = whole.lasted + whole.failed
     bounds = lasting_bounds(every, people, found.conditions, found.control, condition, point.differences)
     if bounds is None:
         return []
     low, high = bounds
-    return [Doubt(LEFT_OUT_DOUBT, float("nan"), equivalence(low, point.margin, upper=high, alpha=alpha), always=True)]
+    counted = equivalence(low, point.margin, upper=high, alpha=alpha, method=method)
+    return [Doubt(LEFT_OUT_DOUBT, float("nan"), counted, always=True)]

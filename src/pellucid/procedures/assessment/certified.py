@@ -9,13 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..._errors import StudyError
-from ...assessment.certificate import certificate_from_tests
-from ...assessment.equivalence import Equivalence, Margin, equivalence
-from ...assessment.equivalence_power import find_equivalence_participants
+from ...assessment.certificate import ESTIMAND_METHODS, certificate_from_tests
+from ...assessment.equivalence import Equivalence, Margin, Method, equivalence
+from ...assessment.equivalence_power import Active, find_equivalence_participants
 from ...assessment.indices import CutOff, Index, PercentOf, Worse
 from ...assessment.lasting_bounds import lasting_bounds
 from ...units import parse_quantity
-from .certificate_doubts import doubts_of_loss, find_doubts, lost_movements
+from .certificate_doubts import (
+    doubts_of_loss,
+    doubts_of_lost_people,
+    find_doubts,
+    lost_movements,
+    people_with_losses,
+)
 from .certified_condition import Certified, EndPoint
 from .measured_study import MeasuredStudy
 from .movement_curves import Curves, compare_with_control
@@ -36,7 +42,7 @@ SIMULATED_STUDY_COUNT = 1000
 def end_points(spec: AssessmentTable, indices: Mapping[str, Index]) -> dict[str, EndPoint]:
     """Return the end points with stated margins; refuse an unknown name or unit."""
     made = {}
-    for name, stated in spec.margins.items():
+    for name, stated in spec.index_margins.items():
         where = f"[assessment.margins] {name}"
         if name not in indices:
             raise StudyError(f"{where}: found no index of this name, expected one of {', '.join(indices)}")
@@ -96,7 +102,7 @@ def _certify(
     curves: Curves,
     executor: Any,
 ) -> Certified:
-    alpha, stated = spec.false_transparent, spec.equivalence
+    alpha, method = spec.alpha, ESTIMAND_METHODS[spec.estimand]
     people = [p for p in found.participants if all(p in found.assessed[n].table.participants for n in wanted)]
     if len(people) < 2:
         raise StudyError(
@@ -105,24 +111,36 @@ def _certify(
         )
     seen = {name: _differences(found.assessed[name], point, condition, found.control, people)
             for name, point in wanted.items()}  # fmt: skip
-    ranks = {name: _by_ranks(found, whole, point, condition, people, seen[name], alpha)
-             for name, point in wanted.items()}  # fmt: skip
+    tests, other = (
+        {name: _of_people(found, whole, point, condition, people, seen[name], alpha, used)
+         for name, point in wanted.items()}
+        for used in (method, "signed_rank" if method == "skew_robust" else "skew_robust")
+    )  # fmt: skip
     models = {name: model_of(whole, point, condition, _control(found, name), people, order)
               for name, point in wanted.items()}  # fmt: skip
+    # An index without values of single movements has no mixed model, only participants' values.
     fitted = {name: of_model(models[name], point, alpha) for name, point in wanted.items()
               if models[name].movements}  # fmt: skip
-    # An index without values of single movements has no mixed model, only participants' values.
-    tests, beside = (ranks, fitted) if stated == "signed_rank" else ({**ranks, **fitted}, {n: ranks[n] for n in fitted})
-    doubts, trends, unknown = find_doubts(found, whole, wanted, condition, people, seen, order, alpha)
+    beside = {next(iter(other.values())).method: other, **({"mixed_model": fitted} if fitted else {})}
+    doubts, trends, unknown = find_doubts(found, whole, wanted, condition, people, seen, order, alpha, method)
     shown = compare_with_control(curves, people, condition, found.control, spec.curves, found.along, alpha)
     with_margins = {f"{c.quantity} curve": c.comparison for c in shown if c.stated}
-    lost = lost_movements(whole, wanted, with_margins, (found.control, condition), people)
-    for name, doubt in doubts_of_loss({**tests, **with_margins}, lost, alpha, spec.max_left_out).items():
+    pair = found.control, condition
+    lost = lost_movements(whole, wanted, with_margins, pair, people)
+    everybody = (*found.participants, *found.without)
+    lost_people = tuple(person for person in everybody if person not in people)
+    for name, doubt in (
+        *doubts_of_loss({**tests, **with_margins}, lost, alpha, spec.max_left_out,
+                        people_with_losses(whole, wanted, pair, people), method).items(),
+        *doubts_of_lost_people({**tests, **with_margins}, len(lost_people), alpha, spec.max_left_out, method).items(),
+    ):  # fmt: skip
         doubts[name] = (*doubts.get(name, ()), doubt)
-    joint = certificate_from_tests(tests, alpha, doubts, with_margins)
+    joint = certificate_from_tests(tests, alpha, doubts, with_margins, spec.people)
+    active = Active(spec.estimand, spec.people, bool(order.period), bool(trends))
     return Certified(
-        condition, joint, wanted, len(people), _needed(wanted, seen, alpha, len(people), executor), stated, models,
-        beside, trends, unknown, _failed(whole, (found.control, condition), people), shown, lost, spec.max_left_out,
+        condition, joint, wanted, len(people), _needed(wanted, seen, alpha, active, executor), spec.estimand,
+        tuple(people), models, beside, trends, unknown, _failed(whole, pair, people), shown, lost, spec.max_left_out,
+        lost_people,
     )  # fmt: skip
 
 
@@ -132,9 +150,9 @@ def _control(found: AssessmentResult, name: str) -> str | None:
     return found.control if found.control in table.conditions or table.index.over_control else None
 
 
-def _by_ranks(
+def _of_people(
     found: AssessmentResult, whole: MeasuredStudy, point: EndPoint, condition: str, people: list[str],
-    seen: np.ndarray, alpha: float,
+    seen: np.ndarray, alpha: float, method: Method,
 ) -> Equivalence:  # fmt: skip
     pair, upper = (found.control, condition), None
     if point.index.cut_off is CutOff.AT_LEAST_SEEN:
@@ -146,13 +164,13 @@ def _by_ranks(
         cut = {(each.participant, each.condition) for each in whole.lasted if not each.settled}
         base, own = (np.array([(person, c) in cut for person in people]) for c in pair)
         seen, upper = np.where(base, -inf, seen), np.where(own, inf, seen)
-    return equivalence(seen, point.margin, upper=upper, alpha=alpha)
+    return equivalence(seen, point.margin, upper=upper, alpha=alpha, method=method)
 
 
 def _needed(
-    wanted: Mapping[str, EndPoint], seen: Mapping[str, np.ndarray], alpha: float, people: int, executor: Any
+    wanted: Mapping[str, EndPoint], seen: Mapping[str, np.ndarray], alpha: float, active: Active, executor: Any
 ) -> int | None:
-    if people < 3:
+    if len(next(iter(seen.values()))) < 3:
         return None
     covariance = np.atleast_2d(np.cov(np.array(list(seen.values()))))
     # An index without control, such as a torque, is planned about its own mean.
@@ -160,7 +178,7 @@ def _needed(
               for d, point in zip(seen.values(), wanted.values(), strict=True)]  # fmt: skip
     return find_equivalence_participants(
         covariance, [point.margin for point in wanted.values()], power=PLANNED_POWER, change=change, alpha=alpha,
-        studies=SIMULATED_STUDY_COUNT, executor=executor,
+        active=active, studies=SIMULATED_STUDY_COUNT, executor=executor,
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...assessment.certificate import Certificate
+from ...assessment.certificate import ESTIMAND_METHODS, Certificate, Estimand
 from ...assessment.equivalence import Equivalence, Margin
 from ...assessment.indices import Index, indices_along
 from ...assessment.mixed_model import MixedModel
@@ -64,13 +64,21 @@ class Certified:
     end_points: Mapping[str, EndPoint]
     participants: int  # number of participants with all end points
     needed: int | None  # participants for a power of 90 % if there is no change; None if more than were tried
-    rests_on: str = "signed_rank"  # test that the study states
+    estimand: Estimand = "mean"  # quantity that the study states
+    people: tuple[str, ...] = ()  # participants with all end points, in the order of the tests' differences
     models: Mapping[str, MixedModel] = field(default_factory=dict)  # mixed model of all movements, by end point
-    beside: Mapping[str, Equivalence] = field(default_factory=dict)  # result of the other test, by end point
+    # sensitivity analyses: results of other tests, by test and end point
+    beside: Mapping[str, Mapping[str, Equivalence]] = field(default_factory=dict)
     trends: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # trend and its p value, by end point
     unknown: tuple[str, ...] = ()  # questions that could not be tested, in sentences
     failed: Mapping[str, tuple[int, int]] = field(default_factory=dict)  # failed and all targets, by condition
     curves: tuple[CurveEndPoint, ...] = ()
     # lost and all movements, by end point and condition
     lost: Mapping[str, Mapping[str, tuple[int, int]]] = field(default_factory=dict)
-    max_left_out: float = 0.0  # largest share of movements that may be lost
+    max_left_out: float = 0.0  # largest share of movements and of participants that may be lost
+    lost_people: tuple[str, ...] = ()  # participants who were recorded and take no part
+
+    @property
+    def test(self) -> str:
+        """Name of the test that the certificate rests on."""
+        return ESTIMAND_METHODS[self.estimand]

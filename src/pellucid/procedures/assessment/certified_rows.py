@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...assessment.certificate import FAIL, PASS, Doubt
-from ...assessment.equivalence import BEYOND_MARGIN, UNDECIDED, WITHIN_MARGIN, Equivalence
+from ...assessment.equivalence import (
+    BEYOND_MARGIN,
+    FAR_MARGIN_COUNT,
+    UNDECIDED,
+    WITHIN_MARGIN,
+    Equivalence,
+    people_for_share,
+)
+from ...assessment.mean_test import HIDDEN_SHARE, MIN_PEOPLE
 from ...fit.parameter import Verdict
 from ...studies.results import ResultRow
 from ..result import FigureTable
@@ -17,32 +25,42 @@ from .certificate_doubts import (
     LEARNING_DOUBT,
     LEFT_OUT_DOUBT,
     LOST_MOVEMENTS_DOUBT,
+    LOST_PEOPLE_DOUBT,
     PERIOD_DOUBT,
     too_many_lost,
 )
 from .movement_curves import QUANTITY_NAMES
+from .primary_change import change_figure
 
 if TYPE_CHECKING:
     from .assessment_result import AssessmentResult
     from .certified_condition import Certified, EndPoint
     from .movement_curves import CurveEndPoint
 
-TEST_NAMES = {"signed_rank": "signed ranks", "mixed_model": "the mixed model"}
-"""Names of the tests in sentences."""
-
-TESTED_QUANTITIES = {
-    "signed_rank": ("the pseudo-median of people's changes", "people's changes are spread symmetrically about it"),
-    "mixed_model": ("the mean change", "people's changes and the scatter of movements are normally distributed"),
-    "curve": ("the mean curve", "people's curves are normally distributed about it"),
+TEST_NAMES = {
+    "skew_robust": "mean of people's changes",
+    "signed_rank": "pseudo-median of people's changes, by signed ranks",
+    "mixed_model": "mean change by the mixed model of movements",
 }
-"""Quantity that each test compares with the margin, and the assumption under which its level holds."""
+"""Names of the analyses: what each estimates, and by which test."""
+
+ANALYSIS_NAMES = {"skew_robust": "mean", "signed_rank": "pseudo-median", "mixed_model": "mixed model"}
+"""Short names of the analyses, for tables."""
+
+ASSUMPTIONS = {
+    "skew_robust": "people's changes are no more skewed than a lognormal distribution of sigma 1",
+    "signed_rank": "people's changes are spread symmetrically about their pseudo-median",
+    "curve": "people's curves are normally distributed about the mean curve",
+}
+"""Assumption under which the level of each test holds."""
 
 DOUBT_DESCRIPTIONS = {
     PERIOD_DOUBT: "without what the period did",
     CARRY_OVER_DOUBT: "without what lingers of the condition before",
     LEARNING_DOUBT: "by the last third of movements, which were still changing,",
     LEFT_OUT_DOUBT: "with targets that got no movement counted as never reached",
-    LOST_MOVEMENTS_DOUBT: "without knowing the movements that were left out",
+    LOST_MOVEMENTS_DOUBT: "whatever the people did whose movements were left out",
+    LOST_PEOPLE_DOUBT: "whatever the people did who take no part",
 }
 """Description, by doubt, of an end point's change after correction for it."""
 
@@ -55,29 +73,37 @@ def certificate_table(found: AssessmentResult) -> FigureTable:
             own = each.certificate.end_points[name]
             rows.append(
                 (each.condition, point.index.short, _change(point, own), _interval(point, own), point.stated,
-                 _p(own.p_within), each.certificate.said_of(name))
+                 _p(own.p_within), people_text(own), each.certificate.said_of(name))
             )  # fmt: skip
-    heads = ("Condition", "Index", "Change", f"{_share(found):g} % interval", "Margin", "p within", "Said")
+    heads = ("Condition", "Index", "Change", f"{_share(found):g} % interval", "Margin", "p within", "People within",
+             "Said")  # fmt: skip
     return FigureTable(
-        f"Certificate, by {TEST_NAMES[found.certified[0].rests_on]}: changes against the margins stated",
-        heads,
-        tuple(rows),
+        f"Certificate of the {TEST_NAMES[found.certified[0].test]}, against the margins stated", heads, tuple(rows)
     )
 
 
+def people_text(own: Equivalence) -> str:
+    """Say how many people lie within, and what share that shows at least."""
+    return f"{own.people_within} of {len(own.differences)}, at least {100.0 * own.share_within:.0f} %"
+
+
 def beside_table(found: AssessmentResult) -> FigureTable:
-    """Return a table of the other test, and of the differences between people by the mixed model."""
+    """Return a table of the sensitivity analyses: other tests of the same changes, and the mixed model of movements."""
     rows = []
     for each in found.certified:
-        for name, own in each.beside.items():
-            point, model = each.end_points[name], each.models[name]
-            spread = None if model.trouble else f"{_scaled(point, model.spread):.3g} {point.unit}".strip()
-            model_verdict = "no answer" if model.trouble else own.verdict
-            cells = (None, None) if model.trouble else (_change(point, own), _interval(point, own))
-            rows.append((each.condition, point.index.short, *cells, spread, model.movements, model_verdict))
-    other = next(words for name, words in TEST_NAMES.items() if name != found.certified[0].rests_on)
-    heads = ("Condition", "Index", "Change", f"{_share(found):g} % interval", "SD of people's", "Movements", "Said")
-    return FigureTable(f"Beside it, by {other}", heads, tuple(rows))
+        for test, results in each.beside.items():
+            for name, own in results.items():
+                point, model = each.end_points[name], each.models[name]
+                fitted = test == "mixed_model"
+                failed = fitted and bool(model.trouble)
+                spread = f"{_scaled(point, model.spread):.3g} {point.unit}".strip() if fitted and not failed else None
+                cells = (None, None) if failed else (_change(point, own), _interval(point, own))
+                said = "no answer" if failed else own.verdict
+                movements = model.movements if fitted else None
+                rows.append((each.condition, point.index.short, ANALYSIS_NAMES[test], *cells, spread, movements, said))
+    heads = ("Condition", "Index", "Analysis", "Change", f"{_share(found):g} % interval", "SD of people's",
+             "Movements", "Said")  # fmt: skip
+    return FigureTable("Sensitivity analyses, on which no verdict rests", heads, tuple(rows))
 
 
 def doubt_table(found: AssessmentResult) -> FigureTable:
@@ -101,7 +127,7 @@ def _doubt(doubt: Doubt | None) -> str | None:
         return None
     return (
         doubt.without.verdict
-        if doubt.what in (LEFT_OUT_DOUBT, LOST_MOVEMENTS_DOUBT)
+        if np.isnan(doubt.p_value)
         else f"{_p(doubt.p_value)}, {doubt.without.verdict}"
     )
 
@@ -139,7 +165,7 @@ def _share(found: AssessmentResult) -> float:
 
 
 def _signed(point: EndPoint, value: float) -> str:
-    return f"{point.shown(value):+.3g}"
+    return change_figure(point.shown(value), point.unit)
 
 
 def _scaled(point: EndPoint, spread: float) -> float:
@@ -179,14 +205,13 @@ def certificate_remarks(found: AssessmentResult) -> tuple[str, ...]:
 
 
 def _sentence(each: Certified) -> str:
-    verdict, names = each.certificate.verdict, list(each.end_points)
+    verdict = each.certificate.verdict
     words = {n: point.index.short for n, point in each.end_points.items()}
     words |= {name: name for name in each.certificate.curves}
-    level = f"{100.0 * each.certificate.alpha:g} %"
     if verdict == PASS:
         return (
             f"{each.condition}: transparent. All {len(words)} end points lie within their margins. "
-            f"{_what_was_tested(each, level)}"
+            f"{_what_was_tested(each)} {_people_sentence(each)}"
         )
     by = {word: [words[n] for n in words if each.certificate.said_of(n) == word]
           for word in (WITHIN_MARGIN, UNDECIDED, BEYOND_MARGIN)}  # fmt: skip
@@ -194,28 +219,54 @@ def _sentence(each: Certified) -> str:
         return f"{each.condition}: not transparent. Beyond the margin: {', '.join(by[BEYOND_MARGIN])}." + (
             f" Within: {', '.join(by[WITHIN_MARGIN])}." if by[WITHIN_MARGIN] else ""
         )
-    doubted = [(words[n], each.certificate.tested(n), each.certificate.contradicted(n)) for n in words]
+    return f"{each.condition}: cannot say. {_why_undecided(each, words, by[UNDECIDED])}"
+
+
+def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[str]) -> str:
+    """Return the reason of "cannot say" that a reader can act on first."""
+    own = each.certificate
+    far = {n: rows for n in each.end_points if (rows := own.far_people(n))}
+    if far:
+        return " ".join(_far_sentence(each, name, rows) for name, rows in far.items())
+    lacking = [n for n in each.end_points if own.lacks_people(n)]
+    if lacking:
+        shown = "; ".join(f"{words[n]}: {people_text(own.end_points[n])}" for n in lacking)
+        needed = people_for_share(own.people or 0.0, own.alpha)
+        return (
+            f"The mean lies within, but {100.0 * (own.people or 0.0):g} % of people are not shown to ({shown}). That "
+            f"takes {needed} people or more, all of them within."
+        )
+    doubted = [(words[n], own.tested(n), own.contradicted(n)) for n in words]
     doubted = [(name, tested, why) for name, tested, why in doubted if why]
     kinds = {d.what for *_, why in doubted for d in why}
     counts = f" {_lost_counts(each)}" if LOST_MOVEMENTS_DOUBT in kinds else ""
-    if doubted and len(doubted) == len(by[UNDECIDED]):
+    if LOST_PEOPLE_DOUBT in kinds:
+        counts += f" {_lost_people_counts(each)}"
+    if doubted and len(doubted) == len(undecided):
         doubts_text = "; ".join(
             f"{name} is {tested} its margin; {' or '.join(DOUBT_DESCRIPTIONS[d.what] for d in why)} "
             "it is not shown to be"
             for name, tested, why in doubted
         )
-        return f"{each.condition}: cannot say. {doubts_text}.{counts} {_remedy(kinds)}"
-    alone = [words[n] for n in names if each.certificate.end_points[n].verdict == BEYOND_MARGIN]
+        return f"{doubts_text}.{counts} {_remedy(kinds)}"
+    tests = own.end_points
+    alone = [words[n] for n in tests if tests[n].verdict == BEYOND_MARGIN]
     if alone:
         return (
-            f"{each.condition}: cannot say. Tested alone, {', '.join(alone)} would be beyond the margin; as the "
-            f"largest of {len(words)} changes in {each.participants} people that may be chance.{counts}"
+            f"Tested alone, {', '.join(alone)} would be beyond the margin; as the largest of {len(words)} changes in "
+            f"{each.participants} people that may be chance.{counts}"
         )
-    cut = [words[n] for n in names if each.certificate.end_points[n].bounded]
+    cut = [words[n] for n in tests if tests[n].bounded]
     if cut:
         return (
-            f"{each.condition}: cannot say. Undecided: {', '.join(by[UNDECIDED])}. How long movements lasted was not "
-            f"seen to its end ({', '.join(cut)}): record until they settle.{counts}"
+            f"Undecided: {', '.join(undecided)}. How long movements lasted was not seen to its end "
+            f"({', '.join(cut)}): record until they settle.{counts}"
+        )
+    if each.test == "skew_robust" and each.participants < MIN_PEOPLE:
+        hidden = 100.0 * (1.0 - HIDDEN_SHARE) ** each.participants
+        return (
+            f"With {each.participants} people nothing is claimed of a mean: if one person in five were slowed, "
+            f"{hidden:.0f} % of studies would see none of them. Record {MIN_PEOPLE} people or more.{counts}"
         )
     more = (
         f"With about {each.needed} people in place of {each.participants} a study would say so in 9 of 10 cases, if "
@@ -225,7 +276,29 @@ def _sentence(each: Certified) -> str:
         if each.needed is not None
         else "With people who differ as these do, no study of up to 128 would: measure more finely, or more movements."
     )
-    return f"{each.condition}: cannot say. Undecided: {', '.join(by[UNDECIDED])}.{counts} {more}"
+    return f"Undecided: {', '.join(undecided)}.{counts} {more}"
+
+
+def _far_sentence(each: Certified, name: str, rows: tuple[int, ...]) -> str:
+    """Say who lies far beyond the margin of an end point, and by how much."""
+    point, test = each.end_points[name], each.certificate.end_points[name]
+    who = ", ".join(
+        f"{each.people[i] if each.people else f'person {i + 1}'} ({_signed(point, test.differences[i])} {point.unit})"
+        for i in rows
+    )
+    return (
+        f"The {TEST_NAMES[each.test].partition(',')[0]} of {point.index.short} lies within {point.stated}, but "
+        f"{who} {'lies' if len(rows) == 1 else 'lie'} far beyond: more than {FAR_MARGIN_COUNT:g} margins. Find out why."
+    )
+
+
+def _people_sentence(each: Certified) -> str:
+    """Say what share of people is shown to lie within, of the end point that shows least."""
+    least = min(each.certificate.end_points.values(), key=lambda own: own.share_within)
+    return (
+        f"{least.people_within} of {len(least.differences)} people lie within: whatever their distribution, at least "
+        f"{100.0 * least.share_within:.0f} % of people do, with {100.0 * (1.0 - least.alpha):g} % confidence."
+    )
 
 
 DOUBT_REMEDIES = {
@@ -234,20 +307,34 @@ DOUBT_REMEDIES = {
     LEARNING_DOUBT: "Let people get used to it until movements no longer change.",
     LEFT_OUT_DOUBT: "Find why targets got no movement.",
     LOST_MOVEMENTS_DOUBT: "Find why movements were left out, and record again.",
+    LOST_PEOPLE_DOUBT: "Find why people take no part, and record them again.",
 }
 """Advice by doubt."""
 
 
-def _what_was_tested(each: Certified, level: str) -> str:
-    """State the tested quantity, and the assumption under which "transparent" errs in at most `level` of studies."""
-    own = each.certificate.end_points.values()
-    methods = dict.fromkeys("mixed_model" if test.method == "mixed_model" else "signed_rank" for test in own)
-    kinds = [TESTED_QUANTITIES[method] for method in (*methods, *(["curve"] if each.certificate.curves else []))]
-    what, assumed = (" and ".join(part[i] for part in kinds) for i in (0, 1))
-    skewed = " It is no mean: the mean of skewed changes may lie beyond its margin." if "signed_rank" in methods else ""
-    return (
+def _what_was_tested(each: Certified) -> str:
+    """State the tested quantity, and the assumption under which "transparent" errs in at most alpha of studies."""
+    what = f"the {TEST_NAMES[each.test].partition(',')[0]}" + (" and the mean curve" if each.certificate.curves else "")
+    assumed = " and ".join(ASSUMPTIONS[kind] for kind in (each.test, *(["curve"] if each.certificate.curves else [])))
+    level = f"{100.0 * each.certificate.alpha:.3g} %"
+    said = (
         f"What is tested is {what}: were it beyond one margin, this would be said in at most {level} of studies if "
-        f"{assumed}.{skewed}"
+        f"{assumed}."
+    )
+    if each.test == "signed_rank":
+        return f"{said} It is no mean: the mean of skewed changes may lie beyond its margin."
+    hidden = 100.0 * (1.0 - HIDDEN_SHARE) ** each.participants
+    if hidden < 0.1:
+        return said
+    return f"{said} A group of one person in five is missing from {hidden:.2g} % of studies of {each.participants}."
+
+
+def _lost_people_counts(each: Certified) -> str:
+    """Name the participants who take no part, more than the study allows."""
+    total = each.participants + len(each.lost_people)
+    return (
+        f"{len(each.lost_people)} of {total} participants take no part ({', '.join(each.lost_people)}): more than the "
+        f"{100.0 * each.max_left_out:g} % that max_left_out allows."
     )
 
 
@@ -280,16 +367,17 @@ def _remedy(kinds: set[str]) -> str:
 
 
 def _disagreeing(each: Certified) -> list[str]:
-    other = next(words for name, words in TEST_NAMES.items() if name != each.rests_on)
+    primary = each.certificate.end_points
     apart = [
-        f"{each.end_points[n].index.short} {own.verdict} by {other}, {each.certificate.end_points[n].verdict} by "
-        f"{TEST_NAMES[each.rests_on]}"
-        for n, own in each.beside.items()
-        if not each.models[n].trouble and own.verdict != each.certificate.end_points[n].verdict
+        f"{each.end_points[n].index.short} is {own.verdict} by the {TEST_NAMES[test]} and {primary[n].verdict} by the "
+        f"{TEST_NAMES[each.test]}"
+        for test, results in each.beside.items()
+        for n, own in results.items()
+        if not (test == "mixed_model" and each.models[n].trouble) and own.verdict != primary[n].verdict
     ]
     if not apart:
         return []
-    return [f"{each.condition}: tests disagree on {'; '.join(apart)}. The verdict rests on the latter, as stated."]
+    return [f"{each.condition}: sensitivity analyses disagree: {'; '.join(apart)}. The verdict rests on the latter."]
 
 
 def _without_model(each: Certified) -> list[str]:
@@ -336,16 +424,23 @@ def certificate_rows(found: AssessmentResult, digest: str | None) -> tuple[Resul
             rows.append(ResultRow(f"{head}.{name}", value, unit, "assess", "fitted", digest, note))
 
         add("transparent", {PASS: 1.0, FAIL: 0.0}.get(own.verdict, 0.5), "1", own.verdict)
-        add("p", own.p_value, "1", f"that all end points lie within, by {TEST_NAMES[each.rests_on]}")
+        add("p", own.p_value, "1", f"that all end points lie within: {TEST_NAMES[each.test]}")
         add("participants", each.participants, "1")
         add("needed", each.needed, "1", "for 90 %, if nothing changes; none: more than 128")
         for name, point in each.end_points.items():
             part = own.end_points[name]
-            add(f"{name}.change", _finite(point.shown(part.estimate)), point.unit, "middle of participants' changes")
-            add(f"{name}.low", _finite(point.shown(part.interval[0])), point.unit, "90 % interval at the usual level")
+            add(f"{name}.change", _finite(point.shown(part.estimate)), point.unit, TEST_NAMES[each.test])
+            level = f"{100.0 * (1.0 - 2.0 * own.alpha):.4g} % interval"
+            add(f"{name}.low", _finite(point.shown(part.interval[0])), point.unit, level)
             add(f"{name}.high", _finite(point.shown(part.interval[1])), point.unit)
             add(f"{name}.p_within", part.p_within, "1", f"margin {point.stated}")
             add(f"{name}.p_beyond", own.beyond[name], "1", "after Holm")
+            add(f"{name}.people_within", part.people_within, "1", f"of {len(part.differences)}")
+            bound = f"lower bound at {100.0 * (1.0 - own.alpha):.4g} % confidence"
+            add(f"{name}.share_within", _finite(100.0 * part.share_within), "%", bound)
+            for rank, row in enumerate(part.far_people, start=1):
+                who = each.people[row] if each.people else f"person {row + 1}"
+                add(f"{name}.far.{rank}", _finite(point.shown(part.differences[row])), point.unit, who)
             add(f"{name}.bayes_factor", _finite(part.bayes_factor), "1", "of within against beyond")
             for condition, (gone, of) in each.lost[name].items():
                 share = 100.0 * gone / of if of else 0.0
@@ -357,13 +452,15 @@ def certificate_rows(found: AssessmentResult, digest: str | None) -> tuple[Resul
 
 
 def _more_rows(each: Certified, name: str, point: EndPoint, add) -> None:
-    beside, model = each.beside.get(name), each.models[name]
-    if beside is not None and not model.trouble:
-        other = next(key for key in TEST_NAMES if key != each.rests_on)
-        add(f"{name}.{other}.change", _finite(point.shown(beside.estimate)), point.unit, f"by {TEST_NAMES[other]}")
-        add(f"{name}.{other}.low", _finite(point.shown(beside.interval[0])), point.unit)
-        add(f"{name}.{other}.high", _finite(point.shown(beside.interval[1])), point.unit)
-        add(f"{name}.{other}.p_within", beside.p_within, "1")
+    model = each.models[name]
+    for test, results in each.beside.items():
+        other = results.get(name)
+        if other is not None and not (test == "mixed_model" and model.trouble):
+            note = f"sensitivity analysis: {TEST_NAMES[test]}"
+            add(f"{name}.{test}.change", _finite(point.shown(other.estimate)), point.unit, note)
+            add(f"{name}.{test}.low", _finite(point.shown(other.interval[0])), point.unit)
+            add(f"{name}.{test}.high", _finite(point.shown(other.interval[1])), point.unit)
+            add(f"{name}.{test}.p_within", other.p_within, "1")
     if model.movements:
         add(
             f"{name}.model.spread",

@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..._errors import StudyError
-from ...assessment.equivalence_power import CANDIDATE_SIZES, participants_for_changes
+from ...assessment.certificate import Estimand
+from ...assessment.equivalence import Margin, critical_rank_sum, people_for_share
+from ...assessment.equivalence_power import (
+    CANDIDATE_SIZES,
+    Active,
+    equivalence_power,
+    find_equivalence_participants,
+    participants_for_changes,
+)
 from ...assessment.indices import indices_along
+from ...assessment.mean_test import MIN_PEOPLE
 from ...studies.study import Study
 from ...units import COORDINATES_BY_UNIT, parse_quantity
+from ..result import Result
 from .assessment_table import AssessmentTable
 from .certified import end_points
 from .certified_condition import EndPoint
@@ -33,8 +44,20 @@ class Plan:
     note: str
 
 
-def plan(study: Study, *, power: float = 0.9, studies: int = 2000, executor: Any = None) -> Plan:
-    """Plan the participants needed for the margins and spreads of a study with [assessment]."""
+def plan(
+    study: Study,
+    *,
+    power: float = 0.9,
+    participants: int | None = None,
+    pilot: Mapping[str, np.ndarray] | None = None,
+    studies: int = 2000,
+    executor: Any = None,
+) -> Plan:
+    """Plan the participants needed for the margins and spreads of a study with [assessment].
+
+    `participants` is a number that has been decided on: it is refused if no data of so many could certify. `pilot`
+    holds people's changes by end point, (n,), as a pilot study's certificate has them: people are then drawn from it.
+    """
     spec = study.find_table(AssessmentTable)
     where = f"{study.folder}, study.toml"
     if spec is None or not spec.margins:
@@ -42,6 +65,18 @@ def plan(study: Study, *, power: float = 0.9, studies: int = 2000, executor: Any
     joints = study.config.rig.joints
     along = COORDINATES_BY_UNIT["m" if len(joints) == 1 and joints[0].motion == "prismatic" else "rad"]
     points = end_points(spec, indices_along(along))
+    margins = [point.margin for point in points.values()]
+    least = _fewest(spec)
+    if participants is not None and participants < least:
+        reason = f"{100.0 * spec.people:g} % of people cannot be shown to lie within" if spec.people else "of a mean"
+        raise StudyError(
+            f"{where}: found {participants} participants, expected at least {least}: with fewer nothing is claimed "
+            f"({reason})"
+        )
+    active = Active(spec.estimand, spec.people, order=True, learning=True)
+    options = {"alpha": spec.false_transparent, "active": active, "studies": studies, "executor": executor}
+    if pilot is not None:
+        return _of_pilot(points, pilot, margins, power, participants, options)
     if set(spec.spreads) != set(points):
         raise StudyError(
             f"{where}: found [assessment.spreads] of {', '.join(spec.spreads) or 'nothing'}, expected those of "
@@ -49,26 +84,96 @@ def plan(study: Study, *, power: float = 0.9, studies: int = 2000, executor: Any
         )
     spreads = [_spread(point, spec.spreads[name]) for name, point in points.items()]
     joint, alone = participants_for_changes(
-        spreads,
-        [point.margin for point in points.values()],
-        tuple(TRUE_CHANGE_SHARES),
-        END_POINT_CORRELATIONS,
-        power=power,
-        alpha=spec.false_transparent,
-        studies=studies,
-        executor=executor,
+        spreads, margins, tuple(TRUE_CHANGE_SHARES), END_POINT_CORRELATIONS, power=power, **options
     )
-    heads = ("True change", "All together", "Going together", *(p.index.short for p in points.values()))
-    rows = tuple(
-        (words, *(_people(n) for n in (*together, *each)))
+    heads = ["True change", "All together", "Going together", *(p.index.short for p in points.values())]
+    rows = [
+        [words, *(_people(n) for n in (*together, *each))]
         for words, together, each in zip(TRUE_CHANGE_SHARES.values(), joint, alone, strict=True)
-    )
+    ]
+    if participants is not None:
+        heads.append(f"Power with {participants} %")
+        covariance = np.diag(np.array(spreads) ** 2)
+        ends = np.array([margin.high for margin in margins])
+        for row, share in zip(rows, TRUE_CHANGE_SHARES, strict=True):
+            found = equivalence_power(covariance, margins, (participants,), change=share * ends, **options)
+            row.append(round(100.0 * found.power[0]))
     return Plan(
-        f"People for a certificate in {100.0 * power:g} % of studies, by true change over margin",
-        heads,
-        rows,
-        f"Signed ranks at {100.0 * spec.false_transparent:g} %, people's changes normal; going together: correlated by "
-        f"{END_POINT_CORRELATIONS[1]:g} over end points. {studies} studies simulated for each number of people.",
+        _title(power),
+        tuple(heads),
+        tuple(map(tuple, rows)),
+        f"{_tested(spec.estimand, spec.people, spec.false_transparent)}, people's changes normal; going together: "
+        f"correlated by {END_POINT_CORRELATIONS[1]:g} over end points. {_ACTIVE_WORDS} {studies} studies simulated for "
+        "each number of people.",
+    )
+
+
+def pilot_changes(pilot: Study) -> dict[str, np.ndarray]:
+    """Return people's changes by end point of an assessed pilot, (n,), in its condition in which they differ most."""
+    from .procedure import AssessmentProcedure
+
+    spec, procedure = pilot.find_table(AssessmentTable), AssessmentProcedure()
+    if spec is None or not spec.index_margins:
+        raise StudyError(f"{pilot.folder}, study.toml: found no [assessment.margins], expected those of the plan")
+    found = Result.kept(pilot, procedure) or procedure.run(pilot, spec)
+    widest = max(found.certified, key=lambda each: sum(
+        float(np.var(test.differences)) / test.margin.high**2 for test in each.certificate.end_points.values()
+    ))  # fmt: skip
+    return {name: test.differences for name, test in widest.certificate.end_points.items()}
+
+
+_ACTIVE_WORDS = (
+    "Orders of two conditions in balance, carry-over, learning and a person far beyond are looked for in each study."
+)
+
+
+def _title(power: float) -> str:
+    return f"People for a certificate in {100.0 * power:g} % of studies, by true change over margin"
+
+
+def _tested(estimand: Estimand, people: float | None, alpha: float) -> str:
+    share = f" ({100.0 * people:g} %)" if people is not None else ""
+    return f"{estimand.capitalize()}{share} at {100.0 * alpha:g} %"
+
+
+def _fewest(spec: AssessmentTable) -> int:
+    """Return the fewest participants with whom anything can be certified."""
+    if spec.estimand == "pseudo-median":
+        return next(n for n in CANDIDATE_SIZES if critical_rank_sum(n, spec.false_transparent) is not None)
+    share = 0 if spec.people is None else people_for_share(spec.people, spec.false_transparent)
+    return max(MIN_PEOPLE, share)
+
+
+def _of_pilot(
+    points: Mapping[str, EndPoint], pilot: Mapping[str, np.ndarray], margins: list[Margin], power: float,
+    participants: int | None, options: dict[str, Any],
+) -> Plan:  # fmt: skip
+    """Plan with people drawn from a pilot's own, all end points of a person together."""
+    lacking = [name for name in points if name not in pilot]
+    if lacking:
+        raise StudyError(
+            f"plan: found a pilot with {', '.join(pilot) or 'no end point'}, expected {', '.join(lacking)} too"
+        )
+    people = np.column_stack([pilot[name] for name in points])
+    if len(people) < 3 or not np.isfinite(people).all():
+        raise StudyError(f"plan: found {len(people)} people in the pilot, expected at least 3 with finite changes")
+    covariance, ends = np.atleast_2d(np.cov(people, rowvar=False)), np.array([margin.high for margin in margins])
+    heads = ["True change", "All together", *([f"Power with {participants} %"] if participants is not None else [])]
+    rows = []
+    for share, words in TRUE_CHANGE_SHARES.items():
+        own = {**options, "pilot": people, "change": share * ends}
+        row: list[str | int] = [words, _people(find_equivalence_participants(covariance, margins, power=power, **own))]
+        if participants is not None:
+            row.append(round(100.0 * equivalence_power(covariance, margins, (participants,), **own).power[0]))
+        rows.append(tuple(row))
+    active = options["active"]
+    return Plan(
+        _title(power),
+        tuple(heads),
+        tuple(rows),
+        f"{_tested(active.estimand, active.people, options['alpha'])}, people drawn from the pilot's {len(people)}, "
+        f"moved to the true change. {_ACTIVE_WORDS} {options['studies']} studies simulated for each number of people. "
+        "What so few people show of a distribution is itself uncertain.",
     )
 
 

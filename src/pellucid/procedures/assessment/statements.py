@@ -13,9 +13,9 @@ from ...assessment.signed_rank import smallest_p
 from ...fit.parameter import Verdict
 from .assessment_tables import PRINTED_UNITS
 from .pointing_faults import REASON_WORDS
+from .primary_change import ESTIMAND_WORDS, PrimaryChange, change_figure, primary_change
 
 if TYPE_CHECKING:
-    from ...assessment.comparison import ControlComparison
     from .assessment_result import Assessed, AssessmentResult
 
 MIN_ISOCHRONY_R2 = 0.8
@@ -29,8 +29,8 @@ def headline(found: AssessmentResult) -> str:
     leading = found.assessed.get(leading_index().name)
     if leading is None or not leading.comparison.against_control:
         return f"{counts_text}."
-    changes = {c: leading.first_change(found.control, c) for c in found.conditions if c != found.control}
-    parts = [f"{condition} {_percent(change)}" for condition, change in changes.items() if change is not None]
+    changes = {c: primary_change(found, leading.name, c) for c in found.conditions if c != found.control}
+    parts = [f"{condition} {change_text(change)}" for condition, change in changes.items() if change is not None]
     cut = [f"{100.0 * each.curve.cut:.0f} % in {each.condition}" for each in found.settling if each.curve.cut]
     more = f"; never settled: {_listed(cut)}" if cut else ""
     words = _lower(leading.table.index.words)
@@ -55,7 +55,7 @@ def paragraph(found: AssessmentResult) -> str:
     if n > 2 and any(_told_apart(found, each, alpha) is False for each in found.assessed.values()):
         rest.append(
             f"A condition that no test tells from {found.control} is not thereby equal to it: its interval "
-            "(CI, by bootstrap over participants) says how large the change may be."
+            f"(CI, of the {ESTIMAND_WORDS[found.estimand]}) says how large the change may be."
         )
     parts += [rest, _isochrony_sentence(found) + ([_limits(found, alpha)] if n > 1 else [])]
     return "\n\n".join(" ".join(part) for part in parts if part)
@@ -80,7 +80,7 @@ def _index_sentences(found: AssessmentResult, each: Assessed, alpha: float) -> l
     for condition in each.table.conditions:
         mean = float(factor * np.mean(each.table.column(condition)))
         own = against.get(condition)
-        change = _plain_change(found, each, condition) if own is None else _change(found, each, own)
+        change = _change(found, each, condition) if own is not None or condition != found.control else ""
         if index.over_control:
             told, _, interval = (change or _percent(mean)).partition(", ")
             parts.append(f"{told} in {condition}" + (f" ({interval})" if interval else ""))
@@ -118,23 +118,23 @@ def _lower(words: str) -> str:
     return words if words[:2].isupper() else words[:1].lower() + words[1:]
 
 
-def _change(found: AssessmentResult, each: Assessed, own: ControlComparison) -> str:
-    """Format a change from control with its interval, in % if that is meaningful."""
-    share = each.share_of_control(found.control)
-    scale, unit = (each.table.index.shown[0], "") if share is None else (100.0 / share, " %")
-    text = f"{_signed(scale * own.change)}{unit}"
-    if np.isnan(own.interval[0]):
-        return text
-    low, high = (scale * end for end in own.interval)
-    return f"{text}, {100 * found.confidence:g} % CI {_signed(low)} to {_signed(high)}{unit}"
+def change_text(change: PrimaryChange) -> str:
+    """Format a primary change with its sign and unit, as headline, tile, text and tables tell it."""
+    if not np.isfinite(change.value):
+        return "not known"
+    return f"{change_figure(change.value, change.unit)} {change.unit}".rstrip()
 
 
-def _plain_change(found: AssessmentResult, each: Assessed, condition: str) -> str:
-    """Format the change of a single participant from control, without a test."""
-    share = each.share_of_control(found.control)
-    if len(each.table.values) > 1 or share is None or each.table.index.over_control or condition == found.control:
+def _change(found: AssessmentResult, each: Assessed, condition: str) -> str:
+    """Format the primary change from control with its interval; empty if there is none."""
+    change = primary_change(found, each.name, condition)
+    if change is None:
         return ""
-    return f"{_signed(100.0 * (float(each.table.column(condition).mean()) / share - 1.0))} %"
+    if not (np.isfinite(change.low) and np.isfinite(change.high) and np.isfinite(change.value)):
+        return change_text(change)
+    low, high = (change_figure(end, change.unit) for end in (change.low, change.high))
+    ends = f"{low} to {high} {change.unit}".rstrip()
+    return f"{change_text(change)}, {100 * found.confidence:g} % CI {ends}"
 
 
 def _other_indices(found: AssessmentResult, alpha: float) -> list[str]:
@@ -256,10 +256,6 @@ def _filter_verdicts(found: AssessmentResult) -> list[Verdict]:
 
 def _percent(share: float) -> str:
     return f"{100.0 * share:+.1f} %"
-
-
-def _signed(value: float) -> str:
-    return f"{value:+.0f}" if abs(value) >= 100.0 else f"{value:+.1f}"
 
 
 def _p(p: float) -> str:

@@ -1,0 +1,126 @@
+"""Studies made of files and assessed by the command line: does it decide as the drawn changes ask for?
+
+People point to targets in two conditions; in one of them their peak velocity changes by a drawn factor of their own.
+Each study is written as CSV files with its study.toml and handed to ``pellucid assess`` as a user would; what it says
+is read from results.json. Movements have minimum jerk, so that nothing but the drawn factor changes.
+"""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from benchmarks._size import sized
+from typer.testing import CliRunner
+
+from pellucid.assessment.equivalence import Margin
+from pellucid.assessment.group_sequential import looks
+from pellucid.assessment.transparent_studies import SimulatedStudies, are_transparent
+
+SEED = 20261127
+"""Seed of every random draw."""
+
+STUDY_COUNT = sized(2, smallest=1)
+"""Number of studies of each case."""
+
+PEOPLE_COUNT = 16
+"""Number of participants of a study."""
+
+AMPLITUDE = float(np.radians(30.0))
+"""Amplitude of every movement [rad]."""
+
+MARGIN = Margin.of_ratio(0.10)
+"""Margin of the peak velocity."""
+
+LOOK_SHARES = (0.6, 0.8, 1.0)
+"""Shares of the planned participants at the looks of a sequential study."""
+
+CASES = ("plain", "at_margin", "missing_few", "missing_many", "periods", "look", "lost_people", "one_slowed")
+"""What is done to the studies of a case."""
+
+
+def rows() -> Iterator[tuple[str, float, str, str]]:
+    """Name, value, unit and note of each figure."""
+    wrong, of = 0, 0
+    for case in CASES:
+        said = []
+        for i in range(STUDY_COUNT):
+            expected, verdict = _assessed(case, i)
+            said.append(verdict)
+            wrong, of = wrong + (verdict != expected), of + 1
+        share = 100.0 * np.mean([each == 1.0 for each in said])
+        yield f"command_line.{case}.certified", share, "%", f"of {STUDY_COUNT} studies made of files"
+    yield "command_line.studies", of, "1", ", ".join(CASES)
+    yield "command_line.wrong", wrong, "1", "studies in which the command line decides otherwise than drawn changes ask"
+
+
+def _assessed(case: str, i: int) -> tuple[float, float]:
+    """Return the expected and the found verdict: 1 for transparent, 0.5 for "cannot say"."""
+    rng = np.random.default_rng([SEED, CASES.index(case), i])
+    centre = MARGIN.high if case == "at_margin" else 0.0
+    changes = centre + 0.02 * rng.standard_normal(PEOPLE_COUNT)
+    if case == "one_slowed":
+        changes[3] = np.log(1.6)
+    first = np.arange(PEOPLE_COUNT) < 10  # more people have control first
+    later = np.where(first, 1.0, -1.0)
+    if case == "periods":
+        changes = changes - 0.01 * later
+    with TemporaryDirectory() as place:
+        folder = Path(place)
+        _write_study(folder, case, changes, first, rng)
+        from pellucid.cli import app
+
+        done = CliRunner().invoke(app, ["assess", str(folder)])
+        if done.exit_code:
+            raise RuntimeError(f"pellucid assess failed on a study of the case {case}: {done.output[-2000:]}")
+        found = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    verdict = next(row["value"] for row in found["figures"] if row["id"].endswith("certificate.robot.transparent"))
+    if case in ("missing_many", "lost_people"):
+        return 0.5, verdict
+    alpha = looks(LOOK_SHARES, 0.05).level[1] if case == "look" else 0.05
+    drawn = SimulatedStudies(changes[None, :, None], later if case == "periods" else None)
+    return (1.0 if are_transparent(drawn, [MARGIN], alpha=alpha)[0] else 0.5), verdict
+
+
+def _write_study(folder: Path, case: str, changes: np.ndarray, first: np.ndarray, rng: np.random.Generator) -> None:
+    told = ['name = "made"', "[rig]", 'joint = "elbow"', 'motion = "rotary"', 'lifts = "flexion"', "[channels]"]
+    told += [f'{c} = {{ column = "{c}", unit = "{u}" }}' for c, u in
+             (("time", "s"), ("position", "rad"), ("target", "rad"))]  # fmt: skip
+    told += ["[assessment]", 'control = "free"']
+    told += [f"looks = {list(LOOK_SHARES)}", "look = 2"] if case == "look" else []
+    told += ["[assessment.margins]", 'vmax = "10 %"']
+    for i, change in enumerate(changes):
+        told += [f"[participants.P{i}]", 'mass = "70 kg"']
+        pace = float(np.exp(0.1 * rng.standard_normal()))
+        for condition, factor in (("free", 1.0), ("robot", float(np.exp(change)))):
+            if case == "lost_people" and i < 4 and condition == "robot":
+                continue
+            few = case == "missing_few" and i == 2 and condition == "robot"
+            gaps = 1 if few else 3 if case == "missing_many" and condition == "robot" else 0
+            name = f"P{i}_{condition}"
+            _write_recording(folder / f"{name}.csv", 1.2 / pace / factor, gaps)
+            told += ["[[recordings]]", f'name = "{name}"', f'file = "{name}.csv"', f'participant = "P{i}"']
+            told += [f'condition = "{condition}"']
+            if case == "periods":
+                told.append(f"period = {1 if (condition == 'free') == first[i] else 2}")
+    (folder / "study.toml").write_text("\n".join(told) + "\n", encoding="utf-8")
+
+
+def _write_recording(path: Path, duration: float, gaps: int, movements: int = 10, rate: float = 100.0) -> None:
+    """Write movements of minimum jerk between two targets; the angle is missing in the first `gaps` of them."""
+    pause = 1.0
+    time = np.arange(0.0, pause + movements * (duration + 0.3 + pause), 1.0 / rate)
+    angle, target = np.zeros(len(time)), np.zeros(len(time))
+    for k in range(movements):
+        start, sign = pause + k * (duration + 0.3 + pause), 1.0 if k % 2 == 0 else -1.0
+        s = np.clip((time - start - 0.3) / duration, 0.0, 1.0)
+        angle += sign * AMPLITUDE * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+        target[time >= start] += sign * AMPLITUDE
+        if k < gaps:
+            inside = (time > start + 0.3 + 0.3 * duration) & (time < start + 0.3 + 0.7 * duration)
+            angle[inside] = np.nan
+    with path.open("w", encoding="utf-8") as file:
+        file.write("time,position,target\n")
+        for row in zip(time, angle, target, strict=True):
+            file.write(",".join("" if np.isnan(x) else f"{x:.6g}" for x in row) + "\n")

@@ -1,0 +1,131 @@
+"""Foreign laws and indices: are strangers' laws ranked, stopped where they must be, and measured by what?
+
+- A C file and a Python class with the same law wear the virtual knee beside the lab's plain modes; their commands are
+  compared bit by bit. Four hostile laws must be stopped: one never answers, one crashes, one asks for 4 GB, one answers
+  no number.
+- The indices of `transparency_indices` on the same sessions: which orders of controllers they give, how far these agree
+  with those by indices of other kinds, and how far pairs of people and robots agree on the order. The robot's friction
+  has the form that the models suppose, as in the whole ranking.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from benchmarks._size import sized
+
+import pellucid.ranking.elbow as elbow
+from pellucid._processes import ordered_results
+from pellucid.lab.elbow.rig import able_elbow, drawn_rigs
+from pellucid.lab.knee.protocol import swing_trial
+from pellucid.lab.knee.rig import knee_orthosis
+from pellucid.lab.knee.trial import run_trial
+from pellucid.lab.pointing.people import draw_people
+from pellucid.lab.pointing.rig import elbow_participants
+from pellucid.ranking.foreign_law import STOPPED_WORDS, ForeignController, ForeignLaw
+from pellucid.ranking.knee import knee_pair
+from pellucid.ranking.strategies import SWING_TASK
+from pellucid.ranking.transparency_indices import INDICES, IndexComparison, index_values
+from pellucid.studies.results import ResultRow
+
+EXAMPLES = Path(__file__).parents[1] / "examples" / "laws"
+"""Folder of the example of a foreign law, in C and in Python."""
+
+SEED = 29
+"""Seed of people, robots and noise."""
+
+PAIR_COUNT = sized(6, smallest=1)
+"""Number of pairs of a person and a robot whose sessions indices are computed on."""
+
+TRIAL_S = sized(12.0, smallest=2.0)
+"""Duration of a trial at the knee [s]."""
+
+INDEX_CONTROLLERS = ("unpowered", "clpc", "pcfr", "fc", "transparent", "dithered", "amplification", "force_sensor",
+                     "residual")  # fmt: skip
+"""Controllers whose order is compared between indices."""
+
+HOSTILE_LAWS = {
+    "hangs": "while True: pass",
+    "crashes": "import ctypes; ctypes.string_at(0)",
+    "takes_4_gb": "self.held = bytearray(4 * 1024**3)",
+    "answers_nan": "return float('nan')",
+}
+"""What each hostile law does after a fifth of a second."""
+
+
+def rows() -> Iterator[ResultRow]:
+    """Every figure."""
+    yield from foreign_rows()
+    yield from hostile_rows()
+    yield from index_rows()
+
+
+def _row(name: str, value: float, unit: str, note: str) -> ResultRow:
+    return ResultRow(f"ranking.{name}", float(value), unit, "evidence", "simulated", None, note)
+
+
+def foreign_rows() -> Iterator[ResultRow]:
+    """Foreign laws in the ranking, and their bits."""
+    laws = [ForeignLaw.from_file(EXAMPLES / f"spring_to_zero{ending}") for ending in (".c", ".py")]
+    plain = ("no_control", "zero_impedance")
+    tried = knee_pair(0, SEED, only=plain, laws=laws)
+    found = {one.controller: one for one in tried if one.task == SWING_TASK}
+    ranked = [law for law in laws if np.isfinite(found[law.name].torque)]
+    yield _row("foreign_laws", len(ranked), "1", f"ranked beside {', '.join(plain)} on one drawn wearer")
+    for name, one in found.items():
+        yield _row(f"swings.torque.{name.replace('law:', '').replace('.', '_')}", one.torque, "N*m", "RMS, strap")
+    commands = [_commands(law)[0] for law in laws]
+    wrong = int(np.sum(commands[0].view(np.int64) != commands[1].view(np.int64)))
+    yield _row("foreign_law.wrong_bits", wrong, "1", f"of {len(commands[0])} commands, C against Python")
+
+
+def hostile_rows() -> Iterator[ResultRow]:
+    """Hostile laws that were not stopped."""
+    survived, said = 0, []
+    with TemporaryDirectory() as place:
+        for name, does in HOSTILE_LAWS.items():
+            path = Path(place) / f"{name}.py"
+            body = f"self.n += 1\n        if self.n > 100:\n            {does}\n        return 1.0"
+            head = "class Law:\n    def reset(self): self.n = 0\n    def step(self, *sample):\n        "
+            path.write_text(f"{head}{body}\n")
+            commands, fault = _commands(ForeignLaw.from_file(path))
+            survived += fault == "none" or not np.isfinite(commands).all() or abs(commands[-1]) > 1e-9
+            said.append(f"{name}: {STOPPED_WORDS.get(fault, fault)}")
+    yield _row("hostile_laws.survived", survived, "1", "; ".join(said))
+
+
+def _commands(law: ForeignLaw) -> tuple[np.ndarray, str]:
+    rig = knee_orthosis()
+    subject = next(iter(rig.subjects.values()))
+    controller = ForeignController(law, period=rig.period, torque_limit=rig.constants.actuator.torque_limit)
+    try:
+        trial = swing_trial(rig, "swing", subject, duration=TRIAL_S)
+        readings = run_trial(rig, trial, rng=np.random.default_rng(SEED), controller=controller)
+    finally:
+        controller.close()
+    return readings.command, controller.fault
+
+
+def index_pair(index: int) -> dict[str, dict[str, float]]:
+    """Return every index by controller on one pair of a drawn person and a drawn robot."""
+    robot = drawn_rigs(able_elbow(), index + 1, seed=elbow.ROBOTS_SEED + SEED)[index]
+    rig = elbow_participants(robot)
+    person = draw_people(rig, np.random.default_rng([elbow.ROBOTS_SEED, SEED]), count=max(PAIR_COUNT, 6))[index]
+    laws, _ = elbow.elbow_laws(robot, rig, person, INDEX_CONTROLLERS)
+    free = elbow.point(rig, person, None, [SEED, index])
+    return {name: index_values(elbow.point(rig, person, law, [SEED, index]), free) for name, law in laws.items()}
+
+
+def index_rows() -> Iterator[ResultRow]:
+    """Agreement of every index with the others, and of pairs by every index."""
+    found = ordered_results([(index_pair, i) for i in range(PAIR_COUNT)])
+    values = {i.name: np.array([[pair[c][i.name] for c in INDEX_CONTROLLERS] for pair in found]) for i in INDICES}
+    compared = IndexComparison(INDEX_CONTROLLERS, values)
+    yield _row("indices", len(values), "1", f"{PAIR_COUNT} pairs, {len(INDEX_CONTROLLERS)} controllers")
+    for i in INDICES:
+        order = [INDEX_CONTROLLERS[k] for k in np.argsort(compared.ranks(i.name))]
+        note = f"{i.kind}: {i.words} ({i.source}); order: {', '.join(order)}"
+        yield _row(f"index.{i.name}.agreement", compared.mean_agreement(i.name), "1", note)
+        yield _row(f"index.{i.name}.concordance", compared.concordance(i.name), "1", "Kendall's W over pairs")
+        yield _row(f"index.{i.name}.with_torque_rms", compared.agreement(i.name, "torque_rms"), "1", "Spearman")

@@ -1,0 +1,79 @@
+"""The primary change of each index from control: the one number that tile, headline, text and certificate tell.
+
+It is the study's estimand: the mean of people's own changes, or their pseudo-median. Changes of an index with a zero
+are ratios, so that their mean is a geometric one; an index with a stated margin is compared as the margin is. Whatever
+else describes a change (the change of the mean, the mixed model, other filters) is a sensitivity analysis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import nan
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...assessment.certificate import ESTIMAND_METHODS, Estimand
+from ...assessment.equivalence import Margin, equivalence
+from ...assessment.index_table import IndexTable
+from .certified_condition import EndPoint
+
+if TYPE_CHECKING:
+    from .assessment_result import AssessmentResult
+
+ESTIMAND_WORDS: dict[Estimand, str] = {
+    "mean": "mean of people's own changes",
+    "pseudo-median": "pseudo-median of people's own changes",
+    "mean and people": "mean of people's own changes",
+}
+"""Words for the estimates."""
+
+
+def change_figure(value: float, unit: str) -> str:
+    """Return a change, or an end of its interval, with the digits that every part of a report gives it."""
+    if unit != "%":
+        return f"{value:+.3g}"
+    return f"{value:+.0f}" if abs(value) >= 100.0 else f"{value:+.1f}"
+
+
+@dataclass(frozen=True)
+class PrimaryChange:
+    """Change of an index from control under a condition, as every part of a report tells it."""
+
+    value: float  # in % of control, or in the unit of tables; NaN if movements were cut off, so that it is not known
+    low: float  # interval of the study's confidence; NaN with one participant
+    high: float
+    unit: str  # ``"%"`` or the unit of tables
+
+
+def primary_change(found: AssessmentResult, name: str, condition: str) -> PrimaryChange | None:
+    """Return the primary change of an index under a condition; None if it has no control to change from."""
+    named = (each for each in found.certified if each.condition == condition and name in each.end_points)
+    certified = next(named, None)
+    level = 0.5 * (1.0 - found.confidence)
+    if certified is not None:
+        point, own = certified.end_points[name], certified.certificate.end_points[name]
+        again = equivalence(own.differences, own.margin, upper=own.upper, alpha=level, method=certified.test)
+        return PrimaryChange(point.shown(own.estimate), *(point.shown(end) for end in again.interval), point.unit)
+    table = found.assessed[name].table
+    return change_of_table(table, condition, found.control, found.estimand, level)
+
+
+def change_of_table(
+    table: IndexTable, condition: str, control: str, estimand: Estimand, level: float = 0.025
+) -> PrimaryChange | None:
+    """Return the change that a table's participants show; None without values of the condition or of control."""
+    if condition not in table.conditions or condition == control:
+        return None
+    own, index = table.column(condition), table.index
+    base = None if index.over_control else table.column(control) if control in table.conditions else None
+    if base is None and not index.over_control:
+        return None
+    ratio = index.scaled and base is not None and bool((own > 0.0).all() and (base > 0.0).all())
+    point = EndPoint(index.name, index.along, "", Margin.either_way(1.0), ratio)
+    d = point.differences(own, base)
+    if len(d) < 2:
+        return PrimaryChange(point.shown(float(d[0])), nan, nan, point.unit)
+    tested = equivalence(d, point.margin, alpha=level, method=ESTIMAND_METHODS[estimand])
+    low, high = (point.shown(end) if np.isfinite(end) else nan for end in tested.interval)
+    return PrimaryChange(point.shown(tested.estimate), low, high, point.unit)

@@ -1,0 +1,57 @@
+"""The board of foreign laws: every run of a folder, so that versions of a law and of Pellucid are compared."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from .._atomic import write_text_atomically
+from .foreign_law import ForeignLaw
+from .strategies import SIMPLE_RIVALS
+from .task_ranking import TaskRanking
+
+BOARD_FILE = "board.json"
+"""File of the board in the folder of a ranking."""
+
+
+@dataclass(frozen=True)
+class BoardEntry:
+    """A foreign law's place in one task of one run."""
+
+    law: str
+    checksum: str  # SHA-256 of its file when it was read
+    task: str
+    place: int
+    of: int
+    share: float | None  # median torque over the robot's without power; None if it was stopped [1]
+    pairs: int
+    seed: int
+    version: str  # of Pellucid
+
+
+def add_to_board(
+    out: Path, tasks: Sequence[TaskRanking], pairs: int, seed: int, laws: Sequence[ForeignLaw]
+) -> tuple[BoardEntry, ...]:
+    """Add a run to the board of a folder, in place of the same run before, and return all entries."""
+    path = out / BOARD_FILE
+    entries = [BoardEntry(**each) for each in json.loads(path.read_text(encoding="utf-8"))] if path.exists() else []
+    for law in laws:
+        for task in tasks:
+            if law.name in task.controllers:
+                place = task.controllers.index(law.name)
+                share = float(np.median(task.over(SIMPLE_RIVALS[task.task][0])[:, place]))
+                entries.append(
+                    BoardEntry(
+                        law.path.name, law.checksum, task.task, place + 1, len(task.controllers),
+                        share if np.isfinite(share) else None, pairs, seed, version("pellucid"),
+                    )
+                )  # fmt: skip
+    kept = {(e.law, e.checksum, e.task, e.pairs, e.seed, e.version): e for e in entries}
+    if kept:
+        write_text_atomically(path, json.dumps([asdict(e) for e in kept.values()], indent=1) + "\n")
+    return tuple(kept.values())

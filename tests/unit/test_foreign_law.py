@@ -1,0 +1,103 @@
+"""Anybody's law in the ranking: the same bits in C and Python, and an end to what hangs, crashes, grows or says NaN."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pellucid._errors import PellucidError
+from pellucid.ranking import foreign_law
+from pellucid.ranking.board import add_to_board
+from pellucid.ranking.foreign_law import STOPPED_WORDS, ForeignController, ForeignLaw
+from pellucid.ranking.rank import rank, rank_task, rows_of
+from pellucid.ranking.ranking_page import write_ranking
+from pellucid.ranking.strategies import SWING_TASK, strategies_of_task
+from pellucid.ranking.tried import ControllerTrial
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "laws"
+
+HOSTILE = {
+    "hung": "while True: pass",
+    "ended": "import os; os._exit(3)",
+    "memory": "self.held = bytearray(4 * 1024**3)",
+    "not_finite": "return float('nan')",
+}
+
+
+def answers(law, count=60):
+    controller = ForeignController(law, period=0.002, torque_limit=25.0)
+    try:
+        given = [controller.step(0.002 * k, 0.3 * np.sin(0.02 * k), 0.5 * np.cos(0.03 * k)) for k in range(count)]
+    finally:
+        controller.close()
+    return np.array(given), controller.fault
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
+def test_a_law_has_the_same_bits_in_c_and_in_python():
+    laws = (ForeignLaw.from_file(EXAMPLES / f"spring_to_zero{ending}") for ending in (".c", ".py"))
+    (in_c, fault), (in_python, _) = map(answers, laws)
+    assert fault == "none"
+    assert np.ptp(in_c) > 0.1
+    assert in_c.tobytes() == in_python.tobytes()
+
+
+@pytest.mark.parametrize("why", HOSTILE)
+def test_a_hostile_law_is_stopped_and_told(why, tmp_path, monkeypatch):
+    monkeypatch.setattr(foreign_law, "MAX_STEP_S", 0.5)
+    path = tmp_path / f"{why}.py"
+    path.write_text(
+        "class Law:\n    def reset(self): self.n = 0\n    def step(self, time, position, torque):\n"
+        f"        self.n += 1\n        if self.n > 20:\n            {HOSTILE[why]}\n        return 1.0\n",
+        encoding="utf-8",
+    )
+    given, fault = answers(ForeignLaw.from_file(path))
+    assert fault == why
+    assert given[15] == 1.0
+    assert np.isfinite(given).all()
+    assert given[-1] == 0.0
+
+
+def test_what_holds_no_law_is_told(tmp_path):
+    with pytest.raises(PellucidError, match=r"\.c, \.so, \.py"):
+        ForeignLaw.from_file(tmp_path / "law.txt")
+    (tmp_path / "empty.py").write_text("", encoding="utf-8")
+    assert answers(ForeignLaw.from_file(tmp_path / "empty.py"), 2)[1] == "not_loaded"
+    with pytest.raises(PellucidError, match="name of its own"):
+        rank(tmp_path / "out", laws=[tmp_path / "empty.py", tmp_path / "empty.py"])
+
+
+def test_foreign_laws_stand_in_the_ranking_and_on_the_board(tmp_path):
+    rng = np.random.default_rng(1)
+    (tmp_path / "mine.py").write_text("class Law: ...\n", encoding="utf-8")
+    (tmp_path / "stops.py").write_text("class Law: ....\n", encoding="utf-8")
+    laws = [ForeignLaw.from_file(tmp_path / name) for name in ("mine.py", "stops.py")]
+
+    def ranked(pairs):
+        tried = [
+            ControllerTrial(SWING_TASK, name, pair, torque * (1.0 + 0.01 * rng.uniform()), 0.0, 0.0, fault=fault)
+            for pair in range(pairs)
+            for name, torque, fault in (
+                *((name, 1.0, "none") for name in strategies_of_task(SWING_TASK)),
+                (laws[0].name, 0.5, "none"), (laws[1].name, np.nan, "hung"),
+            )
+        ]  # fmt: skip
+        return rank_task(SWING_TASK, tried)
+
+    found = ranked(6)
+    assert (found.controllers[0], found.controllers[-1]) == (laws[0].name, laws[1].name)
+    assert not any(row.id.startswith(f"ranking.knee_swings.{laws[1].name}.torque") for row in rows_of(found))
+    assert "80 %" in rows_of(found)[0].note
+    # Of four pairs a range of 80 % would be the least and the largest.
+    assert "80 %" not in rows_of(ranked(4))[0].note
+    add_to_board(tmp_path, (found,), 6, 1, laws)
+    laws = [ForeignLaw(laws[0].path, "another"), laws[1]]
+    board = add_to_board(tmp_path, (found,), 6, 2, laws)
+    assert [(e.law, e.seed, e.place) for e in board if e.law == "mine.py"] == [("mine.py", 1, 1), ("mine.py", 2, 1)]
+    assert len(json.loads((tmp_path / "board.json").read_text(encoding="utf-8"))) == 4
+    page = write_ranking(tmp_path, (found,), 6, 2, board).read_text(encoding="utf-8")
+    assert STOPPED_WORDS["hung"] in page
+    assert "mine.py (foreign law)" in page
+    assert "no sandbox" in page or "stranger's code" in page
