@@ -20,7 +20,7 @@ from ..pointing.conditions import CONTROL_CONDITION, Cards, controller_builder, 
 from ..pointing.people import Person, draw_people
 from ..pointing.rig import PointingRig, elbow_participants
 from ..pointing.session import EMG_GAIN_SD
-from .streams import EMG_RATE_HZ, MuscleChannel
+from ..virtual_streams import EMG_RATE_HZ, MuscleChannel
 from .wearer import ReachingPlan
 
 UNPOWERED_CONDITION = "unpowered"
@@ -94,7 +94,7 @@ def virtual_elbow(
         seed=seed,
         wearer=ReachingPlan(rig, wearer, seed),
         streams=StreamsProgram(
-            "pellucid.lab.live.streams",
+            "pellucid.lab.virtual_streams",
             {
                 "channels": [vars(channel) for channel in MUSCLE_CHANNELS],
                 "rate": EMG_RATE_HZ,

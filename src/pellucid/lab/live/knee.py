@@ -11,7 +11,7 @@ from ...control.worn import watched_worn
 from ...live.setup import Condition, DeviceNumbers, EngineSetup, StreamsProgram
 from ..drive_reading import EXACT_READING
 from ..knee.rig import knee_orthosis
-from .streams import EMG_RATE_HZ, MuscleChannel
+from ..virtual_streams import EMG_RATE_HZ, MuscleChannel
 
 RELAXED_CONDITION = "zero"
 """Name of the condition in which the spring is asked for no torque."""
@@ -124,7 +124,7 @@ def virtual_knee(*, subject: str = "S1", seed: int = 1) -> EngineSetup:
         period=rig.period,
         seed=seed,
         streams=StreamsProgram(
-            "pellucid.lab.live.streams",
+            "pellucid.lab.virtual_streams",
             {
                 "channels": [vars(channel) for channel in MUSCLE_CHANNELS],
                 "rate": EMG_RATE_HZ,
