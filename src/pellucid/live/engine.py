@@ -34,6 +34,9 @@ ENGINE_NAME = "bin/pellucid-engine"
 SETTINGS_FILE = "engine.txt"
 """File in a session's folder that holds the engine's numbers."""
 
+SESSION_FILE = "session.xdf"
+"""File in a session's folder with every number that the law was given."""
+
 RUN_FILE = "live.json"
 """File in a session's folder that says where the region is and which processes run."""
 
@@ -247,7 +250,7 @@ class LiveEngine:
     def restart_recorder(self) -> None:
         """Start the recorder, or start it again; it goes on with the file that it was writing."""
         self._end("recorder", signal.SIGKILL)
-        self._start_module("recorder")
+        self._start_module("recorder", str(self.folder / SESSION_FILE), str(self.folder / SETTINGS_FILE))
 
     def restart_streams(self) -> None:
         """Start again what died of the intake and of a virtual wearer's streams."""

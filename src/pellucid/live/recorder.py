@@ -1,7 +1,8 @@
-"""Record a session: `python -m pellucid.live.recorder REGION`.
+"""Record a session: `python -m pellucid.live.recorder REGION SESSION_FILE SETTINGS_FILE`.
 
-The recorder follows the engine's records, the session's events and the streams that were taken in, and appends them to
-an XDF file between the events "record_begin" and "record_end". Each round ends with a row of the stream "recorder" that
+The recorder follows the engine's records, the session's events and the streams that were taken in. It appends them to
+an XDF file a trial, between the events "record_begin" and "record_end", and every number that the law was given to one
+file of the whole session, from which `replay` computes the commands again. Each round ends with a row of the stream "recorder" that
 says how far it came. A recorder that was killed is started again, removes what is behind the last such row, and goes on
 from there: no sample is lost, and none is written twice, as long as the rings still hold them.
 """
@@ -13,6 +14,7 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -23,8 +25,8 @@ import numpy as np
 from .._errors import PellucidError
 from ..recordings.xdf_writer import SAMPLES_TAG, XdfStream, XdfWriter, chunks, sample_block, scan_xdf
 from . import layout
-from .region import Region
-from .replay_columns import ROBOT_COLUMNS, robot_values
+from .region import Event, Region
+from .replay_columns import RAW_COLUMNS, READABLE_COLUMNS, raw_values, robot_values
 from .stream_ring import StreamRing
 
 POLL_S = 0.02
@@ -66,7 +68,7 @@ class OpenRecording:
     """A file that is being written."""
 
     path: Path
-    about: Path  # note that exists until the file is sealed
+    about: Path | None  # note that exists until a trial's file is sealed; None for the file of the session
     writer: XdfWriter
     begun: float  # [s]
     ends: float | None = None  # time after which nothing is written [s]
@@ -78,12 +80,22 @@ class OpenRecording:
 
 
 class Recorder:
-    """Follow a region, and write its recordings."""
+    """Follow a region, and write its recordings.
 
-    def __init__(self, region: Region) -> None:
+    Parameters
+    ----------
+    region : Region
+    session : Path or None
+        File of the whole session; None: there is none.
+    settings : str
+        The engine's numbers, which are kept in that file.
+    """
+
+    def __init__(self, region: Region, session: Path | None = None, settings: str = "") -> None:
         self.region = region
         self.rings: list[StreamRing] = []
         self.recording: OpenRecording | None = None
+        self.session = None if session is None else self._open_session(session, settings)
         self._events = 0
         self._sealed = 0
         self._looked = -np.inf
@@ -97,6 +109,9 @@ class Recorder:
         texts: list[tuple[float, str]] = []
         self._events, events = self.region.events_since(self._events)
         base = self._events - len(events)
+        if self.session is not None:
+            fresh = [event for n, event in enumerate(events, base + 1) if n > self.session.events]
+            self._flush(self.session, [(event.time, _event_text(event)) for event in fresh], self._events)
         for number, event in enumerate(events, base + 1):
             if event.kind == "record_begin":
                 self._begin(event.time, Path(event.data["path"]), Path(event.data["about"]), number)
@@ -104,11 +119,12 @@ class Recorder:
                 continue
             elif event.kind == "record_end":
                 self.recording.ends, self.recording.closing = event.time, time.monotonic() + CLOSING_S
-                self._flush(texts, number)
+                self._flush(self.recording, texts, number)
                 texts = []
             else:
-                texts.append((event.time, json.dumps({"kind": event.kind, **event.data}, ensure_ascii=False)))
-        self._flush(texts, self._events)
+                texts.append((event.time, _event_text(event)))
+        if self.recording is not None:
+            self._flush(self.recording, texts, self._events)
         self.region.tell_recorder(
             process=os.getpid(), heartbeat=time.monotonic_ns(), records=self.recording.records if self.recording else 0,
             events=self._events, sealed=self._sealed, recording=int(self.recording is not None),
@@ -126,26 +142,38 @@ class Recorder:
                 return
             path.unlink()
         said = json.loads(about.read_text(encoding="utf-8"))
-        writer = XdfWriter(path)
-        period = 1e-9 * self.region.period_ns
-        description = {"software": f"pellucid {version('pellucid')}", "period": repr(period)}
-        description |= {key: value if isinstance(value, str) else json.dumps(value) for key, value in said.items()}
-        writer.add_stream(ROBOT_ID, "robot", "Robot", ROBOT_COLUMNS, source="pellucid-engine", description=description)
-        writer.add_stream(EVENTS_ID, "events", "Markers", [("event", "")], format="string")
-        writer.add_stream(RECORDER_ID, "recorder", "Recorder", [(name, "") for name in CURSOR_COLUMNS])
-        writer.add_stream(CLOCKS_ID, "clocks", "Clocks", [(name, "") for name in CLOCK_COLUMNS])
+        description = {key: value if isinstance(value, str) else json.dumps(value) for key, value in said.items()}
+        writer = self._new_file(path, "robot", "Robot", READABLE_COLUMNS, description)
         _, kept, _ = self.region.records_since(0)
         late = np.searchsorted(kept["deadline"], round(1e9 * begun))
         first = int(kept["number"][late]) - 1 if late < len(kept) else self.region.record_count
         self.recording = OpenRecording(path, about, writer, begun, records=first, events=number)
-        for identity in (ROBOT_ID, EVENTS_ID, RECORDER_ID, CLOCKS_ID):
-            writer.write_clock_offset(identity, begun, 0.0)
 
-    def _flush(self, texts: list[tuple[float, str]], events: int) -> None:
-        """Append what the rings hold for the recording, and the row that says so; seal the file when it has ended."""
-        now, open_ = self.recording, self.recording
-        if now is None or open_ is None:
-            return
+    def _open_session(self, path: Path, settings: str) -> OpenRecording:
+        if path.exists():
+            found = resume(path, None)
+            if found is not None:
+                return found
+            path.unlink()
+        columns = [(name, "") for name in RAW_COLUMNS]
+        writer = self._new_file(path, "engine", "Engine", columns, {"settings": settings})
+        return OpenRecording(path, None, writer, 0.0)
+
+    def _new_file(
+        self, path: Path, name: str, type_: str, columns: Sequence[tuple[str, str]], description: Mapping[str, str]
+    ) -> XdfWriter:
+        writer = XdfWriter(path)
+        known = {"software": f"pellucid {version('pellucid')}", "period": repr(1e-9 * self.region.period_ns)}
+        writer.add_stream(ROBOT_ID, name, type_, columns, source="pellucid-engine", description={**known, **description})
+        writer.add_stream(EVENTS_ID, "events", "Markers", [("event", "")], format="string")
+        writer.add_stream(RECORDER_ID, "recorder", "Recorder", [(name, "") for name in CURSOR_COLUMNS])
+        writer.add_stream(CLOCKS_ID, "clocks", "Clocks", [(name, "") for name in CLOCK_COLUMNS])
+        for identity in writer.streams:
+            writer.write_clock_offset(identity, time.monotonic(), 0.0)
+        return writer
+
+    def _flush(self, open_: OpenRecording, texts: list[tuple[float, str]], events: int) -> None:
+        """Append what the rings hold for a recording, and the row that says so; seal a trial's file that has ended."""
         writer = open_.writer
         cursor, records, _ = self.region.records_since(open_.records)
         seconds = 1e-9 * records["deadline"]
@@ -153,10 +181,10 @@ class Recorder:
             inside = seconds <= open_.ends
             cursor = open_.records + int(np.count_nonzero(inside)) if not inside.all() else cursor
             records, seconds = records[inside], seconds[inside]
-        writer.write_samples(ROBOT_ID, seconds, robot_values(records))
+        writer.write_samples(ROBOT_ID, seconds, raw_values(records) if open_.about is None else robot_values(records))
         open_.records = cursor
         complete = open_.ends is not None and 1e-9 * self.region.status()["heartbeat"] > open_.ends
-        for i, ring in enumerate(self.rings):
+        for i, ring in enumerate(self.rings if open_.about is not None else ()):
             complete = self._flush_ring(open_, i, ring) and complete
         writer.write_texts(EVENTS_ID, [t for t, _ in texts], [text for _, text in texts])
         open_.events = max(open_.events, events)
@@ -195,7 +223,8 @@ class Recorder:
         if self.recording is None:
             return
         self.recording.writer.seal()
-        self.recording.about.unlink(missing_ok=True)
+        if self.recording.about is not None:
+            self.recording.about.unlink(missing_ok=True)
         self.recording = None
         self._sealed += 1
 
@@ -203,9 +232,15 @@ class Recorder:
         """Write what is left, and seal an open file."""
         self.step()
         self._seal()
+        if self.session is not None:
+            self.session.writer.seal()
 
 
-def resume(path: Path, about: Path) -> OpenRecording | None:
+def _event_text(event: Event) -> str:
+    return json.dumps({"kind": event.kind, **event.data}, ensure_ascii=False)
+
+
+def resume(path: Path, about: Path | None) -> OpenRecording | None:
     """Go on with the file of a killed recorder, from its last row of the stream "recorder"; None if it has none."""
     data = path.read_bytes()
     end, row = 0, None
@@ -222,11 +257,11 @@ def resume(path: Path, about: Path) -> OpenRecording | None:
     return OpenRecording(path, about, writer, 0.0, records=cursors[0], events=cursors[1], streams=cursors[2:])
 
 
-def run(path: Path) -> None:
+def run(path: Path, session: Path, settings: Path) -> None:
     """Record until SIGTERM."""
     ends: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, frame: ends.append(number))
-    recorder = Recorder(Region(path))
+    recorder = Recorder(Region(path), session, settings.read_text(encoding="utf-8"))
     while not ends:
         try:
             recorder.step()
@@ -239,4 +274,4 @@ def run(path: Path) -> None:
 
 
 if __name__ == "__main__":
-    run(Path(sys.argv[1]))
+    run(*map(Path, sys.argv[1:4]))

@@ -1,4 +1,4 @@
-"""Columns of the stream "robot": what people read, and then every number that the law was given."""
+"""Columns of the streams "robot", for people, and "engine", with every number that the law was given."""
 
 from __future__ import annotations
 
@@ -25,46 +25,44 @@ READABLE_COLUMNS = (
 """Columns for people, with their units; efforts of a sensor that says nothing are NaN."""
 
 RAW_FIELDS = (
-    "number", "cycle", "time", "now_us", "valid", "flags", "token", "challenge", "beat", "enable", "adjusted_field",
-    "adjusted_value", "task_kind", "limb_velocity", "muscle_torque", "flexor", "extensor", "compute",
+    "number", "cycle", "time", "deadline", "now_us", "valid", "flags", "law", "token", "effort", "fault", "mode", "enable",
+    "state", "beat", "challenge", "task", "task_kind", "target", "adjusted_field", "adjusted_value", "velocity",
+    "limb_position", "limb_velocity", "muscle_torque", "flexor", "extensor", "drive_torque", "compute",
 )  # fmt: skip
-"""Fields of a record that follow as they are, as numbers of 64 bits; integers up to 2^53 keep their bits."""
+"""Fields of a record, kept as numbers of 64 bits: integers up to 2^53 keep their value, and numbers their bits."""
 
 RAW_COLUMNS = (
-    *(f"raw.{name}" for name in RAW_FIELDS),
-    *(f"raw.value.{name}" for name in layout.VALUE_NAMES),
-    *(f"raw.stamp_us.{name}" for name in layout.VALUE_NAMES),
-    *(f"raw.sequence.{name}" for name in layout.VALUE_NAMES),
+    *RAW_FIELDS,
+    *(f"value.{name}" for name in layout.VALUE_NAMES),
+    *(f"stamp_us.{name}" for name in layout.VALUE_NAMES),
+    *(f"sequence.{name}" for name in layout.VALUE_NAMES),
 )
-"""Names of the columns that a replay needs."""
-
-ROBOT_COLUMNS = (*READABLE_COLUMNS, *((name, "") for name in RAW_COLUMNS))
-"""All columns of the stream, with their units."""
-
+"""Names of the columns of the stream "engine": a replay needs nothing else."""
 
 def robot_values(records: np.ndarray) -> np.ndarray:
-    """Return the stream's values of records, shape (n, k)."""
+    """Return the values of the stream "robot", shape (n, k), in the order of `READABLE_COLUMNS`."""
     valid = (records["valid"][:, None] >> np.arange(6, dtype=np.uint32) & 1).astype(bool)
     shown = np.where(valid, records["value"], np.nan)
     columns = [
         shown[:, 0], records["velocity"], records["effort"], records["value"][:, 2], shown[:, 3], records["drive_torque"],
         records["target"], records["limb_position"], records["task"], records["law"], records["state"], records["mode"],
-        records["fault"], records["flags"] & layout.FLAG_LATE, *(records[name] for name in RAW_FIELDS),
+        records["fault"], records["flags"] & layout.FLAG_LATE,
     ]  # fmt: skip
-    wide = np.column_stack([np.asarray(column, float) for column in columns])
+    return np.column_stack([np.asarray(column, float) for column in columns])
+
+
+def raw_values(records: np.ndarray) -> np.ndarray:
+    """Return the values of the stream "engine", shape (n, k), in the order of `RAW_COLUMNS`."""
+    wide = np.column_stack([np.asarray(records[name], float) for name in RAW_FIELDS])
     return np.column_stack([wide, records["value"], records["stamp_us"].astype(float), records["sequence"].astype(float)])
 
 
-def records_of(columns: dict[str, np.ndarray]) -> np.ndarray:
-    """Return records of the stream's columns by name, as the engine wrote them, what a replay does not need left 0."""
-    n = len(columns["raw.number"])
-    records = np.zeros(n, layout.RECORD)
-    for name in RAW_FIELDS:
-        records[name] = columns[f"raw.{name}"]
-    for i, name in enumerate(layout.VALUE_NAMES):
-        records["value"][:, i] = columns[f"raw.value.{name}"]
-        records["stamp_us"][:, i] = columns[f"raw.stamp_us.{name}"]
-        records["sequence"][:, i] = columns[f"raw.sequence.{name}"]
-    for name, column in (("effort", "torque"), ("law", "condition"), ("state", "state"), ("mode", "mode"), ("fault", "fault")):
-        records[name] = columns[column]
+def records_of(values: np.ndarray) -> np.ndarray:
+    """Return records of the stream's values, shape (n, k), as the engine wrote them; other fields are 0."""
+    records = np.zeros(len(values), layout.RECORD)
+    for i, name in enumerate(RAW_FIELDS):
+        records[name] = values[:, i]
+    for j, name in enumerate(("value", "stamp_us", "sequence")):
+        first = len(RAW_FIELDS) + j * len(layout.VALUE_NAMES)
+        records[name] = values[:, first : first + len(layout.VALUE_NAMES)]
     return records
