@@ -12,6 +12,7 @@ from ...live.setup import Condition, DeviceNumbers, EngineSetup, StreamsProgram
 from ..drive_reading import EXACT_READING
 from ..knee.rig import knee_orthosis
 from ..virtual_streams import EMG_RATE_HZ, MuscleChannel
+from .wearer import SwingPlan
 
 RELAXED_CONDITION = "zero"
 """Name of the condition in which the spring is asked for no torque."""
@@ -47,8 +48,8 @@ MUSCLE_CHANNELS = (
 
 REACHING_NUMBERS = {
     "centre": 0.0,
-    "stiffness": 5.0,
-    "damping": 1.0,
+    "stiffness": 10.0,
+    "damping": 2.0,
     "reflex_stiffness": 12.0,
     "reflex_damping": 1.0,
     "reflex_delay": 0.05,
@@ -129,6 +130,7 @@ def virtual_knee(
         device=DeviceNumbers("virtual-knee", numbers=numbers),
         period=rig.period,
         seed=seed,
+        wearer=SwingPlan(seed),
         streams=StreamsProgram(
             "pellucid.lab.virtual_streams",
             {
