@@ -261,6 +261,11 @@ class LiveEngine:
             self._start_streams()
 
     @property
+    def processes(self) -> dict[str, int]:
+        """Process numbers by name."""
+        return dict(self._children)
+
+    @property
     def alive(self) -> dict[str, bool]:
         """Whether each process that was started still runs, by name."""
         return {name: self._is_alive(name) for name in self._children}
