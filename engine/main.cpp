@@ -2,7 +2,7 @@
 //
 //   pellucid-engine SETTINGS REGION [--ordinary]   runs until the session ends it, or SIGTERM
 //   pellucid-engine --bare PERIOD_NS SECONDS       sleeps and counts, and does nothing else: what the machine allows
-//   pellucid-engine --board SETTINGS HOST:PORT     the virtual rig of the settings as a device that an engine listens to
+//   pellucid-engine --board SETTINGS HOST:PORT [LOG]   the virtual rig of the settings as a device that an engine listens to
 //   pellucid-engine --layout                       where each word of the region lies, as JSON
 //
 // Deadlines are absolute, nothing spins before them, and a late cycle leaves the next where it was. Where the system
@@ -166,13 +166,13 @@ int main(int count, char** words) {
   if (count == 2 && std::strcmp(words[1], "--layout") == 0) return print_layout();
   if (count == 4 && std::strcmp(words[1], "--bare") == 0)
     return run_bare(std::max<std::int64_t>(std::strtoll(words[2], nullptr, 10), 100000), std::strtod(words[3], nullptr), ordinary);
-  if (count == 4 && std::strcmp(words[1], "--board") == 0) {
+  if ((count == 4 || count == 5) && std::strcmp(words[1], "--board") == 0) {
     (void)ask_for_priority(ordinary);
-    const std::string wrong = run_board(words[2], words[3], ends);
+    const std::string wrong = run_board(words[2], words[3], count == 5 ? words[4] : "", ends);
     if (!wrong.empty()) std::fprintf(stderr, "pellucid-engine: %s\n", wrong.c_str());
     return wrong.empty() ? 0 : 2;
   }
   if (count == 3) return run(words[1], words[2], ordinary);
-  std::fprintf(stderr, "usage: pellucid-engine SETTINGS REGION [--ordinary] | --bare PERIOD_NS SECONDS [--ordinary] | --board SETTINGS HOST:PORT | --layout\n");
+  std::fprintf(stderr, "usage: pellucid-engine SETTINGS REGION [--ordinary] | --bare PERIOD_NS SECONDS [--ordinary] | --board SETTINGS HOST:PORT [LOG] | --layout\n");
   return 2;
 }

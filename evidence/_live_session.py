@@ -16,7 +16,7 @@ from pellucid.live.setup import EngineSetup
 BEAT_S = 0.1
 """Time between two signs of life."""
 
-MOTION = (1.2, 0.3, 0.3)
+MOTION = (1.2, 0.4, 0.35)
 """Centre [rad], amplitude [rad] and frequency [Hz] of the sine that the wearer follows."""
 
 

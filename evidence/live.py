@@ -48,6 +48,7 @@ from pellucid.live.log_verdict import judge_log
 from pellucid.live.region import Region
 from pellucid.live.replay import read_session, replay_session
 from pellucid.live.setup import DeviceNumbers, EngineSetup, settings_text
+from pellucid.live.udp import ASKED_FORMAT, unpack_asked
 from pellucid.recordings.xdf_writer import scan_xdf
 from pellucid.studies.results import ResultRow
 
@@ -91,6 +92,9 @@ SAFE_CYCLES = 2
 
 STATED_BOUNDS_S = {"frozen": 0.022, "session_silent": 1.05}
 """Bounds of faults that cannot be seen at once: an encoder is frozen after 20 ms of motion, a session silent after 1 s."""
+
+FROZEN_SPEED_RAD_S = 0.55
+"""Speed above which an encoder is frozen in the tests: its watch sees a frozen one from 0.5 rad/s on."""
 
 STARVED_S = 0.05
 """Time for which the engine does not run: a drive's watchdog has then long taken the power off."""
@@ -266,6 +270,8 @@ def _is_stopped(records: np.ndarray) -> np.ndarray:
 
 def try_fault(engine: LiveEngine, kind: str, rng: random.Random) -> FaultOutcome:
     """Put one fault in while the law runs and the wearer moves, and see what follows."""
+    if kind == "frozen":
+        wait_for_speed(engine)
     before = engine.region.record_count
     child = engine.processes
     if kind == "starved":
@@ -301,6 +307,17 @@ def try_fault(engine: LiveEngine, kind: str, rng: random.Random) -> FaultOutcome
     name = ", ".join(layout_fault(code) for code in codes) or "none"
     resumed = begin_motion(engine)
     return FaultOutcome(kind, bool(is_safe), after, resumed, name)
+
+
+def wait_for_speed(engine: LiveEngine, patience_s: float = 5.0) -> None:
+    """Wait until the joint moves faster than `FROZEN_SPEED_RAD_S`: an encoder at rest is not known to be frozen."""
+    until = time.monotonic() + patience_s
+    while time.monotonic() < until:
+        engine.beat()
+        _, last, _ = engine.region.records_since(max(engine.region.record_count - 20, 0))
+        if len(last) and np.all(np.abs(last["limb_velocity"]) > FROZEN_SPEED_RAD_S):
+            return
+        time.sleep(0.005)
 
 
 def layout_fault(code: int) -> str:
@@ -435,9 +452,11 @@ def kill_rows(folder: Path, cards: Path) -> Iterator[ResultRow]:
             gaps += _record_gaps(trial) if victim == "recorder" else 0
     finally:
         session.end()
+    worst = {victim: max(lost[i::3], default=0.0) for i, victim in enumerate(("engine", "session", "recorder"))}
+    said = ", ".join(f"{victim} {1e3 * missing:.0f} ms" for victim, missing in worst.items())
     yield _row("killed.count", len(readable), "1", "a third each of engine, session and recorder, at random moments")
     yield _row("killed.unreadable", readable.count(False), "1", "files of trials as they lay there, read with pyxdf")
-    yield _row("killed.lost", max(lost), "s", "of what the region held at the kill, largest")
+    yield _row("killed.lost", max(lost), "s", f"of what the region held at the kill, largest; {said}")
     yield _row("killed.lost_for_good", gaps, "1", "records that a trial lacks after its recorder was started again")
 
 
@@ -476,64 +495,32 @@ def _free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-class Relay:
-    """Stands between board and engine, passes every datagram on, and keeps what the engine asks for."""
-
-    def __init__(self, engine_port: int) -> None:
-        self.board = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.board.bind(("127.0.0.1", 0))
-        self.engine = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.engine.connect(("127.0.0.1", engine_port))
-        for one in (self.board, self.engine):
-            one.setblocking(False)
-        self.port = int(self.board.getsockname()[1])
-        self.kept: list[bytes] = []
-
-    def run(self, seconds: float, engine: LiveEngine) -> None:
-        """Pass datagrams on for so long."""
-        import select
-
-        until, beat, peer = time.monotonic() + seconds, 0.0, None
-        while time.monotonic() < until:
-            ready, _, _ = select.select([self.board, self.engine], [], [], 0.05)
-            if self.board in ready:
-                data, peer = self.board.recvfrom(256)
-                try:
-                    self.engine.send(data)
-                except ConnectionRefusedError:
-                    pass
-            if self.engine in ready:
-                data = self.engine.recv(256)
-                self.kept.append(data)
-                if peer is not None:
-                    self.board.sendto(data, peer)
-            if time.monotonic() > beat:
-                beat = time.monotonic() + 0.1
-                engine.beat()
-                if engine.status().state == "idle":
-                    engine.region.command(run=1)
-                elif engine.status().state == "stopped":
-                    engine.reset()
-
-
 def udp_rows(folder: Path, cards: Path) -> Iterator[ResultRow]:
     """The virtual elbow behind UDP on a clock of its own, and the law in this process on the same readings."""
-    from pellucid.live.udp import unpack_asked
-
     run, port = folder / "udp", _free_port()
     virtual = session_setup(cards)
-    board_file = folder / "board.txt"
+    board_file, log = folder / "board.txt", folder / "asked.bin"
     board_file.write_text(settings_text(virtual))
     setup: EngineSetup = replace(virtual, device=DeviceNumbers("udp", f"127.0.0.1:{port}"), streams=None, wearer=None)
     with LiveEngine.start(setup, run, streams=False) as engine:
-        relay = Relay(port)
-        board = subprocess.Popen([str(engine_program()), "--board", str(board_file), f"127.0.0.1:{relay.port}"])
+        words = [str(engine_program()), "--board", str(board_file), f"127.0.0.1:{port}", str(log)]
+        board = subprocess.Popen(words)
         try:
-            relay.run(UDP_S, engine)
+            until = time.monotonic() + UDP_S
+            while time.monotonic() < until:
+                rest(engine, 0.2)
+                state = engine.status().state
+                if state == "idle":
+                    engine.arm()
+                elif state == "stopped":
+                    engine.reset()
         finally:
             board.terminate()
             board.wait()
-    asked = {one.beat: one.effort for one in (unpack_asked(data) for data in relay.kept) if one is not None}
+    data = log.read_bytes()
+    size = ASKED_FORMAT.size
+    packets = [unpack_asked(data[i : i + size]) for i in range(0, len(data), size)]
+    asked = {one.beat: one.effort for one in packets if one is not None}
     conditions, records = read_session(run / "session.xdf")
     by_beat = {int(beat): float(effort) for beat, effort in zip(records["beat"], records["effort"], strict=True)}
     wire = sum(effort != by_beat.get(beat, float("nan")) for beat, effort in asked.items())

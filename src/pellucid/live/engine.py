@@ -177,6 +177,7 @@ class LiveEngine:
             engine._start_engine(ordinary)
             if recorder:
                 engine.restart_recorder()
+                engine._wait_for_recorder()
             if streams and setup.stream_types:
                 engine._start_module("intake", *setup.stream_types)
             if streams and setup.streams is not None:
@@ -251,6 +252,16 @@ class LiveEngine:
         """Start the recorder, or start it again; it goes on with the file that it was writing."""
         self._end("recorder", signal.SIGKILL)
         self._start_module("recorder", str(self.folder / SESSION_FILE), str(self.folder / SETTINGS_FILE))
+
+    def _wait_for_recorder(self) -> None:
+        until = time.monotonic() + START_TIMEOUT_S
+        begun = time.monotonic_ns()
+        while int(self.region.recorder()["heartbeat"]) < begun:
+            if not self._is_alive("recorder") or time.monotonic() > until:
+                said = (self.folder / "recorder.log").read_text(encoding="utf-8", errors="replace").strip()
+                raise PellucidError(f"recorder: did not begin: {said.splitlines()[-1] if said else 'it said nothing'}")
+            time.sleep(0.01)
+            self.beat()
 
     def restart_streams(self) -> None:
         """Start again what died of the intake and of a virtual wearer's streams."""
