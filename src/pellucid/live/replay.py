@@ -1,0 +1,174 @@
+"""Compute a recorded session's commands again: the law of the core's Python module is given every number that the
+engine's law was given, and what both asked of the drive is compared bit by bit."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .._errors import PellucidError
+from ..control.control_law import LAWS, ControlLaw
+from ..control.supervised import SUPERVISOR_NAMES, SupervisedLaw
+from ..control.supervisor_faults import FAULT_NAMES
+from ..recordings.xdf_writer import SAMPLES_TAG, WrittenXdf, chunks, sample_block, scan_xdf
+from . import layout
+from .replay_columns import RAW_COLUMNS, records_of
+from .setup import Condition
+
+ENGINE_STREAM = "engine"
+"""Name of the stream that a replay reads."""
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A session computed again."""
+
+    cycles: int  # cycles of the recording
+    compared: int  # cycles in which a law was stepped, from its beginning on
+    unknown: int  # cycles in which a law was stepped whose beginning the recording lacks
+    wrong_bits: int  # bits that differ in commands, and in the supervisor's modes and faults
+    first_wrong: int | None  # number of the first cycle that differs
+    gaps: int  # places where records are missing, after which the law's state is unknown
+
+    @property
+    def is_equal(self) -> bool:
+        """Whether every command was computed again bit for bit."""
+        return self.wrong_bits == 0 and self.compared > 0
+
+
+def conditions_of(settings: str) -> list[Condition]:
+    """Return the conditions in the text of an engine's numbers.
+
+    Raises
+    ------
+    PellucidError
+        If the text is none of a known version.
+    """
+    lines = [line.split() for line in settings.splitlines() if line.strip()]
+    if not lines or lines[0] != ["pellucid-engine", "1"]:
+        raise PellucidError('settings: expected "pellucid-engine 1" in the first line')
+    found: list[list] = []
+    for key, *words in lines:
+        if key == "condition":
+            found.append([words[0], words[1], words[2] == "1", [], []])
+        elif key in ("law", "supervisor"):
+            found[-1][3 if key == "law" else 4] = [float.fromhex(word) for word in words[1:]]
+    made = []
+    for name, kind, worn, numbers, supervisor in found:
+        law = None
+        if kind != "none":
+            known = ControlLaw(kind, dict(zip(LAWS[kind].parameters, numbers, strict=True)))
+            law = SupervisedLaw(known, dict(zip(SUPERVISOR_NAMES, supervisor, strict=True)))
+        made.append(Condition(name, law, worn))
+    return made
+
+
+def read_session(path: str | Path) -> tuple[list[Condition], np.ndarray]:
+    """Return the conditions of a session's file and its records; the file need not have been ended.
+
+    Raises
+    ------
+    PellucidError
+        If the file is missing or has no stream "engine".
+    """
+    path = Path(path)
+    try:
+        data, found = path.read_bytes(), scan_xdf(path)
+    except OSError as error:
+        raise PellucidError(f"{path}: {error.strerror or error}") from None
+    identity = _engine_stream(found)
+    if identity is None:
+        raise PellucidError(f'{path}: found no stream "{ENGINE_STREAM}"; expected the file of a session, session.xdf')
+    stream, blocks = found.streams[identity], []
+    if stream.channels != len(RAW_COLUMNS):
+        raise PellucidError(f"{path}: found {stream.channels} columns, expected {len(RAW_COLUMNS)} of this version")
+    for chunk in chunks(data):
+        if chunk.tag == SAMPLES_TAG and int.from_bytes(chunk.content[:4], "little") == identity:
+            block = sample_block(chunk.content, stream)
+            assert block is not None
+            blocks.append(block["value"])
+    settings = found.headers[identity].findtext("desc/settings") or ""
+    return conditions_of(settings), records_of(np.concatenate(blocks) if blocks else np.zeros((0, len(RAW_COLUMNS))))
+
+
+def _engine_stream(found: WrittenXdf) -> int | None:
+    return next((identity for identity in found.headers if found.name(identity) == ENGINE_STREAM), None)
+
+
+def replay_session(path: str | Path) -> Replay:
+    """Compute every command of a session's file again.
+
+    Parameters
+    ----------
+    path : path
+        File ``session.xdf`` of a live session, ended or not.
+
+    Returns
+    -------
+    Replay
+
+    Raises
+    ------
+    PellucidError
+        If the file is missing or is no session's.
+    """
+    conditions, records = read_session(path)
+    return replay_records(conditions, records)
+
+
+def replay_records(conditions: list[Condition], records: np.ndarray) -> Replay:
+    """Compute the commands of an engine's records again."""
+    law = None
+    names: dict[int, list[float]] = {}
+    compared = unknown = wrong = gaps = 0
+    first: int | None = None
+    before = 0
+    for record in records:
+        number, flags = int(record["number"]), int(record["flags"])
+        if before and number != before + 1:
+            gaps += 1
+            law = None
+        before = number
+        if not flags & layout.FLAG_STEPPED:
+            law = law if flags & layout.FLAG_BEGAN else None
+            continue
+        index = int(record["law"])
+        condition = conditions[index].law
+        if flags & layout.FLAG_BEGAN and condition is not None:
+            law, names[index] = condition.start(), condition.parameters.tolist()
+        if law is None or condition is None:
+            unknown += 1
+            continue
+        if flags & layout.FLAG_STOP_ASKED:
+            law.stop()
+        if flags & layout.FLAG_ADJUSTED:
+            names[index][int(record["adjusted_field"])] = float(record["adjusted_value"])
+            law.adjust(np.array(names[index]))
+        effort = law.step_samples(int(record["now_us"]), _samples(condition, record), int(record["token"]))
+        compared += 1
+        differs = _differing_bits(effort, float(record["effort"]))
+        differs += layout.MODES.index(law.mode) != int(record["mode"])
+        differs += FAULT_NAMES.index(law.fault) != int(record["fault"])
+        if differs and first is None:
+            first = number
+        wrong += differs
+    return Replay(len(records), compared, unknown, wrong, first, gaps)
+
+
+def _samples(law: SupervisedLaw, record: np.void) -> list[tuple[float, int, int, bool]]:
+    """Return what a law's `step_samples` takes: its sensors, the drive and the second encoder."""
+    names = [*law.sensors, "drive", "joint"]
+    places = [layout.VALUE_NAMES.index(name) for name in names]
+    valid = int(record["valid"])
+    return [
+        (float(record["value"][i]), int(record["sequence"][i]), int(record["stamp_us"][i]), bool(valid >> i & 1))
+        for i in places
+    ]
+
+
+def _differing_bits(a: float, b: float) -> int:
+    (left,), (right,) = struct.unpack("<Q", struct.pack("<d", a)), struct.unpack("<Q", struct.pack("<d", b))
+    return (left ^ right).bit_count()
