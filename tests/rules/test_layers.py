@@ -40,7 +40,8 @@ ALLOWED = {
     "drawing": BASE,  # figures' common shapes
     "pages": BASE | {"models", "fit", "drawing"},  # words, tables, drawings: of nobody's procedure
     "procedures": UP_TO_SIGNALS | PHYSICS | {"drawing", "fit", "control", "estimators", "assessment", "pages"},
-    "lab": UP_TO_SIGNALS | PHYSICS | {"drawing", "fit", "control", "assessment", "procedures", "datasets"},
+    "live": BASE | {"models", "recordings", "control"},  # processes and shared memory: of nobody's study
+    "lab": UP_TO_SIGNALS | PHYSICS | {"drawing", "fit", "control", "assessment", "procedures", "datasets", "live"},
     "deployment": UP_TO_SIGNALS | PHYSICS | {"fit", "control", "procedures"},
     "papers": EVERYTHING,
     "demonstration": EVERYTHING | {"deployment"},

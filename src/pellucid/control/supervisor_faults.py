@@ -11,6 +11,9 @@ from dataclasses import dataclass
 
 from .. import _core
 
+FAULT_NAMES: tuple[str, ...] = tuple(_core.FAULTS)
+"""Names of all faults, in the order of the core's codes."""
+
 NO_FAULT: str = _core.FAULTS[0]
 """Name that stands where nothing was found."""
 

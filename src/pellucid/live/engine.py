@@ -1,0 +1,544 @@
+"""Start an engine with its recorder and streams, tell it what to do, and read what it does."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from .. import _atomic
+from .._errors import PellucidError
+from ..control.supervisor_faults import FAULT_NAMES
+from . import layout
+from .clock_tracker import ClockState
+from .region import Event, Region
+from .setup import EngineSetup, Task, settings_text
+from .stream_ring import StreamRing
+
+ENGINE_NAME = "bin/pellucid-engine"
+"""Place of the engine's program beside the compiled core."""
+
+SETTINGS_FILE = "engine.txt"
+"""File in a session's folder that holds the engine's numbers."""
+
+SESSION_FILE = "session.xdf"
+"""File in a session's folder with every number that the law was given."""
+
+RUN_FILE = "live.json"
+"""File in a session's folder that says where the region is and which processes run."""
+
+SHARED_MEMORY_FOLDER = Path("/dev/shm")
+"""Folder for the region where the system has it: its pages are never written to a disk."""
+
+START_TIMEOUT_S = 20.0
+"""Longest time that an engine may take to begin."""
+
+COMMAND_TIMEOUT_S = 2.0
+"""Longest time that an engine may take to see a command."""
+
+END_TIMEOUT_S = 5.0
+"""Longest time that a process may take to end in order."""
+
+CHILD_NAMES = ("engine", "recorder", "intake", "streams")
+"""Processes of a session beside the one that serves its pages."""
+
+
+@dataclass(frozen=True)
+class EngineStatus:
+    """What the engine says of itself now."""
+
+    state: str  # one of `layout.STATES`
+    condition: str
+    fault: str  # latched fault of the supervisor, "none" for none
+    mode: str  # what the supervisor does
+    enable: bool  # whether the drive may have power
+    challenge: int  # what a reset needs; 0 while all is well
+    cycle: int
+    time: float  # of the last cycle on the monotonic clock [s]
+    effort_limit: float  # of the chosen condition's law, 0 without one [N m]
+    velocity_limit: float  # [rad/s]
+    position_limits: tuple[float, float]  # [rad]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples since a cursor: times on the host's monotonic clock, and arrays by channel in SI units."""
+
+    cursor: int  # where to go on
+    lost: int  # samples that were overwritten before they were read
+    time: np.ndarray  # shape (n,) [s]
+    channels: Mapping[str, np.ndarray]  # each shape (n,)
+
+
+@dataclass(frozen=True)
+class Health:
+    """How well the engine keeps its deadlines, and what went wrong."""
+
+    cycles: int
+    late_cycles: int
+    missed: int  # deadlines at which no cycle began
+    worst_lateness: float  # [s]
+    p99: float  # upper edge of the bin that holds the 99th percentile of lateness [s]
+    jitter_edges: np.ndarray  # shape (k + 1,) [s]
+    jitter_counts: np.ndarray  # shape (k,)
+    fifo: bool  # whether the engine has the priority of real time
+    locked: bool  # whether its memory is locked
+    why_not: str  # why it has not, "" where it has both
+    faults: tuple[tuple[float, str], ...]  # time [s] and name of each fault since the session began
+    clocks: Mapping[str, ClockState]  # by stream
+
+
+def engine_program() -> Path:
+    """Return the engine's program.
+
+    Raises
+    ------
+    PellucidError
+        If this installation has none.
+    """
+    core = find_spec("pellucid._core")
+    program = Path(core.origin if core is not None and core.origin else __file__).parent / ENGINE_NAME
+    if not program.exists():
+        raise PellucidError(f"{program}: found no engine; Pellucid installs it on Linux and macOS")
+    return program
+
+
+class LiveEngine:
+    """A running engine with its recorder and streams.
+
+    Make one with `start`, or with `attach` after the session's own process died.
+    """
+
+    def __init__(self, setup: EngineSetup, folder: Path, region: Region, children: Mapping[str, int]) -> None:
+        self.setup = setup
+        self.folder = folder
+        self.region = region
+        self._children = dict(children)  # process numbers by name
+        self._processes: dict[str, subprocess.Popen] = {}
+        self._torque_value = 0.0
+        self._felt_since = region.record_count
+        self._faults: list[tuple[float, str]] = []
+        self._fault_cursor = 0
+        self._last_fault = 0
+
+    # Life ------------------------------------------------------------------------------------------------------------
+
+    @classmethod
+    def start(
+        cls,
+        setup: EngineSetup,
+        folder: str | Path,
+        *,
+        streams: bool = True,
+        recorder: bool = True,
+        ordinary: bool = False,
+    ) -> Self:
+        """Start the engine and its processes.
+
+        Parameters
+        ----------
+        setup : EngineSetup
+        folder : path
+            For the files of the run; it is made.
+        streams : bool
+            Whether streams of the lab streaming layer are taken in, and those of a virtual wearer sent.
+        recorder : bool
+            Whether the recorder runs.
+        ordinary : bool
+            Whether the engine does not ask for the priority of real time, as in tests.
+
+        Raises
+        ------
+        PellucidError
+            If a process does not begin; the message says what it said.
+        """
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        place = SHARED_MEMORY_FOLDER if os.access(SHARED_MEMORY_FOLDER, os.W_OK) else folder
+        handle, name = tempfile.mkstemp(prefix="pellucid-", suffix=".live", dir=place)
+        os.close(handle)
+        region = Region.create(Path(name), setup.period_ns)
+        _atomic.write_text_atomically(folder / SETTINGS_FILE, settings_text(setup))
+        engine = cls(setup, folder, region, {})
+        try:
+            engine._start_engine(ordinary)
+            if recorder:
+                engine.restart_recorder()
+            if streams and setup.stream_types:
+                engine._start_module("intake", *setup.stream_types)
+            if streams and setup.streams is not None:
+                engine._start_streams()
+        except BaseException:
+            engine.close()
+            raise
+        return engine
+
+    @classmethod
+    def attach(cls, setup: EngineSetup, folder: str | Path) -> Self:
+        """Go on with the processes of a session whose own process died.
+
+        Raises
+        ------
+        PellucidError
+            If the folder has no running session.
+        """
+        path = Path(folder) / RUN_FILE
+        try:
+            said = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise PellucidError(f"{path}: found no live session: {error}") from None
+        engine = cls(setup, Path(folder), Region(Path(said["region"])), said["processes"])
+        engine.region.command(run=0)
+        return engine
+
+    def _run(self, name: str, words: Sequence[str | Path]) -> subprocess.Popen:
+        # In a session of its own: a signal to the terminal's group, or the death of this process, leaves it running.
+        log = (self.folder / f"{name}.log").open("ab")
+        with log:
+            process = subprocess.Popen(
+                [str(word) for word in words], stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True
+            )
+        self._processes[name] = process
+        self._children[name] = process.pid
+        said = {"region": str(self.region.path), "processes": self._children}
+        _atomic.write_text_atomically(self.folder / RUN_FILE, json.dumps(said))
+        return process
+
+    def _start_engine(self, ordinary: bool) -> None:
+        self._ordinary = ordinary
+        self.region.command(run=0, end=0)
+        begun = self.region.record_count
+        words = [engine_program(), self.folder / SETTINGS_FILE, self.region.path, *(["--ordinary"] if ordinary else [])]
+        process = self._run("engine", words)
+        until = time.monotonic() + START_TIMEOUT_S
+        while self.region.record_count == begun:
+            if process.poll() is not None or time.monotonic() > until:
+                said = (self.folder / "engine.log").read_text(encoding="utf-8", errors="replace").strip()
+                raise PellucidError(said.splitlines()[-1] if said else "pellucid-engine: did not begin")
+            time.sleep(0.005)
+            self.beat()
+        self._wait_for(self.region.command(run=0))
+
+    def _start_module(self, name: str, *words: str) -> None:
+        package = __package__ or "pellucid.live"
+        self._run(name, [sys.executable, "-m", f"{package}.{name}", self.region.path, *words])
+
+    def _start_streams(self) -> None:
+        program = self.setup.streams
+        if program is not None:
+            words = [sys.executable, "-m", program.module, self.region.path, json.dumps(dict(program.options))]
+            self._run("streams", words)
+
+    def restart_engine(self) -> None:
+        """Start the engine again after it died; nothing is armed, and the condition is kept."""
+        self._end("engine", signal.SIGKILL)
+        self._start_engine(getattr(self, "_ordinary", False))
+
+    def restart_recorder(self) -> None:
+        """Start the recorder, or start it again; it goes on with the file that it was writing."""
+        self._end("recorder", signal.SIGKILL)
+        self._start_module("recorder", str(self.folder / SESSION_FILE), str(self.folder / SETTINGS_FILE))
+
+    def restart_streams(self) -> None:
+        """Start again what died of the intake and of a virtual wearer's streams."""
+        alive = self.alive
+        if not alive.get("intake", True):
+            self._start_module("intake", *self.setup.stream_types)
+        if not alive.get("streams", True):
+            self._start_streams()
+
+    @property
+    def alive(self) -> dict[str, bool]:
+        """Whether each process that was started still runs, by name."""
+        return {name: self._is_alive(name) for name in self._children}
+
+    def _is_alive(self, name: str) -> bool:
+        if name in self._processes:
+            return self._processes[name].poll() is None
+        try:
+            os.kill(self._children[name], 0)
+        except (KeyError, OSError):
+            return False
+        return True
+
+    def _end(self, name: str, how: int) -> None:
+        if name not in self._children:
+            return
+        if self._is_alive(name):
+            try:
+                os.kill(self._children[name], how)
+            except ProcessLookupError:
+                pass
+        until = time.monotonic() + END_TIMEOUT_S
+        while self._is_alive(name) and time.monotonic() < until:
+            time.sleep(0.01)
+        if self._is_alive(name):
+            os.kill(self._children[name], signal.SIGKILL)
+        if name in self._processes:
+            self._processes[name].wait()
+
+    def close(self) -> None:
+        """End every process in order: open recordings are sealed, and the robot has no power."""
+        self.region.command(run=0, end=1)
+        for name in CHILD_NAMES:
+            self._end(name, signal.SIGTERM)
+        (self.folder / RUN_FILE).unlink(missing_ok=True)
+        for path in [self.region.path, *self.region.path.parent.glob(f"{self.region.path.name}.*")]:
+            path.unlink(missing_ok=True)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # Telling ---------------------------------------------------------------------------------------------------------
+
+    def beat(self) -> None:
+        """Say that the session is alive; to be called at least three times a second."""
+        self.region.command()
+
+    def _wait_for(self, sequence: int) -> None:
+        until = time.monotonic() + COMMAND_TIMEOUT_S
+        while int(self.region.status()["command_sequence"]) < sequence:
+            if time.monotonic() > until:
+                raise PellucidError(f"engine: did not see the command within {COMMAND_TIMEOUT_S} s; is it alive?")
+            time.sleep(0.001)
+
+    def set_condition(self, condition: str | int) -> None:
+        """Choose a condition; a law that runs is first ramped to no effort."""
+        self._torque_value = 0.0
+        self.region.command(law=self.setup.condition_index(condition))
+
+    def arm(self) -> None:
+        """Let the condition's law run; without a law nothing happens."""
+        if not self.region.last_command()["run"]:
+            # The engine arms on a change from disarmed to armed that it has seen.
+            self._wait_for(self.region.command(run=0))
+        self.region.command(run=1, token=0)
+
+    def disarm(self) -> None:
+        """Ramp the effort to 0 and take the power off."""
+        self.region.command(run=0)
+
+    def stop(self) -> None:
+        """Stop as the operator: the supervisor stops the law and latches."""
+        self.region.command(stops=int(self.region.last_command()["stops"]) + 1)
+
+    def reset(self) -> None:
+        """Ask for a reset after a stop; it is granted after a healthy while, and the law is then disarmed."""
+        self.region.command(run=0, token=int(self.region.status()["challenge"]))
+
+    def set_torque(self, torque: float) -> None:
+        """Change the torque that the running law adds [N m]; its gate limits size and rate.
+
+        Raises
+        ------
+        PellucidError
+            If the condition's law has no number "offset".
+        """
+        index = int(self.region.last_command()["law"])
+        field = self.setup.conditions[index].field_index("offset")
+        last = self.region.last_command()
+        self._torque_value = float(torque)
+        self.region.command(
+            adjusts=int(last["adjusts"]) + 1, adjusted_field=field, adjusted_law=index, adjusted_value=float(torque)
+        )
+
+    def inject(self, fault: str, seconds: float) -> None:
+        """Put a fault of `layout.INJECTIONS` into the inputs for a time [s]: for tests of the whole chain."""
+        count = int(self.region.last_command()["injections"]) + 1
+        self.region.command(injections=count, injection=layout.INJECTIONS.index(fault), injected_for=seconds)
+
+    # Tasks of a virtual wearer ---------------------------------------------------------------------------------------
+
+    def _give(self, task: Task) -> None:
+        self.region.command(
+            task=int(self.region.last_command()["task"]) + 1,
+            task_kind=layout.TASK_KINDS.index(task.kind),
+            target=task.target,
+            amplitude=task.amplitude,
+            duration=task.duration,
+            reaction=task.reaction,
+            frequency=task.frequency,
+            share=task.share,
+            load=task.load,
+        )
+
+    def set_target(self, target: float, reaction: float | None = None) -> None:
+        """Show a target [rad]; a virtual wearer reaches for it after a `reaction` [s], drawn if None."""
+        _, records, _ = self.region.records_since(self._felt_since)
+        self._felt_since = self.region.record_count
+        task = Task("reach", float(target))
+        if self.setup.wearer is not None and len(records):
+            felt = {
+                "position": records["limb_position"],
+                "velocity": records["limb_velocity"],
+                "interaction": records["value"][:, 2],
+            }
+            worn = self.setup.conditions[int(records["law"][-1])].worn
+            task = self.setup.wearer.reach(float(target), float(records["limb_position"][-1]), felt, worn)
+        if reaction is not None:
+            task = Task(**{**vars(task), "reaction": float(reaction)})
+        self._give(task)
+
+    def set_tracking(self, centre: float, amplitude: float, frequency: float) -> None:
+        """Show a target that moves as a sine about a centre [rad] with an amplitude [rad] and a frequency [Hz]."""
+        self._give(Task("track", float(centre), amplitude=float(amplitude), frequency=float(frequency)))
+
+    def set_contraction(self, share: float) -> None:
+        """Ask for a contraction with a share of the strength, positive flexes, while the joint is held [1]."""
+        self._give(Task("contract", float(self.region.last_command()["target"]), share=float(share)))
+
+    def relax(self) -> None:
+        """Ask the wearer to let go."""
+        self._give(Task("relax", float(self.region.last_command()["target"])))
+
+    # Recording and events --------------------------------------------------------------------------------------------
+
+    def mark(self, kind: str, data: Mapping[str, Any] | None = None, time_s: float | None = None) -> None:
+        """Record an event with a kind and data that JSON can hold."""
+        self.region.write_event(kind, data, time_s)
+
+    def events_since(self, cursor: int) -> tuple[int, list[Event]]:
+        """Return the next cursor and the events after a cursor; 0 is before the first."""
+        return self.region.events_since(cursor)
+
+    def begin_recording(self, path: str | Path, about: Mapping[str, Any] | None = None) -> None:
+        """Record into a new file from now on; `about` is kept in it (texts are split over its parts)."""
+        path = Path(path).resolve()
+        path.parent.mkdir(parents=True, exist_ok=True)
+        note = path.with_suffix(".about.json")
+        conditions = [c.name for c in self.setup.conditions]
+        _atomic.write_text_atomically(note, json.dumps({"conditions": conditions, **(about or {})}))
+        self.region.write_event("record_begin", {"path": str(path), "about": str(note)})
+        self._recorded = path
+
+    def end_recording(self, *, wait: bool = True, timeout: float = 5.0) -> Path:
+        """End the recording, and return its file, which is whole once `recorded` says so.
+
+        Raises
+        ------
+        PellucidError
+            If the recorder does not seal the file within the `timeout` [s].
+        """
+        path: Path = self._recorded
+        self.region.write_event("record_end", {"path": str(path)})
+        until = time.monotonic() + timeout
+        while wait and not self.recorded(path):
+            if time.monotonic() > until:
+                raise PellucidError(f"{path}: the recorder did not seal the file within {timeout} s")
+            self.beat()
+            time.sleep(0.01)
+        return path
+
+    def recorded(self, path: str | Path) -> bool:
+        """Whether a recording has its end: the recorder then has nothing more to write."""
+        path = Path(path)
+        return path.exists() and not path.with_suffix(".about.json").exists()
+
+    # Reading ---------------------------------------------------------------------------------------------------------
+
+    def status(self) -> EngineStatus:
+        """Return what the engine says of itself now."""
+        s = self.region.status()
+        return EngineStatus(
+            state=layout.STATES[int(s["state"])] if self._is_alive("engine") else "ended",
+            condition=self.setup.conditions[int(s["law"])].name,
+            fault=FAULT_NAMES[int(s["fault"])],
+            mode=layout.MODES[int(s["mode"])],
+            enable=bool(s["enable"]),
+            challenge=int(s["challenge"]),
+            cycle=int(s["cycle"]),
+            time=1e-9 * int(s["heartbeat"]),
+            effort_limit=float(s["effort_limit"]),
+            velocity_limit=float(s["velocity_limit"]),
+            position_limits=(float(s["position_min"]), float(s["position_max"])),
+        )
+
+    def read_since(self, cursor: int, *, every: int = 1, limit: int | None = None) -> Samples:
+        """Return the samples after a `cursor`, or `every` so many of them; 0 is before the first."""
+        cursor, records, lost = self.region.records_since(cursor, limit)
+        return Samples(cursor, lost, 1e-9 * records["time"][::every], record_channels(records[::every]))
+
+    @property
+    def emg(self) -> StreamRing | None:
+        """The stream of EMG that was taken in, or None while there is none."""
+        return next((ring for ring in self.streams if ring.type == "EMG"), None)
+
+    @property
+    def streams(self) -> list[StreamRing]:
+        """All streams that were taken in so far."""
+        return StreamRing.all_of(self.region.path)
+
+    def health(self) -> Health:
+        """Return how well the engine keeps its deadlines, and all faults so far."""
+        s = self.region.status()
+        counts, edges = s["lateness"].astype(np.int64), layout.lateness_edges()
+        total = np.cumsum(counts)
+        p99 = float(edges[1:][np.searchsorted(total, 0.99 * total[-1])]) if total[-1] else 0.0
+        refused = [
+            f"{what}: {os.strerror(int(s[error])) if int(s[error]) != errno.ECANCELED else 'not asked for'}"
+            for what, granted, error in (("SCHED_FIFO", "fifo", "fifo_error"), ("mlockall", "locked", "lock_error"))
+            if not s[granted]
+        ]
+        self._fault_cursor, records, _ = self.region.records_since(self._fault_cursor)
+        codes = records["fault"].astype(int)
+        begins = np.flatnonzero(np.diff(codes, prepend=self._last_fault))
+        self._faults += [(1e-9 * int(records["time"][i]), FAULT_NAMES[codes[i]]) for i in begins if codes[i]]
+        self._last_fault = int(codes[-1]) if len(codes) else self._last_fault
+        return Health(
+            cycles=int(counts.sum()),
+            late_cycles=int(s["late"]),
+            missed=int(s["missed"]),
+            worst_lateness=1e-9 * int(s["worst_lateness"]),
+            p99=p99,
+            jitter_edges=edges,
+            jitter_counts=counts,
+            fifo=bool(s["fifo"]),
+            locked=bool(s["locked"]),
+            why_not="; ".join(refused),
+            faults=tuple(self._faults),
+            clocks={ring.name: ring.clock for ring in self.streams},
+        )
+
+
+def record_channels(records: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the channels of records by name, each shape (n,), SI."""
+    valid = (records["valid"][:, None] >> np.arange(6, dtype=np.uint32) & 1).astype(bool)
+    values = np.where(valid, records["value"], np.nan)
+    return {
+        "position": values[:, 0],
+        "velocity": records["velocity"],
+        "torque": records["effort"],
+        "interaction": records["value"][:, 2],
+        "muscle": values[:, 3],
+        "drive": records["drive_torque"],
+        "target": records["target"],
+        "limb": records["limb_position"],
+        "flexor": records["flexor"],
+        "extensor": records["extensor"],
+        "state": records["state"].astype(float),
+        "mode": records["mode"].astype(float),
+        "fault": records["fault"].astype(float),
+        "condition": records["law"].astype(float),
+        "task": records["task"].astype(float),
+        "late": (records["flags"] & layout.FLAG_LATE).astype(float),
+        "lateness": 1e-9 * (records["time"] - records["deadline"]),
+        "compute": 1e-9 * records["compute"],
+    }

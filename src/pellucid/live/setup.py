@@ -1,0 +1,179 @@
+"""What an engine is started with: conditions with their laws, a device, and the file of numbers that C++ reads."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from .._errors import PellucidError
+from ..control.control_law import LAWS
+from ..control.supervised import SupervisedLaw
+
+DEFAULT_LATE_SHARE = 0.5
+"""A cycle is late if it begins later after its deadline than this share of the period [1]."""
+
+SESSION_TIMEOUT_S = 1.0
+"""A law stops if its session gave no sign of life for this time."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One condition of a session.
+
+    Attributes
+    ----------
+    name : str
+        Without spaces.
+    law : SupervisedLaw or None
+        Law that runs; None for a robot without power.
+    worn : bool
+        Whether the robot is worn; a virtual wearer takes it off otherwise.
+    """
+
+    name: str
+    law: SupervisedLaw | None = None
+    worn: bool = True
+
+    def __post_init__(self) -> None:
+        if not self.name or any(c.isspace() for c in self.name):
+            raise PellucidError(f'condition: found the name "{self.name}", expected one without spaces')
+
+    def field_index(self, name: str) -> int:
+        """Return the place of one of the law's numbers.
+
+        Raises
+        ------
+        PellucidError
+            If there is no law, or it has no such number.
+        """
+        names = [] if self.law is None else list(LAWS[self.law.kind].defaults)
+        if name not in names:
+            raise PellucidError(f'condition "{self.name}": its law has no number "{name}"')
+        return names.index(name)
+
+
+@dataclass(frozen=True)
+class DeviceNumbers:
+    """A device as the engine's file states it: its kind, its address and its numbers by name."""
+
+    kind: str  # "virtual-elbow", "virtual-knee" or "udp"
+    address: str = ""  # "host:port" at which a device behind a network is listened for
+    numbers: Mapping[str, Sequence[float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a virtual wearer is asked to do next, SI."""
+
+    kind: str  # one of `layout.TASK_KINDS`
+    target: float = 0.0  # [rad]
+    amplitude: float = 0.0  # of the primary movement, or of a sine [rad]
+    duration: float = 1.0  # of the primary movement [s]
+    reaction: float = 0.0  # [s]
+    frequency: float = 0.0  # of a sine [Hz]
+    share: float = 0.0  # of the strength in a contraction, positive flexes [1]
+    load: tuple[float, ...] = (0.0,) * 5  # what the wearer expects of the robot
+
+
+class WearerPlan(Protocol):
+    """How a virtual wearer decides a movement."""
+
+    def reach(self, target: float, position: float, felt: Mapping[str, np.ndarray], worn: bool) -> Task:
+        """Return the movement to a target [rad] from a position [rad]; `felt` are the samples since the last one."""
+        ...
+
+
+@dataclass(frozen=True)
+class StreamsProgram:
+    """A program that sends a virtual wearer's streams: it is started with the region's path and its options as JSON."""
+
+    module: str
+    options: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class EngineSetup:
+    """Everything that an engine and its streams are started with.
+
+    Attributes
+    ----------
+    conditions : tuple of Condition
+    device : DeviceNumbers
+    period : float
+        Control period [s].
+    seed : int
+        Seed of a virtual wearer.
+    wearer : WearerPlan or None
+        How a virtual wearer decides a movement; None where a person moves.
+    streams : StreamsProgram or None
+        What sends a virtual wearer's EMG, markers and encoder; None where there is none.
+    stream_types : tuple of str
+        Types of the streams that are taken in, as the lab streaming layer names them.
+    """
+
+    conditions: tuple[Condition, ...]
+    device: DeviceNumbers
+    period: float = 1e-3
+    seed: int = 1
+    wearer: WearerPlan | None = None
+    streams: StreamsProgram | None = None
+    stream_types: tuple[str, ...] = ("EMG", "MoCap", "Encoder")
+
+    def __post_init__(self) -> None:
+        names = [condition.name for condition in self.conditions]
+        if not names or len(set(names)) != len(names):
+            raise PellucidError(f"engine: found the conditions {names}, expected at least one, each name once")
+        if not 1e-4 <= self.period <= 0.1:
+            raise PellucidError(f"engine: found a period of {self.period} s, expected 0.0001 to 0.1")
+
+    @property
+    def period_ns(self) -> int:
+        """Control period [ns]."""
+        return round(1e9 * self.period)
+
+    def condition_index(self, name: str | int) -> int:
+        """Return the place of a condition, given by name or place.
+
+        Raises
+        ------
+        PellucidError
+            If there is no such condition.
+        """
+        names = [condition.name for condition in self.conditions]
+        if isinstance(name, int) and 0 <= name < len(names):
+            return name
+        if name not in names:
+            raise PellucidError(f'condition: found "{name}", expected one of {", ".join(names)}')
+        return names.index(str(name))
+
+
+def settings_text(setup: EngineSetup) -> str:
+    """Return the engine's file of numbers; every number keeps its bits."""
+    lines = [
+        "pellucid-engine 1",
+        f"period_ns {setup.period_ns}",
+        f"late_ns {round(DEFAULT_LATE_SHARE * setup.period_ns)}",
+        f"session_timeout_s {SESSION_TIMEOUT_S}",
+        f"seed {setup.seed}",
+        f"device {setup.device.kind} {setup.device.address}".rstrip(),
+    ]
+    lines += [_numbers(f"numbers {name}", values) for name, values in setup.device.numbers.items()]
+    for condition in setup.conditions:
+        law = condition.law
+        lines.append(f"condition {condition.name} {'none' if law is None else law.kind} {int(condition.worn)}")
+        if law is not None:
+            lines += [_numbers("law", law.parameters), _numbers("supervisor", law.supervisor)]
+    return "\n".join(lines) + "\n"
+
+
+def _numbers(head: str, values: Sequence[float] | np.ndarray) -> str:
+    numbers = [float(value) for value in np.atleast_1d(values)]
+    return " ".join([head, str(len(numbers)), *(_exact(number) for number in numbers)])
+
+
+def _exact(number: float) -> str:
+    return number.hex() if math.isfinite(number) else ("nan" if math.isnan(number) else f"{number:+}")
