@@ -23,8 +23,9 @@ def init(
     rig: str | None = None,
     progress: bool = False,
     urdf: str | os.PathLike | None = None,
+    session: str | None = None,
 ) -> Study | Path:
-    """Make a study's folder: of a public data set, of a virtual rig, or for a robot of one's own.
+    """Make a study's folder: of a public data set, of a virtual rig, for a robot of one's own, or of a live session.
 
     Parameters
     ----------
@@ -39,11 +40,14 @@ def init(
     urdf : path-like, optional
         File of a robot; it is copied, and a study.toml written that has its joints and their limits, and says what to
         fill in.
+    session : str, optional
+        Name of a live session (``"elbow"``, ``"knee"``, ``"able-elbow"``, ``"knee-orthosis"``) whose study.toml is
+        written; `pellucid live` runs it.
 
     Returns
     -------
     Study or Path
-        The study of a data set; of a rig, the file that describes it; of a robot, its study.toml.
+        The study of a data set; of a rig, the file that describes it; of a robot or a session, its study.toml.
 
     Raises
     ------
@@ -57,12 +61,19 @@ def init(
     >>> pl.init("virtual-joint", rig="bench-joint").name
     'rig.toml'
     """
-    if sum(given is not None for given in (dataset, rig, urdf)) != 1:
+    if sum(given is not None for given in (dataset, rig, urdf, session)) != 1:
+        from .session.new_session import SESSIONS
+
         rigs = _rig_source()
         raise StudyError(
-            "init needs --dataset NAME or --rig NAME or --urdf FILE, one of them; known: "
-            f"{', '.join(datasets.names())}; rigs: {', '.join(rigs.value.study_names()) if rigs else 'none installed'}"
+            "init needs --dataset NAME or --rig NAME or --urdf FILE or --session NAME, one of them; known: "
+            f"{', '.join(datasets.names())}; rigs: {', '.join(rigs.value.study_names()) if rigs else 'none installed'}; "
+            f"sessions: {', '.join(SESSIONS)}"
         )
+    if session is not None:
+        from .session.new_session import start_session_study
+
+        return start_session_study(folder, session, Path(folder).absolute().name)
     if rig is not None:
         source = _rig_source()
         if source is None:

@@ -58,8 +58,9 @@ class StandInEngine:
         self.events: list[tuple[float, str, dict]] = []
         self.recording: tuple[Path, int, int] | None = None
         self.rng = np.random.default_rng(5)
-        self.emg = SimpleNamespace(read_since=self._read_emg)
-        self.emg_rate = EMG_RATE_HZ
+        self.emg = SimpleNamespace(
+            read_since=self._read_emg, labels=[f"emg.{m}" for m in self.muscles], nominal_rate=EMG_RATE_HZ
+        )
         self.beats = 0
 
     # What the person does.
@@ -90,11 +91,11 @@ class StandInEngine:
             self.emg_samples[self.emg_count : wanted] = pull * self.rng.standard_normal((new, len(self.muscles)))
             self.emg_count = wanted
 
-    def _read_emg(self, cursor: int) -> Samples:
+    def _read_emg(self, cursor: int) -> SimpleNamespace:
         self._grow_emg()
         values = self.emg_samples[cursor : self.emg_count]
         time = self.begun + (cursor + np.arange(len(values))) / EMG_RATE_HZ
-        return Samples(self.emg_count, 0, time, {f"emg.{m}": values[:, i] for i, m in enumerate(self.muscles)})
+        return SimpleNamespace(cursor=self.emg_count, lost=0, time=time, values=values)
 
     # The engine's functions.
 
@@ -127,6 +128,7 @@ class StandInEngine:
         rows = np.array(self.rows[cursor::every]).reshape(-1, 6)
         names = ("position", "velocity", "torque", "interaction", "target")
         channels = {name: rows[:, i + 1] for i, name in enumerate(names)}
+        channels["limb"] = channels["position"]
         return Samples(len(self.rows), 0, rows[:, 0], channels)
 
     def set_target(self, angle):
@@ -160,10 +162,10 @@ class StandInEngine:
         path, first, first_emg = self.recording
         rows, emg = np.array(self.rows[first:]), self.emg_samples[first_emg : self.emg_count]
         times = self.begun + (first_emg + np.arange(len(emg))) / EMG_RATE_HZ
-        names, units = ["position", "velocity", "torque", "interaction", "target"], ["", "", "", "", ""]
+        names, values = ["position", "velocity", "torque", "interaction", "target", "limb"], rows[:, [1, 2, 3, 4, 5, 1]]
         write(
             path,
-            stream(1, "robot", RATE_HZ, rows[:, 0], rows[:, 1:], names, units),
+            stream(1, "robot", RATE_HZ, rows[:, 0], values, names, [""] * 6),
             stream(2, "emg", EMG_RATE_HZ, times, emg, list(self.muscles), ["volts"] * len(self.muscles)),
         )
         return path

@@ -39,7 +39,7 @@ def session_of(folder, session="elbow", participant="P1", unattended=False, **en
     finished = []
     session = LiveSession(
         study, made, left, who, executor=Inline(), finish=lambda study: (finished.append(study), (None, ["done"]))[1],
-        total=len(plan), unattended=unattended, clock=clock, emg_rate=made.emg_rate,
+        total=len(plan), unattended=unattended, clock=clock,
     )  # fmt: skip
     session.finished_with = finished
     return session, made, clock

@@ -31,8 +31,9 @@ class EmgLevels:
         for muscle, samples in channels.items():
             if not len(samples):
                 continue
-            stream = self._streams.setdefault(muscle, emg_chain(CHAIN).stream(self.fs))
-            made[muscle] = stream.filter(np.nan_to_num(samples))
+            if muscle not in self._streams:
+                self._streams[muscle] = emg_chain(CHAIN).stream(self.fs)
+            made[muscle] = self._streams[muscle].filter(np.nan_to_num(samples))
             self.envelopes[muscle] = float(made[muscle][-1])
         self.seen += max((len(samples) for samples in channels.values()), default=0)
         if keep_largest and self.seen > SETTLING_S * self.fs:

@@ -20,6 +20,7 @@ from .._errors import PellucidError
 from ..procedures.assessment.assessment_table import AssessmentTable
 from ..studies.study import STUDY_FILE, Study
 from .emg_levels import EmgLevels
+from .emg_source import EmgSource
 from .recorded_trial import Judged, add_to_study, judge_trial, next_attempt, recorded_names, trial_file
 from .running_indices import RunningIndices, RunningVerdict
 from .running_task import Ask, RunningHolding, RunningTask, Sensed, first_angle, running_task
@@ -111,7 +112,6 @@ class LiveSession:
         total: int | None = None,
         unattended: bool = False,
         clock: Callable[[], float] = time.monotonic,
-        emg_rate: float | None = None,
     ):
         assert study.config.session is not None
         self.study, self.engine, self.table = study, engine, study.config.session
@@ -130,7 +130,8 @@ class LiveSession:
         self.indices: list[dict[str, Any]] = []
         self.slider = 0.0
         self.estimator = TorqueEstimator()
-        self.levels = EmgLevels(emg_rate) if emg_rate else None
+        self.emg = EmgSource(engine, clock)
+        self.levels: EmgLevels | None = None
         self.pages = {"operator": 0, "participant": 0}
         self.cue = 0  # number of cues so far; its parity is the patch on the participant's page
         self.shown_instructions: set[str] = set()
@@ -231,7 +232,8 @@ class LiveSession:
         self.attempt = Attempt(trial, number, file, running_task(trial), self.clock())
         self._at_angle_since = None
         self.engine.set_condition(trial.law)
-        self.engine.arm()
+        if self._is_powered(trial.law):
+            self.engine.arm()
         angle = first_angle(trial)
         if angle is not None:
             self.engine.set_target(angle)
@@ -303,9 +305,10 @@ class LiveSession:
         attempt = self.attempt
         assert attempt is not None
         trial = attempt.trial
-        runs = self._state == "running" and self._status.condition == trial.law
+        expected = "running" if self._is_powered(trial.law) else "idle"
+        runs = self._state == expected and self._status.condition == trial.law
         angle = first_angle(trial)
-        position = self._last.get("position", math.nan)
+        position = self._last.get(self.table.pointer, math.nan)
         there = angle is None or abs(position - angle) <= 2.0 * getattr(trial.task, "tolerance", 0.1) or (
             trial.task.kind == "holding"
         )  # fmt: skip
@@ -428,6 +431,8 @@ class LiveSession:
             self.act("participant", "consent")
         elif self.phase == INSTRUCTIONS:
             self.act("participant", "ready")
+        elif self.phase == WAITING and self._state == "stopped":
+            self._resetting = True
         elif self.phase == WAITING:
             self.act("operator", "start")
         elif self.phase == JUDGED and self.attempt is not None and self.attempt.judged is not None:
@@ -446,6 +451,11 @@ class LiveSession:
     @property
     def _state(self) -> str:
         return "idle" if self._status is None else self._status.state
+
+    def _is_powered(self, law: str) -> bool:
+        """Return whether the robot has power in a condition; one that is not worn has none."""
+        setup = getattr(self.engine, "setup", None)
+        return setup is None or any(each.name == law and each.law is not None for each in setup.conditions)
 
     def _watch_engine(self, now: float) -> None:
         self._status = self.engine.status()
@@ -472,14 +482,12 @@ class LiveSession:
         if len(samples.time):
             self._last = {name: float(values[-1]) for name, values in samples.channels.items()}
             self._last_time = float(samples.time[-1])
-        source = self.engine.emg
-        if source is None or self.levels is None:
-            emg_levels: dict[str, np.ndarray] = {}
-        else:
-            emg = source.read_since(self._emg_cursor)
-            self._emg_cursor = emg.cursor
-            named = {name.removeprefix("emg."): values for name, values in emg.channels.items()}
-            self.levels.take(named)
+        self._emg_cursor, _, emg = self.emg.read_since(self._emg_cursor)
+        if self.levels is None and self.emg.rate > 0.0:
+            self.levels = EmgLevels(self.emg.rate)
+        emg_levels: dict[str, np.ndarray] = {}
+        if self.levels is not None:
+            self.levels.take(emg)
             emg_levels = {m: np.array([level]) for m, level in self.levels.levels.items()}
         if self.phase == RUNNING and self.attempt is not None and len(samples.time) and emg_levels:
             self._keep_for_estimate(self.attempt, samples, emg_levels)
@@ -492,7 +500,7 @@ class LiveSession:
         if now - attempt.kept_at < 1.0 / RATE_HZ:
             return
         attempt.kept_at = now
-        position, velocity = (np.array([self._last.get(n, math.nan)]) for n in ("position", "velocity"))
+        position, velocity = (np.array([self._last.get(n, math.nan)]) for n in (self.table.pointer, "velocity"))
         attempt.features.append(self.estimator.features(levels, position, velocity))
         attempt.torques.append(np.array([interaction]))
 
@@ -505,7 +513,7 @@ class LiveSession:
             attempt.features, attempt.torques = [], []
 
     def _sensed(self, now: float) -> Sensed:
-        return Sensed(now, self._last.get("position", math.nan), {} if self.levels is None else self.levels.levels)
+        return Sensed(now, self._last.get(self.table.pointer, math.nan), {} if self.levels is None else self.levels.levels)
 
     def _tell(self, text: str) -> None:
         self.faults.append(Fault(self.clock() - self.begun, text))
@@ -551,7 +559,7 @@ class LiveSession:
         judged = None if attempt is None else attempt.judged
         estimate = None
         if self.levels is not None:
-            position, velocity = (self._last.get(n, math.nan) for n in ("position", "velocity"))
+            position, velocity = (self._last.get(n, math.nan) for n in (self.table.pointer, "velocity"))
             estimate = self.estimator.estimate(self.levels.levels, position, velocity)
         return {
             "type": "state",
@@ -581,8 +589,10 @@ class LiveSession:
                 "velocity_limit": _finite(getattr(status, "velocity_limit", math.nan)),
                 "position_limits": [_finite(x) for x in getattr(status, "position_limits", ()) or ()],
             },
-            "now": {name: _finite(self._last.get(name, math.nan))
-                    for name in ("position", "velocity", "torque", "interaction", "muscle", "drive")},
+            "now": {"pointer": _finite(self._last.get(self.table.pointer, math.nan))} | {
+                name: _finite(self._last.get(name, math.nan))
+                for name in ("position", "velocity", "torque", "interaction", "muscle", "drive")
+            },
             "slider": {"value": self.slider, "limit": self.table.limits.slider},
             "estimate": None if estimate is None else {
                 "torque": estimate.torque, "half_width": estimate.half_width, "error": self.estimator.error,

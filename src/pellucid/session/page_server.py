@@ -49,7 +49,7 @@ MAX_QUEUED_BYTES = 4_000_000
 EMG_EVERY = 2
 """Of this many EMG samples the operator's page gets one: 1,024 of 2,048 a second."""
 
-ROBOT_TRACES = ("position", "velocity", "torque", "interaction", "muscle", "drive", "target", "lateness")
+ROBOT_TRACES = ("position", "limb", "velocity", "torque", "interaction", "drive", "target", "lateness")
 """Channels of the robot that the operator's page draws."""
 
 MEDIA_TYPES = {
@@ -285,14 +285,10 @@ class PageServer:
         client.robot_cursor = robot.cursor
         packet = sample_packet(0, robot.time, robot.channels, ROBOT_TRACES, last=1000 if first else None)
         self._send(client, packet)
-        source = session.engine.emg
-        if source is not None:
-            emg = source.read_since(client.emg_cursor)
-            first = client.emg_cursor == 0
-            client.emg_cursor = emg.cursor
-            names = tuple(name for name in emg.channels if name.startswith("emg."))
-            thin = {name: emg.channels[name][::EMG_EVERY] for name in names}
-            self._send(client, sample_packet(1, emg.time[::EMG_EVERY], thin, names, last=1000 if first else None))
+        first = client.emg_cursor == 0
+        client.emg_cursor, time, emg = session.emg.read_since(client.emg_cursor)
+        thin = {f"emg.{name}": samples[::EMG_EVERY] for name, samples in emg.items()}
+        self._send(client, sample_packet(1, time[::EMG_EVERY], thin, tuple(thin), last=1000 if first else None))
 
     def _send(self, client: Client, packet: bytes) -> None:
         from websockets.asyncio.server import broadcast

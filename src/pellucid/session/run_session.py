@@ -109,11 +109,10 @@ def live(
     make = start_device if engine is None else engine
     running = make(study, plan)
     try:
-        emg_rate = getattr(running, "emg_rate", None)
         with ThreadPoolExecutor(2) as executor:
             session = LiveSession(
                 study, running, left, participant, executor=executor, finish=evaluate, total=len(plan),
-                unattended=unattended, emg_rate=emg_rate,
+                unattended=unattended,
             )  # fmt: skip
             require_limits(session)
             server = PageServer(session, port)
@@ -171,7 +170,7 @@ def choose_participant(
 
 def start_device(study: Study, plan: Sequence[PlannedTrial]) -> Any:
     """Start the engine of the device that study.toml names."""
-    from ..live import LiveEngine
+    from ..live.engine import LiveEngine
 
     table = _session_of(study)
     devices = {plugin.name: plugin for plugin in load_plugins("pellucid.devices")}
@@ -182,12 +181,13 @@ def start_device(study: Study, plan: Sequence[PlannedTrial]) -> Any:
         )
     place = list(study.config.participants).index(plan[0].participant)
     laws = tuple(dict.fromkeys(table.conditions.values()))
-    setup = devices[table.device].value(seed=table.seed + place, conditions=laws)
-    unknown = [law for law in laws if law not in setup.conditions]
+    setup = devices[table.device].value(conditions=laws, place=place, seed=table.seed)
+    known = [condition.name for condition in setup.conditions]
+    unknown = [law for law in laws if law not in known]
     if unknown:
         raise StudyError(
             f'{study.folder}: [session.conditions]: found the law "{unknown[0]}", expected one of '
-            f"{', '.join(setup.conditions)} of {table.device}"
+            f"{', '.join(known)} of {table.device}"
         )
     return LiveEngine.start(setup, study.folder / RUN_FOLDER / plan[0].participant)
 

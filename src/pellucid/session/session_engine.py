@@ -18,11 +18,14 @@ class EngineSamples(Protocol):
     channels: Mapping[str, np.ndarray]  # (n,) each, SI
 
 
-class SampleSource(Protocol):
-    """A stream that is read as it grows."""
+class EmgRing(Protocol):
+    """A stream of EMG that is read as it grows."""
 
-    def read_since(self, cursor: int) -> EngineSamples:
-        """Return the samples since a cursor; 0 begins with the oldest that is kept."""
+    labels: Sequence[str]
+    nominal_rate: float  # [Hz]
+
+    def read_since(self, cursor: int) -> Any:
+        """Return cursor, times (n,) [s] and values (n, channels) [V] since a cursor; 0 begins with the oldest."""
 
 
 class EngineStatus(Protocol):
@@ -39,8 +42,13 @@ class EngineStatus(Protocol):
 class SessionEngine(Protocol):
     """The engine of a session: the robot or its virtual twin, the recorder and the streams."""
 
-    emg: SampleSource | None
-    alive: Mapping[str, bool]
+    @property
+    def emg(self) -> EmgRing | None:
+        """The stream of EMG; None while there is none."""
+
+    @property
+    def alive(self) -> Mapping[str, bool]:
+        """Whether each process lives."""
 
     def beat(self) -> None:
         """Say that the server is alive; without it for 1 s the engine stops the law."""
@@ -63,7 +71,7 @@ class SessionEngine(Protocol):
     def reset(self) -> None:
         """Answer the supervisor's challenge after a stop."""
 
-    def read_since(self, cursor: int, every: int = 1, limit: int | None = None) -> EngineSamples:
+    def read_since(self, cursor: int, *, every: int = 1, limit: int | None = None) -> EngineSamples:
         """Return the samples since a cursor."""
 
     def set_target(self, angle: float) -> None:
@@ -81,13 +89,13 @@ class SessionEngine(Protocol):
     def begin_recording(self, path: Path, about: Mapping[str, Any]) -> None:
         """Begin a file."""
 
-    def end_recording(self, wait: bool = True) -> Path:
+    def end_recording(self, *, wait: bool = True) -> Path:
         """End the file."""
 
     def recorded(self, path: Path) -> bool:
         """Return whether a file is whole."""
 
-    def mark(self, kind: str, data: Mapping[str, Any], time: float | None = None) -> None:
+    def mark(self, kind: str, data: Mapping[str, Any] | None = None) -> None:
         """Record an event."""
 
     def health(self) -> Any:

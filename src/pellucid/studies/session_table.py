@@ -201,6 +201,8 @@ class SessionTable(StudyTable):
         The machine, such as ``"virtual-elbow"``.
     conditions : dict of str to str
         ``[session.conditions]``: the law of each condition, ``"not worn"`` where the robot is not worn.
+    pointer : str
+        Channel of the device that the participant's page shows: ``"position"`` is the robot's encoder.
     order : str
         ``"balanced"``: over participants, each condition stands equally often at each place and after each other one;
         ``"random"``: drawn for each participant; ``"given"``: as ``[session.conditions]`` lists them.
@@ -221,6 +223,7 @@ class SessionTable(StudyTable):
 
     device: Word
     conditions: dict[Word, ShownText] = Field(default_factory=lambda: {"worn": "zero_torque"})
+    pointer: Word = "position"
     order: Literal["balanced", "random", "given"] = "balanced"
     seed: int = Field(1, ge=0)
     pause: quantity("s", ge=0) = 0.0

@@ -91,9 +91,9 @@ function spread(low, high) {
 function buildCharts() {
   readColours();
   const line = (name, text, colour, factor = 1, dash) => ({ name: name, words: text, colour: colour, factor: factor, shift: 0, dash: dash });
-  addChart(0, "Angle", "°", [line("target", "target", "heldout", DEGREES, [6, 4]), line("position", "measured", "fitted", DEGREES)], 150);
+  addChart(0, "Angle", "°", [line("target", "target", "heldout", DEGREES, [6, 4]), line("limb", "limb", "good", DEGREES), line("position", "robot", "fitted", DEGREES)], 150);
   addChart(0, "Velocity", "°/s", [line("velocity", "measured", "fitted", DEGREES)], 96);
-  addChart(0, "Torque", "N·m", [line("torque", "command", "ink"), line("drive", "drive", "symmetric", 1, [4, 3]), line("interaction", "on the person", "heldout"), line("muscle", "from EMG, in the law", "load")], 150);
+  addChart(0, "Torque", "N·m", [line("torque", "command", "ink"), line("drive", "drive", "symmetric", 1, [4, 3]), line("interaction", "on the person", "heldout")], 150);
   addChart(0, "Lateness of a cycle", "ms", [line("lateness", "", "measured", 1e3)], 84);
 }
 
@@ -184,7 +184,7 @@ function list(id, rows) {
 function showFigures() {
   const now = state.now, engine = state.engine, estimate = state.estimate;
   const rows = [
-    ["Angle", now.position === null ? "–" : number(now.position * DEGREES, 1), "°", engine.position_limits.length === 2 && engine.position_limits[0] !== null ? `limits ${number(engine.position_limits[0] * DEGREES, 0)}° to ${number(engine.position_limits[1] * DEGREES, 0)}°` : "no limits known"],
+    ["Angle", now.pointer === null ? "–" : number(now.pointer * DEGREES, 1), "°", engine.position_limits.length === 2 && engine.position_limits[0] !== null ? `limits ${number(engine.position_limits[0] * DEGREES, 0)}° to ${number(engine.position_limits[1] * DEGREES, 0)}°` : "no limits known"],
     ["Command", number(now.torque, 1), "N·m", engine.effort_limit === null ? "no limit known" : `limit ${number(engine.effort_limit, 1)} N·m`],
     ["On the person", number(now.interaction, 1), "N·m", "interaction, measured"],
     ["Estimated from EMG", estimate ? number(estimate.torque, 1) : "–", estimate ? `± ${number(estimate.half_width, 1)} N·m` : "", estimate ? `95 %; error ${number(estimate.error, 1)}, a mean's ${number(estimate.error_of_mean, 1)}` : "after two trials with EMG"],
