@@ -25,6 +25,7 @@ PLUGIN_GROUPS = {
     "pellucid.rigs": "a package whose folders have a rig.py each, with the rigs' files in its folder rigs",
     "pellucid.papers": "a package whose folders have printed.toml and paper.py each",
     "pellucid.study_sources": "a function (folder, name) that starts a study; its entry's name is its option of init",
+    "pellucid.devices": "a function (conditions, place, seed) that returns the setup of a live session's engine",
     "pellucid.commands": "a function that adds its commands to the Typer application it is given",
 }
 """What an entry point of each group must load."""

@@ -93,6 +93,9 @@ def init(
     answer: Annotated[
         list[str] | None, typer.Option("--answer", metavar="KEY=VALUE", help="Answer to a question of --from by its key.")
     ] = None,
+    session: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Live session to plan: elbow, knee, able-elbow, knee-orthosis.")
+    ] = None,
 ) -> None:
     """Start a study: recordings, and a study.toml about them."""
     from .start_study import init as run
@@ -102,8 +105,11 @@ def init(
         return
     if files or yes or answer:
         raise PellucidError("init: found files or answers without --from, expected init DIR --from FILES")
-    made = run(folder, dataset=dataset, rig=rig, urdf=urdf, progress=sys.stderr.isatty())
+    made = run(folder, dataset=dataset, rig=rig, urdf=urdf, session=session, progress=sys.stderr.isatty())
     out = make_console()
+    if session is not None:
+        print_line(out, f"{made}: the session {session}, to be run as it is or edited. Next: pellucid live {folder}")
+        return
     if urdf is not None:
         print_line(out, f"{made}: the joints of {urdf.name}. Put recordings into {folder / 'recordings'},")
         print_line(out, f"and say in study.toml what their columns mean. Next: pellucid check {folder}")
@@ -319,6 +325,40 @@ def certificate(folder: Folder, out: Out = None, allow_outside: Outside = False)
     with show_progress() as tell:
         page = run(study, on_progress=tell)
     print_line(make_console(), f"Certificate: {page}")
+
+
+@app.command()
+def live(
+    folder: Folder,
+    participant: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Who takes part; else the first with trials to do.")
+    ] = None,
+    port: Annotated[int, typer.Option(metavar="N", min=0, max=65535, help="Port of the pages; 0: a free one.")] = 0,
+    unattended: Annotated[
+        bool, typer.Option("--unattended", help="Give consent, starts and verdicts without a person; virtual alone.")
+    ] = False,
+    browser: Annotated[bool, typer.Option(help="Open the operator's page in a browser.")] = True,
+) -> None:
+    """Run the session of study.toml, with a page for the operator and one for the participant."""
+    from .session.page_server import PageServer
+    from .session.run_session import live as run
+
+    out = make_console()
+
+    def show(server: PageServer) -> None:
+        print_line(out, f"Operator:    {server.address('operator')}")
+        print_line(out, f"Participant: {server.address('participant')}")
+        print_line(out, "Both pages are for this computer alone. Ctrl-C ends the session; what is recorded stays.")
+
+    print_line(out, "Starting the robot's engine ...")
+    found = run(
+        folder, participant=participant, port=port, unattended=unattended, open_pages=browser and not unattended,
+        on_ready=show,
+    )  # fmt: skip
+    print_items(out, [("note", note) for note in found.notes])
+    print_line(out, f"{found.participant}: {found.done} of {found.planned} trials are recorded.")
+    if found.report is not None:
+        print_line(out, f"Report: {found.report}")
 
 
 @app.command()

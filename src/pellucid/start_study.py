@@ -30,8 +30,9 @@ def init(
     files: Iterable[str | os.PathLike] | None = None,
     answers: Mapping[str, str] | None = None,
     ask: Callable[[Question], str] | None = None,
+    session: str | None = None,
 ) -> Study | Path | ProposedStudy:
-    """Make a study's folder: of one's own files, of a public data set, of a virtual rig, or for a robot of one's own.
+    """Make a study's folder: of own files, a public data set, a virtual rig, a robot of one's own, or a live session.
 
     Parameters
     ----------
@@ -54,12 +55,15 @@ def init(
         its default, which study.toml marks.
     ask : callable, optional
         With `files`: called with each question without an answer; it returns the answer.
+    session : str, optional
+        Name of a live session (``"elbow"``, ``"knee"``, ``"able-elbow"``, ``"knee-orthosis"``) whose study.toml is
+        written; `pellucid live` runs it.
 
     Returns
     -------
     Study, Path or ProposedStudy
-        The study of a data set; of a rig, the file that describes it; of a robot, its study.toml; of files, their
-        proposal.
+        The study of a data set; of a rig, the file that describes it; of a robot or a session, its study.toml; of
+        files, their proposal.
 
     Raises
     ------
@@ -83,16 +87,23 @@ def init(
     >>> [question.key for question in made.questions]
     ['worn', 'angle_zero']
     """
-    if sum(given is not None for given in (dataset, rig, urdf, files)) != 1:
+    if sum(given is not None for given in (dataset, rig, urdf, files, session)) != 1:
+        from .session.new_session import SESSIONS
+
         rigs = _rig_source()
         raise StudyError(
-            "init needs --from FILES or --dataset NAME or --rig NAME or --urdf FILE, one of them; known: "
-            f"{', '.join(datasets.names())}; rigs: {', '.join(rigs.value.study_names()) if rigs else 'none installed'}"
+            "init needs --from FILES or --dataset NAME or --rig NAME or --urdf FILE or --session NAME, one of them; "
+            f"known: {', '.join(datasets.names())}; "
+            f"rigs: {', '.join(rigs.value.study_names()) if rigs else 'none installed'}; sessions: {', '.join(SESSIONS)}"
         )
     if files is not None:
         from .proposals.init_from_files import init_from_files
 
         return init_from_files(folder, files, answers=answers, ask=ask)
+    if session is not None:
+        from .session.new_session import start_session_study
+
+        return start_session_study(folder, session, Path(folder).absolute().name)
     if rig is not None:
         source = _rig_source()
         if source is None:

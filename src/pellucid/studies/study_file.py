@@ -27,6 +27,7 @@ from .._given import read_given
 from ..models.joint import DEFAULT_FAMILIES, FAMILIES, SYMBOLS_BY_NAME
 from ..units import parse_quantity, si_text, to_si_factor
 from .instruments_table import InstrumentsTable
+from .session_table import SessionTable
 from .study_fields import (
     DERIVED_PREFIX,
     NAME_PATTERN,
@@ -950,8 +951,8 @@ class StudyFile(StudyTable):
         Source to cite for the recordings; the report prints it.
     notes : tuple of str
         Remarks that the report repeats.
-    rig, participants, channels, optical, streams, processing, model, recordings
-        Tables of the file; `optical` is None without a motion capture.
+    rig, participants, channels, optical, streams, processing, model, recordings, session
+        Tables of the file; `optical` is None without a motion capture, `session` where none is planned.
 
     `study_file_model` adds a field for each table that requests a procedure, which is None if the table is absent.
     """
@@ -967,6 +968,7 @@ class StudyFile(StudyTable):
     processing: Processing = Processing()
     model: Model
     recordings: tuple[RecordingEntry, ...] = ()
+    session: SessionTable | None = None
 
     @model_validator(mode="before")
     @classmethod

@@ -167,6 +167,8 @@ class AssessmentTable(ProcedureTable):
     def require_in(self, config: StudyFile) -> None:
         """The control must be a condition of the recordings, the segment's markers among the motion capture's."""
         conditions = [entry.condition for entry in config.recordings if entry.condition is not None]
+        # While a session runs, the conditions that are still to come are known from its plan.
+        conditions += [] if config.session is None else list(config.session.conditions)
         if config.recordings and self.control not in conditions:
             raise ValueError(
                 f'[assessment] control: found "{self.control}", expected a condition of the recordings: '

@@ -70,11 +70,17 @@ def certify_conditions(
     curves: Curves,
     executor: Any = None,
 ) -> tuple[Certified, ...]:
-    """Certify every condition but control; return nothing if no margins are stated. `spec` is [assessment]."""
+    """Certify every condition but control. `spec` is [assessment].
+
+    Nothing is returned if no margins are stated, or if one participant alone can be compared.
+    """
     wanted = end_points(spec, found.indices)
     if not wanted:
         if spec.curves:
             raise StudyError("[assessment.curves]: found margins of curves alone, expected [assessment.margins] too")
+        return ()
+    if len(found.participants) < 2:
+        # A session is assessed after its first participant: indices are then told, and nothing is tested.
         return ()
     made = []
     for condition in found.conditions:

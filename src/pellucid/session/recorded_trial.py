@@ -1,0 +1,131 @@
+"""A trial's recording: its entry in study.toml, and the checks of `pellucid check` on it alone.
+
+The entry is added at the end of study.toml, so that nothing that a person wrote there is touched, and every command
+takes the recording.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from .._atomic import write_text_atomically
+from .._errors import PellucidError, RecordingError
+from .._given import read_given
+from ..procedures.registry import asked, open_study
+from ..recordings.fault import Fault
+from ..recordings.recording import Recording
+from ..studies.lock import hold_lock
+from ..studies.quality import cut_faults
+from ..studies.study import STUDY_FILE, Study
+from ..studies.study_file import MAX_FILE_BYTES, RecordingEntry
+from .trial_plan import PlannedTrial
+
+RECORDINGS_FOLDER = "recordings"
+"""Folder of a study in which a session records."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What the checks found in one trial."""
+
+    faults: tuple[Fault, ...]
+    seconds: float  # time that the checks took [s]
+    recording: Recording | None  # None if the file cannot be read
+
+    @property
+    def reason(self) -> str:
+        """Why the trial should be repeated; empty if it need not."""
+        refused = [fault.message for fault in self.faults if fault.severity == "refuse"]
+        return refused[0] if refused else ""
+
+
+def trial_file(folder: Path, trial: PlannedTrial, attempt: int = 1) -> Path:
+    """Return the path of a trial's recording; a further attempt has a name of its own, so that none is overwritten."""
+    suffix = "" if attempt == 1 else f"_attempt{attempt}"
+    return folder / RECORDINGS_FOLDER / f"{trial.name}{suffix}.xdf"
+
+
+def next_attempt(folder: Path, trial: PlannedTrial) -> int:
+    """Return the number of the next attempt at a trial, from 1: that of the first file that does not exist."""
+    attempt = 1
+    while trial_file(folder, trial, attempt).exists():
+        attempt += 1
+    return attempt
+
+
+def trial_entry(study: Study, trial: PlannedTrial, file: Path) -> dict[str, object]:
+    """Return the entry of a trial's recording; every stream of the study is read from the same file."""
+    path = file.relative_to(study.folder).as_posix()
+    entry: dict[str, object] = {"name": trial.name, "file": path, "protocol": trial.task.protocol, "use": trial.use}
+    entry |= {"participant": trial.participant, "condition": trial.condition}
+    entry |= {"repetition": trial.repetition, "period": trial.period}
+    if study.config.streams:
+        entry["streams"] = dict.fromkeys(study.config.streams, path)
+    return entry
+
+
+def entry_text(entry: dict[str, object]) -> str:
+    """Return an entry as text of study.toml."""
+
+    def value(given: object) -> str:
+        if isinstance(given, dict):
+            return "{ " + ", ".join(f"{key} = {value(each)}" for key, each in given.items()) + " }"
+        return json.dumps(given, ensure_ascii=False)
+
+    return "\n[[recordings]]\n" + "".join(f"{key} = {value(each)}\n" for key, each in entry.items())
+
+
+def study_with(study: Study, trial: PlannedTrial, file: Path) -> Study:
+    """Return the study with a trial as its one recording, without writing to study.toml."""
+    entry = RecordingEntry.model_validate(trial_entry(study, trial, file))
+    return Study(study.folder, study.config.model_copy(update={"recordings": (entry,)}))
+
+
+def judge_trial(study: Study, trial: PlannedTrial, file: Path) -> Judged:
+    """Check one trial as `pellucid check` checks a study, and say how long that took."""
+    begun = time.perf_counter()
+    alone = study_with(study, trial, file)
+    faults: list[Fault] = []
+    recording = None
+    try:
+        recording = alone.recordings()[0]
+        faults += cut_faults(recording)
+        for procedure in asked(alone):
+            if trial.task.protocol in _checked_protocols(study, procedure.name):
+                faults += procedure.unfit(alone).values()
+                faults += procedure.faults(alone, procedure.table_of(alone))
+    except (RecordingError, PellucidError) as error:
+        faults.append(Fault("refuse", "unreadable", file.name, "", str(error), "a whole recording", str(error)))
+    own = [fault for fault in dict.fromkeys(faults) if fault.file in (file.name, "")]
+    own.sort(key=lambda fault: fault.severity not in ("refuse", "warn"))
+    return Judged(tuple(own), time.perf_counter() - begun, recording)
+
+
+def _checked_protocols(study: Study, procedure: str) -> set[str]:
+    """Return the protocols of the session's tasks that a procedure looks at."""
+    session = study.config.session
+    assert session is not None
+    pointing = {task.protocol for task in session.tasks if task.kind == "pointing"}
+    every = {task.protocol for task in session.tasks}
+    return pointing if procedure == "assessment" else every
+
+
+def add_to_study(study: Study, trial: PlannedTrial, file: Path) -> Study:
+    """Add a trial's recording at the end of study.toml, and return the study as it is then."""
+    path = study.folder / STUDY_FILE
+    with hold_lock(path):
+        text = read_given(path, MAX_FILE_BYTES).decode("utf-8-sig")
+        write_text_atomically(path, text.rstrip("\n") + "\n" + entry_text(trial_entry(study, trial, file)))
+    found = open_study(study.folder)
+    # What was read stays read: recordings do not change after their trial.
+    return replace(found, _loaded=study._loaded, _digests=study._digests, _apart=study._apart)
+
+
+def recorded_names(study: Study) -> set[str]:
+    """Return the names of the recordings that study.toml has."""
+    return {entry.name for entry in study.config.recordings}
+
+

@@ -1,0 +1,224 @@
+"""The command `live`: run the session that study.toml describes, with its pages, and evaluate it at the end."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import subprocess
+import sys
+import webbrowser
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from .._errors import StudyError
+from .._plugins import load_plugins
+from ..pages.page import PAGE_FILE
+from ..procedures.registry import asked, open_study
+from ..studies.session_table import SessionTable
+from ..studies.study import Study
+from .live_session import LiveSession
+from .page_server import PageServer
+from .recorded_trial import recorded_names
+from .session_engine import SessionEngine
+from .trial_plan import PlannedTrial, plan_trials
+
+RUN_FOLDER = ".live"
+"""Folder of a study for the files of a session that runs."""
+
+COMMAND_LIMIT_S = 3600.0
+"""Longest time that one command may take at the end of a session [s]."""
+
+VIRTUAL_DEVICE_PREFIX = "virtual-"
+"""Names of devices without hardware begin with this."""
+
+
+@dataclass(frozen=True)
+class SessionResult:
+    """What a session left behind.
+
+    Attributes
+    ----------
+    participant : str
+    done, planned : int
+        Numbers of trials in study.toml and in the plan.
+    report : Path or None
+        The report's page; None where none could be written.
+    notes : tuple of str
+        What the commands at the end said.
+    """
+
+    participant: str
+    done: int
+    planned: int
+    report: Path | None
+    notes: tuple[str, ...]
+
+
+def live(
+    folder: str | os.PathLike,
+    *,
+    participant: str | None = None,
+    port: int = 0,
+    unattended: bool = False,
+    open_pages: bool = False,
+    on_ready: Callable[[PageServer], None] | None = None,
+    engine: Callable[[Study, Sequence[PlannedTrial]], SessionEngine] | None = None,
+) -> SessionResult:
+    """Run a participant's session.
+
+    Parameters
+    ----------
+    folder : path-like
+        Folder of a study with a table ``[session]``.
+    participant : str, optional
+        Who takes part; the first one of ``[participants]`` with trials to do if left out.
+    port : int
+        Port of the pages on this computer; 0 takes a free one.
+    unattended : bool
+        Whether consent, starts and verdicts are given without a person, which only virtual devices allow.
+    open_pages : bool
+        Whether the operator's page is opened in a browser.
+    on_ready : callable, optional
+        Called with the server once pages can be opened.
+    engine : callable, optional
+        Makes the engine of a study and its plan, instead of the device that study.toml names.
+
+    Returns
+    -------
+    SessionResult
+
+    Raises
+    ------
+    StudyError
+        If the study has no session, the participant is unknown, or everything is done.
+    PellucidError
+        If the device is unknown or does not start.
+    """
+    study = open_study(folder)
+    table = _session_of(study)
+    if unattended and not table.device.startswith(VIRTUAL_DEVICE_PREFIX):
+        raise StudyError(
+            f"live: found the device {table.device}, expected a virtual one for a session without a person"
+        )
+    participant, plan, left = choose_participant(study, participant)
+    make = start_device if engine is None else engine
+    running = make(study, plan)
+    try:
+        with ThreadPoolExecutor(2) as executor:
+            session = LiveSession(
+                study, running, left, participant, executor=executor, finish=evaluate, total=len(plan),
+                unattended=unattended,
+            )  # fmt: skip
+            require_limits(session)
+            server = PageServer(session, port)
+
+            def opened(server: PageServer) -> None:
+                if open_pages:
+                    webbrowser.open(server.address("operator"))
+                if on_ready is not None:
+                    on_ready(server)
+
+            asyncio.run(_serve(server, opened, until_finished=unattended))
+            done = len(recorded_names(session.study) & {trial.name for trial in plan})
+            return SessionResult(participant, done, len(plan), session.report, tuple(session.notes))
+    finally:
+        close = getattr(running, "close", None)
+        if close is not None:
+            close()
+
+
+async def _serve(server: PageServer, opened: Callable[[PageServer], None], *, until_finished: bool) -> None:
+    """Serve until the session is over and its pages are closed, or until the terminal's Ctrl-C."""
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        with suppress(NotImplementedError, RuntimeError, ValueError):
+            loop.add_signal_handler(number, server.stopped.set)
+    server.ends_with_session = until_finished
+    await server.run(opened)
+
+
+def _session_of(study: Study) -> SessionTable:
+    if study.config.session is None:
+        raise StudyError(
+            f"{study.folder}: found no table [session] in study.toml, expected one; `pellucid init DIR --session NAME` "
+            "writes an example"
+        )
+    return study.config.session
+
+
+def choose_participant(
+    study: Study, participant: str | None
+) -> tuple[str, tuple[PlannedTrial, ...], tuple[PlannedTrial, ...]]:
+    """Return who takes part, the whole plan, and what of it is not recorded yet."""
+    table, people = _session_of(study), list(study.config.participants)
+    if not people:
+        raise StudyError(f"{study.folder}: found no [participants] in study.toml, expected at least one")
+    done = recorded_names(study)
+    for each in people if participant is None else [participant]:
+        plan = plan_trials(table, people, each)
+        left = tuple(trial for trial in plan if trial.name not in done)
+        if left:
+            return each, plan, left
+    who = "every participant" if participant is None else participant
+    raise StudyError(f"{study.folder}: found all trials of {who} recorded, expected some that are still to do")
+
+
+def start_device(study: Study, plan: Sequence[PlannedTrial]) -> Any:
+    """Start the engine of the device that study.toml names."""
+    from ..live.engine import LiveEngine
+
+    table = _session_of(study)
+    devices = {plugin.name: plugin for plugin in load_plugins("pellucid.devices")}
+    if table.device not in devices:
+        raise StudyError(
+            f'{study.folder}: [session] device: found "{table.device}", expected one of '
+            f"{', '.join(devices) or 'those of an installed package; the virtual ones need pellucid-lab'}"
+        )
+    place = list(study.config.participants).index(plan[0].participant)
+    laws = tuple(dict.fromkeys(table.conditions.values()))
+    setup = devices[table.device].value(conditions=laws, place=place, seed=table.seed)
+    known = [condition.name for condition in setup.conditions]
+    unknown = [law for law in laws if law not in known]
+    if unknown:
+        raise StudyError(
+            f'{study.folder}: [session.conditions]: found the law "{unknown[0]}", expected one of '
+            f"{', '.join(known)} of {table.device}"
+        )
+    return LiveEngine.start(setup, study.folder / RUN_FOLDER / plan[0].participant)
+
+
+def require_limits(session: LiveSession) -> None:
+    """Refuse a device whose law may do more than ``[session.limits]`` says."""
+    stated, runs = session.table.limits.effort, session.engine.status().effort_limit
+    if stated is not None and runs > stated:
+        raise StudyError(
+            f"[session.limits] effort: found {stated:g} N*m, and a law that may command {runs:g} N*m; expected the "
+            "law's limit to be no larger: lower it in [rig.limits] and build the law again"
+        )
+
+
+def evaluate(study: Study) -> tuple[Path | None, list[str]]:
+    """Run every command that the study asks for, then the report; return its page and what was refused.
+
+    Each command is a process of its own, so that the pages go on meanwhile.
+    """
+    notes = []
+    for command in (*dict.fromkeys(procedure.command for procedure in asked(study)), "report"):
+        made = subprocess.run(
+            [sys.executable, "-c", "from pellucid.cli import main; main()", command, str(study.folder)],
+            capture_output=True, text=True, timeout=COMMAND_LIMIT_S, check=False,
+        )  # fmt: skip
+        if made.returncode:
+            said = (made.stderr.strip() or made.stdout.strip()).splitlines()
+            notes.append(f"{command}: {said[-1] if said else f'ended with status {made.returncode}'}")
+        else:
+            notes.append(f"{command}: done")
+    page = study.report_dir / PAGE_FILE
+    return (page if page.is_file() else None), notes
+
+

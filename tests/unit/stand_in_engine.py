@@ -1,0 +1,181 @@
+"""An engine for tests of the session: a person who goes where they are asked to, on a clock that the test moves on."""
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+from test_xdf import stream, write
+
+RATE_HZ = 200.0
+"""Rate of the stand-in's robot [Hz]; slower than a robot's, so that tests are quick."""
+
+EMG_RATE_HZ = 1024.0
+REACH_S = 0.7
+"""Time in which the person reaches a target [s]."""
+
+MUSCLES = ("biceps", "brachioradialis", "triceps_long", "triceps_lateral")
+
+
+@dataclass
+class Clock:
+    """A monotonic clock that a test moves on."""
+
+    now: float = 1000.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@dataclass
+class Samples:
+    cursor: int
+    lost: int
+    time: np.ndarray
+    channels: dict[str, np.ndarray]
+
+
+@dataclass
+class StandInEngine:
+    """Answers as `pellucid.live.LiveEngine` does."""
+
+    clock: Clock
+    law: str = "Ctrl"
+    muscles: tuple[str, ...] = MUSCLES
+    state: str = "idle"
+    fault: str = "none"
+    freeze: bool = False  # the encoder's angle no longer changes
+    alive: dict = field(default_factory=lambda: {"engine": True, "recorder": True})
+
+    def __post_init__(self):
+        self.begun = self.clock.now
+        self.rows: list[tuple[float, ...]] = []
+        self.emg_samples, self.emg_count = np.zeros((200_000, len(self.muscles)), np.float32), 0
+        self.angle, self.start, self.target, self.asked_at = 1.0, 1.0, 1.0, self.clock.now
+        self.tracking = None
+        self.share, self.torque = 0.0, 0.0
+        self.events: list[tuple[float, str, dict]] = []
+        self.recording: tuple[Path, int, int] | None = None
+        self.rng = np.random.default_rng(5)
+        self.emg = SimpleNamespace(
+            read_since=self._read_emg, labels=[f"emg.{m}" for m in self.muscles], nominal_rate=EMG_RATE_HZ
+        )
+        self.beats = 0
+
+    # What the person does.
+
+    def _grow(self) -> None:
+        while self.begun + len(self.rows) / RATE_HZ <= self.clock.now:
+            t = self.begun + len(self.rows) / RATE_HZ
+            s = np.clip((t - self.asked_at - 0.2) / REACH_S, 0.0, 1.0)
+            angle = self.start + (self.target - self.start) * (10 * s**3 - 15 * s**4 + 6 * s**5)
+            if self.tracking is not None:
+                centre, amplitude, frequency, since = self.tracking
+                angle = centre + amplitude * np.sin(2 * np.pi * frequency * (t - since))
+            angle += 0.0004 * self.rng.standard_normal()
+            before = self.rows[-1][1] if self.rows else angle
+            angle = before if self.freeze else angle
+            velocity = (angle - before) * RATE_HZ
+            asked = angle if self.tracking is not None else self.target
+            force = -self.torque - 0.5 * np.sign(velocity) + 0.05 * self.rng.standard_normal()
+            self.rows.append((t, angle, velocity, self.torque, force, asked))
+            self.angle = angle
+
+    def _grow_emg(self) -> None:
+        """Samples up to now, of the pull that was asked for until now."""
+        wanted = int((self.clock.now - self.begun) * EMG_RATE_HZ)
+        new = wanted - self.emg_count
+        if new > 0:
+            pull = 1e-3 * (np.abs(self.torque) / 10.0 + np.abs(self.share) + 0.02)
+            self.emg_samples[self.emg_count : wanted] = pull * self.rng.standard_normal((new, len(self.muscles)))
+            self.emg_count = wanted
+
+    def _read_emg(self, cursor: int) -> SimpleNamespace:
+        self._grow_emg()
+        values = self.emg_samples[cursor : self.emg_count]
+        time = self.begun + (cursor + np.arange(len(values))) / EMG_RATE_HZ
+        return SimpleNamespace(cursor=self.emg_count, lost=0, time=time, values=values)
+
+    # The engine's functions.
+
+    def beat(self):
+        self.beats += 1
+
+    def status(self):
+        return SimpleNamespace(
+            state=self.state, condition=self.law, fault=self.fault, effort_limit=12.0, velocity_limit=5.0,
+            position_limits=(0.0, 2.6),
+        )  # fmt: skip
+
+    def set_condition(self, name):
+        self.law = name
+
+    def arm(self):
+        self.state = "running"
+
+    def disarm(self):
+        self.state = "idle"
+
+    def stop(self):
+        self.state, self.fault = "stopped", "operator"
+
+    def reset(self):
+        self.state, self.fault = "idle", "none"
+
+    def read_since(self, cursor, every=1, limit=None):
+        self._grow()
+        rows = np.array(self.rows[cursor::every]).reshape(-1, 6)
+        names = ("position", "velocity", "torque", "interaction", "target")
+        channels = {name: rows[:, i + 1] for i, name in enumerate(names)}
+        channels["limb"] = channels["position"]
+        return Samples(len(self.rows), 0, rows[:, 0], channels)
+
+    def set_target(self, angle):
+        self._grow()
+        self.start, self.target, self.asked_at, self.tracking = self.angle, angle, self.clock.now, None
+
+    def set_tracking(self, centre, amplitude, frequency):
+        self.tracking = (centre, amplitude, frequency, self.clock.now)
+
+    def set_contraction(self, share):
+        self._grow_emg()
+        self.share = share
+
+    def set_torque(self, torque):
+        self._grow_emg()
+        self._grow()
+        self.torque = torque
+
+    def mark(self, kind, data=None, time=None):
+        assert len(json.dumps(data)) < 3900
+        self.events.append((self.clock.now, kind, data))
+
+    def begin_recording(self, path, about):
+        self._grow()
+        self._grow_emg()
+        self.recording = (Path(path), len(self.rows), self.emg_count)
+
+    def end_recording(self, wait=True):
+        self._grow()
+        self._grow_emg()
+        path, first, first_emg = self.recording
+        rows, emg = np.array(self.rows[first:]), self.emg_samples[first_emg : self.emg_count]
+        times = self.begun + (first_emg + np.arange(len(emg))) / EMG_RATE_HZ
+        names, values = ["position", "velocity", "torque", "interaction", "target", "limb"], rows[:, [1, 2, 3, 4, 5, 1]]
+        write(
+            path,
+            stream(1, "robot", RATE_HZ, rows[:, 0], values, names, [""] * 6),
+            stream(2, "emg", EMG_RATE_HZ, times, emg, list(self.muscles), ["volts"] * len(self.muscles)),
+        )
+        return path
+
+    def recorded(self, path):
+        return Path(path).is_file()
+
+    def health(self):
+        return SimpleNamespace(
+            cycles=len(self.rows), late_cycles=0, missed=0, worst_lateness=1e-4, p99=6e-5,
+            jitter_edges=np.linspace(0, 1e-3, 21), jitter_counts=np.zeros(20, int), fifo=False, locked=False,
+            why_not="a stand-in", faults=[], clocks={},
+        )  # fmt: skip

@@ -1,0 +1,243 @@
+"""A session without a browser: its plan, its tasks, what is judged and what is refused."""
+
+from concurrent.futures import Future
+
+import numpy as np
+import pytest
+from stand_in_engine import Clock, StandInEngine
+
+from pellucid._errors import StudyError
+from pellucid.procedures.registry import open_study
+from pellucid.session.live_session import FINISHED, JUDGED, RUNNING, WAITING, LiveSession
+from pellucid.session.new_session import SESSIONS, start_session_study
+from pellucid.session.run_session import choose_participant
+from pellucid.session.trial_plan import balanced_orders, condition_order, plan_trials
+
+STEP_S = 0.05
+
+
+class Inline:
+    """An executor that does its work at once."""
+
+    def submit(self, function, *arguments):
+        made = Future()
+        try:
+            made.set_result(function(*arguments))
+        except Exception as error:
+            made.set_exception(error)
+        return made
+
+
+def session_of(folder, session="elbow", participant="P1", unattended=False, **engine):
+    if not (folder / "study.toml").exists():
+        start_session_study(folder, session, "made")
+    study = open_study(folder)
+    who, plan, left = choose_participant(study, participant)
+    clock = Clock()
+    muscles = tuple(name.removeprefix("emg.") for name in study.config.streams["emg"].channels if name != "time")
+    made = StandInEngine(clock, muscles=muscles, **engine)
+    finished = []
+    session = LiveSession(
+        study, made, left, who, executor=Inline(), finish=lambda study: (finished.append(study), (None, ["done"]))[1],
+        total=len(plan), unattended=unattended, clock=clock,
+    )  # fmt: skip
+    session.finished_with = finished
+    return session, made, clock
+
+
+def run_until(session, clock, done, longest=400.0):
+    end = clock.now + longest
+    while not done():
+        assert clock.now < end, f"not done after {longest} s: {session.phase}, {session.faults}"
+        clock.now += STEP_S
+        session.step()
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 6])
+def test_balanced_orders_are_balanced(count):
+    rows = balanced_orders(count)
+    assert all(sorted(row) == list(range(count)) for row in rows)
+    places = np.zeros((count, count))
+    follows = np.zeros((count, count))
+    for row in rows:
+        for place, each in enumerate(row):
+            places[place, each] += 1
+        for one, other in zip(row, row[1:], strict=False):
+            follows[one, other] += 1
+    assert np.ptp(places) == 0
+    assert np.ptp(follows[~np.eye(count, dtype=bool)]) == 0 if count > 1 else True
+
+
+def test_the_seed_decides_the_plan(tmp_path):
+    start_session_study(tmp_path / "s", "able-elbow", "made")
+    config = open_study(tmp_path / "s").config
+    people = list(config.participants)
+    plans = [plan_trials(config.session, people, person) for person in people]
+    again = [plan_trials(config.session, people, person) for person in people]
+    assert plans == again
+    assert {len(plan) for plan in plans} == {8}
+    # The published protocol: 10 movements up and 10 down, at each of 5 amplitudes, in each of 4 conditions.
+    assert sum(len(trial.targets) for trial in plans[0]) == 400
+    firsts = [condition_order(config.session, place) for place in range(4)]
+    assert len({order[0] for order in firsts}) == 4
+    other = config.session.model_copy(update={"seed": 2})
+    assert [plan_trials(other, people, person) for person in people] != plans
+
+
+def test_a_session_runs_from_consent_to_evaluation(tmp_path):
+    session, engine, clock = session_of(tmp_path / "s", unattended=True)
+    run_until(session, clock, lambda: session.phase == FINISHED)
+    study = open_study(tmp_path / "s")
+    assert [entry.condition for entry in study.config.recordings] == [trial.condition for trial in session.plan]
+    assert [entry.period for entry in study.config.recordings] == [1, 2, 3]
+    recording = study.recordings()[0]
+    steps = np.flatnonzero(np.diff(recording["target"]))
+    assert len(steps) == 6
+    assert {"consent", "cue", "action"} <= {kind for _, kind, _ in engine.events}
+    assert session.finished_with
+    assert engine.state == "idle"
+    shown = {each["words"]: each["values"] for each in session.indices}
+    assert set(shown["Median duration"]) == {"Ctrl", "FC", "CLPC"}
+    assert {verdict.said for verdict in session.verdicts} == {"cannot say yet"}
+
+
+def test_every_kind_of_task_runs_and_is_recorded(tmp_path):
+    session, engine, clock = session_of(tmp_path / "s", "knee", unattended=True)
+    run_until(session, clock, lambda: session.phase == FINISHED)
+    study = open_study(tmp_path / "s")
+    assert [entry.protocol for entry in study.config.recordings] == ["mvc"] * 2 + ["held_angle"] * 4 + ["followed_angle"]
+    assert [entry.use for entry in study.config.recordings] == ["fit"] * 4 + ["validate"] * 3
+    held = study.recording("P1_03_held_worn")
+    assert held["command"].max() == pytest.approx(10.0, abs=0.01)
+    assert held["command"].min() == pytest.approx(-10.0, abs=0.01)
+    assert session.levels.levels.keys() == {"rectus_femoris", "vastus_lateralis", "vastus_medialis", "biceps_femoris",
+                                            "semitendinosus", "gastrocnemius_medial", "gastrocnemius_lateral",
+                                            "tibialis_anterior"}  # fmt: skip
+    assert session.estimator.error < 0.8 * session.estimator.error_of_mean
+
+
+def started(tmp_path, **options):
+    session, engine, clock = session_of(tmp_path / "s", **options)
+    session.page_opened("participant")
+    session.page_opened("operator")
+    session.step()
+    assert session.act("participant", "consent") == ""
+    assert session.act("participant", "ready") == ""
+    assert session.act("operator", "start") == ""
+    run_until(session, clock, lambda: session.phase == RUNNING)
+    return session, engine, clock
+
+
+def test_a_bad_trial_is_to_be_repeated_and_says_why(tmp_path):
+    session, engine, clock = started(tmp_path)
+    engine.freeze = True
+    run_until(session, clock, lambda: session.phase == JUDGED)
+    assert "movements" in session.reason
+    assert session.attempt.judged.seconds < 1.0
+    assert session.act("operator", "repeat") == ""
+    engine.freeze = False
+    assert session.act("operator", "start") == ""
+    run_until(session, clock, lambda: session.phase == JUDGED)
+    assert session.reason == ""
+    assert session.act("operator", "accept") == ""
+    (entry,) = open_study(tmp_path / "s").config.recordings
+    assert entry.file.endswith("_attempt2.xdf")
+    assert len(list((tmp_path / "s" / "recordings").glob("*.xdf"))) == 2
+
+
+def test_a_stop_ends_the_trial_and_a_reset_lets_it_begin_again(tmp_path):
+    session, engine, clock = started(tmp_path)
+    assert session.act("participant", "stop") == ""
+    run_until(session, clock, lambda: session.phase == JUDGED, 3.0)
+    assert "stopped" in session.reason
+    assert session.act("operator", "repeat") == ""
+    assert "reset" in session.act("operator", "start")
+    session.act("operator", "reset")
+    run_until(session, clock, lambda: engine.state == "idle", 3.0)
+    assert session.act("operator", "start") == ""
+    run_until(session, clock, lambda: session.phase == RUNNING)
+
+
+def test_a_page_that_closes_ends_the_trial(tmp_path):
+    session, engine, clock = started(tmp_path)
+    session.page_closed("participant")
+    run_until(session, clock, lambda: session.phase == JUDGED, 3.0)
+    assert "participant's page was closed" in session.reason
+    assert "not open" in (session.act("operator", "repeat") or session.act("operator", "start"))
+    session.page_opened("participant")
+    session.act("operator", "start")
+    run_until(session, clock, lambda: session.phase == RUNNING)
+    session.page_closed("operator")
+    run_until(session, clock, lambda: session.phase == JUDGED, 5.0)
+    assert session.reason == "no operator's page was open"
+    assert engine.state == "idle"
+
+
+def test_a_participant_cannot_do_what_an_operator_does(tmp_path):
+    session, engine, clock = session_of(tmp_path / "s")
+    for action in ("start", "accept", "torque", "finish", "step", "_start"):
+        assert "expected one of" in session.act("participant", action)
+    assert session.phase != WAITING
+
+
+def test_the_slider_stays_within_its_limit(tmp_path):
+    session, engine, clock = started(tmp_path, session="knee")
+    assert "only while an angle is held" in session.act("operator", "torque", 3.0)
+    run_until(session, clock, lambda: session.phase == JUDGED)
+    session.act("operator", "accept")
+    while session.trial.task.kind != "holding":
+        if session.phase == "instructions":
+            session.act("participant", "ready")
+        session.act("operator", "start")
+        run_until(session, clock, lambda: session.phase == JUDGED)
+        session.act("operator", "accept")
+    if session.phase == "rest":
+        session.act("operator", "skip_rest")
+        session.step()
+    session.act("participant", "ready")
+    session.act("operator", "start")
+    run_until(session, clock, lambda: session.phase == RUNNING and session.attempt.task.index >= 0)
+    assert "expected a number" in session.act("operator", "torque", float("nan"))
+    session.act("operator", "torque", 99.0)
+    clock.now += STEP_S
+    session.step()
+    assert engine.torque == 10.0
+
+
+def test_a_session_goes_on_where_it_was_left(tmp_path):
+    session, _, clock = session_of(tmp_path / "s", unattended=True)
+    run_until(session, clock, lambda: session.index == 1)
+    again, _, clock = session_of(tmp_path / "s", unattended=True)
+    assert [trial.number for trial in again.plan] == [2, 3]
+    run_until(again, clock, lambda: again.phase == FINISHED)
+    with pytest.raises(StudyError, match="found all trials of P1 recorded"):
+        choose_participant(open_study(tmp_path / "s"), "P1")
+    assert choose_participant(open_study(tmp_path / "s"), None)[0] == "P2"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (('kind = "pointing"', 'kind = "jumping"'), 'expected "pointing", "tracking", "holding" or "contraction"'),
+        (('start = "60 deg"', 'start = "60 kg"'), "start"),
+        (('trials = 1 ', 'trails = 1 '), "trails"),
+        (('name = "pointing"', 'name = "pointing"\nconditions = ["FCC"]'), 'found the condition "FCC"'),
+        (('order = "balanced"', 'order = "sorted"'), "order"),
+    ],
+)
+def test_a_wrong_session_says_what_is_wrong(tmp_path, change, said):
+    path = start_session_study(tmp_path / "s", "elbow", "made")
+    text = path.read_text(encoding="utf-8")
+    assert change[0] in text
+    path.write_text(text.replace(*change), encoding="utf-8")
+    with pytest.raises(StudyError) as raised:
+        open_study(tmp_path / "s")
+    assert said in str(raised.value)
+    assert "study.toml" in str(raised.value)
+
+
+@pytest.mark.parametrize("session", SESSIONS)
+def test_every_session_that_ships_is_a_study(tmp_path, session):
+    start_session_study(tmp_path / "s", session, f"my-{session}")
+    config = open_study(tmp_path / "s").config
+    assert plan_trials(config.session, list(config.participants), "P1")
