@@ -53,7 +53,7 @@ def joint_card(friction: dict[str, float], motion: str = "rotary") -> ModelCard:
     values = {"inertia": 1.2 if slides else 0.08, **({} if slides else {"gravity": 2.5, "gravity_cosine": -0.4})}
     unit = "N" if slides else "N*m"
     parameters = tuple(
-        CardParameter(n, SYMBOLS_BY_NAME[n].unit(motion, unit), v, 0.02 * abs(v), (0.96 * v, 1.04 * v))
+        CardParameter(n, SYMBOLS_BY_NAME[n].unit(motion, unit), v, 0.02 * abs(v), (v - 0.04 * abs(v), v + 0.04 * abs(v)))
         for n, v in {**values, **friction}.items()
     )
     covariance = np.diag([p.standard_error**2 for p in parameters])
