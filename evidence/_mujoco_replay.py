@@ -1,11 +1,12 @@
 """Held-out recordings of a public servo, replayed in MuJoCo with the model that Pellucid exports, and with others.
 
-The servo swings a pendulum (data set bam_xl330). Each recording is simulated from the measured state at the beginning of
-each stretch in which the drive is on: in open loop from the recorded voltage alone, and in closed loop from the recorded
-goal, with the servo's own proportional controller, as who trains a policy does. Three rivals go the same way: the models that
-the recordings' authors identified (M1 with constant friction, M6 with load-dependent friction), and MuJoCo's own
-armature, damping and frictionloss with the gravity torque, fitted to the simulated motion of the same four recordings
-that Pellucid fits, in open and in closed loop apart. No number is chosen on the four held-out recordings.
+The servo swings a pendulum (data set bam_xl330). Each recording is simulated from the measured state at the beginning
+of each stretch in which the drive is on: in open loop from the recorded voltage alone, and in closed loop from the
+recorded goal, with the servo's own proportional controller, as who trains a policy does. Three rivals go the same way:
+the models that the recordings' authors identified (M1 with constant friction, M6 with load-dependent friction), and
+MuJoCo's own armature, damping and frictionloss with the gravity torque, fitted to the simulated motion of the same
+four recordings that Pellucid fits, in open and in closed loop apart. No number is chosen on the four held-out
+recordings.
 """
 
 from __future__ import annotations
@@ -22,9 +23,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from benchmarks._size import sized
 from scipy.optimize import least_squares
 
-from benchmarks._size import sized
 from evidence._exports_read import program_beside
 from pellucid.recordings.readers import read_columns
 from pellucid.studies.results import ResultRow
@@ -205,7 +206,7 @@ def plain_mujoco(values: np.ndarray) -> Simulate:
 
 
 def fit_plain_mujoco(*, closed: bool) -> np.ndarray:
-    """Values of `plain_mujoco` with the smallest squared position error on the fitted recordings, from several starts."""
+    """Values of `plain_mujoco` with the smallest squared position error on the fitted recordings, from two starts."""
     known = [stretch for name in FIT for stretch in stretches(name, closed=closed)]
 
     def errors(values: np.ndarray) -> np.ndarray:
@@ -277,7 +278,8 @@ def rows() -> Iterator[ResultRow]:
         }
         for name in ("m1", "m6"):
             path = DATA / f"REFERENCE_params_{name}.json"
-            models[f"authors_{name}"] = authors_model(path), "identified by the authors, who may have seen these recordings"
+            note = "identified by the authors, who may have seen these recordings"
+            models[f"authors_{name}"] = authors_model(path), note
         for loop, closed in (("open", False), ("closed", True)):
             own = plain_mujoco(fit_plain_mujoco(closed=closed))
             note = "armature, mass, damping and frictionloss fitted to the motion"

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from importlib import import_module
 
 from benchmarks._size import sized
+
 from pellucid.studies.results import ResultRow
 
 PARTS = sized(

@@ -30,21 +30,30 @@ PAPER_FOLDER = "paper"
 SHOWN_CHECKSUM_LENGTH = 12
 """Digits of a checksum in the LaTeX table; ``recordings.csv`` has all of them."""
 
-LIBRARIES = ("numpy", "scipy")
+REPORTED_LIBRARIES = ("numpy", "scipy")
 """Libraries whose versions decide the last digits of a figure."""
 
 METHOD_REFERENCES: Mapping[str, tuple[str, str]] = {
     "load": (
         "hamon2010",
-        "@inproceedings{hamon2010,\n  author = {Hamon, P. and Gautier, M. and Garrec, P.},\n  title = {Dynamic identification "
-        "of robots with a dry friction model depending on load and velocity},\n  booktitle = {IEEE/RSJ International "
-        "Conference on Intelligent Robots and Systems},\n  year = {2010}\n}",
+        """@inproceedings{hamon2010,
+  author = {Hamon, P. and Gautier, M. and Garrec, P.},
+  title = {Dynamic identification of robots with a dry friction model depending on load and velocity},
+  booktitle = {IEEE/RSJ International Conference on Intelligent Robots and Systems},
+  year = {2010}
+}""",
     ),
     "stribeck": (
         "armstrong1994",
-        "@article{armstrong1994,\n  author = {Armstrong-H{\\'e}louvry, B. and Dupont, P. and {Canudas de Wit}, C.},\n  title = "
-        "{A survey of models, analysis tools and compensation methods for the control of machines with friction},\n  "
-        "journal = {Automatica},\n  volume = {30},\n  number = {7},\n  pages = {1083--1138},\n  year = {1994}\n}",
+        """@article{armstrong1994,
+  author = {Armstrong-H{\\'e}louvry, B. and Dupont, P. and {Canudas de Wit}, C.},
+  title = {A survey of models, analysis tools and compensation methods for the control of machines with friction},
+  journal = {Automatica},
+  volume = {30},
+  number = {7},
+  pages = {1083--1138},
+  year = {1994}
+}""",
     ),
 }
 """Reference of each part of a model that has one, by a word that the part's parameters hold: its key and its entry."""
@@ -53,9 +62,9 @@ METHOD_REFERENCES: Mapping[str, tuple[str, str]] = {
 def write_paper(study: Study, *, on_progress: Callable[[str, float], None] | None = None) -> Path:
     """Write the parts of a paper into the folder ``paper``, and return the folder.
 
-    Results are taken from what their commands kept, if that is fresh, or found again. The parts are ``figures/`` (PDF
-    and SVG), ``tables/`` (LaTeX and CSV), ``methods.tex``, ``references.bib``, ``recordings.csv`` with a SHA-256 of every
-    file, and ``main.tex``, a document of all of them.
+    Results are taken from what their commands kept, if that is fresh, or found again. The parts are ``figures/``
+    (PDF and SVG), ``tables/`` (LaTeX and CSV), ``methods.tex``, ``references.bib``, ``recordings.csv`` with a
+    SHA-256 of every file, and ``main.tex``, a document of all of them.
     """
     found = list(each_page(study, None, on_progress or quiet))
     folder = study.place(PAPER_FOLDER)
@@ -123,7 +132,7 @@ def references_of(study: Study, results: Sequence[Result]) -> tuple[list[str], s
     }
     if study.config.citation:
         said = latex_text(study.config.citation)
-        entries["recordings"] = f"@misc{{recordings,\n  title = {{{{{said}}}}},\n  note = {{Recordings of this study}}\n}}"
+        entries["recordings"] = f"@misc{{recordings,\n  title = {{{{{said}}}}},\n  note = {{Recordings}}\n}}"
     names = " ".join(name for result in results for name in result.estimates)
     for word, (key, entry) in METHOD_REFERENCES.items():
         if word in names:
@@ -140,7 +149,7 @@ def methods_text(study: Study, results: Sequence[Result], recordings: Sequence[R
     conditions = sorted({recording.condition for recording in recordings if recording.condition})
     rate = f"{rates[0]} Hz" if len(rates) == 1 else f"{rates[0]} to {rates[-1]} Hz"
     sentences = [
-        f"The study {latex_text(study.name)} has {len(recordings)} recordings of {spans:.0f} s together, sampled at {rate}"
+        f"The study {latex_text(study.name)} has {len(recordings)} recordings of {spans:.0f} s together, at {rate}"
         + (r"~\cite{recordings}" if "recordings" in keys else "") + ".",
         f"{uses.get('fit', 0)} of them were fitted; {uses.get('validate', 0)} were held out and used in no fit.",
     ]  # fmt: skip
@@ -156,14 +165,14 @@ def methods_text(study: Study, results: Sequence[Result], recordings: Sequence[R
         sentences.append(latex_text(f"Intervals have a confidence level of {result.confidence:.0%}."))
         if result.prose:
             sentences.append(latex_text(result.prose))
-    libraries = ", ".join(f"{name} {version(name)}" for name in LIBRARIES)
+    libraries = ", ".join(f"{name} {version(name)}" for name in REPORTED_LIBRARIES)
     cited = [key for key in keys if key not in ("pellucid", "recordings")]
     if cited:
         sentences.append(rf"Friction models that were compared follow \cite{{{','.join(cited)}}}.")
     sentences.append(
         rf"All figures were computed with Pellucid {latex_text(version('pellucid'))}~\cite{{pellucid}} under Python "
-        f"{platform.python_version()} with {latex_text(libraries)}. recordings.csv has the SHA-256 of every recording, and "
-        "results.json every figure with the checksum of the files that it was computed from."
+        f"{platform.python_version()} with {latex_text(libraries)}. recordings.csv has the SHA-256 of every recording, "
+        "and results.json every figure with the checksum of the files that it was computed from."
     )
     return "\n".join(dict.fromkeys(sentences)) + "\n"
 
