@@ -53,8 +53,8 @@ def joint_card(friction: dict[str, float], motion: str = "rotary") -> ModelCard:
     values = {"inertia": 1.2 if slides else 0.08, **({} if slides else {"gravity": 2.5, "gravity_cosine": -0.4})}
     unit = "N" if slides else "N*m"
     parameters = tuple(
-        CardParameter(n, SYMBOLS_BY_NAME[n].unit(motion, unit), v, 0.02 * abs(v), (0.96 * v, 1.04 * v))
-        for n, v in {**values, **friction}.items()
+        CardParameter(n, SYMBOLS_BY_NAME[n].unit(motion, unit), v, 0.5 * w, (v - w, v + w))
+        for n, v, w in ((n, v, 0.04 * abs(v)) for n, v in {**values, **friction}.items())
     )
     covariance = np.diag([p.standard_error**2 for p in parameters])
     return ModelCard(
@@ -140,7 +140,8 @@ def mujoco_efforts(folder: Path, q: np.ndarray, v: np.ndarray, a: np.ndarray, *,
     data = mujoco.MjData(model)
     friction = program_beside(folder).Friction(model) if callback else None
     bare = mujoco.MjModel.from_xml_path(str(folder / "model.xml"))
-    offsets = np.array([numbers["offset"] for numbers in json.loads((folder / "ranges.json").read_text())["joints"].values()])
+    joints = json.loads((folder / "ranges.json").read_text())["joints"]
+    offsets = np.array([numbers["offset"] for numbers in joints.values()])
     for dof in range(bare.nv):
         bare.dof_frictionloss[dof] = 0.0
         program_beside(folder).set_damping(bare, dof, 0.0)
@@ -166,7 +167,9 @@ def pinocchio_efforts(folder: Path, q: np.ndarray, v: np.ndarray, a: np.ndarray)
     model.gravity.linear = np.array(table["gravity"])
     if table["kind"] == "tree":
         model.armature = np.array([numbers["armature"] for numbers in table["joints"].values()])
-    data, level = model.createData(), np.asarray(getattr(model, "friction", getattr(model, "upperDryFrictionLimit", None)))
+    # Newer versions call the friction of a URDF the upper limit of dry friction.
+    level = np.asarray(model.friction if hasattr(model, "friction") else model.upperDryFrictionLimit)
+    data = model.createData()
     efforts = []
     for position, velocity, acceleration in zip(q, v, a, strict=True):
         placed = pinocchio.integrate(model, pinocchio.neutral(model), position)
@@ -192,7 +195,8 @@ def comparisons(scratch: Path) -> Iterator[tuple[str, float]]:
             folder = write_simulator_folder(model, "mjcf", scratch / f"{motion}_{name}")
             yield f"MuJoCo, {motion}, {name}", difference(ours, mujoco_efforts(folder, q, v, a, callback=True))
             if name == "symmetric":
-                yield f"MuJoCo alone, {motion}, {name}", difference(ours, mujoco_efforts(folder, q, v, a, callback=False))
+                alone = mujoco_efforts(folder, q, v, a, callback=False)
+                yield f"MuJoCo alone, {motion}, {name}", difference(ours, alone)
                 folder = write_simulator_folder(model, "urdf", scratch / f"{motion}_{name}_urdf")
                 yield f"Pinocchio, {motion}, {name}", difference(ours, pinocchio_efforts(folder, q, v, a))
     for joints, load in ((2, False), (4, False), (4, True)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -281,8 +281,8 @@ WRITERS: Mapping[str, tuple[tuple[Callable[[Path, Swing], None], tuple[str, str,
 """By ending: what writes a recording, and the names that its columns of time, position and current then have."""
 
 
-def healthy(folder: Path, n: int = 2000) -> Iterator[Path]:
-    """Studies, each in a folder of its own with a recording in one format: every ending that has a reader.
+def healthy(folder: Path, n: int = 2000, *, endings: Collection[str] | None = None) -> Iterator[Path]:
+    """Studies, each in a folder of its own with a recording in one format: every ending, or these, that has a reader.
 
     An ending that nothing here writes gets every other format's files: a new reader is tried too.
     """
@@ -291,6 +291,8 @@ def healthy(folder: Path, n: int = 2000) -> Iterator[Path]:
     known = swing(n)
     others = tuple(each for many in WRITERS.values() for each in many)
     for ending in sorted(readers_by_ending()):
+        if endings is not None and ending not in endings:
+            continue
         for number, (write, (time, position, current)) in enumerate(WRITERS.get(ending, others)):
             study = folder / f"{ending[1:]}-{number}"
             (study / "recordings").mkdir(parents=True)

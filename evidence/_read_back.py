@@ -22,7 +22,8 @@ def _workbook(path: Path) -> Found:
     import openpyxl
 
     rows = list(openpyxl.load_workbook(path, read_only=True).active.values)
-    return {str(name): np.array(column, float) for name, column in zip(rows[0], zip(*rows[1:], strict=True), strict=True)}
+    columns = zip(rows[0], zip(*rows[1:], strict=True), strict=True)
+    return {str(name): np.array(column, float) for name, column in columns}
 
 
 def _ods(path: Path) -> Found:
@@ -209,7 +210,8 @@ def comparisons(scratch: Path) -> Iterator[tuple[str, bool]]:
             WRITERS[ending][0][0](path, swing(400))
         expected = read(path)
         found = read_columns(path)
-        yield name, all(np.array_equal(found[key], x, equal_nan=True) for key, x in expected.items()) and len(expected) > 1
+        equal = [np.array_equal(found[key], x, equal_nan=True) for key, x in expected.items()]
+        yield name, len(equal) > 1 and all(equal)
         path.unlink()
 
 

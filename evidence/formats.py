@@ -9,9 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from importlib import import_module
 
+from benchmarks._size import sized
+
 from pellucid.studies.results import ResultRow
 
-PARTS = ("_read_back", "_exports_read", "_mujoco_replay", "_installed_wheel")
+PARTS = sized(
+    ("_read_back", "_exports_read", "_mujoco_replay", "_installed_wheel"), smallest=("_read_back", "_exports_read")
+)
 """Files of this folder that measure a part each, the quick ones first."""
 
 

@@ -375,6 +375,17 @@ def report(folder: Folder, out: Out = None, allow_outside: Outside = False, acce
 
 
 @app.command()
+def paper(folder: Folder, out: Out = None, allow_outside: Outside = False, accept_stale: Stale = False) -> None:
+    """Write figures, LaTeX tables, a methods paragraph and references for a paper."""
+    from .procedures.paper import write_paper
+
+    study = _opened(folder, out, allow_outside, accept_stale)
+    with show_progress() as tell:
+        made = write_paper(study, on_progress=tell)
+    print_line(make_console(), f"For a paper: {made}; main.tex shows how the parts are used")
+
+
+@app.command()
 def compare(
     a: Annotated[Path, typer.Argument(metavar="A", help="Study that was identified, or model card.")],
     b: Annotated[Path, typer.Argument(metavar="B", help="The later one.")],

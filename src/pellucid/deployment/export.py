@@ -1,4 +1,4 @@
-"""Export an identified study's controller as source code for a microcontroller, its model for simulators, or muscles."""
+"""Export an identified study's controller as C for a microcontroller, its model for simulators, or its muscles."""
 
 from __future__ import annotations
 
@@ -64,8 +64,8 @@ def export(
     study : Study
         Identified study.
     to : str
-        ``"c"``; ``"mjcf"`` or ``"urdf"`` for a model of the joint or robot in simulators; ``"osim"`` for a copy of the study's OpenSim model with the calibrated constants; ``"ceinms"`` for a
-        CEINMS subject.
+        ``"c"``; ``"mjcf"`` or ``"urdf"`` for a model of the joint or robot in simulators; ``"osim"`` for a copy of
+        the study's OpenSim model with the calibrated constants; ``"ceinms"`` for a CEINMS subject.
     out : Path or None
         Folder to create, or for muscles also a file; None for the folder ``controller``, ``mjcf``, ``urdf``, or
         ``subject`` for muscles, in the study's folder.

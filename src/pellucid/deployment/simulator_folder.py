@@ -38,17 +38,17 @@ FRICTION_SOURCE = Path(__file__).parent / "templates" / "simulator" / "friction.
 README_TEXT = {
     "mjcf": """# {name} in MuJoCo
 
-`model.xml` has armature, damping and frictionloss; `friction.py` sets, before each step, what friction has beyond these:
-direction, load, the rise towards rest, the root of speed. Its first lines say how. `ranges.json` has the value and the
-{confidence:.0%} interval of every number and their covariance, for domain randomisation: `sample` draws from them, `apply`
-gives a model what was drawn.
+`model.xml` has armature, damping and frictionloss; `friction.py` sets, before each step, what friction has beyond
+these: direction, load, the rise towards rest, the root of speed. Its first lines say how. `ranges.json` has the
+value and the {confidence:.0%} interval of every number and their covariance, for domain randomisation: `sample`
+draws from them, `apply` gives a model what was drawn.
 """,
     "urdf": """# {name} as URDF
 
-`model.urdf` has damping and friction of each joint, level and slope as they are on average of both directions. URDF has no
-place for a rotor's inertia, for load-dependent friction or for intervals: `ranges.json` has armature and friction of each
-joint, and the value and {confidence:.0%} interval of every number with their covariance. In Pinocchio, set
-`model.armature` from it.
+`model.urdf` has damping and friction of each joint, level and slope as they are on average of both directions. URDF
+has no place for a rotor's inertia, for load-dependent friction or for intervals: `ranges.json` has armature and
+friction of each joint, and the value and {confidence:.0%} interval of every number with their covariance. In
+Pinocchio, set `model.armature` from it.
 """,
 }
 """Text of the README.md beside each model."""
@@ -100,8 +100,9 @@ def simulator_model(study: Study, card: str | None = None) -> tuple[str, Simulat
             raise PellucidError(f"{name}: {error}") from None
     name = card or "joint.json"
     path = study.card(name)
-    if read_table(path).get("kind") is not None:
-        raise PellucidError(f"{name}: found the card of a {read_table(path)['kind']}, expected that of a joint or robot")
+    kind = read_table(path).get("kind")
+    if kind is not None:
+        raise PellucidError(f"{name}: found the card of a {kind}, expected that of a joint or robot")
     joint = require_fresh(study, path, read_card(path))
     try:
         return name, joint_simulator_model(joint, study.rig.limits)

@@ -23,7 +23,9 @@ from ..models.joint import GRAVITY, NAMES, SYMBOLS_BY_NAME
 from ..models.tree_card import COLUMNS, TreeCard
 from ..studies.study_file import JointLimits
 
-FRICTION_FIELDS = tuple(name for name in COLUMNS["joints"] if name not in ("offset", "velocity_width", "presliding_travel"))
+FRICTION_FIELDS = tuple(
+    name for name in COLUMNS["joints"] if name not in ("offset", "velocity_width", "presliding_travel")
+)
 """Friction coefficients of a joint that the file of ranges states, by the core's names."""
 
 LINK_SHARE = 0.5
@@ -47,7 +49,7 @@ class SimulatorBody:
     parent: int  # index of the link that carries it, -1 for the base
     kind: str  # "hinge", "slide" or "fixed"
     joint: str  # name of the joint
-    place: tuple[float, float, float]  # of the joint in the parent's frame [m]
+    place: tuple[float, float, float]  # origin of the joint in the parent's frame [m]
     turn: tuple[float, float, float]  # roll, pitch and yaw about the parent's fixed axes [rad]
     axis: tuple[float, float, float]
     armature: float  # inertia of the rotor at the joint [kg m^2; kg]
@@ -98,7 +100,8 @@ def joint_simulator_model(card: ModelCard, limits: JointLimits) -> SimulatorMode
     stops = (limits.position_min, limits.position_max)
     body = SimulatorBody(
         name="link", parent=-1, kind="slide" if card.motion == "prismatic" else "hinge", joint=card.joint,
-        place=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0), axis=(1.0, 0.0, 0.0) if card.motion == "prismatic" else (0.0, 1.0, 0.0),
+        place=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0),
+        axis=(1.0, 0.0, 0.0) if card.motion == "prismatic" else (0.0, 1.0, 0.0),
         armature=armature, mass=mass, centre=centre, inertia=inertia,
         friction={name: vector[name] for name in FRICTION_FIELDS}, offset=vector["offset"],
         gain=card.drive.get("gain", 1.0), back_emf=card.drive.get("back_emf", 0.0),
@@ -183,15 +186,17 @@ def tree_simulator_model(card: TreeCard) -> SimulatorModel:
         ))  # fmt: skip
         at += moving
     joints = {f"{joint}.{field}": (joint, field) for joint in card.names for field in FRICTION_FIELDS}
+    tied = {name: [f"{name}_positive", f"{name}_negative"] for name in ("coulomb", "viscous")}
     parameters = []
     for p in card.parameters:
         joint, field = joints.get(p.name, ("", ""))
-        tied = {"coulomb": ["coulomb_positive", "coulomb_negative"], "viscous": ["viscous_positive", "viscous_negative"]}
         if not joint and p.name.rpartition(".")[0] in card.names and p.name.rpartition(".")[2] in tied:
             joint, _, field = p.name.rpartition(".")
         sets = tied.get(field, [field] if field else [])
-        parameters.append({"name": p.name, "unit": p.unit, "value": p.value, "low": p.interval[0],
-                           "high": p.interval[1], "joint": joint, "sets": sets, "lowest": 0.0 if sets else None})  # fmt: skip
+        parameters.append({
+            "name": p.name, "unit": p.unit, "value": p.value, "low": p.interval[0], "high": p.interval[1],
+            "joint": joint, "sets": sets, "lowest": 0.0 if sets else None,
+        })  # fmt: skip
     notes = [f"Robot of {card.study}, {card.method}."]
     if card.ripples:
         notes.append("Ripple of the drives is not in this model.")
@@ -235,9 +240,8 @@ def _mjcf_bodies(model: SimulatorModel, parent: int, indent: str) -> list[str]:
     for i, body in enumerate(model.bodies):
         if body.parent != parent:
             continue
-        lines.append(
-            f'{indent}<body name={_name(body.name)} pos="{_numbers(body.place)}" quat="{_numbers(_quaternion(body.turn))}">'
-        )
+        turn = _numbers(_quaternion(body.turn))
+        lines.append(f'{indent}<body name={_name(body.name)} pos="{_numbers(body.place)}" quat="{turn}">')
         if body.kind != "fixed":
             loss, damping = plain_friction(body.friction)
             lines.append(
@@ -271,8 +275,8 @@ def urdf_text(model: SimulatorModel) -> str:
             weight_x, weight_z = -mass * GRAVITY * centre[2], -mass * GRAVITY * centre[0]
             mass, centre, inertia, _ = single_body(whole, weight_x, weight_z, slides=body.kind == "slide", share=1.0)
         inertia = _sound_inertia(inertia)
-        upper = " ".join(f'i{pair}="{float(inertia[row, column])!r}"' for pair, row, column in
-                         (("xx", 0, 0), ("xy", 0, 1), ("xz", 0, 2), ("yy", 1, 1), ("yz", 1, 2), ("zz", 2, 2)))  # fmt: skip
+        pairs = ((pair, "xyz".index(pair[0]), "xyz".index(pair[1])) for pair in ("xx", "xy", "xz", "yy", "yz", "zz"))
+        upper = " ".join(f'i{pair}="{float(inertia[row, column])!r}"' for pair, row, column in pairs)
         parent = "base" if body.parent < 0 else model.bodies[body.parent].name
         lines += [
             f"  <link name={_name(body.name)}>", "    <inertial>",
@@ -349,7 +353,12 @@ def _sound_inertia(inertia: np.ndarray) -> np.ndarray:
 def _quaternion(turn: tuple[float, float, float]) -> tuple[float, float, float, float]:
     """Return the quaternion, w first, of roll, pitch and yaw about fixed axes."""
     (cr, cp, cy), (sr, sp, sy) = ([f(0.5 * angle) for angle in turn] for f in (math.cos, math.sin))
-    return (cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
 
 
 def _numbers(values: Sequence[float]) -> str:

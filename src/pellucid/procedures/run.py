@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import replace
@@ -488,25 +488,7 @@ def report(
     study = as_study(study, "report")
     from ..pages.page import write_page
 
-    tell, procedures, pages = on_progress or quiet, asked(study), []
-    for i, procedure in enumerate(procedures):
-        parts = () if result is None else [part for part in result.each if part.procedure == procedure.name]
-        given = bool(parts)
-        found = parts[0] if given else Result.kept(study, procedure)
-        if found is not None:
-            tell("drawing", (i + 0.8) / len(procedures))
-            try:
-                pages.append(procedure.page(study, found))
-                continue
-            except (TypeError, ValueError, LookupError, AttributeError, ArithmeticError):
-                # A kept result that cannot be drawn is computed again.
-                if given:
-                    raise
-        tell(f"{procedure.command} again: nothing that you kept is fresh", i / len(procedures))
-        found = _run(procedure, study, lambda text, share, i=i: tell(text, (i + 0.8 * share) / len(procedures)))
-        tell("drawing", (i + 0.8) / len(procedures))
-        pages.append(procedure.page(study, found))
-    page = _one_page(pages)
+    page = _one_page([page for _, page in each_page(study, result, on_progress or quiet)])
     try:
         return write_page(Path(study.report_dir), page)
     except OSError:
@@ -515,6 +497,33 @@ def report(
             with suppress(OSError):
                 return write_page(Path(mkdtemp(prefix=f"pellucid-{study.name}-report-", dir=parent)), page)
         raise
+
+
+def each_page(study: Study, result: Result | None, tell: Progress) -> Iterator[tuple[Result, Page]]:
+    """Yield the result and the page of every procedure that a study asks for.
+
+    A result is the given one, or what its command kept, if that is fresh, or is found again.
+    """
+    procedures = asked(study)
+    for i, procedure in enumerate(procedures):
+        parts = () if result is None else [part for part in result.each if part.procedure == procedure.name]
+        given = bool(parts)
+        found = parts[0] if given else Result.kept(study, procedure)
+        if found is not None:
+            tell("drawing", (i + 0.8) / len(procedures))
+            try:
+                page = procedure.page(study, found)
+            except (TypeError, ValueError, LookupError, AttributeError, ArithmeticError):
+                # A kept result that cannot be drawn is computed again.
+                if given:
+                    raise
+            else:
+                yield found, page
+                continue
+        tell(f"{procedure.command} again: nothing that you kept is fresh", i / len(procedures))
+        found = _run(procedure, study, lambda text, share, i=i: tell(text, (i + 0.8 * share) / len(procedures)))
+        tell("drawing", (i + 0.8) / len(procedures))
+        yield found, procedure.page(study, found)
 
 
 def _array_options(caller: str, subject: object, options: dict[str, object]) -> dict[str, object]:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
-import re
 from pathlib import Path
 
 import numpy as np
 
 from ..._atomic import write_text_atomically
-from ..._given import csv_cell, visible_text
+from ..._given import csv_cell
+from ..latex_table import latex
 from ..result import FigureTable
 from .assessment_result import AssessmentResult
 from .assessment_tables import (
@@ -24,15 +24,6 @@ from .assessment_tables import (
     sensitivity_table,
     summary_table,
 )
-
-LATEX_REPLACEMENTS = {
-    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "_": r"\_", "#": r"\#", "$": r"\$", "{": r"\{", "}": r"\}",
-    "^": r"\textasciicircum{}", "~": r"\textasciitilde{}", '"': "''", "±": r"$\pm$", MINUS_SIGN: "$-$",
-    "χ²": r"$\chi^2$", "²": "$^2$", "·": r"$\cdot$", "δ": r"$\delta$", "Δ": r"$\Delta$", "<": "$<$", ">": "$>$",
-    "×": r"$\times$", "–": "--",
-}  # fmt: skip
-"""Replacements of characters that LaTeX does not accept."""
-
 
 def write_tables(folder: Path, found: AssessmentResult) -> tuple[Path, ...]:
     """Write every table for a paper as CSV and as LaTeX, and values of participants and movements as CSV."""
@@ -107,28 +98,3 @@ def _csv_cell(cell) -> str:
     if cell is None or (isinstance(cell, float) and np.isnan(cell)):
         return ""
     return f"{cell:.7g}" if isinstance(cell, float) else csv_cell(str(cell).replace(MINUS_SIGN, "-"))
-
-
-def latex(table: FigureTable) -> str:
-    """A table for a paper; it needs the package booktabs."""
-    words = [i for i in range(len(table.heads)) if all(_is_words(row[i]) for row in table.rows)]
-    columns = "".join("l" if i in words else "r" for i in range(len(table.heads)))
-    lines = [r"\begin{table}", r"\centering", rf"\caption{{{_latex(table.title)}}}", rf"\begin{{tabular}}{{{columns}}}"]
-    lines += [r"\toprule", " & ".join(map(_latex, table.heads)) + r" \\", r"\midrule"]
-    lines += [" & ".join(_latex(cell) for cell in row) + r" \\" for row in table.rows]
-    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", r"\end{table}", ""])
-
-
-def _is_words(cell) -> bool:
-    return isinstance(cell, str) and cell[:1].isalpha()
-
-
-def _latex(cell) -> str:
-    if cell is None:
-        return "--"
-    text = f"{cell:.3g}" if isinstance(cell, float) else str(cell)
-    text = text.replace("-", MINUS_SIGN) if isinstance(cell, float) else text
-    # One pass replaces all characters, so that a replacement is not replaced again.
-    return re.sub(
-        "|".join(map(re.escape, LATEX_REPLACEMENTS)), lambda found: LATEX_REPLACEMENTS[found[0]], visible_text(text)
-    )

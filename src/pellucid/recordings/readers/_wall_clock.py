@@ -12,11 +12,12 @@ import numpy as np
 DAY_S = 86400.0
 """Seconds of a day."""
 
-_CLOCK = r"(?P<hour>\d{1,2}):(?P<minute>\d{2}):(?P<second>\d{2}(?:[.,]\d+)?)\s*(?P<half>[AaPp][Mm])?"
-_ZONE = r"\s*(?P<zone>[Zz]|[+-]\d{2}:?\d{2})?"
-_YEAR_FIRST = re.compile(rf"(?P<year>\d{{4}})[-/.](?P<a>\d{{1,2}})[-/.](?P<b>\d{{1,2}})[T ]\s*{_CLOCK}{_ZONE}")
-_YEAR_LAST = re.compile(rf"(?P<a>\d{{1,2}})[-/.](?P<b>\d{{1,2}})[-/.](?P<year>\d{{4}})[T ]\s*{_CLOCK}{_ZONE}")
-_TIME_ALONE = re.compile(_CLOCK)
+_CLOCK_PATTERN = r"(?P<hour>\d{1,2}):(?P<minute>\d{2}):(?P<second>\d{2}(?:[.,]\d+)?)\s*(?P<half>[AaPp][Mm])?"
+_ZONE_PATTERN = r"\s*(?P<zone>[Zz]|[+-]\d{2}:?\d{2})?"
+_AFTER_DATE_PATTERN = rf"[T ]\s*{_CLOCK_PATTERN}{_ZONE_PATTERN}"
+_YEAR_FIRST_PATTERN = re.compile(rf"(?P<year>\d{{4}})[-/.](?P<a>\d{{1,2}})[-/.](?P<b>\d{{1,2}}){_AFTER_DATE_PATTERN}")
+_YEAR_LAST_PATTERN = re.compile(rf"(?P<a>\d{{1,2}})[-/.](?P<b>\d{{1,2}})[-/.](?P<year>\d{{4}}){_AFTER_DATE_PATTERN}")
+_TIME_PATTERN = re.compile(_CLOCK_PATTERN)
 
 
 def stamp_seconds(stamps: Sequence[str]) -> np.ndarray | None:
@@ -28,13 +29,13 @@ def stamp_seconds(stamps: Sequence[str]) -> np.ndarray | None:
     """
     if not stamps:
         return None
-    for form, orders in ((_YEAR_FIRST, ("ab",)), (_YEAR_LAST, ("ba", "ab"))):
+    for form, orders in ((_YEAR_FIRST_PATTERN, ("ab",)), (_YEAR_LAST_PATTERN, ("ba", "ab"))):
         found = [form.fullmatch(stamp.strip()) for stamp in stamps]
         whole = [match for match in found if match is not None]
         if len(whole) == len(stamps):
             readings = [times for order in orders if (times := _dated(whole, order)) is not None]
             return min(readings, key=np.ptp, default=None)
-    alone = [_TIME_ALONE.fullmatch(stamp.strip()) for stamp in stamps]
+    alone = [_TIME_PATTERN.fullmatch(stamp.strip()) for stamp in stamps]
     seconds = [math.nan if match is None else _clock_seconds(match) for match in alone]
     if not np.isfinite(seconds).all():
         return None

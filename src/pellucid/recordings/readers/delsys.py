@@ -1,8 +1,9 @@
 """Read text that Delsys's EMGworks and Trigno Discover export: each signal beside times of its own.
 
-A signal keeps its name, and its times are the column NAME.time. EMGworks names the times of every signal ``X[s]`` below
-a line for each signal that begins with ``Label:``; Trigno Discover names them ``NAME Time Series (s)``. Slower
-signals end earlier, in empty cells. The maker does not publish the layouts; these are the ones that public scripts read.
+A signal keeps its name, and its times are the column NAME.time. EMGworks names the times of every signal ``X[s]``
+below a line for each signal that begins with ``Label:``; Trigno Discover names them ``NAME Time Series (s)``. Slower
+signals end earlier, in empty cells. The maker does not publish the layouts; these are the ones that public scripts
+read.
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ ENDINGS = (".csv", ".txt")
 MAX_HEADER_BYTES = 1 << 20
 """The header is searched among this many bytes; EMGworks writes a line for each signal above it."""
 
-_TIME_NAME = re.compile(r"X ?\[s\]|.*Time Series \(s\)")
-_VOLTS = re.compile(r"[\[(]([muµ]?V)[\])]\s*$")
-_LABEL = re.compile(r"Label:\s*(.*?)\s+Sampling frequency:.*?\bUnit:\s*(\S*)")
+_TIME_NAME_PATTERN = re.compile(r"X ?\[s\]|.*Time Series \(s\)")
+_VOLT_PATTERN = re.compile(r"[\[(]([muµ]?V)[\])]\s*$")
+_LABEL_PATTERN = re.compile(r"Label:\s*(.*?)\s+Sampling frequency:.*?\bUnit:\s*(\S*)")
 
 
 def recognises(path: Path) -> bool:
@@ -45,7 +46,7 @@ def read(path: Path) -> Columns:
         raise RecordingError(f"{path.name}: not readable as an export of Delsys: found no header with times")
     at, names, delimiter = found
     require_few_columns(path, len(names))
-    stated = {match[1]: match[2] for line in lines[:at] if (match := _LABEL.match(line.strip()))}
+    stated = {match[1]: match[2] for line in lines[:at] if (match := _LABEL_PATTERN.match(line.strip()))}
     rows = [row for row in csv.reader(lines[at + 1 :], delimiter=delimiter) if any(cell.strip() for cell in row)]
     require_unpacked_size(path, float(len(rows)) * len(names))
     values: dict[str, np.ndarray | str] = {}
@@ -59,7 +60,7 @@ def read(path: Path) -> Columns:
         values[f"{name}.time"], values[name] = times[:n], samples[:n]
         units[f"{name}.time"] = "s"
         # Units of other signals are spelt in ways that mean something else to others, such as G.
-        unit = _VOLTS.search(name) or _VOLTS.search(f"[{stated.get(name, '')}]")
+        unit = _VOLT_PATTERN.search(name) or _VOLT_PATTERN.search(f"[{stated.get(name, '')}]")
         if unit:
             units[name] = unit[1].replace("µ", "u")
     return Columns(path, values, units=units)
@@ -74,7 +75,7 @@ def _find_header(lines: list[str]) -> tuple[int, list[str], str] | None:
             names = [name.strip() for name in next(csv.reader([line], delimiter=delimiter))]
             while names and not names[-1]:
                 names.pop()
-            if len(names) > 1 and len(names) % 2 == 0 and all(map(_TIME_NAME.fullmatch, names[::2])):
+            if len(names) > 1 and len(names) % 2 == 0 and all(map(_TIME_NAME_PATTERN.fullmatch, names[::2])):
                 return number, names, delimiter
     return None
 

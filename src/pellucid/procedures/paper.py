@@ -1,0 +1,206 @@
+"""Write what a paper needs of a study: figures, LaTeX tables, a methods paragraph, checksums and references."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import platform
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+from .._atomic import remove_leftovers, write_text_atomically
+from .._given import csv_cell, visible_text
+from ..fit.parameter import Parameter
+from ..pages.quantities import MINUS_SIGN, unit_text
+from ..recordings.recording import Recording
+from ..studies.study import Study
+from .latex_table import latex, latex_text
+from .procedure import quiet
+from .result import Result
+from .result_tables import FigureTable, ParameterTable
+from .run import each_page
+
+PAPER_FOLDER = "paper"
+"""Folder in the study's own that is written."""
+
+SHOWN_CHECKSUM_LENGTH = 12
+"""Digits of a checksum in the LaTeX table; ``recordings.csv`` has all of them."""
+
+REPORTED_LIBRARIES = ("numpy", "scipy")
+"""Libraries whose versions decide the last digits of a figure."""
+
+METHOD_REFERENCES: Mapping[str, tuple[str, str]] = {
+    "load": (
+        "hamon2010",
+        """@inproceedings{hamon2010,
+  author = {Hamon, P. and Gautier, M. and Garrec, P.},
+  title = {Dynamic identification of robots with a dry friction model depending on load and velocity},
+  booktitle = {IEEE/RSJ International Conference on Intelligent Robots and Systems},
+  year = {2010}
+}""",
+    ),
+    "stribeck": (
+        "armstrong1994",
+        """@article{armstrong1994,
+  author = {Armstrong-H{\\'e}louvry, B. and Dupont, P. and {Canudas de Wit}, C.},
+  title = {A survey of models, analysis tools and compensation methods for the control of machines with friction},
+  journal = {Automatica},
+  volume = {30},
+  number = {7},
+  pages = {1083--1138},
+  year = {1994}
+}""",
+    ),
+}
+"""Reference of each part of a model that has one, by a word that the part's parameters hold: its key and its entry."""
+
+
+def write_paper(study: Study, *, on_progress: Callable[[str, float], None] | None = None) -> Path:
+    """Write the parts of a paper into the folder ``paper``, and return the folder.
+
+    Results are taken from what their commands kept, if that is fresh, or found again. The parts are ``figures/``
+    (PDF and SVG), ``tables/`` (LaTeX and CSV), ``methods.tex``, ``references.bib``, ``recordings.csv`` with a
+    SHA-256 of every file, and ``main.tex``, a document of all of them.
+    """
+    found = list(each_page(study, None, on_progress or quiet))
+    folder = study.place(PAPER_FOLDER)
+    for part in ("figures", "tables"):
+        (folder / part).mkdir(parents=True, exist_ok=True)
+        remove_leftovers(folder / part)
+    drawings = [drawing for _, page in found for section in page.sections for drawing in section.drawings]
+    for drawing in drawings:
+        drawing.save(folder / "figures")
+    tables = paper_tables([result for result, _ in found])
+    for name, table in tables.items():
+        write_text_atomically(folder / "tables" / f"{name}.tex", latex(table))
+        write_text_atomically(folder / "tables" / f"{name}.csv", _csv_text(table.heads, table.rows))
+    recordings = study.recordings()
+    heads = ("recording", "file", "use", "sha256")
+    rows = [(r.name, r.path.name, r.use, r.checksum) for r in recordings]
+    write_text_atomically(folder / "recordings.csv", _csv_text(heads, rows))
+    short = [(*row[:-1], f"{row[-1][:SHOWN_CHECKSUM_LENGTH]}…") for row in rows]
+    write_text_atomically(folder / "tables" / "recordings.tex", latex(FigureTable("Recordings", heads, tuple(short))))
+    results = [result for result, _ in found]
+    keys, references = references_of(study, results)
+    write_text_atomically(folder / "references.bib", references)
+    write_text_atomically(folder / "methods.tex", methods_text(study, results, recordings, keys))
+    figures = [(drawing.name, drawing.caption) for drawing in drawings]
+    write_text_atomically(folder / "main.tex", _main_text(study, figures, [*tables, "recordings"]))
+    return folder
+
+
+def paper_tables(results: Sequence[Result]) -> dict[str, FigureTable]:
+    """Return the tables of results by a file name for each; parameters have their intervals."""
+    found: dict[str, FigureTable] = {}
+    for result in results:
+        for table in result.tables:
+            shown = _parameter_table(table, result.confidence) if isinstance(table, ParameterTable) else table
+            name = re.sub(r"[^a-z0-9]+", "_", f"{result.procedure}_{table.title}".lower()).strip("_")
+            at = name if name not in found else f"{name}_{sum(other.startswith(name) for other in found)}"
+            if shown.rows:
+                found[at] = shown
+    return found
+
+
+def _parameter_table(table: ParameterTable, confidence: float) -> FigureTable:
+    """Return a table of parameters with values and intervals to the digits that the intervals determine."""
+    rows = tuple(_parameter_row(parameter, confidence) for parameter in table.parameters)
+    return FigureTable(table.title, ("parameter", "value", f"{confidence:.0%} interval", "unit"), rows)
+
+
+def _parameter_row(parameter: Parameter, confidence: float) -> tuple[str, str, str, str]:
+    low, high = parameter.interval(confidence)
+    digits = _decimals(high - low)
+    value, start, end = (f"{x:.{digits}f}".replace("-", MINUS_SIGN) for x in (parameter.value, low, high))
+    return parameter.name.replace("_", " "), value, f"{start} to {end}", unit_text(parameter.unit)
+
+
+def _decimals(width: float) -> int:
+    """Return how many decimals show two digits of an interval's width."""
+    return max(0, 1 - math.floor(math.log10(width))) if math.isfinite(width) and width > 0.0 else 4
+
+
+def references_of(study: Study, results: Sequence[Result]) -> tuple[list[str], str]:
+    """Return the keys that the methods cite, and the text of the BibTeX file."""
+    entries = {
+        "pellucid": "@software{pellucid,\n  author = {{The Pellucid developers}},\n  title = {Pellucid},\n"
+        f"  version = {{{version('pellucid')}}},\n  note = {{From recordings to a transparent exoskeleton}}\n}}"
+    }
+    if study.config.citation:
+        said = latex_text(study.config.citation)
+        entries["recordings"] = f"@misc{{recordings,\n  title = {{{{{said}}}}},\n  note = {{Recordings}}\n}}"
+    names = " ".join(name for result in results for name in result.estimates)
+    for word, (key, entry) in METHOD_REFERENCES.items():
+        if word in names:
+            entries[key] = entry
+    return list(entries), "\n\n".join(entries.values()) + "\n"
+
+
+def methods_text(study: Study, results: Sequence[Result], recordings: Sequence[Recording], keys: Sequence[str]) -> str:
+    """Return the paragraph of methods as LaTeX: recordings, processing, estimation, versions and checksums."""
+    uses = Counter(recording.use for recording in recordings)
+    rates = sorted({round(recording.fs) for recording in recordings})
+    spans = sum(float(recording.time[-1] - recording.time[0]) for recording in recordings)
+    people = sorted({recording.participant for recording in recordings if recording.participant})
+    conditions = sorted({recording.condition for recording in recordings if recording.condition})
+    rate = f"{rates[0]} Hz" if len(rates) == 1 else f"{rates[0]} to {rates[-1]} Hz"
+    sentences = [
+        f"The study {latex_text(study.name)} has {len(recordings)} recordings of {spans:.0f} s together, at {rate}"
+        + (r"~\cite{recordings}" if "recordings" in keys else "") + ".",
+        f"{uses.get('fit', 0)} of them were fitted; {uses.get('validate', 0)} were held out and used in no fit.",
+    ]  # fmt: skip
+    if people:
+        sentences.append(f"{len(people)} participants took part.")
+    if conditions:
+        sentences.append(f"Conditions were {latex_text(', '.join(conditions))}.")
+    for result in results:
+        sentences.append(latex_text(f"By pellucid {result.command}: {_one_sentence(result.headline)}"))
+        processing = next((said for card in result.cards.values() if (said := getattr(card, "processing", ""))), "")
+        if processing:
+            sentences.append(latex_text(f"Signals were processed as follows: {_one_sentence(processing)}"))
+        sentences.append(latex_text(f"Intervals have a confidence level of {result.confidence:.0%}."))
+        if result.prose:
+            sentences.append(latex_text(result.prose))
+    libraries = ", ".join(f"{name} {version(name)}" for name in REPORTED_LIBRARIES)
+    cited = [key for key in keys if key not in ("pellucid", "recordings")]
+    if cited:
+        sentences.append(rf"Friction models that were compared follow \cite{{{','.join(cited)}}}.")
+    sentences.append(
+        rf"All figures were computed with Pellucid {latex_text(version('pellucid'))}~\cite{{pellucid}} under Python "
+        f"{platform.python_version()} with {latex_text(libraries)}. recordings.csv has the SHA-256 of every recording, "
+        "and results.json every figure with the checksum of the files that it was computed from."
+    )
+    return "\n".join(dict.fromkeys(sentences)) + "\n"
+
+
+def _one_sentence(text: str) -> str:
+    """Return a text that ends in a full stop."""
+    text = " ".join(visible_text(text).split())
+    return text if text.endswith((".", "!", "?")) else f"{text}."
+
+
+def _csv_text(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    made = io.StringIO()
+    writer = csv.writer(made, lineterminator="\n")
+    for row in (heads, *rows):
+        writer.writerow(["" if cell is None else csv_cell(str(cell)) for cell in row])
+    return made.getvalue()
+
+
+def _main_text(study: Study, figures: Sequence[tuple[str, str]], tables: Sequence[str]) -> str:
+    """Return a LaTeX document of all parts."""
+    lines = [
+        r"\documentclass{article}", r"\usepackage[utf8]{inputenc}", r"\usepackage{booktabs,graphicx}",
+        r"\begin{document}", rf"\section*{{{latex_text(study.name)}}}", r"\input{methods}",
+        *(rf"\input{{tables/{name}}}" for name in tables),
+    ]  # fmt: skip
+    for name, caption in figures:
+        lines += [
+            r"\begin{figure}", r"\centering", rf"\includegraphics[width=\linewidth]{{figures/{name}}}",
+            rf"\caption{{{latex_text(caption)}}}", r"\end{figure}",
+        ]  # fmt: skip
+    return "\n".join([*lines, r"\bibliographystyle{plain}", r"\bibliography{references}", r"\end{document}"]) + "\n"
