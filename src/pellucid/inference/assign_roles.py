@@ -12,7 +12,7 @@ from .angle_units import MAX_RADIAN_RANGE, AngleUnit, find_angle_unit, find_roll
 from .clocks import FoundClock, find_clock
 from .commands import FollowedCommand, find_command, is_set_by_program, is_stepped, roughness
 from .derivatives import DerivativePair, find_derivatives
-from .emg_spectrum import is_envelope, is_raw_emg
+from .emg_spectrum import is_envelope, is_raw_emg, swings_fast
 from .inertial_columns import InertialColumns, find_inertial
 from .motion_efforts import MIN_EFFORT_SHARE, MotionSamples, effort_share, motion_samples, unit_by_weight
 from .name_evidence import NameEvidence, quantity_of_unit, read_name, words_of
@@ -35,6 +35,9 @@ _EFFORTS_BY_LETTER = {"v": "voltage", "u": "voltage", "i": "current", "t": "torq
 
 MAX_ANALYSED_ROWS = 200_000
 """Evidence is taken from at most this many rows of a long table."""
+
+MAX_WEIGHING_EFFORTS = 8
+"""An angle's unit is looked for in the weight that at most so many efforts show."""
 
 MAX_EFFORT_CANDIDATES = 40
 """Fits of efforts to motions are made for at most this many columns."""
@@ -137,6 +140,7 @@ class _Assignment:
         self.time = time[rows]
         self.values = {name: x[rows] for name, x in columns.items()}
         self.roles: dict[str, ColumnRole] = {}
+        self._angles: dict[tuple[str, int], AngleUnit] = {}
         self.pairs: list[DerivativePair] = []
         self.commands: list[FollowedCommand] = []
         self.joints: tuple[str, ...] = ()
@@ -169,6 +173,13 @@ class _Assignment:
             tuple(self.pairs),
             tuple(self.commands),
         )
+
+    def _angle(self, name: str) -> AngleUnit:
+        """Return what a column's numbers tell of its unit as an angle, computed once."""
+        key = name, id(self.values[name])
+        if key not in self._angles:
+            self._angles[key] = find_angle_unit(self.values[name])
+        return self._angles[key]
 
     def _free(self) -> list[str]:
         return [name for name in self.columns if name not in self.roles and name != self.clock.column]
@@ -214,6 +225,9 @@ class _Assignment:
         said = self.hints.quantity
         if said in (None, "emg", "time"):
             return
+        own_words = [e for e in self.names.values() if e.quantity in (*EFFORTS, "position", "velocity") and _is_long_name(e)]
+        if len([e for e in own_words if e.joint is None]) >= 2:
+            return  # the columns say themselves what they are; the file's name tells a protocol
         for name in self._free():
             evidence = self.names[name]
             place = name.casefold()[-3:] in ("_tx", "_ty", "_tz")
@@ -223,10 +237,13 @@ class _Assignment:
             if place and said == "torque" and evidence.quantity is None:
                 self._leave_out(name, "a force on the model, and no moment")
                 continue
-            own = evidence.quantity in (None, "position") or (evidence.quantity == "emg" and evidence.muscle)
+            of_person = evidence.quantity == "position" and evidence.joint is not None
+            own = evidence.quantity is None or of_person or (evidence.quantity == "emg" and evidence.muscle)
             if evidence.unit is not None or not own:
                 continue
             quantity = "position" if said == "angle" else said
+            if quantity == "position" and self._is_motor_side(name):
+                quantity = "motor_position"
             if quantity == "velocity" and evidence.muscle:
                 quantity = "lengthening"
             if quantity in ("length", "lengthening", "moment_arm") and not evidence.muscle:
@@ -243,7 +260,7 @@ class _Assignment:
         for name in free:
             evidence, x = self.names[name], self.values[name]
             said = evidence.quantity == "emg" or file_says
-            raw = is_raw_emg(x, rate) or (self.rate is None and _swings_fast(x))
+            raw = is_raw_emg(x, rate) or (self.rate is None and swings_fast(x))
             # A name of another quantity stands against the spectrum: a current has ripple, too.
             if raw and (said or (evidence.quantity in (None, "voltage", "position") and not _is_long_name(evidence))):
                 why = "its spectrum is that of EMG: broad, between 20 and 450 Hz"
@@ -330,7 +347,7 @@ class _Assignment:
 
     def _is_motor_side(self, name: str) -> bool:
         """Whether a position turns too often for a joint, in radians that its encoder's quanta show."""
-        found = find_angle_unit(self.values[name])
+        found = self._angle(name)
         known = self.values[name][np.isfinite(self.values[name])]
         return found.is_certain and found.unit == "rad" and float(np.ptp(known)) > MAX_RADIAN_RANGE
 
@@ -374,10 +391,13 @@ class _Assignment:
         drives = [n for n in self._free() if is_stepped(self.values[n])]
         efforts = [n for n, r in self.roles.items() if r.quantity in EFFORTS]
         ranked = sorted(free, key=lambda n: (len(n.split(".")) > 1 and n.split(".")[-1].isdigit(), lengths[n]))
-        has_encoder = [n for n in ranked if find_angle_unit(self.values[n]).is_certain]
+        has_encoder = [n for n in ranked if self._angle(n).is_certain]
         if has_encoder:
-            best = has_encoder[0]
-            self._set(best, "position", f"{find_angle_unit(self.values[best]).why}", self.names[best], True)
+            # Without an effort beside them, all columns that an encoder divides are positions of joints.
+            most = 2 * len(has_encoder) > len(ranked) and len(has_encoder) > 1
+            found = ranked if most else has_encoder[:1]
+            for name in sorted(found, key=list(self.columns).index):
+                self._set(name, "position", self._angle(name).why, self.names[name], True)
         elif ranked and (drives or efforts or len(ranked) > 1 or any(r.quantity == "emg" for r in self.roles.values())):
             self._set(ranked[0], "position", "it is the smoothest column", self.names[ranked[0]], False)
 
@@ -506,7 +526,7 @@ class _Assignment:
             return stated, "the file states it", True, None
         if self.hints.angle_unit is not None:
             return self.hints.angle_unit, "the file's header states it", True, None
-        found = find_angle_unit(self.values[name])
+        found = self._angle(name)
         for pair in self.pairs:
             unit = self._stated(pair.by) if pair.of == name else None
             fitting = [a for a, b in pair.units if b == unit]
@@ -522,6 +542,8 @@ class _Assignment:
         keys = dict(role.keys) | self.keys.get(name, {})
         if quantity in ("position", "reference", "angle", "target", "error", "motor_position"):
             unit, why, sure, found = self._position_unit(name)
+            if stated is not None and is_known_unit(stated, "m") and _is_normalised(self.values[name]):
+                why, sure = f"{why}, but its largest value is exactly 1: perhaps it is relative", False
             if stated is None and common is not None and not sure:
                 unit, why, sure = common, "as the other angles of the table", True
             if found is not None and found.wrap is not None:
@@ -546,15 +568,15 @@ class _Assignment:
         if self.rate is None or len(self.time) < 200:
             return None
         motion = motion_samples(self.values[name], self.time)
-        for other, role in self.roles.items():
-            if role.quantity in ("torque", "current", "voltage", "duty"):
-                decided = unit_by_weight(self.values[other], motion)
-                if decided is not None:
-                    unit, degrees, radians = decided
-                    return unit, (
-                        f'"{other}" weighs it so: the sine explains {100 * degrees:.0f} % in degrees and '
-                        f"{100 * radians:.0f} % in radians"
-                    )
+        efforts = [n for n, r in self.roles.items() if r.quantity in ("torque", "current", "voltage", "duty")]
+        for other in efforts[:MAX_WEIGHING_EFFORTS]:
+            decided = unit_by_weight(self.values[other], motion)
+            if decided is not None:
+                unit, degrees, radians = decided
+                return unit, (
+                    f'"{other}" weighs it so: the sine explains {100 * degrees:.0f} % in degrees and '
+                    f"{100 * radians:.0f} % in radians"
+                )
         return None
 
     def _with_partner_unit(self, name: str, role: ColumnRole) -> ColumnRole:
@@ -772,17 +794,6 @@ def _is_stepped_name(evidence: NameEvidence, values: np.ndarray) -> bool:
     return evidence.quantity in ("temperature", "enabled", "state", "counter", "emg", "time") or is_stepped(values)
 
 
-def _swings_fast(values: np.ndarray) -> bool:
-    """Whether a column swings about its mean within some samples and in bursts, whatever the rate is."""
-    known = values[np.isfinite(values)]
-    if len(known) < 500:
-        return False
-    centred = known - np.median(known)
-    crossings = float(np.mean(np.diff(np.signbit(centred)) != 0))
-    first = float(np.corrcoef(centred[:-1], centred[1:])[0, 1]) if np.ptp(centred) > 0.0 else 1.0
-    return crossings > 0.05 and -0.3 < first < 0.98 and abs(float(np.mean(centred))) < 0.5 * float(np.std(centred))
-
-
 def _emg_unit(values: np.ndarray, rate: float | None) -> tuple[str, str, bool]:
     known = values[np.isfinite(values)]
     size = float(np.quantile(np.abs(known - np.median(known)), 0.999))
@@ -823,6 +834,11 @@ def _unit_by_size(quantity: str, values: np.ndarray) -> tuple[str, str, bool]:
     if quantity in DEFAULT_UNITS:
         return DEFAULT_UNITS[quantity], f"numbers up to {largest:.4g}", False
     return "1", "", False
+
+
+def _is_normalised(values: np.ndarray) -> bool:
+    """Whether the largest magnitude of a column is exactly 1, as of a signal that was divided by its largest one."""
+    return bool(np.nanmax(np.abs(values)) == 1.0)
 
 
 def _numbered(sensors: list[InertialColumns]) -> list[tuple[str, InertialColumns]]:

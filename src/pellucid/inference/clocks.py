@@ -28,6 +28,10 @@ MAX_REPEATED_SHARE = 0.5
 """A clock that stands still in more than this share of steps is coarser than the samples: only its mean rate is used."""
 
 
+MIN_UNNAMED_SCORE = 0.7
+"""A column whose name says no time has to advance so evenly: a slow movement also rises throughout."""
+
+
 @dataclass(frozen=True)
 class FoundClock:
     """The time of a table's rows."""
@@ -54,6 +58,8 @@ def find_clock(columns: Mapping[str, np.ndarray], names: Sequence[NameEvidence])
         score = _clock_score(values)
         by_name = evidence.quantity == "time"
         if score is None or (evidence.quantity not in (None, "time", "counter") and not by_name):
+            continue
+        if not by_name and score < MIN_UNNAMED_SCORE:
             continue
         is_counter = _counts_rows(values) and not by_name
         candidates.append((by_name, not is_counter, score, evidence))

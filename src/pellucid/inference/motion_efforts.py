@@ -12,7 +12,7 @@ MIN_EFFORT_SHARE = 0.25
 MIN_GRAVITY_GAIN = 0.05
 """One unit of an angle is decided by weight if its sine explains this share of the effort more than the other unit's."""
 
-MAX_ROWS = 6_000
+MAX_ROWS = 4_000
 """Fits take at most this many rows, evenly spread."""
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from .._errors import StudyError
 from ..inference.assign_roles import EFFORTS, ColumnRole, TableHints, TableRoles, assign_roles
+from ..inference.emg_spectrum import swings_fast
 from ..inference.motion_efforts import effort_share, motion_samples
 from ..inference.name_evidence import read_name, words_of
 from ..inference.processing_choice import ProcessingChoice, choose_processing
@@ -25,6 +26,12 @@ DEFAULT_RATE_HZ = 100.0
 
 MAX_REPRESENTATIVES = 3
 """Roles are found in at most so many recordings of a layout: what is constant in one may move in another."""
+
+MIN_POOLED_TABLES = 20
+"""Cells of one file are looked at together if there are at least so many."""
+
+MAX_POOLED_TABLES = 100
+"""At most so many cells are looked at together."""
 
 MAX_RECORDINGS = 400
 """A proposal names at most so many recordings."""
@@ -119,6 +126,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     drive = _drive_kind(main, streams) if not person else None
     motion, motion_sure, gravity = _motion(main, streams, drive)
     main = _in_metres(main) if motion == "prismatic" and not motion_sure else main
+    main = _with_torque(main) if motion == "rotary" else main
     facts = {k: v for t in main.tables for k, v in find_drive_facts(t.facts).items()}
     recordings = _held_out(recordings, main)
     repeated = _repeated(recordings, main, drive)
@@ -179,8 +187,8 @@ def _with_supersets(groups: list[list[GivenTable]]) -> list[list[GivenTable]]:
 
 def _layout(group: Sequence[GivenTable]) -> Layout:
     fewest = min(len(table.columns) for table in group)
-    ranked = sorted((t for t in group if len(t.columns) == fewest), key=lambda t: -t.rows)[:MAX_REPRESENTATIVES]
-    first = ranked[0]
+    alike = [table for table in group if len(table.columns) == fewest]
+    first, ranked = alike[0], sorted(alike, key=lambda table: -table.rows)[:MAX_REPRESENTATIVES]
     rate_fact = find_rate(first.facts)
     hints = TableHints(
         units=first.units,
@@ -190,7 +198,12 @@ def _layout(group: Sequence[GivenTable]) -> Layout:
         is_person=_names_people(first),
         joint=read_name(first.path.stem).joint,
     )
-    roles = assign_roles(_own_names(first, first), hints)
+    if len(alike) >= MIN_POOLED_TABLES and first.key:
+        # Short cells of one file show quanta and ranges only together.
+        pooled = [_own_names(table, first) for table in alike[:MAX_POOLED_TABLES]]
+        joined = {name: np.concatenate([own[name] for own in pooled]) for name in first.columns}
+        return Layout(tuple(alike), assign_roles(joined, hints), rate_fact=rate_fact)
+    roles = assign_roles(_own_names(ranked[0], first), hints)
     for other in ranked[1:]:
         if len(other.columns) == len(first.columns):
             roles = _completed(roles, assign_roles(_own_names(other, first), hints))
@@ -557,6 +570,24 @@ def _in_metres(main: Layout) -> Layout:
     return replace(main, roles=replace(main.roles, roles=roles))
 
 
+def _with_torque(main: Layout) -> Layout:
+    """Return a layout in which a force without a unit is a torque, since the joint turns: a load cell stands on a lever."""
+    if not any(r.quantity in ("position", "motor_position") for r in main.channels):
+        return main
+    if any(r.quantity == "torque" for r in main.channels):
+        return main
+    roles = tuple(
+        replace(
+            r, quantity="torque", unit="N*m", unit_is_certain=False, unit_why="nothing states a unit", is_certain=False,
+            why=f"{r.why}, and of a joint that turns it is a torque",
+        )
+        if r.quantity == "force" and not r.unit_is_certain
+        else r
+        for r in main.roles.roles
+    )  # fmt: skip
+    return replace(main, roles=replace(main.roles, roles=roles))
+
+
 def _repeated(recordings: Sequence[ProposedRecording], main: Layout, drive: str | None) -> RepeatedMotion | None:
     """Return the first pair of recordings that repeats a motion with another effort."""
     effort = _main_effort([main], drive)
@@ -845,11 +876,10 @@ def _last_number(values: np.ndarray) -> int:
 
 
 def _is_slower(sheet: GivenTable, others: Sequence[GivenTable]) -> bool:
-    from ..inference.commands import roughness
-
-    own = np.median([roughness(x[np.isfinite(x)]) for x in sheet.columns.values()])
-    rest = np.median([roughness(x[np.isfinite(x)]) for other in others for x in other.columns.values()])
-    return bool(own < 0.3 * rest)
+    """Whether no column of a sheet swings from sample to sample, and most of the others' do, as EMG does."""
+    own = [swings_fast(x) for x in sheet.columns.values()]
+    rest = [swings_fast(x) for other in others for x in other.columns.values()]
+    return not any(own) and 2 * sum(rest) > len(rest)
 
 
 def _with_paired_columns(recordings, main, paired) -> list[ProposedRecording]:
