@@ -25,7 +25,8 @@ INERTIAL = {"acceleration": "linear_acceleration", "angular_velocity": "angular_
 
 DEFAULT_UNITS = {
     "torque": "N*m", "force": "N", "current": "A", "voltage": "V", "duty": "1", "supply": "V", "temperature": "degC",
-    "enabled": "1", "orientation": "1", "magnetic_field": "uT", "linear_acceleration": "m/s^2", "angular_velocity": "rad/s",
+    "enabled": "1", "orientation": "1", "magnetic_field": "uT", "linear_acceleration": "m/s^2",
+        "angular_velocity": "rad/s",
     "stiffness": "N*m/rad", "damping": "N*m*s/rad", "length": "m", "moment_arm": "m", "lengthening": "m/s",
 }  # fmt: skip
 """Units that are taken, and marked, where nothing tells them."""
@@ -96,9 +97,11 @@ class TableHints:
 def assign_roles(columns: Mapping[str, np.ndarray], hints: TableHints | None = None) -> TableRoles:
     """Return what each of a table's columns, shape (n,) each, is.
 
-    Constants belong to nobody. A clock advances evenly. EMG is told by its spectrum, inertial sensors by what their axes
+    Constants belong to nobody. A clock advances evenly. EMG is told by its spectrum, inertial sensors by what their
+    axes
     fulfil together, velocities as derivatives of positions, efforts by the motion that explains them, commands by their
-    lack of noise. A name adds to this evidence. Where name and numbers disagree, or neither decides, the role is marked.
+    lack of noise. A name adds to this evidence. Where name and numbers disagree, or neither decides, the role is
+    marked.
     """
     hints = hints or TableHints()
     n = max(map(len, columns.values()), default=0)
@@ -225,7 +228,9 @@ class _Assignment:
         said = self.hints.quantity
         if said in (None, "emg", "time"):
             return
-        own_words = [e for e in self.names.values() if e.quantity in (*EFFORTS, "position", "velocity") and _is_long_name(e)]
+        own_words = [
+            e for e in self.names.values() if e.quantity in (*EFFORTS, "position", "velocity") and _is_long_name(e)
+        ]
         if len([e for e in own_words if e.joint is None]) >= 2:
             return  # the columns say themselves what they are; the file's name tells a protocol
         for name in self._free():
@@ -272,17 +277,16 @@ class _Assignment:
                 self._set(name, "emg", f"EMG, {kind}", evidence, True)
 
     def _find_inertial_sensors(self) -> None:
-        if self.rate is None and self.clock.column is None:
-            rate = 1.0
-        else:
-            rate = self.rate or 1.0
+        rate = self.rate or 1.0
         free = [
             name for name in self._free()
-            if self.names[name].quantity in (None, "linear_acceleration", "angular_velocity", "orientation", "magnetic_field")
+            if self.names[name].quantity in (None, "linear_acceleration", "angular_velocity", "orientation",
+                "magnetic_field")
         ]  # fmt: skip
         if len(free) < 3:
             return
-        sensors = find_inertial(self.values, free, rate)
+        named = [name for name in free if self.names[name].quantity is not None]
+        sensors = find_inertial(self.values, free, rate, named)
         for label, found in _numbered(sensors):
             axes = "xyz" if len(found.names) == 3 else "wxyz"
             for axis, name in zip(axes, found.names, strict=True):
@@ -325,7 +329,9 @@ class _Assignment:
             said = "its name" if evidence.quantity else "the file's name"
             sure = _is_long_name(evidence) or evidence.unit is not None or quantity == self.hints.quantity
             if quantity in ("torque", "force") and self._is_register(name):
-                why = f"{said} says {quantity}, but it holds whole numbers without a unit beside a supply voltage: a duty"
+                why = (
+                    f"{said} says {quantity}, but it holds whole numbers without a unit beside a supply voltage: a duty"
+                )
                 self._set(name, "duty", why, evidence, False)
                 self.keys.setdefault(name, {})["scale"] = 0.001
                 continue
@@ -363,10 +369,8 @@ class _Assignment:
         return "position" if self.hints.angle_unit is not None and evidence.joint is not None else None
 
     def _motions(self) -> dict[str, MotionSamples]:
-        if self.rate is None and self.clock.column is None:
-            time = np.arange(len(self.time)) / 100.0
-        else:
-            time = self.time
+        is_timeless = self.rate is None and self.clock.column is None
+        time = np.arange(len(self.time)) / 100.0 if is_timeless else self.time
         found = {}
         for name, role in self.roles.items():
             if role.quantity in ("position", "angle") and not role.is_command and len(time) > 100:
@@ -377,7 +381,7 @@ class _Assignment:
         """Where no column is a position yet, the smoothest column that others follow or answer is taken."""
         positions = [n for n, r in self.roles.items() if r.quantity in ("position", "angle", "motor_position")]
         free = [n for n in self._free() if not is_stepped(self.values[n])]
-        if positions or not free or any(r.quantity == "emg" for r in self.roles.values()) and len(free) > 6:
+        if positions or not free or (any(r.quantity == "emg" for r in self.roles.values()) and len(free) > 6):
             return
         lengths = {n: roughness(self.values[n]) for n in free}
         # A pair in which one column follows the other is a controlled position.
@@ -413,7 +417,10 @@ class _Assignment:
             if any(self._follows(name, other) for other in motions):
                 continue
             best = max(
-                ((other, effort_share(self.values[name], motion, self._radians(other))) for other, motion in motions.items()),
+                (
+                    (other, effort_share(self.values[name], motion, self._radians(other)))
+                    for other, motion in motions.items()
+                ),
                 key=lambda item: item[1],
             )
             shares[name] = best
@@ -427,7 +434,11 @@ class _Assignment:
             other, share = shares[name]
             quantity, why = self._kind_of_effort(name)
             self._set(
-                name, quantity, f'{why}; the motion "{other}" explains {100 * share:.0f} % of it', self.names[name], False
+                name,
+                quantity,
+                f'{why}; the motion "{other}" explains {100 * share:.0f} % of it',
+                self.names[name],
+                False,
             )
 
     def _follows(self, name: str, other: str) -> bool:
@@ -450,7 +461,7 @@ class _Assignment:
         letter = self.names[name].bare[:1].casefold()
         if len(self.names[name].bare) <= 4 and letter in _EFFORTS_BY_LETTER:
             quantity = _EFFORTS_BY_LETTER[letter]
-            return quantity, f'an effort, and the letter {letter} stands for {quantity}'
+            return quantity, f"an effort, and the letter {letter} stands for {quantity}"
         return "torque", "an effort"
 
     def _find_commands(self) -> None:
@@ -464,7 +475,15 @@ class _Assignment:
                         quantity = "reference" if role.quantity == "position" else "desired_velocity"
                         unit = role.unit
                         self.roles[name] = ColumnRole(
-                            name, quantity, unit, f'"{other}" follows it: {followed.why}', "", True, True, role.label, True
+                            name,
+                            quantity,
+                            unit,
+                            f'"{other}" follows it: {followed.why}',
+                            "",
+                            True,
+                            True,
+                            role.label,
+                            True,
                         )
                         self.commands.append(followed)
                         break
@@ -474,7 +493,9 @@ class _Assignment:
             if role.quantity == "position" and self.names[name].is_command:
                 self.roles[name] = replace(role, quantity="reference", is_command=True, why="its name says a command")
             elif role.quantity in EFFORTS and self.names[name].is_command:
-                measured = [n for n, r in self.roles.items() if r.quantity == role.quantity and n != name and not r.is_command]
+                measured = [
+                    n for n, r in self.roles.items() if r.quantity == role.quantity and n != name and not r.is_command
+                ]
                 if measured:
                     self.roles[name] = replace(role, quantity=f"desired_{role.quantity}", is_command=True)
             elif role.quantity == "velocity" and self.names[name].is_command:
@@ -500,7 +521,10 @@ class _Assignment:
             self.roles[name] = self._with_unit(name, role, common)
         self._share_emg_unit()
         for name, role in list(self.roles.items()):
-            if role.quantity in ("velocity", "acceleration", "desired_velocity", "reference") and not role.unit_is_certain:
+            if (
+                role.quantity in ("velocity", "acceleration", "desired_velocity", "reference")
+                and not role.unit_is_certain
+            ):
                 self.roles[name] = self._with_partner_unit(name, role)
 
     def _share_emg_unit(self) -> None:
@@ -514,7 +538,10 @@ class _Assignment:
         for name in names:
             if self.roles[name].unit != common:
                 self.roles[name] = replace(
-                    self.roles[name], unit=common, unit_why="as the other EMG channels", unit_is_certain=known.unit_is_certain
+                    self.roles[name],
+                    unit=common,
+                    unit_why="as the other EMG channels",
+                    unit_is_certain=known.unit_is_certain,
                 )
 
     def _stated(self, name: str) -> str | None:
@@ -531,7 +558,12 @@ class _Assignment:
             unit = self._stated(pair.by) if pair.of == name else None
             fitting = [a for a, b in pair.units if b == unit]
             if fitting:
-                return fitting[0], f'its derivative "{pair.by}" is in {unit}, at a ratio of {pair.ratio:.4g}', True, None
+                return (
+                    fitting[0],
+                    f'its derivative "{pair.by}" is in {unit}, at a ratio of {pair.ratio:.4g}',
+                    True,
+                    None,
+                )
         if name in self.keys and "wrap_bits" in self.keys[name]:
             return "counts", f"a count that rolls over after {self.keys[name]['wrap_bits']} bits", True, found
         return found.unit, found.why, found.is_certain, found
@@ -559,7 +591,9 @@ class _Assignment:
             unit, why, sure = _emg_unit(self.values[name], self.rate)
             return replace(role, unit=unit, unit_why=why, unit_is_certain=sure, keys=keys)
         if quantity in ("velocity", "acceleration", "desired_velocity"):
-            return replace(role, unit="rad/s" if quantity != "acceleration" else "rad/s^2", unit_is_certain=False, keys=keys)
+            return replace(
+                role, unit="rad/s" if quantity != "acceleration" else "rad/s^2", unit_is_certain=False, keys=keys
+            )
         unit, why, sure = _unit_by_size(quantity.removeprefix("desired_"), self.values[name])
         return replace(role, unit=unit, unit_why=why, unit_is_certain=sure, keys=keys)
 
@@ -586,7 +620,10 @@ class _Assignment:
                 partner = self.roles.get(command.measured)
                 if command.command == name and partner is not None:
                     return replace(
-                        role, unit=partner.unit, unit_why=f'as "{command.measured}"', unit_is_certain=partner.unit_is_certain
+                        role,
+                        unit=partner.unit,
+                        unit_why=f'as "{command.measured}"',
+                        unit_is_certain=partner.unit_is_certain,
                     )
             measured = [r for r in self.roles.values() if r.quantity == "position"]
             if len(measured) == 1:
@@ -631,7 +668,9 @@ class _Assignment:
             return
         motion = self._family(by_quantity.get("position", []) or by_quantity.get("motor_position", []))
         efforts = max((self._family(by_quantity.get(q, [])) for q in EFFORTS), key=len)
-        family = motion if len(motion) > 1 else efforts if len(efforts) > 1 and not by_quantity.get("position") else []
+        speeds = self._family(by_quantity.get("velocity", []))
+        others = max(efforts, speeds, key=len)
+        family = motion if len(motion) > 1 else others if len(others) > 1 and not by_quantity.get("position") else []
         if len(family) < 2:
             for quantity, names in by_quantity.items():
                 self._choose_main(quantity, names)
@@ -723,25 +762,28 @@ class _Assignment:
             for joint, name in zip(joints, block, strict=True):
                 role = replace(self.roles[name], label=joint)
                 if k == measured and len(blocks) > 1:
-                    kind = "current" if any(_is_larger(sizes[j], sizes[k]) for j in range(len(blocks)) if j != k) else quantity
-                    role = replace(role, quantity=kind, unit=DEFAULT_UNITS[kind], is_certain=False, unit_is_certain=False,
+                    kind = (
+                        "current"
+                        if any(_is_larger(sizes[j], sizes[k]) for j in range(len(blocks)) if j != k)
+                        else quantity
+                    )
+                    role = replace(role, quantity=kind, unit=DEFAULT_UNITS[kind], is_certain=False,
+                        unit_is_certain=False,
                                    why="an effort with noise: it is measured")  # fmt: skip
                 elif alike:
                     kind = "current" if len(blocks) > 2 else quantity
                     role = replace(role, quantity=f"desired_{kind}", unit=DEFAULT_UNITS[kind], is_command=True,
                                    is_certain=False, unit_is_certain=False,
-                                   why="an effort without noise, as large as the measured one: it was asked for")  # fmt: skip
+                                   why="an effort without noise, as large as the measured: asked for")  # fmt: skip
                 else:
                     role = replace(role, quantity="desired_torque", unit="N*m", is_command=True, is_certain=False,
                                    unit_is_certain=False,
-                                   why=f"an effort without noise, {usual:.3g} times as large as the measured one")  # fmt: skip
+                                   why=f"an effort without noise, {usual:.3g} times the measured")  # fmt: skip
                 self.roles[name] = role
 
     def _set(self, name: str, quantity: str, why: str, evidence: NameEvidence, certain: bool) -> None:
         label = ""
-        if quantity == "emg":
-            label = evidence.muscle or _plain_label(evidence.bare)
-        elif quantity in ("length", "lengthening"):
+        if quantity == "emg" or quantity in ("length", "lengthening"):
             label = evidence.muscle or _plain_label(evidence.bare)
         elif quantity == "moment_arm":
             label = f"{evidence.joint or self.hints.joint or 'joint'}.{evidence.muscle or _plain_label(evidence.bare)}"
@@ -757,7 +799,8 @@ def _is_larger(other: np.ndarray, own: np.ndarray) -> bool:
 
 def _has_own_label(role: ColumnRole) -> bool:
     return role.quantity is not None and (
-        "." in role.quantity or role.quantity in ("emg", "length", "lengthening", "moment_arm", "supply", "temperature", "enabled")
+        "." in role.quantity
+        or role.quantity in ("emg", "length", "lengthening", "moment_arm", "supply", "temperature", "enabled")
     )
 
 
@@ -809,7 +852,8 @@ def _emg_unit(values: np.ndarray, rate: float | None) -> tuple[str, str, bool]:
 
 
 def _unit_by_size(quantity: str, values: np.ndarray) -> tuple[str, str, bool]:
-    """Return a unit that nothing states, by the size of the numbers; it is never certain but where there is only one."""
+    """Return a unit that nothing states, by the size of the numbers; it is never certain but where there is only
+    one."""
     known = values[np.isfinite(values)]
     largest = float(np.max(np.abs(known))) if len(known) else 0.0
     whole = bool(np.all(known == np.round(known)))
@@ -820,7 +864,11 @@ def _unit_by_size(quantity: str, values: np.ndarray) -> tuple[str, str, bool]:
     if quantity == "torque":
         return ("mN*m" if whole and largest > 300.0 else "N*m"), f"numbers up to {largest:.4g}", False
     if quantity in ("voltage", "supply"):
-        return ("mV" if largest > 500.0 else "V"), f"numbers up to {largest:.4g}", quantity == "supply" and 3 < largest < 60
+        return (
+            ("mV" if largest > 500.0 else "V"),
+            f"numbers up to {largest:.4g}",
+            quantity == "supply" and 3 < largest < 60,
+        )
     if quantity == "duty" and largest > 100.0:
         return "1", f"whole numbers up to {largest:.4g} in the file; which of them is 100 % is not said", False
     if quantity == "duty":

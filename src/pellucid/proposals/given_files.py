@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,21 @@ from ..recordings.readers import read_columns
 MODEL_ENDINGS = (".urdf", ".osim", ".xml", ".osimx")
 """Endings of files of models. They are named, and a robot's file gives its joints."""
 
-IGNORED_ENDINGS = (".pdf", ".md", ".yaml", ".yml", ".toml", ".py", ".m", ".html", ".png", ".jpg", ".svg", ".zip", ".docx")
+IGNORED_ENDINGS = (
+    ".pdf",
+    ".md",
+    ".yaml",
+    ".yml",
+    ".toml",
+    ".py",
+    ".m",
+    ".html",
+    ".png",
+    ".jpg",
+    ".svg",
+    ".zip",
+    ".docx",
+)
 """Endings of files that are no recordings."""
 
 IGNORED_NAMES = ("license", "licence", "readme", "original_readme", "notice", "citation", "changelog")
@@ -33,10 +47,12 @@ MIN_TABLE_ROWS = 8
 
 QUANTITY_BY_FILE_WORD = {
     "ik": "angle", "angle": "angle", "angles": "angle", "ikdata": "angle", "kinematics": "angle",
-    "id": "torque", "moment": "torque", "moments": "torque", "iddata": "torque", "torque": "torque", "torques": "torque",
+    "id": "torque", "moment": "torque", "moments": "torque", "iddata": "torque", "torque": "torque",
+        "torques": "torque",
     "tau": "torque", "trq": "torque", "effort": "torque", "efforts": "torque",
     "position": "position", "positions": "position", "pos": "position", "q": "position", "qpos": "position",
-    "velocity": "velocity", "velocities": "velocity", "vel": "velocity", "dq": "velocity", "qd": "velocity", "qvel": "velocity",
+    "velocity": "velocity", "velocities": "velocity", "vel": "velocity", "dq": "velocity", "qd": "velocity",
+        "qvel": "velocity",
     "acceleration": "acceleration", "accelerations": "acceleration", "acc": "acceleration", "ddq": "acceleration",
     "qdd": "acceleration", "current": "current", "currents": "current", "curr": "current", "cur": "current",
     "voltage": "voltage", "voltages": "voltage", "force": "force", "forces": "force", "grf": "force",
@@ -133,16 +149,18 @@ def _tables_of(path: Path) -> list[GivenTable]:
     texts = tuple(name for name, x in columns.values.items() if isinstance(x, str))
     scalars = {name: f"{x[0]:.12g}" for name, x in numeric.items() if len(x) == 1}
     long = {name: x for name, x in numeric.items() if len(x) >= MIN_TABLE_ROWS}
-    common = {
-        "units": {str(name): unit for name, unit in columns.units.items()},
-        "angle_unit": columns.angle_unit if not _is_moment_file(path) else None,
-        "facts": {**scalars, **columns.facts},
-        "personal": columns.personal,
-        "quantity": quantity_of_file(path),
-        "texts": texts,
-    }
+    empty = GivenTable(
+        path,
+        {},
+        units={str(name): unit for name, unit in columns.units.items()},
+        angle_unit=columns.angle_unit if not _is_moment_file(path) else None,
+        facts={**scalars, **columns.facts},
+        personal=columns.personal,
+        quantity=quantity_of_file(path),
+        texts=texts,
+    )
     parts = _parts(long, has_sheets=path.suffix.lower() in SHEET_ENDINGS)
-    return [GivenTable(path, part, key, **common) for key, part in parts]
+    return [replace(empty, columns=part, key=key) for key, part in parts]
 
 
 def _is_moment_file(path: Path) -> bool:
@@ -186,7 +204,8 @@ def _is_rising(values: np.ndarray) -> bool:
 
 
 def quantity_of_file(path: Path) -> str | None:
-    """Return the quantity that a file's name, or its folder's, says of all its columns; None if it says none or several."""
+    """Return the quantity that a file's name, or its folder's, says of all its columns; None if it says none or
+    several."""
     for text in (path.stem, path.parent.name):
         # "ID 7" is a person, and a folder's long name tells a study.
         words = words_of(re.sub(r"\bID[ _-]*\d+", "", text))

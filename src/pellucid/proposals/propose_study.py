@@ -43,7 +43,8 @@ SINGLE_FIT_SHARE = 0.6
 """Of a single recording, this first share is fitted."""
 
 MIN_GRAVITY_SHARE = 0.02
-"""A joint is weighed by gravity if the sine of its angle explains this share of the effort beside inertia and friction."""
+"""A joint is weighed by gravity if the sine of its angle explains this share of the effort beside inertia and
+friction."""
 
 MIN_TIMES_COMPARED = 2
 """Recordings of one motion with another effort are looked for among at least so many."""
@@ -76,7 +77,9 @@ class ProposedRecording:
     participant: str | None = None
     condition: str | None = None
     protocol: str | None = None
-    columns: Mapping[str, str] = field(default_factory=dict)  # columns of channels that differ from the first recording's
+    columns: Mapping[str, str] = field(
+        default_factory=dict
+    )  # columns of channels that differ from the first recording's
     extras: tuple[ColumnRole, ...] = ()  # channels that this recording alone has
     why: str = ""  # reason for its use or window
 
@@ -212,7 +215,8 @@ def _layout(group: Sequence[GivenTable]) -> Layout:
 
 
 def _own_names(table: GivenTable, named: GivenTable) -> dict[str, np.ndarray]:
-    """Return a table's columns under the names of another table of its layout: cells of one file differ in their keys."""
+    """Return a table's columns under the names of another table of its layout: cells of one file differ in their
+    keys."""
     if set(named.columns) <= set(table.columns):
         return {name: table.columns[name] for name in named.columns}
     return dict(zip(named.columns, table.columns.values(), strict=True))
@@ -309,13 +313,19 @@ def _named_plainly(layout: Layout, main: Layout) -> Layout:
     """Return a stream whose position is no joint's under its own name: the recording itself has no motion."""
     if any(r.quantity in ("position", "angle", "motor_position") for r in main.channels):
         return layout
-    roles = tuple(
-        replace(r, quantity=re.sub(r"[^a-z0-9]+", "_", read_name(r.column).bare.casefold()).strip("_"))
-        if r.quantity == "position" and not r.label and read_name(r.column).bare[:1].isalpha()
-        else r
-        for r in layout.roles.roles
-    )
-    return replace(layout, roles=replace(layout.roles, roles=roles))
+
+    def plain(role: ColumnRole) -> ColumnRole:
+        bare = read_name(role.column).bare
+        if role.quantity != "position" or role.label or not bare[:1].isalpha():
+            return role
+        named = replace(role, quantity=re.sub(r"[^a-z0-9]+", "_", bare.casefold()).strip("_"))
+        if role.unit_is_certain:
+            return named
+        # What is divided by its largest value has no unit, whatever the header says.
+        is_scaled = "exactly 1" in role.unit_why
+        return replace(named, unit="1") if is_scaled else named
+
+    return replace(layout, roles=replace(layout.roles, roles=tuple(map(plain, layout.roles.roles))))
 
 
 def _remark_left(layout: Layout, why: str, remarks: list[str]) -> None:
@@ -331,7 +341,11 @@ def _extras(table: GivenTable, main: Layout) -> tuple[ColumnRole, ...]:
         return ()
     found = assign_roles(dict(table.columns), TableHints(units=table.units, angle_unit=table.angle_unit)).roles
     return tuple(
-        replace(role, quantity=re.sub(r"[^a-z0-9]+", "_", read_name(role.column).bare.casefold()).strip("_") or "extra", label="")
+        replace(
+            role,
+            quantity=re.sub(r"[^a-z0-9]+", "_", read_name(role.column).bare.casefold()).strip("_") or "extra",
+            label="",
+        )
         for role in found
         if role.column in more and role.quantity is not None
     )
@@ -430,12 +444,14 @@ def _distinct_parents(table: GivenTable, tables: Sequence[GivenTable]) -> str:
 
 
 _PARTICIPANT = re.compile(
-    r"(?:^|[_\s./-])(?:(?:sub|subj|subject|participant|patient|pilot|person|id)[_\s-]?(\d{1,3})|([PS]\d{1,3}))(?=$|[_\s./-])", re.IGNORECASE
+    r"(?:^|[_\s./-])(?:(?:sub|subj|subject|participant|patient|pilot|person|id)[_\s-]?(\d{1,3})|([PS]\d{1,3}))(?=$|[_\s./-])",
+    re.IGNORECASE,
 )
 
 
 def _participant(path: Path) -> str | None:
-    """Return the code of a participant that a file's name or its folders contain, such as P1; None if they contain none."""
+    """Return the code of a participant that a file's name or its folders contain, such as P1; None if they contain
+    none."""
     for text in (path.stem, *(parent.name for parent in list(path.parents)[:3])):
         match = _PARTICIPANT.search(text)
         if match is not None:
@@ -507,7 +523,9 @@ def _drive_kind(main: Layout, streams: Sequence[Layout]) -> str | None:
 
 
 def _main_effort(layouts: Sequence[Layout], drive: str | None) -> tuple[Layout, ColumnRole] | None:
-    names = {"torque": ("torque", "force"), "current": ("current",), "voltage": ("voltage", "duty")}.get(drive or "", ())
+    names = {"torque": ("torque", "force"), "current": ("current",), "voltage": ("voltage", "duty")}.get(
+        drive or "", ()
+    )
     found = [(layout, r) for layout in layouts for r in layout.channels if r.quantity in names and not r.is_command]
     return found[0] if found else None
 
@@ -535,7 +553,8 @@ def _motion(main: Layout, streams: Sequence[Layout], drive: str | None) -> tuple
 
 
 def _gravity(main: Layout, drive: str | None) -> str | None:
-    """Return the gravity term: ``"none"`` if the sine of the angle explains nothing of the effort, else with a free zero."""
+    """Return the gravity term: ``"none"`` if the sine of the angle explains nothing of the effort, else with a free
+    zero."""
     found = _main_effort([main], drive)
     positions = [r for r in main.channels if r.quantity == "position"]
     if found is None or not positions or main.roles.rate is None:
@@ -571,7 +590,8 @@ def _in_metres(main: Layout) -> Layout:
 
 
 def _with_torque(main: Layout) -> Layout:
-    """Return a layout in which a force without a unit is a torque, since the joint turns: a load cell stands on a lever."""
+    """Return a layout in which a force without a unit is a torque, since the joint turns: a load cell stands on a
+    lever."""
     if not any(r.quantity in ("position", "motor_position") for r in main.channels):
         return main
     if any(r.quantity == "torque" for r in main.channels):
@@ -635,7 +655,9 @@ def _questions(main, streams, recordings, drive, facts, motion_sure, person, rep
                 f"whether results are torques at all ({role.why})",
                 ("torque in N*m", "current in A", "voltage in V", "duty in 1", "force in N"),
             )
-    positions = [r for layout in layouts for r in layout.channels if r.quantity in ("position", "angle") and not r.is_command]
+    positions = [
+        r for layout in layouts for r in layout.channels if r.quantity in ("position", "angle") and not r.is_command
+    ]
     unsure = [r for r in positions if not r.unit_is_certain]
     if any(r.unit == "counts" for r in positions):
         yield Question(
@@ -655,7 +677,8 @@ def _questions(main, streams, recordings, drive, facts, motion_sure, person, rep
     if any(r.quantity == "motor_position" for r in main.channels):
         yield Question(
             "gear_turns",
-            "The positions turn too often for joints: they are motors'. How often does each motor turn for a turn of its joint?",
+            "The positions turn too often for joints: they are motors'. How often does a motor turn for a turn of its "
+            "joint?",
             "1",
             "every angle, inertia and torque of the joints",
         )
@@ -764,7 +787,9 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
         unit = answers["position_unit"]
         motion = "prismatic" if unit in ("m", "mm", "cm") else "rotary"
         gravity = None if motion == "prismatic" else gravity or "sine+cosine"
-        main = _with_roles(main, lambda r: r.quantity in ("position", "reference", "angle"), unit=unit, said="said by the lab")
+        main = _with_roles(
+            main, lambda r: r.quantity in ("position", "reference", "angle"), unit=unit, said="said by the lab"
+        )
         main = _with_roles(
             main, lambda r: r.quantity in ("velocity", "desired_velocity") and not r.unit_is_certain, unit=f"{unit}/s",
             said="as the position, per second",
@@ -772,7 +797,8 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
     if "emg_unit" in answers:
         main = _with_roles(main, lambda r: r.quantity == "emg", unit=answers["emg_unit"], said="said by the lab")
         streams = [
-            _with_roles(s, lambda r: r.quantity == "emg", unit=answers["emg_unit"], said="said by the lab") for s in streams
+            _with_roles(s, lambda r: r.quantity == "emg", unit=answers["emg_unit"], said="said by the lab")
+            for s in streams
         ]
     if answers.get("drive_constant", "unknown") != "unknown":
         expected = {"rotary": ("N*m/A", "N*m/V"), "prismatic": ("N/A", "N/V")}[motion]
@@ -817,13 +843,15 @@ def _processing(main: Layout, drive: str | None) -> ProcessingChoice | None:
 def _remarks(given: GivenFiles, main: Layout, streams: Sequence[Layout]) -> list[str]:
     said = []
     for path, why in given.unread:
-        if path.suffix.lower() not in (".md", ".pdf", ".py") and not path.name.casefold().startswith(("license", "readme")):
+        if path.suffix.lower() not in (".md", ".pdf", ".py") and not path.name.casefold().startswith(
+            ("license", "readme")
+        ):
             said.append(f"{path.name}: not read: {why}")
     for table in given.tables:
         for person in table.personal:
             said.append(
-                f"{table.path.name}: {person.place} tells who was recorded ({person.kind}): it is left out; the copy of the "
-                "file still holds it, so take it out before you pass the study on"
+                f"{table.path.name}: {person.place} tells who was recorded ({person.kind}): it is left out; the copy of "
+                "the file still holds it, so take it out before you pass the study on"
             )
     for table in main.tables:
         role = next((r for r in main.channels if r.quantity == "position" and r.column in table.columns), None)
@@ -831,13 +859,13 @@ def _remarks(given: GivenFiles, main: Layout, streams: Sequence[Layout]) -> list
             held = find_postures(_decoded(table, role), main.roles.rate)
             if held.is_static:
                 said.append(
-                    f"{table.path.name}: it holds {len(held.positions)} postures ({100 * held.still_share:.0f} % of the time "
-                    "still): holds weigh the joint without inertia, and identify uses them for gravity"
+                    f"{table.path.name}: it holds {len(held.positions)} postures ({100 * held.still_share:.0f} % of the "
+                    "time still): holds weigh the joint without inertia, and identify uses them for gravity"
                 )
     if main.roles.clock.first_sound:
         said.append(
-            f"the first {main.roles.clock.first_sound} rows of {main.tables[0].path.name} are stale: time falls back after "
-            "them, so that they are no samples"
+            f"the first {main.roles.clock.first_sound} rows of {main.tables[0].path.name} are stale: time falls back "
+            "after them, so that they are no samples"
         )
     return said
 
@@ -896,12 +924,13 @@ def _with_paired_columns(recordings, main, paired) -> list[ProposedRecording]:
 
 
 def _with_paired_roles(main: Layout, paired) -> Layout:
-    sheet, columns = paired[main.tables[0].path] if main.tables[0].path in paired else (None, {})
+    sheet, columns = paired.get(main.tables[0].path, (None, {}))
     column = columns.get(main.tables[0].key)
     if sheet is None or column is None:
         return main
     role = ColumnRole(
-        column, "force", "N", f'the sheet "{sheet.key}" has one column for each sheet of EMG, as long as that', "nothing tells it",
+        column, "force", "N", f'the sheet "{sheet.key}" has one column for each sheet of EMG, as long as that',
+            "nothing tells it",
         is_certain=False, unit_is_certain=False,
     )  # fmt: skip
     labels = _labels_by_sheet(main)

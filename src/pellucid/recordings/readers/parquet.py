@@ -38,7 +38,8 @@ def read(path: Path) -> Columns:
     for name, column in zip(table.column_names, table.columns, strict=True):
         field = table.schema.field(len(values)) if len(values) < len(table.schema) else None
         _add_column(path, name, column, values, units)
-        said = next((field.metadata[key] for key in UNIT_KEYS if key in (field.metadata or {})), None) if field else None
+        said = next((field.metadata[key] for key in UNIT_KEYS if key in (field.metadata or {})),
+            None) if field else None
         if said is not None:
             units[name] = said.decode("utf-8", "replace").strip()
     return Columns(path, values, units=units)

@@ -21,7 +21,6 @@ from ..._plugins import load_plugins, require_attributes
 from ._caps import require_few_columns, require_file_size
 from ._columns import Columns
 
-
 MAX_SNIFFED_BYTES = 4096
 """A file with an unknown ending is judged by so many bytes at its beginning."""
 
