@@ -79,7 +79,8 @@ def long_preamble(folder: Path) -> MadeLayout:
     p = swing(20)
     facts = [
         "Drive logger 4.2", "Date: 2026-03-02", "Operator station: 3", "Device: EC-i 40", "Torque constant: 60,3 mNm/A",
-        "Gear ratio: 100:1", "Sampling period: 5 ms", "Filter: none", "Trigger: manual", "Channels: 4", "Mode: position",
+        "Gear ratio: 100:1", "Sampling period: 5 ms", "Filter: none", "Trigger: manual", "Channels: 4",
+            "Mode: position",
         "Remarks: none", "Data follow",
     ]  # fmt: skip
     current = p["tau"] / (0.0603 * 100.0) * 1000.0

@@ -17,10 +17,14 @@ from .inertial_columns import InertialColumns, find_inertial
 from .motion_efforts import MIN_EFFORT_SHARE, MotionSamples, effort_share, motion_samples, unit_by_weight
 from .name_evidence import NameEvidence, quantity_of_unit, read_name, words_of
 
-EFFORTS = ("torque", "force", "current", "voltage", "duty")
+DRIVE_QUANTITIES = ("torque", "force", "current", "voltage", "duty")
 """Quantities of a drive."""
 
-INERTIAL = {"acceleration": "linear_acceleration", "angular_velocity": "angular_velocity", "orientation": "orientation"}
+INERTIAL_QUANTITIES = {
+    "acceleration": "linear_acceleration",
+    "angular_velocity": "angular_velocity",
+    "orientation": "orientation",
+}
 """Quantities of inertial sensors, by the kind that numbers show."""
 
 DEFAULT_UNITS = {
@@ -229,7 +233,9 @@ class _Assignment:
         if said in (None, "emg", "time"):
             return
         own_words = [
-            e for e in self.names.values() if e.quantity in (*EFFORTS, "position", "velocity") and _is_long_name(e)
+            e
+            for e in self.names.values()
+            if e.quantity in (*DRIVE_QUANTITIES, "position", "velocity") and _is_long_name(e)
         ]
         if len([e for e in own_words if e.joint is None]) >= 2:
             return  # the columns say themselves what they are; the file's name tells a protocol
@@ -330,12 +336,12 @@ class _Assignment:
             sure = _is_long_name(evidence) or evidence.unit is not None or quantity == self.hints.quantity
             if quantity in ("torque", "force") and self._is_register(name):
                 why = (
-                    f"{said} says {quantity}, but it holds whole numbers without a unit beside a supply voltage: a duty"
+                    f"{said} says {quantity}, but it holds whole numbers without a unit: a servo's register of its duty"
                 )
                 self._set(name, "duty", why, evidence, False)
                 self.keys.setdefault(name, {})["scale"] = 0.001
                 continue
-            if quantity in EFFORTS and not evidence.is_command and is_stepped(self.values[name]):
+            if quantity in DRIVE_QUANTITIES and not evidence.is_command and is_stepped(self.values[name]):
                 why = f"{said} says {quantity}, but it rests on levels: a program set it"
                 self._set(name, quantity, why, evidence, False)
                 continue
@@ -360,7 +366,8 @@ class _Assignment:
     def _is_register(self, name: str) -> bool:
         """Whether a column holds whole numbers without a unit, as a servo's register of load does."""
         known = self.values[name][np.isfinite(self.values[name])]
-        has_supply = any(evidence.quantity == "supply" for evidence in self.names.values())
+        is_unsigned = "signed_bits" in self.keys.get(name, {})
+        has_supply = is_unsigned or any(evidence.quantity == "supply" for evidence in self.names.values())
         return has_supply and self._stated(name) is None and bool(np.all(known == np.round(known)))
 
     def _quantity_of_file(self, evidence: NameEvidence) -> str | None:
@@ -393,7 +400,7 @@ class _Assignment:
                     self._set(followed.measured, "position", why, self.names[followed.measured], False)
                     return
         drives = [n for n in self._free() if is_stepped(self.values[n])]
-        efforts = [n for n, r in self.roles.items() if r.quantity in EFFORTS]
+        efforts = [n for n, r in self.roles.items() if r.quantity in DRIVE_QUANTITIES]
         ranked = sorted(free, key=lambda n: (len(n.split(".")) > 1 and n.split(".")[-1].isdigit(), lengths[n]))
         has_encoder = [n for n in ranked if self._angle(n).is_certain]
         if has_encoder:
@@ -410,7 +417,7 @@ class _Assignment:
         free = self._free()[:MAX_EFFORT_CANDIDATES]
         if not motions or not free:
             return
-        has_drive = any(r.quantity in EFFORTS and r.is_certain for r in self.roles.values())
+        has_drive = any(r.quantity in DRIVE_QUANTITIES and r.is_certain for r in self.roles.values())
         shares: dict[str, tuple[str, float]] = {}
         for name in free:
             # What follows a position is its command, and no effort.
@@ -492,7 +499,7 @@ class _Assignment:
         for name, role in list(self.roles.items()):
             if role.quantity == "position" and self.names[name].is_command:
                 self.roles[name] = replace(role, quantity="reference", is_command=True, why="its name says a command")
-            elif role.quantity in EFFORTS and self.names[name].is_command:
+            elif role.quantity in DRIVE_QUANTITIES and self.names[name].is_command:
                 measured = [
                     n for n, r in self.roles.items() if r.quantity == role.quantity and n != name and not r.is_command
                 ]
@@ -655,7 +662,7 @@ class _Assignment:
     def _group_joints(self) -> None:
         """Give each channel of several joints the name of its joint, and choose the main channel of a single one."""
         person = self.hints.is_person or (
-            not any(r.quantity in EFFORTS and r.quantity != "torque" for r in self.roles.values())
+            not any(r.quantity in DRIVE_QUANTITIES and r.quantity != "torque" for r in self.roles.values())
             and any(r.quantity == "emg" for r in self.roles.values())
         )
         by_quantity: dict[str, list[str]] = {}
@@ -667,7 +674,7 @@ class _Assignment:
             self._name_persons_joints(by_quantity)
             return
         motion = self._family(by_quantity.get("position", []) or by_quantity.get("motor_position", []))
-        efforts = max((self._family(by_quantity.get(q, [])) for q in EFFORTS), key=len)
+        efforts = max((self._family(by_quantity.get(q, [])) for q in DRIVE_QUANTITIES), key=len)
         speeds = self._family(by_quantity.get("velocity", []))
         others = max(efforts, speeds, key=len)
         family = motion if len(motion) > 1 else others if len(others) > 1 and not by_quantity.get("position") else []
@@ -678,7 +685,7 @@ class _Assignment:
         joints = self._joint_names(family)
         self.joints = tuple(joints)
         for quantity, names in by_quantity.items():
-            if len(names) > len(joints) and len(names) % len(joints) == 0 and quantity in EFFORTS:
+            if len(names) > len(joints) and len(names) % len(joints) == 0 and quantity in DRIVE_QUANTITIES:
                 self._split_blocks(quantity, names, joints)
                 continue
             own = self._joint_names(names)
@@ -892,7 +899,7 @@ def _is_normalised(values: np.ndarray) -> bool:
 def _numbered(sensors: list[InertialColumns]) -> list[tuple[str, InertialColumns]]:
     """Return inertial sensors with labels: the k-th sensor of each kind belongs to the k-th unit."""
     counts: dict[str, int] = {}
-    counts_by_kind = {kind: sum(s.kind == kind for s in sensors) for kind in INERTIAL}
+    counts_by_kind = {kind: sum(s.kind == kind for s in sensors) for kind in INERTIAL_QUANTITIES}
     # A gyroscope belongs to each unit; a further triple of gravity's length is something computed.
     total = counts_by_kind["angular_velocity"] or max(counts_by_kind.values(), default=0)
     labelled = []

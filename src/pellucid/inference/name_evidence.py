@@ -143,7 +143,7 @@ def read_name(name: str) -> NameEvidence:
     ('current', 'mA', False)
     """
     bare, unit = split_unit(name)
-    # Of a dotted path, the last part names the quantity: "entries.position".
+    # The last part of a dotted path names the quantity: "entries.position".
     _, _, last = bare.rpartition(".")
     own = last if words_of(last) and not words_of(last)[-1].isdigit() and len(last) > 1 else bare
     words = words_of(own)

@@ -10,13 +10,13 @@ from ..inference.name_evidence import words_of
 from ..recordings.stated_units import split_unit, unit_from_text
 from ..units import to_si_factor
 
-_NUMBER = r"[-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
+_NUMBER_TEXT = r"[-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
 
 _RATE_TEXT = re.compile(
-    rf"({_NUMBER})\s*(?:samples per second|samples/s(?:ec)?|samples/second|sps\b|S/s|Hz)", re.IGNORECASE
+    rf"({_NUMBER_TEXT})\s*(?:samples per second|samples/s(?:ec)?|samples/second|sps\b|S/s|Hz)", re.IGNORECASE
 )
 
-_VALUE = re.compile(rf"\s*({_NUMBER})\s*([^\d].*)?")
+_VALUE_WITH_UNIT = re.compile(rf"\s*({_NUMBER_TEXT})\s*([^\d].*)?")
 
 MAX_RATE_HZ = 1e6
 """A number that is said to be a sampling rate is at most this [Hz]."""
@@ -141,7 +141,7 @@ def _add(
 
 def _ratio(text: str, number: float) -> float:
     """Return a gear ratio that may be written as 100:1 or 1:100."""
-    parts = re.match(rf"\s*({_NUMBER})\s*[:/]\s*({_NUMBER})", text)
+    parts = re.match(rf"\s*({_NUMBER_TEXT})\s*[:/]\s*({_NUMBER_TEXT})", text)
     if parts is None:
         return number
     a, b = (float(part.replace(",", ".")) for part in parts.groups())
@@ -149,7 +149,7 @@ def _ratio(text: str, number: float) -> float:
 
 
 def _value(text: str) -> tuple[float, str | None] | None:
-    match = _VALUE.fullmatch(text)
+    match = _VALUE_WITH_UNIT.fullmatch(text)
     if match is None:
         return None
     rest = (match[2] or "").strip()

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from .._errors import StudyError
-from ..inference.assign_roles import EFFORTS, ColumnRole, TableHints, TableRoles, assign_roles
+from ..inference.assign_roles import DRIVE_QUANTITIES, ColumnRole, TableHints, TableRoles, assign_roles
 from ..inference.emg_spectrum import swings_fast
 from ..inference.motion_efforts import effort_share, motion_samples
 from ..inference.name_evidence import read_name, words_of
@@ -40,7 +40,7 @@ HELD_OUT_SHARE = 0.25
 """About this share of the recordings is held out; of a single one, the last part."""
 
 SINGLE_FIT_SHARE = 0.6
-"""Of a single recording, this first share is fitted."""
+"""This first share of a single recording is fitted."""
 
 MIN_GRAVITY_SHARE = 0.02
 """A joint is weighed by gravity if the sine of its angle explains this share of the effort beside inertia and
@@ -249,7 +249,7 @@ def _merit(layout: Layout) -> float:
     quantities = {role.quantity for role in layout.channels}
     motion = 3.0 * bool(quantities & {"position", "angle", "motor_position"})
     inertial = 2.0 * any(q and q.endswith(".acceleration") for q in quantities)
-    efforts = 2.0 * bool(quantities & {*EFFORTS, "moment"})
+    efforts = 2.0 * bool(quantities & {*DRIVE_QUANTITIES, "moment"})
     emg = 1.0 * ("emg" in quantities)
     clock = 0.5 * (layout.roles.clock.column is not None)
     size = min(len(layout.tables), 4) * 0.5 + 0.1 * np.log10(max(layout.tables[0].rows, 1))
@@ -268,7 +268,7 @@ def _is_person(main: Layout, layouts: Sequence[Layout]) -> bool:
 
 def _is_inertial(layout: Layout) -> bool:
     return any((role.quantity or "").endswith(".acceleration") for role in layout.channels) and not any(
-        role.quantity in EFFORTS for role in layout.channels
+        role.quantity in DRIVE_QUANTITIES for role in layout.channels
     )
 
 
@@ -443,7 +443,7 @@ def _distinct_parents(table: GivenTable, tables: Sequence[GivenTable]) -> str:
     return "_".join(table.path.parent.parts[shared:])
 
 
-_PARTICIPANT = re.compile(
+_PARTICIPANT_CODE = re.compile(
     r"(?:^|[_\s./-])(?:(?:sub|subj|subject|participant|patient|pilot|person|id)[_\s-]?(\d{1,3})|([PS]\d{1,3}))(?=$|[_\s./-])",
     re.IGNORECASE,
 )
@@ -453,7 +453,7 @@ def _participant(path: Path) -> str | None:
     """Return the code of a participant that a file's name or its folders contain, such as P1; None if they contain
     none."""
     for text in (path.stem, *(parent.name for parent in list(path.parents)[:3])):
-        match = _PARTICIPANT.search(text)
+        match = _PARTICIPANT_CODE.search(text)
         if match is not None:
             return f"P{match[1]}" if match[1] else match[2].upper()
     return None
@@ -461,15 +461,16 @@ def _participant(path: Path) -> str | None:
 
 def _condition(path: Path, tables: Sequence[GivenTable]) -> str | None:
     """Return the folder that tells a recording's condition: several participants' recordings lie in each."""
-    own = [p.name for p in list(path.parents)[:3] if _PARTICIPANT.search(p.name) is None]
+    own = [p.name for p in list(path.parents)[:3] if _PARTICIPANT_CODE.search(p.name) is None]
     if _participant(path) is None or not own:
         return None
-    every = {tuple(p.name for p in list(t.path.parents)[:3] if _PARTICIPANT.search(p.name) is None)[:1] for t in tables}
+    near = [list(table.path.parents)[:3] for table in tables]
+    every = {tuple(p.name for p in folders if _PARTICIPANT_CODE.search(p.name) is None)[:1] for folders in near}
     return own[0] if 1 < len(every) <= 6 else None
 
 
 def _protocol(path: Path) -> str | None:
-    words = [w for w in words_of(path.stem) if not w.isdigit() and _PARTICIPANT.search(w) is None]
+    words = [w for w in words_of(path.stem) if not w.isdigit() and _PARTICIPANT_CODE.search(w) is None]
     text = "_".join(words[:6])
     return text if re.fullmatch(r"[a-z][a-z0-9_]{1,60}", text) else None
 
@@ -513,7 +514,9 @@ def _split_single(recording: ProposedRecording, main: Layout) -> list[ProposedRe
 
 
 def _drive_kind(main: Layout, streams: Sequence[Layout]) -> str | None:
-    roles = [r for layout in (main, *streams) for r in layout.channels if r.quantity in EFFORTS and not r.is_command]
+    roles = [
+        r for layout in (main, *streams) for r in layout.channels if r.quantity in DRIVE_QUANTITIES and not r.is_command
+    ]
     if not roles:
         return None
     order = ("torque", "force", "current", "duty", "voltage")
@@ -614,7 +617,7 @@ def _repeated(recordings: Sequence[ProposedRecording], main: Layout, drive: str 
     positions = [r for r in main.channels if r.quantity == "position"]
     if effort is None or not positions or len(recordings) < MIN_TIMES_COMPARED:
         return None
-    # Of several joints, one that gravity weighs tells a payload; the joint with the largest effort is one.
+    # A joint that gravity weighs tells a payload; the one with the largest effort is such a joint.
     efforts = [r for r in main.channels if r.quantity == effort[1].quantity]
     largest = max(efforts, key=lambda r: float(np.std(_decoded(main.tables[0], r))))
     position = next((r for r in positions if r.label == largest.label), positions[0])
@@ -772,7 +775,7 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
         streams = [replace(s, roles=replace(s.roles, rate=s.roles.rate or rate)) for s in streams]
     if "effort" in answers:
         quantity, _, unit = answers["effort"].partition(" in ")
-        if quantity not in EFFORTS or not unit:
+        if quantity not in DRIVE_QUANTITIES or not unit:
             raise StudyError(f'effort: found "{answers["effort"]}", expected such as "current in mA"')
         found = _main_effort([main, *streams], drive)
         if found is not None:
@@ -850,8 +853,8 @@ def _remarks(given: GivenFiles, main: Layout, streams: Sequence[Layout]) -> list
     for table in given.tables:
         for person in table.personal:
             said.append(
-                f"{table.path.name}: {person.place} tells who was recorded ({person.kind}): it is left out; the copy of "
-                "the file still holds it, so take it out before you pass the study on"
+                f"{table.path.name}: {person.place} tells who was recorded ({person.kind}): it is left out; the copy "
+                "of the file still holds it, so take it out before you pass the study on"
             )
     for table in main.tables:
         role = next((r for r in main.channels if r.quantity == "position" and r.column in table.columns), None)
@@ -859,8 +862,8 @@ def _remarks(given: GivenFiles, main: Layout, streams: Sequence[Layout]) -> list
             held = find_postures(_decoded(table, role), main.roles.rate)
             if held.is_static:
                 said.append(
-                    f"{table.path.name}: it holds {len(held.positions)} postures ({100 * held.still_share:.0f} % of the "
-                    "time still): holds weigh the joint without inertia, and identify uses them for gravity"
+                    f"{table.path.name}: it holds {len(held.positions)} postures ({100 * held.still_share:.0f} % of "
+                    "the time still): holds weigh the joint without inertia, and identify uses them for gravity"
                 )
     if main.roles.clock.first_sound:
         said.append(

@@ -41,7 +41,7 @@ _UNITS_BY_TEXT = {
 _CASE_MATTERS = {"A": "A", "a": "", "N": "N", "n": "", "V": "V", "v": "", "T": "T", "t": "", "C": "", "K": "", "W": "W"}
 """Units of one letter. In the other case the letter is a name, such as t for time."""
 
-_BRACKETED = re.compile(r"[\[({]\s*([^\])}]*?)\s*[\])}]\s*$")
+_BRACKETED_UNIT = re.compile(r"[\[({]\s*([^\])}]*?)\s*[\])}]\s*$")
 
 _WORDS_WITH_LETTER = {
     "s": {"time", "t", "stamp", "timestamp", "clock", "elapsed"},
@@ -51,7 +51,7 @@ _WORDS_WITH_LETTER = {
 }  # fmt: skip
 """Last words of names after which a single small letter is a unit; elsewhere it is part of the name."""
 
-_SUFFIX = re.compile(
+_UNIT_SUFFIX = re.compile(
     r"(?<=[A-Za-z0-9])_((?:mN|N)\.?m(?:_?per_?rad)?(?:_?per_?rad)?(?:_?per_?s)?|deg(?:_?(?:per|/)?_?s(?:ec)?2?)?"
     r"|rad(?:_?(?:per|/)?_?s(?:ec)?2?)?|rpm|ms|us|ns|sec|mA|uV|mV|mm|cm|counts|pct|Hz|kN|m_?s2|mps2?|[sVANmg])$"
 )
@@ -94,12 +94,12 @@ def split_unit(name: str) -> tuple[str, str | None]:
     >>> split_unit("Current [mA]"), split_unit("q_deg"), split_unit("LoadCell ()")
     (('Current', 'mA'), ('q', 'deg'), ('LoadCell', None))
     """
-    match = _BRACKETED.search(name)
+    match = _BRACKETED_UNIT.search(name)
     if match is not None:
         bare, unit = name[: match.start()].strip(), unit_from_text(match[1])
         if unit is not None or not match[1]:
             return bare or name, unit
-    match = _SUFFIX.search(name)
+    match = _UNIT_SUFFIX.search(name)
     if match is not None:
         unit = _SUFFIX_TEXTS.get(match[1]) or unit_from_text(match[1])
         last = re.split(r"[\W_]+", name[: match.start()].casefold())[-1].rstrip("0123456789")

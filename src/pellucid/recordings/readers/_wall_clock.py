@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
@@ -26,6 +26,8 @@ def stamp_seconds(stamps: Sequence[str]) -> np.ndarray | None:
     midnight, and go on after the next midnight. A date alone is no time. If day and month could be exchanged, the
     reading with the shorter duration is taken.
     """
+    if not stamps:
+        return None
     for form, orders in ((_YEAR_FIRST, ("ab",)), (_YEAR_LAST, ("ba", "ab"))):
         found = [form.fullmatch(stamp.strip()) for stamp in stamps]
         whole = [match for match in found if match is not None]
@@ -34,7 +36,7 @@ def stamp_seconds(stamps: Sequence[str]) -> np.ndarray | None:
             return min(readings, key=np.ptp, default=None)
     alone = [_TIME_ALONE.fullmatch(stamp.strip()) for stamp in stamps]
     seconds = [math.nan if match is None else _clock_seconds(match) for match in alone]
-    if not stamps or not np.isfinite(seconds).all():
+    if not np.isfinite(seconds).all():
         return None
     times = np.array(seconds)
     # A clock that falls by more than half a day has passed midnight.
@@ -43,15 +45,14 @@ def stamp_seconds(stamps: Sequence[str]) -> np.ndarray | None:
 
 def _dated(stamps: list[re.Match[str]], order: str) -> np.ndarray | None:
     """Return the times of matched stamps whose groups `order` are month and day; None if a date does not exist."""
-    times = []
+    times: list[float] = []
     for stamp in stamps:
         try:
-            day = datetime(int(stamp["year"]), int(stamp[order[0]]), int(stamp[order[1]]), tzinfo=timezone.utc)
+            day = datetime(int(stamp["year"]), int(stamp[order[0]]), int(stamp[order[1]]), tzinfo=UTC)
         except ValueError:
             return None
         times.append(day.timestamp() + _clock_seconds(stamp) - _zone_seconds(stamp["zone"]))
-    times = np.array(times)
-    return times if np.isfinite(times).all() else None
+    return np.array(times) if np.isfinite(times).all() else None
 
 
 def _clock_seconds(stamp: re.Match[str]) -> float:

@@ -30,7 +30,7 @@ _COMMENT_MARKS = ("#", "%", "//", "!")
 _MISSING_WORDS = {"", "nan", "na", "n/a", "null", "none", "-", "--", "missing"}
 _NUMBER_WORDS = {"true": 1.0, "false": 0.0, "inf": np.inf, "-inf": -np.inf}
 _CHANNEL_LINE = re.compile(r"Channel \d+: '([^']+)'(?:.*engineering units: ([^,]+),)?")
-_FACT = re.compile(r"[\s#%!/\"]*([^:=;,\t\"]{1,60}?)\"?\s*(?::|=|;|,|\t)\s*\"?(.*?)[\s\";,]*")
+_LABELLED_FACT = re.compile(r"[\s#%!/\"]*([^:=;,\t\"]{1,60}?)\"?\s*(?::|=|;|,|\t)\s*\"?(.*?)[\s\";,]*")
 _COMMA_NUMBER = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 
 
@@ -65,7 +65,8 @@ def read_lines(path: Path, lines: list[tuple[int, str]], delimiter: str | None =
         raise RecordingError(f'{path.name}: found no row of numbers; the first line is "{lines[0][1][:60]}"')
     width = len(_split(lines[first][1], delimiter))
     header, unit_texts = _header(lines[:first], comments, delimiter, width)
-    if header is None and (numbers := _numbered_names([_split(line, delimiter) for _, line in lines[first : first + 2]])):
+    if header is None and (numbers := _numbered_names([_split(line, delimiter) for _,
+        line in lines[first : first + 2]])):
         header, first = numbers, first + 1
     rows = lines[first:]
     try:
@@ -110,7 +111,7 @@ def _facts(lines: list[str], names: list[str]) -> dict[str, str]:
     """Return the values of the lines above a table by their labels, without what tells who was recorded."""
     facts: dict[str, str] = {}
     for line in lines:
-        match = _FACT.fullmatch(line)
+        match = _LABELLED_FACT.fullmatch(line)
         if match is None or not match[2] or find_personal_lines([line]):
             continue
         label = match[1].strip()
