@@ -1,7 +1,8 @@
 """What `init --from --yes` makes of real layouts: channels, roles and units beside hand-written templates.
 
 The truth of a layout is its template in the package, or, of the layouts without one, what its README says. A channel is
-right if study.toml gives its column that role and that unit. A fact that no file states, such as a load cell's unit or a
+right if study.toml gives its column that role and that unit. A fact that no file states, such as a load cell's unit or
+a
 missing clock's rate, cannot be right: such a channel counts as right only if its line says ASKED, and these are counted
 apart. A wrong unit is one in silence if its line is not marked.
 
@@ -95,7 +96,9 @@ def true_channels(text: str, unknowable: Sequence[str] = ()) -> tuple[TrueChanne
     for table in tables:
         for name, entry in flat_channels(table):
             column = f"rate {entry['rate']}" if "rate" in entry else str(entry["column"])
-            factor = None if "rate" in entry else to_si_factor(str(entry["unit"]), None)[0] * float(entry.get("scale", 1.0))
+            factor = (
+                None if "rate" in entry else to_si_factor(str(entry["unit"]), None)[0] * float(entry.get("scale", 1.0))
+            )
             found.append(TrueChannel(column, role_of(name), factor, is_unknowable=role_of(name) in unknowable))
     return tuple(found)
 
@@ -176,7 +179,9 @@ def proposed_channels(text: str) -> list[tuple[str, str, float, str, str]]:
             if "unit" not in entry and "rate" not in entry:
                 continue
             column = f"rate {entry['rate']}" if "rate" in entry else str(entry["column"])
-            factor = 1.0 if "rate" in entry else to_si_factor(str(entry["unit"]), None)[0] * float(entry.get("scale", 1.0))
+            factor = (
+                1.0 if "rate" in entry else to_si_factor(str(entry["unit"]), None)[0] * float(entry.get("scale", 1.0))
+            )
             mark = marks.get((name, column), "")
             found.append((role_of(name), column, factor, mark, str(entry.get("unit", ""))))
     return found
@@ -208,7 +213,7 @@ def shared_layouts(data: Path) -> list[TrueLayout]:
 def _read_layouts(data: Path) -> list[TrueLayout]:
     """Return the layouts without a template, with what their READMEs say of them."""
     deg, unknown = to_si_factor("deg", "rad")[0], {"is_unknowable": True}
-    emg = "rectabd_r rectabd_l iliocost_r iliocost_l longlumb_r longlumb_l longthor_r longthor_l".split()
+    emg = ["rectabd_r", "rectabd_l", "iliocost_r", "iliocost_l", "longlumb_r", "longlumb_l", "longthor_r", "longthor_l"]
     layouts = {
         "elbow_exosuit": (
             "*_threshold/P*/*.csv",
@@ -276,8 +281,10 @@ def _rows(prefix: str, scores: Sequence[LayoutScore], what: str) -> Iterator[Res
     silent = [f"{s.name}: {name}" for s in scores for name in s.silent]
     made = (
         ("layouts", len(scores), "1", what),
-        ("right", 100.0 * sum(s.is_right for s in scores) / len(scores), "%", f"layouts with every channel right; not: {wrong or 'none'}"),
-        ("channels", channels, "1", f"channels judged, {asked} of them by a fact that no file states and that was asked"),
+        ("right", 100.0 * sum(s.is_right for s in scores) / len(scores), "%",
+            f"layouts with every channel right; not: {wrong or 'none'}"),
+        ("channels", channels, "1",
+            f"channels judged, {asked} of them by a fact that no file states and that was asked"),
         ("channels_right", 100.0 * right / channels, "%", "channels with the right column, role and unit"),
         ("wrong_unit_in_silence", len(silent), "1", "; ".join(silent[:8]) or "none"),
         ("questions.most", max(s.questions for s in scores), "1", "most questions of a layout"),

@@ -87,11 +87,14 @@ def init(
         list[Path] | None, typer.Argument(metavar="[FILES...]", help="Further files after --from.", show_default=False)
     ] = None,
     from_: Annotated[
-        list[Path] | None, typer.Option("--from", metavar="FILES...", help="Recordings of your own, or folders of them.")
+        list[Path] | None, typer.Option("--from", metavar="FILES...",
+            help="Recordings of your own, or folders of them.")
     ] = None,
-    yes: Annotated[bool, typer.Option("--yes", help="Take every question's default, and mark it in study.toml.")] = False,
+    yes: Annotated[bool, typer.Option("--yes",
+        help="Take every question's default, and mark it in study.toml.")] = False,
     answer: Annotated[
-        list[str] | None, typer.Option("--answer", metavar="KEY=VALUE", help="Answer to a question of --from by its key.")
+        list[str] | None, typer.Option("--answer", metavar="KEY=VALUE",
+            help="Answer to a question of --from by its key.")
     ] = None,
     session: Annotated[
         str | None, typer.Option(metavar="NAME", help="Live session to plan: elbow, knee, able-elbow, knee-orthosis.")
@@ -156,7 +159,8 @@ def _check_proposed(folder: Path) -> None:
     try:
         check(folder)
     except typer.Exit:
-        print_line(make_console(), f"Correct {folder / 'study.toml'}, or leave files out, and run pellucid check {folder}.")
+        print_line(make_console(),
+            f"Correct {folder / 'study.toml'}, or leave files out, and run pellucid check {folder}.")
     except PellucidError as error:
         print_line(make_console(), f"check: {error}")
 

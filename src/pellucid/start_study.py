@@ -1,4 +1,5 @@
-"""A new study: of one's own files, of a public data set, to be filled by a virtual rig, or written for a robot's file."""
+"""A new study: of one's own files, of a public data set, to be filled by a virtual rig, or written for a robot's
+file."""
 
 from __future__ import annotations
 
@@ -51,7 +52,8 @@ def init(
         Recordings of one's own, and folders of them. They are copied; what their columns are is inferred from names,
         units and numbers, and study.toml marks what these do not decide. A robot's file among them gives its joints.
     answers : mapping of str to str, optional
-        With `files`: answers to questions that files cannot answer, by the questions' keys; a question without one takes
+        With `files`: answers to questions that files cannot answer, by the questions' keys; a question without one
+        takes
         its default, which study.toml marks.
     ask : callable, optional
         With `files`: called with each question without an answer; it returns the answer.

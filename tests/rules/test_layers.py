@@ -32,6 +32,7 @@ ALLOWED = {
     "datasets": BASE | {"recordings", "studies", "procedures"},
     "signals": BASE | {"recordings", "_core"},
     "protocols": BASE | {"recordings", "signals"},
+    "inference": BASE | {"recordings.stated_units", "signals"},  # arrays and names; proposals read files
     "models": BASE | {"_core"},  # physics knows no data
     "fit": BASE | PHYSICS | {"drawing", "recordings.recording", "signals", "protocols"},  # arrays alone
     "control": PHYSICS,
@@ -46,9 +47,10 @@ ALLOWED = {
     "papers": EVERYTHING,
     "demonstration": EVERYTHING | {"deployment"},
     "ranking": EVERYTHING | {"papers"},
-    "start_study": BASE | {"datasets", "procedures", "recordings", "studies"},  # rigs come as plug-ins
+    "proposals": BASE | {"drawing", "inference", "pages", "recordings", "studies"},  # of a lab's own files
+    "start_study": BASE | {"datasets", "procedures", "proposals", "recordings", "studies"},  # rigs come as plug-ins
     "terminal": BASE | {"procedures", "studies"},  # printing and progress
-    "cli": LIBRARY_AND_STUDIES | {"deployment", "start_study", "terminal"},
+    "cli": LIBRARY_AND_STUDIES | {"deployment", "proposals", "start_study", "terminal"},
     "lab_cli": EVERYTHING | {"deployment", "papers", "demonstration", "ranking", "terminal"},
 }  # fmt: skip
 PLOTTING = {"drawing", "pages"}

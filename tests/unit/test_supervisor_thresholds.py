@@ -227,7 +227,8 @@ def test_a_worse_force_sensor_widens_its_watch():
 
 
 def test_energy_that_nobody_accounts_for():
-    """Errors of a model lend energy: of its weight over the range, of its inertia, and of the encoder in two periods."""
+    """Errors of a model lend energy: of its weight over the range, of its inertia, and of the encoder in two
+    periods."""
     swing, usual = 0.4 * 1.5, 5.75
 
     def limit(*, sensed=True, settings=None, **changed):

@@ -12,20 +12,25 @@ from .angle_units import MAX_RADIAN_RANGE, AngleUnit, find_angle_unit, find_roll
 from .clocks import FoundClock, find_clock
 from .commands import FollowedCommand, find_command, is_set_by_program, is_stepped, roughness
 from .derivatives import DerivativePair, find_derivatives
-from .emg_spectrum import is_envelope, is_raw_emg
+from .emg_spectrum import is_envelope, is_raw_emg, swings_fast
 from .inertial_columns import InertialColumns, find_inertial
 from .motion_efforts import MIN_EFFORT_SHARE, MotionSamples, effort_share, motion_samples, unit_by_weight
 from .name_evidence import NameEvidence, quantity_of_unit, read_name, words_of
 
-EFFORTS = ("torque", "force", "current", "voltage", "duty")
+DRIVE_QUANTITIES = ("torque", "force", "current", "voltage", "duty")
 """Quantities of a drive."""
 
-INERTIAL = {"acceleration": "linear_acceleration", "angular_velocity": "angular_velocity", "orientation": "orientation"}
+INERTIAL_QUANTITIES = {
+    "acceleration": "linear_acceleration",
+    "angular_velocity": "angular_velocity",
+    "orientation": "orientation",
+}
 """Quantities of inertial sensors, by the kind that numbers show."""
 
 DEFAULT_UNITS = {
     "torque": "N*m", "force": "N", "current": "A", "voltage": "V", "duty": "1", "supply": "V", "temperature": "degC",
-    "enabled": "1", "orientation": "1", "magnetic_field": "uT", "linear_acceleration": "m/s^2", "angular_velocity": "rad/s",
+    "enabled": "1", "orientation": "1", "magnetic_field": "uT", "linear_acceleration": "m/s^2",
+        "angular_velocity": "rad/s",
     "stiffness": "N*m/rad", "damping": "N*m*s/rad", "length": "m", "moment_arm": "m", "lengthening": "m/s",
 }  # fmt: skip
 """Units that are taken, and marked, where nothing tells them."""
@@ -35,6 +40,9 @@ _EFFORTS_BY_LETTER = {"v": "voltage", "u": "voltage", "i": "current", "t": "torq
 
 MAX_ANALYSED_ROWS = 200_000
 """Evidence is taken from at most this many rows of a long table."""
+
+MAX_WEIGHING_EFFORTS = 8
+"""An angle's unit is looked for in the weight that at most so many efforts show."""
 
 MAX_EFFORT_CANDIDATES = 40
 """Fits of efforts to motions are made for at most this many columns."""
@@ -93,9 +101,11 @@ class TableHints:
 def assign_roles(columns: Mapping[str, np.ndarray], hints: TableHints | None = None) -> TableRoles:
     """Return what each of a table's columns, shape (n,) each, is.
 
-    Constants belong to nobody. A clock advances evenly. EMG is told by its spectrum, inertial sensors by what their axes
+    Constants belong to nobody. A clock advances evenly. EMG is told by its spectrum, inertial sensors by what their
+    axes
     fulfil together, velocities as derivatives of positions, efforts by the motion that explains them, commands by their
-    lack of noise. A name adds to this evidence. Where name and numbers disagree, or neither decides, the role is marked.
+    lack of noise. A name adds to this evidence. Where name and numbers disagree, or neither decides, the role is
+    marked.
     """
     hints = hints or TableHints()
     n = max(map(len, columns.values()), default=0)
@@ -137,6 +147,7 @@ class _Assignment:
         self.time = time[rows]
         self.values = {name: x[rows] for name, x in columns.items()}
         self.roles: dict[str, ColumnRole] = {}
+        self._angles: dict[tuple[str, int], AngleUnit] = {}
         self.pairs: list[DerivativePair] = []
         self.commands: list[FollowedCommand] = []
         self.joints: tuple[str, ...] = ()
@@ -169,6 +180,13 @@ class _Assignment:
             tuple(self.pairs),
             tuple(self.commands),
         )
+
+    def _angle(self, name: str) -> AngleUnit:
+        """Return what a column's numbers tell of its unit as an angle, computed once."""
+        key = name, id(self.values[name])
+        if key not in self._angles:
+            self._angles[key] = find_angle_unit(self.values[name])
+        return self._angles[key]
 
     def _free(self) -> list[str]:
         return [name for name in self.columns if name not in self.roles and name != self.clock.column]
@@ -214,6 +232,13 @@ class _Assignment:
         said = self.hints.quantity
         if said in (None, "emg", "time"):
             return
+        own_words = [
+            e
+            for e in self.names.values()
+            if e.quantity in (*DRIVE_QUANTITIES, "position", "velocity") and _is_long_name(e)
+        ]
+        if len([e for e in own_words if e.joint is None]) >= 2:
+            return  # the columns say themselves what they are; the file's name tells a protocol
         for name in self._free():
             evidence = self.names[name]
             place = name.casefold()[-3:] in ("_tx", "_ty", "_tz")
@@ -223,10 +248,13 @@ class _Assignment:
             if place and said == "torque" and evidence.quantity is None:
                 self._leave_out(name, "a force on the model, and no moment")
                 continue
-            own = evidence.quantity in (None, "position") or (evidence.quantity == "emg" and evidence.muscle)
+            of_person = evidence.quantity == "position" and evidence.joint is not None
+            own = evidence.quantity is None or of_person or (evidence.quantity == "emg" and evidence.muscle)
             if evidence.unit is not None or not own:
                 continue
             quantity = "position" if said == "angle" else said
+            if quantity == "position" and self._is_motor_side(name):
+                quantity = "motor_position"
             if quantity == "velocity" and evidence.muscle:
                 quantity = "lengthening"
             if quantity in ("length", "lengthening", "moment_arm") and not evidence.muscle:
@@ -243,7 +271,7 @@ class _Assignment:
         for name in free:
             evidence, x = self.names[name], self.values[name]
             said = evidence.quantity == "emg" or file_says
-            raw = is_raw_emg(x, rate) or (self.rate is None and _swings_fast(x))
+            raw = is_raw_emg(x, rate) or (self.rate is None and swings_fast(x))
             # A name of another quantity stands against the spectrum: a current has ripple, too.
             if raw and (said or (evidence.quantity in (None, "voltage", "position") and not _is_long_name(evidence))):
                 why = "its spectrum is that of EMG: broad, between 20 and 450 Hz"
@@ -255,17 +283,16 @@ class _Assignment:
                 self._set(name, "emg", f"EMG, {kind}", evidence, True)
 
     def _find_inertial_sensors(self) -> None:
-        if self.rate is None and self.clock.column is None:
-            rate = 1.0
-        else:
-            rate = self.rate or 1.0
+        rate = self.rate or 1.0
         free = [
             name for name in self._free()
-            if self.names[name].quantity in (None, "linear_acceleration", "angular_velocity", "orientation", "magnetic_field")
+            if self.names[name].quantity in (None, "linear_acceleration", "angular_velocity", "orientation",
+                "magnetic_field")
         ]  # fmt: skip
         if len(free) < 3:
             return
-        sensors = find_inertial(self.values, free, rate)
+        named = [name for name in free if self.names[name].quantity is not None]
+        sensors = find_inertial(self.values, free, rate, named)
         for label, found in _numbered(sensors):
             axes = "xyz" if len(found.names) == 3 else "wxyz"
             for axis, name in zip(axes, found.names, strict=True):
@@ -308,11 +335,13 @@ class _Assignment:
             said = "its name" if evidence.quantity else "the file's name"
             sure = _is_long_name(evidence) or evidence.unit is not None or quantity == self.hints.quantity
             if quantity in ("torque", "force") and self._is_register(name):
-                why = f"{said} says {quantity}, but it holds whole numbers without a unit beside a supply voltage: a duty"
+                why = (
+                    f"{said} says {quantity}, but it holds whole numbers without a unit: a servo's register of its duty"
+                )
                 self._set(name, "duty", why, evidence, False)
                 self.keys.setdefault(name, {})["scale"] = 0.001
                 continue
-            if quantity in EFFORTS and not evidence.is_command and is_stepped(self.values[name]):
+            if quantity in DRIVE_QUANTITIES and not evidence.is_command and is_stepped(self.values[name]):
                 why = f"{said} says {quantity}, but it rests on levels: a program set it"
                 self._set(name, quantity, why, evidence, False)
                 continue
@@ -330,14 +359,15 @@ class _Assignment:
 
     def _is_motor_side(self, name: str) -> bool:
         """Whether a position turns too often for a joint, in radians that its encoder's quanta show."""
-        found = find_angle_unit(self.values[name])
+        found = self._angle(name)
         known = self.values[name][np.isfinite(self.values[name])]
         return found.is_certain and found.unit == "rad" and float(np.ptp(known)) > MAX_RADIAN_RANGE
 
     def _is_register(self, name: str) -> bool:
         """Whether a column holds whole numbers without a unit, as a servo's register of load does."""
         known = self.values[name][np.isfinite(self.values[name])]
-        has_supply = any(evidence.quantity == "supply" for evidence in self.names.values())
+        is_unsigned = "signed_bits" in self.keys.get(name, {})
+        has_supply = is_unsigned or any(evidence.quantity == "supply" for evidence in self.names.values())
         return has_supply and self._stated(name) is None and bool(np.all(known == np.round(known)))
 
     def _quantity_of_file(self, evidence: NameEvidence) -> str | None:
@@ -346,10 +376,8 @@ class _Assignment:
         return "position" if self.hints.angle_unit is not None and evidence.joint is not None else None
 
     def _motions(self) -> dict[str, MotionSamples]:
-        if self.rate is None and self.clock.column is None:
-            time = np.arange(len(self.time)) / 100.0
-        else:
-            time = self.time
+        is_timeless = self.rate is None and self.clock.column is None
+        time = np.arange(len(self.time)) / 100.0 if is_timeless else self.time
         found = {}
         for name, role in self.roles.items():
             if role.quantity in ("position", "angle") and not role.is_command and len(time) > 100:
@@ -360,7 +388,7 @@ class _Assignment:
         """Where no column is a position yet, the smoothest column that others follow or answer is taken."""
         positions = [n for n, r in self.roles.items() if r.quantity in ("position", "angle", "motor_position")]
         free = [n for n in self._free() if not is_stepped(self.values[n])]
-        if positions or not free or any(r.quantity == "emg" for r in self.roles.values()) and len(free) > 6:
+        if positions or not free or (any(r.quantity == "emg" for r in self.roles.values()) and len(free) > 6):
             return
         lengths = {n: roughness(self.values[n]) for n in free}
         # A pair in which one column follows the other is a controlled position.
@@ -372,12 +400,15 @@ class _Assignment:
                     self._set(followed.measured, "position", why, self.names[followed.measured], False)
                     return
         drives = [n for n in self._free() if is_stepped(self.values[n])]
-        efforts = [n for n, r in self.roles.items() if r.quantity in EFFORTS]
+        efforts = [n for n, r in self.roles.items() if r.quantity in DRIVE_QUANTITIES]
         ranked = sorted(free, key=lambda n: (len(n.split(".")) > 1 and n.split(".")[-1].isdigit(), lengths[n]))
-        has_encoder = [n for n in ranked if find_angle_unit(self.values[n]).is_certain]
+        has_encoder = [n for n in ranked if self._angle(n).is_certain]
         if has_encoder:
-            best = has_encoder[0]
-            self._set(best, "position", f"{find_angle_unit(self.values[best]).why}", self.names[best], True)
+            # Without an effort beside them, all columns that an encoder divides are positions of joints.
+            most = 2 * len(has_encoder) > len(ranked) and len(has_encoder) > 1
+            found = ranked if most else has_encoder[:1]
+            for name in sorted(found, key=list(self.columns).index):
+                self._set(name, "position", self._angle(name).why, self.names[name], True)
         elif ranked and (drives or efforts or len(ranked) > 1 or any(r.quantity == "emg" for r in self.roles.values())):
             self._set(ranked[0], "position", "it is the smoothest column", self.names[ranked[0]], False)
 
@@ -386,14 +417,17 @@ class _Assignment:
         free = self._free()[:MAX_EFFORT_CANDIDATES]
         if not motions or not free:
             return
-        has_drive = any(r.quantity in EFFORTS and r.is_certain for r in self.roles.values())
+        has_drive = any(r.quantity in DRIVE_QUANTITIES and r.is_certain for r in self.roles.values())
         shares: dict[str, tuple[str, float]] = {}
         for name in free:
             # What follows a position is its command, and no effort.
             if any(self._follows(name, other) for other in motions):
                 continue
             best = max(
-                ((other, effort_share(self.values[name], motion, self._radians(other))) for other, motion in motions.items()),
+                (
+                    (other, effort_share(self.values[name], motion, self._radians(other)))
+                    for other, motion in motions.items()
+                ),
                 key=lambda item: item[1],
             )
             shares[name] = best
@@ -407,7 +441,11 @@ class _Assignment:
             other, share = shares[name]
             quantity, why = self._kind_of_effort(name)
             self._set(
-                name, quantity, f'{why}; the motion "{other}" explains {100 * share:.0f} % of it', self.names[name], False
+                name,
+                quantity,
+                f'{why}; the motion "{other}" explains {100 * share:.0f} % of it',
+                self.names[name],
+                False,
             )
 
     def _follows(self, name: str, other: str) -> bool:
@@ -430,7 +468,7 @@ class _Assignment:
         letter = self.names[name].bare[:1].casefold()
         if len(self.names[name].bare) <= 4 and letter in _EFFORTS_BY_LETTER:
             quantity = _EFFORTS_BY_LETTER[letter]
-            return quantity, f'an effort, and the letter {letter} stands for {quantity}'
+            return quantity, f"an effort, and the letter {letter} stands for {quantity}"
         return "torque", "an effort"
 
     def _find_commands(self) -> None:
@@ -444,7 +482,15 @@ class _Assignment:
                         quantity = "reference" if role.quantity == "position" else "desired_velocity"
                         unit = role.unit
                         self.roles[name] = ColumnRole(
-                            name, quantity, unit, f'"{other}" follows it: {followed.why}', "", True, True, role.label, True
+                            name,
+                            quantity,
+                            unit,
+                            f'"{other}" follows it: {followed.why}',
+                            "",
+                            True,
+                            True,
+                            role.label,
+                            True,
                         )
                         self.commands.append(followed)
                         break
@@ -453,8 +499,10 @@ class _Assignment:
         for name, role in list(self.roles.items()):
             if role.quantity == "position" and self.names[name].is_command:
                 self.roles[name] = replace(role, quantity="reference", is_command=True, why="its name says a command")
-            elif role.quantity in EFFORTS and self.names[name].is_command:
-                measured = [n for n, r in self.roles.items() if r.quantity == role.quantity and n != name and not r.is_command]
+            elif role.quantity in DRIVE_QUANTITIES and self.names[name].is_command:
+                measured = [
+                    n for n, r in self.roles.items() if r.quantity == role.quantity and n != name and not r.is_command
+                ]
                 if measured:
                     self.roles[name] = replace(role, quantity=f"desired_{role.quantity}", is_command=True)
             elif role.quantity == "velocity" and self.names[name].is_command:
@@ -480,7 +528,10 @@ class _Assignment:
             self.roles[name] = self._with_unit(name, role, common)
         self._share_emg_unit()
         for name, role in list(self.roles.items()):
-            if role.quantity in ("velocity", "acceleration", "desired_velocity", "reference") and not role.unit_is_certain:
+            if (
+                role.quantity in ("velocity", "acceleration", "desired_velocity", "reference")
+                and not role.unit_is_certain
+            ):
                 self.roles[name] = self._with_partner_unit(name, role)
 
     def _share_emg_unit(self) -> None:
@@ -494,7 +545,10 @@ class _Assignment:
         for name in names:
             if self.roles[name].unit != common:
                 self.roles[name] = replace(
-                    self.roles[name], unit=common, unit_why="as the other EMG channels", unit_is_certain=known.unit_is_certain
+                    self.roles[name],
+                    unit=common,
+                    unit_why="as the other EMG channels",
+                    unit_is_certain=known.unit_is_certain,
                 )
 
     def _stated(self, name: str) -> str | None:
@@ -506,12 +560,17 @@ class _Assignment:
             return stated, "the file states it", True, None
         if self.hints.angle_unit is not None:
             return self.hints.angle_unit, "the file's header states it", True, None
-        found = find_angle_unit(self.values[name])
+        found = self._angle(name)
         for pair in self.pairs:
             unit = self._stated(pair.by) if pair.of == name else None
             fitting = [a for a, b in pair.units if b == unit]
             if fitting:
-                return fitting[0], f'its derivative "{pair.by}" is in {unit}, at a ratio of {pair.ratio:.4g}', True, None
+                return (
+                    fitting[0],
+                    f'its derivative "{pair.by}" is in {unit}, at a ratio of {pair.ratio:.4g}',
+                    True,
+                    None,
+                )
         if name in self.keys and "wrap_bits" in self.keys[name]:
             return "counts", f"a count that rolls over after {self.keys[name]['wrap_bits']} bits", True, found
         return found.unit, found.why, found.is_certain, found
@@ -522,6 +581,8 @@ class _Assignment:
         keys = dict(role.keys) | self.keys.get(name, {})
         if quantity in ("position", "reference", "angle", "target", "error", "motor_position"):
             unit, why, sure, found = self._position_unit(name)
+            if stated is not None and is_known_unit(stated, "m") and _is_normalised(self.values[name]):
+                why, sure = f"{why}, but its largest value is exactly 1: perhaps it is relative", False
             if stated is None and common is not None and not sure:
                 unit, why, sure = common, "as the other angles of the table", True
             if found is not None and found.wrap is not None:
@@ -537,7 +598,9 @@ class _Assignment:
             unit, why, sure = _emg_unit(self.values[name], self.rate)
             return replace(role, unit=unit, unit_why=why, unit_is_certain=sure, keys=keys)
         if quantity in ("velocity", "acceleration", "desired_velocity"):
-            return replace(role, unit="rad/s" if quantity != "acceleration" else "rad/s^2", unit_is_certain=False, keys=keys)
+            return replace(
+                role, unit="rad/s" if quantity != "acceleration" else "rad/s^2", unit_is_certain=False, keys=keys
+            )
         unit, why, sure = _unit_by_size(quantity.removeprefix("desired_"), self.values[name])
         return replace(role, unit=unit, unit_why=why, unit_is_certain=sure, keys=keys)
 
@@ -546,15 +609,15 @@ class _Assignment:
         if self.rate is None or len(self.time) < 200:
             return None
         motion = motion_samples(self.values[name], self.time)
-        for other, role in self.roles.items():
-            if role.quantity in ("torque", "current", "voltage", "duty"):
-                decided = unit_by_weight(self.values[other], motion)
-                if decided is not None:
-                    unit, degrees, radians = decided
-                    return unit, (
-                        f'"{other}" weighs it so: the sine explains {100 * degrees:.0f} % in degrees and '
-                        f"{100 * radians:.0f} % in radians"
-                    )
+        efforts = [n for n, r in self.roles.items() if r.quantity in ("torque", "current", "voltage", "duty")]
+        for other in efforts[:MAX_WEIGHING_EFFORTS]:
+            decided = unit_by_weight(self.values[other], motion)
+            if decided is not None:
+                unit, degrees, radians = decided
+                return unit, (
+                    f'"{other}" weighs it so: the sine explains {100 * degrees:.0f} % in degrees and '
+                    f"{100 * radians:.0f} % in radians"
+                )
         return None
 
     def _with_partner_unit(self, name: str, role: ColumnRole) -> ColumnRole:
@@ -564,7 +627,10 @@ class _Assignment:
                 partner = self.roles.get(command.measured)
                 if command.command == name and partner is not None:
                     return replace(
-                        role, unit=partner.unit, unit_why=f'as "{command.measured}"', unit_is_certain=partner.unit_is_certain
+                        role,
+                        unit=partner.unit,
+                        unit_why=f'as "{command.measured}"',
+                        unit_is_certain=partner.unit_is_certain,
                     )
             measured = [r for r in self.roles.values() if r.quantity == "position"]
             if len(measured) == 1:
@@ -596,7 +662,7 @@ class _Assignment:
     def _group_joints(self) -> None:
         """Give each channel of several joints the name of its joint, and choose the main channel of a single one."""
         person = self.hints.is_person or (
-            not any(r.quantity in EFFORTS and r.quantity != "torque" for r in self.roles.values())
+            not any(r.quantity in DRIVE_QUANTITIES and r.quantity != "torque" for r in self.roles.values())
             and any(r.quantity == "emg" for r in self.roles.values())
         )
         by_quantity: dict[str, list[str]] = {}
@@ -608,8 +674,10 @@ class _Assignment:
             self._name_persons_joints(by_quantity)
             return
         motion = self._family(by_quantity.get("position", []) or by_quantity.get("motor_position", []))
-        efforts = max((self._family(by_quantity.get(q, [])) for q in EFFORTS), key=len)
-        family = motion if len(motion) > 1 else efforts if len(efforts) > 1 and not by_quantity.get("position") else []
+        efforts = max((self._family(by_quantity.get(q, [])) for q in DRIVE_QUANTITIES), key=len)
+        speeds = self._family(by_quantity.get("velocity", []))
+        others = max(efforts, speeds, key=len)
+        family = motion if len(motion) > 1 else others if len(others) > 1 and not by_quantity.get("position") else []
         if len(family) < 2:
             for quantity, names in by_quantity.items():
                 self._choose_main(quantity, names)
@@ -617,7 +685,7 @@ class _Assignment:
         joints = self._joint_names(family)
         self.joints = tuple(joints)
         for quantity, names in by_quantity.items():
-            if len(names) > len(joints) and len(names) % len(joints) == 0 and quantity in EFFORTS:
+            if len(names) > len(joints) and len(names) % len(joints) == 0 and quantity in DRIVE_QUANTITIES:
                 self._split_blocks(quantity, names, joints)
                 continue
             own = self._joint_names(names)
@@ -701,25 +769,28 @@ class _Assignment:
             for joint, name in zip(joints, block, strict=True):
                 role = replace(self.roles[name], label=joint)
                 if k == measured and len(blocks) > 1:
-                    kind = "current" if any(_is_larger(sizes[j], sizes[k]) for j in range(len(blocks)) if j != k) else quantity
-                    role = replace(role, quantity=kind, unit=DEFAULT_UNITS[kind], is_certain=False, unit_is_certain=False,
+                    kind = (
+                        "current"
+                        if any(_is_larger(sizes[j], sizes[k]) for j in range(len(blocks)) if j != k)
+                        else quantity
+                    )
+                    role = replace(role, quantity=kind, unit=DEFAULT_UNITS[kind], is_certain=False,
+                        unit_is_certain=False,
                                    why="an effort with noise: it is measured")  # fmt: skip
                 elif alike:
                     kind = "current" if len(blocks) > 2 else quantity
                     role = replace(role, quantity=f"desired_{kind}", unit=DEFAULT_UNITS[kind], is_command=True,
                                    is_certain=False, unit_is_certain=False,
-                                   why="an effort without noise, as large as the measured one: it was asked for")  # fmt: skip
+                                   why="an effort without noise, as large as the measured: asked for")  # fmt: skip
                 else:
                     role = replace(role, quantity="desired_torque", unit="N*m", is_command=True, is_certain=False,
                                    unit_is_certain=False,
-                                   why=f"an effort without noise, {usual:.3g} times as large as the measured one")  # fmt: skip
+                                   why=f"an effort without noise, {usual:.3g} times the measured")  # fmt: skip
                 self.roles[name] = role
 
     def _set(self, name: str, quantity: str, why: str, evidence: NameEvidence, certain: bool) -> None:
         label = ""
-        if quantity == "emg":
-            label = evidence.muscle or _plain_label(evidence.bare)
-        elif quantity in ("length", "lengthening"):
+        if quantity == "emg" or quantity in ("length", "lengthening"):
             label = evidence.muscle or _plain_label(evidence.bare)
         elif quantity == "moment_arm":
             label = f"{evidence.joint or self.hints.joint or 'joint'}.{evidence.muscle or _plain_label(evidence.bare)}"
@@ -735,7 +806,8 @@ def _is_larger(other: np.ndarray, own: np.ndarray) -> bool:
 
 def _has_own_label(role: ColumnRole) -> bool:
     return role.quantity is not None and (
-        "." in role.quantity or role.quantity in ("emg", "length", "lengthening", "moment_arm", "supply", "temperature", "enabled")
+        "." in role.quantity
+        or role.quantity in ("emg", "length", "lengthening", "moment_arm", "supply", "temperature", "enabled")
     )
 
 
@@ -772,17 +844,6 @@ def _is_stepped_name(evidence: NameEvidence, values: np.ndarray) -> bool:
     return evidence.quantity in ("temperature", "enabled", "state", "counter", "emg", "time") or is_stepped(values)
 
 
-def _swings_fast(values: np.ndarray) -> bool:
-    """Whether a column swings about its mean within some samples and in bursts, whatever the rate is."""
-    known = values[np.isfinite(values)]
-    if len(known) < 500:
-        return False
-    centred = known - np.median(known)
-    crossings = float(np.mean(np.diff(np.signbit(centred)) != 0))
-    first = float(np.corrcoef(centred[:-1], centred[1:])[0, 1]) if np.ptp(centred) > 0.0 else 1.0
-    return crossings > 0.05 and -0.3 < first < 0.98 and abs(float(np.mean(centred))) < 0.5 * float(np.std(centred))
-
-
 def _emg_unit(values: np.ndarray, rate: float | None) -> tuple[str, str, bool]:
     known = values[np.isfinite(values)]
     size = float(np.quantile(np.abs(known - np.median(known)), 0.999))
@@ -798,7 +859,8 @@ def _emg_unit(values: np.ndarray, rate: float | None) -> tuple[str, str, bool]:
 
 
 def _unit_by_size(quantity: str, values: np.ndarray) -> tuple[str, str, bool]:
-    """Return a unit that nothing states, by the size of the numbers; it is never certain but where there is only one."""
+    """Return a unit that nothing states, by the size of the numbers; it is never certain but where there is only
+    one."""
     known = values[np.isfinite(values)]
     largest = float(np.max(np.abs(known))) if len(known) else 0.0
     whole = bool(np.all(known == np.round(known)))
@@ -809,7 +871,11 @@ def _unit_by_size(quantity: str, values: np.ndarray) -> tuple[str, str, bool]:
     if quantity == "torque":
         return ("mN*m" if whole and largest > 300.0 else "N*m"), f"numbers up to {largest:.4g}", False
     if quantity in ("voltage", "supply"):
-        return ("mV" if largest > 500.0 else "V"), f"numbers up to {largest:.4g}", quantity == "supply" and 3 < largest < 60
+        return (
+            ("mV" if largest > 500.0 else "V"),
+            f"numbers up to {largest:.4g}",
+            quantity == "supply" and 3 < largest < 60,
+        )
     if quantity == "duty" and largest > 100.0:
         return "1", f"whole numbers up to {largest:.4g} in the file; which of them is 100 % is not said", False
     if quantity == "duty":
@@ -825,10 +891,15 @@ def _unit_by_size(quantity: str, values: np.ndarray) -> tuple[str, str, bool]:
     return "1", "", False
 
 
+def _is_normalised(values: np.ndarray) -> bool:
+    """Whether the largest magnitude of a column is exactly 1, as of a signal that was divided by its largest one."""
+    return bool(np.nanmax(np.abs(values)) == 1.0)
+
+
 def _numbered(sensors: list[InertialColumns]) -> list[tuple[str, InertialColumns]]:
     """Return inertial sensors with labels: the k-th sensor of each kind belongs to the k-th unit."""
     counts: dict[str, int] = {}
-    counts_by_kind = {kind: sum(s.kind == kind for s in sensors) for kind in INERTIAL}
+    counts_by_kind = {kind: sum(s.kind == kind for s in sensors) for kind in INERTIAL_QUANTITIES}
     # A gyroscope belongs to each unit; a further triple of gravity's length is something computed.
     total = counts_by_kind["angular_velocity"] or max(counts_by_kind.values(), default=0)
     labelled = []

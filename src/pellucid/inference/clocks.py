@@ -25,7 +25,12 @@ MIN_RISING_SHARE = 0.97
 """Time may stand still or fall in at most the remaining share of steps, as stale packets and restarts make it do."""
 
 MAX_REPEATED_SHARE = 0.5
-"""A clock that stands still in more than this share of steps is coarser than the samples: only its mean rate is used."""
+"""A clock that stands still in more than this share of steps is coarser than the samples: only its mean rate is
+used."""
+
+
+MIN_UNNAMED_SCORE = 0.7
+"""A column whose name says no time has to advance so evenly: a slow movement also rises throughout."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +60,8 @@ def find_clock(columns: Mapping[str, np.ndarray], names: Sequence[NameEvidence])
         by_name = evidence.quantity == "time"
         if score is None or (evidence.quantity not in (None, "time", "counter") and not by_name):
             continue
+        if not by_name and score < MIN_UNNAMED_SCORE:
+            continue
         is_counter = _counts_rows(values) and not by_name
         candidates.append((by_name, not is_counter, score, evidence))
     candidates = [c for c in candidates if c[0] or c[1]]
@@ -74,13 +81,16 @@ def _clock_of(values: np.ndarray, evidence: NameEvidence, others: tuple[str, ...
     unit, why, certain = _unit(known[len(known) // 2], float(np.median(positive)), evidence)
     span = (known[-1] - known[first if first < len(known) else 0]) * UNIT_SECONDS[unit]
     if repeated > MAX_REPEATED_SHARE:
-        rate = float((len(steps)) / span) if span > 0.0 else None
+        advances = np.flatnonzero(np.diff(known) > 0.0)
+        whole = (known[advances[-1] + 1] - known[advances[0] + 1]) * UNIT_SECONDS[unit]
+        # Between its first and its last advance a coarse clock shows whole steps.
+        rate = float((advances[-1] - advances[0]) / whole) if whole > 0.0 else len(steps) / span if span > 0.0 else None
         return FoundClock(
             None,
             "s",
             rate,
-            f'"{evidence.name}" stands still in {100 * repeated:.0f} % of the steps: it is coarser than the samples, so '
-            "that their mean rate takes its place",
+            f'"{evidence.name}" stands still in {100 * repeated:.0f} % of the steps: it is coarser than the samples, '
+            "so that their mean rate takes its place",
             False,
             coarse_column=evidence.name,
             others=others,
@@ -132,9 +142,9 @@ def _unit(middle: float, step: float, evidence: NameEvidence) -> tuple[str, str,
         if POSSIBLE_RATES_HZ[0] / 50.0 <= rate <= 10.0 * POSSIBLE_RATES_HZ[1]:
             return evidence.unit, f"the header says {evidence.unit}; steps of {step:.4g} give {rate:.4g} Hz", True
     for unit, seconds in UNIT_SECONDS.items():
-        if EPOCH_RANGE_S[0] <= middle * seconds <= EPOCH_RANGE_S[1] and unit != "min":
-            if _is_usual(1.0 / (step * seconds)) or unit == "s":
-                return unit, f"the numbers are {unit} since 1970, in steps of {step:.4g}", True
+        is_wall_clock = EPOCH_RANGE_S[0] <= middle * seconds <= EPOCH_RANGE_S[1] and unit != "min"
+        if is_wall_clock and (unit == "s" or _is_usual(1.0 / (step * seconds))):
+            return unit, f"the numbers are {unit} since 1970, in steps of {step:.4g}", True
     usual = [u for u in ("s", "ms", "us", "ns") if _is_usual(1.0 / (step * UNIT_SECONDS[u]))]
     possible = [
         u for u in ("s", "ms", "us", "ns")

@@ -1,4 +1,5 @@
-"""Find which column is the derivative of which, and by what factor: that tells velocities from positions, and their units."""
+"""Find which column is the derivative of which, and by what factor: that tells velocities from positions, and their
+units."""
 
 from __future__ import annotations
 
@@ -17,14 +18,16 @@ MIN_CORRELATION = 0.9
 MIN_CORRELATION_WITHOUT_UNITS = 0.998
 """A pair with a ratio that no two units have, such as counts and rad/s, needs at least this correlation."""
 
-RATIOS = (
+UNIT_RATIOS = (
     ("rad", "rad/s", 1.0), ("deg", "deg/s", 1.0), ("deg", "rad/s", math.pi / 180.0), ("rad", "deg/s", 180.0 / math.pi),
-    ("rad", "rpm", 30.0 / math.pi), ("deg", "rpm", 1.0 / 6.0), ("m", "mm/s", 1000.0), ("mm", "m/s", 0.001), ("m", "m/s", 1.0),
+    ("rad", "rpm", 30.0 / math.pi), ("deg", "rpm", 1.0 / 6.0), ("m", "mm/s", 1000.0), ("mm", "m/s", 0.001), ("m",
+        "m/s", 1.0),
 )  # fmt: skip
 """Units of a column and of its derivative, with the ratio of the recorded to the computed derivative."""
 
 RATIO_TOLERANCE = 0.08
-"""A ratio is one of `RATIOS` if it is within this share of it: filters and delays lower the ratio by some percent."""
+"""A ratio is one of `UNIT_RATIOS` if it is within this share of it: filters and delays lower the ratio by some
+percent."""
 
 
 @dataclass(frozen=True)
@@ -39,11 +42,12 @@ class DerivativePair:
     @property
     def units(self) -> tuple[tuple[str, str], ...]:
         """Pairs of units that fit the ratio, such as ``("deg", "rad/s")``."""
-        return tuple((a, b) for a, b, ratio in RATIOS if abs(abs(self.ratio) / ratio - 1.0) < RATIO_TOLERANCE)
+        return tuple((a, b) for a, b, ratio in UNIT_RATIOS if abs(abs(self.ratio) / ratio - 1.0) < RATIO_TOLERANCE)
 
 
 def find_derivatives(columns: Mapping[str, np.ndarray], time: np.ndarray) -> list[DerivativePair]:
-    """Return the pairs of columns of which one is the other's derivative, best first; each column is one's derivative once.
+    """Return the pairs of columns of which one is the other's derivative, best first; each column is one's derivative
+    once.
 
     Both are smoothed alike before they are compared, so that noise of difference quotients does not hide a pair. The
     correlation of a difference quotient with the column must exceed that of the column itself, which a decaying

@@ -64,3 +64,14 @@ def is_envelope(values: np.ndarray, rate: float) -> bool:
     frequency, power = welch(known - known.mean(), rate, nperseg=min(1024, len(known)))
     total = power.sum()
     return bool(total > 0.0 and power[frequency <= MAX_ENVELOPE_FREQUENCY_HZ].sum() > 0.95 * total)
+
+
+def swings_fast(values: np.ndarray) -> bool:
+    """Whether a column swings about its mean within some samples and in bursts, whatever the rate is."""
+    known = values[np.isfinite(values)]
+    if len(known) < 500:
+        return False
+    centred = known - np.median(known)
+    crossings = float(np.mean(np.diff(np.signbit(centred)) != 0))
+    first = float(np.corrcoef(centred[:-1], centred[1:])[0, 1]) if np.ptp(centred) > 0.0 else 1.0
+    return crossings > 0.05 and -0.3 < first < 0.98 and abs(float(np.mean(centred))) < 0.5 * float(np.std(centred))

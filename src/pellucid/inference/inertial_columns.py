@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,8 @@ QUATERNION_TOLERANCE = 0.02
 """Four columns are a quaternion if the length of each row is 1 within this."""
 
 MIN_ROTATION_FIT = 0.3
-"""Three columns are a gyroscope if the turn that they tell explains at least this share of how gravity's direction changes."""
+"""Three columns are a gyroscope if the turn that they tell explains at least this share of how gravity's direction
+changes."""
 
 
 @dataclass(frozen=True)
@@ -31,35 +32,39 @@ class InertialColumns:
     is_certain: bool  # whether the numbers leave no other unit
 
 
-def find_inertial(columns: Mapping[str, np.ndarray], order: Sequence[str], rate: float) -> list[InertialColumns]:
+def find_inertial(
+    columns: Mapping[str, np.ndarray], order: Sequence[str], rate: float, named: Collection[str] = ()
+) -> list[InertialColumns]:
     """Return the sensors among neighbouring columns, in the order of the file.
 
     Rows of four that have length 1 throughout are quaternions. Rows of three whose usual length is that of gravity, and
     whose axes all move, are an accelerometer. Three further columns are its gyroscope if they tell how gravity's
-    direction turns in the sensor: a' = -w x a, which also tells rad/s from deg/s.
+    direction turns in the sensor: a' = -w x a, which also tells rad/s from deg/s. An accelerometer needs a gyroscope
+    beside it, or names that say so, which are the columns `named`: three angles may have that length by chance.
     """
     found: list[InertialColumns] = []
     used: set[str] = set()
     names = [name for name in order if np.isfinite(columns[name]).mean() > 0.9]
     for i in range(len(names) - 3):
-        group = names[i : i + 4]
+        group = tuple(names[i : i + 4])
         if used & set(group):
             continue
         lengths = np.linalg.norm([columns[name] for name in group], axis=0)
         moving = sum(np.ptp(columns[name]) > 1e-3 for name in group)
         if moving >= 2 and np.nanquantile(np.abs(lengths - 1.0), 0.95) < QUATERNION_TOLERANCE:
-            found.append(InertialColumns("orientation", tuple(group), "1", "its rows have length 1 throughout", True))
+            found.append(InertialColumns("orientation", group, "1", "its rows have length 1 throughout", True))
             used |= set(group)
-    accelerometers = []
+    accelerometers: list[tuple[str, ...]] = []
+    confirmed: set[str] = set(named)
     for i in range(len(names) - 2):
-        group = names[i : i + 3]
+        group = tuple(names[i : i + 3])
         if used & set(group):
             continue
         unit = _gravity_unit([columns[name] for name in group])
         if unit is not None:
             why = f"the length of its rows is that of gravity in {unit[0]} (median {unit[1]:.4g})"
-            found.append(InertialColumns("acceleration", tuple(group), unit[0], why, True))
-            accelerometers.append(tuple(group))
+            found.append(InertialColumns("acceleration", group, unit[0], why, True))
+            accelerometers.append(group)
             used |= set(group)
     for group in accelerometers:
         after = names.index(group[2]) + 1
@@ -72,10 +77,15 @@ def find_inertial(columns: Mapping[str, np.ndarray], order: Sequence[str], rate:
                 continue
             scale, share = fit
             unit_text = "deg/s" if scale > 10.0 else "rad/s"
-            why = f"it turns gravity in the accelerometer beside it ({100 * share:.0f} % explained) with a scale of {scale:.3g}"
+            why = (
+                f"it turns gravity in the accelerometer beside it ({100 * share:.0f} % explained) with a scale of "
+                f"{scale:.3g}"
+            )
             found.append(InertialColumns("angular_velocity", tuple(axes), unit_text, why, True))
             used |= set(axes)
+            confirmed |= set(group)
             break
+    found = [s for s in found if s.kind != "acceleration" or confirmed & set(s.names)]
     return sorted(found, key=lambda sensor: list(order).index(sensor.names[0]))
 
 
@@ -91,7 +101,9 @@ def _gravity_unit(axes: list[np.ndarray]) -> tuple[str, float] | None:
     return None
 
 
-def _gyroscope_scale(acceleration: list[np.ndarray], rates: list[np.ndarray], rate: float) -> tuple[float, float] | None:
+def _gyroscope_scale(
+    acceleration: list[np.ndarray], rates: list[np.ndarray], rate: float
+) -> tuple[float, float] | None:
     """Return the numbers per rad/s of a gyroscope and the share it explains; None if the columns are none."""
     a, w = np.nan_to_num(np.array(acceleration)), np.nan_to_num(np.array(rates))
     width = max(1, round(rate / 12.0))

@@ -10,9 +10,10 @@ MIN_EFFORT_SHARE = 0.25
 """A column is a joint's effort if the joint's motion explains at least this share of its variance."""
 
 MIN_GRAVITY_GAIN = 0.05
-"""One unit of an angle is decided by weight if its sine explains this share of the effort more than the other unit's."""
+"""One unit of an angle is decided by weight if its sine explains this share of the effort more than the other
+unit's."""
 
-MAX_ROWS = 6_000
+MAX_ROWS = 4_000
 """Fits take at most this many rows, evenly spread."""
 
 
@@ -54,7 +55,12 @@ def effort_share(effort: np.ndarray, motion: MotionSamples, radians_per_unit: fl
     Inertia, both kinds of friction and a constant explain it, and gravity where `radians_per_unit` is given.
     """
     target = running_mean(effort, motion.width)
-    columns = [motion.acceleration, motion.velocity, np.tanh(motion.velocity / _usual(motion.velocity)), np.ones(len(target))]
+    columns = [
+        motion.acceleration,
+        motion.velocity,
+        np.tanh(motion.velocity / _usual(motion.velocity)),
+        np.ones(len(target)),
+    ]
     if radians_per_unit is not None:
         columns += [np.sin(motion.position * radians_per_unit), np.cos(motion.position * radians_per_unit)]
     rows = slice(None, None, max(1, len(target) // MAX_ROWS))

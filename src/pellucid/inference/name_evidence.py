@@ -1,4 +1,5 @@
-"""Read from a column's name what it may be: a quantity, a unit, and a joint or a muscle. Numbers then confirm or refute it."""
+"""Read from a column's name what it may be: a quantity, a unit, and a joint or a muscle. Numbers then confirm or
+refute it."""
 
 from __future__ import annotations
 
@@ -9,14 +10,22 @@ from ..recordings.stated_units import split_unit
 from ..units import to_si_factor
 
 QUANTITY_WORDS = {
-    "time": {"time", "t", "timestamp", "stamp", "clock", "zeit", "tiempo", "temps", "elapsed", "tijd", "datetime", "epoch", "uptime", "sec", "secs", "millis", "micros"},
-    "counter": {"counter", "count", "sample", "samples", "number", "index", "idx", "seq", "frame", "row", "packet", "no", "nr"},
-    "position": {"position", "pos", "angle", "q", "theta", "th", "enc", "encoder", "deg", "winkel", "angulo", "phi", "rotation", "goniometer", "gonio", "flexion", "qj", "ang", "x", "displacement", "disp", "stroke", "travel", "jointangle", "qpos"},
-    "velocity": {"velocity", "vel", "speed", "omega", "dq", "qd", "qdot", "dtheta", "v", "rate", "geschwindigkeit", "drehzahl", "qvel", "spd", "thetadot", "w", "velo", "dqj"},
+    "time": {"time", "t", "timestamp", "stamp", "clock", "zeit", "tiempo", "temps", "elapsed", "tijd", "datetime",
+        "epoch", "uptime", "sec", "secs", "millis", "micros"},
+    "counter": {"counter", "count", "sample", "samples", "number", "index", "idx", "seq", "frame", "row", "packet",
+        "no", "nr"},
+    "position": {"position", "pos", "angle", "q", "theta", "th", "enc", "encoder", "deg", "winkel", "angulo", "phi",
+        "rotation", "goniometer", "gonio", "flexion", "qj", "ang", "x", "displacement", "disp", "stroke", "travel",
+        "jointangle", "qpos"},
+    "velocity": {"velocity", "vel", "speed", "omega", "dq", "qd", "qdot", "dtheta", "v", "rate", "geschwindigkeit",
+        "drehzahl", "qvel", "spd", "thetadot", "w", "velo", "dqj"},
     "acceleration": {"ddq", "qdd", "qddot", "alpha", "angacc", "qacc"},
-    "torque": {"torque", "tau", "trq", "tq", "moment", "drehmoment", "mom", "effort", "eff", "couple", "par", "tauj", "torsion"},
-    "force": {"force", "load", "loadcell", "kraft", "fz", "fy", "thrust", "f", "dynamometer", "grf", "fuerza", "cable", "tension"},
-    "current": {"current", "i", "cur", "curr", "strom", "amps", "iq", "amp", "imotor", "corriente", "ampere", "courant"},
+    "torque": {"torque", "tau", "trq", "tq", "moment", "drehmoment", "mom", "effort", "eff", "couple", "par", "tauj",
+        "torsion"},
+    "force": {"force", "load", "loadcell", "kraft", "fz", "fy", "thrust", "f", "dynamometer", "grf", "fuerza", "cable",
+        "tension"},
+    "current": {"current", "i", "cur", "curr", "strom", "amps", "iq", "amp", "imotor", "corriente", "ampere",
+        "courant"},
     "voltage": {"voltage", "volt", "volts", "u", "vin", "spannung", "um", "umotor"},
     "duty": {"duty", "pwm"},
     "supply": {"supply", "battery", "vbus", "bus", "busvoltage", "vbat", "inputvolts"},
@@ -35,7 +44,8 @@ QUANTITY_WORDS = {
 """Words of names, folded, by the quantity that they stand for."""
 
 COMMAND_WORDS = frozenset({
-    "ref", "reference", "des", "desired", "cmd", "command", "commanded", "goal", "target", "setpoint", "sp", "set", "soll",
+    "ref", "reference", "des", "desired", "cmd", "command", "commanded", "goal", "target", "setpoint", "sp", "set",
+        "soll",
     "demand", "planned", "qr", "qref", "qdes", "nominal", "consigne", "desire", "taucmd", "icmd",
 })  # fmt: skip
 """Words of names that tell a command from a measurement."""
@@ -79,10 +89,12 @@ MUSCLE_NAMES = {
     "longissimus_thoracis": ("longthor",),
     "erector_spinae": ("erectorspinae", "es"),
 }  # fmt: skip
-"""Ways of writing muscles' names without blanks, in lower case. Two or three letters alone need EMG's spectrum beside them."""
+"""Ways of writing muscles' names without blanks, in lower case. Two or three letters alone need EMG's spectrum beside
+them."""
 
 JOINT_WORDS = (
-    "hip", "knee", "ankle", "shoulder", "elbow", "wrist", "finger", "thumb", "lumbar", "pelvis", "subtalar", "mtp", "neck",
+    "hip", "knee", "ankle", "shoulder", "elbow", "wrist", "finger", "thumb", "lumbar", "pelvis", "subtalar", "mtp",
+        "neck",
     "trunk", "l5_s1", "l4_l5", "l3_l4", "l2_l3", "l1_l2", "l1_t12",
 )  # fmt: skip
 """Joints of people, as names of columns contain them."""
@@ -131,7 +143,7 @@ def read_name(name: str) -> NameEvidence:
     ('current', 'mA', False)
     """
     bare, unit = split_unit(name)
-    # Of a dotted path, the last part names the quantity: "entries.position".
+    # The last part of a dotted path names the quantity: "entries.position".
     _, _, last = bare.rpartition(".")
     own = last if words_of(last) and not words_of(last)[-1].isdigit() and len(last) > 1 else bare
     words = words_of(own)
@@ -194,11 +206,13 @@ def _quantity_of_words(words: list[str], joined: str) -> str | None:
         if joined in known or joined.rstrip("0123456789") in known:
             return quantity
     order = (
-        "enabled", "emg", "error", "stiffness", "damping", "torque", "current", "velocity", "temperature", "supply", "voltage", "force",
+        "enabled", "emg", "error", "stiffness", "damping", "torque", "current", "velocity", "temperature", "supply",
+            "voltage", "force",
         "linear_acceleration", "angular_velocity", "magnetic_field", "orientation", "acceleration", "duty",
         "position", "time", "counter", "state",
     )  # fmt: skip
-    # Words of three letters or more are told from the start of a name to its end; letters alone only if nothing else is.
+    # Words of three letters or more are told from the start of a name to its end; letters alone only if nothing else
+    # is.
     for long_words in (True, False):
         for quantity in order:
             if any((len(word) >= 3) == long_words and word in QUANTITY_WORDS[quantity] for word in words):
@@ -211,10 +225,14 @@ def _quantity_of_words(words: list[str], joined: str) -> str | None:
 
 
 def _muscle(bare: str) -> str | None:
-    words = [word for word in words_of(bare) if word not in ("l", "r", "left", "right", "emg", "semg") and not word.isdigit()]
+    words = [
+        word for word in words_of(bare) if word not in ("l", "r", "left", "right", "emg", "semg") and not word.isdigit()
+    ]
     joined = "".join(words)
     for muscle, ways in MUSCLE_NAMES.items():
-        if joined in (way.replace(" ", "") for way in ways) or joined.lstrip("lr") in (way for way in ways if len(way) > 5):
+        if joined in (way.replace(" ", "") for way in ways) or joined.lstrip("lr") in (
+            way for way in ways if len(way) > 5
+        ):
             return _with_side(muscle, bare)
     for muscle, ways in MUSCLE_NAMES.items():
         if any(len(way) > 5 and way.replace(" ", "") in joined for way in ways):

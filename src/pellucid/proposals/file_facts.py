@@ -10,11 +10,13 @@ from ..inference.name_evidence import words_of
 from ..recordings.stated_units import split_unit, unit_from_text
 from ..units import to_si_factor
 
-_NUMBER = r"[-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
+_NUMBER_TEXT = r"[-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
 
-_RATE_TEXT = re.compile(rf"({_NUMBER})\s*(?:samples per second|samples/s(?:ec)?|samples/second|sps\b|S/s|Hz)", re.IGNORECASE)
+_RATE_TEXT = re.compile(
+    rf"({_NUMBER_TEXT})\s*(?:samples per second|samples/s(?:ec)?|samples/second|sps\b|S/s|Hz)", re.IGNORECASE
+)
 
-_VALUE = re.compile(rf"\s*({_NUMBER})\s*([^\d].*)?")
+_VALUE_WITH_UNIT = re.compile(rf"\s*({_NUMBER_TEXT})\s*([^\d].*)?")
 
 MAX_RATE_HZ = 1e6
 """A number that is said to be a sampling rate is at most this [Hz]."""
@@ -35,7 +37,8 @@ class FileFact:
 
 
 def find_rate(facts: Mapping[str, str]) -> FileFact | None:
-    """Return the sampling rate that a file states [Hz], by its rate, its frequency or its period; None if it states none."""
+    """Return the sampling rate that a file states [Hz], by its rate, its frequency or its period; None if it states
+    none."""
     for label, text in facts.items():
         words = set(words_of(label))
         joined = "".join(words_of(label))
@@ -44,7 +47,9 @@ def find_rate(facts: Mapping[str, str]) -> FileFact | None:
             continue
         number, unit = value
         unit = unit or split_unit(label)[1]
-        about = bool(words & {"sampling", "sample", "sampled", "acquisition", "recording", "data", "logging", "log", "scan"})
+        about = bool(
+            words & {"sampling", "sample", "sampled", "acquisition", "recording", "data", "logging", "log", "scan"}
+        )
         if (words & {"rate", "frequency", "freq", "hz"} and (about or joined in _RATE_NAMES)) or joined in _RATE_NAMES:
             factor = 1e3 if unit == "kHz" else 1.0
             if unit in (None, "Hz", "kHz", "1") and 0.1 < number * factor <= MAX_RATE_HZ:
@@ -58,8 +63,24 @@ def find_rate(facts: Mapping[str, str]) -> FileFact | None:
     return _rate_in_texts(facts)
 
 
-_RATE_NAMES = frozenset({"rate", "fs", "samplerate", "samplingrate", "samplingfrequency", "sampfreq", "samplefrequency", "srate", "freq", "frequency", "fps"})
-_PERIOD_NAMES = frozenset({"dt", "ts", "tsample", "sampletime", "samplingtime", "samplingperiod", "sampleperiod", "stepsize"})
+_RATE_NAMES = frozenset(
+    {
+        "rate",
+        "fs",
+        "samplerate",
+        "samplingrate",
+        "samplingfrequency",
+        "sampfreq",
+        "samplefrequency",
+        "srate",
+        "freq",
+        "frequency",
+        "fps",
+    }
+)
+_PERIOD_NAMES = frozenset(
+    {"dt", "ts", "tsample", "sampletime", "samplingtime", "samplingperiod", "sampleperiod", "stepsize"}
+)
 
 
 def _rate_in_texts(facts: Mapping[str, str]) -> FileFact | None:
@@ -94,7 +115,8 @@ def find_drive_facts(facts: Mapping[str, str]) -> dict[str, FileFact]:
         elif "force" in words and "constant" in words:
             _add(found, "force_constant", number, unit, label, ("N/A", "N/V"))
         elif ("gear" in words or "reduction" in words or "ratio" in words) and joined in (
-            "gear", "gearratio", "reduction", "gearreduction", "ratio", "transmissionratio", "reductionratio", "gearboxratio",
+            "gear", "gearratio", "reduction", "gearreduction", "ratio", "transmissionratio", "reductionratio",
+                "gearboxratio",
         ):  # fmt: skip
             found["gear_ratio"] = FileFact(_ratio(text, number), "1", label)
         elif joined in ("resistance", "windingresistance", "terminalresistance", "motorresistance"):
@@ -104,7 +126,9 @@ def find_drive_facts(facts: Mapping[str, str]) -> dict[str, FileFact]:
     return found
 
 
-def _add(found: dict[str, FileFact], key: str, number: float, unit: str | None, label: str, expected: Iterable[str]) -> None:
+def _add(
+    found: dict[str, FileFact], key: str, number: float, unit: str | None, label: str, expected: Iterable[str]
+) -> None:
     """Add a fact if its unit is one of those expected: without a unit it would be one in silence."""
     for si in expected:
         try:
@@ -117,7 +141,7 @@ def _add(found: dict[str, FileFact], key: str, number: float, unit: str | None, 
 
 def _ratio(text: str, number: float) -> float:
     """Return a gear ratio that may be written as 100:1 or 1:100."""
-    parts = re.match(rf"\s*({_NUMBER})\s*[:/]\s*({_NUMBER})", text)
+    parts = re.match(rf"\s*({_NUMBER_TEXT})\s*[:/]\s*({_NUMBER_TEXT})", text)
     if parts is None:
         return number
     a, b = (float(part.replace(",", ".")) for part in parts.groups())
@@ -125,7 +149,7 @@ def _ratio(text: str, number: float) -> float:
 
 
 def _value(text: str) -> tuple[float, str | None] | None:
-    match = _VALUE.fullmatch(text)
+    match = _VALUE_WITH_UNIT.fullmatch(text)
     if match is None:
         return None
     rest = (match[2] or "").strip()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,21 +19,40 @@ from ..recordings.readers import read_columns
 MODEL_ENDINGS = (".urdf", ".osim", ".xml", ".osimx")
 """Endings of files of models. They are named, and a robot's file gives its joints."""
 
-IGNORED_ENDINGS = (".pdf", ".md", ".yaml", ".yml", ".toml", ".py", ".m", ".html", ".png", ".jpg", ".svg", ".zip", ".docx")
+IGNORED_ENDINGS = (
+    ".pdf",
+    ".md",
+    ".yaml",
+    ".yml",
+    ".toml",
+    ".py",
+    ".m",
+    ".html",
+    ".png",
+    ".jpg",
+    ".svg",
+    ".zip",
+    ".docx",
+)
 """Endings of files that are no recordings."""
 
 IGNORED_NAMES = ("license", "licence", "readme", "original_readme", "notice", "citation", "changelog")
 """Beginnings of names of files that are no recordings."""
+
+SHEET_ENDINGS = (".xlsx", ".xlsm", ".ods")
+"""Endings of workbooks."""
 
 MIN_TABLE_ROWS = 8
 """A table has at least so many rows; shorter columns are constants and settings."""
 
 QUANTITY_BY_FILE_WORD = {
     "ik": "angle", "angle": "angle", "angles": "angle", "ikdata": "angle", "kinematics": "angle",
-    "id": "torque", "moment": "torque", "moments": "torque", "iddata": "torque", "torque": "torque", "torques": "torque",
+    "id": "torque", "moment": "torque", "moments": "torque", "iddata": "torque", "torque": "torque",
+        "torques": "torque",
     "tau": "torque", "trq": "torque", "effort": "torque", "efforts": "torque",
-    "position": "position", "positions": "position", "pos": "position", "q": "position", "qpos": "position", "joint": "position",
-    "velocity": "velocity", "velocities": "velocity", "vel": "velocity", "dq": "velocity", "qd": "velocity", "qvel": "velocity",
+    "position": "position", "positions": "position", "pos": "position", "q": "position", "qpos": "position",
+    "velocity": "velocity", "velocities": "velocity", "vel": "velocity", "dq": "velocity", "qd": "velocity",
+        "qvel": "velocity",
     "acceleration": "acceleration", "accelerations": "acceleration", "acc": "acceleration", "ddq": "acceleration",
     "qdd": "acceleration", "current": "current", "currents": "current", "curr": "current", "cur": "current",
     "voltage": "voltage", "voltages": "voltage", "force": "force", "forces": "force", "grf": "force",
@@ -130,23 +149,25 @@ def _tables_of(path: Path) -> list[GivenTable]:
     texts = tuple(name for name, x in columns.values.items() if isinstance(x, str))
     scalars = {name: f"{x[0]:.12g}" for name, x in numeric.items() if len(x) == 1}
     long = {name: x for name, x in numeric.items() if len(x) >= MIN_TABLE_ROWS}
-    common = {
-        "units": {str(name): unit for name, unit in columns.units.items()},
-        "angle_unit": columns.angle_unit if not _is_moment_file(path) else None,
-        "facts": {**scalars, **columns.facts},
-        "personal": columns.personal,
-        "quantity": quantity_of_file(path),
-        "texts": texts,
-    }
-    parts = _parts(long)
-    return [GivenTable(path, part, key, **common) for key, part in parts]
+    empty = GivenTable(
+        path,
+        {},
+        units={str(name): unit for name, unit in columns.units.items()},
+        angle_unit=columns.angle_unit if not _is_moment_file(path) else None,
+        facts={**scalars, **columns.facts},
+        personal=columns.personal,
+        quantity=quantity_of_file(path),
+        texts=texts,
+    )
+    parts = _parts(long, has_sheets=path.suffix.lower() in SHEET_ENDINGS)
+    return [replace(empty, columns=part, key=key) for key, part in parts]
 
 
 def _is_moment_file(path: Path) -> bool:
     return quantity_of_file(path) in ("torque", "force", "emg")
 
 
-def _parts(columns: Mapping[str, np.ndarray]) -> list[tuple[str, dict[str, np.ndarray]]]:
+def _parts(columns: Mapping[str, np.ndarray], *, has_sheets: bool) -> list[tuple[str, dict[str, np.ndarray]]]:
     """Return the tables of a file: columns of one length, by sheets or cells if several are alike."""
     if not columns:
         return []
@@ -160,7 +181,10 @@ def _parts(columns: Mapping[str, np.ndarray]) -> list[tuple[str, dict[str, np.nd
             alike.setdefault(names, []).append(key)
     repeated = max(alike.values(), key=len, default=[])
     lengths = {key: {len(x) for x in groups[key].values()} for key in repeated}
-    if len(repeated) >= 2 and len({tuple(found) for found in lengths.values()}) > 1:
+    apart = len({tuple(found) for found in lengths.values()}) > 1
+    unnamed = all(name.rpartition(".")[2].isdigit() for key in repeated for name in groups[key])
+    # Sheets without headers are tables of their own; matrices of a MAT file are columns of one.
+    if len(repeated) >= 2 and (apart or (has_sheets and unnamed)):
         return [(key, groups[key]) for key in groups if key in repeated or len(groups) <= 12]
     by_length: dict[int, dict[str, np.ndarray]] = {}
     for name, x in columns.items():
@@ -180,9 +204,13 @@ def _is_rising(values: np.ndarray) -> bool:
 
 
 def quantity_of_file(path: Path) -> str | None:
-    """Return the quantity that a file's name, or its folder's, says of all its columns; None if it says none or several."""
+    """Return the quantity that a file's name, or its folder's, says of all its columns; None if it says none or
+    several."""
     for text in (path.stem, path.parent.name):
-        words = words_of(text)
+        # "ID 7" is a person, and a folder's long name tells a study.
+        words = words_of(re.sub(r"\bID[ _-]*\d+", "", text))
+        if text == path.parent.name and len(words) > 2:
+            continue
         joined = "".join(words)
         if "momentarm" in joined:
             return "moment_arm"

@@ -27,7 +27,11 @@ def proposal_lines(made: ProposedStudy) -> list[str]:
         answer = proposal.answers.get(question.key)
         lines.append(
             f"question {question.key}: {question.text} "
-            + (f"Answer: {answer}." if answer else f'Default taken: {question.default}. --answer "{question.key}=..." changes it.')
+            + (
+                f"Answer: {answer}."
+                if answer
+                else f'Default taken: {question.default}. --answer "{question.key}=..." changes it.'
+            )
         )
     lines += [f"note: {text}" for text in proposal.remarks]
     lines.append(f"{made.page}: every channel drawn beside its role. {made.study_file} marks each guess.")

@@ -34,7 +34,9 @@ def channel_figures(layout: Layout, table: GivenTable, name: str, marks: dict[st
     return figures
 
 
-def _panels(layout: Layout, table: GivenTable, roles: Sequence[ColumnRole], name: str, marks: dict[str, str]) -> Drawing:
+def _panels(
+    layout: Layout, table: GivenTable, roles: Sequence[ColumnRole], name: str, marks: dict[str, str]
+) -> Drawing:
     rows = (len(roles) + 1) // 2
     figure = Figure(figsize=(FIGURE_WIDTH, 1.0 + 1.35 * rows), layout="constrained")
     grid = figure.subplots(rows, 2, squeeze=False, sharex=True)
@@ -65,12 +67,17 @@ def _panels(layout: Layout, table: GivenTable, roles: Sequence[ColumnRole], name
 def spectrum_figure(choice: ProcessingChoice, rate: float, name: str) -> Drawing:
     """Draw the power of the position's second derivative, with the proposed low-pass."""
     figure, axis = one_panel(3.0)
-    axis.loglog(choice.frequency, np.maximum(choice.acceleration_power, 1e-300), color=colour("measured"), linewidth=1.0)
+    axis.loglog(
+        choice.frequency, np.maximum(choice.acceleration_power, 1e-300), color=colour("measured"), linewidth=1.0
+    )
     axis.axvline(choice.lowpass, color=colour("fitted"), linewidth=1.4)
     axis.axvline(0.5 * rate / choice.decimate, color=colour("muted"), linewidth=0.9, linestyle=(0, (4, 3)))
     axis.set_xlabel("Frequency (Hz)")
     axis.set_ylabel("Power of the acceleration")
-    key(axis, [(f"low-pass {choice.lowpass:g} Hz", colour("fitted")), ("half the rate after decimation", colour("muted"))])
+    key(
+        axis,
+        [(f"low-pass {choice.lowpass:g} Hz", colour("fitted")), ("half the rate after decimation", colour("muted"))],
+    )
     return Drawing(
         name,
         figure,

@@ -34,7 +34,13 @@ def proposal_page(proposal: Proposal) -> Page:
 
 
 def _headline(proposal: Proposal, count: int, guesses: int) -> str:
-    what = "a person's joints" if proposal.is_person else f"a joint with a {proposal.drive} drive" if proposal.drive else "motion"
+    what = (
+        "a person's joints"
+        if proposal.is_person
+        else f"a joint with a {proposal.drive} drive"
+        if proposal.drive
+        else "motion"
+    )
     if len(proposal.main.roles.joints) > 1 and not proposal.is_person:
         what = f"{len(proposal.main.roles.joints)} joints"
     decided = count - guesses
@@ -64,7 +70,9 @@ def _layout_section(layout: Layout, proposal: Proposal) -> Section:
         mark = marks.get(role.column, "")
         rows.append(Row((role.column, channel, role.unit if role.quantity else "", mark, why), bool(mark)))
     clock = layout.roles.clock
-    said = f'Time is the column "{clock.column}" in {clock.unit}: {clock.why}.' if clock.column else f"Time: {clock.why}."
+    said = (
+        f'Time is the column "{clock.column}" in {clock.unit}: {clock.why}.' if clock.column else f"Time: {clock.why}."
+    )
     table = layout.tables[0]
     drawings = [
         draw(lambda made=made: made)
@@ -91,7 +99,8 @@ def _last(proposal: Proposal) -> list[Section]:
             )
         )
     rows = tuple(
-        Row((r.name, r.table.path.name, r.use, r.participant or "", r.condition or "", r.why)) for r in proposal.recordings
+        Row((r.name, r.table.path.name, r.use, r.participant or "", r.condition or "", r.why))
+        for r in proposal.recordings
     )
     table = Table(("Recording", "File", "Use", "Participant", "Condition", "Why"), rows, wide=True)
     sections.append(Section("recordings", "Recordings", tables=(table,)))

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from .._errors import StudyError
-from ..inference.assign_roles import EFFORTS, ColumnRole, TableHints, TableRoles, assign_roles
+from ..inference.assign_roles import DRIVE_QUANTITIES, ColumnRole, TableHints, TableRoles, assign_roles
+from ..inference.emg_spectrum import swings_fast
 from ..inference.motion_efforts import effort_share, motion_samples
 from ..inference.name_evidence import read_name, words_of
 from ..inference.processing_choice import ProcessingChoice, choose_processing
@@ -26,6 +27,12 @@ DEFAULT_RATE_HZ = 100.0
 MAX_REPRESENTATIVES = 3
 """Roles are found in at most so many recordings of a layout: what is constant in one may move in another."""
 
+MIN_POOLED_TABLES = 20
+"""Cells of one file are looked at together if there are at least so many."""
+
+MAX_POOLED_TABLES = 100
+"""At most so many cells are looked at together."""
+
 MAX_RECORDINGS = 400
 """A proposal names at most so many recordings."""
 
@@ -33,10 +40,11 @@ HELD_OUT_SHARE = 0.25
 """About this share of the recordings is held out; of a single one, the last part."""
 
 SINGLE_FIT_SHARE = 0.6
-"""Of a single recording, this first share is fitted."""
+"""This first share of a single recording is fitted."""
 
 MIN_GRAVITY_SHARE = 0.02
-"""A joint is weighed by gravity if the sine of its angle explains this share of the effort beside inertia and friction."""
+"""A joint is weighed by gravity if the sine of its angle explains this share of the effort beside inertia and
+friction."""
 
 MIN_TIMES_COMPARED = 2
 """Recordings of one motion with another effort are looked for among at least so many."""
@@ -69,7 +77,9 @@ class ProposedRecording:
     participant: str | None = None
     condition: str | None = None
     protocol: str | None = None
-    columns: Mapping[str, str] = field(default_factory=dict)  # columns of channels that differ from the first recording's
+    columns: Mapping[str, str] = field(
+        default_factory=dict
+    )  # columns of channels that differ from the first recording's
     extras: tuple[ColumnRole, ...] = ()  # channels that this recording alone has
     why: str = ""  # reason for its use or window
 
@@ -119,6 +129,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     drive = _drive_kind(main, streams) if not person else None
     motion, motion_sure, gravity = _motion(main, streams, drive)
     main = _in_metres(main) if motion == "prismatic" and not motion_sure else main
+    main = _with_torque(main) if motion == "rotary" else main
     facts = {k: v for t in main.tables for k, v in find_drive_facts(t.facts).items()}
     recordings = _held_out(recordings, main)
     repeated = _repeated(recordings, main, drive)
@@ -179,8 +190,8 @@ def _with_supersets(groups: list[list[GivenTable]]) -> list[list[GivenTable]]:
 
 def _layout(group: Sequence[GivenTable]) -> Layout:
     fewest = min(len(table.columns) for table in group)
-    ranked = sorted((t for t in group if len(t.columns) == fewest), key=lambda t: -t.rows)[:MAX_REPRESENTATIVES]
-    first = ranked[0]
+    alike = [table for table in group if len(table.columns) == fewest]
+    first, ranked = alike[0], sorted(alike, key=lambda table: -table.rows)[:MAX_REPRESENTATIVES]
     rate_fact = find_rate(first.facts)
     hints = TableHints(
         units=first.units,
@@ -190,7 +201,12 @@ def _layout(group: Sequence[GivenTable]) -> Layout:
         is_person=_names_people(first),
         joint=read_name(first.path.stem).joint,
     )
-    roles = assign_roles(_own_names(first, first), hints)
+    if len(alike) >= MIN_POOLED_TABLES and first.key:
+        # Short cells of one file show quanta and ranges only together.
+        pooled = [_own_names(table, first) for table in alike[:MAX_POOLED_TABLES]]
+        joined = {name: np.concatenate([own[name] for own in pooled]) for name in first.columns}
+        return Layout(tuple(alike), assign_roles(joined, hints), rate_fact=rate_fact)
+    roles = assign_roles(_own_names(ranked[0], first), hints)
     for other in ranked[1:]:
         if len(other.columns) == len(first.columns):
             roles = _completed(roles, assign_roles(_own_names(other, first), hints))
@@ -199,7 +215,8 @@ def _layout(group: Sequence[GivenTable]) -> Layout:
 
 
 def _own_names(table: GivenTable, named: GivenTable) -> dict[str, np.ndarray]:
-    """Return a table's columns under the names of another table of its layout: cells of one file differ in their keys."""
+    """Return a table's columns under the names of another table of its layout: cells of one file differ in their
+    keys."""
     if set(named.columns) <= set(table.columns):
         return {name: table.columns[name] for name in named.columns}
     return dict(zip(named.columns, table.columns.values(), strict=True))
@@ -232,7 +249,7 @@ def _merit(layout: Layout) -> float:
     quantities = {role.quantity for role in layout.channels}
     motion = 3.0 * bool(quantities & {"position", "angle", "motor_position"})
     inertial = 2.0 * any(q and q.endswith(".acceleration") for q in quantities)
-    efforts = 2.0 * bool(quantities & {*EFFORTS, "moment"})
+    efforts = 2.0 * bool(quantities & {*DRIVE_QUANTITIES, "moment"})
     emg = 1.0 * ("emg" in quantities)
     clock = 0.5 * (layout.roles.clock.column is not None)
     size = min(len(layout.tables), 4) * 0.5 + 0.1 * np.log10(max(layout.tables[0].rows, 1))
@@ -251,7 +268,7 @@ def _is_person(main: Layout, layouts: Sequence[Layout]) -> bool:
 
 def _is_inertial(layout: Layout) -> bool:
     return any((role.quantity or "").endswith(".acceleration") for role in layout.channels) and not any(
-        role.quantity in EFFORTS for role in layout.channels
+        role.quantity in DRIVE_QUANTITIES for role in layout.channels
     )
 
 
@@ -296,13 +313,19 @@ def _named_plainly(layout: Layout, main: Layout) -> Layout:
     """Return a stream whose position is no joint's under its own name: the recording itself has no motion."""
     if any(r.quantity in ("position", "angle", "motor_position") for r in main.channels):
         return layout
-    roles = tuple(
-        replace(r, quantity=re.sub(r"[^a-z0-9]+", "_", read_name(r.column).bare.casefold()).strip("_"))
-        if r.quantity == "position" and not r.label and read_name(r.column).bare[:1].isalpha()
-        else r
-        for r in layout.roles.roles
-    )
-    return replace(layout, roles=replace(layout.roles, roles=roles))
+
+    def plain(role: ColumnRole) -> ColumnRole:
+        bare = read_name(role.column).bare
+        if role.quantity != "position" or role.label or not bare[:1].isalpha():
+            return role
+        named = replace(role, quantity=re.sub(r"[^a-z0-9]+", "_", bare.casefold()).strip("_"))
+        if role.unit_is_certain:
+            return named
+        # What is divided by its largest value has no unit, whatever the header says.
+        is_scaled = "exactly 1" in role.unit_why
+        return replace(named, unit="1") if is_scaled else named
+
+    return replace(layout, roles=replace(layout.roles, roles=tuple(map(plain, layout.roles.roles))))
 
 
 def _remark_left(layout: Layout, why: str, remarks: list[str]) -> None:
@@ -318,7 +341,11 @@ def _extras(table: GivenTable, main: Layout) -> tuple[ColumnRole, ...]:
         return ()
     found = assign_roles(dict(table.columns), TableHints(units=table.units, angle_unit=table.angle_unit)).roles
     return tuple(
-        replace(role, quantity=re.sub(r"[^a-z0-9]+", "_", read_name(role.column).bare.casefold()).strip("_") or "extra", label="")
+        replace(
+            role,
+            quantity=re.sub(r"[^a-z0-9]+", "_", read_name(role.column).bare.casefold()).strip("_") or "extra",
+            label="",
+        )
         for role in found
         if role.column in more and role.quantity is not None
     )
@@ -416,15 +443,17 @@ def _distinct_parents(table: GivenTable, tables: Sequence[GivenTable]) -> str:
     return "_".join(table.path.parent.parts[shared:])
 
 
-_PARTICIPANT = re.compile(
-    r"(?:^|[_\s./-])(?:(?:sub|subj|subject|participant|patient|pilot|person|id)[_\s-]?(\d{1,3})|([PS]\d{1,3}))(?=$|[_\s./-])", re.IGNORECASE
+_PARTICIPANT_CODE = re.compile(
+    r"(?:^|[_\s./-])(?:(?:sub|subj|subject|participant|patient|pilot|person|id)[_\s-]?(\d{1,3})|([PS]\d{1,3}))(?=$|[_\s./-])",
+    re.IGNORECASE,
 )
 
 
 def _participant(path: Path) -> str | None:
-    """Return the code of a participant that a file's name or its folders contain, such as P1; None if they contain none."""
+    """Return the code of a participant that a file's name or its folders contain, such as P1; None if they contain
+    none."""
     for text in (path.stem, *(parent.name for parent in list(path.parents)[:3])):
-        match = _PARTICIPANT.search(text)
+        match = _PARTICIPANT_CODE.search(text)
         if match is not None:
             return f"P{match[1]}" if match[1] else match[2].upper()
     return None
@@ -432,15 +461,16 @@ def _participant(path: Path) -> str | None:
 
 def _condition(path: Path, tables: Sequence[GivenTable]) -> str | None:
     """Return the folder that tells a recording's condition: several participants' recordings lie in each."""
-    own = [p.name for p in list(path.parents)[:3] if _PARTICIPANT.search(p.name) is None]
+    own = [p.name for p in list(path.parents)[:3] if _PARTICIPANT_CODE.search(p.name) is None]
     if _participant(path) is None or not own:
         return None
-    every = {tuple(p.name for p in list(t.path.parents)[:3] if _PARTICIPANT.search(p.name) is None)[:1] for t in tables}
+    near = [list(table.path.parents)[:3] for table in tables]
+    every = {tuple(p.name for p in folders if _PARTICIPANT_CODE.search(p.name) is None)[:1] for folders in near}
     return own[0] if 1 < len(every) <= 6 else None
 
 
 def _protocol(path: Path) -> str | None:
-    words = [w for w in words_of(path.stem) if not w.isdigit() and _PARTICIPANT.search(w) is None]
+    words = [w for w in words_of(path.stem) if not w.isdigit() and _PARTICIPANT_CODE.search(w) is None]
     text = "_".join(words[:6])
     return text if re.fullmatch(r"[a-z][a-z0-9_]{1,60}", text) else None
 
@@ -484,7 +514,9 @@ def _split_single(recording: ProposedRecording, main: Layout) -> list[ProposedRe
 
 
 def _drive_kind(main: Layout, streams: Sequence[Layout]) -> str | None:
-    roles = [r for layout in (main, *streams) for r in layout.channels if r.quantity in EFFORTS and not r.is_command]
+    roles = [
+        r for layout in (main, *streams) for r in layout.channels if r.quantity in DRIVE_QUANTITIES and not r.is_command
+    ]
     if not roles:
         return None
     order = ("torque", "force", "current", "duty", "voltage")
@@ -494,7 +526,9 @@ def _drive_kind(main: Layout, streams: Sequence[Layout]) -> str | None:
 
 
 def _main_effort(layouts: Sequence[Layout], drive: str | None) -> tuple[Layout, ColumnRole] | None:
-    names = {"torque": ("torque", "force"), "current": ("current",), "voltage": ("voltage", "duty")}.get(drive or "", ())
+    names = {"torque": ("torque", "force"), "current": ("current",), "voltage": ("voltage", "duty")}.get(
+        drive or "", ()
+    )
     found = [(layout, r) for layout in layouts for r in layout.channels if r.quantity in names and not r.is_command]
     return found[0] if found else None
 
@@ -522,7 +556,8 @@ def _motion(main: Layout, streams: Sequence[Layout], drive: str | None) -> tuple
 
 
 def _gravity(main: Layout, drive: str | None) -> str | None:
-    """Return the gravity term: ``"none"`` if the sine of the angle explains nothing of the effort, else with a free zero."""
+    """Return the gravity term: ``"none"`` if the sine of the angle explains nothing of the effort, else with a free
+    zero."""
     found = _main_effort([main], drive)
     positions = [r for r in main.channels if r.quantity == "position"]
     if found is None or not positions or main.roles.rate is None:
@@ -557,13 +592,32 @@ def _in_metres(main: Layout) -> Layout:
     return replace(main, roles=replace(main.roles, roles=roles))
 
 
+def _with_torque(main: Layout) -> Layout:
+    """Return a layout in which a force without a unit is a torque, since the joint turns: a load cell stands on a
+    lever."""
+    if not any(r.quantity in ("position", "motor_position") for r in main.channels):
+        return main
+    if any(r.quantity == "torque" for r in main.channels):
+        return main
+    roles = tuple(
+        replace(
+            r, quantity="torque", unit="N*m", unit_is_certain=False, unit_why="nothing states a unit", is_certain=False,
+            why=f"{r.why}, and of a joint that turns it is a torque",
+        )
+        if r.quantity == "force" and not r.unit_is_certain
+        else r
+        for r in main.roles.roles
+    )  # fmt: skip
+    return replace(main, roles=replace(main.roles, roles=roles))
+
+
 def _repeated(recordings: Sequence[ProposedRecording], main: Layout, drive: str | None) -> RepeatedMotion | None:
     """Return the first pair of recordings that repeats a motion with another effort."""
     effort = _main_effort([main], drive)
     positions = [r for r in main.channels if r.quantity == "position"]
     if effort is None or not positions or len(recordings) < MIN_TIMES_COMPARED:
         return None
-    # Of several joints, one that gravity weighs tells a payload; the joint with the largest effort is one.
+    # A joint that gravity weighs tells a payload; the one with the largest effort is such a joint.
     efforts = [r for r in main.channels if r.quantity == effort[1].quantity]
     largest = max(efforts, key=lambda r: float(np.std(_decoded(main.tables[0], r))))
     position = next((r for r in positions if r.label == largest.label), positions[0])
@@ -604,7 +658,9 @@ def _questions(main, streams, recordings, drive, facts, motion_sure, person, rep
                 f"whether results are torques at all ({role.why})",
                 ("torque in N*m", "current in A", "voltage in V", "duty in 1", "force in N"),
             )
-    positions = [r for layout in layouts for r in layout.channels if r.quantity in ("position", "angle") and not r.is_command]
+    positions = [
+        r for layout in layouts for r in layout.channels if r.quantity in ("position", "angle") and not r.is_command
+    ]
     unsure = [r for r in positions if not r.unit_is_certain]
     if any(r.unit == "counts" for r in positions):
         yield Question(
@@ -624,7 +680,8 @@ def _questions(main, streams, recordings, drive, facts, motion_sure, person, rep
     if any(r.quantity == "motor_position" for r in main.channels):
         yield Question(
             "gear_turns",
-            "The positions turn too often for joints: they are motors'. How often does each motor turn for a turn of its joint?",
+            "The positions turn too often for joints: they are motors'. How often does a motor turn for a turn of its "
+            "joint?",
             "1",
             "every angle, inertia and torque of the joints",
         )
@@ -718,7 +775,7 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
         streams = [replace(s, roles=replace(s.roles, rate=s.roles.rate or rate)) for s in streams]
     if "effort" in answers:
         quantity, _, unit = answers["effort"].partition(" in ")
-        if quantity not in EFFORTS or not unit:
+        if quantity not in DRIVE_QUANTITIES or not unit:
             raise StudyError(f'effort: found "{answers["effort"]}", expected such as "current in mA"')
         found = _main_effort([main, *streams], drive)
         if found is not None:
@@ -733,7 +790,9 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
         unit = answers["position_unit"]
         motion = "prismatic" if unit in ("m", "mm", "cm") else "rotary"
         gravity = None if motion == "prismatic" else gravity or "sine+cosine"
-        main = _with_roles(main, lambda r: r.quantity in ("position", "reference", "angle"), unit=unit, said="said by the lab")
+        main = _with_roles(
+            main, lambda r: r.quantity in ("position", "reference", "angle"), unit=unit, said="said by the lab"
+        )
         main = _with_roles(
             main, lambda r: r.quantity in ("velocity", "desired_velocity") and not r.unit_is_certain, unit=f"{unit}/s",
             said="as the position, per second",
@@ -741,7 +800,8 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
     if "emg_unit" in answers:
         main = _with_roles(main, lambda r: r.quantity == "emg", unit=answers["emg_unit"], said="said by the lab")
         streams = [
-            _with_roles(s, lambda r: r.quantity == "emg", unit=answers["emg_unit"], said="said by the lab") for s in streams
+            _with_roles(s, lambda r: r.quantity == "emg", unit=answers["emg_unit"], said="said by the lab")
+            for s in streams
         ]
     if answers.get("drive_constant", "unknown") != "unknown":
         expected = {"rotary": ("N*m/A", "N*m/V"), "prismatic": ("N/A", "N/V")}[motion]
@@ -786,13 +846,15 @@ def _processing(main: Layout, drive: str | None) -> ProcessingChoice | None:
 def _remarks(given: GivenFiles, main: Layout, streams: Sequence[Layout]) -> list[str]:
     said = []
     for path, why in given.unread:
-        if path.suffix.lower() not in (".md", ".pdf", ".py") and not path.name.casefold().startswith(("license", "readme")):
+        if path.suffix.lower() not in (".md", ".pdf", ".py") and not path.name.casefold().startswith(
+            ("license", "readme")
+        ):
             said.append(f"{path.name}: not read: {why}")
     for table in given.tables:
         for person in table.personal:
             said.append(
-                f"{table.path.name}: {person.place} tells who was recorded ({person.kind}): it is left out; the copy of the "
-                "file still holds it, so take it out before you pass the study on"
+                f"{table.path.name}: {person.place} tells who was recorded ({person.kind}): it is left out; the copy "
+                "of the file still holds it, so take it out before you pass the study on"
             )
     for table in main.tables:
         role = next((r for r in main.channels if r.quantity == "position" and r.column in table.columns), None)
@@ -800,13 +862,13 @@ def _remarks(given: GivenFiles, main: Layout, streams: Sequence[Layout]) -> list
             held = find_postures(_decoded(table, role), main.roles.rate)
             if held.is_static:
                 said.append(
-                    f"{table.path.name}: it holds {len(held.positions)} postures ({100 * held.still_share:.0f} % of the time "
-                    "still): holds weigh the joint without inertia, and identify uses them for gravity"
+                    f"{table.path.name}: it holds {len(held.positions)} postures ({100 * held.still_share:.0f} % of "
+                    "the time still): holds weigh the joint without inertia, and identify uses them for gravity"
                 )
     if main.roles.clock.first_sound:
         said.append(
-            f"the first {main.roles.clock.first_sound} rows of {main.tables[0].path.name} are stale: time falls back after "
-            "them, so that they are no samples"
+            f"the first {main.roles.clock.first_sound} rows of {main.tables[0].path.name} are stale: time falls back "
+            "after them, so that they are no samples"
         )
     return said
 
@@ -845,11 +907,10 @@ def _last_number(values: np.ndarray) -> int:
 
 
 def _is_slower(sheet: GivenTable, others: Sequence[GivenTable]) -> bool:
-    from ..inference.commands import roughness
-
-    own = np.median([roughness(x[np.isfinite(x)]) for x in sheet.columns.values()])
-    rest = np.median([roughness(x[np.isfinite(x)]) for other in others for x in other.columns.values()])
-    return bool(own < 0.3 * rest)
+    """Whether no column of a sheet swings from sample to sample, and most of the others' do, as EMG does."""
+    own = [swings_fast(x) for x in sheet.columns.values()]
+    rest = [swings_fast(x) for other in others for x in other.columns.values()]
+    return not any(own) and 2 * sum(rest) > len(rest)
 
 
 def _with_paired_columns(recordings, main, paired) -> list[ProposedRecording]:
@@ -866,12 +927,13 @@ def _with_paired_columns(recordings, main, paired) -> list[ProposedRecording]:
 
 
 def _with_paired_roles(main: Layout, paired) -> Layout:
-    sheet, columns = paired[main.tables[0].path] if main.tables[0].path in paired else (None, {})
+    sheet, columns = paired.get(main.tables[0].path, (None, {}))
     column = columns.get(main.tables[0].key)
     if sheet is None or column is None:
         return main
     role = ColumnRole(
-        column, "force", "N", f'the sheet "{sheet.key}" has one column for each sheet of EMG, as long as that', "nothing tells it",
+        column, "force", "N", f'the sheet "{sheet.key}" has one column for each sheet of EMG, as long as that',
+            "nothing tells it",
         is_certain=False, unit_is_certain=False,
     )  # fmt: skip
     labels = _labels_by_sheet(main)

@@ -19,7 +19,9 @@ MARK_ASKED = "ASKED"
 MAX_JOINTS_IN_TABLE = 40
 """A study names at most so many joints of a person in its table for EMG and torque."""
 
-_KNOWN_NAMES = frozenset({"position", "velocity", "acceleration", "torque", "force", "current", "voltage", "duty", "reference"})
+_KNOWN_NAMES = frozenset(
+    {"position", "velocity", "acceleration", "torque", "force", "current", "voltage", "duty", "reference"}
+)
 """Channels of a joint, which end in its name where there are several."""
 
 
@@ -63,7 +65,9 @@ def channel_mark(role: ColumnRole, proposal: Proposal) -> str:
     hangs = {
         "counts_per_turn": role.unit == "counts",
         "full_duty": role.quantity == "duty",
-        "effort": role.quantity in ("torque", "force", "current", "voltage", "duty") and role.is_guess and not role.is_command,
+        "effort": role.quantity in ("torque", "force", "current", "voltage", "duty")
+        and role.is_guess
+        and not role.is_command,
         "position_unit": role.quantity in ("position", "angle", "reference") and role.is_guess,
         "emg_unit": role.quantity == "emg" and not role.unit_is_certain,
     }
@@ -74,7 +78,9 @@ def channel_mark(role: ColumnRole, proposal: Proposal) -> str:
 
 def _notes(proposal: Proposal) -> list[str]:
     guesses = [channel_name(r) for r in proposal.main.channels if channel_mark(r, proposal)]
-    guesses += [f"{channel_name(r)} ({s.stream})" for s in proposal.streams for r in s.channels if channel_mark(r, proposal)]
+    guesses += [
+        f"{channel_name(r)} ({s.stream})" for s in proposal.streams for r in s.channels if channel_mark(r, proposal)
+    ]
     notes = []
     if guesses:
         shown = ", ".join(guesses[:12]) + (f" and {len(guesses) - 12} more" if len(guesses) > 12 else "")
@@ -90,7 +96,9 @@ def _questions(proposal: Proposal) -> list[str]:
     lines = []
     for question in proposal.asked:
         answer = proposal.answers.get(question.key)
-        said = f"answered: {answer}" if answer is not None else f"{MARK_ASKED}, the default is taken: {question.default}"
+        said = (
+            f"answered: {answer}" if answer is not None else f"{MARK_ASKED}, the default is taken: {question.default}"
+        )
         lines += _wrapped(f"{question.key}: {question.text} {said}. It decides {question.consequence}.")
     for question in proposal.marked:
         lines += _wrapped(f"{question.key}: {MARK_GUESS}, not asked: {question.text} Taken: {question.default}.")
@@ -189,14 +197,20 @@ def _drive(proposal: Proposal, head: str) -> list[str]:
     if proposal.drive in ("current", "voltage"):
         if key in facts:
             fact = facts[key]
-            unit = fact.unit.replace("/A", "/V") if proposal.drive == "voltage" and "resistance" not in facts else fact.unit
+            unit = (
+                fact.unit.replace("/A", "/V")
+                if proposal.drive == "voltage" and "resistance" not in facts
+                else fact.unit
+            )
             if unit == fact.unit:
                 lines.append(_line(f'{key} = "{fact.text}"', f"{fact.label}, in the files"))
         else:
             example = {"current": "0.06 N*m/A", "voltage": "0.06 N*m/V"}[proposal.drive]
             lines.append(f'# {key} = "{example}"  # {MARK_ASKED}: unknown, so that results stay per {_per(proposal)}')
         if "gear_ratio" in facts and key in facts:
-            lines.append(_line(f"gear_ratio = {facts['gear_ratio'].value:g}", f"{facts['gear_ratio'].label}, in the files"))
+            lines.append(
+                _line(f"gear_ratio = {facts['gear_ratio'].value:g}", f"{facts['gear_ratio'].label}, in the files")
+            )
     has_duty = any(r.quantity == "duty" for r in proposal.main.channels)
     if proposal.drive == "voltage" and has_duty and "supply" in facts:
         lines.append(_line(f'supply = "{facts["supply"].text}"', f"{facts['supply'].label}, in the files"))
@@ -305,9 +319,16 @@ def _stream(layout: Layout, proposal: Proposal) -> list[str]:
     same_rows = layout.tables[0].rows == proposal.main.tables[0].rows
     own_file = layout.tables[0].path == proposal.main.tables[0].path
     if not proposal.is_person and proposal.drive is not None and (clockless or own_file) and (same_rows or own_file):
-        lines += [f"[streams.{layout.stream}]", "join = true", 'offset = "0 s"  # the same rows as the recordings', "drift = 0"]
-    elif not proposal.is_person and proposal.drive is not None and any(
-        r.quantity in ("torque", "current", "voltage", "force", "duty") for r in layout.channels
+        lines += [
+            f"[streams.{layout.stream}]",
+            "join = true",
+            'offset = "0 s"  # the same rows as the recordings',
+            "drift = 0",
+        ]
+    elif (
+        not proposal.is_person
+        and proposal.drive is not None
+        and any(r.quantity in ("torque", "current", "voltage", "force", "duty") for r in layout.channels)
     ):
         lines += [f"[streams.{layout.stream}]", "join = true"]
     return [*lines, *_channels(layout, proposal, f"[streams.{layout.stream}.channels]")]
@@ -357,7 +378,9 @@ def _procedures(proposal: Proposal) -> list[str]:
             'distal = "distal"',
             _line('calibration = "10 s"', f"{MARK_GUESS}: axes and zero come from these seconds"),
             'score_from = "10 s"',
-            _line('jump = "20 deg"', f"{MARK_GUESS}: a reference that jumps by more from a sample to the next is broken"),
+            _line(
+                'jump = "20 deg"', f"{MARK_GUESS}: a reference that jumps by more from a sample to the next is broken"
+            ),
         ]
     emg = [r for r in roles if r.quantity == "emg"]
     if not (proposal.is_person and emg):
@@ -438,5 +461,3 @@ def _one_line(text: str) -> str:
 
 def _text(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)
-
-

@@ -580,8 +580,8 @@ def _listed(columns: Columns, name: str, spec: ChannelSpec) -> np.ndarray:
     number, count = place
     if len(stored) % count:
         raise RecordingError(
-            f"{columns.path.name}: channel {name} (column {spec.column!r}) has {len(stored)} numbers, expected a multiple "
-            f"of {count}, as study.toml says of the list"
+            f"{columns.path.name}: channel {name} (column {spec.column!r}) has {len(stored)} numbers, expected a "
+            f"multiple of {count}, as study.toml says of the list"
         )
     if spec.interleaved is not None:
         return np.ascontiguousarray(stored[number::count])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,7 @@ _COMMENT_MARKS = ("#", "%", "//", "!")
 _MISSING_WORDS = {"", "nan", "na", "n/a", "null", "none", "-", "--", "missing"}
 _NUMBER_WORDS = {"true": 1.0, "false": 0.0, "inf": np.inf, "-inf": -np.inf}
 _CHANNEL_LINE = re.compile(r"Channel \d+: '([^']+)'(?:.*engineering units: ([^,]+),)?")
-_FACT = re.compile(r"[\s#%!/\"]*([^:=;,\t\"]{1,60}?)\"?\s*(?::|=|;|,|\t)\s*\"?(.*?)[\s\";,]*")
+_LABELLED_FACT = re.compile(r"[\s#%!/\"]*([^:=;,\t\"]{1,60}?)\"?\s*(?::|=|;|,|\t)\s*\"?(.*?)[\s\";,]*")
 _COMMA_NUMBER = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 
 
@@ -58,12 +59,15 @@ def read_lines(path: Path, lines: list[tuple[int, str]], delimiter: str | None =
     if not lines:
         raise RecordingError(f"{path.name}: found no row of data")
     require_narrow_lines(path, (line for _, line in lines[:20]))
-    delimiter = delimiter or _delimiter([line for _, line in lines[:20]])
+    delimiter = delimiter or _delimiter(_body([line for _, line in lines]))
     first = _first_row([_split(line, delimiter) for _, line in lines[:MAX_HEADER_LINES]])
     if first is None:
         raise RecordingError(f'{path.name}: found no row of numbers; the first line is "{lines[0][1][:60]}"')
     width = len(_split(lines[first][1], delimiter))
     header, unit_texts = _header(lines[:first], comments, delimiter, width)
+    if header is None and (numbers := _numbered_names([_split(line, delimiter) for _,
+        line in lines[first : first + 2]])):
+        header, first = numbers, first + 1
     rows = lines[first:]
     try:
         table = np.loadtxt([line for _, line in rows], delimiter=delimiter, comments=None, ndmin=2, dtype=np.float64)
@@ -105,9 +109,9 @@ def _units(names: list[str], texts: list[str] | None) -> dict[str | int, str]:
 
 def _facts(lines: list[str], names: list[str]) -> dict[str, str]:
     """Return the values of the lines above a table by their labels, without what tells who was recorded."""
-    facts = {}
+    facts: dict[str, str] = {}
     for line in lines:
-        match = _FACT.fullmatch(line)
+        match = _LABELLED_FACT.fullmatch(line)
         if match is None or not match[2] or find_personal_lines([line]):
             continue
         label = match[1].strip()
@@ -129,13 +133,16 @@ def _read_long(path: Path) -> Columns | None:
     lines = [(i, line) for i, line in enumerate(text) if line.strip()]
     comments = [line for _, line in lines if line.lstrip().startswith(_COMMENT_MARKS)]
     lines = [(i, line) for i, line in lines if not line.lstrip().startswith(_COMMENT_MARKS)]
-    delimiter = _delimiter([line for _, line in lines[:20]])
+    delimiter = _delimiter(_body([line for _, line in lines]))
     first = _first_row([_split(line, delimiter) for _, line in lines[:MAX_HEADER_LINES]])
     if delimiter is None or first is None:
         return None
     at, row = lines[first]
     fields = _split(row, delimiter)
     header, unit_texts = _header(lines[:first], comments, delimiter, len(fields))
+    numbers = _numbered_names([_split(line, delimiter) for _, line in lines[first : first + 2]])
+    if header is None and numbers and first + 1 < len(lines):
+        header, at = numbers, lines[first + 1][0]
     names = _names(path, header, len(fields))
     decimal = "," if delimiter != "," and any(_COMMA_NUMBER.fullmatch(field) for field in fields) else "."
     cut = cut_row(path)
@@ -166,6 +173,12 @@ def _decode(path: Path) -> str:
     except UnicodeDecodeError:
         # A degree or micro sign in a header written on Windows.
         return raw.decode("latin-1")
+
+
+def _body(lines: list[str]) -> list[str]:
+    """Return lines from the middle of a table; a long preamble has no delimiter."""
+    start = max(0, len(lines) // 2 - 10) if len(lines) > 40 else 0
+    return lines[start : start + 20]
 
 
 def _delimiter(lines: list[str]) -> str | None:
@@ -233,7 +246,7 @@ def _header(
     """
     split = [_split(line, delimiter) for _, line in above]
     whole = [fields for fields in split if len(fields) == width or (len(fields) == width + 1 and not fields[-1])]
-    for names, units in zip(whole, whole[1:], strict=False):
+    for names, units in pairwise(whole):
         if width > 1 and is_unit_row(units) and not is_unit_row(names):
             return names, units
     for fields in whole:
@@ -250,6 +263,22 @@ def _header(
         if width > 1 and len(fields) == width and not any(" " in f.strip() and "[" not in f for f in fields):
             return fields, None
     return None, None
+
+
+def _numbered_names(rows: list[list[str]]) -> list[str] | None:
+    """Return the names of columns that a first row of numbers gives: 0, 1, 2, ..., perhaps after an unnamed index.
+
+    None if the first row is one of samples, which are no consecutive whole numbers as the next row would be, too.
+    """
+    if len(rows) < 2 or len(rows[0]) < 3:
+        return None
+    fields, below = rows
+    named = fields[1:] if not fields[0] else fields
+    for begin in (0, 1):
+        wanted = [str(begin + i) for i in range(len(named))]
+        if named == wanted and below[len(fields) - len(named) :] != wanted:
+            return ["index", *named] if not fields[0] else fields
+    return None
 
 
 def _is_prose(above: list[tuple[int, str]], split: list[list[str]], width: int) -> bool:

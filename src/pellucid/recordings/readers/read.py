@@ -23,7 +23,6 @@ from ._caps import require_few_columns, require_file_size
 from ._columns import Columns
 from ._unread_formats import UNREAD_FORMATS
 
-
 MAX_SNIFFED_BYTES = 4096
 """A file with an unknown ending is judged by so many bytes at its beginning."""
 

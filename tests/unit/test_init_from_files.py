@@ -1,0 +1,214 @@
+"""`init --from`: own files become a study, with a mark for each guess and at most five questions."""
+
+import tomllib
+
+import made_layouts
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import pellucid as pl
+from pellucid.cli import app
+from pellucid.inference.angle_units import find_angle_unit, find_unsigned_bits
+from pellucid.inference.assign_roles import TableHints, assign_roles
+from pellucid.inference.clocks import find_clock
+from pellucid.inference.derivatives import find_derivatives
+from pellucid.inference.emg_spectrum import is_raw_emg
+from pellucid.inference.flat_arrays import find_flat_shape
+from pellucid.inference.motion_efforts import motion_samples, unit_by_weight
+from pellucid.inference.name_evidence import read_name
+from pellucid.inference.repeated_motions import find_repeated_motion
+from pellucid.proposals.given_files import read_given
+from pellucid.proposals.propose_study import propose_study
+from pellucid.proposals.questions import MAX_QUESTION_COUNT
+from pellucid.proposals.study_text import study_text
+from pellucid.recordings.stated_units import split_unit
+from pellucid.units import to_si_factor
+
+
+def proposed(layout):
+    """Return the proposal of a made layout and its study.toml."""
+    proposal = propose_study(read_given(layout.files), "made")
+    tables = [t for r in proposal.recordings for t in (r.table, *r.streams.values())]
+    return proposal, study_text(proposal, {id(table): f"recordings/{table.path.name}" for table in tables})
+
+
+def channels_of(table, prefix=""):
+    for key, value in table.items():
+        if {"column", "rate"} & set(value):
+            yield f"{prefix}{key}", value
+        else:
+            yield from channels_of(value, f"{prefix}{key}.")
+
+
+@pytest.mark.parametrize("make", made_layouts.LAYOUTS, ids=lambda make: make.__name__)
+def test_a_made_layout_is_understood_without_a_hand_on_study_toml(tmp_path, make):
+    layout = make(tmp_path)
+    proposal, text = proposed(layout)
+    study = tomllib.loads(text)
+    tables = [study["channels"], *(stream["channels"] for stream in study.get("streams", {}).values())]
+    found = [(name, entry) for table in tables for name, entry in channels_of(table)]
+    for column, (role, factor) in layout.channels.items():
+        own = [(name, e) for name, e in found if split_unit(str(e.get("column")))[0] == split_unit(column)[0]]
+        assert own, f"{column} is no channel"
+        name, entry = own[0]
+        assert name.partition(".")[0] == role
+        assert to_si_factor(entry["unit"], None)[0] * entry.get("scale", 1.0) == pytest.approx(factor, rel=1e-9)
+    if layout.rate is not None:
+        line = next(line for line in text.splitlines() if line.startswith("time = { rate"))
+        if layout.rate_is_unknowable:
+            assert "ASKED" in line
+        else:
+            assert f'"{layout.rate:g} Hz"' in line
+    assert len(proposal.asked) <= MAX_QUESTION_COUNT
+    assert all(question.default and question.consequence for question in proposal.asked)
+
+
+def test_flat_files_are_read_as_the_columns_that_they_hold(tmp_path):
+    given = tmp_path / "given"
+    given.mkdir()
+    layout = made_layouts.flat_files(given)
+    made = pl.init(tmp_path / "study", files=layout.files, answers={"rate": "200 Hz"})
+    assert "interleaved = [2, 3]" in made.study_file.read_text()
+    (first, _) = pl.open(made.folder).recordings()
+    truth = made_layouts.swing(12)
+    n = len(first)
+    assert first["position.joint_2"] == pytest.approx(truth["q"][:n], abs=1e-6)
+    assert first["torque.joint_2"] == pytest.approx(truth["tau"][:n], abs=1e-5)
+
+
+def test_the_command_proposes_writes_a_page_and_checks(tmp_path, monkeypatch):
+    given = tmp_path / "given"
+    given.mkdir()
+    layout = made_layouts.long_preamble(given)
+    folder = tmp_path / "study"
+    done = CliRunner().invoke(app, ["init", str(folder), "--from", str(layout.files[0]), "--yes"])
+    assert done.exit_code == 0, done.output
+    text = (folder / "study.toml").read_text()
+    assert 'torque_constant = "0.0603 N*m/A"' in text
+    assert "gear_ratio = 100" in text
+    assert (folder / "proposal" / "index.html").stat().st_size > 20_000
+    assert "Next: pellucid identify" in " ".join(done.output.split())
+    assert "Default taken" in done.output
+
+
+def test_a_persons_name_is_left_out_and_said(tmp_path):
+    given = tmp_path / "given"
+    given.mkdir()
+    layout = made_layouts.person_export(given)
+    made = pl.init(tmp_path / "study", files=layout.files)
+    page = made.page.read_text()
+    assert "Doe" not in page + made.study_file.read_text() + str(made.proposal.remarks)
+    assert sum("tells who was recorded" in remark for remark in made.proposal.remarks) == 2
+
+
+def test_an_answer_replaces_the_default_and_its_mark(tmp_path):
+    given = tmp_path / "given"
+    given.mkdir()
+    layout = made_layouts.commanded_motor(given)
+    _, text = proposed(layout)
+    assert "torque_constant" in text
+    assert "ASKED: unknown" in text
+    made = pl.init(
+        tmp_path / "study", files=layout.files, answers={"drive_constant": "2 N*m/A", "effort": "current in A"}
+    )
+    answered = made.study_file.read_text()
+    assert 'torque_constant = "2 N*m/A"' in answered
+    with pytest.raises(pl.PellucidError, match="found an answer to colour, expected one of"):
+        pl.init(tmp_path / "other", files=layout.files, answers={"colour": "red"})
+
+
+def test_files_without_numbers_are_refused_by_name(tmp_path):
+    (tmp_path / "notes.txt").write_text("nothing here\n")
+    with pytest.raises(pl.PellucidError, match=r"found no table of numbers in 1 files: notes\.txt"):
+        pl.init(tmp_path / "study", files=[tmp_path / "notes.txt"])
+    with pytest.raises(pl.PellucidError, match="no such file, expected recordings after --from"):
+        pl.init(tmp_path / "study", files=[tmp_path / "gone.csv"])
+
+
+@pytest.mark.parametrize(
+    ("step", "start", "name", "unit"),
+    [
+        (0.001, 0.0, "c0", "s"),
+        (10.0, 5.0, "c0", "ms"),
+        (1000.0, 0.0, "c0", "us"),
+        (5e6, 1.7e18, "c0", "ns"),
+        (2.0, 0.0, "t [ms]", "ms"),
+    ],
+)
+def test_the_unit_of_time_follows_from_its_increments(step, start, name, unit):
+    clock = find_clock({name: start + step * np.arange(1000)}, [read_name(name)])
+    assert (clock.column, clock.unit) == (name, unit)
+
+
+def test_increments_that_fit_two_units_are_marked():
+    clock = find_clock({"c0": 200.0 * np.arange(1000) + 7.0}, [read_name("c0")])
+    assert not clock.is_certain
+
+
+def test_a_derivative_tells_degrees_beside_radians_a_second():
+    p = made_layouts.swing(1)
+    (pair,) = find_derivatives({"a": np.degrees(p["q"]), "b": p["dq"], "c": p["tau"]}, p["t"])
+    assert (pair.of, pair.by, pair.units) == ("a", "b", (("deg", "rad/s"),))
+
+
+def test_an_encoder_shows_its_unit_by_its_quantum_and_a_count_its_bits():
+    q = made_layouts.swing(2)["q"]
+    for unit, turn in (("rad", 2.0 * np.pi), ("deg", 360.0)):
+        scaled = q * turn / (2.0 * np.pi)
+        found = find_angle_unit(np.round(scaled / (turn / 8192)) * (turn / 8192))
+        assert (found.unit, found.is_certain) == (unit, True)
+    assert not find_angle_unit(q).is_certain
+    counts = np.round(q * 4096 / (2.0 * np.pi))
+    assert find_unsigned_bits(np.mod(counts, 2.0**16)) == 16
+    assert find_unsigned_bits(np.abs(counts)) is None
+
+
+def test_weight_tells_degrees_from_radians():
+    p = made_layouts.swing(3)
+    q = 3.0 * p["q"]
+    effort = 2.0 * np.sin(q) + 0.1 * np.tanh(p["dq"])
+    assert unit_by_weight(effort, motion_samples(np.degrees(q), p["t"]))[0] == "deg"
+    assert unit_by_weight(effort, motion_samples(q, p["t"]))[0] == "rad"
+    assert unit_by_weight(p["dq"], motion_samples(0.01 * q, p["t"])) is None
+
+
+def test_emg_is_told_by_its_spectrum():
+    assert is_raw_emg(made_layouts.emg(4, 4000, 1000.0), 1000.0)
+    t = np.arange(4000) / 1000.0
+    assert not is_raw_emg(np.sin(2 * np.pi * 50.0 * t), 1000.0)
+    assert not is_raw_emg(made_layouts.swing(4)["tau"], 1000.0)
+
+
+def test_a_flat_list_is_divided_as_it_was_written():
+    parts = np.column_stack([k + made_layouts.swing(k)["q"] for k in range(7)])
+    assert (find_flat_shape(parts.ravel()).count, find_flat_shape(parts.ravel()).order) == (7, "interleaved")
+    assert find_flat_shape(parts.T.ravel(), (7,)).order == "stacked"
+    assert find_flat_shape(parts[:, 0]).order == "single"
+
+
+def test_the_same_motion_with_another_effort_is_noticed():
+    p = made_layouts.swing(5)
+    found = find_repeated_motion(("empty", p["q"], p["tau"]), ("loaded", np.roll(p["q"], 20), 1.5 * p["tau"]))
+    assert (found.lighter, found.heavier) == ("empty", "loaded")
+    assert find_repeated_motion(("a", p["q"], p["tau"]), ("b", made_layouts.swing(6)["q"], p["tau"])) is None
+
+
+def test_a_constant_column_is_nobodys_and_a_wrong_name_is_marked():
+    p = made_layouts.swing(7)
+    roles = assign_roles({"t": p["t"], "torque": np.full(3000, 2.0), "q": p["q"]}, TableHints())
+    left = next(role for role in roles.roles if role.column == "torque")
+    assert left.quantity is None
+    assert "constant at 2" in left.why
+
+
+def test_a_unit_that_nothing_tells_is_never_silent(tmp_path):
+    """Radians and degrees that look alike: whatever is taken, the line is marked."""
+    p = made_layouts.swing(8)
+    path = tmp_path / "log.csv"
+    np.savetxt(path, np.column_stack([p["t"], 0.4 * p["q"], p["tau"]]), delimiter=",", header="t,a,b", comments="")
+    proposal = propose_study(read_given([path]), "made")
+    text = study_text(proposal, {id(r.table): "recordings/log.csv" for r in proposal.recordings})
+    for name in ("position", "torque"):
+        line = next(line for line in text.splitlines() if line.startswith(f"{name} = "))
+        assert "GUESS" in line or "ASKED" in line
