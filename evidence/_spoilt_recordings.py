@@ -249,7 +249,8 @@ ARM_URDF = """<robot name="arm">
 <inertia ixx="0.01" iyy="0.01" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
 <limit lower="-3" upper="3" effort="50" velocity="10"/></joint>
-<joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/><origin xyz="0 0 -0.3"/><axis xyz="0 1 0"/>
+<joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/>
+<origin xyz="0 0 -0.3"/><axis xyz="0 1 0"/>
 <limit lower="-3" upper="3" effort="50" velocity="10"/></joint>
 </robot>
 """

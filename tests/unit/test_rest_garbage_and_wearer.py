@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import pellucid as pl
+from pellucid.fit.joint.friction_drift import find_friction_drift
 from pellucid.recordings.defects.magnitude import find_implausible
 from pellucid.recordings.defects.worn import find_worn
 from pellucid.recordings.recording import Channel
@@ -174,3 +175,45 @@ def test_a_worn_robot_is_said_first_and_nothing_is_moved(make_study):
     (echo,) = [fault for fault in faults if fault.kind == "echoed"]
     assert "the samples of desired_current, 70 ms late" in echo.found or "75 ms late" in echo.found
     assert find_alignments(study) == ()
+
+
+def test_static_postures_give_the_weight(make_study, rng):
+    """A study of postures passes check, and identify finds the weight that was put in: 1.5 N m over 2 N m/A."""
+    n, entries, tables = 400, "", []
+    for k, angle in enumerate((-0.9, -0.4, 0.1, 0.5, 1.0)):
+        effort = (1.5 * np.sin(angle) + 0.05) / 2.0 + 0.004 * rng.standard_normal(n)
+        tables.append({"t": np.arange(n) / 200.0, "q": angle + 1e-4 * (rng.random(n) < 0.05), "i": effort})
+        use = "validate" if k == 3 else "fit"
+        entries += f'\n[[recordings]]\nname = "p{k}"\nfile = "recordings/p{k}.csv"\nuse = "{use}"\n' if k else ""
+    study = make_study(tables[0], append=entries)
+    for k, columns in enumerate(tables[1:], 1):
+        path = study.folder / "recordings" / f"p{k}.csv"
+        np.savetxt(path, np.column_stack(list(columns.values())), delimiter=",", header="t,q,i", comments="")
+    faults = pl.check(study)
+    assert not [fault for fault in faults if fault.severity in ("refuse", "cut")], faults
+    found = pl.identify(study)
+    assert abs(found["gravity"].value - 1.5) < 0.02
+    assert "weight" in found.headline
+    assert [row.split for row in found.rows if ".rms." in row.id] == ["fitted", "heldout"]
+    assert found.judged[0][1] == pytest.approx(1.5 * np.sin(0.5) + 0.05, abs=0.01)
+
+
+def test_an_effort_that_falls_silent_is_cut_out(make_study, rng):
+    columns = make_study.swing()
+    columns["i"] = columns["i"] + 0.002 * rng.standard_normal(2000)
+    columns["i"][1850:] = 0.0
+    (fault,) = said(make_study(columns), "dead_effort")
+    assert fault.severity == "cut"
+    assert "while the joint moves" in fault.found
+
+
+def test_friction_that_drifts_is_measured(rng):
+    time = np.arange(4000) / 200.0
+    velocity = np.sin(3.0 * time)
+    warm = 0.4 * np.exp(-time / 6.0)
+    drift = find_friction_drift(time, velocity, (warm - warm.mean()) * np.sign(velocity))
+    assert drift.z_value < -4.0
+    assert drift.change == pytest.approx(-0.4, abs=0.15)
+    steady = find_friction_drift(time, velocity, 0.05 * rng.standard_normal(4000))
+    assert abs(steady.z_value) < 4.0
+    assert find_friction_drift(time[:50], velocity[:50], velocity[:50]) is None

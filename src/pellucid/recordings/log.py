@@ -580,8 +580,8 @@ def _relation_findings(channels: Mapping[str, LogChannel], dead: set[str]) -> It
         of_kind = [c for c in channels.values() if c.quantity.kind == kind]
         asked = [c for c in of_kind if c.quantity.role in ("command", "computed")]
         if asked and len(asked) == len(of_kind):
-            names = ", ".join(c.name for c in asked)
-            text = f"no {kind} is measured: {names} {'is' if len(asked) == 1 else 'are'} asked for or computed"
+            listed = ", ".join(c.name for c in asked)
+            text = f"no {kind} is measured: {listed} {'is' if len(asked) == 1 else 'are'} asked for or computed"
             yield LogFinding("not_measured", asked[0].name, text, NOTE_LEVEL)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -36,7 +37,7 @@ def find_friction_drift(time: np.ndarray, velocity: np.ndarray, residual: np.nda
     """
     edges = np.linspace(time[0], time[-1], BLOCK_COUNT + 1) if len(time) else np.zeros(1)
     centres, levels = [], []
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges.tolist()):
         inside = (time >= low) & (time <= high)
         way = np.sign(velocity[inside])
         # With both directions a constant residual does not look like friction.

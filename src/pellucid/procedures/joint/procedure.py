@@ -13,9 +13,10 @@ if TYPE_CHECKING:
     from ...pages.page import Page
     from ...recordings.fault import Fault
     from .joint_result import JointResult
+    from .static_postures import PostureResult
 
 
-class JointProcedure(Procedure[None, "JointResult"]):
+class JointProcedure(Procedure[None, "JointResult | PostureResult"]):
     """A joint with friction, driven by a motor."""
 
     name, command = "joint", "identify"
@@ -23,7 +24,10 @@ class JointProcedure(Procedure[None, "JointResult"]):
 
     def faults(self, study: Study, table: None) -> list[Fault]:
         from .joint_faults import joint_faults
+        from .static_postures import is_held_throughout, posture_faults
 
+        if is_held_throughout(study):
+            return posture_faults(study)
         return joint_faults(study)
 
     def run(
@@ -34,14 +38,20 @@ class JointProcedure(Procedure[None, "JointResult"]):
         *,
         families: Sequence[str] | None = None,
         thorough: bool = True,
-    ) -> JointResult:
+    ) -> JointResult | PostureResult:
         from .identify_joint import identify_joint
+        from .static_postures import identify_postures, is_held_throughout
 
+        if is_held_throughout(study):
+            return identify_postures(study)
         return identify_joint(study, tell, families=families, thorough=thorough)
 
-    def page(self, study: Study, found: JointResult) -> Page:
+    def page(self, study: Study, found: JointResult | PostureResult) -> Page:
         from .joint_page import page
+        from .static_postures import PostureResult, posture_page
 
+        if isinstance(found, PostureResult):
+            return posture_page(study, found)
         return page(study, found)
 
     def cut(self, study: Study) -> list[Fault]:

@@ -16,6 +16,7 @@ from ...studies.study import Study
 from ...studies.study_file import RigJoint
 from ..dead_effort import dead_effort_faults
 from ..joint.recorded_motions import short_stretch_faults
+from .effort_mixups import find_effort_mixup
 from .recorded_tree import file_of, frames_of, motions_of, position_channel, robot_of
 from .sign_search import (
     MOTOR_POWER_THRESHOLD,
@@ -68,7 +69,7 @@ def tree_faults(study: Study) -> list[Fault]:
         motions = motions_of(study, robot)
     except PellucidError as error:
         return [*faults, _fault("refuse", "motion", "", "", str(error), "motions", str(error))]
-    for find in (_lengths, _velocities, _resting, _together, _signs, _limits):
+    for find in (_lengths, _velocities, _resting, _together, _signs, _mixups, _limits):
         faults += find(study, robot, motions)
         if any(fault.severity == "refuse" for fault in faults):
             break
@@ -243,6 +244,22 @@ def _signs(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterato
         )
         severity = "refuse" if turned.sure else "note"
         yield _fault(severity, "sign", _files(study), _channel(study, robot, turned.joint), found, wanted)
+
+
+def _mixups(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterator[Fault]:
+    """Yield a warning for efforts of two joints that are exchanged, or for one with another scale than the others."""
+    mixup = find_effort_mixup(robot, _fitted_motions(motions))
+    if mixup is None:
+        return
+    names = [robot.names[k] for k in mixup.joints]
+    without = f"{mixup.ratio:.3g} times as much of the efforts unexplained"
+    if len(names) == 2:
+        found = f"{without} as with the efforts of {names[0]} and {names[1]} swapped"
+        wanted = "each joint's own effort: check the columns of both drives' channels"
+    else:
+        found = f"{without} as with the effort of {names[0]} times {mixup.gain:.2g}"
+        wanted = "efforts of one scale: check this joint's gear, its torque constant and its unit"
+    yield _fault("warn", "gains", _files(study), _channel(study, robot, mixup.joints[0]), found, wanted)
 
 
 def _offset(study: Study, robot: Robot, name: str) -> float:
