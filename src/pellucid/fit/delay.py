@@ -112,13 +112,11 @@ class Delay:
         return max(low - other, 0.0) + min(high - other, 0.0)
 
     def clear(self, step: float) -> bool:
-        """Return whether the delay exceeds the drive's sampling period `step` [s] and what friction errors imitate, and is
-        not doubtful."""
-        return not self.doubt and self.seems_clear(step)
+        """Return whether the delay exceeds the drive's sampling period `step` [s] and what friction errors imitate.
 
-    def seems_clear(self, step: float) -> bool:
-        """Return the same for a delay that may be doubtful."""
-        return abs(self.beyond(0.0)) > step and self.explained >= MIN_EXPLAINED_SHARE
+        A doubtful delay never does.
+        """
+        return not self.doubt and abs(self.beyond(0.0)) > step and self.explained >= MIN_EXPLAINED_SHARE
 
 
 def interpolate_cubic(samples: np.ndarray, place: np.ndarray) -> np.ndarray:

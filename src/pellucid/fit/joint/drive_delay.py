@@ -17,8 +17,8 @@ STRIBECK_SPEED_SHARE = 0.05
 """Stribeck velocity of the richest model, as a share of the top speed. Its extra friction falls to a third there."""
 
 MIN_EXPLAINED_EFFORT_SHARE = 0.5
-"""A delay is believed only if the model with it explains at least this share of the effort's variance. Somebody who wears
-the joint moves it with a phase of their own, and a shift of the effort then fits a model that explains little."""
+"""A delay is believed only if the model with it explains at least this share of the effort's variance. Somebody who
+wears the joint moves it with a phase of their own, and a shift of the effort then fits a model that explains little."""
 
 BODY_TERMS = frozenset({"inertia", "gravity", "gravity_cosine", "offset"})
 """Terms that no friction contributes to."""
@@ -104,8 +104,8 @@ def _alternatives(
     """Yield other explanations of a delay, in words, with the mean square residual that each leaves without a delay.
 
     Friction that builds up over a distance, or is lost in a gap, changes late while inertia and weight do not: each of
-    its terms has a slope in time of its own. A spring between encoder and body turns by effort over stiffness: the second
-    derivative of the effort, and weight times the effort.
+    its terms has a slope in time of its own. A spring between encoder and body turns by effort over stiffness: that
+    adds the second derivative of the effort, and weight times the effort.
     """
     w = np.concatenate([c.regressor for c in columns])
     y = np.concatenate([r.at(0.0)[0] for r in rows]) - np.concatenate([c.intercept for c in columns])

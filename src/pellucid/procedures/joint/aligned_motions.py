@@ -44,8 +44,8 @@ class Alignment:
         interval = f"95 % interval {1e3 * d.low:.3g} to {1e3 * d.high:.3g} ms"
         if d.doubt:
             return (
-                f"A shift of {self.channel} by {1e3 * d.value:.3g} ms{where} would fit better ({interval}), but {d.doubt}: "
-                "it is no delay that these recordings show, and nothing was moved."
+                f"A shift of {self.channel} by {1e3 * d.value:.3g} ms{where} would fit better ({interval}), but "
+                f"{d.doubt}: it is no delay that these recordings show, and nothing was moved."
             )
         if not (self.moved or self.recording):
             return f"No delay of {self.channel} against position is certain ({interval})." if self.asked else ""
@@ -136,7 +136,8 @@ def _estimate_alignments(study: Study) -> Iterator[Alignment]:
         yield from (Alignment(channel, d, d.value, asked, name) for name, d in late.items())
         by = 0.0
     else:
-        certain = pooled is not None and (pooled.clear(step) or (asked and not pooled.doubt and pooled.beyond(0.0) != 0.0))
+        certain = pooled is not None and (pooled.clear(step) or (asked and pooled.beyond(0.0) != 0.0))
+        certain = certain and not pooled.doubt
         by = pooled.value if certain else 0.0
         yield Alignment(channel, pooled, by, asked)
     for r in judged:

@@ -255,7 +255,7 @@ def _headline_rows(fit: JointResult, together: str) -> Iterator[ResultRow]:
         yield replace(held, id=f"{head}.heldout.effort_error", value=one.heldout_effort_error, unit="%")
     unit, scale = ("deg", 180.0 / np.pi) if fit.motion == "rotary" else ("mm", 1e3)
     for method, error in (one.choice.simulation.errors if one.choice.simulation else {}).items():
-        note = f"position simulated from the command, over blocks of the fitted recordings left out in turn, by {method}"
+        note = f"position simulated from the command, over fitted blocks left out in turn, by {method}"
         yield replace(plain, id=f"{head}.blocks_out.{method}.rmse_{unit}", value=scale * error, unit=unit, note=note)
     for method, error in (one.choice.torque.errors if one.choice.torque else {}).items():
         note = f"effort predicted, over blocks of the fitted recordings left out in turn, by {method}"
