@@ -1,12 +1,12 @@
-"""Does held out mean held out, and are choices, delays and weights right on machines that nothing of Pellucid simulates?
+"""Does held out mean held out? Are choices, delays and weights right on machines that Pellucid does not simulate?
 
 Held-out files: for studies of every procedure that fits anything, what the held-out files hold is replaced by another
 machine's recording, by three times the effort, by the same backwards and by shifted positions. Every number of the
 cards and of the rows of fitted data is compared to the last bit; so are the constants of exports, which are made of
 cards alone. A refusal by `check` or by the procedure counts as a failure.
 
-Families, delays and payloads: joints are drawn over the sizes of wearable robots and simulated by a plain integrator with
-friction of its own (`_foreign_joint.py`). Their recordings are identified by default settings.
+Families, delays and payloads: joints are drawn over the sizes of wearable robots and simulated by a plain integrator
+with friction of its own (`_foreign_joint.py`). Their recordings are identified by default settings.
 
 - family overfit: joints with dry and viscous friction alone, for which a richer family is named;
 - false delays: recordings whose torque and position are synchronous, for which a delay is found;

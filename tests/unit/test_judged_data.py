@@ -1,4 +1,4 @@
-"""Held-out files may hold anything: no fitted number of any procedure moves, and nothing is refused on their account."""
+"""Held-out files may hold anything: no fitted number of any procedure moves, and nothing is refused for their sake."""
 
 import numpy as np
 import pytest

@@ -47,7 +47,7 @@ class HeldOutComparison:
     p_values: Mapping[str, float]  # p value of the hypothesis that a candidate is no worse than the winner
     blocks: int  # smallest number of blocks in any of the tests
     samples: float  # number of independent samples
-    min_improvement: float = MIN_IMPROVEMENT  # smallest share of its error by which a worse candidate exceeds the winner
+    min_improvement: float = MIN_IMPROVEMENT  # smallest share of a worse candidate's error that the winner saves
 
     def improvement(self, name: str) -> float:
         """Return the share of a candidate's error that the winner saves."""

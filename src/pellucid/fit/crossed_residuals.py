@@ -1,4 +1,4 @@
-"""Cross-validation of a regression over blocks of the fitted recordings: each block is predicted from all the others."""
+"""Cross-validate a regression over blocks of the fitted recordings: each block is predicted from all the others."""
 
 from __future__ import annotations
 

@@ -104,6 +104,7 @@ class Delay:
     explained: float  # smallest share of the residual's mean square that the delay explains in any of those models
     sure: tuple[float, float]  # interval of `MIN_DELAY_STANDARD_ERRORS` standard errors over the same models [s]
     lag: bool = False  # whether `value` is the time constant of a first-order lag instead of a delay
+    doubt: str = ""  # why it is not to be believed, in words; nothing is moved by a doubtful delay
 
     def beyond(self, other: float) -> float:
         """Return by how much the delay certainly exceeds `other`; negative if it is shorter, 0 if they may agree."""
@@ -111,8 +112,11 @@ class Delay:
         return max(low - other, 0.0) + min(high - other, 0.0)
 
     def clear(self, step: float) -> bool:
-        """Return whether the delay exceeds the drive's sampling period `step` [s] and what friction errors imitate."""
-        return abs(self.beyond(0.0)) > step and self.explained >= MIN_EXPLAINED_SHARE
+        """Return whether the delay exceeds the drive's sampling period `step` [s] and what friction errors imitate.
+
+        A doubtful delay never does.
+        """
+        return not self.doubt and abs(self.beyond(0.0)) > step and self.explained >= MIN_EXPLAINED_SHARE
 
 
 def interpolate_cubic(samples: np.ndarray, place: np.ndarray) -> np.ndarray:

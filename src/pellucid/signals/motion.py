@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from .._errors import RecordingError
-from .judged import JudgedData
 from .filters import central_difference, decimate, zero_phase_lowpass
+from .judged import JudgedData
 
 SLOW_SHARE = 0.02
 

@@ -9,8 +9,8 @@ from typing import Literal, Protocol
 import numpy as np
 
 from .._errors import RecordingError
-from .judged import JudgedData
 from .filters import central_difference, decimate, runs
+from .judged import JudgedData
 from .motion import Filtering, lowpassed
 
 DEFAULT_PART_COUNT = 10

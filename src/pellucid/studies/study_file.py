@@ -796,8 +796,8 @@ class Model(StudyTable):
     posterior : bool
         Whether a posterior is computed beside the intervals.
     min_improvement : float
-        Share of its error that a richer friction family must save a simpler one, on blocks of the fitted recordings that
-        are predicted from the others, in [0, 1).
+        Share of its error that a richer friction family must save a simpler one, on blocks of the fitted recordings
+        that are predicted from the others, in [0, 1).
     """
 
     families: tuple[Literal[tuple(FAMILIES)], ...] = DEFAULT_FAMILIES

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +15,13 @@ from .friction_solver import with_known_stribeck_velocity
 
 STRIBECK_SPEED_SHARE = 0.05
 """Stribeck velocity of the richest model, as a share of the top speed. Its extra friction falls to a third there."""
+
+MIN_EXPLAINED_EFFORT_SHARE = 0.5
+"""A delay is believed only if the model with it explains at least this share of the effort's variance. Somebody who
+wears the joint moves it with a phase of their own, and a shift of the effort then fits a model that explains little."""
+
+BODY_TERMS = frozenset({"inertia", "gravity", "gravity_cosine", "offset"})
+"""Terms that no friction contributes to."""
 
 MIN_ROWS = 100
 """A delay is estimated only from at least this many rows, because the richest model has ten parameters."""
@@ -52,7 +59,75 @@ def estimate_drive_delay(
         fits.append(found)
         values = dict(zip(model.names, found.values, strict=True))
     delay = combine_models(fits, quantile, step)
-    return prefer_better_lag(delay, fits[-1].after, rows, full, step) if delay.clear(step) else delay
+    if not delay.clear(step):
+        return delay
+    doubt = _doubt(plain, fits, motions, rows, columns, full, model.names)
+    return replace(delay, doubt=doubt) if doubt else prefer_better_lag(delay, fits[-1].after, rows, full, step)
+
+
+def _doubt(
+    plain: JointModel,
+    fits: Sequence[DelayFit],
+    motions: Sequence[Motion],
+    rows: Sequence[DrivenRows],
+    columns: Sequence[Columns],
+    full: Sequence[np.ndarray],
+    names: Sequence[str],
+) -> str:
+    """Return why a delay is not to be believed, in words; empty if nothing speaks against it.
+
+    `fits` are those of all models. `columns` and `full` are those of the richest one, with the parameters `names`.
+    """
+    simple = dict(zip(plain.names, fits[0].values, strict=True))
+    if simple.get("inertia", 1.0) <= 0.0:
+        return "with it the inertia is negative"
+    if simple.get("gravity", 1.0) <= 0.0:
+        return "with it the joint's weight pushes upwards"
+    effort = np.concatenate([r.at(0.0)[0] for r in rows])
+    explained = 1.0 - fits[-1].after / max(float(np.var(effort)), np.finfo(float).tiny)
+    if explained < MIN_EXPLAINED_EFFORT_SHARE:
+        return f"the model with it explains {100.0 * max(explained, 0.0):.0f} % of the effort"
+    for what, left in _alternatives(motions, rows, columns, full, fits[-1].values, names):
+        if left <= fits[-1].after:
+            return f"{what} explains the effort as well"
+    return ""
+
+
+def _alternatives(
+    motions: Sequence[Motion],
+    rows: Sequence[DrivenRows],
+    columns: Sequence[Columns],
+    full: Sequence[np.ndarray],
+    values: np.ndarray,
+    names: Sequence[str],
+) -> Iterator[tuple[str, float]]:
+    """Yield other explanations of a delay, in words, with the mean square residual that each leaves without a delay.
+
+    Friction that builds up over a distance, or is lost in a gap, changes late while inertia and weight do not: each of
+    its terms has a slope in time of its own. A spring between encoder and body turns by effort over stiffness: that
+    adds the second derivative of the effort, and weight times the effort.
+    """
+    w = np.concatenate([c.regressor for c in columns])
+    y = np.concatenate([r.at(0.0)[0] for r in rows]) - np.concatenate([c.intercept for c in columns])
+    rubbing = [i for i, name in enumerate(names) if name not in BODY_TERMS]
+    yield (
+        "friction that builds up late",
+        _mean_square_left(np.hstack([w, np.concatenate([c.regressor_slope for c in columns])[:, rubbing]]), y),
+    )
+    elastic = []
+    for motion, row, whole in zip(motions, rows, full, strict=True):
+        modelled = whole[:, 0] + whole[:, 1:] @ values
+        bent = np.gradient(np.gradient(modelled, 1.0 / row.fs), 1.0 / row.fs)
+        elastic.append(np.column_stack([bent, np.cos(motion.position) * modelled])[row.kept])
+    yield "a spring between encoder and body", _mean_square_left(np.hstack([w, np.concatenate(elastic)]), y)
+
+
+def _mean_square_left(regressor: np.ndarray, target: np.ndarray) -> float:
+    """Return the mean square that least squares leaves of a target, (m,), by a regressor, (m, p)."""
+    size = np.linalg.norm(regressor, axis=0)
+    scaled = regressor[:, size > 0.0] / size[size > 0.0]
+    left = target - scaled @ np.linalg.lstsq(scaled, target, rcond=1e-9)[0]
+    return float(np.mean(left**2))
 
 
 def _models_by_richness(plain: JointModel, motions: Sequence[Motion]) -> tuple[JointModel, ...]:

@@ -40,7 +40,7 @@ class EstimatorChoice:
 
     method: str = "ls"
     purpose: str = "torque"  # "torque" or "simulation"
-    torque: HeldOutComparison | None = None  # effort errors on left-out blocks [the effort's unit]; None if not compared
+    torque: HeldOutComparison | None = None  # effort errors on left-out blocks [the effort's unit]
     simulation: HeldOutComparison | None = None  # simulated position's errors there [rad or m]; None if there are none
     predictions: tuple[Prediction, ...] = ()  # predictions of every recording by the chosen method
 

@@ -56,8 +56,8 @@ def choose_family(
 ) -> FamilyContest:
     """Return the simplest family that is not worse than the best, and the families that were passed over.
 
-    A family is worse if another saves at least the share `min_improvement` of its error. A family is passed over if none
-    of its own terms is told from zero: by intervals at `level` for all families together.
+    A family is worse if another saves at least the share `min_improvement` of its error. A family is passed over if
+    none of its own terms is told from zero: by intervals at `level` for all families together.
     """
     comparison = compare_families(fits, min_improvement)
     each = 1.0 - (1.0 - level) / max(len(fits) - 1, 1)

@@ -29,8 +29,8 @@ INITIAL_LOAD_COEFFICIENT = 0.05
 """Starting value of load coefficients, and of any other parameter outside the linear part."""
 
 MAX_REFITTED_ROWS = 50_000
-"""Up to this many rows a family is fitted anew without each block. With more, a block hardly moves the solution, and one
-linear step gives the same."""
+"""Up to this many rows a family is fitted anew without each block. With more, a block hardly moves the solution, and
+one linear step gives the same."""
 
 MOTION_SUBSAMPLING = 8
 """First steps over much data use one motion in this many."""

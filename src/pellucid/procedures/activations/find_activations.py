@@ -333,9 +333,8 @@ def _rows(
         for joint in each.torque:
             base = each.named(joint)
             row(f"{base}.emg_driven.r2", each.emg_driven[joint].r2, "heldout", each.recording)
-            row(
-                f"{base}.assisted.r2", each.assisted[joint].r2, "heldout", each.recording, "told the torque: no evidence"
-            )
+            note = "told the torque: no evidence"
+            row(f"{base}.assisted.r2", each.assisted[joint].r2, "heldout", each.recording, note)
         base = each.named(make_joint_id(each.what))
         row(f"{base}.assisted.moved", each.moved, "heldout", each.recording, "RMS by which activations left EMG")
     for joint in _joints_left_out(left_out):

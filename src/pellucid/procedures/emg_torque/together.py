@@ -79,8 +79,8 @@ class TogetherFindings:
 
     @property
     def offset_carries_over(self) -> bool:
-        """Whether the EMG stream's offset makes R² larger on parts of the fitted trials that are left out in turn, in the
-        mean over joints. Held-out recordings have no part in it."""
+        """Whether the EMG stream's offset makes R² larger on parts of the fitted trials left out in turn, in the mean
+        over joints. Held-out recordings have no part in it."""
         r2 = {how: np.mean([s.r2 for s in self.fits[how].choice.scores.values()]) for how in FIT_WORDS}
         return bool(r2[OFFSET_FIT] > r2[PLAIN_FIT])
 

@@ -43,6 +43,11 @@ class Alignment:
             what = f"The delay of {self.channel} against position was not found: nothing in these recordings shows it."
             return what if self.asked else ""
         interval = f"95 % interval {1e3 * d.low:.3g} to {1e3 * d.high:.3g} ms"
+        if d.doubt:
+            return (
+                f"A shift of {self.channel} by {1e3 * d.value:.3g} ms{where} would fit better ({interval}), but "
+                f"{d.doubt}: it is no delay that these recordings show, and nothing was moved."
+            )
         if not (self.moved or self.recording):
             return f"No delay of {self.channel} against position is certain ({interval})." if self.asked else ""
         first, second = (self.channel, "position") if d.value > 0.0 else ("position", self.channel)
@@ -61,7 +66,7 @@ class Alignment:
     @property
     def do(self) -> str:
         """The entry to write into study.toml, in a sentence."""
-        if self.delay is None or not (self.moved or self.recording):
+        if self.delay is None or self.delay.doubt or not (self.moved or self.recording):
             return ""
         key = f'{"lag" if self.delay.lag else "delay"} = "{1e3 * self.delay.value:.3g} ms"'
         if self.recording:
@@ -134,6 +139,7 @@ def _estimate_alignments(study: Study) -> Iterator[Alignment]:
         by = 0.0
     else:
         certain = pooled is not None and (pooled.clear(step) or (asked and pooled.beyond(0.0) != 0.0))
+        certain = certain and not pooled.doubt
         by = pooled.value if certain else 0.0
         yield Alignment(channel, pooled, by, asked)
     for r in judged:

@@ -258,11 +258,10 @@ def _parameters(fit: JointResult, estimate: JointEstimate, level: float) -> Tabl
 def _families_words(fit: JointResult) -> str:
     if len(fit.families) == 1:
         return f"Only one family was asked for, {fit.best}: {FAMILIES.get(fit.best, fit.best)}."
-    evaluated = any(np.isfinite(f.heldout_effort_error) for f in fit.families.values())
-    return "A richer model always fits better; whether it knows more shows on recordings that were not fitted. " + (
-        "Best is the simplest family that is not significantly worse than the one with the smallest held-out error."
-        if evaluated
-        else "Nothing was held out here: blocks of what was fitted, each predicted from the others, decide."
+    return (
+        "A richer model always fits better. Best is the simplest family that does not predict blocks of the fitted "
+        "recordings, each from the others, worse than another whose own terms are told from zero. Recordings that were "
+        "not fitted judge it."
     )
 
 

@@ -126,8 +126,9 @@ def _tables(
     by = f", by {METHODS[chosen.method]}" if families[best].others else ""
     shown = (*chosen.parameters, *(() if constant is None else (constant,)))
     parameters = ParameterTable(f"Parameters with {best} friction{by}", shown)
+    by_recording = _errors_by_recording(families[best].headline)
     if len(families) == 1:
-        return (parameters,)
+        return (parameters, *by_recording)
     heads = ("family", "parameters", "fitted %", "held out %", "held-out R²", "")
     rows = tuple(
         (
@@ -140,7 +141,18 @@ def _tables(
         )
         for f in families.values()
     )
-    return parameters, FigureTable("Friction families, by their errors of the effort", heads, rows)
+    return parameters, FigureTable("Friction families, by their errors of the effort", heads, rows), *by_recording
+
+
+def _errors_by_recording(fit: FamilyFit) -> tuple[FigureTable, ...]:
+    """Return the table of a fit's errors in each of several recordings."""
+    if len(fit.predictions) < 2:
+        return ()
+    rows = tuple(
+        (p.recording, "held out" if p.split == "heldout" else "fitted", p.effort_error, _finite(p.r2))
+        for p in fit.predictions
+    )
+    return (FigureTable("Errors of the effort by recording", ("recording", "use", "error %", "R²"), rows),)
 
 
 def _posterior_table(found: JointResult) -> tuple[FigureTable, ...]:
@@ -255,7 +267,7 @@ def _headline_rows(fit: JointResult, together: str) -> Iterator[ResultRow]:
         yield replace(held, id=f"{head}.heldout.effort_error", value=one.heldout_effort_error, unit="%")
     unit, scale = ("deg", 180.0 / np.pi) if fit.motion == "rotary" else ("mm", 1e3)
     for method, error in (one.choice.simulation.errors if one.choice.simulation else {}).items():
-        note = f"position simulated from the command, over blocks of the fitted recordings left out in turn, by {method}"
+        note = f"position simulated from the command, over fitted blocks left out in turn, by {method}"
         yield replace(plain, id=f"{head}.blocks_out.{method}.rmse_{unit}", value=scale * error, unit=unit, note=note)
     for method, error in (one.choice.torque.errors if one.choice.torque else {}).items():
         note = f"effort predicted, over blocks of the fitted recordings left out in turn, by {method}"

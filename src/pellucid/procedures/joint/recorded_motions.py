@@ -57,7 +57,8 @@ def take_excerpt(recordings: Iterable[Recording], study: Study, everything: tupl
     account.
     """
     samples = {s: sum(len(m.position) for m in everything if m.split == s) for s in ("fitted", "heldout")}
-    long = {s: samples[s] >= MIN_LONG_SAMPLES or any(m.command is None for m in everything if m.split == s) for s in samples}
+    in_pieces = {m.split for m in everything if m.command is None}
+    long = {split: count >= MIN_LONG_SAMPLES or split in in_pieces for split, count in samples.items()}
     if not any(long.values()):
         return Excerpt(everything, "")
     model, made, told = drive_model(study.rig), [], []

@@ -202,6 +202,14 @@ def _tables(found: TreeResult) -> Iterator[ParameterTable | FigureTable]:
             heads = ("model", *(f"{_short(found, k)} %" for k in range(len(found.names))), "mean %")
             rows = tuple((MODEL_DESCRIPTIONS[e.model], *e.each, e.mean) for e in errors)
             yield FigureTable(f"Effort errors on {words}", heads, rows)
+    by_recording = errors_by_recording(found)
+    if len(by_recording) > 1:
+        heads = ("recording", "use", *(f"{_short(found, k)} %" for k in range(len(found.names))), "mean %")
+        rows = tuple(
+            (name, "fitted" if use == "fit" else "held out", *each, float(np.nanmean(each)))
+            for name, (use, each) in by_recording.items()
+        )
+        yield FigureTable("Effort errors of the best model by recording", heads, rows)
     yield FigureTable(
         "Joints", ("joint", "friction beside viscous and dry", "numbers shown", "verdict"), tuple(_joints(found))
     )
@@ -220,6 +228,20 @@ def _tables(found: TreeResult) -> Iterator[ParameterTable | FigureTable]:
             for p in found.payloads
         )
         yield FigureTable("Payloads", heads, rows)
+
+
+def errors_by_recording(found: TreeResult) -> dict[str, tuple[str, tuple[float, ...]]]:
+    """Return the use of each recording without a payload, and the best model's error at each joint, (m,) [%]."""
+    made = {}
+    for name in dict.fromkeys(t.recording for t in found.traces):
+        parts = [t for t in found.traces if t.recording == name]
+        moving = np.concatenate([t.moving for t in parts])
+        effort = np.concatenate([t.effort for t in parts])
+        missed = effort - np.concatenate([t.predicted for t in parts])
+        size, left = (np.sqrt((x * x * moving).sum(axis=0)) for x in (effort, missed))
+        each = 100.0 * np.divide(left, size, out=np.full(len(size), np.nan), where=size > 0.0)
+        made[name] = parts[0].use, tuple(map(float, each))
+    return made
 
 
 def _short(found: TreeResult, k: int) -> str:
@@ -348,6 +370,11 @@ def tree_rows_of(found: TreeResult) -> Iterator[ResultRow]:
         for k, (name, value) in enumerate(zip(found.names, e.each, strict=True), 1):
             yield replace(of, id=f"{head}.joint_{k}", value=value, unit="%", note=f"{name}: {note}")
         yield replace(of, id=f"{head}.mean", value=e.mean, unit="%", note=f"mean over joints; {note}")
+    for recording, (use, each) in errors_by_recording(found).items():
+        of = plain if use == "fit" else kept
+        for k, (name, value) in enumerate(zip(found.names, each, strict=True), 1):
+            place = f"{found.study}.best.recording.{recording}.error.joint_{k}"
+            yield replace(of, id=place, value=value if np.isfinite(value) else None, unit="%", note=name)
     names = [n for n in found.models["base"].parameters if not _of_joint(found.robot, n)]
     rotors = [n for n in found.models["base"].parameters if n.endswith(".rotor_inertia")]
     head = f"{found.study}.base.parameters"

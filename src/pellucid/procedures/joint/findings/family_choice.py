@@ -31,19 +31,20 @@ def find(case: JointCase) -> Iterator[Verdict]:
         gain = 100.0 * (1.0 - found.errors[best] / found.errors[nearest])
         added = added_terms(case.fit.estimate, case.fits[nearest].model.names, case.level)
         open_ones = [name for name, is_found in added.items() if not is_found]
-        text = f"The '{best}' family is {gain:.2g} % better {WHERE_TEXT}, than '{nearest}', and every simpler family is "
-        text += f"worse than the best by {100.0 * found.min_improvement:.2g} % or more (paired test over {found.blocks} or "
-        text += f"more blocks: p = {found.p_values[nearest]:.2g} for '{nearest}')."
+        text = f"The '{best}' family is {gain:.2g} % better {WHERE_TEXT}, than '{nearest}', and every simpler family "
+        text += f"is worse than the best by {100.0 * found.min_improvement:.2g} % or more (paired test over "
+        text += f"{found.blocks} or more blocks: p = {found.p_values[nearest]:.2g} for '{nearest}')."
         if open_ones:
             text += f" Of what it adds, {', '.join(open_ones)} is not identifiable and did not decide it."
-        error = case.fit.headline.heldout_effort_error if case.judged_on_held_out else case.fit.headline.fitted_effort_error
+        chosen = case.fit.headline
+        error = chosen.heldout_effort_error if case.judged_on_held_out else chosen.fitted_effort_error
         yield Verdict("good" if error <= MAX_GOOD_ERROR else "note", text)
     elif found.winner != best and not any(passed.name == found.winner for passed in case.contest.unproven):
         gain = 100.0 * found.improvement(best)
         yield Verdict(
             "note",
-            f"The '{found.winner}' family is {gain:.2g} % better {WHERE_TEXT} (p = {found.p_values[best]:.2g}): a richer "
-            f"family is used only if it saves {100.0 * found.min_improvement:.2g} % of the error.",
+            f"The '{found.winner}' family is {gain:.2g} % better {WHERE_TEXT} (p = {found.p_values[best]:.2g}): a "
+            f"richer family is used only if it saves {100.0 * found.min_improvement:.2g} % of the error.",
         )
     elif found.winner == best:
         yield Verdict("note", f"No richer friction family predicts better {WHERE_TEXT} than '{best}'.")

@@ -51,6 +51,7 @@ def find(case: JointCase) -> Iterator[Verdict]:
             weight=9.0,
         )
         return
+    yield from _better_on_held_out(case)
     few, large = count < MIN_INDEPENDENT_SAMPLES, fit.heldout_effort_error > MAX_GOOD_ERROR
     good = fit.heldout_r2 > SOUND_R2 and fit.fitted_r2 > FAILED_R2 and not large
     do = f"More than {MAX_GOOD_ERROR:g} % is no good prediction: look for what the model misses." if large else ""
@@ -61,3 +62,17 @@ def find(case: JointCase) -> Iterator[Verdict]:
         f"{do} {'So few samples say little: hold out more.' * few}".strip(),
         weight=1.0,
     )
+
+
+def _better_on_held_out(case: JointCase) -> Iterator[Verdict]:
+    """Report a family that predicts held-out recordings better than the chosen one, which they may not choose."""
+    errors = {name: fit.heldout_effort_error for name, fit in case.fits.items()}
+    name = min(errors, key=errors.__getitem__)
+    gain = 1.0 - errors[name] / errors[case.best]
+    if gain >= case.study.model.min_improvement:
+        yield Verdict(
+            "note",
+            f"On held-out recordings the '{name}' family errs by {errors[name]:.3g} %, '{case.best}' by "
+            f"{errors[case.best]:.3g} %. What is held out may not choose, and the fitted recordings do not show it.",
+            'Mark recordings of that kind use = "fit", and hold others out.',
+        )

@@ -1,0 +1,40 @@
+"""The held-out recording that explains the error is named, and a payload that nobody stated with it."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pellucid.models.joint import GRAVITY
+from pellucid.procedures.joint.findings import odd_recording
+
+
+def prediction(rng, name, mass=0.0, distance=0.25):
+    """A recording that is predicted to 2 %, beside what a mass [kg] at a distance [m] adds."""
+    t = np.arange(0.0, 20.0, 0.02)
+    q, a = np.sin(1.3 * t), -1.69 * np.sin(1.3 * t) + 3.0 * np.sin(4.1 * t)
+    predicted = 2.0 * np.sin(q) + 0.1 * a
+    carried = mass * (distance**2 * a + GRAVITY * distance * np.sin(q))
+    effort = predicted + carried + 0.03 * rng.standard_normal(len(t))
+    error = 100.0 * np.linalg.norm(effort - predicted) / np.linalg.norm(effort)
+    return SimpleNamespace(
+        recording=name, split="heldout", time=t, position=q, acceleration=a, effort=effort, predicted=predicted,
+        residual=effort - predicted, effort_error=error,
+    )  # fmt: skip
+
+
+def told(predictions):
+    fit = SimpleNamespace(headline=SimpleNamespace(predictions=predictions), model=SimpleNamespace(effort_unit="N*m"))
+    return list(odd_recording.find(SimpleNamespace(fit=fit, rotary=True)))
+
+
+def test_an_unstated_payload_in_one_file_of_five_is_named_with_its_mass(rng):
+    (verdict,) = told([prediction(rng, f"r{i}", 0.5 * (i == 3)) for i in range(5)])
+    assert "'r3' explains the held-out error" in verdict.text
+    mass, distance = (float(word) for word in verdict.do.split('"')[1::2] for word in [word.split()[0]])
+    assert mass == pytest.approx(0.5, rel=0.1)
+    assert distance == pytest.approx(0.25, rel=0.1)
+
+
+def test_recordings_that_are_alike_name_none(rng):
+    assert told([prediction(rng, f"r{i}") for i in range(5)]) == []
