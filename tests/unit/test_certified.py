@@ -243,7 +243,7 @@ def test_one_change_is_one_number_everywhere(of_twelve):
         told = change_text(change)
         certified = next(row for row in certificate_table(found).rows if row[1] == found.indices[name].short)
         assert certified[2] == told
-        assert next(t.value for t in shown.tiles if t.label == tile) == told.removesuffix(" %")
+        assert next(t.figure for t in shown.tiles if t.what == tile) == told.removesuffix(" %")
         assert f"({told}, 95 % CI" in found.paragraph
         assert rows[f"pointing.transparency.{name}.fc"].value == pytest.approx(change.value, rel=1e-12)
         assert rows[f"pointing.certificate.fc.{name}.change"].value == pytest.approx(change.value, rel=1e-12)
@@ -268,9 +268,9 @@ def test_a_reviewer_gets_all_that_was_stated_and_left_out(of_twelve):
 
 
 def test_people_who_are_lost_leave_only_bounds(tmp_path):
-    """Two of fourteen lack the robot: of a mean nothing is known then, the pseudo-median of the others has bounds."""
+    """Two of sixteen lack the robot: of a mean nothing is known then, the pseudo-median of the others has bounds."""
     study = made_pointing.study(
-        tmp_path, participants=14, conditions=("Ctrl", "FC"), repetitions=1, missing=(("P3", "FC"), ("P7", "FC")),
+        tmp_path, participants=16, conditions=("Ctrl", "FC"), repetitions=1, missing=(("P3", "FC"), ("P7", "FC")),
     )  # fmt: skip
     (mean,) = assess(with_margins(study, 'estimand = "mean"\nvmax = "60 %"')).certified
     assert mean.lost_people == ("P3", "P7")

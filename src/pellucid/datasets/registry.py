@@ -29,6 +29,7 @@ class Dataset:
     files: Mapping[str, str]
     # Path below the origin of each file that lies elsewhere there
     paths: Mapping[str, str] = field(default_factory=dict)
+    unverified: str = ""  # reason why no checksum is stated, for a data set without
     motion: Mapping[str, Any] | None = None  # format of files with people's motions, for a data set without a study
     gait: Mapping[str, Any] | None = None  # place of a walking knee in a study's files
 

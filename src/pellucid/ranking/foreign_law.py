@@ -98,7 +98,7 @@ class ForeignController:
         try:
             self._start(law)
         except _StoppedError as stopped:
-            self._stop(stopped.why)
+            self._stop(stopped.why if stopped.why == "memory" else "not_loaded")
 
     def step(self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = ()) -> float:
         """Return the torque for the spring [N m]; `time` [s], `position` [rad], `torque` [N m]."""
@@ -131,14 +131,14 @@ class ForeignController:
         path = _compiled(law.path, self._folder) if law.path.suffix == ".c" else law.path
         inside, self._to = os.pipe()
         self._from, outside = os.pipe()
-        # The stranger's code gets no variable of its user but the path of programs.
-        self._process = subprocess.Popen(
-            [sys.executable, "-I", foreign_worker.__file__, str(path), str(inside), str(outside),
-             str(MAX_MEMORY_BYTES)],
-            pass_fds=(inside, outside), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-            stderr=(self._folder / "errors").open("wb"), cwd=self._folder,
-            env={"PATH": os.defpath, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
-        )  # fmt: skip
+        command = [sys.executable, "-I", foreign_worker.__file__, str(path), str(inside), str(outside)]
+        with (self._folder / "errors").open("wb") as errors:
+            # The stranger's code gets no variable of its user but the path of programs.
+            self._process = subprocess.Popen(
+                [*command, str(MAX_MEMORY_BYTES)], pass_fds=(inside, outside), stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL, stderr=errors, cwd=self._folder,
+                env={"PATH": os.defpath, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
+            )  # fmt: skip
         os.close(inside)
         os.close(outside)
         if self._read(len(foreign_worker.READY), MAX_LOAD_S) != foreign_worker.READY:
@@ -175,6 +175,7 @@ class ForeignController:
         self.fault = why
         if self._process is not None:
             self._process.kill()
+            self._process.wait()
 
 
 class _StoppedError(Exception):

@@ -15,6 +15,7 @@ from ...assessment.comparison import compare_conditions
 from ...assessment.index_table import index_table
 from ...assessment.indices import INDICES, SHOWN_INDICES, index_names, indices_along
 from ...assessment.isochrony import isochrony
+from ...assessment.lasting_bounds import lasting_bounds
 from ...assessment.measured import DIRECTION_UP, MeasuredMovement
 from ...assessment.power import STANDARDISED_CHANGES, participants_for_effects
 from ...assessment.survival import survival
@@ -153,6 +154,7 @@ def assess_recordings(
         profiles=profiles,
         profile_of=profile_of,
         settling=_settling(whole, conditions),
+        unreached=_unreached(whole, participants, conditions, spec.control),
         measured=whole.movements,
     )
     notes = [fault.message for fault in faults] + delay_notes(delays) + _without_index(found, participants, conditions)
@@ -367,6 +369,18 @@ def _settling(whole: MeasuredStudy, conditions: Sequence[str]) -> tuple[Settling
         if own:
             made.append(Settling(condition, survival([x.seconds for x in own], [x.settled for x in own])))
     return tuple(made)
+
+
+def _unreached(
+    whole: MeasuredStudy, participants: Sequence[str], conditions: Sequence[str], control: str
+) -> dict[str, tuple[bool, bool]]:
+    """Return, by condition, whether somebody's median duration was not reached: in the condition, and in control."""
+    found = {}
+    for condition in conditions:
+        bounds = lasting_bounds(whole.lasted, participants, conditions, control, condition, np.subtract)
+        if condition != control and bounds is not None:
+            found[condition] = bool(np.isinf(bounds[1]).any()), bool(np.isinf(bounds[0]).any())
+    return found
 
 
 def _about_start(whole: MeasuredStudy, m: MeasuredMovement, time: np.ndarray) -> np.ndarray:

@@ -100,6 +100,8 @@ class AssessmentResult(Result):
     isochrony: tuple[Isochrony, ...] = field(default=(), repr=False)
     sensitivity: tuple[Sensitivity, ...] = field(default=(), repr=False)
     needed: tuple[Needed, ...] = ()
+    # by condition, whether somebody's median duration was not reached: in the condition, and in control
+    unreached: Mapping[str, tuple[bool, bool]] = field(default_factory=dict, repr=False)
     estimand: Estimand = "mean"  # quantity that stands for people's changes
     certified: tuple[Certified, ...] = ()  # certificates by condition, if margins are stated
     profiles: tuple[Profile, ...] = field(default=(), repr=False)

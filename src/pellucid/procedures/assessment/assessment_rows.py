@@ -81,7 +81,8 @@ def _index_rows(found: AssessmentResult, each: Assessed, add) -> None:
         change = primary_change(found, index.name, condition)
         if change is not None:
             value = change.value if np.isfinite(change.value) else None
-            add(headline, value, change.unit or "1", ESTIMAND_WORDS[found.estimand])
+            least = "at least; " if change.at_least else ""
+            add(headline, value, change.unit or "1", least + ESTIMAND_WORDS[found.estimand])
         elif condition != found.control:
             add(headline, float(column.mean()), index.unit, "mean of participants; control has none")
         if own is not None:

@@ -175,7 +175,7 @@ def _scaled(point: EndPoint, spread: float) -> float:
 def _change(point: EndPoint, own: Equivalence) -> str | None:
     if not np.isfinite(own.estimate):
         return "not known"
-    least = "from " if own.bounded and np.isfinite(own.differences).all() else ""
+    least = "at least " if own.bounded and np.isfinite(own.differences).all() else ""
     return f"{least}{_signed(point, own.estimate)} {point.unit}".strip()
 
 

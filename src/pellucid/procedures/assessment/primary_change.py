@@ -7,7 +7,7 @@ else describes a change (the change of the mean, the mixed model, other filters)
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import nan
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ import numpy as np
 from ...assessment.certificate import ESTIMAND_METHODS, Estimand
 from ...assessment.equivalence import Margin, equivalence
 from ...assessment.index_table import IndexTable
+from ...assessment.indices import CutOff
 from .certified_condition import EndPoint
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ class PrimaryChange:
     low: float  # interval of the study's confidence; NaN with one participant
     high: float
     unit: str  # ``"%"`` or the unit of tables
+    at_least: bool = False  # whether the value is a lower bound, because somebody's movements were cut off
 
 
 def primary_change(found: AssessmentResult, name: str, condition: str) -> PrimaryChange | None:
@@ -54,9 +56,16 @@ def primary_change(found: AssessmentResult, name: str, condition: str) -> Primar
     if certified is not None:
         point, own = certified.end_points[name], certified.certificate.end_points[name]
         again = equivalence(own.differences, own.margin, upper=own.upper, alpha=level, method=certified.test)
-        return PrimaryChange(point.shown(own.estimate), *(point.shown(end) for end in again.interval), point.unit)
+        bounded = bool(own.bounded and np.isfinite(own.differences).all())
+        ends = (point.shown(end) for end in again.interval)
+        return PrimaryChange(point.shown(own.estimate), *ends, point.unit, bounded)
     table = found.assessed[name].table
-    return change_of_table(table, condition, found.control, found.estimand, level)
+    change = change_of_table(table, condition, found.control, found.estimand, level)
+    above, below = found.unreached.get(condition, (False, False))
+    if change is None or table.index.cut_off is not CutOff.AT_LEAST_SEEN or not (above or below):
+        return change
+    # A median that was not reached in the condition leaves a lower bound, in control none.
+    return replace(change, value=nan if below else change.value, low=nan, high=nan, at_least=not below)
 
 
 def change_of_table(

@@ -110,14 +110,14 @@ def _protocol(study: Study, spec: AssessmentTable, found: AssessmentResult) -> S
         for entry in study.config.recordings
         if entry.condition is not None and entry.period is not None
     ]
-    shown = [_table(("What", "How"), rows, "Protocol, as study.toml states it.")]
+    shown = [_table(("What", "How"), rows, "Protocol, as study.toml states it.", 2)]
     if order:
         people_order = dict.fromkeys(person for person, *_ in order)
         listed = [
             (person, " → ".join(c for _, c in sorted({(p, c) for who, c, p in order if who == person})))
             for person in people_order
         ]
-        shown.append(_table(("Participant", "Order"), listed, "Order of conditions."))
+        shown.append(_table(("Participant", "Order"), listed, "Order of conditions.", 2))
     return Section("protocol", "Protocol", tables=tuple(shown))
 
 
@@ -138,7 +138,7 @@ def _margins(spec: AssessmentTable, found: AssessmentResult) -> Section:
             f"The estimand is the {TEST_NAMES[found.certified[0].test]}, stated in study.toml. All end points must lie "
             "within their margins.",
         ),
-        (_table(("Index", "Margin", "Why a change of this size does not matter"), rows, "Margins.", 2),),
+        (_table(("Index", "Margin", "Why a change of this size does not matter"), rows, "Margins.", 3),),
         notes=note if lacking else (),
     )
 
@@ -169,7 +169,11 @@ def _sensitivity(found: AssessmentResult) -> Section:
     for own in (tables.doubt_table(found), tables.range_table(found)):
         if own.rows:
             shown.append(_table(own.heads, list(own.rows), f"{own.title}.", 2))
-    return Section("sensitivity", "Sensitivity", ("No verdict rests on any of these.",), tuple(shown))
+    text = (
+        "No verdict rests on a sensitivity analysis. What else could have changed an end point can take a claim away, "
+        "and never makes one."
+    )
+    return Section("sensitivity", "Sensitivity", (text,), tuple(shown))
 
 
 def _exclusions(found: AssessmentResult) -> Section:

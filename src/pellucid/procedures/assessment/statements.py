@@ -122,7 +122,8 @@ def change_text(change: PrimaryChange) -> str:
     """Format a primary change with its sign and unit, as headline, tile, text and tables tell it."""
     if not np.isfinite(change.value):
         return "not known"
-    return f"{change_figure(change.value, change.unit)} {change.unit}".rstrip()
+    least = "at least " if change.at_least else ""
+    return f"{least}{change_figure(change.value, change.unit)} {change.unit}".rstrip()
 
 
 def _change(found: AssessmentResult, each: Assessed, condition: str) -> str:
