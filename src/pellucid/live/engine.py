@@ -418,7 +418,8 @@ class LiveEngine:
         self._give(Task("track", float(centre), amplitude=float(amplitude), frequency=float(frequency)))
 
     def set_contraction(self, share: float) -> None:
-        """Ask for a contraction with a share of the strength, positive flexes, while the joint is held [1]."""
+        """Ask for a contraction with a share of the strength, positive flexes [1]; until it is 0 again, a frame holds the
+        limb."""
         self._give(Task("contract", float(self.region.last_command()["target"]), share=float(share)))
 
     def relax(self) -> None:
