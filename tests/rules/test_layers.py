@@ -46,9 +46,10 @@ ALLOWED = {
     "papers": EVERYTHING,
     "demonstration": EVERYTHING | {"deployment"},
     "ranking": EVERYTHING | {"papers"},
-    "start_study": BASE | {"datasets", "procedures", "recordings", "studies"},  # rigs come as plug-ins
+    "session": UP_TO_SIGNALS | {"live", "estimators", "assessment", "procedures", "pages", "drawing"},
+    "start_study": BASE | {"session", "datasets", "procedures", "recordings", "studies"},  # rigs come as plug-ins
     "terminal": BASE | {"procedures", "studies"},  # printing and progress
-    "cli": LIBRARY_AND_STUDIES | {"deployment", "start_study", "terminal"},
+    "cli": LIBRARY_AND_STUDIES | {"deployment", "session", "start_study", "terminal"},
     "lab_cli": EVERYTHING | {"deployment", "papers", "demonstration", "ranking", "terminal"},
 }  # fmt: skip
 PLOTTING = {"drawing", "pages"}
@@ -190,6 +191,7 @@ OWN_FILES = {
     "models/muscle_geometry.py": "tables that ship with the package",
     "lab": "the virtual lab writes recordings and reads its own rigs",
     "papers": "printed numbers",
+    "session": "its own pages and templates, and the report that it shows",
     "deployment": "the core's headers, and checksums of cards",
 }
 OPENERS = re.compile(

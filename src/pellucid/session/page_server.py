@@ -28,7 +28,7 @@ from .live_session import FINISHED, LiveSession
 HOST = "127.0.0.1"
 """Address that the server listens on: this computer alone."""
 
-STEP_S = 1.0 / 90.0
+STEP_S = 1.0 / 60.0
 """Time between two steps of the session [s]; each sends a message to the participant's page."""
 
 SAMPLES_INTERVAL_S = 0.05
@@ -45,6 +45,9 @@ MAX_MESSAGE_BYTES = 20_000
 
 MAX_QUEUED_BYTES = 4_000_000
 """A page that falls behind by more than this is left out until it has caught up [B]."""
+
+SHOWN_LATENESS_S = (8e-6, 2e-2)
+"""The histogram of the operator's page reaches from here to there [s]."""
 
 EMG_EVERY = 2
 """Of this many EMG samples the operator's page gets one: 1,024 of 2,048 a second."""
@@ -125,7 +128,10 @@ class PageServer:
             if opened is not None:
                 opened(self)
             stepping = asyncio.create_task(self._step_on())
-            await self.stopped.wait()
+            ending = asyncio.create_task(self.stopped.wait())
+            await asyncio.wait({stepping, ending}, return_when=asyncio.FIRST_COMPLETED)
+            if stepping.done():  # an error in the session's own steps is told, not swallowed
+                stepping.result()
             stepping.cancel()
 
     # Requests.
@@ -325,14 +331,15 @@ def sample_packet(
 def health_numbers(health: Any) -> dict[str, Any]:
     """Return the engine's health as JSON has it."""
     clocks = getattr(health, "clocks", {}) or {}
+    edges, counts = shown_histogram(health.jitter_edges, health.jitter_counts)
     return {
         "cycles": int(health.cycles),
         "late": int(health.late_cycles),
         "missed": int(getattr(health, "missed", 0)),
         "worst": _number(getattr(health, "worst_lateness", float("nan"))),
         "p99": _number(getattr(health, "p99", float("nan"))),
-        "edges": [float(x) for x in getattr(health, "jitter_edges", ())],
-        "counts": [int(x) for x in getattr(health, "jitter_counts", ())],
+        "edges": edges,
+        "counts": counts,
         "fifo": bool(getattr(health, "fifo", False)),
         "locked": bool(getattr(health, "locked", False)),
         "why_not": str(getattr(health, "why_not", "")),
@@ -342,6 +349,23 @@ def health_numbers(health: Any) -> dict[str, Any]:
             for name, clock in clocks.items()
         },
     }  # fmt: skip
+
+
+def shown_histogram(edges: np.ndarray, counts: np.ndarray) -> tuple[list[float], list[int]]:
+    """Return the lower edges of the bins that the page draws [s], and their counts.
+
+    What lies below or beyond the drawn range is counted in its first or last bin.
+    """
+    edges, counts = np.asarray(edges, float), np.asarray(counts, np.int64)
+    if not len(counts):
+        return [], []
+    low, high = SHOWN_LATENESS_S
+    first = max(int(np.searchsorted(edges, low, "right")) - 1, 0)
+    last = min(max(int(np.searchsorted(edges, high, "right")) - 1, first), len(counts) - 1)
+    shown = counts[first : last + 1].copy()
+    shown[0] += counts[:first].sum()
+    shown[-1] += counts[last + 1 :].sum()
+    return edges[first : last + 1].tolist(), shown.tolist()
 
 
 def _number(value: Any) -> float | None:
