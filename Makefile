@@ -10,7 +10,7 @@ BIN    := $(VENV)/bin
 PYTEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 # Tests whose figures another BLAS kernel rounds otherwise.
 NUMERIC = tests/property tests/real $(shell grep -lE 'pellucid\.(fit|estimators|signals|assessment)' tests/unit/test_*.py)
-CORE   := $(wildcard include/pellucid/*.hpp bindings/*.cpp bindings/*.hpp) CMakeLists.txt pyproject.toml lab/pyproject.toml
+CORE   := $(wildcard include/pellucid/*.hpp bindings/*.cpp bindings/*.hpp engine/*.cpp engine/*.hpp) CMakeLists.txt pyproject.toml lab/pyproject.toml
 
 .PHONY: demo test nightly core-test numeric-test fuzz bench evidence wheels site clean
 

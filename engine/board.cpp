@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdio>
 #include <cstdlib>
 #include <ctime>
 
@@ -26,7 +27,8 @@ std::int64_t now_ns() noexcept {
 
 }  // namespace
 
-std::string run_board(const std::string& settings_path, const std::string& address, const volatile int& ends) {
+std::string run_board(const std::string& settings_path, const std::string& address, const std::string& log_path,
+                      const volatile int& ends) {
   Settings settings;
   std::string wrong = read_settings(settings_path, settings);
   if (!wrong.empty()) return wrong;
@@ -40,6 +42,9 @@ std::string run_board(const std::string& settings_path, const std::string& addre
   to.sin_port = htons(static_cast<std::uint16_t>(std::strtoul(address.c_str() + colon + 1, nullptr, 10)));
   const int socket = ::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
   if (socket < 0) return std::strerror(errno);
+
+  std::FILE* log = log_path.empty() ? nullptr : std::fopen(log_path.c_str(), "wb");
+  if (!log_path.empty() && log == nullptr) return log_path + ": " + std::strerror(errno);
 
   // Whoever wears it follows a slow sine, so that there is a motion without a session.
   Task task;
@@ -59,7 +64,7 @@ std::string run_board(const std::string& settings_path, const std::string& addre
     for (;;) {
       const ssize_t size = ::recv(socket, bytes, sizeof bytes, 0);
       if (size < 0) break;
-      (void)unpack(bytes, static_cast<std::size_t>(size), last);
+      if (unpack(bytes, static_cast<std::size_t>(size), last) && log != nullptr) (void)!std::fwrite(&last, sizeof last, 1, log);
     }
     device->write({last.effort, last.beat, last.enable != 0});
     const std::int64_t now_us = (now_ns() - epoch) / 1000;
@@ -79,6 +84,7 @@ std::string run_board(const std::string& settings_path, const std::string& addre
     (void)!::sendto(socket, &packet, sizeof packet, 0, reinterpret_cast<const sockaddr*>(&to), sizeof to);
   }
   device->close();
+  if (log != nullptr) std::fclose(log);
   ::close(socket);
   return "";
 }

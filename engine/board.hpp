@@ -8,7 +8,9 @@
 
 namespace engine {
 
-/// Runs until `ends` says so; an empty text, or what was wrong. `address` is where the engine listens.
-std::string run_board(const std::string& settings_path, const std::string& address, const volatile int& ends);
+/// Runs until `ends` says so; an empty text, or what was wrong. `address` is where the engine listens; whatever the board
+/// is asked for is written to `log_path`, packet after packet, unless that is empty.
+std::string run_board(const std::string& settings_path, const std::string& address, const std::string& log_path,
+                      const volatile int& ends);
 
 }  // namespace engine

@@ -2,7 +2,7 @@
 //
 //   pellucid-engine SETTINGS REGION [--ordinary]   runs until the session ends it, or SIGTERM
 //   pellucid-engine --bare PERIOD_NS SECONDS       sleeps and counts, and does nothing else: what the machine allows
-//   pellucid-engine --board SETTINGS HOST:PORT     the virtual rig of the settings as a device that an engine listens to
+//   pellucid-engine --board SETTINGS HOST:PORT [LOG]   the virtual rig of the settings as a device that an engine listens to
 //   pellucid-engine --layout                       where each word of the region lies, as JSON
 //
 // Deadlines are absolute, nothing spins before them, and a late cycle leaves the next where it was. Where the system
@@ -14,12 +14,15 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <ctime>
+#include <type_traits>
+#include <vector>
 
 namespace {
 
@@ -58,26 +61,26 @@ Permitted ask_for_priority(bool ordinary) {
 
 int run_bare(std::int64_t period, double seconds, bool ordinary) {
   const Permitted permitted = ask_for_priority(ordinary);
-  std::uint64_t bins[lateness_bins] = {}, cycles = 0, late = 0, missed = 0;
-  std::int64_t worst = 0;
+  std::vector<std::int64_t> kept;
+  kept.reserve(static_cast<std::size_t>(1e9 * seconds / static_cast<double>(period)) + 16);
+  std::uint64_t late = 0, missed = 0;
   const std::int64_t start = now();
   std::int64_t deadline = start + 10 * period;
   while (ends == 0 && deadline < start + static_cast<std::int64_t>(1e9 * seconds)) {
     sleep_until(deadline);
     const std::int64_t lateness = now() - deadline;
-    ++bins[lateness_bin(lateness)];
-    ++cycles;
+    if (kept.size() < kept.capacity()) kept.push_back(lateness);
     late += lateness > period / 2;
-    worst = lateness > worst ? lateness : worst;
     deadline += period;
     while (deadline <= now()) deadline += period, ++missed;
   }
-  std::printf("{\"cycles\": %llu, \"late\": %llu, \"missed\": %llu, \"worst\": %lld, \"fifo_error\": %d, \"lock_error\": %d, \"lateness\": [",
-              static_cast<unsigned long long>(cycles), static_cast<unsigned long long>(late),
-              static_cast<unsigned long long>(missed), static_cast<long long>(worst), permitted.fifo, permitted.lock);
-  for (std::size_t i = 0; i < lateness_bins; ++i)
-    std::printf("%s%llu", i > 0 ? ", " : "", static_cast<unsigned long long>(bins[i]));
-  std::printf("]}\n");
+  std::sort(kept.begin(), kept.end());
+  const auto at = [&kept](double share) {
+    return kept.empty() ? 0LL : static_cast<long long>(kept[static_cast<std::size_t>(share * static_cast<double>(kept.size() - 1))]);
+  };
+  std::printf("{\"cycles\": %zu, \"late\": %llu, \"missed\": %llu, \"median\": %lld, \"p99\": %lld, \"worst\": %lld, \"fifo_error\": %d, \"lock_error\": %d}\n",
+              kept.size(), static_cast<unsigned long long>(late), static_cast<unsigned long long>(missed), at(0.5), at(0.99), at(1.0),
+              permitted.fifo, permitted.lock);
   return 0;
 }
 
@@ -163,13 +166,13 @@ int main(int count, char** words) {
   if (count == 2 && std::strcmp(words[1], "--layout") == 0) return print_layout();
   if (count == 4 && std::strcmp(words[1], "--bare") == 0)
     return run_bare(std::max<std::int64_t>(std::strtoll(words[2], nullptr, 10), 100000), std::strtod(words[3], nullptr), ordinary);
-  if (count == 4 && std::strcmp(words[1], "--board") == 0) {
+  if ((count == 4 || count == 5) && std::strcmp(words[1], "--board") == 0) {
     (void)ask_for_priority(ordinary);
-    const std::string wrong = run_board(words[2], words[3], ends);
+    const std::string wrong = run_board(words[2], words[3], count == 5 ? words[4] : "", ends);
     if (!wrong.empty()) std::fprintf(stderr, "pellucid-engine: %s\n", wrong.c_str());
     return wrong.empty() ? 0 : 2;
   }
   if (count == 3) return run(words[1], words[2], ordinary);
-  std::fprintf(stderr, "usage: pellucid-engine SETTINGS REGION [--ordinary] | --bare PERIOD_NS SECONDS [--ordinary] | --board SETTINGS HOST:PORT | --layout\n");
+  std::fprintf(stderr, "usage: pellucid-engine SETTINGS REGION [--ordinary] | --bare PERIOD_NS SECONDS [--ordinary] | --board SETTINGS HOST:PORT [LOG] | --layout\n");
   return 2;
 }

@@ -177,6 +177,7 @@ class LiveEngine:
             engine._start_engine(ordinary)
             if recorder:
                 engine.restart_recorder()
+                engine._wait_for_recorder()
             if streams and setup.stream_types:
                 engine._start_module("intake", *setup.stream_types)
             if streams and setup.streams is not None:
@@ -252,6 +253,16 @@ class LiveEngine:
         self._end("recorder", signal.SIGKILL)
         self._start_module("recorder", str(self.folder / SESSION_FILE), str(self.folder / SETTINGS_FILE))
 
+    def _wait_for_recorder(self) -> None:
+        until = time.monotonic() + START_TIMEOUT_S
+        begun = time.monotonic_ns()
+        while int(self.region.recorder()["heartbeat"]) < begun:
+            if not self._is_alive("recorder") or time.monotonic() > until:
+                said = (self.folder / "recorder.log").read_text(encoding="utf-8", errors="replace").strip()
+                raise PellucidError(f"recorder: did not begin: {said.splitlines()[-1] if said else 'it said nothing'}")
+            time.sleep(0.01)
+            self.beat()
+
     def restart_streams(self) -> None:
         """Start again what died of the intake and of a virtual wearer's streams."""
         alive = self.alive
@@ -259,6 +270,11 @@ class LiveEngine:
             self._start_module("intake", *self.setup.stream_types)
         if not alive.get("streams", True):
             self._start_streams()
+
+    @property
+    def processes(self) -> dict[str, int]:
+        """Process numbers by name."""
+        return dict(self._children)
 
     @property
     def alive(self) -> dict[str, bool]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from .._errors import PellucidError
 from .clock_tracker import ClockTracker
-from .stream_ring import StreamRing
+from .stream_ring import StreamRing, ask_for_niceness
 
 POLL_S = 0.01
 """Time between two looks at the streams."""
@@ -120,6 +120,7 @@ def run(region: Path, types: list[str]) -> None:
     pylsl = streaming_layer()
     ends: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, frame: ends.append(number))
+    ask_for_niceness()
     resolver = pylsl.ContinuousResolver()
     inlets: dict[tuple[str, str, str], _Inlet] = {}
     rings = {(ring.name, ring.type, ring.source): ring for ring in StreamRing.all_of(region)}

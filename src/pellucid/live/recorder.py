@@ -27,7 +27,7 @@ from ..recordings.xdf_writer import SAMPLES_TAG, XdfStream, XdfWriter, chunks, s
 from . import layout
 from .region import Event, Region
 from .replay_columns import RAW_COLUMNS, READABLE_COLUMNS, raw_values, robot_values
-from .stream_ring import StreamRing
+from .stream_ring import StreamRing, ask_for_niceness
 
 POLL_S = 0.02
 """Time between two rounds."""
@@ -261,6 +261,7 @@ def run(path: Path, session: Path, settings: Path) -> None:
     """Record until SIGTERM."""
     ends: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, frame: ends.append(number))
+    ask_for_niceness()
     recorder = Recorder(Region(path), session, settings.read_text(encoding="utf-8"))
     while not ends:
         try:

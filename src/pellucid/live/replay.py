@@ -1,16 +1,9 @@
-"""Compute a recorded session's commands again, and hold any lab's log against a supervisor.
-
-A replay gives the law of the core's Python module every number that the engine's law was given, and compares what both
-asked of the drive bit by bit. A log of another lab has no such numbers: its angle, and its torque if there is one, are
-given to a supervised law as its encoder and its drive, which says at which sample it would have stopped, and how much
-energy the torque gave to the person until then and after.
-"""
+"""Compute a recorded session's commands again: the law of the core's Python module is given every number that the
+engine's law was given, and what both asked of the drive is compared bit by bit."""
 
 from __future__ import annotations
 
-import math
 import struct
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +12,7 @@ import numpy as np
 from .._errors import PellucidError
 from ..control.control_law import LAWS, ControlLaw
 from ..control.supervised import SUPERVISOR_NAMES, SupervisedLaw
-from ..control.supervisor_faults import FAULT_NAMES, NO_FAULT
+from ..control.supervisor_faults import FAULT_NAMES
 from ..recordings.xdf_writer import SAMPLES_TAG, WrittenXdf, chunks, sample_block, scan_xdf
 from . import layout
 from .replay_columns import RAW_COLUMNS, records_of
@@ -179,124 +172,3 @@ def _samples(law: SupervisedLaw, record: np.void) -> list[tuple[float, int, int,
 def _differing_bits(a: float, b: float) -> int:
     (left,), (right,) = struct.unpack("<Q", struct.pack("<d", a)), struct.unpack("<Q", struct.pack("<d", b))
     return (left ^ right).bit_count()
-
-
-@dataclass(frozen=True)
-class LogVerdict:
-    """What a supervisor would have made of a log."""
-
-    samples: int
-    stopped_at: int | None  # sample at which it would have stopped; None: it would not have
-    fault: str  # why, "none" where it would not
-    response: str  # what it would have done: "damped_stop" or "zero"
-    energy_before: float | None  # energy that the torque gave to the joint until then [J]; None without a torque
-    energy_after: float | None  # energy that it gave in the rest of the log [J]
-    energy_largest: float | None  # largest energy given to the joint from any sample on to a later one [J]
-    duration: float | None  # of the log [s]; None for one without a clock
-
-    def sentence(self) -> str:
-        """Return the verdict as a sentence."""
-        at = "" if self.duration is None else f" of {self.duration:.3g} s"
-        if self.stopped_at is None:
-            said = f"The supervisor would not have stopped this log of {self.samples} samples{at}."
-        else:
-            said = (
-                f'The supervisor would have stopped at sample {self.stopped_at} of {self.samples}{at}: "{self.fault}", '
-                f"answered by {self.response}."
-            )
-        if self.energy_before is not None and self.energy_after is not None:
-            said += f" The torque gave {self.energy_before:.3g} J to the joint before"
-            said += f" and {self.energy_after:.3g} J in what followed." if self.stopped_at is not None else " its end."
-        return said
-
-
-def given_energy(angle: np.ndarray, torque: np.ndarray) -> np.ndarray:
-    """Return the energy that a torque has given to a joint at each sample, shape (n,) [J].
-
-    It needs no clock: each step of the angle [rad] takes the mean of the torques [N m] at its ends.
-    """
-    work = 0.5 * (torque[1:] + torque[:-1]) * np.diff(angle)
-    return np.concatenate([[0.0], np.cumsum(np.nan_to_num(work))])
-
-
-def largest_rise(energy: np.ndarray) -> float:
-    """Return the largest rise of an energy from any sample to a later one [J]."""
-    return float(np.max(energy - np.minimum.accumulate(energy))) if len(energy) else 0.0
-
-
-def replay_log(
-    angle: np.ndarray,
-    law: SupervisedLaw,
-    *,
-    torque: np.ndarray | None = None,
-    drive: np.ndarray | None = None,
-    time: np.ndarray | None = None,
-    samples: Mapping[str, np.ndarray] | None = None,
-) -> LogVerdict:
-    """Give a lab's log to a supervised law, and say where the supervisor would have stopped.
-
-    Parameters
-    ----------
-    angle : ndarray, shape (n,)
-        Joint angle [rad].
-    law : SupervisedLaw
-        Law with the supervisor that judges; it is begun anew.
-    torque : ndarray, shape (n,), optional
-        Torque that the robot gave to the joint [N m], for the energy.
-    drive : ndarray, shape (n,), optional
-        The drive's measured torque, for the supervisor [N m].
-    time : ndarray, shape (n,), optional
-        [s]; left out, samples are taken to be one control period apart, and nothing is said in seconds.
-    samples : mapping, optional
-        Further sensors of the law by name, each shape (n,), SI.
-
-    Returns
-    -------
-    LogVerdict
-
-    Raises
-    ------
-    PellucidError
-        If arrays have different lengths, fewer than two samples, or the law has no such sensor.
-    """
-    angle = np.asarray(angle, float)
-    more = dict(samples or {})
-    arrays = {"torque": torque, "drive": drive, "time": time, **more}
-    for name, values in arrays.items():
-        if values is not None and np.shape(values) != angle.shape:
-            raise PellucidError(f'log: found {np.shape(values)} values of "{name}", expected {angle.shape} as of the angle')
-    if angle.ndim != 1 or len(angle) < 2:
-        raise PellucidError(f"log: found an angle of shape {angle.shape}, expected one number a sample, at least two")
-    unknown = set(more) - set(law.sensors[1:])
-    if unknown:
-        raise PellucidError(f"log: the law has no sensor {', '.join(sorted(unknown))}, expected {', '.join(law.sensors)}")
-    running, period = law.start(), law.values["period"]
-    moments = np.arange(len(angle)) * period if time is None else np.asarray(time, float)
-    others = [more.get(name) for name in law.sensors[1:]]
-    stopped: int | None = None
-    for i in range(len(angle)):
-        read = [None if values is None else _number(values[i]) for values in others]
-        measured = None if drive is None else _number(drive[i])
-        running.step(float(moments[i]), _number(angle[i]), *read, drive=measured)
-        if running.mode in layout.MODES[3:]:
-            stopped = i
-            break
-    before = after = largest = None
-    if torque is not None:
-        energy = given_energy(angle, np.asarray(torque, float))
-        at = len(angle) - 1 if stopped is None else stopped
-        before, after, largest = float(energy[at]), float(energy[-1] - energy[at]), largest_rise(energy)
-    return LogVerdict(
-        samples=len(angle),
-        stopped_at=stopped,
-        fault=running.fault if stopped is not None else NO_FAULT,
-        response=running.mode if stopped is not None else "",
-        energy_before=before,
-        energy_after=after,
-        energy_largest=largest,
-        duration=None if time is None else float(moments[-1] - moments[0]),
-    )
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

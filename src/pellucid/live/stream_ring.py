@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import mmap
+import os
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,6 +33,9 @@ RING_SECONDS = 64.0
 MIN_CAPACITY = 1024
 """Smallest number of samples that a ring keeps."""
 
+NICENESS = -15
+"""Niceness that the processes ask for which take streams in and record: before pages, after the engine."""
+
 HEAD = np.dtype(
     [
         ("magic", "S8"),
@@ -49,6 +54,12 @@ HEAD = np.dtype(
     ]
 )
 """Head of a ring."""
+
+
+def ask_for_niceness() -> None:
+    """Ask that this process runs before ordinary ones; where the system does not permit it, nothing changes."""
+    with suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
 
 
 def _sample_type(channels: int) -> np.dtype:

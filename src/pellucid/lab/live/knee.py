@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
 
 from ... import _core
 from ..._errors import PellucidError
@@ -12,6 +12,7 @@ from ...live.setup import Condition, DeviceNumbers, EngineSetup, StreamsProgram
 from ..drive_reading import EXACT_READING
 from ..knee.rig import knee_orthosis
 from ..virtual_streams import EMG_RATE_HZ, MuscleChannel
+from .wearer import SwingPlan
 
 RELAXED_CONDITION = "zero"
 """Name of the condition in which the spring is asked for no torque."""
@@ -47,8 +48,8 @@ MUSCLE_CHANNELS = (
 
 REACHING_NUMBERS = {
     "centre": 0.0,
-    "stiffness": 5.0,
-    "damping": 1.0,
+    "stiffness": 10.0,
+    "damping": 2.0,
     "reflex_stiffness": 12.0,
     "reflex_damping": 1.0,
     "reflex_delay": 0.05,
@@ -67,11 +68,15 @@ REACHING_NUMBERS = {
 """How this wearer moves: orders of magnitude from the knee rig's file, and of vision from the elbow's, by judgement."""
 
 
-def virtual_knee(*, subject: str = "S1", seed: int = 1) -> EngineSetup:
+def virtual_knee(
+    *, conditions: Sequence[str] = (RELAXED_CONDITION, TORQUE_CONDITION), subject: str = "S1", seed: int = 1
+) -> EngineSetup:
     """Return a virtual session with the rig of ``knee-orthosis`` on one of its subjects.
 
     Parameters
     ----------
+    conditions : sequence of str
+        "zero", where the orthosis is asked for no torque, and "torque", where `LiveEngine.set_torque` gives it.
     subject : str
     seed : int
         Seed of the wearer's noise.
@@ -79,16 +84,18 @@ def virtual_knee(*, subject: str = "S1", seed: int = 1) -> EngineSetup:
     Returns
     -------
     EngineSetup
-        With the conditions "zero", where the orthosis is asked for no torque, and "torque", where `set_torque` gives it.
 
     Raises
     ------
     PellucidError
-        If there is no such subject.
+        If there is no such condition or subject.
     """
     rig = knee_orthosis()
     if subject not in rig.subjects:
         raise PellucidError(f'subject: found "{subject}", expected one of {", ".join(rig.subjects)}')
+    unknown = [name for name in conditions if name not in (RELAXED_CONDITION, TORQUE_CONDITION)]
+    if unknown:
+        raise PellucidError(f'condition: found "{unknown[0]}", expected {RELAXED_CONDITION} or {TORQUE_CONDITION}')
     worn = rig.subjects[subject]
     law = ControlLaw(
         "joint",
@@ -119,10 +126,11 @@ def virtual_knee(*, subject: str = "S1", seed: int = 1) -> EngineSetup:
     }
     table = rig.constants.emg
     return EngineSetup(
-        conditions=(Condition(RELAXED_CONDITION, watched), Condition(TORQUE_CONDITION, watched)),
+        conditions=tuple(Condition(name, watched) for name in conditions),
         device=DeviceNumbers("virtual-knee", numbers=numbers),
         period=rig.period,
         seed=seed,
+        wearer=SwingPlan(seed),
         streams=StreamsProgram(
             "pellucid.lab.virtual_streams",
             {

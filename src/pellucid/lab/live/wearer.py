@@ -16,6 +16,18 @@ from ..pointing.session import FELT_SAMPLE_PERIODS, MIN_REACTION_S
 MIN_FELT_SAMPLES = 50
 """Smallest number of samples from which a wearer learns what the robot is like."""
 
+SWING_DURATION_S = (0.5, 0.5)
+"""Duration of a shank's movement: at no amplitude [s], and how much longer it is per amplitude [s/rad]. By judgement."""
+
+SWING_PACE_SD = 0.07
+"""Standard deviation of the logarithm of that duration from movement to movement."""
+
+SWING_REACTION_S = (0.28, 0.04)
+"""Mean and standard deviation of the reaction time, as of the elbow's people."""
+
+FIRST_STOP_SHARE = 0.965
+"""Share of the way after which the primary movement stops, as of the elbow's people."""
+
 
 class ReachingPlan:
     """Draws durations, reactions and first stops, and learns from movement to movement what load to expect."""
@@ -57,3 +69,18 @@ class ReachingPlan:
         a = np.gradient(v, FELT_SAMPLE_PERIODS * self._rig.period)
         regressor = load_regressor(q, v, a, self._rig["planning"]["sign_width"])
         self._expected = update_expected_load(self._expected, regressor, load, self._rig["learning"])
+
+
+class SwingPlan:
+    """Draws durations and reactions of a shank's movements; what the orthosis takes is left to the reflexes."""
+
+    def __init__(self, seed: int) -> None:
+        self._rng = np.random.default_rng([seed, 27])
+
+    def reach(self, target: float, position: float, felt: Mapping[str, np.ndarray], worn: bool) -> Task:
+        """Return the movement to a target [rad] from a position [rad]; nothing is learnt from what was `felt`."""
+        amplitude, rng = target - position, self._rng
+        duration = SWING_DURATION_S[0] + SWING_DURATION_S[1] * abs(amplitude)
+        duration *= float(np.exp(SWING_PACE_SD * rng.standard_normal()))
+        reaction = max(SWING_REACTION_S[0] + SWING_REACTION_S[1] * float(rng.standard_normal()), MIN_REACTION_S)
+        return Task("reach", target, amplitude=FIRST_STOP_SHARE * amplitude, duration=duration, reaction=reaction)

@@ -1,0 +1,234 @@
+"""The engine as it runs: armed, stopped, killed and started again, and computed again from what was recorded.
+
+Every run is of a second or two in real time, at an ordinary priority. On a busy machine a cycle may come so late that
+the supervisor stops the law, as it should; then the test arms again.
+"""
+
+import os
+import signal
+import subprocess
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import pellucid as pl
+from pellucid._errors import PellucidError
+from pellucid.control.control_law import LAWS, ControlLaw
+from pellucid.control.supervised import body_of
+from pellucid.lab.live import virtual_elbow, virtual_knee
+from pellucid.live import layout
+from pellucid.live.engine import LiveEngine, engine_program
+from pellucid.live.replay import read_session, replay_session
+from pellucid.live.setup import Condition, DeviceNumbers, EngineSetup, settings_text
+from pellucid.live.udp import UdpBoard, pack_reading, unpack_asked
+from pellucid.recordings.readers import xdf
+
+PATIENCE_S = 30.0
+
+
+def carried(max_age=0.05, max_repeats=2):
+    """A law that carries some of the elbow robot's weight; a gap of 50 ms stops it, so that a busy machine need not."""
+    numbers = LAWS["joint"].defaults | {
+        "inertia": 0.05, "gravity_sine": 1.8, "velocity_width": 0.1, "friction_share": 0.5, "coulomb_positive": 0.2,
+        "coulomb_negative": 0.2, "effort_limit": 5.0, "rate_limit": 100.0, "velocity_limit": 8.0, "position_min": -0.5,
+        "position_max": 2.6, "stop_margin": 0.1, "max_age": max_age, "max_repeats": max_repeats,
+        "period": 0.001,
+    }  # fmt: skip
+    law = ControlLaw("joint", numbers)
+    return pl.supervised(law, body=dict.fromkeys(body_of(law), 0.0), start_up=False)
+
+
+@pytest.fixture(scope="module")
+def elbow():
+    setup = virtual_elbow(conditions=("Ctrl", "unpowered"))
+    return replace(setup, conditions=(*setup.conditions, Condition("carried", carried()), Condition("again", carried())))
+
+
+def wait_until(engine, holds, patience=PATIENCE_S):
+    until = time.monotonic() + patience
+    while not holds():
+        assert time.monotonic() < until, f"waited too long: {engine.status()}"
+        engine.beat()
+        time.sleep(0.01)
+
+
+def rest(engine, seconds):
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        engine.beat()
+        time.sleep(0.02)
+
+
+def run_law(engine, condition="carried"):
+    engine.set_condition(condition)
+    wait_until(engine, lambda: engine.status().condition == condition)
+    until = time.monotonic() + PATIENCE_S
+    while engine.status().state != "running":
+        assert time.monotonic() < until
+        if engine.status().state == "stopped":
+            engine.reset()
+        elif engine.status().state == "idle":
+            engine.arm()
+        rest(engine, 0.1)
+
+
+def test_a_session_is_recorded_and_computed_again(elbow, tmp_path):
+    with LiveEngine.start(elbow, tmp_path, streams=False, ordinary=True) as engine:
+        assert engine.status().state == "idle"
+        assert not engine.health().fifo
+        assert "not asked for" in engine.health().why_not
+        trial = tmp_path / "trials" / "one.xdf"
+        engine.begin_recording(trial, {"protocol": "pointing"})
+        run_law(engine)
+        engine.set_target(1.4)
+        engine.mark("cue", {"target": 1.4})
+        rest(engine, 1.5)
+        samples = engine.read_since(0)
+        assert engine.end_recording(timeout=PATIENCE_S) == trial
+        engine.stop()
+        wait_until(engine, lambda: engine.status().state == "stopped")
+        assert engine.status().fault != "none"
+        run_law(engine)
+        engine.disarm()
+        wait_until(engine, lambda: engine.status().state == "idle")
+        assert ("stopped" in [name for _, name in engine.health().faults]) or engine.health().faults
+        region = engine.region.path
+    assert not region.exists()
+    assert np.abs(samples.channels["limb"][-1] - 1.4) < 0.1
+    assert np.abs(samples.channels["torque"]).max() > 0.5
+    assert set(np.diff(engine_times(samples)).round(6)) >= {0.001}
+    columns = xdf.read(trial)
+    assert columns["robot.target"][-1] == 1.4
+    found = replay_session(tmp_path / "session.xdf")
+    assert found.compared > 1000
+    assert found.is_equal
+    assert (found.gaps, found.unknown) == (0, 0)
+
+
+def engine_times(samples):
+    """Deadlines of samples [s]."""
+    return samples.time - samples.channels["lateness"]
+
+
+def test_an_engine_that_was_killed_begins_disarmed_and_loses_no_record(elbow, tmp_path):
+    with LiveEngine.start(elbow, tmp_path, streams=False, recorder=False, ordinary=True) as engine:
+        run_law(engine)
+        os.kill(engine.processes["engine"], signal.SIGKILL)
+        wait_until(engine, lambda: not engine.alive["engine"])
+        count = engine.region.record_count
+        assert engine.status().state == "ended"
+        engine.restart_engine()
+        rest(engine, 0.2)
+        _, records, lost = engine.region.records_since(0)
+        assert lost == 0
+        assert np.all(np.diff(records["number"].astype(np.int64)) == 1)
+        assert records["state"][count:].max() == layout.STATES.index("idle")
+        assert not engine.status().enable
+        run_law(engine)
+
+
+def test_a_law_stops_when_its_session_is_silent(elbow, tmp_path):
+    with LiveEngine.start(elbow, tmp_path, streams=False, recorder=False, ordinary=True) as engine:
+        run_law(engine)
+        before = engine.region.record_count
+        last = 1e-9 * int(engine.region.last_command()["heartbeat"])
+        time.sleep(1.6)
+        _, records, _ = engine.region.records_since(before)
+        stopped = np.flatnonzero(records["state"] == layout.STATES.index("stopped"))
+        assert len(stopped)
+        assert 1e-9 * records["time"][stopped[0]] - last < 1.3
+        assert engine.status().fault != "none"
+        attached = LiveEngine.attach(elbow, tmp_path)
+        run_law(attached)
+
+
+def test_conditions_change_by_way_of_no_effort(elbow, tmp_path):
+    with LiveEngine.start(elbow, tmp_path, streams=False, recorder=False, ordinary=True) as engine:
+        run_law(engine)
+        engine.set_condition("again")
+        wait_until(engine, lambda: engine.status().condition == "again")
+        _, records, _ = engine.region.records_since(0)
+        change = np.flatnonzero(np.diff(records["law"].astype(int)) > 0)[-1]
+        assert records["effort"][change] == 0.0
+        with pytest.raises(PellucidError, match='found "FC", expected one of Ctrl, unpowered, carried, again'):
+            engine.set_condition("FC")
+        engine.set_condition("Ctrl")
+        with pytest.raises(PellucidError, match='has no number "offset"'):
+            engine.set_torque(1.0)
+
+
+def test_the_knees_slider_is_the_law_s_torque(tmp_path):
+    knee = virtual_knee(conditions=("zero", "torque"))
+    law = knee.conditions[1].law
+    assert law is not None
+    with LiveEngine.start(knee, tmp_path, streams=False, recorder=False, ordinary=True) as engine:
+        run_law(engine, "torque")
+        engine.set_torque(2.0)
+        engine.set_target(0.9)
+        rest(engine, 0.6)
+        _, records, _ = engine.region.records_since(0)
+        running = records[records["state"] == layout.STATES.index("running")]
+        if engine.status().state == "running":
+            assert running["effort"][-1] == pytest.approx(2.0, abs=1e-9)
+        rate = np.abs(np.diff(running["effort"])).max()
+        assert rate <= law.values["rate_limit"] * law.values["period"] * (1.0 + 1e-9)
+
+
+def test_a_board_in_python_is_heard_and_asked(tmp_path):
+    port = 35871 + os.getpid() % 2000
+    setup = EngineSetup((Condition("carried", carried(max_age=0.5, max_repeats=300)),), DeviceNumbers("udp", f"127.0.0.1:{port}"))
+    with LiveEngine.start(setup, tmp_path, streams=False, ordinary=True) as engine:
+        board = UdpBoard(("127.0.0.1", port))
+        begun = time.monotonic()
+        while (now := time.monotonic() - begun) < 1.5:
+            board.send(round(1e6 * now) + 7_000_000_000, position=0.8 + 0.1 * np.sin(2.0 * now), drive=0.0)
+            board.receive()
+            engine.beat()
+            if engine.status().state == "idle" and now > 0.2:
+                engine.region.command(run=1)
+            time.sleep(0.001)
+        asked = {one.beat: one.effort for one in board.asked}
+        board.close()
+    assert len(asked) > 200
+    assert max(map(abs, asked.values())) > 0.5
+    found = replay_session(tmp_path / "session.xdf")
+    assert found.is_equal
+    _, records = read_session(tmp_path / "session.xdf")
+    known = dict(zip(records["beat"].tolist(), records["effort"].tolist(), strict=True))
+    assert all(known[beat] == effort for beat, effort in asked.items())
+
+
+def test_a_damaged_datagram_is_nothing():
+    data = pack_reading(1, 5, {"position": 0.5})
+    assert len(data) == 80
+    assert unpack_asked(data) is None
+    assert unpack_asked(b"short") is None
+
+
+def test_numbers_that_make_no_sense_are_refused_with_their_place(tmp_path, elbow):
+    broken = replace(elbow, conditions=(Condition("carried", carried().changed(moving_speed=-1.0)),))
+    with pytest.raises(PellucidError, match="condition carried: the numbers of its law or of its supervisor"):
+        LiveEngine.start(broken, tmp_path / "a", streams=False, recorder=False, ordinary=True)
+    nobody = replace(elbow, device=DeviceNumbers("toaster"))
+    with pytest.raises(PellucidError, match='found "toaster", expected virtual-elbow'):
+        LiveEngine.start(nobody, tmp_path / "b", streams=False, recorder=False, ordinary=True)
+    text = settings_text(elbow).replace("period_ns 1000000", "period_ns 5")
+    (tmp_path / "c.txt").write_text(text)
+    said = subprocess.run([engine_program(), tmp_path / "c.txt", tmp_path / "none"], capture_output=True, text=True)
+    assert said.returncode == 2
+    assert "c.txt:2" in said.stderr
+
+
+def test_what_a_setup_must_be_is_said():
+    with pytest.raises(PellucidError, match="without spaces"):
+        Condition("a b")
+    with pytest.raises(PellucidError, match="each name once"):
+        EngineSetup((Condition("a"), Condition("a")), DeviceNumbers("udp"))
+    with pytest.raises(PellucidError, match="period"):
+        EngineSetup((Condition("a"),), DeviceNumbers("udp"), period=1.0)
+    with pytest.raises(PellucidError, match='found "x", expected zero or torque'):
+        virtual_knee(conditions=("x",))
+    with pytest.raises(PellucidError, match="found 99"):
+        virtual_elbow(conditions=("Ctrl",), person=99)
