@@ -28,12 +28,12 @@ class Inline:
         return made
 
 
-def session_of(folder, session="elbow", participant="P1", unattended=False, **engine):
+def session_of(folder, session="elbow", participant="P1", unattended=False, clock=None, **engine):
     if not (folder / "study.toml").exists():
         start_session_study(folder, session, "made")
     study = open_study(folder)
     who, plan, left = choose_participant(study, participant)
-    clock = Clock()
+    clock = Clock() if clock is None else clock
     muscles = tuple(name.removeprefix("emg.") for name in study.config.streams["emg"].channels if name != "time")
     made = StandInEngine(clock, muscles=muscles, **engine)
     finished = []

@@ -107,14 +107,21 @@ class PageServer:
         self.frame_intervals: list[float] = []  # of the participant's page [s]
         self.foreign_origins = 0  # sockets of foreign origins that were refused
         self.stopped = asyncio.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None
         self.ends_with_session = False  # whether the server stops by itself once the session is over
 
     def address(self, page: str) -> str:
         """Return the address of a page, ``"operator"`` or ``"participant"``, with the token."""
         return f"http://{HOST}:{self.port}/{page}?token={self.token}"
 
+    def end(self) -> None:
+        """Stop serving; may be called from another thread."""
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self.stopped.set)
+
     async def run(self, opened: Callable[[PageServer], None] | None = None) -> None:
         """Serve until `stopped` is set; `opened` is called once pages can be opened."""
+        self._loop = asyncio.get_running_loop()
         try:
             from websockets.asyncio.server import serve
         except ImportError:
