@@ -8,10 +8,10 @@ from contextlib import contextmanager, suppress
 
 import pytest
 
-from pellucid.session.live_session import FINISHED, INSTRUCTIONS, JUDGED, REST, RUNNING, WAITING
+from pellucid.session.live_session import CONSENT, FINISHED, INSTRUCTIONS, JUDGED, REST, RUNNING, WAITING
 from pellucid.session.page_server import PageServer
 
-CHROMIUM = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), "")
+CHROMIUM = next((path for name in ("chromium", "chromium-browser", "chrome") if (path := shutil.which(name))), "")
 """The browser of this system; "" for none."""
 
 WIDTH, HEIGHT = 1280, 860
@@ -61,6 +61,7 @@ class Players:
     def __init__(self, opened, server):
         self.server, self.session = server, server.session
         self.errors: list[str] = []
+        self.timeout_error = pytest.importorskip("playwright.sync_api").TimeoutError
         self.operator = self._page(opened, "operator")
         self.participant = self._page(opened, "participant")
 
@@ -89,6 +90,12 @@ class Players:
         """Use one of the operator's buttons."""
         self.operator.click(f"#{control}", no_wait_after=True)
 
+    def try_to(self, page, control):
+        """Use a button if it is there; it may have gone meanwhile."""
+        if page.is_visible(f"#{control}"):
+            with suppress(self.timeout_error):
+                page.click(f"#{control}", timeout=1000, no_wait_after=True)
+
     def until_running(self, share=0.0):
         """Do what is asked for until a trial runs and a share of it is done."""
 
@@ -108,8 +115,8 @@ class Players:
 
         def finished():
             self._go_on()
-            if self.session.phase == JUDGED and self.operator.is_visible("#accept"):
-                self.do("repeat" if self.session.reason else "accept")
+            if self.session.phase == JUDGED:
+                self.try_to(self.operator, "repeat" if self.session.reason else "accept")
             return self.session.phase == FINISHED
 
         self.wait(finished, patience)
@@ -117,12 +124,10 @@ class Players:
     def _go_on(self):
         """Do what the session waits for now."""
         phase = self.session.phase
-        if phase in ("consent", INSTRUCTIONS) and self.participant.is_visible("#yes"):
-            with suppress(Exception):  # the next screen may have come meanwhile
-                self.participant.click("#yes", timeout=2000, no_wait_after=True)
-        elif phase == WAITING and self.operator.is_visible("#reset"):
-            self.do("reset")
-        elif phase == WAITING and self.operator.is_visible("#start"):
-            self.do("start")
-        elif phase == REST and self.operator.is_visible("#skip_rest"):
-            self.do("skip_rest")
+        if phase in (CONSENT, INSTRUCTIONS):
+            self.try_to(self.participant, "yes")
+        elif phase == WAITING:
+            self.try_to(self.operator, "reset")
+            self.try_to(self.operator, "start")
+        elif phase == REST:
+            self.try_to(self.operator, "skip_rest")

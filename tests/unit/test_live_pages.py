@@ -92,7 +92,7 @@ def test_a_scripted_browser_plays_a_short_elbow_session(tmp_path):
 
 
 def test_a_scripted_browser_plays_a_short_knee_session(tmp_path):
-    session, engine, _ = short_session(tmp_path / "s", "knee")
+    session, _engine, _ = short_session(tmp_path / "s", "knee")
     with served(session) as server, browser() as opened:
         players = Players(opened, server)
         while session.trial.task.kind != "holding":

@@ -69,6 +69,11 @@ SECURITY_HEADERS = {
     "Cache-Control": "no-store",
 }
 
+REPORT_POLICY = (
+    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; script-src 'unsafe-inline'; frame-ancestors 'none'"
+)
+"""What a report may load: it is one file with its scripts in it."""
+
 PAGES = {"/operator": "operator.html", "/participant": "participant.html"}
 """Pages that need the token, by their paths."""
 
@@ -188,10 +193,8 @@ class PageServer:
             look = f":root {{ {css_variables()} --sans: {SANS_SERIF_FONTS}; }}\n"
             look += f"@media (prefers-color-scheme: dark) {{ :root {{ {css_variables(dark=True)} }} }}\n"
             content = look.encode() + content
-        headers = Headers({k: v for k, v in SECURITY_HEADERS.items() if not (own_scripts and k.startswith("Content-S"))})
-        if own_scripts:  # a report is one file with its scripts in it
-            headers["Content-Security-Policy"] = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; " \
-                "script-src 'unsafe-inline'; frame-ancestors 'none'"
+        policy = {"Content-Security-Policy": REPORT_POLICY} if own_scripts else {}
+        headers = Headers({**SECURITY_HEADERS, **policy})
         headers["Content-Type"] = MEDIA_TYPES.get(suffix, "application/octet-stream")
         headers["Content-Length"] = str(len(content))
         headers["Connection"] = "close"
@@ -282,7 +285,8 @@ class PageServer:
                     self._tell_plan()
             if now >= due["health"]:
                 due["health"] = now + HEALTH_INTERVAL_S
-                self._broadcast("operator", json.dumps({"type": "health", **health_numbers(self.session.engine.health())}))
+                health = health_numbers(self.session.engine.health())
+                self._broadcast("operator", json.dumps({"type": "health", **health}))
             if self.ends_with_session and self.session.phase == FINISHED:
                 self.stopped.set()
             following = max(following + STEP_S, now)
