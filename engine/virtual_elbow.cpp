@@ -56,6 +56,9 @@ class VirtualElbow : public Device {
     std::copy_n(settings_.of("noise").data(), 5, noise_);
     std::copy_n(settings_.of("emg_gains").data(), 2, emg_gain_);
     plant_ = p::coefficients(plant);
+    free_limb_ = plant_.limb;
+    held_limb_ = plant_.limb;
+    held_limb_.inverse_inertia = 1 / held_inertia;
     state_ = p::balanced(plant_, start);
     return "";
   }
@@ -121,6 +124,9 @@ class VirtualElbow : public Device {
       const double rectified = std::fabs(excitation[i] * draws_.normal()) * rectified_mean;
       level_[i] += smoothing_ * ((rectified - who.cocontraction) * most[i] - level_[i]);
     }
+    const bool held = wearer_.is_held();
+    plant_.limb = held ? held_limb_ : free_limb_;
+    if (held) state_.limb_velocity = 0;
     p::step(plant_, state_, off_ >= power_off_periods ? 0.0 : current, muscles_.torque);
   }
 
@@ -128,6 +134,7 @@ class VirtualElbow : public Device {
   Draws draws_;
   Wearer wearer_;
   p::WornGearedPlantCoefficients<double> plant_{};
+  p::LimbCoefficients<double> free_limb_{}, held_limb_{};
   p::WornGearedPlantState<double> state_{};
   p::DriveReadingCoefficients<double> reading_{};
   p::DriveReadingState<double> reading_state_{};

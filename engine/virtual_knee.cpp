@@ -45,6 +45,9 @@ class VirtualKnee : public Device {
     smoothing_ = 1 - std::exp(-period_ * emg_smoothing_rad_s);
     noise_ = settings_.of("noise")[0];
     on_ = p::coefficients(plant);
+    free_limb_ = on_.limb;
+    held_limb_ = on_.limb;
+    held_limb_.inverse_inertia = 1 / held_inertia;
     state_ = p::balanced(on_, start, 0.0);
     plant.loop.kp = plant.loop.ki = plant.loop.kd = 0;
     off_plant_ = p::coefficients(plant);
@@ -99,6 +102,9 @@ class VirtualKnee : public Device {
       const double rectified = std::fabs(excitation[i] * draws_.normal()) * rectified_mean;
       level_[i] += smoothing_ * ((rectified - who.cocontraction) * most[i] - level_[i]);
     }
+    const bool held = wearer_.is_held();
+    on_.limb = off_plant_.limb = held ? held_limb_ : free_limb_;
+    if (held) state_.limb_velocity = 0;
     p::step(dead ? off_plant_ : on_, state_, {dead ? 0.0 : asked_.effort, muscles_.torque, 0.0});
     if (dead) state_.loop = {};
   }
@@ -107,6 +113,7 @@ class VirtualKnee : public Device {
   Draws draws_;
   Wearer wearer_;
   p::CoupledPlantCoefficients<double> on_{}, off_plant_{};
+  p::LimbCoefficients<double> free_limb_{}, held_limb_{};
   p::CoupledPlantState<double> state_{};
   p::DriveReadingCoefficients<double> reading_{};
   p::DriveReadingState<double> reading_state_{};

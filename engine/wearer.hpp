@@ -1,7 +1,7 @@
 // A virtual person at one joint: the core's reaching person, who is given tasks while the engine runs.
 //
 // A reach is the core's movement to a target. To follow a sine, the person aims again and again at where it will be; to
-// contract, pulls more, behind the lag of a muscle; one who lets go has no muscle torque but that of the passive tissue.
+// contract, pulls more, behind the lag of a muscle, against a frame that holds the limb; one who lets go has no muscle torque but that of the passive tissue.
 #pragma once
 
 #include "device.hpp"
@@ -14,6 +14,8 @@ namespace engine {
 
 constexpr double aim_interval_s = 0.2;      // between two aims at a target that moves
 constexpr double aim_duration_s = 0.45;     // of each of those movements
+constexpr double faded_share = 0.01;        // of the strength, below which a contraction is over
+constexpr double held_inertia = 1e9;        // of a limb that is clamped to a frame [kg m^2]
 constexpr double contraction_lag_s = 0.08;  // of a contraction behind its task
 
 /// Numbers that look random, and standard normal ones; the same everywhere.
@@ -69,7 +71,10 @@ class Wearer {
     if (task_.kind != TaskKind::track) return task_.target;
     return task_.target + task_.amplitude * std::sin(6.283185307179586 * task_.frequency * (now - start_));
   }
-  std::uint32_t task() const noexcept { return task_.number; }
+  /// Whether the limb is held in a frame: while a contraction is asked for, and until it has faded.
+  bool is_held() const noexcept {
+    return (task_.kind == TaskKind::contract && task_.share != 0) || std::fabs(contraction_) > faded_share;
+  }
 
   /// One period of an arm at a position and velocity: the torque of its muscles and their excitations.
   pellucid::ReachingOutput<double> step(double now, double position, double velocity, Draws& draws) noexcept {

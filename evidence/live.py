@@ -44,7 +44,7 @@ from pellucid.lab.elbow.rig import able_elbow
 from pellucid.lab.pointing.conditions import identify_cards
 from pellucid.live import layout
 from pellucid.live.engine import LiveEngine, engine_program
-from pellucid.live.log_verdict import judge_log
+from pellucid.live.log_verdict import ASSUMED_RATES_HZ, given_energy, judge_log, largest_gift
 from pellucid.live.region import Region
 from pellucid.live.replay import read_session, replay_session
 from pellucid.live.setup import DeviceNumbers, EngineSetup, settings_text
@@ -87,11 +87,14 @@ EXTRA_P99_US = 50.0
 FAULT_KINDS = ("not_a_number", "frozen", "clock_ahead", "clock_back", "silent", "starved", "session_silent", "source")
 """Faults, in turn."""
 
+MAX_AGE_CYCLES = 4
+"""A law whose samples may be 5 ms old goes on after gaps of this many cycles, and stops after longer ones."""
+
 SAFE_CYCLES = 2
 """Cycles after which an output must be safe where nothing else is stated."""
 
 STATED_BOUNDS_S = {"frozen": 0.022, "session_silent": 1.05}
-"""Bounds of faults that cannot be seen at once: an encoder is frozen after 20 ms of motion, a session silent after 1 s."""
+"""Bounds of faults that nobody can see at once: 20 ms of motion without a change, and 1 s without a session."""
 
 FROZEN_SPEED_RAD_S = 0.55
 """Speed above which an encoder is frozen in the tests: its watch sees a frozen one from 0.5 rad/s on."""
@@ -241,12 +244,27 @@ def soak_rows(folder: Path, cards: Path, sessions: list[Path]) -> Iterator[Resul
     load = f"load of {os.getloadavg()[1]:.1f} on {os.cpu_count()} cores"
     granted = "with SCHED_FIFO" if all(live.fifo for _, live in pairs) else "without SCHED_FIFO, which is not permitted"
     yield _row("soak.seconds", PAIR_COUNT * RUN_S, "s", f"live, beside as long a bare loop; {granted}, {load}")
-    yield _row("late_cycles.beyond_bound", max(0.0, *late) if len(late) > 1 else max(0.0, late[0]), "1", f"bare and live: {bare_said}")
+    yield _row(
+        "late_cycles.beyond_bound",
+        max(0.0, *late) if len(late) > 1 else max(0.0, late[0]),
+        "1",
+        f"bare and live: {bare_said}",
+    )
     yield _row("p99.beyond_bound", max(p99), "us", f"bare and live: {p99_said}; worst {worst_said}")
     yield _row("samples_lost", sum(live.lost for _, live in pairs), "1", "of EMG, markers and encoder that were sent")
-    yield _row("memory_growth", max(live.growth_mb for _, live in pairs), "MB", "all processes, from a quarter of the run to its end")
+    yield _row(
+        "memory_growth",
+        max(live.growth_mb for _, live in pairs),
+        "MB",
+        "all processes, from a quarter of the run to its end",
+    )
     faults = [name for _, live in pairs for name in live.faults]
-    yield _row("soak.stops", len(faults), "1", f"times that the supervisor stopped a healthy session: {', '.join(faults) or 'none'}")
+    yield _row(
+        "soak.stops",
+        len(faults),
+        "1",
+        f"times that the supervisor stopped a healthy session: {', '.join(faults) or 'none'}",
+    )
 
 
 # --- faults --------------------------------------------------------------------------------------------------------
@@ -292,8 +310,9 @@ def try_fault(engine: LiveEngine, kind: str, rng: random.Random) -> FaultOutcome
     limit = engine.status().effort_limit
     within = bool(np.all(np.abs(records["effort"]) <= limit) and np.all(np.isfinite(records["effort"])))
     seconds = 1e-9 * records["time"].astype(float)
-    if kind == "source":  # the law hears no EMG: it must run on
-        is_safe, after = within and not stopped.any(), float("nan")
+    if kind == "source":  # the law hears no EMG: it must run on, unless a gap in the cycles stopped it as it should
+        gaps = bool(np.any(np.diff(records["cycle"].astype(np.int64)) > MAX_AGE_CYCLES))
+        is_safe, after = within and (not stopped.any() or gaps), float("nan")
     else:
         onset = _onset(records, kind)
         bound = STATED_BOUNDS_S.get(kind, SAFE_CYCLES * engine.setup.period)
@@ -330,7 +349,9 @@ def layout_fault(code: int) -> str:
 def _onset(records: np.ndarray, kind: str) -> int:
     """Return the first record that a fault could be seen in."""
     if kind == "starved":
-        return int(np.argmax(np.diff(records["cycle"].astype(np.int64), prepend=records["cycle"][0]) > 1000 * STARVED_S / 2))
+        return int(
+            np.argmax(np.diff(records["cycle"].astype(np.int64), prepend=records["cycle"][0]) > 1000 * STARVED_S / 2)
+        )
     if kind == "session_silent":
         return 0
     return int(np.argmax((records["flags"] & layout.FLAG_INJECTED) != 0))
@@ -361,7 +382,9 @@ def fault_rows(folder: Path, cards: Path, sessions: list[Path]) -> Iterator[Resu
     said = "; ".join(f"{kind} {1e3 * after:.1f} ms" for kind, after in worst.items() if np.isfinite(after))
     yield _row("faults.injected", len(outcomes), "1", f"of {len(FAULT_KINDS)} kinds, one every {FAULT_INTERVAL_S:g} s")
     yield _row("faults.unsafe", len(unsafe), "1", "; ".join(unsafe) or f"slowest of each kind: {said}")
-    yield _row("faults.not_resumed", sum(not o.resumed for o in outcomes), "1", "sessions that did not go on after a reset")
+    yield _row(
+        "faults.not_resumed", sum(not o.resumed for o in outcomes), "1", "sessions that did not go on after a reset"
+    )
     _, records = read_session(run / "session.xdf")
     missing = int(np.count_nonzero(np.diff(records["number"].astype(np.int64)) != 1))
     yield _row("faults.lost_on_disk", missing, "1", "records of the engine that session.xdf lacks")
@@ -485,8 +508,12 @@ def replay_rows(sessions: list[Path]) -> Iterator[ResultRow]:
     found = [replay_session(path) for path in sessions]
     compared = sum(one.compared for one in found)
     yield _row("replay.commands", compared, "1", f"in {len(found)} sessions, faults, stops and resets among them")
-    yield _row("replay.wrong_bits", sum(one.wrong_bits for one in found), "1", "bits of commands, modes and faults that differ")
-    yield _row("replay.unknown", sum(one.unknown for one in found), "1", "cycles of a law whose beginning was not recorded")
+    yield _row(
+        "replay.wrong_bits", sum(one.wrong_bits for one in found), "1", "bits of commands, modes and faults that differ"
+    )
+    yield _row(
+        "replay.unknown", sum(one.unknown for one in found), "1", "cycles of a law whose beginning was not recorded"
+    )
 
 
 def _free_port() -> int:
@@ -526,9 +553,11 @@ def udp_rows(folder: Path, cards: Path) -> Iterator[ResultRow]:
     wire = sum(effort != by_beat.get(beat, float("nan")) for beat, effort in asked.items())
     found = replay_session(run / "session.xdf")
     moving = int(np.count_nonzero(records["effort"]))
-    note = f"{len(asked)} datagrams, {found.compared} steps of the law, {moving} with an effort, {len(conditions)} condition"
+    note = f"{len(asked)} datagrams, {found.compared} steps of {len(conditions)} law, {moving} of them with an effort"
     yield _row("udp.commands", len(asked), "1", note)
-    yield _row("udp.wrong_bits", wire + found.wrong_bits, "1", "between what the drive was sent and the law in this process")
+    yield _row(
+        "udp.wrong_bits", wire + found.wrong_bits, "1", "between what the drive was sent and the law in this process"
+    )
 
 
 def log_rows() -> Iterator[ResultRow]:
@@ -538,21 +567,25 @@ def log_rows() -> Iterator[ResultRow]:
     if not root.exists():
         return
     for mode in ("emg_threshold", "preplanned_threshold"):
-        stopped, samples, gifts, cut = [], 0, [], 0
-        for path in sorted(root.glob(f"{mode}/P*/trial_*.csv")):
+        stopped, samples, gifts, cut, places = 0, 0, [], 0, []
+        paths = sorted(root.glob(f"{mode}/P*/trial_*.csv"))
+        for path in paths:
             table = np.genfromtxt(path, delimiter=",", names=True)
             angle = np.deg2rad(table["Desired_Position_deg"]) - table["Position_Error_rad"]
             asked = table["Feedforward_Torque_Nm"] + table["Feedback_Torque_Nm"]
-            verdict = judge_log(angle, asked, limits=ELBOW_LOG_LIMITS, rates=(50.0,))[0]
-            applied = judge_log(angle, table["Applied_Torque_Nm"], limits=ELBOW_LOG_LIMITS, rates=(50.0,))[0]
-            samples += verdict.samples
-            cut += verdict.cut
-            gifts.append(applied.largest_gift)
-            stopped.append(verdict.stopped_at)
-        hit = [s for s in stopped if s is not None]
-        note = f"of {len(stopped)} logs, at samples {', '.join(map(str, hit))}, judged at an assumed 50 Hz; {cut} of {samples} samples cut"
-        yield _row(f"logs.{mode}.stopped", len(hit), "1", note, "heldout")
-        yield _row(f"logs.{mode}.largest_gift", max(gifts), "J", "that the applied torque gave between two samples of a log", "heldout")
+            verdicts = judge_log(angle, asked, limits=ELBOW_LOG_LIMITS)
+            at = [verdict.stopped_at for verdict in verdicts]
+            stopped += None not in at
+            places += [place for place in at if place is not None]
+            samples += verdicts[0].samples
+            cut += verdicts[0].cut
+            gifts.append(largest_gift(given_energy(angle, table["Applied_Torque_Nm"])))
+        rates = f"{ASSUMED_RATES_HZ[0]:g} to {ASSUMED_RATES_HZ[-1]:g} Hz"
+        where = f", at samples {min(places)} to {max(places)}" if places else ""
+        note = f"of {len(paths)} logs, at every assumed rate of {rates}{where}; {cut} of {samples} samples cut"
+        yield _row(f"logs.{mode}.stopped", stopped, "1", note, "heldout")
+        given = "that the applied torque gave between two samples of a log, whatever its rate"
+        yield _row(f"logs.{mode}.largest_gift", max(gifts), "J", given, "heldout")
 
 
 def _opened_page(engine: LiveEngine) -> Page:

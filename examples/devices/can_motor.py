@@ -19,10 +19,10 @@ from typing import Any, Protocol
 
 from pellucid.live.udp import UdpBoard
 
-ENTER = bytes([0xFF] * 7 + [0xFC])
+POWER_ON_FRAME = bytes([0xFF] * 7 + [0xFC])
 """Frame that takes the motor's power on."""
 
-LEAVE = bytes([0xFF] * 7 + [0xFD])
+POWER_OFF_FRAME = bytes([0xFF] * 7 + [0xFD])
 """Frame that takes its power off."""
 
 MAX_SILENCE_S = 0.05
@@ -88,7 +88,7 @@ class CanMotor:
         wanted = self._heard >= 0.0 and now - self._heard < MAX_SILENCE_S
         if wanted != self._powered:
             self._powered = wanted
-            self._send(ENTER if wanted else LEAVE)
+            self._send(POWER_ON_FRAME if wanted else POWER_OFF_FRAME)
         self._send(torque_frame(self._torque if wanted else 0.0, self._scale))
         answer = self._bus.recv(timeout=PERIOD_S)
         if answer is not None:
@@ -111,7 +111,7 @@ def main() -> None:
         while True:
             motor.step(time.monotonic())
     finally:
-        bus.send(can.Message(arbitration_id=int(identity), data=LEAVE, is_extended_id=False))
+        bus.send(can.Message(arbitration_id=int(identity), data=POWER_OFF_FRAME, is_extended_id=False))
 
 
 if __name__ == "__main__":

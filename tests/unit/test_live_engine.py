@@ -43,7 +43,9 @@ def carried(max_age=0.05, max_repeats=2):
 @pytest.fixture(scope="module")
 def elbow():
     setup = virtual_elbow(conditions=("Ctrl", "unpowered"))
-    return replace(setup, conditions=(*setup.conditions, Condition("carried", carried()), Condition("again", carried())))
+    return replace(
+        setup, conditions=(*setup.conditions, Condition("carried", carried()), Condition("again", carried()))
+    )
 
 
 def wait_until(engine, holds, patience=PATIENCE_S):
@@ -178,7 +180,9 @@ def test_the_knees_slider_is_the_law_s_torque(tmp_path):
 
 def test_a_board_in_python_is_heard_and_asked(tmp_path):
     port = 35871 + os.getpid() % 2000
-    setup = EngineSetup((Condition("carried", carried(max_age=0.5, max_repeats=300)),), DeviceNumbers("udp", f"127.0.0.1:{port}"))
+    setup = EngineSetup(
+        (Condition("carried", carried(max_age=0.5, max_repeats=300)),), DeviceNumbers("udp", f"127.0.0.1:{port}")
+    )
     with LiveEngine.start(setup, tmp_path, streams=False, ordinary=True) as engine:
         board = UdpBoard(("127.0.0.1", port))
         begun = time.monotonic()

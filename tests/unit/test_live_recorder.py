@@ -169,5 +169,17 @@ def test_the_session_has_every_number_that_a_replay_needs(bench):
     bench.recorder.step()
     _, records = read_session(bench.folder / "session.xdf")
     kept = bench.region._records[:30]
-    for name in ("number", "now_us", "value", "stamp_us", "sequence", "valid", "flags", "law", "token", "effort", "time"):
+    for name in (
+        "number",
+        "now_us",
+        "value",
+        "stamp_us",
+        "sequence",
+        "valid",
+        "flags",
+        "law",
+        "token",
+        "effort",
+        "time",
+    ):
         assert np.array_equal(records[name], kept[name]), name

@@ -29,19 +29,15 @@ def write_records(region, count):
 
 def test_both_languages_have_one_layout():
     said = json.loads(subprocess.run([engine_program(), "--layout"], check=True, capture_output=True, text=True).stdout)
-    kinds = {
-        "Header": layout.HEADER, "Record": layout.RECORD, "Event": layout.EVENT, "Status": layout.STATUS,
-        "Command": layout.COMMAND, "RecorderStatus": layout.RECORDER,
-    }  # fmt: skip
+    blocks = {"Header": "HEADER", "Record": "RECORD", "Event": "EVENT", "Status": "STATUS", "Command": "COMMAND"}
+    blocks["RecorderStatus"] = "RECORDER"
+    kinds = {name: getattr(layout, f"{kind}_TYPE") for name, kind in blocks.items()}
     places = {key: place for key, place in said.items() if "." in key}
     assert len(places) > 80
     for key, place in places.items():
         kind, field = key.split(".")
         assert kinds[kind].fields[field][1] == place, key
-    assert said["sizes"] == {
-        "header": layout.HEADER.itemsize, "status": layout.STATUS.itemsize, "command": layout.COMMAND.itemsize,
-        "recorder": layout.RECORDER.itemsize, "event": layout.EVENT.itemsize, "record": layout.RECORD.itemsize,
-    }  # fmt: skip
+    assert said["sizes"] == {kind.lower(): getattr(layout, f"{kind}_TYPE").itemsize for kind in blocks.values()}
     assert said["region_bytes"] == layout.REGION_BYTES
     assert said["blocks"]["records"] == layout.RECORD_OFFSET
     assert said["version"] == layout.REGION_VERSION

@@ -27,7 +27,7 @@ def played(count=300, spoil=None):
     """Records of a session whose law the core's module stepped: a stop, a reset and a change of a number among them."""
     law = CONDITIONS[0].law
     running, numbers = law.start(), law.parameters
-    records = np.zeros(count, layout.RECORD)
+    records = np.zeros(count, layout.RECORD_TYPE)
     for k, record in enumerate(records):
         record["number"] = k + 1
         record["flags"] = layout.FLAG_STEPPED | (layout.FLAG_BEGAN if k == 0 else 0)

@@ -1,4 +1,4 @@
-"""What gate and supervisor would have made of another lab's log: where it stops, what is cut, how much energy flowed."""
+"""What gate and supervisor would have made of another lab's log: where it stops, what is cut, what energy flowed."""
 
 import numpy as np
 import pytest

@@ -14,7 +14,9 @@ from pellucid.recordings.xdf_writer import XdfWriter, chunks, scan_xdf, seal_xdf
 def write(path, seal=True):
     """Write a file with a stream of numbers, one of floats, and one of texts."""
     writer = XdfWriter(path)
-    writer.add_stream(1, "robot", "Robot", [("position", "rad"), ("torque <x> & y", "N*m")], description={"note": "a < b & c"})
+    writer.add_stream(
+        1, "robot", "Robot", [("position", "rad"), ("torque <x> & y", "N*m")], description={"note": "a < b & c"}
+    )
     writer.add_stream(2, "emg", "EMG", [("biceps", "V")], rate=100.0, format="float32")
     writer.add_stream(3, "events", "Markers", [("event", "")], format="string")
     for k in range(4):
@@ -48,7 +50,9 @@ def test_the_formats_own_reader_gives_back_what_was_written(tmp_path):
     assert np.array_equal(streams["robot"]["time_series"], np.column_stack([time, -time]))
     assert streams["robot"]["info"]["desc"][0]["note"][0] == "a < b & c"
     assert streams["emg"]["time_series"].dtype == np.float32
-    assert [row[0] for row in streams["events"]["time_series"]] == [f'{{"kind": "cue", "word": "ü{k}"}}' for k in range(4)]
+    assert [row[0] for row in streams["events"]["time_series"]] == [
+        f'{{"kind": "cue", "word": "ü{k}"}}' for k in range(4)
+    ]
     assert streams["robot"]["footer"]["info"]["sample_count"] == ["20"]
 
 

@@ -45,7 +45,7 @@ class MuscleChannel:
     """One channel of EMG."""
 
     name: str
-    share: float  # of the flexors' excitation where positive, of the extensors' where negative [1]
+    share: float  # share of the flexors' excitation where positive, of the extensors' where negative [1]
     gain: float  # RMS at full excitation [V]
 
 

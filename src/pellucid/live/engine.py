@@ -11,6 +11,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -67,8 +68,8 @@ class EngineStatus:
     enable: bool  # whether the drive may have power
     challenge: int  # what a reset needs; 0 while all is well
     cycle: int
-    time: float  # of the last cycle on the monotonic clock [s]
-    effort_limit: float  # of the chosen condition's law, 0 without one [N m]
+    time: float  # time of the last cycle on the monotonic clock [s]
+    effort_limit: float  # effort limit of the chosen condition's law, 0 without one [N m]
     velocity_limit: float  # [rad/s]
     position_limits: tuple[float, float]  # [rad]
 
@@ -77,7 +78,7 @@ class EngineStatus:
 class Samples:
     """Samples since a cursor: times on the host's monotonic clock, and arrays by channel in SI units."""
 
-    cursor: int  # where to go on
+    cursor: int  # cursor from which to go on
     lost: int  # samples that were overwritten before they were read
     time: np.ndarray  # shape (n,) [s]
     channels: Mapping[str, np.ndarray]  # each shape (n,)
@@ -205,7 +206,7 @@ class LiveEngine:
         engine.region.command(run=0)
         return engine
 
-    def _run(self, name: str, words: Sequence[str | Path]) -> subprocess.Popen:
+    def _run(self, name: str, words: Sequence[object]) -> subprocess.Popen:
         # In a session of its own: a signal to the terminal's group, or the death of this process, leaves it running.
         log = (self.folder / f"{name}.log").open("ab")
         with log:
@@ -294,10 +295,8 @@ class LiveEngine:
         if name not in self._children:
             return
         if self._is_alive(name):
-            try:
+            with suppress(ProcessLookupError):
                 os.kill(self._children[name], how)
-            except ProcessLookupError:
-                pass
         until = time.monotonic() + END_TIMEOUT_S
         while self._is_alive(name) and time.monotonic() < until:
             time.sleep(0.01)
@@ -377,9 +376,9 @@ class LiveEngine:
         )
 
     def inject(self, fault: str, seconds: float) -> None:
-        """Put a fault of `layout.INJECTIONS` into the inputs for a time [s]: for tests of the whole chain."""
+        """Put a fault of `layout.INJECTION_KINDS` into the inputs for a time [s]: for tests of the whole chain."""
         count = int(self.region.last_command()["injections"]) + 1
-        self.region.command(injections=count, injection=layout.INJECTIONS.index(fault), injected_for=seconds)
+        self.region.command(injections=count, injection=layout.INJECTION_KINDS.index(fault), injected_for=seconds)
 
     # Tasks of a virtual wearer ---------------------------------------------------------------------------------------
 
@@ -418,7 +417,7 @@ class LiveEngine:
         self._give(Task("track", float(centre), amplitude=float(amplitude), frequency=float(frequency)))
 
     def set_contraction(self, share: float) -> None:
-        """Ask for a contraction with a share of the strength, positive flexes, while the joint is held [1]."""
+        """Ask for a contraction with a share of the strength, positive flexes [1]; a frame holds the limb until 0."""
         self._give(Task("contract", float(self.region.last_command()["target"]), share=float(share)))
 
     def relax(self) -> None:

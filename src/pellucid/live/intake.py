@@ -94,7 +94,12 @@ class _Inlet:
         self.ring.append(device + self.correction, device, np.asarray(values, float))
         state = self.tracker.state
         known = type(state)(
-            state.offset + self.correction, state.drift, state.jumps, state.batches, state.lost + self.lost_before, state.rate
+            state.offset + self.correction,
+            state.drift,
+            state.jumps,
+            state.batches,
+            state.lost + self.lost_before,
+            state.rate,
         )
         self.ring.tell(known, round(1e9 * now))
 

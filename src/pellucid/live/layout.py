@@ -46,7 +46,7 @@ MODES = ("start_up", "running", "degraded", "damped_stop", "zero", "latched")
 TASK_KINDS = ("hold", "reach", "track", "contract", "relax")
 """Tasks of a virtual wearer, in the order of their codes."""
 
-INJECTIONS = ("none", "not_a_number", "frozen", "clock_ahead", "clock_back", "silent", "starved")
+INJECTION_KINDS = ("none", "not_a_number", "frozen", "clock_ahead", "clock_back", "silent", "starved")
 """Faults that tests may put into the inputs, in the order of their codes."""
 
 FLAG_LATE = 1
@@ -70,7 +70,7 @@ FLAG_INJECTED = 32
 FLAG_TORN = 64
 """The command block could not be read, and the last one held."""
 
-HEADER = np.dtype(
+HEADER_TYPE = np.dtype(
     [
         ("magic", "S8"),
         ("version", "<u4"),
@@ -87,7 +87,7 @@ HEADER = np.dtype(
 )
 """Head of the region; times in ns of the monotonic clock."""
 
-RECORD = np.dtype(
+RECORD_TYPE = np.dtype(
     [
         ("number", "<u8"),
         ("cycle", "<u8"),
@@ -131,7 +131,7 @@ RECORD = np.dtype(
 TEXT_BYTES = EVENT_BYTES - 32
 """Largest text of an event [B]."""
 
-EVENT = np.dtype(
+EVENT_TYPE = np.dtype(
     [
         ("number", "<u8"),
         ("time", "<i8"),
@@ -146,7 +146,7 @@ EVENT = np.dtype(
 LATENESS_BIN_COUNT = 128
 """Number of bins of the histogram of lateness."""
 
-STATUS = np.dtype(
+STATUS_TYPE = np.dtype(
     [
         ("process", "<u8"),
         ("heartbeat", "<i8"),
@@ -180,7 +180,7 @@ STATUS = np.dtype(
 )
 """What the engine says of itself."""
 
-COMMAND = np.dtype(
+COMMAND_TYPE = np.dtype(
     [
         ("sequence", "<u8"),
         ("heartbeat", "<i8"),
@@ -211,7 +211,7 @@ COMMAND = np.dtype(
 )
 """What the session asks of the engine."""
 
-RECORDER = np.dtype(
+RECORDER_TYPE = np.dtype(
     [
         ("process", "<u8"),
         ("heartbeat", "<i8"),
@@ -224,7 +224,7 @@ RECORDER = np.dtype(
 )
 """What the recorder says of itself."""
 
-REGION_BYTES = RECORD_OFFSET + RECORD.itemsize * RECORD_CAPACITY
+REGION_BYTES = RECORD_OFFSET + RECORD_TYPE.itemsize * RECORD_CAPACITY
 """Size of the region [B]."""
 
 CHECKSUM_START = 14695981039346656037

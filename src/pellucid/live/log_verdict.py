@@ -26,7 +26,7 @@ ASSUMED_RATES_HZ = (50.0, 100.0, 200.0, 500.0, 1000.0)
 MAX_LOG_AGE_PERIODS = 5.0
 """Samples of a log may be this many of its periods apart before they are a gap."""
 
-RESPONSES = ("a damped stop", "no power")
+RESPONSE_WORDS = ("a damped stop", "no power")
 """What a supervisor does when it stops."""
 
 NO_BODY_INERTIA = 0.05
@@ -59,7 +59,7 @@ class LogVerdict:
             said = f"At {rate}, the supervisor would not have stopped any of the {self.samples} samples."
         else:
             said = (
-                f'At {rate}, the supervisor would have stopped at sample {self.stopped_at} of {self.samples}: '
+                f"At {rate}, the supervisor would have stopped at sample {self.stopped_at} of {self.samples}: "
                 f'"{self.fault}", answered by {self.response}.'
             )
         said += f" The torque gave {self.energy_before:.3g} J to the person"
@@ -201,13 +201,13 @@ def _judge(
     fault, response = NO_FAULT, ""
     for i in range(len(angle)):
         if not np.isfinite(torque[i]):
-            stopped, fault, response = i, "not_finite", RESPONSES[-1]
+            stopped, fault, response = i, "not_finite", RESPONSE_WORDS[-1]
             break
         numbers[offset] = torque[i]
         running.adjust(numbers)
         running.step(float(time[i] - time[0]), float(angle[i]) if np.isfinite(angle[i]) else None)
         if running.mode in layout.MODES[3:]:
-            stopped, fault, response = i, running.fault, RESPONSES[running.mode != "damped_stop"]
+            stopped, fault, response = i, running.fault, RESPONSE_WORDS[running.mode != "damped_stop"]
             break
     energy = given_energy(angle, torque)
     at = len(angle) - 1 if stopped is None else stopped

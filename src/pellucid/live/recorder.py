@@ -2,9 +2,9 @@
 
 The recorder follows the engine's records, the session's events and the streams that were taken in. It appends them to
 an XDF file a trial, between the events "record_begin" and "record_end", and every number that the law was given to one
-file of the whole session, from which `replay` computes the commands again. Each round ends with a row of the stream "recorder" that
-says how far it came. A recorder that was killed is started again, removes what is behind the last such row, and goes on
-from there: no sample is lost, and none is written twice, as long as the rings still hold them.
+file of the whole session, from which `replay` computes the commands again. Each round ends with a row of the stream
+"recorder" that says how far it came. A recorder that was killed is started again, removes what is behind the last such
+row, and goes on from there: no sample is lost, and none is written twice, as long as the rings still hold them.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ import numpy as np
 
 from .._errors import PellucidError
 from ..recordings.xdf_writer import SAMPLES_TAG, XdfStream, XdfWriter, chunks, sample_block, scan_xdf
-from . import layout
 from .region import Event, Region
 from .replay_columns import RAW_COLUMNS, READABLE_COLUMNS, raw_values, robot_values
 from .stream_ring import StreamRing, ask_for_niceness
@@ -164,7 +163,9 @@ class Recorder:
     ) -> XdfWriter:
         writer = XdfWriter(path)
         known = {"software": f"pellucid {version('pellucid')}", "period": repr(1e-9 * self.region.period_ns)}
-        writer.add_stream(ROBOT_ID, name, type_, columns, source="pellucid-engine", description={**known, **description})
+        writer.add_stream(
+            ROBOT_ID, name, type_, columns, source="pellucid-engine", description={**known, **description}
+        )
         writer.add_stream(EVENTS_ID, "events", "Markers", [("event", "")], format="string")
         writer.add_stream(RECORDER_ID, "recorder", "Recorder", [(name, "") for name in CURSOR_COLUMNS])
         writer.add_stream(CLOCKS_ID, "clocks", "Clocks", [(name, "") for name in CLOCK_COLUMNS])
@@ -191,7 +192,9 @@ class Recorder:
         moment = time.monotonic()
         if moment - open_.told_clocks > CLOCK_INTERVAL_S and self.rings:
             open_.told_clocks = moment
-            rows = [[i, *(getattr(ring.clock, name) for name in CLOCK_COLUMNS[1:])] for i, ring in enumerate(self.rings)]
+            rows = [
+                [i, *(getattr(ring.clock, name) for name in CLOCK_COLUMNS[1:])] for i, ring in enumerate(self.rings)
+            ]
             writer.write_samples(CLOCKS_ID, np.full(len(rows), moment), np.array(rows, float))
         row = [[float(open_.records), float(open_.events), *map(float, open_.streams)]]
         writer.write_samples(RECORDER_ID, np.array([moment]), np.array(row))

@@ -52,12 +52,12 @@ class Region:
         except OSError as error:
             raise PellucidError(f"{path}: {error.strerror or error}") from None
         block = self._block
-        self._header = block(layout.HEADER, 0)
-        self._status = block(layout.STATUS, layout.STATUS_OFFSET)
-        self._command = block(layout.COMMAND, layout.COMMAND_OFFSET)
-        self._recorder = block(layout.RECORDER, layout.RECORDER_OFFSET)
-        self._events = block(layout.EVENT, layout.EVENT_OFFSET, layout.EVENT_CAPACITY)
-        self._records = block(layout.RECORD, layout.RECORD_OFFSET, layout.RECORD_CAPACITY)
+        self._header = block(layout.HEADER_TYPE, 0)
+        self._status = block(layout.STATUS_TYPE, layout.STATUS_OFFSET)
+        self._command = block(layout.COMMAND_TYPE, layout.COMMAND_OFFSET)
+        self._recorder = block(layout.RECORDER_TYPE, layout.RECORDER_OFFSET)
+        self._events = block(layout.EVENT_TYPE, layout.EVENT_OFFSET, layout.EVENT_CAPACITY)
+        self._records = block(layout.RECORD_TYPE, layout.RECORD_OFFSET, layout.RECORD_CAPACITY)
         self._lock = threading.Lock()
         head = self._header[0]
         if head["magic"] != layout.REGION_MAGIC or int(head["version"]) != layout.REGION_VERSION:
@@ -71,10 +71,10 @@ class Region:
         """Make a region for an engine with a control period [ns], and return it."""
         with Path(path).open("wb") as file:
             file.truncate(layout.REGION_BYTES)
-            head = np.zeros(1, layout.HEADER)
+            head = np.zeros(1, layout.HEADER_TYPE)
             head["magic"], head["version"], head["value_count"] = layout.REGION_MAGIC, layout.REGION_VERSION, 6
-            head["record_bytes"], head["record_capacity"] = layout.RECORD.itemsize, layout.RECORD_CAPACITY
-            head["event_bytes"], head["event_capacity"] = layout.EVENT.itemsize, layout.EVENT_CAPACITY
+            head["record_bytes"], head["record_capacity"] = layout.RECORD_TYPE.itemsize, layout.RECORD_CAPACITY
+            head["event_bytes"], head["event_capacity"] = layout.EVENT_TYPE.itemsize, layout.EVENT_CAPACITY
             head["epoch"], head["period"] = time.monotonic_ns(), period_ns
             file.write(head.tobytes())
         region = cls(path)
@@ -102,11 +102,11 @@ class Region:
         return int(self._header["events"][0])
 
     def status(self) -> np.void:
-        """Return a copy of the engine's status, of `layout.STATUS`."""
+        """Return a copy of the engine's status, of `layout.STATUS_TYPE`."""
         return self._status.copy()[0]
 
     def recorder(self) -> np.void:
-        """Return a copy of the recorder's status, of `layout.RECORDER`."""
+        """Return a copy of the recorder's status, of `layout.RECORDER_TYPE`."""
         return self._recorder.copy()[0]
 
     def tell_recorder(self, **values: int) -> None:
@@ -127,7 +127,7 @@ class Region:
             return int(block["sequence"][0])
 
     def last_command(self) -> np.void:
-        """Return a copy of the command, of `layout.COMMAND`."""
+        """Return a copy of the command, of `layout.COMMAND_TYPE`."""
         return self._command.copy()[0]
 
     def records_since(self, cursor: int, limit: int | None = None) -> tuple[int, np.ndarray, int]:
@@ -156,7 +156,9 @@ class Region:
         """
         text = json.dumps({"kind": kind, **(data or {})}, ensure_ascii=False, allow_nan=False).encode()
         if len(text) > layout.TEXT_BYTES:
-            raise PellucidError(f'event "{kind}": found {len(text)} bytes of JSON, expected at most {layout.TEXT_BYTES}')
+            raise PellucidError(
+                f'event "{kind}": found {len(text)} bytes of JSON, expected at most {layout.TEXT_BYTES}'
+            )
         with self._lock:
             number = self.event_count + 1
             slot = self._events[(number - 1) % layout.EVENT_CAPACITY : (number - 1) % layout.EVENT_CAPACITY + 1]

@@ -71,11 +71,11 @@ class Task:
 
     kind: str  # one of `layout.TASK_KINDS`
     target: float = 0.0  # [rad]
-    amplitude: float = 0.0  # of the primary movement, or of a sine [rad]
-    duration: float = 1.0  # of the primary movement [s]
+    amplitude: float = 0.0  # amplitude of the primary movement, or of a sine [rad]
+    duration: float = 1.0  # duration of the primary movement [s]
     reaction: float = 0.0  # [s]
-    frequency: float = 0.0  # of a sine [Hz]
-    share: float = 0.0  # of the strength in a contraction, positive flexes [1]
+    frequency: float = 0.0  # frequency of a sine [Hz]
+    share: float = 0.0  # share of the strength in a contraction, positive flexes [1]
     load: tuple[float, ...] = (0.0,) * 5  # what the wearer expects of the robot
 
 

@@ -33,10 +33,10 @@ RING_SECONDS = 64.0
 MIN_CAPACITY = 1024
 """Smallest number of samples that a ring keeps."""
 
-NICENESS = -15
+PROCESS_NICENESS = -15
 """Niceness that the processes ask for which take streams in and record: before pages, after the engine."""
 
-HEAD = np.dtype(
+HEAD_TYPE = np.dtype(
     [
         ("magic", "S8"),
         ("version", "<u4"),
@@ -59,7 +59,7 @@ HEAD = np.dtype(
 def ask_for_niceness() -> None:
     """Ask that this process runs before ordinary ones; where the system does not permit it, nothing changes."""
     with suppress(OSError):
-        os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
+        os.setpriority(os.PRIO_PROCESS, 0, PROCESS_NICENESS)
 
 
 def _sample_type(channels: int) -> np.dtype:
@@ -78,7 +78,7 @@ def _sample_type(channels: int) -> np.dtype:
 class StreamSamples:
     """Samples of a stream since a cursor."""
 
-    cursor: int  # where to go on
+    cursor: int  # cursor from which to go on
     lost: int  # samples that were overwritten before they were read
     time: np.ndarray  # shape (n,), on the host's monotonic clock [s]
     device_time: np.ndarray  # shape (n,), as the stream stamped them [s]
@@ -92,7 +92,7 @@ class StreamRing:
         self.path = Path(path)
         with self.path.open("r+b") as file:
             self._memory = mmap.mmap(file.fileno(), 0)
-        self._head = np.frombuffer(self._memory, HEAD, 1)
+        self._head = np.frombuffer(self._memory, HEAD_TYPE, 1)
         if self._head["magic"][0] != RING_MAGIC or int(self._head["version"][0]) != RING_VERSION:
             raise PellucidError(f"{path}: found no ring of a stream")
         size = int(self._head["text_bytes"][0])
@@ -113,12 +113,21 @@ class StreamRing:
     ) -> StreamRing:  # fmt: skip
         """Make the ring of the stream with this index beside a region, and return it."""
         path = region.with_name(f"{region.name}.{index}.stream")
-        said = {"name": name, "type": type, "source": source, "rate": rate, "labels": list(labels), "units": list(units)}
+        said = {
+            "name": name,
+            "type": type,
+            "source": source,
+            "rate": rate,
+            "labels": list(labels),
+            "units": list(units),
+        }
         text = json.dumps(said).encode()
         if len(text) > HEAD_BYTES - TEXT_OFFSET:
-            raise PellucidError(f'stream "{name}": found {len(text)} bytes of description, expected at most {HEAD_BYTES}')
+            raise PellucidError(
+                f'stream "{name}": found {len(text)} bytes of description, expected at most {HEAD_BYTES}'
+            )
         capacity = max(MIN_CAPACITY, round(RING_SECONDS * rate))
-        head = np.zeros(1, HEAD)
+        head = np.zeros(1, HEAD_TYPE)
         head["magic"], head["version"], head["channels"] = RING_MAGIC, RING_VERSION, len(labels)
         head["capacity"], head["text_bytes"], head["rate"] = capacity, len(text), np.nan
         making = path.with_suffix(".making")
@@ -152,7 +161,7 @@ class StreamRing:
         )
 
     def append(self, time: np.ndarray, device_time: np.ndarray, values: np.ndarray) -> None:
-        """Add samples: times shape (n,) [s], values shape (n, channels). Only the process that takes streams in does."""
+        """Add samples: times shape (n,) [s], values shape (n, channels). Only the intake does."""
         first = self.count
         numbers = np.arange(first, first + len(time))
         block = np.zeros(len(time), self._samples.dtype)

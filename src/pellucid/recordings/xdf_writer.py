@@ -40,7 +40,7 @@ BOUNDARY_TAG = 5
 FOOTER_TAG = 6
 """Tag of the chunk with a stream's footer."""
 
-BOUNDARY = uuid.UUID("43a546dc-cbf5-410f-b30e-d546738d6e43").bytes
+BOUNDARY_BYTES = uuid.UUID("43a546dc-cbf5-410f-b30e-d546738d6e43").bytes
 """The constant bytes of a boundary chunk, as the format states them."""
 
 FORMATS = {"double64": "<f8", "float32": "<f4", "int64": "<i8", "int32": "<i4", "string": None}
@@ -155,7 +155,7 @@ class XdfWriter:
 
     def write_boundary(self) -> None:
         """Append a boundary."""
-        self._write(BOUNDARY_TAG, BOUNDARY)
+        self._write(BOUNDARY_TAG, BOUNDARY_BYTES)
 
     def seal(self) -> None:
         """Append every stream's footer, flush the file to the disk, and close it."""
@@ -189,7 +189,9 @@ def chunks(data: bytes) -> Iterator[Chunk]:
         If the bytes are no XDF file.
     """
     if data[:4] != FIRST_BYTES:
-        raise PellucidError(f"found the first bytes {data[:4]!r}, expected an XDF file, which begins with {FIRST_BYTES!r}")
+        raise PellucidError(
+            f"found the first bytes {data[:4]!r}, expected an XDF file, which begins with {FIRST_BYTES!r}"
+        )
     at = 4
     while at < len(data):
         width = data[at]
@@ -204,7 +206,7 @@ def chunks(data: bytes) -> Iterator[Chunk]:
 
 
 def sample_block(content: bytes, stream: XdfStream) -> np.ndarray | None:
-    """Return the samples of a chunk that `XdfWriter.write_samples` wrote, with fields time and value; None for texts."""
+    """Return the samples of a chunk that `XdfWriter.write_samples` wrote, by time and value; None for texts."""
     if stream.format == "string":
         return None
     n = struct.unpack_from("<I", content, 5)[0]

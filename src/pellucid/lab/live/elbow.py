@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 
 import numpy as np
@@ -19,7 +19,7 @@ from ..elbow.rig import able_elbow
 from ..pointing.conditions import CONTROL_CONDITION, Cards, controller_builder, identify_cards, published_conditions
 from ..pointing.people import Person, draw_people
 from ..pointing.rig import PointingRig, elbow_participants
-from ..pointing.session import EMG_GAIN_SD
+from ..pointing.session import EMG_GAIN_SD, RobotLaw
 from ..virtual_streams import EMG_RATE_HZ, MuscleChannel
 from .wearer import ReachingPlan
 
@@ -113,6 +113,7 @@ def _condition(rig: PointingRig, person: Person, cards: Cards, name: str) -> Con
         return Condition(name, None)
     place = person.slider(rig)
     published = published_conditions(cards, COMMON_EXPONENTS)
+    build: Callable[[Person, float], RobotLaw] | None
     if name in published:
         build = published[name]
     elif name in ELBOW_CONTROLLERS:
@@ -140,7 +141,7 @@ def _numbers(rig: PointingRig, person: Person, rng: np.random.Generator) -> dict
         "strap": rig.strap.tolist(),
         "drive": [float(number) for number in drive],
         "emg_gains": (1.0 + EMG_GAIN_SD * rng.standard_normal(2)).tolist(),
-        # of the encoder, offset and noise of the force sensor, noise of the drive; 1: there is a force sensor
+        # noise of the encoder, offset and noise of the force sensor, noise of the drive; 1: there is a force sensor
         "noise": [robot["encoder"]["noise"], offset, sensor["noise"], drive_noise, 1.0],
         "reading": [reading[name] for name in _core.DRIVE_READING_NAMES],
         "position0": [float(rig["pointing"]["reference"])],

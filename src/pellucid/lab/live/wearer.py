@@ -17,7 +17,9 @@ MIN_FELT_SAMPLES = 50
 """Smallest number of samples from which a wearer learns what the robot is like."""
 
 SWING_DURATION_S = (0.5, 0.5)
-"""Duration of a shank's movement: at no amplitude [s], and how much longer it is per amplitude [s/rad]. By judgement."""
+"""Duration of a shank's movement at no amplitude [s], and what it gains per amplitude [s/rad].
+
+Chosen by judgement; no measurement is recorded."""
 
 SWING_PACE_SD = 0.07
 """Standard deviation of the logarithm of that duration from movement to movement."""
