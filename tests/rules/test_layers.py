@@ -48,9 +48,11 @@ ALLOWED = {
     "demonstration": EVERYTHING | {"deployment"},
     "ranking": EVERYTHING | {"papers"},
     "proposals": BASE | {"drawing", "inference", "pages", "recordings", "studies"},  # of a lab's own files
-    "start_study": BASE | {"datasets", "procedures", "proposals", "recordings", "studies"},  # rigs come as plug-ins
+    "session": UP_TO_SIGNALS | {"live", "estimators", "assessment", "procedures", "pages", "drawing"},
+    # Rigs come as plug-ins.
+    "start_study": BASE | {"session", "datasets", "procedures", "proposals", "recordings", "studies"},
     "terminal": BASE | {"procedures", "studies"},  # printing and progress
-    "cli": LIBRARY_AND_STUDIES | {"deployment", "proposals", "start_study", "terminal"},
+    "cli": LIBRARY_AND_STUDIES | {"deployment", "proposals", "session", "start_study", "terminal"},
     "lab_cli": EVERYTHING | {"deployment", "papers", "demonstration", "ranking", "terminal"},
 }  # fmt: skip
 PLOTTING = {"drawing", "pages"}
@@ -192,6 +194,7 @@ OWN_FILES = {
     "models/muscle_geometry.py": "tables that ship with the package",
     "lab": "the virtual lab writes recordings and reads its own rigs",
     "papers": "printed numbers",
+    "session": "its own pages and templates, and the report that it shows",
     "deployment": "the core's headers, and checksums of cards",
 }
 OPENERS = re.compile(

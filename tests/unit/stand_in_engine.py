@@ -8,6 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 from test_xdf import stream, write
 
+from pellucid.procedures.emg_torque.emg_faults import FLEXOR_NAME_PARTS
+
 RATE_HZ = 200.0
 """Rate of the stand-in's robot [Hz]; slower than a robot's, so that tests are quick."""
 
@@ -87,7 +89,9 @@ class StandInEngine:
         wanted = int((self.clock.now - self.begun) * EMG_RATE_HZ)
         new = wanted - self.emg_count
         if new > 0:
-            pull = 1e-3 * (np.abs(self.torque) / 10.0 + np.abs(self.share) + 0.02)
+            flexes = -self.torque / 10.0 + self.share  # the person counters the robot; positive flexes
+            signs = np.array([1.0 if any(part in m for part in FLEXOR_NAME_PARTS) else -1.0 for m in self.muscles])
+            pull = 1e-3 * (np.maximum(flexes * signs, 0.0) + 0.02)
             self.emg_samples[self.emg_count : wanted] = pull * self.rng.standard_normal((new, len(self.muscles)))
             self.emg_count = wanted
 

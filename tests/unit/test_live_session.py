@@ -1,5 +1,6 @@
 """A session without a browser: its plan, its tasks, what is judged and what is refused."""
 
+import itertools
 from concurrent.futures import Future
 
 import numpy as np
@@ -28,12 +29,12 @@ class Inline:
         return made
 
 
-def session_of(folder, session="elbow", participant="P1", unattended=False, **engine):
+def session_of(folder, session="elbow", participant="P1", unattended=False, clock=None, **engine):
     if not (folder / "study.toml").exists():
         start_session_study(folder, session, "made")
     study = open_study(folder)
     who, plan, left = choose_participant(study, participant)
-    clock = Clock()
+    clock = Clock() if clock is None else clock
     muscles = tuple(name.removeprefix("emg.") for name in study.config.streams["emg"].channels if name != "time")
     made = StandInEngine(clock, muscles=muscles, **engine)
     finished = []
@@ -62,7 +63,7 @@ def test_balanced_orders_are_balanced(count):
     for row in rows:
         for place, each in enumerate(row):
             places[place, each] += 1
-        for one, other in zip(row, row[1:], strict=False):
+        for one, other in itertools.pairwise(row):
             follows[one, other] += 1
     assert np.ptp(places) == 0
     assert np.ptp(follows[~np.eye(count, dtype=bool)]) == 0 if count > 1 else True
@@ -102,7 +103,7 @@ def test_a_session_runs_from_consent_to_evaluation(tmp_path):
 
 
 def test_every_kind_of_task_runs_and_is_recorded(tmp_path):
-    session, engine, clock = session_of(tmp_path / "s", "knee", unattended=True)
+    session, _engine, clock = session_of(tmp_path / "s", "knee", unattended=True)
     run_until(session, clock, lambda: session.phase == FINISHED)
     study = open_study(tmp_path / "s")
     assert [entry.protocol for entry in study.config.recordings] == ["mvc"] * 2 + ["held_angle"] * 4 + ["followed_angle"]
@@ -174,7 +175,7 @@ def test_a_page_that_closes_ends_the_trial(tmp_path):
 
 
 def test_a_participant_cannot_do_what_an_operator_does(tmp_path):
-    session, engine, clock = session_of(tmp_path / "s")
+    session, _engine, _clock = session_of(tmp_path / "s")
     for action in ("start", "accept", "torque", "finish", "step", "_start"):
         assert "expected one of" in session.act("participant", action)
     assert session.phase != WAITING

@@ -8,7 +8,7 @@ import pytest
 
 from pellucid.procedures.registry import ALL_PROCEDURES, open_study
 from pellucid.procedures.rig_instruments import rig_instruments
-from pellucid.studies import instruments_table, study_file
+from pellucid.studies import instruments_table, session_table, study_file
 
 PAGE = Path(__file__).parents[2] / "docs" / "study-file.md"
 EXAMPLES = re.findall(r"```toml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
@@ -34,6 +34,12 @@ TABLES = [
     study_file.Model,
     study_file.PayloadSpec,
     study_file.RecordingEntry,
+    session_table.SessionTable,
+    session_table.SessionLimits,
+    session_table.PointingTask,
+    session_table.TrackingTask,
+    session_table.HoldingTask,
+    session_table.ContractionTask,
 ]
 
 

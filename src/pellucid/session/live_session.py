@@ -382,7 +382,8 @@ class LiveSession:
             self.phase = JUDGING
 
     def _judge(self, now: float) -> None:
-        assert self.attempt is not None and self._job is not None
+        assert self.attempt is not None
+        assert self._job is not None
         if not self._job.done():
             return
         self.attempt.judged = self._job.result()
@@ -513,7 +514,8 @@ class LiveSession:
             attempt.features, attempt.torques = [], []
 
     def _sensed(self, now: float) -> Sensed:
-        return Sensed(now, self._last.get(self.table.pointer, math.nan), {} if self.levels is None else self.levels.levels)
+        levels = {} if self.levels is None else self.levels.levels
+        return Sensed(now, self._last.get(self.table.pointer, math.nan), levels)
 
     def _tell(self, text: str) -> None:
         self.faults.append(Fault(self.clock() - self.begun, text))

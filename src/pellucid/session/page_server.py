@@ -28,7 +28,7 @@ from .live_session import FINISHED, LiveSession
 HOST = "127.0.0.1"
 """Address that the server listens on: this computer alone."""
 
-STEP_S = 1.0 / 90.0
+STEP_S = 1.0 / 60.0
 """Time between two steps of the session [s]; each sends a message to the participant's page."""
 
 SAMPLES_INTERVAL_S = 0.05
@@ -45,6 +45,9 @@ MAX_MESSAGE_BYTES = 20_000
 
 MAX_QUEUED_BYTES = 4_000_000
 """A page that falls behind by more than this is left out until it has caught up [B]."""
+
+SHOWN_LATENESS_S = (8e-6, 2e-2)
+"""The histogram of the operator's page reaches from here to there [s]."""
 
 EMG_EVERY = 2
 """Of this many EMG samples the operator's page gets one: 1,024 of 2,048 a second."""
@@ -65,6 +68,11 @@ SECURITY_HEADERS = {
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-store",
 }
+
+REPORT_POLICY = (
+    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; script-src 'unsafe-inline'; frame-ancestors 'none'"
+)
+"""What a report may load: it is one file with its scripts in it."""
 
 PAGES = {"/operator": "operator.html", "/participant": "participant.html"}
 """Pages that need the token, by their paths."""
@@ -104,14 +112,21 @@ class PageServer:
         self.frame_intervals: list[float] = []  # of the participant's page [s]
         self.foreign_origins = 0  # sockets of foreign origins that were refused
         self.stopped = asyncio.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None
         self.ends_with_session = False  # whether the server stops by itself once the session is over
 
     def address(self, page: str) -> str:
         """Return the address of a page, ``"operator"`` or ``"participant"``, with the token."""
         return f"http://{HOST}:{self.port}/{page}?token={self.token}"
 
+    def end(self) -> None:
+        """Stop serving; may be called from another thread."""
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self.stopped.set)
+
     async def run(self, opened: Callable[[PageServer], None] | None = None) -> None:
         """Serve until `stopped` is set; `opened` is called once pages can be opened."""
+        self._loop = asyncio.get_running_loop()
         try:
             from websockets.asyncio.server import serve
         except ImportError:
@@ -125,7 +140,10 @@ class PageServer:
             if opened is not None:
                 opened(self)
             stepping = asyncio.create_task(self._step_on())
-            await self.stopped.wait()
+            ending = asyncio.create_task(self.stopped.wait())
+            await asyncio.wait({stepping, ending}, return_when=asyncio.FIRST_COMPLETED)
+            if stepping.done():  # an error in the session's own steps is told, not swallowed
+                stepping.result()
             stepping.cancel()
 
     # Requests.
@@ -175,10 +193,8 @@ class PageServer:
             look = f":root {{ {css_variables()} --sans: {SANS_SERIF_FONTS}; }}\n"
             look += f"@media (prefers-color-scheme: dark) {{ :root {{ {css_variables(dark=True)} }} }}\n"
             content = look.encode() + content
-        headers = Headers({k: v for k, v in SECURITY_HEADERS.items() if not (own_scripts and k.startswith("Content-S"))})
-        if own_scripts:  # a report is one file with its scripts in it
-            headers["Content-Security-Policy"] = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; " \
-                "script-src 'unsafe-inline'; frame-ancestors 'none'"
+        policy = {"Content-Security-Policy": REPORT_POLICY} if own_scripts else {}
+        headers = Headers({**SECURITY_HEADERS, **policy})
         headers["Content-Type"] = MEDIA_TYPES.get(suffix, "application/octet-stream")
         headers["Content-Length"] = str(len(content))
         headers["Connection"] = "close"
@@ -269,7 +285,8 @@ class PageServer:
                     self._tell_plan()
             if now >= due["health"]:
                 due["health"] = now + HEALTH_INTERVAL_S
-                self._broadcast("operator", json.dumps({"type": "health", **health_numbers(self.session.engine.health())}))
+                health = health_numbers(self.session.engine.health())
+                self._broadcast("operator", json.dumps({"type": "health", **health}))
             if self.ends_with_session and self.session.phase == FINISHED:
                 self.stopped.set()
             following = max(following + STEP_S, now)
@@ -325,14 +342,15 @@ def sample_packet(
 def health_numbers(health: Any) -> dict[str, Any]:
     """Return the engine's health as JSON has it."""
     clocks = getattr(health, "clocks", {}) or {}
+    edges, counts = shown_histogram(health.jitter_edges, health.jitter_counts)
     return {
         "cycles": int(health.cycles),
         "late": int(health.late_cycles),
         "missed": int(getattr(health, "missed", 0)),
         "worst": _number(getattr(health, "worst_lateness", float("nan"))),
         "p99": _number(getattr(health, "p99", float("nan"))),
-        "edges": [float(x) for x in getattr(health, "jitter_edges", ())],
-        "counts": [int(x) for x in getattr(health, "jitter_counts", ())],
+        "edges": edges,
+        "counts": counts,
         "fifo": bool(getattr(health, "fifo", False)),
         "locked": bool(getattr(health, "locked", False)),
         "why_not": str(getattr(health, "why_not", "")),
@@ -342,6 +360,23 @@ def health_numbers(health: Any) -> dict[str, Any]:
             for name, clock in clocks.items()
         },
     }  # fmt: skip
+
+
+def shown_histogram(edges: np.ndarray, counts: np.ndarray) -> tuple[list[float], list[int]]:
+    """Return the lower edges of the bins that the page draws [s], and their counts.
+
+    What lies below or beyond the drawn range is counted in its first or last bin.
+    """
+    edges, counts = np.asarray(edges, float), np.asarray(counts, np.int64)
+    if not len(counts):
+        return [], []
+    low, high = SHOWN_LATENESS_S
+    first = max(int(np.searchsorted(edges, low, "right")) - 1, 0)
+    last = min(max(int(np.searchsorted(edges, high, "right")) - 1, first), len(counts) - 1)
+    shown = counts[first : last + 1].copy()
+    shown[0] += counts[:first].sum()
+    shown[-1] += counts[last + 1 :].sum()
+    return edges[first : last + 1].tolist(), shown.tolist()
 
 
 def _number(value: Any) -> float | None:

@@ -19,6 +19,7 @@ from .._errors import StudyError
 from .._plugins import load_plugins
 from ..pages.page import PAGE_FILE
 from ..procedures.registry import asked, open_study
+from ..recordings.readers._apart import start_reading_process
 from ..studies.session_table import SessionTable
 from ..studies.study import Study
 from .live_session import LiveSession
@@ -110,6 +111,7 @@ def live(
     running = make(study, plan)
     try:
         with ThreadPoolExecutor(2) as executor:
+            executor.submit(start_reading_process)
             session = LiveSession(
                 study, running, left, participant, executor=executor, finish=evaluate, total=len(plan),
                 unattended=unattended,

@@ -1,7 +1,7 @@
 """The tasks of a session while they run: what is asked now, whether it is done, and what the participant's page shows.
 
-A task is told the time and what was measured, and answers what a screen shows. It knows neither engine nor page, so that
-tests run it on made-up motion. What it asks of the virtual wearer is an `Ask`; a real person sees it on the screen.
+A task is told the time and what was measured, and answers what a screen shows. It knows neither engine nor page, so
+that tests run it on made-up motion. What it asks of the virtual wearer is an `Ask`; a real person sees it on the screen.
 """
 
 from __future__ import annotations
@@ -274,7 +274,8 @@ class RunningContraction(RunningTask):
 
     def screen(self, now: Sensed) -> dict[str, Any]:
         level = self.task.levels[max(self.index, 0)]
-        into = self.elapsed % (self.task.duration + self.task.rest)
+        each = self.task.duration + self.task.rest
+        into = self.elapsed % each
         seen = [now.levels[muscle] for muscle in self.task.muscles if math.isfinite(now.levels.get(muscle, math.nan))]
         return {
             "task": "contraction",
@@ -285,7 +286,7 @@ class RunningContraction(RunningTask):
             "next": level,
             "tolerance": self.task.tolerance,
             "resting": self.resting,
-            "left": max(self.task.duration - into if not self.resting else self.task.duration + self.task.rest - into, 0.0),
+            "left": max((each if self.resting else self.task.duration) - into, 0.0),
         }
 
 

@@ -60,6 +60,12 @@ def read_apart(reader: str, path: Path) -> Columns:
     return Columns(path, values, answer["angle_unit"], answer["units"])
 
 
+def start_reading_process() -> None:
+    """Start the process before it is needed, so that the first file is read at once."""
+    with _lock:
+        _process()
+
+
 def _process() -> subprocess.Popen:
     """Return this program's reading process, and start it if necessary; a forked program starts its own."""
     process = _running.get(os.getpid())

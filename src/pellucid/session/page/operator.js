@@ -1,7 +1,7 @@
 // The operator's page: what comes next, what is measured, what is wrong, and the stop.
 "use strict";
 const $ = (id) => document.getElementById(id);
-const DEGREES = 180 / Math.PI, WINDOW_S = 10, CAPACITY = 26000;
+const DEGREES = 180 / Math.PI, WINDOW_S = 10, CAPACITY = 26000, COLUMNS = 500, DRAW_INTERVAL_MS = 125;
 const ADVICE = {
   consent: "The participant reads the consent and agrees on their page.",
   instructions: "The participant reads what to do and says when they are ready.",
@@ -17,13 +17,14 @@ const words = (name) => name.replace(/^emg\./, "").replaceAll("_", " ");
 
 // Samples: one growing store for the robot's channels, one for the EMG's.
 class Store {
-  constructor() { this.n = 0; this.time = new Float64Array(CAPACITY); this.values = {}; }
+  constructor() { this.n = 0; this.dropped = 0; this.time = new Float64Array(CAPACITY); this.values = {}; }
   take(time, names, values) {
     const n = time.length;
     if (n > CAPACITY / 2) return;
     if (this.n + n > CAPACITY) {
       const keep = Math.min(this.n, CAPACITY / 2);
       for (const each of [this.time, ...Object.values(this.values)]) each.copyWithin(0, this.n - keep, this.n);
+      this.dropped += this.n - keep;
       this.n = keep;
     }
     this.time.set(time, this.n);
@@ -33,17 +34,33 @@ class Store {
     });
     this.n += n;
   }
-  // What lies in the window before the newest sample: times from -WINDOW_S to 0, and each channel times its factor.
+  // What lies in the window before the newest sample, as the smallest and the largest value of each of COLUMNS stretches:
+  // times from -WINDOW_S to 0, and each channel times its factor.
   shown(lines) {
-    if (!this.n) return [[], ...lines.map(() => [])];
+    const times = [], columns = lines.map(() => []);
+    if (!this.n) return [times, ...columns];
     const end = this.time[this.n - 1];
     let first = this.n - 1;
     while (first > 0 && end - this.time[first - 1] <= WINDOW_S) first--;
-    const times = Array.from(this.time.subarray(first, this.n), (t) => t - end);
-    return [times, ...lines.map((line) => {
-      const values = this.values[line.name];
-      return values ? Array.from(values.subarray(first, this.n), (v) => (Number.isFinite(v) ? v * line.factor + line.shift : null)) : times.map(() => null);
-    })];
+    const step = Math.max(1, Math.ceil((this.n - first) / COLUMNS));
+    // Stretches begin at multiples of their length, so that what is drawn does not flicker.
+    for (let from = first - ((first + this.dropped) % step); from < this.n; from += step) {
+      const to = Math.min(from + step, this.n);
+      if (from < first) continue;
+      times.push(this.time[from] - end, this.time[to - 1] - end);
+      lines.forEach((line, i) => {
+        const values = this.values[line.name];
+        let low = Infinity, high = -Infinity;
+        for (let j = from; values && j < to; j++) {
+          const value = values[j];
+          if (value < low) low = value;
+          if (value > high) high = value;
+        }
+        if (low > high) columns[i].push(null, null);
+        else columns[i].push(low * line.factor + line.shift, high * line.factor + line.shift);
+      });
+    }
+    return [times, ...columns];
   }
 }
 const stores = [new Store(), new Store()];
@@ -244,10 +261,12 @@ function showHealth(health) {
     const bar = element("div", "", health.edges[i] >= 1e-3 ? "late" : "");
     // The square root shows single late cycles beside thousands of punctual ones.
     bar.style.height = `${100 * Math.sqrt(count / largest)}%`;
-    bar.title = `${(1e6 * health.edges[i]).toFixed(0)} to ${(1e6 * health.edges[i + 1]).toFixed(0)} µs: ${count}`;
+    const end = i + 1 < health.edges.length ? `to ${time(health.edges[i + 1])}` : "or more";
+    bar.title = `${time(health.edges[i])} ${end}: ${count}`;
     return bar;
   }));
-  $("histogram-end").textContent = health.edges.length ? `${(1e3 * health.edges[health.edges.length - 1]).toFixed(1)} ms (heights: square roots)` : "";
+  $("histogram-start").textContent = health.edges.length ? time(health.edges[0]) : "";
+  $("histogram-end").textContent = health.edges.length ? `${time(health.edges[health.edges.length - 1])} or more` : "";
   const rights = health.fifo && health.locked ? "The engine has real-time priority and locked memory." : `The engine lacks ${[health.fifo ? "" : "real-time priority", health.locked ? "" : "locked memory"].filter(Boolean).join(" and ")}${health.why_not ? `: ${health.why_not}` : ""}.`;
   $("cycles").textContent = `${health.late} of ${health.cycles} cycles late, worst ${health.worst === null ? "–" : (1e3 * health.worst).toFixed(2)} ms, 99 % within ${health.p99 === null ? "–" : (1e6 * health.p99).toFixed(0)} µs. ${rights}`;
   $("clocks").replaceChildren(...Object.entries(health.clocks).map(([name, c]) => {
@@ -256,6 +275,8 @@ function showHealth(health) {
     return row;
   }));
 }
+
+function time(seconds) { return seconds < 1e-3 ? `${(1e6 * seconds).toFixed(0)} µs` : `${(1e3 * seconds).toFixed(1)} ms`; }
 
 function clock(seconds) {
   const whole = Math.floor(seconds);
@@ -268,5 +289,5 @@ addEventListener("keydown", (event) => { if (event.code === "Space") { event.pre
 $("participant-link").href = `/participant?token=${encodeURIComponent(session.token)}`;
 $("report").href = `/report?token=${encodeURIComponent(session.token)}`;
 buildCharts();
-setInterval(drawCharts, 100);
+setInterval(drawCharts, DRAW_INTERVAL_MS);
 session.connect("operator");

@@ -1,0 +1,133 @@
+"""A scripted browser that plays participant and operator: Playwright, on the Chromium of the system."""
+
+import asyncio
+import shutil
+import threading
+import time
+from contextlib import contextmanager, suppress
+
+import pytest
+
+from pellucid.session.live_session import CONSENT, FINISHED, INSTRUCTIONS, JUDGED, REST, RUNNING, WAITING
+from pellucid.session.page_server import PageServer
+
+CHROMIUM = next((path for name in ("chromium", "chromium-browser", "chrome") if (path := shutil.which(name))), "")
+"""The browser of this system; "" for none."""
+
+WIDTH, HEIGHT = 1280, 860
+PATIENCE_S = 90.0
+
+
+@contextmanager
+def served(session):
+    """Serve a session's pages from a thread, until the block ends."""
+    server, opened, failed = PageServer(session), threading.Event(), []
+
+    def run():
+        try:
+            asyncio.run(server.run(lambda server: opened.set()))
+        except BaseException as error:
+            failed.append(error)
+            opened.set()
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        assert opened.wait(PATIENCE_S)
+        yield server
+    finally:
+        server.end()
+        thread.join(PATIENCE_S)
+    assert not failed, failed
+
+
+@contextmanager
+def browser():
+    """Open the system's browser without a window."""
+    sync_api = pytest.importorskip("playwright.sync_api", reason="needs Playwright: pip install playwright")
+    if not CHROMIUM:
+        pytest.skip("needs Chromium")
+    with sync_api.sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+        try:
+            yield opened
+        finally:
+            opened.close()
+
+
+class Players:
+    """An operator and a participant, each with a page."""
+
+    def __init__(self, opened, server):
+        self.server, self.session = server, server.session
+        self.errors: list[str] = []
+        self.timeout_error = pytest.importorskip("playwright.sync_api").TimeoutError
+        self.operator = self._page(opened, "operator")
+        self.participant = self._page(opened, "participant")
+
+    def _page(self, opened, role):
+        page = opened.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+        page.set_default_timeout(1e3 * PATIENCE_S)
+        page.on("pageerror", lambda error: self.errors.append(f"{role}: {error}"))
+        page.on("console", lambda said: self.errors.append(f"{role}: {said.text}") if said.type == "error" else None)
+        page.on("request", lambda request: self._local(request.url))
+        page.goto(self.server.address(role))
+        return page
+
+    def _local(self, url):
+        if not url.startswith((f"http://127.0.0.1:{self.server.port}/", "data:")):
+            self.errors.append(f"a request left this computer: {url}")
+
+    def wait(self, done, patience=PATIENCE_S):
+        """Wait until `done()`."""
+        end = time.monotonic() + patience
+        while not done():
+            session = self.session
+            assert time.monotonic() < end, (session.phase, session.reason, session.faults, self.errors)
+            self.operator.wait_for_timeout(40)
+
+    def do(self, control):
+        """Use one of the operator's buttons."""
+        self.operator.click(f"#{control}", no_wait_after=True)
+
+    def try_to(self, page, control):
+        """Use a button if it is there; it may have gone meanwhile."""
+        if page.is_visible(f"#{control}"):
+            with suppress(self.timeout_error):
+                page.click(f"#{control}", timeout=1000, no_wait_after=True)
+
+    def until_running(self, share=0.0):
+        """Do what is asked for until a trial runs and a share of it is done."""
+
+        def runs():
+            self._go_on()
+            attempt = self.session.attempt
+            return self.session.phase == RUNNING and attempt is not None and attempt.task.progress >= share
+
+        self.wait(runs)
+
+    def until_judged(self):
+        """Wait for the end of the trial, and for the button that goes on."""
+        self.wait(lambda: self.session.phase == JUDGED and self.operator.is_visible("#accept"))
+
+    def until_finished(self, patience=PATIENCE_S):
+        """Play the rest of the session."""
+
+        def finished():
+            self._go_on()
+            if self.session.phase == JUDGED:
+                self.try_to(self.operator, "repeat" if self.session.reason else "accept")
+            return self.session.phase == FINISHED
+
+        self.wait(finished, patience)
+
+    def _go_on(self):
+        """Do what the session waits for now."""
+        phase = self.session.phase
+        if phase in (CONSENT, INSTRUCTIONS):
+            self.try_to(self.participant, "yes")
+        elif phase == WAITING:
+            self.try_to(self.operator, "reset")
+            self.try_to(self.operator, "start")
+        elif phase == REST:
+            self.try_to(self.operator, "skip_rest")
