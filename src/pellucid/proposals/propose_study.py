@@ -136,7 +136,6 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     main, limit = _with_limit(main, drive)
     if limit is not None:
         facts["limit"] = limit
-    recordings = _held_out(recordings, main)
     repeated = _repeated(recordings, main, drive)
     questions = list(_questions(main, streams, recordings, drive, facts, motion_sure, person, repeated, gravity))
     unknown = set(answers) - {question.key for question in questions}
@@ -144,6 +143,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         known = ", ".join(question.key for question in questions) or "none"
         raise StudyError(f"init --from: found an answer to {', '.join(sorted(unknown))}, expected one of {known}")
     main, streams, drive, motion, gravity, facts = _apply(answers, main, streams, drive, motion, gravity, dict(facts))
+    recordings = _held_out(recordings, main)
     asked, marked = select_questions(questions)
     worn = answers.get("worn", next((q.default for q in questions if q.key == "worn"), "no")) == "yes"
     remarks += _remarks(given, main, streams)
@@ -569,6 +569,8 @@ def _gravity(main: Layout, drive: str | None) -> str | None:
     zero."""
     found = _main_effort([main], drive)
     positions = [r for r in main.channels if r.quantity == "position"]
+    if not positions and not any(r.quantity == "motor_position" for r in main.channels):
+        return None
     if found is None or not positions or main.roles.rate is None:
         return "sine+cosine" if drive is not None else None
     role, table = positions[0], main.tables[0]
