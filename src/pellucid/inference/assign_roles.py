@@ -165,8 +165,10 @@ class _Assignment:
             for name, role in list(self.roles.items()):
                 if role.quantity == "position":
                     self.roles[name] = replace(role, quantity="motor_position")
-        self._find_anonymous_motion()
-        if not self.hints.is_person:
+        is_inertial = any((role.quantity or "").endswith(".acceleration") for role in self.roles.values())
+        if not is_inertial:
+            self._find_anonymous_motion()
+        if not self.hints.is_person and not is_inertial:
             self._find_anonymous_efforts()
         self._find_commands()
         self._settle_units()

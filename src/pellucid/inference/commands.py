@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,12 @@ MAX_SHIFT_SHARE = 0.02
 MAX_STEPPED_SHARE = 0.15
 """A column that changes in less than this share of its rows is stepped: a program set it."""
 
+
+MIN_LIMIT_ROWS = 4
+"""A channel rests at its limit if it stays there for so many rows."""
+
+MIN_LIMIT_RUNS = 3
+"""A largest number is a limit if a channel rests there at least so often."""
 
 MIN_LEVEL_ROWS = 20
 """A column rests on a level if it does not change for so many rows."""
@@ -92,6 +99,22 @@ def is_set_by_program(values: np.ndarray) -> bool:
     levels = np.unique(known[starts[long]])
     resting = float(np.sum((ends - starts)[long & (known[starts] != 0.0)]))
     return len(levels) >= 2 and resting > MIN_LEVEL_SHARE * len(known)
+
+
+def find_resting_limit(recordings: Sequence[np.ndarray]) -> float | None:
+    """Return the magnitude at which a channel rests again and again, None if it rests at none.
+
+    A drive that reaches its limit stays there for some samples, and at the same largest number each time.
+    """
+    largest = max((float(np.nanmax(np.abs(x))) for x in recordings if np.isfinite(x).any()), default=0.0)
+    if largest == 0.0:
+        return None
+    runs = 0
+    for values in recordings:
+        at = np.abs(np.abs(values) - largest) <= 1e-9 * largest
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], at, [False])).astype(int)))
+        runs += int(np.sum(edges[1::2] - edges[::2] >= MIN_LIMIT_ROWS))
+    return largest if runs >= MIN_LIMIT_RUNS else None
 
 
 def _best_lag(x: np.ndarray, y: np.ndarray) -> tuple[int, float]:

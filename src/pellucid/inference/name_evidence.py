@@ -37,8 +37,8 @@ QUANTITY_WORDS = {
     "magnetic_field": {"mag", "magnetometer", "mx", "my", "mz"},
     "orientation": {"quat", "quaternion", "qw", "qx", "qy", "qz", "orientation"},
     "error": {"error", "err"},
-    "stiffness": {"stiffness", "k", "kp"},
-    "damping": {"damping", "b", "kd"},
+    "stiffness": {"stiffness", "kp"},
+    "damping": {"damping", "kd"},
     "state": {"state", "status", "flag", "mode", "phase", "trigger", "sync", "digital", "digitals", "event", "label"},
 }  # fmt: skip
 """Words of names, folded, by the quantity that they stand for."""

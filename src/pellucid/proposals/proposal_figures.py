@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..drawing.drawing import Drawing, Head, heads, key, line, one_panel, tidy
+from ..drawing.drawing import Drawing, Head, draw, heads, key, line, one_panel, tidy
 from ..drawing.style import FIGURE_WIDTH, colour
 from ..inference.assign_roles import ColumnRole
 from ..inference.processing_choice import ProcessingChoice
@@ -30,12 +30,13 @@ def channel_figures(layout: Layout, table: GivenTable, name: str, marks: dict[st
     figures = []
     for start in range(0, len(roles), MAX_PANELS_IN_FIGURE):
         part = roles[start : start + MAX_PANELS_IN_FIGURE]
-        figures.append(_panels(layout, table, part, f"{name}_{start // MAX_PANELS_IN_FIGURE + 1}", marks))
+        part_name = f"{name}_{start // MAX_PANELS_IN_FIGURE + 1}"
+        figures.append(draw(_panels, layout, table, part, name=part_name, marks=marks))
     return figures
 
 
 def _panels(
-    layout: Layout, table: GivenTable, roles: Sequence[ColumnRole], name: str, marks: dict[str, str]
+    layout: Layout, table: GivenTable, roles: Sequence[ColumnRole], *, name: str, marks: dict[str, str]
 ) -> Drawing:
     rows = (len(roles) + 1) // 2
     figure = Figure(figsize=(FIGURE_WIDTH, 1.0 + 1.35 * rows), layout="constrained")

@@ -74,10 +74,7 @@ def _layout_section(layout: Layout, proposal: Proposal) -> Section:
         f'Time is the column "{clock.column}" in {clock.unit}: {clock.why}.' if clock.column else f"Time: {clock.why}."
     )
     table = layout.tables[0]
-    drawings = [
-        draw(lambda made=made: made)
-        for made in channel_figures(layout, table, f"channels_{layout.stream or 'main'}", marks)
-    ]
+    drawings = channel_figures(layout, table, f"channels_{layout.stream or 'main'}", marks)
     return Section(
         f"channels-{name}",
         "Channels" if not layout.stream else f"Channels of the stream {layout.stream}",

@@ -11,6 +11,8 @@ import numpy as np
 
 from .._errors import StudyError
 from ..inference.assign_roles import DRIVE_QUANTITIES, ColumnRole, TableHints, TableRoles, assign_roles
+from ..inference.clocks import UNIT_SECONDS
+from ..inference.commands import find_resting_limit
 from ..inference.emg_spectrum import swings_fast
 from ..inference.motion_efforts import effort_share, motion_samples
 from ..inference.name_evidence import read_name, words_of
@@ -131,7 +133,9 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     main = _in_metres(main) if motion == "prismatic" and not motion_sure else main
     main = _with_torque(main) if motion == "rotary" else main
     facts = {k: v for t in main.tables for k, v in find_drive_facts(t.facts).items()}
-    recordings = _held_out(recordings, main)
+    main, limit = _with_limit(main, drive)
+    if limit is not None:
+        facts["limit"] = limit
     repeated = _repeated(recordings, main, drive)
     questions = list(_questions(main, streams, recordings, drive, facts, motion_sure, person, repeated, gravity))
     unknown = set(answers) - {question.key for question in questions}
@@ -139,6 +143,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         known = ", ".join(question.key for question in questions) or "none"
         raise StudyError(f"init --from: found an answer to {', '.join(sorted(unknown))}, expected one of {known}")
     main, streams, drive, motion, gravity, facts = _apply(answers, main, streams, drive, motion, gravity, dict(facts))
+    recordings = _held_out(recordings, main)
     asked, marked = select_questions(questions)
     worn = answers.get("worn", next((q.default for q in questions if q.key == "worn"), "no")) == "yes"
     remarks += _remarks(given, main, streams)
@@ -390,7 +395,13 @@ def _one_each(layout: Layout, main: Layout) -> bool:
 
 
 def _duration(layout: Layout) -> float:
-    rate = layout.roles.rate
+    """Return the duration of a layout's first table by its own clock [s], 0 if nothing tells it."""
+    clock, rate, table = layout.roles.clock, layout.roles.rate, layout.tables[0]
+    if clock.column is not None and clock.column in table.columns:
+        return (
+            float(np.nanmax(table.columns[clock.column]) - np.nanmin(table.columns[clock.column]))
+            * UNIT_SECONDS[clock.unit]
+        )
     return layout.tables[0].rows / rate if rate else 0.0
 
 
@@ -494,8 +505,6 @@ def _split_single(recording: ProposedRecording, main: Layout) -> list[ProposedRe
     if n < 200 or rate is None:
         return [recording]
     if clock.column is not None:
-        from ..inference.clocks import UNIT_SECONDS
-
         times = list(_own_names(recording.table, main.tables[0]).items())
         values = dict(times)[clock.column] * UNIT_SECONDS[clock.unit]
         known = values[np.isfinite(values)]
@@ -560,6 +569,8 @@ def _gravity(main: Layout, drive: str | None) -> str | None:
     zero."""
     found = _main_effort([main], drive)
     positions = [r for r in main.channels if r.quantity == "position"]
+    if not positions and not any(r.quantity == "motor_position" for r in main.channels):
+        return None
     if found is None or not positions or main.roles.rate is None:
         return "sine+cosine" if drive is not None else None
     role, table = positions[0], main.tables[0]
@@ -590,6 +601,32 @@ def _in_metres(main: Layout) -> Layout:
         for r in main.roles.roles
     )  # fmt: skip
     return replace(main, roles=replace(main.roles, roles=roles))
+
+
+def _with_limit(main: Layout, drive: str | None) -> tuple[Layout, FileFact | None]:
+    """Return the layout and the drive's limit, if its channel rests at one; of a duty the limit is 100 %."""
+    found = _main_effort([main], drive)
+    if found is None or len(main.roles.joints) > 1:
+        return main, None
+    role = found[1]
+    recordings = [
+        _decoded(t, replace(role, column=list(t.columns)[list(main.tables[0].columns).index(role.column)]))
+        for t in main.tables
+        if len(t.columns) == len(main.tables[0].columns) and role.column in main.tables[0].columns
+    ]
+    limit = find_resting_limit(recordings)
+    if limit is None:
+        return main, None
+    said = f'"{role.column}" rests at {limit:.6g} again and again'
+    if role.quantity != "duty":
+        return main, FileFact(limit, role.unit, said)
+    if "scale" not in role.keys:
+        return main, FileFact(limit, role.unit, said)
+    why = f"{said}: it is taken for 100 %"
+    roles = tuple(
+        replace(r, keys={**r.keys, "scale": 1.0 / limit}, unit_why=why) if r is role else r for r in main.roles.roles
+    )
+    return replace(main, roles=replace(main.roles, roles=roles)), FileFact(100.0, "%", said)
 
 
 def _with_torque(main: Layout) -> Layout:
@@ -689,7 +726,7 @@ def _questions(main, streams, recordings, drive, facts, motion_sure, person, rep
         yield Question(
             "full_duty",
             "Which number of the duty's column is 100 %?",
-            "1000",
+            f"{1.0 / next(float(str(r.keys['scale'])) for r in main.channels if r.quantity == 'duty'):.6g}",
             "the effort's scale: torques are too large or too small by as much",
         )
     emg = [r for layout in layouts for r in layout.channels if r.quantity == "emg"]
@@ -797,6 +834,20 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
             main, lambda r: r.quantity in ("velocity", "desired_velocity") and not r.unit_is_certain, unit=f"{unit}/s",
             said="as the position, per second",
         )  # fmt: skip
+    if "full_duty" in answers:
+        scale = 1.0 / _quantity(answers["full_duty"], "1", "full_duty")
+        roles = tuple(
+            replace(r, keys={**r.keys, "scale": scale}, unit_is_certain=True) if r.quantity == "duty" else r
+            for r in main.roles.roles
+        )
+        main = replace(main, roles=replace(main.roles, roles=roles))
+    if "counts_per_turn" in answers:
+        count = round(_quantity(answers["counts_per_turn"], "1", "counts_per_turn"))
+        roles = tuple(
+            replace(r, keys={**r.keys, "counts_per_turn": count}, unit_is_certain=True) if r.unit == "counts" else r
+            for r in main.roles.roles
+        )
+        main = replace(main, roles=replace(main.roles, roles=roles))
     if "emg_unit" in answers:
         main = _with_roles(main, lambda r: r.quantity == "emg", unit=answers["emg_unit"], said="said by the lab")
         streams = [

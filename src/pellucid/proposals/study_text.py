@@ -63,7 +63,7 @@ def channel_mark(role: ColumnRole, proposal: Proposal) -> str:
     """Return ``"GUESS"``, ``"ASKED"`` or nothing: how certain a channel's line is."""
     open_keys = unsaid_defaults(proposal)
     hangs = {
-        "counts_per_turn": role.unit == "counts",
+        "counts_per_turn": role.unit == "counts" and "counts_per_turn" not in role.keys,
         "full_duty": role.quantity == "duty",
         "effort": role.quantity in ("torque", "force", "current", "voltage", "duty")
         and role.is_guess
@@ -211,6 +211,9 @@ def _drive(proposal: Proposal, head: str) -> list[str]:
             lines.append(
                 _line(f"gear_ratio = {facts['gear_ratio'].value:g}", f"{facts['gear_ratio'].label}, in the files")
             )
+    if "limit" in facts:
+        fact = facts["limit"]
+        lines.append(_line(f'limit = "{fact.text}"', f"{MARK_GUESS}: {fact.label}"))
     has_duty = any(r.quantity == "duty" for r in proposal.main.channels)
     if proposal.drive == "voltage" and has_duty and "supply" in facts:
         lines.append(_line(f'supply = "{facts["supply"].text}"', f"{facts['supply'].label}, in the files"))
@@ -284,7 +287,7 @@ def _key(name: str) -> str:
 def _entry(role: ColumnRole, table: GivenTable) -> str:
     unit, keys = role.unit, dict(role.keys)
     if unit == "counts" and role.quantity in ("position", "reference", "angle", "velocity"):
-        per = int(keys.pop("counts_per_turn", 4096))
+        per = int(str(keys.pop("counts_per_turn", 4096)))
         unit = "rad"
         keys["scale"] = 2.0 * 3.141592653589793 / per
     parts = [f"column = {_column(role.column, table)}", f'unit = "{unit}"']
