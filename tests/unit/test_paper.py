@@ -18,7 +18,8 @@ def test_a_study_becomes_the_parts_of_a_paper(tmp_path):
     text = text.replace("name = \"bench\"\n", "name = \"bench\"\ncitation = \"A. Nobody, 50 % of it\"\n", 1)
     (folder / "study.toml").write_text(text)
     study = pellucid.open(folder)
-    run(study, "identify").save(study)
+    found = run(study, "identify")
+    found.save(study)
     made = write_paper(study)
     assert made == folder / "paper"
     assert sorted(path.suffix for path in (made / "figures").iterdir())[:1] == [".pdf"]
@@ -35,6 +36,6 @@ def test_a_study_becomes_the_parts_of_a_paper(tmp_path):
     assert r"\cite{pellucid}" in methods
     assert pellucid.__version__ in methods
     assert r"A. Nobody, 50 \% of it" in references
-    parameters = next(t for part in run(study, "identify").each for t in part.tables if isinstance(t, ParameterTable))
+    parameters = next(t for part in found.each for t in part.tables if isinstance(t, ParameterTable))
     shown = "".join(tables.values())
     assert all(parameter.name.replace("_", " ") in shown for parameter in parameters.parameters)
