@@ -71,8 +71,8 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
     source_remarks = [note for kind, name in names.items() for note in source_notes(name, cards[kind])]
     notes = (
         f"For the wearer {wearer} alone: limb and strap are theirs.",
-        f"The loop keeps {gain} and {delay} on straps {1 - STRAP_FACTORS[0]:.0%} softer and {STRAP_FACTORS[-1] - 1:.0%} "
-        "stiffer than identified.",
+        f"The loop keeps {gain} and {delay} on straps {1 - STRAP_FACTORS[0]:.0%} softer and "
+        f"{STRAP_FACTORS[-1] - 1:.0%} stiffer than identified.",
         "muscle is the output of your EMG chain; without it (valid = 0) what needs no EMG goes on.",
         "The effort is the torque wanted from the spring: your torque loop follows it.",
     )
