@@ -227,8 +227,7 @@ def test_a_worse_force_sensor_widens_its_watch():
 
 
 def test_energy_that_nobody_accounts_for():
-    """Errors of a model lend energy: of its weight over the range, of its inertia, and of the encoder in two
-    periods."""
+    """Errors of a model lend energy: of its weight over the range, its inertia, and the encoder in two periods."""
     swing, usual = 0.4 * 1.5, 5.75
 
     def limit(*, sensed=True, settings=None, **changed):
@@ -379,7 +378,7 @@ def test_the_wave_overcomes_the_friction_that_was_identified():
 
 
 def test_a_worn_law_is_watched_by_its_spring():
-    law = law_of("worn", effort_limit=10.0, orthosis_inertia=0.04)
+    law = law_of("worn", effort_limit=10.0, orthosis_inertia=0.04, actuator_inertia=0.05, actuator_coulomb=2.5)
     plain = watched_worn(law).supervision
     assert (plain["joint_expected"], plain["drive_expected"], plain["encoder_resolution"]) == (0.0, 0.0, 1e-3)
     assert (plain["body_inertia"], plain["test_effort"], plain["muscle_expected"]) == (0.0, 0.0, 0.0)
@@ -388,8 +387,9 @@ def test_a_worn_law_is_watched_by_its_spring():
     s = watched_worn(law, spring).supervision
     expected = {
         "encoder_resolution": 1e-3, "joint_expected": 1.0, "joint_tolerance": 0.1, "drive_expected": 1.0,
-        "drive_limit": 30.0, "drive_offset": 0.02, "drive_tolerance": 5.0, "drive_share": 0.25, "drive_cycles": 40.0,
-        "drive_late": math.exp(-1.0 / 24.0), "drive_gain": 0.05, "muscle_expected": 0.0, "ringing_limit": math.inf,
+        "drive_limit": 30.0, "drive_offset": 0.02, "drive_tolerance": 7.5, "drive_share": 0.25, "drive_cycles": 40.0,
+        "drive_surplus": 0.05 + 0.5 * 1.4 * 0.05 * 4.6**2, "drive_late": math.exp(-1.0 / 24.0),
+        "drive_gain": 0.05, "muscle_expected": 0.0, "ringing_limit": math.inf,
         "test_effort": 0.0, "body_inertia": 0.0, "push_limit": 10.0,
     }  # fmt: skip
     assert {name: s[name] for name in expected} == pytest.approx(expected)

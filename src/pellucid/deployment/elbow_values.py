@@ -112,10 +112,10 @@ def elbow_values(
 def _gain_notes(whole: ControlLaw, law: ControlLaw) -> Iterator[str]:
     if law.values.get("proportional") != whole.values.get("proportional"):
         yield (
-            f"The gain on the interaction torque is {law.values['proportional']:g}, not {whole.values['proportional']:g} "
-            "as in the virtual lab: behind a soft transmission the force answers late, and more would ring. If rotor "
-            f"and joint resonate at {MIN_STIFF_RESONANCE_HZ:g} Hz or higher, say so with lowest_resonance in [rig.drive] "
-            "and export again."
+            f"The gain on the interaction torque is {law.values['proportional']:g}, not "
+            f"{whole.values['proportional']:g} as in the virtual lab: behind a soft transmission the force answers "
+            f"late, and more would ring. If rotor and joint resonate at {MIN_STIFF_RESONANCE_HZ:g} Hz or higher, say "
+            "so with lowest_resonance in [rig.drive] and export again."
         )
     if law.values.get("disturbance_share") != whole.values.get("disturbance_share"):
         yield (

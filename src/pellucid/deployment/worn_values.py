@@ -23,8 +23,11 @@ MIN_GAIN_MARGIN_DB = 6.0
 MIN_DELAY_MARGIN_S = 0.020
 """Delay margin that the loop keeps with every strap of `STRAP_FACTORS` [s]."""
 
-STRAP_FACTORS = (0.7, 1.3)
-"""Factors on the identified stiffness and damping of the strap, in every combination [1]."""
+STRAP_FACTORS = (0.7, 1.6)
+"""Factors on the identified stiffness and damping of the strap, in every combination [1].
+
+A strap hardens as it is pulled. With 1.3 the loop swung by itself on two of ten foreign straps of 20261101, which are
+0.7 to 1.4 times as stiff as identified and twice as stiff at 0.05 to 0.12 rad."""
 
 DEAD_TIME_SAMPLES = 1
 """Dead time of the actuator's torque loop, from the reading to the current [samples]."""
@@ -68,7 +71,8 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
     source_remarks = [note for kind, name in names.items() for note in source_notes(name, cards[kind])]
     notes = (
         f"For the wearer {wearer} alone: limb and strap are theirs.",
-        f"The loop keeps {gain} and {delay} on straps {1 - STRAP_FACTORS[0]:.0%} softer and stiffer than identified.",
+        f"The loop keeps {gain} and {delay} on straps {1 - STRAP_FACTORS[0]:.0%} softer and "
+        f"{STRAP_FACTORS[-1] - 1:.0%} stiffer than identified.",
         "muscle is the output of your EMG chain; without it (valid = 0) what needs no EMG goes on.",
         "The effort is the torque wanted from the spring: your torque loop follows it.",
     )
