@@ -27,6 +27,7 @@ class WearerTest:
     band_hz: tuple[float, float] = (0.15, 4.0)  # frequencies at which people move joints [Hz]
     min_band_share: float = 0.8  # share of the speed's variance that lies in this band
     min_samples: int = 200  # fewer samples show nobody
+    max_samples: int = 20_000  # of a longer recording, so many samples from its middle are examined
     smooth_s: float = 0.03  # width of the smoothing before derivatives [s]
 
 
@@ -78,6 +79,8 @@ def find_worn(
     """
     known = np.isfinite(time) & np.isfinite(position) & np.isfinite(effort)
     time, position, effort = time[known], position[known], effort[known]
+    first = max(0, (len(time) - test.max_samples) // 2)
+    time, position, effort = (x[first : first + test.max_samples] for x in (time, position, effort))
     if len(time) < test.min_samples or np.ptp(position) == 0.0 or np.ptp(effort) == 0.0:
         return None
     step = float(np.median(np.diff(time)))
@@ -124,7 +127,7 @@ def _possible_shares(design: np.ndarray, efforts: list[np.ndarray]) -> tuple[np.
     Inertia, viscous and Coulomb friction of a possible machine, the first three columns, are at least 0.
     """
     free = np.column_stack([design, -design[:, 3:]])
-    free = free / np.linalg.norm(free, axis=0)
+    free = free / np.maximum(np.linalg.norm(free, axis=0), 1e-300)
     basis, reduced = np.linalg.qr(free)
     shares = []
     for effort in efforts:
