@@ -96,7 +96,7 @@ def find_worn(
     design = np.column_stack([a, v, np.tanh(10.0 * v / speed), np.sin(q), np.cos(q), np.ones(len(q))])
     furthest = min(round(test.max_late_s / step), len(q) // 4)
     inner = slice(furthest + 2 * width, len(q) - furthest - 2 * width)
-    if inner.stop - inner.start < test.min_samples // 2:
+    if inner.stop - inner.start < test.min_samples // 2 or np.ptp(tau[inner]) == 0.0:
         return None
     stride = max(1, furthest // 40)
     shifts = range(-(furthest // stride) * stride, furthest + 1, stride)
