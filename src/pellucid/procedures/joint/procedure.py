@@ -23,10 +23,12 @@ class JointProcedure(Procedure[None, "JointResult | PostureResult"]):
     takes_families = True
 
     def faults(self, study: Study, table: None) -> list[Fault]:
+        from .held_joint import is_held_throughout
         from .joint_faults import joint_faults
-        from .static_postures import is_held_throughout, posture_faults
 
         if is_held_throughout(study):
+            from .static_postures import posture_faults
+
             return posture_faults(study)
         return joint_faults(study)
 
@@ -39,10 +41,12 @@ class JointProcedure(Procedure[None, "JointResult | PostureResult"]):
         families: Sequence[str] | None = None,
         thorough: bool = True,
     ) -> JointResult | PostureResult:
+        from .held_joint import is_held_throughout
         from .identify_joint import identify_joint
-        from .static_postures import identify_postures, is_held_throughout
 
         if is_held_throughout(study):
+            from .static_postures import identify_postures
+
             return identify_postures(study)
         return identify_joint(study, tell, families=families, thorough=thorough)
 

@@ -12,16 +12,12 @@ from ...fit.parameter import Parameter, Verdict
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import number, unit_text
 from ...recordings.fault import Fault
-from ...recordings.recording import Recording
 from ...studies.effort import command_of, drive_model
 from ...studies.quality import inspect, require_sound
 from ...studies.results import ResultRow
 from ...studies.study import Study
 from ..result import FigureTable, ParameterTable, Result
 from ..study_page import figure_tables, parameter_tables, study_page
-
-MAX_POSTURE_RANGE_RAD = np.radians(0.5)
-"""A joint whose angle stays within this range in a recording is held there [rad]."""
 
 NO_MOTION_VERDICT = Verdict(
     "note",
@@ -37,22 +33,6 @@ class PostureResult(Result):
 
     fit: GravityFit
     judged: tuple[tuple[Hold, float], ...] = ()  # held-out postures with the effort that was predicted
-
-
-def is_held_throughout(study: Study) -> bool:
-    """Whether a study's recordings are postures of one rotary joint, in which nothing ever moves."""
-    if study.rig.motion != "rotary":
-        return False
-    recordings = study.recordings()
-    return len(recordings) > 0 and all(_is_posture(recording) for recording in recordings)
-
-
-def _is_posture(recording: Recording) -> bool:
-    if "position" not in recording:
-        return False
-    angle = recording["position"][recording.sound & recording.enabled]
-    angle = angle[np.isfinite(angle)]
-    return angle.size > 0 and float(np.ptp(angle)) <= MAX_POSTURE_RANGE_RAD
 
 
 def posture_faults(study: Study) -> list[Fault]:

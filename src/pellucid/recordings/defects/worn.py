@@ -8,9 +8,9 @@ hundred, as people do, and what a machine's equation finds is an impedance that 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
-from scipy.optimize import nnls
 
 KIND = "worn"
 
@@ -27,6 +27,7 @@ class WearerTest:
     band_hz: tuple[float, float] = (0.15, 4.0)  # frequencies at which people move joints [Hz]
     min_band_share: float = 0.8  # share of the speed's variance that lies in this band
     min_samples: int = 200  # fewer samples show nobody
+    max_samples: int = 20_000  # of a longer recording, so many samples from its middle are examined
     smooth_s: float = 0.03  # width of the smoothing before derivatives [s]
 
 
@@ -78,6 +79,8 @@ def find_worn(
     """
     known = np.isfinite(time) & np.isfinite(position) & np.isfinite(effort)
     time, position, effort = time[known], position[known], effort[known]
+    first = max(0, (len(time) - test.max_samples) // 2)
+    time, position, effort = (x[first : first + test.max_samples] for x in (time, position, effort))
     if len(time) < test.min_samples or np.ptp(position) == 0.0 or np.ptp(effort) == 0.0:
         return None
     step = float(np.median(np.diff(time)))
@@ -93,7 +96,7 @@ def find_worn(
     design = np.column_stack([a, v, np.tanh(10.0 * v / speed), np.sin(q), np.cos(q), np.ones(len(q))])
     furthest = min(round(test.max_late_s / step), len(q) // 4)
     inner = slice(furthest + 2 * width, len(q) - furthest - 2 * width)
-    if inner.stop - inner.start < test.min_samples // 2:
+    if inner.stop - inner.start < test.min_samples // 2 or np.ptp(tau[inner]) == 0.0:
         return None
     stride = max(1, furthest // 40)
     shifts = range(-(furthest // stride) * stride, furthest + 1, stride)
@@ -123,17 +126,23 @@ def _possible_shares(design: np.ndarray, efforts: list[np.ndarray]) -> tuple[np.
 
     Inertia, viscous and Coulomb friction of a possible machine, the first three columns, are at least 0.
     """
-    free = np.column_stack([design, -design[:, 3:]])
-    free = free / np.linalg.norm(free, axis=0)
-    basis, reduced = np.linalg.qr(free)
-    shares = []
-    for effort in efforts:
-        inside = basis.T @ effort
-        whole = float(np.sum((effort - effort.mean()) ** 2))
-        missed = float(effort @ effort - inside @ inside)
-        pair = [1.0 - (missed + nnls(reduced, way * inside)[1] ** 2) / max(whole, 1e-300) for way in (1.0, -1.0)]
-        shares.append(pair)
-    return np.array(shares)[:, 0], np.array(shares)[:, 1]
+    design = design / np.maximum(np.linalg.norm(design, axis=0), 1e-300)
+    effort = np.column_stack(efforts)
+    gram, inside = design.T @ design, design.T @ effort
+    whole = np.sum((effort - effort.mean(axis=0)) ** 2, axis=0)
+    pair = []
+    for way in (1.0, -1.0):
+        explained = np.zeros(effort.shape[1])
+        # Three bounds are few enough to try every way in which some of them hold.
+        for held in product((False, True), repeat=3):
+            kept = np.flatnonzero(~np.array([*held, *(False,) * (design.shape[1] - 3)]))
+            solution = np.linalg.lstsq(gram[np.ix_(kept, kept)], way * inside[kept], rcond=1e-12)[0]
+            feasible = np.all(solution[kept < 3] >= 0.0, axis=0)
+            explained = np.where(
+                feasible, np.maximum(explained, np.sum(way * inside[kept] * solution, axis=0)), explained
+            )
+        pair.append(1.0 - (np.sum(effort**2, axis=0) - explained) / np.maximum(whole, 1e-300))
+    return pair[0], pair[1]
 
 
 def _smoothed(x: np.ndarray, width: int) -> np.ndarray:
