@@ -191,6 +191,7 @@ OWN_FILES = {
     "lab": "the virtual lab writes recordings and reads its own rigs",
     "papers": "printed numbers",
     "deployment": "the core's headers, and checksums of cards",
+    "live": "shared memory, and the files of a running session",
 }
 OPENERS = re.compile(
     r"\b(?:open|np\.load|np\.loadtxt|np\.genfromtxt|numpy\.load|loadmat|json\.load|csv\.reader|read_csv)\s*\("
