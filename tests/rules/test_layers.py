@@ -196,6 +196,7 @@ OWN_FILES = {
     "papers": "printed numbers",
     "session": "its own pages and templates, and the report that it shows",
     "deployment": "the core's headers, and checksums of cards",
+    "live": "shared memory, and the files of a running session",
 }
 OPENERS = re.compile(
     r"\b(?:open|np\.load|np\.loadtxt|np\.genfromtxt|numpy\.load|loadmat|json\.load|csv\.reader|read_csv)\s*\("

@@ -163,8 +163,10 @@ def test_conditions_change_by_way_of_no_effort(elbow, tmp_path):
 
 def test_the_knees_slider_is_the_law_s_torque(tmp_path):
     knee = virtual_knee(conditions=("zero", "torque"))
-    law = knee.conditions[1].law
-    assert law is not None
+    watched = knee.conditions[1].law
+    assert watched is not None
+    law = replace(watched, law=watched.law.changed(max_age=0.05))
+    knee = replace(knee, conditions=(knee.conditions[0], Condition("torque", law)))
     with LiveEngine.start(knee, tmp_path, streams=False, recorder=False, ordinary=True) as engine:
         run_law(engine, "torque")
         engine.set_torque(2.0)

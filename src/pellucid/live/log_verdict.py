@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._errors import PellucidError
-from ..control.control_law import LAWS, ControlLaw
+from ..control.control_law import JOINT_LAW, ControlLaw
 from ..control.instruments import Instruments
 from ..control.limits import Limits
 from ..control.supervised import SupervisedLaw, body_of, supervised
@@ -98,12 +98,12 @@ def passed_through(limits: Limits, period: float, instruments: Instruments | Non
         What the robot measures; None: an encoder alone.
     """
     low, high = limits.position
-    numbers = LAWS["joint"].defaults | {
+    numbers = JOINT_LAW.defaults | {
         "inertia": NO_BODY_INERTIA,
         "velocity_width": 0.1,
         "gravity_share": 1.0,
         "friction_share": 0.0,
-        "bandwidth": min(LAWS["joint"].defaults["bandwidth"], 0.5 / period),
+        "bandwidth": min(JOINT_LAW.defaults["bandwidth"], 0.5 / period),
         "effort_limit": limits.effort,
         "rate_limit": limits.rate,
         "velocity_limit": limits.velocity,
@@ -113,7 +113,7 @@ def passed_through(limits: Limits, period: float, instruments: Instruments | Non
         "max_age": MAX_LOG_AGE_PERIODS * period,
         "period": period,
     }
-    law = ControlLaw("joint", numbers)
+    law = ControlLaw(JOINT_LAW.name, numbers)
     return supervised(law, instruments=instruments, body=dict.fromkeys(body_of(law), 0.0), start_up=False)
 
 

@@ -26,8 +26,8 @@ READABLE_COLUMNS = (
 
 RAW_FIELDS = (
     "number", "cycle", "time", "deadline", "now_us", "valid", "flags", "law", "token", "effort", "fault", "mode",
-    "enable", "state", "beat", "challenge", "task", "task_kind", "target", "adjusted_field", "adjusted_value", "velocity",
-    "limb_position", "limb_velocity", "muscle_torque", "flexor", "extensor", "drive_torque", "compute",
+    "enable", "state", "beat", "challenge", "task", "task_kind", "target", "adjusted_field", "adjusted_value",
+    "velocity", "limb_position", "limb_velocity", "muscle_torque", "flexor", "extensor", "drive_torque", "compute",
 )  # fmt: skip
 """Fields of a record, kept as numbers of 64 bits: integers up to 2^53 keep their value, and numbers their bits."""
 
@@ -46,8 +46,8 @@ def robot_values(records: np.ndarray) -> np.ndarray:
     shown = np.where(valid, records["value"], np.nan)
     columns = [
         shown[:, 0], records["velocity"], records["effort"], records["value"][:, 2], shown[:, 3],
-        records["drive_torque"], records["target"], records["limb_position"], records["task"], records["law"], records["state"], records["mode"],
-        records["fault"], records["flags"] & layout.FLAG_LATE,
+        records["drive_torque"], records["target"], records["limb_position"], records["task"], records["law"],
+        records["state"], records["mode"], records["fault"], records["flags"] & layout.FLAG_LATE,
     ]  # fmt: skip
     return np.column_stack([np.asarray(column, float) for column in columns])
 

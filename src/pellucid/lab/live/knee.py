@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from ... import _core
 from ..._errors import PellucidError
-from ...control.control_law import LAWS, ControlLaw
+from ...control.control_law import JOINT_LAW, ControlLaw
 from ...control.worn import watched_worn
 from ...live.setup import Condition, DeviceNumbers, EngineSetup, StreamsProgram
 from ..drive_reading import EXACT_READING
@@ -98,8 +98,8 @@ def virtual_knee(
         raise PellucidError(f'condition: found "{unknown[0]}", expected {RELAXED_CONDITION} or {TORQUE_CONDITION}')
     worn = rig.subjects[subject]
     law = ControlLaw(
-        "joint",
-        LAWS["joint"].defaults
+        JOINT_LAW.name,
+        JOINT_LAW.defaults
         | TORQUE_LIMITS
         | {"inertia": 0.05, "velocity_width": 0.1, "friction_share": 0.0, "period": rig.period},
     )
