@@ -62,13 +62,14 @@ def init(
     'rig.toml'
     """
     if sum(given is not None for given in (dataset, rig, urdf, session)) != 1:
-        from .session.new_session import SESSIONS
+        from .session.new_session import SHIPPED_SESSIONS
 
         rigs = _rig_source()
         raise StudyError(
             "init needs --dataset NAME or --rig NAME or --urdf FILE or --session NAME, one of them; known: "
-            f"{', '.join(datasets.names())}; rigs: {', '.join(rigs.value.study_names()) if rigs else 'none installed'}; "
-            f"sessions: {', '.join(SESSIONS)}"
+            f"{', '.join(datasets.names())}; "
+            f"rigs: {', '.join(rigs.value.study_names()) if rigs else 'none installed'}; "
+            f"sessions: {', '.join(SHIPPED_SESSIONS)}"
         )
     if session is not None:
         from .session.new_session import start_session_study

@@ -4,11 +4,12 @@ import asyncio
 import shutil
 import threading
 import time
+import traceback
 from contextlib import contextmanager, suppress
 
 import pytest
 
-from pellucid.session.live_session import CONSENT, FINISHED, INSTRUCTIONS, JUDGED, REST, RUNNING, WAITING
+from pellucid.session.live_session import Phase
 from pellucid.session.page_server import PageServer
 
 CHROMIUM = next((path for name in ("chromium", "chromium-browser", "chrome") if (path := shutil.which(name))), "")
@@ -28,6 +29,7 @@ def served(session):
             asyncio.run(server.run(lambda server: opened.set()))
         except BaseException as error:
             failed.append(error)
+            traceback.print_exc()
             opened.set()
 
     thread = threading.Thread(target=run)
@@ -102,32 +104,32 @@ class Players:
         def runs():
             self._go_on()
             attempt = self.session.attempt
-            return self.session.phase == RUNNING and attempt is not None and attempt.task.progress >= share
+            return self.session.phase == Phase.RUNNING and attempt is not None and attempt.task.progress >= share
 
         self.wait(runs)
 
     def until_judged(self):
         """Wait for the end of the trial, and for the button that goes on."""
-        self.wait(lambda: self.session.phase == JUDGED and self.operator.is_visible("#accept"))
+        self.wait(lambda: self.session.phase == Phase.JUDGED and self.operator.is_visible("#accept"))
 
     def until_finished(self, patience=PATIENCE_S):
         """Play the rest of the session."""
 
         def finished():
             self._go_on()
-            if self.session.phase == JUDGED:
+            if self.session.phase == Phase.JUDGED:
                 self.try_to(self.operator, "repeat" if self.session.reason else "accept")
-            return self.session.phase == FINISHED
+            return self.session.phase == Phase.FINISHED
 
         self.wait(finished, patience)
 
     def _go_on(self):
         """Do what the session waits for now."""
         phase = self.session.phase
-        if phase in (CONSENT, INSTRUCTIONS):
+        if phase in (Phase.CONSENT, Phase.INSTRUCTIONS):
             self.try_to(self.participant, "yes")
-        elif phase == WAITING:
+        elif phase == Phase.WAITING:
             self.try_to(self.operator, "reset")
             self.try_to(self.operator, "start")
-        elif phase == REST:
+        elif phase == Phase.REST:
             self.try_to(self.operator, "skip_rest")
