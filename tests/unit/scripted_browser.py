@@ -1,11 +1,13 @@
 """A scripted browser that plays participant and operator: Playwright, on the Chromium of the system."""
 
 import asyncio
+import os
 import shutil
 import threading
 import time
 import traceback
 from contextlib import contextmanager, suppress
+from pathlib import Path
 
 import pytest
 
@@ -107,6 +109,13 @@ class Players:
             return self.session.phase == Phase.RUNNING and attempt is not None and attempt.task.progress >= share
 
         self.wait(runs)
+
+    def take_pictures(self, name):
+        """Keep pictures of both pages, where the variable PELLUCID_PICTURES names a folder for them."""
+        folder = os.environ.get("PELLUCID_PICTURES")
+        if folder:
+            for role, page in (("operator", self.operator), ("participant", self.participant)):
+                page.screenshot(path=Path(folder) / f"live_{role}_{name}.png")
 
     def until_judged(self):
         """Wait for the end of the trial, and for the button that goes on."""

@@ -41,8 +41,8 @@ SHIPPED_SESSIONS: Mapping[str, tuple[str, Mapping[str, Any]]] = MappingProxyType
         "knee-orthosis": (
             "knee.toml.j2",
             {**_SHORT_KNEE, "pause": "1 min", "pause_every": 6, "contraction": "3 s", "contraction_rest": "3 s",
-             "trials": 3, "angles": '"0 deg", "15 deg", "30 deg", "45 deg", "60 deg", "90 deg"', "hold": "5 s", "ramp": "2 s",
-             "followed": "40 s"},
+             "trials": 3, "angles": '"0 deg", "15 deg", "30 deg", "45 deg", "60 deg", "90 deg"', "hold": "5 s",
+             "ramp": "2 s", "followed": "40 s"},
         ),
     }
 )  # fmt: skip
