@@ -21,7 +21,7 @@ from benchmarks._size import sized
 from pellucid.lab.session_devices import virtual_knee
 from pellucid.live.engine import LiveEngine
 from pellucid.procedures.registry import open_study
-from pellucid.session.live_session import JUDGED, RUNNING, WAITING, LiveSession
+from pellucid.session.live_session import LiveSession, Phase
 from pellucid.session.new_session import start_session_study
 from pellucid.session.page_server import PageServer
 from pellucid.session.run_session import choose_participant
@@ -106,26 +106,32 @@ def opened(engine: LiveEngine) -> Iterator[None]:
                 page.wait_for_timeout(200)
             browser.close()
 
-    with tempfile.TemporaryDirectory() as folder, knee_session(WatchedEngine(engine), Path(folder) / "s") as session:
-        with served(session) as server:
-            looking = threading.Thread(target=look, args=(server,))
-            looking.start()
-            try:
-                ready.wait(PATIENCE_S)
-                yield
-            finally:
-                leave.set()
-                looking.join(PATIENCE_S)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        knee_session(WatchedEngine(engine), Path(folder) / "s") as session,
+        served(session) as server,
+    ):
+        looking = threading.Thread(target=look, args=(server,))
+        looking.start()
+        try:
+            ready.wait(PATIENCE_S)
+            yield
+        finally:
+            leave.set()
+            looking.join(PATIENCE_S)
 
 
 def rows() -> Iterator[ResultRow]:
     """Frame times against a bare page, refused connections, and closed pages."""
     with tempfile.TemporaryDirectory() as folder:
         setup = virtual_knee(conditions=("torque",), place=0, seed=1)
-        with LiveEngine.start(setup, Path(folder) / "run") as engine:
-            with knee_session(engine, Path(folder) / "s") as session, served(session) as server:
-                yield from connection_rows(server)
-                yield from browser_rows(server)
+        with (
+            LiveEngine.start(setup, Path(folder) / "run") as engine,
+            knee_session(engine, Path(folder) / "s") as session,
+            served(session) as server,
+        ):
+            yield from connection_rows(server)
+            yield from browser_rows(server)
 
 
 def browser_rows(server: PageServer) -> Iterator[ResultRow]:
@@ -183,9 +189,9 @@ def closed_page_rows(browser: Any, server: PageServer) -> Iterator[ResultRow]:
         closed = time.monotonic()
         pages.pop(role).context.close()
         (left,) = pages.values()
-        _wait(left, lambda: session.phase != RUNNING)
+        _wait(left, lambda: session.phase != Phase.RUNNING)
         seconds = time.monotonic() - closed
-        _wait(left, lambda: session.phase in (JUDGED, WAITING))
+        _wait(left, lambda: session.phase in (Phase.JUDGED, Phase.WAITING))
         state = session.engine.status().state
         left.context.close()
         note = f"from closing the {role}'s page until its trial ends; the engine is then {state}"
@@ -200,7 +206,7 @@ def _play_to_running(session: LiveSession, page: Any) -> None:
                    "waiting": ("operator", "start"), "judged": ("operator", "repeat")}  # fmt: skip
         if session.phase in answers:
             session.act(*answers[session.phase])
-        return session.phase == RUNNING and session.attempt is not None and session.attempt.task.progress > 0.1
+        return session.phase == Phase.RUNNING and session.attempt is not None and session.attempt.task.progress > 0.1
 
     _wait(page, runs)
 

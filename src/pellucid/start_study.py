@@ -90,13 +90,14 @@ def init(
     ['worn', 'angle_zero']
     """
     if sum(given is not None for given in (dataset, rig, urdf, files, session)) != 1:
-        from .session.new_session import SESSIONS
+        from .session.new_session import SHIPPED_SESSIONS
 
         rigs = _rig_source()
         raise StudyError(
             "init needs --from FILES or --dataset NAME or --rig NAME or --urdf FILE or --session NAME, one of them; "
             f"known: {', '.join(datasets.names())}; "
-            f"rigs: {', '.join(rigs.value.study_names()) if rigs else 'none installed'}; sessions: {', '.join(SESSIONS)}"
+            f"rigs: {', '.join(rigs.value.study_names()) if rigs else 'none installed'}; "
+            f"sessions: {', '.join(SHIPPED_SESSIONS)}"
         )
     if files is not None:
         from .proposals.init_from_files import init_from_files

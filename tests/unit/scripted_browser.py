@@ -1,14 +1,17 @@
 """A scripted browser that plays participant and operator: Playwright, on the Chromium of the system."""
 
 import asyncio
+import os
 import shutil
 import threading
 import time
-from contextlib import contextmanager, suppress
+import traceback
+from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
-from pellucid.session.live_session import CONSENT, FINISHED, INSTRUCTIONS, JUDGED, REST, RUNNING, WAITING
+from pellucid.session.live_session import Phase
 from pellucid.session.page_server import PageServer
 
 CHROMIUM = next((path for name in ("chromium", "chromium-browser", "chrome") if (path := shutil.which(name))), "")
@@ -28,6 +31,7 @@ def served(session):
             asyncio.run(server.run(lambda server: opened.set()))
         except BaseException as error:
             failed.append(error)
+            traceback.print_exc()
             opened.set()
 
     thread = threading.Thread(target=run)
@@ -61,7 +65,6 @@ class Players:
     def __init__(self, opened, server):
         self.server, self.session = server, server.session
         self.errors: list[str] = []
-        self.timeout_error = pytest.importorskip("playwright.sync_api").TimeoutError
         self.operator = self._page(opened, "operator")
         self.participant = self._page(opened, "participant")
 
@@ -92,9 +95,8 @@ class Players:
 
     def try_to(self, page, control):
         """Use a button if it is there; it may have gone meanwhile."""
-        if page.is_visible(f"#{control}"):
-            with suppress(self.timeout_error):
-                page.click(f"#{control}", timeout=1000, no_wait_after=True)
+        # Within the page, so that nothing changes between the look and the click.
+        page.evaluate("id => { const it = document.getElementById(id); if (it && it.offsetParent) it.click(); }", control)
 
     def until_running(self, share=0.0):
         """Do what is asked for until a trial runs and a share of it is done."""
@@ -102,32 +104,39 @@ class Players:
         def runs():
             self._go_on()
             attempt = self.session.attempt
-            return self.session.phase == RUNNING and attempt is not None and attempt.task.progress >= share
+            return self.session.phase == Phase.RUNNING and attempt is not None and attempt.task.progress >= share
 
         self.wait(runs)
 
+    def take_pictures(self, name):
+        """Keep pictures of both pages, where the variable PELLUCID_PICTURES names a folder for them."""
+        folder = os.environ.get("PELLUCID_PICTURES")
+        if folder:
+            for role, page in (("operator", self.operator), ("participant", self.participant)):
+                page.screenshot(path=Path(folder) / f"live_{role}_{name}.png")
+
     def until_judged(self):
         """Wait for the end of the trial, and for the button that goes on."""
-        self.wait(lambda: self.session.phase == JUDGED and self.operator.is_visible("#accept"))
+        self.wait(lambda: self.session.phase == Phase.JUDGED and self.operator.is_visible("#accept"))
 
     def until_finished(self, patience=PATIENCE_S):
         """Play the rest of the session."""
 
         def finished():
             self._go_on()
-            if self.session.phase == JUDGED:
+            if self.session.phase == Phase.JUDGED:
                 self.try_to(self.operator, "repeat" if self.session.reason else "accept")
-            return self.session.phase == FINISHED
+            return self.session.phase == Phase.FINISHED
 
         self.wait(finished, patience)
 
     def _go_on(self):
         """Do what the session waits for now."""
         phase = self.session.phase
-        if phase in (CONSENT, INSTRUCTIONS):
+        if phase in (Phase.CONSENT, Phase.INSTRUCTIONS):
             self.try_to(self.participant, "yes")
-        elif phase == WAITING:
+        elif phase == Phase.WAITING:
             self.try_to(self.operator, "reset")
             self.try_to(self.operator, "start")
-        elif phase == REST:
+        elif phase == Phase.REST:
             self.try_to(self.operator, "skip_rest")

@@ -88,6 +88,8 @@ class StandInEngine:
         """Samples up to now, of the pull that was asked for until now."""
         wanted = int((self.clock.now - self.begun) * EMG_RATE_HZ)
         new = wanted - self.emg_count
+        if wanted > len(self.emg_samples):
+            self.emg_samples = np.concatenate([self.emg_samples, np.zeros_like(self.emg_samples)])
         if new > 0:
             flexes = -self.torque / 10.0 + self.share  # the person counters the robot; positive flexes
             signs = np.array([1.0 if any(part in m for part in FLEXOR_NAME_PARTS) else -1.0 for m in self.muscles])

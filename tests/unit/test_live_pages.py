@@ -68,6 +68,7 @@ def test_a_scripted_browser_plays_a_short_elbow_session(tmp_path):
         players.do("repeat")
         players.until_running(0.4)
         assert players.participant.evaluate("document.body.classList.contains('still')")
+        players.take_pictures("elbow")
         players.until_judged()
         assert "nothing speaks against it" in players.operator.inner_text("#judged")
         players.do("accept")
@@ -104,6 +105,7 @@ def test_a_scripted_browser_plays_a_short_knee_session(tmp_path):
         players.wait(lambda: players.operator.is_visible("#torque"))
         players.operator.fill("#torque", "7.5")
         players.wait(lambda: session.attempt.task.by_hand == 7.5)
+        players.take_pictures("knee")
         players.until_finished()
         assert players.errors == []
     held = open_study(tmp_path / "s").recording("P1_03_held_worn")

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..signals.emg_chain import EmgStream, emg_chain
 
-CHAIN = "knee"
+ENVELOPE_CHAIN = "knee"
 """Name of the chain of filters that makes an envelope for a screen."""
 
 SETTLING_S = 1.0
@@ -32,7 +32,7 @@ class EmgLevels:
             if not len(samples):
                 continue
             if muscle not in self._streams:
-                self._streams[muscle] = emg_chain(CHAIN).stream(self.fs)
+                self._streams[muscle] = emg_chain(ENVELOPE_CHAIN).stream(self.fs)
             made[muscle] = self._streams[muscle].filter(np.nan_to_num(samples))
             self.envelopes[muscle] = float(made[muscle][-1])
         self.seen += max((len(samples) for samples in channels.values()), default=0)

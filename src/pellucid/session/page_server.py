@@ -23,9 +23,9 @@ from urllib.parse import parse_qs, urlsplit
 import numpy as np
 
 from .._errors import PellucidError, missing_package
-from .live_session import FINISHED, LiveSession
+from .live_session import LiveSession, Phase
 
-HOST = "127.0.0.1"
+HOST_ADDRESS = "127.0.0.1"
 """Address that the server listens on: this computer alone."""
 
 STEP_S = 1.0 / 60.0
@@ -50,7 +50,7 @@ SHOWN_LATENESS_S = (8e-6, 2e-2)
 """The histogram of the operator's page reaches from here to there [s]."""
 
 EMG_EVERY = 2
-"""Of this many EMG samples the operator's page gets one: 1,024 of 2,048 a second."""
+"""The operator's page gets one of this many EMG samples: 1,024 of 2,048 a second."""
 
 ROBOT_TRACES = ("position", "limb", "velocity", "torque", "interaction", "drive", "target", "lateness")
 """Channels of the robot that the operator's page draws."""
@@ -74,7 +74,7 @@ REPORT_POLICY = (
 )
 """What a report may load: it is one file with its scripts in it."""
 
-PAGES = {"/operator": "operator.html", "/participant": "participant.html"}
+PAGE_FILES = {"/operator": "operator.html", "/participant": "participant.html"}
 """Pages that need the token, by their paths."""
 
 OPEN_FILES = {"/static/style.css", "/static/operator.js", "/static/participant.js", "/static/frames.js",
@@ -109,7 +109,7 @@ class PageServer:
         self.session, self.port = session, port
         self.token = secrets.token_urlsafe(24) if token is None else token
         self.clients: set[Client] = set()
-        self.frame_intervals: list[float] = []  # of the participant's page [s]
+        self.frame_intervals: list[float] = []  # times between frames of the participant's page [s]
         self.foreign_origins = 0  # sockets of foreign origins that were refused
         self.stopped = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -117,7 +117,7 @@ class PageServer:
 
     def address(self, page: str) -> str:
         """Return the address of a page, ``"operator"`` or ``"participant"``, with the token."""
-        return f"http://{HOST}:{self.port}/{page}?token={self.token}"
+        return f"http://{HOST_ADDRESS}:{self.port}/{page}?token={self.token}"
 
     def end(self) -> None:
         """Stop serving; may be called from another thread."""
@@ -133,7 +133,7 @@ class PageServer:
             raise missing_package("live", "websockets", "live") from None
 
         async with serve(
-            self._talk, HOST, self.port, process_request=self._answer, compression=None,
+            self._talk, HOST_ADDRESS, self.port, process_request=self._answer, compression=None,
             max_size=MAX_MESSAGE_BYTES, ping_interval=5, ping_timeout=20,
         ) as server:  # fmt: skip
             self.port = next(iter(server.sockets)).getsockname()[1]
@@ -152,7 +152,7 @@ class PageServer:
         """Answer a plain request, refuse a socket that may not connect, or let one through (None)."""
         parts = urlsplit(request.path)
         query = parse_qs(parts.query)
-        hosts = {f"{HOST}:{self.port}", f"localhost:{self.port}"}
+        hosts = {f"{HOST_ADDRESS}:{self.port}", f"localhost:{self.port}"}
         if request.headers.get("Host") not in hosts:
             return self._refuse(connection, HTTPStatus.FORBIDDEN, "this server answers to this computer's name alone")
         known = secrets.compare_digest(query.get("token", [""])[0], self.token)
@@ -171,8 +171,8 @@ class PageServer:
             return self._file(connection, files(__package__).joinpath("page", name).read_bytes(), Path(name).suffix)
         if not known:
             return self._refuse(connection, HTTPStatus.FORBIDDEN, "wrong token")
-        if parts.path in PAGES:
-            page = files(__package__).joinpath("page", PAGES[parts.path]).read_bytes()
+        if parts.path in PAGE_FILES:
+            page = files(__package__).joinpath("page", PAGE_FILES[parts.path]).read_bytes()
             return self._file(connection, page, ".html")
         if parts.path == "/report" and self.session.report is not None:
             return self._file(connection, self.session.report.read_bytes(), ".html", own_scripts=True)
@@ -287,7 +287,7 @@ class PageServer:
                 due["health"] = now + HEALTH_INTERVAL_S
                 health = health_numbers(self.session.engine.health())
                 self._broadcast("operator", json.dumps({"type": "health", **health}))
-            if self.ends_with_session and self.session.phase == FINISHED:
+            if self.ends_with_session and self.session.phase == Phase.FINISHED:
                 self.stopped.set()
             following = max(following + STEP_S, now)
             await asyncio.sleep(max(following - time.monotonic(), 0.001))

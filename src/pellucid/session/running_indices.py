@@ -23,7 +23,7 @@ from ..procedures.assessment.measured_study import MeasuredStudy, join_studies, 
 from ..procedures.assessment.pointing import labelled_amplitudes, pointing_record, with_rule
 from ..recordings.recording import Recording
 
-SHOWN = ("duration_median", "vmax", "end_absolute", "torque_rms", "unsettled")
+SHOWN_INDEX_NAMES = ("duration_median", "vmax", "end_absolute", "torque_rms", "unsettled")
 """Indices that the operator's page shows."""
 
 SIMULATED_STUDIES = 200
@@ -72,7 +72,7 @@ class RunningIndices:
         """Return the indices of one person by condition."""
         own = [m for m in self._measured.values() if {p for p, _ in m.recorded.values()} == {participant}]
         made = []
-        for name in SHOWN:
+        for name in SHOWN_INDEX_NAMES:
             index = self._indices[name]
             values = {}
             for condition in dict.fromkeys(c for m in own for _, c in m.recorded.values()):

@@ -1,7 +1,7 @@
 """The tasks of a session while they run: what is asked now, whether it is done, and what the participant's page shows.
 
 A task is told the time and what was measured, and answers what a screen shows. It knows neither engine nor page, so
-that tests run it on made-up motion. What it asks of the virtual wearer is an `Ask`; a real person sees it on the screen.
+that tests run it on made-up motion. What it asks of the virtual wearer is an `Ask`; a real person sees the screen.
 """
 
 from __future__ import annotations

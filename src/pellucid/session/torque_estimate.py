@@ -21,7 +21,7 @@ MIN_TRIALS = 2
 RATE_HZ = 20.0
 """Rate at which trials are fitted [Hz]."""
 
-PENALTY = 1.0
+RIDGE_PENALTY = 1.0
 """Penalty of the ridge regression on standardised coefficients."""
 
 INTERVAL_SD = 1.96
@@ -65,12 +65,12 @@ class TorqueEstimator:
         for i, (seen, wanted) in enumerate(self._trials):
             others = [trial for j, trial in enumerate(self._trials) if j != i]
             x, y = np.concatenate([t[0] for t in others]), np.concatenate([t[1] for t in others])
-            errors.append(Ridge(PENALTY).fit(x, y).predict(seen) - wanted)
+            errors.append(Ridge(RIDGE_PENALTY).fit(x, y).predict(seen) - wanted)
             of_mean.append(y.mean() - wanted)
         self.error = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
         self.error_of_mean = float(np.sqrt(np.mean(np.concatenate(of_mean) ** 2)))
         x, y = (np.concatenate([trial[k] for trial in self._trials]) for k in (0, 1))
-        self._fit = Ridge(PENALTY).fit(x, y)
+        self._fit = Ridge(RIDGE_PENALTY).fit(x, y)
 
     def estimate(self, levels: Mapping[str, float], position: float, velocity: float) -> TorqueEstimate | None:
         """Return the torque now; None before enough trials, or where a sample is missing."""
