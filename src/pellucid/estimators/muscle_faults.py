@@ -35,7 +35,10 @@ Chosen by judgement; no measurement is recorded.
 
 
 def refuse_unfit_trials(trials: Sequence[TorqueTrial]) -> None:
-    """Refuse trials whose angles or envelopes no muscle could have made."""
+    """Refuse trials whose angles or envelopes no muscle could have made.
+
+    Envelopes of held-out trials reach no fit: what they hold is judged as it is, and refuses nothing.
+    """
     for trial in trials:
         for joint, angle in trial.angles.items():
             if np.abs(angle).max() > MAX_JOINT_ANGLE_RAD:
@@ -43,10 +46,12 @@ def refuse_unfit_trials(trials: Sequence[TorqueTrial]) -> None:
                     f"trial {trial.name}, channel angle.{joint}: found {np.abs(angle).max():.4g} rad, expected at most "
                     f"{MAX_JOINT_ANGLE_RAD:.3g} rad; is it in degrees?"
                 )
+    fitted = [t for t in trials if not t.heldout] or list(trials)
+    for trial in fitted:
         for muscle, envelope in trial.envelopes.items():
             _refuse_envelope(f"trial {trial.name}, channel emg.{muscle}", envelope)
-    _refuse_silence_and_own_maxima(trials)
-    _refuse_swapped_sides(trials)
+    _refuse_silence_and_own_maxima(fitted)
+    _refuse_swapped_sides(fitted)
 
 
 def _refuse_envelope(where: str, envelope: np.ndarray) -> None:

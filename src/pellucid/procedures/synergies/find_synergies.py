@@ -38,7 +38,8 @@ class GroupSynergies:
 
     name: str  # Participant and condition in words
     synergies: Synergies
-    count: SynergyCount  # Variance that each number of synergies explains
+    count: SynergyCount  # Variance that each number of synergies explains, of held-out samples
+    within: SynergyCount  # The same, of blocks of the fitted recordings left out in turn; it chooses the number
     judged_on: str  # Held-out samples, in words
     time: np.ndarray = field(repr=False)  # Time of the drawn stretch of one recording, shape (k,) [s]
     envelopes: np.ndarray = field(repr=False)  # Envelopes in the stretch, shape (k, m)
@@ -83,18 +84,19 @@ def run(study: Study, table: SynergiesTable, tell: Progress = quiet) -> Synergie
             f"{study.folder}: [synergies] number: found {table.number}, expected at most {len(muscles)}, of as many "
             "muscles"
         )
-    counts, parts = {}, {}
+    counts, chosen, parts = {}, {}, {}
     for i, (name, members) in enumerate(grouped.items()):
         tell(f"synergies of {name}" if name else "synergies", 0.1 + 0.8 * i / len(grouped))
         fitted = [each for each in members if not each.heldout] or members
         heldout = [each for each in members if each.heldout] if any(not each.heldout for each in members) else []
         parts[name] = fitted, heldout
-        counts[name] = count_synergies(
-            np.concatenate([each.matrix for each in fitted]), _joined_time(fitted), muscles,
-            np.concatenate([each.matrix for each in heldout]) if heldout else None, table.most,
-        )  # fmt: skip
+        known = np.concatenate([each.matrix for each in fitted]), _joined_time(fitted), muscles
+        # Held-out recordings judge every number, and choose none.
+        chosen[name] = counts[name] = count_synergies(*known, None, table.most)
+        if heldout:
+            counts[name] = count_synergies(*known, np.concatenate([each.matrix for each in heldout]), table.most)
     # Groups are compared synergy by synergy. All therefore have the median of the groups' numbers.
-    usual = table.number or int(np.median([count.enough for count in counts.values()]))
+    usual = table.number or int(np.median([count.enough for count in chosen.values()]))
     groups = []
     for name, (fitted, heldout) in parts.items():
         found = find_synergies(np.concatenate([each.matrix for each in fitted]), muscles, usual)
@@ -104,7 +106,8 @@ def run(study: Study, table: SynergiesTable, tell: Progress = quiet) -> Synergie
         judged = ", ".join(each.name for each in heldout) or "blocks of time left out in turn"
         envelopes = drawn.matrix[shown]
         active = found.activations(envelopes)
-        groups.append(GroupSynergies(name, found, counts[name], judged, drawn.time[shown], envelopes, active))
+        drawn_parts = drawn.time[shown], envelopes, active
+        groups.append(GroupSynergies(name, found, counts[name], chosen[name], judged, *drawn_parts))
     alike = tuple(_compare_groups(one, other, parts) for one, other in combinations(groups, 2))
     checksum = combined_checksum(each.checksum for members in grouped.values() for each in members)
     return SynergiesResult(
@@ -250,7 +253,8 @@ def _rows(
     for g in groups:
         base = f"{study}.{part(g.name)}" if g.name else study
         c = g.count
-        row(f"{base}.synergies.number", c.enough, "heldout", f"fewest with a VAF of {VAF_THRESHOLD:g} on {g.judged_on}")
+        words = f"fewest with a VAF of {VAF_THRESHOLD:g} on blocks of the fitted recordings left out in turn"
+        row(f"{base}.synergies.number", g.within.enough, "fitted", words)
         row(f"{base}.synergies.predicting", c.predicting, "heldout", "number that tells a muscle left out best")
         for i, number in enumerate(c.numbers):
             row(f"{base}.synergies.{number}.vaf", c.heldout[i], "heldout")
