@@ -36,7 +36,7 @@ from pellucid.studies.results import ResultRow
 
 from . import _certified_files, _doubted
 
-STUDY_COUNT = sized(20_000, smallest=40)
+STUDY_COUNT = sized(10_000, smallest=40)
 """Number of simulated studies of each cell."""
 
 DOUBTED_STUDY_COUNT = sized(400, smallest=8)

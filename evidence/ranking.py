@@ -26,7 +26,7 @@ from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.ranking.foreign_law import STOPPED_WORDS, ForeignController, ForeignLaw
 from pellucid.ranking.knee import knee_pair
 from pellucid.ranking.strategies import SWING_TASK
-from pellucid.ranking.transparency_indices import INDICES, IndexComparison, index_values
+from pellucid.ranking.transparency_indices import TRANSPARENCY_INDICES, IndexComparison, index_values
 from pellucid.studies.results import ResultRow
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "laws"
@@ -120,10 +120,10 @@ def index_pair(index: int) -> dict[str, dict[str, float]]:
 def index_rows() -> Iterator[ResultRow]:
     """Agreement of every index with the others, and of pairs by every index."""
     found = ordered_results([(index_pair, i) for i in range(PAIR_COUNT)])
-    values = {i.name: np.array([[pair[c][i.name] for c in INDEX_CONTROLLERS] for pair in found]) for i in INDICES}
+    values = {i.name: np.array([[pair[c][i.name] for c in INDEX_CONTROLLERS] for pair in found]) for i in TRANSPARENCY_INDICES}
     compared = IndexComparison(INDEX_CONTROLLERS, values)
     yield _row("indices", len(values), "1", f"{PAIR_COUNT} pairs, {len(INDEX_CONTROLLERS)} controllers")
-    for i in INDICES:
+    for i in TRANSPARENCY_INDICES:
         order = [INDEX_CONTROLLERS[k] for k in np.argsort(compared.ranks(i.name))]
         note = f"{i.kind}: {i.words} ({i.source}); order: {', '.join(order)}"
         yield _row(f"index.{i.name}.agreement", compared.mean_agreement(i.name), "1", note)

@@ -8,14 +8,14 @@ from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.lab.pointing.session import Unpowered
 from pellucid.ranking.elbow import point
-from pellucid.ranking.transparency_indices import INDICES, IndexComparison, index_values
+from pellucid.ranking.transparency_indices import TRANSPARENCY_INDICES, IndexComparison, index_values
 
 
 def test_there_are_twenty_of_every_kind_with_sources():
-    assert len({index.name for index in INDICES}) == len(INDICES) >= 20
-    kinds = {index.kind for index in INDICES}
+    assert len({index.name for index in TRANSPARENCY_INDICES}) == len(TRANSPARENCY_INDICES) >= 20
+    kinds = {index.kind for index in TRANSPARENCY_INDICES}
     assert kinds == {"kinematic", "smoothness", "interaction", "energy", "EMG", "statistical"}
-    assert all(index.source and index.words and index.unit for index in INDICES)
+    assert all(index.source and index.words and index.unit for index in TRANSPARENCY_INDICES)
 
 
 def test_a_change_is_none_against_itself_and_grows_with_a_heavy_robot():
@@ -23,13 +23,13 @@ def test_a_change_is_none_against_itself_and_grows_with_a_heavy_robot():
     person = draw_people(rig, np.random.default_rng(2), count=1)[0]
     free, worn = point(rig, person, None, [1, 0]), point(rig, person, Unpowered(), [1, 0])
     same, heavy = index_values(free, free), index_values(worn, free)
-    against = [i.name for i in INDICES if i.kind in ("kinematic", "smoothness", "EMG", "statistical")]
+    against = [i.name for i in TRANSPARENCY_INDICES if i.kind in ("kinematic", "smoothness", "EMG", "statistical")]
     assert all(same[name] == pytest.approx(0.0, abs=1e-9) for name in against)
     assert all(heavy[name] > 0.0 for name in ("duration", "peak_velocity", "torque_rms", "taken", "emg_per_acc_up"))
 
 
 def test_agreement_is_of_ranks_and_a_missing_value_is_last():
-    values = {i.name: np.array([[1.0, 2.0, 3.0], [1.5, 2.0, 4.0]]) for i in INDICES}
+    values = {i.name: np.array([[1.0, 2.0, 3.0], [1.5, 2.0, 4.0]]) for i in TRANSPARENCY_INDICES}
     values["duration"] = np.array([[3.0, 2.0, np.nan], [3.0, 2.0, np.nan]])
     found = IndexComparison(("a", "b", "c"), values)
     assert found.ranks("duration").tolist() == [2.0, 1.0, 3.0]

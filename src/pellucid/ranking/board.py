@@ -31,7 +31,7 @@ class BoardEntry:
     share: float | None  # median torque over the robot's without power; None if it was stopped [1]
     pairs: int
     seed: int
-    version: str  # of Pellucid
+    version: str  # version of Pellucid
 
 
 def add_to_board(

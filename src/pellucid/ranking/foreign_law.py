@@ -141,16 +141,16 @@ class ForeignController:
             )  # fmt: skip
         os.close(inside)
         os.close(outside)
-        if self._read(len(foreign_worker.READY), MAX_LOAD_S) != foreign_worker.READY:
+        if self._read(len(foreign_worker.READY_MESSAGE), MAX_LOAD_S) != foreign_worker.READY_MESSAGE:
             raise _StoppedError("not_loaded")
         self._ask(1.0, 0.0, 0.0, 0.0)
 
     def _ask(self, kind: float, *sample: float) -> float:
         try:
-            os.write(self._to, foreign_worker.REQUEST.pack(kind, *sample))
+            os.write(self._to, foreign_worker.REQUEST_FORMAT.pack(kind, *sample))
         except OSError:
             raise _StoppedError(self._why_ended()) from None
-        return foreign_worker.REPLY.unpack(self._read(foreign_worker.REPLY.size, MAX_STEP_S))[0]
+        return foreign_worker.REPLY_FORMAT.unpack(self._read(foreign_worker.REPLY_FORMAT.size, MAX_STEP_S))[0]
 
     def _read(self, size: int, limit: float) -> bytes:
         poll = select.poll()

@@ -13,13 +13,13 @@ import struct
 import sys
 from pathlib import Path
 
-REQUEST = struct.Struct("<4d")
+REQUEST_FORMAT = struct.Struct("<4d")
 """What is asked once a period: 1 to reset or 0 to step, time [s], position [rad], torque of the spring [N m]."""
 
-REPLY = struct.Struct("<d")
+REPLY_FORMAT = struct.Struct("<d")
 """The effort that the law asks for [N m]."""
 
-READY = b"ready"
+READY_MESSAGE = b"ready"
 """What the worker writes once the law is loaded."""
 
 
@@ -47,17 +47,17 @@ def main() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     step, reset = load_python(path) if path.suffix == ".py" else load_library(path)
-    os.write(replies, READY)
+    os.write(replies, READY_MESSAGE)
     while True:
-        request = os.read(requests, REQUEST.size)
-        if len(request) < REQUEST.size:
+        request = os.read(requests, REQUEST_FORMAT.size)
+        if len(request) < REQUEST_FORMAT.size:
             return
-        kind, time, position, torque = REQUEST.unpack(request)
+        kind, time, position, torque = REQUEST_FORMAT.unpack(request)
         if kind:
             reset()
-            os.write(replies, REPLY.pack(0.0))
+            os.write(replies, REPLY_FORMAT.pack(0.0))
         else:
-            os.write(replies, REPLY.pack(float(step(time, position, torque))))
+            os.write(replies, REPLY_FORMAT.pack(float(step(time, position, torque))))
 
 
 if __name__ == "__main__":

@@ -20,9 +20,9 @@ from ..lab.pointing.session import PointingSession, true_motion
 from ..lab.pointing.session_indices import EMG_LEAD_S
 from ..signals.movements import Kinematics, Movement, MovementRule, movements
 
-VERDEL = "Verdel et al., Robotica 39, 2021 (the elbow's paper)"
+ELBOW_PAPER = "Verdel et al., Robotica 39, 2021 (the elbow's paper)"
 KNEE_THESIS = "the knee's thesis: torque mismatch between wearer and orthosis"
-TOOLKIT = "this toolkit"
+THIS_TOOLKIT = "this toolkit"
 """Sources of indices."""
 
 
@@ -158,36 +158,36 @@ def _effect(value: Callable[[Movement], float]) -> Callable[[Seen, Seen], float]
     return size
 
 
-INDICES: tuple[TransparencyIndex, ...] = (
-    TransparencyIndex("duration", "kinematic", "change of the mean duration", "%", VERDEL,
+TRANSPARENCY_INDICES: tuple[TransparencyIndex, ...] = (
+    TransparencyIndex("duration", "kinematic", "change of the mean duration", "%", ELBOW_PAPER,
                       _change(lambda s: s.mean(lambda m: m.duration))),
-    TransparencyIndex("peak_velocity", "kinematic", "change of the peak velocity", "%", VERDEL,
+    TransparencyIndex("peak_velocity", "kinematic", "change of the peak velocity", "%", ELBOW_PAPER,
                       _change(lambda s: s.mean(lambda m: m.peak_velocity))),
-    TransparencyIndex("mean_velocity", "kinematic", "change of the mean velocity", "%", VERDEL,
+    TransparencyIndex("mean_velocity", "kinematic", "change of the mean velocity", "%", ELBOW_PAPER,
                       _change(lambda s: s.mean(lambda m: m.mean_velocity))),
-    TransparencyIndex("peak_acceleration", "kinematic", "change of the peak acceleration", "%", VERDEL,
+    TransparencyIndex("peak_acceleration", "kinematic", "change of the peak acceleration", "%", ELBOW_PAPER,
                       _change(lambda s: s.mean(lambda m: m.peak_acceleration))),
-    TransparencyIndex("peak_time", "kinematic", "change of the relative time to peak velocity", "1", VERDEL,
+    TransparencyIndex("peak_time", "kinematic", "change of the relative time to peak velocity", "1", ELBOW_PAPER,
                       _difference(lambda s: s.mean(lambda m: m.peak_time))),
-    TransparencyIndex("isochrony", "kinematic", "change of R² of mean velocity over amplitude", "1", VERDEL,
+    TransparencyIndex("isochrony", "kinematic", "change of R² of mean velocity over amplitude", "1", ELBOW_PAPER,
                       _difference(_line_r2)),
-    TransparencyIndex("profile", "kinematic", "RMS change of the normalised velocity profile", "1", TOOLKIT,
+    TransparencyIndex("profile", "kinematic", "RMS change of the normalised velocity profile", "1", THIS_TOOLKIT,
                       lambda worn, free: float(np.sqrt(np.mean((_profile(worn) - _profile(free)) ** 2)))),
-    TransparencyIndex("travel", "kinematic", "change of the movement's travel", "%", TOOLKIT,
+    TransparencyIndex("travel", "kinematic", "change of the movement's travel", "%", THIS_TOOLKIT,
                       _change(lambda s: s.mean(lambda m: m.travel))),
-    TransparencyIndex("sparc", "smoothness", "change of the spectral arc length", "1", TOOLKIT,
+    TransparencyIndex("sparc", "smoothness", "change of the spectral arc length", "1", THIS_TOOLKIT,
                       _difference(_smoothness(spectral_arc_length))),
-    TransparencyIndex("ldlj", "smoothness", "change of the log dimensionless jerk", "1", TOOLKIT,
+    TransparencyIndex("ldlj", "smoothness", "change of the log dimensionless jerk", "1", THIS_TOOLKIT,
                       _difference(_smoothness(log_dimensionless_jerk))),
-    TransparencyIndex("submovements", "smoothness", "change of the number of speed peaks", "1", TOOLKIT,
+    TransparencyIndex("submovements", "smoothness", "change of the number of speed peaks", "1", THIS_TOOLKIT,
                       _difference(_peaks)),
     TransparencyIndex("torque_rms", "interaction", "RMS interaction torque", "N*m", KNEE_THESIS,
                       lambda worn, free: worn.rms("interaction")),
-    TransparencyIndex("torque_peak", "interaction", "peak interaction torque", "N*m", TOOLKIT,
+    TransparencyIndex("torque_peak", "interaction", "peak interaction torque", "N*m", THIS_TOOLKIT,
                       lambda worn, free: worn.mean(lambda m: float(np.abs(worn.during("interaction", m)).max()))),
     TransparencyIndex("torque_mean", "interaction", "mean absolute interaction torque", "N*m", KNEE_THESIS,
                       lambda worn, free: _abs_mean(worn)),
-    TransparencyIndex("impulse", "interaction", "absolute impulse of a movement", "N*m*s", TOOLKIT,
+    TransparencyIndex("impulse", "interaction", "absolute impulse of a movement", "N*m*s", THIS_TOOLKIT,
                       lambda worn, free: worn.mean(lambda m: m.duration
                                                    * float(np.mean(np.abs(worn.during("interaction", m)))))),
     TransparencyIndex("apparent_inertia", "interaction", "apparent inertia", "kg*m^2", KNEE_THESIS,
@@ -196,27 +196,27 @@ INDICES: tuple[TransparencyIndex, ...] = (
                       lambda worn, free: float(abs(_impedance(worn)[1]))),
     TransparencyIndex("apparent_friction", "interaction", "apparent Coulomb friction", "N*m", KNEE_THESIS,
                       lambda worn, free: float(abs(_impedance(worn)[2]))),
-    TransparencyIndex("given", "energy", "power given to the person", "W", TOOLKIT,
+    TransparencyIndex("given", "energy", "power given to the person", "W", THIS_TOOLKIT,
                       lambda worn, free: _power(worn, 1.0)),
-    TransparencyIndex("taken", "energy", "power taken from the person", "W", TOOLKIT,
+    TransparencyIndex("taken", "energy", "power taken from the person", "W", THIS_TOOLKIT,
                       lambda worn, free: _power(worn, -1.0)),
-    TransparencyIndex("exchanged", "energy", "power exchanged either way", "W", TOOLKIT,
+    TransparencyIndex("exchanged", "energy", "power exchanged either way", "W", THIS_TOOLKIT,
                       lambda worn, free: _power(worn, 1.0) + _power(worn, -1.0)),
-    TransparencyIndex("emg_per_acc_up", "EMG", "change of EMG/Acc upwards", "%", VERDEL,
+    TransparencyIndex("emg_per_acc_up", "EMG", "change of EMG/Acc upwards", "%", ELBOW_PAPER,
                       _change(_per_acceleration("flexor", 1))),
-    TransparencyIndex("emg_per_acc_down", "EMG", "change of EMG/Acc downwards", "%", TOOLKIT,
+    TransparencyIndex("emg_per_acc_down", "EMG", "change of EMG/Acc downwards", "%", THIS_TOOLKIT,
                       _change(_per_acceleration("extensor", -1))),
-    TransparencyIndex("emg_per_acc_fast", "EMG", "change of EMG/Acc of the faster half, upwards", "%", TOOLKIT,
+    TransparencyIndex("emg_per_acc_fast", "EMG", "change of EMG/Acc of the faster half, upwards", "%", THIS_TOOLKIT,
                       _change(lambda s: _per_acceleration("flexor", 1)(_fast(s)))),
-    TransparencyIndex("emg_level", "EMG", "change of the flexors' excitation", "%", VERDEL,
+    TransparencyIndex("emg_level", "EMG", "change of the flexors' excitation", "%", ELBOW_PAPER,
                       _change(lambda s: s.rms("flexor", lead=EMG_LEAD_S))),
-    TransparencyIndex("cocontraction", "EMG", "change of the smaller of both excitations", "%", TOOLKIT,
+    TransparencyIndex("cocontraction", "EMG", "change of the smaller of both excitations", "%", THIS_TOOLKIT,
                       _change(lambda s: s.mean(lambda m: float(np.mean(np.minimum(
                           s.during("flexor", m, EMG_LEAD_S), s.during("extensor", m, EMG_LEAD_S))))))),
-    TransparencyIndex("duration_effect", "statistical", "standardised difference of durations", "1", VERDEL,
+    TransparencyIndex("duration_effect", "statistical", "standardised difference of durations", "1", ELBOW_PAPER,
                       _effect(lambda m: m.duration)),
     TransparencyIndex("velocity_distance", "statistical", "distance of the distributions of peak velocity", "1",
-                      TOOLKIT, _spread_overlap(lambda m: m.peak_velocity)),
+                      THIS_TOOLKIT, _spread_overlap(lambda m: m.peak_velocity)),
 )  # fmt: skip
 """Every index of the comparison."""
 
@@ -246,7 +246,7 @@ class IndexComparison:
 
     def mean_agreement(self, name: str) -> float:
         """Return the mean agreement of an index with those of other kinds: its own kind shares its definition."""
-        kinds = {index.name: index.kind for index in INDICES}
+        kinds = {index.name: index.kind for index in TRANSPARENCY_INDICES}
         others = [other for other in self.values if kinds[other] != kinds[name]]
         return float(np.nanmean([self.agreement(name, other) for other in others]))
 
@@ -269,4 +269,4 @@ def index_values(worn: PointingSession, free: PointingSession) -> dict[str, floa
     seen, base = see(worn), see(free)
     if len(base.found) < 3:
         raise PellucidError(f"indices: found {len(base.found)} movements without a robot, expected 3 or more")
-    return {i.name: i.value(seen, base) if len(seen.found) >= 3 else float("nan") for i in INDICES}
+    return {i.name: i.value(seen, base) if len(seen.found) >= 3 else float("nan") for i in TRANSPARENCY_INDICES}
