@@ -426,7 +426,9 @@ def compare(
 @app.command()
 def export(
     folder: Folder,
-    to: Annotated[str, typer.Option("--to", metavar="LANGUAGE", help="c; mjcf or urdf for simulators; for muscles osim or ceinms.")] = "c",
+    to: Annotated[
+        str, typer.Option("--to", metavar="LANGUAGE", help="c; mjcf or urdf for simulators; for muscles osim or ceinms.")
+    ] = "c",
     out: Annotated[Path | None, typer.Option("--out", metavar="FOLDER", help="Folder to create.")] = None,
     participant: Annotated[str | None, typer.Option(metavar="NAME", help="Wearer of the robot.")] = None,
     card: Annotated[str | None, typer.Option(metavar="FILE", help="Card in models/, of a joint or muscles.")] = None,

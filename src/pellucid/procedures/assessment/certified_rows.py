@@ -47,7 +47,7 @@ TEST_NAMES = {
 ANALYSIS_NAMES = {"skew_robust": "mean", "signed_rank": "pseudo-median", "mixed_model": "mixed model"}
 """Short names of the analyses, for tables."""
 
-ASSUMPTIONS = {
+TEST_ASSUMPTIONS = {
     "skew_robust": "people's changes are no more skewed than a lognormal distribution of sigma 1",
     "signed_rank": "people's changes are spread symmetrically about their pseudo-median",
     "curve": "people's curves are normally distributed about the mean curve",
@@ -315,7 +315,7 @@ DOUBT_REMEDIES = {
 def _what_was_tested(each: Certified) -> str:
     """State the tested quantity, and the assumption under which "transparent" errs in at most alpha of studies."""
     what = f"the {TEST_NAMES[each.test].partition(',')[0]}" + (" and the mean curve" if each.certificate.curves else "")
-    assumed = " and ".join(ASSUMPTIONS[kind] for kind in (each.test, *(["curve"] if each.certificate.curves else [])))
+    assumed = " and ".join(TEST_ASSUMPTIONS[kind] for kind in (each.test, *(["curve"] if each.certificate.curves else [])))
     level = f"{100.0 * each.certificate.alpha:.3g} %"
     said = (
         f"What is tested is {what}: were it beyond one margin, this would be said in at most {level} of studies if "

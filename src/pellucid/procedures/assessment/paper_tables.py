@@ -25,6 +25,7 @@ from .assessment_tables import (
     summary_table,
 )
 
+
 def write_tables(folder: Path, found: AssessmentResult) -> tuple[Path, ...]:
     """Write every table for a paper as CSV and as LaTeX, and values of participants and movements as CSV."""
     folder.mkdir(parents=True, exist_ok=True)
