@@ -20,7 +20,7 @@ from ..study_page import provenance, study_page
 from . import assessment_figures as figures
 from . import assessment_tables as tables
 from .assessment_table import AssessmentTable
-from .certified_rows import ASSUMPTIONS, TEST_NAMES, certificate_remarks, certificate_sentences, people_text
+from .certified_rows import TEST_ASSUMPTIONS, TEST_NAMES, certificate_remarks, certificate_sentences, people_text
 from .pointing_faults import REASON_WORDS
 
 if TYPE_CHECKING:
@@ -146,7 +146,7 @@ def _margins(spec: AssessmentTable, found: AssessmentResult) -> Section:
 def _assumptions(found: AssessmentResult) -> Section:
     each = found.certified[0]
     texts = [
-        f"The level of each test holds if {ASSUMPTIONS[each.test]}.",
+        f"The level of each test holds if {TEST_ASSUMPTIONS[each.test]}.",
         "No test sees people who are not in the sample. A group of "
         f"{100.0 * HIDDEN_SHARE:g} % of people is missing from "
         f"{100.0 * (1.0 - HIDDEN_SHARE) ** each.participants:.2g} % of studies of {each.participants} people; "
