@@ -1,7 +1,8 @@
 """What comes in from other programs, what goes out to them, and what an installation needs.
 
-Formats are read back as their own libraries wrote them; exports are read by the programs that they are for; an exported
-servo is replayed in MuJoCo; wheels are installed where there is Python and nothing else.
+Studies are proposed for a lab's own files, and logs are audited; formats are read back as their own libraries wrote
+them; exports are read by the programs that they are for; an exported servo is replayed in MuJoCo; wheels are installed
+where there is Python and nothing else.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from benchmarks._size import sized
 from pellucid.studies.results import ResultRow
 
 PARTS = sized(
-    ("_read_back", "_exports_read", "_mujoco_replay", "_installed_wheel"), smallest=("_read_back", "_exports_read")
+    ("_init_layouts", "_audit_logs", "_read_back", "_exports_read", "_mujoco_replay", "_installed_wheel"),
+    smallest=("_init_layouts", "_audit_logs", "_read_back", "_exports_read"),
 )
 """Files of this folder that measure a part each, the quick ones first."""
 

@@ -42,6 +42,7 @@ from pellucid.procedures.registry import open_study
 from pellucid.studies.results import ResultRow
 from pellucid.studies.study import Study
 
+from . import _spoilt_recordings
 from ._foreign_joint import ForeignJoint, drawn_joint, recorded, written
 from ._replaced import REPLACEMENTS, Replacement, compare_replacements
 
@@ -76,6 +77,7 @@ def rows(joints: int = FAMILY_JOINTS, draws: int = DELAY_DRAWS, loaded: int = PA
     """Every figure."""
     yield from judged_rows(judged_cases())
     yield from foreign_rows(joints, draws, loaded)
+    yield from _spoilt_recordings.rows()
 
 
 def _row(name: str, value: float, unit: str, note: str, split: str = "simulated") -> ResultRow:

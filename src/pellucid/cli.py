@@ -427,7 +427,7 @@ def compare(
 def export(
     folder: Folder,
     to: Annotated[
-        str, typer.Option("--to", metavar="LANGUAGE", help="c; mjcf or urdf for simulators; for muscles osim or ceinms.")
+        str, typer.Option("--to", metavar="FORMAT", help="c; mjcf or urdf for simulators; osim or ceinms for muscles.")
     ] = "c",
     out: Annotated[Path | None, typer.Option("--out", metavar="FOLDER", help="Folder to create.")] = None,
     participant: Annotated[str | None, typer.Option(metavar="NAME", help="Wearer of the robot.")] = None,

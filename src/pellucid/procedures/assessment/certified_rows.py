@@ -315,7 +315,8 @@ DOUBT_REMEDIES = {
 def _what_was_tested(each: Certified) -> str:
     """State the tested quantity, and the assumption under which "transparent" errs in at most alpha of studies."""
     what = f"the {TEST_NAMES[each.test].partition(',')[0]}" + (" and the mean curve" if each.certificate.curves else "")
-    assumed = " and ".join(TEST_ASSUMPTIONS[kind] for kind in (each.test, *(["curve"] if each.certificate.curves else [])))
+    kinds = (each.test, *(["curve"] if each.certificate.curves else []))
+    assumed = " and ".join(TEST_ASSUMPTIONS[kind] for kind in kinds)
     level = f"{100.0 * each.certificate.alpha:.3g} %"
     said = (
         f"What is tested is {what}: were it beyond one margin, this would be said in at most {level} of studies if "
