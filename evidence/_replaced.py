@@ -30,6 +30,9 @@ EFFORT_CHANNELS = ("current", "voltage", "torque", "force", "duty", "effort", "c
 POSITION_CHANNELS = ("position", "motor_position", "angle", "reference", "displacement")
 """First parts of the names of channels that hold a place or an angle."""
 
+VELOCITY_CHANNELS = ("velocity",)
+"""First parts of the names of channels that hold a velocity."""
+
 JUDGED_ONLY_KEYS = ("heldout", "checksum", "pellucid", "judged", "validation")
 """Keys of cards whose names begin so may depend on held-out recordings."""
 
@@ -56,7 +59,8 @@ def with_another_machine(channels: Channels) -> Channels:
     others = tuple({name.partition(".")[0] for name in channels} - {"time", "enabled"})
     moved = _with(channels, others, slower)
     small = _with(moved, POSITION_CHANNELS, lambda x: x[0] + 0.8 * (x - x[0]))
-    return _with(small, EFFORT_CHANNELS, lambda x: 0.6 * x + 0.05 * float(np.ptp(x)))
+    slow = _with(small, VELOCITY_CHANNELS, lambda x: 0.8 * 0.8 * x)
+    return _with(slow, EFFORT_CHANNELS, lambda x: 0.6 * x + 0.05 * float(np.ptp(x)))
 
 
 def with_threefold_effort(channels: Channels) -> Channels:
@@ -69,7 +73,9 @@ def with_threefold_effort(channels: Channels) -> Channels:
 def with_reversed_time(channels: Channels) -> Channels:
     """Return the recording backwards."""
     others = tuple({name.partition(".")[0] for name in channels} - {"time"})
-    return _with(channels, others, lambda x: x[::-1].copy())
+    # What moves backwards has the other velocity.
+    backwards = _with(channels, others, lambda x: x[::-1].copy())
+    return _with(backwards, VELOCITY_CHANNELS, lambda x: -x)
 
 
 def with_shifted_position(channels: Channels) -> Channels:
