@@ -96,7 +96,7 @@ class Players:
     def try_to(self, page, control):
         """Use a button if it is there; it may have gone meanwhile."""
         # Within the page, so that nothing changes between the look and the click.
-        page.evaluate("id => { const it = document.getElementById(id); if (it && it.offsetParent) it.click(); }", control)
+        page.evaluate("(id) => { const it = document.getElementById(id); if (it.offsetParent) it.click(); }", control)
 
     def until_running(self, share=0.0):
         """Do what is asked for until a trial runs and a share of it is done."""
