@@ -96,8 +96,7 @@ class Players:
     def try_to(self, page, control):
         """Use a button if it is there; it may have gone meanwhile."""
         # Within the page, so that nothing changes between the look and the click.
-        click = "id => { const it = document.getElementById(id); if (it && it.offsetParent) it.click(); }"
-        page.evaluate(click, control)
+        page.evaluate("(id) => { const it = document.getElementById(id); if (it.offsetParent) it.click(); }", control)
 
     def until_running(self, share=0.0):
         """Do what is asked for until a trial runs and a share of it is done."""
@@ -113,7 +112,7 @@ class Players:
         """Keep pictures of both pages, where the variable PELLUCID_PICTURES names a folder for them."""
         folder = os.environ.get("PELLUCID_PICTURES")
         if folder:
-            for role, page in (("operator", self.operator), ("participant", self.participant)):
+            for role, page in (("participant", self.participant), ("operator", self.operator)):
                 page.screenshot(path=Path(folder) / f"live_{role}_{name}.png")
 
     def until_judged(self):

@@ -49,6 +49,7 @@ def short_session(folder, session, **engine):
     return session_of(folder, session, clock=FastClock(), **engine)
 
 
+@pytest.mark.nightly
 def test_a_scripted_browser_plays_a_short_elbow_session(tmp_path):
     session, engine, _ = short_session(tmp_path / "s", "elbow")
     with served(session) as server, browser() as opened:
@@ -92,6 +93,7 @@ def test_a_scripted_browser_plays_a_short_elbow_session(tmp_path):
     assert len(shown) > 0.5 * len(cues)
 
 
+@pytest.mark.nightly
 def test_a_scripted_browser_plays_a_short_knee_session(tmp_path):
     session, _engine, _ = short_session(tmp_path / "s", "knee")
     with served(session) as server, browser() as opened:

@@ -134,7 +134,6 @@ function drawHolding(state) {
   const size = Math.min(innerWidth, innerHeight), x = innerWidth / 2, y = 0.56 * innerHeight, radius = 0.36 * size;
   const [low, high] = state.range;
   const turn = (angle) => Math.PI * (0.8 + 1.4 * Math.min(Math.max((angle - low) / (high - low), 0), 1));
-  pen.lineCap = "round";
   arc(x, y, radius, turn(low), turn(high), colours.rule, 0.03 * size);
   const on = state.pointer !== null && Math.abs(state.pointer - state.target) <= state.tolerance;
   arc(x, y, radius, turn(state.target - state.tolerance), turn(state.target + state.tolerance), on ? colours.good : colours.heldout, 0.03 * size);
@@ -144,7 +143,6 @@ function drawHolding(state) {
     pen.lineWidth = 0.012 * size;
     line(x + 0.72 * radius * Math.cos(at), y + 0.72 * radius * Math.sin(at), x + 1.12 * radius * Math.cos(at), y + 1.12 * radius * Math.sin(at));
   }
-  pen.lineCap = "butt";
   word(state.pointer === null ? "–" : `${(state.pointer * DEGREES).toFixed(0)}°`, x, y + 0.07 * size, 0.2 * size, colours.ink, 660);
   word(`hold ${(state.target * DEGREES).toFixed(0)}°`, x, y + 0.17 * size, 0.05 * size, on ? colours.good : colours.heldout, 560);
   if (state.phase === "running") word(clock(state.left), x, y + 0.3 * size, 0.04 * size, colours.muted);
