@@ -359,7 +359,9 @@ def test_the_wave_stays_within_the_limits():
     strong = half_wave(50.0, 200, 0.5 / 0.7, 0.05)[1]
     assert start_up_wave(0.05, 0.5, 0.99 * strong / 4.0, limit=50.0, rate=1e6, period=PERIOD).effort == 50.0
     slow = start_up_wave(0.05, 0.5, 1e-4, limit=50.0, rate=100.0, period=PERIOD)
-    assert slow == waved(3.0, 32, 0.5, change=0.1)
+    assert slow == waved(2.0, 32, 0.5, change=0.1)
+    quick = start_up_wave(0.05, 0.5, 1e-4, limit=50.0, rate=250.0, period=PERIOD)
+    assert quick == waved(250.0 * 0.032 / math.pi, 32, 0.5, change=0.25)
 
 
 def test_the_wave_overcomes_the_friction_that_was_identified():
