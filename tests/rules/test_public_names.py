@@ -60,6 +60,7 @@ COMMANDS = [
     "identify",
     "calibrate",
     "assess",
+    "certificate",
     "onset",
     "cocontraction",
     "synergies",
