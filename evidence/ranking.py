@@ -120,10 +120,8 @@ def index_pair(index: int) -> dict[str, dict[str, float]]:
 def index_rows() -> Iterator[ResultRow]:
     """Agreement of every index with the others, and of pairs by every index."""
     found = ordered_results([(index_pair, i) for i in range(PAIR_COUNT)])
-    values = {
-        index.name: np.array([[pair[c][index.name] for c in INDEX_CONTROLLERS] for pair in found])
-        for index in TRANSPARENCY_INDICES
-    }
+    names = [index.name for index in TRANSPARENCY_INDICES]
+    values = {name: np.array([[pair[c][name] for c in INDEX_CONTROLLERS] for pair in found]) for name in names}
     compared = IndexComparison(INDEX_CONTROLLERS, values)
     yield _row("indices", len(values), "1", f"{PAIR_COUNT} pairs, {len(INDEX_CONTROLLERS)} controllers")
     for i in TRANSPARENCY_INDICES:

@@ -61,6 +61,7 @@ COMMANDS = [
     "identify",
     "calibrate",
     "assess",
+    "certificate",
     "onset",
     "cocontraction",
     "synergies",

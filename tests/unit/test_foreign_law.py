@@ -21,7 +21,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples" / "laws"
 HOSTILE = {
     "hung": "while True: pass",
     "ended": "import os; os._exit(3)",
-    "memory": "self.held = bytearray(4 * 1024**3)",
+    "out_of_memory": "self.held = bytearray(4 * 1024**3)",
     "not_finite": "return float('nan')",
 }
 
@@ -96,7 +96,7 @@ def test_foreign_laws_stand_in_the_ranking_and_on_the_board(tmp_path):
     laws = [ForeignLaw(laws[0].path, "another"), laws[1]]
     board = add_to_board(tmp_path, (found,), 6, 2, laws)
     assert [(e.law, e.seed, e.place) for e in board if e.law == "mine.py"] == [("mine.py", 1, 1), ("mine.py", 2, 1)]
-    assert len(json.loads((tmp_path / "board.json").read_text(encoding="utf-8"))) == 4
+    assert len(json.loads((tmp_path / "board.json").read_text(encoding="utf-8"))["figures"]) == 4
     page = write_ranking(tmp_path, (found,), 6, 2, board).read_text(encoding="utf-8")
     assert STOPPED_WORDS["hung"] in page
     assert "mine.py (foreign law)" in page

@@ -10,10 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from .._atomic import write_text_atomically
+from ..studies.results import ResultRow, read_rows, write_rows
 from .foreign_law import ForeignLaw
 from .strategies import SIMPLE_RIVALS
 from .task_ranking import TaskRanking
+
+BOARD_COMMAND = "rank"
+"""Command that writes the board."""
 
 BOARD_FILE = "board.json"
 """File of the board in the folder of a ranking."""
@@ -39,7 +42,7 @@ def add_to_board(
 ) -> tuple[BoardEntry, ...]:
     """Add a run to the board of a folder, in place of the same run before, and return all entries."""
     path = out / BOARD_FILE
-    entries = [BoardEntry(**each) for each in json.loads(path.read_text(encoding="utf-8"))] if path.exists() else []
+    entries = [BoardEntry(**json.loads(row.note)) for row in read_rows(path)] if path.exists() else []
     for law in laws:
         for task in tasks:
             if law.name in task.controllers:
@@ -53,5 +56,8 @@ def add_to_board(
                 )  # fmt: skip
     kept = {(e.law, e.checksum, e.task, e.pairs, e.seed, e.version): e for e in entries}
     if kept:
-        write_text_atomically(path, json.dumps([asdict(e) for e in kept.values()], indent=1) + "\n")
+        write_rows(path, BOARD_COMMAND, [
+            ResultRow(f"board.{i}", e.share, "1", BOARD_COMMAND, "simulated", e.checksum, json.dumps(asdict(e)))
+            for i, e in enumerate(kept.values())
+        ])  # fmt: skip
     return tuple(kept.values())

@@ -18,11 +18,13 @@ import tempfile
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 
-from .. import _core
 from .._errors import PellucidError
+from ..control.control_law import safety_gate
+from ..control.limits import Limits
+from ..control.supervisor_faults import NO_FAULT
+from ..studies.study import checksum
 from . import foreign_worker
 
 LAW_SUFFIXES = (".c", ".so", ".py")
@@ -49,10 +51,13 @@ VELOCITY_LIMIT = 25.0
 COMPILER_FLAGS = ("-O2", "-fPIC", "-shared", "-std=c11", "-ffp-contract=off", "-lm")
 """Flags for a C file. Without contraction of products and sums the law has the same bits as in Python."""
 
+OUT_OF_MEMORY = "out_of_memory"
+"""Fault of a law that asked for more memory than it may have."""
+
 STOPPED_WORDS = {
     "hung": "did not answer in time",
     "ended": "its process ended",
-    "memory": "asked for more memory than it may have",
+    OUT_OF_MEMORY: "asked for more memory than it may have",
     "not_finite": "answered no number",
     "velocity": "the joint became too fast",
     "not_loaded": "could not be loaded",
@@ -78,32 +83,33 @@ class ForeignLaw:
         path = Path(path).resolve()
         if path.suffix not in LAW_SUFFIXES or not path.is_file():
             raise PellucidError(f"{path}: found no law, expected a file that ends in {', '.join(LAW_SUFFIXES)}")
-        return cls(path, sha256(path.read_bytes()).hexdigest())
+        return cls(path, checksum(path))
 
 
 class ForeignController:
     """A foreign law as a controller of the knee orthosis, behind the safety gate; ``fault`` says why it was stopped."""
 
     def __init__(self, law: ForeignLaw, *, period: float, torque_limit: float) -> None:
-        self._gate = _core.SafetyGate(
-            effort_limit=torque_limit, rate_limit=RATE_LIMIT, velocity_limit=VELOCITY_LIMIT, position_min=-math.inf,
-            position_max=math.inf, stop_margin=0.1, max_age=math.inf, max_repeats=2, period=period,
+        limits = Limits(
+            effort=torque_limit, rate=RATE_LIMIT, velocity=VELOCITY_LIMIT, position=(-math.inf, math.inf),
+            stop_margin=0.1,
         )  # fmt: skip
+        self._gate = safety_gate(limits, period)
         self._period, self._count = period, 0
         self._positions: deque[float] = deque(maxlen=VELOCITY_SPAN + 1)
-        self.fault = "none"
+        self.fault = NO_FAULT
         self._folder = Path(tempfile.mkdtemp(prefix="pellucid-law-"))
         self._process: subprocess.Popen | None = None
         self._to = self._from = -1
         try:
             self._start(law)
         except _StoppedError as stopped:
-            self._stop(stopped.why if stopped.why == "memory" else "not_loaded")
+            self._stop(stopped.why if stopped.why == OUT_OF_MEMORY else "not_loaded")
 
     def step(self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = ()) -> float:
         """Return the torque for the spring [N m]; `time` [s], `position` [rad], `torque` [N m]."""
         command = math.nan
-        if self.fault == "none":
+        if self.fault == NO_FAULT:
             try:
                 command = self._ask(0.0, time, position, torque)
             except _StoppedError as stopped:
@@ -113,7 +119,7 @@ class ForeignController:
         velocity = (position - self._positions[0]) / (span * self._period) if span else 0.0
         self._count += 1
         effort = self._gate.step(command, position, velocity, time, self._count)
-        if self.fault == "none" and self._gate.fault != "none":
+        if self.fault == NO_FAULT and self._gate.fault != NO_FAULT:
             self._stop(self._gate.fault)
         return effort
 
@@ -122,6 +128,8 @@ class ForeignController:
         if self._process is not None:
             self._process.kill()
             self._process.wait()
+            if self._process.stderr is not None:
+                self._process.stderr.close()
             os.close(self._to)
             os.close(self._from)
             self._process = None
@@ -132,13 +140,12 @@ class ForeignController:
         inside, self._to = os.pipe()
         self._from, outside = os.pipe()
         command = [sys.executable, "-I", foreign_worker.__file__, str(path), str(inside), str(outside)]
-        with (self._folder / "errors").open("wb") as errors:
-            # The stranger's code gets no variable of its user but the path of programs.
-            self._process = subprocess.Popen(
-                [*command, str(MAX_MEMORY_BYTES)], pass_fds=(inside, outside), stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL, stderr=errors, cwd=self._folder,
-                env={"PATH": os.defpath, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
-            )  # fmt: skip
+        # The stranger's code gets no variable of its user but the path of programs.
+        self._process = subprocess.Popen(
+            [*command, str(MAX_MEMORY_BYTES)], pass_fds=(inside, outside), stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, cwd=self._folder,
+            env={"PATH": os.defpath, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
+        )  # fmt: skip
         os.close(inside)
         os.close(outside)
         if self._read(len(foreign_worker.READY_MESSAGE), MAX_LOAD_S) != foreign_worker.READY_MESSAGE:
@@ -168,8 +175,8 @@ class ForeignController:
                 self._process.wait(2.0)
             except subprocess.TimeoutExpired:
                 return "hung"
-        errors = (self._folder / "errors").read_bytes()[-4000:]
-        return "memory" if b"MemoryError" in errors or b"bad_alloc" in errors else "ended"
+        errors = b"" if self._process is None or self._process.stderr is None else self._process.stderr.read()
+        return OUT_OF_MEMORY if b"MemoryError" in errors or b"bad_alloc" in errors else "ended"
 
     def _stop(self, why: str) -> None:
         self.fault = why

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 from pydantic import Field, model_validator
 
-from ...assessment.certificate import Estimand, require_people
-from ...assessment.group_sequential import looks
 from ...studies.study_fields import ProcedureTable, ShownText, Word, quantity
 from ...studies.study_file import StudyFile
-from ...units import parse_quantity
+
+if TYPE_CHECKING:
+    from ...assessment.certificate import Estimand
 
 MARGIN_SETTINGS = ("estimand", "people")
 """Keys of [assessment.margins] that are no indices."""
@@ -108,17 +108,21 @@ class AssessmentTable(ProcedureTable):
     @property
     def estimand(self) -> Estimand:
         """Quantity that must lie within the margins."""
-        return cast(Estimand, self.margins.get("estimand", "mean"))
+        return cast("Estimand", self.margins.get("estimand", "mean"))
 
     @property
     def people(self) -> float | None:
         """Share of people who must be shown to lie within the margins, if one is declared."""
+        from ...units import parse_quantity
+
         stated = self.margins.get("people")
         return None if stated is None else parse_quantity(stated, "1", "[assessment.margins] people")
 
     @property
     def alpha(self) -> float:
         """Level of each one-sided test: `false_transparent`, or what a sequential study spends at this look."""
+        from ...assessment.group_sequential import looks
+
         if self.look is None:
             return self.false_transparent
         return looks(self.looks, self.false_transparent).level[self.look - 1]
@@ -141,7 +145,10 @@ class AssessmentTable(ProcedureTable):
 
     @model_validator(mode="after")
     def _estimand_and_people(self) -> AssessmentTable:
-        require_people("[assessment.margins]", self.estimand, self.people)
+        if self.margins:
+            from ...assessment.certificate import require_people
+
+            require_people("[assessment.margins]", self.estimand, self.people)
         strangers = [name for name in self.justification if name not in self.index_margins]
         if strangers:
             raise ValueError(f"[assessment.justification]: found {', '.join(strangers)}, expected indices with margins")
@@ -152,6 +159,8 @@ class AssessmentTable(ProcedureTable):
         if (self.look is None) != (not self.looks) or (self.look or 1) > max(len(self.looks), 1):
             raise ValueError(f"[assessment]: found look = {self.look}, expected one of looks = {list(self.looks)}")
         if self.looks:
+            from ...assessment.group_sequential import looks
+
             looks(self.looks, self.false_transparent)
         return self
 
