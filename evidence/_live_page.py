@@ -206,7 +206,8 @@ def _play_to_running(session: LiveSession, page: Any) -> None:
                    "waiting": ("operator", "start"), "judged": ("operator", "repeat")}  # fmt: skip
         if session.phase in answers:
             session.act(*answers[session.phase])
-        return session.phase == Phase.RUNNING_TRIAL and session.attempt is not None and session.attempt.task.progress > 0.1
+        running = session.phase == Phase.RUNNING_TRIAL and session.attempt is not None
+        return running and session.attempt.task.progress > 0.1
 
     _wait(page, runs)
 

@@ -300,10 +300,11 @@ class LiveSession:
             return f"torque: found {value!r}, expected a number"
         limit = self.table.limits.slider
         torque = float(np.clip(value, -limit, limit))
-        if self.phase != Phase.RUNNING_TRIAL or self.attempt is None or not isinstance(self.attempt.task, RunningHolding):
+        attempt = self.attempt
+        if self.phase != Phase.RUNNING_TRIAL or attempt is None or not isinstance(attempt.task, RunningHolding):
             return "the slider asks for a torque only while an angle is held"
         self.slider = torque
-        self.attempt.task.set_by_hand(torque)
+        attempt.task.set_by_hand(torque)
         return ""
 
     def _finish(self, value: float | None) -> str:
@@ -590,7 +591,9 @@ class LiveSession:
                 "name": trial.name, "task": trial.task.name, "kind": trial.task.kind, "condition": trial.condition,
             },
             "progress": 0.0 if attempt is None else attempt.task.progress,
-            "holding": attempt is not None and isinstance(attempt.task, RunningHolding) and self.phase == Phase.RUNNING_TRIAL,
+            "holding": self.phase == Phase.RUNNING_TRIAL
+            and attempt is not None
+            and isinstance(attempt.task, RunningHolding),
             "rest": max(self.rest_until - now, 0.0) if self.phase == Phase.TAKING_A_REST else 0.0,
             "judged": None if judged is None else {
                 "seconds": judged.seconds,
