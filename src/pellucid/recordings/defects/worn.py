@@ -27,7 +27,7 @@ class WearerTest:
     band_hz: tuple[float, float] = (0.15, 4.0)  # frequencies at which people move joints [Hz]
     min_band_share: float = 0.8  # share of the speed's variance that lies in this band
     min_samples: int = 200  # fewer samples show nobody
-    max_samples: int = 20_000  # this many samples from the middle of a longer recording are examined
+    max_samples: int = 20_000  # a longer recording is examined in its middle only
     smooth_s: float = 0.03  # width of the smoothing before derivatives [s]
 
 
