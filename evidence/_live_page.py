@@ -189,9 +189,9 @@ def closed_page_rows(browser: Any, server: PageServer) -> Iterator[ResultRow]:
         closed = time.monotonic()
         pages.pop(role).context.close()
         (left,) = pages.values()
-        _wait(left, lambda: session.phase != Phase.RUNNING_TRIAL)
+        _wait(left, lambda: session.phase != Phase.running)
         seconds = time.monotonic() - closed
-        _wait(left, lambda: session.phase in (Phase.TRIAL_JUDGED, Phase.WAITING_FOR_START))
+        _wait(left, lambda: session.phase in (Phase.judged, Phase.waiting))
         state = session.engine.status().state
         left.context.close()
         note = f"from closing the {role}'s page until its trial ends; the engine is then {state}"
@@ -206,8 +206,7 @@ def _play_to_running(session: LiveSession, page: Any) -> None:
                    "waiting": ("operator", "start"), "judged": ("operator", "repeat")}  # fmt: skip
         if session.phase in answers:
             session.act(*answers[session.phase])
-        running = session.phase == Phase.RUNNING_TRIAL and session.attempt is not None
-        return running and session.attempt.task.progress > 0.1
+        return session.phase == Phase.running and session.attempt is not None and session.attempt.task.progress > 0.1
 
     _wait(page, runs)
 

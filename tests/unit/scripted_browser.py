@@ -104,7 +104,7 @@ class Players:
         def runs():
             self._go_on()
             attempt = self.session.attempt
-            return self.session.phase == Phase.RUNNING_TRIAL and attempt is not None and attempt.task.progress >= share
+            return self.session.phase == Phase.running and attempt is not None and attempt.task.progress >= share
 
         self.wait(runs)
 
@@ -117,26 +117,26 @@ class Players:
 
     def until_judged(self):
         """Wait for the end of the trial, and for the button that goes on."""
-        self.wait(lambda: self.session.phase == Phase.TRIAL_JUDGED and self.operator.is_visible("#accept"))
+        self.wait(lambda: self.session.phase == Phase.judged and self.operator.is_visible("#accept"))
 
     def until_finished(self, patience=PATIENCE_S):
         """Play the rest of the session."""
 
         def finished():
             self._go_on()
-            if self.session.phase == Phase.TRIAL_JUDGED:
+            if self.session.phase == Phase.judged:
                 self.try_to(self.operator, "repeat" if self.session.reason else "accept")
-            return self.session.phase == Phase.SESSION_FINISHED
+            return self.session.phase == Phase.finished
 
         self.wait(finished, patience)
 
     def _go_on(self):
         """Do what the session waits for now."""
         phase = self.session.phase
-        if phase in (Phase.ASKING_CONSENT, Phase.SHOWING_INSTRUCTIONS):
+        if phase in (Phase.consent, Phase.instructions):
             self.try_to(self.participant, "yes")
-        elif phase == Phase.WAITING_FOR_START:
+        elif phase == Phase.waiting:
             self.try_to(self.operator, "reset")
             self.try_to(self.operator, "start")
-        elif phase == Phase.TAKING_A_REST:
+        elif phase == Phase.rest:
             self.try_to(self.operator, "skip_rest")

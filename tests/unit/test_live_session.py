@@ -87,7 +87,7 @@ def test_the_seed_decides_the_plan(tmp_path):
 
 def test_a_session_runs_from_consent_to_evaluation(tmp_path):
     session, engine, clock = session_of(tmp_path / "s", unattended=True)
-    run_until(session, clock, lambda: session.phase == Phase.SESSION_FINISHED)
+    run_until(session, clock, lambda: session.phase == Phase.finished)
     study = open_study(tmp_path / "s")
     assert [entry.condition for entry in study.config.recordings] == [trial.condition for trial in session.plan]
     assert [entry.period for entry in study.config.recordings] == [1, 2, 3]
@@ -104,7 +104,7 @@ def test_a_session_runs_from_consent_to_evaluation(tmp_path):
 
 def test_every_kind_of_task_runs_and_is_recorded(tmp_path):
     session, _engine, clock = session_of(tmp_path / "s", "knee", unattended=True)
-    run_until(session, clock, lambda: session.phase == Phase.SESSION_FINISHED)
+    run_until(session, clock, lambda: session.phase == Phase.finished)
     study = open_study(tmp_path / "s")
     protocols = [entry.protocol for entry in study.config.recordings]
     assert protocols == ["mvc"] * 2 + ["held_angle"] * 4 + ["followed_angle"]
@@ -126,20 +126,21 @@ def started(tmp_path, **options):
     assert session.act("participant", "consent") == ""
     assert session.act("participant", "ready") == ""
     assert session.act("operator", "start") == ""
-    run_until(session, clock, lambda: session.phase == Phase.RUNNING_TRIAL)
+    run_until(session, clock, lambda: session.phase == Phase.running and session.attempt.task.begun is not None)
+    clock.now += 1.0
     return session, engine, clock
 
 
 def test_a_bad_trial_is_to_be_repeated_and_says_why(tmp_path):
     session, engine, clock = started(tmp_path)
     engine.freeze = True
-    run_until(session, clock, lambda: session.phase == Phase.TRIAL_JUDGED)
+    run_until(session, clock, lambda: session.phase == Phase.judged)
     assert "movements" in session.reason
     assert session.attempt.judged.seconds < 1.0
     assert session.act("operator", "repeat") == ""
     engine.freeze = False
     assert session.act("operator", "start") == ""
-    run_until(session, clock, lambda: session.phase == Phase.TRIAL_JUDGED)
+    run_until(session, clock, lambda: session.phase == Phase.judged)
     assert session.reason == ""
     assert session.act("operator", "accept") == ""
     (entry,) = open_study(tmp_path / "s").config.recordings
@@ -148,29 +149,30 @@ def test_a_bad_trial_is_to_be_repeated_and_says_why(tmp_path):
 
 
 def test_a_stop_ends_the_trial_and_a_reset_lets_it_begin_again(tmp_path):
-    session, engine, clock = started(tmp_path)
+    session, _engine, clock = started(tmp_path)
     assert session.act("participant", "stop") == ""
-    run_until(session, clock, lambda: session.phase == Phase.TRIAL_JUDGED, 3.0)
+    run_until(session, clock, lambda: session.phase == Phase.judged, 3.0)
     assert "stopped" in session.reason
     assert session.act("operator", "repeat") == ""
     assert "reset" in session.act("operator", "start")
     session.act("operator", "reset")
-    run_until(session, clock, lambda: engine.state == "idle", 3.0)
+    run_until(session, clock, lambda: session.operator_state()["engine"]["state"] == "idle", 3.0)
     assert session.act("operator", "start") == ""
-    run_until(session, clock, lambda: session.phase == Phase.RUNNING_TRIAL)
+    run_until(session, clock, lambda: session.phase == Phase.running)
 
 
 def test_a_page_that_closes_ends_the_trial(tmp_path):
     session, engine, clock = started(tmp_path)
     session.page_closed("participant")
-    run_until(session, clock, lambda: session.phase == Phase.TRIAL_JUDGED, 3.0)
+    run_until(session, clock, lambda: session.phase == Phase.judged, 3.0)
     assert "participant's page was closed" in session.reason
     assert "not open" in (session.act("operator", "repeat") or session.act("operator", "start"))
     session.page_opened("participant")
     session.act("operator", "start")
-    run_until(session, clock, lambda: session.phase == Phase.RUNNING_TRIAL)
+    run_until(session, clock, lambda: session.phase == Phase.running)
+    clock.now += 1.0
     session.page_closed("operator")
-    run_until(session, clock, lambda: session.phase == Phase.TRIAL_JUDGED, 5.0)
+    run_until(session, clock, lambda: session.phase == Phase.judged, 5.0)
     assert session.reason == "no operator's page was open"
     assert engine.state == "idle"
 
@@ -179,26 +181,26 @@ def test_a_participant_cannot_do_what_an_operator_does(tmp_path):
     session, _engine, _clock = session_of(tmp_path / "s")
     for action in ("start", "accept", "torque", "finish", "step", "_start"):
         assert "expected one of" in session.act("participant", action)
-    assert session.phase != Phase.WAITING_FOR_START
+    assert session.phase != Phase.waiting
 
 
 def test_the_slider_stays_within_its_limit(tmp_path):
     session, engine, clock = started(tmp_path, session="knee")
     assert "only while an angle is held" in session.act("operator", "torque", 3.0)
-    run_until(session, clock, lambda: session.phase == Phase.TRIAL_JUDGED)
+    run_until(session, clock, lambda: session.phase == Phase.judged)
     session.act("operator", "accept")
     while session.trial.task.kind != "holding":
         if session.phase == "instructions":
             session.act("participant", "ready")
         session.act("operator", "start")
-        run_until(session, clock, lambda: session.phase == Phase.TRIAL_JUDGED)
+        run_until(session, clock, lambda: session.phase == Phase.judged)
         session.act("operator", "accept")
     if session.phase == "rest":
         session.act("operator", "skip_rest")
         session.step()
     session.act("participant", "ready")
     session.act("operator", "start")
-    run_until(session, clock, lambda: session.phase == Phase.RUNNING_TRIAL and session.attempt.task.index >= 0)
+    run_until(session, clock, lambda: session.phase == Phase.running and session.attempt.task.index >= 0)
     assert "expected a number" in session.act("operator", "torque", float("nan"))
     session.act("operator", "torque", 99.0)
     clock.now += STEP_S
@@ -211,7 +213,7 @@ def test_a_session_goes_on_where_it_was_left(tmp_path):
     run_until(session, clock, lambda: session.index == 1)
     again, _, clock = session_of(tmp_path / "s", unattended=True)
     assert [trial.number for trial in again.plan] == [2, 3]
-    run_until(again, clock, lambda: again.phase == Phase.SESSION_FINISHED)
+    run_until(again, clock, lambda: again.phase == Phase.finished)
     with pytest.raises(StudyError, match="found all trials of P1 recorded"):
         choose_participant(open_study(tmp_path / "s"), "P1")
     assert choose_participant(open_study(tmp_path / "s"), None)[0] == "P2"

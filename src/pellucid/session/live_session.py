@@ -33,17 +33,17 @@ from .trial_plan import PlannedTrial
 class Phase(StrEnum):
     """What a session does now."""
 
-    ASKING_CONSENT = "consent"
-    SHOWING_INSTRUCTIONS = "instructions"
-    WAITING_FOR_START = "waiting"
-    PREPARING_TRIAL = "preparing"
-    RUNNING_TRIAL = "running"
-    SAVING_TRIAL = "saving"
-    JUDGING_TRIAL = "judging"
-    TRIAL_JUDGED = "judged"
-    TAKING_A_REST = "rest"
-    FINISHING_SESSION = "finishing"
-    SESSION_FINISHED = "finished"
+    consent = "consent"
+    instructions = "instructions"
+    waiting = "waiting"
+    preparing = "preparing"
+    running = "running"
+    saving = "saving"
+    judging = "judging"
+    judged = "judged"
+    rest = "rest"
+    finishing = "finishing"
+    finished = "finished"
 
 
 PREPARATION_LIMIT_S = 20.0
@@ -132,7 +132,7 @@ class LiveSession:
         self.total = len(self.plan) if total is None else total
         self.executor, self.finish, self.unattended, self.clock = executor, finish, unattended, clock
         self.begun = clock()
-        self.phase = Phase.ASKING_CONSENT if self.table.consent else Phase.SHOWING_INSTRUCTIONS
+        self.phase = Phase.consent if self.table.consent else Phase.instructions
         self.index = 0  # place of the trial in `plan`
         self.attempt: Attempt | None = None
         self.rest_until = 0.0
@@ -174,8 +174,8 @@ class LiveSession:
         self._watch_engine(now)
         self._read(now)
         {
-            Phase.PREPARING_TRIAL: self._prepare, Phase.RUNNING_TRIAL: self._run, Phase.SAVING_TRIAL: self._save,
-            Phase.JUDGING_TRIAL: self._judge, Phase.TAKING_A_REST: self._rest, Phase.FINISHING_SESSION: self._end,
+            Phase.preparing: self._prepare, Phase.running: self._run, Phase.saving: self._save,
+            Phase.judging: self._judge, Phase.rest: self._rest, Phase.finishing: self._end,
         }.get(self.phase, lambda now: None)(now)  # fmt: skip
         if self.unattended:
             self._act_unattended()
@@ -204,7 +204,7 @@ class LiveSession:
         self.engine.mark("page closed", {"role": role})
         if role == "operator":
             self._operator_left = self.clock()
-        if self.phase in (Phase.PREPARING_TRIAL, Phase.RUNNING_TRIAL) and self.attempt is not None:
+        if self.phase in (Phase.preparing, Phase.running) and self.attempt is not None:
             self._tell(f"the {role}'s page was closed during a trial")
             if role == "participant":
                 self._interrupt("the participant's page was closed during the trial")
@@ -217,24 +217,24 @@ class LiveSession:
     # Actions of the pages.
 
     def _consent(self, value: float | None) -> str:
-        if self.phase != Phase.ASKING_CONSENT:
+        if self.phase != Phase.consent:
             return "consent is not asked for now"
         self.engine.mark("consent", {"participant": self.participant, "text": list(self.table.consent)[:4]})
-        self.phase = Phase.SHOWING_INSTRUCTIONS
+        self.phase = Phase.instructions
         return ""
 
     def _ready(self, value: float | None) -> str:
-        if self.phase != Phase.SHOWING_INSTRUCTIONS:
+        if self.phase != Phase.instructions:
             return "there is nothing to be ready for now"
         trial = self.trial
         if trial is not None:
             self.shown_instructions.add(trial.task.name)
-        self.phase = Phase.WAITING_FOR_START if trial is not None else Phase.FINISHING_SESSION
+        self.phase = Phase.waiting if trial is not None else Phase.finishing
         return ""
 
     def _start(self, value: float | None) -> str:
         trial = self.trial
-        if self.phase != Phase.WAITING_FOR_START or trial is None:
+        if self.phase != Phase.waiting or trial is None:
             return f"a trial can start once it is waited for; now: {self.phase}"
         if self._state == "stopped":
             return "the robot is stopped; reset it first"
@@ -250,11 +250,11 @@ class LiveSession:
         angle = first_angle(trial)
         if angle is not None:
             self.engine.set_target(angle)
-        self.phase = Phase.PREPARING_TRIAL
+        self.phase = Phase.preparing
         return ""
 
     def _accept(self, value: float | None) -> str:
-        if self.phase != Phase.TRIAL_JUDGED or self.attempt is None:
+        if self.phase != Phase.judged or self.attempt is None:
             return "there is no trial to accept"
         judged = self.attempt.judged
         if judged is None or judged.recording is None:
@@ -269,13 +269,13 @@ class LiveSession:
         return ""
 
     def _repeat(self, value: float | None) -> str:
-        if self.phase != Phase.TRIAL_JUDGED:
+        if self.phase != Phase.judged:
             return "there is no trial to repeat"
-        self.attempt, self.phase = None, Phase.WAITING_FOR_START
+        self.attempt, self.phase = None, Phase.waiting
         return ""
 
     def _skip_rest(self, value: float | None) -> str:
-        if self.phase != Phase.TAKING_A_REST:
+        if self.phase != Phase.rest:
             return "there is no rest now"
         self.rest_until = self.clock()
         return ""
@@ -290,7 +290,7 @@ class LiveSession:
         return ""
 
     def _end_trial(self, value: float | None) -> str:
-        if self.phase not in (Phase.PREPARING_TRIAL, Phase.RUNNING_TRIAL):
+        if self.phase not in (Phase.preparing, Phase.running):
             return "no trial runs"
         self._interrupt("the operator ended the trial")
         return ""
@@ -300,15 +300,14 @@ class LiveSession:
             return f"torque: found {value!r}, expected a number"
         limit = self.table.limits.slider
         torque = float(np.clip(value, -limit, limit))
-        attempt = self.attempt
-        if self.phase != Phase.RUNNING_TRIAL or attempt is None or not isinstance(attempt.task, RunningHolding):
+        if self.phase != Phase.running or self.attempt is None or not isinstance(self.attempt.task, RunningHolding):
             return "the slider asks for a torque only while an angle is held"
         self.slider = torque
-        attempt.task.set_by_hand(torque)
+        self.attempt.task.set_by_hand(torque)
         return ""
 
     def _finish(self, value: float | None) -> str:
-        if self.phase not in (Phase.WAITING_FOR_START, Phase.TAKING_A_REST, Phase.SHOWING_INSTRUCTIONS):
+        if self.phase not in (Phase.waiting, Phase.rest, Phase.instructions):
             return "a session can be finished between two trials"
         self._begin_finish()
         return ""
@@ -331,7 +330,7 @@ class LiveSession:
             if now - attempt.begun > PREPARATION_LIMIT_S:
                 what = "the law did not start" if not runs else "the person did not come to the first angle"
                 self._tell(what)
-                self.phase, self.attempt = Phase.WAITING_FOR_START, None
+                self.phase, self.attempt = Phase.waiting, None
             return
         self._at_angle_since = now if self._at_angle_since is None else self._at_angle_since
         if now - self._at_angle_since < SETTLED_S:
@@ -344,7 +343,7 @@ class LiveSession:
         }  # fmt: skip
         attempt.file.parent.mkdir(parents=True, exist_ok=True)
         self.engine.begin_recording(attempt.file, about)
-        self.phase = Phase.RUNNING_TRIAL
+        self.phase = Phase.running
 
     def _run(self, now: float) -> None:
         attempt = self.attempt
@@ -379,21 +378,21 @@ class LiveSession:
         assert self.attempt is not None
         self.attempt.interrupted = why
         self._tell(why)
-        if self.phase == Phase.RUNNING_TRIAL:
+        if self.phase == Phase.running:
             self._end_recording()
         else:
-            self.attempt, self.phase = None, Phase.WAITING_FOR_START
+            self.attempt, self.phase = None, Phase.waiting
 
     def _end_recording(self) -> None:
         self.engine.end_recording(wait=False)
         self.slider = 0.0
-        self.phase = Phase.SAVING_TRIAL
+        self.phase = Phase.saving
 
     def _save(self, now: float) -> None:
         assert self.attempt is not None
         if self.engine.recorded(self.attempt.file):
             self._job = self.executor.submit(judge_trial, self.study, self.attempt.trial, self.attempt.file)
-            self.phase = Phase.JUDGING_TRIAL
+            self.phase = Phase.judging
 
     def _judge(self, now: float) -> None:
         assert self.attempt is not None
@@ -402,7 +401,7 @@ class LiveSession:
             return
         self.attempt.judged = self._job.result()
         self._gather_for_estimate(self.attempt)
-        self._job, self.phase = None, Phase.TRIAL_JUDGED
+        self._job, self.phase = None, Phase.judged
 
     def _rest(self, now: float) -> None:
         if now >= self.rest_until:
@@ -416,19 +415,19 @@ class LiveSession:
             self._begin_finish()
         elif trial.rest > 0.0:
             self.engine.disarm()
-            self.rest_until, self.phase = self.clock() + trial.rest, Phase.TAKING_A_REST
+            self.rest_until, self.phase = self.clock() + trial.rest, Phase.rest
         else:
             self._show_instructions_or_wait()
 
     def _show_instructions_or_wait(self) -> None:
         trial = self.trial
         new = trial is not None and trial.task.instructions and trial.task.name not in self.shown_instructions
-        self.phase = Phase.SHOWING_INSTRUCTIONS if new else Phase.WAITING_FOR_START
+        self.phase = Phase.instructions if new else Phase.waiting
 
     def _begin_finish(self) -> None:
         self.engine.disarm()
         self._job = self.executor.submit(self.finish, self.study)
-        self.phase = Phase.FINISHING_SESSION
+        self.phase = Phase.finishing
 
     def _end(self, now: float) -> None:
         if self._job is None:
@@ -439,18 +438,18 @@ class LiveSession:
                 self.report, self.notes = self._job.result()
             except PellucidError as error:
                 self.notes = [str(error)]
-            self._job, self.phase = None, Phase.SESSION_FINISHED
+            self._job, self.phase = None, Phase.finished
 
     def _act_unattended(self) -> None:
-        if self.phase == Phase.ASKING_CONSENT:
+        if self.phase == Phase.consent:
             self.act("participant", "consent")
-        elif self.phase == Phase.SHOWING_INSTRUCTIONS:
+        elif self.phase == Phase.instructions:
             self.act("participant", "ready")
-        elif self.phase == Phase.WAITING_FOR_START and self._state == "stopped":
+        elif self.phase == Phase.waiting and self._state == "stopped":
             self._resetting = True
-        elif self.phase == Phase.WAITING_FOR_START:
+        elif self.phase == Phase.waiting:
             self.act("operator", "start")
-        elif self.phase == Phase.TRIAL_JUDGED and self.attempt is not None and self.attempt.judged is not None:
+        elif self.phase == Phase.judged and self.attempt is not None and self.attempt.judged is not None:
             self.act("operator", "repeat" if self.reason and self.attempt.number < 3 else "accept")
 
     @property
@@ -504,7 +503,7 @@ class LiveSession:
         if self.levels is not None:
             self.levels.take(emg)
             emg_levels = {m: np.array([level]) for m, level in self.levels.levels.items()}
-        if self.phase == Phase.RUNNING_TRIAL and self.attempt is not None and len(samples.time) and emg_levels:
+        if self.phase == Phase.running and self.attempt is not None and len(samples.time) and emg_levels:
             self._keep_for_estimate(self.attempt, samples, emg_levels)
 
     def _keep_for_estimate(
@@ -591,10 +590,8 @@ class LiveSession:
                 "name": trial.name, "task": trial.task.name, "kind": trial.task.kind, "condition": trial.condition,
             },
             "progress": 0.0 if attempt is None else attempt.task.progress,
-            "holding": self.phase == Phase.RUNNING_TRIAL
-            and attempt is not None
-            and isinstance(attempt.task, RunningHolding),
-            "rest": max(self.rest_until - now, 0.0) if self.phase == Phase.TAKING_A_REST else 0.0,
+            "holding": attempt is not None and isinstance(attempt.task, RunningHolding) and self.phase == Phase.running,
+            "rest": max(self.rest_until - now, 0.0) if self.phase == Phase.rest else 0.0,
             "judged": None if judged is None else {
                 "seconds": judged.seconds,
                 "reason": self.reason,
@@ -628,13 +625,13 @@ class LiveSession:
         """Return what the participant's page shows."""
         now, trial = self.clock(), self.trial
         made: dict[str, Any] = {"type": "screen", "phase": self.phase, "time": now, "cue": self.cue}
-        if self.phase == Phase.ASKING_CONSENT:
+        if self.phase == Phase.consent:
             made["text"] = list(self.table.consent)
-        elif self.phase == Phase.SHOWING_INSTRUCTIONS:
+        elif self.phase == Phase.instructions:
             made["text"] = [*self._general_instructions(), *(() if trial is None else trial.task.instructions)]
-        elif self.phase == Phase.TAKING_A_REST:
+        elif self.phase == Phase.rest:
             made["left"] = max(self.rest_until - now, 0.0)
-        elif self.phase in (Phase.PREPARING_TRIAL, Phase.RUNNING_TRIAL) and self.attempt is not None:
+        elif self.phase in (Phase.preparing, Phase.running) and self.attempt is not None:
             made |= self.attempt.task.screen(self._sensed(now))
         made["stopped"] = self._state == "stopped"
         made["done"], made["all"] = self.total - len(self.plan) + self.index, self.total

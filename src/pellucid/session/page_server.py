@@ -287,7 +287,7 @@ class PageServer:
                 due["health"] = now + HEALTH_INTERVAL_S
                 health = health_numbers(self.session.engine.health())
                 self._broadcast("operator", json.dumps({"type": "health", **health}))
-            if self.ends_with_session and self.session.phase == Phase.SESSION_FINISHED:
+            if self.ends_with_session and self.session.phase == Phase.finished:
                 self.stopped.set()
             following = max(following + STEP_S, now)
             await asyncio.sleep(max(following - time.monotonic(), 0.001))
