@@ -71,6 +71,7 @@ COMMANDS = [
     "rank",
     "export",
     "incident",
+    "live",
     "version",
     "datasets",
     "plan",
