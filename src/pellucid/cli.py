@@ -343,7 +343,7 @@ def live(
     ] = False,
     browser: Annotated[bool, typer.Option(help="Open the operator's page in a browser.")] = True,
 ) -> None:
-    """Run the session of study.toml, with a page for the operator and one for the participant."""
+    """Run the session with a person that study.toml plans."""
     from .session.page_server import PageServer
     from .session.run_session import live as run
 

@@ -74,6 +74,7 @@ COMMANDS = [
     "export",
     "incident",
     "audit",
+    "live",
     "version",
     "datasets",
     "plan",

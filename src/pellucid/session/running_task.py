@@ -102,6 +102,7 @@ class RunningPointing(RunningTask):
         self.missed = 0  # targets whose time ran out
 
     def advance(self, elapsed: float, now: Sensed) -> None:
+        """Go on; `elapsed` is the time since the first cue [s]."""
         if self.index < 0:
             self._show_next(elapsed)
             return
@@ -128,9 +129,11 @@ class RunningPointing(RunningTask):
 
     @property
     def progress(self) -> float:
+        """Share of the task that is done, 0 to 1."""
         return (len(self.trial.targets) if self.finished is not None else max(self.index, 0)) / len(self.trial.targets)
 
     def screen(self, now: Sensed) -> dict[str, Any]:
+        """Return what the participant's page shows."""
         elapsed = now.time - (self.begun or now.time) - self.lead_in
         held = 0.0 if self.entered is None else min((elapsed - self.entered) / self.task.hold, 1.0)
         return {
@@ -156,6 +159,7 @@ class RunningTracking(RunningTask):
         self._asked = False
 
     def advance(self, elapsed: float, now: Sensed) -> None:
+        """Go on; `elapsed` is the time since the first cue [s]."""
         if not self._asked:
             self._asked = True
             self.cues.append({"centre": self.task.centre, "amplitude": self.task.amplitude})
@@ -166,9 +170,11 @@ class RunningTracking(RunningTask):
 
     @property
     def progress(self) -> float:
+        """Share of the task that is done, 0 to 1."""
         return min(self.elapsed / self.task.duration, 1.0)
 
     def screen(self, now: Sensed) -> dict[str, Any]:
+        """Return what the participant's page shows."""
         task = self.task
         elapsed = max(now.time - (self.begun or now.time) - self.lead_in, 0.0)
         return {
@@ -202,6 +208,7 @@ class RunningHolding(RunningTask):
         self.by_hand = torque
 
     def advance(self, elapsed: float, now: Sensed) -> None:
+        """Go on; `elapsed` is the time since the first cue [s]."""
         self.elapsed = elapsed
         if elapsed >= self.duration:
             self.finished, self.torque = now.time, 0.0
@@ -226,9 +233,11 @@ class RunningHolding(RunningTask):
 
     @property
     def progress(self) -> float:
+        """Share of the task that is done, 0 to 1."""
         return min(self.elapsed / self.duration, 1.0)
 
     def screen(self, now: Sensed) -> dict[str, Any]:
+        """Return what the participant's page shows."""
         target = self.trial.targets[0]
         return {
             "task": "holding",
@@ -250,6 +259,7 @@ class RunningContraction(RunningTask):
         self.index, self.resting, self.elapsed = -1, True, 0.0
 
     def advance(self, elapsed: float, now: Sensed) -> None:
+        """Go on; `elapsed` is the time since the first cue [s]."""
         self.elapsed = elapsed
         each = self.task.duration + self.task.rest
         index = int(elapsed / each)
@@ -270,9 +280,11 @@ class RunningContraction(RunningTask):
 
     @property
     def progress(self) -> float:
+        """Share of the task that is done, 0 to 1."""
         return min(self.elapsed / (len(self.task.levels) * (self.task.duration + self.task.rest)), 1.0)
 
     def screen(self, now: Sensed) -> dict[str, Any]:
+        """Return what the participant's page shows."""
         level = self.task.levels[max(self.index, 0)]
         each = self.task.duration + self.task.rest
         into = self.elapsed % each

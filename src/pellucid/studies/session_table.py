@@ -2,17 +2,36 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from .study_fields import DERIVED_PREFIX, ShownText, StudyTable, Word, quantity
 
+if TYPE_CHECKING:
+    # A type checker sees the numbers that the quantities become, SI.
+    Angle = float
+    PositiveAngle = float
+    PositiveFrequency = float
+    PositiveTime = float
+    Time = float
+    Torque = float
+    PositiveTorque = float
+    TorqueSize = float
+    PositiveTorqueRate = float
+else:
+    Angle = quantity("rad")
+    PositiveAngle = quantity("rad", gt=0)
+    PositiveFrequency = quantity("Hz", gt=0)
+    PositiveTime = quantity("s", gt=0)
+    Time = quantity("s", ge=0)
+    Torque = quantity("N*m")
+    PositiveTorque = quantity("N*m", gt=0)
+    TorqueSize = quantity("N*m", ge=0)
+    PositiveTorqueRate = quantity("N*m/s", gt=0)
+
 MAX_TEXT_PARAGRAPHS = 40
 """Largest number of paragraphs of a consent or an instruction."""
-
-NOT_WORN = "not worn"
-"""Law of a condition in which the person does not wear the robot."""
 
 
 def _each_once(values: tuple) -> tuple:
@@ -73,12 +92,12 @@ class PointingTask(SessionTask):
 
     kind: Literal["pointing"]
     protocol: Word = "pointing"
-    start: quantity("rad")
-    amplitudes: Annotated[tuple[quantity("rad"), ...], AfterValidator(_each_once)]
+    start: Angle
+    amplitudes: Annotated[tuple[Angle, ...], AfterValidator(_each_once)]
     repetitions: int = Field(1, ge=1, le=1000)
-    hold: quantity("s", gt=0) = 2.0
-    tolerance: quantity("rad", gt=0) = 0.045
-    longest: quantity("s", gt=0) = 20.0
+    hold: PositiveTime = 2.0
+    tolerance: PositiveAngle = 0.045
+    longest: PositiveTime = 20.0
 
 
 class TrackingTask(SessionTask):
@@ -96,10 +115,10 @@ class TrackingTask(SessionTask):
 
     kind: Literal["tracking"]
     protocol: Word = "tracking"
-    centre: quantity("rad")
-    amplitude: quantity("rad", gt=0)
-    frequency: quantity("Hz", gt=0)
-    duration: quantity("s", gt=0)
+    centre: Angle
+    amplitude: PositiveAngle
+    frequency: PositiveFrequency
+    duration: PositiveTime
 
 
 class HoldingTask(SessionTask):
@@ -121,11 +140,11 @@ class HoldingTask(SessionTask):
 
     kind: Literal["holding"]
     protocol: Word = "held_angle"
-    angles: Annotated[tuple[quantity("rad"), ...], AfterValidator(_each_once)]
-    torques: Annotated[tuple[quantity("N*m"), ...], Field(min_length=1)] = (0.0,)
-    duration: quantity("s", gt=0) = 5.0
-    ramp: quantity("s", ge=0) = 2.0
-    tolerance: quantity("rad", gt=0) = 0.09
+    angles: Annotated[tuple[Angle, ...], AfterValidator(_each_once)]
+    torques: Annotated[tuple[Torque, ...], Field(min_length=1)] = (0.0,)
+    duration: PositiveTime = 5.0
+    ramp: Time = 2.0
+    tolerance: PositiveAngle = 0.09
 
 
 class ContractionTask(SessionTask):
@@ -150,8 +169,8 @@ class ContractionTask(SessionTask):
     levels: Annotated[tuple[Annotated[float, Field(gt=0, le=1)], ...], Field(min_length=1)] = (1.0,)
     direction: Literal["flexion", "extension"]
     muscles: Annotated[tuple[Word, ...], AfterValidator(_each_once)]
-    duration: quantity("s", gt=0) = 3.0
-    rest: quantity("s", gt=0) = 2.0
+    duration: PositiveTime = 3.0
+    rest: PositiveTime = 2.0
     tolerance: float = Field(0.1, gt=0, le=0.5)
 
 
@@ -187,9 +206,9 @@ class SessionLimits(StudyTable):
         Largest rate at which the slider's torque changes [N*m/s].
     """
 
-    effort: quantity("N*m", gt=0) | None = None
-    slider: quantity("N*m", ge=0) = 10.0
-    slider_rate: quantity("N*m/s", gt=0) = 5.0
+    effort: PositiveTorque | None = None
+    slider: TorqueSize = 10.0
+    slider_rate: PositiveTorqueRate = 5.0
 
 
 class SessionTable(StudyTable):
@@ -226,7 +245,7 @@ class SessionTable(StudyTable):
     pointer: Word = "position"
     order: Literal["balanced", "random", "given"] = "balanced"
     seed: int = Field(1, ge=0)
-    pause: quantity("s", ge=0) = 0.0
+    pause: Time = 0.0
     pause_every: int = Field(1, ge=1)
     streams: tuple[Word, ...] = ()
     consent: Paragraphs = ()
