@@ -89,22 +89,13 @@ def init(
     >>> [question.key for question in made.questions]
     ['worn', 'angle_zero']
     """
-<<<<<<< HEAD
     if sum(given is not None for given in (dataset, rig, urdf, files, session)) != 1:
-=======
-    if sum(given is not None for given in (dataset, rig, urdf, session)) != 1:
->>>>>>> livepage
         from .session.new_session import SHIPPED_SESSIONS
 
         rigs = _rig_source()
         raise StudyError(
-<<<<<<< HEAD
             "init needs --from FILES or --dataset NAME or --rig NAME or --urdf FILE or --session NAME, one of them; "
             f"known: {', '.join(datasets.names())}; "
-=======
-            "init needs --dataset NAME or --rig NAME or --urdf FILE or --session NAME, one of them; known: "
-            f"{', '.join(datasets.names())}; "
->>>>>>> livepage
             f"rigs: {', '.join(rigs.value.study_names()) if rigs else 'none installed'}; "
             f"sessions: {', '.join(SHIPPED_SESSIONS)}"
         )
