@@ -75,6 +75,7 @@ COMMANDS = [
     "incident",
     "audit",
     "live",
+    "paper",
     "version",
     "datasets",
     "plan",

@@ -19,6 +19,7 @@ from .. import _core
 from .._errors import PellucidError
 from .._given import visible_text
 from ..models.card import ModelCard
+from ..models.friction_terms import COULOMB_FRICTION, TERMS, VISCOUS_FRICTION
 from ..models.joint import GRAVITY, NAMES, SYMBOLS_BY_NAME
 from ..models.tree_card import COLUMNS, TreeCard
 from ..studies.study_file import JointLimits
@@ -27,6 +28,12 @@ FRICTION_FIELDS = tuple(
     name for name in COLUMNS["joints"] if name not in ("offset", "velocity_width", "presliding_travel")
 )
 """Friction coefficients of a joint that the file of ranges states, by the core's names."""
+
+SHAPING_FIELDS = frozenset(term.name for term in TERMS if term.shapes)
+"""Those of them that shape a curve of friction: a joint's and its drive's do not add up."""
+
+SINGLE_JOINT = "joint"
+"""Kind of a model that has one joint."""
 
 LINK_SHARE = 0.5
 """Share of a single joint's inertia that its link gets in MJCF. The joint's own motion cannot show the true one."""
@@ -72,7 +79,7 @@ class SimulatorModel:
     name: str
     gravity: tuple[float, float, float]
     bodies: tuple[SimulatorBody, ...]
-    kind: str  # "joint" or "tree"
+    kind: str  # `SINGLE_JOINT`, or "tree" for several joints
     parameters: tuple[dict[str, Any], ...]  # name, unit, value, low, high and what it sets
     covariance: tuple[tuple[float, ...], ...]  # in the order of the parameters, SI
     confidence: float
@@ -117,7 +124,7 @@ def joint_simulator_model(card: ModelCard, limits: JointLimits) -> SimulatorMode
         for p in card.parameters
     )  # fmt: skip
     return SimulatorModel(
-        card.study, (0.0, 0.0, -GRAVITY), (body,), "joint", parameters, card.covariance, card.confidence,
+        card.study, (0.0, 0.0, -GRAVITY), (body,), SINGLE_JOINT, parameters, card.covariance, card.confidence,
         (f"Joint {card.joint} of {card.study}, family {card.family}, by {card.method}.",
          "The joint's own motion does not tell which part of its inertia is the link's and which the rotor's."),
         card.purpose,
@@ -178,7 +185,7 @@ def tree_simulator_model(card: TreeCard) -> SimulatorModel:
             turn=(row["roll"], row["pitch"], row["yaw"]), axis=(row["axis_x"], row["axis_y"], row["axis_z"]),
             armature=(row["rotor_inertia"] + drive.get("motor_inertia", 0.0)) if moving else 0.0, mass=mass,
             centre=(float(centre[0]), float(centre[1]), float(centre[2])), inertia=about,
-            friction={key: own.get(key, 0.0) + (drive.get(key, 0.0) if key != "stribeck_velocity" else 0.0)
+            friction={key: own.get(key, 0.0) + (drive.get(key, 0.0) if key not in SHAPING_FIELDS else 0.0)
                       for key in FRICTION_FIELDS},
             offset=own.get("offset", 0.0), gain=1.0,
             limits=None if span is None or span.low is None or span.high is None else (span.low, span.high),
@@ -186,7 +193,7 @@ def tree_simulator_model(card: TreeCard) -> SimulatorModel:
         ))  # fmt: skip
         at += moving
     joints = {f"{joint}.{field}": (joint, field) for joint in card.names for field in FRICTION_FIELDS}
-    tied = {name: [f"{name}_positive", f"{name}_negative"] for name in ("coulomb", "viscous")}
+    tied = {term.name: list(term.targets) for term in (COULOMB_FRICTION, VISCOUS_FRICTION)}
     parameters = []
     for p in card.parameters:
         joint, field = joints.get(p.name, ("", ""))
@@ -269,7 +276,7 @@ def urdf_text(model: SimulatorModel) -> str:
     ]  # fmt: skip
     for body in model.bodies:
         mass, centre, inertia = body.mass, body.centre, body.inertia
-        if model.kind == "joint":
+        if model.kind == SINGLE_JOINT:
             # The link of a single joint has the whole inertia.
             whole = body.armature / (1.0 - LINK_SHARE)
             weight_x, weight_z = -mass * GRAVITY * centre[2], -mass * GRAVITY * centre[0]
@@ -321,10 +328,11 @@ def ranges_table(model: SimulatorModel) -> dict[str, Any]:
 
 def plain_friction(friction: Mapping[str, float]) -> tuple[float, float]:
     """Return the level and the slope of friction that are the same both ways, which MJCF and URDF have [SI]."""
-    return (
-        0.5 * (friction["coulomb_positive"] + friction["coulomb_negative"]),
-        0.5 * (friction["viscous_positive"] + friction["viscous_negative"]),
+    level, slope = (
+        sum(friction[name] for name in term.targets) / len(term.targets)
+        for term in (COULOMB_FRICTION, VISCOUS_FRICTION)
     )
+    return level, slope
 
 
 def require_bodies(model: SimulatorModel) -> None:

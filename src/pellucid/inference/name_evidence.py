@@ -94,8 +94,7 @@ them."""
 
 JOINT_WORDS = (
     "hip", "knee", "ankle", "shoulder", "elbow", "wrist", "finger", "thumb", "lumbar", "pelvis", "subtalar", "mtp",
-        "neck",
-    "trunk", "l5_s1", "l4_l5", "l3_l4", "l2_l3", "l1_l2", "l1_t12",
+    "neck", "trunk", "l5_s1", "l4_l5", "l3_l4", "l2_l3", "l1_l2", "l1_t12",
 )  # fmt: skip
 """Joints of people, as names of columns contain them."""
 

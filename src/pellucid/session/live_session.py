@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from .._errors import PellucidError
+from ..control.supervisor_faults import NO_FAULT
 from ..procedures.assessment.assessment_table import AssessmentTable
 from ..studies.study import STUDY_FILE, Study
 from .emg_levels import EmgLevels
@@ -159,7 +160,7 @@ class LiveSession:
         self._at_angle_since: float | None = None
         self._job: Future | None = None
         self._status: Any = None
-        self._told_fault = "none"
+        self._told_fault = NO_FAULT
         self._alive: dict[str, bool] = {}
         self._background: Future | None = None
         if self._running is not None:
@@ -474,7 +475,7 @@ class LiveSession:
     def _watch_engine(self, now: float) -> None:
         self._status = self.engine.status()
         fault = self._status.fault
-        if fault != self._told_fault and fault not in ("none", ""):
+        if fault != self._told_fault and fault not in (NO_FAULT, ""):
             self._tell(f"supervisor: {fault}")
         self._told_fault = fault
         alive = dict(self.engine.alive)

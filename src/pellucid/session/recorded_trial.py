@@ -14,6 +14,8 @@ from pathlib import Path
 from .._atomic import write_text_atomically
 from .._errors import PellucidError, RecordingError
 from .._given import read_given
+from ..procedures.assessment.assessment_table import AssessmentTable
+from ..procedures.procedure import Procedure
 from ..procedures.registry import asked, open_study
 from ..recordings.fault import Fault
 from ..recordings.recording import Recording
@@ -94,7 +96,7 @@ def judge_trial(study: Study, trial: PlannedTrial, file: Path) -> Judged:
         recording = alone.recordings()[0]
         faults += cut_faults(recording)
         for procedure in asked(alone):
-            if trial.task.protocol in _checked_protocols(study, procedure.name):
+            if trial.task.protocol in _checked_protocols(study, procedure):
                 faults += procedure.unfit(alone).values()
                 faults += procedure.faults(alone, procedure.table_of(alone))
     except (RecordingError, PellucidError) as error:
@@ -104,13 +106,13 @@ def judge_trial(study: Study, trial: PlannedTrial, file: Path) -> Judged:
     return Judged(tuple(own), time.perf_counter() - begun, recording)
 
 
-def _checked_protocols(study: Study, procedure: str) -> set[str]:
+def _checked_protocols(study: Study, procedure: Procedure) -> set[str]:
     """Return the protocols of the session's tasks that a procedure looks at."""
     session = study.config.session
     assert session is not None
     pointing = {task.protocol for task in session.tasks if task.kind == "pointing"}
     every = {task.protocol for task in session.tasks}
-    return pointing if procedure == "assessment" else every
+    return pointing if procedure.table is AssessmentTable else every
 
 
 def add_to_study(study: Study, trial: PlannedTrial, file: Path) -> Study:

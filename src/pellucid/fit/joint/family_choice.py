@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtri
 
 from ..block_test import MIN_IMPROVEMENT, HeldOutComparison, compare_held_out
 from .friction_family import FamilyFit
@@ -84,6 +83,8 @@ def added_terms(estimate: JointEstimate, simpler: Sequence[str], level: float) -
     the simpler family has one term for both directions, the difference between the directions counts.
     """
     names, added = [p.name for p in estimate.parameters], {}
+    from scipy.special import ndtri  # SciPy takes a third of a second to load, and `check` chooses no family
+
     times = float(ndtri(0.5 + 0.5 * level))
     for i, parameter in enumerate(estimate.parameters):
         name = parameter.name

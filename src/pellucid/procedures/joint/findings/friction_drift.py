@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from ....fit.joint.friction_drift import find_friction_drift
 from ....fit.parameter import Verdict
+from ....models.fields import largest_friction, model_fields
+from ....models.friction_terms import TERMS
 from ....pages.quantities import number, unit_text
 from ..joint_case import JointCase
 
@@ -22,13 +24,11 @@ def find(case: JointCase) -> Iterator[Verdict]:
     """Report the fitted recording in which friction drifts most, and how many others there are."""
     found = []
     values = dict(zip(case.fit.model.names, case.fit.estimate.array, strict=True))
-    level = abs(values.get("coulomb", values.get("coulomb_positive", 0.0)))
-    viscous = abs(values.get("viscous", values.get("viscous_positive", 0.0)))
     for each in case.fit.predictions:
         if each.split != "fitted" or len(each.time) < 2:
             continue
         drift = find_friction_drift(each.time, each.velocity, each.residual)
-        usual = level + viscous * float(np.median(np.abs(each.velocity)))
+        usual = _friction_at(values, float(np.median(np.abs(each.velocity))))
         if drift is not None and abs(drift.z_value) > MIN_Z_VALUE and abs(drift.change) > MIN_LEVEL_SHARE * usual > 0.0:
             found.append((abs(drift.change) / usual, each, drift))
     if not found:
@@ -42,3 +42,14 @@ def find(case: JointCase) -> Iterator[Verdict]:
         f"{100 * share:.0f} % of the friction there, as a gear that warms up does."
     )
     yield Verdict("warning", text, "Let the machine warm up before you record, or identify cold and warm apart.")
+
+
+def _friction_at(values: Mapping[str, float], speed: float) -> float:
+    """Return the friction that reported terms give without a load at a speed [rad/s or m/s], in the effort's unit."""
+    known = {
+        target: abs(values[term.name])
+        for term in TERMS
+        if term.name in values and term.resists is not None
+        for target in term.targets
+    }
+    return float(largest_friction(model_fields("joint"), known, speed, 0.0)) if known else 0.0
