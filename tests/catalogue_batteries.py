@@ -11,6 +11,7 @@ from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
+from types import ModuleType
 
 import numpy as np
 
@@ -116,11 +117,38 @@ def supervisor_faults() -> list[str]:
     return found
 
 
+OTHER_SEARCHERS = {
+    "another_clock": "pellucid.recordings.log",
+    "dead": "pellucid.procedures.dead_effort",
+    "echoed": "pellucid.procedures.joint.wearer",
+    "garbage": "pellucid.studies.study",
+    "saturated": "pellucid.recordings.log",
+    "worn": "pellucid.procedures.joint.wearer",
+}
+"""Modules that search for a kind of defect which is no stretch of one channel, so that `find_defects` cannot cut it."""
+
+
+def _uses(user: str, module: ModuleType) -> bool:
+    """Return whether the module named `user` imports a defect's module, or a function of it."""
+    values = vars(import_module(user)).values()
+    return any(value is module or getattr(value, "__module__", None) == module.__name__ for value in values)
+
+
 def defect_faults() -> list[str]:
-    """Return what is missing for a defect of recordings: a kind, a sentence, and a place in the search."""
+    """Return what is missing for a defect of recordings: a kind, a sentence, and a place in a search."""
     modules = [import_module(f"{defects.__name__}.{each.name}") for each in iter_modules(defects.__path__)]
     kinds = [module for module in modules if hasattr(module, "KIND")]
-    found = [f"{module.KIND}: no study searches for it" for module in kinds if module not in KINDS]
+    others = [module for module in kinds if module not in KINDS]
+    found = [f"{module.KIND}: no study searches for it" for module in others if module.KIND not in OTHER_SEARCHERS]
+    for module in others:
+        user = OTHER_SEARCHERS.get(module.KIND)
+        if user is not None and not _uses(user, module):
+            found.append(f"{module.KIND}: {user} does not search for it")
+        if not (module.__doc__ or "").startswith("Find "):
+            found.append(f"{module.KIND}: does not say how it is found")
+    known = {module.KIND for module in others}
+    found += [f"{kind}: is listed for {user}, but `find_defects` searches for it, or it is no defect"
+              for kind, user in OTHER_SEARCHERS.items() if kind not in known]  # fmt: skip
     for module in KINDS:
         if not module.KIND.isidentifier() or [each.KIND for each in kinds].count(module.KIND) != 1:
             found.append(f"{module.__name__}: has no kind of its own")

@@ -322,7 +322,10 @@ def plan(
 
 @app.command()
 def certificate(folder: Folder, out: Out = None, allow_outside: Outside = False) -> None:
-    """Write a certificate's page for a reviewer: protocol, margins, assumptions, exclusions, checksums."""
+    """Write a certificate's page for a reviewer.
+
+    The page lists protocol, margins, assumptions, exclusions and checksums.
+    """
     from .procedures.assessment.reviewer_page import write_certificate as run
 
     study = _opened(folder, out, allow_outside)
@@ -380,7 +383,10 @@ def report(folder: Folder, out: Out = None, allow_outside: Outside = False, acce
 
 @app.command()
 def paper(folder: Folder, out: Out = None, allow_outside: Outside = False, accept_stale: Stale = False) -> None:
-    """Write figures, LaTeX tables, a methods paragraph and references for a paper."""
+    """Write figures, LaTeX tables and text for a paper.
+
+    The text is a methods paragraph with its references.
+    """
     from .procedures.paper import write_paper
 
     study = _opened(folder, out, allow_outside, accept_stale)
@@ -447,7 +453,7 @@ def export(
         bool, typer.Option("--overwrite", help="Replace files that this export did not write.")
     ] = False,
 ) -> None:
-    """Write the controller as C, a model for simulators, or muscles for other programs."""
+    """Write the controller as C, a simulator's model, or muscles."""
     from .deployment.export import export as run
     from .deployment.export import warn_of_export
     from .deployment.microcontroller import measure, missing_tools, save_measured
@@ -530,7 +536,7 @@ def audit(
     ] = Path("audit-page"),
     json: Json = False,
 ) -> None:
-    """Say of any log what is wrong with each channel; status 1 if any is unsound."""
+    """Judge each channel of any log; status 1 if one is unsound."""
     from .pages.quantities import typeset_units
     from .procedures.audit import audit as run
     from .procedures.audit_page import write_audit_page

@@ -129,7 +129,10 @@ def rank(
     ] = False,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the page.")] = Path("ranking"),
 ) -> None:
-    """Rank every controller, elbow and knee, on one page, and laws of your own beside them."""
+    """Rank every controller, and laws of your own, on one page.
+
+    The page ranks the controllers of the elbow and those of the knee; your own laws stand beside them.
+    """
     from .procedures.print_result import fitting_tables
     from .ranking.foreign_law import STOPPED_WORDS
     from .ranking.rank import rank as run

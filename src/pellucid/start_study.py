@@ -79,11 +79,14 @@ def init(
     >>> pl.init("virtual-joint", rig="bench-joint").name
     'rig.toml'
 
-    Of own files, with everything that they cannot tell taken by default:
+    A study of own files: a pendulum of 2 N*m with viscous friction. Questions that nobody answers take their defaults:
 
     >>> import math
     >>> from pathlib import Path
-    >>> rows = [f"{0.01 * k:.2f},{30 * math.sin(k / 20):.3f},{math.cos(k / 20):.3f}" for k in range(400)]
+    >>> angles = [0.5 * math.sin(k / 20) for k in range(400)]  # [rad]
+    >>> torques = [2.0 * math.sin(angle) + 0.5 * math.cos(k / 20) for k, angle in enumerate(angles)]
+    >>> pairs = zip(angles, torques)
+    >>> rows = [f"{0.01 * k:.2f},{math.degrees(q):.3f},{torque:.3f}" for k, (q, torque) in enumerate(pairs)]
     >>> _ = Path("swing.csv").write_text("\\n".join(["t [s],angle [deg],torque [Nm]", *rows]))
     >>> made = pl.init("own-joint", files=["swing.csv"])
     >>> [question.key for question in made.questions]

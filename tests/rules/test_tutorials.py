@@ -26,10 +26,11 @@ LONG = (pytest.mark.nightly, pytest.mark.slow)
 BLOCK_TIMEOUT_S = 3600.0
 NOT_RUN = {
     "README.md": ["installs packages of the system", "sets up the clone in which this page is read"],
-    "commands.md": ["needs a robot of your own"],
+    "commands.md": ["needs a robot of your own", "needs logs of your own"],
     "tutorial-assess.md": 2 * ["needs a Dask cluster"],
-    "tutorial-deploy.md": 2 * ["a part of the program of a microcontroller"],
+    "tutorial-deploy.md": ["takes an hour", *2 * ["a part of the program of a microcontroller"]],
     "tutorial-identify-your-joint.md": [
+        "needs recordings of your own",
         "is printed of a damaged recording, which does not ship",
         "is printed of a late channel, which does not ship",
     ],

@@ -169,8 +169,11 @@ def test_a_study_has_activations_tables_and_a_page(tmp_path, leg):
     opened = study(tmp_path / "leg", leg, more="trust = 30\neffort = 3")
     found = activations(opened)
     rows = {row.id: row for row in found.rows}
-    assert rows["leg.knee.second.assisted.r2"].split == "fitted"
+    # The recording is held out; its note says that the method was told the torque.
+    assert rows["leg.knee.second.assisted.r2"].split == "heldout"
+    assert "no evidence" in rows["leg.knee.second.assisted.r2"].note
     assert rows["leg.knee.second.emg_driven.r2"].split == "heldout"
+    assert not rows["leg.knee.second.emg_driven.r2"].note
     assert rows["leg.knee.left_out.synergies.r2"].value > 0.8
     assert any("no evidence" in verdict.said for verdict in found.verdicts)
     found.save(opened)

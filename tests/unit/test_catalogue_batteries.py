@@ -32,6 +32,10 @@ HALF_ADDED = {
         "defects", "studies/find_defects.py", "spikes, clipped, frozen)\n", "spikes, clipped)\n",
         "frozen_encoder: no study searches for it",
     ),
+    "a defect whose search is no longer called": (
+        "defects", "procedures/joint/wearer.py", "import echoed, worn\n", "import echoed\n",
+        "worn: pellucid.procedures.joint.wearer does not search for it",
+    ),
 }  # fmt: skip
 
 

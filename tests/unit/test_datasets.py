@@ -250,10 +250,11 @@ def test_no_code_knows_a_data_set_by_name():
     import pellucid
 
     root = Path(pellucid.__file__).parent
+    # A name inside a longer word is not meant: "temps", French for time, ends in a data set's name.
     found = [
         f"{path.relative_to(root)}: {name}"
         for path in root.rglob("*.py")
         for name in datasets.names()
-        if name in path.read_text(encoding="utf-8")
+        if re.search(rf"(?<![a-z]){name}", path.read_text(encoding="utf-8"))
     ]
     assert found == []

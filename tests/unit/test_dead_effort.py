@@ -22,6 +22,11 @@ def refused(study):
     return [(fault.kind, fault.channel) for fault in pl.check(study) if fault.severity == "refuse"]
 
 
+def cut_efforts(study):
+    """Return the channels of efforts that were cut out because they are silent while the joint moves."""
+    return [cut.channel for cut in study.recording("sweep").cuts if cut.kind == "dead_effort"]
+
+
 def toggling(level, step, seed=5):
     """A constant that a converter reads as one or the other of two neighbouring digits."""
     return level + step * np.random.default_rng(seed).integers(0, 2, 2000)
@@ -150,6 +155,25 @@ def test_an_effort_that_is_constant_for_a_while_is_alive(make_study):
     columns = make_study.swing()
     study = make_study(columns | {"i": np.where(columns["t"] < 3.0, 0.0, columns["i"])})
     assert ("dead_effort", "current") not in refused(study)
+
+
+def breakaway(jump=0.0, digit=0.0, moves_before=0.0):
+    """A joint that sticks under a rising current and slides once the current holds its last value."""
+    t = np.arange(2000) / 200.0
+    current = np.minimum(t / 5.0, 1.0) * 1.2
+    current[1000:] += jump
+    q = np.where(t > 4.5, 0.05 * np.clip(t - 4.5, 0, None) ** 2, 0.0) + moves_before * np.sin(3.0 * t)
+    return {"t": t, "q": q, "i": np.round(current / digit) * digit if digit else current}
+
+
+@pytest.mark.parametrize("digit", [0.0, 0.01])
+def test_a_ramp_to_breakaway_that_holds_its_value_is_alive(make_study, digit):
+    assert cut_efforts(make_study(breakaway(digit=digit))) == []
+
+
+@pytest.mark.parametrize("made", [{"jump": -1.2}, {"moves_before": 0.3}], ids=["falls_to_zero", "moves_before"])
+def test_a_ramp_after_which_a_sensor_dies_is_dead(make_study, made):
+    assert cut_efforts(make_study(breakaway(**made))) == ["current"]
 
 
 @pytest.mark.parametrize("effort", [0.0, 3.2])

@@ -10,14 +10,13 @@ import numpy as np
 import pytest
 
 from pellucid._errors import PellucidError
-from pellucid.control.elbow_controllers import BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
+from pellucid.control.elbow_controllers import BEST_SENSED_CONTROLLER
 from pellucid.datasets.registry import info, shipped
 from pellucid.demonstration import demo as module
 from pellucid.demonstration.story import chapter_sentences
 from pellucid.lab.elbow.rig import able_elbow
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
-from pellucid.models.slider_card import read_slider_card
 from pellucid.pages.quantities import number, percent
 from pellucid.procedures.registry import open_study
 
@@ -84,8 +83,8 @@ def test_the_page_says_what_few_people_cannot_show(made):
 
 def test_people_wear_what_the_cards_say_and_that_is_exported(made):
     assert made.findings.conditions == ("Ctrl", *module.WORN_CONTROLLERS)
-    named = ELBOW_CONTROLLERS[BEST_SENSED_CONTROLLER]
-    law = named.build(read_slider_card(made.elbow.models_dir / named.card), sum(made.fit.rail) / 2)
+    person, *_ = draw_people(module.few_people(able_elbow()), np.random.default_rng(3), count=3)
+    law = module.worn_controllers(made.elbow)[BEST_SENSED_CONTROLLER](person, sum(made.fit.rail) / 2)
     constants = (made.controller / "pellucid_constants.h").read_text(encoding="utf-8")
     for name in ("gravity_sine", "coulomb_positive", "proportional"):
         line = next(line for line in constants.splitlines() if f"/* {name} [" in line)

@@ -30,7 +30,7 @@ HALF_ADDED = {
     ),
     "cut off movements": (", cut_off=CutOff.AT_LEAST_SEEN", "", "duration_median: does not say what a movement"),
     "a place that another has": ('of="end_error",\n', 'of="end_error", panel_place=7,\n', "panels: places"),
-    "no index that leads": ("    leads=True, ", "    ", "not exactly one index leads"),
+    "no index that leads": ("    leads=True,\n", "", "not exactly one index leads"),
 }
 
 

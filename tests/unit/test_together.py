@@ -78,11 +78,29 @@ def test_muscles_without_an_electrode_are_left_away_where_they_do_not_help(found
     assert ("are not used" in said) == (not found.never.helps)
 
 
+def offset_verdicts(found, alone):
+    """Return the kind and the text of each verdict on the offset of the EMG stream."""
+    return [(v.kind, v.text) for v in together_verdicts(found, alone) if "ahead of the moments" in v.text]
+
+
 def test_an_offset_that_does_not_carry_over_is_not_the_recordings(found, alone):
+    late = found.fits["hill.offset"]
+    scores = {joint: replace(score, r2=-1.0) for joint, score in late.choice.scores.items()}
+    worse = replace(late, choice=replace(late.choice, scores=scores))
+    made = replace(found, fits={**found.fits, "hill.offset": worse})
+    ((kind, text),) = offset_verdicts(made, alone)
+    assert kind == "note"
+    assert "would fit better" in text
+    assert "not attributed to the recording" in text
+    rows = {row.id: row.value for row in together_rows("made", made, alone, [])}
+    assert rows["made.together.hill.offset.carries_over"] == 0.0
+
+
+def test_held_out_recordings_do_not_decide_on_the_offset(found, alone):
     worse = [replace(s, score=replace(s.score, r2=-1.0)) if s.how == "hill.offset" else s for s in found.scores]
-    said = [v for v in together_verdicts(replace(found, scores=tuple(worse)), alone) if "would fit better" in v.text]
-    assert [v.kind for v in said] == ["note"]
-    assert "not attributed to the recording" in said[0].text
+    ((kind, text),) = offset_verdicts(replace(found, scores=tuple(worse)), alone)
+    assert kind == "warning"
+    assert "the recording's own" in text
 
 
 def test_cards_keep_one_set_of_muscles_for_both_joints(found):

@@ -5,6 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from pellucid.fit.block_test import MIN_IMPROVEMENT
+from pellucid.fit.joint.family_choice import choose_family
 from pellucid.fit.parameter import Parameter
 from pellucid.procedures.joint.findings import family_choice, prediction
 from pellucid.procedures.tree.findings import heldout_worse
@@ -21,7 +23,9 @@ def predicted(error, count=4000):
         fitted_effort_error=error,
         heldout_effort_error=error,
     )
-    return SimpleNamespace(fit=SimpleNamespace(headline=headline), best="symmetric")
+    fits = {"symmetric": SimpleNamespace(headline=headline, heldout_effort_error=error)}
+    study = SimpleNamespace(model=SimpleNamespace(min_improvement=MIN_IMPROVEMENT))
+    return SimpleNamespace(fits=fits, fit=fits["symmetric"], best="symmetric", study=study)
 
 
 @pytest.mark.parametrize(("error", "kind"), [(5.0, "good"), (19.0, "good"), (21.0, "warning"), (44.0, "warning")])
@@ -36,23 +40,33 @@ def test_a_joint_of_a_robot_is_good_up_to_an_error_of_20_percent(error, kinds):
     assert [v.kind for v in heldout_worse.find(case)] == kinds
 
 
-def chosen(best, simpler, values, errors, correlation=0.0):
-    """A case in which the family with parameters `best` wins over one with parameters `simpler`."""
+def chosen(rich, plain, values, errors):
+    """A case that chooses between two families, of which the one with parameters `rich` errs by a tenth less."""
     sd = np.array(errors)
-    covariance = np.outer(sd, sd) * (np.eye(len(sd)) + correlation * (1.0 - np.eye(len(sd))))
     parameters = tuple(
-        Parameter(n, "N*m", v, s, identifiable=abs(v) > 1.96 * s) for n, v, s in zip(best, values, errors, strict=True)
+        Parameter(n, "N*m", v, s, identifiable=abs(v) > 1.96 * s) for n, v, s in zip(rich, values, errors, strict=True)
     )
-    estimate = SimpleNamespace(parameters=parameters, covariance=covariance)
-    models = {n: SimpleNamespace(symbols=p, names=tuple(p)) for n, p in (("rich", best), ("plain", simpler))}
-    fits = {n: SimpleNamespace(model=m) for n, m in models.items()}
-    contest = SimpleNamespace(errors={"rich": 0.9, "plain": 1.0}, blocks=12, winner="rich", p_values={})
-    fit = SimpleNamespace(headline=SimpleNamespace(estimate=estimate), heldout_effort_error=5.0)
-    return SimpleNamespace(fits=fits, fit=fit, best="rich", contest=contest, level=0.95)
+    estimate = SimpleNamespace(parameters=parameters, covariance=np.diag(sd**2))
+    headline = SimpleNamespace(estimate=estimate, heldout_effort_error=5.0, fitted_effort_error=5.0)
+    noise = np.random.default_rng(7).standard_normal(4000)
+    fits = {
+        name: SimpleNamespace(
+            model=SimpleNamespace(symbols=own, names=tuple(own)),
+            estimate=estimate,
+            headline=headline,
+            heldout_effort_error=5.0,
+            crossed=(error * noise,),
+        )
+        for name, own, error in (("rich", rich, 0.9), ("plain", plain, 1.0))
+    }
+    contest = choose_family(fits, 0.95)
+    return SimpleNamespace(
+        fits=fits, fit=fits[contest.best], best=contest.best, contest=contest, level=0.95, judged_on_held_out=True
+    )
 
 
 @pytest.mark.parametrize(
-    ("best", "simpler", "values", "errors", "kind"),
+    ("rich", "plain", "values", "errors", "kind"),
     [
         (["inertia", "stribeck"], ["inertia"], [1.0, 0.5], [0.1, 0.1], "good"),
         (["inertia", "stribeck"], ["inertia"], [1.0, 0.1], [0.1, 0.1], "note"),
@@ -61,8 +75,20 @@ def chosen(best, simpler, values, errors, correlation=0.0):
         (["load_motoring", "load_generating"], ["load_friction"], [0.1, 0.11], [0.02, 0.02], "note"),
     ],
 )
-def test_a_family_wins_only_by_what_the_recordings_show(best, simpler, values, errors, kind):
-    (told,) = family_choice.find(chosen(best, simpler, values, errors))
+def test_a_family_wins_only_by_what_the_recordings_show(rich, plain, values, errors, kind):
+    case = chosen(rich, plain, values, errors)
+    (told,) = family_choice.find(case)
     assert told.kind == kind
-    assert ("significantly worse" in told.text) == (kind == "good")
+    assert case.best == ("rich" if kind == "good" else "plain")
+    assert ("every simpler family is worse" in told.text) == (kind == "good")
     assert ("do not identify" in told.text) == (kind == "note")
+
+
+def test_a_family_that_is_better_on_held_out_recordings_only_is_told_and_not_used():
+    case = predicted(10.0)
+    case.fits["stribeck"] = SimpleNamespace(heldout_effort_error=8.0)
+    better, usual = prediction.find(case)
+    assert (better.kind, usual.kind) == ("note", "good")
+    assert "may not choose" in better.text
+    case.fits["stribeck"] = SimpleNamespace(heldout_effort_error=9.9)
+    assert [v.kind for v in prediction.find(case)] == ["good"]

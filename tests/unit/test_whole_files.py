@@ -63,6 +63,9 @@ def test_a_full_disk_leaves_figures_and_pages_as_they_were(tmp_path, full_disk, 
 def test_nothing_is_written_but_whole():
     """Only `_atomic.py` opens a file for writing; what goes into a scratch folder is nobody's result."""
     scratch = {"_atomic.py": 1, "deployment/c_folder.py": 1, "datasets/init.py": 1}
+    # A live session's log is appended to while its process runs; its region and rings are memory that processes share,
+    # of a fixed size and written in place. None is read as a result.
+    live = {"live/engine.py": 1, "live/region.py": 1, "live/stream_ring.py": 1}
     found = {}
     for path in sorted(SOURCES.rglob("*.py")):
         text = re.sub(r"^\s*(>>>|\.\.\.) .*$", "", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
@@ -70,7 +73,7 @@ def test_nothing_is_written_but_whole():
         count = len(WRITES.findall(text)) - into_memory
         if count:
             found[str(path.relative_to(SOURCES))] = count
-    assert found == scratch
+    assert found == scratch | live
 
 
 WRITER = """

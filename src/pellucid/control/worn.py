@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from .. import _core
@@ -58,7 +58,9 @@ def completed_by_spring(instruments: Instruments, effort_limit: float) -> Comple
     )
 
 
-def watched_worn(law: ControlLaw, instruments: Instruments | None = None) -> SupervisedLaw:
+def watched_worn(
+    law: ControlLaw, instruments: Instruments | None = None, *, actuator: Mapping[str, float] | None = None
+) -> SupervisedLaw:
     """Return a worn law under a supervisor whose thresholds follow from its limits and its `instruments`.
 
     The law asks a series spring for its torque. If the drive is measured, the measurement is the spring's torque. A
@@ -67,18 +69,20 @@ def watched_worn(law: ControlLaw, instruments: Instruments | None = None) -> Sup
 
     Raw data, command and memory are watched. No model is held against the wearer: the strap's share of the motion is no
     robot's. EMG may come and go, and what of its noise is in the command is no ringing. The wave of a test at start-up
-    would meet the spring's own torque loop.
+    would meet the spring's own torque loop. `actuator` has the drive's ``actuator_coulomb`` and
+    ``actuator_inertia``, SI, for a law without these numbers; what neither has is 0.
     """
     effort, period, more = law.values["effort_limit"], law.values["period"], {}
+    drive = {**(actuator or {}), **law.values}
     measured = completed_by_spring(instruments or Instruments(), effort)
     if measured.spring_stiffness is not None:
         twist = 2.0 * effort / measured.spring_stiffness
         measured = replace(measured, joint_tolerance=max(measured.joint_tolerance, twist))
     if measured.drive:
         more = {
-            "drive_tolerance": SPRING_TOLERANCE * effort + law.values["actuator_coulomb"],
+            "drive_tolerance": SPRING_TOLERANCE * effort + drive.get("actuator_coulomb", 0.0),
             "drive_surplus": DRIVE_SURPLUS_TRAVEL * effort
-            + 0.5 * SPRING_INERTIA_FACTOR * law.values["actuator_inertia"] * SPRING_SWING_SPEED**2,
+            + 0.5 * SPRING_INERTIA_FACTOR * drive.get("actuator_inertia", 0.0) * SPRING_SWING_SPEED**2,
             "drive_share": SPRING_SHARE,
             "drive_cycles": float(round(SPRING_LAG / period)),
             "drive_late": math.exp(-period / SPRING_LATE),

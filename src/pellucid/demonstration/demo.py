@@ -13,7 +13,9 @@ from pathlib import Path
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
 from .._given import require_folder
+from ..control.control_law import ControlLaw
 from ..control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
+from ..control.transparent_laws import with_borne_force_gain
 from ..datasets import init
 from ..datasets.registry import names, shipped
 from ..deployment.c_folder import check_on_host
@@ -24,6 +26,7 @@ from ..lab.bench.rig import bench_joint
 from ..lab.elbow.protocol import ElbowTrial, trials
 from ..lab.elbow.rig import ElbowRig, able_elbow
 from ..lab.pointing.conditions import controller_builder
+from ..lab.pointing.people import Person
 from ..lab.pointing.rig import PointingRig, elbow_participants
 from ..lab.pointing.session import CONTROL_CONDITION
 from ..lab.study import write_study
@@ -169,11 +172,25 @@ def _identified_elbow(folder: Path, robot: ElbowRig, tell: Tell) -> tuple[Study,
     return study, fit.fit
 
 
-def _assessed_people(folder: Path, robot: ElbowRig, elbow: Study, tell: Tell) -> tuple[Study, AssessmentResult]:
-    """Let people point without the robot and with controllers built from the cards on disk, and assess them."""
+def worn_controllers(elbow: Study) -> dict[str, Callable[[Person, float], ControlLaw]]:
+    """Return functions that build what people wear from the cards on disk, by name.
+
+    The gain on the interaction torque is that of an export of the same study.
+    """
     needed = {controller.method: controller.card for controller in map(ELBOW_CONTROLLERS.get, WORN_CONTROLLERS)}
     cards = {method: read_slider_card(elbow.models_dir / card) for method, card in needed.items()}
-    conditions = {CONTROL_CONDITION: None, **{name: controller_builder(cards, name) for name in WORN_CONTROLLERS}}
+    resonance = elbow.rig.drive.lowest_resonance if elbow.rig.drive else None
+
+    def exported(name: str) -> Callable[[Person, float], ControlLaw]:
+        build = controller_builder(cards, name)
+        return lambda person, place: with_borne_force_gain(build(person, place), resonance)
+
+    return {name: exported(name) for name in WORN_CONTROLLERS}
+
+
+def _assessed_people(folder: Path, robot: ElbowRig, elbow: Study, tell: Tell) -> tuple[Study, AssessmentResult]:
+    """Let people point without the robot and with controllers built from the cards on disk, and assess them."""
+    conditions = {CONTROL_CONDITION: None, **worn_controllers(elbow)}
     tell(f"{PEOPLE_COUNT} virtual people point, without the robot and with it", 0.0)
     study = write_study(
         folder,

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from .._errors import PellucidError
+from .._errors import PellucidError, install_command
 from .clock_tracker import ClockTracker
 from .stream_ring import StreamRing, ask_for_niceness
 
@@ -46,7 +46,9 @@ def streaming_layer() -> Any:
     try:
         import pylsl
     except (ImportError, RuntimeError) as error:
-        raise PellucidError(f"streams need pylsl: pip install 'pellucid[live]' ({error})") from None
+        raise PellucidError(
+            f"streams: could not load pylsl ({error}), expected it: in the clone of Pellucid, {install_command('live')}"
+        ) from None
     return pylsl
 
 

@@ -26,6 +26,8 @@ READY_MESSAGE = b"ready"
 def load_python(path: Path):
     """Return `step` and `reset` of the class ``Law`` of a Python file."""
     spec = importlib.util.spec_from_file_location("foreign_law", path)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{path}: found no way to load it, expected a file of Python")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     law = module.Law()

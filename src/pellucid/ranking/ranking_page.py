@@ -146,8 +146,9 @@ def _foreign_sections(tasks: Sequence[TaskRanking], board: Sequence[BoardEntry])
     heads = ("law", "file", "task", "place", "torque over no power", "pairs", "seed", "pellucid")
     tables = [number_table(heads, rows, "Every run of this folder; a changed file has another checksum.", words=3)]
     if stopped:
-        heads = ("law", "task", "pair", "why")
-        tables.insert(0, Table(heads, tuple(stopped), caption="Stopped by the gate or by the limits of its process."))
+        stopped_heads = ("law", "task", "pair", "why")
+        caption = "Stopped by the gate or by the limits of its process."
+        tables.insert(0, Table(stopped_heads, tuple(stopped), caption=caption))
     text = (
         "A foreign law is a stranger's code. It runs in a process of its own with limited time and memory, and what it "
         "asks for passes the safety gate of the core; the supervisor's model of the body does not watch it. It wears "

@@ -9,6 +9,7 @@ import numpy as np
 
 from .._errors import RecordingError
 from ..recordings.cut import MIN_GAP_STEP_RATIO
+from ..recordings.defects import garbage
 from ..recordings.recording import Recording
 from .filters import runs
 
@@ -48,11 +49,12 @@ def input_output(recording: Recording, channels: Sequence[str]) -> InputOutput:
     """A recording's input and output over time that increases with every sample.
 
     Samples with a missing number are left out. Where time runs back a log holds what is left of an earlier one: the
-    longest stretch in which it does not is kept. A time that repeats is kept once. All are counted in the notes.
+    longest stretch in which it does not is kept. A time that repeats is kept once. All are counted in the notes, beside
+    the rows of garbage that reading has left out at either end.
     """
     name_in, name_out = channels
     table = np.column_stack([recording.time, recording[name_in], recording[name_out]])
-    notes: list[str] = []
+    notes = [f"{cut.found}; they are left out" for cut in recording.cuts if cut.kind == garbage.KIND]
     finite = np.isfinite(table).all(axis=1)
     known = finite & recording.sound
     if not finite.all():

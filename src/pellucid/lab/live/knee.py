@@ -103,7 +103,11 @@ def virtual_knee(
         | TORQUE_LIMITS
         | {"inertia": 0.05, "velocity_width": 0.1, "friction_share": 0.0, "period": rig.period},
     )
-    watched = watched_worn(law, rig.instruments)
+    drive = rig.constants.actuator
+    friction = 0.5 * (drive.coulomb_positive + drive.coulomb_negative)
+    watched = watched_worn(
+        law, rig.instruments, actuator={"actuator_coulomb": friction, "actuator_inertia": drive.inertia}
+    )
     values = {
         **REACHING_NUMBERS,
         "inertia": worn.inertia,
