@@ -9,7 +9,7 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 from typer.core import TyperGroup
@@ -121,8 +121,9 @@ def init(
         print_line(out, f"{made}: the rig {rig}, to be used as it is or edited.")
         print_line(out, f"Next: pellucid simulate {folder}")
         return
-    print_line(out, f"{folder}: study {made.name!r}, {count_of(len(made.recordings()), 'recording')}.")
-    print_items(out, [("note", note) for note in made.notes])
+    study = cast("Study", made)  # own files were proposed above
+    print_line(out, f"{folder}: study {study.name!r}, {count_of(len(study.recordings()), 'recording')}.")
+    print_items(out, [("note", note) for note in study.notes])
     print_line(out, f"study.toml says what they mean. Next: pellucid check {folder}")
 
 

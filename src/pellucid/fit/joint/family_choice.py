@@ -60,7 +60,8 @@ def choose_family(
     """
     comparison = compare_families(fits, min_improvement)
     each = 1.0 - (1.0 - level) / max(len(fits) - 1, 1)
-    left, unproven = list(order_by_simplicity(fits, comparison)), []
+    left = list(order_by_simplicity(fits, comparison))
+    unproven: list[UnprovenFamily] = []
     while True:
         smallest = min(comparison.errors[n] for n in left)
         best = next(n for n in left if smallest >= (1.0 - min_improvement) * comparison.errors[n])

@@ -108,10 +108,13 @@ def find_disagreements(model: JointModel, values: np.ndarray, motions: Sequence[
         w, effort = regression_rows(model, values, beside)
         own = _split_by_recording(judged, beside.lengths, w[:, active], beside.target - effort, beside.target)
         references = [[part] for part in every] if len(every) == 2 and found else [parts]
-        compared = [[_compare(part, others, names, values[active]) for others in references] for part in own]
-        apart = [[c for c in each if c is not None] for each in compared]
-        nearest = [min(each, key=lambda c: c[0]) for each in apart if len(each) == len(references)]
-        found += [each for _, each in sorted(nearest, key=lambda c: -c[0])]
+        nearest = []
+        for part in own:
+            against = [_compare(part, others, names, values[active]) for others in references]
+            apart = [pair for pair in against if pair is not None]
+            if len(apart) == len(references):
+                nearest.append(min(apart, key=lambda pair: pair[0]))
+        found += [disagreement for _, disagreement in sorted(nearest, key=lambda pair: -pair[0])]
     return tuple(found)
 
 
