@@ -1,6 +1,7 @@
 """Controllers of a worn elbow robot by name: what each is, the card that it needs, and what makes it of that card.
 
-What virtual people wear, what is exported and what is fuzzed under a name is the same law.
+What virtual people wear, what is exported and what is fuzzed under a name is the same law. Its gains may differ: an
+export lowers those that ring behind a soft transmission, unless the study states a stiff one.
 """
 
 from __future__ import annotations
