@@ -20,7 +20,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FuncFormatter, LogFormatter, MaxNLocator, NullFormatter
 
 from .._atomic import write_bytes_atomically, write_text_atomically
 from .line_points import broken, outline
@@ -28,6 +28,8 @@ from .style import COLOURS, FIGURE_WIDTH, MATPLOTLIB_SETTINGS, SANS_SERIF_FONTS,
 
 DOT_POINTS = 1400
 """A cloud of dots keeps at most so many."""
+
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 _LONG_NUMBER_PATTERN = re.compile(r"-?\d+\.\d{3,}")
 
@@ -105,6 +107,7 @@ def draw(make: Callable[..., Drawing], *args, **options) -> Drawing:
     """Call a figure's function under the report's style."""
     with matplotlib.rc_context(dict(MATPLOTLIB_SETTINGS)):
         drawing = make(*args, **options)
+        _name_powers_of_ten(drawing.figure)
         # Once, so that every later output has the same layout. None takes the engine away; "none" leaves a stand-in,
         # for which every output draws the figure twice.
         layout = drawing.figure.get_layout_engine()
@@ -112,6 +115,27 @@ def draw(make: Callable[..., Drawing], *args, **options) -> Drawing:
             layout.execute(drawing.figure)
         drawing.figure.set_layout_engine(None)
         return drawing
+
+
+def _name_powers_of_ten(figure: Figure) -> None:
+    """Let logarithmic axes label their powers of ten in plain characters: Matplotlib's own labels are formulas, which
+    the report's style prints as they are written."""
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            if isinstance(axis.get_major_formatter(), LogFormatter):
+                axis.set_major_formatter(FuncFormatter(lambda value, _: _plain_power(value)))
+            if isinstance(axis.get_minor_formatter(), LogFormatter):
+                axis.set_minor_formatter(NullFormatter())
+
+
+def _plain_power(value: float) -> str:
+    """Return the label of a tick on a logarithmic axis: .01, 10, or 10⁶."""
+    if not value > 0.0:
+        return ""
+    exponent = round(np.log10(value))
+    if -3 <= exponent <= 4 or not np.isclose(value, 10.0**exponent, rtol=1e-6, atol=0.0):
+        return f"{value:g}"
+    return f"10{str(exponent).translate(_SUPERSCRIPTS)}"
 
 
 def one_panel(height: float) -> tuple[Figure, Axes]:
