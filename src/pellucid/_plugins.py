@@ -11,9 +11,12 @@ commands in this way.
 
 from __future__ import annotations
 
+import sys
+from configparser import ConfigParser
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import entry_points
+from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from ._errors import PluginError
@@ -36,7 +39,7 @@ class Plugin:
     """One entry point of an installed package, with the object that it names."""
 
     name: str  # name of the entry point
-    distribution: str  # name of the distribution that brings it, "" if it is not known
+    distribution: str  # name of the distribution that brings it
     value: Any  # module, package or function, as `PLUGIN_GROUPS` says
 
 
@@ -51,18 +54,58 @@ def load_plugins(group: str) -> tuple[Plugin, ...]:
     """
     expected = PLUGIN_GROUPS[group]
     found: dict[tuple[str, str], Plugin] = {}
-    for entry in entry_points(group=group):
-        distribution = entry.dist.name if entry.dist is not None else ""
+    for entry in _entries(tuple(sys.path)):
+        if entry.group != group:
+            continue
         try:
             value = entry.load()
         except Exception as error:  # a stranger's module may raise anything when it is imported
             raise PluginError(
-                f"plug-in {entry.name} of {distribution or 'an unknown distribution'} ({group}): found {error!r} on "
-                f"loading {entry.value}, expected {expected}; to go on without it: pip uninstall {distribution}"
+                f"plug-in {entry.name} of {entry.distribution} ({group}): found {error!r} on loading "
+                f"{entry.reference}, expected {expected}; to go on without it: pip uninstall {entry.distribution}"
             ) from error
         # An editable installation beside an installed one shows the same entry twice.
-        found[distribution, entry.name] = Plugin(entry.name, distribution, value)
+        found[entry.distribution, entry.name] = Plugin(entry.name, entry.distribution, value)
     return tuple(found[key] for key in sorted(found))
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """One line of an installed distribution's entry_points.txt."""
+
+    distribution: str
+    group: str
+    name: str
+    reference: str  # package.module, or package.module:attribute
+
+    def load(self) -> Any:
+        """Import what it refers to."""
+        module, _, attribute = self.reference.partition(":")
+        found = import_module(module.strip())
+        for part in filter(None, attribute.strip().split(".")):
+            found = getattr(found, part)
+        return found
+
+
+@cache
+def _entries(folders: tuple[str, ...]) -> tuple[_Entry, ...]:
+    """Return the entries of all groups of Pellucid, from the distributions in the folders of a path.
+
+    The files are read here rather than by `importlib.metadata`, whose import alone takes longer than the help.
+    """
+    found = []
+    for folder in dict.fromkeys(folders):
+        for file in sorted(Path(folder or ".").glob("*.*-info/entry_points.txt")):
+            text = file.read_text(encoding="utf-8", errors="replace")
+            if "[pellucid." not in text:
+                continue
+            lines = ConfigParser(delimiters=("=",), interpolation=None)
+            lines.optionxform = str  # type: ignore[assignment, method-assign]
+            lines.read_string(text)
+            distribution = file.parent.name.split("-")[0].replace("_", "-")
+            for group in lines.sections():
+                found += [_Entry(distribution, group, name, reference) for name, reference in lines[group].items()]
+    return tuple(found)
 
 
 def require_attributes(plugin: Plugin, group: str, *names: str) -> None:

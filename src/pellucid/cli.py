@@ -7,16 +7,24 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
-from typer.core import TyperGroup
 
-from ._errors import PellucidError, UnfitRecordingError, missing_lab
+from ._errors import PellucidError, UnfitRecordingError
 from ._plugins import load_plugins
-from .procedures.command import Command, procedure_commands
+from .command_group import CommandGroup, example
+from .procedures.command import (
+    DEPLOY_GROUP,
+    DESCRIBE_GROUP,
+    IDENTIFY_GROUP,
+    LEARN_GROUP,
+    PEOPLE_GROUP,
+    Command,
+    procedure_commands,
+)
 from .terminal import (
     Json,
     count_of,
@@ -30,22 +38,8 @@ from .terminal import (
 
 if TYPE_CHECKING:
     from .procedures.result import Result
+    from .recordings.fault import Fault
     from .studies.study import Study
-
-LAB_COMMANDS = ("simulate", "predict", "demo", "reproduce", "rank")
-"""Commands of the distribution `pellucid-lab`. If it is not installed, they say how to install it."""
-
-
-class CommandGroup(TyperGroup):
-    """The commands by name. A command of a distribution that is not installed is known, and says so."""
-
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Return a command by its name; None if no distribution of Pellucid has it."""
-        found = super().get_command(ctx, cmd_name)
-        if found is None and cmd_name in LAB_COMMANDS:
-            raise missing_lab(cmd_name)
-        return found
-
 
 app = typer.Typer(
     name="pellucid",
@@ -54,11 +48,13 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 datasets_app = typer.Typer(
-    name="datasets", help="Public recordings of real machines.", rich_markup_mode=None, no_args_is_help=True
-)
-app.add_typer(datasets_app)
+    name="datasets", help="List or fetch public recordings of real machines.", rich_markup_mode=None,
+    no_args_is_help=True,
+)  # fmt: skip
+app.add_typer(datasets_app, rich_help_panel=LEARN_GROUP)
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the study.")]
 Outside = Annotated[
@@ -77,7 +73,7 @@ Family = Annotated[
 ]
 
 
-@app.command()
+@app.command(rich_help_panel=DESCRIBE_GROUP, epilog=example("pellucid init my-elbow --from recordings/*.csv"))
 def init(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to create.")],
     dataset: Annotated[str | None, typer.Option(metavar="NAME", help="Public data set to fill it from.")] = None,
@@ -166,8 +162,8 @@ def _check_proposed(folder: Path) -> None:
         print_line(make_console(), f"check: {error}")
 
 
-@app.command()
-def check(folder: Folder, allow_outside: Outside = False) -> None:
+@app.command(rich_help_panel=DESCRIBE_GROUP, epilog=example("pellucid check my-elbow"))
+def check(folder: Folder, json: Json = False, allow_outside: Outside = False) -> None:
     """Check recordings before identification; status 1 if unfit."""
     from .procedures.registry import asked, open_study
     from .procedures.run import check as run
@@ -177,11 +173,14 @@ def check(folder: Folder, allow_outside: Outside = False) -> None:
     with show_progress() as tell:
         tell("reading recordings", 0.1)
         faults = run(study)
+    if json:
+        _print_faults(faults)
+        return
     out = make_console()
     refused = [f for f in faults if f.severity == "refuse"]
     warned = [f for f in faults if f.severity == "warn"]
-    others = [f for f in faults if f.severity != "warn"]
-    print_items(out, [("warning", text) for text in [*(f.message for f in refused), *grouped_messages(warned)]])
+    others = [f for f in faults if f.severity not in ("warn", "refuse")]
+    print_items(out, [("warning", text) for text in [*grouped_messages(refused), *grouped_messages(warned)]])
     print_items(out, [("note", text) for text in grouped_messages(others)])
     if refused:
         print_line(out, f"Not fit to identify from: {count_of(len(refused), 'fault')}.")
@@ -194,7 +193,17 @@ def check(folder: Folder, allow_outside: Outside = False) -> None:
     print_line(out, f"Fit to {command} from. Next: pellucid {command} {folder}")
 
 
-@app.command()
+def _print_faults(faults: Sequence[Fault]) -> None:
+    """Print faults as JSON; exit with status 1 if one refuses a recording."""
+    from dataclasses import asdict
+    from json import dumps
+
+    typer.echo(dumps({"faults": [asdict(fault) for fault in faults]}, indent=1, ensure_ascii=False))
+    if any(fault.severity == "refuse" for fault in faults):
+        raise typer.Exit(1)
+
+
+@app.command(rich_help_panel=IDENTIFY_GROUP, epilog=example("pellucid identify my-elbow"))
 def identify(
     folders: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders of studies; several give a table.")],
     family: Family = None,
@@ -237,6 +246,22 @@ def _several(folders: list[Path], families: list[str] | None, allow_outside: boo
         raise typer.Exit(1)
 
 
+def _print_version(asked: bool) -> None:
+    """Print the version and end, if it was asked for."""
+    if asked:
+        version()
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version, and exit.")
+    ] = False,
+) -> None:
+    """Take the options that come before a command."""
+
+
 def _add_command(command: Command) -> None:
     """Add a command that runs procedures on one study, as their folder describes it."""
 
@@ -254,14 +279,15 @@ def _add_command(command: Command) -> None:
     ) -> None:
         found(folder, json, out, allow_outside, accept_stale)
 
-    app.command(command.name, help=command.help)(reading_cards if command.reads_cards else plain)
+    app.command(command.name, help=command.help, rich_help_panel=command.group,
+                epilog=example(f"pellucid {command.name} my-study"))(reading_cards if command.reads_cards else plain)
 
 
 for _command in procedure_commands():
     _add_command(_command)
 
 
-@app.command()
+@app.command(rich_help_panel=PEOPLE_GROUP, epilog=example("pellucid assess my-people"))
 def assess(
     folder: Folder,
     json: Json = False,
@@ -284,7 +310,7 @@ def assess(
         )
 
 
-@app.command()
+@app.command(rich_help_panel=PEOPLE_GROUP, epilog=example("pellucid plan my-people --participants 16"))
 def plan(
     folder: Folder,
     participants: Annotated[
@@ -321,7 +347,7 @@ def plan(
     print_line(console, found.note)
 
 
-@app.command()
+@app.command(rich_help_panel=PEOPLE_GROUP, epilog=example("pellucid certificate my-people"))
 def certificate(folder: Folder, out: Out = None, allow_outside: Outside = False) -> None:
     """Write a certificate's page for a reviewer.
 
@@ -335,7 +361,7 @@ def certificate(folder: Folder, out: Out = None, allow_outside: Outside = False)
     print_line(make_console(), f"Certificate: {page}")
 
 
-@app.command()
+@app.command(rich_help_panel=PEOPLE_GROUP, epilog=example("pellucid live my-session"))
 def live(
     folder: Folder,
     participant: Annotated[
@@ -369,7 +395,7 @@ def live(
         print_line(out, f"Report: {found.report}")
 
 
-@app.command()
+@app.command(rich_help_panel=IDENTIFY_GROUP, epilog=example("pellucid report my-elbow"))
 def report(folder: Folder, out: Out = None, allow_outside: Outside = False, accept_stale: Stale = False) -> None:
     """Write the report: one HTML page, figures as SVG and PDF."""
     from .procedures.run import report as run
@@ -382,7 +408,7 @@ def report(folder: Folder, out: Out = None, allow_outside: Outside = False, acce
         _exit_with_message(f"{study.report_dir} could not be written; the report is elsewhere", 1)
 
 
-@app.command()
+@app.command(rich_help_panel=IDENTIFY_GROUP, epilog=example("pellucid paper my-elbow"))
 def paper(folder: Folder, out: Out = None, allow_outside: Outside = False, accept_stale: Stale = False) -> None:
     """Write figures, LaTeX tables and text for a paper.
 
@@ -396,7 +422,7 @@ def paper(folder: Folder, out: Out = None, allow_outside: Outside = False, accep
     print_line(make_console(), f"For a paper: {made}; main.tex shows how the parts are used")
 
 
-@app.command()
+@app.command(rich_help_panel=IDENTIFY_GROUP, epilog=example("pellucid compare in-spring in-autumn"))
 def compare(
     a: Annotated[Path, typer.Argument(metavar="A", help="Study that was identified, or model card.")],
     b: Annotated[Path, typer.Argument(metavar="B", help="The later one.")],
@@ -430,7 +456,7 @@ def compare(
     out.print()
 
 
-@app.command()
+@app.command(rich_help_panel=DEPLOY_GROUP, epilog=example("pellucid export my-elbow --out controller"))
 def export(
     folder: Folder,
     to: Annotated[
@@ -499,7 +525,7 @@ def export(
     print_line(console, f"{made}: read README.md there. Next: make -C {made} check")
 
 
-@app.command()
+@app.command(rich_help_panel=DEPLOY_GROUP, epilog=example("pellucid incident incident.bin"))
 def incident(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="File that the recorder of a controller wrote.")],
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the page.")] = None,
@@ -526,7 +552,7 @@ def incident(
     print_line(console, f"Page: {page}")
 
 
-@app.command()
+@app.command(rich_help_panel=DESCRIBE_GROUP, epilog=example("pellucid audit logs/*.csv"))
 def audit(
     files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="Logs of any format, or folders of them.")],
     rate: Annotated[
@@ -564,7 +590,12 @@ def audit(
         raise typer.Exit(1)
 
 
-@app.command()
+@app.command(
+    rich_help_panel=DESCRIBE_GROUP,
+    epilog=example(
+        "pellucid protocol random_phase_multisine motion --rate 1000 --low 0.2 --high 8 --resolution 0.1 --rms 0.2"
+    ),
+)
 def protocol(
     name: Annotated[
         str,
@@ -674,7 +705,7 @@ def _tree_protocol(name: str, study: Path | None, folder: Path, **asked: Any) ->
     print_line(out, f'In study.toml: protocol = "{name}" on each recording.')
 
 
-@app.command()
+@app.command(rich_help_panel=LEARN_GROUP, epilog=example("pellucid version"))
 def version() -> None:
     """Print the version."""
     from . import __version__
@@ -682,7 +713,7 @@ def version() -> None:
     typer.echo(f"pellucid {__version__}")
 
 
-@datasets_app.command("list")
+@datasets_app.command("list", epilog=example("pellucid datasets list"))
 def datasets_list() -> None:
     """List the public data sets with their terms, and whether they are on this machine."""
     from . import datasets
@@ -700,7 +731,7 @@ def datasets_list() -> None:
     make_console().print(table)
 
 
-@datasets_app.command("fetch")
+@datasets_app.command("fetch", epilog=example("pellucid datasets fetch sydney_pendulum"))
 def datasets_fetch(name: Annotated[str, typer.Argument(metavar="NAME")]) -> None:
     """Download a data set, and check every file against its checksum."""
     from . import datasets
@@ -708,7 +739,7 @@ def datasets_fetch(name: Annotated[str, typer.Argument(metavar="NAME")]) -> None
     typer.echo(str(datasets.fetch(name, progress=sys.stderr.isatty())))
 
 
-@datasets_app.command("path")
+@datasets_app.command("path", epilog=example("pellucid datasets path sydney_pendulum"))
 def datasets_path(name: Annotated[str, typer.Argument(metavar="NAME")]) -> None:
     """Print where a data set's files are on this machine."""
     from . import datasets

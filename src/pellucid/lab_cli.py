@@ -10,6 +10,8 @@ from typing import Annotated
 
 import typer
 
+from .command_group import example
+from .procedures.command import DEPLOY_GROUP, LEARN_GROUP, PEOPLE_GROUP
 from .terminal import Json, count_of, make_console, print_items, print_json, print_line, show_progress
 
 
@@ -168,5 +170,11 @@ def rank(
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this distribution to the command line."""
-    for command in (simulate, predict, demo, reproduce, rank):
-        app.command()(command)
+    for command, group, line in (
+        (simulate, LEARN_GROUP, "pellucid simulate my-rig --seed 2"),
+        (predict, PEOPLE_GROUP, "pellucid predict my-rig --people 12 --robots 12"),
+        (demo, LEARN_GROUP, "pellucid demo --out demo"),
+        (reproduce, LEARN_GROUP, "pellucid reproduce knee --out knee"),
+        (rank, DEPLOY_GROUP, "pellucid rank --law my_law.py"),
+    ):
+        app.command(rich_help_panel=group, epilog=example(line))(command)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -25,6 +26,23 @@ CHARACTER_REPLACEMENTS = {
 """Text that replaces each character on a terminal that cannot print it."""
 
 
+MAX_NOTES_UNLESS_VERBOSE = 6
+"""Largest number of notes that a command prints without ``-v``; warnings are all printed."""
+
+_is_quiet = ContextVar("_is_quiet", default=False)
+_is_verbose = ContextVar("_is_verbose", default=False)
+
+
+def set_quiet(quiet: bool) -> None:
+    """Print results and warnings alone from now on, or all again."""
+    _is_quiet.set(quiet)
+
+
+def set_verbose(verbose: bool) -> None:
+    """Print every note from now on, or only the first again."""
+    _is_verbose.set(verbose)
+
+
 def make_console() -> Console:
     """Return the terminal to print to; nothing on it is coloured because it looks like a number."""
     from rich.console import Console
@@ -39,15 +57,29 @@ def print_line(out: Console, text: str) -> None:
 
 @contextmanager
 def show_progress() -> Iterator[Callable[[str, float], None]]:
-    """Show a progress bar on standard error; without a terminal, print a line after two seconds and at intervals."""
+    """Show a progress bar on standard error; without a terminal, print a line after two seconds and at intervals.
+
+    After ``-q`` nothing is shown.
+    """
+    if _is_quiet.get():
+        yield lambda text, share: None
+        return
     if not sys.stderr.isatty():
         with _print_first_line() as tell:
             yield tell
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
-    columns = (TextColumn("{task.description}"), BarColumn(24), TaskProgressColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description}"), BarColumn(24), TaskProgressColumn(), TimeElapsedColumn(),
+               TimeRemainingColumn())  # fmt: skip
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("", total=1.0)
         yield lambda text, share: progress.update(task, description=text, completed=share)
@@ -90,7 +122,7 @@ def _lines_at_intervals(seconds: float = 5.0) -> Callable[[str, float], None]:
     last = [monotonic()]
 
     def tell(text: str, share: float) -> None:
-        if monotonic() - last[0] >= seconds and share < 1.0:
+        if monotonic() - last[0] >= (0.0 if _is_verbose.get() else seconds) and share < 1.0:
             last[0] = monotonic()
             _print_progress(text, share)
 
@@ -107,10 +139,27 @@ def print_json(result: Result) -> None:
 
 
 def print_items(out: Console, items: Sequence[tuple[str, str]]) -> None:
-    """Print sentences, each with the mark of its kind: "good", "note" or "warning"."""
+    """Print sentences, each with the mark of its kind: "good", "note" or "warning".
+
+    Of more than `MAX_NOTES_UNLESS_VERBOSE` notes the first are printed unless ``-v`` asks for all; after ``-q`` none.
+    """
     from .procedures.print_result import print_sentences
 
-    print_sentences(out, items)
+    shown, left = _noted(items)
+    print_sentences(out, shown)
+    if left and not _is_quiet.get():
+        print_line(out, f"  and {count_of(left, 'further note')}, which -v prints")
+
+
+def _noted(items: Sequence[tuple[str, str]]) -> tuple[list[tuple[str, str]], int]:
+    """Return the sentences that are to be printed, and the number of notes among the others."""
+    if _is_verbose.get():
+        return list(items), 0
+    room = 0 if _is_quiet.get() else MAX_NOTES_UNLESS_VERBOSE
+    notes = [item for item in items if item[0] == "note"]
+    # One more is printed rather than counted.
+    kept = notes if len(notes) == room + 1 and room else notes[:room]
+    return [item for item in items if item[0] != "note" or item in kept], len(notes) - len(kept)
 
 
 def count_of(n: int, what: str) -> str:

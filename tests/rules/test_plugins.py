@@ -184,7 +184,7 @@ rig = sys.argv[2] + "-rig"
 for command in (["greet"], ["peak", sys.argv[1]], ["init", rig, "--rig", "pendulum"], ["simulate", rig]):
     result = CliRunner().invoke(app, command)
     assert result.exit_code == 0, result.output
-    print(result.output.strip().splitlines()[0])
+    print(result.stdout.strip().splitlines()[0])
 """
 
 
@@ -262,9 +262,9 @@ def test_a_package_that_cannot_be_used_is_named(tmp_path, monkeypatch, fresh_plu
 
 
 WITHOUT_LAB = """
-import importlib.metadata as m
-original = m.entry_points
-m.entry_points = lambda **k: [e for e in original(**k) if e.dist.name != "pellucid-lab"]
+import pellucid._plugins as plugins
+original = plugins._entries
+plugins._entries = lambda path: [entry for entry in original(path) if entry.distribution != "pellucid-lab"]
 """
 BASE_ALONE = (
     WITHOUT_LAB

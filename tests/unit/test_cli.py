@@ -1,11 +1,13 @@
 """The command line: each command calls its function, prints what fits a terminal, and fails in one sentence."""
 
 import json
+import shlex
 import sys
 from types import SimpleNamespace
 
 import fabricate
 import pytest
+import typer
 from rich.console import Console
 from typer.testing import CliRunner
 
@@ -13,9 +15,11 @@ import pellucid
 from pellucid import cli, terminal
 from pellucid._errors import DatasetError
 from pellucid.fit.parameter import Verdict
+from pellucid.procedures.command import HELP_GROUPS
 from pellucid.procedures.joint.joint_result import complete_result
 from pellucid.procedures.print_result import print_result
 from pellucid.procedures.result import FigureTable, Result
+from pellucid.recordings.fault import Fault
 
 run = CliRunner().invoke
 
@@ -58,7 +62,52 @@ def test_help_names_every_command_on_one_line_each():
     commands = ("init", "simulate", "check", "identify", "calibrate", "assess", "report", "compare", "demo")
     for command in (*commands, "reproduce", "export"):
         assert f"\n  {command} " in text
-    assert "..." not in text.split("Commands:")[1]
+    commands = text[text.index(f"{HELP_GROUPS[0]}:") :]
+    assert "..." not in commands
+    assert [line[:-1] for line in commands.splitlines() if line.endswith(":")] == list(HELP_GROUPS)
+    assert run(cli.app, ["-h"]).output == text
+
+
+def test_the_version_is_an_option_too():
+    assert run(cli.app, ["--version"]).output == run(cli.app, ["version"]).output
+
+
+def every_command() -> list[tuple[str, object]]:
+    """Return the commands, and those of `datasets`, with what is typed before their arguments."""
+    made = typer.main.get_command(cli.app)
+    listed = [(name, made.get_command(None, name)) for name in made.commands if name != "datasets"]
+    of_datasets = made.commands["datasets"]
+    return listed + [(f"datasets {name}", of_datasets.commands[name]) for name in of_datasets.commands]
+
+
+@pytest.mark.parametrize(("name", "command"), every_command(), ids=[name for name, _ in every_command()])
+def test_every_command_has_an_example_that_it_understands(name, command):
+    line = command.epilog.splitlines()[0].removeprefix("Example: pellucid ")
+    assert line.startswith(name)
+    command.make_context(name, shlex.split(line)[len(name.split()) :])  # raises if an argument is not understood
+    help_text = run(cli.app, [*name.split(), "-h"]).output
+    assert max(len(row) for row in help_text.splitlines()) <= 80
+    assert "Example: pellucid" in help_text
+
+
+def test_notes_are_few_unless_they_are_asked_for(bench, monkeypatch):
+    notes = [SimpleNamespace(severity="note", kind=f"kind {k}", channel="", message=f"note {k}.") for k in range(20)]
+    monkeypatch.setattr("pellucid.procedures.run.check", lambda study: notes)
+    command = ["check", str(bench.folder)]
+    usual, verbose, quiet = (run(cli.app, [*command, *asked]).output for asked in ([], ["-v"], ["-q"]))
+    assert usual.count("note ") == 6
+    assert "and 14 further notes, which -v prints" in usual
+    assert verbose.count("note ") == 20
+    assert "note " not in quiet
+    assert "Fit to identify from" in quiet
+
+
+def test_check_prints_json(bench, monkeypatch):
+    fault = Fault("refuse", "frozen", "bench.csv", "position", "40 frozen samples", "none", "bench.csv: frozen")
+    monkeypatch.setattr("pellucid.procedures.run.check", lambda study: [fault])
+    result = run(cli.app, ["check", str(bench.folder), "--json"])
+    assert result.exit_code == 1
+    assert json.loads(result.stdout)["faults"][0]["found"] == "40 frozen samples"
 
 
 def test_identify_prints_what_was_found(bench, fit):
@@ -132,9 +181,10 @@ def test_report_reads_no_recording_of_what_is_kept(bench, monkeypatch):
 
 def test_check_exits_1_where_recordings_are_not_fit(bench, monkeypatch):
     assert run(cli.app, ["check", str(bench.folder)]).exit_code == 0
-    fault = SimpleNamespace(severity="refuse", message="bench.csv: channel position: found 40 frozen samples")
+    fault = Fault("refuse", "frozen", "bench.csv", "position", "40 frozen samples", "none",
+                  "bench.csv: channel position: found 40 frozen samples")  # fmt: skip
     address = "https://example.org/" + "x" * 90
-    note = SimpleNamespace(severity="note", message=f"bench.csv: jitter {address}")
+    note = SimpleNamespace(severity="note", kind="jitter", channel="", message=f"bench.csv: jitter {address}")
     monkeypatch.setattr("pellucid.procedures.run.check", lambda study: [note])
     result = run(cli.app, ["check", str(bench.folder)])
     assert result.exit_code == 0

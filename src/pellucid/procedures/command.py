@@ -12,6 +12,14 @@ from types import ModuleType
 
 from .._plugins import load_plugins, require_attributes
 
+DESCRIBE_GROUP = "Describe recordings"
+IDENTIFY_GROUP = "Identify robot, limb and muscles"
+PEOPLE_GROUP = "Work with people"
+DEPLOY_GROUP = "Deploy a controller"
+LEARN_GROUP = "Learn without hardware"
+HELP_GROUPS = (DESCRIBE_GROUP, IDENTIFY_GROUP, PEOPLE_GROUP, DEPLOY_GROUP, LEARN_GROUP)
+"""Headings of ``pellucid --help``, in their order; a command without one stands under the last of them."""
+
 
 @dataclass(frozen=True)
 class Command:
@@ -23,6 +31,7 @@ class Command:
 
     name: str
     help: str  # One line, at most 58 characters: what ``pellucid --help`` prints
+    group: str = IDENTIFY_GROUP  # One of `HELP_GROUPS`, under which it is listed
     reads_cards: bool = False  # Whether it offers ``--accept-stale``, because procedures read cards of other commands
 
 

@@ -558,7 +558,8 @@ def _run(procedure: Procedure, study: Study, on_progress: Progress | None, **opt
         for text in grouped_messages([fault for fault in cut_notes if fault.severity == "warn"])
     ]
     cut = [
-        Verdict("note", text) for text in grouped_messages([fault for fault in cut_notes if fault.severity != "warn"])
+        Verdict("note", text)
+        for text in grouped_messages([fault for fault in cut_notes if fault.severity not in ("warn", "refuse")])
     ]
     found = found_by(procedure, study, replace(found, verdicts=(*rank_verdicts((*found.verdicts, *warned)), *cut)))
     tell("done", 1.0)

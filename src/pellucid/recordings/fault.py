@@ -43,7 +43,7 @@ class Fault:
 
 
 def grouped_messages(faults: Sequence[Fault], most: int = 3, most_cuts: int = 10) -> list[str]:
-    """Return the messages of the faults that do not refuse, shortened.
+    """Return the messages of the faults, shortened.
 
     If more than `most` differ only in their file, only the first is listed, with the number of the others. Of cuts of
     one kind in one file, `most_cuts` are listed.
@@ -52,7 +52,10 @@ def grouped_messages(faults: Sequence[Fault], most: int = 3, most_cuts: int = 10
     for fault in faults:
         if fault.severity == "cut":
             kinds.setdefault((fault.kind, fault.channel, fault.file), []).append(fault.message)
-        elif fault.severity != "refuse":
+        elif fault.severity == "refuse":
+            # Recordings that lack the same thing are one line; those that differ in what was found are not.
+            kinds.setdefault((fault.kind, fault.channel, "", fault.found), []).append(fault.message)
+        else:
             key = (fault.kind, fault.channel) if len(faults) > most else (fault.message, "")
             kinds.setdefault(key, []).append(fault.message)
     listed: list[str] = []

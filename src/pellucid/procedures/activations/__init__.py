@@ -5,5 +5,5 @@ from ..command import Command
 PROCEDURE_ORDER = 90
 """Position of this procedure among all procedures; the smallest comes first."""
 
-PROCEDURE_COMMAND = Command("activations", "Muscles' activations near EMG, by a measured torque.", reads_cards=True)
+PROCEDURE_COMMAND = Command("activations", "Find activations near EMG that explain a torque.", reads_cards=True)
 """Command that runs this procedure alone."""

@@ -1,6 +1,6 @@
 """Co-contraction of antagonists."""
 
-from ..command import Command
+from ..command import PEOPLE_GROUP, Command
 
 PROCEDURE_ORDER = 120
-PROCEDURE_COMMAND = Command("cocontraction", "How much antagonists work against each other.")
+PROCEDURE_COMMAND = Command("cocontraction", "Measure how much antagonists work against each other.", PEOPLE_GROUP)

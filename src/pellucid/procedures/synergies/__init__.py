@@ -1,9 +1,9 @@
 """Muscle synergies."""
 
-from ..command import Command
+from ..command import PEOPLE_GROUP, Command
 
 PROCEDURE_ORDER = 130
 """Position of this procedure among all procedures; the smallest comes first."""
 
-PROCEDURE_COMMAND = Command("synergies", "Groups of muscles that move together.")
+PROCEDURE_COMMAND = Command("synergies", "Find groups of muscles that are active together.", PEOPLE_GROUP)
 """Command that runs this procedure alone."""

@@ -1,0 +1,80 @@
+"""The help of the command line: commands by what somebody wants to do, an example for each, and options of all.
+
+A command says to which of `pellucid.procedures.command.HELP_GROUPS` it belongs, and how it is called; `CommandGroup`
+prints them.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from ._errors import missing_lab
+from .procedures.command import HELP_GROUPS, LEARN_GROUP
+from .terminal import set_quiet, set_verbose
+
+LAB_COMMANDS = ("simulate", "predict", "demo", "reproduce", "rank")
+"""Commands of the distribution `pellucid-lab`. If it is not installed, they say how to install it."""
+
+
+def example(command_line: str) -> str:
+    """Return what stands below a command's options: one way to call it, and where the manual is."""
+    return f"Example: {command_line}\n\n\nManual: docs/commands.md"
+
+
+class CommandGroup(TyperGroup):
+    """The commands by name, in groups. Each has `-q` and `-v`; one that is not installed is known, and says so."""
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command by its name; None if no distribution of Pellucid has it."""
+        found = super().get_command(ctx, cmd_name)
+        if found is None and cmd_name in LAB_COMMANDS:
+            raise missing_lab(cmd_name)
+        if isinstance(found, TyperCommand) and not any("--quiet" in each.opts for each in found.params):
+            found.params += _options_of_all()
+        return found
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands under the headings of their groups."""
+        named = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
+        rows: dict[str, list[tuple[str, str]]] = {heading: [] for heading in HELP_GROUPS}
+        for name, command in named:
+            if command is None or command.hidden:
+                continue
+            heading = getattr(command, "rich_help_panel", None)
+            room = formatter.width - 6 - max(len(each) for each, _ in named)
+            rows.setdefault(heading if isinstance(heading, str) else LEARN_GROUP, []).append(
+                (name.ljust(max(len(each) for each, _ in named)), command.get_short_help_str(room))
+            )
+        for heading, listed in rows.items():
+            if listed:
+                with formatter.section(heading):
+                    formatter.write_dl(listed)
+
+
+def _options_of_all() -> list[Any]:
+    """Return the options that every command has."""
+    made = typer.Typer(add_completion=False)
+    made.command()(_shared_options)
+    return [each for each in typer.main.get_command(made).params if each.name in ("quiet", "verbose")]
+
+
+def _shared_options(
+    quiet: Annotated[
+        bool,
+        typer.Option(
+            "-q", "--quiet", callback=set_quiet, expose_value=False,
+            help="Print results and warnings alone: no progress, no notes.",
+        ),
+    ] = False,
+    verbose: Annotated[
+        bool,
+        typer.Option(
+            "-v", "--verbose", callback=set_verbose, expose_value=False,
+            help="Print every note, and progress at each step.",
+        ),
+    ] = False,
+) -> None:  # fmt: skip
+    """Have the options that every command has."""
