@@ -239,7 +239,9 @@ def _several(folders: list[Path], families: list[str] | None, allow_outside: boo
     console = make_console()
     for table in fitting_tables(*table_of(found), console.width):
         console.print(table)
-    print_items(console, [("note", f"{each.study}: {each.headline}") for each in found if not each.failure])
+    for each in found:
+        if not each.failure:
+            print_line(console, f"{each.study}: {each.headline}")
     failed = [("warning", f"{each.folder}: {each.failure}") for each in found if each.failure]
     print_items(console, failed)
     if failed:
