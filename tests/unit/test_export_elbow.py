@@ -12,7 +12,7 @@ from pellucid._errors import PellucidError
 from pellucid.control.control_law import LAWS
 from pellucid.control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
 from pellucid.control.elbow_laws import PUBLISHED_EXPONENTS
-from pellucid.deployment.elbow_values import elbow_values
+from pellucid.deployment.elbow_values import elbow_values, lowest_resonance
 from pellucid.deployment.microcontroller import measure, missing_tools
 from pellucid.lab.pointing.conditions import controller_builder
 from pellucid.lab.pointing.people import draw_people
@@ -214,16 +214,20 @@ def test_a_force_sensors_gain_is_lowered_unless_the_transmission_is_stiff(study)
     assert not any("lowest_resonance" in note for note in stiff.notes)
 
 
-def test_what_is_exported_is_what_virtual_people_wear(study):
-    """The same numbers under the same name, but for the limits that the study sets, where no transmission is soft."""
-    study = with_resonance(study, "60 Hz")
+@pytest.mark.parametrize("stated", [None, "60 Hz"])
+def test_what_is_exported_is_what_virtual_people_wear(study, stated):
+    """The same numbers under the same name for every law, but for the limits that the study sets."""
+    if stated is not None:
+        study = with_resonance(study, stated)
     person = draw_people(elbow_participants(), np.random.default_rng(1), count=1)[0]
     cards = {c.method: read_slider_card(study.models_dir / c.card) for c in ELBOW_CONTROLLERS.values()}
-    for controller in (BEST_CONTROLLER, BEST_SENSED_CONTROLLER):
-        there = elbow_values(study, controller, slider=0.2).numbers
-        here = controller_builder(cards, controller)(person, 0.2).values
+    for controller, named in ELBOW_CONTROLLERS.items():
+        there = elbow_values(study, controller, slider=0.2, **worn_by(controller)).numbers
+        built = controller_builder(cards, controller, lowest_resonance=lowest_resonance(study))
+        here = built(person, 0.2).values
         differ = {name for name in here if here[name] != there[name]}
-        assert differ <= {"effort_limit", "position_min", "position_max", "stop_margin"}
+        limb = {"limb_inertia", "limb_gravity"} if named.wearer else set()
+        assert differ <= {"effort_limit", "position_min", "position_max", "stop_margin"} | limb
     emg = elbow_values(study, "emg", participant="P1").numbers
     assert emg["limb_gravity"] == pytest.approx(forearm(63.0, 1.75).gravity())
     assert emg["emg_share"] > 0.0

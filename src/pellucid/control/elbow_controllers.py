@@ -1,7 +1,8 @@
 """Controllers of a worn elbow robot by name: what each is, the card that it needs, and what makes it of that card.
 
-What virtual people wear, what is exported and what is fuzzed under a name is the same law. Its gains may differ: an
-export lowers those that ring behind a soft transmission, unless the study states a stiff one.
+What virtual people wear, what is exported and what is fuzzed under a name is the same law with the same gains.
+`ElbowController.build` decides them for all: gains that ring behind a soft transmission are lowered unless the robot's
+lowest resonance is stated and high enough.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 from .._errors import PellucidError
 from ..models.anthropometry import Segment
@@ -19,6 +21,7 @@ from .transparent_laws import (
     known_travel,
     sensitivity_amplification,
     transparent,
+    with_borne_force_gain,
     with_disturbance_observer,
     with_dither,
     with_emg,
@@ -44,9 +47,10 @@ SENSED_BODY: Mapping[str, float] = {
 """What of the body is compensated where a force sensor sees to the rest."""
 
 DEFAULT_FORCE_SENSOR = partial(with_force_sensor, proportional=1.5, lowpass=550.0)
-DEFAULT_OBSERVER = partial(with_disturbance_observer, share=0.5, lowpass=60.0)
+"""Feedback of the interaction torque with the gains that were chosen on tuning robots, whose transmissions are stiff."""
 
-"""Disturbance observer with the gains that were chosen on tuning robots."""
+DEFAULT_OBSERVER = partial(with_disturbance_observer, share=0.5, lowpass=60.0)
+"""Disturbance observer with the gains that were chosen on tuning robots, before any transmission lowers them."""
 
 DEFAULT_DITHER = partial(with_dither, share=2.0, frequency=1000.0)
 """Dither with the amplitude and frequency that were chosen on tuning robots."""
@@ -67,10 +71,33 @@ class ElbowController:
 
     title: str  # What it does, in a few words
     method: str  # Identification whose card it takes
-    # Takes the card, the place of the carriage [m] and settings of the law; gives an `ControlLaw`
-    build: Callable[..., ControlLaw]
+    # Takes the card, the place of the carriage [m] and settings of the law; gives a `ControlLaw` with the gains that
+    # were chosen on stiff transmissions
+    build_stiff: Callable[..., ControlLaw]
     wearer: bool = False  # Whether `build` also needs the wearer's `limb`, a `Segment`
     exponents: bool = False  # Whether it has those of equation 8, which are chosen on a robot
+
+    def build(
+        self, card: SliderCard, slider: float, *, lowest_resonance: float | None = None, **settings: Any
+    ) -> ControlLaw:
+        """Return the law that people wear and that `export` writes, with the gains that its robot's transmission bears.
+
+        Parameters
+        ----------
+        card : SliderCard
+            Identified model of the robot, by the method of `card`.
+        slider : float
+            Place of the carriage [m].
+        lowest_resonance : float or None
+            Lowest resonance of rotor and joint behind the transmission [Hz]; None where it is not known.
+        **settings
+            Settings of the law, as `build_stiff` takes them.
+
+        Returns
+        -------
+        ControlLaw
+        """
+        return with_borne_force_gain(self.build_stiff(card, slider, **settings), lowest_resonance)
 
     @property
     def card(self) -> str:

@@ -15,10 +15,10 @@ from .._errors import PellucidError
 from .._given import require_folder
 from ..control.control_law import ControlLaw
 from ..control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
-from ..control.transparent_laws import with_borne_force_gain
 from ..datasets import init
 from ..datasets.registry import names, shipped
 from ..deployment.c_folder import check_on_host
+from ..deployment.elbow_values import lowest_resonance
 from ..deployment.export import export
 from ..deployment.microcontroller import measure, missing_tools, save_measured
 from ..fit.slider.slider_fit import SliderFit
@@ -179,13 +179,8 @@ def worn_controllers(elbow: Study) -> dict[str, Callable[[Person, float], Contro
     """
     needed = {controller.method: controller.card for controller in map(ELBOW_CONTROLLERS.get, WORN_CONTROLLERS)}
     cards = {method: read_slider_card(elbow.models_dir / card) for method, card in needed.items()}
-    resonance = elbow.rig.drive.lowest_resonance if elbow.rig.drive else None
-
-    def exported(name: str) -> Callable[[Person, float], ControlLaw]:
-        build = controller_builder(cards, name)
-        return lambda person, place: with_borne_force_gain(build(person, place), resonance)
-
-    return {name: exported(name) for name in WORN_CONTROLLERS}
+    stated = lowest_resonance(elbow)
+    return {name: controller_builder(cards, name, lowest_resonance=stated) for name in WORN_CONTROLLERS}
 
 
 def _assessed_people(folder: Path, robot: ElbowRig, elbow: Study, tell: Tell) -> tuple[Study, AssessmentResult]:

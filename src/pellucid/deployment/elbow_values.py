@@ -18,7 +18,7 @@ from ..control.joint_compensation import (
     rest_friction,
 )
 from ..control.supervised import body_of
-from ..control.transparent_laws import MIN_STIFF_RESONANCE_HZ, with_borne_force_gain
+from ..control.transparent_laws import MIN_STIFF_RESONANCE_HZ
 from ..models.anthropometry import Segment, forearm
 from ..models.slider_card import SliderCard, read_slider_card
 from ..procedures.card_sources import require_fresh, source_notes
@@ -80,8 +80,8 @@ def elbow_values(
         settings |= _limb(study, controller, named, participant)
     if exponents is not None:
         settings["exponents"] = exponents
-    whole = named.build(card, place, **settings)
-    law = with_borne_force_gain(whole, study.rig.drive.lowest_resonance if study.rig.drive else None)
+    stiff = named.build_stiff(card, place, **settings)
+    law = named.build(card, place, lowest_resonance=lowest_resonance(study), **settings)
     remarks = _remarks(study, law, named.card)
     if LAWS[law.kind].carries_body:
         remarks |= {name: remark for name, remark in identified_remarks(card).items() if name in law.values}
@@ -91,7 +91,7 @@ def elbow_values(
         remark = "chosen" if exponents else "chosen by five people on another robot"
         remarks |= dict.fromkeys(("exponent_up", "exponent_down"), remark)
     notes += tuple(_notes(law, named, card, controller=controller, exponents=exponents, place=place))
-    notes += tuple(_gain_notes(whole, law))
+    notes += tuple(_gain_notes(stiff, law))
     body, friction = _body(study, place)
     notes += source_notes(named.card, card)
     return ControllerValues(
@@ -109,19 +109,23 @@ def elbow_values(
     )
 
 
-def _gain_notes(whole: ControlLaw, law: ControlLaw) -> Iterator[str]:
-    if law.values.get("proportional") != whole.values.get("proportional"):
+def lowest_resonance(study: Study) -> float | None:
+    """Return the lowest resonance of rotor and joint that a study states [Hz], or None."""
+    return study.rig.drive.lowest_resonance if study.rig.drive else None
+
+
+def _gain_notes(stiff: ControlLaw, law: ControlLaw) -> Iterator[str]:
+    if law.values.get("proportional") != stiff.values.get("proportional"):
         yield (
-            f"The gain on the interaction torque is {law.values['proportional']:g}, not "
-            f"{whole.values['proportional']:g} as in the virtual lab: behind a soft transmission the force answers "
-            f"late, and more would ring. If rotor and joint resonate at {MIN_STIFF_RESONANCE_HZ:g} Hz or higher, say "
-            "so with lowest_resonance in [rig.drive] and export again."
+            f"The gain on the interaction torque is {law.values['proportional']:g}, as in the virtual lab, not "
+            f"{stiff.values['proportional']:g} as on a stiff transmission: behind a soft one the force answers late, and "
+            f"more would ring. If rotor and joint resonate at {MIN_STIFF_RESONANCE_HZ:g} Hz or higher, say so with "
+            "lowest_resonance in [rig.drive] and export again."
         )
-    if law.values.get("disturbance_share") != whole.values.get("disturbance_share"):
+    if law.values.get("disturbance_share") != stiff.values.get("disturbance_share"):
         yield (
-            f"The share of the disturbance observer is {law.values['disturbance_share']:.2g}, not "
-            f"{whole.values['disturbance_share']:.2g} as in the virtual lab: with more, some rang whose wearer carried "
-            "a load."
+            f"The share of the disturbance observer is {law.values['disturbance_share']:.2g}, as in the virtual lab: "
+            "with more, some rang whose wearer carried a load."
         )
 
 
