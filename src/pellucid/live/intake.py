@@ -17,6 +17,7 @@ import numpy as np
 
 from .._errors import PellucidError, install_command
 from .clock_tracker import ClockTracker
+from .session_process import SessionProcess
 from .stream_ring import StreamRing, ask_for_niceness
 
 POLL_S = 0.01
@@ -132,7 +133,8 @@ def run(region: Path, types: list[str]) -> None:
     inlets: dict[tuple[str, str, str], _Inlet] = {}
     rings = {(ring.name, ring.type, ring.source): ring for ring in StreamRing.all_of(region)}
     resolved = -np.inf
-    while not ends:
+    process = SessionProcess()
+    while not ends and not process.is_over():
         now = time.monotonic()
         if now - resolved > RESOLVE_INTERVAL_S:
             resolved = now
