@@ -98,6 +98,7 @@ int print_layout() {
   PLACE(Record, state), PLACE(Record, beat), PLACE(Record, challenge), PLACE(Record, task), PLACE(Record, target);
   PLACE(Record, limb_position), PLACE(Record, limb_velocity), PLACE(Record, muscle_torque), PLACE(Record, flexor);
   PLACE(Record, extensor), PLACE(Record, drive_torque), PLACE(Record, velocity), PLACE(Record, adjusted_value);
+  PLACE(Record, torque_estimate), PLACE(Record, torque_half_width), PLACE(Command, torque_estimate), PLACE(Command, torque_half_width);
   PLACE(Record, adjusted_field), PLACE(Record, task_kind), PLACE(Record, compute), PLACE(Record, number_again);
   PLACE(Event, time), PLACE(Event, length), PLACE(Event, text), PLACE(Event, number_again);
   PLACE(Status, heartbeat), PLACE(Status, cycle), PLACE(Status, records), PLACE(Status, late), PLACE(Status, missed);

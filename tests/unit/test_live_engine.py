@@ -90,6 +90,8 @@ def test_a_session_is_recorded_and_computed_again(elbow, tmp_path):
         engine.set_target(1.4)
         engine.mark("cue", {"target": 1.4})
         rest(engine, 1.5)
+        engine.set_estimate(1.25, 0.5)
+        rest(engine, 0.1)
         samples = engine.read_since(0)
         assert engine.end_recording(timeout=PATIENCE_S) == trial
         engine.stop()
@@ -106,6 +108,9 @@ def test_a_session_is_recorded_and_computed_again(elbow, tmp_path):
     assert set(np.diff(engine_times(samples)).round(6)) >= {0.001}
     columns = xdf.read(trial)
     assert columns["robot.target"][-1] == 1.4
+    assert np.isnan(columns["robot.torque_estimate"][0])
+    assert columns["robot.torque_estimate"][-1] == 1.25
+    assert samples.channels["estimate_high"][-1] == 1.75
     found = replay_session(tmp_path / "session.xdf")
     assert found.compared > 1000
     assert found.is_equal

@@ -25,6 +25,7 @@ from .._errors import PellucidError
 from ..control.supervisor_faults import FAULT_NAMES
 from . import layout
 from .clock_tracker import ClockState
+from .intake import NAMES_WORD
 from .region import Event, Region
 from .session_process import SESSION_VARIABLE, remove_region
 from .setup import EngineSetup, Task, settings_text
@@ -80,6 +81,14 @@ class Samples:
     lost: int  # samples that were overwritten before they were read
     time: np.ndarray  # shape (n,) [s]
     channels: Mapping[str, np.ndarray]  # each shape (n,)
+
+
+@dataclass(frozen=True)
+class HeardStream:
+    """One stream that was taken in."""
+
+    silent_s: float  # time since something arrived [s]
+    clock: ClockState
 
 
 @dataclass(frozen=True)
@@ -187,7 +196,7 @@ class LiveEngine:
                 engine.restart_recorder()
                 engine._wait_for_recorder()
             if streams and setup.stream_types:
-                engine._start_module("intake", *setup.stream_types)
+                engine._start_intake()
             if streams and setup.streams is not None:
                 engine._start_streams()
         except BaseException:
@@ -225,6 +234,9 @@ class LiveEngine:
         package = __package__ or "pellucid.live"
         self._run(name, [sys.executable, "-m", f"{package}.{name}", self.region.path, *words])
 
+    def _start_intake(self) -> None:
+        self._start_module("intake", *self.setup.stream_types, NAMES_WORD, *self.setup.stream_names)
+
     def _start_streams(self) -> None:
         program = self.setup.streams
         if program is not None:
@@ -255,7 +267,7 @@ class LiveEngine:
         """Start again what died of the intake and of a virtual wearer's streams."""
         alive = self.alive
         if not alive.get("intake", True):
-            self._start_module("intake", *self.setup.stream_types)
+            self._start_intake()
         if not alive.get("streams", True):
             self._start_streams()
 
@@ -351,6 +363,13 @@ class LiveEngine:
         self.region.command(
             adjusts=int(last["adjusts"]) + 1, adjusted_field=field, adjusted_law=index, adjusted_value=float(torque)
         )
+
+    def set_estimate(self, torque: float, half_width: float) -> None:
+        """Keep in the records what the robot's torque on the person is by EMG, and half of its interval [N m].
+
+        The law does not read it. NaN where there is none.
+        """
+        self.region.command(torque_estimate=float(torque), torque_half_width=float(half_width))
 
     def inject(self, fault: str, seconds: float) -> None:
         """Put a fault of `layout.INJECTION_KINDS` into the inputs for a time [s]: for tests of the whole chain."""
@@ -478,6 +497,11 @@ class LiveEngine:
         """All streams that were taken in so far."""
         return StreamRing.all_of(self.region.path)
 
+    def heard_streams(self) -> dict[str, HeardStream]:
+        """Return when each stream was heard last, and what is known of its clock, by its name."""
+        now = time.monotonic_ns()
+        return {ring.name: HeardStream(1e-9 * (now - ring.heard_ns), ring.clock) for ring in self.streams}
+
     def health(self) -> Health:
         """Return how well the engine keeps its deadlines, and all faults so far."""
         s = self.region.status()
@@ -533,4 +557,7 @@ def record_channels(records: np.ndarray) -> dict[str, np.ndarray]:
         "late": (records["flags"] & layout.FLAG_LATE).astype(float),
         "lateness": 1e-9 * (records["time"] - records["deadline"]),
         "compute": 1e-9 * records["compute"],
+        "estimate": records["torque_estimate"],
+        "estimate_low": records["torque_estimate"] - records["torque_half_width"],
+        "estimate_high": records["torque_estimate"] + records["torque_half_width"],
     }
