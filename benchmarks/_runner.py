@@ -48,7 +48,8 @@ def run_all(package: str, names: list[str], rows_of: Callable[[Any], Any]) -> tu
     rows, failed = [], []
     for name in names:
         try:
-            rows += list(rows_of(import_module(f"{package}.{name}")))
+            for row in rows_of(import_module(f"{package}.{name}")):
+                rows.append(row)  # what came before a failure is kept
         except DatasetError as error:
             print(f"{name}: not measured: {error}", flush=True)
         except Exception:

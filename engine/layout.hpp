@@ -107,7 +107,8 @@ struct Record {
   std::uint32_t task_kind;
   std::uint32_t compute;              ///< how long the cycle took [ns]
   std::uint32_t reserved;
-  double spare[3];
+  double torque_estimate, torque_half_width;  ///< of the robot's torque on the person, from EMG, and its interval's half [N m]; NaN: none
+  double spare[1];
   std::uint64_t number_again;
 };
 static_assert(sizeof(Record) == 320, "layout");
@@ -152,7 +153,8 @@ struct Command {
   double load[5];                                ///< what the wearer expects of the robot
   std::uint32_t injections, injection;           ///< faults put in so far, and the last one
   double injected_for;                           ///< [s]
-  double spare[10];
+  double torque_estimate, torque_half_width;     ///< as the session estimates them from EMG: only recorded [N m]
+  double spare[8];
   std::uint64_t checksum;
 };
 static_assert(sizeof(Command) == 256, "layout");

@@ -254,6 +254,8 @@ bool Loop::cycle(std::uint64_t number, std::int64_t time, std::int64_t deadline)
   record.flexor = reading.flexor;
   record.extensor = reading.extensor;
   record.drive_torque = reading.drive_torque;
+  record.torque_estimate = command_.torque_estimate;
+  record.torque_half_width = command_.torque_half_width;
   record.velocity = state_ == State::idle ? nan_value : velocity(law_[0]);
   timespec at{};
   clock_gettime(CLOCK_MONOTONIC, &at);

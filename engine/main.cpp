@@ -29,6 +29,7 @@ namespace {
 using namespace engine;
 
 constexpr int priority = 80;
+constexpr std::int64_t orphan_ns = 2000000000;  // for which an engine goes on after its session's death
 
 static_assert(std::is_same<std::sig_atomic_t, int>::value, "a signal's flag is shared with the board");
 volatile std::sig_atomic_t ends = 0;
@@ -97,6 +98,7 @@ int print_layout() {
   PLACE(Record, state), PLACE(Record, beat), PLACE(Record, challenge), PLACE(Record, task), PLACE(Record, target);
   PLACE(Record, limb_position), PLACE(Record, limb_velocity), PLACE(Record, muscle_torque), PLACE(Record, flexor);
   PLACE(Record, extensor), PLACE(Record, drive_torque), PLACE(Record, velocity), PLACE(Record, adjusted_value);
+  PLACE(Record, torque_estimate), PLACE(Record, torque_half_width), PLACE(Command, torque_estimate), PLACE(Command, torque_half_width);
   PLACE(Record, adjusted_field), PLACE(Record, task_kind), PLACE(Record, compute), PLACE(Record, number_again);
   PLACE(Event, time), PLACE(Event, length), PLACE(Event, text), PLACE(Event, number_again);
   PLACE(Status, heartbeat), PLACE(Status, cycle), PLACE(Status, records), PLACE(Status, late), PLACE(Status, missed);
@@ -140,6 +142,12 @@ int run(const char* settings_path, const char* region_path, bool ordinary) {
   status.started = now();
   status.process = static_cast<std::uint64_t>(getpid());
 
+  // An engine whose session died has nobody who could stop it or start it again: its law is stopped after the session's
+  // silence, and it ends. The system gives such a process another parent (src/pellucid/live/session_process.py).
+  const char* const said = std::getenv("PELLUCID_SESSION_PROCESS");
+  const long session = said == nullptr ? 0 : std::strtol(said, nullptr, 10);
+  std::int64_t orphaned = 0;
+
   const std::int64_t epoch = region.header().epoch, period = settings.period_ns;
   std::uint64_t number = static_cast<std::uint64_t>((now() - epoch) / period) + 2;
   while (ends == 0) {
@@ -151,8 +159,12 @@ int run(const char* settings_path, const char* region_path, bool ordinary) {
     const std::uint64_t next = passed + 1 > number + 1 ? passed + 1 : number + 1;
     loop.missed(next - number - 1);
     number = next;
+    if (session == 0 || getppid() == session) continue;
+    if (orphaned == 0) orphaned = now();
+    if (now() - orphaned > orphan_ns) break;
   }
   loop.end();
+  if (orphaned != 0) unlink(region_path);
   return 0;
 }
 

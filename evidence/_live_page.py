@@ -204,7 +204,9 @@ def _play_to_running(session: LiveSession, page: Any) -> None:
     def runs() -> bool:
         answers = {"consent": ("participant", "consent"), "instructions": ("participant", "ready"),
                    "waiting": ("operator", "start"), "judged": ("operator", "repeat")}  # fmt: skip
-        if session.phase in answers:
+        if session.engine.status().state == "stopped":
+            session.act("operator", "reset")
+        elif session.phase in answers:
             session.act(*answers[session.phase])
         return session.phase == Phase.running and session.attempt is not None and session.attempt.task.progress > 0.1
 

@@ -1,9 +1,11 @@
 """A session without a page that only keeps its engine alive: the process that `evidence live` kills.
 
-``python -m evidence._live_session FOLDER CARDS [--attach]`` starts or goes on with a session of the virtual elbow in a
-folder. It arms the law and gives the wearer a sine to follow, and says "ready" when that is done.
+``python -m evidence._live_session FOLDER CARDS TRIAL`` starts a session of the virtual elbow in a folder and records a
+trial. It arms the law and gives the wearer a sine to follow. It says as JSON where the region is and which processes
+run.
 """
 
+import json
 import pickle
 import sys
 import time
@@ -50,11 +52,13 @@ def begin_motion(engine: LiveEngine, patience_s: float = 20.0) -> bool:
 
 
 def main() -> None:
-    folder, cards, *more = sys.argv[1:]
-    setup = session_setup(Path(cards))
-    engine = LiveEngine.attach(setup, folder) if "--attach" in more else LiveEngine.start(setup, folder)
+    folder, cards, trial = map(Path, sys.argv[1:])
+    engine = LiveEngine.start(session_setup(cards), folder)
     begin_motion(engine)
-    print("ready", flush=True)
+    engine.begin_recording(trial, {"protocol": "killed"})
+    while not trial.exists():
+        rest(engine, 0.1)
+    print(json.dumps({"region": str(engine.region.path), "processes": engine.processes}), flush=True)
     while True:
         rest(engine, 1.0)
 

@@ -8,8 +8,9 @@
   ahead or back, silence, an engine that does not run, a session that is silent, and a source of EMG that is killed and
   started again. Safe is a supervisor that has stopped within the stated bound and stays so until the operator's reset;
   where the law needs nothing of what was lost, it is one that runs on within its limits.
-- killed: engine, session and recorder at random moments. After each the file of the trial is read with pyxdf as it
-  lies there, and what the region held at that moment and the file does not is lost.
+- killed: engine, recorder and session at random moments. After each the file of the trial is read with pyxdf as it
+  lies there, and what the region held at that moment and the file does not is lost. A killed session's processes must
+  end by themselves.
 - replay: every command of the sessions above, computed again by the core's Python module from session.xdf.
 - udp: the virtual elbow in a process of its own behind UDP, on another clock. What its drive was asked for is compared
   with the law in this process that was given the same readings.
@@ -30,8 +31,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, nullcontext
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -50,7 +52,7 @@ from pellucid.live.replay import read_session, replay_session
 from pellucid.live.setup import DeviceNumbers, EngineSetup, settings_text
 from pellucid.live.udp import ASKED_FORMAT, unpack_asked
 from pellucid.recordings.xdf_writer import scan_xdf
-from pellucid.studies.results import ResultRow
+from pellucid.studies.results import ResultRow, read_rows, write_rows
 
 from ._live_session import begin_motion, rest, session_setup
 
@@ -71,6 +73,9 @@ KILL_COUNT = sized(21, smallest=3)
 
 KILL_WINDOW_S = sized((1.0, 4.0), smallest=(0.5, 1.0))
 """Shortest and longest time from the beginning of a motion to a kill."""
+
+ORPHAN_PATIENCE_S = 10.0
+"""Time after which no process of a killed session may run any more."""
 
 UDP_S = sized(30.0, smallest=3.0)
 """Duration of the run behind UDP."""
@@ -105,25 +110,58 @@ STARVED_S = 0.05
 ELBOW_LOG_LIMITS = Limits(effort=5.0, rate=300.0, velocity=8.0, position=(-0.5, 2.6))
 """Limits for a worn elbow suit whose motor is cut at 4.1 N m, as an elbow's range and a quick movement are."""
 
+CARDS_FILE = "cards.pickle"
+"""File of the proof's folder with the identified cards of the virtual robot."""
+
 Page = AbstractContextManager[Any]
 
 
 def rows() -> Iterator[ResultRow]:
-    """Every figure."""
-    folder = Path(tempfile.mkdtemp(prefix="pellucid-evidence-live-"))
-    cards = folder / "cards.pickle"
-    cards.write_bytes(pickle.dumps(identify_cards(able_elbow())))
+    """Every figure: each part runs in a process of its own, within a time limit, and keeps the rows that it came to."""
+    folder, failed = Path(tempfile.mkdtemp(prefix="pellucid-evidence-live-")), []
+    begun = time.monotonic()
     try:
-        sessions: list[Path] = []
-        yield from soak_rows(folder, cards, sessions)
-        yield from fault_rows(folder, cards, sessions)
-        yield from kill_rows(folder, cards)
-        yield from replay_rows(sessions)
-        yield from udp_rows(folder, cards)
-        yield from log_rows()
-        yield from page_rows()
+        (folder / CARDS_FILE).write_bytes(pickle.dumps(identify_cards(able_elbow())))
+        for name, part in PARTS.items():
+            tell(f"{name}: begins after {time.monotonic() - begun:.0f} s, takes at most {part.max_s:.0f} s")
+            if not _run_part(name, part.max_s, folder):
+                failed.append(name)
+            path = folder / f"{name}.json"
+            yield from read_rows(path) if path.exists() else ()
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+    tell(f"done after {time.monotonic() - begun:.0f} s")
+    if failed:
+        raise RuntimeError(f"parts of the proof that failed or took too long: {', '.join(failed)}")
+
+
+def tell(text: str) -> None:
+    """Print how far the proof has come."""
+    print(f"live: {text}", flush=True)
+
+
+def _run_part(name: str, max_s: float, folder: Path) -> bool:
+    """Run one part in a process of its own; return whether it came to its end in time."""
+    process = subprocess.Popen([sys.executable, "-m", "evidence.live", name, str(folder)], start_new_session=True)
+    try:
+        return process.wait(max_s) == 0
+    except subprocess.TimeoutExpired:
+        tell(f"{name}: is ended after {max_s:.0f} s")
+        return False
+    finally:
+        # A browser that the part had opened is of its group; a session's engine ends by itself.
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def main() -> None:
+    """Run one part, and write each row as soon as it is known."""
+    name, folder = sys.argv[1], Path(sys.argv[2])
+    made = []
+    for row in PARTS[name].rows(folder, folder / CARDS_FILE):
+        made.append(row)
+        write_rows(folder / f"{name}.json", "evidence", made)
 
 
 def _row(name: str, value: float, unit: str, note: str = "", split: str = "simulated") -> ResultRow:
@@ -228,14 +266,20 @@ def lost_samples(path: Path) -> int:
     return lost
 
 
-def soak_rows(folder: Path, cards: Path, sessions: list[Path]) -> Iterator[ResultRow]:
+def soak_rows(folder: Path, cards: Path) -> Iterator[ResultRow]:
     """Pairs of a bare loop and a live run, in turn."""
     pairs = []
     for i in range(PAIR_COUNT):
-        run = folder / f"soak{i}"
-        bare = bare_loop(RUN_S)
-        pairs.append((bare, live_run(run, cards, RUN_S)))
-        sessions.append(run / "session.xdf")
+        try:
+            pairs.append((bare_loop(RUN_S), live_run(folder / f"soak{i}", cards, RUN_S)))
+        except Exception:  # the other pairs still say something
+            traceback.print_exc()
+            continue
+        bare, live = pairs[-1]
+        tell(f"soak: pair {i + 1} of {PAIR_COUNT}: late {bare.late} and {live.deadlines.late}, "
+             f"99 % within {bare.p99_us:.0f} and {live.deadlines.p99_us:.0f} us, lost {live.lost}")  # fmt: skip
+    if not pairs:
+        raise RuntimeError("no pair of a bare loop and a live run came to its end")
     late = [live.deadlines.late - (MAX_LATE_RATIO * bare.late + EXTRA_LATE_CYCLES) for bare, live in pairs]
     p99 = [live.deadlines.p99_us - (MAX_LATE_RATIO * bare.p99_us + EXTRA_P99_US) for bare, live in pairs]
     bare_said = ", ".join(f"{b.late} and {live.deadlines.late} of {live.deadlines.cycles}" for b, live in pairs)
@@ -243,10 +287,10 @@ def soak_rows(folder: Path, cards: Path, sessions: list[Path]) -> Iterator[Resul
     worst_said = ", ".join(f"{b.worst_us:.0f} and {live.deadlines.worst_us:.0f} us" for b, live in pairs)
     load = f"load of {os.getloadavg()[1]:.1f} on {os.cpu_count()} cores"
     granted = "with SCHED_FIFO" if all(live.fifo for _, live in pairs) else "without SCHED_FIFO, which is not permitted"
-    yield _row("soak.seconds", PAIR_COUNT * RUN_S, "s", f"live, beside as long a bare loop; {granted}, {load}")
+    yield _row("soak.seconds", len(pairs) * RUN_S, "s", f"live, beside as long a bare loop; {granted}, {load}")
     yield _row(
         "late_cycles.beyond_bound",
-        max(0.0, *late) if len(late) > 1 else max(0.0, late[0]),
+        max(0.0, *late),
         "1",
         f"bare and live: {bare_said}",
     )
@@ -357,7 +401,7 @@ def _onset(records: np.ndarray, kind: str) -> int:
     return int(np.argmax((records["flags"] & layout.FLAG_INJECTED) != 0))
 
 
-def fault_rows(folder: Path, cards: Path, sessions: list[Path]) -> Iterator[ResultRow]:
+def fault_rows(folder: Path, cards: Path) -> Iterator[ResultRow]:
     """One fault after another in one session."""
     rng, run = random.Random(20261127), folder / "faults"
     outcomes = []
@@ -372,9 +416,11 @@ def fault_rows(folder: Path, cards: Path, sessions: list[Path]) -> Iterator[Resu
             if engine.status().state != "running":
                 begin_motion(engine)
             outcomes.append(try_fault(engine, FAULT_KINDS[i % len(FAULT_KINDS)], rng))
+            found = outcomes[-1]
+            safe = "safe" if found.is_safe else "NOT SAFE"
+            tell(f"fault {i + 1} of {FAULT_COUNT}: {found.kind}, {safe} ({found.said})")
             rest(engine, max(0.0, FAULT_INTERVAL_S - (time.monotonic() - begun)))
         engine.end_recording()
-    sessions.append(run / "session.xdf")
     unsafe = [f"{o.kind} ({o.said}, after {o.safe_after_s:.4f} s)" for o in outcomes if not o.is_safe]
     worst = {
         kind: max((o.safe_after_s for o in outcomes if o.kind == kind), default=float("nan")) for kind in FAULT_KINDS
@@ -394,38 +440,43 @@ def fault_rows(folder: Path, cards: Path, sessions: list[Path]) -> Iterator[Resu
 
 
 class KilledSession:
-    """A session whose own process is a child, so that it can be killed."""
+    """A session whose own process is a child, so that it can be killed; it records a trial."""
 
-    def __init__(self, folder: Path, cards: Path) -> None:
-        self.folder, self.cards = folder, cards
-        self.process: subprocess.Popen[str] | None = None
-        self.start()
-
-    def start(self, *more: str) -> None:
-        """Start the session's process, and wait until it is ready."""
-        words = [sys.executable, "-m", "evidence._live_session", str(self.folder), str(self.cards), *more]
+    def __init__(self, folder: Path, cards: Path, trial: Path) -> None:
+        words = [sys.executable, "-m", "evidence._live_session", str(folder), str(cards), str(trial)]
         self.process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
         assert self.process.stdout is not None
-        if self.process.stdout.readline().strip() != "ready":
+        line = self.process.stdout.readline()
+        if not line.startswith("{"):
             raise RuntimeError("the session did not begin")
+        said = json.loads(line)
+        self.region = Region(Path(said["region"]))
+        self.children: dict[str, int] = said["processes"]
 
-    @property
-    def said(self) -> dict[str, Any]:
-        """What the session's file says: region and processes."""
-        return json.loads((self.folder / "live.json").read_text())
+    def left_running(self, patience_s: float) -> list[str]:
+        """Return the session's processes that still run after this time [s]."""
+        until = time.monotonic() + patience_s
+        while (left := [name for name, number in self.children.items() if _is_running(number)]) != []:
+            if time.monotonic() > until:
+                break
+            time.sleep(0.1)
+        return left
 
     def end(self) -> None:
-        """End everything."""
-        if self.process is not None and self.process.poll() is None:
-            self.process.kill()
-            self.process.wait()
-        LiveEngine.attach(session_setup(self.cards), self.folder).close()
+        """End the session's process, if it still runs; its children follow."""
+        self.process.kill()
+        self.process.wait()
 
 
-def lost_by_kill(session: KilledSession, region: Region, trial: Path, victim: str) -> tuple[bool, float]:
+def _is_running(number: int) -> bool:
+    try:
+        return Path(f"/proc/{number}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def lost_by_kill(region: Region, trial: Path, victim: str, process: int) -> tuple[bool, float]:
     """Kill one process now; return whether the trial's file can be read as it lies, and how much of it is lost [s]."""
-    assert session.process is not None
-    process = session.process.pid if victim == "session" else session.said["processes"][victim]
     held = 1e-9 * int(region.records_since(max(region.record_count - 1, 0))[1]["deadline"][-1])
     os.kill(process, signal.SIGKILL)
     if victim != "recorder":
@@ -448,39 +499,48 @@ def lost_by_kill(session: KilledSession, region: Region, trial: Path, victim: st
 
 
 def kill_rows(folder: Path, cards: Path) -> Iterator[ResultRow]:
-    """Kill engine, session and recorder in turn, each at a random moment."""
-    rng, run = random.Random(20261128), folder / "killed"
-    session = KilledSession(run, cards)
-    readable, lost, gaps = [], [], 0
-    try:
-        for i in range(KILL_COUNT):
-            victim = ("engine", "session", "recorder")[i % 3]
-            engine = LiveEngine.attach(session_setup(cards), run)
-            region = engine.region
+    """Kill engine, recorder and session, each at a random moment."""
+    rng = random.Random(20261128)
+    readable: list[bool] = []
+    lost: dict[str, list[float]] = {"engine": [], "recorder": [], "session": []}
+    gaps, run = 0, folder / "killed"
+    with LiveEngine.start(session_setup(cards), run) as engine:
+        for i in range(KILL_COUNT - KILL_COUNT // 3):
+            victim = ("engine", "recorder")[i % 2]
             trial = run / f"trial{i}.xdf"
             engine.begin_recording(trial, {"protocol": "killed"})
             begin_motion(engine)
             rest(engine, rng.uniform(*KILL_WINDOW_S))
-            whole, missing = lost_by_kill(session, region, trial, victim)
+            whole, missing = lost_by_kill(engine.region, trial, victim, engine.processes[victim])
             readable.append(whole)
-            lost.append(missing)
-            if victim == "session":
-                session.start("--attach")
-            elif victim == "engine":
-                engine.restart_engine()
-            else:
-                engine.restart_recorder()
+            lost[victim].append(missing)
+            engine.restart_engine() if victim == "engine" else engine.restart_recorder()
             rest(engine, 0.5)
             engine.end_recording(timeout=20.0)
             gaps += _record_gaps(trial) if victim == "recorder" else 0
-    finally:
-        session.end()
-    worst = {victim: max(lost[i::3], default=0.0) for i, victim in enumerate(("engine", "session", "recorder"))}
-    said = ", ".join(f"{victim} {1e3 * missing:.0f} ms" for victim, missing in worst.items())
-    yield _row("killed.count", len(readable), "1", "a third each of engine, session and recorder, at random moments")
+            tell(f"killed {victim}: {1e3 * missing:.0f} ms lost")
+    left: list[str] = []
+    for i in range(KILL_COUNT // 3):
+        run = folder / f"killed{i}"
+        trial = run / "trial.xdf"
+        session = KilledSession(run, cards, trial)
+        try:
+            time.sleep(rng.uniform(*KILL_WINDOW_S))
+            whole, missing = lost_by_kill(session.region, trial, "session", session.process.pid)
+            readable.append(whole)
+            lost["session"].append(missing)
+            left += session.left_running(ORPHAN_PATIENCE_S)
+        finally:
+            session.end()
+        tell(f"killed session: {1e3 * missing:.0f} ms lost, {len(left)} processes left so far")
+    said = ", ".join(f"{victim} {1e3 * max(missing, default=0.0):.0f} ms" for victim, missing in lost.items())
+    yield _row("killed.count", len(readable), "1", "a third each of engine, recorder and session, at random moments")
     yield _row("killed.unreadable", readable.count(False), "1", "files of trials as they lay there, read with pyxdf")
-    yield _row("killed.lost", max(lost), "s", f"of what the region held at the kill, largest; {said}")
+    largest = max(value for missing in lost.values() for value in missing)
+    yield _row("killed.lost", largest, "s", f"of what the region held at the kill, largest; {said}")
     yield _row("killed.lost_for_good", gaps, "1", "records that a trial lacks after its recorder was started again")
+    note = f"processes that still ran {ORPHAN_PATIENCE_S:g} s after their session was killed"
+    yield _row("killed.left_running", len(left), "1", note)
 
 
 def _record_gaps(path: Path) -> int:
@@ -503,9 +563,14 @@ def _missed_cycles(path: Path) -> int:
 # --- replay, UDP, logs, page ---------------------------------------------------------------------------------------
 
 
-def replay_rows(sessions: list[Path]) -> Iterator[ResultRow]:
+def replay_rows(folder: Path, cards: Path) -> Iterator[ResultRow]:
     """Compute every command of the sessions above again."""
-    found = [replay_session(path) for path in sessions]
+    found = []
+    for path in sorted([*folder.glob("soak*/session.xdf"), *folder.glob("faults/session.xdf")]):
+        found.append(replay_session(path))
+        tell(f"replay: {path.parent.name}: {found[-1].wrong_bits} of {found[-1].compared} commands with wrong bits")
+    if not found:
+        raise RuntimeError("found no recorded session to compute again")
     compared = sum(one.compared for one in found)
     yield _row("replay.commands", compared, "1", f"in {len(found)} sessions, faults, stops and resets among them")
     yield _row(
@@ -560,7 +625,7 @@ def udp_rows(folder: Path, cards: Path) -> Iterator[ResultRow]:
     )
 
 
-def log_rows() -> Iterator[ResultRow]:
+def log_rows(folder: Path, cards: Path) -> Iterator[ResultRow]:
     """Logs of a worn elbow suit that another lab published, without a clock."""
     data = os.environ.get("PELLUCID_DATA")
     root = Path(data or ".") / "elbow_exosuit"
@@ -597,10 +662,34 @@ def _opened_page(engine: LiveEngine) -> Page:
     return _live_page.opened(engine)
 
 
-def page_rows() -> Iterator[ResultRow]:
+def page_rows(folder: Path, cards: Path) -> Iterator[ResultRow]:
     """What a browser measures of the pages."""
     try:
         from . import _live_page
     except ImportError:
         return
     yield from _live_page.rows()
+
+
+@dataclass(frozen=True)
+class Part:
+    """One part of the proof."""
+
+    rows: Callable[[Path, Path], Iterator[ResultRow]]  # from the folder of the run, and the robot's cards
+    max_s: float  # longest time that it may take [s]
+
+
+PARTS = {
+    "soak": Part(soak_rows, 300.0 + PAIR_COUNT * (2.5 * RUN_S + 60.0)),
+    "faults": Part(fault_rows, 300.0 + FAULT_COUNT * (FAULT_INTERVAL_S + 8.0)),
+    "killed": Part(kill_rows, 300.0 + KILL_COUNT * 40.0),
+    "udp": Part(udp_rows, 300.0 + 3.0 * UDP_S),
+    "pages": Part(page_rows, 900.0),
+    "replay": Part(replay_rows, 1200.0),
+    "logs": Part(log_rows, 600.0),
+}
+"""Parts by name, in the order in which they run: what needs a quiet machine comes first."""
+
+
+if __name__ == "__main__":
+    main()

@@ -374,12 +374,26 @@ def live(
         bool, typer.Option("--unattended", help="Give consent, starts and verdicts without a person; virtual alone.")
     ] = False,
     browser: Annotated[bool, typer.Option(help="Open the operator's page in a browser.")] = True,
+    replay: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Compute a session.xdf again, or hold a log against the supervisor."),
+    ] = None,
 ) -> None:
     """Run the session with a person that study.toml plans."""
+    out = make_console()
+    if replay is not None:
+        from .procedures.registry import open_study
+        from .session.replay_file import replay_file
+
+        answer = replay_file(open_study(folder), replay)
+        for line in answer.lines:
+            print_line(out, line)
+        if not answer.is_equal:
+            raise SystemExit(1)
+        return
     from .session.page_server import PageServer
     from .session.run_session import live as run
 
-    out = make_console()
 
     def show(server: PageServer) -> None:
         print_line(out, f"Operator:    {server.address('operator')}")

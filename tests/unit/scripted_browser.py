@@ -18,7 +18,7 @@ CHROMIUM = next((path for name in ("chromium", "chromium-browser", "chrome") if 
 """The browser of this system; "" for none."""
 
 WIDTH, HEIGHT = 1280, 860
-PATIENCE_S = 90.0
+PATIENCE_S = 180.0
 
 
 @contextmanager
@@ -65,6 +65,7 @@ class Players:
     def __init__(self, opened, server):
         self.server, self.session = server, server.session
         self.errors: list[str] = []
+        self.used: set[str] = set()  # controls that were used, by their names on the pages
         self.operator = self._page(opened, "operator")
         self.participant = self._page(opened, "participant")
 
@@ -91,18 +92,44 @@ class Players:
 
     def do(self, control):
         """Use one of the operator's buttons."""
+        self.used.add(control)
         self.operator.click(f"#{control}", no_wait_after=True)
+
+    def follow(self, link, said):
+        """Follow one of the operator's links, and wait until its page says something."""
+        self.used.add(link)
+        with self.operator.context.expect_page() as opened:
+            self.operator.click(f"#{link}")
+        page = opened.value
+        page.wait_for_load_state()
+        self.wait(lambda: said in page.content())
+        page.close()
+
+    def slide(self, torque):
+        """Move the slider, and wait until the session has its torque."""
+        self.used.add("torque")
+        self.operator.fill("#torque", str(torque))
+        self.wait(lambda: self.session.slider == torque)
+
+    def accept_or_repeat(self):
+        """Do what the operator's page advises after a trial, and wait until it is done."""
+        self.do("repeat" if self.session.reason else "accept")
+        self.wait(lambda: self.session.phase != Phase.judged)
 
     def try_to(self, page, control):
         """Use a button if it is there; it may have gone meanwhile."""
         # Within the page, so that nothing changes between the look and the click.
-        page.evaluate("(id) => { const it = document.getElementById(id); if (it.offsetParent) it.click(); }", control)
+        click = "(id) => { const it = document.getElementById(id); return !!it.offsetParent && (it.click(), true); }"
+        if page.evaluate(click, control):
+            self.used.add(control)
 
     def until_running(self, share=0.0):
         """Do what is asked for until a trial runs and a share of it is done."""
 
         def runs():
             self._go_on()
+            if self.session.phase == Phase.judged:  # a busy computer's silence stopped the trial before
+                self.try_to(self.operator, "repeat")
             attempt = self.session.attempt
             return self.session.phase == Phase.running and attempt is not None and attempt.task.progress >= share
 

@@ -64,6 +64,9 @@ class StandInEngine:
             read_since=self._read_emg, labels=[f"emg.{m}" for m in self.muscles], nominal_rate=EMG_RATE_HZ
         )
         self.beats = 0
+        self.estimates: list[tuple[float, float, float]] = []
+        self.silent = {"emg": 0.0, "markers": 0.0, "encoder": 0.0}
+        self.clocks = {name: SimpleNamespace(jumps=0, batches=0, lost=0) for name in self.silent}
 
     # What the person does.
 
@@ -152,6 +155,12 @@ class StandInEngine:
         self._grow_emg()
         self._grow()
         self.torque = torque
+
+    def set_estimate(self, torque, half_width):
+        self.estimates.append((self.clock.now, torque, half_width))
+
+    def heard_streams(self):
+        return {name: SimpleNamespace(silent_s=silent, clock=self.clocks[name]) for name, silent in self.silent.items()}
 
     def mark(self, kind, data=None, time=None):
         assert len(json.dumps(data)) < 3900

@@ -39,6 +39,15 @@ def test_a_jump_is_counted_once_and_followed(jump):
     assert np.abs(told[-2000:] - stamps[-2000:]).max() < 0.007
 
 
+def test_first_samples_that_had_waited_are_no_jump():
+    tracker = ClockTracker(100.0)
+    tracker.take(np.arange(0.0, 0.5, 0.01), 0.7)  # sent before anybody listened, and all the later
+    for stamp in np.arange(0.5, 8.0, 0.01):
+        tracker.take(np.array([stamp]), stamp + 0.002)
+    assert tracker.state.jumps == 0
+    assert tracker.state.offset == pytest.approx(0.002, abs=1e-3)
+
+
 def test_a_queue_that_is_emptied_at_once_is_no_jump():
     tracker, rng = ClockTracker(RATE), np.random.default_rng(3)
     stamps = np.arange(0.0, 10.0, 1.0 / RATE)

@@ -4,11 +4,14 @@ Every run is of a second or two in real time, at an ordinary priority. On a busy
 the supervisor stops the law, as it should; then the test arms again.
 """
 
+import json
 import os
 import signal
 import subprocess
+import sys
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -87,6 +90,8 @@ def test_a_session_is_recorded_and_computed_again(elbow, tmp_path):
         engine.set_target(1.4)
         engine.mark("cue", {"target": 1.4})
         rest(engine, 1.5)
+        engine.set_estimate(1.25, 0.5)
+        rest(engine, 0.1)
         samples = engine.read_since(0)
         assert engine.end_recording(timeout=PATIENCE_S) == trial
         engine.stop()
@@ -103,6 +108,9 @@ def test_a_session_is_recorded_and_computed_again(elbow, tmp_path):
     assert set(np.diff(engine_times(samples)).round(6)) >= {0.001}
     columns = xdf.read(trial)
     assert columns["robot.target"][-1] == 1.4
+    assert np.isnan(columns["robot.torque_estimate"][0])
+    assert columns["robot.torque_estimate"][-1] == 1.25
+    assert samples.channels["estimate_high"][-1] == 1.75
     found = replay_session(tmp_path / "session.xdf")
     assert found.compared > 1000
     assert found.is_equal
@@ -142,8 +150,70 @@ def test_a_law_stops_when_its_session_is_silent(elbow, tmp_path):
         assert len(stopped)
         assert 1e-9 * records["time"][stopped[0]] - last < 1.3
         assert engine.status().fault != "none"
-        attached = LiveEngine.attach(elbow, tmp_path)
-        run_law(attached)
+        run_law(engine)
+
+
+SESSION_PROGRAM = """
+import json, sys, time
+from pathlib import Path
+from pellucid.lab.live import virtual_elbow
+from pellucid.live.engine import LiveEngine
+folder = Path(sys.argv[1])
+engine = LiveEngine.start(virtual_elbow(conditions=("Ctrl", "unpowered")), folder, ordinary=True)
+engine.begin_recording(folder / "trial.xdf", {})
+engine.beat()
+until = time.monotonic() + 30.0
+while not (folder / "trial.xdf").exists() and time.monotonic() < until:
+    engine.beat()
+    time.sleep(0.02)
+print(json.dumps({"region": str(engine.region.path), "processes": engine.processes}), flush=True)
+while True:
+    engine.beat()
+    time.sleep(0.1)
+"""
+
+
+def is_running(process):
+    """Whether a process lives; one that has ended and that nobody has waited for does not."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+def test_every_process_ends_by_itself_after_its_session_was_killed(tmp_path):
+    words = [sys.executable, "-c", SESSION_PROGRAM, str(tmp_path)]
+    session = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+    assert session.stdout is not None
+    said = json.loads(session.stdout.readline())
+    assert set(said["processes"]) >= {"engine", "recorder"}
+    assert all(map(is_running, said["processes"].values()))
+    session.kill()
+    session.wait()
+    session.stdout.close()
+    until = time.monotonic() + PATIENCE_S
+    while any(map(is_running, said["processes"].values())) and time.monotonic() < until:
+        time.sleep(0.1)
+    left = [name for name, process in said["processes"].items() if is_running(process)]
+    for name in left:
+        os.kill(said["processes"][name], signal.SIGKILL)
+    assert left == []
+    region = Path(said["region"])
+    assert not list(region.parent.glob(f"{region.name}*"))
+    assert not (tmp_path / "trial.about.json").exists()  # the recorder has ended the file
+    assert len(xdf.read(tmp_path / "trial.xdf")["robot.position"]) > 100
+
+
+def test_a_second_session_in_a_folder_leaves_the_first_ones_file(elbow, tmp_path):
+    for _ in range(2):
+        with LiveEngine.start(elbow, tmp_path, streams=False, ordinary=True) as engine:
+            run_law(engine)
+            rest(engine, 0.2)
+    for name in ("session.xdf", "session_2.xdf"):
+        found = replay_session(tmp_path / name)
+        assert found.is_equal
+        assert (found.gaps, found.unknown) == (0, 0)
 
 
 def test_conditions_change_by_way_of_no_effort(elbow, tmp_path):

@@ -2,59 +2,101 @@
 
 import asyncio
 import json
-import time
+import re
+import threading
 import urllib.error
 import urllib.request
-from dataclasses import dataclass, field
+from contextlib import contextmanager
+from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 import pytest
-from scripted_browser import Players, browser, served
+from scripted_browser import PATIENCE_S, Players, browser, served
 from test_live_session import session_of
 
 from pellucid.procedures.registry import open_study
+from pellucid.session import run_session
 from pellucid.session.new_session import start_session_study
 from pellucid.session.page_server import sample_packet, shown_histogram
 
-SPEED = 3.0
-"""How much faster the stand-in's clock runs than a real one."""
+CONTROLS = {
+    "elbow": {"yes", "full", "start", "stop", "reset", "repeat", "end_trial", "accept", "skip_rest", "participant-link",
+              "report"},
+    "knee": {"yes", "start", "accept", "torque", "skip_rest", "report"},
+    "short": {"yes", "start", "accept", "torque", "stop", "reset", "repeat", "finish"},
+}  # fmt: skip
+"""Controls of both pages that the scripted browser uses in each session."""
+
+SHORT_CHANGES = (
+    ('levels = [1.0]\nduration = "2 s"\nrest = "1 s"', 'levels = [1.0]\nduration = "1 s"\nrest = "0.5 s"'),
+    ('torques = ["0 N*m", "5 N*m", "10 N*m", "0 N*m", "-5 N*m", "-10 N*m"]', 'torques = ["0 N*m"]'),
+    ('angles = ["30 deg", "60 deg"]', 'angles = ["30 deg"]'), ('trials = 2', 'trials = 1'),
+    ('duration = "2 s"\nramp = "0.5 s"', 'duration = "4 s"\nramp = "0 s"'), ('slider_rate = "5 N*m/s"', ""),
+    ('pause = "3 s"', 'pause = "0 s"'),
+)  # fmt: skip
+"""What makes the knee's session so short that every run of the tests plays it."""
 
 
-@dataclass
-class FastClock:
-    """A monotonic clock that runs faster than this computer's."""
-
-    begun: float = field(default_factory=time.monotonic)
-
-    @property
-    def now(self) -> float:
-        return self.begun + SPEED * (time.monotonic() - self.begun)
-
-    def __call__(self) -> float:
-        return self.now
+def short_session(folder, session):
+    """A study with a session, on the stand-in."""
+    start_session_study(folder, session, f"my-{session}")
+    return session_of(folder, session)
 
 
-def short_session(folder, session, **engine):
-    """A study with few and short trials, and its session on the stand-in's fast clock."""
-    path = start_session_study(folder, session, f"my-{session}")
-    text = path.read_text(encoding="utf-8")
-    for old, new in (
-        ('"12 deg", "36 deg", "60 deg"', '"36 deg"'), ('hold = "1 s"', 'hold = "0.5 s"'),
-        ("PCFr = \"PCFr\"\n", ""), ('CLPC = "CLPC"\n', ""), ('angles = ["30 deg", "60 deg"]', 'angles = ["45 deg"]'),
-        ('duration = "10 s"', 'duration = "4 s"'), ('pause = "3 s"', 'pause = "20 s"'),
-        ('pause = "5 s"', 'pause = "20 s"'),
-    ):  # fmt: skip
-        text = text.replace(old, new)
-    path.write_text(text, encoding="utf-8")
-    return session_of(folder, session, clock=FastClock(), **engine)
+@contextmanager
+def played(folder, monkeypatch, *, evaluated=True):
+    """Run `pellucid live` on the virtual rig's engine in real time, with a scripted browser at both pages."""
+    if not evaluated:
+        monkeypatch.setattr(run_session, "evaluate", lambda study: (None, ["not evaluated"]))
+    ready, servers, made = threading.Event(), [], []
+
+    def run():
+        try:
+            made.append(run_session.live(folder, on_ready=lambda server: (servers.append(server), ready.set())))
+        except BaseException as error:
+            made.append(error)
+            ready.set()
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        assert ready.wait(PATIENCE_S)
+        assert servers, made
+        with browser() as opened:
+            yield Players(opened, servers[0]), made
+    finally:
+        for server in servers:
+            server.end()
+        thread.join(PATIENCE_S)
+        assert not thread.is_alive()
+    assert not isinstance(made[0], BaseException), made[0]
+
+
+def recorded_events(folder, name):
+    """Return the events in a trial's file, as kinds and data."""
+    import pyxdf
+
+    streams, _ = pyxdf.load_xdf(str(folder / "recordings" / f"{name}.xdf"))
+    texts = next(s for s in streams if s["info"]["name"][0] == "events")["time_series"]
+    told = [json.loads(row[0]) for row in texts]
+    return [(each.pop("kind"), each) for each in told]
+
+
+def test_every_control_of_both_pages_is_used_by_the_scripted_browser():
+    pages = files("pellucid.session").joinpath("page")
+    text = "".join(pages.joinpath(f"{role}.html").read_text(encoding="utf-8") for role in ("operator", "participant"))
+    there = set(re.findall(r"<(?:button|input|a)\b[^>]*?\bid=\"([^\"]+)\"", text))
+    assert set().union(*CONTROLS.values()) == there
 
 
 @pytest.mark.nightly
-def test_a_scripted_browser_plays_a_short_elbow_session(tmp_path):
-    session, engine, _ = short_session(tmp_path / "s", "elbow")
-    with served(session) as server, browser() as opened:
-        players = Players(opened, server)
-        players.until_running(0.4)
+def test_a_scripted_browser_plays_a_whole_elbow_session_on_the_engine(tmp_path, monkeypatch):
+    folder = tmp_path / "s"
+    start_session_study(folder, "elbow", "my-elbow")
+    with played(folder, monkeypatch) as (players, made):
+        session = players.session
+        players.until_running(0.3)
         players.operator.keyboard.press("Space")
         players.until_judged()
         players.wait(lambda: "stopped" in players.operator.inner_text("#judged"))
@@ -62,7 +104,15 @@ def test_a_scripted_browser_plays_a_short_elbow_session(tmp_path):
         players.do("repeat")
         players.wait(lambda: players.operator.is_visible("#reset"))
         players.do("reset")
-        players.until_running(0.2)
+        players.until_running(0.1)
+        players.participant.keyboard.press("Space")
+        players.until_judged()
+        players.do("repeat")
+        players.until_running(0.1)
+        players.do("stop")
+        players.until_judged()
+        players.do("repeat")
+        players.until_running(0.1)
         players.do("end_trial")
         players.until_judged()
         players.wait(lambda: "the operator ended the trial" in players.operator.inner_text("#judged"))
@@ -71,50 +121,95 @@ def test_a_scripted_browser_plays_a_short_elbow_session(tmp_path):
         assert players.participant.evaluate("document.body.classList.contains('still')")
         players.take_pictures("elbow")
         players.until_judged()
-        players.wait(lambda: "nothing speaks against it" in players.operator.inner_text("#judged"))
-        players.do("accept")
+        players.accept_or_repeat()
         players.wait(lambda: session.phase == "rest")
         players.wait(lambda: "Rest" in players.participant.inner_text("#message"))
-        players.until_finished()
+        players.participant.click("#full")
+        players.used.add("full")
+        players.follow("participant-link", "Full screen")
+        players.until_finished(20.0 * 60.0)
         players.wait(lambda: "over" in players.operator.inner_text("#headline"))
         players.wait(lambda: "Thank you" in players.participant.inner_text("#message"))
-        players.wait(lambda: players.operator.is_visible("#indices-panel"))
         players.wait(lambda: "Median duration" in players.operator.inner_text("#indices"))
         players.wait(lambda: "cannot say yet" in players.operator.inner_text("#verdicts"))
+        players.wait(lambda: players.operator.is_visible("#report"))
+        players.follow("report", "my-elbow")
         assert players.operator.locator("#traces canvas").count() == 5
         assert players.errors == []
-    study = open_study(tmp_path / "s")
-    assert [entry.condition for entry in study.config.recordings] == [trial.condition for trial in session.plan]
-    frames = [data for _, kind, data in engine.events if kind == "frames"]
-    assert sum(len(each["intervals"]) for each in frames) > 50
+        assert players.used == CONTROLS["elbow"]
+    assert made[0].done == made[0].planned == 3
+    study = open_study(folder)
+    assert {entry.condition for entry in study.config.recordings} == {"Ctrl", "FC", "CLPC"}
+    names = [Path(entry.file).stem for entry in study.config.recordings]
+    events = [event for name in names for event in recorded_events(folder, name)]
+    frames = [data for kind, data in events if kind == "frames"]
+    cues = {data["cue"] for kind, data in events if kind == "cue"}
     shown = {cue[0] for each in frames for cue in each["cues"]}
-    cues = {data["cue"] for _, kind, data in engine.events if kind == "cue"}
-    assert shown <= cues
-    assert len(shown) > 0.5 * len(cues)
+    assert sum(len(each["intervals"]) for each in frames) > 50
+    assert len(shown & cues) > 0.5 * len(cues)
+    assert (folder / "report" / "index.html").exists()
 
 
 @pytest.mark.nightly
-def test_a_scripted_browser_plays_a_short_knee_session(tmp_path):
-    session, _engine, _ = short_session(tmp_path / "s", "knee")
-    with served(session) as server, browser() as opened:
-        players = Players(opened, server)
+def test_a_scripted_browser_plays_a_whole_knee_session_on_the_engine(tmp_path, monkeypatch):
+    folder = tmp_path / "s"
+    path = start_session_study(folder, "knee", "my-knee")
+    text = path.read_text(encoding="utf-8").replace('slider_rate = "5 N*m/s"', 'slider_rate = "30 N*m/s"')
+    path.write_text(text, encoding="utf-8")
+    with played(folder, monkeypatch) as (players, made):
+        session = players.session
         while session.trial.task.kind != "holding":
             players.until_running(0.2)
             players.until_judged()
-            players.do("accept")
-            players.wait(lambda: session.phase != "judged")
-        players.until_running(0.1)
+            players.accept_or_repeat()
+        players.until_running(0.02)
         players.wait(lambda: players.operator.is_visible("#torque"))
-        players.operator.fill("#torque", "7.5")
-        players.wait(lambda: session.attempt.task.by_hand == 7.5)
+        players.slide(7.5)
         players.take_pictures("knee")
-        players.until_finished()
+        players.until_finished(20.0 * 60.0)
+        players.wait(lambda: players.operator.is_visible("#report"))
+        players.follow("report", "my-knee")
         assert players.errors == []
-    held = open_study(tmp_path / "s").recording("P1_03_held_worn")
-    assert np.isclose(held["command"], 7.5).any()
-    assert {entry.protocol for entry in open_study(tmp_path / "s").config.recordings} == {
-        "mvc", "held_angle", "followed_angle"
-    }  # fmt: skip
+        assert players.used == CONTROLS["knee"]
+        assert np.isfinite(session.estimator.error)
+    assert made[0].done == made[0].planned == 7
+    study = open_study(folder)
+    assert np.isclose(study.recording("P1_03_held_worn")["command"], 7.5).any()
+    assert {entry.protocol for entry in study.config.recordings} == {"mvc", "held_angle", "followed_angle"}
+
+
+def test_a_scripted_browser_plays_a_short_session_on_the_engine(tmp_path, monkeypatch):
+    folder = tmp_path / "s"
+    path = start_session_study(folder, "knee", "my-knee")
+    text = path.read_text(encoding="utf-8")
+    for old, new in SHORT_CHANGES:
+        assert old in text
+        text = text.replace(old, new)
+    path.write_text(text, encoding="utf-8")
+    with played(folder, monkeypatch, evaluated=False) as (players, made):
+        session = players.session
+        players.until_running(0.1)
+        players.do("stop")
+        players.until_judged()
+        players.do("repeat")
+        players.wait(lambda: players.operator.is_visible("#reset"))
+        players.do("reset")
+        while session.trial.task.kind != "holding":
+            players.until_running(0.2)
+            players.until_judged()
+            players.accept_or_repeat()
+        players.until_running(0.05)
+        players.wait(lambda: players.operator.is_visible("#torque"))
+        players.slide(2.0)
+        players.until_judged()
+        players.accept_or_repeat()
+        players.wait(lambda: session.phase in ("waiting", "instructions"))
+        players.do("finish")
+        players.wait(lambda: session.phase == "finished")
+        assert players.errors == []
+        assert players.used == CONTROLS["short"]
+    assert (made[0].done, made[0].planned) == (3, 4)
+    assert np.isclose(open_study(folder).recording("P1_03_held_worn")["command"], 2.0).any()
 
 
 def status_of(url, **headers):

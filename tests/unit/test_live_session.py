@@ -12,7 +12,9 @@ from pellucid.procedures.registry import open_study
 from pellucid.session.live_session import LiveSession, Phase
 from pellucid.session.new_session import SHIPPED_SESSIONS, start_session_study
 from pellucid.session.run_session import choose_participant
-from pellucid.session.trial_plan import balanced_orders, condition_order, plan_trials
+from pellucid.session.running_task import RunningHolding, Sensed
+from pellucid.session.trial_plan import PlannedTrial, balanced_orders, condition_order, plan_trials
+from pellucid.studies.session_table import HoldingTask
 
 STEP_S = 0.05
 
@@ -205,7 +207,70 @@ def test_the_slider_stays_within_its_limit(tmp_path):
     session.act("operator", "torque", 99.0)
     clock.now += STEP_S
     session.step()
-    assert engine.torque == 10.0
+    assert session.slider == 10.0
+    assert engine.torque == pytest.approx(5.0 * STEP_S)  # on the way, at the default rate
+
+
+def test_the_torque_follows_the_slider_at_the_stated_rate():
+    task = HoldingTask(name="held", kind="holding", angles=("45 deg",), torques=("0 N*m", "0 N*m"), duration="4 s")
+    trial = PlannedTrial(1, "P1", "worn", "torque", task, 1, 1, "fit", (0.785,))
+    holding = RunningHolding(trial, lead_in=0.0)
+    asked = []
+    for time in np.arange(0.0, 8.0, 0.1):
+        holding.step(Sensed(float(time), 0.785))
+        asked += [(time, ask.values[0]) for ask in holding.take()[1] if ask.kind == "torque"]
+        if time > 0.95 and holding.by_hand is None and time < 1.05:
+            holding.set_by_hand(6.0, 5.0)
+    times, torques = np.array(asked).T
+    assert torques.max() == pytest.approx(6.0)
+    assert np.abs(np.diff(torques)).max() == pytest.approx(0.5)  # 5 N m/s in 0.1 s
+    assert times[torques == torques.max()][0] == pytest.approx(2.2, abs=0.11)
+    assert torques[-1] == 0.0  # back on the plan, which asks for nothing in its second step
+    assert times[-1] == pytest.approx(5.2, abs=0.21)
+
+
+def test_a_trial_needs_the_streams_that_the_study_names(tmp_path):
+    session, engine, clock = session_of(tmp_path / "s")
+    session.page_opened("participant")
+    engine.silent["markers"] = 60.0
+    session.step()
+    session.act("participant", "consent")
+    session.act("participant", "ready")
+    assert session.act("operator", "start") == "the stream markers is not heard; [session] streams asks for it"
+    assert session.operator_state()["missing_streams"] == ("markers",)
+    engine.silent["markers"] = 0.0
+    clock.now += 1.0
+    session.step()
+    assert session.act("operator", "start") == ""
+    run_until(session, clock, lambda: session.phase == Phase.running)
+    clock.now += 1.0
+    engine.silent["emg"] = 2.5
+    run_until(session, clock, lambda: session.phase == Phase.judged)
+    assert session.reason == "the stream emg fell silent during the trial"
+
+
+def test_what_happens_to_a_clock_is_told_while_it_happens(tmp_path):
+    session, engine, clock = started(tmp_path)
+    engine.clocks["emg"].jumps, engine.clocks["emg"].lost, engine.clocks["encoder"].batches = 1, 20, 3
+    clock.now += 1.0
+    session.step()
+    told = [fault.text for fault in session.faults]
+    assert "the clock of the stream emg jumped, 1 times so far" in told
+    assert "the stream emg lost 20 samples" in told
+    assert "the stream encoder sends batches of samples with one time" in told
+    clock.now += 1.0
+    session.step()
+    assert [fault.text for fault in session.faults] == told  # each once
+
+
+def test_the_estimate_of_the_torque_is_recorded(tmp_path):
+    session, engine, clock = session_of(tmp_path / "s", "knee", unattended=True)
+    run_until(session, clock, lambda: session.phase == Phase.finished)
+    found = np.array(engine.estimates)
+    assert len(found) > 100
+    assert np.isfinite(found).all()
+    assert np.all(found[:, 2] > 0.0)
+    assert session.operator_state()["estimate"]["torque"] == found[-1, 1]
 
 
 def test_a_session_goes_on_where_it_was_left(tmp_path):

@@ -19,6 +19,7 @@ import numpy as np
 
 from ..live.intake import streaming_layer
 from ..live.region import Region
+from ..live.session_process import SessionProcess
 from .emg_synthesis import motor_unit_noise
 
 EMG_RATE_HZ = 2048.0
@@ -145,8 +146,8 @@ def run(region: Path, options: dict[str, Any]) -> None:
     """Send the streams until SIGTERM."""
     ends: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, frame: ends.append(number))
-    sender = Sender(Region(region), options)
-    while not ends:
+    sender, process = Sender(Region(region), options), SessionProcess()
+    while not ends and not process.is_over():
         sender.step()
         time.sleep(POLL_S)
 

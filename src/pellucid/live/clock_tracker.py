@@ -82,8 +82,12 @@ class ClockTracker:
         self._count_losses(stamps)
         apart = float(differences[-1]) - self._offset_at(stamps[-1])
         if apart < -JUMP_THRESHOLD_S:
-            # Nothing arrives before it is measured: the stream's clock was set forward.
-            self._restart(stamps[-1], float(differences[-1]))
+            # Nothing arrives before it is measured: the stream's clock was set forward. In the first interval it may
+            # also be that the first samples had waited, as those do that were sent before anybody listened.
+            if self._minima:
+                self._restart(stamps[-1], float(differences[-1]))
+            else:
+                self._line = (stamps[-1], float(differences[-1]), 0.0)
         self._least = min(self._least, float(differences.min()))
         if self._begun is None:
             self._begun = arrival

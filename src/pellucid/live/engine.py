@@ -25,7 +25,9 @@ from .._errors import PellucidError
 from ..control.supervisor_faults import FAULT_NAMES
 from . import layout
 from .clock_tracker import ClockState
+from .intake import NAMES_WORD
 from .region import Event, Region
+from .session_process import SESSION_VARIABLE, remove_region
 from .setup import EngineSetup, Task, settings_text
 from .stream_ring import StreamRing
 
@@ -36,10 +38,7 @@ SETTINGS_FILE = "engine.txt"
 """File in a session's folder that holds the engine's numbers."""
 
 SESSION_FILE = "session.xdf"
-"""File in a session's folder with every number that the law was given."""
-
-RUN_FILE = "live.json"
-"""File in a session's folder that says where the region is and which processes run."""
+"""File in a session's folder with every number that the law was given; a later session's has a number in its name."""
 
 SHARED_MEMORY_FOLDER = Path("/dev/shm")
 """Folder for the region where the system has it: its pages are never written to a disk."""
@@ -85,6 +84,14 @@ class Samples:
 
 
 @dataclass(frozen=True)
+class HeardStream:
+    """One stream that was taken in."""
+
+    silent_s: float  # time since something arrived [s]
+    clock: ClockState
+
+
+@dataclass(frozen=True)
 class Health:
     """How well the engine keeps its deadlines, and what went wrong."""
 
@@ -117,17 +124,26 @@ def engine_program() -> Path:
     return program
 
 
+def next_session_file(folder: Path) -> Path:
+    """Return the path for the next session's file in a folder: the first of session.xdf, session_2.xdf that is free."""
+    path, number = folder / SESSION_FILE, 1
+    while path.exists():
+        number += 1
+        path = folder / f"{Path(SESSION_FILE).stem}_{number}.xdf"
+    return path
+
+
 class LiveEngine:
     """A running engine with its recorder and streams.
 
-    Make one with `start`, or with `attach` after the session's own process died.
+    Make one with `start`. When the process that made it dies, engine, recorder and streams end by themselves.
     """
 
-    def __init__(self, setup: EngineSetup, folder: Path, region: Region, children: Mapping[str, int]) -> None:
+    def __init__(self, setup: EngineSetup, folder: Path, region: Region) -> None:
         self.setup = setup
         self.folder = folder
         self.region = region
-        self._children = dict(children)  # process numbers by name
+        self.session_file = next_session_file(folder)
         self._processes: dict[str, subprocess.Popen] = {}
         self._torque_value = 0.0
         self._felt_since = region.record_count
@@ -173,14 +189,14 @@ class LiveEngine:
         os.close(handle)
         region = Region.create(Path(name), setup.period_ns)
         _atomic.write_text_atomically(folder / SETTINGS_FILE, settings_text(setup))
-        engine = cls(setup, folder, region, {})
+        engine = cls(setup, folder, region)
         try:
             engine._start_engine(ordinary)
             if recorder:
                 engine.restart_recorder()
                 engine._wait_for_recorder()
             if streams and setup.stream_types:
-                engine._start_module("intake", *setup.stream_types)
+                engine._start_intake()
             if streams and setup.streams is not None:
                 engine._start_streams()
         except BaseException:
@@ -188,35 +204,15 @@ class LiveEngine:
             raise
         return engine
 
-    @classmethod
-    def attach(cls, setup: EngineSetup, folder: str | Path) -> Self:
-        """Go on with the processes of a session whose own process died.
-
-        Raises
-        ------
-        PellucidError
-            If the folder has no running session.
-        """
-        path = Path(folder) / RUN_FILE
-        try:
-            said = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise PellucidError(f"{path}: found no live session: {error}") from None
-        engine = cls(setup, Path(folder), Region(Path(said["region"])), said["processes"])
-        engine.region.command(run=0)
-        return engine
-
     def _run(self, name: str, words: Sequence[object]) -> subprocess.Popen:
-        # In a session of its own: a signal to the terminal's group, or the death of this process, leaves it running.
+        # In a session of its own: a signal to the terminal's group leaves it running until it is told to end.
         log = (self.folder / f"{name}.log").open("ab")
         with log:
             process = subprocess.Popen(
-                [str(word) for word in words], stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True
-            )
+                [str(word) for word in words], stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True,
+                env=os.environ | {SESSION_VARIABLE: str(os.getpid())},
+            )  # fmt: skip
         self._processes[name] = process
-        self._children[name] = process.pid
-        said = {"region": str(self.region.path), "processes": self._children}
-        _atomic.write_text_atomically(self.folder / RUN_FILE, json.dumps(said))
         return process
 
     def _start_engine(self, ordinary: bool) -> None:
@@ -238,6 +234,9 @@ class LiveEngine:
         package = __package__ or "pellucid.live"
         self._run(name, [sys.executable, "-m", f"{package}.{name}", self.region.path, *words])
 
+    def _start_intake(self) -> None:
+        self._start_module("intake", *self.setup.stream_types, NAMES_WORD, *self.setup.stream_names)
+
     def _start_streams(self) -> None:
         program = self.setup.streams
         if program is not None:
@@ -252,7 +251,7 @@ class LiveEngine:
     def restart_recorder(self) -> None:
         """Start the recorder, or start it again; it goes on with the file that it was writing."""
         self._end("recorder", signal.SIGKILL)
-        self._start_module("recorder", str(self.folder / SESSION_FILE), str(self.folder / SETTINGS_FILE))
+        self._start_module("recorder", str(self.session_file), str(self.folder / SETTINGS_FILE))
 
     def _wait_for_recorder(self) -> None:
         until = time.monotonic() + START_TIMEOUT_S
@@ -268,51 +267,41 @@ class LiveEngine:
         """Start again what died of the intake and of a virtual wearer's streams."""
         alive = self.alive
         if not alive.get("intake", True):
-            self._start_module("intake", *self.setup.stream_types)
+            self._start_intake()
         if not alive.get("streams", True):
             self._start_streams()
 
     @property
     def processes(self) -> dict[str, int]:
         """Process numbers by name."""
-        return dict(self._children)
+        return {name: process.pid for name, process in self._processes.items()}
 
     @property
     def alive(self) -> dict[str, bool]:
         """Whether each process that was started still runs, by name."""
-        return {name: self._is_alive(name) for name in self._children}
+        return {name: self._is_alive(name) for name in self._processes}
 
     def _is_alive(self, name: str) -> bool:
-        if name in self._processes:
-            return self._processes[name].poll() is None
-        try:
-            os.kill(self._children[name], 0)
-        except (KeyError, OSError):
-            return False
-        return True
+        return name in self._processes and self._processes[name].poll() is None
 
     def _end(self, name: str, how: int) -> None:
-        if name not in self._children:
+        if name not in self._processes:
             return
-        if self._is_alive(name):
-            with suppress(ProcessLookupError):
-                os.kill(self._children[name], how)
-        until = time.monotonic() + END_TIMEOUT_S
-        while self._is_alive(name) and time.monotonic() < until:
-            time.sleep(0.01)
-        if self._is_alive(name):
-            os.kill(self._children[name], signal.SIGKILL)
-        if name in self._processes:
-            self._processes[name].wait()
+        process = self._processes[name]
+        with suppress(ProcessLookupError):
+            process.send_signal(how)
+        try:
+            process.wait(END_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
 
     def close(self) -> None:
         """End every process in order: open recordings are sealed, and the robot has no power."""
         self.region.command(run=0, end=1)
         for name in CHILD_NAMES:
             self._end(name, signal.SIGTERM)
-        (self.folder / RUN_FILE).unlink(missing_ok=True)
-        for path in [self.region.path, *self.region.path.parent.glob(f"{self.region.path.name}.*")]:
-            path.unlink(missing_ok=True)
+        remove_region(self.region.path)
 
     def __enter__(self) -> Self:
         return self
@@ -374,6 +363,13 @@ class LiveEngine:
         self.region.command(
             adjusts=int(last["adjusts"]) + 1, adjusted_field=field, adjusted_law=index, adjusted_value=float(torque)
         )
+
+    def set_estimate(self, torque: float, half_width: float) -> None:
+        """Keep in the records what the robot's torque on the person is by EMG, and half of its interval [N m].
+
+        The law does not read it. NaN where there is none.
+        """
+        self.region.command(torque_estimate=float(torque), torque_half_width=float(half_width))
 
     def inject(self, fault: str, seconds: float) -> None:
         """Put a fault of `layout.INJECTION_KINDS` into the inputs for a time [s]: for tests of the whole chain."""
@@ -501,6 +497,11 @@ class LiveEngine:
         """All streams that were taken in so far."""
         return StreamRing.all_of(self.region.path)
 
+    def heard_streams(self) -> dict[str, HeardStream]:
+        """Return when each stream was heard last, and what is known of its clock, by its name."""
+        now = time.monotonic_ns()
+        return {ring.name: HeardStream(1e-9 * (now - ring.heard_ns), ring.clock) for ring in self.streams}
+
     def health(self) -> Health:
         """Return how well the engine keeps its deadlines, and all faults so far."""
         s = self.region.status()
@@ -556,4 +557,7 @@ def record_channels(records: np.ndarray) -> dict[str, np.ndarray]:
         "late": (records["flags"] & layout.FLAG_LATE).astype(float),
         "lateness": 1e-9 * (records["time"] - records["deadline"]),
         "compute": 1e-9 * records["compute"],
+        "estimate": records["torque_estimate"],
+        "estimate_low": records["torque_estimate"] - records["torque_half_width"],
+        "estimate_high": records["torque_estimate"] + records["torque_half_width"],
     }

@@ -1,8 +1,9 @@
-"""Take streams of the lab streaming layer in: `python -m pellucid.live.intake REGION TYPE...`.
+"""Take streams of the lab streaming layer in: `python -m pellucid.live.intake REGION TYPE... --names NAME...`.
 
-One process pulls every stream of the stated types, brings its times onto the host's clock, and writes them into rings
-beside the region. Recorder and session read there, so that neither's death loses a sample. A stream that falls silent
-is resolved again; one that comes back, by its name and source, goes on in its ring.
+One process pulls every stream of the stated names, or of the stated types where no name is stated. It brings their
+times onto the host's clock, and writes them into rings beside the region. Recorder and session read there, so that
+neither's death loses a sample. A stream that falls silent is resolved again; one that comes back, by its name and
+source, goes on in its ring.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import signal
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,11 @@ import numpy as np
 
 from .._errors import PellucidError, install_command
 from .clock_tracker import ClockTracker
+from .session_process import SessionProcess
 from .stream_ring import StreamRing, ask_for_niceness
+
+NAMES_WORD = "--names"
+"""Word of the command line after which names of streams follow."""
 
 POLL_S = 0.01
 """Time between two looks at the streams."""
@@ -122,8 +128,13 @@ def _channels_of(info: Any) -> tuple[list[str], list[str]]:
     return labels, units
 
 
-def run(region: Path, types: list[str]) -> None:
-    """Take streams of these types in until SIGTERM."""
+def is_wanted(info: Any, types: Sequence[str], names: Sequence[str]) -> bool:
+    """Return whether a stream is taken in: one of the `names`, or of the `types` where there are no names."""
+    return info.name() in names if names else info.type() in types
+
+
+def run(region: Path, types: Sequence[str], names: Sequence[str] = ()) -> None:
+    """Take streams of these names in, or of these types, until SIGTERM."""
     pylsl = streaming_layer()
     ends: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, frame: ends.append(number))
@@ -132,13 +143,14 @@ def run(region: Path, types: list[str]) -> None:
     inlets: dict[tuple[str, str, str], _Inlet] = {}
     rings = {(ring.name, ring.type, ring.source): ring for ring in StreamRing.all_of(region)}
     resolved = -np.inf
-    while not ends:
+    process = SessionProcess()
+    while not ends and not process.is_over():
         now = time.monotonic()
         if now - resolved > RESOLVE_INTERVAL_S:
             resolved = now
             for info in resolver.results():
                 key = key_of(info)
-                if info.type() not in types or (key in inlets and not inlets[key].lost):
+                if not is_wanted(info, types, names) or (key in inlets and not inlets[key].lost):
                     continue
                 try:
                     inlets[key] = _Inlet(info, rings.get(key), region, len(rings))
@@ -153,4 +165,5 @@ def run(region: Path, types: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    run(Path(sys.argv[1]), sys.argv[2:])
+    place = sys.argv.index(NAMES_WORD) if NAMES_WORD in sys.argv else len(sys.argv)
+    run(Path(sys.argv[1]), sys.argv[2:place], sys.argv[place + 1 :])

@@ -122,7 +122,9 @@ RECORD_TYPE = np.dtype(
         ("task_kind", "<u4"),
         ("compute", "<u4"),
         ("reserved", "<u4"),
-        ("spare", "<f8", (3,)),
+        ("torque_estimate", "<f8"),
+        ("torque_half_width", "<f8"),
+        ("spare", "<f8", (1,)),
         ("number_again", "<u8"),
     ]
 )
@@ -205,7 +207,9 @@ COMMAND_TYPE = np.dtype(
         ("injections", "<u4"),
         ("injection", "<u4"),
         ("injected_for", "<f8"),
-        ("spare", "<f8", (10,)),
+        ("torque_estimate", "<f8"),
+        ("torque_half_width", "<f8"),
+        ("spare", "<f8", (8,)),
         ("checksum", "<u8"),
     ]
 )

@@ -26,6 +26,7 @@ from .._errors import PellucidError
 from ..recordings.xdf_writer import SAMPLES_TAG, XdfStream, XdfWriter, chunks, sample_block, scan_xdf
 from .region import Event, Region
 from .replay_columns import RAW_COLUMNS, READABLE_COLUMNS, raw_values, robot_values
+from .session_process import ORPHAN_S, SessionProcess, remove_region
 from .stream_ring import StreamRing, ask_for_niceness
 
 POLL_S = 0.02
@@ -36,6 +37,9 @@ CLOCK_INTERVAL_S = 2.0
 
 CLOSING_S = 0.4
 """Longest time that is waited for late samples after the end of a recording."""
+
+ENGINE_SILENCE_S = 0.5
+"""An engine that said nothing for this time after its session's death has ended [s]."""
 
 MAX_STREAMS = 8
 """Largest number of streams that are taken in."""
@@ -266,7 +270,8 @@ def run(path: Path, session: Path, settings: Path) -> None:
     signal.signal(signal.SIGTERM, lambda number, frame: ends.append(number))
     ask_for_niceness()
     recorder = Recorder(Region(path), session, settings.read_text(encoding="utf-8"))
-    while not ends:
+    process = SessionProcess()
+    while not ends and not _has_nothing_to_record(recorder.region, process):
         try:
             recorder.step()
         except (OSError, PellucidError) as error:
@@ -275,6 +280,14 @@ def run(path: Path, session: Path, settings: Path) -> None:
             raise
         time.sleep(POLL_S)
     recorder.close()
+    if process.gone_for() > 0.0:
+        remove_region(path)
+
+
+def _has_nothing_to_record(region: Region, process: SessionProcess) -> bool:
+    """Return whether the session is dead, and its engine has ended or should have ended."""
+    silent = time.monotonic() - 1e-9 * int(region.status()["heartbeat"]) > ENGINE_SILENCE_S
+    return process.gone_for() > (ENGINE_SILENCE_S if silent else 2.0 * ORPHAN_S)
 
 
 if __name__ == "__main__":

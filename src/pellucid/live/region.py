@@ -78,7 +78,7 @@ class Region:
             head["epoch"], head["period"] = time.monotonic_ns(), period_ns
             file.write(head.tobytes())
         region = cls(path)
-        region.command()
+        region.command(torque_estimate=np.nan, torque_half_width=np.nan)
         return region
 
     @property

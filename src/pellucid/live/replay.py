@@ -18,6 +18,9 @@ from . import layout
 from .replay_columns import RAW_COLUMNS, records_of
 from .setup import Condition
 
+XDF_START = b"XDF:"
+"""First bytes of an XDF file."""
+
 ENGINE_STREAM = "engine"
 """Name of the stream that a replay reads."""
 
@@ -64,6 +67,15 @@ def conditions_of(settings: str) -> list[Condition]:
             law = SupervisedLaw(known, dict(zip(SUPERVISOR_NAMES, supervisor, strict=True)))
         made.append(Condition(name, law, worn))
     return made
+
+
+def has_engine_records(path: str | Path) -> bool:
+    """Return whether a file is one of a session, with every number that its law was given."""
+    path = Path(path)
+    with path.open("rb") as file:
+        if file.read(4) != XDF_START:
+            return False
+    return _engine_stream(scan_xdf(path)) is not None
 
 
 def read_session(path: str | Path) -> tuple[list[Condition], np.ndarray]:

@@ -21,6 +21,8 @@ READABLE_COLUMNS = (
     ("mode", ""),
     ("fault", ""),
     ("late", ""),
+    ("torque_estimate", "N*m"),
+    ("torque_half_width", "N*m"),
 )
 """Columns for people, with their units; efforts of a sensor that says nothing are NaN."""
 
@@ -48,6 +50,7 @@ def robot_values(records: np.ndarray) -> np.ndarray:
         shown[:, 0], records["velocity"], records["effort"], records["value"][:, 2], shown[:, 3],
         records["drive_torque"], records["target"], records["limb_position"], records["task"], records["law"],
         records["state"], records["mode"], records["fault"], records["flags"] & layout.FLAG_LATE,
+        records["torque_estimate"], records["torque_half_width"],
     ]  # fmt: skip
     return np.column_stack([np.asarray(column, float) for column in columns])
 

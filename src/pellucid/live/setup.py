@@ -113,6 +113,8 @@ class EngineSetup:
         What sends a virtual wearer's EMG, markers and encoder; None where there is none.
     stream_types : tuple of str
         Types of the streams that are taken in, as the lab streaming layer names them.
+    stream_names : tuple of str
+        Names of the streams that are taken in, whatever their types; empty: all of these types.
     """
 
     conditions: tuple[Condition, ...]
@@ -122,6 +124,7 @@ class EngineSetup:
     wearer: WearerPlan | None = None
     streams: StreamsProgram | None = None
     stream_types: tuple[str, ...] = ("EMG", "MoCap", "Encoder")
+    stream_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         names = [condition.name for condition in self.conditions]

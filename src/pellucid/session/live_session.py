@@ -19,6 +19,7 @@ import numpy as np
 
 from .._errors import PellucidError
 from ..control.supervisor_faults import NO_FAULT
+from ..live.setup import SESSION_TIMEOUT_S
 from ..procedures.assessment.assessment_table import AssessmentTable
 from ..studies.study import STUDY_FILE, Study
 from .emg_levels import EmgLevels
@@ -27,7 +28,7 @@ from .recorded_trial import Judged, add_to_study, judge_trial, next_attempt, rec
 from .running_indices import RunningIndices, RunningVerdict
 from .running_task import Ask, RunningHolding, RunningTask, Sensed, first_angle, running_task
 from .session_engine import EngineSamples, SessionEngine
-from .torque_estimate import RATE_HZ, TorqueEstimator
+from .torque_estimate import RATE_HZ, TorqueEstimate, TorqueEstimator
 from .trial_plan import PlannedTrial
 
 
@@ -55,6 +56,21 @@ SETTLED_S = 0.3
 
 OPERATOR_AWAY_S = 2.0
 """A running trial ends, and the law with it, after this time without an operator's page [s]."""
+
+MAX_STREAM_SILENCE_S = 2.0
+"""A stream of ``[session]`` that was not heard for longer is missing [s]."""
+
+STREAM_LOOK_INTERVAL_S = 0.5
+"""Time between two looks at the streams [s]: a look opens their files."""
+
+MIN_TOLD_GAP_S = 0.004
+"""A gap between two cycles of at least this length is named beside a fault of old samples [s]."""
+
+STALE_FAULT = "stale"
+"""The supervisor's name for samples that are too old, or come after a gap."""
+
+STOPPED_FAULT = "stopped"
+"""The supervisor's name for a stop from outside: by hand, or after the session's silence."""
 
 RESET_INTERVAL_S = 0.2
 """Time between two answers to the supervisor's challenge [s]."""
@@ -156,12 +172,17 @@ class LiveSession:
         self._last_time = math.nan
         self._resetting = False
         self._reset_at = 0.0
+        self._stopped_at = -math.inf
         self._operator_left: float | None = None
         self._at_angle_since: float | None = None
         self._job: Future | None = None
         self._status: Any = None
         self._told_fault = NO_FAULT
         self._alive: dict[str, bool] = {}
+        self._estimate: TorqueEstimate | None = None
+        self._estimated_at = self._streams_seen_at = -math.inf
+        self.missing_streams: tuple[str, ...] = self.table.streams
+        self._stream_counts: dict[str, tuple[int, int, int]] = {}  # jumps, batches and lost samples by stream
         self._background: Future | None = None
         if self._running is not None:
             self._background = executor.submit(self._measure_earlier, self._running)
@@ -174,6 +195,7 @@ class LiveSession:
         self.engine.beat()
         self._watch_engine(now)
         self._read(now)
+        self._watch_streams(now)
         {
             Phase.preparing: self._prepare, Phase.running: self._run, Phase.saving: self._save,
             Phase.judging: self._judge, Phase.rest: self._rest, Phase.finishing: self._end,
@@ -239,6 +261,8 @@ class LiveSession:
             return f"a trial can start once it is waited for; now: {self.phase}"
         if self._state == "stopped":
             return "the robot is stopped; reset it first"
+        if self.missing_streams:
+            return f"the stream {self.missing_streams[0]} is not heard; [session] streams asks for it"
         if self.pages["participant"] == 0 and not self.unattended:
             return "the participant's page is not open; open it first"
         number = next_attempt(self.study.folder, trial)
@@ -283,6 +307,7 @@ class LiveSession:
 
     def _stop(self, value: float | None) -> str:
         self.engine.stop()
+        self._stopped_at = self.clock()
         self._tell("stopped by hand")
         return ""
 
@@ -304,7 +329,7 @@ class LiveSession:
         if self.phase != Phase.running or self.attempt is None or not isinstance(self.attempt.task, RunningHolding):
             return "the slider asks for a torque only while an angle is held"
         self.slider = torque
-        self.attempt.task.set_by_hand(torque)
+        self.attempt.task.set_by_hand(torque, self.table.limits.slider_rate)
         return ""
 
     def _finish(self, value: float | None) -> str:
@@ -448,7 +473,7 @@ class LiveSession:
             self.act("participant", "ready")
         elif self.phase == Phase.waiting and self._state == "stopped":
             self._resetting = True
-        elif self.phase == Phase.waiting:
+        elif self.phase == Phase.waiting and not self.missing_streams:
             self.act("operator", "start")
         elif self.phase == Phase.judged and self.attempt is not None and self.attempt.judged is not None:
             self.act("operator", "repeat" if self.reason and self.attempt.number < 3 else "accept")
@@ -476,7 +501,7 @@ class LiveSession:
         self._status = self.engine.status()
         fault = self._status.fault
         if fault != self._told_fault and fault not in (NO_FAULT, ""):
-            self._tell(f"supervisor: {fault}")
+            self._tell(f"supervisor: {fault}{self._why_stopped(fault, now)}")
         self._told_fault = fault
         alive = dict(self.engine.alive)
         for name, lives in alive.items():
@@ -490,6 +515,16 @@ class LiveSession:
             else:
                 self._resetting = False
                 self._tell("the stop was reset")
+
+    def _why_stopped(self, fault: str, now: float) -> str:
+        """Return what this computer did where it, and not robot or person, made the supervisor stop."""
+        times = self.engine.read_since(self._cursor).time
+        gap = float(np.max(np.diff(times, prepend=self._last_time))) if len(times) else 0.0
+        if fault == STALE_FAULT and gap > MIN_TOLD_GAP_S:
+            return f" (the engine did not run for {1e3 * gap:.0f} ms: this computer is too busy)"
+        if fault == STOPPED_FAULT and now - self._stopped_at > SESSION_TIMEOUT_S:
+            return f" (this program gave no sign of life for {SESSION_TIMEOUT_S:g} s: this computer is too busy)"
+        return ""
 
     def _read(self, now: float) -> None:
         samples = self.engine.read_since(self._cursor)
@@ -506,6 +541,9 @@ class LiveSession:
             emg_levels = {m: np.array([level]) for m, level in self.levels.levels.items()}
         if self.phase == Phase.running and self.attempt is not None and len(samples.time) and emg_levels:
             self._keep_for_estimate(self.attempt, samples, emg_levels)
+        if now - self._estimated_at >= 1.0 / RATE_HZ and self.levels is not None:
+            self._estimated_at = now
+            self._tell_estimate(self.levels.levels)
 
     def _keep_for_estimate(
         self, attempt: Attempt, samples: EngineSamples, levels: Mapping[str, np.ndarray]
@@ -526,6 +564,38 @@ class LiveSession:
             attempt.features, attempt.torques = [np.concatenate(attempt.features)], [np.concatenate(attempt.torques)]
         else:
             attempt.features, attempt.torques = [], []
+
+    def _tell_estimate(self, levels: Mapping[str, float]) -> None:
+        """Estimate the torque on the person now, and let the engine record it."""
+        position, velocity = (self._last.get(n, math.nan) for n in (self.table.pointer, "velocity"))
+        before, self._estimate = self._estimate, self.estimator.estimate(levels, position, velocity)
+        if self._estimate is not None:
+            self.engine.set_estimate(self._estimate.torque, self._estimate.half_width)
+        elif before is not None:
+            self.engine.set_estimate(math.nan, math.nan)
+
+    def _watch_streams(self, now: float) -> None:
+        """Tell which streams of ``[session]`` are missing, and each jump of a clock, first batch and lost sample."""
+        if now - self._streams_seen_at < STREAM_LOOK_INTERVAL_S:
+            return
+        self._streams_seen_at = now
+        heard = self.engine.heard_streams()
+        missing = tuple(n for n in self.table.streams if n not in heard or heard[n].silent_s > MAX_STREAM_SILENCE_S)
+        for name in [each for each in missing if each not in self.missing_streams]:
+            self._tell(f"the stream {name} fell silent")
+            if self.phase == Phase.running and self.attempt is not None and not self.attempt.interrupted:
+                self.attempt.interrupted = f"the stream {name} fell silent during the trial"
+        self.missing_streams = missing
+        for name, stream in heard.items():
+            counts = (stream.clock.jumps, stream.clock.batches, stream.clock.lost)
+            jumps, batches, lost = self._stream_counts.get(name, (0, 0, 0))
+            self._stream_counts[name] = counts
+            if counts[0] > jumps:
+                self._tell(f"the clock of the stream {name} jumped, {counts[0]} times so far")
+            if counts[1] > 0 and batches == 0:
+                self._tell(f"the stream {name} sends batches of samples with one time")
+            if counts[2] > lost:
+                self._tell(f"the stream {name} lost {counts[2] - lost} samples")
 
     def _sensed(self, now: float) -> Sensed:
         levels = {} if self.levels is None else self.levels.levels
@@ -573,10 +643,7 @@ class LiveSession:
         """Return everything that the operator's page shows, but samples."""
         now, attempt, trial, status = self.clock(), self.attempt, self.trial, self._status
         judged = None if attempt is None else attempt.judged
-        estimate = None
-        if self.levels is not None:
-            position, velocity = (self._last.get(n, math.nan) for n in (self.table.pointer, "velocity"))
-            estimate = self.estimator.estimate(self.levels.levels, position, velocity)
+        estimate = self._estimate
         return {
             "type": "state",
             "time": now - self.begun,
@@ -585,6 +652,7 @@ class LiveSession:
             "study": self.study.name,
             "pages": self.pages,
             "device": self.table.device,
+            "missing_streams": self.missing_streams,
             "done": self.total - len(self.plan) + self.index,
             "of": self.total,
             "trial": None if trial is None else {

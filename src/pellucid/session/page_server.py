@@ -52,7 +52,8 @@ SHOWN_LATENESS_S = (8e-6, 2e-2)
 EMG_EVERY = 2
 """The operator's page gets one of this many EMG samples: 1,024 of 2,048 a second."""
 
-ROBOT_TRACES = ("position", "limb", "velocity", "torque", "interaction", "drive", "target", "lateness")
+ROBOT_TRACES = ("position", "limb", "velocity", "torque", "interaction", "drive", "target", "lateness", "estimate",
+                "estimate_low", "estimate_high")  # fmt: skip
 """Channels of the robot that the operator's page draws."""
 
 MEDIA_TYPES = {

@@ -11,7 +11,7 @@ import webbrowser
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -191,6 +191,7 @@ def start_device(study: Study, plan: Sequence[PlannedTrial]) -> Any:
             f'{study.folder}: [session.conditions]: found the law "{unknown[0]}", expected one of '
             f"{', '.join(known)} of {table.device}"
         )
+    setup = replace(setup, stream_names=table.streams)
     return LiveEngine.start(setup, study.folder / RUN_FOLDER / plan[0].participant)
 
 

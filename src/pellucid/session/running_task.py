@@ -196,6 +196,7 @@ class RunningHolding(RunningTask):
         self.index = -1
         self.torque = 0.0
         self.by_hand: float | None = None  # torque of the operator's slider for this step [N*m]
+        self.hand_rate = 0.0  # rate at which the torque follows the slider or goes back to the plan [N*m/s]; 0: on plan
         self.elapsed = 0.0
 
     @property
@@ -203,13 +204,13 @@ class RunningHolding(RunningTask):
         """Duration of all torques together [s]."""
         return self.task.duration * len(self.task.torques)
 
-    def set_by_hand(self, torque: float) -> None:
-        """Take the torque of the operator's slider [N*m] until the next step."""
-        self.by_hand = torque
+    def set_by_hand(self, torque: float, rate: float) -> None:
+        """Go to the torque of the operator's slider [N*m] at a rate [N*m/s], and back to the plan at the next step."""
+        self.by_hand, self.hand_rate = torque, rate
 
     def advance(self, elapsed: float, now: Sensed) -> None:
         """Go on; `elapsed` is the time since the first cue [s]."""
-        self.elapsed = elapsed
+        since, self.elapsed = elapsed - self.elapsed, elapsed
         if elapsed >= self.duration:
             self.finished, self.torque = now.time, 0.0
             self.asks.append(Ask("torque", (0.0,)))
@@ -221,6 +222,11 @@ class RunningHolding(RunningTask):
             self.index, self.by_hand = index, None
             self.cues.append({"angle": self.trial.targets[0], "torque": self.task.torques[index]})
         torque = self._planned(elapsed) if self.by_hand is None else self.by_hand
+        if self.hand_rate > 0.0:
+            change = self.hand_rate * since
+            reached = min(max(torque, self.torque - change), self.torque + change)
+            self.hand_rate = 0.0 if self.by_hand is None and reached == torque else self.hand_rate
+            torque = reached
         if torque != self.torque:
             self.torque = torque
             self.asks.append(Ask("torque", (torque,)))

@@ -28,6 +28,13 @@ class EmgRing(Protocol):
         """Return cursor, times (n,) [s] and values (n, channels) [V] since a cursor; 0 begins with the oldest."""
 
 
+class HeardStream(Protocol):
+    """A stream that is taken in."""
+
+    silent_s: float  # time since something arrived [s]
+    clock: Any  # offset, drift, jumps, batches, lost samples and measured rate
+
+
 class EngineStatus(Protocol):
     """What the engine does now."""
 
@@ -85,6 +92,12 @@ class SessionEngine(Protocol):
 
     def set_torque(self, torque: float) -> None:
         """Add a torque to the law's [N*m]."""
+
+    def set_estimate(self, torque: float, half_width: float) -> None:
+        """Record an estimate of the torque on the person and half of its interval [N*m]; NaN for none."""
+
+    def heard_streams(self) -> Mapping[str, HeardStream]:
+        """Return the streams that were taken in so far, by name."""
 
     def begin_recording(self, path: Path, about: Mapping[str, Any]) -> None:
         """Begin a file."""

@@ -232,7 +232,8 @@ class SessionTable(StudyTable):
     pause_every : int
         Number of trials between two rests.
     streams : tuple of str
-        Streams that are recorded beside the robot's own.
+        Names of the streams that are recorded beside the robot's own. A trial starts only while each is heard, and
+        one in which a stream fell silent should be repeated. Empty: every stream of the device's types, none needed.
     consent, instructions : tuple of str
         Paragraphs for the participant. Without a consent none is asked for.
     limits : SessionLimits

@@ -81,7 +81,7 @@ function readColours() {
 
 function addChart(kind, title, unit, lines, height, values) {
   const box = element("section", "", "trace"), heading = element("h2", `${title} [${unit}]`);
-  for (const line of lines) {
+  for (const line of lines.filter((each) => !each.isBound)) {
     const key = element("span", line.words, "key"), dash = element("i");
     dash.style.background = colours[line.colour];
     key.prepend(dash);
@@ -94,7 +94,7 @@ function addChart(kind, title, unit, lines, height, values) {
     width: box.clientWidth, height: height, legend: { show: false }, cursor: { show: false }, pxAlign: 0,
     scales: { x: { time: false, range: [-WINDOW_S, 0] }, y: values ? { range: values } : { range: (u, low, high) => spread(low, high) } },
     axes: [{ ...axis, size: 22 }, values ? { ...axis, values: () => [], size: 46 } : axis],
-    series: [{}, ...lines.map((line) => ({ stroke: colours[line.colour], width: 1.3, dash: line.dash, points: { show: false }, spanGaps: false }))],
+    series: [{}, ...lines.map((line) => ({ stroke: colours[line.colour], width: 1.3, dash: line.dash, points: { show: false }, spanGaps: false, alpha: line.isBound ? 0.45 : 1 }))],
   }, [[], ...lines.map(() => [])], box);
   charts.push({ kind: kind, chart: chart, lines: lines, box: box });
 }
@@ -108,9 +108,10 @@ function spread(low, high) {
 function buildCharts() {
   readColours();
   const line = (name, text, colour, factor = 1, dash) => ({ name: name, words: text, colour: colour, factor: factor, shift: 0, dash: dash });
+  const bound = (name) => ({ ...line(name, "", "good"), isBound: true });
   addChart(0, "Angle", "°", [line("target", "target", "heldout", DEGREES, [6, 4]), line("limb", "limb", "good", DEGREES), line("position", "robot", "fitted", DEGREES)], 150);
   addChart(0, "Velocity", "°/s", [line("velocity", "measured", "fitted", DEGREES)], 96);
-  addChart(0, "Torque", "N·m", [line("torque", "command", "ink"), line("drive", "drive", "symmetric", 1, [4, 3]), line("interaction", "on the person", "heldout")], 150);
+  addChart(0, "Torque", "N·m", [line("torque", "command", "ink"), line("drive", "drive", "symmetric", 1, [4, 3]), line("interaction", "on the person", "heldout"), line("estimate", "estimated from EMG, with 95 %", "good"), bound("estimate_low"), bound("estimate_high")], 150);
   addChart(0, "Lateness of a cycle", "ms", [line("lateness", "", "measured", 1e3)], 84);
 }
 
@@ -161,7 +162,7 @@ function showState() {
   $("robot").firstChild.className = "lamp " + lamp;
   $("robot").lastChild.textContent = said[engine.state] || engine.state;
   $("reset").hidden = !stopped;
-  $("advice").textContent = phase === "rest" ? `Rest for ${clock(state.rest)}.` : phase === "judged" ? judgedWords() : phase === "waiting" ? "Ready for the next trial." : ADVICE[phase];
+  $("advice").textContent = phase === "rest" ? `Rest for ${clock(state.rest)}.` : phase === "judged" ? judgedWords() : phase === "waiting" ? (state.missing_streams.length ? `Not heard: ${state.missing_streams.join(", ")}.` : "Ready for the next trial.") : ADVICE[phase];
   for (const [id, when] of [["start", phase === "waiting"], ["accept", phase === "judged"], ["repeat", phase === "judged"], ["skip_rest", phase === "rest"], ["end_trial", phase === "running" || phase === "preparing"]]) $(id).hidden = !when;
   const again = phase === "judged" && state.judged && state.judged.reason !== "";
   $("accept").className = again ? "" : "main";
@@ -271,7 +272,7 @@ function showHealth(health) {
   $("cycles").textContent = `${health.late} of ${health.cycles} cycles late, worst ${health.worst === null ? "–" : (1e3 * health.worst).toFixed(2)} ms, 99 % within ${health.p99 === null ? "–" : (1e6 * health.p99).toFixed(0)} µs. ${rights}`;
   $("clocks").replaceChildren(...Object.entries(health.clocks).map(([name, c]) => {
     const row = element("tr");
-    row.append(element("td", name + (c.jumps ? `, ${c.jumps} jumps` : "")), element("td", c.offset === null ? "–" : `${(1e3 * c.offset).toFixed(2)} ms`, "n"), element("td", c.drift === null ? "–" : `${(1e6 * c.drift).toFixed(0)} ppm`, "n"), element("td", c.lost === null ? "–" : c.lost, "n"));
+    row.append(element("td", name + (c.jumps ? `, ${c.jumps} jumps` : "") + (c.batches ? `, ${c.batches} batches` : "")), element("td", c.offset === null ? "–" : `${(1e3 * c.offset).toFixed(2)} ms`, "n"), element("td", c.drift === null ? "–" : `${(1e6 * c.drift).toFixed(0)} ppm`, "n"), element("td", c.lost === null ? "–" : c.lost, "n"));
     return row;
   }));
 }
