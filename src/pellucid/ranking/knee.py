@@ -7,13 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..control.supervisor_faults import NO_FAULT
+from ..lab.knee.chosen_constants import chosen
 from ..lab.knee.gait import walking
 from ..lab.knee.instruments import Mounting
 from ..lab.knee.protocol import swing_trial, walking_trial
 from ..lab.knee.rig import KneeRig, knee_orthosis
 from ..lab.knee.subject import KneeSubject
 from ..lab.knee.trial import Controller, KneeReadings, run_trial
-from ..papers.knee.controllers import BuiltController, chosen, controllers
+from ..papers.knee.controllers import BuiltController, controllers
 from ..papers.knee.residual import identify_by_name, session_of
 from ..papers.knee.swings import SETTLING_TIME_S, holds_margins, rms_mismatch_and_torque, without_control, without_power
 from .foreign_law import ForeignController, ForeignLaw

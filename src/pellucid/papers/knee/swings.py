@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...lab.knee.chosen_constants import REQUIRED_DELAY_MARGIN_S, REQUIRED_GAIN_MARGIN_DB
 from ...lab.knee.instruments import Mounting
 from ...lab.knee.protocol import Faults, KneeTrial, swing_trial
 from ...lab.knee.rig import KneeRig
 from ...lab.knee.trial import Controller, KneeReadings, run_trial
 from ...lab.knee.wearer import relaxed
-from .controllers import REQUIRED_DELAY_MARGIN_S, REQUIRED_GAIN_MARGIN_DB
 
 SETTLING_TIME_S = 4.0
 """The first seconds of a swing are not scored: controllers adapt in them, and the wearer learns."""
