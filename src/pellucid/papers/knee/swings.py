@@ -44,9 +44,16 @@ class StrainedController:
         """Fault that the controller's safety gate has latched; "none" if there is none."""
         return self._controller.fault
 
-    def step(self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = ()) -> float:
+    @property
+    def reads_motor_encoder(self) -> bool:
+        """Whether the controller also gets the motor's encoder."""
+        return getattr(self._controller, "reads_motor_encoder", False)
+
+    def step(
+        self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = (), **more: float
+    ) -> float:
         """Return the strained command [N m] of one period; `time` [s], `position` [rad], `torque` [N m], `emg` [V]."""
-        self._waiting.append(self._gain * self._controller.step(time, position, torque, emg))
+        self._waiting.append(self._gain * self._controller.step(time, position, torque, emg, **more))
         return self._waiting.pop(0)
 
 
