@@ -65,6 +65,9 @@ sensor_error : (n,), optional
     Noise and offset of the force sensor [N m]; left out: there is none, and the law gets none.
 emg : bool
     Whether the law gets EMG.
+command : callable, optional
+    Gives the effort [N m] of a law "joint" each period, of the time [s], the encoder [rad] and the force sensor [N m];
+    NaN stops the law.
 
 Returns
 -------
@@ -100,6 +103,8 @@ seed : int
     Of what the fault draws.
 drive_noise : (n,), optional
     Noise of the drive's own measurement [N m]; after n periods it begins again.
+command : callable, optional
+    As `move` takes it.
 
 Returns
 -------
@@ -172,6 +177,8 @@ class WornElbow {
       strap_on(arm_.emplace<i>(), parameters, load, position0, robot, strap, drive, law, law_parameters, emg_gains,
                substeps, sensor_delay, supervisor, drive_reading);
     });
+    if (std::string(law) == p::JointCompensation<double>::name)
+      joint_ = read_params<p::JointCompensationParams<double>, double>("law_parameters", law_parameters);
     if (known) return;
     std::string names;
     for (const char* name : person_models) names += std::string(names.empty() ? "" : ", ") + name;
@@ -179,7 +186,8 @@ class WornElbow {
   }
 
   nb::object move(double target, double amplitude, double duration, double reaction, nb::handle load, double tolerance,
-                  double hold, nb::handle noise, nb::handle longest, nb::handle sensor_error, bool emg) {
+                  double hold, nb::handle noise, nb::handle longest, nb::handle sensor_error, bool emg,
+                  nb::handle command) {
     const Array z = read_array("noise", noise);
     if (z.shape.size() != 2 || z.shape[1] != 5) z.fail("(n, 5)");
     const std::size_t n = z.shape[0];
@@ -191,6 +199,7 @@ class WornElbow {
     if (sensed) error.expect(same_length("noise", n), {n});
     const p::ReachingTask<double> task{target, amplitude, duration, reaction, read_load<double>(load)};
     std::vector<double> rows;
+    const Commanded commanded(*this, command);
     {
       nb::gil_scoped_release release;
       rows.reserve(columns * n);
@@ -219,7 +228,7 @@ class WornElbow {
 
   nb::dict live(nb::handle tasks, nb::handle noise, nb::handle sensor_error, bool emg, nb::handle tremor,
                 nb::handle stops, const std::string& fault, double onset, double seconds, nb::handle longest,
-                std::uint64_t seed, nb::handle drive_noise) {
+                std::uint64_t seed, nb::handle drive_noise, nb::handle command) {
     if (!std::holds_alternative<Reaching>(arm_)) throw nb::value_error("person: expected \"reaching\" where faults are");
     const Array t = read_array("tasks", tasks), z = read_array("noise", noise), shake = read_array("tremor", tremor),
                 halts = read_array("stops", stops);
@@ -238,6 +247,7 @@ class WornElbow {
                     {halts.data, halts.shape[0]}, {disturbed.data, noisy ? disturbed.shape[0] : 0}, onset, seconds, most};
     Lived lived;
     SingleFault wrong(fault, onset, seed);
+    const Commanded commanded(*this, command);
     {
       nb::gil_scoped_release release;
       lived = live_with(std::get<Reaching>(arm_), life, wrong);
@@ -250,6 +260,28 @@ class WornElbow {
   /// Faults are laid on people of this model only.
   using Reaching = WornArm<p::ReachingParams<double>>;
   AnyWornArm arm_;
+  p::JointCompensationParams<double> joint_{};  // a law "joint" without its offset
+
+  /// While it lives, a Python function gives the law's effort.
+  class Commanded {
+   public:
+    Commanded(WornElbow& elbow, nb::handle command) : elbow_(elbow) {
+      if (command.is_none()) return;
+      command_.params = elbow.joint_;
+      command_.ask = [command](double time, double position, double interaction) {
+        nb::gil_scoped_acquire acquire;
+        return nb::cast<double>(command(time, position, interaction));
+      };
+      set(&command_);
+    }
+    Commanded(const Commanded&) = delete;
+    ~Commanded() { set(nullptr); }
+
+   private:
+    void set(LawCommand* command) { std::visit([&](auto& arm) { arm.command = command; }, elbow_.arm_); }
+    WornElbow& elbow_;
+    LawCommand command_;
+  };
 
   /// What surrounds one movement.
   struct Course {
@@ -401,17 +433,20 @@ void add_elbow(nb::module_& m) {
                    "supervisor: ArrayLike | None = None, drive_reading: ArrayLike | None = None) -> None"))
       .def("move", &WornElbow::move, nb::kw_only(), nb::arg("target"), nb::arg("amplitude"), nb::arg("duration"),
            nb::arg("reaction"), nb::arg("load"), nb::arg("tolerance"), nb::arg("hold"), nb::arg("noise"), nb::arg("longest"),
-           nb::arg("sensor_error").none() = nb::none(), nb::arg("emg") = false,
+           nb::arg("sensor_error").none() = nb::none(), nb::arg("emg") = false, nb::arg("command").none() = nb::none(),
            nb::sig("def move(self, *, target: float, amplitude: float, duration: float, reaction: float, load: "
                    "ArrayLike, tolerance: float, hold: float, noise: ArrayLike, longest: int, sensor_error: ArrayLike | None "
-                   "= None, emg: bool = False) -> tuple[NDArray[float64], ...]"),
+                   "= None, emg: bool = False, command: Callable[[float, float, float], float] | None = None) -> "
+                   "tuple[NDArray[float64], ...]"),
            move_doc)
       .def("live", &WornElbow::live, nb::kw_only(), nb::arg("tasks"), nb::arg("noise"), nb::arg("sensor_error").none(),
            nb::arg("emg"), nb::arg("tremor"), nb::arg("stops"), nb::arg("fault"), nb::arg("onset"), nb::arg("seconds"),
            nb::arg("longest"), nb::arg("seed"), nb::arg("drive_noise").none() = nb::none(),
+           nb::arg("command").none() = nb::none(),
            nb::sig("def live(self, *, tasks: ArrayLike, noise: ArrayLike, sensor_error: ArrayLike | None, emg: bool, "
                    "tremor: ArrayLike, stops: ArrayLike, fault: str, onset: float, seconds: float, longest: int, seed: "
-                   "int, drive_noise: ArrayLike | None = None) -> dict"),
+                   "int, drive_noise: ArrayLike | None = None, command: Callable[[float, float, float], float] | None = "
+                   "None) -> dict"),
            live_doc)
       .def_prop_ro("lasting", &WornElbow::lasting, nb::sig("def lasting(self) -> dict"),
                    "What of a person outlasts a movement, and how the last went; empty where the model has nothing.")

@@ -12,6 +12,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <type_traits>
 #include <utility>
 
 namespace bindings {
@@ -25,12 +27,29 @@ struct Healthy {
   double pushes(double) const { return 0; }
 };
 
+/// Somebody's effort in place of a law's: a joint's compensation without a body, whose constant offset it is each period.
+struct LawCommand {
+  std::function<double(double, double, double)> ask;  ///< of the time [s], encoder [rad] and force sensor; NaN stops
+  pellucid::JointCompensationParams<double> params{};  ///< the law's numbers but for the offset
+
+  template <class Law> void tell(Law& law, const pellucid::Samples<double>& read, std::int64_t now) {
+    if constexpr (std::is_same_v<typename Law::Law, pellucid::JointCompensation<double>>) {
+      const double none = std::nan("");
+      const double effort = ask(1e-6 * static_cast<double>(now), read.position.valid ? read.position.value : none,
+                                read.interaction.valid ? read.interaction.value : none);
+      if (!std::isfinite(effort)) return pellucid::stop(law);
+      params.body.offset = effort;
+      pellucid::adjust(law, params);
+    }
+  }
+};
+
 /// One control period of a supervised law on a robot that somebody wears, at `now` [us]; `out` stays where there is no law.
 /// The samples and the feedback pass through `fault` first; the drive measures an effort of `drive` [N m], a second
-/// encoder an angle of `joint` [rad]. Compiled once for all models of a person, in worn_laws.cpp.
+/// encoder an angle of `joint` [rad]. A `command` gives the law's effort. Compiled once for all models of a person, in worn_laws.cpp.
 template <class Fault>
 void step_worn_law(AnySupervised<double>& law, const pellucid::Samples<double>& samples, double drive, double joint,
-                   std::int64_t now, Fault& fault, pellucid::SupervisorOutput<double>& out);
+                   std::int64_t now, Fault& fault, pellucid::SupervisorOutput<double>& out, LawCommand* command = nullptr);
 
 /// The drive's watchdog.
 struct DriveWatch {
@@ -51,6 +70,7 @@ template <class Params> struct WornArm {
   pellucid::WornGearedPlantState<double> state;
   AnySupervised<double> law;
   pellucid::SupervisorOutput<double> out{};
+  LawCommand* command = nullptr;
   pellucid::Watchdog watchdog{};
   pellucid::DriveReadingCoefficients<double> reading{};
   pellucid::DriveReadingState<double> reading_state{};
@@ -77,7 +97,7 @@ template <class Params> struct WornArm {
     samples.interaction = {sensor_error != nullptr ? late + *sensor_error : 0.0, 0, 0, sensor_error != nullptr};
     samples.muscle = {emg_gain[0] * level[0] - emg_gain[1] * level[1], 0, 0, emg};
     const std::int64_t now = std::llround(1e6 * person.params.period * static_cast<double>(ticks));
-    if (!fault.hangs()) step_worn_law(law, samples, drive_measured, state.link_position, now, fault, out);
+    if (!fault.hangs()) step_worn_law(law, samples, drive_measured, state.link_position, now, fault, out, command);
     const double current = p::clamp(out.effort / gain, -limit, limit);
     const bool power = p::step(watchdog, out.beat, out.enable, DriveWatch::patience);
     off = power ? 0 : off + 1;

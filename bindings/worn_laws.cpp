@@ -7,7 +7,8 @@ namespace {
 /// The same for one law. Everything inlined: a quarter of a study's time goes into calls between functions of a line or two.
 template <class Law, class Fault>
 [[gnu::flatten]] pellucid::SupervisorOutput<double> step_one(Law& law, const pellucid::Samples<double>& samples, double drive,
-                                                             double joint, std::int64_t now, Fault& fault) {
+                                                             double joint, std::int64_t now, Fault& fault,
+                                                             LawCommand* command) {
   pellucid::Samples<double> read = pellucid::stamped(law, samples, now);
   const pellucid::Sample<double> stamp = read.position;
   pellucid::Feedback<double> back;
@@ -15,6 +16,7 @@ template <class Law, class Fault>
   back.joint = {joint, stamp.time, stamp.sequence, true};
   std::int64_t clock = now;
   fault.samples(law, read, back, clock);
+  if (command != nullptr) command->tell(law, read, clock);
   return pellucid::step(law, read, back, clock);
 }
 
@@ -22,13 +24,13 @@ template <class Law, class Fault>
 
 template <class Fault>
 void step_worn_law(AnySupervised<double>& law, const pellucid::Samples<double>& samples, double drive, double joint,
-                   std::int64_t now, Fault& fault, pellucid::SupervisorOutput<double>& out) {
-  of_law(law, 0, [&](auto& one) { return out = step_one(one, samples, drive, joint, now, fault), 0; });
+                   std::int64_t now, Fault& fault, pellucid::SupervisorOutput<double>& out, LawCommand* command) {
+  of_law(law, 0, [&](auto& one) { return out = step_one(one, samples, drive, joint, now, fault, command), 0; });
 }
 
 template void step_worn_law(AnySupervised<double>&, const pellucid::Samples<double>&, double, double, std::int64_t,
-                            Healthy&, pellucid::SupervisorOutput<double>&);
+                            Healthy&, pellucid::SupervisorOutput<double>&, LawCommand*);
 template void step_worn_law(AnySupervised<double>&, const pellucid::Samples<double>&, double, double, std::int64_t,
-                            SingleFault&, pellucid::SupervisorOutput<double>&);
+                            SingleFault&, pellucid::SupervisorOutput<double>&, LawCommand*);
 
 }  // namespace bindings

@@ -23,7 +23,7 @@ from pellucid.lab.knee.rig import knee_orthosis
 from pellucid.lab.knee.trial import run_trial
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
-from pellucid.ranking.foreign_law import STOPPED_WORDS, ForeignController, ForeignLaw
+from pellucid.ranking.foreign_law import ForeignController, ForeignLaw, stopped_words
 from pellucid.ranking.knee import knee_pair
 from pellucid.ranking.strategies import SWING_TASK
 from pellucid.ranking.transparency_indices import TRANSPARENCY_INDICES, IndexComparison, index_values
@@ -91,14 +91,14 @@ def hostile_rows() -> Iterator[ResultRow]:
             path.write_text(f"{head}{body}\n")
             commands, fault = _commands(ForeignLaw.from_file(path))
             survived += fault == "none" or not np.isfinite(commands).all() or abs(commands[-1]) > 1e-9
-            said.append(f"{name}: {STOPPED_WORDS.get(fault, fault)}")
+            said.append(f"{name}: {stopped_words(fault)}")
     yield _row("hostile_laws.survived", survived, "1", "; ".join(said))
 
 
 def _commands(law: ForeignLaw) -> tuple[np.ndarray, str]:
     rig = knee_orthosis()
     subject = next(iter(rig.subjects.values()))
-    controller = ForeignController(law, period=rig.period, torque_limit=rig.constants.actuator.torque_limit)
+    controller = ForeignController(law, rig)
     try:
         trial = swing_trial(rig, "swing", subject, duration=TRIAL_S)
         readings = run_trial(rig, trial, rng=np.random.default_rng(SEED), controller=controller)
@@ -125,8 +125,7 @@ def index_rows() -> Iterator[ResultRow]:
     compared = IndexComparison(INDEX_CONTROLLERS, values)
     yield _row("indices", len(values), "1", f"{PAIR_COUNT} pairs, {len(INDEX_CONTROLLERS)} controllers")
     for i in TRANSPARENCY_INDICES:
-        order = [INDEX_CONTROLLERS[k] for k in np.argsort(compared.ranks(i.name))]
-        note = f"{i.kind}: {i.words} ({i.source}); order: {', '.join(order)}"
+        note = f"{i.kind}: {i.words} ({i.source}); order: {', '.join(compared.order(i.name))}"
         yield _row(f"index.{i.name}.agreement", compared.mean_agreement(i.name), "1", note)
         yield _row(f"index.{i.name}.concordance", compared.concordance(i.name), "1", "Kendall's W over pairs")
-        yield _row(f"index.{i.name}.with_torque_rms", compared.agreement(i.name, "torque_rms"), "1", "Spearman")
+        yield _row(f"index.{i.name}.with_torque_rms", compared.agreement(i.name, "torque_rms"), "1", "Kendall's tau")

@@ -1,13 +1,15 @@
-"""A law for `pellucid rank --law`: it carries the orthosis's weight and drives the strap's torque towards zero."""
+"""A law for `pellucid rank --law`: it carries a robot's weight and drives the torque at the strap towards zero."""
 
 import math
 
 
 class Law:
-    """Asks for the torque of the spring, once a millisecond."""
+    """Asks for the torque of the knee orthosis's spring, or of the elbow robot's motor, once a period."""
 
     WEIGHT = 1.55  # of the orthosis [N m]
     GAIN = 0.4  # of the torque that the strap gives
+    ELBOW_WEIGHT = 2.6  # of the elbow robot [N m]
+    ELBOW_GAIN = 0.5  # of the torque that the force sensor reads
     SMOOTHING = 0.02  # of a new sample
 
     def reset(self):
@@ -18,3 +20,9 @@ class Law:
         carried = self.WEIGHT * math.sin(position)
         self.filtered = self.filtered + self.SMOOTHING * (torque - carried - self.filtered)
         return carried - self.GAIN * self.filtered
+
+    def elbow_step(self, time, position, torque):
+        """Return the motor's torque [N m]; `time` [s], `position` [rad], `torque` of the wearer on the robot [N m]."""
+        if torque == torque:  # NaN: the sensor says nothing
+            self.filtered = self.filtered + self.SMOOTHING * (torque - self.filtered)
+        return self.ELBOW_WEIGHT * math.sin(position) + self.ELBOW_GAIN * self.filtered

@@ -124,7 +124,7 @@ def rank(
     seed: Annotated[int, typer.Option(metavar="N", min=1, help="Seed of people, robots and noise.")] = 1,
     law: Annotated[
         list[Path] | None,
-        typer.Option(metavar="FILE", help="Law of your own for the knee: .c, .so or .py; may be repeated."),
+        typer.Option(metavar="FILE", help="Law of your own for knee, elbow or both: .c, .so or .py; may be repeated."),
     ] = None,
     sealed: Annotated[
         bool, typer.Option("--sealed", help="Draw the seed after the laws were read, so that none was tuned on it.")
@@ -136,7 +136,7 @@ def rank(
     The page ranks the controllers of the elbow and those of the knee; your own laws stand beside them.
     """
     from .procedures.print_result import fitting_tables
-    from .ranking.foreign_law import STOPPED_WORDS
+    from .ranking.foreign_law import stopped_words
     from .ranking.rank import rank as run
     from .ranking.strategies import controller_words
 
@@ -159,7 +159,7 @@ def rank(
             console.print(table)
     for task in made.tasks:
         for name in (each.name for each in made.laws if each.name in task.tried):
-            why = dict.fromkeys(STOPPED_WORDS.get(one.fault, one.fault) for one in task.tried[name])
+            why = dict.fromkeys(stopped_words(one.fault) for one in task.tried[name])
             why.pop("none", None)
             if why:
                 print_line(console, f"{controller_words(task.task, name)}, {task.task}: stopped; it {', '.join(why)}")

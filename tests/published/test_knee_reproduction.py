@@ -6,9 +6,9 @@ import re
 import numpy as np
 import pytest
 
+from pellucid.lab.knee.recorded_session import take
 from pellucid.papers.figure import VERDICT_WORDS
 from pellucid.papers.knee.paper import KneePaper
-from pellucid.papers.knee.trials import take
 from pellucid.papers.printed import papers
 from pellucid.papers.reproduce import reproduce
 from pellucid.studies.results import read_rows

@@ -6,20 +6,20 @@ import pytest
 from pellucid._errors import IdentificationError, PellucidError
 from pellucid.control.worn import WornCompensator
 from pellucid.estimators.causal_map import EmgSettings, EmgTrial, fit_causal_map
+from pellucid.lab.knee.chosen_constants import (
+    REQUIRED_DELAY_MARGIN_S,
+    REQUIRED_GAIN_MARGIN_DB,
+    ChosenConstants,
+    chosen,
+    design_for_wearer,
+    parse_chosen,
+)
 from pellucid.lab.knee.drawn import BODY_RANGES, FACTOR_RANGES, FITTED_RANGES, drawn_rig
 from pellucid.lab.knee.protocol import Faults
 from pellucid.lab.knee.rig import knee_orthosis
 from pellucid.lab.knee.subject import FLEXOR_MUSCLE
 from pellucid.papers.knee import tuning as knee_tuning
-from pellucid.papers.knee.controllers import (
-    REQUIRED_DELAY_MARGIN_S,
-    REQUIRED_GAIN_MARGIN_DB,
-    ChosenConstants,
-    chosen,
-    design_by_phase,
-    design_for_wearer,
-    parse_chosen,
-)
+from pellucid.papers.knee.controllers import design_by_phase
 from pellucid.papers.knee.residual import (
     TEST_WEARER_SEEDS,
     TUNING_WEARER_SEEDS,

@@ -4,6 +4,11 @@ import shutil
 
 import pytest
 
+from pellucid.procedures.assessment.assessment_page import page
+from pellucid.procedures.assessment.certified_rows import certificate_table
+from pellucid.procedures.assessment.primary_change import primary_change
+from pellucid.procedures.assessment.statements import change_text
+from pellucid.procedures.print_result import print_to_text
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import assess
 
@@ -24,7 +29,7 @@ position = { column = "X screen corrected (mm)", unit = "mm" }
 
 
 @pytest.fixture(scope="module")
-def found(data_folder, tmp_path_factory):
+def folder(data_folder, tmp_path_factory):
     source = data_folder / "human_pointing"
     if not source.is_dir():
         pytest.skip("no recordings of human_pointing")
@@ -41,6 +46,11 @@ def found(data_folder, tmp_path_factory):
                     f'participant = "P{person}"\ncondition = "{condition}"\n'
                 )
     (folder / "study.toml").write_text("".join(told), encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def found(folder):
     return assess(open_study(folder))
 
 
@@ -49,6 +59,23 @@ def test_the_settings_above_the_table_are_passed_over_and_time_goes_the_way_of_t
     duration = found.assessed["duration_median"].table
     assert (duration.column("full_accuracy") > duration.column("balance")).all()
     assert (duration.column("speed") < duration.column("full_accuracy")).all()
+
+
+@pytest.mark.parametrize("condition", ["speed", "full_accuracy"])
+def test_one_change_of_recorded_people_is_one_number_everywhere(folder, found, condition):
+    """Headline, tile, certificate, text, row and terminal tell the same change of the median duration."""
+    change = primary_change(found, "duration_median", condition)
+    told, rows = change_text(change), {row.id: row.value for row in found.rows}
+    tiles = {tile.what: tile.figure for tile in page(open_study(folder), found).tiles}
+    assert told in found.headline
+    figure = tiles.get(f"Median duration, {condition}")
+    assert figure == (told.removesuffix(" %") if condition == "speed" else None)  # one condition has tiles
+    assert told in {row[2] for row in certificate_table(found).rows if row[0] == condition}
+    assert f"({told}, 95 % CI" in found.paragraph
+    assert rows[f"instructions.transparency.duration_median.{condition}"] == pytest.approx(change.value, rel=1e-12)
+    certified = rows[f"instructions.certificate.{condition}.duration_median.change"]
+    assert certified == pytest.approx(change.value, rel=1e-12)
+    assert told.removesuffix(" %") in print_to_text(found)
 
 
 def test_three_people_cannot_say(found):

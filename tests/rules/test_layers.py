@@ -42,7 +42,7 @@ ALLOWED = {
     "pages": BASE | {"models", "fit", "drawing"},  # words, tables, drawings: of nobody's procedure
     "procedures": UP_TO_SIGNALS | PHYSICS | {"drawing", "fit", "control", "estimators", "assessment", "pages"},
     "live": BASE | {"models", "recordings", "control"},  # processes and shared memory: of nobody's study
-    "lab": UP_TO_SIGNALS | PHYSICS | {"drawing", "fit", "control", "assessment", "procedures", "datasets", "live"},
+    "lab": UP_TO_SIGNALS | PHYSICS | JUDGING - {"pages"} | {"drawing", "datasets", "live"},
     "deployment": UP_TO_SIGNALS | PHYSICS | {"fit", "control", "procedures"},
     "papers": EVERYTHING,
     "demonstration": EVERYTHING | {"deployment"},

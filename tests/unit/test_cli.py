@@ -286,7 +286,8 @@ def test_init_needs_a_data_set(monkeypatch, capsys, tmp_path):
     assert err.startswith(f"pellucid: init needs {ways}, one of them")
     code, _, err = as_program(monkeypatch, capsys, "init", tmp_path / "new", "--rig", "elbow")
     assert code == 2
-    known = "able-arm, able-elbow, bench-joint, elbow-participants, elbow-people, knee-orthosis, knee-seated"
+    known = "able-arm, able-elbow, bench-joint, elbow-participants, elbow-people, knee-orthosis, knee-participants, "
+    known += "knee-seated"
     assert f"unknown rig 'elbow'; known: {known}" in err
     assert not (tmp_path / "new").exists()
 

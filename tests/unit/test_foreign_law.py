@@ -8,13 +8,17 @@ import numpy as np
 import pytest
 
 from pellucid._errors import PellucidError
+from pellucid.lab.knee.rig import knee_orthosis
 from pellucid.ranking import foreign_law
 from pellucid.ranking.board import add_to_board
-from pellucid.ranking.foreign_law import STOPPED_WORDS, ForeignController, ForeignLaw
+from pellucid.ranking.foreign_law import STOPPED_WORDS, ForeignController, ForeignLaw, stopped_words
 from pellucid.ranking.rank import rank, rank_task, rows_of
 from pellucid.ranking.ranking_page import write_ranking
 from pellucid.ranking.strategies import SWING_TASK, strategies_of_task
 from pellucid.ranking.tried import ControllerTrial
+
+RIG = knee_orthosis()
+"""Orthosis whose supervisor watches the laws."""
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "laws"
 
@@ -27,12 +31,17 @@ HOSTILE = {
 
 
 def answers(law, count=60):
-    controller = ForeignController(law, period=0.002, torque_limit=25.0)
+    controller, given = ForeignController(law, RIG), [0.0]
+    stiffness = RIG.constants.spring.stiffness
     try:
-        given = [controller.step(0.002 * k, 0.3 * np.sin(0.02 * k), 0.5 * np.cos(0.03 * k)) for k in range(count)]
+        for k in range(count):
+            # The spring follows the law; its twist is what both encoders differ by.
+            angle, torque = 0.3 * np.sin(0.02 * k), given[-1]
+            motor = angle + torque / stiffness
+            given.append(controller.step(0.002 * k, angle, torque + 0.5 * np.cos(0.03 * k), motor_position=motor))
     finally:
         controller.close()
-    return np.array(given), controller.fault
+    return np.array(given[1:]), controller.fault
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
@@ -58,6 +67,23 @@ def test_a_hostile_law_is_stopped_and_told(why, tmp_path, monkeypatch):
     assert given[15] == 1.0
     assert np.isfinite(given).all()
     assert given[-1] == 0.0
+
+
+def test_the_supervisor_of_an_export_watches_a_foreign_law(tmp_path):
+    path = tmp_path / "pushes.py"
+    path.write_text("class Law:\n    def reset(self): ...\n    def step(self, *sample): return 9.0\n", encoding="utf-8")
+    controller = ForeignController(ForeignLaw.from_file(path), RIG)
+    try:
+        # The spring pulls the other way than the law asks for, which the gate alone does not see.
+        for k in range(400):
+            angle = 0.3 * np.sin(0.02 * k)
+            motor = angle - 9.0 / RIG.constants.spring.stiffness
+            effort = controller.step(0.002 * k, angle, -9.0, motor_position=motor)
+    finally:
+        controller.close()
+    assert controller.fault == "drive_stuck"
+    assert effort == 0.0
+    assert stopped_words("drive_stuck") == "the supervisor found: drive stuck"
 
 
 def test_what_holds_no_law_is_told(tmp_path):

@@ -1,6 +1,7 @@
 """Controllers ranked: the stated rule, who is told from the first, and a page on which every controller stands."""
 
 import json
+from html import unescape
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from pellucid.ranking.strategies import (
     sensors_read,
     strategies_of_task,
 )
+from pellucid.ranking.transparency_indices import TRANSPARENCY_INDICES
 from pellucid.ranking.tried import ControllerTrial, given_and_taken_power
 
 
@@ -28,7 +30,8 @@ def made_up(task, pairs=8, seed=1):
     rng = np.random.default_rng(seed)
     return [
         ControllerTrial(task, name, pair, 0.2 * 1.1**i * np.exp(0.05 * rng.standard_normal()), 0.01, 0.02, **(
-            {"duration": 3.0, "peak_velocity": -2.0, "emg": 5.0, "fault_energy": 0.1 * pair} if task == POINTING_TASK
+            {"duration": 3.0, "peak_velocity": -2.0, "emg": 5.0, "fault_energy": 0.1 * pair,
+             "indices": {index.name: 1.1**i + rng.uniform() for index in TRANSPARENCY_INDICES}} if task == POINTING_TASK
             else {"gain": 6.5, "delay": np.inf, "holds": pair > 0 if name == "body" else None}
         ))
         for i, name in enumerate(strategies_of_task(task)) for pair in range(pairs)
@@ -89,8 +92,11 @@ def test_energy_is_told_by_its_direction():
 def test_the_page_has_every_controller_and_the_worst_of_what_is_safe(tmp_path):
     tasks = [rank_task(task, made_up(task)) for task in CONTROLLER_FIELDS]
     text = write_ranking(tmp_path, tasks, 8, 1).read_text(encoding="utf-8")
+    text = unescape(text)
     assert all(one.name in text for task in CONTROLLER_FIELDS for one in strategies_of_task(task).values())
     assert "beyond search" in text
+    assert all(index.words in text and index.source in text for index in TRANSPARENCY_INDICES)
+    assert "Its weakness" in text
     rows = {row.id: row for task in tasks for row in rows_of(task)}
     assert rows["ranking.elbow_pointing.fc.fault_energy"].value == pytest.approx(0.7)
     assert rows["ranking.knee_swings.body.holds"].value == 0.0

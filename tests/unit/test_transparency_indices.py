@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from pellucid.lab.elbow.rig import able_elbow
 from pellucid.lab.pointing.people import draw_people
@@ -28,11 +29,20 @@ def test_a_change_is_none_against_itself_and_grows_with_a_heavy_robot():
     assert all(heavy[name] > 0.0 for name in ("duration", "peak_velocity", "torque_rms", "taken", "emg_per_acc_up"))
 
 
+def test_agreement_is_kendalls_tau_as_scipy_has_it():
+    rng = np.random.default_rng(4)
+    values = {i.name: rng.standard_normal((1, 9)) for i in TRANSPARENCY_INDICES}
+    found = IndexComparison(tuple("abcdefghi"), values)
+    expected = stats.kendalltau(values["torque_rms"][0], values["taken"][0]).statistic
+    assert found.agreement("torque_rms", "taken") == pytest.approx(expected)
+
+
 def test_agreement_is_of_ranks_and_a_missing_value_is_last():
     values = {i.name: np.array([[1.0, 2.0, 3.0], [1.5, 2.0, 4.0]]) for i in TRANSPARENCY_INDICES}
     values["duration"] = np.array([[3.0, 2.0, np.nan], [3.0, 2.0, np.nan]])
     found = IndexComparison(("a", "b", "c"), values)
     assert found.ranks("duration").tolist() == [2.0, 1.0, 3.0]
     assert found.agreement("torque_rms", "taken") == pytest.approx(1.0)
-    assert found.agreement("torque_rms", "duration") == pytest.approx(0.5)
+    assert found.agreement("torque_rms", "duration") == pytest.approx(1.0 / 3.0)
+    assert found.order("duration") == ("b", "a", "c")
     assert found.concordance("torque_rms") == pytest.approx(1.0)

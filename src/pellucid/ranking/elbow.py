@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import closing
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +12,8 @@ from ..assessment.indices import EMG_PER_ACCELERATION, MEDIAN_DURATION, PEAK_VEL
 from ..control.control_law import ControlLaw
 from ..control.elbow_controllers import BEST_CONTROLLER
 from ..control.law_fuzz import step_times
+from ..control.supervised import SupervisedLaw
+from ..control.supervisor_faults import NO_FAULT
 from ..control.transparent_laws import sensitivity_amplification
 from ..lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from ..lab.pointing.conditions import (
@@ -27,8 +31,11 @@ from ..lab.pointing.session import CONTROL_CONDITION, PointingSession, RobotLaw,
 from ..lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, session_indices
 from ..lab.safety.fault_table import FAULT_KINDS, try_law
 from ..lab.safety.worn_robot import WornRobot, make_worn_robot
+from .foreign_elbow import elbow_law_of
+from .foreign_law import ForeignLaw, ForeignProcess
 from .learnt_elbow import elbow_rules, learnt_compensation
 from .strategies import POINTING_TASK, strategies_of_task
+from .transparency_indices import index_values
 from .tried import ControllerTrial, given_and_taken_power
 
 ROBOTS_SEED = 20261100
@@ -44,38 +51,57 @@ DETECTABLE_FAULTS = {kind.name for kind in FAULT_KINDS if not kind.hidden}
 """Names of the faults that some sensor of the robot can detect."""
 
 
-def elbow_pair(index: int, pairs: int, seed: int) -> list[ControllerTrial]:
-    """Identify robot `index` of `pairs`, build its laws, and let person `index` wear each of them."""
+def elbow_pair(index: int, pairs: int, seed: int, laws: Sequence[ForeignLaw] = ()) -> list[ControllerTrial]:
+    """Identify robot `index` of `pairs`, and let person `index` wear each of its laws and of foreign `laws`."""
     robot = drawn_rigs(able_elbow(), index + 1, seed=ROBOTS_SEED + seed)[index]
     rig = elbow_participants(robot)
     person = draw_people(rig, np.random.default_rng([ROBOTS_SEED, seed]), count=max(pairs, 6))[index]
-    return try_elbow(rig, person, index, seed)
+    return try_elbow(rig, person, index, seed, laws=laws)
 
 
-def try_elbow(rig: PointingRig, person: Person, index: int, seed: int) -> list[ControllerTrial]:
-    """Try every controller of `RANKED_STRATEGIES` on one robot and one person."""
-    robot = rig.robot
-    laws, cards = elbow_laws(robot, rig, person)
-    free = session_indices(point(rig, person, None, [seed, index]))
+def try_elbow(
+    rig: PointingRig, person: Person, index: int, seed: int, *,
+    only: Sequence[str] = tuple(strategies_of_task(POINTING_TASK)), laws: Sequence[ForeignLaw] = (),
+) -> list[ControllerTrial]:  # fmt: skip
+    """Try the controllers of `RANKED_STRATEGIES` that `only` names, and foreign `laws`, on one robot and one person."""
+    own, cards = elbow_laws(rig.robot, rig, person, only)
+    unworn = point(rig, person, None, [seed, index])
+    free = session_indices(unworn)
     worn = make_worn_robot(rig, person, cards, seed + index).commissioned(person)
     made = []
-    for name, law in laws.items():
+
+    def wear(name: str, law: RobotLaw) -> ControllerTrial:
         session = point(rig, person, law, [seed, index])
-        moved = session_indices(session)
         power = -session.signals["interaction"] * session.signals["link"]
-        made.append(
-            ControllerTrial(
-                POINTING_TASK,
-                name,
-                index,
-                interaction_rms(session),
-                *given_and_taken_power(power, session.fs),
-                **_changes(moved, free),
-                fault_energy=_worst_fault_energy(worn, index, name, law) if isinstance(law, ControlLaw) else None,
-                cost=float(np.median(step_times(law, TIMED_STEPS))) if isinstance(law, ControlLaw) else None,
-                fault=session.fault,
-            )
+        return ControllerTrial(
+            POINTING_TASK,
+            name,
+            index,
+            interaction_rms(session),
+            *given_and_taken_power(power, session.fs),
+            **_changes(session_indices(session), free),
+            fault=session.fault,
+            indices=index_values(session, unworn),
         )
+
+    for name, law in own.items():
+        tried = wear(name, law)
+        if isinstance(law, ControlLaw):
+            energy = _worst_fault_energy(worn, index, name, worn.watched(law))
+            tried = replace(tried, fault_energy=energy, cost=float(np.median(step_times(law, TIMED_STEPS))))
+        made.append(tried)
+    for foreign in laws:
+        with closing(ForeignProcess(foreign)) as process:
+            if process.fault == NO_FAULT and "elbow" not in process.robots:
+                continue
+            tried = wear(foreign.name, elbow_law_of(process, worn, start_up=False))
+            fault = process.fault if process.fault != NO_FAULT else tried.fault
+            if fault == NO_FAULT:
+                supervised_law = elbow_law_of(process, worn, start_up=True)
+                tried = replace(tried, fault_energy=_worst_fault_energy(worn, index, foreign.name, supervised_law))
+            else:
+                tried = replace(tried, torque=float("nan"), fault=fault)
+            made.append(tried)
     return made
 
 
@@ -123,7 +149,7 @@ def _changes(worn: SessionIndices, free: SessionIndices) -> Mapping[str, float]:
     }
 
 
-def _worst_fault_energy(worn: WornRobot, index: int, name: str, law: ControlLaw) -> float:
+def _worst_fault_energy(worn: WornRobot, index: int, name: str, law: SupervisedLaw) -> float:
     """Return the largest energy that a single detectable fault gives the person until the robot is safe [J]."""
-    trials = try_law(worn, index, name, worn.watched(law))
+    trials = try_law(worn, index, name, law)
     return max(trial.excess for trial in trials if trial.kind in DETECTABLE_FAULTS)

@@ -1,9 +1,10 @@
 """Anybody's control law in the ranking: a C file, a shared library or a Python class, in a process of its own.
 
 The law gets what every law of the knee orthosis gets (time, the joint's position, the spring's torque) and answers the
-torque that the spring is to have. What it answers passes the core's safety gate: finite, within the limits of effort
-and rate, of a joint that is not too fast. A law that does not answer in time, ends, takes too much memory or answers no
-number is stopped: the gate shuts, the torque ramps to 0, and the ranking lists why.
+torque that the spring is to have. What it answers passes the supervisor that `export` puts around a law of this
+orthosis, with the instruments that the rig states: both encoders, the spring as the drive's measurement, limits of
+effort, rate, speed and angle, and every watch. A law that does not answer in time, ends, takes too much memory or
+answers no number is stopped: the torque ramps to 0, and the ranking lists why.
 """
 
 from __future__ import annotations
@@ -15,15 +16,16 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from .._errors import PellucidError
-from ..control.control_law import safety_gate
+from ..control.commanded import CommandedLaw, commanded_law
 from ..control.limits import Limits
 from ..control.supervisor_faults import NO_FAULT
+from ..control.worn import watched_worn
+from ..lab.knee.machine import KneeMachine
 from ..studies.study import checksum
 from . import foreign_worker
 
@@ -38,15 +40,6 @@ MAX_LOAD_S = 30.0
 
 MAX_STEP_S = 2.0
 """Longest time for one answer. It is far longer than a control period, because the machine may be busy."""
-
-VELOCITY_SPAN = 10
-"""Number of periods over which the gate's velocity is differenced."""
-
-RATE_LIMIT = 2000.0
-"""Limit of the rate of the torque [N m/s]."""
-
-VELOCITY_LIMIT = 25.0
-"""A joint faster than this shuts the gate [rad/s]."""
 
 COMPILER_FLAGS = ("-O2", "-fPIC", "-shared", "-std=c11", "-ffp-contract=off", "-lm")
 """Flags for a C file. Without contraction of products and sums the law has the same bits as in Python."""
@@ -86,42 +79,40 @@ class ForeignLaw:
         return cls(path, checksum(path))
 
 
-class ForeignController:
-    """A foreign law as a controller of the knee orthosis, behind the safety gate; ``fault`` says why it was stopped."""
+class ForeignProcess:
+    """One foreign law at work in a process of its own, at rest; `fault` says why it was stopped."""
 
-    def __init__(self, law: ForeignLaw, *, period: float, torque_limit: float) -> None:
-        limits = Limits(
-            effort=torque_limit, rate=RATE_LIMIT, velocity=VELOCITY_LIMIT, position=(-math.inf, math.inf),
-            stop_margin=0.1,
-        )  # fmt: skip
-        self._gate = safety_gate(limits, period)
-        self._period, self._count = period, 0
-        self._positions: deque[float] = deque(maxlen=VELOCITY_SPAN + 1)
+    def __init__(self, law: ForeignLaw) -> None:
         self.fault = NO_FAULT
+        self.robots: tuple[str, ...] = ()  # robots for which the law has a function
         self._folder = Path(tempfile.mkdtemp(prefix="pellucid-law-"))
         self._process: subprocess.Popen | None = None
         self._to = self._from = -1
         try:
             self._start(law)
         except _StoppedError as stopped:
-            self._stop(stopped.why if stopped.why == OUT_OF_MEMORY else "not_loaded")
+            self.stop(stopped.why if stopped.why == OUT_OF_MEMORY else "not_loaded")
 
-    def step(self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = ()) -> float:
-        """Return the torque for the spring [N m]; `time` [s], `position` [rad], `torque` [N m]."""
-        command = math.nan
+    def effort(self, robot: str, time: float, position: float, torque: float) -> float:
+        """Return the effort that the law asks for on a robot [N m]; NaN once it was stopped."""
+        if self.fault != NO_FAULT:
+            return math.nan
+        try:
+            command = self._ask(float(foreign_worker.ROBOTS.index(robot)), time, position, torque)
+        except _StoppedError as stopped:
+            self.stop(stopped.why)
+            return math.nan
+        if not math.isfinite(command):
+            self.stop("not_finite")
+        return command
+
+    def reset(self) -> None:
+        """Let the law forget everything."""
         if self.fault == NO_FAULT:
             try:
-                command = self._ask(0.0, time, position, torque)
+                self._ask(foreign_worker.RESET, 0.0, 0.0, 0.0)
             except _StoppedError as stopped:
-                self._stop(stopped.why)
-        self._positions.append(position)
-        span = len(self._positions) - 1
-        velocity = (position - self._positions[0]) / (span * self._period) if span else 0.0
-        self._count += 1
-        effort = self._gate.step(command, position, velocity, time, self._count)
-        if self.fault == NO_FAULT and self._gate.fault != NO_FAULT:
-            self._stop(self._gate.fault)
-        return effort
+                self.stop(stopped.why)
 
     def close(self) -> None:
         """End the law's process and remove what was compiled."""
@@ -148,9 +139,9 @@ class ForeignController:
         )  # fmt: skip
         os.close(inside)
         os.close(outside)
-        if self._read(len(foreign_worker.READY_MESSAGE), MAX_LOAD_S) != foreign_worker.READY_MESSAGE:
-            raise _StoppedError("not_loaded")
-        self._ask(1.0, 0.0, 0.0, 0.0)
+        found = self._read(len(foreign_worker.ROBOTS), MAX_LOAD_S)
+        self.robots = tuple(robot for robot, has in zip(foreign_worker.ROBOTS, found, strict=True) if has)
+        self._ask(foreign_worker.RESET, 0.0, 0.0, 0.0)
 
     def _ask(self, kind: float, *sample: float) -> float:
         try:
@@ -178,7 +169,8 @@ class ForeignController:
         errors = b"" if self._process is None or self._process.stderr is None else self._process.stderr.read()
         return OUT_OF_MEMORY if b"MemoryError" in errors or b"bad_alloc" in errors else "ended"
 
-    def _stop(self, why: str) -> None:
+    def stop(self, why: str) -> None:
+        """End the law's process for a reason."""
         self.fault = why
         if self._process is not None:
             self._process.kill()
@@ -205,3 +197,79 @@ def _compiled(source: Path, folder: Path) -> Path:
     except (subprocess.CalledProcessError, subprocess.TimeoutExpired):
         raise _StoppedError("not_loaded") from None
     return library
+
+
+def stopped_words(fault: str) -> str:
+    """Return in words why a foreign law was stopped."""
+    return STOPPED_WORDS.get(fault, f"the supervisor found: {fault.replace('_', ' ')}")
+
+
+class ForeignController:
+    """A foreign law as a controller of the knee orthosis, supervised as an exported law; `fault` says why it stopped.
+
+    Parameters
+    ----------
+    law : ForeignLaw
+    rig : KneeMachine
+        Orthosis; its instruments and its drive are what the supervisor knows.
+    limits : Limits, optional
+        Limits of the law; those of an exported law by default.
+    """
+
+    reads_motor_encoder = True
+
+    def __init__(self, law: ForeignLaw, rig: KneeMachine, limits: Limits | None = None) -> None:
+        instruments, actuator = rig.instruments, rig.constants.actuator
+        drive = {
+            "actuator_coulomb": max(actuator.coulomb_positive, actuator.coulomb_negative),
+            "actuator_inertia": actuator.inertia,
+        }
+        plain = commanded_law(limits or Limits(), rig.period)
+        self._supervised = CommandedLaw(watched_worn(plain, instruments, actuator=drive))
+        self._drive_is_measured = instruments.drive
+        self._process = ForeignProcess(law)
+
+    @property
+    def fault(self) -> str:
+        """Why the law was stopped."""
+        return self._process.fault
+
+    @property
+    def robots(self) -> tuple[str, ...]:
+        """Robots for which the law has a function."""
+        return self._process.robots
+
+    def step(
+        self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = (), *,
+        motor_position: float | None = None,
+    ) -> float:  # fmt: skip
+        """Return the torque for the spring [N m]; `time` [s], `position`, `motor_position` [rad], `torque` [N m]."""
+        command = self._process.effort("knee", time, position, torque)
+        drive = torque if self._drive_is_measured else None
+        effort = self._supervised.step(time, position, command, drive=drive, joint=motor_position)
+        if self.fault == NO_FAULT and self._supervised.fault != NO_FAULT:
+            self._process.stop(self._supervised.fault)
+        return effort
+
+    def close(self) -> None:
+        """End the law's process."""
+        self._process.close()
+
+
+class ForeignControllers:
+    """Makes controllers of one foreign law, each with a process of its own, and ends them all: a context manager."""
+
+    def __init__(self, law: ForeignLaw, rig: KneeMachine) -> None:
+        self._law, self._rig = law, rig
+        self._made: list[ForeignController] = []
+
+    def __enter__(self) -> Callable[[], ForeignController]:
+        return self._build
+
+    def __exit__(self, *_: object) -> None:
+        for one in self._made:
+            one.close()
+
+    def _build(self) -> ForeignController:
+        self._made.append(ForeignController(self._law, self._rig))
+        return self._made[-1]

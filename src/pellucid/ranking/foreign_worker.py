@@ -13,34 +13,46 @@ import struct
 import sys
 from pathlib import Path
 
+ROBOTS = ("knee", "elbow")
+"""Robots that a law may be for, in the order of their numbers in requests."""
+
+PYTHON_METHODS = {"knee": "step", "elbow": "elbow_step"}
+"""Method of the class ``Law`` for each robot."""
+
+C_FUNCTIONS = {"knee": "law_step", "elbow": "elbow_step"}
+"""Function of a library for each robot."""
+
+RESET = -1.0
+"""What is asked in place of a robot's number to reset the law."""
+
 REQUEST_FORMAT = struct.Struct("<4d")
-"""What is asked once a period: 1 to reset or 0 to step, time [s], position [rad], torque of the spring [N m]."""
+"""What is asked once a period: a robot's number or `RESET`, time [s], position [rad], torque [N m]: at the knee that of
+the spring, at the elbow that of the force sensor."""
 
 REPLY_FORMAT = struct.Struct("<d")
 """The effort that the law asks for [N m]."""
 
-READY_MESSAGE = b"ready"
-"""What the worker writes once the law is loaded."""
-
 
 def load_python(path: Path):
-    """Return `step` and `reset` of the class ``Law`` of a Python file."""
+    """Return the functions by robot and `reset` of the class ``Law`` of a Python file."""
     spec = importlib.util.spec_from_file_location("foreign_law", path)
     if spec is None or spec.loader is None:
         raise ImportError(f"{path}: found no way to load it, expected a file of Python")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     law = module.Law()
-    return law.step, law.reset
+    return {robot: getattr(law, name) for robot, name in PYTHON_METHODS.items() if hasattr(law, name)}, law.reset
 
 
 def load_library(path: Path):
-    """Return `step` and `reset` of a shared library: ``law_step`` of three doubles, and ``law_reset``."""
+    """Return the functions by robot, of three doubles each, and ``law_reset`` of a shared library."""
     library = ctypes.CDLL(str(path))
-    library.law_step.restype = ctypes.c_double
-    library.law_step.argtypes = [ctypes.c_double] * 3
+    found = {robot: getattr(library, name) for robot, name in C_FUNCTIONS.items() if hasattr(library, name)}
+    for step in found.values():
+        step.restype = ctypes.c_double
+        step.argtypes = [ctypes.c_double] * 3
     library.law_reset.restype = None
-    return library.law_step, library.law_reset
+    return found, library.law_reset
 
 
 def main() -> None:
@@ -48,18 +60,22 @@ def main() -> None:
     path, requests, replies, memory = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4])
     resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    step, reset = load_python(path) if path.suffix == ".py" else load_library(path)
-    os.write(replies, READY_MESSAGE)
+    steps, reset = load_python(path) if path.suffix == ".py" else load_library(path)
+    if not steps:
+        raise LookupError(f"{path}: found none of {', '.join(C_FUNCTIONS.values())}, expected one of them")
+    # Once the law is loaded: for which robots it has a function.
+    os.write(replies, bytes(robot in steps for robot in ROBOTS))
     while True:
         request = os.read(requests, REQUEST_FORMAT.size)
         if len(request) < REQUEST_FORMAT.size:
             return
         kind, time, position, torque = REQUEST_FORMAT.unpack(request)
-        if kind:
+        if kind == RESET:
             reset()
             os.write(replies, REPLY_FORMAT.pack(0.0))
         else:
-            os.write(replies, REPLY_FORMAT.pack(float(step(time, position, torque))))
+            effort = steps[ROBOTS[int(kind)]](time, position, torque)
+            os.write(replies, REPLY_FORMAT.pack(float(effort)))
 
 
 if __name__ == "__main__":

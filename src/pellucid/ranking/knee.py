@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ..control.supervisor_faults import NO_FAULT
+from ..lab.knee.chosen_constants import chosen
 from ..lab.knee.gait import walking
 from ..lab.knee.instruments import Mounting
 from ..lab.knee.protocol import swing_trial, walking_trial
 from ..lab.knee.rig import KneeRig, knee_orthosis
 from ..lab.knee.subject import KneeSubject
 from ..lab.knee.trial import Controller, KneeReadings, run_trial
-from ..papers.knee.controllers import BuiltController, chosen, controllers
+from ..papers.knee.controllers import BuiltController, controllers
 from ..papers.knee.residual import identify_by_name, session_of
 from ..papers.knee.swings import SETTLING_TIME_S, holds_margins, rms_mismatch_and_torque, without_control, without_power
-from .foreign_law import ForeignController, ForeignLaw
+from .foreign_law import ForeignControllers, ForeignLaw
 from .strategies import SWING_TASK, WALKING_TASK, strategies_of_task
 from .tried import ControllerTrial, given_and_taken_power
 
@@ -76,8 +78,16 @@ def knee_pair(
                 ControllerTrial(task, kind, index, rms_mismatch_and_torque(readings)[1], *given, **safety, fault=fault)
             )
     for law in laws:
+        held = None
+        with ForeignControllers(law, rig) as build:
+            first = build()
+            if first.fault == NO_FAULT and "knee" not in first.robots:
+                continue
+            if plain is not None and first.fault == NO_FAULT:
+                held = holds_margins(rig, name, build, plain)
         for task in (SWING_TASK, WALKING_TASK):
-            made.append(_try_foreign(law, task, index, seed, rig, rig.subjects[name], path, session))
+            tried = _try_foreign(law, task, index, seed, rig, rig.subjects[name], path, session)
+            made.append(replace(tried, holds=held))
     return made
 
 
@@ -91,12 +101,9 @@ def _try_foreign(
         if task == SWING_TASK
         else walking_trial(rig, "walking", subject, path)
     )
-    controller = ForeignController(law, period=rig.period, torque_limit=rig.constants.actuator.torque_limit)
-    try:
-        rng = np.random.default_rng([seed, index, 7])
+    with ForeignControllers(law, rig) as build:
+        controller, rng = build(), np.random.default_rng([seed, index, 7])
         readings = run_trial(rig, trial, rng=rng, controller=controller, mounting=session)
-    finally:
-        controller.close()
     given = given_and_taken_power(_power(readings), 1.0 / rig.period)
     torque = rms_mismatch_and_torque(readings)[1] if controller.fault == NO_FAULT else float("nan")
     return ControllerTrial(task, law.name, index, torque, *given, fault=controller.fault)

@@ -18,6 +18,7 @@ from ..studies.results import ResultRow, require_own_page, write_rows
 from .board import add_to_board
 from .elbow import elbow_pair
 from .foreign_law import ForeignLaw
+from .index_section import compare_indices, index_rows
 from .knee import knee_pair
 from .strategies import CONTROLLER_FIELDS, SIMPLE_RIVALS, SWING_TASK, strategies_of_task
 from .task_ranking import SIGNIFICANCE_LEVEL, TaskRanking
@@ -68,8 +69,9 @@ def rank(
         Seed of people, robots and noise, from 1. None draws one after the laws were read, so that nobody can have tuned
         a law on these people; it is told on the page.
     laws : sequence of path-like
-        Files with laws of your own for the knee orthosis: a Python class ``Law`` with ``step(time, position, torque)``
-        and ``reset()``, or a C file or shared library with ``law_step`` and ``law_reset``. Each runs in a process of
+        Files with laws of your own: a Python class ``Law`` with ``reset()``, with ``step(time, position, torque)`` for
+        the knee orthosis and ``elbow_step`` of the same for the elbow robot, or with one of them; or a C file or shared
+        library with ``law_reset``, ``law_step`` and ``elbow_step``. Each runs in a process of
         its own with limited time and memory; it is a stranger's code nevertheless, and no sandbox holds it.
     workers : int, optional
         Number of processes; by default one per processor.
@@ -106,14 +108,16 @@ def rank(
     # The longest jobs come first. The test for sway takes as long as everything else, so it runs for few wearers.
     knee = tuple(strategies_of_task(SWING_TASK))
     jobs = [(knee_pair, i, seed, i < SWAY_TESTED_COUNT and pairs > SWAY_TESTED_COUNT, knee, read) for i in range(pairs)]
-    jobs += [(elbow_pair, i, pairs, seed) for i in range(pairs)]
+    jobs += [(elbow_pair, i, pairs, seed, read) for i in range(pairs)]
     found = ordered_results(
         jobs, workers, lambda done, of: tell(f"{done} of {of} pairs of a person and a robot", 0.95 * done / of)
     )
     tried = [one for made in found for one in made]
     tasks = tuple(rank_task(task, [one for one in tried if one.task == task]) for task in CONTROLLER_FIELDS)
     out.mkdir(parents=True, exist_ok=True)
-    write_rows(out / "results.json", COMMAND_NAME, [row for task in tasks for row in rows_of(task)])
+    rows = [row for task in tasks for row in rows_of(task)]
+    rows += [row for task in tasks if (compared := compare_indices(task)) for row in index_rows(compared, COMMAND_NAME)]
+    write_rows(out / "results.json", COMMAND_NAME, rows)
     board = add_to_board(out, tasks, pairs, seed, read)
     return ControllerRanking(tasks, pairs, seed, write_ranking(out, tasks, pairs, seed, board), read)
 

@@ -13,7 +13,8 @@ from ..drawing.drawing import draw
 from ..pages.page import Page, Section, write_page
 from ..pages.tables import Row, Table, number_table
 from .board import BoardEntry
-from .foreign_law import STOPPED_WORDS
+from .foreign_law import stopped_words
+from .index_section import index_section
 from .ranking_figures import Line, ranked_torque
 from .strategies import CONTROLLER_FIELDS, RANKED_STRATEGIES, SIMPLE_RIVALS, controller_words, sensors_read
 from .task_ranking import SIGNIFICANCE_LEVEL, TaskRanking
@@ -34,7 +35,8 @@ def write_ranking(
         headline=f"Every strategy that reviews name, worn by {pairs} drawn people in {pairs} drawn robots at either "
         f"joint, none of which any constant was chosen on. Least torque between robot and person: {'; '.join(best)}.",
         sections=(
-            _strategy_section(tasks), *(_task_section(task) for task in tasks), *_foreign_sections(tasks, board),
+            _strategy_section(tasks), *(_task_section(task) for task in tasks),
+            *(section for task in tasks for section in index_section(task)), *_foreign_sections(tasks, board),
             _method_section(),
         ),
         footer=f"Written by pellucid {version('pellucid')}; seed {seed}. Every figure is simulated.",
@@ -131,7 +133,7 @@ def _foreign_sections(tasks: Sequence[TaskRanking], board: Sequence[BoardEntry])
     if not board:
         return ()
     stopped = [
-        Row((name.removeprefix("law:"), task.task, f"{one.pair + 1}", STOPPED_WORDS.get(one.fault, one.fault)))
+        Row((name.removeprefix("law:"), task.task, f"{one.pair + 1}", stopped_words(one.fault)))
         for task in tasks
         for name, tried in task.tried.items()
         if name.startswith("law:")
@@ -147,12 +149,13 @@ def _foreign_sections(tasks: Sequence[TaskRanking], board: Sequence[BoardEntry])
     tables = [number_table(heads, rows, "Every run of this folder; a changed file has another checksum.", words=3)]
     if stopped:
         stopped_heads = ("law", "task", "pair", "why")
-        caption = "Stopped by the gate or by the limits of its process."
+        caption = "Stopped by the supervisor or by the limits of its process."
         tables.insert(0, Table(stopped_heads, tuple(stopped), caption=caption))
     text = (
         "A foreign law is a stranger's code. It runs in a process of its own with limited time and memory, and what it "
-        "asks for passes the safety gate of the core; the supervisor's model of the body does not watch it. It wears "
-        "the knee orthosis with the same people and the same noise as every other controller."
+        "asks for passes the supervisor that export puts around a law of this orthosis, with the same limits, encoders "
+        "and spring. It wears the knee orthosis with the same people and the same noise as every other controller. It "
+        "has no linear margins, because nothing is known of its form; whether it sways is tried like any other law's."
     )
     return (Section("foreign", "Foreign laws", (text,), tuple(tables)),)
 

@@ -3,7 +3,8 @@
 Every index is written so that a larger value means less transparency: a distance from the movement without a robot, or
 an amount that a transparent robot has none of. They are computed on the true signals of one person's session with each
 controller and of the same person's session without a robot. Controllers are then ranked by each index on every pair of
-a person and a robot, and the agreement of two indices is Spearman's correlation of their mean ranks.
+a person and a robot; the agreement of two indices is Kendall's tau of their mean ranks: the share of pairs of
+controllers that both order alike, less the share that they order otherwise.
 """
 
 from __future__ import annotations
@@ -241,8 +242,12 @@ class IndexComparison:
         return stats.rankdata(np.where(np.isfinite(values), values, np.inf), axis=1).mean(axis=0)
 
     def agreement(self, name: str, other: str) -> float:
-        """Return Spearman's correlation of the mean ranks by two indices."""
-        return float(stats.spearmanr(self.ranks(name), self.ranks(other)).statistic)
+        """Return Kendall's tau (b) of the mean ranks by two indices, -1 to 1."""
+        return float(stats.kendalltau(self.ranks(name), self.ranks(other)).statistic)
+
+    def order(self, name: str) -> tuple[str, ...]:
+        """Return the controllers by their mean rank by an index, the most transparent first."""
+        return tuple(self.controllers[i] for i in np.argsort(self.ranks(name), kind="stable"))
 
     def mean_agreement(self, name: str) -> float:
         """Return the mean agreement of an index with those of other kinds: its own kind shares its definition."""

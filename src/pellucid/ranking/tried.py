@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,7 @@ class ControllerTrial:
     delay: float | None = None  # smallest delay margin of the linear loop [s]
     holds: bool | None = None  # whether the leg stays quiet with twice the command and with one 20 ms late
     fault: str = "none"  # fault of the safety gate at the end
+    indices: Mapping[str, float] | None = None  # every index of `transparency_indices`; None where none was computed
 
 
 def given_and_taken_power(power: np.ndarray, fs: float) -> tuple[float, float]:

@@ -18,7 +18,10 @@ from .wearer import Acting
 
 
 class Controller(Protocol):
-    """What decides the spring's torque, once per period."""
+    """What decides the spring's torque, once per period.
+
+    One with an attribute ``reads_motor_encoder`` that is true also gets `motor_position` [rad] by name.
+    """
 
     def step(self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]]) -> float:
         """One period. `time` [s]; `position`, `torque` [rad], [N*m]; `emg` [V]; gives [N*m]."""
@@ -118,13 +121,15 @@ def run_trial(
     hold = _PositionLoop(rig, trial, wearer is not None) if trial.mode == "position" else None
     slip_at, slip_by = _slip(trial, period)
     reference, step = trial.reference.tolist(), plant.step
+    reads_motor = getattr(controller, "reads_motor_encoder", False)
     readings, commands, slips = [], [], []
     muscle, samples = 0.0, []
     for k in range(n):
         readings.append(reading)
         position = reading[0]
         if controller is not None:
-            desired = controller.step(k * period, position, reading[2], samples)
+            motor = {"motor_position": reading[1]} if reads_motor else {}
+            desired = controller.step(k * period, position, reading[2], samples, **motor)
         elif hold is not None:
             desired = hold.step(k, position)
         else:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..constants import RigTable
 from ..emg_synthesis import Electrodes, EmgSynthesis
 from ..recorded_table import MAIN_STREAM, MARKER_STREAM, Column, StoredTable, marker_columns, store_emg
 from .people import Person
@@ -83,14 +84,26 @@ def film_forearm(
     `time` [s] and the forearm's `angle` [rad] have shape (n,).
     """
     camera = rig["cameras"]
+    elbow = np.array(camera["elbow"], float)
+    return film_segment(camera, elbow, person.forearm_length, FOREARM_MARKERS, time, angle, rng)
+
+
+def film_segment(
+    camera: Mapping | RigTable, joint: np.ndarray, length: float, names: tuple[str, str], time: np.ndarray,
+    angle: np.ndarray, rng: np.random.Generator,
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:  # fmt: skip
+    """Return the cameras' clock, shape (k,) [s], and the place of two markers by name, shape (k, 3) [mm].
+
+    One marker is at the joint, whose place is `joint`, shape (3,) [m], and one at the end of a segment of a `length`
+    [m]. `camera` is a rig's table of cameras; `time` [s] and the segment's `angle` [rad] have shape (n,).
+    """
     k = int(time[-1] * camera["rate"])
     clock = np.arange(k) / camera["rate"]
     q = np.interp(clock * (1.0 + camera["clock_drift"]), time, angle)
     along = np.column_stack([np.sin(q), np.zeros(k), -np.cos(q)])
-    elbow = np.tile(np.array(camera["elbow"], float), (k, 1))
-    points = {"elbow": elbow, "wrist": elbow + person.forearm_length * along}
+    at = np.tile(joint, (k, 1))
     markers = {}
-    for name, place in points.items():
+    for name, place in zip(names, (at, at + length * along), strict=True):
         noisy = place + camera["noise"] * rng.standard_normal((k, 3))
         markers[name] = np.round(noisy / camera["quantum"]) * camera["quantum"] * 1e3
     return clock, markers

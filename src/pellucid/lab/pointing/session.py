@@ -190,6 +190,7 @@ def simulate_session(
                 longest=max_samples,
                 sensor_error=error,
                 emg=law is not None and law.emg,
+                command=getattr(law, "command", None),
             )
             n = len(output[0])
             movements.append(Reach(amplitude, target, duration, now, now + n, expected, n < max_samples, arm.lasting))

@@ -150,14 +150,14 @@ def try_law(worn: WornRobot, index: int, name: str, law: SupervisedLaw) -> Itera
 
     `index` is the robot's number and `name` the law's; both seed the random draws.
     """
-    period = worn.rig.period
+    period, uses = worn.rig.period, getattr(law, "uses", law.law.uses)
     law_of_two_encoders = law.changed(joint_expected=1.0)
     longest = ONSET_RANGE_S[1] + MAX_WATCH_S + 1.0
     stops = draw_sudden_stops(longest, np.random.default_rng([index, 5]))
     energy_interval = ENERGY_REPORT_PERIODS * period
     healthy = worn.live(law, longest=longest, seconds=np.inf, stops=stops)["energy"]
     for number, kind in enumerate(FAULT_KINDS):
-        if kind.needs and kind.needs not in law.law.uses:
+        if kind.needs and kind.needs not in uses:
             continue
         rng = np.random.default_rng([index, number, sum(map(ord, name))])
         onset = 0.0 if kind.at_start else round(rng.uniform(*ONSET_RANGE_S) / ONSET_STEP_S) * ONSET_STEP_S

@@ -172,6 +172,7 @@ class WornRobot:
             longest=round(longest / rig.period),
             seed=seed,
             drive_noise=self.reading.draw_noise(self.seed) if self.reading.noise > 0.0 else None,
+            command=getattr(law, "command", None),
         )
 
 

@@ -1,47 +1,39 @@
 """Every controller that is compared on the virtual orthosis, built from a wearer's card and from chosen constants.
 
-The constants are in ``chosen.toml``, as `tuning` chose them on drawn wearers; there is no other free constant.
+The constants are in ``lab/knee/chosen.toml``, as `tuning` chose them on drawn wearers; there is no other free constant.
 """
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache, partial
-from importlib.resources import files
 
 from ...control.control_law import ControlLaw
 from ...control.coupling import Coupling
 from ...control.residual_compensator import (
-    Law,
-    Noise,
     ResidualDesign,
-    design,
     weakenings,
-    within,
     worst,
     worst_margins,
 )
 from ...control.stability import Margins, bears, margins
-from ...control.worn import StrapLearning, WornCompensator
-from ...estimators.causal_map import EmgSettings
+from ...control.worn import WornCompensator
+from ...lab.knee.chosen_constants import (
+    MARGIN_SPEEDS_RAD_S,
+    REQUIRED_DELAY_MARGIN_S,
+    REQUIRED_GAIN_MARGIN_DB,
+    ChosenConstants,
+    design_for_wearer,
+    uncertain_straps,
+)
+from ...lab.knee.identified_wearer import WearerCard
 from ...lab.knee.trial import Controller
 from .body_laws import BodyLaw, amplification_law, body_law, law_with_oscillator, law_with_rules, learn_orthosis_rules
-from .cards import WearerCard
 from .fuzzy import FuzzyCompensation
 from .pid_tuning import tune_pid
 from .rbf import RbfCompensation
 from .strap_disturbance import StrapDisturbance
-
-MARGIN_SPEEDS_RAD_S = (0.1, 0.5, 1.5, 4.0)
-"""Speeds at which friction is linearised for the stability margins."""
-
-REQUIRED_GAIN_MARGIN_DB = 6.0
-"""Gain margin that every controller must have."""
-
-REQUIRED_DELAY_MARGIN_S = 0.020
-"""Delay margin that every controller must have."""
 
 CONTROLLER_WORDS: Mapping[str, str] = {
     "zero_impedance": "zero impedance",
@@ -71,78 +63,12 @@ BODY_LAW_WORDS: Mapping[str, str] = {
 
 
 @dataclass(frozen=True)
-class ChosenConstants:
-    """All free constants."""
-
-    law: Law = field(default_factory=Law)  # Constants of the residual compensator
-    noise: Noise = field(default_factory=Noise)  # Noise that its observer assumes
-    # ``width`` and ``assist_width`` of friction's smooth sign [rad/s]
-    widths: Mapping[str, float] = field(default_factory=lambda: {"width": 0.05, "assist_width": 0.6})
-    emg: EmgSettings = field(default_factory=EmgSettings)
-    phase_gain: tuple[float, ...] = (1.0,) * 8  # Gain in each eighth of a swing, learnt on other wearers [1]
-    learning: StrapLearning = field(default_factory=StrapLearning)
-    observer: Mapping[str, float] = field(default_factory=dict)  # Fields of `StrapDisturbance`
-    fuzzy: Mapping[str, float] = field(default_factory=dict)  # Fields of `FuzzyCompensation`
-    rbf: Mapping[str, float] = field(default_factory=dict)  # Fields of `RbfCompensation`
-    # Arguments of the laws in `body_laws`. The other three take the body's where they have none of their own.
-    body: Mapping[str, float] = field(default_factory=dict)
-    oscillator: Mapping[str, float] = field(default_factory=dict)
-    rules: Mapping[str, float] = field(default_factory=dict)
-    amplification: Mapping[str, float] = field(default_factory=dict)
-
-    def tables(self) -> dict[str, dict]:
-        """Return the constants by table, as the file has them."""
-        made = {name: dict(value) if isinstance(value, Mapping) else value for name, value in vars(self).items()}
-        for name in ("law", "noise", "emg", "learning"):
-            made[name] = asdict(made[name])
-        law = made["law"]
-        del law["phase_gain"], law["preview"]  # the first has a table of its own, the second is the actuator's
-        return {**made, "phase_gain": {"gains": list(self.phase_gain)}}
-
-
-@cache
-def chosen() -> ChosenConstants:
-    """Return the constants of ``chosen.toml``."""
-    return parse_chosen((files(__package__) / "chosen.toml").read_text(encoding="utf-8"))
-
-
-def parse_chosen(text: str) -> ChosenConstants:
-    """Return constants from TOML, table by table as `ChosenConstants.tables` has them."""
-    t = tomllib.loads(text)
-    pairs = {n: tuple(v) if isinstance(v, list) else v for n, v in t["learning"].items()}
-    return ChosenConstants(
-        Law(**t["law"]), Noise(**t["noise"]), t["widths"], EmgSettings(**t["emg"]), tuple(t["phase_gain"]["gains"]),
-        StrapLearning(**pairs), t["observer"], t["fuzzy"], t["rbf"], t["body"], t["oscillator"], t["rules"],
-        t["amplification"],
-    )  # fmt: skip
-
-
-@dataclass(frozen=True)
 class BuiltController:
     """A controller for one wearer."""
 
     build: Callable[[], Controller | None]  # Makes a fresh controller; it returns None for zero-impedance mode
     # Gives the smallest margins over `uncertain_straps`; None if the controller has no linear form
     margins: Callable[[], Margins] | None = None
-
-
-def uncertain_straps(coupling: Coupling) -> list[Coupling]:
-    """Return the coupling, and four with the strap's stiffness and damping 30 % off in each combination."""
-    return [coupling] + [coupling.scaled(strap_stiffness=k, strap_damping=b) for k in (0.7, 1.3) for b in (0.7, 1.3)]
-
-
-def design_for_wearer(
-    coupling: Coupling, period: float, constants: ChosenConstants, law: Law | None = None
-) -> ResidualDesign:
-    """Design the chosen law on one wearer's card, weakened until it has the required margins; `period` [s]."""
-    made = design(coupling, period, law=law or constants.law, noise=constants.noise, **constants.widths)
-    return within(
-        made,
-        uncertain_straps(coupling),
-        gain_db=REQUIRED_GAIN_MARGIN_DB,
-        delay=REQUIRED_DELAY_MARGIN_S,
-        speeds=MARGIN_SPEEDS_RAD_S,
-    )
 
 
 def design_by_phase(made: ResidualDesign, gains: Sequence[float], swing: tuple[float, float]) -> ResidualDesign:

@@ -9,11 +9,12 @@ import numpy as np
 
 from ..._processes import ordered_results
 from ...drawing.drawing import draw
+from ...lab.knee.chosen_constants import REQUIRED_DELAY_MARGIN_S, REQUIRED_GAIN_MARGIN_DB
 from ...lab.knee.rig import knee_orthosis
 from ...pages.page import Section
 from ...pages.tables import Row, number_table
 from ..figure import Reproduced, figure, spread
-from .controllers import CONTROLLER_WORDS, REQUIRED_DELAY_MARGIN_S, REQUIRED_GAIN_MARGIN_DB
+from .controllers import CONTROLLER_WORDS
 from .knee_figures import ControllerRatios, torque_ratios
 from .residual import SWING_SEEDS, TEST_WEARER_SEEDS, ControllerRow, evaluate_changes, evaluate_wearer
 

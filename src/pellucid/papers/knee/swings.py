@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...lab.knee.chosen_constants import REQUIRED_DELAY_MARGIN_S, REQUIRED_GAIN_MARGIN_DB
 from ...lab.knee.instruments import Mounting
 from ...lab.knee.protocol import Faults, KneeTrial, swing_trial
 from ...lab.knee.rig import KneeRig
 from ...lab.knee.trial import Controller, KneeReadings, run_trial
 from ...lab.knee.wearer import relaxed
-from .controllers import REQUIRED_DELAY_MARGIN_S, REQUIRED_GAIN_MARGIN_DB
 
 SETTLING_TIME_S = 4.0
 """The first seconds of a swing are not scored: controllers adapt in them, and the wearer learns."""
@@ -44,9 +44,16 @@ class StrainedController:
         """Fault that the controller's safety gate has latched; "none" if there is none."""
         return self._controller.fault
 
-    def step(self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = ()) -> float:
+    @property
+    def reads_motor_encoder(self) -> bool:
+        """Whether the controller also gets the motor's encoder."""
+        return getattr(self._controller, "reads_motor_encoder", False)
+
+    def step(
+        self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = (), **more: float
+    ) -> float:
         """Return the strained command [N m] of one period; `time` [s], `position` [rad], `torque` [N m], `emg` [V]."""
-        self._waiting.append(self._gain * self._controller.step(time, position, torque, emg))
+        self._waiting.append(self._gain * self._controller.step(time, position, torque, emg, **more))
         return self._waiting.pop(0)
 
 

@@ -14,10 +14,10 @@ from ...estimators.torque_map import cross_validate_torque_maps
 from ...estimators.torque_reference import MovedBody, human_torque
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.strap.strap_torque import Orthosis
+from ...lab.knee.recorded_session import KneeSession
 from ...lab.knee.rig import KneeRig
 from ...procedures.emg_torque.emg_torque_table import EmgTorqueTable
 from ...signals.emg_chain import emg_chain
-from .trials import KneeSession
 from .wearers import WearerIdentification
 
 ESTIMATOR_NAMES = ("boost", "bagging", "tree", "ridge")

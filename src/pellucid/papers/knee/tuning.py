@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial
-from pathlib import Path
 
 import numpy as np
 
@@ -24,10 +23,11 @@ from ..._processes import processes
 from ...control.residual_compensator import Law, Noise, ResidualDesign
 from ...control.worn import WornCompensator
 from ...estimators.causal_map import EmgSettings
+from ...lab.knee.chosen_constants import CONSTANTS_FILE, ChosenConstants, design_for_wearer
+from ...lab.knee.identified_wearer import IdentifiedWearer, WearerCard, card_with_coupling_errors
 from ...lab.knee.rig import knee_orthosis
 from ...lab.knee.trial import KneeReadings
-from .cards import IdentifiedWearer, WearerCard, card_with_coupling_errors
-from .controllers import BODY_LAW_WORDS, ChosenConstants, body_controllers, controllers, design_for_wearer
+from .controllers import BODY_LAW_WORDS, body_controllers, controllers
 from .residual import TUNING_WEARER_SEEDS, identify_by_name, session_of
 from .swings import (
     SETTLING_TIME_S,
@@ -294,7 +294,7 @@ def main() -> None:
             return [one.result() for one in [(odd if seed % 2 else even).submit(make, seed) for seed in seeds]]
 
         constants = tune(mapped=mapped, tell=lambda line: print(line, flush=True))
-    write_text_atomically(Path(__file__).with_name("chosen.toml"), write_toml(constants, TUNING_WEARER_SEEDS))
+    write_text_atomically(CONSTANTS_FILE, write_toml(constants, TUNING_WEARER_SEEDS))
 
 
 if __name__ == "__main__":

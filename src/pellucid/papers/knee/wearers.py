@@ -14,6 +14,7 @@ from ...fit.strap.orthosis_alone import SPRING_HOLD, OrthosisFit, fit_orthosis
 from ...fit.strap.strap_torque import StrappedSwing
 from ...fit.strap.wearer_coupling import SWING_EDGE_S, WearerCoupling, identify_wearer
 from ...fit.transfer.transfer_function_fit import TransferFit, fit_percent, fit_records
+from ...lab.knee.recorded_session import STRAP_PROTOCOLS, KneeSession, hold_angles, take
 from ...lab.knee.rig import KneeRig
 from ...lab.knee.subject import KneeSubject
 from ...models.anthropometry import de_leva, shank_length, winter
@@ -22,7 +23,6 @@ from ...procedures.coupling.coupling_table import CouplingTable
 from ...procedures.coupling.identify_coupling import identify_worn
 from ...signals.inertial import inertial
 from ...signals.input_output import input_output
-from .trials import STRAP_PROTOCOLS, KneeSession, hold_angles, take
 
 STRAP_PARAMETERS = ("stiffness", "damping", "inertia")
 """Fitted parameters of a strap; the true inertia is 0."""

@@ -15,11 +15,11 @@ from ..._errors import IdentificationError
 from ...control.coupling import Coupling
 from ...estimators.causal_map import CausalMap, EmgSettings, EmgTrial, fit_causal_map
 from ...fit.joint.actuator_residual import actuator_residual
-from ...lab.knee.rig import KneeRig
 from ...procedures.coupling.actuator_card import REQUIRED_CHANNELS
 from ...procedures.coupling.identify_coupling import identify_worn
 from ...procedures.emg_torque.strapped_trials import strapped_emg_trial
-from .trials import STRAP_PROTOCOLS, take
+from .recorded_session import STRAP_PROTOCOLS, take
+from .rig import KneeRig
 
 ACTUATOR_DEAD_SAMPLES = 1
 """Dead time of the actuator's torque loop, from reading to current, in samples, as the actuator's maker states it."""

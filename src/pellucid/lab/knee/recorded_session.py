@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...fit.joint.gravity_holds import find_holds
-from ...lab.knee.protocol import bench_trials, subject_trials
-from ...lab.knee.rig import KneeRig
-from ...lab.knee.trial import KneeTruth
-from ...lab.study import record_in_memory
 from ...recordings.recording import Recording
 from ...signals.input_output import InputOutput, input_output
 from ...studies.study_file import StudyFile
+from ..study import record_in_memory
+from .protocol import bench_trials, subject_trials
+from .rig import KneeRig
+from .trial import KneeTruth
 
 STRAP_PROTOCOLS = ("imu_on_orthosis", "relaxed_holds", "free_swing")
 """Protocols that a strap takes; the thesis's others are for EMG."""

@@ -1,0 +1,47 @@
+"""A foreign law on the elbow robot, behind the supervisor that every law of this robot has in the lab."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from ..control.commanded import commanded_law
+from ..control.elbow_laws import ELBOW_LIMITS
+from ..control.supervised import SupervisedLaw
+from ..lab.safety.worn_robot import WornRobot
+from .foreign_law import ForeignProcess
+
+
+@dataclass(frozen=True)
+class CommandedElbowLaw(SupervisedLaw):
+    """A supervised law whose effort a function gives; it reads encoder and force sensor."""
+
+    command: Callable[[float, float, float], float] = field(default=lambda time, position, torque: 0.0, compare=False)
+
+    @property
+    def sensed(self) -> bool:
+        """The law gets the force sensor."""
+        return True
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """Sensors that the law reads beside the encoder, whose faults are tried."""
+        return ("interaction",)
+
+
+def elbow_law_of(process: ForeignProcess, worn: WornRobot, *, start_up: bool) -> CommandedElbowLaw:
+    """Return a foreign law on one robot and wearer, watched as every other law there.
+
+    It is reset whenever time begins anew.
+    """
+    watched = worn.watched(commanded_law(ELBOW_LIMITS, worn.rig.period), start_up=start_up)
+    last = float("inf")
+
+    def command(time: float, position: float, torque: float) -> float:
+        nonlocal last
+        if time < last:
+            process.reset()
+        last = time
+        return process.effort("elbow", time, position, torque)
+
+    return CommandedElbowLaw(watched.law, watched.supervision, command)
