@@ -86,6 +86,13 @@ def drawn_joint(rng: np.random.Generator, **more: float) -> ForeignJoint:
     )
 
 
+def drawn_sines(rng: np.random.Generator, count: int, rate: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return frequency [Hz], phase and amplitude [rad] of six sines of each reference, each (6, count)."""
+    frequency, phase = rate * rng.uniform(0.08, 1.3, (6, count)), rng.uniform(0.0, 2.0 * np.pi, (6, count))
+    size = rng.uniform(0.4, 1.0, (6, count)) / np.sqrt(1.0 + (frequency / 0.4) ** 2)
+    return frequency, phase, size * (1.2 / size.sum(axis=0))
+
+
 def recorded(
     joints: Sequence[ForeignJoint], rng: np.random.Generator, seconds: float = 30.0, rate: float = 1.0
 ) -> list[np.ndarray]:
@@ -95,9 +102,7 @@ def recorded(
     """
     n, step, count = round(seconds * RATE_HZ), 1.0 / RATE_HZ, len(joints)
     time = np.arange(n) * step
-    frequency, phase = rate * rng.uniform(0.08, 1.3, (6, count)), rng.uniform(0.0, 2.0 * np.pi, (6, count))
-    size = rng.uniform(0.4, 1.0, (6, count)) / np.sqrt(1.0 + (frequency / 0.4) ** 2)
-    size *= 1.2 / size.sum(axis=0)
+    frequency, phase, size = drawn_sines(rng, count, rate)
     names = ("inertia", "gravity", "viscous", "coulomb", "bristle", "load", "position_noise", "torque_noise")
     made = {name: np.array([getattr(joint, name) for joint in joints]) for name in names}
     inertia, gravity, viscous = made["inertia"], made["gravity"], made["viscous"]

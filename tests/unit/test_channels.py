@@ -5,9 +5,11 @@ import pytest
 
 from pellucid._errors import RecordingError, StudyError
 from pellucid.procedures.joint.aligned_motions import aligned_motions
+from pellucid.procedures.joint.velocity_faults import velocity_faults
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import check, identify
 from pellucid.studies.rollover import find_rollover
+from pellucid.studies.study import Study
 
 STUDY = """name = "bench"
 [rig]
@@ -150,6 +152,14 @@ def test_a_velocity_that_contradicts_the_position_is_refused_where_it_is_used(st
         inertia(study({"v": v}, **VELOCITY))
     unused = study({"v": v}, channels=VELOCITY["channels"])
     assert [f.severity for f in check(unused) if f.kind == kind] == ["note"]
+
+
+def test_a_velocity_that_contradicts_the_position_is_told_where_it_is_held_out(study, bench_samples):
+    made = study({"v": -velocity(bench_samples)}, **VELOCITY)
+    entry = made.config.recordings[0].model_copy(update={"use": "validate"})
+    config = made.config.model_copy(update={"recordings": (entry,)})
+    held_out = Study(made.folder, config)
+    assert [f.severity for f in velocity_faults(held_out) if f.kind == "velocity_sign"] == ["warn"]
 
 
 def test_a_late_velocity_is_told_with_what_to_write(study, bench_samples):

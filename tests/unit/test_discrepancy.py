@@ -108,3 +108,14 @@ def test_what_only_scales_inertia_and_gravity_is_told_by_the_load_friction_not_b
     assert half(names)[:2] == pytest.approx(0.81 * 0.06 * truth[:2], rel=0.05)
     # where motoring and generating are told apart by a known load, nothing hides
     assert np.all(half((*NAMES, "load_motoring"))[:2] < 0.1 * lost * truth[:2])
+
+
+def test_a_spring_that_shows_does_not_widen_the_friction():
+    rng = np.random.default_rng(7)
+    states, w = motion(rng)
+    spring = 0.05 * states.snap / np.std(states.snap)
+    _, statistical, lacking = estimated(states, w, w @ TRUTH + spring + 0.02 * rng.standard_normal(len(w)))
+    added = np.sqrt(np.diag(lacking.covariance) / np.diag(statistical))
+    assert lacking.causes[0] == "a spring in the drive"
+    assert added[0] > 20.0
+    assert np.all(added[1:] < 4.0)

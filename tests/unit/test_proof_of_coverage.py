@@ -1,8 +1,12 @@
 """The proof of coverage counts what it says: intervals that hold, those refused, and friction that is compensated."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from evidence.coverage import Elbow, bench_identified, bench_rows, drawn_benches, elbow_rows, identified
+from evidence._foreign_joint import ForeignJoint
+from evidence._foreign_plants import record_plant
+from evidence.coverage import Elbow, bench_identified, bench_rows, drawn_benches, elbow_rows, exact_errors, identified
 
 from pellucid.fit.parameter import Parameter
 from pellucid.lab.elbow.rig import able_elbow
@@ -54,3 +58,34 @@ def test_one_bench_is_identified_against_its_own_targets():
     seen = {row.id: row.value for row in bench_rows([found])}
     assert seen["coverage.bench.lowest"] == 100.0
     assert seen["coverage.bench.refused.highest"] == 0.0
+
+
+@pytest.mark.parametrize(("engine", "module"), [("mujoco", "mujoco"), ("pinocchio", "pinocchio")])
+def test_plants_of_other_programs_are_the_drawn_joints(engine, module):
+    pytest.importorskip(module)
+    joint = ForeignJoint(0.2, 5.0, 0.3, 0.4, bristle=200.0, load=0.05 * (engine == "pinocchio"))
+    exact = replace(joint, position_noise=0.0, torque_noise=0.0)
+    t, q, torque = record_plant(engine, exact, np.random.default_rng(3), 6.0).T
+    v = np.gradient(q, t)
+    a = np.gradient(v, t)
+    load = joint.inertia * a + joint.gravity * np.sin(q)
+    rubbing = joint.viscous * v + (joint.coulomb + joint.load * np.abs(load)) * np.sign(v)
+    # Fast enough, both engines' friction is that of the drawn joint.
+    fast = np.abs(v) > 0.3
+    fast[:20] = fast[-20:] = False
+    assert fast.sum() > 500
+    assert np.sqrt(np.mean((torque - load - rubbing)[fast] ** 2)) < 0.02 * joint.gravity
+
+
+def test_exact_least_squares_errs_as_it_says():
+    rng, joint = np.random.default_rng(4), ForeignJoint(0.2, 5.0, 0.3, 0.4)
+    t = np.arange(4000) / 500.0
+    q = 0.6 * np.sin(2.0 * t) + 0.3 * np.sin(5.3 * t)
+    v = np.gradient(q, t)
+    errors = exact_errors(joint, np.column_stack([t, q, np.zeros_like(q)]))
+    used = np.abs(v) > 0.05
+    used[:100] = used[-100:] = False
+    w = np.column_stack([np.gradient(v, t), np.sin(q), v, np.sign(v), np.ones_like(q)])[used]
+    noise = joint.torque_noise * 0.1 * joint.gravity
+    found = [np.linalg.lstsq(w, noise * rng.standard_normal(len(w)), rcond=None)[0][:4] for _ in range(200)]
+    assert np.std(found, axis=0) == pytest.approx(list(errors.values()), rel=0.2)

@@ -14,6 +14,7 @@ from pellucid.fit.tree.friction_terms import plain_families
 from pellucid.fit.tree.identify_tree import identify_tree, plain_model
 from pellucid.fit.tree.segments_out import heldout_errors
 from pellucid.fit.tree.tree_estimators import ESTIMATION_METHODS, solve_by_method
+from pellucid.fit.tree.tree_families import choose_families
 from pellucid.fit.tree.tree_regression import TreeModel, collect_rows, fit_rows
 from pellucid.fit.tree.tree_verdicts import parameter_verdict
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
@@ -164,6 +165,13 @@ def test_terms_and_ripple_are_chosen_where_they_are(rubbing):
     assert ripple.amplitude == pytest.approx(0.5, abs=3 * best["wrist.ripple_sine"].standard_error)
     assert best["elbow.load"].value == pytest.approx(0.15, abs=3 * best["elbow.load"].standard_error)
     assert any("wrist has a ripple of 23.4 periods" in note for note in best.notes)
+
+
+def test_a_term_that_saves_little_of_its_joints_error_is_not_added():
+    robot = four_joints()
+    rows = collect_rows(robot, [motion_of(robot, FRICTION, n=2600, noise=0.03, parts=13)])
+    assert [(x.joint, x.term) for x in choose_families(rows, min_improvement=0.0).taken] == [(3, "load")]
+    assert choose_families(rows).taken == ()
 
 
 def test_segments_left_out_tell_the_better_model(rubbing):

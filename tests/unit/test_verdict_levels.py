@@ -73,6 +73,10 @@ def chosen(rich, plain, values, errors):
         (["coulomb_positive", "coulomb_negative"], ["coulomb"], [1.0, 1.6], [0.1, 0.1], "good"),
         (["coulomb_positive", "coulomb_negative"], ["coulomb"], [1.0, 1.1], [0.1, 0.1], "note"),
         (["load_motoring", "load_generating"], ["load_friction"], [0.1, 0.11], [0.02, 0.02], "note"),
+        (["inertia", "load_friction"], ["inertia"], [1.0, 0.18], [0.1, 0.1], "good"),
+        (["inertia", "load_friction"], ["inertia"], [1.0, 0.16], [0.1, 0.1], "note"),
+        (["inertia", "offset"], ["inertia"], [1.0, 0.18], [0.1, 0.1], "note"),
+        (["inertia", "stribeck", "stribeck_velocity"], ["inertia"], [1.0, 0.1, 0.2], [0.1, 0.1, 0.01], "note"),
     ],
 )
 def test_a_family_wins_only_by_what_the_recordings_show(rich, plain, values, errors, kind):

@@ -5,9 +5,12 @@ Effects that a friction family lacks still act on the joint. Each known effect i
 mean square of the least-squares residual, and
 
 .. math::
-   \tau = W\beta + \sum_k c_k \varphi_k + e, \qquad c_k \sim N(0, s^2), \qquad e \text{ as coloured as the residual}
+   \tau = W\beta + \sum_k c_k \varphi_k + e, \qquad c_k \sim N(0, s_{g(k)}^2), \qquad
+   e \text{ as coloured as the residual}
 
-says that each may contribute a share s of it. Marginal likelihood chooses s between 0 and 1. Samples into which the
+says that each may contribute a share of it. All friction shares one s, for its columns are different descriptions of
+one curve. Spring, rotor and angle zero have an s each: a spring that shows says nothing of friction. Marginal
+likelihood chooses every s between 0.001 and 1. Samples into which the
 filters carry standstill are excluded, because stiction can take any value there. The posterior gives, with b the
 least-squares estimate,
 
@@ -42,10 +45,15 @@ MAX_ROWS = 50_000
 STANDSTILL_SPEED_SHARE = 0.05
 """Below this share of the root mean square speed a joint counts as standing still, unless a dead band is given."""
 
+SNAP_CUTOFF_SHARE = 0.35
+"""The snap is low-passed at this share of the motion's cut-off. Differentiated four times, an encoder's noise exceeds
+the motion near the cut-off, and the residual contains the same noise in the acceleration: a spring would be found in
+it."""
+
 STRIBECK_SPEED_SHARE = 0.25
 """At this share of the root mean square speed, boundary friction has fallen to 1/e."""
 
-DISCREPANCY_SHARE_GRID = np.geomspace(0.01, 1.0, 9)
+DISCREPANCY_SHARE_GRID = np.geomspace(0.001, 1.0, 13)
 """Values of s among which marginal likelihood chooses."""
 
 
@@ -100,6 +108,15 @@ NEGLECTED_EFFECTS: Mapping[str, Callable[[States], np.ndarray]] = {
 FRICTION_EFFECTS = tuple(n for n in NEGLECTED_EFFECTS if n.startswith(("friction", "viscosity", "load friction")))
 """Names of the neglected effects that are friction."""
 
+CAUSE_GROUPS: tuple[tuple[str, ...], ...] = (
+    tuple(n for n in NEGLECTED_EFFECTS if n in FRICTION_EFFECTS or n.startswith("lifting and lowering")),
+    *((n,) for n in NEGLECTED_EFFECTS if n not in FRICTION_EFFECTS and not n.startswith("lifting and lowering")),
+)
+"""Groups of effects with a common s: all friction is one physical cause, the others are one each."""
+
+SHARE_SWEEP_COUNT = 3
+"""Each group's s is chosen anew so many times, with those of the others as they are."""
+
 STICTION_CAUSE = "sticking at standstill"
 """Cause that is stated where no column of the neglected effects explains the shift of a parameter."""
 
@@ -149,8 +166,8 @@ class DifferentiatedMotion(FittedMotion, Protocol):
     def acceleration(self) -> np.ndarray:
         """Acceleration, (n,) [rad/s^2 or m/s^2]."""
 
-    def smooth(self, samples: np.ndarray) -> np.ndarray:
-        """Apply the motion's own low-pass to `samples`, shape (n,)."""
+    def smooth(self, samples: np.ndarray, share: float = 1.0) -> np.ndarray:
+        """Apply the motion's low-pass, with `share` times its cut-off, to `samples`, shape (n,)."""
 
 
 DifferentiatedMotionT = TypeVar("DifferentiatedMotionT", bound=DifferentiatedMotion)
@@ -159,7 +176,7 @@ KINEMATIC_SIGNALS: tuple[Callable[[DifferentiatedMotion, float], np.ndarray], ..
     lambda m, slow: m.position,
     lambda m, slow: m.velocity,
     lambda m, slow: m.acceleration,
-    lambda m, slow: np.gradient(np.gradient(m.acceleration)) * m.fs**2,
+    lambda m, slow: np.gradient(np.gradient(m.smooth(m.acceleration, SNAP_CUTOFF_SHARE))) * m.fs**2,
     lambda m, slow: np.abs(m.smooth((np.abs(m.velocity) <= slow).astype(float))),
 )
 """Signals of a motion that no model changes: position, velocity, acceleration, snap, and the share of each sample that
@@ -289,7 +306,8 @@ def estimate_discrepancy(
     count, size, x = len(scale), float(np.sqrt(np.mean(residual**2))), lacks.both
     w = jacobian[:, free] / scale
     gram, moment = x.T @ x / lacks.noise, x.T @ lacks.target / lacks.noise
-    spread = fit_discrepancy_share(gram, moment, count) ** 2 + lacks.tied
+    groups = [np.array([i for i, word in enumerate(words) if word in group], int) for group in CAUSE_GROUPS]
+    spread = fit_discrepancy_shares(gram, moment, count, groups) ** 2 + lacks.tied
     prior = np.concatenate([np.zeros(count), 1.0 / spread])
     try:
         posterior = np.linalg.inv(gram + np.diag(prior))
@@ -393,6 +411,36 @@ def fit_discrepancy_share(gram: np.ndarray, moment: np.ndarray, count: int) -> f
     return float(
         DISCREPANCY_SHARE_GRID[np.argmax(np.sum(score**2 * s2 / (1.0 + s2 * values) - np.log1p(s2 * values), axis=1))]
     )
+
+
+def fit_discrepancy_shares(
+    gram: np.ndarray, moment: np.ndarray, count: int, groups: Sequence[np.ndarray]
+) -> np.ndarray:
+    """Return the s of each neglected column, (k,), with the largest marginal likelihood.
+
+    `gram`, `moment` and `count` are those of `fit_discrepancy_share`. Each group, an array of column indices, has a
+    common s. The search starts from the smallest s of all and chooses those of one group after the other.
+    """
+    own, cross, beside = gram[:count, :count], gram[:count, count:], gram[count:, count:]
+    solved = np.linalg.solve(own, np.column_stack([cross, moment[:count]]))
+    information = beside - cross.T @ solved[:, :-1]
+    score = moment[count:] - cross.T @ solved[:, -1]
+
+    def likelihood(shares: np.ndarray) -> float:
+        scaled = information * np.outer(shares, shares) + np.eye(len(shares))
+        pull = shares * score
+        return float(pull @ np.linalg.solve(scaled, pull) - np.linalg.slogdet(scaled)[1])
+
+    shares = np.full(len(score), DISCREPANCY_SHARE_GRID[0])
+    for _ in range(SHARE_SWEEP_COUNT):
+        for group in groups:
+            tried = []
+            for share in DISCREPANCY_SHARE_GRID if len(group) else ():
+                shares[group] = share
+                tried.append(likelihood(shares))
+            if tried:
+                shares[group] = DISCREPANCY_SHARE_GRID[int(np.argmax(tried))]
+    return shares
 
 
 def excess_covariance(whole: np.ndarray, part: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,14 @@ class Fault:
     found: str
     expected: str
     message: str
+
+
+def warn_if_held_out(fault: Fault, use: str) -> Fault:
+    """Return the fault as a warning if it refuses a recording whose `use` is not to be fitted.
+
+    What a held-out recording holds is judged, however implausible it is. It reaches no fit, so it refuses no study.
+    """
+    return replace(fault, severity="warn") if use != "fit" and fault.severity == "refuse" else fault
 
 
 def grouped_messages(faults: Sequence[Fault], most: int = 3, most_cuts: int = 10) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -84,10 +84,11 @@ class Motion:
         reduced = decimate(samples[wide][:: f.thin], f.decimate // f.thin)
         return reduced[f.margin : len(reduced) - f.margin]
 
-    def smooth(self, samples: np.ndarray) -> np.ndarray:
+    def smooth(self, samples: np.ndarray, share: float = 1.0) -> np.ndarray:
         """The low-pass that position and effort went through, for what a model makes of the sign of velocity.
-        `samples` (n,)."""
-        return lowpassed(samples, self.fs, self.filtering)
+        `samples` (n,). The cut-off is `share` times that of the motion."""
+        filtering, lowpass = self.filtering, self.filtering.lowpass
+        return lowpassed(samples, self.fs, replace(filtering, lowpass=share * lowpass) if lowpass else filtering)
 
     def rows(self, samples: np.ndarray) -> np.ndarray:
         """The samples, (n,) or (n, k), that a regression uses."""

@@ -55,9 +55,12 @@ class SliderMotion:
         """The samples, (n,) or (n, k), that a regression uses."""
         return samples[np.flatnonzero(self.scored)[::REGRESSION_STRIDE]]
 
-    def smooth(self, samples: np.ndarray) -> np.ndarray:
-        """The low-pass that effort went through, for what a model makes of the sign of velocity; (n,) or (n, k)."""
-        return zero_phase_lowpass(samples, self.lowpass, self.order, self.fs)
+    def smooth(self, samples: np.ndarray, share: float = 1.0) -> np.ndarray:
+        """The low-pass that effort went through, for what a model makes of the sign of velocity; (n,) or (n, k).
+
+        The cut-off is `share` times that of the motion.
+        """
+        return zero_phase_lowpass(samples, share * self.lowpass, self.order, self.fs)
 
     def holds(self) -> list[slice]:
         """Settled parts of the stretches in which the joint holds still."""

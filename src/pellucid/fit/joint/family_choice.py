@@ -2,8 +2,12 @@
 
 Only fitted recordings take part: each block is predicted from the others. A richer family must save a stated share of
 the simpler one's error, and have a term of its own that these recordings tell from zero at a confidence level that is
-corrected for the number of families (Bonferroni). A paired test over blocks is reported beside the choice. It does not
-decide, because few blocks with most of the error have little power where the term itself is plain.
+corrected for the number of families (Bonferroni). A term that cannot be negative is tested on one side: where it is 0,
+its estimate is 0 in one half of all recordings and as far above as a normal variable in the other half [1]_. A paired
+test over blocks is reported beside the choice. It does not decide, because few blocks with most of the error have
+little power where the term itself is plain.
+
+.. [1] H. Chernoff, "On the distribution of the likelihood ratio", Annals of Mathematical Statistics 25, 1954.
 """
 
 from __future__ import annotations
@@ -13,7 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...models.friction_terms import shape_index
+from ...models.joint import SYMBOLS_BY_NAME
 from ..block_test import MIN_IMPROVEMENT, HeldOutComparison, compare_held_out
+from ..parameter import Parameter
 from .friction_family import FamilyFit
 from .joint_estimate import JointEstimate
 
@@ -80,16 +87,17 @@ def choose_family(
 def added_terms(estimate: JointEstimate, simpler: Sequence[str], level: float) -> dict[str, bool]:
     """Return the terms of an estimate that a simpler family lacks, and whether each is identified.
 
-    `simpler` are the parameters of the simpler family. A term is identified if its interval at `level` excludes 0. If
-    the simpler family has one term for both directions, the difference between the directions counts.
+    `simpler` are the parameters of the simpler family. A term is identified at `level` if it is told from 0. If the
+    simpler family has one term for both directions, the difference between the directions counts. A parameter that
+    shapes a friction curve is no term: at 0 and at any other value, the curve may be absent.
     """
     names, added = [p.name for p in estimate.parameters], {}
     from scipy.special import ndtri  # SciPy takes a third of a second to load, and `check` chooses no family
 
-    times = float(ndtri(0.5 + 0.5 * level))
+    shape = shape_index(names)
     for i, parameter in enumerate(estimate.parameters):
         name = parameter.name
-        if name in simpler:
+        if name in simpler or i == shape:
             continue
         for one, other, both in SPLIT_SUFFIXES:
             stem = name.removesuffix(one).removesuffix(other)
@@ -100,10 +108,19 @@ def added_terms(estimate: JointEstimate, simpler: Sequence[str], level: float) -
                 variance = estimate.covariance[i, i] + estimate.covariance[k, k] - 2.0 * estimate.covariance[i, k]
                 apart = abs(parameter.value - estimate.parameters[k].value)
                 label = f"the difference of {stem.replace('_', ' ')} between {one[1:]} and {other[1:]}"
-                added[label] = bool(apart > times * np.sqrt(max(variance, 0.0)))
+                added[label] = bool(apart > float(ndtri(0.5 + 0.5 * level)) * np.sqrt(max(variance, 0.0)))
             break
         else:
-            low, high = parameter.interval(level)
-            is_found = parameter.identifiable and not parameter.at_bound and not low <= 0.0 <= high
-            added[name.replace("_", " ")] = bool(is_found)
+            added[name.replace("_", " ")] = is_told_from_zero(parameter, level)
     return added
+
+
+def is_told_from_zero(parameter: Parameter, level: float) -> bool:
+    """Return whether a parameter differs from 0 at a confidence `level`: above 0 alone where it cannot be negative."""
+    from scipy.special import ndtri
+
+    if parameter.at_bound or parameter.undetermined or not 0.0 < parameter.standard_error < np.inf:
+        return False
+    if SYMBOLS_BY_NAME[parameter.name].lower >= 0.0:
+        return bool(parameter.value > float(ndtri(level)) * parameter.standard_error)
+    return bool(abs(parameter.value) > float(ndtri(0.5 + 0.5 * level)) * parameter.standard_error)

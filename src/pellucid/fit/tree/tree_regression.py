@@ -445,13 +445,19 @@ def plain_solution(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
 
 def left_out_losses(equations: NormalEquations, sd: np.ndarray) -> np.ndarray:
     """Return the loss on each segment, (S,), of a fit to the others, with joints weighted by 1 / `sd`^2, (m,)."""
+    return left_out_joint_losses(equations, sd).sum(axis=1)
+
+
+def left_out_joint_losses(equations: NormalEquations, sd: np.ndarray) -> np.ndarray:
+    """Return the loss of each joint on each segment, (S, m), of a fit to the others; see `left_out_losses`."""
     gram, moment, square = weight_joints(equations, sd)
     whole, target = gram.sum(axis=0), moment.sum(axis=0)
-    losses = np.zeros(len(gram))
+    losses = np.zeros(equations.square.shape)
     for s, (g, m, q) in enumerate(zip(gram, moment, square, strict=True)):
         if q > 0.0:
             x = plain_solution(whole - g, target - m)
-            losses[s] = q - 2.0 * m @ x + x @ g @ x
+            missed = equations.square[s] - 2.0 * equations.moment[s] @ x + (equations.gram[s] @ x) @ x
+            losses[s] = missed / sd**2
     return losses
 
 

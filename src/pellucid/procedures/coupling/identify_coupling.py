@@ -21,7 +21,7 @@ from ...fit.strap.orthosis_alone import OrthosisFit, fit_orthosis
 from ...fit.strap.strap_torque import StrappedSwing
 from ...fit.strap.wearer_coupling import identify_wearer
 from ...models.anthropometry import Segment, known_segments
-from ...recordings.fault import Fault
+from ...recordings.fault import Fault, warn_if_held_out
 from ...recordings.recording import Recording
 from ...signals.emg_chain import EmgChain, emg_chain
 from ...signals.inertial import inertial
@@ -124,7 +124,8 @@ def faults(study: Study) -> list[Fault]:
     def add(severity: str, kind: str, r: Recording, channel: str, text: str) -> None:
         where = f"{r.path.name} (recording {r.name})"
         message = text if text.startswith(r.path.stem) else f"{where}: {text}"
-        found.append(Fault(severity, kind, r.path.name, channel, text, "a trial as its protocol has it", message))
+        fault = Fault(severity, kind, r.path.name, channel, text, "a trial as its protocol has it", message)
+        found.append(warn_if_held_out(fault, r.use))
 
     trials = _Trials(study.recordings())
     with suppress(PellucidError):  # told below, where the recording's turn comes
@@ -134,7 +135,9 @@ def faults(study: Study) -> list[Fault]:
             continue
         try:
             # Torque steps may be held at any angle.
-            (trials.worn if r.protocol in ("relaxed_holds", "free_swing") else trials.actuator)(r)
+            record = trials.actuator(r)
+            if r.protocol in ("relaxed_holds", "free_swing"):
+                trials.require_range(r, record)
         except PellucidError as error:
             add("refuse", "magnitude", r, "position", str(error))
         if r.protocol in ("imu_on_orthosis", "free_swing"):
@@ -190,8 +193,14 @@ class _Trials:
             self.low, self.high = (float(f([f(q) for q in alone])) for f in (min, max))
 
     def worn(self, recording: Recording) -> InputOutput:
-        """Return the actuator's record of a trial with a wearer; refuse angles outside the identified range."""
+        """Return the actuator's record of a trial with a wearer; fitted ones stay in the identified range of angles."""
         record = self.actuator(recording)
+        if recording.use == "fit":
+            self.require_range(recording, record)
+        return record
+
+    def require_range(self, recording: Recording, record: InputOutput) -> None:
+        """Refuse angles outside the range in which the orthosis is identified alone."""
         low, high = float(record.output.min()), float(record.output.max())
         if low < self.low - MAX_RANGE_EXCESS_RAD or high > self.high + MAX_RANGE_EXCESS_RAD:
             raise IdentificationError(
@@ -199,7 +208,6 @@ class _Trials:
                 f"{np.degrees(high):.0f} deg, expected angles near those at which the orthosis was identified, "
                 f"{np.degrees(self.low):.0f} to {np.degrees(self.high):.0f} deg: the encoder's zero has moved"
             )
-        return record
 
     def imu(self, recording: Recording, asked: CouplingTable):
         stream = recording.stream(asked.imu)
@@ -216,7 +224,7 @@ def _wearer(
     for recording in trials.fitted("imu_on_orthosis", who):
         calibration = calibrate_imu(trials.imu(recording, asked), trials.actuator(recording), **chosen)
     limb, muscles = None, None
-    working = _not_relaxed(trials, who, asked)
+    working = _not_relaxed(trials, who, asked, use="fit")
     try:
         relaxed = [trials.worn(r) for r in trials.fitted("relaxed_holds", who)]
         limb = fit_limb(relaxed, orthosis.gravity, _segments(participant), at_work=working)
@@ -278,17 +286,20 @@ def _levels(trials: _Trials, who: str, asked: CouplingTable, chain: EmgChain) ->
     return find_levels(maximal, (), chain) if maximal else None
 
 
-def _not_relaxed(trials: _Trials, who: str, asked: CouplingTable) -> dict[str, str]:
-    """Return the relaxed trials with active muscles, each with the observation."""
+def _not_relaxed(trials: _Trials, who: str, asked: CouplingTable, use: str | None = None) -> dict[str, str]:
+    """Return the relaxed trials, of a `use` or of all, with active muscles, each with the observation."""
     chain = emg_chain(EMG_CHAIN_NAME)
-    recorded = [r for r in trials.of("relaxed_holds", who) if asked.emg in r.streams]
+    recorded = [r for r in trials.of("relaxed_holds", who, use) if asked.emg in r.streams]
+    activity: dict[str, str] = {}
     try:
         levels = _levels(trials, who, asked, chain) if recorded else None
-        if levels is None:
-            return {}
-        activity = {r.name: at_work(r.streams[asked.emg], chain, levels) for r in recorded}
     except PellucidError as error:
         return {r.name: str(error) for r in recorded}
+    for r in recorded if levels is not None else ():
+        try:
+            activity[r.name] = at_work(r.streams[asked.emg], chain, levels)
+        except PellucidError as error:
+            activity[r.name] = str(error)
     return {name: text for name, text in activity.items() if text}
 
 

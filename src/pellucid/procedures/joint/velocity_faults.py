@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..._errors import RecordingError, UnfitRecordingError
-from ...recordings.fault import Fault
+from ...recordings.fault import Fault, warn_if_held_out
 from ...recordings.recording import Recording
 from ...signals.motion import differentiate, lowpassed, shortest
 from ...studies.study import Study
@@ -37,7 +37,7 @@ UNIT_CONFUSIONS = {
 def velocity_faults(study: Study) -> list[Fault]:
     """Return the faults of every recorded velocity."""
     return [
-        fault
+        warn_if_held_out(fault, recording.use)
         for recording in study.recordings()
         if "velocity" in recording and "position" in recording
         for fault in _faults(recording, study.processing_of(recording))

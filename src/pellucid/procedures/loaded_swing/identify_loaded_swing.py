@@ -20,7 +20,7 @@ from ...models.anthropometry import WINTER_MASS, shank_length, winter
 from ...models.friction_terms import is_friction
 from ...models.joint import GRAVITY
 from ...models.parameter_card import ParameterCard
-from ...recordings.fault import Fault
+from ...recordings.fault import Fault, warn_if_held_out
 from ...recordings.recording import Recording, channels_within
 from ...studies.results import ResultRow, combined_checksum
 from ...studies.study import Study
@@ -145,7 +145,8 @@ def faults(study: Study) -> list[Fault]:
         if text:
             expected = "a swing about hanging"
             message = f"{where}, channel position: {text}"
-            found.append(Fault("refuse", "swing", r.path.name, "position", text, expected, message))
+            fault = Fault("refuse", "swing", r.path.name, "position", text, expected, message)
+            found.append(warn_if_held_out(fault, r.use))
     return found
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from ..._errors import IdentificationError, PellucidError
 from ...fit.slider.three_steps import STEP_PROTOCOLS, require_both_directions, require_places
 from ...protocols.reversals import REVERSALS_NAME
-from ...recordings.fault import Fault
+from ...recordings.fault import Fault, warn_if_held_out
 from ...recordings.recording import Recording
 from ...signals.markers import Geometry, geometry_faults, slider_geometry
 from ...signals.slider_motion import SliderMotion
@@ -52,7 +52,9 @@ def examine(config: StudyFile, recordings: Sequence[Recording]) -> SliderExamina
         geometry = slider_geometry(recordings)
     except PellucidError as error:
         return SliderExamination([_fault("geometry", "markers that show the axis and the carriage", error)])
-    faults = geometry_faults(geometry, config.rig.slider)
+    uses = {r.path.name if r.optical is None else r.optical.path.name: r.use for r in recordings}
+    faults = [warn_if_held_out(f, uses.get(f.file, "fit")) for f in geometry_faults(geometry, config.rig.slider)]
+    faults.sort(key=lambda fault: fault.severity != "refuse")
     if any(fault.severity == "refuse" for fault in faults):
         return SliderExamination(faults, geometry)
     try:

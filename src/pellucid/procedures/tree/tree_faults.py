@@ -9,7 +9,7 @@ import numpy as np
 
 from ..._errors import PellucidError
 from ...models.robot import Robot
-from ...recordings.fault import Fault
+from ...recordings.fault import Fault, warn_if_held_out
 from ...signals.tree_motion import TreeMotion
 from ...studies.quality import clock_faults, inspect
 from ...studies.study import Study
@@ -157,7 +157,8 @@ def _velocities(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> It
                 degrees = "; is one of them in degrees?" if 50.0 < max(slope, 1.0 / slope) < 65.0 else ""
                 looks = "; turn one of them around" if slope < 0.0 else degrees
                 found = f"a velocity {slope:.3g} times what position does in recording {motion.recording}"
-                yield _fault("refuse", "velocity", file, f"velocity.{name}", found, f"1 time{looks}")
+                fault = _fault("refuse", "velocity", file, f"velocity.{name}", found, f"1 time{looks}")
+                yield warn_if_held_out(fault, motion.use)
 
 
 def _resting(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterator[Fault]:
