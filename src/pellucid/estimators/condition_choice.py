@@ -5,7 +5,8 @@ own variety. Slow strides test what was fitted to fast ones, and the reverse. Th
 effort, and the fifth with the most speed, test what was fitted to the rest. Every method is tested on the same samples,
 with the features and settings that it chose before.
 
-Let :math:`e_{ki}` be the RMSE of method k in test i. The best method has the smallest mean of :math:`e_{ki}^2`. Methods
+Let :math:`e_{ki}` be the RMSE of method k in test i, weighed by the noise model of `trial_weights`, so that the trial
+with the largest torques does not decide. The best method has the smallest mean of :math:`e_{ki}^2`. Methods
 are equally good if their mean exceeds the best by no more than one standard error of the paired differences. Among
 equally good methods, the one that extrapolates best by its form comes first: muscles held by anatomy, then muscles that
 are not, then linear models, then models that stay within the torques they have seen.
@@ -30,6 +31,7 @@ from .smoothing import smooth
 from .stride_period import MIN_STRIDE_COUNT, find_period
 from .torque_map import MAX_CHOICE_SAMPLES, TorqueMap
 from .torque_trial import TorqueTrial
+from .trial_weights import find_row_weights
 
 MAX_TEST_COUNT = 5
 """Largest number of tests if several recordings are fitted. Recordings of similar speed are then left out together.
@@ -72,6 +74,8 @@ class ConditionTestErrors:
         float  # Half width of the band that holds the share `ERROR_BAND_SHARE` of a test's errors, RMS over tests [N m]
     )
     conditions: int = 1  # Number of recordings, sessions or repetitions left out in turn; 1: parts of a single one
+    # RMSE in each test with trials weighed by the noise model, by which estimators are compared [N m]; empty: as `rmse`
+    weighted_rmse: tuple[float, ...] = ()
 
     @property
     def mean(self) -> float:
@@ -92,7 +96,7 @@ def is_candidate(name: str) -> bool:
 
 def choose_estimator(found: Mapping[str, ConditionTestErrors]) -> str:
     """Return the name of the estimator to recommend, from results of the same tests by name."""
-    errors = {name: np.square(each.rmse) for name, each in found.items()}
+    errors = {name: np.square(each.weighted_rmse or each.rmse) for name, each in found.items()}
     whole = np.isfinite(np.array(list(errors.values()))).all(axis=0)
     if not whole.any():
         raise IdentificationError(f"choice: found no test that {', '.join(found)} could all be given, expected one")
@@ -182,6 +186,7 @@ def run_condition_tests(fit: Any, trials: Sequence[TorqueTrial]) -> ConditionTes
     predict = (
         _make_map_predictor(fit, trials, torque) if isinstance(fit, TorqueMap) else _make_muscle_predictor(fit, trials)
     )
+    weight = find_row_weights([t.torque for t in trials])
     errors = []
     for test in tests:
         try:
@@ -193,6 +198,12 @@ def run_condition_tests(fit: Any, trials: Sequence[TorqueTrial]) -> ConditionTes
         tuple(float(np.sqrt(np.mean(e**2))) for e in errors),
         _error_band_half_width(errors),
         len(set(_condition_of_each_trial(trials))),
+        ()
+        if weight is None
+        else tuple(
+            float(np.sqrt(np.mean(weight[test.judged] * e**2))) if len(test.judged) else float("nan")
+            for e, test in zip(errors, tests, strict=True)
+        ),
     )
 
 
@@ -219,12 +230,14 @@ def _make_map_predictor(
     each = [compute_features(t, fit.choice.features, causal=fit.causal) for t in trials]
     x = np.vstack([f.x for f in each])
     member = np.repeat(np.arange(len(trials)), [len(t) for t in trials])
+    weight = find_row_weights([t.torque for t in trials])
 
     def predict(test: ConditionTest) -> np.ndarray:
         if not len(test.fitted) or not len(test.judged):
             raise IdentificationError(f"{test.words}: found no samples, expected some to fit and some to judge")
         kept = test.fitted[:: -(-len(test.fitted) // MAX_CHOICE_SAMPLES)]
-        made = family.make(fit.choice.settings, each[0]).fit(x[kept], torque[kept]).predict(x[test.judged])
+        weights = family.weights(None if weight is None else weight[kept])
+        made = family.make(fit.choice.settings, each[0]).fit(x[kept], torque[kept], **weights).predict(x[test.judged])
         if not family.smoothing:
             return made
         # An average must not run over samples outside the test set, nor into the next trial.

@@ -70,6 +70,12 @@ def score(reference: np.ndarray, predicted: np.ndarray) -> Score:
     return Score(float(np.sqrt(np.mean(error**2))), r2)
 
 
+def weighted_rmse(reference: np.ndarray, predicted: np.ndarray, weight: np.ndarray | None) -> float:
+    """Return the root mean square error, all of shape (n,); `weight` None: every sample counts the same."""
+    error = np.asarray(reference, float) - np.asarray(predicted, float)
+    return float(np.sqrt(np.average(error**2, weights=weight)))
+
+
 def first_best(errors: Sequence[float]) -> int:
     """Return the index of the least error, of errors equal within `TIE_SHARE` the first. NaN is never the least."""
     known = np.nan_to_num(np.asarray(errors, float), nan=np.inf)

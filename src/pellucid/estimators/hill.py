@@ -13,7 +13,7 @@ from .._errors import IdentificationError
 from ..fit.muscles.muscle_calibration import MuscleFit, MuscleProblem, MuscleSamples, solve_calibration
 from ..fit.muscles.muscle_freedom import DEFAULT_QUANTITIES
 from ..models.hill import HillModel, HillMuscle
-from .cross_validation import Fold, Score, block_folds, grouped_folds, score
+from .cross_validation import Fold, Score, block_folds, grouped_folds, score, weighted_rmse
 from .muscle_trials import find_driven_muscles, make_muscle_samples
 from .torque_trial import TorqueTrial
 
@@ -96,20 +96,26 @@ def fit_hill(
     weights: Sequence[float] = ANATOMY_WEIGHT_CANDIDATES,
     quantities: Sequence[str] = DEFAULT_QUANTITIES,
     method: str = "least_squares",
+    weighs_trials: bool = True,
 ) -> HillMap:
-    """Calibrate muscles on trials. Cross-validation within them chooses the weight of the anatomical prior."""
+    """Calibrate muscles on trials. Cross-validation within them chooses the weight of the anatomical prior.
+
+    Trials are weighed by `find_trial_weights` if `weighs_trials`.
+    """
     if not trials or any(trial.heldout for trial in trials):
         found = "no trial" if not trials else f"the held-out trial {next(t.name for t in trials if t.heldout)}"
         raise IdentificationError(f"muscles: found {found}, expected trials to fit")
     muscles = find_driven_muscles(trials)
     names = tuple(m.name for m in muscles)
-    samples, own = make_muscle_samples(trials, muscles=names, causal=causal)
+    samples, own = make_muscle_samples(trials, muscles=names, causal=causal, weighs_trials=weighs_trials)
     effort = 1.0 if trials[0].known_muscles.maximal else estimate_effort(muscles, samples)
     if effort < 1.0:
-        samples, own = make_muscle_samples(trials, muscles=names, effort=effort, causal=causal)
+        samples, own = make_muscle_samples(
+            trials, muscles=names, effort=effort, causal=causal, weighs_trials=weighs_trials
+        )
     counted = np.flatnonzero(samples.weight > 0.0)
     folds = make_folds(trials, own, samples, counted)
-    best: tuple[Score | None, float] = (None, weights[0])
+    best: tuple[Score | None, float, float] = (None, weights[0], np.inf)
     tried = {}
     for weight in weights if len(weights) > 1 else ():
         predicted = np.full(len(samples.torque), np.nan)
@@ -118,10 +124,10 @@ def fit_hill(
             # One start suffices to see which weight is better.
             predicted[scored] = solve_calibration(problem, starts=1).predict(samples)[scored]
         of_weight = score(samples.torque[counted], predicted[counted])
-        tried[weight] = of_weight.rmse
-        if best[0] is None or of_weight.rmse < best[0].rmse:
-            best = of_weight, weight
-    reached, weight = best
+        tried[weight] = weighted_rmse(samples.torque[counted], predicted[counted], samples.weight[counted])
+        if best[0] is None or tried[weight] < best[2]:
+            best = of_weight, weight, tried[weight]
+    reached, weight, _ = best
     problem = MuscleProblem(muscles, samples, quantities=quantities, weight=weight)
     fit = solve_calibration(problem, method=method)
     words = f"{len(muscles)} muscles, {len(problem.names)} parameters; weight of anatomy {weight:g}"
@@ -141,7 +147,7 @@ def estimate_effort(muscles: Sequence[HillMuscle], samples: MuscleSamples) -> fl
     model, counted = HillModel([replace(m, passive_scale=0.0) for m in muscles]), samples.weight > 0.0
     spread = np.std(samples.torque, axis=-1, keepdims=True)
     errors = [
-        float(np.sum((((model.torque(scaled) - samples.torque) / spread)[counted]) ** 2))
+        float(np.sum((samples.weight * ((model.torque(scaled) - samples.torque) / spread) ** 2)[counted]))
         for scaled in (replace(samples.data, excitation=e * samples.data.excitation) for e in EFFORT_CANDIDATES)
     ]
     return float(EFFORT_CANDIDATES[int(np.argmin(errors))])

@@ -214,8 +214,8 @@ def fit_together(
         off = (made - samples.torque) / np.std(samples.torque[:, counted], axis=1, keepdims=True)
         return _CandidateErrors(
             {joint: score(samples.torque[j, counted], made[j, counted]) for j, joint in enumerate(samples.joints)},
-            np.array([np.mean(off[:, scored] ** 2) for _, scored in folds]),
-            float(np.mean(off[:, counted] ** 2)),
+            np.array([np.mean(samples.weight[:, scored] * off[:, scored] ** 2) for _, scored in folds]),
+            float(np.mean(samples.weight[:, counted] * off[:, counted] ** 2)),
         )
 
     tried: dict[tuple[Timing, float], _CandidateErrors] = {}

@@ -14,6 +14,7 @@ from ..models.muscle_geometry import muscle_table
 from .features import filter_and_differentiate
 from .muscle_faults import refuse_unfit_trials
 from .torque_trial import TorqueTrial
+from .trial_weights import find_trial_weights
 
 WARM_UP_S = 0.3
 """Duration at a trial's beginning that is not fitted [s].
@@ -73,10 +74,17 @@ def find_driven_muscles_across(trials: Mapping[str, Sequence[TorqueTrial]]) -> t
 
 
 def make_muscle_samples(
-    trials: Sequence[TorqueTrial], *, muscles: Sequence[str], effort: float = 1.0, causal: bool = False
+    trials: Sequence[TorqueTrial],
+    *,
+    muscles: Sequence[str],
+    effort: float = 1.0,
+    causal: bool = False,
+    weighs_trials: bool = True,
 ) -> tuple[MuscleSamples, list[slice]]:
     """Return the muscle samples of several trials of one joint, and the slice of each trial in them."""
-    samples, own = make_muscle_samples_across({"joint": trials}, muscles=muscles, effort=effort, causal=causal)
+    samples, own = make_muscle_samples_across(
+        {"joint": trials}, muscles=muscles, effort=effort, causal=causal, weighs_trials=weighs_trials
+    )
     data = replace(samples.data, moment_arm=samples.data.moment_arm[0])
     rows = {name: getattr(samples, name)[0] for name in ("torque", "angle", "speed", "weight")}
     return replace(samples, data=data, **rows), own
@@ -89,10 +97,13 @@ def make_muscle_samples_across(
     effort: float = 1.0,
     causal: bool = False,
     ahead: float = 0.0,
+    weighs_trials: bool = True,
 ) -> tuple[MuscleSamples, list[slice]]:
     """Return the muscle samples of several trials at several joints, and the slice of each trial in them.
 
     Envelopes are advanced by `ahead` [s]. Samples at a trial's end, where envelopes are then missing, have weight 0.
+    The others have their trial's weight by `find_trial_weights`, at each joint by its own torque, or 1 if not
+    `weighs_trials`.
     """
     trials = next(iter(across.values()))
     fs = float(np.mean([t.fs for t in trials]))
@@ -107,6 +118,11 @@ def make_muscle_samples_across(
         own.append(slice(at + lead, at + part["torque"].shape[-1]))
         at += part["torque"].shape[-1]
         parts.append(part)
+    for j, of_joint in enumerate(across.values()):
+        weights = find_trial_weights([t.torque for t in of_joint]) if weighs_trials else None
+        if weights is not None:
+            for part, weight in zip(parts, weights, strict=True):
+                part["weight"][j] *= weight
     joined = {key: np.concatenate([part[key] for part in parts], axis=-1) for key in parts[0]}
     data = HillData(
         effort * joined["excitation"], joined["length"], joined["rate"], joined["moment_arm"], 1.0 / fs, tuple(starts)

@@ -78,7 +78,9 @@ def uncouple_trial(trial: TorqueTrial) -> TorqueTrial:
 
 def fit_nmco(trials: Sequence[TorqueTrial], name: str, causal: bool) -> HillMap:
     """Fit NM-CO to `trials`, under `name`; `causal` filters use the past alone."""
-    return fit_hill(trials, name=name, causal=causal, weights=(WEAK_ANATOMY_WEIGHT,), method="swarm")
+    return fit_hill(
+        trials, name=name, causal=causal, weights=(WEAK_ANATOMY_WEIGHT,), method="swarm", weighs_trials=False
+    )
 
 
 def fit_nmcoa(trials: Sequence[TorqueTrial], name: str, causal: bool) -> CorrectedMap:
@@ -92,5 +94,8 @@ def fit_nmnc(trials: Sequence[TorqueTrial], name: str, causal: bool) -> Uncouple
     """Fit NM-NC to `trials`, under `name`; `causal` filters use the past alone."""
     alone = [uncouple_trial(t) for t in trials]
     return UncoupledMap(
-        name, fit_hill(alone, name=name, causal=causal, weights=(WEAK_ANATOMY_WEIGHT,), method="descent")
+        name,
+        fit_hill(
+            alone, name=name, causal=causal, weights=(WEAK_ANATOMY_WEIGHT,), method="descent", weighs_trials=False
+        ),
     )

@@ -28,20 +28,27 @@ class Ridge(RegressorMixin, BaseEstimator):
         self.alpha = alpha
         self.products = products
 
-    def fit(self, X: np.ndarray, y: np.ndarray) -> Ridge:
-        """Find the coefficients of `X`, shape (n, k), for `y`, shape (n,)."""
-        return self._solve(self._decompose(X, y))
+    def fit(self, X: np.ndarray, y: np.ndarray, row_weight: np.ndarray | None = None) -> Ridge:
+        """Find the coefficients of `X`, shape (n, k), for `y`, shape (n,), with `row_weight`, shape (n,)."""
+        return self._solve(self._decompose(X, y, weight=row_weight))
 
-    def predict_each(self, X: np.ndarray, y: np.ndarray, alphas: Sequence[float], new: np.ndarray) -> list[np.ndarray]:
+    def predict_each(
+        self,
+        X: np.ndarray,
+        y: np.ndarray,
+        alphas: Sequence[float],
+        new: np.ndarray,
+        row_weight: np.ndarray | None = None,
+    ) -> list[np.ndarray]:
         """Fit with each of `alphas` and return the predictions for `new`, shape (m, k); most of the work is shared."""
         # With a penalty, the less accurate eigenvalues of products suffice.
-        system = self._decompose(X, y, squared=min(alphas) > 0.0)
+        system = self._decompose(X, y, squared=min(alphas) > 0.0, weight=row_weight)
         each = [copy(self).set_params(alpha=alpha)._solve(system) for alpha in alphas]
         seen = self._standardise(validate_data(self, new, dtype=np.float64, reset=False))
         return list(self.offset_ + (seen @ np.column_stack([one.coefficients_ for one in each])).T)
 
     def _decompose(
-        self, X: np.ndarray, y: np.ndarray, squared: bool = False
+        self, X: np.ndarray, y: np.ndarray, squared: bool = False, weight: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return directions of the coefficients, (k, r), their squared singular values and their projections, (r,).
 
@@ -50,13 +57,16 @@ class Ridge(RegressorMixin, BaseEstimator):
         """
         X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True)
         x = self._add_products(X)
-        self.mean_, self.scale_ = mean_and_scale(x)
+        self.mean_, self.scale_ = mean_and_scale(x, weight)
         # The product with a constant is a copy of its other factor, and would grow where the constant is another.
         constant = np.isinf(self.scale_[: X.shape[1]])[list(self.products)]
         rows, columns = np.triu_indices(len(self.products))
         self.scale_[X.shape[1] :][constant[rows] | constant[columns]] = np.inf
-        self.offset_ = float(np.mean(y))
+        self.offset_ = float(np.mean(y) if weight is None else np.average(y, weights=weight))
         x, y = (x - self.mean_) / self.scale_, y - self.offset_
+        if weight is not None:
+            root = np.sqrt(np.asarray(weight, float))
+            x, y = root[:, None] * x, root * y
         if not squared:
             q, r = np.linalg.qr(x)
             u, s, vt = np.linalg.svd(r, full_matrices=False)  # The singular values of r are those of x; r is smaller

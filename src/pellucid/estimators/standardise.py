@@ -10,12 +10,18 @@ leave a deviation of some 1e-16 of them; divided by that, a joint's angle in ano
 """
 
 
-def mean_and_scale(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def mean_and_scale(x: np.ndarray, weight: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Return mean and standard deviation of each column of `x` (n, k), both (k,).
+
+    `weight` (n,) weighs the rows; None: every row counts the same.
 
     A constant column has the scale infinity: divided by it, whatever it is later counts as its mean. What such a
     feature does to the torque is not in what was fitted.
     """
-    mean, deviation = x.mean(axis=0), x.std(axis=0)
+    if weight is None:
+        mean, deviation = x.mean(axis=0), x.std(axis=0)
+    else:
+        mean = np.average(x, axis=0, weights=weight)
+        deviation = np.sqrt(np.average((x - mean) ** 2, axis=0, weights=weight))
     varies = deviation > CONSTANT_SHARE * np.abs(x).max(axis=0)
     return mean, np.where(varies, deviation, np.inf)

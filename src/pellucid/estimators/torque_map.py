@@ -11,12 +11,13 @@ import numpy as np
 
 from .._errors import IdentificationError
 from .._processes import results_with_helpers
-from .cross_validation import Fold, Score, block_folds, first_best, grouped_folds, score
+from .cross_validation import Fold, Score, block_folds, first_best, grouped_folds, score, weighted_rmse
 from .families import ESTIMATOR_FAMILIES, find_family
 from .families.family import Family, Regressor
 from .features import ENVELOPE_LAGS_S, Features, FeatureSet, compute_features
 from .smoothing import smooth
 from .torque_trial import TorqueTrial
+from .trial_weights import find_row_weights
 
 BLOCK_COUNT = 5
 """Number of blocks into which a single recording is divided for cross-validation."""
@@ -45,6 +46,8 @@ class Choice:
     settings: Mapping[str, Any]  # Chosen settings
     score: Score  # Score out of fold
     tried: Mapping[str, float] = field(repr=False)  # RMSE out of fold of every candidate [N m], by its description
+    # RMSE out of fold with trials weighed by the noise model, which chose [N m]; equal to the score's for one trial
+    weighted_rmse: float = float("nan")
 
     @property
     def words(self) -> str:
@@ -83,7 +86,8 @@ def fit_torque_map(trials: Sequence[TorqueTrial], name: str, *, causal: bool = F
     stack = _StackedTrials(trials, causal)
     choice = _choose_features_and_settings(family, stack)
     seen = stack.features(choice.features)
-    regressor = family.make(choice.settings, seen).fit(seen.x[stack.thinned], stack.torque[stack.thinned])
+    weights = family.weights(None if stack.weight is None else stack.weight[stack.thinned])
+    regressor = family.make(choice.settings, seen).fit(seen.x[stack.thinned], stack.torque[stack.thinned], **weights)
     return TorqueMap(name, choice, regressor, causal)
 
 
@@ -185,6 +189,7 @@ class _StackedTrials:
     def __init__(self, trials: Sequence[TorqueTrial], causal: bool):
         self.trials, self.causal = trials, causal
         self.torque = np.concatenate([trial.torque for trial in trials])
+        self.weight = find_row_weights([trial.torque for trial in trials])
         lengths = [len(trial) for trial in trials]
         self.member = np.repeat(np.arange(len(trials)), lengths)
         self.neighbours = len(trials[0].angles) > 1
@@ -226,10 +231,10 @@ def _choose_features_and_settings(family: Family, stack: _StackedTrials) -> Choi
         for chosen in dict.fromkeys(chosen for chosen, _ in candidates):
             new = {key: settings for key, (own, settings) in named.items() if own == chosen and key not in tried}
             scores = _cross_validate_settings(family, stack, chosen, list(new.values())) if new else ()
-            for (key, settings), scored in zip(new.items(), scores, strict=True):
-                tried[key] = Choice(chosen, settings, scored, {})
+            for (key, settings), (scored, weighted) in zip(new.items(), scores, strict=True):
+                tried[key] = Choice(chosen, settings, scored, {}, weighted)
         choices = [tried[key] for key in named]
-        return choices[first_best([choice.score.rmse for choice in choices])]
+        return choices[first_best([choice.weighted_rmse for choice in choices])]
 
     if family.tries_all_pairs:
         best = least([(chosen, settings) for chosen in sets for settings in family.settings])
@@ -239,26 +244,31 @@ def _choose_features_and_settings(family: Family, stack: _StackedTrials) -> Choi
             plain = least([(chosen, quick) for chosen in sets if chosen.lags == sets[0].lags]).features
             sets = (least([(c, quick) for c in sets if replace(c, lags=plain.lags) == plain]).features,)
         best = least([(chosen, settings) for chosen in sets for settings in family.settings])
-    return replace(best, tried={choice.words: choice.score.rmse for choice in tried.values()})
+    return replace(best, tried={choice.words: choice.weighted_rmse for choice in tried.values()})
 
 
 def _cross_validate_settings(
     family: Family, stack: _StackedTrials, chosen: FeatureSet, settings: Sequence[Mapping[str, Any]]
-) -> list[Score]:
-    """Return the score of each of `settings` out of fold, over all samples."""
+) -> list[tuple[Score, float]]:
+    """Return the score of each of `settings` out of fold, over all samples, and its RMSE with trials weighed."""
     seen = stack.features(chosen)
     predicted = np.full((len(settings), len(stack.torque)), np.nan)
     every = -(-len(stack.torque) // MAX_SCORED_SAMPLES)
     for fitted, scored in stack.folds:
         fitted = np.intersect1d(fitted, stack.tried, assume_unique=True)
         rows = scored[::every]
-        made = family.fit_and_predict(settings, seen, seen.x[fitted], stack.torque[fitted], seen.x[rows])
+        weight = None if stack.weight is None else stack.weight[fitted]
+        made = family.fit_and_predict(settings, seen, seen.x[fitted], stack.torque[fitted], seen.x[rows], weight)
         for own, raw in zip(predicted, made, strict=True):
             own[rows] = (
                 raw if every > 1 or not family.smoothing else _smooth_by_trial(stack, raw, rows, family.smoothing)
             )
     known = [np.isfinite(own) for own in predicted]
-    return [score(stack.torque[k], own[k]) for k, own in zip(known, predicted, strict=True)]
+    weighs = stack.weight is not None and bool(family.weight_argument)
+    return [
+        (score(stack.torque[k], own[k]), weighted_rmse(stack.torque[k], own[k], stack.weight[k] if weighs else None))
+        for k, own in zip(known, predicted, strict=True)
+    ]
 
 
 def _smooth_by_trial(stack: _StackedTrials, raw: np.ndarray, rows: np.ndarray, seconds: float) -> np.ndarray:

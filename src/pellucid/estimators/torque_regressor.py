@@ -13,12 +13,13 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from .._errors import IdentificationError
 from ..models.muscle_geometry import muscle_table
-from .cross_validation import first_best, score
+from .cross_validation import first_best, weighted_rmse
 from .families import ESTIMATOR_FAMILIES, find_family
 from .families.family import Family
 from .features import Features
 from .muscle_source import FIBRE_DAMPING, MuscleSource
 from .torque_trial import TorqueTrial
+from .trial_weights import find_trial_weights
 
 MOTION_COLUMN_PREFIXES = ("angle.", "velocity.", "acceleration.")
 """Prefixes of the columns that hold motion, not EMG."""
@@ -126,7 +127,8 @@ class TorqueRegressor(RegressorMixin, BaseEstimator):
         y : array_like, shape (n,)
             Torque [N m].
         groups : array_like, shape (n,), optional
-            Repetition, trial or person of each row. Rows of one group are left out together while settings are chosen.
+            Repetition, trial or person of each row. Rows of one group are left out together while settings are chosen,
+            and groups are weighed so that those with the largest torques do not decide. Published methods weigh none.
 
         Returns
         -------
@@ -160,8 +162,9 @@ class TorqueRegressor(RegressorMixin, BaseEstimator):
             return self
         motion = tuple(i for i, column in enumerate(names) if column.startswith(MOTION_COLUMN_PREFIXES))
         seen = Features(X, tuple(names), motion)
-        self.settings_, self.tried_ = self._choose_settings(family, seen, y, groups)
-        self.regressor_ = family.make(self.settings_, seen).fit(X, y)
+        weight = _group_weights(y, groups) if family.weight_argument else None
+        self.settings_, self.tried_ = self._choose_settings(family, seen, y, groups, weight)
+        self.regressor_ = family.make(self.settings_, seen).fit(X, y, **family.weights(weight))
         return self
 
     def predict(self, X: np.ndarray) -> np.ndarray:
@@ -197,7 +200,9 @@ class TorqueRegressor(RegressorMixin, BaseEstimator):
         trials = self._divide_into_trials(X, np.zeros(len(X)), self._column_names(X), None)
         return np.concatenate([self.regressor_.predict(trial) for trial in trials])
 
-    def _choose_settings(self, family: Family, seen: Features, y: np.ndarray, groups) -> tuple[dict, dict[str, float]]:
+    def _choose_settings(
+        self, family: Family, seen: Features, y: np.ndarray, groups, weight: np.ndarray | None
+    ) -> tuple[dict, dict[str, float]]:
         """Return the settings chosen by cross-validation, and the RMSE of every candidate by its description."""
         candidates: dict[str, Mapping[str, Any]] = {}
         for settings in family.settings if self.settings is None else (self.settings,):
@@ -212,8 +217,9 @@ class TorqueRegressor(RegressorMixin, BaseEstimator):
         tried, predicted = list(candidates.values()), np.empty((len(candidates), len(y)))
         for fitted, out in parts:
             within = replace(seen, x=seen.x[fitted])
-            predicted[:, out] = family.fit_and_predict(tried, within, within.x, y[fitted], seen.x[out])
-        errors = [score(y, own).rmse for own in predicted]
+            own_weight = None if weight is None else weight[fitted]
+            predicted[:, out] = family.fit_and_predict(tried, within, within.x, y[fitted], seen.x[out], own_weight)
+        errors = [weighted_rmse(y, own, weight) for own in predicted]
         words = [", ".join(f"{key} {value}" for key, value in each.items()) for each in tried]
         best = first_best(errors)
         return dict(tried[best]), dict(zip(words, errors, strict=True))
@@ -268,3 +274,12 @@ class TorqueRegressor(RegressorMixin, BaseEstimator):
                 )
             )
         return trials
+
+
+def _group_weights(y: np.ndarray, groups: np.ndarray | None) -> np.ndarray | None:
+    """Return the weight of each row by its group's torque, shape (n,), or None if all count the same."""
+    if groups is None:
+        return None
+    names, member = np.unique(groups, return_inverse=True)
+    weights = find_trial_weights([y[member == i] for i in range(len(names))])
+    return None if weights is None else weights[member]

@@ -57,8 +57,8 @@ class BaggedTrees(_TreeEnsemble):
         self.max_features = max_features
         self.random_state = random_state
 
-    def fit(self, X: np.ndarray, y: np.ndarray) -> BaggedTrees:
-        """Grow the trees of `X`, shape (n, k), for `y`, shape (n,)."""
+    def fit(self, X: np.ndarray, y: np.ndarray, row_weight: np.ndarray | None = None) -> BaggedTrees:
+        """Grow the trees of `X`, shape (n, k), for `y`, shape (n,), with `row_weight`, shape (n,)."""
         X, y = self._check_fitted_rows(X, y)
         seeds, draws, n = np.random.RandomState(self.random_state), np.random.RandomState(), len(y)
         rows, settings = SortedRows(X), self._tree_settings(X, self.min_samples_split)
@@ -67,6 +67,7 @@ class BaggedTrees(_TreeEnsemble):
             seed = seeds.randint(MAX_SEED)
             draws.seed(seed)
             times = np.bincount(draws.randint(0, n, n), minlength=n)
+            times = times if row_weight is None else times * row_weight
             draws.seed(seed)
             self.trees_.append(rows.grown(y, times, draws.randint(MAX_SEED), **settings))
         return self
@@ -101,17 +102,18 @@ class BoostedTrees(_TreeEnsemble):
         self.max_features = max_features
         self.random_state = random_state
 
-    def fit(self, X: np.ndarray, y: np.ndarray) -> BoostedTrees:
-        """Grow the trees of `X`, shape (n, k), for `y`, shape (n,)."""
+    def fit(self, X: np.ndarray, y: np.ndarray, row_weight: np.ndarray | None = None) -> BoostedTrees:
+        """Grow the trees of `X`, shape (n, k), for `y`, shape (n,), with `row_weight`, shape (n,)."""
         X, y = self._check_fitted_rows(X, y)
         draws, n = np.random.RandomState(self.random_state), len(y)
         rows, settings = SortedRows(X), self._tree_settings(X, leaves=self.max_leaf_nodes)
         inside = max(1, int(self.subsample * n))
-        self.offset_ = float(np.average(y[:, None], axis=0, weights=np.ones(n))[0])
+        weight = np.ones(n) if row_weight is None else np.asarray(row_weight, float)
+        self.offset_ = float(np.average(y[:, None], axis=0, weights=weight)[0])
         reached, self.trees_ = np.full(n, self.offset_), []
         for _ in range(self.n_estimators):
             times = drawn_rows(draws.uniform(size=n), inside) if self.subsample < 1.0 else np.ones(n)
-            self.trees_.append(rows.grown(y - reached, times, draws.randint(MAX_SEED), **settings))
+            self.trees_.append(rows.grown(y - reached, times * weight, draws.randint(MAX_SEED), **settings))
             reached += self.learning_rate * tree_answers(self.trees_[-1], X)
         return self
 

@@ -38,6 +38,7 @@ FAMILIES = {
         feature_choice_settings={"n_estimators": 25, "min_samples_leaf": 5, "max_features": 1.0 / 3.0},
         rank=20,
         colour="directional",
+        weight_argument="row_weight",
     ),
     "bagging_published": Family(
         "bagged trees, MATLAB's defaults",

@@ -44,6 +44,7 @@ FAMILIES = {
         rank=10,
         colour="fitted",
         scored_causally=True,
+        weight_argument="row_weight",
     ),
     "boost_published": Family(
         "least-squares boosting, MATLAB's defaults", make_boosted_trees, (MATLAB_DEFAULT_SETTINGS,),

@@ -17,8 +17,11 @@ SEED = 20210
 class Regressor(Protocol):
     """An estimator with the interface of scikit-learn: it is fitted to features and a torque."""
 
-    def fit(self, x: np.ndarray, y: np.ndarray) -> Regressor:
-        """Fit to features `x`, shape (n, k), and torque `y`, shape (n,) [N m]."""
+    def fit(self, x: np.ndarray, y: np.ndarray, /, **weights: Any) -> Regressor:
+        """Fit to features `x`, shape (n, k), and torque `y`, shape (n,) [N m].
+
+        Families with a `weight_argument` also pass weights of the rows, shape (n,).
+        """
 
     def predict(self, x: np.ndarray) -> np.ndarray:
         """Predict the torque for features `x`."""
@@ -32,9 +35,12 @@ class SharingRegressor(Protocol):
     """An estimator that shares the work of fits which differ in one setting."""
 
     def predict_each(
-        self, x: np.ndarray, y: np.ndarray, values: Sequence[Any], new: np.ndarray
+        self, x: np.ndarray, y: np.ndarray, values: Sequence[Any], new: np.ndarray, /, **weights: Any
     ) -> Sequence[np.ndarray]:
-        """Fit with each of `values` of the shared setting, and return the predictions for `new`, shape (m, k)."""
+        """Fit with each of `values` of the shared setting, and return the predictions for `new`, shape (m, k).
+
+        Families with a `weight_argument` also pass weights of the rows, shape (n,).
+        """
 
 
 def _refuse_features(settings: Mapping[str, Any], seen: Features) -> Regressor:
@@ -77,6 +83,9 @@ class Family:
     rivals_muscles: bool = False  # Whether muscles are compared with it: a regression of the same inputs
     scored_causally: bool = False  # Whether it is also scored with features of the past alone
     runs_live: bool = False  # Whether its causal map becomes a card that runs sample by sample
+    # Name of the argument of `fit` that takes weights of rows; trials are then weighed by `trial_weights`. Empty for
+    # published methods, which have none, and for estimators that fit trials themselves
+    weight_argument: str = ""
 
     def candidates(self, *, neighbours: bool) -> tuple[FeatureSet, ...]:
         """Return the feature sets that it may choose from. `neighbours`: whether other joints' angles are recorded."""
@@ -84,15 +93,27 @@ class Family:
             return (self.only_features,)
         return list_feature_sets(neighbours=neighbours, lags=self.lags, muscles=self.muscles)
 
+    def weights(self, row_weight: np.ndarray | None) -> dict[str, np.ndarray]:
+        """Return the keyword arguments that pass weights, shape (n,), to its `fit`; none if it takes none."""
+        return {self.weight_argument: row_weight} if self.weight_argument and row_weight is not None else {}
+
     def fit_and_predict(
-        self, settings: Sequence[Mapping[str, Any]], seen: Features, x: np.ndarray, y: np.ndarray, new: np.ndarray
+        self,
+        settings: Sequence[Mapping[str, Any]],
+        seen: Features,
+        x: np.ndarray,
+        y: np.ndarray,
+        new: np.ndarray,
+        row_weight: np.ndarray | None = None,
     ) -> list[np.ndarray]:
         """Fit an estimator for each of `settings` and return its predictions for rows `new`, shape (m, k).
 
         Each is fitted to rows `x`, shape (n, k), of the features `seen`, and to the torque `y`, shape (n,) [N m].
+        `row_weight`, shape (n,), weighs the rows if the family weighs trials.
         """
+        weights = self.weights(row_weight)
         if self.shared_setting is None:
-            return [self.make(each, seen).fit(x, y).predict(new) for each in settings]
+            return [self.make(each, seen).fit(x, y, **weights).predict(new) for each in settings]
         alike: dict[str, list[int]] = {}
         for i, each in enumerate(settings):
             alike.setdefault(repr({k: v for k, v in each.items() if k != self.shared_setting}), []).append(i)
@@ -102,5 +123,5 @@ class Family:
             if not isinstance(made, SharingRegressor):
                 raise TypeError(f"{self.description}: shared_setting: found an estimator without `predict_each`")
             values = [settings[i][self.shared_setting] for i in indices]
-            found |= zip(indices, made.predict_each(x, y, values, new), strict=True)
+            found |= zip(indices, made.predict_each(x, y, values, new, **weights), strict=True)
         return [found[i] for i in range(len(settings))]

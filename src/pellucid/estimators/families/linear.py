@@ -27,7 +27,9 @@ def make_ridge(settings: Mapping[str, Any], seen: Features) -> Regressor:
     return Ridge(settings["penalty"], columns)
 
 
-linear_family = partial(Family, shared_setting="penalty", smoothing=0.0, extrapolation_rank=2)
+linear_family = partial(
+    Family, shared_setting="penalty", smoothing=0.0, extrapolation_rank=2, weight_argument="row_weight"
+)
 """Constructor of a family with the fields that all families of this module have in common."""
 
 FAMILIES = {

@@ -21,7 +21,12 @@ def make_tree(settings: Mapping[str, Any], seen: Features) -> Regressor:
 
 FAMILIES = {
     "tree": Family(
-        "one tree", make_tree, tuple({"min_samples_leaf": leaf} for leaf in (5, 10, 20, 40)), rank=30, colour="load"
+        "one tree",
+        make_tree,
+        tuple({"min_samples_leaf": leaf} for leaf in (5, 10, 20, 40)),
+        rank=30,
+        colour="load",
+        weight_argument="sample_weight",
     ),
     "tree_published": Family(
         "one tree, MATLAB's defaults",
