@@ -93,7 +93,8 @@ def test_every_control_of_both_pages_is_used_by_the_scripted_browser():
 @pytest.mark.nightly
 def test_a_scripted_browser_plays_a_whole_elbow_session_on_the_engine(tmp_path, monkeypatch):
     folder = tmp_path / "s"
-    start_session_study(folder, "elbow", "my-elbow")
+    path = start_session_study(folder, "elbow", "my-elbow")
+    path.write_text(path.read_text(encoding="utf-8").replace('pause = "5 s"', 'pause = "60 s"'), encoding="utf-8")
     with played(folder, monkeypatch) as (players, made):
         session = players.session
         players.until_running(0.3)

@@ -75,6 +75,9 @@ STOPPED_FAULT = "stopped"
 RESET_INTERVAL_S = 0.2
 """Time between two answers to the supervisor's challenge [s]."""
 
+MAX_MARKED_CHARACTERS = 500
+"""A reason is recorded to at most this many characters: an event has a limited size."""
+
 SHOWN_FAULTS = 12
 """The operator's page lists at most this many faults."""
 
@@ -427,6 +430,9 @@ class LiveSession:
             return
         self.attempt.judged = self._job.result()
         self._gather_for_estimate(self.attempt)
+        reason = self.reason[:MAX_MARKED_CHARACTERS]
+        told = {"trial": self.attempt.trial.name, "seconds": self.attempt.judged.seconds, "reason": reason}
+        self.engine.mark("judged", told)
         self._job, self.phase = None, Phase.judged
 
     def _rest(self, now: float) -> None:

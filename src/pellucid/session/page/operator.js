@@ -81,7 +81,7 @@ function readColours() {
 
 function addChart(kind, title, unit, lines, height, values) {
   const box = element("section", "", "trace"), heading = element("h2", `${title} [${unit}]`);
-  for (const line of lines.filter((each) => !each.isBound)) {
+  for (const line of lines.filter((each) => each.words)) {
     const key = element("span", line.words, "key"), dash = element("i");
     dash.style.background = colours[line.colour];
     key.prepend(dash);
@@ -108,7 +108,7 @@ function spread(low, high) {
 function buildCharts() {
   readColours();
   const line = (name, text, colour, factor = 1, dash) => ({ name: name, words: text, colour: colour, factor: factor, shift: 0, dash: dash });
-  const bound = (name) => ({ ...line(name, "", "good"), isBound: true });
+  const bound = (name) => ({ ...line(name, "", "good"), isBound: true }); // an end of the interval, without a key
   addChart(0, "Angle", "°", [line("target", "target", "heldout", DEGREES, [6, 4]), line("limb", "limb", "good", DEGREES), line("position", "robot", "fitted", DEGREES)], 150);
   addChart(0, "Velocity", "°/s", [line("velocity", "measured", "fitted", DEGREES)], 96);
   addChart(0, "Torque", "N·m", [line("torque", "command", "ink"), line("drive", "drive", "symmetric", 1, [4, 3]), line("interaction", "on the person", "heldout"), line("estimate", "estimated from EMG, with 95 %", "good"), bound("estimate_low"), bound("estimate_high")], 150);
