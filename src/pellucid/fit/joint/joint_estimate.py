@@ -18,6 +18,7 @@ from ..estimates import Estimates
 from ..parameter import Whiteness
 from ..regression import Solution, Stack, make_parameters, predict_efforts
 from ..uncertainty import block_bootstrap, correlation_time, sandwich_covariance, whiteness
+from .parameter_drift import ParameterDrift, add_drift, find_parameter_drift
 
 BOOTSTRAP_SEED = 20261121
 """Random seed of the bootstrap."""
@@ -52,7 +53,9 @@ class JointEstimate(Estimates):
     whiteness : Whiteness or None
         Whiteness tests of the residuals.
     discrepancy : Discrepancy or None
-        Part of the covariance that allows for effects that the model neglects.
+        Part of the covariance that allows for effects that the model neglects, and for a drift.
+    drift : ParameterDrift or None
+        Changes of the parameters from start to end of the recordings, of least squares.
     notes : tuple of str
         Notes of the method (active bounds, samples left out, weights).
     """
@@ -69,6 +72,7 @@ class JointEstimate(Estimates):
     converged: bool = True
     whiteness: Whiteness | None = None
     discrepancy: Discrepancy | None = None
+    drift: ParameterDrift | None = None
     notes: tuple[str, ...] = ()
 
     @property
@@ -187,11 +191,15 @@ def make_estimate(
     # Parameters on a bound remain in the covariance, because their values are not known exactly.
     memory = correlation_time(rho, lengths)
     statistical = sandwich_covariance(w, rho, lengths, instruments, free, memory)
+    drift: ParameterDrift | None = None
     if discrepancy is None:
         states = joint_states(model, data, found.values)
         discrepancy = estimate_discrepancy(
             model.names, found.values, found.jacobian, found.residual, states, statistical
         )
+        drift = find_parameter_drift(model.names, found, data, level)
+        if drift is not None and drift.is_told.any():
+            discrepancy = add_drift(discrepancy, drift)
     beside, causes = discrepancy.of(model.names)
     covariance = statistical + beside
     held = np.flatnonzero(found.at_bound)
@@ -243,5 +251,6 @@ def make_estimate(
         converged=found.converged,
         whiteness=whiteness(found.residual, lengths),
         discrepancy=discrepancy,
+        drift=drift,
         notes=notes,
     )
