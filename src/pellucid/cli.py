@@ -747,7 +747,7 @@ def datasets_list() -> None:
     make_console().print(table)
 
 
-@datasets_app.command("fetch", epilog=example("pellucid datasets fetch sydney_pendulum"))
+@datasets_app.command("fetch", epilog=example("pellucid datasets fetch NAME"))
 def datasets_fetch(name: Annotated[str, typer.Argument(metavar="NAME")]) -> None:
     """Download a data set, and check every file against its checksum."""
     from . import datasets
@@ -755,7 +755,7 @@ def datasets_fetch(name: Annotated[str, typer.Argument(metavar="NAME")]) -> None
     typer.echo(str(datasets.fetch(name, progress=sys.stderr.isatty())))
 
 
-@datasets_app.command("path", epilog=example("pellucid datasets path sydney_pendulum"))
+@datasets_app.command("path", epilog=example("pellucid datasets path NAME"))
 def datasets_path(name: Annotated[str, typer.Argument(metavar="NAME")]) -> None:
     """Print where a data set's files are on this machine."""
     from . import datasets

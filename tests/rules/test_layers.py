@@ -52,8 +52,10 @@ ALLOWED = {
     # Rigs come as plug-ins.
     "start_study": BASE | {"session", "datasets", "procedures", "proposals", "recordings", "studies"},
     "terminal": BASE | {"procedures", "studies"},  # printing and progress
-    "cli": LIBRARY_AND_STUDIES | {"deployment", "proposals", "session", "start_study", "terminal"},
-    "lab_cli": EVERYTHING | {"deployment", "papers", "demonstration", "ranking", "terminal"},
+    "command_group": {"_errors", "procedures.command", "terminal"},  # the help, for the commands of every distribution
+    "cli": LIBRARY_AND_STUDIES | {"command_group", "deployment", "proposals", "session", "start_study", "terminal"},
+    "lab_cli": EVERYTHING | {"command_group", "deployment", "papers", "demonstration", "ranking", "terminal"},
+    "__main__": {"cli"},
 }  # fmt: skip
 PLOTTING = {"drawing", "pages"}
 CORE_USERS = {"models", "signals", "fit", "estimators", "procedures", "control", "lab", "deployment"}
@@ -197,6 +199,7 @@ OWN_FILES = {
     "session": "its own pages and templates, and the report that it shows",
     "deployment": "the core's headers, and checksums of cards",
     "live": "shared memory, and the files of a running session",
+    "_plugins.py": "what installed distributions say they add",
 }
 OPENERS = re.compile(
     r"\b(?:open|np\.load|np\.loadtxt|np\.genfromtxt|numpy\.load|loadmat|json\.load|csv\.reader|read_csv)\s*\("

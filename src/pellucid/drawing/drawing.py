@@ -29,7 +29,7 @@ from .style import COLOURS, FIGURE_WIDTH, MATPLOTLIB_SETTINGS, SANS_SERIF_FONTS,
 DOT_POINTS = 1400
 """A cloud of dots keeps at most so many."""
 
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_SUPERSCRIPT_DIGITS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 _LONG_NUMBER_PATTERN = re.compile(r"-?\d+\.\d{3,}")
 
@@ -135,7 +135,7 @@ def _plain_power(value: float) -> str:
     exponent = round(np.log10(value))
     if -3 <= exponent <= 4 or not np.isclose(value, 10.0**exponent, rtol=1e-6, atol=0.0):
         return f"{value:g}"
-    return f"10{str(exponent).translate(_SUPERSCRIPTS)}"
+    return f"10{str(exponent).translate(_SUPERSCRIPT_DIGITS)}"
 
 
 def one_panel(height: float) -> tuple[Figure, Axes]:
