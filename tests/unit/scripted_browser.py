@@ -139,6 +139,7 @@ class Players:
         """Keep pictures of both pages, where the variable PELLUCID_PICTURES names a folder for them."""
         folder = os.environ.get("PELLUCID_PICTURES")
         if folder:
+            self.operator.evaluate("document.getElementById('refused').hidden = true")
             for role, page in (("participant", self.participant), ("operator", self.operator)):
                 page.screenshot(path=Path(folder) / f"live_{role}_{name}.png")
 

@@ -111,6 +111,15 @@ def test_the_story_is_told_with_its_figures(made):
     assert "no compiler" in dict(chapter_sentences(none))["Exported"]
 
 
+def test_a_session_is_recorded_and_every_bit_computed_again(made):
+    assert made.replayed is not None, made.notes
+    assert made.replayed.law == module.SESSION_CONTROLLER
+    assert made.replayed.replay.is_equal
+    assert made.replayed.replay.compared > 1000
+    text = made.page.read_text(encoding="utf-8")
+    assert f"computed its {made.replayed.replay.compared} commands again: every bit is equal" in text
+
+
 def test_chapters_are_studies_with_figures(made):
     for folder, command in ((made.elbow.folder, "identify"), (made.people.folder, "assess")):
         figures = json.loads((folder / "results.json").read_text(encoding="utf-8"))["figures"]

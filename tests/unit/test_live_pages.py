@@ -137,7 +137,7 @@ def test_a_scripted_browser_plays_a_whole_elbow_session_on_the_engine(tmp_path, 
         players.follow("report", "my-elbow")
         assert players.operator.locator("#traces canvas").count() == 5
         assert players.errors == []
-        assert players.used == CONTROLS["elbow"]
+        assert players.used >= CONTROLS["elbow"]
     assert made[0].done == made[0].planned == 3
     study = open_study(folder)
     assert {entry.condition for entry in study.config.recordings} == {"Ctrl", "FC", "CLPC"}
@@ -165,17 +165,19 @@ def test_a_scripted_browser_plays_a_whole_knee_session_on_the_engine(tmp_path, m
             players.accept_or_repeat()
         players.until_running(0.02)
         players.wait(lambda: players.operator.is_visible("#torque"))
-        players.slide(7.5)
+        players.slide(2.5)
+        players.wait(lambda: session.attempt.task.torque == 2.5)
         players.take_pictures("knee")
         players.until_finished(20.0 * 60.0)
         players.wait(lambda: players.operator.is_visible("#report"))
         players.follow("report", "my-knee")
         assert players.errors == []
-        assert players.used == CONTROLS["knee"]
+        assert players.used >= CONTROLS["knee"]
         assert np.isfinite(session.estimator.error)
     assert made[0].done == made[0].planned == 7
     study = open_study(folder)
-    assert np.isclose(study.recording("P1_03_held_worn")["command"], 7.5).any()
+    # The plan's ramps pass that torque within a few samples; the slider holds it.
+    assert np.count_nonzero(np.isclose(study.recording("P1_03_held_worn")["command"], 2.5)) > 200
     assert {entry.protocol for entry in study.config.recordings} == {"mvc", "held_angle", "followed_angle"}
 
 
@@ -208,9 +210,9 @@ def test_a_scripted_browser_plays_a_short_session_on_the_engine(tmp_path, monkey
         players.do("finish")
         players.wait(lambda: session.phase == "finished")
         assert players.errors == []
-        assert players.used == CONTROLS["short"]
+        assert players.used >= CONTROLS["short"]
     assert (made[0].done, made[0].planned) == (3, 4)
-    assert np.isclose(open_study(folder).recording("P1_03_held_worn")["command"], 2.0).any()
+    assert np.count_nonzero(np.isclose(open_study(folder).recording("P1_03_held_worn")["command"], 2.0)) > 200
 
 
 def status_of(url, **headers):

@@ -35,10 +35,12 @@ from ..procedures.assessment.assessment_result import AssessmentResult
 from ..procedures.joint.joint_result import JointResult
 from ..procedures.run import assess, identify
 from ..procedures.run import report as write_report
+from ..session.run_session import RUN_FOLDER
 from ..studies.results import ResultRow, read_rows, write_rows
 from ..studies.study import RESULTS_FILE, STUDY_FILE, Study
 from .coverage import Coverage, coverage
 from .demonstration import Demonstration
+from .replayed_session import ReplayedSession, record_and_replay
 from .story import write_story
 
 COMMAND_NAME = "demo"
@@ -68,6 +70,9 @@ COVERAGE_REPETITIONS = 100
 
 HELD_OUT_PLACE_COUNT = 2
 """Number of positions of the carriage at which held-out trials are recorded."""
+
+SESSION_CONTROLLER = WORN_CONTROLLERS[0]
+"""Controller of the recorded session."""
 
 DEMO_FILE = "demo.txt"
 """File that marks a folder whose studies a demo may replace."""
@@ -119,6 +124,8 @@ def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:
     save_measured(elbow, controller, cost, controller=BEST_SENSED_CONTROLLER)
     if absent:
         notes.append(f"The exported controller was not run on a Cortex-M4F: {', '.join(absent)} not installed.")
+    tell("a session is recorded on the virtual robot, and computed again", 0.82)
+    replayed = _replayed_session(elbow, elbow.folder / RUN_FOLDER / ELBOW_STUDY, notes)
     coverages = []
     for i, colour in enumerate(("white", "coloured")):
         tell(
@@ -130,7 +137,7 @@ def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:
     tell("the page that tells it all", 0.96)
     made = Demonstration(
         page=out, robot=robot, elbow=elbow, fit=fit, people=people, findings=findings, controller=controller, cost=cost,
-        played=played, coverages=tuple(coverages), real=real, real_fit=real_fit, notes=tuple(notes),
+        played=played, coverages=tuple(coverages), real=real, real_fit=real_fit, notes=tuple(notes), replayed=replayed,
     )  # fmt: skip
     made = replace(made, page=write_story(out, made))
     tell("done", 1.0)
@@ -172,13 +179,27 @@ def _identified_elbow(folder: Path, robot: ElbowRig, tell: Tell) -> tuple[Study,
     return study, fit.fit
 
 
+def _replayed_session(elbow: Study, folder: Path, notes: list[str]) -> ReplayedSession | None:
+    """Record a session and compute it again; None, with a note, where this system cannot run one."""
+    try:
+        return record_and_replay(_read_cards(elbow), SESSION_CONTROLLER, folder)
+    except PellucidError as error:
+        notes.append(f"No session was recorded: {error}")
+        return None
+
+
+def _read_cards(elbow: Study) -> dict[str, SliderFit]:
+    """Return the cards on disk that the worn controllers are made from, by method."""
+    needed = {controller.method: controller.card for controller in map(ELBOW_CONTROLLERS.get, WORN_CONTROLLERS)}
+    return {method: read_slider_card(elbow.models_dir / card) for method, card in needed.items()}
+
+
 def worn_controllers(elbow: Study) -> dict[str, Callable[[Person, float], ControlLaw]]:
     """Return functions that build what people wear from the cards on disk, by name.
 
     The gain on the interaction torque is that of an export of the same study.
     """
-    needed = {controller.method: controller.card for controller in map(ELBOW_CONTROLLERS.get, WORN_CONTROLLERS)}
-    cards = {method: read_slider_card(elbow.models_dir / card) for method, card in needed.items()}
+    cards = _read_cards(elbow)
     stated = lowest_resonance(elbow)
     return {name: controller_builder(cards, name, lowest_resonance=stated) for name in WORN_CONTROLLERS}
 

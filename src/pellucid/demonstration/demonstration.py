@@ -12,6 +12,7 @@ from ..procedures.assessment.assessment_result import AssessmentResult
 from ..procedures.joint.joint_result import JointResult
 from ..studies.study import Study
 from .coverage import Coverage
+from .replayed_session import ReplayedSession
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,8 @@ class Demonstration:
         Identified model of the real machine.
     notes : tuple of str
         Parts that were left out, with the reasons.
+    replayed : ReplayedSession or None
+        A few seconds of a live session, computed again; None where this system cannot run one.
     """
 
     page: Path
@@ -61,3 +64,4 @@ class Demonstration:
     real: Study
     real_fit: JointResult
     notes: tuple[str, ...]
+    replayed: ReplayedSession | None = None

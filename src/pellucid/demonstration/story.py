@@ -24,6 +24,7 @@ from ..procedures.slider import direction_figures
 from ..procedures.slider.slider_page import COLOUR_ROLES, COMPARED_METHODS, PROTOCOL_WORDS, SHORT_METHOD_NAMES
 from .coverage import RICHER_PLANTS
 from .demonstration import Demonstration
+from .replayed_session import screens_figure
 
 CONFIDENCE_LEVEL = 0.95
 """Confidence level of the intervals on the page."""
@@ -34,10 +35,9 @@ DRAWN_INDICES = (MEDIAN_DURATION, RMS_INTERACTION_TORQUE, EMG_LEVEL)
 
 def write_story(out: Path, made: Demonstration) -> Path:
     """Write index.html and its figures."""
-    chapters = (_real, _identified, _controllers, _people, _exported, _coverage, _next)
-    sections = [
-        replace(section, heading=f"{i}. {section.heading}") for i, section in enumerate((c(made) for c in chapters), 1)
-    ]
+    chapters = (_real, _identified, _controllers, _people, _exported, _replayed, _coverage, _next)
+    told = [section for section in (chapter(made) for chapter in chapters) if section is not None]
+    sections = [replace(section, heading=f"{i}. {section.heading}") for i, section in enumerate(told, 1)]
     page = Page(
         title="Pellucid, from a recording to a transparent robot",
         kicker="pellucid demo",
@@ -252,6 +252,26 @@ def _exported(made: Demonstration) -> Section:
             ("Read before switching on", "elbow/controller/README.md"),
             ("Constants", "elbow/controller/pellucid_constants.h"),
         ),
+    )
+
+
+def _replayed(made: Demonstration) -> Section | None:
+    session = made.replayed
+    if session is None:
+        return None
+    replay = session.replay
+    same = "every bit is equal" if replay.is_equal else f"{replay.wrong_bits} bits differ"
+    return Section(
+        "replayed",
+        "A session is recorded, and computed again",
+        (
+            f"The engine of `pellucid live` ran {session.law} on the virtual robot in real time for some seconds, and "
+            "recorded every number that the law was given. Another program computed its "
+            f"{replay.compared} commands again: {same}.",
+            "`pellucid init DIR --session elbow` starts a study whose session has a page for an operator and one for a "
+            "participant, and needs no hardware.",
+        ),
+        drawings=(draw(screens_figure, session),),
     )
 
 

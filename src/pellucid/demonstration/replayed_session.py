@@ -1,0 +1,114 @@
+"""A few seconds of a live session, recorded on the spot with the virtual elbow's engine and computed again."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from .._errors import PellucidError
+from ..drawing.drawing import Drawing, colour, key, line, tidy
+from ..lab.live import virtual_elbow
+from ..lab.session_devices import bridge_stalls
+from ..live import layout
+from ..live.engine import LiveEngine
+from ..live.replay import Replay, read_session, replay_records
+
+TARGETS_RAD = (1.45, 1.0)
+"""Targets of the session, one after another [rad]."""
+
+MOVEMENT_S = 1.6
+"""Time for each of them [s]."""
+
+MAX_START_S = 5.0
+"""Longest time for the law to run [s]."""
+
+SETTLING_S = 1.0
+"""Time in which the wearer comes to rest under the law before the first target [s]."""
+
+STEP_S = 0.05
+"""Time between two signs of life of the session [s]."""
+
+SHOWN_MOMENT_S = 0.55
+"""Time after the first target at which the participant's screen is drawn [s]."""
+
+
+@dataclass(frozen=True)
+class ReplayedSession:
+    """A recorded session and what computing it again found."""
+
+    law: str  # name of its condition
+    replay: Replay
+    time: np.ndarray  # shape (n,), from the first target [s]
+    angle: np.ndarray  # angle of the forearm, shape (n,) [rad]
+    target: np.ndarray  # shape (n,) [rad]
+    command: np.ndarray  # shape (n,) [N m]
+    interaction: np.ndarray  # torque between robot and person, shape (n,) [N m]
+
+
+def record_and_replay(cards: Mapping, law: str, folder: Path) -> ReplayedSession:
+    """Run the engine with a law on the virtual elbow for some seconds, and compute its commands again.
+
+    Raises
+    ------
+    PellucidError
+        If this system has no engine, or the law did not run.
+    """
+    setup = bridge_stalls(virtual_elbow(conditions=(law,), cards=dict(cards)))
+    with LiveEngine.start(setup, folder, streams=False) as engine:
+        path = engine.session_file
+        until = time.monotonic() + MAX_START_S
+        while engine.status().state != "running":
+            if time.monotonic() > until:
+                raise PellucidError(f"a session of {law}: the law did not run within {MAX_START_S:g} s")
+            if engine.status().state == "idle":
+                engine.arm()
+            _rest(engine, STEP_S)
+        _rest(engine, SETTLING_S)
+        begun = time.monotonic()
+        for target in TARGETS_RAD:
+            engine.set_target(target)
+            _rest(engine, MOVEMENT_S)
+    conditions, records = read_session(path)
+    shown = records[1e-9 * records["time"] >= begun]
+    return ReplayedSession(
+        law, replay_records(conditions, records), 1e-9 * shown["time"] - begun, shown["limb_position"], shown["target"],
+        shown["effort"], shown["value"][:, layout.VALUE_NAMES.index("interaction")],
+    )  # fmt: skip
+
+
+def _rest(engine: LiveEngine, seconds: float) -> None:
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        engine.beat()
+        time.sleep(STEP_S)
+
+
+def screens_figure(made: ReplayedSession) -> Drawing:
+    """Draw what both screens show of the recording: the participant's at one moment, the operator's traces."""
+    figure = Figure(figsize=(7.2, 3.0), layout="constrained")
+    screen, traces, torques = figure.subplots(1, 3, width_ratios=(1.0, 1.6, 1.6))
+    moment = min(int(np.searchsorted(made.time, SHOWN_MOMENT_S)), len(made.time) - 1)
+    pointer, target = np.rad2deg(made.angle[moment]), np.rad2deg(made.target[moment])
+    screen.axvline(0.0, color=colour("rule"), linewidth=1.5, zorder=1)
+    screen.plot([0.0], [target], "o", markersize=16, markerfacecolor="none", markeredgecolor=colour("heldout"))
+    screen.plot([-0.6, 0.6], [pointer, pointer], color=colour("fitted"), linewidth=2.0)
+    screen.plot([0.0], [pointer], "o", markersize=6, color=colour("fitted"))
+    low, high = np.rad2deg(min(TARGETS_RAD)) - 12.0, np.rad2deg(max(TARGETS_RAD)) + 12.0
+    screen.set(xlim=(-1.0, 1.0), ylim=(low, high), xticks=[])
+    tidy(screen, first=True, text=f"Participant, at {SHOWN_MOMENT_S:g} s (°)")
+    line(traces, made.time, np.rad2deg(made.target), color=colour("heldout"), linewidth=1.2)
+    line(traces, made.time, np.rad2deg(made.angle), color=colour("fitted"), linewidth=1.5)
+    tidy(traces, first=True, text="Operator: angle (°)")
+    key(traces, [("target", colour("heldout")), ("forearm", colour("fitted"))])
+    line(torques, made.time, made.command, color=colour("ink"), linewidth=1.2)
+    line(torques, made.time, made.interaction, color=colour("heldout"), linewidth=1.2)
+    tidy(torques, first=True, text="Operator: torque (N·m)")
+    key(torques, [("command", colour("ink")), ("on the person", colour("heldout"))])
+    for axis in (traces, torques):
+        axis.set_xlabel("Time (s)")
+    return Drawing("screens", figure, "A live session as its two screens show it, drawn from its recording.")
