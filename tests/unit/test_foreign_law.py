@@ -3,6 +3,7 @@
 import json
 import shutil
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.lab.pointing.session import simulate_session
 from pellucid.lab.safety.worn_robot import make_worn_robot
 from pellucid.ranking import foreign_law
-from pellucid.ranking.board import add_to_board
+from pellucid.ranking.board import add_to_board, share_over_before
 from pellucid.ranking.foreign_elbow import elbow_law_of
 from pellucid.ranking.foreign_law import STOPPED_WORDS, ForeignController, ForeignLaw, ForeignProcess, stopped_words
 from pellucid.ranking.rank import rank, rank_task, rows_of
@@ -172,6 +173,9 @@ def test_foreign_laws_stand_in_the_ranking_and_on_the_board(tmp_path):
     laws = [ForeignLaw(laws[0].path, "another"), laws[1]]
     board = add_to_board(tmp_path, (found,), 6, 2, laws)
     assert [(e.law, e.seed, e.place) for e in board if e.law == "mine.py"] == [("mine.py", 1, 1), ("mine.py", 2, 1)]
+    assert all(share_over_before(board, entry) is None for entry in board)  # other pairs are no comparison
+    faster = replace(next(e for e in board if e.law == "mine.py" and e.seed == 2), checksum="third", share=0.25)
+    assert share_over_before((*board, faster), faster) == pytest.approx(0.25 / 0.5, rel=0.05)
     assert len(json.loads((tmp_path / "board.json").read_text(encoding="utf-8"))["figures"]) == 4
     page = write_ranking(tmp_path, (found,), 6, 2, board).read_text(encoding="utf-8")
     assert STOPPED_WORDS["hung"] in page
