@@ -92,7 +92,7 @@ class ForeignProcess:
         if self.fault != NO_FAULT:
             return math.nan
         try:
-            command = self._ask(float(foreign_worker.ROBOTS.index(robot)), time, position, torque)
+            command = self._ask(float(foreign_worker.ROBOT_NAMES.index(robot)), time, position, torque)
         except _StoppedError as stopped:
             self.stop(stopped.why)
             return math.nan
@@ -107,7 +107,7 @@ class ForeignProcess:
             self._begin()
             return
         try:
-            self._ask(foreign_worker.RESET, 0.0, 0.0, 0.0)
+            self._ask(foreign_worker.RESET_REQUEST, 0.0, 0.0, 0.0)
         except _StoppedError as stopped:
             self.stop(stopped.why)
 
@@ -146,9 +146,9 @@ class ForeignProcess:
         )  # fmt: skip
         os.close(inside)
         os.close(outside)
-        found = self._read(len(foreign_worker.ROBOTS), MAX_LOAD_S)
-        self.robots = tuple(robot for robot, has in zip(foreign_worker.ROBOTS, found, strict=True) if has)
-        self._ask(foreign_worker.RESET, 0.0, 0.0, 0.0)
+        found = self._read(len(foreign_worker.ROBOT_NAMES), MAX_LOAD_S)
+        self.robots = tuple(robot for robot, has in zip(foreign_worker.ROBOT_NAMES, found, strict=True) if has)
+        self._ask(foreign_worker.RESET_REQUEST, 0.0, 0.0, 0.0)
 
     def _ask(self, kind: float, *sample: float) -> float:
         try:
