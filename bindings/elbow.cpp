@@ -66,8 +66,8 @@ sensor_error : (n,), optional
 emg : bool
     Whether the law gets EMG.
 command : callable, optional
-    Gives the effort [N m] of a law "joint" each period, of the time [s], the encoder [rad] and the force sensor [N m];
-    NaN stops the law.
+    Gives the effort [N m] of a law "joint" each period, of the time [s], the encoder [rad] and the force sensor
+    [N m]; NaN stops the law.
 
 Returns
 -------

@@ -11,7 +11,7 @@ from nanobind.stubgen import StubGen
 from pellucid import _core
 
 HEADER = """
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from numpy import float32, float64
 from numpy.typing import ArrayLike, NDArray

@@ -1,14 +1,15 @@
 """Foreign laws and indices: are strangers' laws ranked, stopped where they must be, and measured by what?
 
-- A C file and a Python class with the same law wear the virtual knee beside the lab's plain modes; their commands are
-  compared bit by bit. Four hostile laws must be stopped: one never answers, one crashes, one asks for 4 GB, one answers
-  no number.
+- A C file and a Python class with the same law drive the virtual knee beside the lab's plain modes, and the virtual
+  elbow; their commands are compared bit by bit. Four hostile laws must be stopped on either robot: one never answers,
+  one crashes, one asks for 4 GB, one answers no number.
 - The indices of `transparency_indices` on the same sessions: which orders of controllers they give, how far these agree
   with those by indices of other kinds, and how far pairs of people and robots agree on the order. The robot's friction
   has the form that the models suppose, as in the whole ranking.
 """
 
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -23,7 +24,11 @@ from pellucid.lab.knee.rig import knee_orthosis
 from pellucid.lab.knee.trial import run_trial
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
-from pellucid.ranking.foreign_law import ForeignController, ForeignLaw, stopped_words
+from pellucid.lab.pointing.session import simulate_session
+from pellucid.lab.safety.fault_table import draw_worn_robot
+from pellucid.lab.safety.worn_robot import WornRobot
+from pellucid.ranking.foreign_elbow import elbow_law_of
+from pellucid.ranking.foreign_law import ForeignController, ForeignLaw, ForeignProcess, stopped_words
 from pellucid.ranking.knee import knee_pair
 from pellucid.ranking.strategies import SWING_TASK
 from pellucid.ranking.transparency_indices import TRANSPARENCY_INDICES, IndexComparison, index_values
@@ -37,6 +42,9 @@ SEED = 29
 
 PAIR_COUNT = sized(6, smallest=1)
 """Number of pairs of a person and a robot whose sessions indices are computed on."""
+
+LIFTS_RAD = np.array([0.4])
+"""Movement of the elbow in which foreign laws are compared [rad]."""
 
 TRIAL_S = sized(12.0, smallest=2.0)
 """Duration of a trial at the knee [s]."""
@@ -75,23 +83,27 @@ def foreign_rows() -> Iterator[ResultRow]:
     yield _row("foreign_laws", len(ranked), "1", f"ranked beside {', '.join(plain)} on one drawn wearer")
     for name, one in found.items():
         yield _row(f"swings.torque.{name.replace('law:', '').replace('.', '_')}", one.torque, "N*m", "RMS, strap")
-    commands = [_commands(law)[0] for law in laws]
-    wrong = int(np.sum(commands[0].view(np.int64) != commands[1].view(np.int64)))
-    yield _row("foreign_law.wrong_bits", wrong, "1", f"of {len(commands[0])} commands, C against Python")
+    worn, wrong, of = draw_worn_robot(0, SEED), 0, 0
+    for commands in ([_commands(law)[0] for law in laws], [_elbow_commands(worn, law)[0] for law in laws]):
+        wrong += int(np.sum(commands[0].view(np.int64) != commands[1].view(np.int64)))
+        of += len(commands[0])
+    yield _row("foreign_law.wrong_bits", wrong, "1", f"of {of} commands at knee and elbow, C against Python")
 
 
 def hostile_rows() -> Iterator[ResultRow]:
     """Hostile laws that were not stopped."""
-    survived, said = 0, []
+    survived, said, worn = 0, [], draw_worn_robot(0, SEED)
     with TemporaryDirectory() as place:
         for name, does in HOSTILE_LAWS.items():
             path = Path(place) / f"{name}.py"
             body = f"self.n += 1\n        if self.n > 100:\n            {does}\n        return 1.0"
             head = "class Law:\n    def reset(self): self.n = 0\n    def step(self, *sample):\n        "
-            path.write_text(f"{head}{body}\n")
-            commands, fault = _commands(ForeignLaw.from_file(path))
-            survived += fault == "none" or not np.isfinite(commands).all() or abs(commands[-1]) > 1e-9
-            said.append(f"{name}: {stopped_words(fault)}")
+            path.write_text(f"{head}{body}\n    elbow_step = step\n")
+            law = ForeignLaw.from_file(path)
+            # At the elbow a damped stop holds the robot with little effort.
+            for (commands, fault), most in ((_commands(law), 1e-9), (_elbow_commands(worn, law), 0.1)):
+                survived += fault == "none" or not np.isfinite(commands).all() or abs(commands[-1]) > most
+                said.append(f"{name}: {stopped_words(fault)}")
     yield _row("hostile_laws.survived", survived, "1", "; ".join(said))
 
 
@@ -105,6 +117,13 @@ def _commands(law: ForeignLaw) -> tuple[np.ndarray, str]:
     finally:
         controller.close()
     return readings.command, controller.fault
+
+
+def _elbow_commands(worn: WornRobot, law: ForeignLaw) -> tuple[np.ndarray, str]:
+    with closing(ForeignProcess(law)) as process:
+        supervised = elbow_law_of(process, worn, start_up=False)
+        session = simulate_session(worn.rig, worn.person, "worn", supervised, np.random.default_rng(SEED), LIFTS_RAD)
+    return session.signals["command"], process.fault
 
 
 def index_pair(index: int) -> dict[str, dict[str, float]]:

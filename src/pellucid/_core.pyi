@@ -2,7 +2,7 @@
 The core: every physical model once, in C++ (include/pellucid). SI units throughout.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy
 from numpy import float32, float64
@@ -1054,6 +1054,7 @@ class WornElbow:
         longest: int,
         sensor_error: ArrayLike | None = None,
         emg: bool = False,
+        command: Callable[[float, float, float], float] | None = None,
     ) -> tuple[NDArray[float64], ...]:
         """
         One movement to a target, and holding it.
@@ -1075,6 +1076,9 @@ class WornElbow:
             Noise and offset of the force sensor [N m]; left out: there is none, and the law gets none.
         emg : bool
             Whether the law gets EMG.
+        command : callable, optional
+            Gives the effort [N m] of a law "joint" each period, of the time [s], the encoder [rad] and the force sensor
+            [N m]; NaN stops the law.
 
         Returns
         -------
@@ -1099,6 +1103,7 @@ class WornElbow:
         longest: int,
         seed: int,
         drive_noise: ArrayLike | None = None,
+        command: Callable[[float, float, float], float] | None = None,
     ) -> dict:
         """
         Minutes or hours of reaching, healthy or with one single fault, of a person who is "reaching".
@@ -1128,6 +1133,8 @@ class WornElbow:
             Of what the fault draws.
         drive_noise : (n,), optional
             Noise of the drive's own measurement [N m]; after n periods it begins again.
+        command : callable, optional
+            As `move` takes it.
 
         Returns
         -------

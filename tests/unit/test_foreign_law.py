@@ -2,16 +2,25 @@
 
 import json
 import shutil
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pellucid._errors import PellucidError
+from pellucid.lab.elbow.rig import able_elbow
 from pellucid.lab.knee.rig import knee_orthosis
+from pellucid.lab.pointing.conditions import identify_cards
+from pellucid.lab.pointing.people import draw_people
+from pellucid.lab.pointing.rig import elbow_participants
+from pellucid.lab.pointing.session import simulate_session
+from pellucid.lab.safety.worn_robot import make_worn_robot
 from pellucid.ranking import foreign_law
-from pellucid.ranking.board import add_to_board
-from pellucid.ranking.foreign_law import STOPPED_WORDS, ForeignController, ForeignLaw, stopped_words
+from pellucid.ranking.board import add_to_board, share_over_before
+from pellucid.ranking.foreign_elbow import elbow_law_of
+from pellucid.ranking.foreign_law import STOPPED_WORDS, ForeignController, ForeignLaw, ForeignProcess, stopped_words
 from pellucid.ranking.rank import rank, rank_task, rows_of
 from pellucid.ranking.ranking_page import write_ranking
 from pellucid.ranking.strategies import SWING_TASK, strategies_of_task
@@ -86,6 +95,48 @@ def test_the_supervisor_of_an_export_watches_a_foreign_law(tmp_path):
     assert stopped_words("drive_stuck") == "the supervisor found: drive stuck"
 
 
+@pytest.fixture(scope="module")
+def worn():
+    """A person in an identified elbow robot."""
+    robot = able_elbow()
+    rig = elbow_participants(robot)
+    person = draw_people(rig, np.random.default_rng(3), count=1)[0]
+    return make_worn_robot(rig, person, identify_cards(robot), 3)
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
+def test_the_elbow_asks_a_law_in_c_and_in_python_for_the_same_bits(worn):
+    commands = []
+    for ending in (".c", ".py"):
+        with closing(ForeignProcess(ForeignLaw.from_file(EXAMPLES / f"spring_to_zero{ending}"))) as process:
+            law = elbow_law_of(process, worn, start_up=False)
+            session = simulate_session(
+                worn.rig, worn.person, "worn", law, np.random.default_rng(1), np.array([0.4])
+            )  # fmt: skip
+            assert (process.fault, session.fault) == ("none", "none")
+            commands.append(session.signals["command"])
+    assert np.ptp(commands[0]) > 0.1
+    assert commands[0].tobytes() == commands[1].tobytes()
+
+
+def test_a_hostile_law_is_stopped_at_the_elbow_and_a_lying_force_sensor_is_found(worn, tmp_path):
+    path = tmp_path / "says_nan.py"
+    path.write_text(
+        "class Law:\n    def reset(self): self.n = 0\n    def elbow_step(self, time, position, torque):\n"
+        "        self.n += 1\n        return float('nan') if self.n > 200 else 0.5\n",
+        encoding="utf-8",
+    )
+    with closing(ForeignProcess(ForeignLaw.from_file(path))) as process:
+        law = elbow_law_of(process, worn, start_up=False)
+        session = simulate_session(worn.rig, worn.person, "worn", law, np.random.default_rng(1), np.array([0.4]))
+    assert process.robots == ("elbow",)
+    assert (process.fault, session.fault) == ("not_finite", "stopped")
+    assert abs(session.signals["command"][-1]) < 0.05  # a damped stop, and no longer the law's 0.5
+    with closing(ForeignProcess(ForeignLaw.from_file(EXAMPLES / "spring_to_zero.py"))) as process:
+        law = elbow_law_of(process, worn, start_up=False)
+        assert worn.live(law, "force_rail", onset=1.0, seconds=1.0, longest=3.0)["fault"] == "force_sensor"
+
+
 def test_what_holds_no_law_is_told(tmp_path):
     with pytest.raises(PellucidError, match=r"\.c, \.so, \.py"):
         ForeignLaw.from_file(tmp_path / "law.txt")
@@ -122,6 +173,9 @@ def test_foreign_laws_stand_in_the_ranking_and_on_the_board(tmp_path):
     laws = [ForeignLaw(laws[0].path, "another"), laws[1]]
     board = add_to_board(tmp_path, (found,), 6, 2, laws)
     assert [(e.law, e.seed, e.place) for e in board if e.law == "mine.py"] == [("mine.py", 1, 1), ("mine.py", 2, 1)]
+    assert all(share_over_before(board, entry) is None for entry in board)  # other pairs are no comparison
+    faster = replace(next(e for e in board if e.law == "mine.py" and e.seed == 2), checksum="third", share=0.25)
+    assert share_over_before((*board, faster), faster) == pytest.approx(0.25 / 0.5, rel=0.05)
     assert len(json.loads((tmp_path / "board.json").read_text(encoding="utf-8"))["figures"]) == 4
     page = write_ranking(tmp_path, (found,), 6, 2, board).read_text(encoding="utf-8")
     assert STOPPED_WORDS["hung"] in page

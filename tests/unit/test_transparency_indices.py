@@ -1,5 +1,7 @@
 """Indices of transparency: each defined once, 0 of a session against itself where it is a change, and comparable."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -46,3 +48,10 @@ def test_agreement_is_of_ranks_and_a_missing_value_is_last():
     assert found.agreement("torque_rms", "duration") == pytest.approx(1.0 / 3.0)
     assert found.order("duration") == ("b", "a", "c")
     assert found.concordance("torque_rms") == pytest.approx(1.0)
+
+
+def test_the_page_of_docs_defines_every_index_once_with_its_source():
+    page = (Path(__file__).parents[2] / "docs" / "transparency-indices.md").read_text(encoding="utf-8")
+    for index in TRANSPARENCY_INDICES:
+        row = f"| `{index.name}` | {index.kind} | {index.words} | {index.unit} | {index.source} |"
+        assert page.count(row) == 1, index.name

@@ -61,3 +61,19 @@ def add_to_board(
             for i, e in enumerate(kept.values())
         ])  # fmt: skip
     return tuple(kept.values())
+
+
+def share_over_before(entries: Sequence[BoardEntry], entry: BoardEntry) -> float | None:
+    """Return an entry's share over that of the same law's file or Pellucid's version before it [1].
+
+    Only the same task with the same pairs of people and robots is compared. None if there is nothing before, or one of
+    both was stopped.
+    """
+    before = [
+        e
+        for e in entries[: list(entries).index(entry)]
+        if (e.law, e.task, e.pairs, e.seed) == (entry.law, entry.task, entry.pairs, entry.seed)
+    ]
+    if not before or before[-1].share is None or entry.share is None:
+        return None
+    return entry.share / before[-1].share

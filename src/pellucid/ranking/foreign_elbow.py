@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -34,7 +35,8 @@ def elbow_law_of(process: ForeignProcess, worn: WornRobot, *, start_up: bool) ->
 
     It is reset whenever time begins anew.
     """
-    watched = worn.watched(commanded_law(ELBOW_LIMITS, worn.rig.period), start_up=start_up)
+    plain = commanded_law(ELBOW_LIMITS, worn.rig.period)
+    watched = worn.watched(plain.using("interaction"), start_up=start_up)
     last = float("inf")
 
     def command(time: float, position: float, torque: float) -> float:
@@ -42,6 +44,8 @@ def elbow_law_of(process: ForeignProcess, worn: WornRobot, *, start_up: bool) ->
         if time < last:
             process.reset()
         last = time
+        if not math.isfinite(position):
+            return 0.0  # the supervisor stops a law without an encoder; nobody has to answer to it
         return process.effort("elbow", time, position, torque)
 
     return CommandedElbowLaw(watched.law, watched.supervision, command)

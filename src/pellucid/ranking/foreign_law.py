@@ -83,22 +83,16 @@ class ForeignProcess:
     """One foreign law at work in a process of its own, at rest; `fault` says why it was stopped."""
 
     def __init__(self, law: ForeignLaw) -> None:
-        self.fault = NO_FAULT
+        self._law = law
         self.robots: tuple[str, ...] = ()  # robots for which the law has a function
-        self._folder = Path(tempfile.mkdtemp(prefix="pellucid-law-"))
-        self._process: subprocess.Popen | None = None
-        self._to = self._from = -1
-        try:
-            self._start(law)
-        except _StoppedError as stopped:
-            self.stop(stopped.why if stopped.why == OUT_OF_MEMORY else "not_loaded")
+        self._begin()
 
     def effort(self, robot: str, time: float, position: float, torque: float) -> float:
         """Return the effort that the law asks for on a robot [N m]; NaN once it was stopped."""
         if self.fault != NO_FAULT:
             return math.nan
         try:
-            command = self._ask(float(foreign_worker.ROBOTS.index(robot)), time, position, torque)
+            command = self._ask(float(foreign_worker.ROBOT_NAMES.index(robot)), time, position, torque)
         except _StoppedError as stopped:
             self.stop(stopped.why)
             return math.nan
@@ -107,12 +101,25 @@ class ForeignProcess:
         return command
 
     def reset(self) -> None:
-        """Let the law forget everything."""
-        if self.fault == NO_FAULT:
-            try:
-                self._ask(foreign_worker.RESET, 0.0, 0.0, 0.0)
-            except _StoppedError as stopped:
-                self.stop(stopped.why)
+        """Let the law forget everything; one that was stopped begins anew in another process."""
+        if self.fault != NO_FAULT:
+            self.close()
+            self._begin()
+            return
+        try:
+            self._ask(foreign_worker.RESET_REQUEST, 0.0, 0.0, 0.0)
+        except _StoppedError as stopped:
+            self.stop(stopped.why)
+
+    def _begin(self) -> None:
+        self.fault = NO_FAULT
+        self._folder = Path(tempfile.mkdtemp(prefix="pellucid-law-"))
+        self._process: subprocess.Popen | None = None
+        self._to = self._from = -1
+        try:
+            self._start(self._law)
+        except _StoppedError as stopped:
+            self.stop(stopped.why if stopped.why == OUT_OF_MEMORY else "not_loaded")
 
     def close(self) -> None:
         """End the law's process and remove what was compiled."""
@@ -139,9 +146,9 @@ class ForeignProcess:
         )  # fmt: skip
         os.close(inside)
         os.close(outside)
-        found = self._read(len(foreign_worker.ROBOTS), MAX_LOAD_S)
-        self.robots = tuple(robot for robot, has in zip(foreign_worker.ROBOTS, found, strict=True) if has)
-        self._ask(foreign_worker.RESET, 0.0, 0.0, 0.0)
+        found = self._read(len(foreign_worker.ROBOT_NAMES), MAX_LOAD_S)
+        self.robots = tuple(robot for robot, has in zip(foreign_worker.ROBOT_NAMES, found, strict=True) if has)
+        self._ask(foreign_worker.RESET_REQUEST, 0.0, 0.0, 0.0)
 
     def _ask(self, kind: float, *sample: float) -> float:
         try:

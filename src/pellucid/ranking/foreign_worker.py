@@ -13,7 +13,7 @@ import struct
 import sys
 from pathlib import Path
 
-ROBOTS = ("knee", "elbow")
+ROBOT_NAMES = ("knee", "elbow")
 """Robots that a law may be for, in the order of their numbers in requests."""
 
 PYTHON_METHODS = {"knee": "step", "elbow": "elbow_step"}
@@ -22,12 +22,12 @@ PYTHON_METHODS = {"knee": "step", "elbow": "elbow_step"}
 C_FUNCTIONS = {"knee": "law_step", "elbow": "elbow_step"}
 """Function of a library for each robot."""
 
-RESET = -1.0
+RESET_REQUEST = -1.0
 """What is asked in place of a robot's number to reset the law."""
 
 REQUEST_FORMAT = struct.Struct("<4d")
-"""What is asked once a period: a robot's number or `RESET`, time [s], position [rad], torque [N m]: at the knee that of
-the spring, at the elbow that of the force sensor."""
+"""What is asked once a period: a robot's number or `RESET_REQUEST`, time [s], position [rad] and torque [N m]: that of the
+spring at the knee, that of the force sensor at the elbow."""
 
 REPLY_FORMAT = struct.Struct("<d")
 """The effort that the law asks for [N m]."""
@@ -64,17 +64,17 @@ def main() -> None:
     if not steps:
         raise LookupError(f"{path}: found none of {', '.join(C_FUNCTIONS.values())}, expected one of them")
     # Once the law is loaded: for which robots it has a function.
-    os.write(replies, bytes(robot in steps for robot in ROBOTS))
+    os.write(replies, bytes(robot in steps for robot in ROBOT_NAMES))
     while True:
         request = os.read(requests, REQUEST_FORMAT.size)
         if len(request) < REQUEST_FORMAT.size:
             return
         kind, time, position, torque = REQUEST_FORMAT.unpack(request)
-        if kind == RESET:
+        if kind == RESET_REQUEST:
             reset()
             os.write(replies, REPLY_FORMAT.pack(0.0))
         else:
-            effort = steps[ROBOTS[int(kind)]](time, position, torque)
+            effort = steps[ROBOT_NAMES[int(kind)]](time, position, torque)
             os.write(replies, REPLY_FORMAT.pack(float(effort)))
 
 

@@ -109,7 +109,7 @@ def _argument(compared: IndexComparison) -> Sequence[str]:
         f"number {places['concordance']} by how far people and robots agree on the order.",
         "Its weakness: a person who slows down, or who lets the robot lead, meets less torque. It says nothing about "
         "what people do, and a sensor has to be between person and robot. It is therefore shown beside duration, peak "
-        "velocity and EMG; only the certificate, which tests what people do, says so of a robot.",
+        "velocity and EMG. Whether a robot is transparent is for the certificate to say, which tests what people do.",
     )
 
 

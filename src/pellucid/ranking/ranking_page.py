@@ -12,7 +12,7 @@ from ..control.supervisor_faults import NO_FAULT
 from ..drawing.drawing import draw
 from ..pages.page import Page, Section, write_page
 from ..pages.tables import Row, Table, number_table
-from .board import BoardEntry
+from .board import BoardEntry, share_over_before
 from .foreign_law import stopped_words
 from .index_section import index_section
 from .ranking_figures import Line, ranked_torque
@@ -142,11 +142,14 @@ def _foreign_sections(tasks: Sequence[TaskRanking], board: Sequence[BoardEntry])
     ]
     rows = [
         Row((e.law, e.checksum[:12], e.task, f"{e.place} of {e.of}",
-             EMPTY_CELL if e.share is None else f"{e.share:.3f}", str(e.pairs), str(e.seed), e.version))
+             EMPTY_CELL if e.share is None else f"{e.share:.3f}", _ratio_text(share_over_before(board, e)),
+             str(e.pairs), str(e.seed), e.version))
         for e in sorted(board, key=lambda e: (e.task, e.law, e.version, e.seed))
     ]  # fmt: skip
-    heads = ("law", "file", "task", "place", "torque over no power", "pairs", "seed", "pellucid")
-    tables = [number_table(heads, rows, "Every run of this folder; a changed file has another checksum.", words=3)]
+    shares = ("torque over no power", "over the version before")
+    heads = ("law", "file", "task", "place", *shares, "pairs", "seed", "pellucid")
+    caption = "Every run of this folder; a changed file has another checksum. Versions are compared on the same pairs."
+    tables = [number_table(heads, rows, caption, words=3)]
     if stopped:
         stopped_heads = ("law", "task", "pair", "why")
         caption = "Stopped by the supervisor or by the limits of its process."
@@ -158,6 +161,10 @@ def _foreign_sections(tasks: Sequence[TaskRanking], board: Sequence[BoardEntry])
         "has no linear margins, because nothing is known of its form; whether it sways is tried like any other law's."
     )
     return (Section("foreign", "Foreign laws", (text,), tuple(tables)),)
+
+
+def _ratio_text(ratio: float | None) -> str:
+    return EMPTY_CELL if ratio is None else f"{ratio:.3f}"
 
 
 def _median(name: str, text: str, scale: float = 1.0) -> Callable[[Sequence[ControllerTrial]], str]:
