@@ -30,6 +30,7 @@ refused and no more.
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -274,7 +275,11 @@ def bench_rows(found: list[dict[str, tuple[Parameter, float]]]) -> Iterator[Resu
 
 
 def foreign_rows(count: int) -> Iterator[ResultRow]:
-    """Coverage, width and refusals on joints that MuJoCo and Pinocchio simulate."""
+    """Coverage, width and refusals on joints that MuJoCo and Pinocchio simulate; nothing where one is not installed."""
+    missing = [module for module in ("mujoco", "pinocchio") if find_spec(module) is None]
+    if missing:
+        print(f"coverage.foreign: not measured, found no {' and no '.join(missing)}")
+        return
     rng = np.random.default_rng(FOREIGN_SEED)
     plants = drawn_plants(rng, count)
     jobs = [(foreign_identified, engine, joint, FOREIGN_SEED + i) for i, (engine, joint) in enumerate(plants)]
