@@ -26,8 +26,9 @@ RESET_REQUEST = -1.0
 """What is asked in place of a robot's number to reset the law."""
 
 REQUEST_FORMAT = struct.Struct("<4d")
-"""What is asked once a period: a robot's number or `RESET_REQUEST`, time [s], position [rad] and torque [N m]: that of the
-spring at the knee, that of the force sensor at the elbow."""
+"""What is asked once a period: a robot's number or `RESET_REQUEST`, time [s], position [rad] and torque [N m].
+
+The torque is that of the spring at the knee, that of the force sensor at the elbow."""
 
 REPLY_FORMAT = struct.Struct("<d")
 """The effort that the law asks for [N m]."""
