@@ -56,6 +56,9 @@ STRIBECK_SPEED_SHARE = 0.25
 DISCREPANCY_SHARE_GRID = np.geomspace(0.001, 1.0, 13)
 """Values of s among which marginal likelihood chooses."""
 
+COMMON_SHARE_GRID = np.geomspace(0.01, 1.0, 9)
+"""Values among which marginal likelihood chooses one s for all columns."""
+
 
 @dataclass(frozen=True)
 class States:
@@ -407,9 +410,9 @@ def fit_discrepancy_share(gram: np.ndarray, moment: np.ndarray, count: int) -> f
     score = moment[count:] - cross.T @ solved[:, -1]
     values, vectors = np.linalg.eigh(information)
     values, score = np.maximum(values, 0.0), vectors.T @ score
-    s2 = DISCREPANCY_SHARE_GRID[:, None] ** 2
+    s2 = COMMON_SHARE_GRID[:, None] ** 2
     return float(
-        DISCREPANCY_SHARE_GRID[np.argmax(np.sum(score**2 * s2 / (1.0 + s2 * values) - np.log1p(s2 * values), axis=1))]
+        COMMON_SHARE_GRID[np.argmax(np.sum(score**2 * s2 / (1.0 + s2 * values) - np.log1p(s2 * values), axis=1))]
     )
 
 
