@@ -10,7 +10,7 @@ from exported import Loaded, nonsense
 import pellucid
 from pellucid._errors import PellucidError
 from pellucid.control.control_law import LAWS
-from pellucid.control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
+from pellucid.control.elbow_controllers import ELBOW_CONTROLLERS
 from pellucid.control.elbow_laws import PUBLISHED_EXPONENTS
 from pellucid.deployment.elbow_values import elbow_values, lowest_resonance
 from pellucid.deployment.microcontroller import measure, missing_tools
