@@ -36,7 +36,17 @@ from pellucid.studies.results import ResultRow
 from .exports import DATASET_EXPORTS, RIG_EXPORTS, ExportedLaw, Exports
 from .motion_bounds import bound_lines, measure_bounds
 from .table import table_lines
-from .trials import KINDS, MIN_EFFECT_J, ForeignLife, ForeignTrial, live, play_all, try_faults, try_starts
+from .trials import (
+    KINDS,
+    LATE_ONSETS_S,
+    MIN_EFFECT_J,
+    ForeignLife,
+    ForeignTrial,
+    live,
+    play_all,
+    try_faults,
+    try_starts,
+)
 
 TUNING_SEED = 20261101
 """First seed of plants on which thresholds may be chosen."""
@@ -53,6 +63,9 @@ EXPORTED_LAWS: tuple[str, ...] = sized(LAWS, smallest=("transparent", "compensat
 HEALTHY_HOURS = sized(25.0, smallest=0.02)
 """Healthy use of all laws and plants together [h]."""
 
+PROBE_HEALTHY_HOURS = sized(8.0, smallest=0.02)
+"""Healthy use of all laws with the probe together [h]."""
+
 HEALTHY_LIFE_S = sized(900.0, smallest=30.0)
 """Duration of one healthy life."""
 
@@ -67,6 +80,9 @@ DEFAULT_EXPORTS: tuple[str, ...] = sized((*RIG_EXPORTS, *DATASET_EXPORTS), small
 
 PROBED_KINDS = ("drive_reversed", "drive_double", "drive_triple", "drive_stuck", "drive_dead", "encoder_flipped")
 """Faults that a probe is there to find: polarity, gain of two and three, stuck, dead, and the encoder's sign."""
+
+MAX_PROBED_EXCESS_J = 5.0
+"""Energy that a fault which a probe is there to find should not exceed."""
 
 SINE_SETS: Mapping[str, str] = {
     "drive_measured": "the drive's current",
@@ -135,6 +151,17 @@ def sine_trials(instruments: str, seed: int = JUDGED_SEED, shaking: bool = False
     return tuple(trial for trials in play_all(jobs) for trial in trials if not trial.early)
 
 
+@cache
+def late_probe_trials(seed: int = JUDGED_SEED) -> tuple[ForeignTrial, ...]:
+    """Return what a probe is there to find, beginning after the probe has learnt what its robot answers."""
+    jobs = [
+        partial(try_faults, law, index, seed, PROBED_KINDS, onsets=LATE_ONSETS_S)
+        for law in made_laws("probe")
+        for index in range(PLANT_COUNT)
+    ]
+    return tuple(trial for trials in play_all(jobs) for trial in trials)
+
+
 def unsensed_laws() -> tuple[ExportedLaw, ...]:
     """Return the laws without a force sensor, as `export` writes them by default."""
     return tuple(law for law in made_laws("unmeasured") if "interaction" not in law.uses)
@@ -158,10 +185,12 @@ def sines_by_instruments(seed: int = JUDGED_SEED) -> dict[str, tuple[ForeignTria
 
 
 @cache
-def healthy_lives(instruments: str, seed: int = JUDGED_SEED) -> tuple[ForeignLife, ...]:
-    """Return healthy lives of all laws with every mishap, `HEALTHY_HOURS` in all, each on a plant of its own."""
+def healthy_lives(
+    instruments: str, seed: int = JUDGED_SEED, hours: float = HEALTHY_HOURS
+) -> tuple[ForeignLife, ...]:
+    """Return healthy lives of all laws with every mishap, so many `hours` in all [h], each on a plant of its own."""
     made = made_laws(instruments)
-    count = max(round(3600.0 * HEALTHY_HOURS / HEALTHY_LIFE_S), len(made))
+    count = max(round(3600.0 * hours / HEALTHY_LIFE_S), len(made))
     jobs = [partial(live, made[i % len(made)], i, seed, HEALTHY_LIFE_S) for i in range(count)]
     return tuple(play_all(jobs))
 
@@ -185,6 +214,8 @@ def rows(seed: int = JUDGED_SEED) -> Iterator[ResultRow]:
         yield from fault_rows(instruments, fault_trials(instruments, seed))
     if has_probe():
         yield from probe_rows(fault_trials("probe", seed))
+        yield from known_probe_rows(late_probe_trials(seed))
+        yield from probe_life_rows(healthy_lives("probe", seed, PROBE_HEALTHY_HOURS))
     else:
         yield row("safety.exported.probe.found", None, "%", "the supervisor has no probe")
         yield row("safety.exported.probe.worst_excess_energy", None, "J", "the supervisor has no probe")
@@ -257,6 +288,28 @@ def probe_rows(trials: Sequence[ForeignTrial]) -> Iterator[ResultRow]:
         own = [trial for trial in valid if trial.kind == kind]
         yield row(f"safety.exported.probe.{kind}.found", found_share(own), "%", f"{len(own)} runs")
         yield worst_row(f"safety.exported.probe.{kind}.worst_excess_energy", own)
+
+
+def known_probe_rows(trials: Sequence[ForeignTrial]) -> Iterator[ResultRow]:
+    """Yield the figures of faults that begin after the probe has learnt what its robot answers."""
+    valid = [trial for trial in trials if not trial.early]
+    early, late = LATE_ONSETS_S
+    note = f"{len(valid)} runs, onset {early:g} to {late:g} s after the start"
+    yield row("safety.exported.probe_known.found", found_share(valid), "%", f"{note}; missed: {missed_words(valid)}")
+    yield worst_row("safety.exported.probe_known.worst_excess_energy", valid, note)
+    beyond = Counter(trial.kind for trial in valid if trial.excess > MAX_PROBED_EXCESS_J)
+    words = ", ".join(f"{kind} {count}" for kind, count in beyond.most_common()) or "none"
+    yield row("safety.exported.probe_known.beyond", sum(beyond.values()), "1",
+              f"of {len(valid)} runs, above {MAX_PROBED_EXCESS_J:g} J: {words}")  # fmt: skip
+
+
+def probe_life_rows(lives: Sequence[ForeignLife]) -> Iterator[ResultRow]:
+    """Yield the figures of healthy lives with the probe."""
+    false = Counter((alarm.fault, alarm.law) for life in lives for alarm in life.alarms if not alarm.wanted)
+    words = "; ".join(f"{fault} {law} {count}" for (fault, law), count in false.most_common(6)) or "none"
+    yield row("safety.exported.probe.false_alarms", sum(false.values()), "1", words)
+    hours = sum(life.running for life in lives)
+    yield row("safety.exported.probe.healthy_hours", hours, "h", f"with law and probe in force, {len(lives)} lives")
 
 
 def sine_rows(trials: Sequence[ForeignTrial]) -> Iterator[ResultRow]:

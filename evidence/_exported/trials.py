@@ -31,8 +31,11 @@ WATCH_S = 10.0
 ONSETS_S = (2.5, 5.0)
 """Earliest and latest onset of a fault that is not there from the start; wearers move from 1.6 s on at the earliest."""
 
-REFERENCE_S = ONSETS_S[1] + WATCH_S + 0.1
-"""Duration of the run without a fault with which faults are compared."""
+LATE_ONSETS_S = (15.0, 20.0)
+"""Earliest and latest onset of a fault of a robot whose answers a probe has learnt before."""
+
+REFERENCE_TAIL_S = 0.1
+"""Time by which the run without a fault outlasts those with one."""
 
 MIN_EFFECT_J = 0.05
 """A fault did something if its excess is at least this energy, or the supervisor acted, or `MIN_EFFECT_SHARE`."""
@@ -210,7 +213,13 @@ def can_have(law: ExportedLaw, kind: FaultKind) -> bool:
 
 
 def fault_runs(
-    law: ExportedLaw, index: int, seed: int, kinds: Sequence[str], *, shaking: bool = False
+    law: ExportedLaw,
+    index: int,
+    seed: int,
+    kinds: Sequence[str],
+    *,
+    shaking: bool = False,
+    onsets: tuple[float, float] = ONSETS_S,
 ) -> tuple[list[dict[str, float]], list[tuple[str, float]]]:
     """Return runs of faults by name under one law on the plant of an index, with each fault's name and amplitude.
 
@@ -223,7 +232,7 @@ def fault_runs(
     base["brace_interval"] = with_mishaps(base, seed, index)["brace_interval"]
     if law.numbers["drive_expected"] > 0.0:
         base |= commissioned_bounds(law, base, seed, index)
-    runs, said = [{**base, "kind": 0.0, "seconds": REFERENCE_S}], []
+    runs, said = [{**base, "kind": 0.0, "seconds": onsets[1] + WATCH_S + REFERENCE_TAIL_S}], []
     for name in kinds:
         kind = KINDS[name]
         if not can_have(law, kind):
@@ -231,7 +240,7 @@ def fault_runs(
         number = FAULT_NAMES.index(name)
         for amplitude in SINE_AMPLITUDES_NM if name == "drive_sine" else (0.0,):
             rng = np.random.default_rng([seed, index, number, sum(map(ord, law.name))])
-            onset = 0.0 if kind.at_start else round(float(rng.uniform(*ONSETS_S)) / base["period"]) * base["period"]
+            onset = 0.0 if kind.at_start else round(float(rng.uniform(*onsets)) / base["period"]) * base["period"]
             drawn = float(rng.integers(1, 2**48))
             runs.append({**base, "kind": float(number), "onset": onset, "seconds": WATCH_S, "fault_seed": drawn,
                          "amplitude": amplitude})  # fmt: skip
@@ -240,10 +249,16 @@ def fault_runs(
 
 
 def try_faults(
-    law: ExportedLaw, index: int, seed: int, kinds: Sequence[str], *, shaking: bool = False
+    law: ExportedLaw,
+    index: int,
+    seed: int,
+    kinds: Sequence[str],
+    *,
+    shaking: bool = False,
+    onsets: tuple[float, float] = ONSETS_S,
 ) -> list[ForeignTrial]:
     """Try faults by name under one law on the plant of an index, as `fault_runs` has them."""
-    runs, said = fault_runs(law, index, seed, kinds, shaking=shaking)
+    runs, said = fault_runs(law, index, seed, kinds, shaking=shaking, onsets=onsets)
     played = play(law, runs)
     return [
         ForeignTrial(

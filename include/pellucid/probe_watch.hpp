@@ -15,6 +15,12 @@
 // "Continuous inspection schemes", Biometrika 41, 1954.
 //
 // Friction swallows the wave while the joint stands, so that only windows in which it mostly moves count.
+//
+// Until there is enough evidence of a fault, the joint is moved by a drive that nobody vouches for. So the way that it
+// goes since drive and encoder were last heard is bounded, too: a drive that is stuck at T gives no more than T times it.
+// They are heard where the evidence for them, against reversed, doubled and unanswered, has summed up to a log-likelihood
+// ratio of `probe_heard_evidence` over windows (A. Wald, "Sequential tests of statistical hypotheses", Annals of
+// Mathematical Statistics 16, 1945); and before r is known, where the answer is far above what lies between the waves.
 #pragma once
 
 #include "fields.hpp"
@@ -53,6 +59,14 @@ constexpr double probe_standing_loss = 1.2;
 /// Largest share of the evidence that one window may give, since one event alone is no fault; and the share of the
 /// evidence beyond which the watch learns nothing.
 constexpr double probe_window_share = 0.5, probe_doubt_share = 0.04;
+/// Evidence for a drive and an encoder that are right, after which they count as heard.
+constexpr double probe_heard_evidence = 3;
+/// Sum over the waves of the answer's power over that of the noise, from which on something answers, whatever it is. The
+/// noise alone is as large in one of 1,900 windows: it is a sum of three exponential variables.
+constexpr double probe_loud_answer = 12;
+/// Share of the waves' power that a window must have been asked for, so that its way counts: a law at its limit of effort
+/// leaves the probe no room. The lag of the drive's torque loop alone leaves about a quarter.
+constexpr double probe_asked_share = 0.05;
 /// Delays that are looked for: multiples of this one [s], from the second on.
 constexpr double probe_delay_step = 0.004;
 constexpr std::uint32_t probe_delay_count = 5;
@@ -62,7 +76,7 @@ constexpr std::uint32_t probe_sum_count = 3 + probe_delay_count;
 template <class S> struct ProbeWatchParams {
   S effort{};
   std::uint32_t samples = 120;
-  S inertia{}, noise{}, moving = S(0.1), evidence = S(25);
+  S inertia{}, noise{}, moving = S(0.1), evidence = S(25), travel = S(std::numeric_limits<S>::infinity());
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.effort, {"probe_effort", unit::effort, at_least(0), "amplitude of each of the probe's three waves; 0: no probe"});
@@ -72,6 +86,8 @@ template <class S> struct ProbeWatchParams {
     visit(p.moving, {"probe_moving", unit::velocity, above(0), "slower, friction may swallow the probe's answer"});
     visit(p.evidence, {"probe_evidence", unit::one, above(0),
                        "log-likelihood ratio of a fault: false alarms are rarer than one in e^this windows"});
+    visit(p.travel, {"probe_travel", unit::coordinate, above(0).or_infinite(),
+                     "way that the joint may go while its drive is not heard; infinite: any"});
   }
 };
 
@@ -82,6 +98,8 @@ template <class S> struct ProbeWatchCoefficients {
   SinCos<S> delay[probe_wave_count]{};         ///< turn of each wave's answer by one step of delay
   S floor[probe_bin_count]{};                  ///< mean square of a lock-in due to the encoder's noise [(N m)^2]
   S inertia_rate{};                            ///< inertia over period [N m s/rad]
+  S period{};                                  ///< [s]
+  S asked_least{};                             ///< sum of the waves' powers from which on a window's way counts [(N m)^2]
   S smoothing{};                               ///< share of a new velocity in the smooth one [1]
   std::uint32_t valid = 0;                     ///< 1: the parameters make sense
 };
@@ -96,6 +114,10 @@ template <class S> ProbeWatchCoefficients<S> coefficients(const ProbeWatchParams
   const S cycle = S(6.283185307179586) / static_cast<S>(p.samples);
   for (std::uint32_t i = 0; i <= probe_bin_count; ++i) c.turn[i] = sincos(cycle * static_cast<S>(probe_cycles[i]));
   c.inertia_rate = p.inertia / period;
+  c.period = period;
+  // A wave alone has a lock-in of a quarter of the periods, since Hann weights sum up to half of their number.
+  const S whole = S(0.25) * static_cast<S>(p.samples) * p.effort;
+  c.asked_least = S(probe_asked_share * probe_wave_count) * whole * whole;
   c.smoothing = period < S(0.016) ? period / S(0.016) : S(1);
   for (std::uint32_t i = 0; i < probe_bin_count; ++i) {
     // The second difference of a wave is 2 (1 - cos) of it; the squares of Hann weights sum up to 3/8 of their number.
@@ -125,6 +147,7 @@ template <class S> struct ProbeWindowState {
   ProbePhasor<S> answer[probe_bin_count]{};  ///< inertia times acceleration, at the waves and between [N m]
   ProbePhasor<S> asked[probe_wave_count]{};  ///< effort asked for, at the waves [N m]
   S moving{};                                ///< Hann weights of the periods in which the joint moves [1]
+  S way{};                                   ///< way in those, by their weights: two windows share each period's [rad]
 };
 
 template <class S> struct ProbeWatchState {
@@ -141,6 +164,8 @@ template <class S> struct ProbeWatchState {
   std::uint32_t learnt = 0;                     ///< windows in what is known
   S noise[2]{};                                 ///< mean squares of what lies between the waves [(N m)^2]
   S sum[probe_sum_count]{};                     ///< evidence: reversed, gain, unanswered, delays [1]
+  S heard{};                                    ///< evidence that drive and encoder are right, since they were heard [1]
+  S way{};                                      ///< way since then [rad]
 };
 
 /// The effort to add in this period [N m].
@@ -198,6 +223,10 @@ SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, con
   if (!(moves >= S(probe_judged_share))) return SafetyFault::none;
   const bool teaches = moves >= S(probe_learnt_share);
   if (!is_known(s)) {
+    S loud = S(0);
+    for (std::uint32_t i = 0; i < probe_wave_count; ++i)
+      loud = loud + square(w.answer[i]) / max(c.floor[i] + noise[i], S(std::numeric_limits<float>::min()));
+    if (loud >= S(probe_loud_answer)) s.way = S(0);
     if (teaches) learn(s, w);
     return SafetyFault::none;
   }
@@ -228,6 +257,9 @@ SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, con
   const S wrong = S(probe_wrong_gain);
   S likelihood[probe_sum_count] = {-S(2) * match - power, wrong * (S(2) * match - wrong * power), S(0)};
   for (std::uint32_t k = 0; k < probe_delay_count; ++k) likelihood[3 + k] = S(2) * late[k] - power;
+  const S wrongs = max(likelihood[0], max(likelihood[1], likelihood[2]));
+  s.heard = max(s.heard + healthy - wrongs, S(0));
+  if (s.heard >= S(probe_heard_evidence)) s.heard = s.way = S(0);
   // What is found is what explains this window best.
   std::uint32_t best = 0;
   bool is_found = false, is_doubtful = false;
@@ -238,18 +270,24 @@ SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, con
     is_doubtful = is_doubtful || s.sum[k] > S(probe_doubt_share) * c.params.evidence;
     if (likelihood[k] > likelihood[best]) best = k;
   }
-  if (!is_doubtful && teaches && quiet >= S(0)) learn(s, w);
+  // A window that a fault explains better is learnt from by no robot, lest a new fault become what is known.
+  if (!is_doubtful && teaches && quiet >= S(0) && healthy > wrongs) learn(s, w);
   if (!is_found) return SafetyFault::none;
   constexpr SafetyFault verdicts[] = {SafetyFault::polarity, SafetyFault::gain, SafetyFault::unanswered};
   return best < 3 ? verdicts[best] : SafetyFault::late_answer;
 }
 
-/// Ends a window: judges it, and begins the next.
+/// Ends a window: judges it and the way since the drive was heard, and begins the next.
 template <class S>
 SafetyFault end_window(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, std::uint32_t which) noexcept {
   const ProbeWindowState<S> ended = s.window[which];
   s.window[which] = {};
-  return judge(c, s, ended);
+  S asked = S(0);
+  for (const ProbePhasor<S>& one : ended.asked) asked = asked + square(one);
+  if (asked >= c.asked_least) s.way = s.way + ended.way;
+  const SafetyFault found = judge(c, s, ended);
+  if (found != SafetyFault::none) return found;
+  return s.way <= c.params.travel ? SafetyFault::none : SafetyFault::unanswered;
 }
 
 /// One period: the velocity that the encoder shows [rad/s], and the mean effort between its last two readings [N m]. The
@@ -277,6 +315,7 @@ SafetyFault step(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, cons
       w.asked[i].imaginary = w.asked[i].imaginary - given * now.imaginary;
     }
     w.moving = w.moving + weights[k] * moves;
+    w.way = w.way + weights[k] * moves * c.period * abs(s.slow);
   }
   for (std::uint32_t i = 0; i <= probe_bin_count; ++i)
     s.phase[i] = times(s.phase[i], ProbePhasor<S>{c.turn[i].cos, c.turn[i].sin});

@@ -125,6 +125,10 @@ auto walk_watches(const WatchedPeriod<S>& w, const WatchedState<S>& shown, V&& v
   const S wave = hardly_moved(p.test, s.test) ? s.test.work - s.test.middle : s.test.middle;
   const bool force = p.force.expected != 0;
 
+  const bool probes = p.probe.effort > S(0) && carries;
+  S latest = S(0);
+  for (std::uint32_t k = 3; k < probe_sum_count; ++k) latest = s.probe.sum[k] > latest ? s.probe.sum[k] : latest;
+
   return visit(
       Show{S(1e-6) * static_cast<S>(age_of(w.now, w.read.position.time)), w.gate.params.max_age,
            {"sample_age", unit::time, W::above, F::stale, "age of the position's sample"}},
@@ -182,7 +186,17 @@ auto walk_watches(const WatchedPeriod<S>& w, const WatchedState<S>& shown, V&& v
       Show{wave, tested ? p.test.least : never,
            {"test_return", unit::energy, W::below, F::polarity, "work of the wave at start-up"}},
       Show{s.unexplained.energy, where(w.c.body.checks && force && before == Mode::running, p.unexplained.limit),
-           {"unexplained_energy", unit::energy, W::above, F::unexplained_energy, "energy that nobody accounts for"}});
+           {"unexplained_energy", unit::energy, W::above, F::unexplained_energy, "energy that nobody accounts for"}},
+      Show{s.probe.sum[0], where(probes, p.probe.evidence),
+           {"probe_reversed", unit::one, W::above, F::polarity, "evidence that drive or encoder is reversed"}},
+      Show{s.probe.sum[1], where(probes, p.probe.evidence),
+           {"probe_gain", unit::one, W::above, F::gain, "evidence that the drive gives twice its effort or more"}},
+      Show{s.probe.sum[2], where(probes, p.probe.evidence),
+           {"probe_unanswered", unit::one, W::above, F::unanswered, "evidence that nothing answers the probe"}},
+      Show{latest, where(probes, p.probe.evidence),
+           {"probe_late", unit::one, W::above, F::late_answer, "evidence that the answer to the probe is late"}},
+      Show{s.probe.way, where(probes, p.probe.travel),
+           {"probe_travel", unit::coordinate, W::above, F::unanswered, "way since drive and encoder were heard"}});
 }
 
 namespace detail {

@@ -11,6 +11,7 @@ from pellucid.control.control_law import LAWS, ControlLaw
 from pellucid.control.instruments import Instruments
 from pellucid.control.probe import (
     MAX_PROBE_SHARE,
+    MAX_UNHEARD_S,
     PROBE_ACCELERATION,
     PROBE_CREST,
     probe_numbers,
@@ -46,6 +47,8 @@ def test_rules_of_amplitude_window_and_noise():
     speed = PROBE_CREST * PROBE_ACCELERATION / (2.0 * math.pi * 5 / 0.12)
     assert s["probe_moving"] == pytest.approx(max(0.1, 2.0 * speed))
     assert s["probe_evidence"] == 25.0
+    assert s["probe_travel"] == pytest.approx(MAX_UNHEARD_S * law().values["velocity_limit"])
+    assert probe_numbers(INERTIA, 1e-5, limit=10.0, period=0.001)["probe_travel"] == math.inf
 
 
 def test_a_coarse_encoder_needs_a_larger_wave():

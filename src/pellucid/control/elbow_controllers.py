@@ -47,7 +47,7 @@ SENSED_BODY: Mapping[str, float] = {
 """What of the body is compensated where a force sensor sees to the rest."""
 
 DEFAULT_FORCE_SENSOR = partial(with_force_sensor, proportional=1.5, lowpass=550.0)
-"""Feedback of the interaction torque with the gains that were chosen on tuning robots, whose transmissions are stiff."""
+"""Feedback of the interaction torque with gains chosen on tuning robots, whose transmissions are stiff."""
 
 DEFAULT_OBSERVER = partial(with_disturbance_observer, share=0.5, lowpass=60.0)
 """Disturbance observer with the gains that were chosen on tuning robots, before any transmission lowers them."""

@@ -47,6 +47,12 @@ MIN_PROBE_SPEED = 0.1
 """Speed below which friction may swallow the wave at any amplitude [rad/s or m/s]."""
 
 
+MAX_UNHEARD_S = 0.1625
+"""Time at the velocity limit whose way is the longest that the joint may go while its drive is not heard.
+
+It is 1.3 rad for a limit of 8 rad/s, a fifth more than healthy wearers needed on foreign plants of the tuning seeds."""
+
+
 def probe_signal_to_noise(amplitude: float, inertia: float, resolution: float, period: float) -> float:
     """Return the power of a window's lock-in over that of the encoder's noise, summed over the three waves [1].
 
@@ -65,7 +71,9 @@ def probe_samples(period: float) -> int:
     return 2 * round(0.5 * PROBE_WINDOW_S / period)
 
 
-def probe_numbers(inertia: float, resolution: float, *, limit: float, period: float) -> Mapping[str, float]:
+def probe_numbers(
+    inertia: float, resolution: float, *, limit: float, period: float, speed_limit: float = math.inf
+) -> Mapping[str, float]:
     """Return the supervisor's numbers of the probe by name, SI.
 
     Parameters
@@ -78,6 +86,8 @@ def probe_numbers(inertia: float, resolution: float, *, limit: float, period: fl
         Effort limit of the law [N m or N].
     period : float
         Control period [s].
+    speed_limit : float
+        Velocity limit of the law [rad/s or m/s]; infinite where it has none, and the way is not bounded then.
 
     Raises
     ------
@@ -109,4 +119,5 @@ def probe_numbers(inertia: float, resolution: float, *, limit: float, period: fl
         "probe_inertia": inertia,
         "probe_noise": resolution / PROBE_READING_ERRORS,
         "probe_moving": max(MIN_PROBE_SPEED, PROBE_SPEED_MARGIN * speed),
+        "probe_travel": MAX_UNHEARD_S * speed_limit,
     }

@@ -707,5 +707,6 @@ def supervision_of(
     if instruments.start_up_answer is not None:
         made["test_least"], made["test_most"] = commissioned_bounds(instruments.start_up_answer)
     if instruments.probe:
-        made |= probe_numbers(inertia, complete.encoder_resolution, limit=effort, period=period)
+        resolution = complete.encoder_resolution
+        made |= probe_numbers(inertia, resolution, limit=effort, period=period, speed_limit=speed)
     return known | {name: float(value) for name, value in made.items()}

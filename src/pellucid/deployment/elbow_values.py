@@ -118,8 +118,8 @@ def _gain_notes(stiff: ControlLaw, law: ControlLaw) -> Iterator[str]:
     if law.values.get("proportional") != stiff.values.get("proportional"):
         yield (
             f"The gain on the interaction torque is {law.values['proportional']:g}, as in the virtual lab, not "
-            f"{stiff.values['proportional']:g} as on a stiff transmission: behind a soft one the force answers late, and "
-            f"more would ring. If rotor and joint resonate at {MIN_STIFF_RESONANCE_HZ:g} Hz or higher, say so with "
+            f"{stiff.values['proportional']:g} as on a stiff transmission: behind a soft one the force answers late, "
+            f"and more would ring. If rotor and joint resonate at {MIN_STIFF_RESONANCE_HZ:g} Hz or higher, say so with "
             "lowest_resonance in [rig.drive] and export again."
         )
     if law.values.get("disturbance_share") != stiff.values.get("disturbance_share"):
