@@ -45,7 +45,7 @@ ALLOWED = {
     "lab": UP_TO_SIGNALS | PHYSICS | JUDGING - {"pages"} | {"drawing", "datasets", "live"},
     "deployment": UP_TO_SIGNALS | PHYSICS | {"fit", "control", "procedures"},
     "papers": EVERYTHING,
-    "demonstration": EVERYTHING | {"deployment"},
+    "demonstration": EVERYTHING | {"deployment", "live", "session"},
     "ranking": EVERYTHING | {"papers"},
     "proposals": BASE | {"drawing", "inference", "pages", "recordings", "studies"},  # of a lab's own files
     "session": UP_TO_SIGNALS | {"control", "live", "estimators", "assessment", "procedures", "pages", "drawing"},

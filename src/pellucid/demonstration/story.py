@@ -24,7 +24,7 @@ from ..procedures.slider import direction_figures
 from ..procedures.slider.slider_page import COLOUR_ROLES, COMPARED_METHODS, PROTOCOL_WORDS, SHORT_METHOD_NAMES
 from .coverage import RICHER_PLANTS
 from .demonstration import Demonstration
-from .replayed_session import screens_figure
+from .session_figures import screens_figure
 
 CONFIDENCE_LEVEL = 0.95
 """Confidence level of the intervals on the page."""
