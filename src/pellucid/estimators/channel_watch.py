@@ -93,7 +93,9 @@ def add_channel_watch(card: EmgEstimatorCard, trials: Mapping[str, Sequence[Torq
         WatchedChannel(
             float(consequence[k]),
             float(usual[k]),
-            *(float(mean[k]) for mean in means),
+            float(means[0][k]),
+            float(means[1][k]),
+            float(means[2][k]),
             tuple(_term(name, w) for name, w in patterns[k].unscaled_coefficients(features).items()),
         )
         for k in range(len(names))
