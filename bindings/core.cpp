@@ -403,6 +403,8 @@ nb::dict model_fields() {
   models["posture_servo"] = fields_of<p::PostureServoParams<double>>();
   models["muscle"] = fields_of<p::EmgMuscleParams<double>>();
   models["emg_channel"] = fields_of<p::EmgChannelParams<double>>();
+  models["watched_channel"] = fields_of<p::WatchedChannelParams<double>>();
+  models["watched_angle"] = fields_of<p::WatchedAngleParams<double>>();
   models["estimated_joint"] = fields_of<p::EstimatedJointParams<double>>();
   models["short_range"] = fields_of<p::ShortRangeParams<double>>();
   models["strap_estimator"] = fields_of<p::StrapEstimatorParams<double>>();

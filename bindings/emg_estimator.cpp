@@ -46,7 +46,15 @@ gamma, tendon_strain : float
 period : float
     From one step to the next [s], > 0.
 patience : int
-    Periods that what is silent keeps its last value.)";
+    Periods that what is silent keeps its last value.
+watch : (c, 5)
+    Consequence, usual error, square, product and square of the pattern of each channel; None: none is watched.
+patterns : sequence of (k, 3)
+    Weight and features of each channel's pattern, of angles alone; -1 is no feature.
+ranges : (a, 4)
+    Smallest and largest of each angle [rad] and of its rate [rad/s] in the calibration, with margins.
+forgetting, max_loss : float
+    Share of a mean that a step replaces; share of the torque's variance at which a channel has changed.)";
 
 constexpr const char* step_doc = R"(One period.
 
@@ -165,7 +173,8 @@ template <class S> class EmgEstimator {
   EmgEstimator(nb::handle channels, long long angles, nb::handle muscles, nb::handle shares, nb::handle axes,
                nb::sequence surfaces, nb::handle joints, nb::sequence terms, nb::handle lags, nb::handle motion,
                nb::handle before, nb::handle after, double gamma, double tendon_strain, double period,
-               std::uint32_t patience)
+               std::uint32_t patience, nb::handle watch, nb::sequence patterns, nb::handle ranges, double forgetting,
+               double max_loss)
       : own_(std::make_unique<Own>()) {
     auto made = std::make_unique<p::EmgEstimatorParams<S, Room>>();
     p::EmgEstimatorParams<S, Room>& params = *made;
@@ -220,10 +229,7 @@ template <class S> class EmgEstimator {
       one.limit = static_cast<S>(row[4]);
       const Array term = read_array("terms", terms[j]);
       if (term.size() != 0 && (term.shape.size() != 2 || term.shape[1] != 3)) term.fail("(k, 3)");
-      for (std::size_t i = 0; i + 2 < term.size(); i += 3) {
-        const auto factor = [](double x) { return x < 0.0 ? p::no_factor : whole("terms", x, 1e6); };
-        own_->term[j].push_back({static_cast<S>(term.data[i]), factor(term.data[i + 1]), factor(term.data[i + 2])});
-      }
+      own_->term[j] = terms_of(term);
       one.term = own_->term[j].data();
       one.terms = static_cast<std::uint32_t>(own_->term[j].size());
     }
@@ -240,6 +246,31 @@ template <class S> class EmgEstimator {
     params.period = static_cast<S>(period);
     params.period_us = static_cast<std::uint32_t>(std::lround(1e6 * period));
     params.patience = patience;
+    if (!watch.is_none()) {
+      const Array watched = read_array("watch", watch), range = read_array("ranges", ranges);
+      watched.expect(text({params.channels, 5}), {params.channels, 5});
+      range.expect(text({params.angles, 4}), {params.angles, 4});
+      if (nb::len(patterns) != params.channels) throw nb::value_error("patterns: expected one for each channel");
+      params.watch.on = true;
+      params.watch.forgetting = static_cast<S>(forgetting);
+      params.watch.max_loss = static_cast<S>(max_loss);
+      own_->pattern.resize(params.channels);
+      for (std::size_t i = 0; i < params.channels; ++i) {
+        const double* row = watched.data + 5 * i;
+        params.watch.channel[i] = {static_cast<S>(row[0]), static_cast<S>(row[1]), static_cast<S>(row[2]),
+                                   static_cast<S>(row[3]), static_cast<S>(row[4])};
+        const Array term = read_array("patterns", patterns[i]);
+        if (term.size() != 0 && (term.shape.size() != 2 || term.shape[1] != 3)) term.fail("(k, 3)");
+        own_->pattern[i] = terms_of(term);
+        params.pattern[i] = own_->pattern[i].data();
+        params.pattern_terms[i] = static_cast<std::uint32_t>(own_->pattern[i].size());
+      }
+      for (std::size_t k = 0; k < params.angles; ++k) {
+        const double* row = range.data + 4 * k;
+        params.watch.angle[k] = {static_cast<S>(row[0]), static_cast<S>(row[1]), static_cast<S>(row[2]),
+                                 static_cast<S>(row[3])};
+      }
+    }
     own_->coefficients = p::coefficients(params);
     if (!own_->coefficients.valid)
       throw nb::value_error("EmgEstimator: expected finite numbers within their bounds, features and angles that exist, "
@@ -317,9 +348,23 @@ template <class S> class EmgEstimator {
       result.data[i] = static_cast<double>(own_->state.channel[i].heard);
     return result.array();
   }
+  std::uint32_t changed() const { return own_->state.estimate.changed; }
+  nb::object losses() const {
+    Result result({own_->coefficients.channels});
+    for (std::size_t i = 0; i < own_->coefficients.channels; ++i)
+      result.data[i] = static_cast<double>(own_->state.watch.loss[i]);
+    return result.array();
+  }
   void reset() { own_->state = {}; }
 
  private:
+  static std::vector<p::TorqueTerm<S>> terms_of(const Array& term) {
+    const auto factor = [](double x) { return x < 0.0 ? p::no_factor : whole("terms", x, 1e6); };
+    std::vector<p::TorqueTerm<S>> made;
+    for (std::size_t i = 0; i + 2 < term.size(); i += 3)
+      made.push_back({static_cast<S>(term.data[i]), factor(term.data[i + 1]), factor(term.data[i + 2])});
+    return made;
+  }
   static std::size_t delay_at() {
     std::size_t at = 0, i = 0;
     const p::EmgMuscleParams<S> params{};
@@ -345,7 +390,7 @@ template <class S> class EmgEstimator {
 
   struct Own {
     std::vector<std::vector<S>> surface;
-    std::vector<std::vector<p::TorqueTerm<S>>> term;
+    std::vector<std::vector<p::TorqueTerm<S>>> term, pattern;
     p::EmgEstimatorCoefficients<S, Room> coefficients;
     p::EmgEstimatorState<S, Room> state;
   };
@@ -377,16 +422,20 @@ template <class S> void add_one(nb::module_& m, const char* name) {
   using Class = EmgEstimator<S>;
   nb::class_<Class>(m, name, estimator_doc)
       .def(nb::init<nb::handle, long long, nb::handle, nb::handle, nb::handle, nb::sequence, nb::handle, nb::sequence,
-                    nb::handle, nb::handle, nb::handle, nb::handle, double, double, double, std::uint32_t>(),
+                    nb::handle, nb::handle, nb::handle, nb::handle, double, double, double, std::uint32_t, nb::handle,
+                    nb::sequence, nb::handle, double, double>(),
            nb::kw_only(), nb::arg("channels").none(), nb::arg("angles"), nb::arg("muscles").none(),
            nb::arg("shares").none(), nb::arg("axes").none(), nb::arg("surfaces"), nb::arg("joints").none(),
            nb::arg("terms"), nb::arg("lags").none(), nb::arg("motion").none(), nb::arg("before") = nb::none(),
            nb::arg("after") = nb::none(), nb::arg("gamma") = 23.4, nb::arg("tendon_strain") = 0.033, nb::arg("period"),
-           nb::arg("patience"),
+           nb::arg("patience"), nb::arg("watch") = nb::none(), nb::arg("patterns") = nb::tuple(),
+           nb::arg("ranges") = nb::none(), nb::arg("forgetting") = 0.0, nb::arg("max_loss") = 0.0,
            nb::sig("def __init__(self, *, channels: ArrayLike, angles: int, muscles: ArrayLike, shares: ArrayLike, "
                    "axes: ArrayLike, surfaces: Sequence[ArrayLike], joints: ArrayLike, terms: Sequence[ArrayLike], "
                    "lags: ArrayLike, motion: ArrayLike, before: ArrayLike | None = None, after: ArrayLike | None = "
-                   "None, gamma: float = 23.4, tendon_strain: float = 0.033, period: float, patience: int) -> None"))
+                   "None, gamma: float = 23.4, tendon_strain: float = 0.033, period: float, patience: int, watch: ArrayLike | None = None, "
+                   "patterns: Sequence[ArrayLike] = (), ranges: ArrayLike | None = None, forgetting: float = 0.0, "
+                   "max_loss: float = 0.0) -> None"))
       .def("listen", &Class::listen, nb::arg("samples").none(),
            nb::sig("def listen(self, samples: ArrayLike) -> None"),
            "Raw EMG of every channel, (n, c), at the rate that the filters are made for.")
@@ -407,6 +456,10 @@ template <class S> void add_one(nb::module_& m, const char* name) {
                    "Of each muscle at the last step, (m,) [1].")
       .def_prop_ro("levels", &Class::levels, nb::sig("def levels(self) -> NDArray[float64]"),
                    "Envelope of each channel as it was last heard, (c,).")
+      .def_prop_ro("changed", &Class::changed, nb::sig("def changed(self) -> int"),
+                   "Channels that changed since the calibration, at the last step, a bit each.")
+      .def_prop_ro("losses", &Class::losses, nb::sig("def losses(self) -> NDArray[float64]"),
+                   "Share of the torque's variance that each channel may cost at the last step, (c,).")
       .def("reset", &Class::reset, "Forget every sample.");
 }
 

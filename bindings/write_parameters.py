@@ -19,6 +19,8 @@ MODELS = {
     "posture_servo": "Muscles that follow a motion, and their reflex",
     "muscle": "A muscle from its EMG envelope on",
     "emg_channel": "A channel of EMG of the estimator of torque",
+    "watched_channel": "A channel as it was in the calibration",
+    "watched_angle": "Range of an angle in the calibration",
     "estimated_joint": "A joint that it gives a torque of, beside its muscles",
     "short_range": "Stiffness of a muscle at once",
     "strap_estimator": "A strap learnt while it is worn",

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,12 +25,14 @@ from scipy import signal
 from pellucid.datasets import init
 from pellucid.datasets.fetch import DATA_VARIABLE
 from pellucid.datasets.fetch import path as data_set
+from pellucid.deployment.c_folder import OUTPUT_FILE
 from pellucid.deployment.estimator_folder import write_estimator_folder
 from pellucid.deployment.microcontroller import measure, missing_tools
+from pellucid.estimators.condition_choice import ERROR_BAND_SHARE
 from pellucid.estimators.cross_validation import score
 from pellucid.estimators.emg_session import FittedSession
 from pellucid.estimators.families import ESTIMATOR_FAMILIES
-from pellucid.estimators.live_torque import LiveTorque
+from pellucid.estimators.live_torque import FAULTS, LiveTorque
 from pellucid.estimators.raw_session import RawChannels
 from pellucid.estimators.session_watch import SessionWatch
 from pellucid.estimators.torque_map import fit_torque_map
@@ -47,6 +50,8 @@ from pellucid.studies import Study
 from pellucid.studies.results import ResultRow
 
 from ._emg_onset import onset_rows
+from ._emg_watch import raw_rows as raw_emg_rows
+from ._emg_watch import session_rows
 
 SEED = 20261123
 FITTED = (19.0, 24.0)  # s, of the walking study
@@ -57,7 +62,7 @@ DRAWN = sized(300, smallest=3)
 """Drawn spoilings."""
 STRETCH = 10.0
 """Length of each stretch that is spoilt [s]."""
-CHOICE_SETS = sized(("nmsm", "walking", "uci"), smallest=("walking",))
+CHOICE_SETS = sized(("nmsm", "walking", "uci", "lifting"), smallest=("walking",))
 """Sets on which the estimator that is named is held against the best."""
 CHOICE_JOINTS = sized(("knee", "ankle"), smallest=("ankle",))
 """Joints of walking and running on which it is."""
@@ -77,9 +82,11 @@ def rows() -> Iterator[ResultRow]:
         yield from drawn_rows(study)
         yield from faster_rows(study)
         yield from live_rows(study)
+        yield from session_rows(study)
         yield from raw_rows(Path(folder) / "raw")
         yield from elsewhere_rows(study, Path(folder) / "elsewhere")
         yield from activity_rows(study, Path(folder) / "activity")
+    yield from raw_emg_rows()
     yield from onset_rows()
     yield from choice_rows()
     yield from export_rows()
@@ -445,9 +452,29 @@ def choice_rows() -> Iterator[ResultRow]:
             "nmsm": lambda: init(Path(folder) / "nmsm", dataset="nmsm_knee_emg"),
             "walking": lambda: running_study(walking, Path(folder) / "running", CHOICE_JOINTS) or walking,
             "uci": lambda: init(Path(folder) / "uci", dataset="uci_lower_limb"),
+            "lifting": lambda: init(Path(folder) / "lifting", dataset="lumbar_lifting"),
         }
+        held: dict[str, float] = {}
         for name in CHOICE_SETS:
-            yield from over_best(name, calibrate(sets[name]()))
+            result = calibrate(sets[name]())
+            held |= held_shares(name, result)
+            yield from over_best(name, result)
+        said = f"of the reference within the {100 * ERROR_BAND_SHARE:g} % band of what is named, by set and joint"
+        for which, pick in (("lowest", min), ("highest", max)):
+            where = pick(held, key=held.__getitem__)
+            yield row(f"bands.{which}", 100.0 * held[where], "%", f"{said}: {where}; {len(held)} of them")
+
+
+def held_shares(name: str, result: CalibrationResult) -> dict[str, float]:
+    """Share of the reference within the error band of what is named, by set, joint and recording."""
+    found: dict[str, list[float]] = {}
+    for chosen in result.chosen:
+        for one in chosen.by_condition():
+            if one.held is not None:
+                # Trials that are left out in turn belong together: a stride or two is no coverage.
+                where = f"{name} {chosen.what}" if chosen.by else f"{name} {chosen.what} {one.name}"
+                found.setdefault(where, []).append(one.held)
+    return {where: float(np.mean(each)) for where, each in found.items()}
 
 
 def over_best(name: str, result: CalibrationResult) -> Iterator[ResultRow]:
@@ -511,6 +538,10 @@ def export_rows() -> Iterator[ResultRow]:
         motion = np.column_stack([*emg.values()]), np.column_stack([*angles.values()])
         out = write_estimator_folder(study.name, card, Path(folder) / "c", motion=motion)
         on_m4 = measure(out)
+        said = [int(each) & 0xFF for each in re.findall(r"\{ (\d+)u, \{", (out / OUTPUT_FILE).read_text("utf-8"))]
+    replaced = said.count(FAULTS.index("changed"))
+    how = f"{on_m4.steps} steps of the exported test vector, {replaced} of them with a changed channel; {what}"
+    yield row("watch.c.wrong_bits", on_m4.wrong if replaced else None, "1", how, "simulated")
     how = f"{what}, and faults: {on_m4.steps} steps, torque and stiffness; Cortex-M4F in QEMU beside this machine"
     yield row("export.wrong_bits", on_m4.wrong, "1", how, "simulated")
     said = (

@@ -8,9 +8,12 @@
 //   a channel or an angle that is silent keeps its last value for `patience` periods; then the channel is at rest, and
 //   without an angle every torque is 0. Periods that were missed are gone through with what was last heard; after more
 //   than `most_missed_periods` it starts anew.
+//   a channel that no longer is what it was in the calibration, to the torque's cost, is replaced by its pattern, and
+//   where nothing holds every torque is 0 (emg_watch.hpp).
 #pragma once
 
 #include "biquad.hpp"
+#include "emg_watch.hpp"
 #include "hill_torque.hpp"
 #include "muscle_path.hpp"
 #include "muscle_stiffness.hpp"
@@ -85,6 +88,9 @@ template <class S, class Size> struct EmgEstimatorParams {
   DrivenMuscleParams<S, Size> muscle[Size::muscles]{};  ///< none beside a map
   EstimatedJointParams<S> joint[Size::joints]{};  ///< joints whose torque is estimated
   ShortRangeParams<S> short_range{};            ///< short-range stiffness
+  EmgWatchParams<S, Size::channels, Size::angles> watch{};  ///< channels as they were in the calibration
+  const TorqueTerm<S>* pattern[Size::channels]{};  ///< terms of each channel's pattern, of angles alone; they outlive the coefficients
+  std::uint32_t pattern_terms[Size::channels]{};   ///< how many of each
   std::uint32_t lag[most_emg_lags]{};           ///< how much earlier a map sees envelopes too, in samples
   std::uint32_t lags = 0;                       ///< how many of them
   S period{};                                   ///< from one step to the next [s]
@@ -110,6 +116,9 @@ template <class S, class Size> struct EmgEstimatorCoefficients {
   DrivenMuscleCoefficients<S, Size> muscle[Size::muscles]{};  ///< each
   EstimatedJointParams<S> joint[Size::joints]{};  ///< as they are
   ShortRangeCoefficients<S> short_range{};        ///< short-range stiffness
+  EmgWatchParams<S, Size::channels, Size::angles> watch{};  ///< as it is
+  const TorqueTerm<S>* pattern[Size::channels]{};  ///< as they are
+  std::uint32_t pattern_terms[Size::channels]{};   ///< how many of each
   std::uint32_t lag[most_emg_lags]{};             ///< in samples
   std::uint32_t lags = 0;                         ///< how many
   S rate{};                                       ///< steps a second [1/s]
@@ -141,6 +150,17 @@ template <class S, class Size> bool is_sound(const EmgEstimatorParams<S, Size>& 
       const TorqueTerm<S>& term = joint.term[i];
       sound = is_finite(term.weight) && (term.first == no_factor || term.first < features) &&
               (term.second == no_factor || term.second < features);
+    }
+  }
+  sound = sound && is_sound(p.watch, p.channels, p.angles);
+  for (std::size_t i = 0; p.watch.on && sound && i < p.channels; ++i) {
+    sound = p.pattern_terms[i] == 0 || p.pattern[i] != nullptr;
+    for (std::size_t t = 0; sound && t < p.pattern_terms[i]; ++t) {
+      const auto is_of_angles = [&p, features](std::uint32_t x) {
+        return x == no_factor || (x >= p.channels * (1 + p.lags) && x < features);
+      };
+      const TorqueTerm<S>& term = p.pattern[i][t];
+      sound = is_finite(term.weight) && is_of_angles(term.first) && is_of_angles(term.second);
     }
   }
   for (std::size_t m = 0; m < p.muscles; ++m) {
@@ -177,6 +197,11 @@ EmgEstimatorCoefficients<S, Size> coefficients(const EmgEstimatorParams<S, Size>
   }
   for (std::size_t j = 0; j < p.joints; ++j) c.joint[j] = p.joint[j];
   c.short_range = coefficients(p.short_range);
+  c.watch = p.watch;
+  for (std::size_t i = 0; i < p.channels; ++i) {
+    c.pattern[i] = p.pattern[i];
+    c.pattern_terms[i] = p.pattern_terms[i];
+  }
   for (std::size_t i = 0; i < most_emg_lags; ++i) c.lag[i] = p.lag[i];
   c.lags = p.lags;
   c.rate = S(1) / p.period;
@@ -207,9 +232,12 @@ enum class EmgFault : std::uint8_t {
   ceiling,        ///< an envelope is above what a muscle gives, and was cut off
   limit,          ///< a torque was beyond its limit, and was cut off; or it was no number, and is 0
   restarted,      ///< the first step, or the first after too long a gap: lags and rates begin anew
+  changed,        ///< a channel is not what it was in the calibration: its pattern stands in its place
+  unlike,         ///< channels or movement are unlike the calibration: every torque is 0
 };
 constexpr const char* emg_fault_names[] = {"none",    "configuration", "time",  "angle",
-                                           "channel", "ceiling",       "limit", "restarted"};
+                                           "channel", "ceiling",       "limit", "restarted",
+                                           "changed", "unlike"};
 
 /// What is heard at one instant.
 template <class S, class Size> struct EmgSamples {
@@ -224,6 +252,7 @@ template <class S, class Size> struct EmgEstimate {
   std::uint32_t lost = 0;               ///< channels that have been silent for too long, a bit each
   std::uint32_t above = 0;              ///< channels above their ceiling
   std::uint32_t blind = 0;              ///< angles that are lost
+  std::uint32_t changed = 0;            ///< channels that changed since the calibration, replaced by their patterns
   EmgFault fault = EmgFault::angle;     ///< the gravest; without one this is `none`
 };
 
@@ -255,6 +284,7 @@ template <class S, class Size> struct EmgEstimatorState {
   EmgMuscleState<S, Size::delay> muscle[Size::muscles]{};  ///< activation and what is on its way
   MusclePath<S> path[Size::muscles]{};  ///< at the last step
   S stretch[Size::muscles]{};           ///< rate of each length [m/s]
+  EmgWatchState<S, Size::channels> watch{};  ///< channels against those of the calibration
   std::size_t next = 0;                 ///< where the next envelope goes in a ring
   std::int64_t time = 0;                ///< time of the last step [us]
   bool started = false;                 ///< false until every angle has been heard once
@@ -324,6 +354,41 @@ template <class S, class Size> void advance(const EmgEstimatorCoefficients<S, Si
     state.smooth = smooth;
     angle[k] = state.heard;
   }
+  const auto feature = [&c, &s](std::uint32_t i) {
+    const std::uint32_t seen = 1 + c.lags, all = c.channels * seen;
+    if (i >= all) {
+      const AngleState<S>& state = s.angle[(i - all) / 3];
+      return (i - all) % 3 == 0 ? state.smooth : (i - all) % 3 == 1 ? state.rate : state.acceleration;
+    }
+    const std::size_t age = i % seen == 0 ? 0 : c.lag[i % seen - 1];
+    return s.channel[i / seen].past[s.next >= age ? s.next - age : s.next + Size::lag - age];
+  };
+  const auto product = [&feature](const TorqueTerm<S>& term) {
+    const S one = term.first == no_factor ? S(1) : feature(term.first);
+    return term.weight * one * (term.second == no_factor ? S(1) : feature(term.second));
+  };
+  if (c.watch.on && out.blind == 0) {
+    S pattern[Size::channels]{};
+    for (std::size_t i = 0; i < c.channels; ++i) {
+      S sum(0);
+      for (std::size_t t = 0; t < c.pattern_terms[i]; ++t) sum = sum + product(c.pattern[i][t]);
+      pattern[i] = is_finite(sum) ? max(S(0), min(sum, c.channel[i].ceiling)) : S(0);
+    }
+    bool strange = false;
+    for (std::size_t k = 0; k < c.angles; ++k) {
+      const WatchedAngleParams<S>& fitted = c.watch.angle[k];
+      strange = strange || s.angle[k].smooth < fitted.low || s.angle[k].smooth > fitted.high ||
+                rate[k] < fitted.slowest || rate[k] > fitted.fastest;
+    }
+    step(c.watch, s.watch, envelope, pattern, c.channels, out.lost, strange);
+    out.changed = s.watch.changed;
+    for (std::size_t i = 0; i < c.channels; ++i)
+      if ((out.changed >> i & 1u) != 0) {
+        const S instead = s.watch.common * pattern[i];
+        envelope[i] = is_finite(instead) ? max(S(0), min(instead, c.channel[i].ceiling)) : c.channel[i].rest;
+        s.channel[i].past[s.next] = envelope[i];
+      }
+  }
   S torque[Size::joints]{};
   for (std::size_t m = 0; m < c.muscles; ++m) {
     const DrivenMuscleCoefficients<S, Size>& muscle = c.muscle[m];
@@ -340,32 +405,21 @@ template <class S, class Size> void advance(const EmgEstimatorCoefficients<S, Si
       for (std::size_t a = 0; a < muscle.path.axes; ++a)
         if (muscle.path.axis[a].axis.angle == c.joint[j].angle) torque[j] = torque[j] - s.path[m].slope[a] * force;
   }
-  const auto feature = [&c, &s](std::uint32_t i) {
-    const std::uint32_t seen = 1 + c.lags, all = c.channels * seen;
-    if (i >= all) {
-      const AngleState<S>& state = s.angle[(i - all) / 3];
-      return (i - all) % 3 == 0 ? state.smooth : (i - all) % 3 == 1 ? state.rate : state.acceleration;
-    }
-    const std::size_t age = i % seen == 0 ? 0 : c.lag[i % seen - 1];
-    return s.channel[i / seen].past[s.next >= age ? s.next - age : s.next + Size::lag - age];
-  };
   bool cut = false;
   for (std::size_t j = 0; j < c.joints; ++j) {
     const EstimatedJointParams<S>& joint = c.joint[j];
     S sum = torque[j] + (joint.offset - joint.stiffness * angle[joint.angle] - joint.damping * rate[joint.angle]);
-    for (std::size_t i = 0; i < joint.terms; ++i) {
-      const TorqueTerm<S>& term = joint.term[i];
-      const S one = term.first == no_factor ? S(1) : feature(term.first);
-      sum = sum + term.weight * one * (term.second == no_factor ? S(1) : feature(term.second));
-    }
+    for (std::size_t i = 0; i < joint.terms; ++i) sum = sum + product(joint.term[i]);
     const S bounded = is_finite(sum) ? clamp(sum, -joint.limit, joint.limit) : S(0);
     cut = cut || !(sum == bounded);
-    out.torque[j] = out.blind != 0 ? S(0) : bounded;
+    out.torque[j] = out.blind != 0 || (c.watch.on && s.watch.unlike) ? S(0) : bounded;
   }
   s.next = s.next + 1 < Size::lag ? s.next + 1 : 0;
   s.started = true;
   out.fault = out.blind != 0   ? EmgFault::angle
+              : c.watch.on && s.watch.unlike ? EmgFault::unlike
               : out.lost != 0  ? EmgFault::channel
+              : out.changed != 0 ? EmgFault::changed
               : out.above != 0 ? EmgFault::ceiling
               : cut            ? EmgFault::limit
               : first          ? EmgFault::restarted

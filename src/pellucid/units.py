@@ -197,6 +197,8 @@ def _factor(unit: str, expected: str | tuple[str, ...] | None, where: str) -> tu
     wanted = () if expected is None else (expected,) if isinstance(expected, str) else expected
     if unit in _SI_TEXTS and (not wanted or unit in wanted):
         return 1.0, 0.0  # without loading Pint
+    if unit == "g" and "m/s^2" in wanted:
+        unit = "g0"  # An accelerometer counts in gravities, never in grams
     factor, offset, dimension = _parse(unit, where)
     if wanted and all(_parse(w, where)[2] != dimension for w in wanted):
         hint = ""

@@ -243,7 +243,42 @@ void says_what_an_estimate_is_worth() {
   check(!refused.valid && p::step(refused, state, in).fault == p::EmgFault::configuration, "a length below 0");
 }
 
+/// Four channels that go with a sine, and their pattern.
+void watch_names_what_costs_torque() {
+  p::EmgWatchParams<double, 4, 1> watch;
+  watch.on = true;
+  watch.forgetting = 0.01;
+  watch.max_loss = 0.1;
+  for (auto& channel : watch.channel) channel = {1.0, 0.001, 0.5, 0.5, 0.5};
+  watch.channel[3].consequence = 0.0;
+  watch.angle[0] = {-1.0, 1.0, -1.0, 1.0};
+  check(p::detail::is_sound(watch, 4, 1), "sound");
+  const auto run = [&watch](const double (&gain)[4], std::uint32_t silent = 0, bool strange = false) {
+    p::EmgWatchState<double, 4> state;
+    for (int i = 0; i < 1000; ++i) {
+      const double y = 1.0 + std::sin(0.05 * i), pattern[4] = {y, y, y, y};
+      const double x[4] = {gain[0] * y, gain[1] * y, gain[2] * y, gain[3] * y};
+      p::step(watch, state, x, pattern, 4, silent, strange);
+    }
+    return state;
+  };
+  check(run({1, 1, 1, 1}).changed == 0 && !run({1, 1, 1, 1}).unlike, "as it was");
+  check(run({2, 1, 1, 1}).changed == 1u, "a gain is named");
+  check(run({1, 1, 1, 4}).changed == 0, "not one without consequence");
+  check(run({2, 2, 2, 2}).changed == 0 && !run({2, 2, 2, 2}).unlike, "nor another effort");
+  check(run({4, 4, 4, 4}).unlike && run({0.2, 0.2, 0.2, 0.2}).unlike, "unless it is far from what was fitted");
+  check(run({9, 1, 0, 1}).unlike || run({9, 1, 0, 1}).changed == 5u, "two of four");
+  check(run({1, 1, 1, 1}, 0, true).unlike, "another movement");
+  check(run({2, 1, 1, 1}, 1).changed == 0 && !run({1, 1, 1, 1}, 15).unlike, "what is silent is not judged");
+  check(run({not_heard, 1, 1, 1}).changed == 1u, "what is no number has changed");
+  watch.forgetting = 0.0;
+  check(!p::detail::is_sound(watch, 4, 1), "a watch that learns nothing");
+  watch.forgetting = not_heard;
+  check(!p::detail::is_sound(watch, 4, 1), "nor one that has no number");
+}
+
 int main() {
+  watch_names_what_costs_torque();
   paths_have_their_derivatives();
   hill_slope_is_the_derivative();
   short_range_has_its_limits();

@@ -1,19 +1,24 @@
 """Muscle synergies: known ones are found again, their number is, and bad input is named."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError, PellucidError
 from pellucid.estimators.synergies import (
     Synergies,
+    SynergyCount,
     chance_similarity,
     count_synergies,
     find_synergies,
     similarity,
     solve_non_negative,
 )
+from pellucid.procedures.muscle_channels import MuscleEnvelopes
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import check, report, synergies
+from pellucid.procedures.synergies.find_synergies import divide_by_own_maximum
 
 MUSCLES = ("a", "b", "c", "d", "e", "f", "g")
 TIME = np.arange(0.0, 20.0, 0.02)
@@ -87,6 +92,35 @@ def test_their_number_is_found_by_what_was_not_fitted(heldout):
     assert count.heldout[2] > 0.95
     assert count.left_out[2] > 0.9
     assert count.shuffled[2] < count.heldout[2] - 0.1
+
+
+def test_their_number_asks_every_muscle_too():
+    """Two loud muscles reach 90 % of all variance alone; a quiet third one would not be told."""
+    count = SynergyCount(
+        np.array([1, 2, 3]),
+        np.ones(3),
+        np.array([0.92, 0.95, 0.99]),
+        np.array([0.1, 0.7, 0.8]),
+        np.zeros(3),
+        np.ones(3),
+    )
+    assert count.enough == 3
+    none = replace(count, least=np.array([0.1, 0.2, 0.3]))
+    assert none.enough == 3
+
+
+def test_a_muscle_that_hardly_works_beside_its_maximal_contraction_counts_as_the_others():
+    loud = {"a": np.array([0.1, 0.8]), "b": np.array([0.01, 0.02])}
+    quiet = {"a": np.array([0.4, 0.2]), "b": np.array([0.005, 0.04])}
+    made = [
+        MuscleEnvelopes(name, "P1", None, heldout, "", np.array([0.0, 0.1]), each)
+        for name, heldout, each in (("fitted", False, loud), ("judged", True, quiet))
+    ]
+    fitted, judged = divide_by_own_maximum(made)
+    assert fitted.envelopes["b"].tolist() == [0.5, 1.0]
+    assert judged.envelopes["b"].tolist() == [0.25, 2.0]
+    (alone,) = divide_by_own_maximum(made[1:])
+    assert alone.envelopes["b"].tolist() == [0.125, 1.0]
 
 
 def test_a_muscle_left_out_is_told_from_the_others():

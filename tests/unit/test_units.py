@@ -110,3 +110,10 @@ def test_texts_in_si_are_what_pint_says_of_them_and_need_no_pint():
         [sys.executable, "-c", f"{code}; print('pint' in sys.modules)"], capture_output=True, text=True
     )
     assert run.stdout.strip() == "False", run.stderr
+
+
+def test_an_acceleration_in_g_is_in_gravities_and_a_mass_in_g_in_grams():
+    assert to_si_factor("g", "m/s^2") == (9.80665, 0.0)
+    assert to_si_factor("g", "kg") == (1e-3, 0.0)
+    with pytest.raises(StudyError):
+        to_si_factor("g", "rad")

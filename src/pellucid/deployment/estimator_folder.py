@@ -44,6 +44,16 @@ ESTIMATOR_KINDS = ("hill", "ridge")
 """Kinds of estimators that can be exported; the first one is preferred."""
 
 
+FIELD_KINDS = ("muscle", "emg_channel", "watched_channel", "watched_angle", "estimated_joint")
+"""Parameter kinds of the core that become structs in C."""
+
+WATCH_FAULTS = tuple(_core.EMG_FAULTS.index(name) for name in ("changed", "unlike"))
+"""Faults that a made motion may raise, since it is nobody's movement: the watch says so, as it should."""
+
+MAX_CHANGED_STEPS = 600
+"""Largest number of steps of the test vector in which a channel has changed."""
+
+
 @dataclass(frozen=True)
 class EstimatorStep:
     """Inputs of one step of the estimator."""
@@ -123,15 +133,28 @@ def write_estimator_folder(
         made = {"muscle": muscle, "shares": shares, "axes": axes, "count": len(muscle.surface.axes)}
         muscles.append({**made, "surface": len(surface)})
         surface += muscle.surface.coefficients
+    watched = []
+    for channel, numbers, own in zip(
+        card.channels,
+        arrays.get("watch", np.zeros((len(card.channels), 5))).tolist(),
+        arrays.get("patterns", [()] * len(card.channels)),
+        strict=True,
+    ):
+        watched.append({"name": channel.name, "numbers": numbers, "first": len(terms), "terms": len(own)})
+        terms += [
+            {"weight": weight, "first": _factor(first), "second": _factor(second), "name": f"pattern of {channel.name}"}
+            for weight, first, second in own
+        ]
+    ranges = [*zip(card.angles, arrays.get("ranges", np.zeros((len(card.angles), 4))).tolist(), strict=True)]
     late = max((m.numbers["delay"] for m in card.muscles), default=0.0) / arrays["period"]
     sizes = {"delay": int(np.ceil(late)) + 4, "lag": 1 + max(arrays["lags"], default=0)}
     vector = estimator_vector(card, arrays["period"], motion)
     content = {
         "title": FOLDER_TITLE, "card": card, "arrays": arrays, "study": study, "version": version("pellucid"),
         "raw": raw, "headers": headers, "literal": float_literal, "vector": vector, "joints": joints, "terms": terms,
-        "muscles": muscles, "surface": surface, "lags": arrays["lags"], **sizes,
+        "muscles": muscles, "surface": surface, "lags": arrays["lags"], "watched": watched, "ranges": ranges, **sizes,
         "before": arrays["before"] if raw else (), "after": arrays["after"] if raw else (),
-        "fields": {name: model_fields(name) for name in ("muscle", "emg_channel", "estimated_joint")},
+        "fields": {name: model_fields(name) for name in FIELD_KINDS},
         "faults": _core.EMG_FAULTS, "fault_words": {each.name: each.words for each in ESTIMATOR_FAULTS},
         "period_us": round(1e6 * arrays["period"]),
         "listened": max(1, round(card.emg_rate * arrays["period"])) if raw else 0,
@@ -142,7 +165,7 @@ def write_estimator_folder(
     outputs = [
         (int(status), [int(x, 16) for x in bits]) for status, *bits in map(str.split, record_outputs(files, out))
     ]
-    wrong = {status & 0xFF for status, _ in outputs[1 : vector.motion]} - {0}
+    wrong = {status & 0xFF for status, _ in outputs[1 : vector.motion]} - {0, *WATCH_FAULTS}
     if wrong:
         raise PellucidError(f"{out}: found {_core.EMG_FAULTS[wrong.pop()]} in the test vector's motion, expected none")
     if outputs:
@@ -167,7 +190,7 @@ def estimator_vector(
     if card.chain == "none":
         rows[len(rows) // 2].emg[0] = np.nan
     last = len(emg)
-    steps = [*rows, *_fault_steps(heard, last, patience, step)]
+    steps = [*rows, *_fault_steps(heard, last, patience, step), *_changed_steps(card, heard, period)]
     return ReplayVector(tuple(steps), len(rows))
 
 
@@ -188,6 +211,21 @@ def _fault_steps(heard: Callable[[int], EstimatorStep], at: int, patience: int, 
         row = replace(heard(at + i), before=int(i == 0))
         if i < 4:
             row.angle[0] = np.nan
+        yield row
+
+
+def _changed_steps(
+    card: EmgEstimatorCard, heard: Callable[[int], EstimatorStep], period: float
+) -> Iterator[EstimatorStep]:
+    """Yield the steps in which the channel of the greatest consequence is four times as large, then as it was."""
+    if card.watch is None:
+        return
+    count = min(MAX_CHANGED_STEPS, round(2.0 * card.watch.seconds / period))
+    worst = int(np.argmax([c.consequence * c.square for c in card.watch.channels]))
+    for i in range(2 * count):
+        row = replace(heard(i), before=int(i == 0))
+        if i < count:
+            row.emg[worst] *= 4.0
         yield row
 
 
@@ -212,7 +250,18 @@ def _motion(card: EmgEstimatorCard, period: float, seed: int) -> tuple[np.ndarra
 def _storage(card: EmgEstimatorCard, terms: int, *, delay: int, lag: int) -> int:
     """Return the size of a context with a margin [bytes]; the compiler refuses too small a size."""
     c, a, m, j = len(card.channels), len(card.angles), max(len(card.muscles), 1), len(card.joints)
-    numbers = 512 + c * (80 + 4 * lag) + 80 * a + m * (432 + 4 * c + 4 * delay) + 96 * j + 16 * terms + c * 40
+    # Terms are those of maps and of patterns.
+    numbers = (
+        512
+        + c * (80 + 4 * lag)
+        + 80 * a
+        + m * (432 + 4 * c + 4 * delay)
+        + 96 * j
+        + 16 * terms
+        + c * 40
+        + 64 * c
+        + 16 * a
+    )
     return (numbers + 63) // 64 * 64
 
 

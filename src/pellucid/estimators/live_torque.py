@@ -28,6 +28,7 @@ class LiveEstimate:
     lost: tuple[str, ...] = ()  # Channels silent for too long, whose muscles are taken to be at rest
     above: tuple[str, ...] = ()  # Channels above their largest value in the calibration, which were clipped
     blind: tuple[str, ...] = ()  # Lost angles, without which every torque is 0
+    changed: tuple[str, ...] = ()  # Channels unlike the calibration, whose patterns by the movement take their places
 
     @property
     def valid(self) -> bool:
@@ -36,7 +37,7 @@ class LiveEstimate:
 
 
 FAULTS = tuple(_core.EMG_FAULTS)
-"""Names of the faults: none, configuration, time, angle, channel, ceiling, limit, restarted.
+"""Names of the faults: none, configuration, time, angle, channel, ceiling, limit, restarted, changed, unlike.
 
 ``include/pellucid/emg_estimator.hpp`` defines each.
 """
@@ -94,6 +95,7 @@ class LiveTorque:
             _names_of_set_bits(self.channels, lost),
             _names_of_set_bits(self.channels, above),
             _names_of_set_bits(self.card.angles, blind),
+            _names_of_set_bits(self.channels, self._core.changed),
         )
 
     def run(
@@ -109,6 +111,11 @@ class LiveTorque:
         angle = self._gain * rows("angles", self.card.angles, angles)
         torque = self._core.run(np.round(1e6 * np.asarray(time, float)), rows("EMG", self.channels, emg), angle)[0]
         return dict(zip(self.joints, torque, strict=True))
+
+    @property
+    def losses(self) -> dict[str, float]:
+        """Share of the torque's variance that each channel's change may cost, by the watch's last step [1]."""
+        return dict(zip(self.channels, self._core.losses.tolist(), strict=True))
 
     def stiffness(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the joints' short-range stiffness and the slope of the Hill forces at the last step.

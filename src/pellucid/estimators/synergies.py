@@ -7,10 +7,10 @@ activations H and weights W of k synergies [1]_ [2]_,
    E \approx H W, \qquad \mathrm{VAF} = 1 - \frac{\sum (E - H W)^2}{\sum E^2}.
 
 The number of synergies is chosen on held-out samples. With fixed weights, more synergies always reconstruct more of
-them. The number is therefore the smallest whose VAF reaches a stated threshold [3]_. A harder test is to predict a
-muscle that is left out [4]_: the activations of held-out samples are found from the other muscles alone. This test has
-an optimal k. It is also how a muscle without an electrode is filled in. If the recorded muscles hardly determine the
-activation of a synergy, a ridge limits it: the variance of the error over the variance of H.
+them. The number is therefore the smallest whose VAF reaches a stated threshold, over all muscles and of each [3]_. A
+harder test is to predict a muscle that is left out [4]_: the activations of held-out samples are found from the other
+muscles alone. This test has an optimal k. It is also how a muscle without an electrode is filled in. If the recorded
+muscles hardly determine the activation of a synergy, a ridge limits it: the variance of the error over that of H.
 
 .. [1] D. D. Lee, H. S. Seung, "Learning the parts of objects by non-negative matrix factorization", Nature 401, 1999.
 .. [2] A. d'Avella, P. Saltiel, E. Bizzi, "Combinations of muscle synergies in the construction of a natural motor
@@ -43,6 +43,9 @@ DEFAULT_MIN_MUSCLES = 3
 
 VAF_THRESHOLD = 0.9
 """The number of synergies is the smallest whose held-out variance accounted for reaches this share [3]_."""
+
+MIN_MUSCLE_VAF = 0.75
+"""Every muscle's held-out variance accounted for must reach this share, too [3]_: large ones could carry the rest."""
 
 BLOCK_COUNT = 5
 """Number of blocks of time that are left out in turn if there is no held-out recording.
@@ -95,8 +98,11 @@ class SynergyCount:
 
     @property
     def enough(self) -> int:
-        """Smallest number whose held-out VAF reaches `VAF_THRESHOLD`; the largest number if none does."""
-        reached = np.flatnonzero(self.heldout >= VAF_THRESHOLD)
+        """Smallest number whose held-out VAF reaches `VAF_THRESHOLD`, and each muscle's `MIN_MUSCLE_VAF`.
+
+        It is the largest number if none does.
+        """
+        reached = np.flatnonzero((self.heldout >= VAF_THRESHOLD) & (self.least >= MIN_MUSCLE_VAF))
         return int(self.numbers[reached[0]] if reached.size else self.numbers[-1])
 
     @property

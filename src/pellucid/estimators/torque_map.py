@@ -264,9 +264,12 @@ def _cross_validate_settings(
                 raw if every > 1 or not family.smoothing else _smooth_by_trial(stack, raw, rows, family.smoothing)
             )
     known = [np.isfinite(own) for own in predicted]
-    weighs = stack.weight is not None and bool(family.weight_argument)
+    weight = stack.weight if family.weight_argument else None
     return [
-        (score(stack.torque[k], own[k]), weighted_rmse(stack.torque[k], own[k], stack.weight[k] if weighs else None))
+        (
+            score(stack.torque[k], own[k]),
+            weighted_rmse(stack.torque[k], own[k], None if weight is None else weight[k]),
+        )
         for k, own in zip(known, predicted, strict=True)
     ]
 

@@ -35,6 +35,16 @@ SHORT_RANGE_STIFFNESS_ERROR_SHARE = 0.15
 TENDON_STRAIN = 0.033
 """Strain of a tendon under the force F_0 [1]."""
 
+WATCH_MEMORY_S = 3.0
+"""Time constant of the watch's means [s]: two strides of walking. A change that costs twice `MAX_WATCHED_LOSS` is found
+after 2 s."""
+
+MAX_WATCHED_LOSS = 0.1
+"""Share of the torque's variance that a changed channel may cost before its pattern takes its place.
+
+It was chosen by its consequence: half of the loss of 0.2 in R² that a wearer should never meet.
+"""
+
 MAX_DELAY_SAMPLES = 509
 """Longest electromechanical delay that the core's module has room for [samples]."""
 
@@ -84,6 +94,38 @@ class EstimatorJoint:
 
 
 @dataclass(frozen=True)
+class WatchedChannel:
+    """A channel as it was in the calibration; the core's `WatchedChannelParams`."""
+
+    consequence: float  # Share of the torque's variance by squared error of the envelope
+    usual: float  # Largest mean square error of its pattern in the fitted recordings
+    square: float  # Mean square of the envelope
+    product: float  # Mean product of envelope and pattern
+    pattern_square: float  # Mean square of the pattern
+    pattern: tuple[EstimatorTerm, ...]  # Envelope by angles and their rates
+
+
+@dataclass(frozen=True)
+class WatchedAngle:
+    """Range of an angle in the calibration, with a margin."""
+
+    low: float  # [rad]
+    high: float  # [rad]
+    slowest: float  # [rad/s]
+    fastest: float  # [rad/s]
+
+
+@dataclass(frozen=True)
+class EstimatorWatch:
+    """What an estimator's channels and angles are held against while it runs."""
+
+    channels: tuple[WatchedChannel, ...]  # In the order of the card's channels
+    angles: tuple[WatchedAngle, ...]  # In the order of the card's angles
+    seconds: float = WATCH_MEMORY_S  # Time constant of its means [s]
+    max_loss: float = MAX_WATCHED_LOSS  # Share of the torque's variance at which a channel has changed
+
+
+@dataclass(frozen=True)
 class EmgEstimatorCard:
     """Everything that stepping an estimator needs."""
 
@@ -101,6 +143,7 @@ class EmgEstimatorCard:
     emg_rate: float = 0.0  # sampling rate of raw EMG [Hz]
     before: tuple[tuple[float, ...], ...] = ()  # before, after: Second-order sections of the chain at this rate
     after: tuple[tuple[float, ...], ...] = ()
+    watch: EstimatorWatch | None = None  # What its channels are held against; None: they are not watched
     gamma: float = SHORT_RANGE_STIFFNESS
     tendon_strain: float = TENDON_STRAIN
     notes: tuple[str, ...] = ()
@@ -155,6 +198,20 @@ class EmgEstimatorCard:
             "tendon_strain": self.tendon_strain,
             "period": step,
             "patience": max(1, self.periods(self.patience, step)),
+            **self._watch_arrays(known, step),
+        }
+
+    def _watch_arrays(self, known: Mapping[str, int], step: float) -> dict:
+        """What the core's module takes of the watch, by name; empty without one."""
+        if self.watch is None:
+            return {}
+        channels = self.watch.channels
+        return {
+            "watch": np.array([(c.consequence, c.usual, c.square, c.product, c.pattern_square) for c in channels]),
+            "patterns": [[(t.weight, known[t.first], known[t.second]) for t in c.pattern] for c in channels],
+            "ranges": np.array([(a.low, a.high, a.slowest, a.fastest) for a in self.watch.angles]),
+            "forgetting": min(1.0, step / self.watch.seconds),
+            "max_loss": self.watch.max_loss,
         }
 
     def build(
@@ -211,6 +268,16 @@ def _require_estimator(card: EmgEstimatorCard) -> None:
             raise ValueError(f"{m.name}: found a surface over other angles than {', '.join(card.angles)}")
         for x in m.surface.coefficients:
             require_between(f"{m.name}, surface", x, -MAX_CARD_NUMBER, MAX_CARD_NUMBER)
+    if card.watch is not None:
+        found = (len(card.watch.channels), len(card.watch.angles))
+        if found != (len(names), len(card.angles)):
+            raise ValueError(f"watch: found {found[0]} channels and {found[1]} angles, expected those of the card")
+        require_between("watch, seconds", card.watch.seconds, card.period, 1e4)
+        require_between("watch, max_loss", card.watch.max_loss, 1e-6, 1e6)
+        motion = {f"{what}.{a}" for a in card.angles for what in ("angle", "velocity", "acceleration")}
+        unknown = {x for c in card.watch.channels for t in c.pattern for x in (t.first, t.second)} - motion - {""}
+        if unknown:
+            raise ValueError(f"watch: found {', '.join(sorted(unknown))}, expected angles of the card and their rates")
     for joint in card.joints:
         wrong = {x for t in joint.terms for x in (t.first, t.second)} - set(card.features) - {""}
         if joint.name not in angles or wrong:

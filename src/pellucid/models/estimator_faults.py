@@ -31,6 +31,8 @@ ESTIMATOR_FAULTS: tuple[EstimatorFault, ...] = (
     EstimatorFault(
         "restarted", "the first step, or the first after a gap: lags and rates begin anew", keeps_validity=True
     ),
+    EstimatorFault("changed", "a channel changed since the calibration: its pattern by the movement takes its place"),
+    EstimatorFault("unlike", "most channels changed, or the movement is unlike the calibration: every torque is 0"),
 )
 """Every fault, in the core's order."""
 

@@ -81,6 +81,18 @@ p::EmgEstimatorParams<S, Size> estimator(Bytes& bytes, S (&surface)[49], p::Torq
   for (std::uint32_t& lag : e.lag) lag = index(bytes, 8);
   e.period_us = bytes.byte() % 16 == 0 ? bytes.anything<std::uint32_t>() : 5000;
   e.patience = bytes.byte() % 8;
+  e.watch.on = bytes.byte() % 2 == 0;
+  e.watch.forgetting = number<S>(bytes, 0.02);
+  e.watch.max_loss = number<S>(bytes, 0.1);
+  for (auto& channel : e.watch.channel)
+    channel = {number<S>(bytes, 1), number<S>(bytes, 0.01), number<S>(bytes, 0.3), number<S>(bytes, 0.3),
+               number<S>(bytes, 0.3)};
+  for (auto& angle : e.watch.angle)
+    angle = {-number<S>(bytes, 1), number<S>(bytes, 1), -number<S>(bytes, 20), number<S>(bytes, 20)};
+  for (std::size_t i = 0; i < Size::channels; ++i) {
+    e.pattern_terms[i] = bytes.byte() % 4;
+    e.pattern[i] = bytes.byte() % 16 == 0 ? nullptr : term;
+  }
   return e;
 }
 
@@ -120,11 +132,12 @@ template <class S> void run(Bytes& bytes) {
       tally().moving += out.torque[j] != S(0);
       require(std::isfinite(out.torque[j]), "a torque is a number");
       require(out.torque[j] == S(0) || (c.valid && std::fabs(out.torque[j]) <= params.joint[j].limit), "within its limit");
+      require(out.fault != p::EmgFault::unlike || out.torque[j] == S(0), "where nothing holds there is no torque");
       require(out.blind == 0 || out.torque[j] == S(0), "without an angle there is no torque");
       for (std::size_t i = 0; i < Size::joints; ++i)
         require(std::isfinite(stiff.short_range[j][i]) && std::isfinite(stiff.slope[j][i]), "stiffness is a number");
     }
     require(c.valid == (out.fault != p::EmgFault::configuration), "nonsense is said to be");
-    require(out.fault != p::EmgFault::none || (out.lost | out.above | out.blind) == 0, "what is lost is said");
+    require(out.fault != p::EmgFault::none || (out.lost | out.above | out.blind | out.changed) == 0, "what is lost is said");
   }
 }

@@ -20,6 +20,7 @@ from ...estimators.strapped_reference import StrappedBodies
 from ...estimators.torque_map import MapJob, cross_validate_torque_maps, fit_torque_map, fit_torque_maps
 from ...estimators.torque_reference import MovedBody
 from ...estimators.torque_trial import TorqueTrial
+from ...estimators.useful_repairs import apply_useful_repairs
 from ...fit.parameter import Verdict
 from ...fit.posterior.ensemble import require_sampler
 from ...signals.emg_chain import emg_chain
@@ -136,6 +137,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
             *worth_tables(worth),
             *_chosen_tables(chosen),
             *_error_tables(evaluated),
+            *_repair_tables(evaluated),
             *_condition_test_tables(evaluated),
             *session_tables(found.sessions),
             *muscle_tables(found.muscles),
@@ -214,7 +216,10 @@ def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
         found.across[joint] = [*fitted, *judged]
     found.verdicts.extend(session_verdicts(found.sessions, rescale is not None))
     found.verdicts.append(Verdict("note", normalisation_words(study)))
-    judged = {joint: {t.name: t for t in own if t.heldout} for joint, own in found.across.items()}
+    judged = {
+        joint: tuple(zip(parts[joint][1], (t for t in own if t.heldout), strict=True))
+        for joint, own in found.across.items()
+    }
     runs = [
         (joint, name, causal)
         for causal, names in ((False, REPORTED_ESTIMATORS), (True, CAUSAL_ESTIMATORS))
@@ -222,10 +227,7 @@ def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
         for name in find_applicable_estimators(trials[joint], joint, found, names)
     ]
     fits = fit_torque_maps(
-        [
-            MapJob(parts[joint][0], name, causal, _Examination(tuple(judged[joint].values()), causal))
-            for joint, name, causal in runs
-        ],
+        [MapJob(parts[joint][0], name, causal, _Examination(judged[joint], causal)) for joint, name, causal in runs],
         lambda i, share: tell(f"{runs[i][0]}, {ESTIMATOR_FAMILIES[runs[i][1]].description}", share),
     )
     traces: dict[tuple[str, str], TorqueTrace] = {}
@@ -242,7 +244,7 @@ def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
             without = None
             if changed and ESTIMATOR_FAMILIES[name].muscles and len(changed) < len(session.muscles):
                 without = score(trial.torque, fit.predict(session.predict_channels(trial, changed)))
-            trial, made = judged[joint][trial.name], predicted[trial.name]
+            unrepaired, (trial, repaired, made) = trial, predicted[trial.name]
             half = fit.half_width(trial) if ESTIMATOR_FAMILIES[name].shows_muscles else None
             found.evaluated.append(
                 EstimatorEvaluation(
@@ -253,6 +255,8 @@ def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
                     held=None if away is None else float(np.mean(np.abs(trial.torque - made) <= away.half_width)),
                     partial=partial_errors(trial.torque, made) if isinstance(fit, HillMap) else (),
                     without_changed=without,
+                    as_recorded=score(unrepaired.torque, fit.predict(unrepaired)) if changed and again else None,
+                    repaired=repaired,
                     torque_unit=trial.unit,
                 )
             )  # fmt: skip
@@ -274,14 +278,17 @@ def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
 class _Examination:
     """Function of a fitted map, run in the process that fitted it: its condition tests and its predictions."""
 
-    judged: tuple[TorqueTrial, ...]  # Held-out trials to predict
+    judged: tuple[tuple[TorqueTrial, TorqueTrial], ...]  # Held-out trials as recorded and with all repairs
     causal: bool  # Whether the map is causal; condition tests are then omitted
 
     def __call__(
         self, fit: Any, fitted: Sequence[TorqueTrial]
-    ) -> tuple[ConditionTestErrors | None, dict[str, np.ndarray]]:
-        away = None if self.causal else run_tests_if_candidate(fit, fitted)
-        return away, {trial.name: fit.predict(trial) for trial in self.judged}
+    ) -> tuple[ConditionTestErrors | None, dict[str, tuple[TorqueTrial, tuple[str, ...], np.ndarray]]]:
+        away, predicted = None if self.causal else run_tests_if_candidate(fit, fitted), {}
+        for recorded, repaired in self.judged:
+            trial, muscles = apply_useful_repairs(fit.predict, fitted, recorded, repaired)
+            predicted[recorded.name] = trial, muscles, fit.predict(trial)
+        return away, predicted
 
 
 def _evaluate_by_repetition(study: Study, tell: Progress) -> CalibrationFindings:
@@ -399,6 +406,26 @@ def _chosen_tables(chosen: Sequence[RecommendedEstimator]) -> tuple[FigureTable,
             for one in each.by_condition()
         )
         made.append(FigureTable(f"Named first: {each.what}", heads, rows))
+    return tuple(made)
+
+
+def _repair_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[FigureTable, ...]:
+    """Return tables of R² before and after repairs, for each joint and recording with changed channels."""
+    made, heads = [], ("Estimator", "R² as recorded", "R² repaired", "Repaired", "R² without the changed channels")
+    own = [e for e in evaluated if e.as_recorded is not None]
+    for what, recording in dict.fromkeys((e.what, e.recording) for e in own):
+        rows = tuple(
+            (
+                ESTIMATOR_FAMILIES[e.estimator].description + (", causal" if e.causal else ""),
+                e.as_recorded.r2,
+                e.score.r2,
+                ", ".join(m.replace("_", " ") for m in e.repaired) or "nothing: its torque hardly changes",
+                None if e.without_changed is None else e.without_changed.r2,
+            )
+            for e in own
+            if (e.what, e.recording) == (what, recording)
+        )
+        made.append(FigureTable(f"Before and after rescale: {what}, {recording.replace('_', ' ')}", heads, rows))
     return tuple(made)
 
 

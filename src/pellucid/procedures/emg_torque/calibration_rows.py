@@ -45,6 +45,13 @@ def calibration_rows(
             tail = "" if each.recording == first else f".{each.recording}"
             add(f"{each.what}.{how}.r2{tail}", each.score.r2, "1", note, recording=each.recording)
             add(f"{each.what}.{how}.rmse{tail}", each.score.rmse, each.torque_unit, note, recording=each.recording)
+            if each.as_recorded is not None:
+                words = (
+                    f"without rescale, which repairs {', '.join(each.repaired) or 'nothing: its torque hardly changes'}"
+                )
+                add(
+                    f"{each.what}.{how}.r2.as_recorded{tail}", each.as_recorded.r2, "1", words, recording=each.recording
+                )
             if each.without_changed is not None:
                 words = "channels that changed replaced by what the others tell"
                 add(f"{each.what}.{how}.r2.without_changed{tail}", each.without_changed.r2, "1", words,

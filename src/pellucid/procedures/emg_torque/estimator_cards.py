@@ -8,6 +8,7 @@ from importlib.metadata import version
 import numpy as np
 
 from ..._errors import PellucidError
+from ...estimators.channel_watch import add_channel_watch
 from ...estimators.features import CAUSAL_MOTION_LOWPASS_HZ
 from ...estimators.hill import HillMap
 from ...estimators.torque_map import TorqueMap, fit_torque_map
@@ -82,14 +83,16 @@ def estimator_cards(
         name = f"emg_{joint}_{estimator}"
         if isinstance(fit, HillMap):
             muscles = CalibratedMuscles(fit.fit.muscles, fit.driven, {joint: fit.fit.passive}, fit.effort)
-            cards[name] = muscle_estimator(study, name, muscles, {joint: trials})
+            card = muscle_estimator(study, name, muscles, {joint: trials})
         else:
-            cards[name] = map_estimator(study, name, fit, trials)
+            card = map_estimator(study, name, fit, trials)
+        cards[name] = add_channel_watch(card, {joint: trials})
     # With raw EMG, muscles over all joints were fitted to zero-phase envelopes. They then get no card.
     if together is not None and chain == "none":
         trials = {joint: [t for t in own if not t.heldout] for joint, own in found.across.items()}
         name = "emg_together_hill"
-        cards[name] = muscle_estimator(study, name, together.fit.card_content(), trials, ACROSS_JOINTS_NOTES)
+        card = muscle_estimator(study, name, together.fit.card_content(), trials, ACROSS_JOINTS_NOTES)
+        cards[name] = add_channel_watch(card, trials)
     return cards
 
 

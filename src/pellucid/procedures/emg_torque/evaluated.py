@@ -41,6 +41,8 @@ class EstimatorEvaluation:
     partial: tuple[float, ...] = ()
     # Score with the envelopes of changed channels predicted from the other channels; None if no channel changed
     without_changed: Score | None = None
+    as_recorded: Score | None = None  # Score without any repair, if channels changed and repairs were asked for
+    repaired: tuple[str, ...] = ()  # Muscles whose channels were repaired for this estimator
     torque_unit: str = "N*m"  # Unit of the reference; "MVC": shares of a maximal contraction's torque
 
     @property
@@ -61,5 +63,3 @@ class TorqueTrace:
     # Half the band about the prediction, of estimators that have one, shape (n,) [N m]
     half_width: Mapping[str, np.ndarray] = field(default_factory=dict)
     level: float = 0.95  # Nominal share of samples within the bands
-
-

@@ -25,7 +25,7 @@ RESCALE_KEY = '[emg_torque] rescale = "3 s"'
 
 FOREIGN_SIGNAL_ADVICE = (
     f"Look at electrodes and cables; {RESCALE_KEY} replaces the channel by a prediction from the others.",
-    "The channel was replaced by a prediction from the others.",
+    "The channel was replaced by a prediction from the others, for estimators whose torque it changes.",
 )
 """Advice for a channel with another muscle's signal, without `rescale` and with it."""
 
@@ -35,14 +35,14 @@ ELECTRODE_ADVICE = ("Look at the electrode, its contact and its cable: no scalin
 ADVICE_BY_CHANGE = {
     "swapped": (
         f"Look at cables and columns; {RESCALE_KEY} exchanges them back.",
-        "The two channels were exchanged back.",
+        "The two channels were exchanged back, for estimators whose torque they change.",
     ),
     "crosstalk": FOREIGN_SIGNAL_ADVICE,
     "pattern": FOREIGN_SIGNAL_ADVICE,
     **dict.fromkeys(("spectrum", "hum", "saturation", "shared"), ELECTRODE_ADVICE),
     "floor": (
         f"{RESCALE_KEY} scales floor and range of a changed channel to the fitted ones.",
-        "Its floor and range were scaled to the fitted ones.",
+        "Its floor and range were scaled to the fitted ones, for estimators whose torque it changes.",
     ),
 }
 """Advice by kind of change: what to do without `rescale`, and what was done with it."""

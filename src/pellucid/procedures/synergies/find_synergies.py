@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
 
 from ..._errors import IdentificationError, RecordingError
 from ...estimators.synergies import (
+    MIN_MUSCLE_VAF,
     VAF_THRESHOLD,
     Synergies,
     SynergyCount,
@@ -77,7 +78,7 @@ def run(study: Study, table: SynergiesTable, tell: Progress = quiet) -> Synergie
     """Find the synergies of every group, and the similarity of groups. `study` [synergies]."""
     raise_refusals(emg_faults(study, table))
     tell("envelopes", 0.05)
-    grouped = _group_recordings(study, relative_envelopes(study, table))
+    grouped = _group_recordings(study, divide_by_own_maximum(relative_envelopes(study, table)))
     muscles = tuple(next(iter(grouped.values()))[0].envelopes)
     if table.number is not None and table.number > len(muscles):
         raise IdentificationError(
@@ -121,6 +122,26 @@ def run(study: Study, table: SynergiesTable, tell: Progress = quiet) -> Synergie
         groups=tuple(groups),
         alike=alike,
     )
+
+
+def divide_by_own_maximum(recordings: list[MuscleEnvelopes]) -> list[MuscleEnvelopes]:
+    """Return recordings whose envelopes are relative to each muscle's largest in the same person's movements.
+
+    A muscle that hardly works in them would otherwise hardly count, where maximal contractions are the scale. Held-out
+    recordings set no scale, unless a person has no others.
+    """
+    top: dict[tuple[str | None, str], float] = {}
+    for person in dict.fromkeys(each.participant for each in recordings):
+        own = [each for each in recordings if each.participant == person]
+        for each in [each for each in own if not each.heldout] or own:
+            for muscle, x in each.envelopes.items():
+                top[person, muscle] = max(top.get((person, muscle), 0.0), float(x.max()))
+    return [
+        replace(
+            each, envelopes={m: x / (top.get((each.participant, m), 0.0) or 1.0) for m, x in each.envelopes.items()}
+        )
+        for each in recordings
+    ]
 
 
 def _group_recordings(study: Study, recordings: list[MuscleEnvelopes]) -> dict[str, list[MuscleEnvelopes]]:
@@ -253,7 +274,10 @@ def _rows(
     for g in groups:
         base = f"{study}.{part(g.name)}" if g.name else study
         c = g.count
-        words = f"fewest with a VAF of {VAF_THRESHOLD:g} on blocks of the fitted recordings left out in turn"
+        words = (
+            f"fewest with a VAF of {VAF_THRESHOLD:g}, of each muscle {MIN_MUSCLE_VAF:g}, on blocks of the fitted "
+            "recordings left out in turn"
+        )
         row(f"{base}.synergies.number", g.within.enough, "fitted", words)
         row(f"{base}.synergies.predicting", c.predicting, "heldout", "number that tells a muscle left out best")
         for i, number in enumerate(c.numbers):

@@ -1,0 +1,229 @@
+"""Evidence for the watch of a running estimator, and for what raw EMG passes on its way to an envelope.
+
+Recordings are public ones of a person who walks and runs. Channels are spoilt by gains outside the seconds that were
+fitted, and the estimators run sample by sample as a robot runs them. The torque that a change costs is that of the same
+estimator without a watch, so that what had to be named does not hang on the watch. The thresholds of the watch were
+written down before these spoilings were drawn, from the torque that may be lost.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from benchmarks._size import sized
+
+from pellucid.estimators.channel_watch import add_channel_watch
+from pellucid.estimators.cross_validation import score
+from pellucid.estimators.emg_session import FittedSession
+from pellucid.estimators.live_torque import LiveTorque
+from pellucid.estimators.torque_map import fit_torque_map
+from pellucid.estimators.torque_trial import TorqueTrial
+from pellucid.models.emg_estimator import EmgEstimatorCard
+from pellucid.procedures.emg_torque.calibration_findings import CalibrationFindings
+from pellucid.procedures.emg_torque.estimator_cards import estimator_cards, map_estimator
+from pellucid.procedures.emg_torque.trial_sources import moment_trials
+from pellucid.recordings.recording import Channel, Recording
+from pellucid.signals.emg_chain import emg_chain
+from pellucid.signals.emg_quality import find_mains
+from pellucid.studies import Study
+from pellucid.studies.results import ResultRow
+
+SEED = 20261126
+SPOILT_COUNT = sized(300, smallest=6)
+"""Number of drawn spoilings."""
+GAINS = (1.5, 2.0, 2.6, 4.0)
+"""Gains of a channel that is spoilt."""
+WATCHED_S = 10.0
+"""Time before each spoiling, and within which it must be named [s]."""
+COSTLY_LOSS = 0.2
+"""Loss of R² from which a change must be named."""
+WARPS = (0.8, 1.25)
+"""Factors by which the time of walking is stretched for further speeds."""
+FITTED_S = 5.0
+"""Time of each speed that is fitted [s]."""
+EDGE_COUNT = sized(60, smallest=4)
+"""Number of drawn pieces of raw EMG whose envelopes are compared at their edges."""
+EDGE_S = 0.25
+"""Stretch at either end of a piece that counts as its edge [s]."""
+RAW_RATE_HZ = 2000.0
+"""Sampling rate of made raw EMG [Hz]."""
+
+
+def row(name: str, value: float | None, unit: str, note: str, split: str = "heldout") -> ResultRow:
+    """Return a row of evidence on EMG."""
+    return ResultRow(f"emg.{name}", None if value is None else float(value), unit, "evidence", split, None, note)
+
+
+def part_of(trial: TorqueTrial, rows: slice) -> TorqueTrial:
+    """Return some samples of a trial."""
+    return replace(
+        trial, time=trial.time[rows], torque=trial.torque[rows], lead={},
+        envelopes={m: x[rows] for m, x in trial.envelopes.items()},
+        angles={j: q[rows] for j, q in trial.angles.items()},
+    )  # fmt: skip
+
+
+def run_card(card: EmgEstimatorCard, trial: TorqueTrial) -> tuple[np.ndarray, list[set[str]], list[str]]:
+    """Return the torque of a card's first joint, (n,) [N m], and in each step the changed channels and the fault."""
+    live = LiveTorque(card)
+    emg = {c.name: trial.envelopes[c.name] for c in card.channels}
+    angles = {a: trial.angles[a] for a in card.angles}
+    torque, changed, faults = np.zeros(len(trial)), [], []
+    for i in range(len(trial)):
+        made = live.step(1.0 + i * card.period, {m: x[i] for m, x in emg.items()}, {a: q[i] for a, q in angles.items()})
+        torque[i] = made.torque[card.joints[0].name]
+        changed.append(set(made.changed))
+        faults.append(made.fault)
+    return torque, changed, faults
+
+
+def walking_cards(study: Study) -> dict[str, tuple[EmgEstimatorCard, TorqueTrial, TorqueTrial]]:
+    """Return each card of knee and ankle with its fitted trial and the one that was not fitted."""
+    found, trials = CalibrationFindings(), {}
+    for joint in ("knee", "ankle"):
+        fitted, *held = moment_trials(study, joint, causal=True)
+        trials[joint] = fitted, held[-1]
+        for name in ("ridge", "hill"):
+            found.causal[joint, name] = fit_torque_map([fitted], name, causal=True)
+    return {name: (card, *trials[card.joints[0].name]) for name, card in estimator_cards(study, found).items()}
+
+
+def session_rows(study: Study) -> Iterator[ResultRow]:
+    """Yield the share of costly changes that is named in time, of others that are, and of fitted trials that pass."""
+    cards, rng = walking_cards(study), np.random.default_rng(SEED)
+    yield from fitted_rows(study, cards)
+    costly, in_time, named_late, wrong, alone = 0, 0, [], 0, 0
+    r2: dict[str, list[float]] = {"before": [], "spoilt": [], "watched": []}
+    for _ in range(SPOILT_COUNT):
+        card, _, rest = cards[str(rng.choice(list(cards)))]
+        start = round(WATCHED_S * rest.fs)
+        first = int(rng.integers(0, len(rest) - 2 * start))
+        piece, bare = part_of(rest, slice(first, first + 2 * start)), replace(card, watch=None)
+        muscle = str(rng.choice([c.name for c in card.channels]))
+        gain = np.where(np.arange(len(piece)) < start, 1.0, float(rng.choice(GAINS)))
+        spoilt = replace(piece, envelopes={**piece.envelopes, muscle: gain * piece.envelopes[muscle]})
+        watched, changed, _ = run_card(card, spoilt)
+        after = slice(start, None)
+        found = {"before": run_card(bare, piece)[0], "spoilt": run_card(bare, spoilt)[0], "watched": watched}
+        each = {name: score(piece.torque[after], torque[after]).r2 for name, torque in found.items()}
+        wrong += len(set().union(*changed) - {muscle}) + any(muscle in names for names in changed[:start])
+        alone += len(card.channels)
+        if each["before"] - each["spoilt"] > COSTLY_LOSS:
+            costly += 1
+            when = next((i for i, names in enumerate(changed[start:]) if muscle in names), None)
+            in_time += when is not None
+            named_late += [] if when is None else [when / rest.fs]
+            for name, value in each.items():
+                r2[name].append(value)
+    said = (
+        f"{SPOILT_COUNT} drawn gains of {', '.join(f'{g:g}' for g in GAINS)} on one channel of {len(cards)} cards, "
+        f"after {WATCHED_S:g} s of walking, sample by sample"
+    )
+    share = 100.0 * in_time / costly if costly else None
+    words = f"of {costly} that cost more than {COSTLY_LOSS:g} of R², within {WATCHED_S:g} s; {said}"
+    yield row("session.named_in_time", share, "%", words)
+    yield row("session.wrongly_named", 100.0 * wrong / alone, "%", f"channels that were as they had been; {said}")
+    if costly:
+        yield row("session.seconds", np.median(named_late), "s", f"median until a costly change is named; {said}")
+        for name, words in (
+            ("before", "nothing spoilt"), ("spoilt", "spoilt and not watched"), ("watched", "spoilt and watched")
+        ):  # fmt: skip
+            yield row(
+                f"session.r2.{name}", np.median(r2[name]), "1", f"median over the costly changes, {words}; {said}"
+            )
+
+
+def fitted_rows(study: Study, cards: dict) -> Iterator[ResultRow]:
+    """Yield the share of fitted trials that pass their own comparison and watch, at one, two and three speeds."""
+    passed = []
+    for card, fitted, _ in cards.values():
+        _, changed, faults = run_card(card, fitted)
+        passed.append(not set().union(*changed) and "unlike" not in faults)
+    fitted, _, rest = moment_trials(study, "ankle", causal=True)
+    speeds = [fitted, *(warped(part_of(rest, slice(round(FITTED_S * rest.fs))), factor) for factor in WARPS)]
+    for count in (1, 2, 3):
+        trials = speeds[:count]
+        session = FittedSession.from_trials(trials)
+        passed += [not session.compare(t).changes and session.compare(t).is_valid for t in trials]
+        ridge = fit_torque_map(trials, "ridge", causal=True)
+        card = add_channel_watch(map_estimator(study, "emg_ankle_ridge", ridge, trials), {"ankle": trials})
+        for trial in trials:
+            _, changed, faults = run_card(card, trial)
+            passed.append(not set().union(*changed) and "unlike" not in faults)
+    words = (
+        f"{len(passed)} comparisons and watches of fitted trials at one to three speeds: walking, {WARPS} of its time"
+    )
+    yield row("session.fitted_trials_pass", 100.0 * np.mean(passed), "%", words, "fitted")
+
+
+def warped(trial: TorqueTrial, factor: float) -> TorqueTrial:
+    """Return a trial whose time runs slower by a factor, at the same sampling rate."""
+    old = factor * (trial.time - trial.time[0])
+    new = np.arange(0.0, old[-1], 1.0 / trial.fs)
+
+    def again(x: np.ndarray) -> np.ndarray:
+        return np.interp(new, old, x)
+
+    return replace(
+        trial, name=f"{trial.name}_{factor:g}", group=f"{factor:g}", time=new, torque=again(trial.torque), lead={},
+        envelopes={m: again(x) for m, x in trial.envelopes.items()}, heldout=False,
+        angles={j: again(q) for j, q in trial.angles.items()},
+    )  # fmt: skip
+
+
+# --- raw EMG on its way to an envelope -------------------------------------------------------------------------------
+
+
+def made_raw(seconds: float, rng: np.random.Generator) -> np.ndarray:
+    """Return band-limited noise with bursts, as raw EMG has them, (n,) [V]."""
+    from scipy.signal import butter, sosfilt
+
+    n = round(seconds * RAW_RATE_HZ)
+    noise = sosfilt(butter(2, (30.0, 300.0), "bandpass", fs=RAW_RATE_HZ, output="sos"), rng.standard_normal(n))
+    time = np.arange(n) / RAW_RATE_HZ
+    level = 0.05 + np.maximum(0.0, np.sin(2.0 * np.pi * time / rng.uniform(0.8, 2.0) + rng.uniform(0.0, 6.0))) ** 2
+    return 1e-4 * level * noise
+
+
+def raw_rows() -> Iterator[ResultRow]:
+    """Yield the error of envelopes at the edges of a file, mains found, and the memory that ten minutes take."""
+    rng, chain, errors = np.random.default_rng(SEED + 1), emg_chain("hill"), []
+    edge = round(EDGE_S * RAW_RATE_HZ)
+    for _ in range(EDGE_COUNT):
+        raw = made_raw(12.0, rng)
+        inside = slice(*(np.array([3, 9]) * int(RAW_RATE_HZ)))
+        whole, alone = chain.zero_phase(raw, RAW_RATE_HZ)[inside], chain.zero_phase(raw[inside], RAW_RATE_HZ)
+        apart = np.abs(whole - alone)
+        errors.append(max(apart[:edge].mean(), apart[-edge:].mean()) / whole.max())
+    words = f"median of {EDGE_COUNT} pieces of made EMG: mean error of the worse edge of {EDGE_S:g} s over the maximum"
+    yield row("envelope.edge_error", 100.0 * np.median(errors), "%", words, "simulated")
+    found = []
+    for mains in (50.0, 60.0):
+        for _ in range(EDGE_COUNT):
+            raw = made_raw(6.0, rng)
+            hum = rng.uniform(0.5, 2.0) * np.std(raw) * np.sin(2.0 * np.pi * mains * np.arange(len(raw)) / RAW_RATE_HZ)
+            found.append(find_mains(recording_of(raw + hum)) == mains)
+    words = f"{len(found)} made recordings with half to twice as much hum as EMG, at 50 or 60 Hz"
+    yield row("mains.found", 100.0 * np.mean(found), "%", words, "simulated")
+    script = (
+        "import resource, numpy as np\n"
+        "from pellucid.signals.emg_chain import emg_chain\n"
+        "x = 1e-4 * np.random.default_rng(1).standard_normal(int(640 * 2000))\n"
+        "for _ in range(4): emg_chain('hill').zero_phase(x, 2000.0)\n"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    words = "of the whole process, largest: four channels of 640 s at 2 kHz in turn"
+    yield row("raw_640s.memory", float(done.stdout), "MB", words, "simulated")
+
+
+def recording_of(raw: np.ndarray) -> Recording:
+    """Return a recording with one channel of raw EMG."""
+    time = Channel("time", np.arange(len(raw)) / RAW_RATE_HZ, "s", "time")
+    channels = {"time": time, "emg.soleus": Channel("emg.soleus", raw, "V", "soleus")}
+    return Recording("made", Path("made.csv"), "", "fit", channels)

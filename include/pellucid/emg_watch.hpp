@@ -1,0 +1,176 @@
+// Channels of EMG held against those that an estimator was calibrated on, sample by sample while it runs.
+//
+//   p_k = map of angles and rates        envelope of channel k in the fitted recordings, by the movement
+//   s   = median_k sqrt(<x_k x_k> / <p_k p_k>)     another load or effort changes all channels together
+//   e_k = <(x_k - s p_k)^2> / max(1, s^2) - usual_k                error beyond what the fitted recordings show
+//   d_k = consequence_k (e_k - <p_k p_k> max(0, median_k(e_k / <p_k p_k>)))
+//
+// The last median takes off what all channels miss alike while the effort changes.
+//
+// <> forgets within seconds, one multiplication a step, so that every step costs the same. `consequence` is the share of
+// the torque's variance that a squared error of the channel costs, so that d_k is the R² that a channel which no longer
+// follows its pattern may take from the torque. A channel whose d_k exceeds `max_loss` has changed: its envelope is
+// replaced by s p_k until d_k is below half of it. Where most channels changed or miss their patterns, s lies outside its
+// bounds or the movement is none of those that were fitted, nothing tells which channel is right, and no torque holds.
+#pragma once
+
+#include "fields.hpp"
+#include "math.hpp"
+
+namespace pellucid {
+inline namespace PELLUCID_ABI {
+
+/// Common change of all channels' envelopes beyond which, up or down, no torque holds.
+constexpr double max_common_change = 3.0;
+/// Share of the patterns' mean square that most channels may miss at once, beyond which no torque holds. A step of all
+/// efforts by a factor of two or three misses less for a moment; noise in place of envelopes misses all.
+constexpr double max_common_miss = 0.25;
+/// Share of the watched time outside the fitted movements beyond which no torque holds.
+constexpr double max_strange_share = 0.25;
+
+/// A channel as it was in the fitted recordings.
+template <class S> struct WatchedChannelParams {
+  S consequence{}, usual{}, square{}, product{}, pattern_square{};
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.consequence, {"consequence", unit::one, at_least(0), "share of the torque's variance by squared envelope"});
+    visit(p.usual, {"usual", unit::one, at_least(0), "largest <(x - s p)^2> in the fitted recordings"});
+    visit(p.square, {"square", unit::one, at_least(0), "<x x> in the fitted recordings, with which the watch begins"});
+    visit(p.product, {"product", unit::one, at_least(0), "<x p> in them"});
+    visit(p.pattern_square, {"pattern_square", unit::one, at_least(0), "<p p> in them"});
+  }
+};
+
+/// Range of an angle and of its rate in the fitted recordings, with a margin.
+template <class S> struct WatchedAngleParams {
+  S low{}, high{}, slowest{}, fastest{};
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.low, {"low", unit::angle, any_number(), "smallest angle that was fitted, less a margin"});
+    visit(p.high, {"high", unit::angle, any_number(), "largest, with a margin"});
+    visit(p.slowest, {"slowest", unit::velocity, any_number(), "smallest rate, less a margin"});
+    visit(p.fastest, {"fastest", unit::velocity, any_number(), "largest, with a margin"});
+  }
+};
+
+/// What a watch is held against.
+template <class S, std::size_t channels_, std::size_t angles_> struct EmgWatchParams {
+  bool on = false;                             ///< whether channels are watched
+  S forgetting{};                              ///< share of a mean that a step replaces, above 0 and at most 1
+  S max_loss{};                                ///< d at which a channel has changed [1], above 0
+  WatchedChannelParams<S> channel[channels_]{};  ///< each
+  WatchedAngleParams<S> angle[angles_]{};        ///< each
+};
+
+/// What a watch remembers. Zeros are a beginning.
+template <class S, std::size_t channels_> struct EmgWatchState {
+  S square[channels_]{}, product[channels_]{}, pattern_square[channels_]{};  ///< <x x>, <x p> and <p p>
+  S loss[channels_]{};        ///< d of each channel at the last step
+  S common{S(1)};             ///< s at the last step
+  S strange{};                ///< share of the time outside the fitted movements
+  std::uint32_t changed = 0;  ///< channels that changed, a bit each
+  bool unlike = false;        ///< whether no torque holds
+  bool started = false;       ///< false until the first step
+};
+
+namespace detail {
+
+template <class S, std::size_t channels_, std::size_t angles_>
+bool is_sound(const EmgWatchParams<S, channels_, angles_>& p, std::size_t channels, std::size_t angles) noexcept {
+  if (!p.on) return true;
+  bool sound = channels >= 1 && channels <= channels_ && angles <= angles_ && p.forgetting > S(0) &&
+               p.forgetting <= S(1) && p.max_loss > S(0) && is_finite(p.max_loss);
+  for (std::size_t i = 0; sound && i < channels; ++i) sound = pellucid::is_sound(p.channel[i]);
+  for (std::size_t k = 0; sound && k < angles; ++k) sound = pellucid::is_sound(p.angle[k]);
+  return sound;
+}
+
+/// Insertion sort of the first `count` of `values`: there are few, and it is total.
+template <class S, std::size_t most> void sort(S (&values)[most], std::size_t count) noexcept {
+  for (std::size_t i = 1; i < count; ++i) {
+    const S moved = values[i];
+    std::size_t at = i;
+    for (; at > 0 && values[at - 1] > moved; --at) values[at] = values[at - 1];
+    values[at] = moved;
+  }
+}
+
+/// Median of the first `count` of `values`, which are sorted; of up to three, the one nearest to 1 as a factor.
+template <class S, std::size_t most> S common_factor(S (&values)[most], std::size_t count) noexcept {
+  if (count == 0) return S(1);
+  if (count <= 3) {
+    std::size_t best = 0;
+    const auto apart = [](S x) noexcept { return x < S(1) ? S(1) / max(x, S(1e-6)) : x; };
+    for (std::size_t i = 1; i < count; ++i)
+      if (apart(values[i]) < apart(values[best])) best = i;
+    return values[best];
+  }
+  sort(values, count);
+  return count % 2 == 1 ? values[count / 2] : S(0.5) * (values[count / 2 - 1] + values[count / 2]);
+}
+
+/// Lower median of the first `count` of `values`, which are sorted; 0 for a single one, which has nothing beside it.
+template <class S, std::size_t most> S lower_median(S (&values)[most], std::size_t count) noexcept {
+  if (count < 2) return S(0);
+  sort(values, count);
+  return values[(count - 1) / 2];
+}
+
+}  // namespace detail
+
+/// One step: envelopes, patterns and which channels are silent, a bit each, and whether the movement is a fitted one.
+/// The bit of each channel that changed is in `changed`; its envelope is then to be common times its pattern.
+template <class S, std::size_t channels_, std::size_t angles_>
+void step(const EmgWatchParams<S, channels_, angles_>& p, EmgWatchState<S, channels_>& s,
+          const S (&envelope)[channels_], const S (&pattern)[channels_], std::size_t channels, std::uint32_t silent,
+          bool strange) noexcept {
+  if (!s.started) {
+    for (std::size_t i = 0; i < channels; ++i) {
+      s.square[i] = p.channel[i].square;
+      s.product[i] = p.channel[i].product;
+      s.pattern_square[i] = p.channel[i].pattern_square;
+    }
+    s.started = true;
+  }
+  s.strange = s.strange + p.forgetting * ((strange ? S(1) : S(0)) - s.strange);
+  S factor[channels_]{};
+  std::size_t heard = 0;
+  for (std::size_t i = 0; i < channels; ++i) {
+    if ((silent >> i & 1u) != 0) continue;
+    const S x = envelope[i], y = pattern[i];
+    s.square[i] = s.square[i] + p.forgetting * (x * x - s.square[i]);
+    s.product[i] = s.product[i] + p.forgetting * (x * y - s.product[i]);
+    s.pattern_square[i] = s.pattern_square[i] + p.forgetting * (y * y - s.pattern_square[i]);
+    factor[heard++] = sqrt(max(s.square[i], S(0)) / max(s.pattern_square[i], S(1e-12)));
+  }
+  s.common = detail::common_factor(factor, heard);
+  const S widened = max(S(1), s.common * s.common);
+  S excess[channels_]{}, relative[channels_]{};
+  heard = 0;
+  for (std::size_t i = 0; i < channels; ++i) {
+    if ((silent >> i & 1u) != 0) continue;
+    const S missed = s.square[i] - S(2) * s.common * s.product[i] + s.common * s.common * s.pattern_square[i];
+    excess[i] = missed / widened - p.channel[i].usual;
+    relative[heard++] = excess[i] / max(s.pattern_square[i], S(1e-12));
+  }
+  const S alike = max(S(0), detail::lower_median(relative, heard));
+  std::uint32_t count = 0;
+  for (std::size_t i = 0; i < channels; ++i) {
+    const std::uint32_t bit = 1u << i;
+    if ((silent & bit) != 0) {
+      s.changed &= ~bit;
+      s.loss[i] = S(0);
+      continue;
+    }
+    s.loss[i] = p.channel[i].consequence * (excess[i] - alike * s.pattern_square[i]);
+    // What is no number has changed.
+    if (!(s.loss[i] <= p.max_loss)) s.changed |= bit;
+    if (s.loss[i] < S(0.5) * p.max_loss) s.changed &= ~bit;
+    count += (s.changed & bit) != 0;
+  }
+  s.unlike = 2 * count > heard || !(s.common <= S(max_common_change)) || !(s.common * S(max_common_change) >= S(1)) ||
+             !(alike <= S(max_common_miss)) || !(s.strange <= S(max_strange_share));
+}
+
+}  // namespace PELLUCID_ABI
+}  // namespace pellucid

@@ -1,0 +1,196 @@
+r"""Correlate envelopes of EMG with force in every contraction, and find what holds over people.
+
+The force passes the low-pass of an envelope, so that both are equally smooth. Fisher's :math:`z = \mathrm{artanh}\, r`
+of each person is a sample; the interval of the mean z over people is Student's, turned back into correlations. A muscle
+follows the force if the interval lies above the correlation that was stated beforehand, and tells some of it if the
+interval lies above 0. It tells little of the force if the interval reaches 0 and lies below the stated correlation.
+Anything else cannot be said from these people.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from ..._errors import RecordingError
+from ...fit.parameter import Verdict
+from ...signals.filters import zero_phase_lowpass
+from ...studies.results import ResultRow
+from ...studies.study import Study
+from ..muscle_channels import MuscleEnvelopes, emg_faults, raise_refusals, relative_envelopes
+from ..procedure import Progress, quiet
+from ..result import FigureTable, Result
+from .emg_force_table import EmgForceTable
+
+FORCE_LOWPASS_HZ = 6.0
+"""Cut-off of the low-pass on force [Hz], as on envelopes of the chain "hill"."""
+
+MIN_PEOPLE = 3
+"""Smallest number of people whose mean gets an interval."""
+
+MAX_CORRELATION = 0.9999
+"""Correlations are cut off here before they are transformed: z of 1 is infinite."""
+
+Answer = Literal["follows the force", "tells some of the force", "tells little of the force", "cannot say"]
+"""The four answers to what a muscle's EMG tells of force."""
+
+
+@dataclass(frozen=True)
+class MuscleForce:
+    """What one muscle's EMG tells of the force of one task."""
+
+    task: str
+    muscle: str
+    agonist: bool  # Whether the study names this muscle for the task
+    people: tuple[str, ...] = field(repr=False)
+    each: tuple[float, ...] = field(repr=False)  # Correlation of each person
+    mean: float  # Mean correlation, by the mean of Fisher's z
+    low: float  # Lower end of its interval over people
+    high: float  # Upper end
+    follows: float  # Correlation that counts as following the force, stated beforehand
+
+    @property
+    def answer(self) -> Answer:
+        """Answer for the stated correlation."""
+        if self.low >= self.follows:
+            return "follows the force"
+        if self.low > 0.0:
+            return "tells some of the force"
+        return "tells little of the force" if self.high < self.follows else "cannot say"
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class EmgForceResult(Result):
+    """Result of `emg_force`."""
+
+    found: tuple[MuscleForce, ...] = field(default=(), repr=False)
+
+    def written(self, study: Study) -> str:
+        return "No card is made of correlations"
+
+
+def find_emg_force(study: Study, table: EmgForceTable, tell: Progress = quiet) -> EmgForceResult:
+    """Correlate every muscle's envelope with the force of each task, over people."""
+    raise_refusals(emg_faults(study, table))
+    tell("envelopes", 0.1)
+    recordings = require_tasks(study, table, relative_envelopes(study, table))
+    forces = {r.name: (r.time, r[table.force], r.fs) for r in study.recordings() if table.force in r.channels}
+    each: dict[tuple[str, str], dict[str, float]] = {}
+    for recording in recordings:
+        time, force, fs = forces[recording.name]
+        smooth = np.interp(recording.time, time, zero_phase_lowpass(force, FORCE_LOWPASS_HZ, 4, fs))
+        for muscle, envelope in recording.envelopes.items():
+            key = str(recording.condition), muscle
+            each.setdefault(key, {})[recording.participant or recording.name] = _correlation(envelope, smooth)
+    found = tuple(
+        summarise_people(task, muscle, table, own)
+        for (task, muscle), own in sorted(each.items(), key=lambda item: table.agonists.get(item[0][0]) != item[0][1])
+    )
+    return EmgForceResult(
+        study=study.name, headline=_headline(found), tables=(_table(found, table.confidence),),
+        rows=tuple(_rows(study.name, found, table.confidence)), found=found, verdicts=tuple(_verdicts(found)),
+        confidence=table.confidence, cards={}, checksums={each.name: each.checksum for each in recordings},
+    )  # fmt: skip
+
+
+def require_tasks(study: Study, table: EmgForceTable, recordings: list[MuscleEnvelopes]) -> list[MuscleEnvelopes]:
+    """Return the recordings of the tasks; raise a RecordingError if a force, a task or its muscle is missing."""
+    channels = {r.name: r.channels for r in study.recordings()}
+    for each in recordings:
+        if each.condition not in table.agonists:
+            raise RecordingError(
+                f"{study.folder}: [emg_force.agonists], recording {each.name}: found the condition {each.condition}, "
+                f"expected one of {', '.join(table.agonists)}"
+            )
+        muscle = table.agonists[each.condition]
+        if muscle not in each.envelopes:
+            raise RecordingError(
+                f"{study.folder}: [emg_force.agonists], recording {each.name}: found EMG of "
+                f"{', '.join(each.envelopes)}, expected {muscle} too"
+            )
+        if table.force not in channels[each.name]:
+            raise RecordingError(
+                f"{study.folder}: [emg_force], recording {each.name}: found no {table.force}, expected the force"
+            )
+    return recordings
+
+
+def summarise_people(task: str, muscle: str, table: EmgForceTable, each: dict[str, float]) -> MuscleForce:
+    """Return the mean correlation over people with its interval, given each person's correlation by name."""
+    from scipy.stats import t as student
+
+    values = np.array(list(each.values()))
+    z = np.arctanh(np.clip(values, -MAX_CORRELATION, MAX_CORRELATION))
+    half = float("inf")
+    if len(z) >= MIN_PEOPLE:
+        half = float(student.ppf(0.5 + 0.5 * table.confidence, len(z) - 1) * z.std(ddof=1) / np.sqrt(len(z)))
+    mean = float(z.mean())
+    low, high = (float(np.tanh(end)) for end in (mean - half, mean + half))
+    own = table.agonists.get(task) == muscle
+    return MuscleForce(
+        task, muscle, own, tuple(each), tuple(map(float, values)), float(np.tanh(mean)), low, high, table.follows
+    )
+
+
+def _correlation(a: np.ndarray, b: np.ndarray) -> float:
+    """Return the correlation of two signals, shape (n,) each; 0 if one of them does not change."""
+    if not (np.std(a) > 0.0 and np.std(b) > 0.0):
+        return 0.0
+    return float(np.corrcoef(a, b)[0, 1])
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _answer_words(e: MuscleForce) -> str:
+    """Return the answer as a predicate."""
+    return "cannot be said to follow the force" if e.answer == "cannot say" else e.answer
+
+
+def _headline(found: Sequence[MuscleForce]) -> str:
+    """Return the headline: each task's own muscle with its correlation, interval and answer."""
+    parts = [
+        f"{_words(e.task)}: {_words(e.muscle)} {_answer_words(e)} (r {e.mean:.2f}, {e.low:.2f} to {e.high:.2f}, "
+        f"{len(e.each)} people)"
+        for e in found
+        if e.agonist
+    ]
+    return "; ".join(parts) + "."
+
+
+def _table(found: Sequence[MuscleForce], level: float) -> FigureTable:
+    """Return the table of correlations by task and muscle, each task's own muscle first."""
+    heads = ("Task", "Muscle", "Own", "r over people", f"{100 * level:g} % interval", "of people", "EMG")
+    rows = tuple(
+        (
+            _words(e.task), _words(e.muscle), "yes" if e.agonist else "no", e.mean, f"{e.low:.2f} to {e.high:.2f}",
+            f"{min(e.each):.2f} to {max(e.each):.2f}", e.answer,
+        )
+        for e in found
+    )  # fmt: skip
+    return FigureTable("Envelope against force", heads, rows)
+
+
+def _rows(study: str, found: Sequence[MuscleForce], level: float) -> Iterator[ResultRow]:
+    """Yield a row for each task and muscle, and the ends of the interval of the task's own muscle."""
+    for e in found:
+        note = f"{len(e.each)} people, {100 * level:g} % interval {e.low:.2f} to {e.high:.2f}: {e.answer}"
+        yield ResultRow(f"{study}.{e.task}.{e.muscle}.r", e.mean, "1", "emg-force", "fitted", None, note)
+
+
+def _verdicts(found: Sequence[MuscleForce]) -> Iterator[Verdict]:
+    """Yield a warning for each muscle whose EMG tells little of the force of its own task."""
+    for e in found:
+        if e.agonist and e.answer == "tells little of the force":
+            yield Verdict(
+                "warning",
+                f"{_words(e.task)}: the envelope of {_words(e.muscle)} tells little of the force (r {e.mean:.2f}, "
+                f"{e.low:.2f} to {e.high:.2f}): no estimator of this force can rest on it.",
+                "Look at the electrode and at what the load cell measures; record a muscle that pulls in this task.",
+            )
+        if e.agonist and len(e.each) < MIN_PEOPLE:
+            yield Verdict("note", f"{_words(e.task)}: fewer than {MIN_PEOPLE} people, no interval.")

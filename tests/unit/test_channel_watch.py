@@ -1,0 +1,174 @@
+"""An estimator that runs finds channels that changed, goes on without them, and stops where nothing holds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pellucid.estimators.channel_watch import MIN_WATCHED_SAMPLES, add_channel_watch
+from pellucid.estimators.cross_validation import score
+from pellucid.estimators.live_torque import LiveTorque
+from pellucid.estimators.torque_trial import TorqueTrial
+from pellucid.models.emg_estimator import (
+    MAX_WATCHED_LOSS,
+    EmgEstimatorCard,
+    EstimatorChannel,
+    EstimatorJoint,
+    EstimatorTerm,
+    read_estimator_card,
+    write_estimator_card,
+)
+
+FS = 100.0
+WEIGHTS = {"a": 30.0, "b": -25.0, "c": 8.0, "d": 0.5}
+"""Torque of each channel [N m]; the last one hardly matters."""
+
+
+def stride(seconds=12.0, seed=0, name="fitted"):
+    """Steps of a joint: every envelope follows the phase, with strides that differ."""
+    rng, time = np.random.default_rng(seed), np.arange(round(seconds * FS)) / FS
+    phase = 2.0 * np.pi * time / 1.2
+    envelopes = {}
+    for k, muscle in enumerate(WEIGHTS):
+        each = 1.0 + 0.05 * rng.standard_normal(int(seconds / 1.2) + 2)
+        envelopes[muscle] = each[(time / 1.2).astype(int)] * (
+            0.02 + 0.6 * np.maximum(0.0, np.sin(phase + 1.5 * k)) ** 2
+        )
+    torque = sum(w * envelopes[m] for m, w in WEIGHTS.items())
+    return TorqueTrial(name, "knee", time, envelopes, {"knee": 0.5 * np.sin(phase)}, torque)
+
+
+def card(trials):
+    channels = tuple(
+        EstimatorChannel(m, 1.0, 0.0, 2.0 * max(float(t.envelopes[m].max()) for t in trials)) for m in WEIGHTS
+    )
+    terms = tuple(EstimatorTerm(w, f"emg.{m}") for m, w in WEIGHTS.items())
+    joint = EstimatorJoint("knee", 0.0, 0.0, 0.0, 100.0, terms)
+    made = EmgEstimatorCard("s", "emg_knee_ridge", channels, ("knee",), (), (joint,), 1.0 / FS, 12.0)
+    return add_channel_watch(made, {"knee": trials})
+
+
+@pytest.fixture(scope="module")
+def watched():
+    return card([stride()])
+
+
+def run(card, trial, **instead):
+    """Torque, fault and changed channels of each step, with some envelopes `instead`."""
+    live, envelopes = LiveTorque(card), {**trial.envelopes, **instead}
+    each = [
+        live.step(1.0 + i / FS, {m: x[i] for m, x in envelopes.items()}, {"knee": trial.angles["knee"][i]})
+        for i in range(len(trial))
+    ]
+    return np.array([e.torque["knee"] for e in each]), [e.fault for e in each], [set(e.changed) for e in each]
+
+
+def test_fitted_recordings_pass_their_own_watch():
+    slow, fast = stride(), stride(seed=1, name="fast")
+    fast = replace(fast, envelopes={m: 2.0 * x for m, x in fast.envelopes.items()}, torque=2.0 * fast.torque)
+    both = card([slow, fast])
+    for trial in (slow, fast):
+        torque, faults, _ = run(both, trial)
+        assert set(faults[1:]) == {"none"}
+        assert torque == pytest.approx(trial.torque)
+
+
+def test_consequence_is_what_a_channel_costs(watched):
+    fitted = stride()
+    found = {c.name: w.consequence * w.square for c, w in zip(watched.channels, watched.watch.channels, strict=True)}
+    wanted = {m: float(np.mean((w * fitted.envelopes[m]) ** 2) / np.var(fitted.torque)) for m, w in WEIGHTS.items()}
+    assert found == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize("gain", [0.3, 1.5, 2.0, 4.0])
+def test_a_gain_that_costs_torque_is_named_and_its_pattern_takes_its_place(watched, gain):
+    trial = stride(16.0, seed=3)
+    at = len(trial) // 4
+    spoilt = np.where(np.arange(len(trial)) >= at, gain, 1.0) * trial.envelopes["a"]
+    torque, faults, changed = run(watched, trial, a=spoilt)
+    assert {"a"} == set().union(*changed)
+    first = next(i for i, each in enumerate(changed) if each)
+    assert at <= first < at + 5 * FS
+    assert faults[first] == "changed"
+    after = slice(first, None)
+    plain = sum(w * (spoilt if m == "a" else trial.envelopes[m]) for m, w in WEIGHTS.items())
+    assert score(trial.torque[after], torque[after]).r2 > 0.9 > score(trial.torque[after], plain[after]).r2
+
+
+def test_a_change_without_consequence_is_left_alone(watched):
+    trial = stride(seed=3)
+    torque, faults, _ = run(watched, trial, d=4.0 * trial.envelopes["d"])
+    assert set(faults) <= {"restarted", "none", "ceiling"}
+    assert np.abs(torque - trial.torque).max() < 2.0
+
+
+def test_two_exchanged_channels_are_both_named(watched):
+    trial = stride(seed=4)
+    _, faults, changed = run(watched, trial, a=trial.envelopes["b"], b=trial.envelopes["a"])
+    assert changed[-1] == {"a", "b"}
+    assert faults[-1] == "changed"
+
+
+def test_another_effort_of_all_muscles_is_no_change_of_a_channel(watched):
+    trial = stride(seed=5)
+    torque, faults, _ = run(watched, trial, **{m: 1.6 * x for m, x in trial.envelopes.items()})
+    assert set(faults) <= {"restarted", "none"}
+    assert torque == pytest.approx(1.6 * trial.torque)
+
+
+def test_where_most_channels_changed_every_torque_is_zero(watched):
+    trial = stride(seed=6)
+    rng = np.random.default_rng(0)
+    noise = {m: rng.uniform(0.0, 1.0, len(trial)) for m in "abc"}
+    torque, faults, _ = run(watched, trial, **noise)
+    assert faults[-1] == "unlike"
+    assert torque[-1] == 0.0
+    silent, faults, _ = run(watched, trial, **{m: 0.2 * x for m, x in trial.envelopes.items()})
+    assert (faults[-1], silent[-1]) == ("unlike", 0.0)
+
+
+def test_a_movement_that_was_never_fitted_stops_it_and_the_fitted_one_lets_it_go_on(watched):
+    trial = stride(20.0, seed=7)
+    moved = np.where(np.arange(len(trial)) < 600, 2.0, 1.0) * trial.angles["knee"]
+    torque, faults, _ = run(watched, replace(trial, angles={"knee": moved}))
+    assert "unlike" in faults[:600]
+    assert faults[-1] == "none"
+    assert torque[-1] == pytest.approx(trial.torque[-1])
+
+
+def test_a_channel_that_is_mended_is_heard_again(watched):
+    trial = stride(30.0, seed=8)
+    spoilt = np.where(np.arange(len(trial)) < 800, 2.0, 1.0) * trial.envelopes["a"]
+    _, faults, changed = run(watched, trial, a=spoilt)
+    assert changed[799] == {"a"}
+    assert faults[-1] == "none"
+
+
+def test_a_lost_channel_is_lost_and_no_change(watched):
+    trial = stride(seed=9)
+    lost = np.where(np.arange(len(trial)) > 300, np.nan, trial.envelopes["a"])
+    _, faults, changed = run(watched, trial, a=lost)
+    assert faults[-1] == "channel"
+    assert changed[-1] == set()
+
+
+def test_card_is_read_back_with_its_watch(watched, tmp_path):
+    again = read_estimator_card(write_estimator_card(tmp_path / "card.json", watched))
+    assert again == watched
+    assert again.watch.max_loss == MAX_WATCHED_LOSS
+    old = replace(watched, watch=None)
+    assert read_estimator_card(write_estimator_card(tmp_path / "old.json", old)).watch is None
+    trial = stride(seed=3)
+    _, faults, _ = run(old, trial, a=2.0 * trial.envelopes["a"])
+    assert set(faults) <= {"restarted", "none", "ceiling"}
+
+
+def test_a_watch_of_another_cards_channels_is_refused(watched, tmp_path):
+    wrong = replace(watched, watch=replace(watched.watch, channels=watched.watch.channels[:2]))
+    with pytest.raises(Exception, match="found 2 channels and 1 angles, expected those of the card"):
+        read_estimator_card(write_estimator_card(tmp_path / "card.json", wrong))
+
+
+def test_too_few_samples_make_no_watch():
+    short = stride(0.01 * (MIN_WATCHED_SAMPLES - 10))
+    assert card([short]).watch is None
