@@ -85,7 +85,7 @@ def _result(found: AssessmentResult) -> Section:
         "verdict",
         "Verdict",
         tuple(map(typeset_sentence, certificate_sentences(found))),
-        (_table(own.heads, list(own.rows), f"{own.title}.", 2),),
+        (_table(own.heads, list(own.rows), f"{own.title.rstrip('.')}.", 2),),
         (draw(figures.certificate_figure, found.certified),),
         tuple(map(typeset_sentence, certificate_remarks(found))),
     )
@@ -165,10 +165,10 @@ def _assumptions(found: AssessmentResult) -> Section:
 
 
 def _sensitivity(found: AssessmentResult) -> Section:
-    shown = [_table(own.heads, list(own.rows), f"{own.title}.", 3) for own in (tables.beside_table(found),) if own.rows]
+    shown = [_table(own.heads, list(own.rows), f"{own.title.rstrip('.')}.", 3) for own in (tables.beside_table(found),) if own.rows]
     for own in (tables.doubt_table(found), tables.range_table(found)):
         if own.rows:
-            shown.append(_table(own.heads, list(own.rows), f"{own.title}.", 2))
+            shown.append(_table(own.heads, list(own.rows), f"{own.title.rstrip('.')}.", 2))
     text = (
         "No verdict rests on a sensitivity analysis. What else could have changed an end point can take a claim away, "
         "and never makes one."
