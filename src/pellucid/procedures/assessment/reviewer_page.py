@@ -165,7 +165,8 @@ def _assumptions(found: AssessmentResult) -> Section:
 
 
 def _sensitivity(found: AssessmentResult) -> Section:
-    shown = [_table(own.heads, list(own.rows), f"{own.title.rstrip('.')}.", 3) for own in (tables.beside_table(found),) if own.rows]
+    beside = tables.beside_table(found)
+    shown = [_table(beside.heads, list(beside.rows), f"{beside.title.rstrip('.')}.", 3)] if beside.rows else []
     for own in (tables.doubt_table(found), tables.range_table(found)):
         if own.rows:
             shown.append(_table(own.heads, list(own.rows), f"{own.title.rstrip('.')}.", 2))
