@@ -85,6 +85,8 @@ except PellucidError as error:
 folder = write_c_folder("new", ControllerValues("joint", law.values, {}, ("joint.json",), {}), Path(sys.argv[1]))
 print(json.dumps({"value": fit["windage"].value, "unit": fit["windage"].unit,
                   "carried": law.values["windage"], "known": known, "negative": negative,
+                  "carried_at_one": sum(law.values[n] for n in ("coulomb_positive", "viscous_positive", "windage")),
+                  "found_at_one": sum(fit[n].value for n in ("coulomb", "viscous", "windage")),
                   "watched": safe.supervision["body_viscous"] - law.values["viscous_positive"],
                   "header": "float windage;" in (folder / "pellucid_controller.h").read_text(),
                   "exported": check_on_host(folder), "names": [f.name for f in LAWS["joint"].fields][:15],
@@ -149,7 +151,8 @@ def test_a_friction_term_is_its_header_and_its_catalogue(tmp_path):
     assert said["value"] == pytest.approx(0.07, rel=0.05)
     assert said["unit"] == "N*m*s^2/rad^2"
     # Less than was found is carried; limits and supervisor count it, and no prior makes it drive.
-    assert said["carried"] == said["known"] < said["value"]
+    assert said["carried"] == said["known"] <= said["value"]
+    assert said["carried_at_one"] < said["found_at_one"]
     assert said["watched"] == pytest.approx(10.0 * said["carried"])
     assert "known: found windage = -1, expected 0 to" in said["negative"]
     assert said["header"]

@@ -28,7 +28,7 @@ def test_a_notebook_was_executed_from_top_to_bottom(notebook):
     assert not any(output["output_type"] == "error" for cell in cells for output in cell["outputs"])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
 def test_the_code_of_a_notebook_runs(notebook, tmp_path):
     program = "\n".join("".join(cell["source"]) for cell in code_cells(notebook))

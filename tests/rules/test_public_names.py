@@ -64,6 +64,7 @@ COMMANDS = [
     "certificate",
     "onset",
     "cocontraction",
+    "emg-force",
     "synergies",
     "activations",
     "report",

@@ -17,7 +17,8 @@ HALF_ADDED = {
         "mbp: has no words",
     ),
     "an estimator without a colour": (
-        "estimators", "estimators/families/tree.py", 'colour="load"\n', 'colour="pink"\n', "tree: has no colour",
+        "estimators", "estimators/families/tree.py", 'colour="load",\n        weight', 'colour="pink",\n        weight',
+        "tree: has no colour",
     ),
     "a fault of the core without an entry": (
         "faults", "control/supervisor_faults.py", '("ringing",)', '("push",)',

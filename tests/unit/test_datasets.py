@@ -105,7 +105,7 @@ def test_every_template_is_a_study_of_the_registered_files():
         assert {file.removeprefix("recordings/") for file in files} == set(datasets.info(name).files)
         # A fit that leaves trials, repetitions or segments out in turn needs no recording set apart.
         asks = study.transfer_function or study.hinge or study.emg_torque or study.isolated_muscle or study.tree
-        asks = asks or study.assessment
+        asks = asks or study.assessment or study.emg_force
         assert asks or {entry.use for entry in study.recordings} == {"fit", "validate"}
         assert asks or study.processing.lowpass is not None
 

@@ -205,10 +205,11 @@ def test_the_slider_stays_within_its_limit(tmp_path):
     run_until(session, clock, lambda: session.phase == Phase.running and session.attempt.task.index >= 0)
     assert "expected a number" in session.act("operator", "torque", float("nan"))
     session.act("operator", "torque", 99.0)
+    assert session.slider == 10.0
     clock.now += STEP_S
     session.step()
-    assert session.slider == 10.0
     assert engine.torque == pytest.approx(5.0 * STEP_S)  # on the way, at the default rate
+    assert session.slider == engine.torque  # the page shows what is commanded
 
 
 def test_the_torque_follows_the_slider_at_the_stated_rate():

@@ -80,6 +80,7 @@ def test_every_threshold_of_a_joint():
         "test_most": 2.5 * 2.0 * (wave * 0.032 / math.pi) ** 2 / INERTIA, "degrades": 1.0, "moving_speed": 0.2,
         "rest_speed": 0.3, "reset_delay": 1.0, "healthy_samples": 500.0, "probe_effort": 0.0, "probe_samples": 120.0,
         "probe_inertia": 0.0, "probe_noise": 0.0, "probe_moving": 0.1, "probe_evidence": 25.0,
+        "probe_travel": math.inf,
         "shaking_limit": math.inf, "shaking_recent": 10.0, "shaking_memory": 0.5,
         "unexplained_limit": math.inf, "unexplained_gain": 0.0, "unexplained_offset": 0.02 * EFFORT + 0.1,
         "unexplained_memory": 0.1,

@@ -212,10 +212,14 @@ def evaluate(study: Study) -> tuple[Path | None, list[str]]:
     """
     notes = []
     for command in (*dict.fromkeys(procedure.command for procedure in asked(study)), "report"):
-        made = subprocess.run(
-            [sys.executable, "-c", "from pellucid.cli import main; main()", command, str(study.folder)],
-            capture_output=True, text=True, timeout=COMMAND_LIMIT_S, check=False,
-        )  # fmt: skip
+        try:
+            made = subprocess.run(
+                [sys.executable, "-m", "pellucid", command, str(study.folder)],
+                capture_output=True, text=True, timeout=COMMAND_LIMIT_S, check=False,
+            )  # fmt: skip
+        except subprocess.TimeoutExpired:
+            notes.append(f"{command}: ended after {COMMAND_LIMIT_S / 60.0:.0f} minutes")
+            continue
         if made.returncode:
             said = (made.stderr.strip() or made.stdout.strip()).splitlines()
             notes.append(f"{command}: {said[-1] if said else f'ended with status {made.returncode}'}")

@@ -354,7 +354,8 @@ def _error_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[FigureTable
 
     Estimators that see the measured torque are in tables of their own, after the others.
     """
-    made, told = [], []
+    made: list[FigureTable] = []
+    told: list[FigureTable] = []
     heads = ("RMSE", "R²", "of that without EMG", "R² within the fit")
     for what, recording in dict.fromkeys((each.what, each.recording) for each in evaluated):
         own = [each for each in evaluated if (each.what, each.recording) == (what, recording)]

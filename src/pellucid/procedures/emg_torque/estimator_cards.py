@@ -70,7 +70,8 @@ def estimator_cards(
 
     `study` [emg_torque].
     """
-    cards, chain = {}, study.table(EmgTorqueTable).chain
+    cards: dict[str, EmgEstimatorCard] = {}
+    chain = study.table(EmgTorqueTable).chain
     if chain != "none" and any(stage.kind == "advance" for stage in emg_chain(chain).stages):
         return cards
     for (joint, estimator), fit in list(found.causal.items()):
@@ -89,10 +90,10 @@ def estimator_cards(
         cards[name] = add_channel_watch(card, {joint: trials})
     # With raw EMG, muscles over all joints were fitted to zero-phase envelopes. They then get no card.
     if together is not None and chain == "none":
-        trials = {joint: [t for t in own if not t.heldout] for joint, own in found.across.items()}
+        fitted = {joint: [t for t in own if not t.heldout] for joint, own in found.across.items()}
         name = "emg_together_hill"
-        card = muscle_estimator(study, name, together.fit.card_content(), trials, ACROSS_JOINTS_NOTES)
-        cards[name] = add_channel_watch(card, trials)
+        card = muscle_estimator(study, name, together.fit.card_content(), fitted, ACROSS_JOINTS_NOTES)
+        cards[name] = add_channel_watch(card, fitted)
     return cards
 
 

@@ -114,7 +114,8 @@ def swings_of(recording: Recording, lowpass: float) -> list[Swing]:
     """Return the low-passed [Hz] swings between a recording's cuts; stretches that are too short are left out."""
     if not recording.cuts:
         return [prepared(recording, lowpass)]
-    found, short = [], None
+    found: list[Swing] = []
+    short = None
     for span in recording.spans:
         channels = channels_within(recording, span)
         name = f"{recording.name} ({len(found) + 1})" if found else recording.name
