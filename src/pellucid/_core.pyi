@@ -1337,6 +1337,14 @@ class EmgEstimator:
     def levels(self) -> NDArray[float64]:
         """Envelope of each channel as it was last heard, (c,)."""
 
+    @property
+    def changed(self) -> int:
+        """Channels that changed since the calibration, at the last step, a bit each."""
+
+    @property
+    def losses(self) -> NDArray[float64]:
+        """Share of the torque's variance that each channel may cost at the last step, (c,)."""
+
     def reset(self) -> None:
         """Forget every sample."""
 
@@ -1464,6 +1472,14 @@ class EmgEstimatorFloat:
     @property
     def levels(self) -> NDArray[float64]:
         """Envelope of each channel as it was last heard, (c,)."""
+
+    @property
+    def changed(self) -> int:
+        """Channels that changed since the calibration, at the last step, a bit each."""
+
+    @property
+    def losses(self) -> NDArray[float64]:
+        """Share of the torque's variance that each channel may cost at the last step, (c,)."""
 
     def reset(self) -> None:
         """Forget every sample."""

@@ -138,7 +138,6 @@ def test_a_bad_trial_is_to_be_repeated_and_says_why(tmp_path):
     engine.freeze = True
     run_until(session, clock, lambda: session.phase == Phase.judged)
     assert "movements" in session.reason
-    assert session.attempt.judged.seconds < 1.0
     assert session.act("operator", "repeat") == ""
     engine.freeze = False
     assert session.act("operator", "start") == ""

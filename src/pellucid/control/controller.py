@@ -24,7 +24,7 @@ class NamedController:
     build: Callable[..., ControlLaw]
 
 
-def _of_elbow(name: str, found: object, *, slider: float | None = None, **settings: object) -> ControlLaw:
+def _of_elbow(name: str, found: object, *, slider: float | None = None, **settings: Any) -> ControlLaw:
     """A law of a worn elbow robot, from its card and the place of its carriage [m]."""
     card = _card(found)
     if not isinstance(card, SliderCard):

@@ -30,7 +30,7 @@ from ..lab.pointing.people import Person
 from ..lab.pointing.rig import PointingRig, elbow_participants
 from ..lab.pointing.session import CONTROL_CONDITION
 from ..lab.study import write_study
-from ..models.slider_card import read_slider_card
+from ..models.slider_card import SliderCard, read_slider_card
 from ..procedures.assessment.assessment_result import AssessmentResult
 from ..procedures.joint.joint_result import JointResult
 from ..procedures.run import assess, identify
@@ -188,7 +188,7 @@ def _replayed_session(elbow: Study, folder: Path, notes: list[str]) -> ReplayedS
         return None
 
 
-def _read_cards(elbow: Study) -> dict[str, SliderFit]:
+def _read_cards(elbow: Study) -> dict[str, SliderCard]:
     """Return the cards on disk that the worn controllers are made from, by method."""
     needed = {controller.method: controller.card for controller in map(ELBOW_CONTROLLERS.get, WORN_CONTROLLERS)}
     return {method: read_slider_card(elbow.models_dir / card) for method, card in needed.items()}

@@ -224,7 +224,8 @@ def _people(made: Demonstration) -> Section:
 
 
 def _exported(made: Demonstration) -> Section:
-    cost, tables = made.cost, ()
+    cost = made.cost
+    tables: tuple[Table, ...] = ()
     paragraphs = [
         f"The controller {BEST_SENSED_CONTROLLER} as a folder of C and C++: the core's own headers, the identified "
         "constants, "

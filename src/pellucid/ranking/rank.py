@@ -107,7 +107,8 @@ def rank(
     tell("identifying robots and wearers, and wearing every controller", 0.0)
     # The longest jobs come first. The test for sway takes as long as everything else, so it runs for few wearers.
     knee = tuple(strategies_of_task(SWING_TASK))
-    jobs = [(knee_pair, i, seed, i < SWAY_TESTED_COUNT and pairs > SWAY_TESTED_COUNT, knee, read) for i in range(pairs)]
+    sways = [i < SWAY_TESTED_COUNT and pairs > SWAY_TESTED_COUNT for i in range(pairs)]
+    jobs: list[tuple] = [(knee_pair, i, seed, sways[i], knee, read) for i in range(pairs)]
     jobs += [(elbow_pair, i, pairs, seed, read) for i in range(pairs)]
     found = ordered_results(
         jobs, workers, lambda done, of: tell(f"{done} of {of} pairs of a person and a robot", 0.95 * done / of)

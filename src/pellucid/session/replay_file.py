@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -144,7 +145,7 @@ def _first_channel(recording: Recording, expected: tuple[str, ...], path: Path, 
 def _stated_limits(study: Study) -> tuple[Limits, str]:
     """Return the limits of the study and a text that names them; what is not stated has its default."""
     given, session = study.rig.limits, study.config.session
-    stated = {
+    stated: dict[str, Any] = {
         "effort": session.limits.effort if session is not None and session.limits.effort else given.effort,
         "velocity": given.velocity,
     }
