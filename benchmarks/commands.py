@@ -28,7 +28,7 @@ REPEAT_COUNT = sized(5, smallest=1)
 COMMANDS = ("check", "identify", "report")
 """Commands that are timed, in the order in which they run."""
 
-COMMAND_LINE = "from pellucid.cli import main; main()"
+COMMAND_LINE = "from pellucid.__main__ import main; main()"
 """Python code that runs Pellucid's command line."""
 
 PLAIN_FIT = """

@@ -46,7 +46,7 @@ PART_DIVISOR = sized(6, smallest=2)
 REPEAT_COUNT = sized(3, smallest=1)
 """Number of runs on the short recording, and of empty starts."""
 
-COMMAND_LINE = "from pellucid.cli import main; main()"
+COMMAND_LINE = "from pellucid.__main__ import main; main()"
 """Python code that runs Pellucid's command line."""
 
 START_UP = "import pellucid.cli, pellucid.procedures.run, pellucid.procedures.joint.identify_joint, scipy.optimize"

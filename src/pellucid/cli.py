@@ -394,7 +394,6 @@ def live(
     from .session.page_server import PageServer
     from .session.run_session import live as run
 
-
     def show(server: PageServer) -> None:
         print_line(out, f"Operator:    {server.address('operator')}")
         print_line(out, f"Participant: {server.address('participant')}")

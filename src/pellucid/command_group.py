@@ -6,6 +6,7 @@ prints them.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Annotated, Any
 
 import typer
@@ -33,20 +34,20 @@ class CommandGroup(TyperGroup):
         if found is None and cmd_name in LAB_COMMANDS:
             raise missing_lab(cmd_name)
         if isinstance(found, TyperCommand) and not any("--quiet" in each.opts for each in found.params):
-            found.params += _options_of_all()
+            found.params += _shared_parameters()
         return found
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the commands under the headings of their groups."""
         named = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
         rows: dict[str, list[tuple[str, str]]] = {heading: [] for heading in HELP_GROUPS}
+        width = max(len(name) for name, _ in named)
         for name, command in named:
             if command is None or command.hidden:
                 continue
             heading = getattr(command, "rich_help_panel", None)
-            room = formatter.width - 6 - max(len(each) for each, _ in named)
             rows.setdefault(heading if isinstance(heading, str) else LEARN_GROUP, []).append(
-                (name.ljust(max(len(each) for each, _ in named)), command.get_short_help_str(room))
+                (name.ljust(width), command.get_short_help_str(formatter.width - 6 - width))
             )
         for heading, listed in rows.items():
             if listed:
@@ -54,11 +55,12 @@ class CommandGroup(TyperGroup):
                     formatter.write_dl(listed)
 
 
-def _options_of_all() -> list[Any]:
-    """Return the options that every command has."""
+@cache
+def _shared_parameters() -> tuple[Any, ...]:
+    """Return the options that every command has, made once for all of them."""
     made = typer.Typer(add_completion=False)
     made.command()(_shared_options)
-    return [each for each in typer.main.get_command(made).params if each.name in ("quiet", "verbose")]
+    return tuple(each for each in typer.main.get_command(made).params if each.name in ("quiet", "verbose"))
 
 
 def _shared_options(

@@ -240,6 +240,15 @@ class RigTable(BaseModel):
         return key in self.keys()
 
 
+class CamerasTable(RigTable):
+    """``[cameras]``: motion capture, without the joint that stands still before it."""
+
+    rate: CameraRate  # frame rate [Hz]
+    noise: Noise  # standard deviation of each coordinate [m]
+    quantum: Quantum  # step in which coordinates are stored [m]
+    clock_drift: ClockDrift  # share by which the cameras' clock is fast [1]
+
+
 @cache
 def _field_names(table: type[RigTable]) -> Mapping[str, str]:
     """Return the name of each field of a table by its key in the file."""

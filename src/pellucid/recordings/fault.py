@@ -58,18 +58,19 @@ def grouped_messages(faults: Sequence[Fault], most: int = 3, most_cuts: int = 10
     """
     kinds: dict[tuple[str, ...], list[str]] = {}
     for fault in faults:
+        key: tuple[str, ...]
         if fault.severity == "cut":
-            kinds.setdefault((fault.kind, fault.channel, fault.file), []).append(fault.message)
+            key = ("cut", fault.kind, fault.channel, fault.file)
         elif fault.severity == "refuse":
             # Recordings that lack the same thing are one line; those that differ in what was found are not.
-            kinds.setdefault((fault.kind, fault.channel, "", fault.found), []).append(fault.message)
+            key = ("refuse", fault.kind, fault.channel, fault.found)
         else:
-            key = (fault.kind, fault.channel) if len(faults) > most else (fault.message, "")
-            kinds.setdefault(key, []).append(fault.message)
+            key = ("told", fault.kind, fault.channel) if len(faults) > most else ("told", fault.message)
+        kinds.setdefault(key, []).append(fault.message)
     listed: list[str] = []
     for what, messages in kinds.items():
-        # The key of a cut has three parts: the first cuts of one kind in one file are listed with their places.
-        count = most_cuts if len(what) == 3 else 1
+        # The first cuts of one kind in one file are listed with their places.
+        count = most_cuts if what[0] == "cut" else 1
         if len(messages) <= max(most, count):
             listed += messages
         else:

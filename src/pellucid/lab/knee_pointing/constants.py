@@ -7,12 +7,9 @@ from typing import Annotated
 from pydantic import Field
 
 from ..constants import (
-    CameraRate,
-    ClockDrift,
+    CamerasTable,
     Coordinate,
     Motion,
-    Noise,
-    Quantum,
     RigConstants,
     RigTable,
     Share,
@@ -51,13 +48,9 @@ class LegImpedanceTable(RigTable):
     noise_share: Share  # signal-dependent noise over that of somebody who swings the shank [1]
 
 
-class LegCamerasTable(RigTable):
+class LegCamerasTable(CamerasTable):
     """``[cameras]``: motion capture of a marker at the knee and one at the ankle."""
 
-    rate: CameraRate  # frame rate [Hz]
-    noise: Noise  # standard deviation of each coordinate [m]
-    quantum: Quantum  # step in which coordinates are stored [m]
-    clock_drift: ClockDrift  # share by which the cameras' clock is fast [1]
     knee: tuple[Coordinate, Coordinate, Coordinate]  # position of the knee in the laboratory's frame, z up [m]
 
 

@@ -16,8 +16,7 @@ from ..constants import (
     AngleSize,
     BodyHeight,
     BodyMass,
-    CameraRate,
-    ClockDrift,
+    CamerasTable,
     Compliance,
     Coordinate,
     Delay,
@@ -28,7 +27,6 @@ from ..constants import (
     PerSecond,
     PositiveAngle,
     PositiveSpeed,
-    Quantum,
     Repetitions,
     RigConstants,
     RigTable,
@@ -299,13 +297,9 @@ class PointingTable(RigTable):
     longest: Annotated[float, Field(ge=0.1, le=200.0)]  # time after which the next target appears in any case [s]
 
 
-class CamerasTable(RigTable):
+class ArmCamerasTable(CamerasTable):
     """``[cameras]``: motion capture of a marker at the elbow and one at the wrist."""
 
-    rate: CameraRate  # frame rate [Hz]
-    noise: Noise  # standard deviation of each coordinate [m]
-    quantum: Quantum  # step in which coordinates are stored [m]
-    clock_drift: ClockDrift  # share by which the cameras' clock is fast [1]
     elbow: tuple[Coordinate, Coordinate, Coordinate]  # position of the elbow in the laboratory's frame, z up [m]
 
 
@@ -323,7 +317,7 @@ class PointingConstants(RigConstants):
     emg: PointingEmgTable
     force_sensor: ForceSensorTable
     pointing: PointingTable
-    cameras: CamerasTable
+    cameras: ArmCamerasTable
 
 
 class ParticipantsConstants(PointingConstants):
