@@ -21,6 +21,9 @@ BEAT_S = 0.1
 MOTION = (1.2, 0.4, 0.35)
 """Centre [rad], amplitude [rad] and frequency [Hz] of the sine that the wearer follows."""
 
+REST = (1.2, 0.0, 0.35)
+"""The same for a wearer who waits at its centre."""
+
 
 def session_setup(cards: Path, conditions: tuple[str, ...] = ("FC",)) -> EngineSetup:
     """Return the virtual elbow, whose identified cards lie in a file."""
@@ -36,7 +39,10 @@ def rest(engine: LiveEngine, seconds: float) -> None:
 
 
 def begin_motion(engine: LiveEngine, patience_s: float = 20.0) -> bool:
-    """Reset what is stopped, arm the law and let the wearer move; whether the law runs."""
+    """Reset what is stopped, arm the law and let the wearer move; whether the law runs.
+
+    The wearer is asked to rest first: no reset is granted while the joint moves.
+    """
     until = time.monotonic() + patience_s
     while time.monotonic() < until:
         state = engine.status().state
@@ -44,6 +50,7 @@ def begin_motion(engine: LiveEngine, patience_s: float = 20.0) -> bool:
             engine.set_tracking(*MOTION)
             return True
         if state == "stopped":
+            engine.set_tracking(*REST)
             engine.reset()
         elif state == "idle":
             engine.arm()
