@@ -87,7 +87,7 @@ class Players:
         end = time.monotonic() + patience
         while not done():
             session = self.session
-            assert time.monotonic() < end, (session.phase, session.reason, session.faults, self.errors)
+            assert time.monotonic() < end, (session.phase, session.reason, session.faults, session.notes, self.errors)
             self.operator.wait_for_timeout(40)
 
     def do(self, control):

@@ -175,6 +175,25 @@ def test_moments_are_judged_on_what_was_held_out(tmp_path, quick):
     assert (tile.what, "rest " in tile.more) == ("Torque error, knee, judged", True)
 
 
+def test_short_gaps_of_angles_are_interpolated_and_longer_ones_leave_the_recording_out(tmp_path):
+    # A computer that stalls for some milliseconds writes such files.
+    made = {}
+    for name, missing in (("whole", 0), ("short", 3), ("long", 8)):
+        folder = leg(tmp_path / name).folder
+        t, angles = np.arange(6000) / 500.0, folder / "recordings" / "angles.csv"
+        slow = np.genfromtxt(angles, delimiter=",", names=True)
+        kept = np.delete(np.arange(6000), np.arange(1000, 1000 + missing))
+        table(angles, time=t[kept], **{n: np.interp(t, slow["time"], slow[n])[kept] for n in ("hip", "knee")})
+        taken = EmgTorqueProcedure().taken(open_study(folder))
+        made[name] = moment_trials(taken, "knee")
+    names = {name: [trial.name for trial in trials] for name, trials in made.items()}
+    assert names["whole"] == names["short"] == ["fitted", "judged", "rest"]
+    assert names["long"] == ["judged", "rest"]
+    whole, short = made["whole"][0], made["short"][0]
+    assert np.ptp(np.diff(short.time)) < 1e-9
+    assert np.abs(np.interp(whole.time, short.time, short.angles["knee"]) - whole.angles["knee"]).max() < 2e-3
+
+
 def told(estimator, rmse, recording="a", tests=None, what="knee"):
     examined = None if tests is None else ConditionTestErrors(("fast", "slow"), tests, 1.0)
     return EstimatorEvaluation(what, estimator, False, recording, Score(rmse, 0.5), None, "", examined=examined)

@@ -59,8 +59,8 @@ def watched_part(
             limits[drive] = tuple(limit for limit in known if limit is not None)
     bridged = max_bridged_gap(processing, recording.fs) if processing.resample is not None else 0.0
     readers = [t for t in config.procedures.values() if any(t.reads(n, stream) for n in recording.channels)]
-    if stream and readers and not own:
-        bridged = max(bridged, min(table.max_interpolated_gap(stream) for table in readers))
+    if readers and not own:
+        bridged = max(bridged, min(table.max_interpolated_gap(stream, names) for table in readers))
     return WatchedRecording(
         recording,
         tuple(n for n in recording.channels if n in names and n != "time"),

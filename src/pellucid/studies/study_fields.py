@@ -11,7 +11,7 @@ from .. import _given
 from ..units import parse_quantity
 
 if TYPE_CHECKING:
-    pass
+    from collections.abc import Collection
 
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"
 """Pattern of a study's name."""
@@ -89,8 +89,11 @@ class ProcedureTable(StudyTable):
         """Return whether spikes in a channel would spoil the result; `stream` is "" for the recording's own file."""
         return False
 
-    def max_interpolated_gap(self, stream: str) -> float:
-        """Return the longest gap of a stream over which the procedure interpolates without loss [s]."""
+    def max_interpolated_gap(self, stream: str, channels: Collection[str]) -> float:
+        """Return the longest gap over which the procedure interpolates without loss [s].
+
+        It is that of a stream with these channels; "" is the recording's own file.
+        """
         return 0.0
 
     def require_in(self, config: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import ClassVar, Literal
 
 from pydantic import Field
@@ -13,7 +14,7 @@ BODY_CARD_NAMES = ("orthosis", "limb", "coupling", "strap")
 """Last parts of the names of cards by `identify` from which the wearer's torque is computed."""
 
 MAX_INTERPOLATED_GAP_S = 0.01
-"""Gaps of recorded envelopes and of moments up to this long are interpolated over [s].
+"""Gaps of recorded envelopes, angles and moments up to this long are interpolated over [s].
 
 It is one sample of the rate to which trials are thinned (`KEPT_RATE_HZ`), at which nothing of the gap is left.
 """
@@ -86,7 +87,11 @@ class EmgTorqueTable(ProcedureTable):
             return (kind == "emg" and stream == self.emg) or (kind == "moment" and stream == self.moments)
         return channel in ("position", "torque") or kind in ("angle", "moment", "emg")
 
-    def max_interpolated_gap(self, stream: str) -> float:
-        """Return the longest gap [s] that is interpolated over; raw EMG must be whole, since its filters need it."""
-        slow = stream == self.moments or (stream == self.emg and self.chain == "none")
-        return MAX_INTERPOLATED_GAP_S if slow else 0.0
+    def max_interpolated_gap(self, stream: str, channels: Collection[str]) -> float:
+        """Return the longest gap [s] that is interpolated over.
+
+        Raw EMG must be whole, since its filters need it, and so must an orthosis's own channels, which are
+        differentiated.
+        """
+        is_raw = self.chain != "none" and any(name.startswith("emg.") for name in channels)
+        return 0.0 if is_raw or {"position", "torque"} & set(channels) else MAX_INTERPOLATED_GAP_S

@@ -108,14 +108,16 @@ def moment_trials(study: Study, joint: str, *, causal: bool = False) -> list[Tor
 
 
 def _at_trial_rate(recording: Recording) -> Recording:
-    """Return a recording whose own clock is at least `MIN_TRIAL_RATE_HZ`, interpolated if it is slower.
+    """Return a recording whose own clock is even and at least `MIN_TRIAL_RATE_HZ`, interpolated if it is not.
 
-    Interpolation keeps the shape of an angle between its samples: it never overshoots.
+    Short gaps were left in it, over which angles and moments are interpolated. Interpolation keeps the shape of an
+    angle between its samples: it never overshoots.
     """
-    if recording.fs >= MIN_TRIAL_RATE_HZ:
+    if recording.fs >= MIN_TRIAL_RATE_HZ and recording.steps_within(recording.longest_step):
         return recording
     old = recording.time
-    time = old[0] + np.arange(int((old[-1] - old[0]) * KEPT_RATE_HZ) + 1) / KEPT_RATE_HZ
+    rate = max(recording.fs, KEPT_RATE_HZ)
+    time = old[0] + np.arange(int((old[-1] - old[0]) * rate) + 1) / rate
     channels = {
         name: replace(each, samples=time if name == "time" else PchipInterpolator(old, each.samples)(time))
         for name, each in recording.channels.items()
