@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import PellucidError
+from pellucid.deployment.microcontroller import missing_tools
 from pellucid.lab.elbow.rig import able_elbow
 from pellucid.lab.knee.rig import knee_orthosis
 from pellucid.lab.pointing.conditions import identify_cards
@@ -19,6 +20,7 @@ from pellucid.lab.pointing.session import simulate_session
 from pellucid.lab.safety.worn_robot import make_worn_robot
 from pellucid.ranking import foreign_law
 from pellucid.ranking.board import add_to_board, share_over_before
+from pellucid.ranking.foreign_cost import count_instructions
 from pellucid.ranking.foreign_elbow import elbow_law_of
 from pellucid.ranking.foreign_law import STOPPED_WORDS, ForeignController, ForeignLaw, ForeignProcess, stopped_words
 from pellucid.ranking.rank import rank, rank_task, rows_of
@@ -51,6 +53,22 @@ def answers(law, count=60):
     finally:
         controller.close()
     return np.array(given[1:]), controller.fault
+
+
+@pytest.mark.skipif(bool(missing_tools()), reason="no tools for a Cortex-M4F")
+def test_instructions_of_a_law_in_c_are_counted_and_a_dearer_law_has_more(tmp_path):
+    cheap, dear = tmp_path / "cheap.c", tmp_path / "dear.c"
+    head = "void law_reset(void) {}\ndouble law_step(double t, double q, double f) "
+    cheap.write_text(head + "{ return -f; }", encoding="utf-8")
+    dear.write_text(
+        "#include <math.h>\n" + head + "{ double x = f; for (int i = 0; i < 9; ++i) x += sin(q + i); return x; }",
+        encoding="utf-8",
+    )
+    counted = [count_instructions(ForeignLaw.from_file(path), "knee") for path in (cheap, dear)]
+    assert 1.0 < counted[0] < 100.0 < 1000.0 < counted[1]
+    (tmp_path / "no.c").write_text("#include <unknown.h>\n" + head + "{ return 0; }", encoding="utf-8")
+    assert count_instructions(ForeignLaw.from_file(tmp_path / "no.c"), "knee") is None
+    assert count_instructions(ForeignLaw.from_file(EXAMPLES / "spring_to_zero.py"), "knee") is None
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")

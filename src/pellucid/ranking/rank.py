@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import secrets
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +17,11 @@ from ..assessment.friedman import friedman, nemenyi
 from ..studies.results import ResultRow, require_own_page, write_rows
 from .board import add_to_board
 from .elbow import elbow_pair
+from .foreign_cost import count_instructions
 from .foreign_law import ForeignLaw
 from .index_section import compare_indices, index_rows
 from .knee import knee_pair
-from .strategies import CONTROLLER_FIELDS, SIMPLE_RIVALS, SWING_TASK, strategies_of_task
+from .strategies import CONTROLLER_FIELDS, POINTING_TASK, SIMPLE_RIVALS, SWING_TASK, strategies_of_task
 from .task_ranking import SIGNIFICANCE_LEVEL, TaskRanking
 from .tried import ControllerTrial
 
@@ -113,7 +114,7 @@ def rank(
     found = ordered_results(
         jobs, workers, lambda done, of: tell(f"{done} of {of} pairs of a person and a robot", 0.95 * done / of)
     )
-    tried = [one for made in found for one in made]
+    tried = _with_cost([one for made in found for one in made], read)
     tasks = tuple(rank_task(task, [one for one in tried if one.task == task]) for task in CONTROLLER_FIELDS)
     out.mkdir(parents=True, exist_ok=True)
     rows = [row for task in tasks for row in rows_of(task)]
@@ -121,6 +122,14 @@ def rank(
     write_rows(out / "results.json", COMMAND_NAME, rows)
     board = add_to_board(out, tasks, pairs, seed, read)
     return ControllerRanking(tasks, pairs, seed, write_ranking(out, tasks, pairs, seed, board), read)
+
+
+def _with_cost(tried: Sequence[ControllerTrial], laws: Sequence[ForeignLaw]) -> list[ControllerTrial]:
+    """Return the trials with the instructions of foreign laws in C on a Cortex-M4F, where they can be counted."""
+    names = {law.name: law for law in laws}
+    asked = dict.fromkeys((one.controller, one.task == POINTING_TASK) for one in tried if one.controller in names)
+    counted = {key: count_instructions(names[key[0]], "elbow" if key[1] else "knee") for key in asked}
+    return [replace(one, instructions=counted.get((one.controller, one.task == POINTING_TASK))) for one in tried]
 
 
 def rank_task(task: str, tried: Sequence[ControllerTrial]) -> TaskRanking:
@@ -172,7 +181,7 @@ def rows_of(ranking: TaskRanking) -> list[ResultRow]:
 
 FIGURE_UNITS: Mapping[str, str] = {
     "given": "W", "taken": "W", "duration": "percent", "peak_velocity": "percent", "emg": "percent",
-    "fault_energy": "J", "cost": "s", "gain": "dB", "delay": "s", "holds": "1",
+    "fault_energy": "J", "cost": "s", "instructions": "1", "gain": "dB", "delay": "s", "holds": "1",
 }  # fmt: skip
 """Unit of each attribute of `ControllerTrial` that is written beside the torque."""
 

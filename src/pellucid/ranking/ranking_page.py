@@ -150,6 +150,15 @@ def _foreign_sections(tasks: Sequence[TaskRanking], board: Sequence[BoardEntry])
     heads = ("law", "file", "task", "place", *shares, "pairs", "seed", "pellucid")
     caption = "Every run of this folder; a changed file has another checksum. Versions are compared on the same pairs."
     tables = [number_table(heads, rows, caption, words=3)]
+    counted = [
+        Row((name.removeprefix("law:"), task.task, f"{tried[0].instructions:.0f}"))
+        for task in tasks
+        for name, tried in task.tried.items()
+        if name.startswith("law:") and tried[0].instructions is not None
+    ]
+    if counted:
+        caption = "Mean of a step on a Cortex-M4F in QEMU, of the law without its supervisor; doubles are in software."
+        tables.append(number_table(("law", "task", "instructions"), counted, caption, words=2))
     if stopped:
         stopped_heads = ("law", "task", "pair", "why")
         caption = "Stopped by the supervisor or by the limits of its process."

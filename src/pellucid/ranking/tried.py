@@ -23,6 +23,7 @@ class ControllerTrial:
     emg: float | None = None  # change of EMG over acceleration against no robot [%]
     fault_energy: float | None = None  # largest energy given by a single detectable fault until the robot is safe [J]
     cost: float | None = None  # median time of a step on this machine [s]
+    instructions: float | None = None  # mean instructions of a step on a Cortex-M4F, of a foreign law in C
     gain: float | None = None  # smallest gain margin of the linear loop [dB]
     delay: float | None = None  # smallest delay margin of the linear loop [s]
     holds: bool | None = None  # whether the leg stays quiet with twice the command and with one 20 ms late
