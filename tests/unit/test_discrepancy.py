@@ -119,3 +119,14 @@ def test_a_spring_that_shows_does_not_widen_the_friction():
     assert lacking.causes[0] == "a spring in the drive"
     assert added[0] > 20.0
     assert np.all(added[1:] < 4.0)
+
+
+def test_what_looks_like_a_spring_in_one_stretch_alone_widens_nothing():
+    rng = np.random.default_rng(8)
+    widths = []
+    for _ in range(6):
+        states, w = motion(rng)
+        once = 0.1 * states.snap / np.std(states.snap) * (np.arange(len(w)) < 0.1 * len(w))
+        _, statistical, lacking = estimated(states, w, w @ TRUTH + once + 0.05 * rng.standard_normal(len(w)))
+        widths.append(np.sqrt((lacking.covariance[0, 0] + statistical[0, 0]) / statistical[0, 0]))
+    assert np.median(widths) < 2.0

@@ -10,9 +10,11 @@ mean square of the least-squares residual, and
 
 says that each may contribute a share of it. All friction shares one s, for its columns are different descriptions of
 one curve. Spring, rotor and angle zero have an s each: a spring that shows says nothing of friction. Marginal
-likelihood chooses every s between 0.001 and 1. Samples into which the
-filters carry standstill are excluded, because stiction can take any value there. The posterior gives, with b the
-least-squares estimate,
+likelihood chooses every s between 0.001 and 1. That of a spring, a rotor or an angle zero stays at 0.001 unless its
+column also predicts the effort of blocks of time from which it was not fitted: what differentiation and the friction's
+turning leave in the residual looks like a weak spring in any recording, and changes from block to block. Samples into
+which the filters carry standstill are excluded, because stiction can take any value there. The posterior gives, with b
+the least-squares estimate,
 
 .. math::
    E[(b - \beta)(b - \beta)^T] = (b - \hat\beta)(b - \hat\beta)^T + V_\beta
@@ -116,6 +118,13 @@ CAUSE_GROUPS: tuple[tuple[str, ...], ...] = (
     *((n,) for n in NEGLECTED_EFFECTS if n not in FRICTION_EFFECTS and not n.startswith("lifting and lowering")),
 )
 """Groups of effects with a common s: all friction is one physical cause, the others are one each."""
+
+VALIDATION_BLOCK_COUNT = 10
+"""Number of blocks of time over which a single cause is cross-validated."""
+
+MIN_VALIDATION_Z = 2.0
+"""A single cause counts as present if the mean fall of the squared error over blocks held out exceeds its standard
+error at least so many times."""
 
 SHARE_SWEEP_COUNT = 3
 """Each group's s is chosen anew so many times, with those of the others as they are."""
@@ -310,6 +319,7 @@ def estimate_discrepancy(
     w = jacobian[:, free] / scale
     gram, moment = x.T @ x / lacks.noise, x.T @ lacks.target / lacks.noise
     groups = [np.array([i for i, word in enumerate(words) if word in group], int) for group in CAUSE_GROUPS]
+    groups = [group for group in groups if len(group) != 1 or is_cause_validated(lacks, int(group[0]))]
     spread = fit_discrepancy_shares(gram, moment, count, groups) ** 2 + lacks.tied
     prior = np.concatenate([np.zeros(count), 1.0 / spread])
     try:
@@ -444,6 +454,30 @@ def fit_discrepancy_shares(
             if tried:
                 shares[group] = DISCREPANCY_SHARE_GRID[int(np.argmax(tried))]
     return shares
+
+
+def is_cause_validated(lacks: NeglectedColumns, index: int) -> bool:
+    """Return whether the neglected column at `index` lowers the squared error of blocks from which it was not fitted.
+
+    The effect that its own column cannot show, because it lies within the model's span, is never tested: it counts as
+    present.
+    """
+    if lacks.words[index] == UNEQUAL_LOAD_LOSSES:
+        return True
+    wide = np.column_stack([lacks.own, lacks.columns[:, index]])
+    blocks = np.array_split(np.arange(len(wide)), VALIDATION_BLOCK_COUNT)
+    grams = [wide[rows].T @ wide[rows] for rows in blocks]
+    moments = [wide[rows].T @ lacks.target[rows] for rows in blocks]
+    gram, moment = sum(grams), sum(moments)
+    falls = np.zeros(len(blocks))
+    for i, rows in enumerate(blocks):
+        for sign, count in ((1.0, wide.shape[1] - 1), (-1.0, wide.shape[1])):
+            among = slice(0, count)
+            left = (gram - grams[i])[among, among]
+            fitted = np.linalg.lstsq(left, (moment - moments[i])[among], rcond=None)[0]
+            falls[i] += sign * float(np.sum((lacks.target[rows] - wide[rows][:, among] @ fitted) ** 2))
+    error = float(falls.std(ddof=1)) / np.sqrt(len(falls))
+    return bool(falls.mean() > MIN_VALIDATION_Z * error)
 
 
 def excess_covariance(whole: np.ndarray, part: np.ndarray) -> np.ndarray:

@@ -138,6 +138,14 @@ def parameter_interval(parameter: Parameter, level: float) -> str:
     return interval(low, high, parameter.standard_error)
 
 
+def interval_text(parameter: Parameter, level: float) -> str:
+    """Return a parameter's value, the half-width of its interval at a confidence `level`, and its unit."""
+    value, error, unit = parameter.value, parameter.standard_error, unit_text(parameter.unit)
+    low, high = parameter.interval(level)
+    half = f" ± {number(0.5 * (high - low), error)}" if error > 0.0 else ""
+    return f"{number(value, error)}{half} {unit}".rstrip()
+
+
 def parameter_note(parameter: Parameter, level: float) -> str:
     """Return a short warning about a parameter beside its interval; "" if there is none."""
     low, high = parameter.interval(level)

@@ -61,9 +61,9 @@ class Channel:
 
 @dataclass(frozen=True)
 class Payload:
-    """A known mass fixed to the moving segment."""
+    """A mass fixed to the moving segment."""
 
-    mass: float  # mass [kg]
+    mass: float | None  # mass [kg]; None if it is unknown
     distance: float = 0.0  # distance of the mass's centre from the joint's axis [m]; 0 for a prismatic joint
 
 

@@ -27,8 +27,8 @@ class CarriedPayload(Protocol):
     """A mass that a link of the robot carries."""
 
     @property
-    def mass(self) -> float:
-        """Mass [kg]."""
+    def mass(self) -> float | None:
+        """Mass [kg], None if it is unknown."""
 
     @property
     def link(self) -> str | None:

@@ -847,13 +847,13 @@ class Model(StudyTable):
 
 
 class PayloadSpec(StudyTable):
-    """A known mass on the moving segment: mass [kg] and distance from the axis [m].
+    """A mass on the moving segment: mass [kg], None if it is to be found, and distance from the axis [m].
 
     A robot of several joints has instead the `link` that carries it, None for the last one, and the mass's `centre` in
     that link's frame [m], None if unknown.
     """
 
-    mass: quantity("kg", gt=0)
+    mass: quantity("kg", gt=0) | None = None
     distance: quantity("m", ge=0) = 0.0
     link: ShownText | None = None
     centre: PositionInMetres | None = None
@@ -885,7 +885,7 @@ class RecordingEntry(StudyTable):
     amplitude : float or None
         Signed distance that each movement was to cover [rad or m], if no channel records it.
     payload : PayloadSpec or None
-        Known mass carried during the trial.
+        Mass carried during the trial; without its `mass` it is unknown, and found.
     optical : str or None
         Path of the motion capture's file of the same trial, from the study's folder.
     streams : dict[str, str]

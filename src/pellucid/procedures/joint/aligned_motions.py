@@ -17,7 +17,7 @@ from ...studies.effort import drive_model
 from ...studies.study import Study, drive_channel
 from .first_look import MAX_SAMPLES, simple_model, thin_recordings
 from .joined_clocks import clocks_to_find, rejoin_streams
-from .recorded_motions import motions_of
+from .recorded_motions import carries_unknown_payload, motions_of
 from .wearer import is_worn
 
 MIN_DELAY_DIFFERENCE_SHARE = 0.25
@@ -116,7 +116,11 @@ def _has_open_delay(recording: Recording, study: Study) -> bool:
 
 
 def _estimate_alignments(study: Study) -> Iterator[Alignment]:
-    every = [r for r in study.recordings() if "position" in r and _has_open_delay(r, study)]
+    every = [
+        r
+        for r in study.recordings()
+        if "position" in r and _has_open_delay(r, study) and not carries_unknown_payload(r)
+    ]
     fitted, judged = ([r for r in every if r.use == use] for use in ("fit", "validate"))
     # A wearer's torque leads or follows the motion; nothing of that is a drive's delay.
     if not fitted or is_worn(study):

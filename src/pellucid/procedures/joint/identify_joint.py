@@ -11,15 +11,18 @@ from ..._errors import IdentificationError
 from ...fit.joint.drive_constant import estimate_drive_constant
 from ...fit.joint.family_choice import choose_family
 from ...fit.joint.friction_family import FamilyFit, fit_family
+from ...fit.joint.joint_estimate import JointEstimate
 from ...fit.joint.load_shares import LoadShares, decide_load_shares, widen_for_unknown_shares
 from ...fit.joint.presliding import estimate_presliding
 from ...fit.joint.replay import Machine
+from ...fit.joint.unknown_payload import UnknownPayload, estimate_payload
 from ...fit.parameter import Parameter
 from ...fit.posterior.ensemble import require_sampler
 from ...fit.posterior.joint_posterior import joint_posterior
 from ...fit.regression import stack
 from ...models.joint import FAMILIES, JointModel, joint_model
 from ...models.simulate import LoopSetting
+from ...recordings.recording import Recording
 from ...studies.effort import drive_model
 from ...studies.quality import require_sound
 from ...studies.study import Study, drive_channel
@@ -33,7 +36,7 @@ from .drive_sign import require_sign
 from .joined_clocks import require_clocks
 from .joint_case import JointCase
 from .joint_result import JointResult, complete_result, traces_of
-from .recorded_motions import filtering_of, motions_of, take_excerpt
+from .recorded_motions import carries_unknown_payload, filtering_of, motions_of, take_excerpt
 from .velocity_faults import require_velocity
 
 
@@ -59,7 +62,14 @@ def identify_joint(
     require_velocity(study)
     require_clocks(study)
     tell("filtering", 0.1)
-    aligned_ones = align_recordings(study)
+    every_one = align_recordings(study)
+    carried = [r for r in every_one if carries_unknown_payload(r)]
+    aligned_ones = [r for r in every_one if not carries_unknown_payload(r)]
+    if carried and not any(r.use == "fit" for r in aligned_ones):
+        raise IdentificationError(
+            f'{study.name}: found no recording with use = "fit" and without an unknown payload, expected one: payloads '
+            f"({', '.join(r.name for r in carried)}) are found beside a joint that is known"
+        )
     everything = motions_of(aligned_ones, study)
     part = take_excerpt(aligned_ones, study, everything)
     data = stack([m for m in everything if m.split == "fitted"])
@@ -129,9 +139,10 @@ def identify_joint(
     if constant is not None and not known_drive:
         constant = widen_for_unknown_shares(constant, plain)
     below_slip = estimate_presliding(plain.model, plain.array, fitted, held, study.model.confidence)
+    payloads_found = _find_payloads(study, carried, plain)
     case = JointCase(
         study, everything, data, part.motions, fits, best, contest, machine, failures, constant, no_constant,
-        posterior, no_posterior, below_slip, shares,
+        posterior, no_posterior, below_slip, shares, payloads_found,
     )  # fmt: skip
     found = JointResult(
         study=study.name,
@@ -151,9 +162,24 @@ def identify_joint(
         drive_constant=None if known_drive else constant,
         posterior=posterior,
         presliding=below_slip,
+        payloads=tuple(payload for payload in payloads_found.values() if payload is not None),
         traces=traces_of(everything),
     )
     return complete_result(study, found)
+
+
+def _find_payloads(
+    study: Study, carried: Sequence[Recording], joint: JointEstimate
+) -> dict[str, UnknownPayload | None]:
+    """Return the payload of each recording that carries an unknown one; None where it cannot be estimated."""
+    found = {}
+    for recording in carried:
+        distance = 0.0 if recording.payload is None else recording.payload.distance
+        motions = motions_of([recording], study)
+        found[recording.name] = estimate_payload(
+            joint.model, joint.array, joint.covariance, joint.statistical, motions, distance
+        )
+    return found
 
 
 def filter_note(study: Study) -> str:

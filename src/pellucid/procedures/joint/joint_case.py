@@ -10,6 +10,7 @@ from ...fit.joint.friction_family import FamilyFit
 from ...fit.joint.load_shares import LoadShares
 from ...fit.joint.presliding import Presliding
 from ...fit.joint.replay import Machine
+from ...fit.joint.unknown_payload import UnknownPayload
 from ...fit.parameter import Parameter
 from ...fit.posterior.posterior import Posterior
 from ...fit.regression import Stack
@@ -36,6 +37,8 @@ class JointCase:
     no_posterior: str = ""  # reason why a requested posterior is missing
     presliding: Presliding | None = None  # estimate of the presliding travel; None if not requested
     shares: LoadShares = field(default_factory=lambda: LoadShares(False, "no known load"))  # decision on load shares
+    # payload of each recording that study.toml says to carry an unknown one; None where it cannot be estimated
+    payloads: Mapping[str, UnknownPayload | None] = field(default_factory=dict)
 
     @property
     def fit(self) -> FamilyFit:

@@ -16,11 +16,11 @@ from ...studies.effort import drive_model
 from ...studies.quality import inspect
 from ...studies.study import Study, drive_channel
 from ..dead_effort import dead_effort_faults
-from .aligned_motions import aligned_motions, find_alignments
+from .aligned_motions import align_recordings, find_alignments
 from .drive_sign import require_sign
 from .findings.weak_parameter import advice
 from .joined_clocks import find_clocks
-from .recorded_motions import short_stretch_faults
+from .recorded_motions import carries_unknown_payload, motions_of, short_stretch_faults
 from .velocity_faults import velocity_faults
 from .wearer import wearer_faults
 
@@ -46,7 +46,8 @@ def joint_faults(study: Study) -> list[Fault]:
     if any(fault.severity == "refuse" for fault in faults):
         return faults
     try:
-        data = stack([m for m in aligned_motions(study) if m.split == "fitted"])
+        fitted = [r for r in align_recordings(study, "fit") if not carries_unknown_payload(r)]
+        data = stack(motions_of(fitted, study))
         model = joint_model(
             "symmetric",
             motion=study.rig.motion,

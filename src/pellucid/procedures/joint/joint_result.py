@@ -13,6 +13,7 @@ from ...fit.joint.friction_family import FamilyFit
 from ...fit.joint.joint_estimate import JointEstimate
 from ...fit.joint.presliding import Presliding
 from ...fit.joint.replay import Simulation, relative_error
+from ...fit.joint.unknown_payload import UnknownPayload
 from ...fit.parameter import Parameter, Verdict
 from ...fit.posterior.posterior import Posterior
 from ...models.card import ModelCard
@@ -59,6 +60,7 @@ class JointResult(Result):
     drive_constant: Parameter | None = None  # drive constant from recordings with a known payload
     posterior: Posterior | None = None  # posterior of the best family, if [model] posterior requests it
     presliding: Presliding = field(default_factory=Presliding)  # estimate of the presliding travel
+    payloads: tuple[UnknownPayload, ...] = ()  # payloads of recordings with ``payload = {}``
     traces: tuple[Trace, ...] = field(default=(), repr=False)  # recordings for figures, fitted ones first
 
     @property
@@ -70,6 +72,7 @@ class JointResult(Result):
             found[self.drive_constant.name] = self.drive_constant
         if self.presliding.travel is not None:
             found[self.presliding.travel.name] = self.presliding.travel
+        found |= {f"{x.recording}.{p.name}": p for x in self.payloads for p in x.parameters}
         return found | {f"{n}.{p.name}": p for n, family in self.families.items() for p in family.estimate.parameters}
 
     @property
@@ -99,7 +102,11 @@ def complete_result(study: Study, found: JointResult) -> JointResult:
     return replace(
         found,
         headline=_headline(found.families, found.best) + _faults_to_correct(found.verdicts),
-        tables=(*_tables(found.families, found.best, found.drive_constant), *_posterior_table(found)),
+        tables=(
+            *_tables(found.families, found.best, found.drive_constant),
+            *(ParameterTable(f"Payload in recording {x.recording}", x.parameters) for x in found.payloads),
+            *_posterior_table(found),
+        ),
         rows=tuple(rows_of(found)),
         cards={**cards, "joint": card_of(study, found, found.headlined)},
     )
@@ -228,6 +235,11 @@ def rows_of(fit: JointResult) -> Iterator[ResultRow]:
         yield ResultRow(
             f"{fit.study}.presliding.travel", p.value, p.unit, COMMAND_NAME, "fitted", together, p.sentence()
         )
+    for found in fit.payloads:
+        own = ResultRow("", None, "1", COMMAND_NAME, "fitted", fit.checksums[found.recording])
+        for p in found.parameters:
+            head = f"{fit.study}.{p.name.replace('_', '.')}"
+            yield replace(own, id=f"{head}.{found.recording}", value=p.value, unit=p.unit, note=p.sentence())
     yield from _headline_rows(fit, together)
     if fit.posterior is not None:
         plain = ResultRow("", None, "1", COMMAND_NAME, "fitted", together, fit.posterior.settled)

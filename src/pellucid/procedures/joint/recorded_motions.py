@@ -127,7 +127,7 @@ def _motions_of(recording: Recording, study: Study, model: DriveModel, within: i
             recording=recording.name,
             split="fitted" if recording.use == "fit" else "heldout",
             velocity=stretch.recording["velocity"] if processing.velocity == "recorded" else None,
-            payload=(0.0, 0.0) if recording.payload is None else (recording.payload.mass, recording.payload.distance),
+            payload=_stated_payload(recording),
         )
         arrays = stretch.time, stretch.recording["position"], command
         try:
@@ -143,6 +143,17 @@ def _motions_of(recording: Recording, study: Study, model: DriveModel, within: i
             )
         except RecordingError as error:
             raise RecordingError(f"{recording.path}: {error}") from None
+
+
+def carries_unknown_payload(recording: Recording) -> bool:
+    """Return whether study.toml says of a recording that it carries a payload, and not which."""
+    return recording.payload is not None and recording.payload.mass is None
+
+
+def _stated_payload(recording: Recording) -> tuple[float, float]:
+    """Return the mass [kg] and distance [m] that study.toml states for a recording; zeros without a mass."""
+    payload = recording.payload
+    return (0.0, 0.0) if payload is None or payload.mass is None else (payload.mass, payload.distance)
 
 
 def _parts(stretches: list[Stretch], samples: int) -> list[Stretch]:

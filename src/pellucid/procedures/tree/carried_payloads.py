@@ -100,7 +100,11 @@ def _gains_from_payloads(
             f'[tree] gains = "payload": found payloads on the links {" and ".join(links)}, expected those that are '
             'fitted on one link; mark the recordings of the others use = "validate"'
         )
-    masses = [each[0].payload.mass for each in loaded]
+    masses = [mass for each in loaded if (mass := each[0].payload.mass) is not None]
+    if len(masses) < len(loaded):
+        raise IdentificationError(
+            '[tree] gains = "payload": found a payload without a mass, expected the mass of each that is fitted'
+        )
     link = links[0] if links else None
     return gains_from_payload(robot, _empty(motions), loaded, masses, width=width, link=link)
 

@@ -103,7 +103,12 @@ def _unmet_requests(study: Study, robot: Robot) -> Iterator[Fault]:
     if table.inertia_prior and urdf is not None and not urdf.has_bodies:
         found = f"[tree] inertia_prior = true and no link with a mass in {urdf.path.name}"
         yield _fault("refuse", "robot", "", "", found, "inertia_prior = false, or <inertial> of each link")
-    if table.gains == "payload" and not any(entry.payload is not None and entry.use == "fit" for entry in entries):
+    weighed = [entry for entry in entries if entry.payload is not None and entry.use == "fit"]
+    unknown = [entry.name for entry in weighed if entry.payload is not None and entry.payload.mass is None]
+    if table.gains == "payload" and unknown:
+        found = f'[tree] gains = "payload" and a payload without a mass in {", ".join(unknown)}'
+        yield _fault("refuse", "gains", "", "", found, 'its mass, or use = "validate" there')
+    if table.gains == "payload" and not weighed:
         found = '[tree] gains = "payload" and no recording with a payload and use = "fit"'
         yield _fault("refuse", "gains", "", "", found, 'one, and the same motion without it, or gains = "stated"')
     if table.gains == "desired":

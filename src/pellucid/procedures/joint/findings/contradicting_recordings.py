@@ -11,12 +11,17 @@ from ....fit.joint.recording_agreement import BODY_PARAMETERS, Disagreement, fin
 from ....fit.parameter import Verdict
 from ....pages.quantities import number, parameter_label, unit_text
 from ..joint_case import JointCase
+from ..unstated_payload import PAYLOAD_ADVICE, estimate_without, unstated_payload
 
 MIN_SCALE_DIFFERENCE = 0.1
 """A recording differs by a factor on the effort if that factor is farther than this from 1."""
 
 MIN_ZERO_DIFFERENCE_RAD = np.radians(5.0)
 """A recording differs by its encoder zero if the zeros are farther apart than this [rad]."""
+
+MIN_RECORDINGS_FOR_PAYLOADS = 3
+"""Among at least this many fitted recordings each is tested for a payload, though its own estimate contradicts none: of
+two, neither can be told to be the one without it."""
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
@@ -28,7 +33,15 @@ def find(case: JointCase) -> Iterator[Verdict]:
     for i, each in enumerate(found):
         others = fitted - {each.recording}
         rest = next(iter(others)) if len(others) == 1 and (each.split == "fitted" or len(fitted) == 1) else ""
-        yield _verdict(case, each, rest, 12.0 - 0.01 * i)
+        payload = None
+        if {"gravity", "inertia"} & set(each.own) and case.fit.model.effort_unit == "N*m":
+            payload = unstated_payload(*estimate_without(case, [d.recording for d in found]), each.recording, case)
+        yield _verdict(case, each, rest, 12.0 - 0.01 * i, payload)
+    if not found and len(fitted) >= MIN_RECORDINGS_FOR_PAYLOADS:
+        for name in sorted(fitted):
+            payload = unstated_payload(*estimate_without(case, [name]), name, case)
+            if payload is not None:
+                yield Verdict("warning", f"Recording '{name}' differs. {payload}", PAYLOAD_ADVICE, weight=10.0)
 
 
 def _find_disagreements(case: JointCase) -> tuple[Disagreement, ...]:
@@ -39,7 +52,7 @@ def _find_disagreements(case: JointCase) -> tuple[Disagreement, ...]:
     return (bodily or every)[0]
 
 
-def _verdict(case: JointCase, each: Disagreement, rest: str, weight: float) -> Verdict:
+def _verdict(case: JointCase, each: Disagreement, rest: str, weight: float, payload: str | None) -> Verdict:
     times = float(ndtri(0.5 + 0.5 * case.level))
 
     def text(name: str, value: tuple[float, float]) -> str:
@@ -54,6 +67,9 @@ def _verdict(case: JointCase, each: Disagreement, rest: str, weight: float) -> V
     )
     sentence = f"Recording '{each.recording}' contradicts {repr(rest) if rest else 'the others'}: {apart}."
     which = f"'{each.recording}'" + (f" and in '{rest}'" if rest else "")
+    if payload is not None:
+        sentence += f" {payload}"
+        return Verdict("wrong", sentence, PAYLOAD_ADVICE, weight=weight)
     if "gravity_cosine" in each.own and abs(each.turned) > MIN_ZERO_DIFFERENCE_RAD:
         sentence += f" By its weight, its angle reads {-np.degrees(each.turned):+.1f} deg against theirs."
         do = f"Check the encoder's zero in {which}: an offset of its own in that recording's channels puts it right"

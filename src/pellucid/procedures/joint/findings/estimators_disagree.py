@@ -10,7 +10,7 @@ from scipy.special import ndtri
 from ....fit.block_test import HeldOutComparison
 from ....fit.joint.joint_estimate import JointEstimate
 from ....fit.parameter import Parameter, Verdict
-from ....pages.quantities import METHODS, number, parameter_label, unit_text
+from ....pages.quantities import METHODS, interval_text, number, parameter_label, unit_text
 from ..joint_case import JointCase
 
 MIN_EFFORT_SHARE = 0.02
@@ -33,7 +33,7 @@ def find(case: JointCase) -> Iterator[Verdict]:
     if apart:
         differences_text = "; ".join(
             f"{parameter_label(name)} is "
-            + ", ".join(f"{_value(estimates[m][name])} by {METHODS[m]}" for m in ("ls", *methods))
+            + ", ".join(f"{interval_text(estimates[m][name], 0.95)} by {METHODS[m]}" for m in ("ls", *methods))
             for name, methods in apart.items()
         )
         text = (
@@ -81,11 +81,6 @@ def _is_wrong_choice(found: HeldOutComparison, method: str) -> bool:
         and found.worse(method)
         and found.errors[method] > MAX_ERROR_RATIO * found.errors[found.winner]
     )
-
-
-def _value(p: Parameter) -> str:
-    half = 1.96 * p.standard_error
-    return f"{number(p.value, p.standard_error)} ± {number(half, p.standard_error)} {unit_text(p.unit)}".rstrip()
 
 
 def _used(case: JointCase, involved: list[str]) -> str:
