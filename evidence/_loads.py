@@ -137,10 +137,10 @@ def load_rows(pairs: int = PAIR_COUNT) -> Iterator[ResultRow]:
     drops = [drop for _, _, fallen in found for drop in fallen]
     for mass in DROP_LOADS_KG:
         times = [time for at, time in drops if at == mass]
-        seen = [time for time in times if np.isfinite(time)]
+        seen, early = [time for time in times if np.isfinite(time)], sum(map(np.isnan, times))
         yield row(
             f"load.drop_found.{1e3 * mass:.0f}g", len(seen) / len(times), "1",
-            f"share of {len(times)} loads that fell off while held, found within 2 s"
+            f"share of {len(times)} loads that fell off while held, found within 2 s; {early} stopped before the fall"
             + (f", after {1e3 * np.median(seen):.0f} ms in the median" if seen else ""),
         )  # fmt: skip
 
@@ -267,7 +267,9 @@ def _support(rig: PointingRig, person: Person, card, place: float, index: int) -
 
 
 def fall(build, rig: PointingRig, mass: float, seed: list[int]) -> float:
-    """Return the time until a supervised law finds that its load fell off a held robot [s]; infinite if within 2 s not.
+    """Return the time until a supervised law finds that its load fell off a held robot [s].
+
+    It is infinite if the fall is not found within 2 s, and NaN if the supervisor stopped the law before.
 
     The plant is a rigid body with smooth dry friction that nobody identified, on a wearer who holds the angle as a
     spring with a damper: written here, and without an equation of the core.
