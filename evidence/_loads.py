@@ -55,7 +55,7 @@ SENSOR_GAIN_SD = 0.02
 MAX_LOAD_KG = 2.0
 """Largest load that the supervisor of the first lift expects [kg]."""
 
-LAW = "force_sensor"
+CARRYING_LAW = "force_sensor"
 """Controller that carries the loads."""
 
 DROP_LOADS_KG = sized((0.3, 0.5, 0.75, 1.0, 1.5, 2.0), smallest=(1.5,))
@@ -165,7 +165,7 @@ def try_pair(index: int) -> tuple[list[LoadTrial], SupportTrial, list[tuple[floa
     person = draw_people(rig, np.random.default_rng([SEED, 1]), count=max(PAIR_COUNT, 6))[index]
     card = identify_cards(robot)["load"]
     place = person.slider(rig)
-    build = partial(ELBOW_CONTROLLERS[LAW].build, card, place)
+    build = partial(ELBOW_CONTROLLERS[CARRYING_LAW].build, card, place)
     body = identified_body(card, place)
     rng = np.random.default_rng([SEED, 2, index])
     measure = _Sensor(rig, 1.0 + SENSOR_GAIN_SD * rng.standard_normal(), rng)

@@ -19,12 +19,12 @@ from pellucid.lab.pointing.session import simulate_session
 from pellucid.models.anthropometry import point_mass
 from pellucid.models.joint import GRAVITY
 
-LOAD = point_mass(1.0, 0.3)
+KILOGRAM_LOAD = point_mass(1.0, 0.3)
 
 
 def test_a_load_on_the_robot_is_carried_and_expected():
     plain = transparent(COHERENT, PLACE)
-    law = with_load(plain, LOAD)
+    law = with_load(plain, KILOGRAM_LOAD)
     assert law.values["gravity_sine"] == pytest.approx(plain.values["gravity_sine"] + GRAVITY * 0.3)
     assert law.values["inertia"] == pytest.approx(plain.values["inertia"] + 0.09)
     stated = supervised(law, body=body_of(plain)).supervision
@@ -38,11 +38,11 @@ def test_a_known_load_leaves_the_force_sensor_little_to_contradict_and_an_unknow
     plain = ELBOW_CONTROLLERS["force_sensor"].build(COHERENT, PLACE)
     tolerances = [
         supervised(law).supervision["force_tolerance"]
-        for law in (plain, with_load(plain, LOAD), expecting_load(plain, LOAD))
+        for law in (plain, with_load(plain, KILOGRAM_LOAD), expecting_load(plain, KILOGRAM_LOAD))
     ]
-    assert tolerances[0] < tolerances[1] < tolerances[0] + 0.15 * LOAD.gravity()
-    assert tolerances[2] > tolerances[0] + LOAD.gravity()
-    assert tolerances[1] < LOAD.gravity()  # a load of 1 kg that falls contradicts more than that
+    assert tolerances[0] < tolerances[1] < tolerances[0] + 0.15 * KILOGRAM_LOAD.gravity()
+    assert tolerances[2] > tolerances[0] + KILOGRAM_LOAD.gravity()
+    assert tolerances[1] < KILOGRAM_LOAD.gravity()  # a load of 1 kg that falls contradicts more than that
 
 
 def test_support_is_the_weight_alone_and_no_part_of_the_robot():
@@ -52,8 +52,8 @@ def test_support_is_the_weight_alone_and_no_part_of_the_robot():
     assert law.values["gravity_sine"] == pytest.approx(plain.values["gravity_sine"] + law.supported)
     assert law.values["inertia"] == plain.values["inertia"]
     assert body_of(law)["gravity_sine"] == pytest.approx(body_of(plain)["gravity_sine"])
-    both = with_support(law, LOAD)
-    assert both.supported == pytest.approx(law.supported + LOAD.gravity())
+    both = with_support(law, KILOGRAM_LOAD)
+    assert both.supported == pytest.approx(law.supported + KILOGRAM_LOAD.gravity())
     now, then = (supervised(x).supervision for x in (law, plain))
     assert now["wearer_torque"] > then["wearer_torque"]
     assert now["budget_store"] > then["budget_store"]
@@ -61,11 +61,11 @@ def test_support_is_the_weight_alone_and_no_part_of_the_robot():
 
 def test_what_cannot_carry_a_load_says_so():
     with pytest.raises(PellucidError, match="found no body whose weight it carries, expected one for a load"):
-        with_load(position_control(POOLED, PLACE), LOAD)
+        with_load(position_control(POOLED, PLACE), KILOGRAM_LOAD)
     with pytest.raises(PellucidError, match="expected one for support"):
         with_support(ELBOW_CONTROLLERS["zero_impedance"].build(COHERENT, PLACE), LIMB)
     with pytest.raises(PellucidError, match="found a load already"):
-        with_load(with_load(transparent(COHERENT, PLACE), LOAD), LOAD)
+        with_load(with_load(transparent(COHERENT, PLACE), KILOGRAM_LOAD), KILOGRAM_LOAD)
     with pytest.raises(PellucidError, match=r"found a share of 1\.5, expected 0 to 1"):
         with_support(transparent(COHERENT, PLACE), LIMB, 1.5)
     with pytest.raises(PellucidError, match="found no limb, expected the wearer's"):
@@ -122,13 +122,13 @@ def lift(mass, error=0.0, wearer=0.0):
     return Lift(q, effort, given, 1000.0)
 
 
-EMPTY = [lift(0.0, error) for error in (-0.02, 0.01, 0.04)]
-BODY = {"inertia": 0.05, "gravity_sine": 2.0}
+EMPTY_LIFTS = [lift(0.0, error) for error in (-0.02, 0.01, 0.04)]
+ROBOT_BODY = {"inertia": 0.05, "gravity_sine": 2.0}
 
 
 @pytest.mark.parametrize("wearer", [0.0, 0.5, 1.0])
 def test_one_lift_tells_the_load_whoever_lifts_it(wearer):
-    found = estimate_load(BODY, EMPTY, lift(1.2, 0.01, wearer), distance=0.3)
+    found = estimate_load(ROBOT_BODY, EMPTY_LIFTS, lift(1.2, 0.01, wearer), distance=0.3)
     assert found.mass == pytest.approx(1.2, abs=0.01)
     assert found.interval[0] < 1.2 < found.interval[1]
     assert found.load.inertia == pytest.approx(found.mass * 0.09)
@@ -136,7 +136,7 @@ def test_one_lift_tells_the_load_whoever_lifts_it(wearer):
 
 def test_an_uncertain_gain_of_the_force_sensor_widens_the_interval():
     narrow, wide = (
-        estimate_load(BODY, EMPTY, lift(1.2, 0.0, 1.0), distance=0.3, gain_error=share).interval
+        estimate_load(ROBOT_BODY, EMPTY_LIFTS, lift(1.2, 0.0, 1.0), distance=0.3, gain_error=share).interval
         for share in (0.0, 0.05)
     )
     assert wide[1] - wide[0] > 2.0 * 0.05 * 1.2
@@ -145,11 +145,11 @@ def test_an_uncertain_gain_of_the_force_sensor_widens_the_interval():
 
 def test_what_tells_no_load_is_refused():
     with pytest.raises(IdentificationError, match="found 2 lifts without it, expected at least 3"):
-        estimate_load(BODY, EMPTY[:2], lift(1.0), distance=0.3)
+        estimate_load(ROBOT_BODY, EMPTY_LIFTS[:2], lift(1.0), distance=0.3)
     with pytest.raises(IdentificationError, match="found a distance of 0 m"):
-        estimate_load(BODY, EMPTY, lift(1.0), distance=0.0)
+        estimate_load(ROBOT_BODY, EMPTY_LIFTS, lift(1.0), distance=0.0)
     still = Lift(np.full(500, 1.0), np.ones(500), np.zeros(500), 1000.0)
     with pytest.raises(IdentificationError, match=r"found 0 s of motion above 0\.1 rad/s"):
-        estimate_load(BODY, EMPTY, still, distance=0.3)
+        estimate_load(ROBOT_BODY, EMPTY_LIFTS, still, distance=0.3)
     with pytest.raises(IdentificationError, match="found no number mass"):
-        estimate_load({"mass": 1.0}, EMPTY, lift(1.0), distance=0.3)
+        estimate_load({"mass": 1.0}, EMPTY_LIFTS, lift(1.0), distance=0.3)
