@@ -487,6 +487,12 @@ def export(
     exponents: Annotated[
         tuple[float, float] | None, typer.Option(metavar="UP DOWN", help="Exponents of fc and pcfr.")
     ] = None,
+    load: Annotated[
+        tuple[float, float] | None, typer.Option(metavar="KG M", help="Load on the robot and its distance.")
+    ] = None,
+    held: Annotated[
+        tuple[float, float] | None, typer.Option(metavar="KG M", help="Load in the hand and its distance.")
+    ] = None,
     period: Annotated[float | None, typer.Option(metavar="S", help="Period of the controller [s].")] = None,
     probe: Annotated[bool, typer.Option("--probe", help="Ask drive and encoder with a small wave of effort.")] = False,
     allow_outside: Outside = False,
@@ -507,8 +513,8 @@ def export(
         tell("building the controller", 0.1)
         asked: dict[str, Any] = {"participant": participant, "card": card, "slider": slider, "controller": controller}
         made = run(
-            study, to, out, **asked, exponents=exponents, period=period, probe=probe, allow_outside=allow_outside,
-            accept_stale=accept_stale, overwrite=overwrite,
+            study, to, out, **asked, exponents=exponents, load=load, held=held, period=period, probe=probe,
+            allow_outside=allow_outside, accept_stale=accept_stale, overwrite=overwrite,
         )  # fmt: skip
         muscles = made.is_file()
         simulates = to in SIMULATOR_FILES

@@ -12,6 +12,7 @@ import numpy as np
 
 from .. import _core
 from .._errors import PellucidError
+from ..models.anthropometry import Segment
 from ..models.fields import Field, fields_from_core, model_fields, unit_of
 
 SPRING_SENSOR = "torque"
@@ -111,6 +112,14 @@ class ControlLaw:
         Every number by name, SI.
     uses : frozenset of str
         Of its optional sensors, those that these numbers make use of.
+    load : Segment or None
+        Load that is fastened to the robot and contained in the numbers, so that the supervisor expects it, too.
+    supported : float
+        Weight of limb and held load that the numbers carry beyond the robot's own, held out horizontally [N m]. The
+        wearer leans on the robot with it.
+    unstated : float
+        Largest weight that may be fastened to the robot beyond what the numbers contain, held out horizontally [N m].
+        The supervisor allows the force sensor as much contradiction.
 
     Examples
     --------
@@ -128,6 +137,9 @@ class ControlLaw:
     kind: str
     values: Mapping[str, float]
     uses: frozenset[str] = frozenset()
+    load: Segment | None = None
+    supported: float = 0.0
+    unstated: float = 0.0
 
     def __post_init__(self):
         known = LAWS[self.kind].parameters

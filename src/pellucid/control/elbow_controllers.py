@@ -26,7 +26,9 @@ from .transparent_laws import (
     with_dither,
     with_emg,
     with_force_sensor,
+    with_load,
     with_oscillator,
+    with_support,
     zero_impedance,
 )
 
@@ -76,10 +78,12 @@ class ElbowController:
     build_stiff: Callable[..., ControlLaw]
     wearer: bool = False  # Whether `build` also needs the wearer's `limb`, a `Segment`
     exponents: bool = False  # Whether it has those of equation 8, which are chosen on a robot
+    assists: bool = False  # Whether it carries part of its wearer, so that its interaction torque is not to vanish
 
     def build(
-        self, card: SliderCard, slider: float, *, lowest_resonance: float | None = None, **settings: Any
-    ) -> ControlLaw:
+        self, card: SliderCard, slider: float, *, lowest_resonance: float | None = None, load: Segment | None = None,
+        held: Segment | None = None, **settings: Any,
+    ) -> ControlLaw:  # fmt: skip
         """Return the law that people wear and that `export` writes, with the gains that its robot's transmission bears.
 
         Parameters
@@ -90,6 +94,10 @@ class ElbowController:
             Place of the carriage [m].
         lowest_resonance : float or None
             Lowest resonance of rotor and joint behind the transmission [Hz]; None where it is not known.
+        load : Segment or None
+            Load that is fastened to the robot, which the law carries too; None for none.
+        held : Segment or None
+            Load in the wearer's hand, whose weight the law carries too; None for none.
         **settings
             Settings of the law, as `build_stiff` takes them.
 
@@ -97,7 +105,9 @@ class ElbowController:
         -------
         ControlLaw
         """
-        return with_borne_force_gain(self.build_stiff(card, slider, **settings), lowest_resonance)
+        law = with_borne_force_gain(self.build_stiff(card, slider, **settings), lowest_resonance)
+        law = law if load is None else with_load(law, load)
+        return law if held is None else with_support(law, held)
 
     @property
     def card(self) -> str:
@@ -129,6 +139,24 @@ def transparent_and(
         return law
 
     return build
+
+
+SUPPORTED_LIMB_SHARE = 0.3
+"""Share of the weight of forearm and hand that the supporting controller carries unless another is asked for [1].
+
+Chosen by judgement; no measurement is recorded."""
+
+
+def supporting(
+    card: SliderCard, slider: float, *, limb: Segment | None = None, share: float = SUPPORTED_LIMB_SHARE, **settings
+) -> ControlLaw:
+    """The law with a force-sensing body that also carries a `share` of the weight of its wearer's `limb`.
+
+    The strap's torque is then meant, so that no feedback drives it to zero. `slider` [m].
+    """
+    if limb is None:
+        raise PellucidError("a law that supports a limb: found no limb, expected the wearer's")
+    return with_support(transparent(card, slider, **{**SENSED_BODY, **settings}), limb, share)
 
 
 def dithered(card: SliderCard, slider: float, *, limb: Segment | None = None, **settings) -> ControlLaw:
@@ -176,6 +204,10 @@ ELBOW_CONTROLLERS: Mapping[str, ElbowController] = {
     "residual": ElbowController(
         "the measured interaction torque driven to zero, and the body carried as EMG foresees it", "load",
         transparent_and(DEFAULT_FORCE_SENSOR, emg_share=0.5, **SENSED_BODY), wearer=True,
+    ),
+    "support": ElbowController(
+        "one coherent body compensated, and a share of the weight of forearm and hand carried", "load", supporting,
+        wearer=True, assists=True,
     ),
     "amplification": ElbowController("the wearer's torque amplified", "load", sensitivity_amplification),
 }  # fmt: skip

@@ -53,6 +53,13 @@ def carried_body(card: Card, slider: float | None = None) -> dict[str, float]:
     return _body_of(card, slider, carried) | {"velocity_width": WIDTH_SHARE * known_speed(card)}
 
 
+def identified_body(card: Card, slider: float | None = None) -> dict[str, float]:
+    """The core's parameters of the joint, SI, as identified; a carriage is at `slider` [m], or amid its rail."""
+    return _body_of(card, slider, lambda parameter: parameter.value) | {
+        "velocity_width": WIDTH_SHARE * known_speed(card)
+    }
+
+
 def rest_friction(card: Card, slider: float | None = None) -> float:
     """Return the friction of a joint at rest under its whole weight as it was identified, in the unit of the effort.
 

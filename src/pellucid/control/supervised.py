@@ -83,6 +83,12 @@ Chosen with `MODEL_WEIGHT_ERROR_SHARE` and `DRIVE_RESPONSE_S` on exported contro
 MODEL_WEIGHT_ERROR_SHARE = 0.4
 """Largest error of the weight that the model states, as a share of it [1]."""
 
+LOAD_WEIGHT_ERROR_SHARE = 0.1
+"""Largest error of the weight of a load that is stated or was estimated, as a share of it [1].
+
+An estimate of one lift was within 5 % in the virtual lab (`python -m evidence mission`). The smaller this is, the
+lighter a load may be whose fall is found."""
+
 MODEL_INERTIA_ERROR_SHARE = 0.4
 """Largest error of the inertia that the model states, as a share of it [1]."""
 
@@ -413,7 +419,7 @@ def supervised(
     body : mapping of str to float or None
         The robot without a wearer: inertia, gravity_sine, gravity_cosine, offset, coulomb, load, viscous, square_root,
         SI; missing numbers are 0. None takes the body from the law's own numbers. An inertia of 0 switches off the
-        watches that need a model.
+        watches that need a model. A load that the law states is added.
     start_up : bool
         Whether a small wave of effort tests polarity and gain at start-up. There is no test where the law's effort
         limit is too small to move the joint; the supervisor's number ``test_effort`` is then 0.
@@ -447,7 +453,7 @@ def supervised(
     >>> safe.supervision["raw_speed_limit"]
     10.0
     """
-    known = dict(body_of(law) if body is None else body)
+    known = dict(body_of(law) if body is None else loaded_body(body, law))
     made = supervision_of(law, instruments or Instruments(), known, start_up, rest_friction)
     if shaking:
         made["shaking_limit"] = SHAKING_SPEED_SHARE * law.values["velocity_limit"]
@@ -470,11 +476,20 @@ def body_of(law: ControlLaw) -> dict[str, float]:
     inertia = max(mean("inertia"), 0.0) or v.get("stiffness", 0.0) / LOOP_BANDWIDTH**2
     body = {
         "inertia": inertia + v.get("actuator_inertia", 0.0),
-        "gravity_sine": v[gravity] if gravity else mean("gravity_sine"),
+        "gravity_sine": (v[gravity] if gravity else mean("gravity_sine")) - law.supported,
         "gravity_cosine": mean("gravity_cosine"),
         "offset": v.get("offset", 0.0),
     }
     return body | body_friction(law, weight_of(body))
+
+
+def loaded_body(body: Mapping[str, float], law: ControlLaw) -> dict[str, float]:
+    """Return a robot's `body` with the load that a law states, SI."""
+    made = dict(body)
+    if law.load is not None:
+        made["inertia"] = made.get("inertia", 0.0) + law.load.inertia
+        made["gravity_sine"] = made.get("gravity_sine", 0.0) + law.load.gravity()
+    return made
 
 
 def weight_of(body: Mapping[str, float]) -> float:
@@ -617,6 +632,14 @@ def supervision_of(
         reversing = body_resistance(body, REVERSAL_SPEED_SHARE * speed, weight)
     # Weight that the law leaves to the wearer, because of its share of gravity or its effort limit.
     left = max(weight - min(v.get("gravity_share", 1.0) * weight, effort), 0.0)
+    # Weight that wearer and robot exchange: what the law leaves, or what it carries of the wearer.
+    exchanged = left + law.supported + law.unstated
+    load_weight = 0.0 if law.load is None else law.load.gravity()
+    wrong_weight = (
+        MODEL_WEIGHT_ERROR_SHARE * max(weight - load_weight, 0.0)
+        + LOAD_WEIGHT_ERROR_SHARE * load_weight
+        + law.unstated
+    )
     made = {
         "raw_speed_limit": speed,
         "range_min": v["position_min"] - POSITION_RANGE_MARGIN,
@@ -643,7 +666,7 @@ def supervision_of(
         "drive_gain": instruments.drive_gain_error,
         "drive_offset": complete.drive_offset,
         "drive_forget": -math.expm1(-period / DRIVE_FORGET_S),
-        "push_limit": effort + left,
+        "push_limit": effort + exchanged,
         "ringing_limit": max(
             RINGING_LIMIT_SHARE * effort, REVERSAL_RINGING_SHARE * 2.0 * min(carried_share * reversing, effort)
         ),
@@ -656,7 +679,7 @@ def supervision_of(
     }
     if math.isfinite(speed):
         # The law may always use the power that carries weight and friction at the velocity limit.
-        due = min(effort, weight - left + body_resistance(body, speed, weight))
+        due = min(effort, weight - left + law.supported + body_resistance(body, speed, weight))
         made |= {
             "power_limit": max(POWER_LIMIT_SHARE * effort, due) * speed,
             "budget_power": ENERGY_BUDGET_POWER_SHARE * effort * speed,
@@ -667,11 +690,11 @@ def supervision_of(
             inertia, sticking, complete.encoder_resolution, limit=effort, rate=v["rate_limit"], period=period
         )
         speeds_up = inertia * speed if math.isfinite(speed) else 0.0
-        wrong = MODEL_WEIGHT_ERROR_SHARE * weight
         span = v["position_max"] - v["position_min"]
         unexplained = unexplained_energy(body, complete, span=span, speed=speed, period=period)
+        unexplained += min(span, GRAVITY_SWING) * law.unstated
         torque, push = (
-            max(share * effort + left, speeds_up / duration + left, acceleration * inertia + wrong)
+            max(share * effort + exchanged, speeds_up / duration + exchanged, acceleration * inertia + wrong_weight)
             for share, duration, acceleration in zip(
                 (WEARER_TORQUE_SHARE, WEARER_PUSH_SHARE), WEARER_ACCELERATION_TIMES_S, WEARER_ACCELERATIONS, strict=True
             )
@@ -683,15 +706,21 @@ def supervision_of(
             "wearer_torque": torque,
             "wearer_push": push,
             "force_tolerance": FORCE_TOLERANCE_SHARE * effort
-            + FORCE_WEIGHT_SHARE * left
+            + FORCE_WEIGHT_SHARE * exchanged
             + force_offset
             + lasting_error
-            + wrong,
-            "budget_store": inertia * (ENERGY_STORE_SPEED_SHARE * speed) ** 2 + ENERGY_STORE_LIFT * left
+            + wrong_weight,
+            "budget_store": inertia * (ENERGY_STORE_SPEED_SHARE * speed) ** 2
+            + ENERGY_STORE_LIFT * left
+            + min(span, GRAVITY_SWING) * (law.supported + law.unstated)
             if math.isfinite(speed)
             else math.inf,
-            "force_burst": FORCE_BURST_SHARE * effort + FORCE_WEIGHT_SHARE * left + force_offset + burst_error + wrong,
-            "force_excess": FORCE_EXCESS_SHARE * effort + force_offset + wrong,
+            "force_burst": FORCE_BURST_SHARE * effort
+            + FORCE_WEIGHT_SHARE * exchanged
+            + force_offset
+            + burst_error
+            + wrong_weight,
+            "force_excess": FORCE_EXCESS_SHARE * effort + force_offset + wrong_weight,
             "unexplained_limit": unexplained if law.sensed else math.inf,
             "unexplained_gain": min(instruments.force_gain_error, 1.0),
             "unexplained_offset": FORCE_OFFSET_SHARE * effort

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -237,6 +238,114 @@ def with_rules(law: ControlLaw, rules: Mapping[str, float]) -> ControlLaw:
     """A transparent law that also carries what rules learnt beyond its body; `rules` are the core's numbers by name,
     SI, as `LearntRules.numbers` gives them."""
     return ControlLaw(RULES_LAW.name, {**RULES_LAW.defaults, **law.values, **rules}, law.uses)
+
+
+
+def with_load(law: ControlLaw, load: Segment) -> ControlLaw:
+    """Return a law that also carries a load which is fastened to the robot: its weight, inertia and friction.
+
+    The supervisor's model of the robot contains the load, so that a load that falls off contradicts the force sensor.
+
+    Parameters
+    ----------
+    law : ControlLaw
+        A law of one coherent body.
+    load : Segment
+        The load about the joint's axis, as weighed or as `estimate_load` found it.
+
+    Returns
+    -------
+    ControlLaw
+
+    Raises
+    ------
+    PellucidError
+        If the law does not carry one coherent body, or carries a load already.
+
+    Examples
+    --------
+    >>> from pellucid.control.control_law import TRANSPARENT_LAW, ControlLaw
+    >>> from pellucid.control.transparent_laws import with_load
+    >>> from pellucid.models.anthropometry import point_mass
+    >>> law = ControlLaw("transparent", TRANSPARENT_LAW.defaults | {"gravity_sine": 2.0, "inertia": 0.06})
+    >>> round(with_load(law, point_mass(1.0, 0.3)).values["gravity_sine"], 3)
+    4.942
+    """
+    _require_body(law, "a load")
+    if law.load is not None:
+        raise PellucidError(f"law {law.kind}: found a load already, expected none")
+    inertia = law.values["inertia"]
+    made = law.changed(
+        gravity_sine=law.values["gravity_sine"] + load.gravity(),
+        inertia=inertia + load.inertia,
+        energy_store=law.values["energy_store"] * ((inertia + load.inertia) / inertia if inertia > 0.0 else 1.0),
+    )
+    return replace(made, load=load)
+
+
+def with_support(law: ControlLaw, limb: Segment, share: float = 1.0) -> ControlLaw:
+    """Return a law that also carries a share of the weight of the wearer's limb, or of a load in the wearer's hand.
+
+    The robot's drive carries it, and so its friction under load is that of both. Inertia is left to the wearer. Neither
+    encoder nor force sensor tells whether what is supported is still there: a limb that moves freely presses on the
+    strap with what the robot gives, whatever it weighs.
+
+    Parameters
+    ----------
+    law : ControlLaw
+        A law of one coherent body.
+    limb : Segment
+        The limb, or the load in the hand, about the joint's axis.
+    share : float
+        Share of its weight that is carried, 0 to 1.
+
+    Returns
+    -------
+    ControlLaw
+
+    Raises
+    ------
+    PellucidError
+        If the law does not carry one coherent body, or the share is not within 0 and 1.
+
+    Examples
+    --------
+    >>> from pellucid.control.control_law import TRANSPARENT_LAW, ControlLaw
+    >>> from pellucid.control.transparent_laws import with_support
+    >>> from pellucid.models.anthropometry import forearm
+    >>> law = ControlLaw("transparent", TRANSPARENT_LAW.defaults | {"gravity_sine": 2.0})
+    >>> round(with_support(law, forearm(70.0, 1.75), 0.3).supported, 2)
+    0.79
+    """
+    _require_body(law, "support")
+    if not 0.0 <= share <= 1.0:
+        raise PellucidError(f"support: found a share of {share:g}, expected 0 to 1")
+    given = share * limb.gravity()
+    made = law.changed(gravity_sine=law.values["gravity_sine"] + given)
+    return replace(made, supported=law.supported + given)
+
+
+def expecting_load(law: ControlLaw, load: Segment) -> ControlLaw:
+    """Return a law whose robot may carry up to a `load` that is not known yet, as for its first lift.
+
+    The law carries nothing of it. Its supervisor allows as much contradiction between force sensor and model, so that
+    a force sensor that lies by as much is not found: state the load with `with_load` as soon as it is known.
+
+    Examples
+    --------
+    >>> from pellucid.control.control_law import TRANSPARENT_LAW, ControlLaw
+    >>> from pellucid.control.transparent_laws import expecting_load
+    >>> from pellucid.models.anthropometry import point_mass
+    >>> law = ControlLaw("transparent", TRANSPARENT_LAW.defaults | {"gravity_sine": 2.0})
+    >>> round(expecting_load(law, point_mass(1.0, 0.3)).unstated, 3)
+    2.942
+    """
+    return replace(law, unstated=load.gravity())
+
+
+def _require_body(law: ControlLaw, what: str) -> None:
+    if not LAWS[law.kind].carries_body or law.values.get("gravity_share") == 0.0:
+        raise PellucidError(f"law {law.kind}: found no body whose weight it carries, expected one for {what}")
 
 
 def breakaway(law: ControlLaw) -> float:

@@ -10,6 +10,7 @@ from ..control.control_law import LAWS, ControlLaw
 from ..control.instruments import Instruments
 from ..control.supervised import SupervisedLaw, supervised
 from ..control.worn import watched_worn
+from ..models.anthropometry import Segment
 from ..models.fields import COORDINATE_UNITS
 from .instruments_listing import ListedInstrument, list_instruments
 
@@ -51,6 +52,8 @@ class ControllerValues:
     uses: frozenset[str] = frozenset()  # names of the law's optional sensors that it uses
     instruments: Instruments = field(default_factory=Instruments)  # what the robot measures, how well
     body: Mapping[str, float] | None = None  # supervisor's model of the robot, SI; None for that of the law's numbers
+    load: Segment | None = None  # load that is fastened to the robot, contained in the numbers
+    supported: float = 0.0  # weight of limb and held load that the numbers carry [N*m]
     rest_friction: float | None = None  # friction at rest as identified, SI; None for that of the body
 
     @property
@@ -80,7 +83,7 @@ class ControllerValues:
     @property
     def control_law(self) -> ControlLaw:
         """The law with its numbers."""
-        return ControlLaw(self.law, self.numbers, self.uses)
+        return ControlLaw(self.law, self.numbers, self.uses, self.load, self.supported)
 
     @cached_property
     def supervised(self) -> SupervisedLaw:

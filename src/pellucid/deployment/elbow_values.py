@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from hashlib import sha256
 
@@ -19,7 +20,7 @@ from ..control.joint_compensation import (
 )
 from ..control.supervised import body_of
 from ..control.transparent_laws import MIN_STIFF_RESONANCE_HZ
-from ..models.anthropometry import Segment, forearm
+from ..models.anthropometry import Segment, forearm, point_mass
 from ..models.slider_card import SliderCard, read_slider_card
 from ..procedures.card_sources import require_fresh, source_notes
 from ..procedures.rig_instruments import rig_instruments
@@ -51,8 +52,13 @@ def elbow_values(
     participant: str | None = None,
     exponents: tuple[float, float] | None = None,
     period: float | None = None,
+    load: tuple[float, float] | None = None,
+    held: tuple[float, float] | None = None,
 ) -> ControllerValues:
-    """Return the numbers of a worn elbow robot's law for one study. `slider` [m]; `period` [s]."""
+    """Return the numbers of a worn elbow robot's law for one study. `slider` [m]; `period` [s].
+
+    `load` is fastened to the robot and `held` in the wearer's hand: mass [kg] and distance from the axis [m].
+    """
     if controller not in ELBOW_CONTROLLERS:
         known = ", ".join(ELBOW_CONTROLLERS)
         raise PellucidError(f'export of {study.name}: found the controller "{controller}", expected one of {known}')
@@ -81,17 +87,20 @@ def elbow_values(
     if exponents is not None:
         settings["exponents"] = exponents
     stiff = named.build_stiff(card, place, **settings)
-    law = named.build(card, place, lowest_resonance=lowest_resonance(study), **settings)
+    carried_loads = {"load": _load(study, "load", load), "held": _load(study, "held", held)}
+    law = named.build(card, place, lowest_resonance=lowest_resonance(study), **carried_loads, **settings)
     remarks = _remarks(study, law, named.card)
     if LAWS[law.kind].carries_body:
         remarks |= {name: remark for name, remark in identified_remarks(card).items() if name in law.values}
-    if named.wearer:
+    if law.emg:
         remarks |= {name: f"of {participant}, by mass and height" for name in ("limb_inertia", "limb_gravity")}
+    if law.load is not None or law.supported > 0.0:
+        remarks["gravity_sine"] += f"; {law.values['gravity_sine'] - stiff.values['gravity_sine']:.6g} of it of loads"
     if named.exponents:
         remark = "chosen" if exponents else "chosen by five people on another robot"
         remarks |= dict.fromkeys(("exponent_up", "exponent_down"), remark)
     notes += tuple(_notes(law, named, card, controller=controller, exponents=exponents, place=place))
-    notes += tuple(_gain_notes(stiff, law))
+    notes += tuple(_gain_notes(stiff, law)) + tuple(_load_notes(law, held))
     body, friction = _body(study, place)
     notes += source_notes(named.card, card)
     return ControllerValues(
@@ -106,6 +115,8 @@ def elbow_values(
         instruments=rig_instruments(study.rig),
         body=body,
         rest_friction=friction,
+        load=law.load,
+        supported=law.supported,
     )
 
 
@@ -126,6 +137,33 @@ def _gain_notes(stiff: ControlLaw, law: ControlLaw) -> Iterator[str]:
         yield (
             f"The share of the disturbance observer is {law.values['disturbance_share']:.2g}, as in the virtual lab: "
             "with more, some rang whose wearer carried a load."
+        )
+
+
+def _load(study: Study, name: str, given: tuple[float, float] | None) -> Segment | None:
+    """Return a load as a point mass, of its mass [kg] and distance from the axis [m]."""
+    if given is None:
+        return None
+    mass, distance = given
+    if not (math.isfinite(mass) and math.isfinite(distance) and mass > 0.0 and distance > 0.0):
+        raise PellucidError(
+            f"export of {study.name}: found a {name} of {mass:g} kg at {distance:g} m, expected both above 0"
+        )
+    return point_mass(mass, distance)
+
+
+def _load_notes(law: ControlLaw, held: tuple[float, float] | None) -> Iterator[str]:
+    if law.load is not None:
+        yield (
+            f"It carries a load of {law.load.mass:.3g} kg at {law.load.centre:.3g} m that is fastened to the robot, "
+            "and the supervisor expects it: put the load on before the start. A load that falls off stops the robot if "
+            "a force sensor contradicts it."
+        )
+    if law.supported > 0.0:
+        what = "the wearer's limb" if held is None else "the wearer's limb or of the load in the wearer's hand"
+        yield (
+            f"It carries {law.supported:.3g} N*m of the weight of {what}. No sensor of the robot tells that this "
+            "weight is gone: whoever lets go of a load, or takes the arm out, is pushed with that torque."
         )
 
 

@@ -46,6 +46,8 @@ def export(
     participant: str | None = None,
     controller: str | None = None,
     exponents: tuple[float, float] | None = None,
+    load: tuple[float, float] | None = None,
+    held: tuple[float, float] | None = None,
     period: float | None = None,
     probe: bool = False,
     allow_outside: bool = False,
@@ -83,6 +85,9 @@ def export(
         ``"hill"`` or ``"ridge"``; None for muscles if there are any.
     exponents : tuple of float or None
         Exponents k of equation 8, upwards and downwards, for "fc" and "pcfr"; None for the paper's.
+    load, held : tuple of float or None
+        For a controller of a joint with a carriage that carries one coherent body: a load that is fastened to the
+        robot, and one in the wearer's hand, each as mass [kg] and distance from the axis [m]; None for none.
     period : float or None
         Period of the controller [s]; None for 1 ms, or for that of the recordings of an orthosis, of EMG, or of a
         CEINMS subject.
@@ -120,17 +125,18 @@ def export(
         study = replace(study, accept_stale=True)
     asks = probe or None
     if to in ENDINGS:
-        given = {"slider": slider, "participant": participant, "controller": controller, "exponents": exponents}
+        given = {"slider": slider, "participant": participant, "controller": controller, "exponents": exponents,
+                 "load": load, "held": held}  # fmt: skip
         _require_none(f"export to {to} of {study.name}", {**given, "probe": asks}, "muscles have none")
         return export_subject(study, to, out, card=card, period=period, overwrite=overwrite)
     if to in SIMULATOR_FILES:
         given = {"slider": slider, "participant": participant, "controller": controller, "exponents": exponents,
-                 "period": period, "probe": asks}  # fmt: skip
+                 "load": load, "held": held, "period": period, "probe": asks}  # fmt: skip
         _require_none(f"export to {to} of {study.name}", given, "a model for simulators has none")
         return export_simulator_model(study, to, out, card=card, allow_outside=allow_outside, overwrite=overwrite)
     place = study.place("controller") if out is None else Path(out)
     if study.find_table(TreeTable) is not None:
-        refused = {"slider": slider, "participant": participant, "exponents": exponents}
+        refused = {"slider": slider, "participant": participant, "exponents": exponents, "load": load, "held": held}
         why = "this robot has several joints"
         _require_language(study, to, period, refused={**refused, "probe": asks}, why=why)
         tree = tree_values(
@@ -140,7 +146,7 @@ def export(
         with _own_folder(place, study, controller or "carried", tree.cards, overwrite=overwrite):
             return write_tree_folder(study.name, tree, place)
     if _exports_estimator(study, card):
-        refused = {"slider": slider, "exponents": exponents}
+        refused = {"slider": slider, "exponents": exponents, "load": load, "held": held}
         _require_language(study, to, period, refused={**refused, "probe": asks}, why="torque from EMG has none")
         found = chosen_card(
             study, card=card, controller=controller, participant=participant, allow_outside=allow_outside
@@ -149,7 +155,7 @@ def export(
             return write_estimator_folder(study.name, found, place, period=period)
     law_values = values_for(
         study, to, card=card, slider=slider, participant=participant, controller=controller, exponents=exponents,
-        period=period, allow_outside=allow_outside,
+        load=load, held=held, period=period, allow_outside=allow_outside,
     )  # fmt: skip
     if probe:
         law_values = replace(law_values, instruments=replace(law_values.instruments, probe=True))
@@ -227,6 +233,8 @@ def values_for(
     participant: str | None = None,
     controller: str | None = None,
     exponents: tuple[float, float] | None = None,
+    load: tuple[float, float] | None = None,
+    held: tuple[float, float] | None = None,
     period: float | None = None,
     allow_outside: bool = False,
 ) -> ControllerValues:
@@ -239,17 +247,21 @@ def values_for(
             f"for this one there is: pellucid {others} {study.folder}"
         )
     if study.find_table(CouplingTable) is not None:
-        if any(given is not None for given in (card, slider, controller, exponents)):
+        if any(given is not None for given in (card, slider, controller, exponents, load, held)):
             raise PellucidError(f"export of {study.name}: found a joint's card, carriage or controller, expected none")
         return worn_values(study, participant=participant, period=period)
     if controller is not None and controller != "compensation":
         if card is not None:
             raise PellucidError(f"export of {study.name}: found a card and a controller, expected one of them")
-        given = {"slider": slider, "participant": participant, "exponents": exponents}
+        given = {"slider": slider, "participant": participant, "exponents": exponents, "load": load, "held": held}
         return elbow_values(study, controller, **given, period=period)
     if participant is not None:
         raise PellucidError(f"export of {study.name}: found a participant, expected none: nobody wears this joint")
     if exponents is not None:
         raise PellucidError(f"export of {study.name}: found exponents without a controller, expected fc or pcfr")
+    if load is not None or held is not None:
+        raise PellucidError(
+            f"export of {study.name}: found a load without a controller, expected one that carries a body"
+        )
     given = {} if period is None else {"period": period}
     return joint_values(study, card=card, slider=slider, allow_outside=allow_outside, **given)

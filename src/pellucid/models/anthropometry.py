@@ -144,6 +144,12 @@ def rod(mass: float, length: float) -> Segment:
     return Segment(m, 0.5 * reach, m * reach**2 / 3.0)
 
 
+def point_mass(mass: float, distance: float) -> Segment:
+    """A load that is small against its distance from the axis. `mass` [kg]; `distance` [m]."""
+    m, reach = _positive(mass, "mass"), _positive(distance, "distance")
+    return Segment(m, reach, m * reach**2)
+
+
 def _positive(value: float, name: str) -> float:
     if not value > 0.0:
         raise ValueError(f"{name}: found {value!r}, expected a positive number in SI")

@@ -44,6 +44,7 @@ RANKED_STRATEGIES: tuple[Strategy, ...] = (
     Strategy("model, network learnt beyond it", "knee", "neural", "body_neural", (WITH_ENCODER, WITH_ENCODER)),
     Strategy("nine fuzzy rules on the strap's torque", "knee", None, "fuzzy", ("", WITH_SPRING)),
     Strategy("network that learns while worn (RBF)", "knee", None, "rbf", ("", WITH_SPRING)),
+    Strategy("model, part of the limb's weight carried", "", "support", None, (WITH_ENCODER, "")),
     Strategy("sensitivity amplification", "knee", "amplification", "amplification", (WITH_ENCODER, WITH_ENCODER)),
     Strategy("disturbance observer", "", "disturbance_observer", "disturbance_observer", (WITH_FORCE, WITH_SPRING)),
     Strategy("PID on the strap's torque", "", None, "pid", ("", WITH_SPRING + EMG_SUFFIX)),

@@ -44,7 +44,7 @@ AMPLIFICATION_FACTORS = (2.0, 4.0, 10.0)
 """Values of alpha with which sensitivity amplification is compared."""
 
 COMPARED_CONTROLLERS: Mapping[str, tuple[str, Mapping[str, float]]] = {
-    **{name: (name, {}) for name in ELBOW_CONTROLLERS if name != "amplification"},
+    **{name: (name, {}) for name, one in ELBOW_CONTROLLERS.items() if name != "amplification" and not one.assists},
     **{f"amplification_{x:g}": ("amplification", {"amplification": x}) for x in AMPLIFICATION_FACTORS},
 }
 """Controllers by their name in ids: a name of `ELBOW_CONTROLLERS`, and its settings."""

@@ -191,7 +191,11 @@ class AblePaper(Paper):
 def _all_laws(people: PointingRig, cards: Cards, exponents: tuple[float, float]) -> dict[str, ControlLaw]:
     one = draw_people(people, np.random.default_rng(0), count=1)[0]
     place = one.slider(people)
-    return {name: controller_builder(cards, name, exponents=exponents)(one, place) for name in ELBOW_CONTROLLERS}
+    return {
+        name: controller_builder(cards, name, exponents=exponents)(one, place)
+        for name, controller in ELBOW_CONTROLLERS.items()
+        if not controller.assists
+    }
 
 
 def _with_load(rig: ElbowRig, factor: float) -> ElbowRig:

@@ -1,0 +1,20 @@
+"""What the three papers claim or want, beyond their equations, tables and figures: measured, each beside its rival.
+
+- anticipation (KNEE, sections 1.4 and 1.5; HILL, section 1): by how much torque from EMG is told before motion tells it
+  (`_lead`).
+- loads and support (ABLE, sections 1 and 6): the load of the first lift, laws that carry it, a load that falls, and a
+  law that carries part of the forearm (`_loads`).
+"""
+
+from collections.abc import Iterator
+
+from pellucid.studies.results import ResultRow
+
+from ._lead import lead_rows
+from ._loads import load_rows
+
+
+def rows() -> Iterator[ResultRow]:
+    """Every figure."""
+    yield from lead_rows()
+    yield from load_rows()
