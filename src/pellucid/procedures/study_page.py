@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from importlib.metadata import version
 
 from ..fit.parameter import Verdict, rank_verdicts
-from ..pages.page import Page, Section, Tile
+from ..pages.page import Answer, Page, Section, Tile
 from ..pages.quantities import (
     MINUS_SIGN,
     cell_text,
@@ -23,9 +23,14 @@ from .result import FigureTable, ParameterTable, Result
 
 
 def study_page(
-    title: str, headline: str, tiles: Iterable[Tile], sections: Iterable[Section], verdicts: Iterable[Verdict] = ()
+    title: str,
+    headline: str,
+    tiles: Iterable[Tile],
+    sections: Iterable[Section],
+    verdicts: Iterable[Verdict] = (),
+    answer: Answer | None = None,
 ) -> Page:
-    """Build a page of a study in the common frame, with its verdicts above all sections, worst first."""
+    """Build a page of a study in the common frame, with its answer first; verdicts stand worst first."""
     return Page(
         title,
         "Pellucid report",
@@ -35,6 +40,7 @@ def study_page(
         f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every number in "
         "results.json.",
         tuple((v.kind, typeset_sentence(v.said)) for v in rank_verdicts(verdicts)),
+        answer,
     )
 
 
