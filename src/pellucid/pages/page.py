@@ -20,6 +20,9 @@ PAGE_FILE = "index.html"
 MAX_OPEN_HEIGHT_PX = 2200.0
 """Sections are open while their estimated heights add up to this on a wide screen; those below are folded."""
 
+MAX_LEAD_CHARACTERS = 270
+"""Sentences of a headline stand on the first screen while they are no longer than this; the others follow below."""
+
 MAX_SHOWN_WARNINGS = 3
 """Largest number of verdicts that stand between the answer and the evidence."""
 
@@ -35,7 +38,9 @@ NOTE_HEADINGS = {
 }
 """Headings of the last section, in its order, by kind of note."""
 
-_FILE_NOTE_PATTERN = re.compile(r"\.(?:csv|tsv|txt|json|mat|c3d|edf|bdf|xdf|h5|xlsx|mcap|bag)\b|\brecordings? [^.]*found\b")
+_FILE_NOTE_PATTERN = re.compile(
+    r"\.(?:csv|tsv|txt|json|mat|c3d|edf|bdf|xdf|h5|xlsx|mcap|bag)\b|\brecordings? [^.]*found\b"
+)
 
 
 @dataclass(frozen=True)
@@ -128,6 +133,16 @@ class Page:
     answer: Answer | None = None
 
     @property
+    def lead(self) -> str:
+        """First sentences of the headline, which stand on the first screen."""
+        return _split_headline(self.headline)[0]
+
+    @property
+    def detail(self) -> str:
+        """Further sentences of the headline, below the first screen; "" for none."""
+        return _split_headline(self.headline)[1]
+
+    @property
     def drawings(self) -> tuple[Drawing, ...]:
         """Every figure of the page, that of the answer first."""
         first = () if self.answer is None or self.answer.figure is None else (self.answer.figure,)
@@ -159,6 +174,17 @@ class Page:
         return frozenset(shown)
 
 
+def _split_headline(text: str) -> tuple[str, str]:
+    """Return the sentences of a headline that fit on the first screen, and the others."""
+    ends = [found.end() for found in re.finditer(r"[.;](?= )", text)]
+    if len(plain_text(text)) <= MAX_LEAD_CHARACTERS or not ends:
+        return text, ""
+    fitting = [end for end in ends if len(plain_text(text[:end])) <= MAX_LEAD_CHARACTERS]
+    end = fitting[-1] if fitting else ends[0]
+    first, rest = text[:end], text[end:].strip()
+    return f"{first[:-1]}." if first.endswith(";") else first, rest[:1].upper() + rest[1:]
+
+
 def _drawn_height_px(drawing: Drawing) -> float:
     """Return the height of a figure with its caption on a wide screen."""
     width, height = drawing.figure.get_size_inches()
@@ -173,6 +199,20 @@ def without_drawing(sections: Sequence[Section], name: str) -> tuple[Section, ..
     """Return sections without the figure of a name, which the answer shows; sections left empty are dropped."""
     kept = (replace(s, drawings=tuple(d for d in s.drawings if d.name != name)) for s in sections)
     return tuple(s for s in kept if s.paragraphs or s.tables or s.drawings or s.notes or s.links or s.verdicts)
+
+
+def answer_from_verdicts(
+    question: str, verdicts: Sequence[tuple[str, str]], sections: Sequence[Section]
+) -> tuple[Answer, tuple[Section, ...]]:
+    """Return the answer that verdicts of a kind each give, with the first figure, and the sections without it.
+
+    What is wrong says no, a warning says that the page cannot say, anything else says yes.
+    """
+    kinds = {kind for kind, _ in verdicts}
+    verdict = "no" if "wrong" in kinds else "unsure" if "warning" in kinds else "yes"
+    first = next((drawing for section in sections for drawing in section.drawings), None)
+    kept = tuple(sections) if first is None else without_drawing(sections, first.name)
+    return Answer(question, verdict, first), kept
 
 
 def write_page(folder: Path, page: Page) -> Path:

@@ -589,14 +589,21 @@ def _required(study: Study, name: str | None) -> tuple[Procedure, ...]:
 
 
 def _one_page(pages: list[Page]) -> Page:
-    """All on the first, whose name stays; the others' headlines and sections say what they are of."""
+    """Return one page of all: the first one's answer, then the others' in a section each, then all sections."""
+    from ..pages.page import Section
+
     first, *others = pages
-    headlines, sections = [first.headline], list(first.sections)
-    for page in others:
+    answers, sections = [], list(first.sections)
+    for i, page in enumerate(others, start=1):
         what = page.title.rpartition(": ")[2]
-        headlines.append(f"{what[:1].upper()}{what[1:]}: {page.headline}")
         known = {section.heading for section in sections}
         sections += [replace(s, heading=f"{s.heading}: {what}") if s.heading in known else s for s in page.sections]
+        words = page.headline if page.answer is None else f"{page.answer.question} {page.answer.badge}. {page.headline}"
+        drawn = () if page.answer is None or page.answer.figure is None else (page.answer.figure,)
+        names = {drawing.name for one in (*pages[:i], *pages[i + 1 :]) for drawing in one.drawings}
+        drawings = tuple(replace(d, name=f"{d.name}-{i}") if d.name in names else d for d in drawn)
+        heading = f"{what[:1].upper()}{what[1:]}"
+        answers.append(Section(f"answer-{i}", heading, (words,), drawings=drawings))
     tiles = tuple(tile for page in pages for tile in page.tiles)
     verdicts = sorted((v for page in pages for v in page.verdicts), key=lambda v: VERDICT_KINDS.index(v[0]))
-    return replace(first, headline=" ".join(headlines), tiles=tiles, sections=tuple(sections), verdicts=tuple(verdicts))
+    return replace(first, tiles=tiles, sections=(*answers, *sections), verdicts=tuple(verdicts))

@@ -291,9 +291,7 @@ def friction(fit: JointResult, name: str = "friction") -> Drawing:
     figure = Figure(figsize=(FIGURE_WIDTH, 4.3), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=(1.35, 1.0))
     _friction_panel(left, fit, best)
-    left.set_title(
-        f"{best.family} friction, as chosen" if len(fit.families) > 1 else f"{best.family} friction", pad=9
-    )
+    left.set_title(f"{best.family} friction, as chosen" if len(fit.families) > 1 else f"{best.family} friction", pad=9)
     ends = []
     reading = MOTION_READINGS[fit.motion]
     for family in fit.families.values():
@@ -484,7 +482,11 @@ def heldout(fit: JointResult, name: str = "heldout") -> Drawing:
     pad = 0.12 * (high - low)
     axis.set_xlim(max(0.0, low - pad), high + pad)
     axis.set_xlabel("Effort error (%)")
-    return Drawing(name, figure, "Effort error of each family by least squares: blue on what was fitted, orange on what was held out.")
+    return Drawing(
+        name,
+        figure,
+        "Effort error of each family by least squares: blue on what was fitted, orange on what was held out.",
+    )
 
 
 # --- common to several ----------------------------------------------------------------------------------------------

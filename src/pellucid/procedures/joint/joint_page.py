@@ -24,9 +24,9 @@ from ...pages.quantities import (
     parameter_note,
     percent,
     relative_sd,
-    value_and_half_interval,
     typeset_sentence,
     unit_text,
+    value_and_half_interval,
 )
 from ...pages.series import by_recording, pooled_error, whole_recordings
 from ...pages.tables import Row, Table
@@ -119,13 +119,13 @@ def page(study: Study, result: JointResult) -> Page:
         tiles=_tiles(result, result.confidence),
         sections=(*sections, _provenance(study, result)),
         verdicts=result.verdicts,
-        answer=_answer(study, result),
+        answer=joint_answer(study, result),
     )
 
 
-def _answer(study: Study, fit: JointResult) -> Answer:
+def joint_answer(study: Study, fit: JointResult) -> Answer:
     """Return whether the model predicts what it has not seen, drawn along a recording."""
-    best, error = fit.headlined, _headline_error(fit)
+    best, error = fit.headlined, headline_error(fit)
     held = [p for p in best.predictions if p.split == "heldout"]
     wrong = any(v.kind == "wrong" for v in fit.verdicts)
     good = bool(held) and error.number <= MAX_GOOD_ERROR and best.heldout_r2 >= SOUND_R2
@@ -140,7 +140,7 @@ def _answer(study: Study, fit: JointResult) -> Answer:
         "dashed as the model predicts it, with the 95 % prediction interval.",
     )  # fmt: skip
     following = (
-        "Hold recordings out: give some of them `use = \"validate\"` in study.toml."
+        'Hold recordings out: give some of them `use = "validate"` in study.toml.'
         if not held
         else f"Make a controller of it: `pellucid export {study.name} --controller NAME`."
     )
@@ -152,7 +152,7 @@ def _answer(study: Study, fit: JointResult) -> Answer:
     )
 
 
-def _headline_error(fit: JointResult) -> Value:
+def headline_error(fit: JointResult) -> Value:
     """Return the error that tile, sentence and tables tell: held out, or where nothing is, on what was fitted [%]."""
     best = fit.headlined
     if np.isfinite(best.heldout_effort_error):
@@ -162,7 +162,7 @@ def _headline_error(fit: JointResult) -> Value:
     return Value(f"{fit.study}.headline.effort_error", error, percent(error))
 
 
-def _parameter_value(fit: JointResult, p: Parameter) -> str:
+def parameter_value(fit: JointResult, p: Parameter) -> str:
     """Return a parameter of the chosen estimate as every part of the page shows it."""
     return str(Value(f"{fit.study}.headline.{p.name}", p.value, number(p.value, p.standard_error)))
 
@@ -215,7 +215,7 @@ def _compared_family(fit: JointResult) -> FamilyFit | None:
 
 
 def _headline(study: Study, fit: JointResult) -> str:
-    best, error = fit.headlined, _headline_error(fit)
+    best, error = fit.headlined, headline_error(fit)
     effort = EFFORT_NAMES.get(fit.effort_unit, "effort").lower()
     wrong = any(v.kind == "wrong" for v in fit.verdicts)
     if wrong:
@@ -251,17 +251,17 @@ def _tiles(fit: JointResult, level: float) -> list[Tile]:
         tiles.append(
             Tile(
                 "Error on held-out data",
-                str(_headline_error(fit)),
+                str(headline_error(fit)),
                 "%",
                 f"{percent(best.fitted_effort_error)} % on what was fitted",
             )
         )
     else:
-        tiles.append(Tile("Error on fitted data", str(_headline_error(fit)), "%", "nothing was held out"))
+        tiles.append(Tile("Error on fitted data", str(headline_error(fit)), "%", "nothing was held out"))
     # Inertia, gravity and friction are the parameters that a reader looks for first.
     wanted = ("inertia", "gravity", "coulomb", "coulomb_positive", "viscous", "viscous_positive")
     for name in [n for n in wanted if n in best.model.names][:3]:
-        tiles.append(_tile(best[name], level, _parameter_value(fit, best[name])))
+        tiles.append(_tile(best[name], level, parameter_value(fit, best[name])))
     if fit.drive_constant is not None:
         p = fit.drive_constant
         tiles.append(_tile(p, level, str(_drive_constant(fit, p))))
@@ -286,9 +286,7 @@ def _drive_constant(fit: JointResult, p: Parameter) -> Value:
 
 def _tile(p: Parameter, level: float, shown: str) -> Tile:
     more = f"{parameter_interval(p, level)} ({100.0 * level:.4g} %)"
-    return Tile(
-        parameter_label(p.name).replace(" friction", ""), shown, unit_text(p.unit), more
-    )
+    return Tile(parameter_label(p.name).replace(" friction", ""), shown, unit_text(p.unit), more)
 
 
 def _parameters(fit: JointResult, estimate: JointEstimate, level: float) -> Table:
@@ -307,7 +305,7 @@ def _parameters(fit: JointResult, estimate: JointEstimate, level: float) -> Tabl
         if p is fit.drive_constant:
             value = str(_drive_constant(fit, p))
         else:
-            value = _parameter_value(fit, p) if chosen else number(p.value, p.standard_error)
+            value = parameter_value(fit, p) if chosen else number(p.value, p.standard_error)
         cells = [parameter_label(p.name), value, unit_text(p.unit) or "–"]
         cells.append(parameter_interval(p, level))
         if booted:
@@ -346,9 +344,10 @@ def _families(fit: JointResult) -> Table:
         )
     best = fit.headlined
     if best.estimate.method != fit.families[fit.best].estimate.method:
-        cells = (best.family, f"the same, by {METHODS[best.estimate.method]}: the headline", str(len(best.model.symbols)),
-                 percent(best.fitted_effort_error), str(_headline_error(fit)) if np.isfinite(best.heldout_effort_error)
-                 else "–", number(best.heldout_r2, digits=4))  # fmt: skip
+        held = str(headline_error(fit)) if np.isfinite(best.heldout_effort_error) else "–"
+        words = f"the same, by {METHODS[best.estimate.method]}: the headline"
+        errors = (percent(best.fitted_effort_error), held, number(best.heldout_r2, digits=4))
+        cells = (best.family, words, str(len(best.model.symbols)), *errors)
         rows.append(Row(cells, True))
     return Table(
         ("Family", "What it knows", "Parameters", "Fitted error (%)", "Held-out error (%)", "Held-out R²"),

@@ -19,7 +19,7 @@ FRAME_COUNT = 60
 MAX_SHOWN_S = 10.0
 """Longest stretch of a recording that moves [s]."""
 
-LEAD_LENGTH = 1.0
+LINK_LENGTH = 1.0
 """Drawn length of a turning link; lengths are not known."""
 
 
@@ -52,7 +52,9 @@ def moving_joint(
     time, position, measured, predicted = join_arrays(
         group, lambda p: p.time, lambda p: p.position, lambda p: p.effort, lambda p: p.predicted
     )
-    start, stop = busiest(time, measured, share=min(1.0, MAX_SHOWN_S / max(float(np.nanmax(time) - np.nanmin(time)), 1e-9)))
+    start, stop = busiest(
+        time, measured, share=min(1.0, MAX_SHOWN_S / max(float(np.nanmax(time) - np.nanmin(time)), 1e-9))
+    )
     shown = (time >= start) & (time <= stop) | np.isnan(time)
     time, position, measured, predicted = (x[shown] for x in (time, position, measured, predicted))
     figure = Figure(figsize=(FIGURE_WIDTH, 3.1), layout="constrained")
@@ -83,7 +85,7 @@ def moving_joint(
 
 def _turning(axis: Axes, angle: np.ndarray) -> dict[str, Way]:
     """Draw a link that turns about its axis by `angle`, (n,) [rad] from hanging."""
-    ends = LEAD_LENGTH * np.column_stack([np.sin(angle), -np.cos(angle)])
+    ends = LINK_LENGTH * np.column_stack([np.sin(angle), -np.cos(angle)])
     axis.set_aspect("equal")
     axis.set_axis_off()
     axis.set_xlim(-1.25, 1.25)
@@ -91,7 +93,7 @@ def _turning(axis: Axes, angle: np.ndarray) -> dict[str, Way]:
     axis.plot(*ends.T, color=colour("fitted"), linewidth=1.0, alpha=0.5)
     axis.plot((0.0, 0.0), (0.0, -1.2), color=colour("rule"), linewidth=1.0, dashes=(4, 3))
     link = np.stack([np.zeros_like(ends), ends], axis=1)
-    weight = np.stack([ends, ends + (1e-3, 0.0)], axis=1)
+    weight = np.stack([ends, ends + np.array([1e-3, 0.0])], axis=1)
     hub = np.zeros((len(ends), 2, 2)) + np.array([[0.0, 0.0], [1e-3, 0.0]])
     strokes(axis, link[0], "link", edgecolor=colour("measured"), linewidth=7.0, zorder=4)
     strokes(axis, weight[0], "weight", edgecolor=colour("measured"), linewidth=17.0, zorder=5)
