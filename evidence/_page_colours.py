@@ -6,13 +6,21 @@ import numpy as np
 
 DEFICIENT_SIGHT = {
     "none": np.eye(3),
-    "protan": np.array([[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]),
-    "deutan": np.array([[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]),
-    "tritan": np.array([[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]]),
-}  # fmt: skip
+    "protan": np.array(
+        [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]
+    ),
+    "deutan": np.array(
+        [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]
+    ),
+    "tritan": np.array(
+        [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]]
+    ),
+}
 """Matrices on linear RGB of full deficiency, by Machado, Oliveira and Fernandes (2009)."""
 
-_RGB_TO_XYZ = np.array([[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]])  # fmt: skip
+_RGB_TO_XYZ = np.array(
+    [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
+)
 _WHITE_XYZ = np.array([0.95047, 1.0, 1.08883])
 
 
@@ -54,11 +62,11 @@ def delta_e(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     turn = (h2 - h1 + 180.0) % 360.0 - 180.0
     turn = np.where(c1 * c2 == 0.0, 0.0, turn)
     dl, dc, dh = l2 - l1, c2 - c1, 2.0 * np.sqrt(c1 * c2) * np.sin(np.radians(0.5 * turn))
-    l, c = 0.5 * (l1 + l2), 0.5 * (c1 + c2)
+    lightness, c = 0.5 * (l1 + l2), 0.5 * (c1 + c2)
     h = np.where(c1 * c2 == 0.0, h1 + h2, h1 + 0.5 * turn) % 360.0
     t = 1.0 - 0.17 * np.cos(np.radians(h - 30.0)) + 0.24 * np.cos(np.radians(2.0 * h))
     t += 0.32 * np.cos(np.radians(3.0 * h + 6.0)) - 0.20 * np.cos(np.radians(4.0 * h - 63.0))
-    s_l = 1.0 + 0.015 * (l - 50.0) ** 2 / np.sqrt(20.0 + (l - 50.0) ** 2)
+    s_l = 1.0 + 0.015 * (lightness - 50.0) ** 2 / np.sqrt(20.0 + (lightness - 50.0) ** 2)
     s_c, s_h = 1.0 + 0.045 * c, 1.0 + 0.015 * c * t
     bend = 60.0 * np.exp(-(((h - 275.0) / 25.0) ** 2))
     r_t = -2.0 * np.sqrt(c**7 / (c**7 + 25.0**7)) * np.sin(np.radians(bend))
@@ -74,5 +82,5 @@ def colour_distance(first: str, second: str) -> float:
 
 def contrast(first: str, second: str) -> float:
     """Return the contrast of two colours by WCAG: 1 for the same, 21 for black on white."""
-    light, dark = sorted((float(linear(rgb(text)) @ [0.2126, 0.7152, 0.0722]) for text in (first, second)), reverse=True)
+    dark, light = sorted(float(linear(rgb(text)) @ [0.2126, 0.7152, 0.0722]) for text in (first, second))
     return (light + 0.05) / (dark + 0.05)

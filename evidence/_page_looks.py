@@ -1,4 +1,4 @@
-"""What a page looks like in a browser without a window: its first screen, its length, what is cut, contrast, colours."""
+"""Measure pages in a browser without a window: first screen, length, what is cut, contrast, distance of colours."""
 
 from __future__ import annotations
 
@@ -95,6 +95,8 @@ SERIES_SCRIPT = """() => {
   return made;
 }"""
 
+ROLE_SCRIPT = "role => getComputedStyle(document.documentElement).getPropertyValue(`--${role}`).trim()"
+
 VALUES_SCRIPT = """() => {
   const html = [...document.querySelectorAll('data[data-id]')].map(one =>
     [one.dataset.id, one.textContent.trim(), Number(one.value)]);
@@ -150,7 +152,8 @@ def look_at(browser: Any, name: str, path: Path, pictures: Path | None = None) -
         pictures.mkdir(parents=True, exist_ok=True)
         for page, width in ((wide, WIDE_PX), (narrow, NARROW_PX)):
             page.screenshot(path=pictures / f"{name}-{width}.png", full_page=True)
-    overflows = [f"{w} px: {one}" for w, p in ((WIDE_PX, wide), (NARROW_PX, narrow)) for one in p.evaluate(OVERFLOW_SCRIPT)]
+    opened = ((WIDE_PX, wide), (NARROW_PX, narrow))
+    overflows = [f"{width} px: {one}" for width, page in opened for one in page.evaluate(OVERFLOW_SCRIPT)]
     lowest = (21.0, "")
     series: list[tuple[float, str]] = []
     for scheme in ("light", "dark"):
@@ -174,7 +177,7 @@ def _closest(page: Any, scheme: str) -> list[tuple[float, str]]:
         shown = [(role, set(kinds)) for role, kinds in marks if role not in NEUTRAL_ROLES]
         for (one, first), (other, second) in itertools.combinations(shown, 2):
             if first & second:
-                tones = [page.evaluate(f"getComputedStyle(document.documentElement).getPropertyValue('--{r}').trim()") for r in (one, other)]  # fmt: skip
+                tones = (page.evaluate(ROLE_SCRIPT, role) for role in (one, other))
                 made.append((colour_distance(*tones), f"{scheme}, {figure}: {one} and {other}"))
     return made
 

@@ -75,7 +75,8 @@ def rows() -> Iterator[ResultRow]:
     least = min(looks, key=lambda look: look.lowest_contrast)
     yield _row("pages.contrast.lowest", least.lowest_contrast, f"{least.name}, {least.lowest_contrast_text}")
     near = min(looks, key=lambda look: look.lowest_distance)
-    yield _row("pages.colour_distance.lowest", near.lowest_distance, f"CIEDE2000: {near.name}, {near.lowest_distance_figure}")
+    note = f"CIEDE2000: {near.name}, {near.lowest_distance_figure}"
+    yield _row("pages.colour_distance.lowest", near.lowest_distance, note)
     lacking = commands_without_example()
     yield _row("pages.commands.without_example", len(lacking), ", ".join(lacking))
     yield _row("demo.seconds", seconds, "pellucid demo, by the clock", unit="s")
@@ -88,7 +89,8 @@ def _row(name: str, value: float, note: str, *, unit: str = "1") -> ResultRow:
 def _demo_pages(place: Path) -> tuple[float, list[Made]]:
     """Run the demo as a user does; return its seconds and its pages."""
     started = time.monotonic()
-    subprocess.run([sys.executable, "-m", "pellucid", "demo", "--out", str(place), "-q"], check=True, capture_output=True)
+    command = [sys.executable, "-m", "pellucid", "demo", "--out", str(place), "-q"]
+    subprocess.run(command, check=True, capture_output=True)
     seconds = time.monotonic() - started
     results = tuple(place / name / "results.json" for name in DEMO_FOLDERS)
     made = [Made("demo", place / "index.html", (place / "results.json", *results))]
@@ -125,9 +127,13 @@ def _contradictions(made: list[Made], looks: list[Looks]) -> list[str]:
                 stored |= {row.id: float(row.value) for row in read_rows(path) if row.value is not None}
         for name, text, _ in look.values:
             texts.setdefault(name, {}).setdefault(_number_text(text), one.name)
-    found = [f"{name}: {', '.join(f'{text} ({page})' for text, page in said.items())}" for name, said in texts.items() if len(said) > 1]  # fmt: skip
+    found = [
+        f"{name}: {', '.join(f'{text} ({page})' for text, page in said.items())}"
+        for name, said in texts.items()
+        if len(said) > 1
+    ]
     found += [
-        f"{name}: {text} on a page, {stored[name] if name in stored else 'nothing'} in results.json"
+        f"{name}: {text} on a page, {stored.get(name, 'nothing')} in results.json"
         for name, said in texts.items()
         for text in said
         if not _is_rounded(text, stored.get(name))

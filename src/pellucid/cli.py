@@ -173,8 +173,7 @@ def check(folder: Folder, json: Json = False, allow_outside: Outside = False) ->
 
     study = open_study(folder, allow_outside=allow_outside)
     with show_progress() as tell:
-        tell("reading recordings", 0.1)
-        faults = run(study)
+        faults = run(study, on_progress=tell)
     if json:
         _print_faults(faults)
         return
@@ -416,12 +415,15 @@ def live(
 
 @app.command(rich_help_panel=IDENTIFY_GROUP, epilog=example("pellucid report my-elbow"))
 def report(folder: Folder, out: Out = None, allow_outside: Outside = False, accept_stale: Stale = False) -> None:
-    """Write the report: one HTML page, figures as SVG and PDF."""
+    """Write the report: one HTML page, figures as SVG and PDF.
+
+    It draws what other commands have found and kept, and says how to make what is missing.
+    """
     from .procedures.run import report as run
 
     study = _opened(folder, out, allow_outside, accept_stale)
     with show_progress() as tell:
-        page = run(study, on_progress=tell)
+        page = run(study, only_kept=True, on_progress=tell)
     print_line(make_console(), f"Report: {page}")
     if page.parent != study.report_dir:
         _exit_with_message(f"{study.report_dir} could not be written; the report is elsewhere", 1)

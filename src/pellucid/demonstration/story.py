@@ -325,9 +325,9 @@ def _coverage(made: Demonstration) -> Section:
             "This test says nothing about a real machine, because plant and model are the same here. On "
             f"{RICHER_PLANTS.identifications} recordings of drawn virtual elbows with a gap, a spring, ripple and "
             "friction that the identified models lack, intervals for coloured residuals alone contain the worst of "
-            f"inertia, gravity and load friction in {RICHER_PLANTS.statistical:.0f} %. Intervals are therefore widened "
-            f"by the effects that residuals show the model to lack, and contain the truth in {RICHER_PLANTS.held:.0f} %; "
-            "`python -m evidence coverage` measures it.",
+            f"inertia, gravity and load friction in {RICHER_PLANTS.statistical:.0f} %. Intervals are therefore "
+            "widened by the effects that residuals show the model to lack, and contain the truth in "
+            f"{RICHER_PLANTS.held:.0f} %; `python -m evidence coverage` measures it.",
         ),
         (Table(heads, rows, frozenset({1, 2, 3}), wide=True),),
     )

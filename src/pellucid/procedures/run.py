@@ -36,12 +36,14 @@ if TYPE_CHECKING:
     from ..signals.emg_onset import Activations
 
 
-def check(study: Study) -> list[Fault]:
+def check(study: Study, *, on_progress: Callable[[str, float], None] | None = None) -> list[Fault]:
     """Return the faults of a study's recordings; empty if there are none.
 
     Parameters
     ----------
     study : Study
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
 
     Returns
     -------
@@ -60,9 +62,12 @@ def check(study: Study) -> list[Fault]:
     >>> [fault.message for fault in pl.check(pl.open("my-elbow")) if fault.severity == "refuse"]
     []
     """
-    study = as_study(study, "check")
+    study, tell = as_study(study, "check"), on_progress or quiet
+    tell("reading recordings", 0.0)
     faults = find_duplicates(study.recordings())
-    for procedure in reversed(asked(study)):
+    procedures = list(reversed(asked(study)))
+    for i, procedure in enumerate(procedures):
+        tell(f"checking what {procedure.name.replace('_', ' ')} needs", 0.2 + 0.8 * i / len(procedures))
         try:
             taken = procedure.taken(study)
             faults += procedure.cut(study) + procedure.faults(taken, procedure.table_of(taken))
@@ -453,7 +458,11 @@ def activations(study: Study, on_progress: Callable[[str, float], None] | None =
 
 
 def report(
-    study: Study, result: Result | None = None, *, on_progress: Callable[[str, float], None] | None = None
+    study: Study,
+    result: Result | None = None,
+    *,
+    only_kept: bool = False,
+    on_progress: Callable[[str, float], None] | None = None,
 ) -> Path:
     """Write the report: all that was identified, calibrated and assessed, on one page, with every figure beside it.
 
@@ -462,6 +471,9 @@ def report(
     study : Study
     result : Result, optional
         What was just found. Everything else is taken from what its command kept, if that is fresh, or found again.
+    only_kept : bool
+        Whether only what is given or kept is drawn, as the command does; nothing is then computed, and the page says
+        which command makes what is missing.
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
 
@@ -476,7 +488,8 @@ def report(
     OSError
         If the study's folder cannot be written.
     PellucidError
-        If a recording can no longer be read, or nothing can be identified from them.
+        If a recording can no longer be read, or nothing can be identified from them; with `only_kept`, if nothing is
+        kept.
 
     Examples
     --------
@@ -488,7 +501,15 @@ def report(
     study = as_study(study, "report")
     from ..pages.page import write_page
 
-    page = _one_page([page for _, page in each_page(study, result, on_progress or quiet)])
+    missing: list[str] = []
+    pages = [page for _, page in each_page(study, result, on_progress or quiet, missing if only_kept else None)]
+    commands = " and ".join(f"pellucid {command} {study.folder}" for command in dict.fromkeys(missing))
+    if not pages:
+        raise PellucidError(f"{study.folder}: found nothing that was kept and is fresh; make it with: {commands}")
+    page = _one_page(pages)
+    if missing:
+        text = f"Not all that study.toml asks for is drawn. Make the rest with: {commands}"
+        page = replace(page, verdicts=(("warning", text), *page.verdicts))
     try:
         return write_page(Path(study.report_dir), page)
     except OSError:
@@ -499,10 +520,13 @@ def report(
         raise
 
 
-def each_page(study: Study, result: Result | None, tell: Progress) -> Iterator[tuple[Result, Page]]:
+def each_page(
+    study: Study, result: Result | None, tell: Progress, missing: list[str] | None = None
+) -> Iterator[tuple[Result, Page]]:
     """Yield the result and the page of every procedure that a study asks for.
 
-    A result is the given one, or what its command kept, if that is fresh, or is found again.
+    A result is the given one, or what its command kept, if that is fresh, or is found again. With a list `missing`
+    nothing is found again: the command of what is not kept is added to it.
     """
     procedures = asked(study)
     for i, procedure in enumerate(procedures):
@@ -520,6 +544,9 @@ def each_page(study: Study, result: Result | None, tell: Progress) -> Iterator[t
             else:
                 yield found, page
                 continue
+        if missing is not None:
+            missing.append(procedure.command)
+            continue
         tell(f"{procedure.command} again: nothing that you kept is fresh", i / len(procedures))
         found = _run(procedure, study, lambda text, share, i=i: tell(text, (i + 0.8 * share) / len(procedures)))
         tell("drawing", (i + 0.8) / len(procedures))

@@ -226,7 +226,7 @@ def _headline(study: Study, fit: JointResult) -> str:
     held = [p for p in best.predictions if p.split == "heldout"]
     if not held:
         return (
-            f"Nothing is held out. On what was fitted, the {fit.best} friction model of the {study.rig.joint} leaves "
+            f"Nothing was held out. On what was fitted, the {fit.best} friction model of the {study.rig.joint} leaves "
             f"an error of {error} % of the {effort}."
         )
     single = [percent(pooled_error(group)) for group in by_recording(held)]
