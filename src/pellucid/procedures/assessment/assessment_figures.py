@@ -218,7 +218,7 @@ def interval_text(change: PrimaryChange) -> str:
     return f"{low} to {high}"
 
 
-VERDICT_COLOUR_ROLES = {"within": "good", "undecided": "faint", "beyond": "measured"}
+VERDICT_COLOUR_ROLES = {"within": "good", "undecided": "muted", "beyond": "measured"}
 """Colour role of each verdict on an end point."""
 
 
