@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -26,7 +26,10 @@ MAX_LEAD_CHARACTERS = 270
 MAX_SHOWN_WARNINGS = 3
 """Largest number of verdicts that stand between the answer and the evidence."""
 
-BADGES = {"yes": "Yes", "no": "No", "unsure": "Cannot say"}
+AnswerVerdict = Literal["yes", "no", "unsure"]
+"""Verdict of an answer."""
+
+BADGES: Mapping[AnswerVerdict, str] = {"yes": "Yes", "no": "No", "unsure": "Cannot say"}
 """Words of the badge, by verdict."""
 
 NOTE_HEADINGS = {
@@ -98,7 +101,7 @@ class Answer:
     """
 
     question: str
-    verdict: Literal["yes", "no", "unsure"]
+    verdict: AnswerVerdict
     figure: Drawing | None = None
     next: tuple[str, ...] = ()
 
@@ -209,7 +212,7 @@ def answer_from_verdicts(
     What is wrong says no, a warning says that the page cannot say, anything else says yes.
     """
     kinds = {kind for kind, _ in verdicts}
-    verdict = "no" if "wrong" in kinds else "unsure" if "warning" in kinds else "yes"
+    verdict: AnswerVerdict = "no" if "wrong" in kinds else "unsure" if "warning" in kinds else "yes"
     first = next((drawing for section in sections for drawing in section.drawings), None)
     kept = tuple(sections) if first is None else without_drawing(sections, first.name)
     return Answer(question, verdict, first), kept

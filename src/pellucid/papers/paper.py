@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from .._errors import PellucidError
-from ..pages.page import Answer, Page, Section, Tile, without_drawing
+from ..pages.page import Answer, AnswerVerdict, Page, Section, Tile, without_drawing
 from .figure import Figures, Reproduced
 from .printed import PrintedPaper, papers, printed
 from .row_sections import row_sections
@@ -106,7 +106,7 @@ class Paper(ABC):
         drawn = next((drawing for section in sections for drawing in section.drawings), None)
         compared = [row.verdict for row in figures.values() if row.verdict in ("agrees", "differs")]
         agreed = compared.count("agrees")
-        verdict = "unsure" if not compared else "yes" if agreed == len(compared) else "no"
+        verdict: AnswerVerdict = "unsure" if not compared else "yes" if agreed == len(compared) else "no"
         counted = f"{agreed} of the {len(compared)} printed figures that are compared agree. " if compared else ""
         return Page(
             title,

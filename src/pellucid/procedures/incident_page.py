@@ -10,7 +10,7 @@ import numpy as np
 from ..drawing.drawing import Drawing, draw
 from ..drawing.style import colour
 from ..pages.over_time import Traces, over_time
-from ..pages.page import Answer, Page, Section, Tile, write_page
+from ..pages.page import Answer, AnswerVerdict, Page, Section, Tile, write_page
 from ..pages.quantities import MINUS_SIGN, MOTION_READINGS
 from ..pages.tables import Row, Table, number_table
 from .incident import STOPPED_MODES, IncidentAccount, quantity, share_text
@@ -26,7 +26,7 @@ def write_incident_page(account: IncidentAccount, folder: Path) -> Path:
     """Write index.html and its figure into a folder, and return the page's path."""
     (_, first), *others = account.sentences
     figure = draw(incident_figure, account) if len(account.time) else None
-    acted = "yes" if account.acting is not None and account.acting.share >= 1.0 else "unsure"
+    acted: AnswerVerdict = "yes" if account.acting is not None and account.acting.share >= 1.0 else "unsure"
     page = Page(
         title="After an incident",
         kicker="pellucid incident",

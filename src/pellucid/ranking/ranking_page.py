@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 from ..control.supervisor_faults import NO_FAULT
 from ..drawing.drawing import draw
-from ..pages.page import Answer, Page, Section, without_drawing, write_page
+from ..pages.page import Answer, AnswerVerdict, Page, Section, without_drawing, write_page
 from ..pages.tables import Row, Table, number_table
 from .board import BoardEntry, share_over_before
 from .foreign_law import stopped_words
@@ -74,7 +73,7 @@ def _is_told_from_rivals(task: TaskRanking) -> bool:
     return first not in rivals and not any(task.like_first[task.controllers.index(rival)] for rival in rivals)
 
 
-def _verdict(tasks: Sequence[TaskRanking]) -> Literal["yes", "no", "unsure"]:
+def _verdict(tasks: Sequence[TaskRanking]) -> AnswerVerdict:
     if any(task.controllers[0] in SIMPLE_RIVALS[task.task] for task in tasks):
         return "no"
     return "yes" if all(task.test is not None and _is_told_from_rivals(task) for task in tasks) else "unsure"

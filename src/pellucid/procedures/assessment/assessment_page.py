@@ -9,7 +9,7 @@ import numpy as np
 from ...assessment.certificate import FAIL, PASS
 from ...assessment.indices import SHOWN_INDICES, index_names, leading_index
 from ...drawing.drawing import draw
-from ...pages.page import Answer, Page, Section, Tile, without_drawing
+from ...pages.page import Answer, AnswerVerdict, Page, Section, Tile, without_drawing
 from ...pages.quantities import MINUS_SIGN, cell_text, number, typeset_sentence, unit_text
 from ...pages.tables import Row, Table
 from ...pages.values import Value
@@ -61,7 +61,7 @@ def _answer(study: Study, findings: AssessmentResult) -> Answer:
     """Return whether a condition is transparent, or without a certificate whether conditions change movement."""
     if findings.certified:
         said = {each.certificate.verdict for each in findings.certified}
-        verdict = "yes" if PASS in said else "no" if said == {FAIL} else "unsure"
+        verdict: AnswerVerdict = "yes" if PASS in said else "no" if said == {FAIL} else "unsure"
         question = "Is any condition shown to be transparent?" if len(findings.certified) > 1 else "Is it transparent?"
         return Answer(question, verdict, draw(figures.certificate_figure, findings.certified))
     name = leading_index().name

@@ -37,7 +37,7 @@ class EmgForceProcedure(Procedure[EmgForceTable, "EmgForceResult"]):
     def page(self, study: Study, found: EmgForceResult) -> Page:
         from ...drawing.drawing import draw
         from ...pages.forest import MAX_FOREST_ROWS, Estimate, forest
-        from ...pages.page import Answer, Section
+        from ...pages.page import Answer, AnswerVerdict, Section
         from ...pages.quantities import typeset_sentence
         from ..study_page import figure_tables, study_page
 
@@ -50,7 +50,8 @@ class EmgForceProcedure(Procedure[EmgForceTable, "EmgForceResult"]):
         follows = next((each.follows for each in found.found), 1.0)
         own = [each for each in found.found if each.agonist]
         answers = {each.answer for each in own}
-        verdict = {frozenset({"follows the force"}): "yes", frozenset({"tells little of the force"}): "no"}
+        follow, little = answers == {"follows the force"}, answers == {"tells little of the force"}
+        verdict: AnswerVerdict = "yes" if follow else "no" if little else "unsure"
         estimates = [
             Estimate(
                 f"{each.muscle.replace('_', ' ')}, {each.task.replace('_', ' ')}", each.mean, each.low, each.high,

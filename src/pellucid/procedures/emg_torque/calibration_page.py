@@ -12,7 +12,7 @@ from ...drawing.drawing import draw
 from ...estimators.condition_choice import ERROR_BAND_SHARE
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...fit.parameter import Verdict, rank_verdicts
-from ...pages.page import Answer, Page, Section, Tile, without_drawing
+from ...pages.page import Answer, AnswerVerdict, Page, Section, Tile, without_drawing
 from ...pages.quantities import number, typeset_sentence
 from ...pages.tables import Row, Table
 from ...signals.emg_chain import emg_chain
@@ -63,7 +63,7 @@ def _answer(findings: CalibrationResult, sections: Sequence[Section]) -> Answer:
     """Return whether EMG is worth it beside angles, with the first torque over time."""
     void = any(_invalidates_results(v) for v in findings.verdicts)
     answers = {each.worth.answer for each in findings.worth}
-    verdict = {frozenset({"worth it"}): "yes", frozenset({"not worth it"}): "no"}.get(frozenset(answers), "unsure")
+    verdict: AnswerVerdict = "yes" if answers == {"worth it"} else "no" if answers == {"not worth it"} else "unsure"
     drawn = [drawing for section in sections for drawing in section.drawings]
     first = next((drawing for drawing in drawn if drawing.name.startswith("torque_")), drawn[0] if drawn else None)
     if not answers:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -9,6 +11,7 @@ from matplotlib.figure import Figure
 from ...drawing.drawing import Head, heads, key, line, tidy
 from ...drawing.line_points import broken
 from ...drawing.style import FIGURE_WIDTH, colour
+from ...fit.joint.evaluation import Prediction
 from ...pages.moving import MovingDrawing, Way, strokes
 from ...pages.series import busiest, by_recording, join_arrays, pooled_error
 from ...pages.values import Value
@@ -24,7 +27,7 @@ LINK_LENGTH = 1.0
 
 
 def moving_joint(
-    parts, name: str, *, rotary: bool, upright: float, unit: str, error: Value, use: str, caption: str
+    parts: Sequence[Prediction], name: str, *, rotary: bool, upright: float, unit: str, error: Value, use: str, caption: str
 ) -> MovingDrawing:
     """Draw a joint along the busiest seconds of a recording, beside its effort, measured and predicted.
 
