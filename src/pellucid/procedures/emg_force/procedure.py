@@ -65,6 +65,6 @@ class EmgForceProcedure(Procedure[EmgForceTable, "EmgForceResult"]):
             "Blue: the muscle that the study names for the task.",
         )  # fmt: skip
         answer = Answer(
-            "Does the named muscle's EMG follow the force?", verdict.get(frozenset(answers), "unsure"), figure
+            "Does the named muscle's EMG follow the force?", verdict, figure
         )
         return study_page(title, typeset_sentence(found.headline), (), (section,), found.verdicts, answer)

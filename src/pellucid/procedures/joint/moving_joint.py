@@ -27,7 +27,15 @@ LINK_LENGTH = 1.0
 
 
 def moving_joint(
-    parts: Sequence[Prediction], name: str, *, rotary: bool, upright: float, unit: str, error: Value, use: str, caption: str
+    parts: Sequence[Prediction],
+    name: str,
+    *,
+    rotary: bool,
+    upright: float,
+    unit: str,
+    error: Value,
+    use: str,
+    caption: str,
 ) -> MovingDrawing:
     """Draw a joint along the busiest seconds of a recording, beside its effort, measured and predicted.
 
