@@ -183,7 +183,7 @@ def _kept_machine(folder: Path) -> tuple[Study, JointResult]:
 
 
 def _write_kept_report(folder: Path) -> None:
-    write_report(open_study(folder), only_kept=True)
+    write_report(open_study(folder))
 
 
 def _coverages(repetitions: int) -> tuple[Coverage, ...]:

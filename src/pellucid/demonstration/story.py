@@ -33,7 +33,7 @@ from ..procedures.slider.slider_page import COLOUR_ROLES, COMPARED_METHODS, PROT
 from .coverage import RICHER_PLANTS
 from .demonstration import Demonstration
 from .session_figures import screens_figure
-from .wearers_figure import wearers_figure
+from .wearers_figures import wearers_figure
 
 CONFIDENCE_LEVEL = 0.95
 """Confidence level of the intervals on the page."""

@@ -29,7 +29,7 @@ MAX_SHOWN_WARNINGS = 3
 AnswerVerdict = Literal["yes", "no", "unsure"]
 """Verdict of an answer."""
 
-BADGES: Mapping[AnswerVerdict, str] = {"yes": "Yes", "no": "No", "unsure": "Cannot say"}
+BADGE_WORDS: Mapping[AnswerVerdict, str] = {"yes": "Yes", "no": "No", "unsure": "Cannot say"}
 """Words of the badge, by verdict."""
 
 NOTE_HEADINGS = {
@@ -108,7 +108,7 @@ class Answer:
     @property
     def badge(self) -> str:
         """Word on the badge."""
-        return BADGES[self.verdict]
+        return BADGE_WORDS[self.verdict]
 
 
 @dataclass(frozen=True)

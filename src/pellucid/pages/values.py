@@ -13,11 +13,13 @@ from markupsafe import Markup, escape
 
 from ..drawing.drawing import VALUE_GID_PREFIX
 
-_START, _MIDDLE, _END = "\uf8f0", "\uf8f1", "\uf8f2"
+_HIDDEN_START = "\uf8f0"
+_HIDDEN_END = "\uf8f1"
+_VALUE_END = "\uf8f2"
 _HIDDEN_OFFSET = 0xE000
 _HIDDEN_CHARACTERS = {code: _HIDDEN_OFFSET + code for code in range(128)}
 _SHOWN_CHARACTERS = {hidden: code for code, hidden in _HIDDEN_CHARACTERS.items()}
-_VALUE_PATTERN = re.compile(f"{_START}([^{_MIDDLE}]*){_MIDDLE}([^{_END}]*){_END}")
+_VALUE_PATTERN = re.compile(f"{_HIDDEN_START}([^{_HIDDEN_END}]*){_HIDDEN_END}([^{_VALUE_END}]*){_VALUE_END}")
 _ID_SEPARATOR = "|"
 
 
@@ -42,7 +44,7 @@ class Value:
     def __str__(self) -> str:
         """Return the digits with the id and the number, for the text of a page."""
         hidden = f"{self.id}{_ID_SEPARATOR}{self.number!r}".translate(_HIDDEN_CHARACTERS)
-        return f"{_START}{hidden}{_MIDDLE}{self.text}{_END}"
+        return f"{_HIDDEN_START}{hidden}{_HIDDEN_END}{self.text}{_VALUE_END}"
 
     @property
     def gid(self) -> str:

@@ -38,7 +38,7 @@ from ..study_page import figure_tables, provenance, study_page
 from . import joint_figures as figures
 from .findings.prediction import MAX_GOOD_ERROR, SOUND_R2
 from .joint_result import JointResult, Trace
-from .moving_joint import moving_joint
+from .moving_joint_figures import moving_joint
 
 ESTIMATOR_EXPLANATIONS = (
     (("ls",), "least squares trusts the filtered motion as measured"),

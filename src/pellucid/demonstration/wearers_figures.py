@@ -16,10 +16,10 @@ from ..procedures.assessment.assessment_result import Profile
 FRAME_COUNT = 48
 """Number of frames of the movement."""
 
-ELBOW = np.array([0.0, 0.0])
+ELBOW_PLACE = np.array([0.0, 0.0])
 """Drawn place of the elbow."""
 
-SHOULDER = np.array([-0.35, 0.95])
+SHOULDER_PLACE = np.array([-0.35, 0.95])
 """Drawn place of the shoulder; lengths are not to scale."""
 
 START_ANGLE_RAD = -0.5
@@ -44,9 +44,9 @@ def wearers_figure(profiles: Sequence[Profile], conditions: Sequence[str], what:
         axis.set_ylim(-0.85, 1.15)
         known = np.isfinite(profile.time) & np.isfinite(profile.angle)
         angle = START_ANGLE_RAD + np.interp(frames, profile.time[known], profile.angle[known])
-        hand = ELBOW + 1.05 * np.column_stack([np.cos(angle), np.sin(angle)])
-        forearm = np.stack([np.broadcast_to(ELBOW, hand.shape), hand], axis=1)
-        axis.plot(*np.stack([SHOULDER, ELBOW]).T, color=colour("faint"), linewidth=13.0, solid_capstyle="round")
+        hand = ELBOW_PLACE + 1.05 * np.column_stack([np.cos(angle), np.sin(angle)])
+        forearm = np.stack([np.broadcast_to(ELBOW_PLACE, hand.shape), hand], axis=1)
+        axis.plot(*np.stack([SHOULDER_PLACE, ELBOW_PLACE]).T, color=colour("faint"), linewidth=13.0, solid_capstyle="round")
         axis.plot(*hand.T, color=tone[profile.condition], linewidth=1.0, alpha=0.6)
         strokes(axis, forearm[0], f"forearm-{i}", edgecolor=tone[profile.condition], linewidth=9.0, zorder=4)
         axis.plot([0.0], [0.0], "o", color=colour("ink"), markersize=8.0, zorder=6)
