@@ -46,7 +46,8 @@ def wearers_figure(profiles: Sequence[Profile], conditions: Sequence[str], what:
         angle = START_ANGLE_RAD + np.interp(frames, profile.time[known], profile.angle[known])
         hand = ELBOW_PLACE + 1.05 * np.column_stack([np.cos(angle), np.sin(angle)])
         forearm = np.stack([np.broadcast_to(ELBOW_PLACE, hand.shape), hand], axis=1)
-        axis.plot(*np.stack([SHOULDER_PLACE, ELBOW_PLACE]).T, color=colour("faint"), linewidth=13.0, solid_capstyle="round")
+        upper = np.stack([SHOULDER_PLACE, ELBOW_PLACE]).T
+        axis.plot(*upper, color=colour("faint"), linewidth=13.0, solid_capstyle="round")
         axis.plot(*hand.T, color=tone[profile.condition], linewidth=1.0, alpha=0.6)
         strokes(axis, forearm[0], f"forearm-{i}", edgecolor=tone[profile.condition], linewidth=9.0, zorder=4)
         axis.plot([0.0], [0.0], "o", color=colour("ink"), markersize=8.0, zorder=6)
