@@ -42,7 +42,7 @@ NOTE_HEADINGS = {
 """Headings of the last section, in its order, by kind of note."""
 
 _FILE_NOTE_PATTERN = re.compile(
-    r"\.(?:csv|tsv|txt|json|mat|c3d|edf|bdf|xdf|h5|xlsx|mcap|bag)\b|\brecordings? [^.]*found\b"
+    r"\.(?:csv|tsv|txt|json|mat|c3d|edf|bdf|xdf)\b|\brecordings? [^.]*found\b"
 )
 
 

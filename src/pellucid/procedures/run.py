@@ -17,6 +17,7 @@ from .._errors import IdentificationError, PellucidError, RecordingError, UnfitR
 from ..fit.parameter import VERDICT_KINDS, Verdict, rank_verdicts
 from ..recordings.duplicates import find_duplicates
 from ..recordings.fault import Fault, grouped_messages
+from ..studies.results import read_rows
 from ..studies.study import Study
 from . import registry
 from .card_sources import found_by
@@ -544,13 +545,21 @@ def each_page(
             else:
                 yield found, page
                 continue
-        if missing is not None:
+        if missing is not None and not _cannot_be_kept(study, procedure):
             missing.append(procedure.command)
             continue
         tell(f"{procedure.command} again: nothing that you kept is fresh", i / len(procedures))
         found = _run(procedure, study, lambda text, share, i=i: tell(text, (i + 0.8 * share) / len(procedures)))
         tell("drawing", (i + 0.8) / len(procedures))
         yield found, procedure.page(study, found)
+
+
+def _cannot_be_kept(study: Study, procedure: Procedure) -> bool:
+    """Return whether a procedure's command has run and nothing was kept: what a plug-in finds may hold what cannot be
+    stored, and is found again."""
+    if study.kept_path(procedure.name).is_file() or not study.results_path.is_file():
+        return False
+    return any(row.command == procedure.command for row in read_rows(study.results_path))
 
 
 def _array_options(caller: str, subject: object, options: dict[str, object]) -> dict[str, object]:
