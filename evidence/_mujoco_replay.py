@@ -164,7 +164,14 @@ PENDULUM = """
 
 
 def pendulum(
-    *, armature: float, damping: float, loss: float, mass: float, offset: float = 0.0, k: float = K, r: float = R,
+    *,
+    armature: float,
+    damping: float,
+    loss: float,
+    mass: float,
+    offset: float = 0.0,
+    k: float = K,
+    r: float = R,
     stiffness: float = 0.0,
 ) -> MjModel:
     """A pendulum of a mass at the stated length behind a motor, in MuJoCo; `offset` is where its angle is not 0 [rad].

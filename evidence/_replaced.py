@@ -130,9 +130,7 @@ def _changed_channels(change: Callable[[Channels], Channels]) -> Iterator[None]:
 
 def with_replaced_files(study: Study, change: Callable[[Channels], Channels]) -> ReplacedStudy:
     """Return a study of the same folder in which held-out files are changed."""
-    return ReplacedStudy(
-        study.folder, study.config, out=study.out, allow_outside=study.allow_outside, change=change
-    )
+    return ReplacedStudy(study.folder, study.config, out=study.out, allow_outside=study.allow_outside, change=change)
 
 
 def opened_again(study: Study) -> Study:

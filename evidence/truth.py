@@ -116,9 +116,7 @@ def judged_cases() -> list[JudgedCase]:
 
 
 SYNERGIES = '[synergies]\nchain = "none"\n'
-COCONTRACTION = (
-    '[cocontraction]\nchain = "none"\npairs = [["tibialis_anterior", "soleus"]]\n'
-)
+COCONTRACTION = '[cocontraction]\nchain = "none"\npairs = [["tibialis_anterior", "soleus"]]\n'
 ACTIVATIONS = "[activations]\n"
 
 

@@ -185,9 +185,7 @@ def sines_by_instruments(seed: int = JUDGED_SEED) -> dict[str, tuple[ForeignTria
 
 
 @cache
-def healthy_lives(
-    instruments: str, seed: int = JUDGED_SEED, hours: float = HEALTHY_HOURS
-) -> tuple[ForeignLife, ...]:
+def healthy_lives(instruments: str, seed: int = JUDGED_SEED, hours: float = HEALTHY_HOURS) -> tuple[ForeignLife, ...]:
     """Return healthy lives of all laws with every mishap, so many `hours` in all [h], each on a plant of its own."""
     made = made_laws(instruments)
     count = max(round(3600.0 * hours / HEALTHY_LIFE_S), len(made))

@@ -83,14 +83,15 @@ def init(
         list[Path] | None, typer.Argument(metavar="[FILES...]", help="Further files after --from.", show_default=False)
     ] = None,
     from_: Annotated[
-        list[Path] | None, typer.Option("--from", metavar="FILES...",
-            help="Recordings of your own, or folders of them.")
+        list[Path] | None,
+        typer.Option("--from", metavar="FILES...", help="Recordings of your own, or folders of them."),
     ] = None,
-    yes: Annotated[bool, typer.Option("--yes",
-        help="Take every question's default, and mark it in study.toml.")] = False,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Take every question's default, and mark it in study.toml.")
+    ] = False,
     answer: Annotated[
-        list[str] | None, typer.Option("--answer", metavar="KEY=VALUE",
-            help="Answer to a question of --from by its key.")
+        list[str] | None,
+        typer.Option("--answer", metavar="KEY=VALUE", help="Answer to a question of --from by its key."),
     ] = None,
     session: Annotated[
         str | None, typer.Option(metavar="NAME", help="Live session to plan: elbow, knee, able-elbow, knee-orthosis.")
@@ -156,8 +157,9 @@ def _check_proposed(folder: Path) -> None:
     try:
         check(folder)
     except typer.Exit:
-        print_line(make_console(),
-            f"Correct {folder / 'study.toml'}, or leave files out, and run pellucid check {folder}.")
+        print_line(
+            make_console(), f"Correct {folder / 'study.toml'}, or leave files out, and run pellucid check {folder}."
+        )
     except PellucidError as error:
         print_line(make_console(), f"check: {error}")
 
@@ -171,8 +173,7 @@ def check(folder: Folder, json: Json = False, allow_outside: Outside = False) ->
 
     study = open_study(folder, allow_outside=allow_outside)
     with show_progress() as tell:
-        tell("reading recordings", 0.1)
-        faults = run(study)
+        faults = run(study, on_progress=tell)
     if json:
         _print_faults(faults)
         return
@@ -281,8 +282,12 @@ def _add_command(command: Command) -> None:
     ) -> None:
         found(folder, json, out, allow_outside, accept_stale)
 
-    app.command(command.name, help=command.help, rich_help_panel=command.group,
-                epilog=example(f"pellucid {command.name} my-study"))(reading_cards if command.reads_cards else plain)
+    app.command(
+        command.name,
+        help=command.help,
+        rich_help_panel=command.group,
+        epilog=example(f"pellucid {command.name} my-study"),
+    )(reading_cards if command.reads_cards else plain)
 
 
 for _command in procedure_commands():
@@ -339,9 +344,7 @@ def plan(
     study, console = _opened(folder, None, allow_outside), make_console()
     with cluster(scheduler) as executor:
         people = None if pilot is None else pilot_changes(_opened(pilot, None, allow_outside))
-        found = run(
-            study, power=power, participants=participants, pilot=people, studies=studies, executor=executor
-        )
+        found = run(study, power=power, participants=participants, pilot=people, studies=studies, executor=executor)
     print_line(console, found.title)
     rows = [["" if cell is None else str(cell) for cell in row] for row in found.rows]
     for table in fitting_tables(found.heads, rows, console.width):
@@ -412,12 +415,15 @@ def live(
 
 @app.command(rich_help_panel=IDENTIFY_GROUP, epilog=example("pellucid report my-elbow"))
 def report(folder: Folder, out: Out = None, allow_outside: Outside = False, accept_stale: Stale = False) -> None:
-    """Write the report: one HTML page, figures as SVG and PDF."""
+    """Write the report: one HTML page, figures as SVG and PDF.
+
+    It draws what other commands have found and kept, and says how to make what is missing.
+    """
     from .procedures.run import report as run
 
     study = _opened(folder, out, allow_outside, accept_stale)
     with show_progress() as tell:
-        page = run(study, on_progress=tell)
+        page = run(study, only_kept=True, on_progress=tell)
     print_line(make_console(), f"Report: {page}")
     if page.parent != study.report_dir:
         _exit_with_message(f"{study.report_dir} could not be written; the report is elsewhere", 1)
@@ -579,9 +585,9 @@ def audit(
     rate: Annotated[
         float | None, typer.Option(metavar="HZ", min=0, help="Sampling rate of files without a column of time.")
     ] = None,
-    out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder for the page.", show_default=True)
-    ] = Path("audit-page"),
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the page.", show_default=True)] = Path(
+        "audit-page"
+    ),
     json: Json = False,
 ) -> None:
     """Judge each channel of any log; status 1 if one is unsound."""

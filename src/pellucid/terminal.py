@@ -29,6 +29,12 @@ CHARACTER_REPLACEMENTS = {
 MAX_NOTES_UNLESS_VERBOSE = 6
 """Largest number of notes that a command prints without ``-v``; warnings are all printed."""
 
+FIRST_PROGRESS_S = 2.0
+"""Time after which a command says what it does, and how often it says so again [s]."""
+
+MIN_PREDICTED_SHARE = 0.05
+"""The time that remains is told once this share of the work is done."""
+
 _is_quiet = ContextVar("_is_quiet", default=False)
 _is_verbose = ContextVar("_is_verbose", default=False)
 
@@ -57,7 +63,7 @@ def print_line(out: Console, text: str) -> None:
 
 @contextmanager
 def show_progress() -> Iterator[Callable[[str, float], None]]:
-    """Show a progress bar on standard error; without a terminal, print a line after two seconds and at intervals.
+    """Show a progress bar on standard error; without a terminal, print a line every two seconds.
 
     After ``-q`` nothing is shown.
     """
@@ -72,61 +78,74 @@ def show_progress() -> Iterator[Callable[[str, float], None]]:
     from rich.progress import (
         BarColumn,
         Progress,
+        SpinnerColumn,
+        Task,
         TaskProgressColumn,
         TextColumn,
         TimeElapsedColumn,
-        TimeRemainingColumn,
     )
+    from rich.text import Text
 
-    columns = (TextColumn("{task.description}"), BarColumn(24), TaskProgressColumn(), TimeElapsedColumn(),
-               TimeRemainingColumn())  # fmt: skip
+    class RemainingColumn(TextColumn):
+        """Time that remains, from the time and the share of all work so far: it is told between steps, too."""
+
+        def render(self, task: Task) -> Text:
+            return Text(remaining_text(task.elapsed or 0.0, task.percentage / 100.0), style="dim")
+
+    columns = (SpinnerColumn("line"), TextColumn("{task.description}"), BarColumn(24), TaskProgressColumn(),
+               TimeElapsedColumn(), RemainingColumn(""))  # fmt: skip
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("", total=1.0)
         yield lambda text, share: progress.update(task, description=text, completed=share)
 
 
-@contextmanager
-def _print_first_line(seconds: float = 2.0) -> Iterator[Callable[[str, float], None]]:
-    """Print the progress after `seconds`, even if no step has ended by then, and later at intervals."""
-    from threading import Timer
+def remaining_text(elapsed: float, share: float) -> str:
+    """Return in words how long the rest takes if it goes on as the `share` done in `elapsed` [s]; "" at the start."""
+    if share < MIN_PREDICTED_SHARE or elapsed < FIRST_PROGRESS_S or share >= 1.0:
+        return ""
+    left = elapsed * (1.0 - share) / share
+    if left < 90.0:
+        return f"about {max(5.0 * round(left / 5.0), 5.0):.0f} s left"
+    return f"about {left / 60.0:.0f} min left"
 
-    print_later = _lines_at_intervals()
+
+@contextmanager
+def _print_first_line() -> Iterator[Callable[[str, float], None]]:
+    """Print the progress every `FIRST_PROGRESS_S` from then on, even while a step lasts; a line holds
+    what the bar of a terminal shows."""
+    from threading import Event, Lock, Thread
+    from time import monotonic
+
+    began, ended, lock = monotonic(), Event(), Lock()
     last: list[tuple[str, float]] = []
 
     def tell(text: str, share: float) -> None:
-        last[:] = [(text, share)]
-        print_later(text, share)
+        with lock:
+            changed = not last or last[0][0] != text
+            last[:] = [(text, share)]
+        if changed and _is_verbose.get() and share < 1.0:
+            _print_progress(text, share, monotonic() - began)
 
-    def print_last() -> None:
-        for text, share in last:
-            _print_progress(text, share)
+    def beat() -> None:
+        while not ended.wait(FIRST_PROGRESS_S):
+            with lock:
+                shown = last[0] if last else None
+            if shown is not None and shown[1] < 1.0:
+                _print_progress(*shown, monotonic() - began)
 
-    first = Timer(seconds, print_last)
-    first.daemon = True
-    first.start()
+    thread = Thread(target=beat, daemon=True)
+    thread.start()
     try:
         yield tell
     finally:
-        first.cancel()
+        ended.set()
+        thread.join()
 
 
-def _print_progress(text: str, share: float) -> None:
-    """Print the share of the work that is done, and what is done now, on standard error."""
-    typer.echo(f"pellucid: {100.0 * share:.0f} % {text}", err=True)
-
-
-def _lines_at_intervals(seconds: float = 5.0) -> Callable[[str, float], None]:
-    """Return a function that prints the progress if nothing was printed for `seconds`."""
-    from time import monotonic
-
-    last = [monotonic()]
-
-    def tell(text: str, share: float) -> None:
-        if monotonic() - last[0] >= (0.0 if _is_verbose.get() else seconds) and share < 1.0:
-            last[0] = monotonic()
-            _print_progress(text, share)
-
-    return tell
+def _print_progress(text: str, share: float, elapsed: float) -> None:
+    """Print on standard error the share of the work that is done, what is done now, and how long the rest takes."""
+    left = remaining_text(elapsed, share)
+    typer.echo(f"pellucid: {100.0 * share:.0f} % {text}" + (f", {left}" if left else ""), err=True)
 
 
 def print_json(result: Result) -> None:

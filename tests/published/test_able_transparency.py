@@ -1,6 +1,5 @@
 """Laws compared with virtual people: control as published, our own laws, energy, what would slow people."""
 
-
 import numpy as np
 import pytest
 

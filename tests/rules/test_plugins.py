@@ -124,8 +124,10 @@ def add_commands(app):
     """Add the command."""
     app.command("greet")(greet)
 '''
-RIG = PENDULUM.replace("from ... import", "from pellucid import").replace("from ...", "from pellucid.").replace(
-    "from ..", "from pellucid.lab."
+RIG = (
+    PENDULUM.replace("from ... import", "from pellucid import")
+    .replace("from ...", "from pellucid.")
+    .replace("from ..", "from pellucid.lab.")
 )
 FILES = {
     "acme/__init__.py": "",

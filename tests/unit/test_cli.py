@@ -92,7 +92,7 @@ def test_every_command_has_an_example_that_it_understands(name, command):
 
 def test_notes_are_few_unless_they_are_asked_for(bench, monkeypatch):
     notes = [SimpleNamespace(severity="note", kind=f"kind {k}", channel="", message=f"note {k}.") for k in range(20)]
-    monkeypatch.setattr("pellucid.procedures.run.check", lambda study: notes)
+    monkeypatch.setattr("pellucid.procedures.run.check", lambda study, **_: notes)
     command = ["check", str(bench.folder)]
     usual, verbose, quiet = (run(cli.app, [*command, *asked]).output for asked in ([], ["-v"], ["-q"]))
     assert usual.count("note ") == 6
@@ -104,7 +104,7 @@ def test_notes_are_few_unless_they_are_asked_for(bench, monkeypatch):
 
 def test_check_prints_json(bench, monkeypatch):
     fault = Fault("refuse", "frozen", "bench.csv", "position", "40 frozen samples", "none", "bench.csv: frozen")
-    monkeypatch.setattr("pellucid.procedures.run.check", lambda study: [fault])
+    monkeypatch.setattr("pellucid.procedures.run.check", lambda study, **_: [fault])
     result = run(cli.app, ["check", str(bench.folder), "--json"])
     assert result.exit_code == 1
     assert json.loads(result.stdout)["faults"][0]["found"] == "40 frozen samples"
@@ -175,8 +175,10 @@ def test_report_reads_no_recording_of_what_is_kept(bench, monkeypatch):
         assert run(cli.app, ["report", str(bench.folder)]).exit_code == 0
     recording = next((bench.folder / "recordings").iterdir())
     recording.write_text(recording.read_text() + "\n", encoding="utf-8")
-    assert run(cli.app, ["report", str(bench.folder)]).exit_code == 0
-    assert len(bench.asked) == 2  # no longer fresh: identified again
+    stale = run(cli.app, ["report", str(bench.folder)])
+    assert stale.exit_code != 0
+    assert f"make it with: pellucid identify {bench.folder}" in str(stale.exception)
+    assert len(bench.asked) == 1  # no longer fresh: it says what to do, and computes nothing
 
 
 def test_check_exits_1_where_recordings_are_not_fit(bench, monkeypatch):
@@ -185,12 +187,12 @@ def test_check_exits_1_where_recordings_are_not_fit(bench, monkeypatch):
                   "bench.csv: channel position: found 40 frozen samples")  # fmt: skip
     address = "https://example.org/" + "x" * 90
     note = SimpleNamespace(severity="note", kind="jitter", channel="", message=f"bench.csv: jitter {address}")
-    monkeypatch.setattr("pellucid.procedures.run.check", lambda study: [note])
+    monkeypatch.setattr("pellucid.procedures.run.check", lambda study, **_: [note])
     result = run(cli.app, ["check", str(bench.folder)])
     assert result.exit_code == 0
     assert "jitter" in result.output
     assert address in "".join(line.strip() for line in result.output.splitlines())
-    monkeypatch.setattr("pellucid.procedures.run.check", lambda study: [note, fault])
+    monkeypatch.setattr("pellucid.procedures.run.check", lambda study, **_: [note, fault])
     result = run(cli.app, ["check", str(bench.folder)])
     assert result.exit_code == 1
     assert "frozen" in result.output
@@ -206,7 +208,7 @@ def test_check_says_first_what_is_not_as_what_is_to_be_fitted(bench, monkeypatch
         file="walk.csv",
         message="walk.csv: a floor of 0.06",
     )
-    monkeypatch.setattr("pellucid.procedures.run.check", lambda study: [note, changed])
+    monkeypatch.setattr("pellucid.procedures.run.check", lambda study, **_: [note, changed])
     result = run(cli.app, ["check", str(bench.folder)])
     assert result.exit_code == 0
     assert "but see the warnings: emg.soleus of walk.csv." in result.output

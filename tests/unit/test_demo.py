@@ -19,6 +19,7 @@ from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.pages.quantities import number, percent
 from pellucid.procedures.registry import open_study
+from pellucid.studies.results import read_rows
 
 pytestmark = pytest.mark.slow
 
@@ -94,12 +95,12 @@ def test_people_wear_what_the_cards_say_and_that_is_exported(made):
 def test_the_story_is_told_with_its_figures(made):
     said = dict(chapter_sentences(made))
     assert list(said) == ["Real", "Identified", "Worn", "Exported"]
-    best = made.real_fit.families[made.real_fit.best]
+    best = made.real_fit.headlined
     assert f"{percent(best.heldout_effort_error)} %" in said["Real"]
     assert 0.0 < best.heldout_effort_error < 40.0
     torque = made.findings.assessed["torque_rms"].table
     for condition in module.WORN_CONTROLLERS:
-        assert f"{number(torque.column(condition).mean(), digits=2)} under {condition}" in said["Worn"]
+        assert f"{number(torque.column(condition).mean(), digits=3)} under {condition}" in said["Worn"]
     assert torque.column(BEST_SENSED_CONTROLLER).mean() < torque.column("clpc").mean()
     if made.played is not None:
         assert made.played[0] > 500
@@ -109,6 +110,26 @@ def test_the_story_is_told_with_its_figures(made):
         assert "the same bits" in said["Exported"]
     none = SimpleNamespace(**{**vars(made), "cost": None, "played": None})
     assert "no compiler" in dict(chapter_sentences(none))["Exported"]
+
+
+def test_every_number_of_the_story_is_that_of_a_report_and_of_its_results(made):
+    value = re.compile(r'<data value="[^"]+" data-id="([^"]+)">([^<]+)</data>')
+    folders = (made.real.folder, made.elbow.folder, made.people.folder)
+    pages = [made.page, *(folder / "report" / "index.html" for folder in folders)]
+    stored = {row.id: row.value for folder in folders for row in read_rows(folder / "results.json")}
+    found = {}
+    for page in pages:
+        for name, text in value.findall(page.read_text(encoding="utf-8")):
+            found.setdefault(name, set()).add(text)
+    assert len(found) > 20
+    assert {name: texts for name, texts in found.items() if len(texts) > 1} == {}
+    assert set(found) <= set(stored)
+
+
+def test_arms_move_on_the_demo(made):
+    text = made.page.read_text(encoding="utf-8")
+    assert text.index('class="badge"') < text.index("<animate") < text.index("1. A real machine")
+    assert 'id="fig-wearers"' in text
 
 
 def test_a_session_is_recorded_and_every_bit_computed_again(made):

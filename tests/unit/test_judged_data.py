@@ -18,7 +18,7 @@ from pellucid.procedures.joint.aligned_motions import aligned_motions
 from pellucid.procedures.registry import open_study
 from pellucid.signals.judged import JudgedDataInFitError
 
-FITTED_TWICE = '''
+FITTED_TWICE = """
 [[recordings]]
 name = "other"
 file = "recordings/other.csv"
@@ -27,7 +27,7 @@ use = "fit"
 name = "judged"
 file = "recordings/judged.csv"
 use = "validate"
-'''
+"""
 
 
 def swing(rng, speed, n=2400, fs=200.0):

@@ -87,8 +87,16 @@ def test_python_answers_bit_by_bit_as_c(name, tmp_path):
     assert moved > 100
     # What no input of this law can show is left out: an estimator that is slow to believe a jump has no velocity, and
     # an effort that changes fast enough hides that the drive's does not. A probe learns for longer than a vector lasts.
-    unseen = {"configuration", "not_started", "velocity", "drive_sign", "drive_stuck", "unanswered", "late_answer",
-              "shaking"}
+    unseen = {
+        "configuration",
+        "not_started",
+        "velocity",
+        "drive_sign",
+        "drive_stuck",
+        "unanswered",
+        "late_answer",
+        "shaking",
+    }
     shown_by = {"interaction": ("force_sensor", "unexplained_energy"), "muscle": ("muscle",)}
     unseen |= {fault for sensor, faults in shown_by.items() if sensor not in law.sensors for fault in faults}
     assert set(FAULTS) - faults <= unseen

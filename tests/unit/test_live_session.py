@@ -289,7 +289,7 @@ def test_a_session_goes_on_where_it_was_left(tmp_path):
     [
         (('kind = "pointing"', 'kind = "jumping"'), 'expected "pointing", "tracking", "holding" or "contraction"'),
         (('start = "60 deg"', 'start = "60 kg"'), "start"),
-        (('trials = 1 ', 'trails = 1 '), "trails"),
+        (("trials = 1 ", "trails = 1 "), "trails"),
         (('name = "pointing"', 'name = "pointing"\nconditions = ["FCC"]'), 'found the condition "FCC"'),
         (('order = "balanced"', 'order = "sorted"'), "order"),
     ],

@@ -15,7 +15,7 @@ from pellucid.procedures.run import run
 def test_a_study_becomes_the_parts_of_a_paper(tmp_path):
     folder = next(path for path in healthy(tmp_path, 2000, endings=(".csv",)))
     text = (folder / "study.toml").read_text()
-    text = text.replace("name = \"bench\"\n", "name = \"bench\"\ncitation = \"A. Nobody, 50 % of it\"\n", 1)
+    text = text.replace('name = "bench"\n', 'name = "bench"\ncitation = "A. Nobody, 50 % of it"\n', 1)
     (folder / "study.toml").write_text(text)
     study = pellucid.open(folder)
     found = run(study, "identify")

@@ -11,7 +11,7 @@ from pellucid.lab.bench.rig import bench_joint
 from pellucid.lab.study import write_study
 from pellucid.procedures.several import Outcome, identify_several, table_of
 from pellucid.studies.results import read_rows
-from pellucid.terminal import _lines_at_intervals, _print_first_line
+from pellucid.terminal import _print_first_line, remaining_text
 
 
 @pytest.fixture(scope="module")
@@ -57,19 +57,26 @@ def test_a_table_over_none_has_no_columns_of_parameters():
     assert table_of([Outcome("x/y", failure="no")]) == (("study", "warnings"), [("y", "failed")])
 
 
-def test_progress_where_there_is_no_terminal_is_a_line_now_and_then(capsys, monkeypatch):
-    clock = iter([0.0, 1.0, 6.0, 6.0, 7.0, 12.0, 12.0, 30.0])
-    monkeypatch.setattr("time.monotonic", lambda: next(clock))
-    tell = _lines_at_intervals(5.0)
-    for share in (0.1, 0.2, 0.3, 0.4, 1.0):
-        tell("fitting", share)
-    assert capsys.readouterr().err == "pellucid: 20 % fitting\npellucid: 40 % fitting\n"
+def test_progress_without_a_terminal_goes_on_while_a_step_lasts(capsys, monkeypatch):
+    monkeypatch.setattr("pellucid.terminal.FIRST_PROGRESS_S", 0.05)
+    with _print_first_line() as tell:
+        tell("fitting", 0.5)
+        time.sleep(0.4)
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) >= 3
+    assert all(line.startswith("pellucid: 50 % fitting") for line in lines)
+    assert lines[-1].endswith("s left")
 
 
-def test_what_takes_long_is_told_before_anything_is_done(capsys):
-    with _print_first_line(0.02) as tell:
-        tell("fitting", 0.0)
-        time.sleep(0.2)
-    with _print_first_line(60.0) as tell:
+def test_what_is_soon_done_is_not_told(capsys):
+    with _print_first_line() as tell:
         tell("reading", 0.0)
-    assert capsys.readouterr().err == "pellucid: 0 % fitting\n"
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("elapsed", "share", "text"),
+    [(10.0, 0.02, ""), (1.0, 0.5, ""), (10.0, 0.5, "about 10 s left"), (60.0, 0.1, "about 9 min left"), (9.0, 1.0, "")],
+)
+def test_the_time_that_remains_is_told_once_it_can_be_known(elapsed, share, text):
+    assert remaining_text(elapsed, share) == text

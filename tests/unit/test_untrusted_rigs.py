@@ -11,8 +11,16 @@ from pellucid.lab.known_rigs import parse_rig
 from pellucid.lab.shipped_rigs import shipped_rig
 
 EACH = int(os.environ.get("FUZZ", "300"))
-KINDS = ("bench-joint", "able-arm", "able-elbow", "elbow-participants", "elbow-people", "knee-orthosis",
-         "knee-participants", "knee-seated")
+KINDS = (
+    "bench-joint",
+    "able-arm",
+    "able-elbow",
+    "elbow-participants",
+    "elbow-people",
+    "knee-orthosis",
+    "knee-participants",
+    "knee-seated",
+)
 
 
 @pytest.mark.parametrize("name", KINDS)

@@ -46,6 +46,7 @@ class Active:
     order: bool = False  # orders of two conditions are stated, each begun by half of the people
     learning: bool = False  # movements are recorded in their order, at least nine of each condition
 
+
 CANDIDATE_SIZES = (5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 96, 128)
 """Numbers of participants that the search tries first. It does not look for more than the last."""
 
@@ -207,9 +208,7 @@ def _count_transparent_studies(n, studies, seed, change, factor, margins, alpha,
         own = people[rng.integers(len(people), size=(studies, n))]
         spread = np.std(people, axis=0)
     drawn = draw_active(change + own, spread, active, rng)
-    said = are_transparent(
-        drawn, margins, alpha=alpha, estimand=active.estimand, people=active.people, method=method
-    )
+    said = are_transparent(drawn, margins, alpha=alpha, estimand=active.estimand, people=active.people, method=method)
     return int(said.sum())
 
 

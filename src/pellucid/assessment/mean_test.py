@@ -86,9 +86,7 @@ def critical_statistic(people: int, alpha: float) -> float:
     return max(float(np.nextafter(each[-1 - allowed], np.inf)) for each in own) if allowed >= 0 else np.inf
 
 
-def mean_p_values(
-    lower: np.ndarray, upper: np.ndarray, low: float, high: float
-) -> tuple[np.ndarray, np.ndarray]:
+def mean_p_values(lower: np.ndarray, upper: np.ndarray, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the p values of "the mean lies within" and "the mean lies beyond" a margin from `low` to `high`.
 
     `lower` and `upper`, (..., n), are bounds of the differences, or twice the differences themselves; p have shape

@@ -71,9 +71,7 @@ class ResidualDesign:
     def control_law(self) -> ControlLaw:
         """The core's law with its numbers."""
         m, law = self.coupling, self.law
-        values = WORN_LAW.defaults | {
-            name: value for name, value in vars(m).items() if name in WORN_LAW.parameters
-        }
+        values = WORN_LAW.defaults | {name: value for name, value in vars(m).items() if name in WORN_LAW.parameters}
         values |= {
             "friction_width": self.width,
             "assist_width": self.assist_width,

@@ -13,6 +13,7 @@ from pathlib import Path
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
 from .._given import require_folder
+from .._processes import processes
 from ..control.control_law import ControlLaw
 from ..control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
 from ..datasets import init
@@ -33,6 +34,7 @@ from ..lab.study import write_study
 from ..models.slider_card import SliderCard, read_slider_card
 from ..procedures.assessment.assessment_result import AssessmentResult
 from ..procedures.joint.joint_result import JointResult
+from ..procedures.registry import asked, open_study
 from ..procedures.run import assess, identify
 from ..procedures.run import report as write_report
 from ..session.run_session import RUN_FOLDER
@@ -114,25 +116,31 @@ def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:
     real_name = next(name for name in names() if shipped(name) is not None)
     folders = {name: out / name for name in (real_name, ELBOW_STUDY, PEOPLE_STUDY)}
     _clear_folders(tuple(folders.values()), out)
-    real, real_fit = _identified_machine(folders[real_name], real_name, _progress_part(tell, 0.0, 0.2))
-    elbow, fit = _identified_elbow(folders[ELBOW_STUDY], robot, _progress_part(tell, 0.2, 0.4))
-    people, findings = _assessed_people(folders[PEOPLE_STUDY], robot, elbow, _progress_part(tell, 0.4, 0.78))
-    tell(f"its controller {BEST_SENSED_CONTROLLER} leaves the PC", 0.78)
-    controller = export(elbow, controller=BEST_SENSED_CONTROLLER)
-    played, absent = check_on_host(controller), missing_tools()
-    cost = None if absent else measure(controller)
-    save_measured(elbow, controller, cost, controller=BEST_SENSED_CONTROLLER)
-    if absent:
-        notes.append(f"The exported controller was not run on a Cortex-M4F: {', '.join(absent)} not installed.")
-    tell("a session is recorded on the virtual robot, and computed again", 0.82)
-    replayed = _replayed_session(elbow, elbow.folder / RUN_FOLDER / ELBOW_STUDY, notes)
-    coverages = []
-    for i, colour in enumerate(("white", "coloured")):
-        tell(
-            f"{COVERAGE_REPETITIONS} virtual recordings with {colour} noise: do intervals hold the truth?",
-            0.84 + 0.05 * i,
-        )
-        coverages.append(coverage(bench_joint(), colour, repetitions=COVERAGE_REPETITIONS))
+    # A second process identifies the real machine, counts what intervals hold and draws reports, while this one moves
+    # the virtual robot and its people: two cores are busy all the time. Results go by what every command keeps.
+    with processes(1) as helper:
+        tell(f"a real machine, {real_name}, is identified beside all that follows", 0.0)
+        machine = helper.submit(_identify_machine, folders[real_name], real_name)
+        counted = helper.submit(_coverages, COVERAGE_REPETITIONS)
+        elbow, fit = _identified_elbow(folders[ELBOW_STUDY], robot, _progress_part(tell, 0.02, 0.35))
+        reports = [helper.submit(_write_kept_report, elbow.folder)]
+        people, findings = _assessed_people(folders[PEOPLE_STUDY], robot, elbow, _progress_part(tell, 0.35, 0.75))
+        reports.append(helper.submit(_write_kept_report, people.folder))
+        tell(f"its controller {BEST_SENSED_CONTROLLER} leaves the PC", 0.75)
+        controller = export(elbow, controller=BEST_SENSED_CONTROLLER)
+        played, absent = check_on_host(controller), missing_tools()
+        cost = None if absent else measure(controller)
+        save_measured(elbow, controller, cost, controller=BEST_SENSED_CONTROLLER)
+        if absent:
+            notes.append(f"The exported controller was not run on a Cortex-M4F: {', '.join(absent)} not installed.")
+        tell("a session is recorded on the virtual robot, and computed again", 0.82)
+        replayed = _replayed_session(elbow, elbow.folder / RUN_FOLDER / ELBOW_STUDY, notes)
+        tell("the reports of every chapter are drawn", 0.9)
+        machine.result()
+        coverages = counted.result()
+        for written in reports:
+            written.result()
+    real, real_fit = _kept_machine(folders[real_name])
     write_rows(out / "results.json", COMMAND_NAME, [_coverage_row(found) for found in coverages])
     tell("the page that tells it all", 0.96)
     made = Demonstration(
@@ -159,23 +167,35 @@ def few_people(robot: ElbowRig) -> PointingRig:
     return elbow_participants(robot).changed({"people.count": PEOPLE_COUNT, "pointing.repetitions": REPETITION_COUNT})
 
 
-def _identified_machine(folder: Path, name: str, tell: Tell) -> tuple[Study, JointResult]:
-    tell(f"a real machine: {name}", 0.0)
+def _identify_machine(folder: Path, name: str) -> None:
+    """Identify a real machine from the recordings that come with the package, keep the result, write its report."""
     study = init(folder, dataset=name)
-    fit = identify(study, on_progress=lambda text, share: tell(f"{name}: {text}", 0.1 + 0.7 * share))
+    fit = identify(study)
     fit.save(study)
-    tell(f"{name}: report", 0.8)
     write_report(study, fit)
-    return study, fit
+
+
+def _kept_machine(folder: Path) -> tuple[Study, JointResult]:
+    """Return the real machine's study, and what was kept of its identification; it is found again if nothing was."""
+    study = open_study(folder)
+    kept = next((found for each in asked(study) if (found := JointResult.kept(study, each)) is not None), None)
+    return study, identify(study) if kept is None else kept
+
+
+def _write_kept_report(folder: Path) -> None:
+    write_report(open_study(folder))
+
+
+def _coverages(repetitions: int) -> tuple[Coverage, ...]:
+    """Return the coverage of intervals for white and for coloured noise."""
+    return tuple(coverage(bench_joint(), colour, repetitions=repetitions) for colour in ("white", "coloured"))
 
 
 def _identified_elbow(folder: Path, robot: ElbowRig, tell: Tell) -> tuple[Study, SliderFit]:
     tell("a virtual elbow exoskeleton moves", 0.0)
     study = write_study(folder, robot, name=ELBOW_STUDY, seed=SEED, trials=elbow_trials(robot))
-    fit = identify(study, on_progress=lambda text, share: tell(f"{ELBOW_STUDY}: {text}", 0.25 + 0.4 * share))
+    fit = identify(study, on_progress=lambda text, share: tell(f"{ELBOW_STUDY}: {text}", 0.3 + 0.7 * share))
     fit.save(study)
-    tell(f"{ELBOW_STUDY}: report", 0.65)
-    write_report(study, fit)
     return study, fit.fit
 
 
@@ -216,10 +236,8 @@ def _assessed_people(folder: Path, robot: ElbowRig, elbow: Study, tell: Tell) ->
         threads=2,
         on_progress=lambda text, share: tell(text, 0.5 * share),
     )
-    findings = assess(study, on_progress=lambda text, share: tell(f"{PEOPLE_STUDY}: {text}", 0.5 + 0.3 * share))
+    findings = assess(study, on_progress=lambda text, share: tell(f"{PEOPLE_STUDY}: {text}", 0.5 + 0.5 * share))
     findings.save(study)
-    tell(f"{PEOPLE_STUDY}: report", 0.8)
-    write_report(study, findings)
     return study, findings
 
 

@@ -13,21 +13,36 @@ from ..assessment.indices import EMG_LEVEL, MEDIAN_DURATION, RMS_INTERACTION_TOR
 from ..control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
 from ..datasets.registry import info
 from ..drawing.drawing import draw
-from ..pages.page import Page, Section, Tile, write_page
-from ..pages.quantities import number, parameter_interval, percent, typeset_sentence, unit_text
+from ..pages.page import Answer, Page, Section, Tile, write_page
+from ..pages.quantities import (
+    number,
+    parameter_interval,
+    parameter_label,
+    percent,
+    typeset_sentence,
+    unit_text,
+)
 from ..pages.tables import Row, Table
+from ..pages.values import Value
 from ..procedures.assessment import assessment_figures
+from ..procedures.assessment.assessment_page import change_value, known_changes
 from ..procedures.assessment.assessment_result import AssessmentResult
-from ..procedures.assessment.primary_change import primary_change
-from ..procedures.joint import joint_figures as figures
+from ..procedures.joint.joint_page import headline_error, joint_answer, parameter_value
 from ..procedures.slider import direction_figures
 from ..procedures.slider.slider_page import COLOUR_ROLES, COMPARED_METHODS, PROTOCOL_WORDS, SHORT_METHOD_NAMES
 from .coverage import RICHER_PLANTS
 from .demonstration import Demonstration
 from .session_figures import screens_figure
+from .wearers_figures import wearers_figure
 
 CONFIDENCE_LEVEL = 0.95
 """Confidence level of the intervals on the page."""
+
+INTERVAL_SENTENCE_OF_ELBOW = (
+    "An interval allows for noise, for coloured residuals and for the effects that residuals show the model to lack. "
+    "Where the truth still lies beside it, the model lacks something that the residuals do not show."
+)
+"""What the intervals of the elbow's table allow for."""
 
 DRAWN_INDICES = (MEDIAN_DURATION, RMS_INTERACTION_TORQUE, EMG_LEVEL)
 """Indices of movement that the page draws."""
@@ -41,15 +56,44 @@ def write_story(out: Path, made: Demonstration) -> Path:
     page = Page(
         title="Pellucid, from a recording to a transparent robot",
         kicker="pellucid demo",
-        headline="A real machine is identified from its recordings. Then a virtual robot is, what was found makes "
-        "controllers, people wear them and are assessed, and one controller leaves the PC. One command did it, and "
-        "each chapter leads to its full report.",
+        headline=_headline(made),
+        answer=_answer(made),
         tiles=_tiles(made),
         sections=tuple(sections),
         footer=f"Written by pellucid {version('pellucid')}; every random draw is seeded. Each chapter is a folder "
         "beside this page, with its recordings, study.toml, model cards, results.json and report.",
     )
     return write_page(out, page)
+
+
+def _headline(made: Demonstration) -> str:
+    """Return the answer in a sentence: what the model of a real machine predicts, and what the robot leaves people."""
+    judged = len(made.real.recordings("validate"))
+    torque = _torque_values(made)
+    return (
+        f"A real servo's model, identified from its recordings, predicts the torque of {judged} recordings that it has "
+        f"not seen with an error of {_real_error(made)} %. A virtual robot's model, found the same way, makes a "
+        f"controller that leaves {torque[BEST_SENSED_CONTROLLER]} N·m between robot and person."
+    )
+
+
+def _answer(made: Demonstration) -> Answer:
+    """Return the answer of the real machine's report, with its moving figure."""
+    answer = joint_answer(made.real, made.real_fit)
+    following = ("Try your own recordings: `pellucid init DIR --from FILES`.",)
+    return Answer(answer.question, answer.verdict, answer.figure, following)
+
+
+def _real_error(made: Demonstration) -> Value:
+    """Return the held-out error of the real machine, as its own report tells it [%]."""
+    return headline_error(made.real_fit)
+
+
+def _torque_values(made: Demonstration) -> dict[str, Value]:
+    """Return the mean interaction torque under each controller, as the people's own report tells it [N m]."""
+    name = RMS_INTERACTION_TORQUE.name
+    rows = {c: f"{made.findings.study}.transparency.{name}.{c.lower()}" for c in made.findings.conditions}
+    return {c: Value(rows[c], x, number(x, digits=3)) for c, x in _means(made.findings, RMS_INTERACTION_TORQUE).items()}
 
 
 def chapter_sentences(made: Demonstration) -> list[tuple[str, str]]:
@@ -59,18 +103,17 @@ def chapter_sentences(made: Demonstration) -> list[tuple[str, str]]:
         f"A virtual elbow exoskeleton was identified from {_minutes(made):.0f} minutes of recordings: its gravity to "
         f"{off} % of the truth, the torque in trials never fitted to {number(error, digits=2)} mN·m."
     )
-    torque, slower = _means(made.findings, RMS_INTERACTION_TORQUE), _changes(made.findings)
-    pulled = ", ".join(f"{number(x, digits=2)} under {c}" for c, x in torque.items())
-    lasted = ", ".join(_signed(slower[c]) for c in torque)
+    torque, slower = _torque_values(made), _changes(made.findings)
+    pulled = ", ".join(f"{x.text} under {c}" for c, x in torque.items())
+    lasted = ", ".join(f"{slower[c].text} %" for c in torque)
     worn = (
         f"{len(made.findings.participants)} virtual people pointed without it and with it: the torque between robot "
         f"and person was, in N·m, {pulled}; against no robot their movements lasted {lasted}."
     )
-    best = made.real_fit.families[made.real_fit.best]
     fitted, judged = (len(made.real.recordings(use)) for use in ("fit", "validate"))
     real = (
         f"A real machine ({made.real.name}) was identified from {fitted} recordings; on {judged} others, of other "
-        f"movements, the error of its effort is {percent(best.heldout_effort_error)} %."
+        f"movements, the error of its effort is {_real_error(made).text} %."
     )
     return [("Real", real), ("Identified", found), ("Worn", worn), ("Exported", _left(made))]
 
@@ -98,25 +141,20 @@ def _means(findings: AssessmentResult, index: Index) -> dict[str, float]:
     return {c: float(table.column(c).mean()) for c in table.conditions}
 
 
-def _changes(findings: AssessmentResult) -> Mapping[str, float]:
-    """Return the primary change of the median duration against control under each condition [%]."""
+def _changes(findings: AssessmentResult) -> Mapping[str, Value]:
+    """Return the primary change of the median duration against control, as the people's own report tells it [%]."""
     name = MEDIAN_DURATION.name
-    changes = {c: primary_change(findings, name, c) for c in findings.assessed[name].table.conditions}
-    return {condition: change.value for condition, change in changes.items() if change is not None}
-
-
-def _signed(share: float) -> str:
-    return f"{share:+.0f} %".replace("-", "−")
+    return {c: change_value(findings, name, c, change) for c, change in known_changes(findings, name).items()}
 
 
 def _tiles(made: Demonstration) -> tuple[Tile, ...]:
-    torque = _means(made.findings, RMS_INTERACTION_TORQUE)
-    others = ", ".join(f"{c} {number(x, digits=2)}" for c, x in torque.items() if c != BEST_SENSED_CONTROLLER)
+    torque = _torque_values(made)
+    others = ", ".join(f"{c.replace('_', ' ')} {x}" for c, x in torque.items() if c != BEST_SENSED_CONTROLLER)
     tiles = [
         Tile("Gravity against the truth", percent(100.0 * _gravity_error(made)), "% off", "a virtual elbow"),
         Tile(
-            f"Interaction torque, {BEST_SENSED_CONTROLLER}",
-            number(torque[BEST_SENSED_CONTROLLER], digits=2),
+            f"Interaction torque, {BEST_SENSED_CONTROLLER.replace('_', ' ')}",
+            str(torque[BEST_SENSED_CONTROLLER]),
             "N·m RMS",
             others,
         ),
@@ -124,8 +162,7 @@ def _tiles(made: Demonstration) -> tuple[Tile, ...]:
     if made.cost is not None:
         count, size = f"{made.cost.instructions:.0f}", f"Cortex-M4F, {made.cost.bytes} bytes"
         tiles.append(Tile("Control step", count, "instructions", size))
-    best = made.real_fit.families[made.real_fit.best]
-    tiles.insert(0, Tile("Effort, never fitted", percent(best.heldout_effort_error), "% error", "a real machine"))
+    tiles.insert(0, Tile("Effort, never fitted", str(_real_error(made)), "% error", "a real machine"))
     return tuple(tiles)
 
 
@@ -159,8 +196,7 @@ def _identified(made: Demonstration) -> Section:
             f"at {places} places. It is virtual, so that the truth is known, and richer than any model: friction that "
             "follows load, speed and direction, stiction, backlash, a cable that gives, cameras on their own clock. "
             "What identifies it sees files alone: time, encoder counts, current, markers.",
-            "An interval speaks of noise and of what the motions show, not of what a model leaves out: where the truth "
-            "lies beside it, the model does too.",
+            INTERVAL_SENTENCE_OF_ELBOW,
         ),
         (table,),
         (draw(direction_figures.paired_errors, errors, kinds, roles=COLOUR_ROLES),),
@@ -190,10 +226,10 @@ def _people(made: Demonstration) -> Section:
     findings = made.findings
     n, left = len(findings.participants), sum(findings.left_out.values())
     least = number(min(1.0, 2.0 ** (1 - n)), digits=2)
-    torque, changes = _means(findings, RMS_INTERACTION_TORQUE), _changes(findings)
+    torque, changes = _torque_values(made), _changes(findings)
     cut = {each.condition: f"{100.0 * each.curve.cut:.0f} %" for each in findings.settling}
     rows = tuple(
-        Row((c, _signed(changes[c]), cut[c], number(x, digits=3)), c == BEST_SENSED_CONTROLLER)
+        Row((c.replace("_", " "), f"{changes[c]} %", cut[c], str(x)), c == BEST_SENSED_CONTROLLER)
         for c, x in torque.items()
     )
     heads = ("Condition", f"Duration against {findings.control}", "Never settled", "Interaction torque, RMS (N·m)")
@@ -215,7 +251,7 @@ def _people(made: Demonstration) -> Section:
         ),
         (Table(heads, rows, frozenset({1, 2, 3}), "Durations: medians over people; torque: means."),),
         (
-            draw(assessment_figures.profile_figure, findings.profiles, findings.profile_of, findings.conditions),
+            draw(wearers_figure, findings.profiles, findings.conditions, findings.profile_of),
             draw(assessment_figures.index_figure, drawn, findings.conditions),
         ),
         tuple(typeset_sentence(v.said) for v in findings.verdicts if v.kind in ("wrong", "warning")),
@@ -289,9 +325,9 @@ def _coverage(made: Demonstration) -> Section:
             "This test says nothing about a real machine, because plant and model are the same here. On "
             f"{RICHER_PLANTS.identifications} recordings of drawn virtual elbows with a gap, a spring, ripple and "
             "friction that the identified models lack, intervals for coloured residuals alone contain the worst of "
-            f"inertia, gravity and load friction in {RICHER_PLANTS.statistical:.0f} %. Intervals are therefore widened "
-            f"by the effects that the model lacks, and contain the truth in {RICHER_PLANTS.held:.0f} %; "
-            "`python -m evidence coverage` measures it.",
+            f"inertia, gravity and load friction in {RICHER_PLANTS.statistical:.0f} %. Intervals are therefore "
+            "widened by the effects that residuals show the model to lack, and contain the truth in "
+            f"{RICHER_PLANTS.held:.0f} %; `python -m evidence coverage` measures it.",
         ),
         (Table(heads, rows, frozenset({1, 2, 3}), wide=True),),
     )
@@ -300,11 +336,13 @@ def _coverage(made: Demonstration) -> Section:
 def _real(made: Demonstration) -> Section:
     fit, name = made.real_fit, made.real.name
     fitted, judged = (len(made.real.recordings(use)) for use in ("fit", "validate"))
-    best = fit.families[fit.best]
+    best = fit.headlined
     rows = []
     for p in best.estimate.parameters:
-        words = (p.name.replace("_", " "), number(p.value, p.standard_error), parameter_interval(p, CONFIDENCE_LEVEL))
-        rows.append(Row((*words, unit_text(p.unit))))
+        value = parameter_value(fit, p)
+        rows.append(
+            Row((parameter_label(p.name), value, parameter_interval(p, CONFIDENCE_LEVEL), unit_text(p.unit) or "–"))
+        )
     heads = ("Parameter", "Value", "95 % interval", "Unit")
     return Section(
         "real",
@@ -313,11 +351,10 @@ def _real(made: Demonstration) -> Section:
             f"{name}: {info(name).title}, under the licence {info(name).licence}. Of "
             f"{len(fit.families)} friction families, {best.family} was chosen. "
             f"{fitted} recordings were fitted; on {judged} others, of other movements, the error of its effort is "
-            f"{percent(best.heldout_effort_error)} %.",
+            f'{_real_error(made)} %. "Refused" says that the recordings do not determine a parameter\'s interval.',
             f"Recorded by others: {info(name).citation}",
         ),
         (Table(heads, tuple(rows), frozenset({1, 2})),),
-        (draw(figures.friction, fit),),
         links=(("Full report", f"{name}/report/index.html"),),
     )
 

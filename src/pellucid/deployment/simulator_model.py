@@ -231,11 +231,12 @@ def mjcf_text(model: SimulatorModel, *, timestep: float = 0.001) -> str:
         lines.append(
             f"    <general name={_name(body.joint)} joint={_name(body.joint)} gainprm={_text(body.gain)} "
             f'biastype="affine" biasprm="0 0 {-body.back_emf!r}"'
-            + (f' forcerange="{_numbers((-body.effort, body.effort))}"' if body.effort else "") + "/>"
+            + (f' forcerange="{_numbers((-body.effort, body.effort))}"' if body.effort else "")
+            + "/>"
         )
         if body.offset:
             lines.append(
-                f"    <general name={_name(body.joint + '_offset')} joint={_name(body.joint)} gainprm=\"0\" "
+                f'    <general name={_name(body.joint + "_offset")} joint={_name(body.joint)} gainprm="0" '
                 f'biastype="affine" biasprm="{-body.offset!r} 0 0"/>'
             )
     return "\n".join([*lines, "  </actuator>", "</mujoco>"]) + "\n"
@@ -254,7 +255,8 @@ def _mjcf_bodies(model: SimulatorModel, parent: int, indent: str) -> list[str]:
             lines.append(
                 f'{indent}  <joint name={_name(body.joint)} type="{body.kind}" axis="{_numbers(body.axis)}" '
                 f'armature="{body.armature!r}" damping="{damping!r}" frictionloss="{loss!r}"'
-                + (f' range="{_numbers(body.limits)}"' if body.limits else "") + "/>"
+                + (f' range="{_numbers(body.limits)}"' if body.limits else "")
+                + "/>"
             )
         moments = _sound_inertia(body.inertia)
         full = (moments[0, 0], moments[1, 1], moments[2, 2], moments[0, 1], moments[0, 2], moments[1, 2])

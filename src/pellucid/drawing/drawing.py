@@ -29,6 +29,9 @@ from .style import COLOURS, FIGURE_WIDTH, MATPLOTLIB_SETTINGS, SANS_SERIF_FONTS,
 DOT_POINTS = 1400
 """A cloud of dots keeps at most so many."""
 
+VALUE_GID_PREFIX = "value:"
+"""Beginning of the gid of a text that shows a number of results.json; the rest is the id of its row."""
+
 _SUPERSCRIPT_DIGITS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 _LONG_NUMBER_PATTERN = re.compile(r"-?\d+\.\d{3,}")
@@ -62,7 +65,8 @@ class Drawing:
         """
         text = self.svg[self.svg.index("<svg") :]
         text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-        text = re.sub(r'\bid="([^"]+)"', rf'id="{self.name}-\1"', text)
+        text = re.sub(rf'<g id="{VALUE_GID_PREFIX}([^"]+)"', rf'<g data-id="\1" id="{VALUE_GID_PREFIX}\1"', text)
+        text = re.sub(r'(?<!data-)\bid="([^"]+)"', rf'id="{self.name}-\1"', text)
         text = re.sub(r"url\(#([^)]+)\)", rf"url(#{self.name}-\1)", text)
         text = re.sub(r'href="#([^"]+)"', rf'href="#{self.name}-\1"', text)
         for attribute in ("width", "height"):

@@ -1,8 +1,9 @@
 """Every colour, size and font of a report, in one place: figures and page draw from here.
 
 Roles rather than colours: blue is what was fitted, orange what was held out, everywhere on the page; families have
-colours of their own. Each role has a light and a dark value (in the page, figures follow the reader's setting), picked
-to stay apart under the common colour-vision deficiencies and in grey.
+colours of their own. Each role has a light and a dark value (in the page, figures follow the reader's setting). Any two
+roles of series differ by a CIEDE2000 of at least 10 in protan, deutan and tritan sight, and each has a contrast of at
+least 4.5 with the paper, because names of curves are written in their colours (`tests/unit/test_page_colours.py`).
 """
 
 from __future__ import annotations
@@ -18,18 +19,18 @@ COLOURS: Mapping[str, tuple[str, str]] = MappingProxyType(
         "ink": ("#1c2126", "#e7e9ec"),
         "muted": ("#616a74", "#9ca5af"),
         "rule": ("#dadcd9", "#343a41"),
-        "measured": ("#3d444b", "#c6cbd1"),
+        "measured": ("#293030", "#e9ece7"),
         "faint": ("#b4b9be", "#565e67"),
-        "fitted": ("#1f66ad", "#6eb1f2"),
-        "heldout": ("#c4570e", "#f2a05f"),
-        "good": ("#1b7f5c", "#5cc79f"),
-        "wrong": ("#b3261e", "#ff8f85"),
-        "symmetric": ("#6f7780", "#a9b1ba"),
-        "directional": ("#0b7f83", "#4cc4c4"),
-        "load": ("#7848a8", "#b894e6"),
-        "stribeck": ("#b23a6b", "#ee8fb4"),
-        "combined": ("#8a6a00", "#d9b93f"),
-        "root": ("#3f5f9f", "#8fa9e0"),
+        "fitted": ("#3474be", "#aec2ff"),
+        "heldout": ("#be5205", "#ed9a5c"),
+        "good": ("#0b764f", "#3fa37d"),
+        "wrong": ("#a81a0c", "#da6560"),
+        "symmetric": ("#6a727c", "#b8b9ab"),
+        "directional": ("#0f2f6d", "#3dc4c3"),
+        "load": ("#4d3eb4", "#fbdeff"),
+        "stribeck": ("#850046", "#bb7798"),
+        "combined": ("#422200", "#fad559"),
+        "root": ("#2c5472", "#7c96cd"),
     }
 )
 

@@ -1,17 +1,49 @@
-"""Write a page with tiles, sections, tables and figures in the report's style, as one self-contained file."""
+"""Write a page in the report's style, as one self-contained file: the answer first, then the evidence, then notes."""
 
 from __future__ import annotations
 
+import re
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 from .._atomic import remove_leftovers, write_text_atomically
 from ..drawing.drawing import Drawing
 from .tables import Table
 from .templates import render
+from .values import plain_text
 
 PAGE_FILE = "index.html"
+
+MAX_OPEN_HEIGHT_PX = 2200.0
+"""Sections are open while their estimated heights add up to this on a wide screen; those below are folded."""
+
+MAX_LEAD_CHARACTERS = 270
+"""Sentences of a headline stand on the first screen while they are no longer than this; the others follow below."""
+
+MAX_SHOWN_WARNINGS = 3
+"""Largest number of verdicts that stand between the answer and the evidence."""
+
+AnswerVerdict = Literal["yes", "no", "unsure"]
+"""Verdict of an answer."""
+
+BADGE_WORDS: Mapping[AnswerVerdict, str] = {"yes": "Yes", "no": "No", "unsure": "Cannot say"}
+"""Words of the badge, by verdict."""
+
+NOTE_HEADINGS = {
+    "wrong": "Must be mended",
+    "warning": "Warnings",
+    "note": "Remarks",
+    "good": "What is sound",
+    "file": "Notes on files",
+}
+"""Headings of the last section, in its order, by kind of note."""
+
+_FILE_NOTE_PATTERN = re.compile(
+    r"\.(?:csv|tsv|txt|json|mat|c3d|edf|bdf|xdf)\b|\brecordings? [^.]*found\b"
+)
 
 
 @dataclass(frozen=True)
@@ -42,10 +74,57 @@ class Section:
     folded: tuple[tuple[str, Table], ...] = ()
     verdicts: tuple[tuple[str, str], ...] = ()
 
+    @property
+    def height_px(self) -> float:
+        """Estimated height of the open section on a wide screen."""
+        text = [*self.paragraphs, *self.notes, *(text for _, text in self.verdicts)]
+        lines = sum(1 + len(plain_text(t)) // 95 for t in text)
+        figures = sum(_drawn_height_px(drawing) for drawing in self.drawings)
+        rows = sum(2 + len(table.rows) for table in self.tables)
+        return 90.0 + 25.0 * lines + 12.0 * len(text) + figures + 38.0 * rows + 45.0 * len(self.folded)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What stands on a page's first screen beside the headline, which is the answer in a sentence.
+
+    Attributes
+    ----------
+    question : str
+        The question that the page answers.
+    verdict : str
+        "yes", "no" or "unsure", for the badge.
+    figure : Drawing, optional
+        The one figure that shows the answer.
+    next : tuple of str
+        What to do next, in sentences; commands stand between backticks.
+    """
+
+    question: str
+    verdict: AnswerVerdict
+    figure: Drawing | None = None
+    next: tuple[str, ...] = ()
+
+    @property
+    def badge(self) -> str:
+        """Word on the badge."""
+        return BADGE_WORDS[self.verdict]
+
+
+@dataclass(frozen=True)
+class NoteGroup:
+    """Notes of one kind, at a page's end."""
+
+    heading: str
+    notes: tuple[tuple[str, str], ...]  # kind and text of each
+
 
 @dataclass(frozen=True)
 class Page:
-    """Contents of a page as plain text: `kicker` above the title, `headline` below it, then `verdicts` with a kind."""
+    """Contents of a page as plain text: `kicker` above the title, the `answer` with the `headline`, then `tiles`.
+
+    `verdicts`, of a kind each, tell what to know: the worst stand below the answer, the others at the page's end.
+    """
 
     title: str
     kicker: str
@@ -54,12 +133,95 @@ class Page:
     sections: tuple[Section, ...] = ()
     footer: str = ""
     verdicts: tuple[tuple[str, str], ...] = ()
+    answer: Answer | None = None
+
+    @property
+    def lead(self) -> str:
+        """First sentences of the headline, which stand on the first screen."""
+        return _split_headline(self.headline)[0]
+
+    @property
+    def detail(self) -> str:
+        """Further sentences of the headline, below the first screen; "" for none."""
+        return _split_headline(self.headline)[1]
+
+    @property
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Every figure of the page, that of the answer first."""
+        first = () if self.answer is None or self.answer.figure is None else (self.answer.figure,)
+        return (*first, *(drawing for section in self.sections for drawing in section.drawings))
+
+    @property
+    def warnings(self) -> tuple[tuple[str, str], ...]:
+        """Verdicts below the answer: the worst, at most `MAX_SHOWN_WARNINGS`."""
+        return tuple(v for v in self.verdicts if v[0] in ("wrong", "warning"))[:MAX_SHOWN_WARNINGS]
+
+    @property
+    def note_groups(self) -> tuple[NoteGroup, ...]:
+        """All other verdicts, grouped by kind; those on files last."""
+        shown = self.warnings
+        grouped: dict[str, list[tuple[str, str]]] = {}
+        for kind, text in (v for v in self.verdicts if v not in shown):
+            grouped.setdefault(_note_kind(kind, text), []).append((kind, text))
+        return tuple(NoteGroup(NOTE_HEADINGS[kind], tuple(grouped[kind])) for kind in NOTE_HEADINGS if kind in grouped)
+
+    @property
+    def open_sections(self) -> frozenset[str]:
+        """Ids of the sections that are open: the first ones, while they fit."""
+        shown, room = [], MAX_OPEN_HEIGHT_PX
+        for section in self.sections:
+            room -= section.height_px
+            if room < 0.0:
+                break
+            shown.append(section.id)
+        return frozenset(shown)
+
+
+def _split_headline(text: str) -> tuple[str, str]:
+    """Return the sentences of a headline that fit on the first screen, and the others."""
+    ends = [found.end() for found in re.finditer(r"[.;](?= )", text)]
+    if len(plain_text(text)) <= MAX_LEAD_CHARACTERS or not ends:
+        return text, ""
+    fitting = [end for end in ends if len(plain_text(text[:end])) <= MAX_LEAD_CHARACTERS]
+    end = fitting[-1] if fitting else ends[0]
+    first, rest = text[:end], text[end:].strip()
+    return f"{first[:-1]}." if first.endswith(";") else first, rest[:1].upper() + rest[1:]
+
+
+def _drawn_height_px(drawing: Drawing) -> float:
+    """Return the height of a figure with its caption on a wide screen."""
+    width, height = drawing.figure.get_size_inches()
+    return 1040.0 * height / width + 70.0
+
+
+def _note_kind(kind: str, text: str) -> str:
+    return "file" if kind in ("note", "good") and _FILE_NOTE_PATTERN.search(text) else kind
+
+
+def without_drawing(sections: Sequence[Section], name: str) -> tuple[Section, ...]:
+    """Return sections without the figure of a name, which the answer shows; sections left empty are dropped."""
+    kept = (replace(s, drawings=tuple(d for d in s.drawings if d.name != name)) for s in sections)
+    return tuple(s for s in kept if s.paragraphs or s.tables or s.drawings or s.notes or s.links or s.verdicts)
+
+
+def answer_from_verdicts(
+    question: str, verdicts: Sequence[tuple[str, str]], sections: Sequence[Section]
+) -> tuple[Answer, tuple[Section, ...]]:
+    """Return the answer that verdicts of a kind each give, with the first figure, and the sections without it.
+
+    What is wrong says no, a warning says that the page cannot say, anything else says yes.
+    """
+    kinds = {kind for kind, _ in verdicts}
+    verdict: AnswerVerdict = "no" if "wrong" in kinds else "unsure" if "warning" in kinds else "yes"
+    first = next((drawing for section in sections for drawing in section.drawings), None)
+    kept = tuple(sections) if first is None else without_drawing(sections, first.name)
+    return Answer(question, verdict, first), kept
 
 
 def write_page(folder: Path, page: Page) -> Path:
     """Write a page: ``index.html`` without outside references, and every figure beside it as SVG and PDF."""
     folder = Path(folder)
-    drawings = [drawing for section in page.sections for drawing in section.drawings]
+    drawings = page.drawings
     anchors = [section.id for section in page.sections] + [f"fig-{drawing.name}" for drawing in drawings]
     twice = [anchor for anchor, count in Counter(anchors).items() if count > 1]
     if twice:

@@ -146,6 +146,18 @@ def interval_text(parameter: Parameter, level: float) -> str:
     return f"{number(value, error)}{half} {unit}".rstrip()
 
 
+def value_and_half_interval(parameter: Parameter, level: float, *, refused: str = "") -> str:
+    """Return a parameter's value with half its interval, or with the word "refused" where no interval may be read.
+
+    `refused` is the reason for which another estimate of the same parameter was refused; "" if it was not.
+    """
+    if parameter.refused or refused:
+        return f"{number(parameter.value, parameter.standard_error)}, interval refused"
+    low, high = parameter.interval(level)
+    half = number(0.5 * (high - low), parameter.standard_error)
+    return f"{number(parameter.value, parameter.standard_error)} ± {half}"
+
+
 def parameter_note(parameter: Parameter, level: float) -> str:
     """Return a short warning about a parameter beside its interval; "" if there is none."""
     low, high = parameter.interval(level)

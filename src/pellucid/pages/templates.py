@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from importlib.metadata import version
 
+from markupsafe import Markup
+
 from ..drawing.style import SANS_SERIF_FONTS, css_variables
+from .values import marked_up, plain_text
 
 
 def render(template: str, **content: object) -> str:
@@ -17,7 +20,10 @@ def render(template: str, **content: object) -> str:
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        finalize=_finalize,
     )
+    environment.filters["plain"] = plain_text
+    environment.filters["commands"] = _commands
     look = {
         "version": version("pellucid"),
         "light": css_variables(),
@@ -25,3 +31,16 @@ def render(template: str, **content: object) -> str:
         "sans": SANS_SERIF_FONTS,
     }
     return environment.get_template(template).render(**look, **content)
+
+
+def _finalize(shown: object) -> object:
+    """Return what a template shows, with the values in plain text marked up."""
+    return marked_up(shown) if isinstance(shown, str) and not isinstance(shown, Markup) else shown
+
+
+def _commands(text: str) -> Markup:
+    """Return a sentence as HTML, with what stands between backticks as code."""
+    parts = text.split("`")
+    return Markup("").join(
+        Markup("<code>{}</code>").format(part) if i % 2 else marked_up(part) for i, part in enumerate(parts)
+    )

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from .._errors import PellucidError
-from ..pages.page import Page, Section, Tile
+from ..pages.page import Answer, AnswerVerdict, Page, Section, Tile, without_drawing
 from .figure import Figures, Reproduced
 from .printed import PrintedPaper, papers, printed
 from .row_sections import row_sections
@@ -103,7 +103,20 @@ class Paper(ABC):
         """Return the whole page."""
         sections = (*self.sections(figures), *self.closing(figures))
         title = self.title or self.printed.title
-        return Page(title, self.kicker, self.headline(figures), self.tiles(figures), sections, self.footer())
+        drawn = next((drawing for section in sections for drawing in section.drawings), None)
+        compared = [row.verdict for row in figures.values() if row.verdict in ("agrees", "differs")]
+        agreed = compared.count("agrees")
+        verdict: AnswerVerdict = "unsure" if not compared else "yes" if agreed == len(compared) else "no"
+        counted = f"{agreed} of the {len(compared)} printed figures that are compared agree. " if compared else ""
+        return Page(
+            title,
+            f"{self.kicker}, re-enacted on a virtual rig: {self.printed.citation}",
+            counted + self.headline(figures),
+            self.tiles(figures),
+            sections if drawn is None else without_drawing(sections, drawn.name),
+            self.footer(),
+            answer=Answer("Does every printed figure agree with what a virtual rig gives?", verdict, drawn),
+        )
 
     def write_more(self, out: Path) -> None:
         """Write further files into the folder `out`."""

@@ -64,6 +64,13 @@ class PrintedPaper:
     # Numbers in the text and in equations; several where the paper lists several
     values: Mapping[str, Printed | tuple[Printed, ...]]
     tables: Mapping[str, PrintedTable]
+    doi: str = ""  # Digital object identifier; "" where there is none, or none is known
+
+    @property
+    def citation(self) -> str:
+        """Authors, year, title, journal and DOI."""
+        doi = f", doi:{self.doi}" if self.doi else ""
+        return f"{self.authors} ({self.year}): {self.title}, {self.journal}{doi}"
 
     def __getitem__(self, name: str) -> float:
         """Return a single number of `values`, without the rest."""
@@ -103,7 +110,7 @@ def printed(paper: str) -> PrintedPaper:
     values = {name: _value(entry) for name, entry in raw.get("values", {}).items()}
     tables = {name: _table(entry) for name, entry in raw.get("tables", {}).items()}
     about = {key: raw[key] for key in ("name", "title", "authors", "journal", "year")}
-    return PrintedPaper(**about, values=values, tables=tables)
+    return PrintedPaper(**about, values=values, tables=tables, doi=str(raw.get("doi", "")))
 
 
 def _value(entry: Mapping) -> Printed | tuple[Printed, ...]:

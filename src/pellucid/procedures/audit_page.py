@@ -6,20 +6,21 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ..drawing.drawing import draw
-from ..pages.page import Page, Section, Tile, write_page
+from ..pages.page import Answer, Page, Section, Tile, write_page
 from ..pages.quantities import typeset_units
 from ..pages.tables import Row, Table
 from ..recordings.log import ALARM_LEVEL
 from .audit import SOUND_VERDICT, Audit
-from .audit_figures import audit_figure, audited_channels
+from .audit_figures import FIRST_PANELS, audit_figure, audited_channels, first_channels
 
 
 def write_audit_page(found: Audit, folder: Path) -> Path:
     """Write index.html and its figure into a folder, and return the page's path."""
-    shown = (draw(audit_figure, found),) if audited_channels(found) else ()
+    unsound = audited_channels(found)
+    readable = any(file.log is not None for file in found.files)
     sections = [Section("verdicts", "One verdict for each channel", tables=(_verdict_table(found),))]
-    if shown:
-        sections.append(Section("channels", "The unsound channels", drawings=shown))
+    if len(unsound) > FIRST_PANELS:
+        sections.append(Section("channels", "The unsound channels", drawings=(draw(audit_figure, found),)))
     sections.append(_file_section(found))
     page = Page(
         title="Audit of a log",
@@ -28,6 +29,12 @@ def write_audit_page(found: Audit, folder: Path) -> Path:
         tiles=_tiles(found),
         sections=tuple(sections),
         footer=f"Written by pellucid {version('pellucid')}. What a channel holds is guessed from its name and unit.",
+        answer=Answer(
+            "May this log be used as it is?",
+            "no" if found.alarms or not found.is_sound else "yes",
+            draw(first_channels, found) if readable else None,
+            ("Make a study of it: `pellucid init DIR --from FILES`.",) if found.is_sound else (),
+        ),
     )
     return write_page(folder, page)
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..drawing.drawing import Drawing, draw
 from ..drawing.style import colour
 from ..pages.over_time import Traces, over_time
-from ..pages.page import Page, Section, Tile, write_page
+from ..pages.page import Answer, AnswerVerdict, Page, Section, Tile, write_page
 from ..pages.quantities import MINUS_SIGN, MOTION_READINGS
 from ..pages.tables import Row, Table, number_table
 from .incident import STOPPED_MODES, IncidentAccount, quantity, share_text
@@ -25,7 +25,8 @@ SHOWN_SHARES = 4.0
 def write_incident_page(account: IncidentAccount, folder: Path) -> Path:
     """Write index.html and its figure into a folder, and return the page's path."""
     (_, first), *others = account.sentences
-    shown = (draw(incident_figure, account),) if len(account.time) else ()
+    figure = draw(incident_figure, account) if len(account.time) else None
+    acted: AnswerVerdict = "yes" if account.acting is not None and account.acting.share >= 1.0 else "unsure"
     page = Page(
         title="After an incident",
         kicker="pellucid incident",
@@ -33,11 +34,12 @@ def write_incident_page(account: IncidentAccount, folder: Path) -> Path:
         tiles=_tiles(account),
         verdicts=tuple(others),
         sections=(
-            Section("course", "What happened", drawings=shown, tables=(_course_table(account),)),
+            Section("course", "What happened", tables=(_course_table(account),)),
             _watch_section(account),
             _log_section(account),
         ),
         footer=f"Written by pellucid {version('pellucid')} from the record of the law {account.record.law}.",
+        answer=Answer("Did a watch pass its threshold?", "no" if account.record.stop is None else acted, figure),
     )
     return write_page(folder, page)
 

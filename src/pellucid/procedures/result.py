@@ -252,5 +252,3 @@ def _write(path: Path, card: Card | ParameterCard | TreeCard | EmgEstimatorCard)
 def fingerprint(study: Study, procedure: ProcedureWithInputs) -> str:
     """Return the SHA-256 of all inputs of a procedure: study.toml, recordings, cards, and Pellucid itself."""
     return study.fingerprint(procedure.inputs(study))
-
-

@@ -17,6 +17,7 @@ from .._errors import IdentificationError, PellucidError, RecordingError, UnfitR
 from ..fit.parameter import VERDICT_KINDS, Verdict, rank_verdicts
 from ..recordings.duplicates import find_duplicates
 from ..recordings.fault import Fault, grouped_messages
+from ..studies.results import read_rows
 from ..studies.study import Study
 from . import registry
 from .card_sources import found_by
@@ -36,12 +37,14 @@ if TYPE_CHECKING:
     from ..signals.emg_onset import Activations
 
 
-def check(study: Study) -> list[Fault]:
+def check(study: Study, *, on_progress: Callable[[str, float], None] | None = None) -> list[Fault]:
     """Return the faults of a study's recordings; empty if there are none.
 
     Parameters
     ----------
     study : Study
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
 
     Returns
     -------
@@ -60,9 +63,12 @@ def check(study: Study) -> list[Fault]:
     >>> [fault.message for fault in pl.check(pl.open("my-elbow")) if fault.severity == "refuse"]
     []
     """
-    study = as_study(study, "check")
+    study, tell = as_study(study, "check"), on_progress or quiet
+    tell("reading recordings", 0.0)
     faults = find_duplicates(study.recordings())
-    for procedure in reversed(asked(study)):
+    procedures = list(reversed(asked(study)))
+    for i, procedure in enumerate(procedures):
+        tell(f"checking what {procedure.name.replace('_', ' ')} needs", 0.2 + 0.8 * i / len(procedures))
         try:
             taken = procedure.taken(study)
             faults += procedure.cut(study) + procedure.faults(taken, procedure.table_of(taken))
@@ -453,7 +459,11 @@ def activations(study: Study, on_progress: Callable[[str, float], None] | None =
 
 
 def report(
-    study: Study, result: Result | None = None, *, on_progress: Callable[[str, float], None] | None = None
+    study: Study,
+    result: Result | None = None,
+    *,
+    only_kept: bool = False,
+    on_progress: Callable[[str, float], None] | None = None,
 ) -> Path:
     """Write the report: all that was identified, calibrated and assessed, on one page, with every figure beside it.
 
@@ -462,6 +472,9 @@ def report(
     study : Study
     result : Result, optional
         What was just found. Everything else is taken from what its command kept, if that is fresh, or found again.
+    only_kept : bool
+        Whether only what is given or kept is drawn, as the command does; nothing is then computed, and the page says
+        which command makes what is missing.
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
 
@@ -476,7 +489,8 @@ def report(
     OSError
         If the study's folder cannot be written.
     PellucidError
-        If a recording can no longer be read, or nothing can be identified from them.
+        If a recording can no longer be read, or nothing can be identified from them; with `only_kept`, if nothing is
+        kept.
 
     Examples
     --------
@@ -488,7 +502,15 @@ def report(
     study = as_study(study, "report")
     from ..pages.page import write_page
 
-    page = _one_page([page for _, page in each_page(study, result, on_progress or quiet)])
+    missing: list[str] = []
+    pages = [page for _, page in each_page(study, result, on_progress or quiet, missing if only_kept else None)]
+    commands = " and ".join(f"pellucid {command} {study.folder}" for command in dict.fromkeys(missing))
+    if not pages:
+        raise PellucidError(f"{study.folder}: found nothing that was kept and is fresh; make it with: {commands}")
+    page = _one_page(pages)
+    if missing:
+        text = f"Not all that study.toml asks for is drawn. Make the rest with: {commands}"
+        page = replace(page, verdicts=(("warning", text), *page.verdicts))
     try:
         return write_page(Path(study.report_dir), page)
     except OSError:
@@ -499,10 +521,13 @@ def report(
         raise
 
 
-def each_page(study: Study, result: Result | None, tell: Progress) -> Iterator[tuple[Result, Page]]:
+def each_page(
+    study: Study, result: Result | None, tell: Progress, missing: list[str] | None = None
+) -> Iterator[tuple[Result, Page]]:
     """Yield the result and the page of every procedure that a study asks for.
 
-    A result is the given one, or what its command kept, if that is fresh, or is found again.
+    A result is the given one, or what its command kept, if that is fresh, or is found again. With a list `missing`
+    nothing is found again: the command of what is not kept is added to it.
     """
     procedures = asked(study)
     for i, procedure in enumerate(procedures):
@@ -520,10 +545,21 @@ def each_page(study: Study, result: Result | None, tell: Progress) -> Iterator[t
             else:
                 yield found, page
                 continue
+        if missing is not None and not _cannot_be_kept(study, procedure):
+            missing.append(procedure.command)
+            continue
         tell(f"{procedure.command} again: nothing that you kept is fresh", i / len(procedures))
         found = _run(procedure, study, lambda text, share, i=i: tell(text, (i + 0.8 * share) / len(procedures)))
         tell("drawing", (i + 0.8) / len(procedures))
         yield found, procedure.page(study, found)
+
+
+def _cannot_be_kept(study: Study, procedure: Procedure) -> bool:
+    """Return whether a procedure's command has run and nothing was kept: what a plug-in finds may hold what cannot be
+    stored, and is found again."""
+    if study.kept_path(procedure.name).is_file() or not study.results_path.is_file():
+        return False
+    return any(row.command == procedure.command for row in read_rows(study.results_path))
 
 
 def _array_options(caller: str, subject: object, options: dict[str, object]) -> dict[str, object]:
@@ -589,14 +625,21 @@ def _required(study: Study, name: str | None) -> tuple[Procedure, ...]:
 
 
 def _one_page(pages: list[Page]) -> Page:
-    """All on the first, whose name stays; the others' headlines and sections say what they are of."""
+    """Return one page of all: the first one's answer, then the others' in a section each, then all sections."""
+    from ..pages.page import Section
+
     first, *others = pages
-    headlines, sections = [first.headline], list(first.sections)
-    for page in others:
+    answers, sections = [], list(first.sections)
+    for i, page in enumerate(others, start=1):
         what = page.title.rpartition(": ")[2]
-        headlines.append(f"{what[:1].upper()}{what[1:]}: {page.headline}")
         known = {section.heading for section in sections}
         sections += [replace(s, heading=f"{s.heading}: {what}") if s.heading in known else s for s in page.sections]
+        words = page.headline if page.answer is None else f"{page.answer.question} {page.answer.badge}. {page.headline}"
+        drawn = () if page.answer is None or page.answer.figure is None else (page.answer.figure,)
+        names = {drawing.name for one in (*pages[:i], *pages[i + 1 :]) for drawing in one.drawings}
+        drawings = tuple(replace(d, name=f"{d.name}-{i}") if d.name in names else d for d in drawn)
+        heading = f"{what[:1].upper()}{what[1:]}"
+        answers.append(Section(f"answer-{i}", heading, (words,), drawings=drawings))
     tiles = tuple(tile for page in pages for tile in page.tiles)
     verdicts = sorted((v for page in pages for v in page.verdicts), key=lambda v: VERDICT_KINDS.index(v[0]))
-    return replace(first, headline=" ".join(headlines), tiles=tiles, sections=tuple(sections), verdicts=tuple(verdicts))
+    return replace(first, tiles=tiles, sections=(*answers, *sections), verdicts=tuple(verdicts))

@@ -10,7 +10,7 @@ from pathlib import Path
 from .._errors import PellucidError
 from .._processes import finished_results
 from ..fit.parameter import Parameter
-from ..pages.quantities import number, unit_text
+from ..pages.quantities import unit_text, value_and_half_interval
 from .procedure import Progress, quiet
 from .result import ParameterTable
 
@@ -88,6 +88,4 @@ def table_of(outcomes: Sequence[Outcome]) -> tuple[tuple[str, ...], list[tuple[s
 def _cell(parameter: Parameter | None) -> str:
     if parameter is None:
         return "–"
-    low, high = parameter.interval(0.95)
-    half = number(0.5 * (high - low), parameter.standard_error)
-    return f"{number(parameter.value, parameter.standard_error)} ± {half}"
+    return value_and_half_interval(parameter, 0.95)

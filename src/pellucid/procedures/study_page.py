@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from importlib.metadata import version
 
 from ..fit.parameter import Verdict, rank_verdicts
-from ..pages.page import Page, Section, Tile
+from ..pages.page import Answer, Page, Section, Tile, answer_from_verdicts
 from ..pages.quantities import (
     MINUS_SIGN,
     cell_text,
@@ -23,18 +23,32 @@ from .result import FigureTable, ParameterTable, Result
 
 
 def study_page(
-    title: str, headline: str, tiles: Iterable[Tile], sections: Iterable[Section], verdicts: Iterable[Verdict] = ()
+    title: str,
+    headline: str,
+    tiles: Iterable[Tile],
+    sections: Iterable[Section],
+    verdicts: Iterable[Verdict] = (),
+    answer: Answer | None = None,
+    question: str = "May these figures be used?",
 ) -> Page:
-    """Build a page of a study in the common frame, with its verdicts above all sections, worst first."""
+    """Build a page of a study in the common frame, with its answer first; verdicts stand worst first.
+
+    Without an `answer`, the verdicts answer the `question`, and the first figure stands beside them.
+    """
+    shown = tuple((v.kind, typeset_sentence(v.said)) for v in rank_verdicts(verdicts))
+    sections = tuple(sections)
+    if answer is None:
+        answer, sections = answer_from_verdicts(question, shown, sections)
     return Page(
         title,
         "Pellucid report",
         headline,
         tuple(tiles),
-        tuple(sections),
+        sections,
         f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every number in "
         "results.json.",
-        tuple((v.kind, typeset_sentence(v.said)) for v in rank_verdicts(verdicts)),
+        shown,
+        answer,
     )
 
 

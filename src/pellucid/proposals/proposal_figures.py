@@ -48,7 +48,7 @@ def _panels(
         pair = [axis for axis, i in zip(grid[k], (2 * k, 2 * k + 1), strict=True) if i < len(roles)]
         for axis, role in zip(pair, roles[2 * k : 2 * k + 2], strict=True):
             mark = marks.get(role.column, "")
-            tone = colour("faint" if role.quantity is None else "heldout" if mark else "fitted")
+            tone = colour("muted" if role.quantity is None else "heldout" if mark else "fitted")
             line(axis, time[::stride], table.columns[role.column][::stride], color=tone, linewidth=1.0)
             tidy(axis, first=True, ticks=3)
             texts.append(Head(_short(role.column, 30), _role_text(role, mark), tone))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.metadata import version
 
 from ..drawing.drawing import draw
-from ..pages.page import Page, Section, Tile
+from ..pages.page import Answer, Page, Section, Tile, without_drawing
 from ..pages.tables import Row, Table
 from .proposal_figures import channel_figures, spectrum_figure
 from .propose_study import Layout, Proposal
@@ -18,6 +18,11 @@ def proposal_page(proposal: Proposal) -> Page:
     guesses = sum(bool(channel_mark(role, proposal)) for layout in layouts for role in layout.channels)
     count = sum(len(layout.channels) for layout in layouts)
     rate = proposal.rate
+    sections = (
+        *_question_sections(proposal), *(_layout_section(layout, proposal) for layout in layouts), *_last(proposal),
+    )  # fmt: skip
+    figure = next((drawing for section in sections for drawing in section.drawings), None)
+    open_questions = [q for q in proposal.asked if q.key not in proposal.answers]
     return Page(
         f"Proposal: {proposal.name}",
         "Pellucid init",
@@ -28,8 +33,17 @@ def proposal_page(proposal: Proposal) -> Page:
             Tile("sampling rate", f"{rate:.4g}" if rate else "unknown", "Hz" if rate else ""),
             Tile("questions", str(len(proposal.asked)), more="each has a default"),
         ),
-        (*_question_sections(proposal), *(_layout_section(layout, proposal) for layout in layouts), *_last(proposal)),
+        sections if figure is None else without_drawing(sections, figure.name),
         f"Written by pellucid {version('pellucid')}. study.toml has a comment for each of these lines.",
+        answer=Answer(
+            "Do the files say all that a study needs?",
+            "unsure" if open_questions or guesses else "yes",
+            figure,
+            (
+                *(f"Answer: {q.text}" for q in open_questions[:3]),
+                "Read each comment in study.toml that marks a guess; then run `pellucid check DIR`.",
+            ),
+        ),
     )
 
 

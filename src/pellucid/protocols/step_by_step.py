@@ -137,9 +137,7 @@ def _visit(travel: _JointTravel, places: np.ndarray, hold: float, vigour: float)
     return travel.at(vigour).visiting(vigour * places, hold)
 
 
-def _move_up_and_down(
-    travel: _JointTravel, low: float, high: float, speeds: np.ndarray, vigour: float
-) -> np.ndarray:
+def _move_up_and_down(travel: _JointTravel, low: float, high: float, speeds: np.ndarray, vigour: float) -> np.ndarray:
     """Return offsets of a joint that moves between `low` and `high` at each of `speeds`, all scaled by `vigour`."""
     return travel.at(vigour).up_and_down(vigour * low, vigour * high, vigour * speeds)
 

@@ -28,9 +28,7 @@ def compare_indices(ranking: TaskRanking) -> IndexComparison | None:
     if len(names) < MIN_COMPARED_CONTROLLERS:
         return None
     values = {
-        index.name: np.array(
-            [[(one.indices or {})[index.name] for one in ranking.tried[name]] for name in names]
-        ).T
+        index.name: np.array([[(one.indices or {})[index.name] for one in ranking.tried[name]] for name in names]).T
         for index in TRANSPARENCY_INDICES
     }
     return IndexComparison(names, values)

@@ -38,6 +38,7 @@ SWAY_TESTED_COUNT = 2
 """Number of wearers with whom margins are tested in simulation, if there are more wearers than these. The test takes as
 long as everything else."""
 
+
 @dataclass(frozen=True)
 class ControllerRanking:
     """Rankings of all tasks, and their page."""

@@ -10,15 +10,25 @@ import numpy as np
 
 from ..control.supervisor_faults import NO_FAULT
 from ..drawing.drawing import draw
-from ..pages.page import Page, Section, write_page
+from ..pages.page import Answer, AnswerVerdict, Page, Section, without_drawing, write_page
 from ..pages.tables import Row, Table, number_table
 from .board import BoardEntry, share_over_before
 from .foreign_law import stopped_words
 from .index_section import index_section
 from .ranking_figures import Line, ranked_torque
-from .strategies import CONTROLLER_FIELDS, RANKED_STRATEGIES, SIMPLE_RIVALS, controller_words, sensors_read
+from .strategies import (
+    CONTROLLER_FIELDS,
+    RANKED_STRATEGIES,
+    SIMPLE_RIVALS,
+    Strategy,
+    controller_words,
+    sensors_read,
+)
 from .task_ranking import SIGNIFICANCE_LEVEL, TaskRanking
 from .tried import ControllerTrial
+
+MIN_TOLD_PAIRS = 12
+"""With fewer pairs the page says that more separate more controllers."""
 
 EMPTY_CELL = "–"
 """Text of a table's cell without a value."""
@@ -28,41 +38,94 @@ def write_ranking(
     out: Path, tasks: Sequence[TaskRanking], pairs: int, seed: int, board: Sequence[BoardEntry] = ()
 ) -> Path:
     """Write index.html and its figures."""
-    best = [f"{task.task}: {controller_words(task.task, task.controllers[0])}" for task in tasks]
+    sections = (
+        _strategy_section(tasks), *(_task_section(task) for task in tasks),
+        *(section for task in tasks for section in index_section(task)), *_foreign_sections(tasks, board),
+        _method_section(),
+    )  # fmt: skip
+    figure = next((drawing for section in sections for drawing in section.drawings), None)
     page = Page(
         title="Which controller?",
         kicker="pellucid rank",
-        headline=f"Every strategy that reviews name, worn by {pairs} drawn people in {pairs} drawn robots at either "
-        f"joint, none of which any constant was chosen on. Least torque between robot and person: {'; '.join(best)}.",
-        sections=(
-            _strategy_section(tasks), *(_task_section(task) for task in tasks),
-            *(section for task in tasks for section in index_section(task)), *_foreign_sections(tasks, board),
-            _method_section(),
-        ),
+        headline=_headline(tasks, pairs),
+        sections=sections if figure is None else without_drawing(sections, figure.name),
         footer=f"Written by pellucid {version('pellucid')}; seed {seed}. Every figure is simulated.",
+        answer=Answer(
+            "Is a controller told from every simple rival?",
+            _verdict(tasks),
+            figure,
+            (
+                "Try the first on your own study: `pellucid export DIR --controller NAME`.",
+                *(
+                    ("Few pairs separate few controllers: `pellucid rank --pairs 12`.",)
+                    if pairs < MIN_TOLD_PAIRS
+                    else ()
+                ),
+            ),
+        ),
     )
     return write_page(out, page)
 
 
+def _is_told_from_rivals(task: TaskRanking) -> bool:
+    """Return whether the first controller is told from each of the simplest rivals."""
+    first, rivals = task.controllers[0], SIMPLE_RIVALS[task.task]
+    return first not in rivals and not any(task.like_first[task.controllers.index(rival)] for rival in rivals)
+
+
+def _verdict(tasks: Sequence[TaskRanking]) -> AnswerVerdict:
+    if any(task.controllers[0] in SIMPLE_RIVALS[task.task] for task in tasks):
+        return "no"
+    return "yes" if all(task.test is not None and _is_told_from_rivals(task) for task in tasks) else "unsure"
+
+
+def _headline(tasks: Sequence[TaskRanking], pairs: int) -> str:
+    """Return the first controller of each task with its torque over that without power, and what 80 % of pairs have."""
+    parts = []
+    for task in tasks:
+        low, middle, high = task.spread(_shares(task))
+        between = f" ({low[0]:.2f} to {high[0]:.2f} in 80 % of pairs)" if task.has_interval else ""
+        parts.append(f"{task.task}: {option_name(task.controllers[0])} leaves {middle[0]:.2f}{between}")
+    who = "a drawn person in a drawn robot" if pairs == 1 else f"{pairs} drawn people in drawn robots"
+    return (
+        f"Torque between robot and person as a share of that without power, {who}: {'; '.join(parts)}. No constant was "
+        "chosen on these people or robots."
+    )
+
+
+def option_name(controller: str) -> str:
+    """Return a controller's name as the option --controller takes it; of a foreign law its file."""
+    return controller.removeprefix("law:")
+
+
 def _strategy_section(tasks: Sequence[TaskRanking]) -> Section:
-    """Return the table of strategies with their place and torque in every task."""
+    """Return the table of strategies with their place and torque in every task, the best mean place first."""
+
+    def mean_place(one: Strategy) -> float:
+        named = [(task, getattr(one, CONTROLLER_FIELDS[task.task])) for task in tasks]
+        places = [task.controllers.index(name) / len(task.controllers) for task, name in named if name is not None]
+        return sum(places) / len(places) if places else float("inf")
+
     rows = []
-    for one in RANKED_STRATEGIES:
+    for one in sorted(RANKED_STRATEGIES, key=mean_place):
         cells = [_place_text(task, getattr(one, CONTROLLER_FIELDS[task.task])) for task in tasks]
         rows.append(Row((one.name, one.reviewed or EMPTY_CELL, *cells)))
-    heads = ("strategy", "reviewed for", *(f"{task.task}: place, torque" for task in tasks))
+    heads = ("strategy", "reviewed for", *(task.task for task in tasks))
     caption = (
-        "Place by mean rank of the interaction torque, and its median over pairs as a share of the robot's without "
-        "power. A dash: no such controller at that joint."
+        "The name that --controller takes, the place by mean rank of the interaction torque, and its median over pairs "
+        "as a share of the robot's without power. A dash: no such controller at that joint."
     )
-    return Section("strategies", "By strategy", (), (number_table(heads, rows, caption, words=2),))
+    table = Table(heads, tuple(rows), caption=caption, wide=True)
+    return Section("strategies", "By strategy", (), (table,))
 
 
 def _place_text(task: TaskRanking, controller: str | None) -> str:
     if controller is None:
         return EMPTY_CELL
     i = task.controllers.index(controller)
-    return f"{i + 1}., {np.median(_shares(task)[:, i]):.2f}"
+    share = float(np.median(_shares(task)[:, i]))
+    torque = f"{share:.2f}" if np.isfinite(share) else "stopped"
+    return f"{option_name(controller)}: place {i + 1} of {len(task.controllers)}, {torque}"
 
 
 def _shares(task: TaskRanking) -> np.ndarray:
@@ -73,7 +136,7 @@ def _task_section(task: TaskRanking) -> Section:
     rivals = SIMPLE_RIVALS[task.task]
     shares = _shares(task)
     lines = [
-        Line(controller_words(task.task, name), shares[:, i][np.isfinite(shares[:, i])], name in rivals)
+        Line(option_name(name), shares[:, i][np.isfinite(shares[:, i])], name in rivals)
         for i, name in enumerate(task.controllers)
     ]
     anchor = task.task.replace(" ", "_")
@@ -89,36 +152,37 @@ def _task_section(task: TaskRanking) -> Section:
         ranked_torque, lines, f"ranked_{anchor}",
         caption="A dot for each pair, a bar their median; the simplest rivals in the darker colour. Logarithmic.",
     )  # fmt: skip
-    return Section(anchor, task.task.capitalize(), (paragraph,), (_table(task),), (drawing,))
+    ranked, more = _tables(task)
+    return Section(
+        anchor, task.task.capitalize(), (paragraph,), (ranked,), (drawing,),
+        folded=(("Energy, movement, margins and faults of each controller", more),),
+    )  # fmt: skip
 
 
-def _table(task: TaskRanking) -> Table:
+def _tables(task: TaskRanking) -> tuple[Table, Table]:
+    """Return the table of ranks and torques, and that of everything else."""
     elbow = CONTROLLER_FIELDS[task.task] == "elbow"
     low, middle, high = task.spread(task.torque)
     rivals = SIMPLE_RIVALS[task.task]
     over = [np.median(task.over(rival), axis=0) for rival in rivals]
     own = ELBOW_COLUMNS if elbow else KNEE_COLUMNS
-    rows = []
+    rows, more = [], []
     for i, name in enumerate(task.controllers):
         tried = task.tried[name]
-        rows.append(
-            Row(
-                (
-                    f"{i + 1}. {controller_words(task.task, name)}{'' if task.like_first[i] else ' *'}",
-                    sensors_read(task.task, name),
-                    f"{task.ranks[i]:.1f}", _torque_text(task, middle[i], low[i], high[i]),
-                    *(f"{one[i]:.2f}" for one in over), *(cell(tried) for _, cell in own),
-                ),
-                name in rivals,
-            )
-        )  # fmt: skip
-    over_words = (f"over {controller_words(task.task, r)}" for r in rivals)
-    heads = ("controller", "senses", "mean rank", "torque (N·m)", *over_words,
-             *(head for head, _ in own))  # fmt: skip
-    caption = "Medians over pairs; of the torque also what 80 % of pairs are within. "
-    caption += "* told from the first. Energy a second, given to the person and taken. "
-    caption += ELBOW_CAPTION if elbow else KNEE_CAPTION
-    return number_table(heads, rows, caption, words=2)
+        label = f"{i + 1}. {option_name(name)}{'' if task.like_first[i] else ' *'}"
+        words = (controller_words(task.task, name), sensors_read(task.task, name))
+        torque = _torque_text(task, middle[i], low[i], high[i])
+        shares = (f"{one[i]:.2f}" if np.isfinite(one[i]) else EMPTY_CELL for one in over)
+        rows.append(Row((label, *words, f"{task.ranks[i]:.1f}", torque, *shares), name in rivals))
+        more.append(Row((label, *(cell(tried) for _, cell in own)), name in rivals))
+    heads = ("controller", "strategy", "senses", "mean rank", "torque (N·m)",
+             *(f"over {option_name(rival)}" for rival in rivals))  # fmt: skip
+    caption = "Medians over pairs; of the torque also what 80 % of pairs are within. * told from the first."
+    further = "Energy a second, given to the person and taken. " + (ELBOW_CAPTION if elbow else KNEE_CAPTION)
+    return (
+        number_table(heads, rows, caption, words=3),
+        number_table(("controller", *(head for head, _ in own)), more, further, words=1),
+    )
 
 
 def _torque_text(task: TaskRanking, middle: float, low: float, high: float) -> str:

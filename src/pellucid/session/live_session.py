@@ -551,9 +551,7 @@ class LiveSession:
             self._estimated_at = now
             self._tell_estimate(self.levels.levels)
 
-    def _keep_for_estimate(
-        self, attempt: Attempt, samples: EngineSamples, levels: Mapping[str, np.ndarray]
-    ) -> None:
+    def _keep_for_estimate(self, attempt: Attempt, samples: EngineSamples, levels: Mapping[str, np.ndarray]) -> None:
         """Keep the last sample for the torque estimate, some `RATE_HZ` times a second."""
         now, interaction = self._last_time, self._last.get("interaction", math.nan)
         if now - attempt.kept_at < 1.0 / RATE_HZ:

@@ -129,5 +129,3 @@ def add_to_study(study: Study, trial: PlannedTrial, file: Path) -> Study:
 def recorded_names(study: Study) -> set[str]:
     """Return the names of the recordings that study.toml has."""
     return {entry.name for entry in study.config.recordings}
-
-

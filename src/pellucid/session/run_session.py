@@ -227,5 +227,3 @@ def evaluate(study: Study) -> tuple[Path | None, list[str]]:
             notes.append(f"{command}: done")
     page = study.report_dir / PAGE_FILE
     return (page if page.is_file() else None), notes
-
-

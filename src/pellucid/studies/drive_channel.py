@@ -18,5 +18,3 @@ def command_channel(channels: Container[str], kind: str, ending: str = "") -> st
     Channels of a rig with several joints have the joint's name as their `ending`, such as ``".elbow"``.
     """
     return next((name + ending for name in DRIVE_CHANNELS[kind] if name + ending in channels), None)
-
-

@@ -102,9 +102,7 @@ def _blocks_of_rows(data: Stack[Motion]) -> list[np.ndarray]:
     return block_labels([len(m.moving) for m in data.motions])
 
 
-def _values_without(
-    solved: SolvedMethod, data: Stack[Motion], labels: Sequence[np.ndarray]
-) -> dict[int, np.ndarray]:
+def _values_without(solved: SolvedMethod, data: Stack[Motion], labels: Sequence[np.ndarray]) -> dict[int, np.ndarray]:
     """Return a method's parameters, (p,), without each block."""
     rows = [x if solved.every_row else x[m.moving] for x, m in zip(labels, data.motions, strict=True)]
     if solved.weighs_rows:

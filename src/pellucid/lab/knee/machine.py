@@ -121,4 +121,3 @@ class KneeMachine(Rig):
                 **{f"passive_{name}": value for name, value in self.constants.passive.items()},
             }
         return np.array([values[name] for name in NAMES], float)
-

@@ -65,9 +65,7 @@ class VirtualStudy:
 
     def change(self, index: str, condition: str, rule: str = PUBLISHED_RULE) -> float:
         """Return the change of an index from control [%]."""
-        return float(
-            change(index, self.values(index, condition, rule), self.values(index, CONTROL_CONDITION, rule))
-        )
+        return float(change(index, self.values(index, condition, rule), self.values(index, CONTROL_CONDITION, rule)))
 
     def settling(self, condition: str) -> Survival:
         """Return the survival curve of movements: the share that still goes on after a time, over all people."""

@@ -14,11 +14,13 @@ from ...assessment.isochrony import Isochrony
 from ...assessment.measured import DIRECTION_DOWN, DIRECTION_UP
 from ...drawing.drawing import Drawing, dots, key, line, tidy
 from ...drawing.style import FIGURE_WIDTH, colour
-from ...pages.quantities import unit_text
+from ...pages.forest import Estimate, forest_panel
+from ...pages.quantities import MINUS_SIGN, unit_text
 from ...units import COORDINATES_BY_UNIT, Coordinate
 from .assessment_result import Assessed, Profile, Settling
 from .certified_condition import Certified
 from .movement_curves import QUANTITY_NAMES
+from .primary_change import PrimaryChange, change_figure
 
 CONDITION_COLOUR_ROLES = ("measured", "fitted", "heldout", "directional", "load", "stribeck", "combined", "good")
 """Colour roles of control and of the other conditions in their order; further conditions share the last."""
@@ -143,7 +145,7 @@ def isochrony_figure(lines: Sequence[Isochrony], conditions: Sequence[str]) -> D
 
 
 def index_figure(assessed: Mapping[str, Assessed], conditions: Sequence[str]) -> Drawing:
-    """Draw every participant in every condition as a line over box plots."""
+    """Draw every participant in every condition as a line of points, with the mean over participants."""
     tone = tones(conditions)
     columns = min(len(assessed), 3)
     rows = -(-len(assessed) // columns)
@@ -156,8 +158,7 @@ def index_figure(assessed: Mapping[str, Assessed], conditions: Sequence[str]) ->
     return Drawing(
         "indices",
         figure,
-        "Each line is a participant: the mean over movements. Boxes hold the middle half of the participants, their "
-        "bar is the median, whiskers reach the extremes.",
+        "Each line is a participant: the mean over movements. The bar is the mean over participants.",
     )
 
 
@@ -169,13 +170,9 @@ def _panel(axis, each: Assessed, tone: Mapping[str, str]) -> None:
         line(axis, at, row, color=colour("faint"), linewidth=0.9, zorder=2)
     for x, condition in zip(at, table.conditions, strict=True):
         values = factor * table.column(condition)
-        low, first, middle, third, high = np.quantile(values, (0.0, 0.25, 0.5, 0.75, 1.0))
-        axis.plot((x, x), (low, first), color=tone[condition], linewidth=1.0, zorder=3)
-        axis.plot((x, x), (third, high), color=tone[condition], linewidth=1.0, zorder=3)
-        box = ([x - 0.22, x + 0.22, x + 0.22, x - 0.22, x - 0.22], [first, first, third, third, first])
-        axis.plot(*box, color=tone[condition], linewidth=1.2, zorder=3)
-        axis.plot((x - 0.22, x + 0.22), (middle, middle), color=tone[condition], linewidth=2.2, zorder=4)
-        dots(axis, np.full(len(values), float(x)), values, tone[condition], alpha=0.8, size=4.0)
+        mean = float(np.mean(values))
+        axis.plot((x - 0.24, x + 0.24), (mean, mean), color=tone[condition], linewidth=2.8, zorder=4)
+        dots(axis, np.full(len(values), float(x)), values, tone[condition], alpha=0.9, size=5.0)
     unit = unit_text(unit)
     tidy(axis, first=True, text=f"{table.index.short}" + (f" ({unit})" if unit else ""), ticks=5)
     axis.set_xticks(at, [condition.replace("_", "\n") for condition in table.conditions])
@@ -183,7 +180,45 @@ def _panel(axis, each: Assessed, tone: Mapping[str, str]) -> None:
     axis.grid(visible=False, axis="x")
 
 
-VERDICT_COLOUR_ROLES = {"within": "good", "undecided": "faint", "beyond": "measured"}
+def changes_figure(each: Assessed, changes: Mapping[str, PrimaryChange], control: str, study: str) -> Drawing:
+    """Draw an index's participants as points and lines, beside its changes from control with their intervals."""
+    conditions = each.table.conditions
+    tone = tones((control, *(c for c in conditions if c != control)))
+    figure = Figure(figsize=(FIGURE_WIDTH, 3.3), layout="constrained")
+    people, forest = figure.subplots(1, 2, width_ratios=(1.0, 1.25))
+    _panel(people, each, tone)
+    roles = dict(zip((c for c in conditions if c != control), CONDITION_COLOUR_ROLES[1:], strict=False))
+    estimates = [
+        Estimate(
+            condition.replace("_", " "), change.value, change.low, change.high,
+            roles.get(condition, CONDITION_COLOUR_ROLES[-1]),
+            change_figure(change.value, change.unit).replace("-", MINUS_SIGN) if np.isfinite(change.value) else "",
+            "" if change.at_least else f"{study}.transparency.{each.name}.{condition.lower()}",
+        )
+        for condition, change in changes.items()
+    ]  # fmt: skip
+    unit = next((change.unit for change in changes.values()), "")
+    forest_panel(forest, estimates, f"Change from {control}" + (f" ({unit})" if unit else ""))
+    widest = 3.0 * max((abs(e.value) for e in estimates if np.isfinite(e.value)), default=1.0)
+    low, high = forest.get_xlim()
+    forest.set_xlim(max(low, -max(widest, 100.0)), min(high, max(widest, 100.0)))
+    return Drawing(
+        "changes",
+        figure,
+        f"{each.table.index.words}. Left: every participant is a line, the bar is the mean. Right: the change from "
+        f"{control} with its interval; an interval that reaches the panel's edge goes on beyond it.",
+    )
+
+
+def interval_text(change: PrimaryChange) -> str:
+    """Return the interval of a change in words; "" where there is none."""
+    if not (np.isfinite(change.low) and np.isfinite(change.high)):
+        return ""
+    low, high = (change_figure(end, change.unit).replace("-", MINUS_SIGN) for end in (change.low, change.high))
+    return f"{low} to {high}"
+
+
+VERDICT_COLOUR_ROLES = {"within": "good", "undecided": "muted", "beyond": "measured"}
 """Colour role of each verdict on an end point."""
 
 

@@ -6,11 +6,13 @@ from importlib.metadata import version
 
 import numpy as np
 
-from ...assessment.indices import SHOWN_INDICES, index_names
+from ...assessment.certificate import FAIL, PASS
+from ...assessment.indices import SHOWN_INDICES, index_names, leading_index
 from ...drawing.drawing import draw
-from ...pages.page import Page, Section, Tile
-from ...pages.quantities import cell_text, number, typeset_sentence, unit_text
+from ...pages.page import Answer, AnswerVerdict, Page, Section, Tile, without_drawing
+from ...pages.quantities import MINUS_SIGN, cell_text, number, typeset_sentence, unit_text
 from ...pages.tables import Row, Table
+from ...pages.values import Value
 from ...studies.study import Study
 from ..result import FigureTable
 from . import assessment_figures as figures
@@ -18,8 +20,8 @@ from . import assessment_tables as tables
 from .assessment_result import AssessmentResult
 from .assessment_table import AssessmentTable
 from .certified_rows import certificate_remarks, certificate_sentences
-from .primary_change import ESTIMAND_WORDS, primary_change
-from .statements import change_text
+from .primary_change import ESTIMAND_WORDS, PrimaryChange, primary_change
+from .statements import change_text, is_told_apart
 
 
 def page(study: Study, findings: AssessmentResult) -> Page:
@@ -39,13 +41,67 @@ def page(study: Study, findings: AssessmentResult) -> Page:
     return Page(
         title=f"{findings.study}: transparency",
         kicker="Pellucid report",
-        headline=typeset_sentence(findings.headline),
+        headline=_answer_sentence(findings),
         tiles=_tiles(findings),
-        sections=tuple(sections),
+        sections=without_drawing(sections, "certificate"),
         footer=f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every "
         "number in results.json.",
-        verdicts=tuple((v.kind, typeset_sentence(v.said)) for v in findings.verdicts),
+        verdicts=_verdicts(findings),
+        answer=_answer(study, findings),
     )
+
+
+def _verdicts(findings: AssessmentResult) -> tuple[tuple[str, str], ...]:
+    """Return the verdicts, without those of the certificate, which the answer and its section tell."""
+    told = set(certificate_sentences(findings)) if findings.certified else set()
+    return tuple((v.kind, typeset_sentence(v.said)) for v in findings.verdicts if v.text not in told)
+
+
+def _answer(study: Study, findings: AssessmentResult) -> Answer:
+    """Return whether a condition is transparent, or without a certificate whether conditions change movement."""
+    if findings.certified:
+        said = {each.certificate.verdict for each in findings.certified}
+        verdict: AnswerVerdict = "yes" if PASS in said else "no" if said == {FAIL} else "unsure"
+        question = "Is any condition shown to be transparent?" if len(findings.certified) > 1 else "Is it transparent?"
+        return Answer(question, verdict, draw(figures.certificate_figure, findings.certified))
+    name = leading_index().name
+    each = findings.assessed.get(name) or next(iter(findings.assessed.values()))
+    told = is_told_apart(findings, each, 1.0 - findings.confidence)
+    figure = draw(figures.changes_figure, each, known_changes(findings, each.name), findings.control, findings.study)
+    plan = f"State margins in `[assessment.margins]`, and plan how many people they take: `pellucid plan {study.name}`."
+    question = f"Do these conditions change how people move, against {findings.control}?"
+    return Answer(question, "yes" if told else "unsure", figure, (plan,))
+
+
+def known_changes(findings: AssessmentResult, name: str) -> dict[str, PrimaryChange]:
+    """Return the primary changes of an index from control, by condition."""
+    changes = {c: primary_change(findings, name, c) for c in findings.conditions if c != findings.control}
+    return {c: change for c, change in changes.items() if change is not None}
+
+
+def change_value(findings: AssessmentResult, name: str, condition: str, change: PrimaryChange) -> Value:
+    """Return a primary change as every part of a page shows it, under the id of its row in results.json."""
+    text = change_text(change).removesuffix(f" {change.unit}") if change.unit else change_text(change)
+    row = f"{findings.study}.transparency.{name}.{condition.lower()}"
+    return Value(row, change.value, text.replace("-", MINUS_SIGN))
+
+
+def _answer_sentence(findings: AssessmentResult) -> str:
+    """Return the first sentence: the verdict, or the leading index's changes, with their intervals."""
+    name = leading_index().name
+    each = findings.assessed.get(name)
+    changes = known_changes(findings, name) if each is not None else {}
+    if each is None or not changes:
+        return typeset_sentence(findings.headline)
+    level, parts = f"{100.0 * findings.confidence:g} % CI", []
+    for condition, change in changes.items():
+        shown = change_value(findings, name, condition, change)
+        ends = figures.interval_text(change) or "not known"
+        parts.append(f"{condition.replace('_', ' ')} {shown} {change.unit} ({level} {ends})")
+    words = each.table.index.words
+    verdicts = "".join(f"{one.condition.replace('_', ' ')}: {one.certificate.verdict}. " for one in findings.certified)
+    people = f"{len(findings.participants)} {'people' if len(findings.participants) != 1 else 'person'}"
+    return f"{verdicts}{words} against {findings.control}, {people}: {', '.join(parts)}."
 
 
 def _tiles(findings: AssessmentResult) -> tuple[Tile, ...]:
@@ -60,17 +116,18 @@ def _tiles(findings: AssessmentResult) -> tuple[Tile, ...]:
         changes = {c: primary_change(findings, index.name, c) for c in others}
         known = {c: change for c, change in changes.items() if change is not None}
         if known:
-            shown, texts = {c: x.value for c, x in known.items()}, {c: change_text(x) for c, x in known.items()}
+            shown = {c: x.value for c, x in known.items()}
+            texts = {c: str(change_value(findings, index.name, c, x)) for c, x in known.items()}
             against = "over control" if each.table.index.over_control else f"against {findings.control}"
-            texts = {c: text.removesuffix(" " + known[c].unit) for c, text in texts.items()}
             unit = f"{next(iter(known.values())).unit} {against}".strip()
         else:
             shown = {c: float(each.table.column(c).mean()) for c in others}
-            texts = {c: number(x, digits=3) for c, x in shown.items()}
+            rows = {c: f"{findings.study}.transparency.{index.name}.{c.lower()}" for c in shown}
+            texts = {c: str(Value(rows[c], x, number(x, digits=3))) for c, x in shown.items()}
             unit = f"{unit_text(each.table.index.unit)}{index.tile.after_unit}"
         least = min(shown, key=lambda c: abs(shown[c]) if np.isfinite(shown[c]) else np.inf)
-        rest = ", ".join(f"{c} {text}" for c, text in texts.items() if c != least)
-        made.append(Tile(f"{index.tile.label}, {least}", texts[least], unit, rest))
+        rest = ", ".join(f"{c.replace('_', ' ')} {text}" for c, text in texts.items() if c != least)
+        made.append(Tile(f"{index.tile.label}, {least.replace('_', ' ')}", texts[least], unit, rest))
     return tuple(made)
 
 

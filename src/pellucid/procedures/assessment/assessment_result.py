@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -128,6 +128,10 @@ class AssessmentResult(Result):
     @property
     def prose(self) -> str:
         return self.paragraph
+
+    def for_page(self) -> AssessmentResult:
+        # A function cannot be kept, and no page needs it.
+        return replace(self, write_tables=None)
 
     def save_more(self, study: Study) -> None:
         if self.write_tables is not None:

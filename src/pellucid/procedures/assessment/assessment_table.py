@@ -19,7 +19,6 @@ DEFAULT_STUDIES = 1000
 """Studies that are simulated for each number of participants, unless the caller asks for another number."""
 
 
-
 class AssessmentTable(ProcedureTable):
     """Whether conditions change how people move: ``[assessment]``. Recordings that name a condition take part.
 

@@ -125,11 +125,7 @@ def doubt_table(found: AssessmentResult) -> FigureTable:
 def _doubt(doubt: Doubt | None) -> str | None:
     if doubt is None:
         return None
-    return (
-        doubt.without.verdict
-        if np.isnan(doubt.p_value)
-        else f"{_p(doubt.p_value)}, {doubt.without.verdict}"
-    )
+    return doubt.without.verdict if np.isnan(doubt.p_value) else f"{_p(doubt.p_value)}, {doubt.without.verdict}"
 
 
 def curve_table(found: AssessmentResult) -> FigureTable:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from ...studies.study import Study
     from .assessment_result import AssessmentResult
 
+
 class AssessmentProcedure(Procedure[AssessmentTable, "AssessmentResult"]):
     """Whether conditions change how people move."""
 

@@ -52,7 +52,7 @@ def paragraph(found: AssessmentResult) -> str:
     described = [name for name in index_names(lambda index: index.paragraph_place) if name in found.assessed]
     parts += [_index_sentences(found, found.assessed[name], alpha) for name in described]
     rest = _other_indices(found, alpha)
-    if n > 2 and any(_told_apart(found, each, alpha) is False for each in found.assessed.values()):
+    if n > 2 and any(is_told_apart(found, each, alpha) is False for each in found.assessed.values()):
         rest.append(
             f"A condition that no test tells from {found.control} is not thereby equal to it: its interval "
             f"(CI, of the {ESTIMAND_WORDS[found.estimand]}) says how large the change may be."
@@ -61,7 +61,7 @@ def paragraph(found: AssessmentResult) -> str:
     return "\n\n".join(" ".join(part) for part in parts if part)
 
 
-def _told_apart(found: AssessmentResult, each: Assessed, alpha: float) -> bool | None:
+def is_told_apart(found: AssessmentResult, each: Assessed, alpha: float) -> bool | None:
     """Return whether Friedman's and Nemenyi's tests separate every condition from control; None without a test."""
     if each.comparison.p_value is None or not each.comparison.against_control:
         return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...drawing.drawing import draw
-from ...pages.page import Page, Section, Tile
+from ...pages.page import Answer, Page, Section, Tile, without_drawing
 from ...pages.quantities import number, typeset_sentence, unit_text
 from ...pages.tables import number_table
 from ...studies.study import Study
@@ -20,19 +20,36 @@ ORIENTATION_FILTER_NAMES = {"vqf": "VQF", "madgwick": "Madgwick's filter"}
 """Names of the orientation filters."""
 
 
+MIN_EXPLAINED_PERCENT = 50.0
+"""A strap explains the angle between limb and orthosis if it explains at least this share of it held out."""
+
+
 def page(study: Study, findings: CouplingResult) -> Page:
     """Build the page of a result."""
+    sections = (
+        _found(findings),
+        _orthosis(findings),
+        *([_limbs(findings)] if any(w.limb is not None for w in findings.wearers.values()) else []),
+        _straps(findings),
+        _provenance(study, findings),
+    )
+    shown = f"mismatch_{next(iter(findings.wearers))}" if findings.wearers else ""
+    drawn = (drawing for section in sections for drawing in section.drawings)
+    figure = next((drawing for drawing in drawn if drawing.name == shown), None)
+    held = [w.coupling.mean_fit() for w in findings.wearers.values()]
+    known = np.isfinite(held).any()
+    wrong = any(v.kind == "wrong" for v in findings.verdicts)
+    explained = known and float(np.nanmean(held)) >= MIN_EXPLAINED_PERCENT
     return study_page(
         title=f"{findings.study}: wearers and their orthosis",
         headline=typeset_sentence(findings.headline),
         verdicts=findings.verdicts,
         tiles=_tiles(findings),
-        sections=(
-            _found(findings),
-            _orthosis(findings),
-            *([_limbs(findings)] if any(w.limb is not None for w in findings.wearers.values()) else []),
-            _straps(findings),
-            _provenance(study, findings),
+        sections=without_drawing(sections, shown),
+        answer=Answer(
+            "Do the straps explain the angle between limb and orthosis in swings that were not fitted?",
+            "no" if wrong or (known and not explained) else "yes" if explained else "unsure",
+            figure,
         ),
     )
 

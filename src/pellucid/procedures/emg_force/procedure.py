@@ -35,7 +35,9 @@ class EmgForceProcedure(Procedure[EmgForceTable, "EmgForceResult"]):
         return find_emg_force(study, table, tell)
 
     def page(self, study: Study, found: EmgForceResult) -> Page:
-        from ...pages.page import Section
+        from ...drawing.drawing import draw
+        from ...pages.forest import MAX_FOREST_ROWS, Estimate, forest
+        from ...pages.page import Answer, AnswerVerdict, Section
         from ...pages.quantities import typeset_sentence
         from ..study_page import figure_tables, study_page
 
@@ -45,4 +47,24 @@ class EmgForceProcedure(Procedure[EmgForceTable, "EmgForceResult"]):
         )
         section = Section("emg_force", "What EMG tells of force", (text,), figure_tables(found))
         title = f"{found.study}: EMG against force"
-        return study_page(title, typeset_sentence(found.headline), (), (section,), found.verdicts)
+        follows = next((each.follows for each in found.found), 1.0)
+        own = [each for each in found.found if each.agonist]
+        answers = {each.answer for each in own}
+        follow, little = answers == {"follows the force"}, answers == {"tells little of the force"}
+        verdict: AnswerVerdict = "yes" if follow else "no" if little else "unsure"
+        estimates = [
+            Estimate(
+                f"{each.muscle.replace('_', ' ')}, {each.task.replace('_', ' ')}", each.mean, each.low, each.high,
+                "fitted" if each.agonist else "muted", f"{each.mean:.2f}",
+            )
+            for each in [*own, *(each for each in found.found if not each.agonist)][:MAX_FOREST_ROWS]
+        ]  # fmt: skip
+        figure = draw(
+            forest, estimates, "correlations", "Correlation with the force", margin=(follows, 1.0),
+            caption="Mean correlation over people with its interval; shaded is what counts as following the force. "
+            "Blue: the muscle that the study names for the task.",
+        )  # fmt: skip
+        answer = Answer(
+            "Does the named muscle's EMG follow the force?", verdict, figure
+        )
+        return study_page(title, typeset_sentence(found.headline), (), (section,), found.verdicts, answer)

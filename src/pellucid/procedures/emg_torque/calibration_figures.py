@@ -16,7 +16,7 @@ from .worth_findings import RecordingWorth
 CHOSEN_TONE = "heldout"
 """Colour of the recommended estimator's torque."""
 
-BASELINE_TONE = "faint"
+BASELINE_TONE = "muted"
 """Colour of the torque by angles alone."""
 
 MUSCLE_TONE = "good"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from ...drawing.drawing import draw
 from ...estimators.condition_choice import ERROR_BAND_SHARE
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...fit.parameter import Verdict, rank_verdicts
-from ...pages.page import Page, Section, Tile
+from ...pages.page import Answer, AnswerVerdict, Page, Section, Tile, without_drawing
 from ...pages.quantities import number, typeset_sentence
 from ...pages.tables import Row, Table
 from ...signals.emg_chain import emg_chain
@@ -33,24 +34,41 @@ SHORT_ESTIMATOR_NAMES = {name: family.short for name, family in ESTIMATOR_FAMILI
 
 def page(study: Study, findings: CalibrationResult) -> Page:
     """Return the page of a calibration's result."""
+    sections = tuple(
+        filter(
+            None,
+            (
+                _errors_section(findings), _torque_section(findings), _verdicts_section(findings),
+                _choices_section(findings),
+                _together_section(findings), _muscles_section(findings), _stiffness_section(findings),
+                _method_section(study),
+            ),
+        )
+    )  # fmt: skip
+    answer = _answer(findings, sections)
+    if answer.figure is not None:
+        sections = without_drawing(sections, answer.figure.name)
     return study_page(
         title=f"{findings.study}: torque from EMG",
         headline=typeset_sentence(findings.headline),
         tiles=_tiles(findings),
-        sections=tuple(
-            filter(
-                None,
-                (
-                    _errors_section(findings), _torque_section(findings), _verdicts_section(findings),
-                    _choices_section(findings),
-                    _together_section(findings), _muscles_section(findings), _stiffness_section(findings),
-                    _method_section(study),
-                ),
-            )
-        ),
+        sections=sections,
         # Verdicts that invalidate results stand above all results. The others follow below the first section.
         verdicts=[v for v in findings.verdicts if _invalidates_results(v)],
-    )  # fmt: skip
+        answer=answer,
+    )
+
+
+def _answer(findings: CalibrationResult, sections: Sequence[Section]) -> Answer:
+    """Return whether EMG is worth it beside angles, with the first torque over time."""
+    void = any(_invalidates_results(v) for v in findings.verdicts)
+    answers = {each.worth.answer for each in findings.worth}
+    verdict: AnswerVerdict = "yes" if answers == {"worth it"} else "no" if answers == {"not worth it"} else "unsure"
+    drawn = [drawing for section in sections for drawing in section.drawings]
+    first = next((drawing for drawing in drawn if drawing.name.startswith("torque_")), drawn[0] if drawn else None)
+    if not answers:
+        return Answer("May this torque be used?", "no" if void else "unsure", first)
+    return Answer("Is EMG worth it beside joint angles alone?", "unsure" if void else verdict, first)
 
 
 def _invalidates_results(verdict: Verdict) -> bool:

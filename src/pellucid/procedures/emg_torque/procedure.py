@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from ...recordings.fault import Fault
     from .calibrate import CalibrationResult
 
+
 class EmgTorqueProcedure(Procedure[EmgTorqueTable, "CalibrationResult"]):
     """Torque of joints from EMG, by several methods, on held-out data."""
 

@@ -40,7 +40,7 @@ def error_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
     """Draw the error over time of three estimates: reported, causal, and gyroscopes alone. `score_from` [s]."""
     figure, axis = one_panel(3.2)
     time = trial.reference.time
-    tones = {"gyroscopes": "faint", "causal": "directional", "offline": "heldout"}
+    tones = {"gyroscopes": "muted", "causal": "directional", "offline": "heldout"}
     words = {"gyroscopes": "gyroscopes alone", "causal": "causal", "offline": "whole recording"}
     for estimate, role in tones.items():
         error = np.where(trial.reference.believable, trial.scores[estimate].error, np.nan)

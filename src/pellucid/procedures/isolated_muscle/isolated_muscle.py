@@ -10,7 +10,7 @@ offset from there, which is fitted on the recordings that may be fitted and on n
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import optimize
@@ -112,6 +112,7 @@ class IsolatedMuscleFit:
 class IsolatedMuscleResult(Result):
     """What `calibrate` finds of an isolated muscle."""
 
+    fit: IsolatedMuscleFit = field(repr=False)
     interval: Parameter | None = None
     posterior: Posterior | None = None
 
@@ -134,6 +135,7 @@ def isolated_result(study: Study, tell: Progress = quiet) -> IsolatedMuscleResul
         tables=(FigureTable("Force over imposed length", heads, tuple(shown)), *tables),
         verdicts=(Verdict("note", summary), *posterior_notes),
         confidence=level,
+        fit=fit,
         interval=fit.interval,
         posterior=fit.posterior,
         rows=tuple(fit.rows(study)),

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from ...drawing.drawing import draw
-from ...pages.page import Page, Section
+from ...pages.over_time import Traces, over_time
+from ...pages.page import Answer, Page, Section
+from ...pages.quantities import typeset_sentence
 from ...studies.study import Study
 from ..posterior_beside import pair_with_posterior
 from ..posterior_figures import posterior_figure
@@ -22,10 +24,30 @@ def page(study: Study, found: IsolatedMuscleResult) -> Page:
         )
         sections.append(Section("posterior", "Posterior", (posterior_text,), tables, (drawing,)))
     verdict_texts = tuple((v.kind, v.said) for v in found.verdicts)
+    trial = next((t for t in found.fit.trials if t.use == "validate"), found.fit.trials[0])
+    use = "held out" if trial.use == "validate" else "fitted"
+    traces = Traces(
+        trial.name, f"{use}, amplitude {1e3 * trial.amplitude:g} mm", trial.time,
+        {"measured": trial.measured, "predicted": trial.predicted}, "Force (N)",
+    )  # fmt: skip
+    figure = draw(
+        over_time, [traces], "answer", roles={"measured": "measured", "predicted": "heldout"},
+        caption="Force over time at one amplitude of the imposed length: measured, and by Hill's model.",
+    )  # fmt: skip
+    held = any(t.use == "validate" for t in found.fit.trials)
+    good = held and found.fit.mae_percent < found.fit.rigid_mae_percent
     return Page(
-        study.name,
-        "Isolated muscle",
-        found.headline,
+        f"{study.name}: isolated muscle",
+        "Pellucid report",
+        typeset_sentence(
+            f"{found.headline}; with a rigid tendon, its offset fitted the same way, it is "
+            f"{found.fit.rigid_mae_percent:.2f} %."
+        ),
+        answer=Answer(
+            "Does Hill's model with an elastic tendon tell this muscle's force better than a rigid one?",
+            "yes" if good else "no" if held else "unsure",
+            figure,
+        ),
         sections=tuple(sections),
         footer=study.config.citation,
         verdicts=verdict_texts,

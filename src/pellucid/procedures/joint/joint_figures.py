@@ -287,13 +287,11 @@ def whiteness(fit: JointResult, family: FamilyFit, name: str = "whiteness") -> D
 
 def friction(fit: JointResult, name: str = "friction") -> Drawing:
     """Draw friction against velocity: the best family with its interval over the data, and all other families."""
-    best = fit.families[fit.best]
+    best = fit.headlined
     figure = Figure(figsize=(FIGURE_WIDTH, 4.3), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=(1.35, 1.0))
     _friction_panel(left, fit, best)
-    left.set_title(
-        f"{best.family} friction, the best family" if len(fit.families) > 1 else f"{best.family} friction", pad=9
-    )
+    left.set_title(f"{best.family} friction, as chosen" if len(fit.families) > 1 else f"{best.family} friction", pad=9)
     ends = []
     reading = MOTION_READINGS[fit.motion]
     for family in fit.families.values():
@@ -343,14 +341,14 @@ def families(fit: JointResult, name: str = "families") -> Drawing:
             else (family.fitted_effort_error, "fitted")
         )
         axis.set_title(
-            f"{family.family} · {percent(error)} % {split}" + (" · best" if family.family == fit.best else ""),
+            f"{family.family} · {percent(error)} % {split}" + (" · chosen" if family.family == fit.best else ""),
             color=colour(FAMILIES_BY_NAME[family.family].colour),
             fontweight="bold" if family.family == fit.best else "normal",
         )
     return Drawing(
         name,
         figure,
-        "The same data through each friction family, with the effort error of its prediction.",
+        "The same data through each friction family, by least squares, with the effort error of its prediction.",
     )
 
 
@@ -484,7 +482,11 @@ def heldout(fit: JointResult, name: str = "heldout") -> Drawing:
     pad = 0.12 * (high - low)
     axis.set_xlim(max(0.0, low - pad), high + pad)
     axis.set_xlabel("Effort error (%)")
-    return Drawing(name, figure, "Effort error of each family: blue on what was fitted, orange on what was held out.")
+    return Drawing(
+        name,
+        figure,
+        "Effort error of each family by least squares: blue on what was fitted, orange on what was held out.",
+    )
 
 
 # --- common to several ----------------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from ...drawing.drawing import Drawing, draw
 from ...fit.joint.friction_family import FamilyFit
 from ...fit.joint.joint_estimate import JointEstimate
 from ...fit.parameter import Parameter
-from ...pages.page import Page, Section, Tile
+from ...pages.page import Answer, Page, Section, Tile
 from ...pages.quantities import (
     EFFORT_NAMES,
     FAMILIES,
@@ -26,15 +26,19 @@ from ...pages.quantities import (
     relative_sd,
     typeset_sentence,
     unit_text,
+    value_and_half_interval,
 )
-from ...pages.series import whole_recordings
+from ...pages.series import by_recording, pooled_error, whole_recordings
 from ...pages.tables import Row, Table
+from ...pages.values import Value
 from ...studies.study import Study
 from ..posterior_beside import pair_with_posterior
 from ..posterior_figures import posterior_figure
 from ..study_page import figure_tables, provenance, study_page
 from . import joint_figures as figures
+from .findings.prediction import MAX_GOOD_ERROR, SOUND_R2
 from .joint_result import JointResult, Trace
+from .moving_joint_figures import moving_joint
 
 ESTIMATOR_EXPLANATIONS = (
     (("ls",), "least squares trusts the filtered motion as measured"),
@@ -115,7 +119,52 @@ def page(study: Study, result: JointResult) -> Page:
         tiles=_tiles(result, result.confidence),
         sections=(*sections, _provenance(study, result)),
         verdicts=result.verdicts,
+        answer=joint_answer(study, result),
     )
+
+
+def joint_answer(study: Study, fit: JointResult) -> Answer:
+    """Return whether the model predicts what it has not seen, drawn along a recording."""
+    best, error = fit.headlined, headline_error(fit)
+    held = [p for p in best.predictions if p.split == "heldout"]
+    wrong = any(v.kind == "wrong" for v in fit.verdicts)
+    good = bool(held) and error.number <= MAX_GOOD_ERROR and best.heldout_r2 >= SOUND_R2
+    parts = held or list(best.predictions)
+    gravity = (best[n].value if n in best.model.names else 0.0 for n in ("gravity", "gravity_cosine"))
+    sine, cosine = gravity
+    use = "held out" if held else "fitted"
+    figure = draw(
+        moving_joint, parts, "answer", rotary=fit.motion == "rotary", upright=-float(np.arctan2(cosine, sine)),
+        unit=unit_text(fit.effort_unit), error=error, use=use,
+        caption=f"The joint as it was recorded ({use}; its length is not to scale), and its effort: measured, and "
+        "dashed as the model predicts it, with the 95 % prediction interval.",
+    )  # fmt: skip
+    following = (
+        'Hold recordings out: give some of them `use = "validate"` in study.toml.'
+        if not held
+        else f"Make a controller of it: `pellucid export {study.name} --controller NAME`."
+    )
+    return Answer(
+        "Does the model predict recordings that it has not seen?",
+        "no" if wrong else "yes" if good else "unsure",
+        figure,
+        () if wrong else (following,),
+    )
+
+
+def headline_error(fit: JointResult) -> Value:
+    """Return the error that tile, sentence and tables tell: held out, or where nothing is, on what was fitted [%]."""
+    best = fit.headlined
+    if np.isfinite(best.heldout_effort_error):
+        error = float(best.heldout_effort_error)
+        return Value(f"{fit.study}.headline.heldout.effort_error", error, percent(error))
+    error = float(best.fitted_effort_error)
+    return Value(f"{fit.study}.headline.effort_error", error, percent(error))
+
+
+def parameter_value(fit: JointResult, p: Parameter) -> str:
+    """Return a parameter of the chosen estimate as every part of the page shows it."""
+    return str(Value(f"{fit.study}.headline.{p.name}", p.value, number(p.value, p.standard_error)))
 
 
 def _posterior(fit: JointResult) -> tuple[Section, ...]:
@@ -166,30 +215,33 @@ def _compared_family(fit: JointResult) -> FamilyFit | None:
 
 
 def _headline(study: Study, fit: JointResult) -> str:
-    best = fit.headlined
-    names = {s: [p.recording for p in best.predictions if p.split == s] for s in ("fitted", "heldout")}
-    used = {s: len(dict.fromkeys(n)) for s, n in names.items()}
-
-    def recordings(count: int) -> str:
-        return "one recording" if count == 1 else f"{count} recordings"
-
-    wrong = any(v.kind == "wrong" for v in fit.verdicts)
-    text = "These figures are not the machine's before what stands first below is mended. " if wrong else ""
-    text += f"The {study.rig.joint} is a {fit.motion} joint, identified from {recordings(used['fitted'])}. "
+    best, error = fit.headlined, headline_error(fit)
     effort = EFFORT_NAMES.get(fit.effort_unit, "effort").lower()
-    if np.isfinite(best.heldout_effort_error):
-        text += (
-            f"On {recordings(used['heldout'])} it has never seen, its model predicts the {effort} with an error of "
-            f"{percent(best.heldout_effort_error)} %"
+    wrong = any(v.kind == "wrong" for v in fit.verdicts)
+    if wrong:
+        return (
+            f"Mend what stands below first: until then these figures do not describe the {study.rig.joint}. The "
+            f"{fit.best} friction model leaves an error of {error} % of the {effort}."
         )
-        chosen = f"; of {len(fit.families)} friction families, {fit.best} friction is the one to use."
-        text += chosen if len(fit.families) > 1 and not wrong else "."
-    else:
-        text += (
-            f"Nothing was held out; on what was fitted, its {fit.best} model leaves an error of "
-            f"{percent(best.fitted_effort_error)} % of the {effort}."
+    held = [p for p in best.predictions if p.split == "heldout"]
+    if not held:
+        return (
+            f"Nothing was held out. On what was fitted, the {fit.best} friction model of the {study.rig.joint} leaves "
+            f"an error of {error} % of the {effort}."
         )
-    return text
+    single = [percent(pooled_error(group)) for group in by_recording(held)]
+    count = len(single)
+    spread = sorted(single, key=float) if count > 1 and all(map(_is_number, single)) else []
+    between = f" (between {spread[0]} and {spread[-1]} %, by recording)" if spread else ""
+    recordings = "a recording that it has" if count == 1 else f"{count} recordings that it has"
+    return (
+        f"The {fit.best} friction model of the {study.rig.joint} predicts the {effort} of {recordings} not seen with "
+        f"an error of {error} %{between}."
+    )
+
+
+def _is_number(text: str) -> bool:
+    return text.replace(".", "", 1).isdigit()
 
 
 def _tiles(fit: JointResult, level: float) -> list[Tile]:
@@ -199,19 +251,20 @@ def _tiles(fit: JointResult, level: float) -> list[Tile]:
         tiles.append(
             Tile(
                 "Error on held-out data",
-                percent(best.heldout_effort_error),
+                str(headline_error(fit)),
                 "%",
                 f"{percent(best.fitted_effort_error)} % on what was fitted",
             )
         )
     else:
-        tiles.append(Tile("Error on fitted data", percent(best.fitted_effort_error), "%", "nothing was held out"))
+        tiles.append(Tile("Error on fitted data", str(headline_error(fit)), "%", "nothing was held out"))
     # Inertia, gravity and friction are the parameters that a reader looks for first.
     wanted = ("inertia", "gravity", "coulomb", "coulomb_positive", "viscous", "viscous_positive")
     for name in [n for n in wanted if n in best.model.names][:3]:
-        tiles.append(_tile(best[name], level))
+        tiles.append(_tile(best[name], level, parameter_value(fit, best[name])))
     if fit.drive_constant is not None:
-        tiles.append(_tile(fit.drive_constant, level))
+        p = fit.drive_constant
+        tiles.append(_tile(p, level, str(_drive_constant(fit, p))))
     return tiles
 
 
@@ -227,11 +280,13 @@ def _by_whom(best: FamilyFit) -> str:
     )
 
 
-def _tile(p: Parameter, level: float) -> Tile:
+def _drive_constant(fit: JointResult, p: Parameter) -> Value:
+    return Value(f"{fit.study}.drive.constant", p.value, number(p.value, p.standard_error))
+
+
+def _tile(p: Parameter, level: float, shown: str) -> Tile:
     more = f"{parameter_interval(p, level)} ({100.0 * level:.4g} %)"
-    return Tile(
-        parameter_label(p.name).replace(" friction", ""), number(p.value, p.standard_error), unit_text(p.unit), more
-    )
+    return Tile(parameter_label(p.name).replace(" friction", ""), shown, unit_text(p.unit), more)
 
 
 def _parameters(fit: JointResult, estimate: JointEstimate, level: float) -> Table:
@@ -245,8 +300,13 @@ def _parameters(fit: JointResult, estimate: JointEstimate, level: float) -> Tabl
     shown = list(estimate.parameters)
     if fit.drive_constant is not None:
         shown.append(fit.drive_constant)
+    chosen = estimate is fit.headlined.estimate
     for p in shown:
-        cells = [parameter_label(p.name), number(p.value, p.standard_error), unit_text(p.unit) or "–"]
+        if p is fit.drive_constant:
+            value = str(_drive_constant(fit, p))
+        else:
+            value = parameter_value(fit, p) if chosen else number(p.value, p.standard_error)
+        cells = [parameter_label(p.name), value, unit_text(p.unit) or "–"]
         cells.append(parameter_interval(p, level))
         if booted:
             cells.append(interval(*p.bootstrap, p.standard_error) if p.bootstrap is not None else "–")
@@ -259,7 +319,8 @@ def _families_words(fit: JointResult) -> str:
     if len(fit.families) == 1:
         return f"Only one family was asked for, {fit.best}: {FAMILIES.get(fit.best, fit.best)}."
     return (
-        "A richer model always fits better. Best is the simplest family that does not predict blocks of the fitted "
+        "All families are fitted by least squares here, so that they differ in nothing else. A richer model always "
+        "fits better. Best is the simplest family that does not predict blocks of the fitted "
         "recordings, each from the others, worse than another whose own terms are told from zero. Recordings that were "
         "not fitted judge it."
     )
@@ -281,6 +342,13 @@ def _families(fit: JointResult) -> Table:
                 f.family == fit.best,
             )
         )
+    best = fit.headlined
+    if best.estimate.method != fit.families[fit.best].estimate.method:
+        held = str(headline_error(fit)) if np.isfinite(best.heldout_effort_error) else "–"
+        words = f"the same, by {METHODS[best.estimate.method]}: the headline"
+        errors = (percent(best.fitted_effort_error), held, number(best.heldout_r2, digits=4))
+        cells = (best.family, words, str(len(best.model.symbols)), *errors)
+        rows.append(Row(cells, True))
     return Table(
         ("Family", "What it knows", "Parameters", "Fitted error (%)", "Held-out error (%)", "Held-out R²"),
         tuple(rows),
@@ -428,8 +496,7 @@ def _estimators(family: FamilyFit, level: float) -> Table:
             if p is None:
                 cells.append("held")
                 continue
-            half = 0.5 * (p.interval(level)[1] - p.interval(level)[0])
-            cells.append(f"{number(p.value, p.standard_error)} ± {number(half, p.standard_error)}")
+            cells.append(value_and_half_interval(p, level, refused=family.estimate[name].refused))
         rows.append(Row(tuple(cells)))
     rows.append(
         Row(

@@ -274,6 +274,7 @@ def _headline_rows(fit: JointResult, together: str) -> Iterator[ResultRow]:
         note = f"{p.sentence()}; {how}; {fit.filter_note}"
         own = replace(plain, note=note, undetermined=p.undetermined)
         yield replace(own, id=f"{head}.{p.name}", value=p.value, unit=p.unit)
+    yield replace(plain, id=f"{head}.effort_error", value=one.fitted_effort_error, unit="%")
     held = replace(plain, split="heldout")
     if np.isfinite(one.heldout_effort_error):
         yield replace(held, id=f"{head}.heldout.effort_error", value=one.heldout_effort_error, unit="%")

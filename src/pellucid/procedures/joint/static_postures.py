@@ -126,6 +126,7 @@ def posture_page(study: Study, found: PostureResult) -> Page:
         headline=found.headline,
         verdicts=found.verdicts,
         tiles=(tile,),
+        question="Does one weight explain the torque in every posture?",
         sections=(
             Section("weight", "What was found", tables=parameter_tables(found)),
             Section("postures", "Postures", tables=figure_tables(found), notes=study.notes),

@@ -49,40 +49,40 @@ def paired_errors(
     *,
     roles: Mapping[str, str] | None = None,
     caption: str = "",
+    ids: Mapping[str, str] | None = None,
 ) -> Drawing:
-    """Mean absolute current error of several models over the same trials: boxes, and trials joined by thin lines.
-    `errors` (k,) [A]."""
+    """Draw the mean absolute current error of several models over the same trials, and the mean over trials.
+
+    `errors` are of shape (k,) each [A]; `ids` are the ids of their means' rows in results.json, by model.
+    """
     tones = _tones(errors, roles)
     table = np.column_stack([np.asarray(e, float) for e in errors.values()])
-    figure, axis = one_panel(4.3)
+    figure, axis = one_panel(3.7)
     # Trials stand apart within a column, in their own order, so that none hides another.
     shift = 0.13 * np.linspace(-1.0, 1.0, len(table)) if len(table) > 1 else np.zeros(1)
     columns = np.arange(table.shape[1], dtype=float)
     for row, off in zip(table, shift, strict=True):
         axis.plot(columns + off, row, color=colour("faint"), linewidth=0.7, zorder=2)
-    for column, tone in enumerate(tones.values()):
+    for column, (model, tone) in enumerate(tones.items()):
         values = table[:, column]
         known = values[np.isfinite(values)]
         if not len(known):
             continue
-        axis.boxplot(
-            [known], positions=[column], widths=0.42, showfliers=False, patch_artist=True, manage_ticks=False, zorder=3,
-            boxprops={"facecolor": tone, "alpha": 0.16, "edgecolor": tone, "linewidth": 1.0},
-            medianprops={"color": tone, "linewidth": 2.2}, whiskerprops={"color": tone, "linewidth": 1.0},
-            capprops={"color": tone, "linewidth": 1.0},
-        )  # fmt: skip
         for protocol in dict.fromkeys(protocols):
             chosen = np.array([p == protocol for p in protocols])
             axis.plot(
                 (column + shift)[chosen], values[chosen], color=tone, marker=_shape(protocol)[0], markersize=4.6,
-                markeredgewidth=0.0, linestyle="none", zorder=4,
+                markeredgewidth=0.0, linestyle="none", alpha=0.75, zorder=4,
             )  # fmt: skip
-        median = float(np.median(known))
-        axis.annotate(
-            f"{number(median, digits=3)} A", (column + 0.21, median), xytext=(6, 0), textcoords="offset points",
+        mean = float(np.mean(known))
+        axis.plot((column - 0.21, column + 0.21), (mean, mean), color=tone, linewidth=2.6, zorder=5)
+        written = axis.annotate(
+            f"{number(mean, digits=3)} A", (column + 0.21, mean), xytext=(6, 0), textcoords="offset points",
             va="center", color=tone, fontsize=9.5, fontweight="bold", zorder=6,
             bbox={"boxstyle": "square,pad=0.12", "facecolor": colour("paper"), "alpha": 0.8, "linewidth": 0},
         )  # fmt: skip
+        if ids and model in ids:
+            written.set_gid(f"value:{ids[model]}")
     tidy(axis, first=True, text="Mean absolute current error (A)")
     axis.set_xlim(-0.5, table.shape[1] - 0.5)
     axis.set_ylim(0.0, 1.06 * float(np.nanmax(table)))
@@ -93,8 +93,8 @@ def paired_errors(
         figure,
         caption
         or f"Mean absolute error of the predicted current over {len(table)} trials, by model. Each dot is a trial, "
-        "its shape the protocol, and a thin line joins the same trial under different models. Boxes hold the middle "
-        "half of the trials, whiskers reach as far as 1.5 times its width, and the number is the median.",
+        "its shape the protocol, and a thin line joins the same trial under different models. The bar and the number "
+        "are the mean over trials.",
     )
 
 

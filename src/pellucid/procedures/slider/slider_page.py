@@ -11,9 +11,10 @@ from ...fit.slider.slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit
 from ...models.friction_terms import COULOMB_FRICTION, LOAD_FRICTION, LOAD_GENERATING, LOAD_MOTORING, VISCOUS_FRICTION
 from ...models.joint import GRAVITY, PARAMETER_INDEX
 from ...models.slider_joint import BODY_UNITS
-from ...pages.page import Page, Section, Tile
+from ...pages.page import Answer, Page, Section, Tile, without_drawing
 from ...pages.quantities import number, parameter_interval, parameter_note, relative_sd, typeset_sentence, unit_text
 from ...pages.tables import Row, Table
+from ...pages.values import Value
 from ...studies.study import Study
 from ..study_page import provenance, study_page
 from . import direction_figures as figures
@@ -71,6 +72,13 @@ PARAMETER_WORDS: Mapping[str, str] = {
 }
 """Descriptions of the parameters, by name."""
 
+ERRORS_FIGURE_NAME = "paired-errors"
+"""Name of the figure that stands beside the answer."""
+
+MAX_BODY_ERROR_RATIO = 1.1
+"""One body predicts as well as two directions if its error is at most this many times theirs: it has ten parameters in
+place of sixteen."""
+
 TRACED_METHODS = ("dissociated", "load")
 """Methods whose predicted current the figure of one trial draws, beside that of ``pooled``."""
 
@@ -84,8 +92,29 @@ def page(study: Study, result: SliderResult) -> Page:
         headline=headline(fit),
         verdicts=fit.verdicts,
         tiles=tiles,
-        sections=(*sections, _provenance(study, fit)),
+        sections=(*without_drawing(sections, ERRORS_FIGURE_NAME), _provenance(study, fit)),
+        answer=_answer(study, fit, sections),
     )
+
+
+def _answer(study: Study, fit: SliderFit, sections: tuple[Section, ...]) -> Answer:
+    """Return whether one coherent body predicts as well as a set of parameters for each direction."""
+    drawn = (drawing for section in sections for drawing in section.drawings)
+    figure = next((drawing for drawing in drawn if drawing.name == ERRORS_FIGURE_NAME), None)
+    wrong = any(v.kind == "wrong" for v in fit.verdicts)
+    holds = fit.evaluated_error("load") <= MAX_BODY_ERROR_RATIO * fit.evaluated_error("dissociated")
+    return Answer(
+        "Does one body, with friction that follows its load, predict the current?",
+        "no" if wrong or not holds else "yes" if fit.evaluated_split == "heldout" else "unsure",
+        figure,
+        (f"Make a controller of its card: `pellucid export {study.name} --controller transparent`.",),
+    )
+
+
+def error_value(fit: SliderFit, method: str) -> Value:
+    """Return the mean absolute current error of a method over the trials that judge it, as every part tells it [A]."""
+    error = float(fit.evaluated_error(method))
+    return Value(f"{fit.study}.{method}.error", error, number(error, digits=3))
 
 
 def slider_sections(fit: SliderFit, *, level: float = 0.95) -> tuple[tuple[Tile, ...], tuple[Section, ...]]:
@@ -101,15 +130,13 @@ def slider_sections(fit: SliderFit, *, level: float = 0.95) -> tuple[tuple[Tile,
 
 def headline(fit: SliderFit) -> str:
     """Return the page's first sentences, which compare the methods' errors."""
-    error = {m: fit.evaluated_error(m) for m in COMPARED_METHODS}
     trials, use = len(fit.evaluated("pooled")), _use(fit)
-    factor = error["pooled"] / error["dissociated"]
+    body, sets, one = (error_value(fit, m) for m in ("load", "dissociated", "pooled"))
     return (
-        f"Identified from {sum(m.split == 'fitted' for m in fit.motions)} recordings. Over {trials} {use} trials, a "
-        f"set of parameters for each direction predicts the current {number(factor, digits=3)} times better than one "
-        f"set ({number(error['dissociated'], digits=3)} A against {number(error['pooled'], digits=3)} A); one coherent "
-        f"body whose friction grows with its load errs by {number(error['load'], digits=3)} A with "
-        f"{len(fit['load'].values)} parameters instead of {len(fit['dissociated'].values)}."
+        f"Over {trials} {use} trials, one coherent body whose friction grows with its load errs by {body} A with "
+        f"{len(fit['load'].values)} parameters; a set of parameters for each direction errs by {sets} A with "
+        f"{len(fit['dissociated'].values)}, and one set by {one} A. Identified from "
+        f"{sum(m.split == 'fitted' for m in fit.motions)} recordings."
     )
 
 
@@ -120,7 +147,7 @@ def slider_tiles(fit: SliderFit) -> tuple[Tile, ...]:
         *(
             Tile(
                 f"Error, {SHORT_METHOD_NAMES[m]}",
-                number(fit.evaluated_error(m), digits=3),
+                str(error_value(fit, m)),
                 "A",
                 f"{len(fit[m].values)} parameters; {_use(fit)} trials",
             )
@@ -281,6 +308,7 @@ def _errors(fit: SliderFit) -> Section:
             errors,
             [PROTOCOL_WORDS.get(p, p.replace("_", " ")) for p in protocols],
             roles=COLOUR_ROLES,
+            ids={SHORT_METHOD_NAMES[m]: f"{fit.study}.{m}.error" for m in COMPARED_METHODS},
         )
     ]
     trace = _trace(fit, names)
@@ -293,7 +321,7 @@ def _errors(fit: SliderFit) -> Section:
         chosen = np.array([p == protocol for p in protocols])
         means = (number(float(e[chosen].mean()), digits=3) for e in errors.values())
         rows.append(Row((protocol.replace("_", " "), f"{int(chosen.sum())}", *means)))
-    rows.append(Row(("all", f"{len(names)}", *(number(float(e.mean()), digits=3) for e in errors.values())), True))
+    rows.append(Row(("all", f"{len(names)}", *(str(error_value(fit, m)) for m in COMPARED_METHODS)), True))
     table = Table(
         ("Protocol", "Trials", *(f"{m} (A)" for m in errors)), tuple(rows), frozenset(range(1, 2 + len(errors))),
         f"Mean absolute current error over {use} trials, while the joint moves.", True,
@@ -372,7 +400,7 @@ def _methods(fit: SliderFit, level: float) -> Section:
                 (
                     SLIDER_METHODS[method],
                     f"{len(estimate.values)}",
-                    number(error, digits=3),
+                    str(error_value(fit, method)),
                     number(fit.gain * error, digits=3),
                     number(float(np.mean(seen or [np.nan])), digits=3),
                     number(estimate.residual_sd, digits=3),

@@ -18,19 +18,19 @@ def synergy_counts(group: GroupSynergies, name: str, caption: str) -> Drawing:
     c = group.count
     figure = Figure(figsize=(FIGURE_WIDTH, 2.8), layout="constrained")
     left, right = figure.subplots(1, 2)
-    for values, tone in ((c.shuffled, "faint"), (c.least, "load"), (c.fitted, "fitted"), (c.heldout, "heldout")):
+    for values, tone in ((c.shuffled, "muted"), (c.least, "load"), (c.fitted, "fitted"), (c.heldout, "heldout")):
         left.plot(c.numbers, 100 * np.maximum(values, -0.02), color=colour(tone), marker="o", markersize=4.0)
-    left.axhline(90.0, color=colour("faint"), linewidth=0.8)
+    left.axhline(90.0, color=colour("muted"), linewidth=0.8)
     tidy(left, first=True, text="Variance accounted for (%)")
     left.set_ylim(min(40.0, left.get_ylim()[0]), 103.0)
-    words = (("fitted", "fitted"), ("held out", "heldout"), ("worst muscle", "load"), ("shifted in time", "faint"))
+    words = (("fitted", "fitted"), ("held out", "heldout"), ("worst muscle", "load"), ("shifted in time", "muted"))
     for i, (text, tone) in enumerate(words):
         left.annotate(
             text, (1.0, 0.0), xytext=(-6, 8 + 12 * (3 - i)), xycoords="axes fraction", textcoords="offset points",
             ha="right", color=colour(tone), fontsize=8.5,
         )  # fmt: skip
     right.plot(c.numbers, np.maximum(c.left_out, -1.0), color=colour("heldout"), marker="o", markersize=4.0)
-    right.axhline(0.0, color=colour("faint"), linewidth=0.8)
+    right.axhline(0.0, color=colour("muted"), linewidth=0.8)
     tidy(right, first=True, text="R² of a muscle left out")
     right.set_ylim(min(0.0, right.get_ylim()[0]) - 0.05, 1.03)
     for axis in (left, right):

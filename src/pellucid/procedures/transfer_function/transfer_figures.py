@@ -130,13 +130,13 @@ def output_lines(
     the `noise`, frequencies and amplitudes; `label` of the axis and its scale."""
     text, scale = label
     figure, axis = one_panel(3.4)
-    axis.plot(noise[0], scale * noise[1], color=colour("faint"), linewidth=1.6, zorder=1)
+    axis.plot(noise[0], scale * noise[1], color=colour("muted"), linewidth=1.6, zorder=1)
     for _, role, frequency, amplitude in groups:
         axis.plot(
             frequency, scale * amplitude, color=colour(role), marker="o", markersize=3.5, linestyle="none", zorder=3
         )
     _logarithmic(axis, text)
-    key(axis, [*((words, colour(role)) for words, role, *_ in groups), ("noise", colour("faint"))])
+    key(axis, [*((words, colour(role)) for words, role, *_ in groups), ("noise", colour("muted"))])
     axis.set_xlabel("Frequency (Hz)")
     return Drawing(name, figure, caption)
 

@@ -135,12 +135,12 @@ def _response_seen(found: TransferResult, look: FirstLook) -> Drawing:
     fitted = None if fit is None else (finely, fit.transfer_function.frequency_response(finely))
     if look.periodic:
         levels = [
-            ("noise", "faint", np.sqrt(seen.at_response(seen.noise_variance))),
+            ("noise", "muted", np.sqrt(seen.at_response(seen.noise_variance))),
             ("distortion", "heldout", np.sqrt(np.maximum(seen.at_response(seen.nonlinear_variance), 0.0))),
         ]
         words = "noise (pale) and distortion (orange) in one period of one realisation"
     else:
-        levels = [("noise and distortion", "faint", np.sqrt(seen.missed_power / seen.input_power))]
+        levels = [("noise and distortion", "muted", np.sqrt(seen.missed_power / seen.input_power))]
         words = "noise and distortion together (pale)"
     level = f"{100.0 * found.confidence:.4g} %"
     over = ", and the transfer function fitted to it (blue)" if fit is not None else ""

@@ -65,8 +65,9 @@ def read_lines(path: Path, lines: list[tuple[int, str]], delimiter: str | None =
         raise RecordingError(f'{path.name}: found no row of numbers; the first line is "{lines[0][1][:60]}"')
     width = len(_split(lines[first][1], delimiter))
     header, unit_texts = _header(lines[:first], comments, delimiter, width)
-    if header is None and (numbers := _numbered_names([_split(line, delimiter) for _,
-        line in lines[first : first + 2]])):
+    if header is None and (
+        numbers := _numbered_names([_split(line, delimiter) for _, line in lines[first : first + 2]])
+    ):
         header, first = numbers, first + 1
     rows = lines[first:]
     try:

@@ -1,0 +1,180 @@
+"""Does every page answer first, and does one number have one value? Pages are made as a user makes them, and looked at.
+
+The demo is run by its command, and its seconds are its clock's. Further pages are reports of public data sets whose
+identification takes seconds, an audit and a proposal of the same files. Chromium opens each at 1,280 and 420 pixels,
+in light and in dark, with every folded part opened for what is counted but lengths. A value's id on a page is that of
+a row of results.json: its digits must be the same wherever it stands, on every page, and must be that row's, rounded.
+What is not marked with an id is not compared.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks._size import sized
+
+from pellucid import audit, init
+from pellucid.procedures.audit_page import write_audit_page
+from pellucid.procedures.run import report, run
+from pellucid.proposals.init_from_files import init_from_files
+from pellucid.studies.results import ResultRow, read_rows
+
+from ._page_looks import Looks, chromium, look_at
+
+DATA_SETS = sized(
+    ("emps", "sydney_pendulum", "bam_xl330", "modexo_joint", "dfjimu_two_imu_joint", "rat_soleus_hill",
+     "elderly_isometric", "lumbar_lifting"),
+    smallest=("rat_soleus_hill",),
+)  # fmt: skip
+"""Public data sets whose reports are looked at."""
+
+DEMO_FOLDERS = ("bam_servo", "elbow", "people")
+"""Studies of the demo, each with a report."""
+
+PICTURES = Path("build/pages")
+"""Folder of pictures of every page, at both widths."""
+
+
+@dataclass(frozen=True)
+class Made:
+    """A page, and the results.json files of what it shows."""
+
+    name: str
+    page: Path
+    results: tuple[Path, ...]
+
+
+def rows() -> Iterator[ResultRow]:
+    """Yield what is measured of all pages."""
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        seconds, made = _demo_pages(place / "demo")
+        made += [page for name in DATA_SETS for page in _data_set_pages(place, name)]
+        made += _file_pages(place, place / "demo" / "bam_servo")
+        with chromium() as browser:
+            looks = [look_at(browser, one.name, one.page, PICTURES) for one in made]
+        contradictions = _contradictions(made, looks)
+    yield _row("pages.count", len(made), ", ".join(one.name for one in made))
+    yield _row("pages.values", sum(len(look.values) for look in looks), "marked with the id of their row")
+    yield _row("pages.ids_with_two_values", len(contradictions), "; ".join(contradictions)[:900])
+    silent = [look.name for look in looks if not look.answers]
+    yield _row("pages.first_screen.without_answer", len(silent), ", ".join(silent))
+    longest = max(looks, key=lambda look: look.main_px)
+    yield _row("pages.longest_main_part", round(longest.main_px), f"px at 1,280: {longest.name}")
+    narrow = max(looks, key=lambda look: look.narrow_px)
+    yield _row("pages.longest_main_part_narrow", round(narrow.narrow_px), f"px at 420: {narrow.name}")
+    cut = [f"{look.name}: {one}" for look in looks for one in look.overflows]
+    yield _row("pages.overflows", len(cut), "; ".join(cut)[:900])
+    least = min(looks, key=lambda look: look.lowest_contrast)
+    yield _row("pages.contrast.lowest", least.lowest_contrast, f"{least.name}, {least.lowest_contrast_text}")
+    near = min(looks, key=lambda look: look.lowest_distance)
+    note = f"CIEDE2000: {near.name}, {near.lowest_distance_figure}"
+    yield _row("pages.colour_distance.lowest", near.lowest_distance, note)
+    lacking = commands_without_example()
+    yield _row("pages.commands.without_example", len(lacking), ", ".join(lacking))
+    yield _row("demo.seconds", seconds, "pellucid demo, by the clock", unit="s")
+
+
+def _row(name: str, value: float, note: str, *, unit: str = "1") -> ResultRow:
+    return ResultRow(name, value, unit, "evidence", "simulated", note=note)
+
+
+def _demo_pages(place: Path) -> tuple[float, list[Made]]:
+    """Run the demo as a user does; return its seconds and its pages."""
+    started = time.monotonic()
+    command = [sys.executable, "-m", "pellucid", "demo", "--out", str(place), "-q"]
+    subprocess.run(command, check=True, capture_output=True)
+    seconds = time.monotonic() - started
+    results = tuple(place / name / "results.json" for name in DEMO_FOLDERS)
+    made = [Made("demo", place / "index.html", (place / "results.json", *results))]
+    made += [
+        Made(f"demo-{name}", place / name / "report" / "index.html", (own,))
+        for name, own in zip(DEMO_FOLDERS, results, strict=True)
+    ]
+    return seconds, made
+
+
+def _data_set_pages(place: Path, name: str) -> list[Made]:
+    """Return the report of a public data set, made by the functions of the commands."""
+    study = init(place / name, dataset=name)
+    found = run(study)
+    found.save(study)
+    return [Made(name, report(study, found), (study.results_path,))]
+
+
+def _file_pages(place: Path, recordings: Path) -> list[Made]:
+    """Return the pages of an audit and of a proposal for files that were never described."""
+    files = sorted(recordings.rglob("*.csv"))[:2]
+    audited = write_audit_page(audit(files), place / "audit")
+    proposed = init_from_files(place / "proposed", files)
+    return [Made("audit", audited, ()), Made("proposal", proposed.page, ())]
+
+
+def _contradictions(made: list[Made], looks: list[Looks]) -> list[str]:
+    """Return each id that stands with different digits, or with digits that its row of results.json does not have."""
+    texts: dict[str, dict[str, str]] = {}
+    stored: dict[str, float] = {}
+    for one, look in zip(made, looks, strict=True):
+        for path in one.results:
+            if path.is_file():
+                stored |= {row.id: float(row.value) for row in read_rows(path) if row.value is not None}
+        for name, text, _ in look.values:
+            texts.setdefault(name, {}).setdefault(_number_text(text), one.name)
+    found = [
+        f"{name}: {', '.join(f'{text} ({page})' for text, page in said.items())}"
+        for name, said in texts.items()
+        if len(said) > 1
+    ]
+    found += [
+        f"{name}: {text} on a page, {stored.get(name, 'nothing')} in results.json"
+        for name, said in texts.items()
+        for text in said
+        if not _is_rounded(text, stored.get(name))
+    ]
+    return found
+
+
+def _number_text(text: str) -> str:
+    """Return the digits of a number without its unit, sign of plus and typography."""
+    found = re.search(r"[−-]?\d[\d.]*(?:×10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?", text)
+    return found[0].replace("−", "-") if found else text
+
+
+def _is_rounded(text: str, value: float | None) -> bool:
+    """Return whether digits are those of a value, rounded to as many."""
+    if value is None:
+        return False
+    powers = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+    digits, _, power = text.partition("×10")
+    try:
+        scale = 10.0 ** int(power.translate(powers)) if power else 1.0
+        told = float(digits) * scale
+    except ValueError:
+        return False
+    places = len(digits.partition(".")[2])
+    # 20400 for 20393 has been rounded before the point.
+    unit = 10.0 ** -places if places else 10.0 ** (len(digits) - len(digits.rstrip("0")))
+    return abs(told - value) <= 0.5000001 * unit * scale
+
+
+def commands_without_example() -> list[str]:
+    """Return the commands whose help has no example, or a line of more than 80 columns."""
+    import typer
+
+    from pellucid.cli import app
+
+    lacking = []
+    for name in typer.main.get_command(app).commands:
+        shown = subprocess.run(
+            [sys.executable, "-m", "pellucid", name, "--help"], capture_output=True, text=True, env={"COLUMNS": "80"},
+        ).stdout  # fmt: skip
+        if "xample" not in shown or any(len(line) > 80 for line in shown.splitlines()):
+            lacking.append(name)
+    return lacking

@@ -1,0 +1,151 @@
+"""A page answers first: badge, sentence and figure, what to do, then evidence that is folded, then notes by kind."""
+
+import re
+from dataclasses import replace
+
+import fabricate
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from pellucid.drawing.drawing import Drawing, draw
+from pellucid.fit.parameter import Verdict
+from pellucid.pages.forest import Estimate, forest
+from pellucid.pages.page import MAX_LEAD_CHARACTERS, Answer, Page, Section, without_drawing, write_page
+from pellucid.pages.quantities import percent, typeset_sentence, value_and_half_interval
+from pellucid.pages.tables import Row, Table
+from pellucid.pages.values import Value, marked_up, plain_text
+from pellucid.procedures.joint.joint_page import page as joint_page
+from pellucid.procedures.joint.joint_result import rows_of
+from pellucid.procedures.run import _one_page
+from pellucid.procedures.run import report as write_report
+from pellucid.procedures.study_page import study_page
+
+VALUE = re.compile(r'<data value="([^"]+)" data-id="([^"]+)">([^<]+)</data>')
+
+
+def drawing(name="one", height=3.0):
+    figure = Figure(figsize=(10.4, height))
+    figure.subplots().plot([0.0, 1.0], [0.0, 1.0])
+    return Drawing(name, figure, f"The figure {name}, which shows something to somebody.")
+
+
+def answered(tmp_path, **changes):
+    made = Page("t", "k", "It errs by 3 %.", answer=Answer("Does it hold?", "yes", drawing(), ("Call `a b`.",)))
+    return write_page(tmp_path, replace(made, **changes)).read_text(encoding="utf-8")
+
+
+def test_badge_sentence_and_figure_come_before_everything_else(tmp_path):
+    text = answered(tmp_path, sections=(Section("a", "Evidence", ("More.",)),), verdicts=(("warning", "Mind this."),))
+    order = ["Does it hold?", ">Yes</span>", "It errs by 3 %.", 'id="fig-one"', "Mind this.", "<code>a b</code>"]
+    order.append("More.")
+    places = [text.index(part) for part in order]
+    assert places == sorted(places)
+
+
+def test_what_does_not_fit_is_folded(tmp_path):
+    table = Table(("a",), tuple(Row((str(i),)) for i in range(60)))
+    sections = tuple(Section(f"s{i}", f"Part {i}", tables=(table,)) for i in range(3))
+    text = answered(tmp_path, sections=(Section("first", "First", ("Short.",)), *sections))
+    assert re.findall(r'<details class="section"( open)?>', text) == [" open", "", "", ""]
+
+
+def test_notes_stand_last_by_kind_and_those_on_files_after_all_others(tmp_path):
+    verdicts = (
+        ("warning", "One."), ("warning", "Two."), ("warning", "Three."), ("warning", "Four."),
+        ("note", "a.csv, channel time: found jitter"), ("note", "A remark."), ("good", "It holds."),
+    )  # fmt: skip
+    text = answered(tmp_path, verdicts=verdicts, sections=(Section("a", "Evidence", ("More.",)),))
+    order = ["Three.", "More.", "Four.", "Remarks", "A remark.", "What is sound", "It holds.", "Notes on files"]
+    order.append("a.csv")
+    places = [text.index(part) for part in order]
+    assert places == sorted(places)
+
+
+def test_a_long_headline_goes_on_below_the_first_screen():
+    made = Page("t", "k", "It errs by 3 %. " + "This sentence follows it and is rather long indeed. " * 8)
+    assert len(made.lead) <= MAX_LEAD_CHARACTERS
+    assert made.lead.endswith(".")
+    assert f"{made.lead} {made.detail}".split() == made.headline.split()
+
+
+def test_a_value_is_marked_with_the_id_of_its_row_through_every_sentence():
+    value = Value("my_study.headline.heldout.effort_error", -0.0123, "−0.0123")
+    text = typeset_sentence(f"an error of {value} N*m & more_words")
+    assert plain_text(text) == "An error of −0.0123 N·m & more words"
+    found = VALUE.search(marked_up(text))
+    assert found.groups() == ("-0.0123", value.id, "−0.0123")
+    assert "&amp;" in marked_up(text)
+
+
+def test_one_number_has_one_value_on_the_page_of_a_joint_and_in_its_results(tmp_path):
+    fit = fabricate.fit()
+    text = write_report(fabricate.study(tmp_path / "bench", fit), fit).read_text(encoding="utf-8")
+    stored = {row.id: row.value for row in rows_of(fit)}
+    found = VALUE.findall(text)
+    assert len(found) > 2 * len(fit.headlined.estimate.parameters)
+    assert len({(name, shown) for _, name, shown in found}) == len({name for _, name, _ in found})
+    for number, name, _ in found:
+        assert float(number) == stored[name]
+
+
+def test_tile_sentence_and_table_tell_the_chosen_estimators_error(tmp_path):
+    fit = fabricate.fit()
+    text = write_report(fabricate.study(tmp_path / "bench", fit), fit).read_text(encoding="utf-8")
+    error = percent(fit.headlined.heldout_effort_error)
+    shown = [s for _, name, s in VALUE.findall(text) if name.endswith("headline.heldout.effort_error")]
+    assert len(shown) >= 2
+    assert set(shown) == {error}
+
+
+@pytest.mark.parametrize(
+    ("options", "verdict"), [({}, None), ({"heldout": 0, "samples": 400}, "unsure")], ids=["judged", "nothing held out"]
+)
+def test_a_joint_says_whether_it_predicts(options, verdict, tmp_path):
+    fit = fabricate.fit(**options)
+    study = fabricate.study(tmp_path / "bench", fit)
+    answer = joint_page(study, fit).answer
+    wrong = any(v.kind == "wrong" for v in fit.verdicts)
+    assert answer.verdict == (verdict or ("no" if wrong else answer.verdict))
+    assert answer.verdict == "unsure" or verdict is None
+    assert "<animate" in answer.figure.svg
+
+
+@pytest.mark.parametrize(("kind", "verdict"), [("wrong", "no"), ("warning", "unsure"), ("note", "yes")])
+def test_verdicts_answer_where_a_procedure_does_not(kind, verdict):
+    section = Section("a", "A", drawings=(drawing("first"), drawing("second")))
+    made = study_page("s: x", "It is so.", (), (section,), (Verdict(kind, "This was found."),))
+    assert made.answer.verdict == verdict
+    assert made.answer.figure.name == "first"
+    assert [d.name for d in made.sections[0].drawings] == ["second"]
+
+
+def test_several_procedures_give_one_answer_and_a_section_for_each_other_one():
+    pages = [
+        study_page(f"s: {what}", f"{what} is so.", (), (Section(what, what, ("x",), drawings=(drawing(),)),))
+        for what in ("one", "two")
+    ]
+    made = _one_page(pages)
+    assert made.headline == "one is so."
+    assert "two is so." in made.sections[0].paragraphs[0]
+    names = [d.name for d in made.drawings]
+    assert len(names) == len(set(names)) == 2
+
+
+def test_a_section_left_empty_is_dropped():
+    kept = without_drawing((Section("a", "A", drawings=(drawing(),)), Section("b", "B", ("x",))), "one")
+    assert [section.id for section in kept] == ["b"]
+
+
+def test_a_refused_interval_is_told_by_no_number():
+    fit = fabricate.fit()
+    parameter = fit.headlined.estimate.parameters[0]
+    assert "±" in value_and_half_interval(parameter, 0.95)
+    assert "±" not in value_and_half_interval(parameter, 0.95, refused="too little motion")
+    assert "refused" in value_and_half_interval(parameter, 0.95, refused="too little motion")
+
+
+def test_a_forest_writes_the_numbers_under_their_ids():
+    estimates = [Estimate("a", 1.0, 0.5, 1.5, text="1.00", id="s.a"), Estimate("b", 2.0, np.nan, np.nan)]
+    made = draw(forest, estimates, "changes", "Change (%)", caption="Two changes and one interval.", margin=(-1.0, 1.0))
+    assert 'data-id="s.a"' in made.inline()
