@@ -7,8 +7,8 @@ a rise towards rest and a part that grows with the joint's own load, a transmiss
 drive with lag, dead time, ripple and saturation, two cuffs that harden and have slack, a limb with a muscle servo. Its
 numbers are the card's, times a factor of 0.7 to 1.4 each. Instruments err as real ones do: gains by 5 %, offsets by 1 %
 of the effort limit, lags of 0.3 to 2 ms, noise and quanta. The drive's test at start-up is commissioned on another
-wearer wherever the drive is measured. A probe is commissioned on another wearer, in another posture and with friction
-that is another by a factor of 0.7 to 1.4; rows that say so have a probe that is not.
+wearer wherever the drive is measured or probed, and the probe on that wearer, in another posture and with friction that
+is another by a factor of 0.7 to 1.4. Rows that say so have a probe that was not commissioned.
 
 What a virtual wearer cannot prove: that people move, tremble, cramp and hold against a robot in no other way than these
 do; that a machine has no resonance, play or fault that nobody thought of here; that two faults never come together; and

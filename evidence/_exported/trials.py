@@ -228,16 +228,14 @@ def fault_runs(
     """Return runs of faults by name under one law on the plant of an index, with each fault's name and amplitude.
 
     The first run is the reference without a fault. With `shaking` the supervisor also has the watch for shaking, as
-    `pellucid.supervised` sets it. A probe begins with what the robot answered at its commissioning if `commissioned`.
+    `pellucid.supervised` sets it. Start-up test and probe know what the robot answered then if it was `commissioned`.
     """
     base = draw_run(law, index, seed)
     if shaking:
         base["shaking_limit"] = SHAKING_SPEED_SHARE * base["velocity_limit"]
     base["brace_interval"] = with_mishaps(base, seed, index)["brace_interval"]
-    if law.numbers["drive_expected"] > 0.0:
-        base |= commissioned_bounds(law, base, seed, index)
     if commissioned:
-        base |= commissioned_probe(law, base, seed, index)
+        base |= commissioned_numbers(law, base, seed, index)
     runs, said = [{**base, "kind": 0.0, "seconds": ONSETS_S[1] + WATCH_S + REFERENCE_TAIL_S}], []
     for name in kinds:
         kind = KINDS[name]
@@ -272,6 +270,14 @@ def try_faults(
         )
         for (name, amplitude), result in zip(said, (run.result for run in played[1:]), strict=True)
     ]  # fmt: skip
+
+
+def commissioned_numbers(law: ExportedLaw, run: Mapping[str, float], seed: int, index: int) -> dict[str, float]:
+    """Return what is known of a robot that was commissioned: nothing where neither drive nor probe is measured."""
+    made: dict[str, float] = {}
+    if law.numbers["drive_expected"] > 0.0 or law.numbers["probe_effort"] > 0.0:
+        made |= commissioned_bounds(law, run, seed, index)
+    return made | commissioned_probe(law, run, seed, index)
 
 
 def commissioned_bounds(law: ExportedLaw, run: Mapping[str, float], seed: int, index: int) -> dict[str, float]:
@@ -317,9 +323,7 @@ def live(law: ExportedLaw, index: int, seed: int, seconds: float, *, mishaps: bo
     run = draw_run(law, index, seed)
     if mishaps:
         run = with_mishaps(run, seed, index)
-    if law.numbers["drive_expected"] > 0.0:
-        run |= commissioned_bounds(law, run, seed, index)
-    run |= commissioned_probe(law, run, seed, index)
+    run |= commissioned_numbers(law, run, seed, index)
     run |= {"kind": -1.0, "seconds": seconds, **changed}
     return life_of(law, index, run, play(law, [run])[0])
 
