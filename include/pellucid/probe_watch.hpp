@@ -77,7 +77,7 @@ template <class S> struct ProbeWatchParams {
   S effort{};
   std::uint32_t samples = 120;
   S inertia{}, noise{}, moving = S(0.1), evidence = S(25), travel = S(std::numeric_limits<S>::infinity());
-  S answer_error{};                   ///< of a commissioned robot; 0: it was not commissioned
+  S answer_error{};                  ///< error of the answers below; 0: the robot was not commissioned
   S answer[2 * probe_wave_count]{};  ///< r of each wave at commissioning, real part and imaginary part
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
