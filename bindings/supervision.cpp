@@ -119,6 +119,7 @@ class Supervised {
   virtual bool is_recorded() const = 0;
   virtual nb::bytes incident(bool slides) = 0;
   virtual nb::dict estimates() const = 0;
+  virtual nb::tuple probe_answer() const = 0;
   p::SupervisorOutput<double> out{};
 };
 
@@ -160,6 +161,11 @@ template <class L, class S> class SupervisedIn : public Supervised {
     return run(samples, p::Feedback<S>{sample(n), sample(n + 1), token}, now);
   }
   void stop() override { p::stop(law_); }
+  nb::tuple probe_answer() const override {
+    const auto& s = law_.state.probe;
+    const auto wave = [&s](int i) { return nb::make_tuple(static_cast<double>(s.known[i].real), static_cast<double>(s.known[i].imaginary)); };
+    return nb::make_tuple(wave(0) + wave(1) + wave(2), s.learnt);
+  }
   nb::dict estimates() const override { return estimates_of<L>(law_.controller.state); }
   nb::list log() const override {
     nb::list list;
@@ -412,6 +418,9 @@ void add_supervision(nb::module_& m) {
                    "What a reset needs as its token; 0 while all is well.")
       .def_prop_ro("estimates", &Supervised::estimates, nb::sig("def estimates(self, /) -> dict[str, float]"),
                    "What the law estimates beside its effort, by name.")
+      .def_prop_ro("probe_answer", &Supervised::probe_answer,
+                   nb::sig("def probe_answer(self, /) -> tuple[tuple[float, ...], int]"),
+                   "What the robot has answered the probe's three waves so far, real and imaginary parts, and from how many windows.")
       .def_prop_ro("beat", [](const Supervised& s) { return s.out.beat; }, "Counts periods, for the drive's watchdog.")
       .def_prop_ro("log", &Supervised::log, nb::sig("def log(self, /) -> list[tuple[int, str, str]]"),
                    "The last faults, the latest first: period, fault, and what was then done.");

@@ -75,6 +75,7 @@ solves for the friction of virtual joints at rest, and no supervisor uses it."""
 
 PYTHON_JUDGES: dict[str, tuple[frozenset[str] | None, tuple[str, ...]]] = {
     "supervised": (None, ("test_supervisor_thresholds", "test_supervised")),
+    "probe": (None, ("test_probe",)),
     "worn": (frozenset({"watched_worn"}), ("test_supervisor_thresholds",)),
     "joint_compensation": (
         frozenset({"compensation", "carried_body", "known_speed", "suggested_limits", "carried"}),
@@ -243,16 +244,17 @@ def score_rows(verdicts: Sequence[Verdict]) -> Iterator[ResultRow]:
     told = [m for m in survivors if not reason_of(m)]
     explained = [f"{described(m)} ({reason_of(m)})" for m in survivors if reason_of(m)]
     counted = len(verdicts) - len(explained)
-    yield _row("tried", len(verdicts), f"seed {SEED}, of {len(all_mutants())}")
-    yield _row("score", (counted - len(told)) / max(counted, 1), f"killed of {counted} that are not equivalent")
+    yield _row("count", len(verdicts), f"tried, seed {SEED}, of {len(all_mutants())}")
+    killed = 100.0 * (counted - len(told)) / max(counted, 1)
+    yield _row("killed", killed, f"of {counted} that are not equivalent", "%")
     yield _row("survivors", len(told), "; ".join(map(described, told)))
     yield _row("equivalent", len(explained), "; ".join(explained))
     seconds = float(np.median([v.seconds for v in verdicts])) if verdicts else 0.0
     yield ResultRow("mutants.seconds", seconds, "s", "evidence", "simulated", None, "median of a mutant, this machine")
 
 
-def _row(name: str, value: float, note: str) -> ResultRow:
-    return ResultRow(f"mutants.{name}", float(value), "1", "evidence", "simulated", None, note)
+def _row(name: str, value: float, note: str, unit: str = "1") -> ResultRow:
+    return ResultRow(f"mutants.{name}", float(value), unit, "evidence", "simulated", None, note)
 
 
 @cache

@@ -7,7 +7,8 @@ a rise towards rest and a part that grows with the joint's own load, a transmiss
 drive with lag, dead time, ripple and saturation, two cuffs that harden and have slack, a limb with a muscle servo. Its
 numbers are the card's, times a factor of 0.7 to 1.4 each. Instruments err as real ones do: gains by 5 %, offsets by 1 %
 of the effort limit, lags of 0.3 to 2 ms, noise and quanta. The drive's test at start-up is commissioned on another
-wearer wherever the drive is measured.
+wearer wherever the drive is measured or probed, and the probe on that wearer, in another posture and with friction that
+is another by a factor of 0.7 to 1.4. Rows that say so have a probe that was not commissioned.
 
 What a virtual wearer cannot prove: that people move, tremble, cramp and hold against a robot in no other way than these
 do; that a machine has no resonance, play or fault that nobody thought of here; that two faults never come together; and
@@ -38,7 +39,6 @@ from .motion_bounds import bound_lines, measure_bounds
 from .table import table_lines
 from .trials import (
     KINDS,
-    LATE_ONSETS_S,
     MIN_EFFECT_J,
     ForeignLife,
     ForeignTrial,
@@ -152,10 +152,10 @@ def sine_trials(instruments: str, seed: int = JUDGED_SEED, shaking: bool = False
 
 
 @cache
-def late_probe_trials(seed: int = JUDGED_SEED) -> tuple[ForeignTrial, ...]:
-    """Return what a probe is there to find, beginning after the probe has learnt what its robot answers."""
+def uncommissioned_probe_trials(seed: int = JUDGED_SEED) -> tuple[ForeignTrial, ...]:
+    """Return what a probe is there to find, by a probe that must first learn what its robot answers."""
     jobs = [
-        partial(try_faults, law, index, seed, PROBED_KINDS, onsets=LATE_ONSETS_S)
+        partial(try_faults, law, index, seed, PROBED_KINDS, commissioned=False)
         for law in made_laws("probe")
         for index in range(PLANT_COUNT)
     ]
@@ -212,7 +212,7 @@ def rows(seed: int = JUDGED_SEED) -> Iterator[ResultRow]:
         yield from fault_rows(instruments, fault_trials(instruments, seed))
     if has_probe():
         yield from probe_rows(fault_trials("probe", seed))
-        yield from known_probe_rows(late_probe_trials(seed))
+        yield from probe_rows(uncommissioned_probe_trials(seed), "probe_uncommissioned")
         yield from probe_life_rows(healthy_lives("probe", seed, PROBE_HEALTHY_HOURS))
     else:
         yield row("safety.exported.probe.found", None, "%", "the supervisor has no probe")
@@ -276,29 +276,20 @@ def fault_rows(instruments: str, trials: Sequence[ForeignTrial]) -> Iterator[Res
             yield worst_row(f"{name}.{kind}.worst_excess_energy", own)
 
 
-def probe_rows(trials: Sequence[ForeignTrial]) -> Iterator[ResultRow]:
-    """Yield the figures of faults that a probe is there to find."""
+def probe_rows(trials: Sequence[ForeignTrial], name: str = "probe") -> Iterator[ResultRow]:
+    """Yield the figures of faults that a probe is there to find, under a `name`."""
     valid = [trial for trial in trials if trial.kind in PROBED_KINDS and not trial.early]
     note = f"{len(valid)} runs, {len({trial.law for trial in valid})} laws; missed: {missed_words(valid)}"
-    yield row("safety.exported.probe.found", found_share(valid), "%", note)
-    yield worst_row("safety.exported.probe.worst_excess_energy", valid)
-    for kind in PROBED_KINDS:
-        own = [trial for trial in valid if trial.kind == kind]
-        yield row(f"safety.exported.probe.{kind}.found", found_share(own), "%", f"{len(own)} runs")
-        yield worst_row(f"safety.exported.probe.{kind}.worst_excess_energy", own)
-
-
-def known_probe_rows(trials: Sequence[ForeignTrial]) -> Iterator[ResultRow]:
-    """Yield the figures of faults that begin after the probe has learnt what its robot answers."""
-    valid = [trial for trial in trials if not trial.early]
-    early, late = LATE_ONSETS_S
-    note = f"{len(valid)} runs, onset {early:g} to {late:g} s after the start"
-    yield row("safety.exported.probe_known.found", found_share(valid), "%", f"{note}; missed: {missed_words(valid)}")
-    yield worst_row("safety.exported.probe_known.worst_excess_energy", valid, note)
+    yield row(f"safety.exported.{name}.found", found_share(valid), "%", note)
+    yield worst_row(f"safety.exported.{name}.worst_excess_energy", valid)
     beyond = Counter(trial.kind for trial in valid if trial.excess > MAX_PROBED_EXCESS_J)
     words = ", ".join(f"{kind} {count}" for kind, count in beyond.most_common()) or "none"
-    yield row("safety.exported.probe_known.beyond", sum(beyond.values()), "1",
+    yield row(f"safety.exported.{name}.beyond", sum(beyond.values()), "1",
               f"of {len(valid)} runs, above {MAX_PROBED_EXCESS_J:g} J: {words}")  # fmt: skip
+    for kind in PROBED_KINDS:
+        own = [trial for trial in valid if trial.kind == kind]
+        yield row(f"safety.exported.{name}.{kind}.found", found_share(own), "%", f"{len(own)} runs")
+        yield worst_row(f"safety.exported.{name}.{kind}.worst_excess_energy", own)
 
 
 def probe_life_rows(lives: Sequence[ForeignLife]) -> Iterator[ResultRow]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pellucid.control.probe import PROBE_ANSWER_NAMES
 from pellucid.models.anthropometry import forearm
 
 from .exports import ELBOW_DRIVE_LIMIT_NM, PARTICIPANT_HEIGHT_M, PARTICIPANT_MASS_KG, ExportedLaw
@@ -335,6 +336,8 @@ def draw_run(law: ExportedLaw, index: int, seed: int) -> dict[str, float]:
         "test_least": 0.0,
         "test_most": 0.0,
         "shaking_limit": 0.0,
+        "probe_answer_error": 0.0,
+        **dict.fromkeys(PROBE_ANSWER_NAMES, 0.0),
         "traced": 0.0,
         "passive": 0.0,
     }

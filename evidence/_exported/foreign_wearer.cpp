@@ -245,6 +245,12 @@ class Simulation {
     float answer;
     std::memcpy(&answer, reinterpret_cast<const unsigned char*>(memory.context.storage) + memory_map().test_middle, sizeof answer);
     result.answer = static_cast<double>(answer);
+    float said[6] = {};
+    result.probe_windows = static_cast<double>(pellucid_probe_answer(&memory.context, said));
+    double* const seen[] = {&result.seen_probe_answer_low_real,    &result.seen_probe_answer_low_imaginary,
+                            &result.seen_probe_answer_middle_real, &result.seen_probe_answer_middle_imaginary,
+                            &result.seen_probe_answer_high_real,   &result.seen_probe_answer_high_imaginary};
+    for (int i = 0; i < 6; ++i) *seen[i] = static_cast<double>(said[i]);
     result.energy_end = energy();
     return result;
   }
@@ -256,10 +262,20 @@ class Simulation {
   /// Whether a machine that nobody wears stays where it is: nobody holds it while its drive is tested.
   bool rests_alone() const { return r.gravity_sine == 0.0 && r.gravity_cosine == 0.0; }
 
-  /// Starts the controller: with the bounds of its test where the robot was commissioned, and with a watch for shaking.
+  /// Starts the controller: with its test's bounds and the probe's answers where the robot was commissioned, and with a
+  /// watch for shaking.
   void switch_on() const {
     pellucid_config config = exported_config();
     if (r.test_most > 0.0) config.test_least = static_cast<float>(r.test_least), config.test_most = static_cast<float>(r.test_most);
+    if (r.probe_answer_error > 0.0) {
+      config.probe_answer_error = static_cast<float>(r.probe_answer_error);
+      config.probe_answer_low_real = static_cast<float>(r.probe_answer_low_real);
+      config.probe_answer_low_imaginary = static_cast<float>(r.probe_answer_low_imaginary);
+      config.probe_answer_middle_real = static_cast<float>(r.probe_answer_middle_real);
+      config.probe_answer_middle_imaginary = static_cast<float>(r.probe_answer_middle_imaginary);
+      config.probe_answer_high_real = static_cast<float>(r.probe_answer_high_real);
+      config.probe_answer_high_imaginary = static_cast<float>(r.probe_answer_high_imaginary);
+    }
     if (r.shaking_limit > 0.0) config.shaking_limit = static_cast<float>(r.shaking_limit);
     pellucid_init(&memory.context, &config);
   }

@@ -118,6 +118,13 @@ namespace foreign {
   X(test_least, "J", "least work of the test at start-up, of a robot that was commissioned")                            \
   X(test_most, "J", "largest work of that test; 0: both as exported")                                                  \
   X(shaking_limit, "rad/s", "limit of the mean speed to and fro; 0: as exported")                                      \
+  X(probe_answer_error, "1", "mean square error of the answers below; 0: as exported")                                 \
+  X(probe_answer_low_real, "1", "part of an answer to the probe at commissioning")                                     \
+  X(probe_answer_low_imaginary, "1", "part of an answer to the probe at commissioning")                                \
+  X(probe_answer_middle_real, "1", "part of an answer to the probe at commissioning")                                  \
+  X(probe_answer_middle_imaginary, "1", "part of an answer to the probe at commissioning")                             \
+  X(probe_answer_high_real, "1", "part of an answer to the probe at commissioning")                                    \
+  X(probe_answer_high_imaginary, "1", "part of an answer to the probe at commissioning")                               \
   X(traced, "1", "1: tell what the controller sees in every second period")                                            \
   X(passive, "1", "1: no power and limp muscles, to check the plant's energy")
 
@@ -144,6 +151,13 @@ namespace foreign {
   X(peak, "N*m", "largest torque of the strap from the onset on")                                                      \
   X(deviation, "N*m", "mean difference of the drive's effort from that of the reference, until safe")                  \
   X(answer, "J", "work of the test at start-up by the middle of its wave")                                             \
+  X(probe_windows, "1", "windows from which the answers to the probe were learnt")                                     \
+  X(seen_probe_answer_low_real, "1", "part of an answer to the probe so far")                                          \
+  X(seen_probe_answer_low_imaginary, "1", "part of an answer to the probe so far")                                     \
+  X(seen_probe_answer_middle_real, "1", "part of an answer to the probe so far")                                       \
+  X(seen_probe_answer_middle_imaginary, "1", "part of an answer to the probe so far")                                  \
+  X(seen_probe_answer_high_real, "1", "part of an answer to the probe so far")                                         \
+  X(seen_probe_answer_high_imaginary, "1", "part of an answer to the probe so far")                                    \
   X(lived, "s", "duration of the run")                                                                                 \
   X(running, "s", "time with the law in force")                                                                        \
   X(started, "s", "time at which the law was first in force; negative: never")                                         \

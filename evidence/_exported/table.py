@@ -17,7 +17,7 @@ TABLE_HEAD = ("fault", "what happens", "instruments", "found", "of those that di
 INSTRUMENT_WORDS = {
     "unmeasured": "encoder alone, as exported by default",
     "drive_measured": "encoder, drive's current, commissioned test",
-    "probe": "encoder, probe",
+    "probe": "encoder, commissioned probe",
 }
 """What a row assumes, in words, by the name of the set of instruments."""
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pellucid import _core
+from pellucid.control.probe import PROBE_ANSWER_NAMES, commissioned_answers
 from pellucid.control.supervised import SHAKING_SPEED_SHARE
 from pellucid.control.supervised import commissioned_bounds as bounds_of_answer
 from pellucid.lab.safety.fault_table import FAULT_KINDS, FaultKind
@@ -31,9 +32,6 @@ WATCH_S = 10.0
 ONSETS_S = (2.5, 5.0)
 """Earliest and latest onset of a fault that is not there from the start; wearers move from 1.6 s on at the earliest."""
 
-LATE_ONSETS_S = (15.0, 20.0)
-"""Earliest and latest onset of a fault of a robot whose answers a probe has learnt before."""
-
 REFERENCE_TAIL_S = 0.1
 """Time by which the run without a fault outlasts those with one."""
 
@@ -46,6 +44,12 @@ until its output was safe or the watch ended."""
 
 COMMISSIONING_S = 3.0
 """Duration of the run in which a robot is commissioned."""
+
+PROBE_COMMISSIONING_S = 20.0
+"""Duration of the run in which a probe's answers are taken at commissioning."""
+
+COMMISSIONING_FRICTION = (0.7, 1.4)
+"""Smallest and largest ratio of the friction on the day of the commissioning to that of the day of the trial [1]."""
 
 COMMISSIONING_INDEX = 10_000
 """Distance of the index of the wearer on whom a robot is commissioned from that of the wearer who then wears it."""
@@ -219,20 +223,20 @@ def fault_runs(
     kinds: Sequence[str],
     *,
     shaking: bool = False,
-    onsets: tuple[float, float] = ONSETS_S,
+    commissioned: bool = True,
 ) -> tuple[list[dict[str, float]], list[tuple[str, float]]]:
     """Return runs of faults by name under one law on the plant of an index, with each fault's name and amplitude.
 
     The first run is the reference without a fault. With `shaking` the supervisor also has the watch for shaking, as
-    `pellucid.supervised` sets it.
+    `pellucid.supervised` sets it. Start-up test and probe know what the robot answered then if it was `commissioned`.
     """
     base = draw_run(law, index, seed)
     if shaking:
         base["shaking_limit"] = SHAKING_SPEED_SHARE * base["velocity_limit"]
     base["brace_interval"] = with_mishaps(base, seed, index)["brace_interval"]
-    if law.numbers["drive_expected"] > 0.0:
-        base |= commissioned_bounds(law, base, seed, index)
-    runs, said = [{**base, "kind": 0.0, "seconds": onsets[1] + WATCH_S + REFERENCE_TAIL_S}], []
+    if commissioned:
+        base |= commissioned_numbers(law, base, seed, index)
+    runs, said = [{**base, "kind": 0.0, "seconds": ONSETS_S[1] + WATCH_S + REFERENCE_TAIL_S}], []
     for name in kinds:
         kind = KINDS[name]
         if not can_have(law, kind):
@@ -240,7 +244,7 @@ def fault_runs(
         number = FAULT_NAMES.index(name)
         for amplitude in SINE_AMPLITUDES_NM if name == "drive_sine" else (0.0,):
             rng = np.random.default_rng([seed, index, number, sum(map(ord, law.name))])
-            onset = 0.0 if kind.at_start else round(float(rng.uniform(*onsets)) / base["period"]) * base["period"]
+            onset = 0.0 if kind.at_start else round(float(rng.uniform(*ONSETS_S)) / base["period"]) * base["period"]
             drawn = float(rng.integers(1, 2**48))
             runs.append({**base, "kind": float(number), "onset": onset, "seconds": WATCH_S, "fault_seed": drawn,
                          "amplitude": amplitude})  # fmt: skip
@@ -253,12 +257,10 @@ def try_faults(
     index: int,
     seed: int,
     kinds: Sequence[str],
-    *,
-    shaking: bool = False,
-    onsets: tuple[float, float] = ONSETS_S,
+    **conditions: bool,
 ) -> list[ForeignTrial]:
-    """Try faults by name under one law on the plant of an index, as `fault_runs` has them."""
-    runs, said = fault_runs(law, index, seed, kinds, shaking=shaking, onsets=onsets)
+    """Try faults by name under one law on the plant of an index, under the `conditions` of `fault_runs`."""
+    runs, said = fault_runs(law, index, seed, kinds, **conditions)
     played = play(law, runs)
     return [
         ForeignTrial(
@@ -268,6 +270,14 @@ def try_faults(
         )
         for (name, amplitude), result in zip(said, (run.result for run in played[1:]), strict=True)
     ]  # fmt: skip
+
+
+def commissioned_numbers(law: ExportedLaw, run: Mapping[str, float], seed: int, index: int) -> dict[str, float]:
+    """Return what is known of a robot that was commissioned: nothing where neither drive nor probe is measured."""
+    made: dict[str, float] = {}
+    if law.numbers["drive_expected"] > 0.0 or law.numbers["probe_effort"] > 0.0:
+        made |= commissioned_bounds(law, run, seed, index)
+    return made | commissioned_probe(law, run, seed, index)
 
 
 def commissioned_bounds(law: ExportedLaw, run: Mapping[str, float], seed: int, index: int) -> dict[str, float]:
@@ -281,6 +291,27 @@ def commissioned_bounds(law: ExportedLaw, run: Mapping[str, float], seed: int, i
     return dict(zip(("test_least", "test_most"), bounds_of_answer(result["answer"]), strict=True))
 
 
+def commissioned_probe(law: ExportedLaw, run: Mapping[str, float], seed: int, index: int) -> dict[str, float]:
+    """Return what a robot answered its probe on another wearer, in another posture and with other friction."""
+    if not law.numbers["probe_effort"] > 0.0:
+        return {}
+    result = play(law, [commissioning_run(law, run, seed, index)])[0].result
+    if not result["probe_windows"] > 0.0:
+        return {}
+    return dict(commissioned_answers([result[f"seen_{name}"] for name in PROBE_ANSWER_NAMES]))
+
+
+def commissioning_run(law: ExportedLaw, run: Mapping[str, float], seed: int, index: int) -> dict[str, float]:
+    """Return the run in which a probe's answers are taken on the plant of a run, from a wearer without tremor."""
+    other = draw_run(law, index + COMMISSIONING_INDEX, seed)
+    person = {name: value for name, value in other.items() if name.startswith(WEARER_PREFIXES)}
+    rng = np.random.default_rng([seed, index, COMMISSIONING_INDEX])
+    rough = float(rng.uniform(*COMMISSIONING_FRICTION))
+    friction = {name: rough * run[name] for name in ("friction_positive", "friction_negative", "viscous")}
+    return {**run, **person, **friction, "start_position": other["start_position"], "tremor_amplitude": 0.0,
+            "kind": -1.0, "brace_interval": 0.0, "seconds": PROBE_COMMISSIONING_S}  # fmt: skip
+
+
 def fault_name(number: float) -> str:
     """Return the name of the supervisor's fault of a number; -1 stands for the drive's watchdog."""
     return "watchdog" if number < 0.0 else _core.FAULTS[int(number)]
@@ -292,8 +323,7 @@ def live(law: ExportedLaw, index: int, seed: int, seconds: float, *, mishaps: bo
     run = draw_run(law, index, seed)
     if mishaps:
         run = with_mishaps(run, seed, index)
-    if law.numbers["drive_expected"] > 0.0:
-        run |= commissioned_bounds(law, run, seed, index)
+    run |= commissioned_numbers(law, run, seed, index)
     run |= {"kind": -1.0, "seconds": seconds, **changed}
     return life_of(law, index, run, play(law, [run])[0])
 

@@ -7,8 +7,8 @@
 //
 //   A_i = sum h J q'' e^(-j w_i t),   V_i = sum h u e^(-j w_i t),   A_i = g r_i V_i + noise,
 //
-// with r_i what this robot has answered since its test at start-up, whatever its transmission and its drive's lag make of
-// the wave, and g = 1 for a drive and an encoder that are right, -1 where one is reversed, 2 or more for a gain, 0 for
+// with r_i what this robot has answered since its test at start-up, or at its commissioning, whatever its transmission
+// and its drive's lag make of the wave, and g = 1 for a drive and an encoder that are right, -1 where one is reversed, 2 or more for a gain, 0 for
 // one that is dead or stuck, e^(-j w_i T) for one that is late by T. The noise is measured between the waves in the same
 // window. Every fault has a sum of log-likelihood ratios against the nearest g that a healthy robot may have, never below
 // 0 (Page's test): false alarms are rarer than one in e^evidence windows where the noise is Gaussian. E. S. Page,
@@ -77,6 +77,8 @@ template <class S> struct ProbeWatchParams {
   S effort{};
   std::uint32_t samples = 120;
   S inertia{}, noise{}, moving = S(0.1), evidence = S(25), travel = S(std::numeric_limits<S>::infinity());
+  S answer_error{};                  ///< error of the answers below; 0: the robot was not commissioned
+  S answer[2 * probe_wave_count]{};  ///< r of each wave at commissioning, real part and imaginary part
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.effort, {"probe_effort", unit::effort, at_least(0), "amplitude of each of the probe's three waves; 0: no probe"});
@@ -88,6 +90,15 @@ template <class S> struct ProbeWatchParams {
                        "log-likelihood ratio of a fault: false alarms are rarer than one in e^this windows"});
     visit(p.travel, {"probe_travel", unit::coordinate, above(0).or_infinite(),
                      "way that the joint may go while its drive is not heard; infinite: any"});
+    visit(p.answer_error, {"probe_answer_error", unit::one, at_least(0),
+                           "mean square by which a robot may answer otherwise than at its commissioning, relative to that "
+                           "answer; 0: it was not commissioned"});
+    visit(p.answer[0], {"probe_answer_low_real", unit::one, any_number(), "answer to the lowest wave at commissioning"});
+    visit(p.answer[1], {"probe_answer_low_imaginary", unit::one, any_number(), "its imaginary part"});
+    visit(p.answer[2], {"probe_answer_middle_real", unit::one, any_number(), "answer to the middle wave at commissioning"});
+    visit(p.answer[3], {"probe_answer_middle_imaginary", unit::one, any_number(), "its imaginary part"});
+    visit(p.answer[4], {"probe_answer_high_real", unit::one, any_number(), "answer to the highest wave at commissioning"});
+    visit(p.answer[5], {"probe_answer_high_imaginary", unit::one, any_number(), "its imaginary part"});
   }
 };
 
@@ -193,6 +204,17 @@ template <class S> void learn(ProbeWatchState<S>& s, const ProbeWindowState<S>& 
   }
 }
 
+/// Begins with what the robot answered at its commissioning, if it was: as if that had been learnt from as few windows as
+/// there must be.
+template <class S> void begin(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s) noexcept {
+  if (s.learnt != 0 || !(c.params.answer_error > S(0))) return;
+  for (std::uint32_t i = 0; i < probe_wave_count; ++i) {
+    s.known[i] = {c.params.answer[2 * i], c.params.answer[2 * i + 1]};
+    s.error[i] = c.params.answer_error;
+  }
+  s.learnt = probe_learning_windows;
+}
+
 /// Whether what the robot answers is known well enough to tell what is wrong.
 template <class S> bool is_known(const ProbeWatchState<S>& s) noexcept {
   S precision = S(0);
@@ -222,6 +244,7 @@ SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, con
   const S moves = w.moving / (S(0.5) * static_cast<S>(c.params.samples));
   if (!(moves >= S(probe_judged_share))) return SafetyFault::none;
   const bool teaches = moves >= S(probe_learnt_share);
+  begin(c, s);
   if (!is_known(s)) {
     S loud = S(0);
     for (std::uint32_t i = 0; i < probe_wave_count; ++i)

@@ -854,6 +854,12 @@ class Supervised:
         """What the law estimates beside its effort, by name."""
 
     @property
+    def probe_answer(self, /) -> tuple[tuple[float, ...], int]:
+        """
+        What the robot has answered the probe's three waves so far, real and imaginary parts, and from how many windows.
+        """
+
+    @property
     def beat(self) -> int:
         """Counts periods, for the drive's watchdog."""
 

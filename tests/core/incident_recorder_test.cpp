@@ -420,9 +420,29 @@ void a_file() {
   check(file[file.size() - 1 - p::record_words<Joint<double>> + 2] == 23, "with its last period");
 }
 
+/// A text of any length ends on a whole word, filled up with line feeds, so that what follows begins where it is expected.
+void texts_end_on_words() {
+  for (std::uint32_t letters = 0; letters <= 8; ++letters) {
+    std::uint32_t last = 0, words = 0;
+    const auto sink = [&last, &words](std::uint32_t word) {
+      last = word;
+      ++words;
+      return true;
+    };
+    p::detail::WordStream<decltype(sink)> stream{sink};
+    for (std::uint32_t k = 0; k < letters; ++k) stream.letter('a');
+    stream.end_text();
+    check(words == (letters + 3) / 4 && words == stream.count, "whole words");
+    const std::uint32_t filled = letters % 4;
+    const std::uint32_t wanted[] = {0x61616161u, 0x0a0a0a61u, 0x0a0a6161u, 0x0a616161u};
+    check(letters == 0 || last == wanted[filled], "filled up with line feeds");
+  }
+}
+
 }  // namespace
 
 int main() {
+  texts_end_on_words();
   a_record_holds_its_period();
   decimation_keeps_what_came_nearest();
   no_memory_is_off();

@@ -351,6 +351,61 @@ void travel() {
   check(p::coefficients(any, 1e-3).valid == 0, "a way of nothing");
 }
 
+/// A commissioned robot is judged from its first movement on, against what it answered then.
+template <class S> void commissioned() {
+  auto r = usual<S>();
+  r.answer_error = S(0.1);
+  const S answers[] = {S(1), S(0), S(1), S(-0.2), S(0.9), S(-0.3)};
+  for (int k = 0; k < 6; ++k) r.answer[k] = answers[k];
+  const auto c = p::coefficients(r, S(1e-3));
+  p::ProbeWatchState<S> s;
+  p::begin(c, s);
+  for (int i = 0; i < 3; ++i) {
+    check(s.known[i].real == answers[2 * i] && s.known[i].imaginary == answers[2 * i + 1], "what was stated");
+    check(s.error[i] == S(0.1), "with its error");
+  }
+  check(s.learnt == 6 && p::is_known(s), "is known at once");
+  s.known[0].real = S(2), s.learnt = 7;
+  p::begin(c, s);
+  check(s.known[0].real == S(2), "and what is learnt later is kept");
+  p::ProbeWatchState<S> new_one;
+  p::begin(p::coefficients(usual<S>(), S(1e-3)), new_one);
+  check(new_one.learnt == 0, "a robot that was not commissioned knows nothing");
+  const auto valid = [&r](S error, S answer) {
+    auto other = r;
+    other.answer_error = error, other.answer[3] = answer;
+    return p::coefficients(other, S(1e-3)).valid != 0;
+  };
+  check(valid(S(0), S(0)) && !valid(S(-0.1), S(0)), "an error below 0");
+  check(!valid(S(0.1), std::numeric_limits<S>::quiet_NaN()) && !valid(S(0.1), std::numeric_limits<S>::infinity()), "no number");
+  struct Wrong {
+    F fault;
+    double gain, sign;
+    int within;
+  };
+  for (const Wrong& w : {Wrong{F::polarity, -1, 1, 400}, Wrong{F::polarity, 1, -1, 400}, Wrong{F::gain, 3, 1, 500},
+                         Wrong{F::gain, 2, 1, 1500}, Wrong{F::unanswered, 0, 1, 1000}}) {
+    Joint<S> blind, knows(r);
+    blind.gain = knows.gain = w.gain, blind.sign = knows.sign = w.sign;
+    check(knows.found(6000) == w.fault, "wrong from its first sample on");
+    check(knows.after <= w.within, "and found in the first movement");
+    check(blind.found(6000) == F::none, "which nobody finds who does not know what is right");
+  }
+  // Another posture, payload and friction answer by a third more or less, and turned: no alarm, and that is learnt.
+  for (const double inertia : {0.038, 0.05, 0.065})
+    for (const int late : {0, 1}) {
+      Joint<S> other(r);
+      other.inertia = inertia, other.late = late, other.friction = 0.2, other.shaken = 40;
+      check(other.found(30000) == F::none, "it answers otherwise than at its commissioning");
+      check(other.s.learnt > 6, "and that is learnt");
+    }
+  // Numbers that are none are forgotten, what was commissioned is not.
+  Joint<S> j(r);
+  check(p::step(j.c, j.s, std::numeric_limits<S>::quiet_NaN(), S(0), S(0)) == F::none && j.found(2000) == F::none, "no number");
+  j.gain = -1;
+  check(j.found(1000) == F::polarity, "and it is found");
+}
+
 /// NaN and infinities are forgotten, and say nothing.
 template <class S> void no_numbers() {
   for (const S bad : {std::numeric_limits<S>::quiet_NaN(), std::numeric_limits<S>::infinity(), -std::numeric_limits<S>::max()}) {
@@ -400,6 +455,8 @@ int main() {
   evidence();
   learning();
   travel();
+  commissioned<double>();
+  commissioned<float>();
   no_numbers<double>();
   no_numbers<float>();
   false_alarms<double>();

@@ -85,6 +85,12 @@ class Loaded:
         assert self.core.pellucid_step(self.context, ctypes.byref(read), ctypes.byref(output)) == output.fault
         return output
 
+    def probe_answer(self) -> tuple[tuple[float, ...], int]:
+        """What the robot has answered the probe, and from how many windows that was learnt."""
+        answer = (ctypes.c_float * 6)()
+        windows = self.core.pellucid_probe_answer(self.context, answer)
+        return tuple(answer), windows
+
 
 def nonsense(robot: Loaded, rng: np.random.Generator, cycles: int = 20_000) -> None:
     """NaN, infinities, jumps, clocks and numbers that leap: every effort finite, within its limit and its rate."""

@@ -2,6 +2,7 @@
 
 import ctypes
 import json
+import math
 import re
 import shutil
 import subprocess
@@ -19,6 +20,7 @@ from pellucid._errors import PellucidError
 from pellucid.cli import app
 from pellucid.control.control_law import LAWS, ControlLaw
 from pellucid.control.coupling import Coupling
+from pellucid.control.probe import PROBE_ANSWER_ERROR, PROBE_ANSWER_NAMES
 from pellucid.control.residual_compensator import design
 from pellucid.control.supervised import SUPERVISOR_NAMES
 from pellucid.control.unmeasured_drive import warn_of_unmeasured_drive
@@ -28,6 +30,7 @@ from pellucid.deployment.controller_values import ControllerValues
 from pellucid.deployment.export import warn_of_export
 from pellucid.deployment.joint_values import joint_values
 from pellucid.deployment.microcontroller import measure, missing_tools
+from pellucid.deployment.replay_vector import SUPERVISOR_VARIANTS
 from pellucid.models.card import CardParameter, ModelCard, write_card
 from pellucid.models.slider_card import SliderCard
 
@@ -115,6 +118,38 @@ def test_a_probe_is_exported_and_answers_as_recorded(study):
     assert run.stdout.splitlines()[-1] == "wrong 0"
     words = (folder / "README.md").read_text(encoding="utf-8").split()
     assert "waves of effort of 42, 75 and 108 Hz" in " ".join(words)
+    assert "takes what they answer in the first movement after each start for right" in " ".join(words)
+
+
+def test_a_probes_answer_at_commissioning_is_exported(study):
+    path, answer = study.folder / "study.toml", (5.0, -1.0, 4.0, -2.0, 3.0, -3.5)
+    stated = f"[rig.instruments]\nprobe = true\nprobe_answer = {list(answer)}\n"
+    path.write_text(path.read_text(encoding="utf-8").replace("[channels]", f"{stated}[channels]", 1), encoding="utf-8")
+    folder = pellucid.export(pellucid.open(study.folder))
+    numbers = read_constants(folder)
+    assert tuple(numbers[name] for name in PROBE_ANSWER_NAMES) == answer
+    assert numbers["probe_answer_error"] == pytest.approx(PROBE_ANSWER_ERROR)
+    readme = " ".join((folder / "README.md").read_text(encoding="utf-8").split())
+    assert "| answer to the probe at commissioning | stated | from study.toml |" in readme
+    assert "those that you state as probe_answer" in readme
+    assert "first movement after each start" not in readme
+
+
+@compiled
+def test_a_controller_says_what_its_robot_answered_the_probe(study, tmp_path):
+    """As the same law in Python does, in single precision; nothing before it has started or where nothing is given."""
+    values = joint_values(study)
+    values = replace(values, instruments=replace(values.instruments, probe=True))
+    robot = Loaded(write_c_folder("bench", values, tmp_path / "c"), values)
+    here = values.supervised.changed(**SUPERVISOR_VARIANTS["law"]).start(single=True)
+    assert robot.probe_answer() == ((0.0,) * 6, 0)
+    assert robot.core.pellucid_probe_answer(None, None) == 0
+    assert robot.init() == 0
+    for k in range(1000):
+        position = 0.4 * math.sin(3e-3 * k)
+        assert robot.step(position).effort == here.step(1e-3 * k, position)
+    assert robot.probe_answer() == here.probe_answer
+    assert here.probe_answer[1] > 0
 
 
 def test_a_probe_is_refused_where_the_controller_is_too_slow(study):

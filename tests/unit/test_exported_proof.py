@@ -119,6 +119,40 @@ def test_faults_that_the_drive_measures_are_found_and_bounded(measured):
     assert by_kind["mode_memory"].fault == "integrity"
 
 
+GROUP_BOUNDS = {"sensor": (0.01, 1e-3), "drive": (0.3, 0.1), "clock": (0.02, 1e-3), "software": (0.2, 1e-3)}
+"""Longest time until found [s] and largest excess [J] of the worst fault of each group, where the drive is measured."""
+
+SEEN_LATE = ("encoder_frozen", "encoder_half_two", "drive_late", "drive_holds", "law_state")
+"""Faults that do nothing for as long as a wearer rests, or that the law itself outlives."""
+
+
+@pytest.mark.parametrize("group", GROUP_BOUNDS)
+def test_the_worst_fault_of_a_group_is_found_in_time_and_bounded(measured, group):
+    kinds = {kind.name for kind in trials.KINDS.values() if kind.group == group and not kind.hidden} - {*SEEN_LATE}
+    found = [t for index in range(3) for t in trials.try_faults(measured, index, SEED, sorted(kinds))]
+    assert len(found) >= 9
+    assert all(trial.is_found and not trial.early for trial in found)
+    longest, most = GROUP_BOUNDS[group]
+    assert max(trial.found for trial in found) < longest
+    assert max(trial.excess for trial in found) < most
+
+
+def test_a_commissioned_probe_finds_what_begins_before_its_first_movement(store):
+    """A drive that is wrong before the probe has learnt teaches its fault to one that was not commissioned."""
+    probed = store.law("transparent", "probe")
+    kinds = _exported.PROBED_KINDS
+    known, blind = (
+        [t for index in range(3) for t in trials.try_faults(probed, index, SEED, kinds, commissioned=on)]
+        for on in (True, False)
+    )
+    assert all(trial.is_found and not trial.early for trial in known)
+    assert max(t.excess for t in known) < 5.0 < max(t.excess for t in blind)
+    assert max(t.found for t in known) < 3.0
+    assert not all(trial.is_found for trial in blind)
+    lives = [trials.live(probed, index, SEED, 60.0) for index in range(2)]
+    assert not any(life.false_alarms for life in lives)
+
+
 def test_without_the_drives_measurement_the_same_faults_give_more(transparent, measured):
     kinds = ("drive_reversed", "drive_triple", "drive_stuck")
     blind = [t for index in range(3) for t in trials.try_faults(transparent, index, SEED, kinds)]

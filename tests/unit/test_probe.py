@@ -13,6 +13,8 @@ from pellucid.control.probe import (
     MAX_PROBE_SHARE,
     MAX_UNHEARD_S,
     PROBE_ACCELERATION,
+    PROBE_ANSWER_ERROR,
+    PROBE_ANSWER_NAMES,
     PROBE_CREST,
     probe_numbers,
     probe_samples,
@@ -106,10 +108,31 @@ def test_not_without_an_inertia():
         probe_numbers(math.nan, 1e-4, limit=10.0, period=0.001)
 
 
-def moving_joint(gain, onset, seconds=20.0, friction=0.1):
+def test_answers_at_commissioning_are_the_supervisors_numbers():
+    answer = (1.0, -0.1, 0.9, -0.2, 0.8, -0.3)
+    s = probed(law(), probe_answer=answer).supervision
+    assert tuple(s[name] for name in PROBE_ANSWER_NAMES) == answer
+    assert s["probe_answer_error"] == PROBE_ANSWER_ERROR
+    assert probed(law()).supervision["probe_answer_error"] == 0.0
+
+
+@pytest.mark.parametrize("wrong", [(), (1.0,) * 5, (1.0,) * 7, (math.nan, *(1.0,) * 5), (0.0, 0.0, *(1.0,) * 4)])
+def test_an_answer_that_is_none_is_refused(wrong):
+    with pytest.raises(PellucidError, match=r"instruments: probe_answer: found .*, expected real and imaginary part"):
+        Instruments(probe_answer=wrong)
+
+
+def moving_joint(gain, onset, seconds=20.0, answer=None):
+    """Return the fault that a probed law finds in a joint, when after the onset, and all efforts."""
+    watched, after, efforts = moved(gain, onset, seconds, 0.1, answer)
+    return watched.fault, after, efforts
+
+
+def moved(gain, onset, seconds, friction, answer):
     """A joint that is moved to and fro under a probed law; a drive gives `gain` of its effort from the onset on."""
     given = law(gravity_sine=0.0, gravity_cosine=0.0)
-    watched, rng = probed(given, encoder_resolution=1e-4).start(), np.random.default_rng(3)
+    safe = probed(given, encoder_resolution=1e-4, probe_answer=answer)
+    watched, rng = safe.start(), np.random.default_rng(3)
     period, speed, place, effort, efforts = 1e-3, 0.0, 0.0, 0.0, []
     for k in range(round(seconds / period)):
         time = period * k
@@ -122,8 +145,18 @@ def moving_joint(gain, onset, seconds=20.0, friction=0.1):
         effort = watched.step(time, reading)
         efforts.append(effort)
         if watched.fault != "none":
-            return watched.fault, time - onset, np.array(efforts)
-    return "none", math.nan, np.array(efforts)
+            return watched, time - onset, np.array(efforts)
+    return watched, math.nan, np.array(efforts)
+
+
+@pytest.fixture(scope="module")
+def right():
+    """What a joint with a drive and an encoder that are right answers."""
+    assert probed(law()).probe_answer is None
+    watched = moved(1.0, 0.0, 3.0, 0.1, None)[0]
+    answer, windows = watched.probe_answer
+    assert windows > 6
+    return answer
 
 
 @pytest.mark.parametrize(
@@ -135,3 +168,19 @@ def test_verdicts_of_a_supervised_law(gain, fault):
     assert np.all(np.abs(efforts) <= 10.0)
     if fault != "none":
         assert 0.1 < after < 1.0
+
+
+@pytest.mark.parametrize(("gain", "fault"), [(-1.0, "polarity"), (3.0, "gain"), (2.0, "gain"), (0.0, "unanswered")])
+def test_a_commissioned_robot_finds_what_is_wrong_from_the_start(right, gain, fault):
+    """Without its answers at commissioning the first movement under a wrong drive is taken for right."""
+    found, after, _ = moving_joint(gain, 0.0, seconds=3.0, answer=right)
+    assert found == fault
+    assert after < 1.5
+    blind, later, _ = moving_joint(gain, 0.0, seconds=3.0)
+    assert blind == "none" or (gain == 0.0 and later > 1.5 * after)
+
+
+@pytest.mark.parametrize("ratio", [0.75, 1.0, 1.3])
+def test_a_healthy_robot_may_answer_otherwise_than_at_its_commissioning(right, ratio):
+    answer = [ratio * part for part in right]
+    assert moving_joint(1.0, 0.0, seconds=3.0, answer=answer)[0] == "none"

@@ -28,6 +28,7 @@ second_encoder = true
 second_encoder_tolerance = "1 deg"
 start_up_answer = "14 mJ"
 probe = true
+probe_answer = [5.0, -1.0, 4.0, -2, 3.0, -3.0]
 [rig.instruments.drive_sensor]
 gain_error = "4 %"
 offset = "100 mN*m"
@@ -80,6 +81,7 @@ def test_what_one_joint_states(tmp_path):
     assert pellucid.Instruments is Instruments
     (found,) = instruments_of(tmp_path, ONE)
     assert (found.encoder_resolution, found.joint_encoder, found.probe) == (pytest.approx(1e-4), True, True)
+    assert found.probe_answer == (5.0, -1.0, 4.0, -2.0, 3.0, -3.0)
     assert found.joint_tolerance == pytest.approx(math.radians(1.0))
     assert (found.drive, found.drive_gain_error, found.drive_offset) == (True, 0.04, 0.1)
     assert found.drive_limit == pytest.approx(0.06 * 28.0 * 8.0)
@@ -112,8 +114,8 @@ def test_joints_share_a_table_and_replace_keys_of_it(tmp_path):
     ("text", "found", "given", "said"),
     [
         (ONE, "0.1 mrad", "0.1 mm", r'line 11: \[rig.instruments\] encoder_resolution: found the unit "mm"'),
-        (ONE, "range", "rang", r'line 20: \[rig.instruments.force_sensor\] rang: unknown key "rang"; .* is "range"'),
-        (ONE, "100 mN*m", "-1 N*m", r"line 18: \[rig.instruments.drive_sensor\] offset: found -1.0, expected at least"),
+        (ONE, "range", "rang", r'line 21: \[rig.instruments.force_sensor\] rang: unknown key "rang"; .* is "range"'),
+        (ONE, "100 mN*m", "-1 N*m", r"line 19: \[rig.instruments.drive_sensor\] offset: found -1.0, expected at least"),
         (ONE, "second_encoder = true\n", "", "found second_encoder_tolerance, expected second_encoder = true"),
         (SEVERAL, "second_encoder = true\n", "", r"\[\[rig.joints\]\] elbow: .*expected second_encoder = true"),
         (SEVERAL, "0.2 N*m", "0.2 m", r'\[\[rig.joints\]\] 1 instruments.drive_sensor.offset: found the unit "m"'),

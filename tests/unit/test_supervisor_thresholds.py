@@ -13,6 +13,7 @@ from pellucid.control import supervised as rules
 from pellucid.control.control_law import LAWS, ControlLaw
 from pellucid.control.instruments import Instruments
 from pellucid.control.limits import Limits
+from pellucid.control.probe import PROBE_ANSWER_NAMES
 from pellucid.control.supervised import StartUpWave, body_of, start_up_wave, supervised
 from pellucid.control.worn import watched_worn
 from pellucid.models.anthropometry import Segment
@@ -80,7 +81,7 @@ def test_every_threshold_of_a_joint():
         "test_most": 2.5 * 2.0 * (wave * 0.032 / math.pi) ** 2 / INERTIA, "degrades": 1.0, "moving_speed": 0.2,
         "rest_speed": 0.3, "reset_delay": 1.0, "healthy_samples": 500.0, "probe_effort": 0.0, "probe_samples": 120.0,
         "probe_inertia": 0.0, "probe_noise": 0.0, "probe_moving": 0.1, "probe_evidence": 25.0,
-        "probe_travel": math.inf,
+        "probe_travel": math.inf, "probe_answer_error": 0.0, **dict.fromkeys(PROBE_ANSWER_NAMES, 0.0),
         "shaking_limit": math.inf, "shaking_recent": 10.0, "shaking_memory": 0.5,
         "unexplained_limit": math.inf, "unexplained_gain": 0.0, "unexplained_offset": 0.02 * EFFORT + 0.1,
         "unexplained_memory": 0.1,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 from .._errors import PellucidError
@@ -74,11 +75,15 @@ class Instruments:
         robot, which allow a gain that is wrong by a factor of up to three.
     probe : bool
         Whether a small wave of effort may test encoder and drive while the law runs.
+    probe_answer : sequence of float or None
+        Answers to the probe's three waves at commissioning, with a drive and an encoder known to be right: real and
+        imaginary part of each, shape (6,) [1]. None: the first movement after each start is taken for right.
 
     Raises
     ------
     PellucidError
-        If a number is negative or not a number, or a resolution, range, limit or stiffness is 0.
+        If a number is negative or not a number, a resolution, range, limit or stiffness is 0, or `probe_answer` is
+        not six finite numbers of which each pair has a size above 0.
 
     Examples
     --------
@@ -108,13 +113,16 @@ class Instruments:
     emg_range: float = 40.0
     start_up_answer: float | None = None
     probe: bool = False
+    probe_answer: tuple[float, ...] | None = None
 
     def __post_init__(self):
+        if self.probe_answer is not None:
+            object.__setattr__(self, "probe_answer", _checked_answer(self.probe_answer))
         positive = ("encoder_resolution", "joint_tolerance", "drive_limit", "spring_stiffness", "force_range",
                     "emg_range", "start_up_answer")  # fmt: skip
         for field in fields(self):
             value = getattr(self, field.name)
-            if value is None or isinstance(value, bool):
+            if value is None or isinstance(value, bool | tuple):
                 continue
             least = "more than 0" if field.name in positive else "0 or more"
             if not (value > 0.0 if field.name in positive else value >= 0.0):
@@ -151,6 +159,19 @@ class Instruments:
         }
         taken = {name: value for name, value in usual.items() if getattr(self, name) is None}
         return CompleteInstruments(**{**vars(self), **taken})
+
+
+def _checked_answer(answer: Sequence[float]) -> tuple[float, ...]:
+    """Return the six numbers of a probe's answer, or raise a PellucidError if they are none."""
+    found = tuple(map(float, answer))
+    waves = list(zip(found[::2], found[1::2], strict=False))
+    if len(found) != 6 or not all(map(math.isfinite, found)) or not all(map(any, waves)):
+        said = ", ".join(f"{number:g}" for number in found[:8])
+        raise PellucidError(
+            f"instruments: probe_answer: found {said or 'nothing'}, expected real and imaginary part of three answers, "
+            "none of them 0"
+        )
+    return found
 
 
 @dataclass(frozen=True)

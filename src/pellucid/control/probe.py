@@ -7,7 +7,7 @@ reversed, dead, late or wrongly scaled drive or encoder is found without a measu
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from .._errors import PellucidError
 
@@ -51,6 +51,22 @@ MAX_UNHEARD_S = 0.1625
 """Time at the velocity limit whose way is the longest that the joint may go while its drive is not heard.
 
 It is 1.3 rad for a limit of 8 rad/s, a fifth more than healthy wearers needed on foreign plants of the tuning seeds."""
+
+
+PROBE_ANSWER_ERROR = 0.1
+"""Mean square by which a healthy robot answers otherwise than at its commissioning, relative to that answer [1]."""
+
+PROBE_ANSWER_NAMES: tuple[str, ...] = tuple(
+    f"probe_answer_{wave}_{part}" for wave in ("low", "middle", "high") for part in ("real", "imaginary")
+)
+"""The supervisor's numbers of the answers at commissioning, in the order of `Instruments.probe_answer`."""
+
+
+def commissioned_answers(answer: Sequence[float] | None) -> Mapping[str, float]:
+    """Return the supervisor's numbers of a probe's `answer` at commissioning, by name; none without an answer."""
+    if answer is None:
+        return {}
+    return {"probe_answer_error": PROBE_ANSWER_ERROR, **dict(zip(PROBE_ANSWER_NAMES, answer, strict=True))}
 
 
 def probe_signal_to_noise(amplitude: float, inertia: float, resolution: float, period: float) -> float:

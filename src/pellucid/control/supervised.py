@@ -29,7 +29,7 @@ from .instruments import (
     CompleteInstruments,
     Instruments,
 )
-from .probe import probe_numbers
+from .probe import commissioned_answers, probe_numbers
 
 MIN_DRIVEN_INERTIA_SHARE = 0.1
 """Smallest share of the inertia that the drive may accelerate by itself, behind its transmission [1]."""
@@ -389,6 +389,15 @@ class SupervisedLaw:
         return self._running.challenge
 
     @property
+    def probe_answer(self) -> tuple[float, ...] | None:
+        """Answers to the probe's three waves since the start, real and imaginary parts; None before any is learnt.
+
+        Those of a robot whose drive and encoder are known to be right are `Instruments.probe_answer`.
+        """
+        answer, windows = self._running.probe_answer
+        return answer if windows else None
+
+    @property
     def log(self) -> list[tuple[int, str, str]]:
         """The last faults, the latest first: period, fault, and what was then done."""
         return self._running.log
@@ -738,4 +747,5 @@ def supervision_of(
     if instruments.probe:
         resolution = complete.encoder_resolution
         made |= probe_numbers(inertia, resolution, limit=effort, period=period, speed_limit=speed)
+        made |= commissioned_answers(instruments.probe_answer)
     return known | {name: float(value) for name, value in made.items()}

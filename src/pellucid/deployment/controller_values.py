@@ -31,9 +31,18 @@ NO_ANSWER_NOTE = (
 
 PROBE_NOTE = (
     "The controller asks drive and encoder with small waves of effort of 42, 75 and 108 Hz, which can be heard and "
-    "felt. It begins to judge their answers when the joint has moved once since the start."
+    "felt. It judges their answers against those that you state as probe_answer in [rig.instruments]."
 )
-"""Note in the exported README if the supervisor probes."""
+"""Note in the exported README if the supervisor probes and its answers at commissioning are known."""
+
+UNCOMMISSIONED_PROBE_NOTE = (
+    "The controller asks drive and encoder with small waves of effort of 42, 75 and 108 Hz, which can be heard and "
+    "felt. It takes what they answer in the first movement after each start for right: a drive that is wrong from the "
+    "start is then found by the test at start-up only. To state what is right, check the drive by hand, let a wearer "
+    "who is at ease move the joint for twenty seconds, read pellucid_probe_answer, state the six numbers as "
+    "probe_answer in [rig.instruments], and export again."
+)
+"""Note in the exported README if the supervisor probes and its answers at commissioning are not known."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +69,10 @@ class ControllerValues:
     def all_notes(self) -> tuple[str, ...]:
         """The notes, and what there is to say of the probe and of the start-up test."""
         supervision = self.supervised.supervision
-        notes = (*self.notes, PROBE_NOTE) if supervision["probe_effort"] > 0.0 else self.notes
+        notes = self.notes
+        if supervision["probe_effort"] > 0.0:
+            known = supervision["probe_answer_error"] > 0.0
+            notes = (*notes, PROBE_NOTE if known else UNCOMMISSIONED_PROBE_NOTE)
         tested = supervision["test_effort"] > 0.0
         if LAWS[self.law].drives_spring or not supervision["body_inertia"] > 0.0:
             return notes

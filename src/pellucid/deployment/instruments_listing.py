@@ -64,4 +64,8 @@ def list_instruments(
         ListedInstrument("work of the start-up wave at commissioning", answer, used.start_up_answer is not None)
     )
     add_switch("probe of encoder and drive while the law runs", "probe")
+    if used.probe:
+        answered = used.probe_answer is not None
+        value = "stated" if answered else "not measured"
+        lines.append(ListedInstrument("answer to the probe at commissioning", value, answered))
     return tuple(lines)

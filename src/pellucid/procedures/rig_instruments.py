@@ -19,6 +19,7 @@ INSTRUMENT_KEYS: Mapping[str, str] = {
     "emg_range": "emg_range",
     "start_up_answer": "start_up_answer",
     "probe": "probe",
+    "probe_answer": "probe_answer",
 }
 """Field of `Instruments` for each key of ``[rig.instruments]``."""
 

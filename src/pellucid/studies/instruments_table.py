@@ -105,6 +105,8 @@ class InstrumentsTable(StudyTable):
         Work of the start-up test's wave at commissioning [J].
     probe : bool
         Whether a small wave of effort may test encoder and drive while the law runs.
+    probe_answer : tuple of float or None
+        Answers to the probe's three waves at commissioning: real and imaginary part of each, shape (6,) [1].
     """
 
     encoder_resolution: PositiveAngle | None = None
@@ -116,6 +118,7 @@ class InstrumentsTable(StudyTable):
     emg_range: PositiveEffort | None = None
     start_up_answer: PositiveWork | None = None
     probe: bool = False
+    probe_answer: tuple[float, float, float, float, float, float] | None = None
 
     def completed_by(self, common: InstrumentsTable) -> InstrumentsTable:
         """Return this table with those keys of `common` that it does not say."""
