@@ -76,6 +76,9 @@ from .worth_findings import RecordingWorth, find_worth, worth_sentence, worth_ta
 INVALID_BANDS_FINDING = "bands"
 """Identifier of the finding that error bands are not known to hold."""
 
+MAX_BRIEF_NAMED_ROWS = 6
+"""Largest number of rows of the table of recommended estimators on a terminal without ``-v``."""
+
 CARD_ESTIMATOR = "ridge"
 """Estimator whose causal map becomes a card. It is a sum of products, which a robot can compute."""
 
@@ -379,34 +382,29 @@ def _error_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[FigureTable
             )
             if rows:
                 unit = f"{heads[0]} ({own[0].unit})"
-                parts.append(FigureTable(title, ("Estimator", unit, *heads[1:]), rows))
+                parts.append(FigureTable(title, ("Estimator", unit, *heads[1:]), rows, max_brief_rows=0))
     return (*made, *told)
 
 
 def _chosen_tables(chosen: Sequence[RecommendedEstimator]) -> tuple[FigureTable, ...]:
-    """Return tables of the recommended estimator by condition or trial, beside angles alone."""
+    """Return tables of the recommended estimators by condition or trial, beside angles alone, one for each unit."""
     made = []
-    for each in chosen:
-        heads = (
-            "Judged on",
-            "By",
-            f"RMSE ({each.judged[0].unit})",
-            "R²",
-            "RMSE without EMG",
-            f"{100 * ERROR_BAND_SHARE:g} % band",
-        )
+    for unit in dict.fromkeys(each.judged[0].unit for each in chosen):
+        heads = ("Judged on", "By", f"RMSE ({unit})", "R²", "RMSE without EMG", f"{100 * ERROR_BAND_SHARE:g} % band")
         rows = tuple(
             (
-                one.name.replace("_", " "),
+                f"{each.what}, {one.name.replace('_', ' ')}",
                 ESTIMATOR_FAMILIES[one.estimator].description,
                 one.score.rmse,
                 one.score.r2,
                 None if one.bare is None else one.bare.rmse,
                 None if one.held is None else f"{100.0 * one.held:.0f} %",
             )
+            for each in chosen
+            if each.judged[0].unit == unit
             for one in each.by_condition()
         )
-        made.append(FigureTable(f"Named first: {each.what}", heads, rows))
+        made.append(FigureTable("Named first", heads, rows, MAX_BRIEF_NAMED_ROWS))
     return tuple(made)
 
 
@@ -426,7 +424,8 @@ def _repair_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[FigureTabl
             for e in own
             if (e.what, e.recording) == (what, recording)
         )
-        made.append(FigureTable(f"Before and after rescale: {what}, {recording.replace('_', ' ')}", heads, rows))
+        title = f"Before and after rescale: {what}, {recording.replace('_', ' ')}"
+        made.append(FigureTable(title, heads, rows, max_brief_rows=0))
     return tuple(made)
 
 
@@ -443,7 +442,7 @@ def _condition_test_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[Fi
         rows = tuple((ESTIMATOR_FAMILIES[n].description, e.examined.mean, *e.examined.rmse) for n, e in own.items())
         unit = next(iter(own.values())).torque_unit
         title = f"What chose: {what}, RMSE ({unit}) on what was fitted, away from what each was fitted to for the test"
-        made.append(FigureTable(title, heads, rows))
+        made.append(FigureTable(title, heads, rows, max_brief_rows=0))
     return tuple(made)
 
 

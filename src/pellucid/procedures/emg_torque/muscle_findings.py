@@ -58,7 +58,10 @@ def partial_errors(reference: np.ndarray, predicted: np.ndarray) -> tuple[float,
 
 def muscle_tables(muscles: Mapping[str, HillMap]) -> tuple[ParameterTable, ...]:
     """Return a table of the muscles' parameters for each joint or person."""
-    return tuple(ParameterTable(f"Muscles: {what}", muscle_parameters(found.fit)) for what, found in muscles.items())
+    return tuple(
+        ParameterTable(f"Muscles: {what}", muscle_parameters(found.fit), max_brief_rows=0)
+        for what, found in muscles.items()
+    )
 
 
 def muscle_cards(

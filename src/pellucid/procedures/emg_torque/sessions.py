@@ -171,6 +171,7 @@ def session_tables(sessions: Mapping[str, ChannelComparison]) -> tuple[FigureTab
                 )
                 for m in c.floor_shift
             ),
+            max_brief_rows=0,
         )
         for name, c in sessions.items()
     )
