@@ -76,6 +76,9 @@ from .worth_findings import RecordingWorth, find_worth, worth_sentence, worth_ta
 INVALID_BANDS_FINDING = "bands"
 """Identifier of the finding that error bands are not known to hold."""
 
+MIN_LEFT_OUT_COVERAGE = 0.8
+"""Smallest share of a left-out fitted trial within the 90 % band of the others, below which a band is not trusted."""
+
 MAX_BRIEF_NAMED_ROWS = 6
 """Largest number of rows of the table of recommended estimators on a terminal without ``-v``."""
 
@@ -472,7 +475,16 @@ def _invalid_band_sentences(found: CalibrationFindings) -> list[str]:
     ]
     if few:
         sentences.append(
-            f"Bands are not known to hold, chosen by fewer than {MIN_ERROR_BAND_CONDITIONS} trials: {', '.join(few)}."
+            f"Bands are not known to hold, made of fewer than {MIN_ERROR_BAND_CONDITIONS} trials: {', '.join(few)}."
+        )
+    narrow = [
+        f"{each.what} ({100.0 * each.fitted_coverage:.0f} %)"
+        for each in found.chosen.values()
+        if each.fitted_coverage is not None and each.fitted_coverage < MIN_LEFT_OUT_COVERAGE
+    ]
+    if narrow:
+        sentences.append(
+            f"Bands for {100 * ERROR_BAND_SHARE:g} % hold less of fitted trials left out in turn: {', '.join(narrow)}."
         )
     return sentences
 
