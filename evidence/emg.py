@@ -46,6 +46,7 @@ from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import activations, calibrate, check
 from pellucid.recordings.readers import read_columns
 from pellucid.recordings.readers.osim_paths import read_paths
+from pellucid.signals.emg_chain import emg_chain
 from pellucid.studies import Study
 from pellucid.studies.results import ResultRow
 
@@ -551,7 +552,7 @@ def export_rows() -> Iterator[ResultRow]:
     yield row("export.bytes", on_m4.bytes, "B", f"code {on_m4.code}, configuration {on_m4.constants}", "simulated")
     yield row("export.memory", on_m4.memory, "B", "one context", "simulated")
     with tempfile.TemporaryDirectory() as folder:
-        chained = replace(card, chain=CHAIN, emg_rate=CHAIN_RATE, **chain_sections(CHAIN, CHAIN_RATE))
+        chained = replace(card, chain=CHAIN, emg_rate=CHAIN_RATE, **chain_sections(emg_chain(CHAIN), CHAIN_RATE))
         on_m4 = measure(write_estimator_folder(study.name, chained, Path(folder) / "raw", motion=motion))
     how = (
         f"the same from raw EMG by the chain {CHAIN}, {round(CHAIN_RATE * card.period)} samples of "

@@ -23,9 +23,9 @@ from ...estimators.torque_trial import TorqueTrial
 from ...estimators.useful_repairs import apply_useful_repairs
 from ...fit.parameter import Verdict
 from ...fit.posterior.ensemble import require_sampler
-from ...signals.emg_chain import emg_chain
 from ...studies.study import Study
 from ..loaded_swing.loaded_swing_table import LoadedSwingTable
+from ..muscle_tables import table_chain
 from ..result import FigureTable, Result
 from .calibration_findings import CalibrationFindings, find_applicable_estimators
 from .calibration_rows import calibration_rows
@@ -582,8 +582,8 @@ def calibration_verdicts(
             )
         )
     late = smoothing_delay(0.05, trials[0].fs)
-    chain = study.table(EmgTorqueTable).chain
-    if chain == "none":
+    chain = table_chain(study.table(EmgTorqueTable))
+    if chain is None:
         verdicts.append(
             Verdict(
                 "note",
@@ -595,12 +595,12 @@ def calibration_verdicts(
         emg = study.table(EmgTorqueTable).emg
         stream = next((r.streams[emg] for r in study.recordings() if emg in r.streams), None)
         if stream is not None:
-            delay = emg_chain(chain, study.table(EmgTorqueTable).mains).delay(stream.fs)
+            delay = chain.delay(stream.fs)
             verdicts.append(
                 Verdict(
                     "note",
-                    f'The chain "{chain}" run causally is {1e3 * delay.filters:.0f} ms late, and smoothing makes trees '
-                    f"{1e3 * late:.0f} ms later.",
+                    f'The chain "{chain.name}" run causally is {1e3 * delay.filters:.0f} ms late, and smoothing makes '
+                    f"trees {1e3 * late:.0f} ms later.",
                 )
             )
     return tuple(verdicts)
