@@ -138,6 +138,7 @@ __all__ = [
     "identify",
     "incident",
     "init",
+    "median_frequency_trend",
     "movement_indices",
     "onset",
     "power_curve",
@@ -147,6 +148,7 @@ __all__ = [
     "report",
     "reproduce",
     "simulate",
+    "stride_ensemble",
     "supervised",
     "synergies",
 ]
