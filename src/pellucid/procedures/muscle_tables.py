@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
-from ..signals.emg_chain import EmgChain, emg_chain
 from ..studies.study_fields import ProcedureTable, Word, quantity
+
+if TYPE_CHECKING:
+    from ..signals.emg_chain import EmgChain
 
 
 class ChainSettings(Protocol):
@@ -34,6 +36,8 @@ class ChainSettings(Protocol):
 
 def table_chain(table: ChainSettings) -> EmgChain | None:
     """Return the chain that a table asks for; None where envelopes were recorded."""
+    from ..signals.emg_chain import emg_chain
+
     if table.chain == "none":
         return None
     return emg_chain(
